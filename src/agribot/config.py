@@ -1,0 +1,279 @@
+"""Settings of a run: one tree of structs, TOML files and `--set a.b=c` on top.
+
+Defaults carry their physical reason; ranges stand beside the field. An unknown key is an
+error that names the file, the key and the nearest known one.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import tomli_w
+
+from agribot.errors import ConfigError
+from agribot.geo import Datum
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0)]
+Ratio = Annotated[float, msgspec.Meta(ge=0, le=1)]
+Count = Annotated[int, msgspec.Meta(ge=1)]
+
+
+class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of every settings struct."""
+
+
+class FieldConfig(Config, frozen=True):
+    """Where the crop rows are, as the planter drilled them, in the map frame of `datum`.
+
+    Rows are parallel; each further one lies `row_pitch_m` to the right of the row direction.
+    """
+
+    datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)
+    declination_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)] = 0.0
+    first_row_start_map_m: tuple[float, float] = (1.0, 2.0)
+    row_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
+    row_length_m: Positive = 10.0
+    row_pitch_m: Positive = 1.0
+    row_count: Annotated[int, msgspec.Meta(ge=1, le=10000)] = 6
+
+
+class MissionConfig(Config, frozen=True):
+    speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 0.4
+    turn_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 0.3
+    headland_m: Positive = 1.0  # straight run past the last plant before turning
+    plant_clearance_m: NonNegative = 0.15  # wheel edge to plant stem, in plan
+    waypoint_radius_m: Positive = 0.15
+    max_waypoint_distance_m: Positive = 1000.0
+    off_path_limit_m: Positive = 0.5  # farther from the path than this, the mission fails
+
+
+class EstimateConfig(Config, frozen=True):
+    """Beliefs of the filter about its sensors; 1 sigma, densities per square root of second."""
+
+    gyro_bias_std_radps: Positive = 0.0035  # 0.2 deg/s: MEMS turn-on bias
+    gyro_walk_rad_per_sqrt_s: Positive = 0.0026  # 0.15 deg
+    wheel_scale_std_ratio: Positive = 0.03
+    slip_std_rad: Positive = 0.026  # 1.5 deg of crabbing across a slope
+    position_walk_m_per_sqrt_m: Positive = 0.03
+    mag_std_rad: Positive = 0.07  # 4 deg after calibration
+    mag_bias_std_rad: Positive = 0.087  # 5 deg of hard iron
+    gate_sigma: Positive = 4.0
+    recover_after: Count = 25  # rejected in a row before the filter opens up
+    gnss_timeout_s: Positive = 10.0
+    dead_reckoning_std_m: Positive = 1.0  # without GNSS, the pose is good up to this 1 sigma
+    wheel_timeout_s: Positive = 0.3
+    imu_timeout_s: Positive = 0.3
+
+
+class ControlConfig(Config, frozen=True):
+    length_m: Positive = 0.4  # distance in which an error of the path is taken out
+    delay_s: NonNegative = 0.2  # actuator lag and dead time that the follower looks ahead
+    max_yaw_rate_radps: Positive = 1.0
+
+
+class SafetyConfig(Config, frozen=True):
+    """Limits of the supervisor, the last gate before the motors."""
+
+    max_pos_std_m: Positive = 3.0
+    max_yaw_std_rad: Positive = 0.6
+    max_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 1.0
+    max_yaw_rate_radps: Positive = 1.2
+    max_tilt_rad: Positive = 0.6
+    geofence_margin_m: Positive = 5.0
+    sensor_timeout_s: Positive = 0.3  # wheels or IMU silent for longer stop the robot
+
+
+class PerceptionConfig(Config, frozen=True):
+    enabled: bool = True
+    model: str = "agribot-sim"
+    camera_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=60)] = 10.0
+    latency_s: Annotated[float, msgspec.Meta(gt=0, le=5)] = 0.2
+    min_plant_area_m2: NonNegative = 2e-4
+    min_confidence: Ratio = 0.5
+    max_range_m: Positive = 1.6  # pixel footprint beyond it is too long for a position
+    threads: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1
+
+
+class WeedConfig(Config, frozen=True):
+    merge_radius_m: Positive = 0.12
+    min_sightings: Count = 3
+    min_confidence: Ratio = 0.5
+
+
+class TreatmentConfig(Config, frozen=True):
+    enabled: bool = True
+    margin_m: NonNegative = 0.04
+    crop_guard_m: NonNegative = 0.05
+
+
+class RecordConfig(Config, frozen=True):
+    enabled: bool = True
+    image_rate_hz: NonNegative = 1.0
+    jpeg_quality: Annotated[int, msgspec.Meta(ge=1, le=95)] = 80
+
+
+class SimConfig(Config, frozen=True):
+    step_s: Annotated[float, msgspec.Meta(ge=0.0005, le=0.005)] = 0.002
+    sensors: str = "rtk"
+    weed_density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
+    camera_noise: bool = True
+
+
+class RunConfig(Config, frozen=True):
+    """All settings of one run; `config.toml` of the output folder holds them resolved."""
+
+    profile: str = "farm"
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
+    platform: str = "sim"
+    world: str = "Farm"
+    robot: str = "agribot"
+    waypoints: str = ""
+    tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0
+    duration_s: Positive | None = None
+    field: FieldConfig = FieldConfig()
+    mission: MissionConfig = MissionConfig()
+    estimate: EstimateConfig = EstimateConfig()
+    control: ControlConfig = ControlConfig()
+    safety: SafetyConfig = SafetyConfig()
+    perception: PerceptionConfig = PerceptionConfig()
+    weeds: WeedConfig = WeedConfig()
+    treatment: TreatmentConfig = TreatmentConfig()
+    record: RecordConfig = RecordConfig()
+    sim: SimConfig = SimConfig()
+
+
+def profile_names() -> list[str]:
+    folder = resources.files("agribot") / "profiles"
+    return sorted(
+        p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml")
+    )
+
+
+def load(profile: str, settings: Iterable[str] = ()) -> RunConfig:
+    """Read a packaged profile or a TOML file and apply `a.b=c` settings in order.
+
+    Raises: ConfigError: unknown profile or key, a value of the wrong type or out of range.
+    """
+    source, tree = _read_profile(profile)
+    for setting in settings:
+        _apply(tree, setting)
+        source = f"{source} --set {setting}"
+    return _convert(tree, source)
+
+
+def to_toml(config: RunConfig) -> str:
+    return tomli_w.dumps(_without_none(msgspec.to_builtins(config)))
+
+
+def _read_profile(profile: str) -> tuple[str, dict[str, Any]]:
+    path = Path(profile)
+    if path.suffix == ".toml":
+        if not path.is_file():
+            raise ConfigError(f"profile file {profile} does not exist; check the path")
+        return profile, _parse(path.read_text(encoding="utf-8"), profile)
+    if profile not in profile_names():
+        raise ConfigError(
+            f"unknown profile '{profile}'{_did_you_mean(profile, profile_names())}; "
+            f"known: {', '.join(profile_names())}, or a path to a .toml file"
+        )
+    text = (resources.files("agribot") / "profiles" / f"{profile}.toml").read_text("utf-8")
+    return f"{profile}.toml", _parse(text, f"{profile}.toml")
+
+
+def _parse(text: str, source: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{source} is not valid TOML: {error}") from error
+
+
+def _apply(tree: dict[str, Any], setting: str) -> None:
+    key, separator, text = setting.partition("=")
+    if not separator or not key:
+        raise ConfigError(f"--set {setting}: write it as key.subkey=value")
+    *parents, leaf = key.strip().split(".")
+    node = tree
+    for name in parents:
+        child = node.setdefault(name, {})
+        if not isinstance(child, dict):
+            raise ConfigError(f"--set {setting}: '{name}' is a value, not a group of settings")
+        node = child
+    node[leaf] = _value(text.strip())
+
+
+def _value(text: str) -> object:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _convert(tree: dict[str, Any], source: str) -> RunConfig:
+    _check_keys(tree, RunConfig, source, "")
+    _check_finite(tree, source, "")
+    try:
+        return msgspec.convert(tree, RunConfig)
+    except msgspec.ValidationError as error:
+        raise ConfigError(f"{source}: {_with_value(str(error), tree)}") from error
+
+
+def _with_value(message: str, tree: dict[str, Any]) -> str:
+    """The library's message with the offending setting and its value in front."""
+    found = re.search(r"^(.*) - at `\$\.([\w.]+)(.*)`$", message)
+    if found is None:
+        return message
+    expected, key, rest = found.groups()
+    value: Any = tree
+    for name in key.split("."):
+        value = value[name]
+    return f"{key} = {value!r}: {expected[0].lower()}{expected[1:]}" + (rest and f" at {rest}")
+
+
+def _check_finite(value: object, source: str, at: str) -> None:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _check_finite(inner, source, f"{at}.{key}" if at else key)
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            _check_finite(inner, source, f"{at}[{index}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"{source}: {at} = {value}: write a finite number")
+
+
+def _check_keys(
+    tree: Mapping[str, Any], struct: type[msgspec.Struct], source: str, at: str
+) -> None:
+    known = {field.name: field.type for field in msgspec.structs.fields(struct)}
+    for key, value in tree.items():
+        where = f"{at}.{key}" if at else key
+        if key not in known:
+            raise ConfigError(
+                f"{source}: unknown setting '{where}'{_did_you_mean(key, list(known))}; "
+                f"known here: {', '.join(known)}"
+            )
+        kind = known[key]
+        if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+            _check_keys(value, kind, source, where)
+
+
+def _did_you_mean(word: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    return f"; did you mean '{close[0]}'?" if close else ""
+
+
+def _without_none(tree: dict[str, Any]) -> dict[str, Any]:
+    """TOML has no null: an absent key says the same."""
+    return {
+        key: _without_none(value) if isinstance(value, dict) else value
+        for key, value in tree.items()
+        if value is not None
+    }

@@ -1,0 +1,290 @@
+"""Every value that crosses a layer. Immutable, SI units, the unit in the name.
+
+Frames (REP-103, REP-105):
+    map     local East-North-Up, metres, origin at the field datum.
+    body    on the ground under the robot's centre: x forward, y left, z up.
+    camera  optical: x right, y down, z forward.
+Yaw is counter-clockwise from East, radians, in (-pi, pi].
+`t_s` is the capture time on the platform clock, never the time a value was read.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Literal
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+Vec3 = tuple[float, float, float]
+FloatArray = npt.NDArray[np.float64]
+ByteArray = npt.NDArray[np.uint8]
+
+# The order of every four-wheel tuple: rear right, rear left, front right, front left.
+WHEEL_NAMES = ("right_wheel_R", "left_wheel_R", "right_wheel_F", "left_wheel_F")
+
+
+class PlantClass(IntEnum):
+    """Class ids of masks and reports; colours red, green, blue."""
+
+    WEED = 0
+    CROP = 1
+    SOIL = 2
+
+
+class GnssQuality(IntEnum):
+    """How a position was obtained; the numbers are those of NMEA GGA field 6."""
+
+    NONE = 0
+    SINGLE = 1
+    DGNSS = 2
+    RTK_FIXED = 4
+    RTK_FLOAT = 5
+
+
+# ---------------------------------------------------------------- sensors
+
+
+class WheelSample(msgspec.Struct, frozen=True, kw_only=True):
+    """Encoder reading of the four wheels, in the order of WHEEL_NAMES."""
+
+    t_s: float
+    angle_rad: tuple[float, float, float, float]
+    speed_radps: tuple[float, float, float, float]
+
+
+class ImuSample(msgspec.Struct, frozen=True, kw_only=True):
+    """Body axes at the IMU. Acceleration is specific force: +9.8 upwards at rest (REP-145)."""
+
+    t_s: float
+    gyro_radps: Vec3
+    accel_mps2: Vec3
+
+
+class MagSample(msgspec.Struct, frozen=True, kw_only=True):
+    """Magnetic field in body axes."""
+
+    t_s: float
+    field_t: Vec3
+
+
+class GnssFix(msgspec.Struct, frozen=True, kw_only=True):
+    """One epoch of a receiver, at its antenna.
+
+    `pos_std_m` is the receiver's own 1 sigma per horizontal axis; `t_s` the measurement epoch
+    (the fix arrives later). Velocity is East, North, Up, or None when the receiver gives none.
+    """
+
+    t_s: float
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+    pos_std_m: float
+    quality: GnssQuality
+    velocity_mps: Vec3 | None = None
+    velocity_std_mps: float = 0.1
+
+
+class CameraFrame(msgspec.Struct, frozen=True, kw_only=True):
+    """An image: (height, width, 3) uint8, red green blue, top row first."""
+
+    t_s: float
+    index: int
+    image_rgb: ByteArray
+
+
+OperatorAction = Literal["pause", "resume", "cancel", "stop", "clear_stop"]
+
+
+class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
+    t_s: float
+    action: OperatorAction
+    source: str = "operator"
+
+
+class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
+    """What arrived since the last tick, oldest first. A silent sensor is an empty tuple."""
+
+    t_s: float
+    wheels: tuple[WheelSample, ...] = ()
+    imu: tuple[ImuSample, ...] = ()
+    mag: tuple[MagSample, ...] = ()
+    gnss: tuple[GnssFix, ...] = ()
+    frames: tuple[CameraFrame, ...] = ()
+    events: tuple[OperatorEvent, ...] = ()
+
+
+# ---------------------------------------------------------------- perception
+
+
+class GroundPlant(msgspec.Struct, frozen=True, kw_only=True):
+    """One plant seen in one frame, projected on the ground plane of the body frame."""
+
+    x_body_m: float
+    y_body_m: float
+    plant: PlantClass
+    area_m2: float
+    confidence: float
+    std_m: float
+
+
+class Scene(msgspec.Struct, frozen=True, kw_only=True):
+    """What the network saw in the frame captured at `t_s`; usable from `ready_s` on.
+
+    `view_body_m` is the ground polygon that the camera covered, so that a plant that should
+    have been seen and was not can count against its track.
+    """
+
+    t_s: float
+    ready_s: float
+    frame_index: int
+    plants: tuple[GroundPlant, ...]
+    view_body_m: tuple[tuple[float, float], ...]
+    class_ratio: Vec3 = (0.0, 0.0, 0.0)
+
+
+# ---------------------------------------------------------------- estimate
+
+
+class Estimate(msgspec.Struct, frozen=True, kw_only=True):
+    """Pose of the body frame in the map, with what is known of its error.
+
+    `pose_cov` is the 3x3 covariance of (x_map_m, y_map_m, yaw_map_rad), row by row.
+    `ok` is False until the filter has a position and a heading, and again when inputs go
+    silent; `reason` then says why.
+    """
+
+    t_s: float
+    x_map_m: float
+    y_map_m: float
+    yaw_map_rad: float
+    v_mps: float
+    yaw_rate_radps: float
+    slip_rad: float
+    pose_cov: tuple[float, float, float, float, float, float, float, float, float]
+    pos_std_m: float
+    yaw_std_rad: float
+    quality: GnssQuality
+    ok: bool
+    reason: str = ""
+
+
+# ---------------------------------------------------------------- mission
+
+
+class Path(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """A dense path of the body frame's origin in the map.
+
+    All arrays have N points about 2 cm apart: `xy_map_m` (N, 2), `yaw_map_rad` (N,),
+    `curvature_radpm` (N,), `row` (N,) the index of the crop row, or -1 between rows,
+    `s_m` (N,) the distance from the start.
+    """
+
+    xy_map_m: FloatArray
+    yaw_map_rad: FloatArray
+    curvature_radpm: FloatArray
+    row: npt.NDArray[np.int64]
+    s_m: FloatArray
+
+
+class Row(msgspec.Struct, frozen=True, kw_only=True):
+    """A straight crop row from its first to its last plant."""
+
+    index: int
+    start_map_m: tuple[float, float]
+    end_map_m: tuple[float, float]
+
+
+MissionState = Literal["waiting", "running", "paused", "done", "cancelled", "failed"]
+
+
+class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """Progress: `row` is the row being worked, -1 between rows; `rows_done` those finished."""
+
+    state: MissionState
+    reason: str
+    row: int
+    rows_total: int
+    rows_done: tuple[int, ...]
+    s_m: float
+    length_m: float
+    waypoints_total: int
+    waypoints_reached: int
+
+
+class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """What the mission wants now: follow `path` from `s_m`, at most this fast.
+
+    `path` is None until the mission has planned its way from where the robot stands.
+    """
+
+    path: Path | None
+    s_m: float
+    max_speed_mps: float
+    tool_on: bool
+    status: MissionStatus
+
+
+# ---------------------------------------------------------------- commands
+
+
+class DriveCommand(msgspec.Struct, frozen=True, kw_only=True):
+    """Body twist; the platform turns it into wheel speeds."""
+
+    v_mps: float = 0.0
+    yaw_rate_radps: float = 0.0
+
+
+class ImplementCommand(msgspec.Struct, frozen=True, kw_only=True):
+    """State of each spray nozzle, from left to right; empty where there is no implement."""
+
+    nozzles_open: tuple[bool, ...] = ()
+
+
+class RobotCommand(msgspec.Struct, frozen=True, kw_only=True):
+    t_s: float
+    drive: DriveCommand = DriveCommand()
+    implement: ImplementCommand = ImplementCommand()
+
+
+STOP = DriveCommand()
+
+
+class Tracking(msgspec.Struct, frozen=True, kw_only=True):
+    """What the follower believes: signed cross-track (left positive) and heading error."""
+
+    s_m: float
+    cross_track_m: float
+    heading_error_rad: float
+
+
+class TickRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """All that one tick saw and decided: log line, display update and replay key.
+
+    `reason` says why the supervisor changed the command; empty when it did not.
+    """
+
+    batch: SensorBatch
+    scenes: tuple[Scene, ...]
+    estimate: Estimate
+    status: MissionStatus
+    tracking: Tracking | None
+    command: RobotCommand
+    reason: str = ""
+
+
+class MappedPlant(msgspec.Struct, frozen=True, kw_only=True):
+    """A plant of the weed map: position, 2x2 covariance (row by row) and the evidence for it."""
+
+    id: int
+    plant: PlantClass
+    x_map_m: float
+    y_map_m: float
+    cov_m2: tuple[float, float, float, float]
+    area_m2: float
+    confidence: float
+    sightings: int
+    first_seen_s: float
+    last_seen_s: float
+    treated_s: float | None = None
