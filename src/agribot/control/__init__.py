@@ -1,0 +1,1 @@
+"""Path to wheel command, and the last gate before the motors."""

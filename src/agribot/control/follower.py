@@ -1,0 +1,181 @@
+"""Path following: state feedback in distance on the pose that the robot will have.
+
+The law is the pole placement of the linearised lateral error over driven distance, with both
+poles at about 1 / length_m, so it behaves the same at every speed. Actuator lag and dead time
+are met by predicting the pose over `delay_s` with the measured twist.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from typing import NamedTuple
+
+from agribot.config import ControlConfig
+from agribot.control.yaw_gain import YawGain
+from agribot.geo import wrap_rad
+from agribot.messages import STOP, DriveCommand, Estimate, Goal, Path, Tracking
+from agribot.robot import RobotSpec
+
+DAMPING = 0.9
+PIVOT_ENTER_RAD = math.radians(50.0)
+PIVOT_LEAVE_RAD = math.radians(10.0)
+PIVOT_GAIN_PER_S = 1.5
+MIN_FREQUENCY_RADPS = 0.25
+MAX_FREQUENCY_RADPS = 2.0  # the delay of the drive allows no faster poles
+MAX_ERROR_M = 0.4  # farther off, the approach angle stays the same
+NOMINAL_DT_S = 0.02
+MAX_DT_S = 0.1
+
+
+class _Errors(NamedTuple):
+    cross_track_m: float
+    heading_rad: float
+    curvature_radpm: float
+
+
+class _Line:
+    """A path as plain floats: indexing an array costs more than the control law."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._x: list[float] = path.xy_map_m[:, 0].tolist()
+        self._y: list[float] = path.xy_map_m[:, 1].tolist()
+        self._yaw: list[float] = path.yaw_map_rad.tolist()
+        self._curvature: list[float] = path.curvature_radpm.tolist()
+        self._s: list[float] = path.s_m.tolist()
+
+    def errors(self, s_m: float, x_m: float, y_m: float, yaw_rad: float) -> _Errors:
+        """Of a pose, at the point of the path beside it; `s_m` must be within a metre of it."""
+        index = self._index(s_m)
+        for _ in range(2):  # the second look corrects for curvature that began in between
+            along_m, left_m = self._offset(index, x_m, y_m)
+            index = self._index(self._s[index] + _arc_m(along_m, left_m, self._curvature[index]))
+        _, left_m = self._offset(index, x_m, y_m)
+        heading_rad = wrap_rad(yaw_rad - self._yaw[index])
+        return _Errors(left_m, heading_rad, self._curvature[index])
+
+    def _index(self, s_m: float) -> int:
+        return min(max(bisect_right(self._s, s_m) - 1, 0), len(self._s) - 1)
+
+    def _offset(self, index: int, x_m: float, y_m: float) -> tuple[float, float]:
+        dx, dy = x_m - self._x[index], y_m - self._y[index]
+        cos, sin = math.cos(self._yaw[index]), math.sin(self._yaw[index])
+        return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+def _arc_m(along_m: float, left_m: float, curvature_radpm: float) -> float:
+    """Distance along an arc to the point beside (along, left) in the frame of its start."""
+    if curvature_radpm == 0.0:
+        return along_m
+    return math.atan2(curvature_radpm * along_m, 1.0 - curvature_radpm * left_m) / curvature_radpm
+
+
+class Follower:
+    """Turns the mission's goal into a twist, ramped as the drive allows."""
+
+    def __init__(self, config: ControlConfig, robot: RobotSpec) -> None:
+        self._config = config
+        self._drive = robot.drive
+        self._max_yaw_rate_radps = min(config.max_yaw_rate_radps, robot.drive.max_yaw_rate_radps)
+        self._line: _Line | None = None
+        self._last = STOP
+        self._last_t_s: float | None = None
+        self._is_pivoting = False
+        self._yaw_gain = YawGain(max(config.delay_s, NOMINAL_DT_S))
+
+    def step(
+        self, estimate: Estimate, goal: Goal, dt_s: float | None = None
+    ) -> tuple[DriveCommand, Tracking | None]:
+        """`dt_s` since the last step; without it, from the times of the estimates.
+
+        Without a path or a finite pose there is nothing to track: STOP and None.
+        """
+        if goal.path is None or not _is_finite(estimate):
+            self._last = STOP
+            return STOP, None
+        if self._line is None or self._line.path is not goal.path:
+            self._line = _Line(goal.path)
+        dt_s = self._elapsed_s(estimate.t_s) if dt_s is None else dt_s
+        here = self._line.errors(goal.s_m, estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+        tracking = Tracking(
+            s_m=goal.s_m, cross_track_m=here.cross_track_m, heading_error_rad=here.heading_rad
+        )
+        self._yaw_gain.learn(
+            self._last.v_mps, self._last.yaw_rate_radps,
+            estimate.v_mps, estimate.yaw_rate_radps, dt_s,
+        )  # fmt: skip
+        if goal.status.state not in ("running", "paused"):
+            self._last, self._is_pivoting = STOP, False
+            return STOP, tracking
+        wanted = STOP
+        if goal.max_speed_mps > 0.0:
+            ahead = self._ahead(self._line, estimate, goal.s_m)
+            wanted = self._twist(ahead, estimate, goal.max_speed_mps)
+        self._last = self._ramped(wanted, dt_s)
+        return self._last, tracking
+
+    def _elapsed_s(self, t_s: float) -> float:
+        last_s, self._last_t_s = self._last_t_s, t_s
+        if last_s is None:
+            return NOMINAL_DT_S
+        return min(max(t_s - last_s, 0.0), MAX_DT_S)
+
+    def _ahead(self, line: _Line, estimate: Estimate, s_m: float) -> _Errors:
+        """Errors of the pose that the robot reaches before a new command takes effect."""
+        delay_s = self._config.delay_s
+        turned_rad = estimate.yaw_rate_radps * delay_s
+        course_rad = estimate.yaw_map_rad + estimate.slip_rad + turned_rad / 2.0
+        driven_m = estimate.v_mps * delay_s
+        return line.errors(
+            s_m,
+            estimate.x_map_m + driven_m * math.cos(course_rad),
+            estimate.y_map_m + driven_m * math.sin(course_rad),
+            estimate.yaw_map_rad + turned_rad,
+        )
+
+    def _twist(self, ahead: _Errors, estimate: Estimate, max_speed_mps: float) -> DriveCommand:
+        heading_rad = ahead.heading_rad
+        limit_rad = PIVOT_LEAVE_RAD if self._is_pivoting else PIVOT_ENTER_RAD
+        self._is_pivoting = abs(heading_rad) > limit_rad
+        if self._is_pivoting:
+            yaw_rate = -PIVOT_GAIN_PER_S * heading_rad
+            return DriveCommand(v_mps=0.0, yaw_rate_radps=self._limited(yaw_rate))
+        v_mps = max_speed_mps * _caution(ahead)
+        frequency = min(
+            max(v_mps / self._config.length_m, MIN_FREQUENCY_RADPS), MAX_FREQUENCY_RADPS
+        )
+        error_m = min(max(ahead.cross_track_m, -MAX_ERROR_M), MAX_ERROR_M)
+        stretch = max(0.3, 1.0 - ahead.curvature_radpm * error_m)
+        yaw_rate = ahead.curvature_radpm * v_mps * math.cos(heading_rad) / stretch
+        yaw_rate -= 2.0 * DAMPING * frequency * (heading_rad + estimate.slip_rad)
+        yaw_rate -= frequency * frequency / v_mps * error_m
+        yaw_rate /= self._yaw_gain.ratio
+        if abs(yaw_rate) > self._max_yaw_rate_radps:
+            v_mps *= max(0.3, self._max_yaw_rate_radps / abs(yaw_rate))
+        return DriveCommand(v_mps=v_mps, yaw_rate_radps=self._limited(yaw_rate))
+
+    def _limited(self, yaw_rate_radps: float) -> float:
+        return min(max(yaw_rate_radps, -self._max_yaw_rate_radps), self._max_yaw_rate_radps)
+
+    def _ramped(self, wanted: DriveCommand, dt_s: float) -> DriveCommand:
+        dv_mps = self._drive.max_accel_mps2 * dt_s
+        dw_radps = self._drive.max_yaw_accel_radps2 * dt_s
+        v_mps, yaw_rate_radps = self._last.v_mps, self._last.yaw_rate_radps
+        return DriveCommand(
+            v_mps=min(max(wanted.v_mps, v_mps - dv_mps), v_mps + dv_mps),
+            yaw_rate_radps=min(
+                max(wanted.yaw_rate_radps, yaw_rate_radps - dw_radps), yaw_rate_radps + dw_radps
+            ),
+        )
+
+
+def _caution(ahead: _Errors) -> float:
+    """Part of the speed that is left when the robot is beside its line or looks elsewhere."""
+    beside = max(0.25, 1.0 - abs(ahead.cross_track_m) / 0.6)
+    return beside * max(0.15, math.cos(min(1.2 * abs(ahead.heading_rad), 1.5)))
+
+
+def _is_finite(estimate: Estimate) -> bool:
+    pose = estimate.x_map_m + estimate.y_map_m + estimate.yaw_map_rad
+    return math.isfinite(pose + estimate.v_mps + estimate.yaw_rate_radps + estimate.slip_rad)

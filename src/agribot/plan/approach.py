@@ -1,0 +1,118 @@
+"""The way from where the robot stands to the first row, around the crop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from agribot.config import MissionConfig
+from agribot.errors import MissionError
+from agribot.messages import Row
+from agribot.plan.certify import closest_to_crop
+from agribot.plan.curves import Pose, Segment, length_m, sample
+from agribot.plan.dubins import all_words
+from agribot.robot import RobotSpec
+
+RADIUS_M = 0.5
+_RING_MIN_M = 0.8  # half a robot and the clearance beside the outermost row
+_MAX_VIAS = 3  # three corners lead once around a field
+# Direct ways keep their longer variants too: the shortest may cut across a row.
+_WORDS_WHEN_DIRECT = 6
+
+Route = tuple[Segment, ...]
+
+
+def approach(
+    start: Pose, entries: Sequence[Pose], rows: Sequence[Row], robot: RobotSpec,
+    mission: MissionConfig,
+) -> tuple[int, Route]:  # fmt: skip
+    """Index of the entry that is reached first, and the shortest clear way to it.
+
+    Raises: MissionError: the robot stands where it cannot leave without crushing crop.
+    """
+    ways = [
+        (length_m(route), index, route)
+        for index, entry in enumerate(entries)
+        for route in _routes(start, entry, rows, mission.headland_m)
+    ]
+    for _, index, route in sorted(ways, key=lambda way: way[:2]):
+        if length_m(route) < 1e-6:
+            return index, ()
+        closest = closest_to_crop(sample(start, route), robot, rows)
+        if closest.clearance_m >= mission.plant_clearance_m:
+            return index, route
+    raise MissionError(
+        f"no way from East {start.x_m:.2f} m, North {start.y_m:.2f} m to the field keeps "
+        f"{mission.plant_clearance_m:.2f} m off the crop; put the robot on the headland"
+    )
+
+
+def _routes(start: Pose, entry: Pose, rows: Sequence[Row], headland_m: float) -> Iterator[Route]:
+    yield from all_words(start, entry, RADIUS_M)[:_WORDS_WHEN_DIRECT]
+    ring = _ring(rows, max(headland_m, _RING_MIN_M))
+    exits = _exits(start, rows, headland_m)
+    for direction in (1, -1):
+        corners = _via_poses(ring, direction)
+        for prefix in ((), *((pose,) for pose in exits)):
+            yield _chain((start, *prefix, entry))
+            for first in range(4):
+                vias = [corners[(first + direction * step) % 4] for step in range(_MAX_VIAS)]
+                for count in range(1, _MAX_VIAS + 1):
+                    yield _chain((start, *prefix, *vias[:count], entry))
+
+
+def _chain(poses: Sequence[Pose]) -> Route:
+    pieces: list[Segment] = []
+    for start, end in pairwise(poses):
+        pieces += all_words(start, end, RADIUS_M)[0]
+    return tuple(pieces)
+
+
+def _ring(rows: Sequence[Row], margin_m: float) -> list[tuple[float, float]]:
+    """Corners of the rectangle along the rows that holds all of them, counter-clockwise."""
+    yaw = row_yaw_rad(rows[0])
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    ends = np.array([point for row in rows for point in (row.start_map_m, row.end_map_m)])
+    along, left = ends @ np.array([cos, sin]), ends @ np.array([-sin, cos])
+    a0, a1 = float(along.min()) - margin_m, float(along.max()) + margin_m
+    l0, l1 = float(left.min()) - margin_m, float(left.max()) + margin_m
+    corners = ((a0, l0), (a1, l0), (a1, l1), (a0, l1))
+    return [(a * cos - lat * sin, a * sin + lat * cos) for a, lat in corners]
+
+
+def _via_poses(ring: Sequence[tuple[float, float]], direction: int) -> list[Pose]:
+    """A pose at each corner, half turned from the edge it ends to the edge it begins."""
+    poses = []
+    for index, (x_m, y_m) in enumerate(ring):
+        before, after = ring[(index - direction) % 4], ring[(index + direction) % 4]
+        yaw_in = math.atan2(y_m - before[1], x_m - before[0])
+        yaw_out = math.atan2(after[1] - y_m, after[0] - x_m)
+        poses.append(Pose(x_m, y_m, yaw_in + math.remainder(yaw_out - yaw_in, math.tau) / 2.0))
+    return poses
+
+
+def _exits(start: Pose, rows: Sequence[Row], headland_m: float) -> list[Pose]:
+    """Poses just past both ends of the row under the robot, outwards; none outside the rows."""
+    row = min(rows, key=lambda row: abs(_left_of_m(start, row)))
+    first, last = Pose(*row.start_map_m, row_yaw_rad(row)), Pose(*row.end_map_m, row_yaw_rad(row))
+    along_m = (start.x_m - first.x_m) * math.cos(first.yaw_rad)
+    along_m += (start.y_m - first.y_m) * math.sin(first.yaw_rad)
+    length = math.dist(row.start_map_m, row.end_map_m)
+    if not -headland_m <= along_m <= length + headland_m or abs(_left_of_m(start, row)) > 1.0:
+        return []
+    back = Pose(first.x_m, first.y_m, first.yaw_rad + math.pi)
+    return [last.ahead(headland_m), back.ahead(headland_m)]
+
+
+def _left_of_m(start: Pose, row: Row) -> float:
+    yaw = row_yaw_rad(row)
+    dx, dy = start.x_m - row.start_map_m[0], start.y_m - row.start_map_m[1]
+    return dy * math.cos(yaw) - dx * math.sin(yaw)
+
+
+def row_yaw_rad(row: Row) -> float:
+    (x0, y0), (x1, y1) = row.start_map_m, row.end_map_m
+    return math.atan2(y1 - y0, x1 - x0)

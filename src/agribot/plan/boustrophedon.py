@@ -1,0 +1,112 @@
+"""Coverage of a field: row after row, turning on the headlands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from agribot.config import MissionConfig
+from agribot.errors import MissionError
+from agribot.messages import Path, Row
+from agribot.plan.approach import approach, row_yaw_rad
+from agribot.plan.curves import MIN_RADIUS_M, Pose, Segment, sample
+from agribot.plan.dubins import shortest
+from agribot.robot import RobotSpec
+
+MAX_TURN_RADIUS_M = 0.5  # wider pitches get a straight piece, so that the headland stays narrow
+
+
+def plan_rows(
+    rows: Sequence[Row],
+    start_pose: tuple[float, float, float],
+    robot: RobotSpec,
+    mission: MissionConfig,
+) -> Path:
+    """Drive over every row once, neighbours in alternating direction.
+
+    `start_pose` is (x_map_m, y_map_m, yaw_map_rad). Work begins at the corner of the field that
+    is reached first; the path runs `headland_m` past the last plant before each turn.
+    Raises: MissionError: no rows, a row without length, or no clear way from the start.
+    """
+    if not rows:
+        raise MissionError("the field has no rows; set field.row_count to 1 or more")
+    for row in rows:
+        if math.dist(row.start_map_m, row.end_map_m) < MIN_RADIUS_M:
+            raise MissionError(f"row {row.index} is shorter than {MIN_RADIUS_M} m; check the field")
+    start = Pose(*start_pose)
+    orders = [
+        _passes(ordered, is_first_flipped)
+        for ordered in _orders(rows)
+        for is_first_flipped in (False, True)
+    ]
+    entries = [_entry(order, 0, mission.headland_m) for order in orders]
+    chosen, way_in = approach(start, entries, rows, robot, mission)
+    return sample(start, (*way_in, *_coverage(orders[chosen], mission.headland_m)))
+
+
+def _orders(rows: Sequence[Row]) -> list[Sequence[Row]]:
+    return [rows] if len(rows) == 1 else [rows, rows[::-1]]
+
+
+def _passes(rows: Sequence[Row], is_first_flipped: bool) -> list[Row]:
+    """The rows in driving order, each written in its driving direction."""
+    passes: list[Row] = []
+    for row in rows:
+        is_flipped = is_first_flipped
+        if passes:
+            is_flipped = math.cos(row_yaw_rad(row) - row_yaw_rad(passes[-1])) > 0.0
+        passes.append(
+            Row(index=row.index, start_map_m=row.end_map_m, end_map_m=row.start_map_m)
+            if is_flipped
+            else row
+        )
+    return passes
+
+
+def _coverage(passes: Sequence[Row], headland_m: float) -> list[Segment]:
+    pieces: list[Segment] = []
+    for number, row in enumerate(passes):
+        entry, leave = _entry(passes, number, headland_m), _leave(passes, number, headland_m)
+        first_plant_m = math.dist((entry.x_m, entry.y_m), row.start_map_m)
+        last_plant_m = math.dist((leave.x_m, leave.y_m), row.end_map_m)
+        row_m = math.dist(row.start_map_m, row.end_map_m)
+        pieces += (
+            Segment(first_plant_m, 0.0), Segment(row_m, 0.0, row.index), Segment(last_plant_m, 0.0),
+        )  # fmt: skip
+        if number + 1 < len(passes):
+            pieces += _turn(leave, _entry(passes, number + 1, headland_m))
+    return pieces
+
+
+def _turn(leave: Pose, entry: Pose) -> tuple[Segment, ...]:
+    """Semicircle where the pitch allows one; a bulb where it is too narrow for the robot."""
+    offset_m = abs(
+        (entry.y_m - leave.y_m) * math.cos(leave.yaw_rad)
+        - (entry.x_m - leave.x_m) * math.sin(leave.yaw_rad)
+    )
+    radius_m = min(max(offset_m / 2.0, MIN_RADIUS_M), MAX_TURN_RADIUS_M)
+    return shortest(leave, entry, radius_m)
+
+
+def _entry(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
+    """Before the first plant; rows that end unevenly wait for the longer neighbour."""
+    row = passes[number]
+    start = Pose(*row.start_map_m, row_yaw_rad(row))
+    extra_m = 0.0
+    if number > 0:
+        extra_m = max(0.0, -_along_m(start, passes[number - 1].end_map_m))
+    return start.ahead(-headland_m - extra_m)
+
+
+def _leave(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
+    row = passes[number]
+    end = Pose(*row.end_map_m, row_yaw_rad(row))
+    extra_m = 0.0
+    if number + 1 < len(passes):
+        extra_m = max(0.0, _along_m(end, passes[number + 1].start_map_m))
+    return end.ahead(headland_m + extra_m)
+
+
+def _along_m(pose: Pose, point_map_m: tuple[float, float]) -> float:
+    dx, dy = point_map_m[0] - pose.x_m, point_map_m[1] - pose.y_m
+    return dx * math.cos(pose.yaw_rad) + dy * math.sin(pose.yaw_rad)

@@ -1,0 +1,35 @@
+"""How fast the mission wants to be at each point of its path."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from agribot.config import MissionConfig
+from agribot.messages import Path
+
+TURN_YAW_RATE_RADPS = 0.6  # keeps the inner wheels of a tight turn rolling forwards
+RAMP_MPS2 = 0.3  # gentle for the soil, and far below what the drive can brake
+CREEP_MPS = 0.05  # the end of the path must be reached, not approached for ever
+_SETTLED_BEFORE_M = 0.1  # the drive lags: be slow already where the turn begins
+
+
+def speed_profile(path: Path, config: MissionConfig) -> list[float]:
+    """Speed limit at each point in m/s: slower in turns, ramped to a creep at the end."""
+    curvature = np.abs(path.curvature_radpm)
+    ahead = np.searchsorted(path.s_m, path.s_m + _SETTLED_BEFORE_M)
+    bend_after = np.concatenate([[0], np.cumsum(curvature > 0.0)])
+    is_turn = bend_after[np.minimum(ahead + 1, len(curvature))] > bend_after[:-1]
+    in_turn = np.minimum(config.turn_speed_mps, TURN_YAW_RATE_RADPS / np.maximum(curvature, 1e-9))
+    cap = np.where(is_turn, np.minimum(config.speed_mps, in_turn), config.speed_mps)
+    limits: list[float] = cap.tolist()
+    limits[-1] = CREEP_MPS
+    s_m: list[float] = path.s_m.tolist()
+    for index in range(len(limits) - 2, -1, -1):
+        gained = 2.0 * RAMP_MPS2 * (s_m[index + 1] - s_m[index])
+        limits[index] = min(limits[index], math.sqrt(limits[index + 1] ** 2 + gained))
+    for index in range(1, len(limits)):
+        gained = 2.0 * RAMP_MPS2 * (s_m[index] - s_m[index - 1])
+        limits[index] = min(limits[index], math.sqrt(limits[index - 1] ** 2 + gained))
+    return limits
