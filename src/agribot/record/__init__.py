@@ -1,0 +1,1 @@
+"""Recordings, replay and the run report. Import the module that you need."""

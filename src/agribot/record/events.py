@@ -1,0 +1,130 @@
+"""events.jsonl: every stop, refusal, fault and change of the mission, with its reason."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from agribot.errors import RecordingError
+from agribot.messages import STOP, TickRecord
+
+EventKind = Literal["mission", "operator", "ready", "fault", "stop", "hold", "limit", "clear"]
+
+_NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+
+
+class Event(msgspec.Struct, frozen=True, kw_only=True):
+    """One change.
+
+    mission   the mission's state or its reason changed
+    operator  somebody pressed something
+    ready     the estimate became usable; fault: it stopped being so
+    stop      the supervisor stopped a moving robot; hold: it keeps a standing one standing
+    limit     the supervisor let it move, but less than asked
+    clear     the supervisor has no objection any more
+    """
+
+    t_s: float
+    kind: EventKind
+    reason: str
+
+
+class EventLog:
+    """A tap that writes one line for each change, never one for each tick.
+
+    Raises: RecordingError: the file cannot be created or written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._events: list[Event] = []
+        self._mission = ("", "")
+        self._objection = ""
+        self._estimate_ok = False
+        self._moving = False
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("wb")
+        except OSError as error:
+            raise self._failure(error) from error
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        return tuple(self._events)
+
+    def of_kind(self, kind: EventKind) -> tuple[Event, ...]:
+        return tuple(event for event in self._events if event.kind == kind)
+
+    def __call__(self, record: TickRecord) -> None:
+        t_s = record.batch.t_s
+        for press in record.batch.events:
+            self._add(press.t_s, "operator", f"{press.action} ({press.source})")
+        self._note_estimate(t_s, record)
+        self._note_mission(t_s, record)
+        self._note_supervisor(t_s, record)
+        self._moving = record.command.drive != STOP
+
+    def close(self) -> None:
+        """Safe to call twice."""
+        self._file.close()
+
+    def _note_estimate(self, t_s: float, record: TickRecord) -> None:
+        ok = record.estimate.ok
+        if ok != self._estimate_ok:
+            self._estimate_ok = ok
+            ready = f"position known to {record.estimate.pos_std_m:.3f} m"
+            self._add(t_s, "ready" if ok else "fault", ready if ok else record.estimate.reason)
+
+    def _note_mission(self, t_s: float, record: TickRecord) -> None:
+        status = record.status
+        now = (status.state, _without_numbers(status.reason))
+        if now != self._mission:
+            self._mission = now
+            reason = f"{status.state}: {status.reason}" if status.reason else status.state
+            self._add(t_s, "mission", reason)
+
+    def _note_supervisor(self, t_s: float, record: TickRecord) -> None:
+        objection = _without_numbers(record.reason)
+        if objection == self._objection:
+            return
+        self._objection = objection
+        if not objection:
+            self._add(t_s, "clear", "")
+        elif record.command.drive != STOP:
+            self._add(t_s, "limit", record.reason)
+        else:
+            self._add(t_s, "stop" if self._moving else "hold", record.reason)
+
+    def _add(self, t_s: float, kind: EventKind, reason: str) -> None:
+        event = Event(t_s=t_s, kind=kind, reason=reason)
+        self._events.append(event)
+        try:
+            self._file.write(msgspec.json.encode(event) + b"\n")
+            self._file.flush()
+        except OSError as error:
+            raise self._failure(error) from error
+
+    def _failure(self, error: OSError) -> RecordingError:
+        return RecordingError(
+            f"cannot write {self._path}: {error.strerror or error}; "
+            "check that the folder is writable and the disk has room"
+        )
+
+
+def read_events(path: Path) -> tuple[Event, ...]:
+    """Raises: RecordingError: no such file, or a line in it is no event."""
+    try:
+        lines = path.read_bytes().splitlines()
+        return tuple(msgspec.json.decode(line, type=Event) for line in lines if line)
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
+    except msgspec.MsgspecError as error:
+        raise RecordingError(f"{path} is not an event log: {error}") from error
+
+
+def _without_numbers(reason: str) -> str:
+    """A reason whose numbers change with every tick is still the same reason."""
+    return _NUMBER.sub("#", reason)

@@ -1,0 +1,195 @@
+"""MCAP files: written so that ROS 2 tools read them, read so that a cut-off tail does no harm."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Message
+from mcap.stream_reader import CRCValidationError, breakup_chunk
+from mcap.writer import CompressionType, Writer
+
+from agribot.errors import RecordingError
+from agribot.record.rosmsg import typestore
+from agribot.topics import Qos, Topic
+
+LIBRARY = "agribot"
+MSGPACK_SCHEMA = "agribot.TickRecord"
+_MAGIC = b"\x89MCAP0\r\n"
+_RECORD_HEAD = struct.Struct("<BQ")
+
+
+class McapFile:
+    """Writes topics of the table, chunked and LZ4-compressed; `flush` closes a chunk.
+
+    Raises: RecordingError: the file cannot be created or written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("wb")
+        except OSError as error:
+            raise _refusal("create", path, error) from error
+        self._writer = Writer(self._file, compression=CompressionType.LZ4)
+        self._writer.start(profile="ros2", library=LIBRARY)
+
+    @property
+    def closed(self) -> bool:
+        return self._file.closed
+
+    def write(self, topic: Topic, log_ns: int, data: bytes, publish_ns: int) -> None:
+        channel = self._channels.get(topic.name)
+        if channel is None:
+            channel = self._channels[topic.name] = self._register(topic)
+        try:
+            self._writer.add_message(channel, log_ns, data, max(publish_ns, 0))
+        except OSError as error:
+            raise self._failure("write", error) from error
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        try:
+            self._writer.add_attachment(0, 0, name, media_type, data)
+        except OSError as error:
+            raise self._failure("write", error) from error
+
+    def describe(self, name: str, values: dict[str, str]) -> None:
+        """A metadata record: a few words that tools show without opening a message."""
+        self._writer.add_metadata(name, values)
+
+    def flush(self) -> None:
+        try:
+            self._writer.flush()  # type: ignore[no-untyped-call]
+        except OSError as error:
+            raise self._failure("write", error) from error
+
+    def close(self) -> None:
+        if self._file.closed:
+            return
+        try:
+            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._file.close()
+        except OSError as error:
+            raise self._failure("finish", error) from error
+
+    def _register(self, topic: Topic) -> int:
+        if not topic.ros_type:
+            schema = self._writer.register_schema(MSGPACK_SCHEMA, "", b"")
+            return int(self._writer.register_channel(topic.name, "msgpack", schema))
+        schema = self._schemas.get(topic.ros_type, 0)
+        if not schema:
+            text, _ = typestore().generate_msgdef(topic.ros_type, ros_version=2)
+            schema = self._writer.register_schema(topic.ros_type, "ros2msg", text.encode())
+            self._schemas[topic.ros_type] = schema
+        metadata = {
+            "offered_qos_profiles": _qos_yaml(topic.qos),
+            "topic_type_hash": typestore().hash_rihs01(topic.ros_type),
+        }
+        return int(self._writer.register_channel(topic.name, "cdr", schema, metadata))
+
+    def _failure(self, verb: str, error: OSError) -> RecordingError:
+        """Gives the file up: what reached the disk before stays readable."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+        return _refusal(verb, self.path, error)
+
+
+def _refusal(verb: str, path: Path, error: OSError) -> RecordingError:
+    return RecordingError(
+        f"cannot {verb} recording {path}: {error.strerror or error}; "
+        "check that the folder is writable and the disk has room, or choose another --out"
+    )
+
+
+def _qos_yaml(qos: Qos) -> str:
+    """As rosbag2 stores it, so that a player offers latched topics latched again."""
+    forever = "{sec: 9223372036, nsec: 854775807}"
+    return (
+        f"- history: keep_last\n  depth: {qos.depth}\n"
+        f"  reliability: {'reliable' if qos.reliable else 'best_effort'}\n"
+        f"  durability: {'transient_local' if qos.latched else 'volatile'}\n"
+        f"  deadline: {forever}\n  lifespan: {forever}\n"
+        f"  liveliness: automatic\n  liveliness_lease_duration: {forever}\n"
+        "  avoid_ros_namespace_conventions: false\n"
+    )
+
+
+def read_records(path: Path) -> Iterator[Any]:
+    """Channels, messages and attachments in file order, up to the first incomplete record.
+
+    A robot that lost power leaves a file without its end: everything before the cut is read.
+    Raises: RecordingError: no such file, or it is no MCAP file.
+    """
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise RecordingError(
+            f"cannot read recording {path}: {error.strerror or error}; check the path"
+        ) from error
+    with file:
+        if file.read(len(_MAGIC)) != _MAGIC:
+            raise RecordingError(f"{path} is not an MCAP recording; give the run.mcap of a run")
+        yield from _complete_records(file)
+
+
+def _complete_records(file: IO[bytes]) -> Iterator[Any]:
+    while True:
+        head = file.read(_RECORD_HEAD.size)
+        if len(head) < _RECORD_HEAD.size:
+            return
+        opcode, length = _RECORD_HEAD.unpack(head)
+        if opcode in {0, Opcode.DATA_END}:
+            return
+        body = file.read(length)
+        if len(body) < length:
+            return
+        if opcode == Opcode.CHUNK:
+            records = _chunk_records(body)
+            if records is None:
+                return
+            yield from records
+        elif opcode == Opcode.ATTACHMENT:
+            if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
+                return
+            yield Attachment.read(_stream(body))
+
+
+def _chunk_records(body: bytes) -> list[Any] | None:
+    """None for a chunk whose bytes are damaged."""
+    try:
+        records: list[Any] = breakup_chunk(Chunk.read(_stream(body)), validate_crc=True)
+    except (CRCValidationError, RuntimeError, struct.error):  # LZ4 reports damage as RuntimeError
+        return None
+    return records
+
+
+def _stream(body: bytes) -> ReadDataStream:
+    return ReadDataStream(io.BytesIO(body))
+
+
+def read_messages(path: Path, topic: Topic) -> Iterator[Message]:
+    """The messages of one topic in file order."""
+    channel_id = None
+    for record in read_records(path):
+        if isinstance(record, Channel) and record.topic == topic.name:
+            channel_id = record.id
+        elif isinstance(record, Message) and record.channel_id == channel_id:
+            yield record
+
+
+def read_attachment(path: Path, name: str) -> bytes:
+    """Raises: RecordingError: the recording has no attachment of this name."""
+    for record in read_records(path):
+        if isinstance(record, Attachment) and record.name == name:
+            return bytes(record.data)
+    raise RecordingError(f"{path} has no attachment '{name}'; was it recorded by AGRIBOT?")

@@ -1,0 +1,95 @@
+"""A recording as a platform: the same batches again, the commands collected."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Generator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from agribot import topics
+from agribot.config import RunConfig
+from agribot.errors import EndOfRecording, RecordingError
+from agribot.messages import FloatArray, MappedPlant, RobotCommand, Scene, SensorBatch, TickRecord
+from agribot.record.mcap_file import read_attachment, read_messages
+from agribot.record.recorder import CONFIG_ATTACHMENT, URDF_ATTACHMENT, WEED_MAP_ATTACHMENT
+from agribot.record.rosmsg import typestore
+from agribot.record.ticks import decode_tick
+
+
+def read_config(path: Path) -> RunConfig:
+    """The resolved settings of the recorded run.
+
+    Raises: RecordingError: not a recording, or one with settings this version does not know.
+    """
+    text = read_attachment(path, CONFIG_ATTACHMENT).decode()
+    try:
+        return msgspec.convert(tomllib.loads(text), RunConfig)
+    except (msgspec.ValidationError, tomllib.TOMLDecodeError) as error:
+        raise RecordingError(
+            f"the settings inside {path} do not fit this version ({error}); "
+            "replay it with the version that recorded it"
+        ) from error
+
+
+def read_urdf(path: Path) -> str:
+    return read_attachment(path, URDF_ATTACHMENT).decode()
+
+
+def read_ticks(path: Path) -> Generator[TickRecord]:
+    """Every recorded tick in order; of a cut-off recording, those before the cut."""
+    for message in read_messages(path, topics.TICK):
+        yield decode_tick(message.data)
+
+
+def read_weed_map(path: Path) -> tuple[MappedPlant, ...]:
+    """The weed map at the end of the run; only a run that was closed has one."""
+    data = read_attachment(path, WEED_MAP_ATTACHMENT)
+    return msgspec.json.decode(data, type=tuple[MappedPlant, ...])
+
+
+def read_truth(path: Path) -> FloatArray:
+    """(N, 4): t_s, true x_map_m, y_map_m, yaw_map_rad; no rows where nothing knew the truth."""
+    rows = []
+    for message in read_messages(path, topics.GROUND_TRUTH):
+        odometry = typestore().deserialize_cdr(message.data, topics.GROUND_TRUTH.ros_type)
+        pose = odometry.pose.pose  # type: ignore[attr-defined]
+        yaw = 2.0 * np.arctan2(pose.orientation.z, pose.orientation.w)
+        rows.append((message.publish_time * 1e-9, pose.position.x, pose.position.y, yaw))
+    return np.array(rows, dtype=float).reshape(-1, 4)
+
+
+class ReplayPlatform:
+    """Platform over `run.mcap`: read() gives what the sensors said, write() only collects."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._ticks = read_ticks(path)
+        self._scenes: tuple[Scene, ...] = ()
+        self.commands: list[RobotCommand] = []
+
+    def read(self) -> SensorBatch:
+        """Raises: EndOfRecording: the last batch was already given."""
+        record = next(self._ticks, None)
+        if record is None:
+            raise EndOfRecording(f"{self._path} has no more ticks")
+        self._scenes = record.scenes
+        return record.batch
+
+    def recorded_scenes(self) -> tuple[Scene, ...]:
+        """What perception delivered in the tick of the batch given last."""
+        return self._scenes
+
+    def write(self, command: RobotCommand) -> None:
+        self.commands.append(command)
+
+    def close(self) -> None:
+        self._ticks.close()
+
+
+def recorded_scenes(path: Path) -> Generator[tuple[Scene, ...]]:
+    """The scenes of each tick in order, to stand in for the network."""
+    for record in read_ticks(path):
+        yield record.scenes

@@ -1,0 +1,140 @@
+"""The report of a run: the numbers that others read. A value nobody measured is null, never 0."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from agribot.errors import RecordingError
+
+
+class TimeReport(msgspec.Struct, frozen=True, kw_only=True):
+    """`rtf_cpu` is simulated seconds per CPU second; `wall_s` includes any pacing."""
+
+    sim_s: float | None = None
+    wall_s: float | None = None
+    cpu_s: float | None = None
+    rtf_cpu: float | None = None
+
+
+class MissionReport(msgspec.Struct, frozen=True, kw_only=True):
+    success: bool | None = None
+    rows_total: int | None = None
+    rows_done: int | None = None
+    waypoints_total: int | None = None
+    waypoints_reached: int | None = None
+    distance_m: float | None = None
+    area_m2: float | None = None
+    h_per_ha: float | None = None
+    coverage_ratio: float | None = None
+
+
+class TrackingReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Against the truth of a simulator."""
+
+    xte_rms_m: float | None = None
+    xte_p95_m: float | None = None
+    xte_max_m: float | None = None
+    heading_rms_rad: float | None = None
+    plants_total: int | None = None
+    plants_crushed: int | None = None
+
+
+class EstimateReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Against the truth of a simulator; an honest 3-D filter has a NEES of about 3."""
+
+    pos_rms_m: float | None = None
+    yaw_rms_rad: float | None = None
+    nees_mean: float | None = None
+
+
+class IouReport(msgspec.Struct, frozen=True, kw_only=True):
+    weed: float | None = None
+    crop: float | None = None
+    soil: float | None = None
+
+
+class PerceptionReport(msgspec.Struct, frozen=True, kw_only=True):
+    frames: int | None = None
+    fps_cpu: float | None = None
+    latency_p95_s: float | None = None
+    iou: IouReport = IouReport()
+    miou: float | None = None
+
+
+class WeedReport(msgspec.Struct, frozen=True, kw_only=True):
+    truth: int | None = None
+    mapped: int | None = None
+    matched: int | None = None
+    precision: float | None = None
+    recall: float | None = None
+    f1: float | None = None
+    pos_error_median_m: float | None = None
+    treated: int | None = None
+    treated_true: int | None = None
+    crops_hit: int | None = None
+    spray_area_ratio: float | None = None
+
+
+class SafetyEvent(msgspec.Struct, frozen=True, kw_only=True):
+    t_s: float
+    reason: str
+
+
+class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
+    stops: tuple[SafetyEvent, ...] = ()
+    faults: tuple[SafetyEvent, ...] = ()
+
+
+class Report(msgspec.Struct, frozen=True, kw_only=True):
+    """`report.json`, key by key and in this order."""
+
+    profile: str
+    seed: int
+    sensors: str
+    version: str
+    ok: bool
+    reason: str
+    time: TimeReport = TimeReport()
+    mission: MissionReport = MissionReport()
+    tracking: TrackingReport = TrackingReport()
+    estimate: EstimateReport = EstimateReport()
+    perception: PerceptionReport = PerceptionReport()
+    weeds: WeedReport = WeedReport()
+    safety: SafetyReport = SafetyReport()
+
+
+def to_json(report: Report) -> bytes:
+    """Indented; a number that is not finite becomes null."""
+    return msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n"
+
+
+def write_report(path: Path, report: Report) -> None:
+    """Raises: RecordingError: the file cannot be written."""
+    write_file(path, to_json(report))
+
+
+def read_report(path: Path) -> Report:
+    """Raises: RecordingError: no such file, or it is no report of this version."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Report)
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
+    except msgspec.MsgspecError as error:
+        raise RecordingError(f"{path} is not a run report of this version: {error}") from error
+
+
+def write_file(path: Path, data: bytes) -> None:
+    """Write a file of the run's folder, which is made if it is not there.
+
+    Raises: RecordingError: it cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    except OSError as error:
+        raise RecordingError(
+            f"cannot write {path}: {error.strerror or error}; "
+            "check that the folder is writable and the disk has room"
+        ) from error

@@ -1,0 +1,69 @@
+"""What happened in each crop row."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+
+from agribot.messages import MappedPlant, PlantClass, Row
+from agribot.record.plots import true_cross_track_m
+from agribot.record.series import RunData
+
+
+class RowSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """Cross-track is the true one where a simulator knows it, else what the robot believes."""
+
+    index: int
+    distance_m: float
+    duration_s: float
+    speed_mps: float | None
+    cross_track_rms_m: float | None
+    cross_track_max_m: float | None
+    weeds_mapped: int
+    weeds_treated: int
+
+
+def row_summaries(data: RunData) -> tuple[RowSummary, ...]:
+    """One for each row of the field; a weed belongs to the row that it is nearest to."""
+    series = data.series
+    across_m = true_cross_track_m(series, data.rows)
+    if not np.isfinite(across_m).any():
+        across_m = series.cross_track_m
+    step_s = np.diff(series.t_s, prepend=series.t_s[:1])
+    step_m = np.diff(series.distance_m, prepend=series.distance_m[:1])
+    nearest = {p.id: nearest_row(p, data.rows) for p in data.plants if p.plant == PlantClass.WEED}
+    summaries = []
+    for row in data.rows:
+        here = series.row == row.index
+        errors_m = across_m[here & np.isfinite(across_m)]
+        duration_s, distance_m = float(step_s[here].sum()), float(step_m[here].sum())
+        weeds = [p for p in data.plants if nearest.get(p.id) == row.index]
+        summaries.append(
+            RowSummary(
+                index=row.index,
+                distance_m=distance_m,
+                duration_s=duration_s,
+                speed_mps=distance_m / duration_s if duration_s > 0 else None,
+                cross_track_rms_m=math.sqrt(float(np.mean(errors_m**2))) if len(errors_m) else None,
+                cross_track_max_m=float(np.abs(errors_m).max()) if len(errors_m) else None,
+                weeds_mapped=len(weeds),
+                weeds_treated=sum(p.treated_s is not None for p in weeds),
+            )
+        )
+    return tuple(summaries)
+
+
+def nearest_row(plant: MappedPlant, rows: tuple[Row, ...]) -> int:
+    """Index of the row whose segment is nearest; `rows` must not be empty."""
+    return min(rows, key=lambda row: _distance_m(plant.x_map_m, plant.y_map_m, row)).index
+
+
+def _distance_m(x_m: float, y_m: float, row: Row) -> float:
+    (x0, y0), (x1, y1) = row.start_map_m, row.end_map_m
+    dx, dy = x1 - x0, y1 - y0
+    length2 = dx * dx + dy * dy
+    share = ((x_m - x0) * dx + (y_m - y0) * dy) / length2 if length2 else 0.0
+    share = min(max(share, 0.0), 1.0)
+    return math.hypot(x_m - x0 - share * dx, y_m - y0 - share * dy)

@@ -1,0 +1,133 @@
+"""What the plots need of a run: a few numbers for each tick instead of whole records."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from agribot.config import RunConfig
+from agribot.geo import compass_deg_from_yaw
+from agribot.messages import FloatArray, MappedPlant, Path, Row, TickRecord
+from agribot.record.events import Event
+from agribot.world import WorldSpec
+
+_MIN_COURSE_SPEED_MPS = 0.15  # below it, the direction of a GNSS velocity is mostly noise
+
+
+class RunSeries(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """Arrays over the N ticks, NaN where the tick had no value.
+
+    `distance_m` (N,) is driven distance by the estimate; `row` (N,) the row being worked, -1
+    between rows. `raw_compass` (M, 2), `course_compass` (K, 2): t_s and degrees clockwise from
+    North, of the magnetometer and of the GNSS velocity. `truth` (T, 4): t_s, x, y, yaw.
+    """
+
+    t_s: FloatArray
+    x_map_m: FloatArray
+    y_map_m: FloatArray
+    compass_deg: FloatArray
+    speed_mps: FloatArray
+    commanded_mps: FloatArray
+    pos_std_m: FloatArray
+    cross_track_m: FloatArray
+    row: npt.NDArray[np.int64]
+    distance_m: FloatArray
+    raw_compass: FloatArray
+    course_compass: FloatArray
+    truth: FloatArray
+
+
+class RunData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """All that figures and the report page show besides the report's own numbers.
+
+    `world` is the simulated field, None on a real one.
+    """
+
+    config: RunConfig
+    series: RunSeries
+    rows: tuple[Row, ...] = ()
+    plan: Path | None = None
+    goals_map_m: tuple[tuple[float, float], ...] = ()
+    plants: tuple[MappedPlant, ...] = ()
+    events: tuple[Event, ...] = ()
+    world: WorldSpec | None = None
+
+
+class SeriesTap:
+    """Collects the series while the robot runs."""
+
+    def __init__(self) -> None:
+        self._ticks: list[tuple[float, ...]] = []
+        self._raw: list[tuple[float, float]] = []
+        self._course: list[tuple[float, float]] = []
+        self._truth: list[tuple[float, float, float, float]] = []
+
+    def __call__(self, record: TickRecord) -> None:
+        estimate, tracking = record.estimate, record.tracking
+        known = estimate.ok
+        self._ticks.append(
+            (
+                record.batch.t_s,
+                estimate.x_map_m if known else math.nan,
+                estimate.y_map_m if known else math.nan,
+                compass_deg_from_yaw(estimate.yaw_map_rad) if known else math.nan,
+                estimate.v_mps,
+                record.command.drive.v_mps,
+                estimate.pos_std_m if known else math.nan,
+                tracking.cross_track_m if tracking is not None else math.nan,
+                record.status.row,
+            )
+        )
+        for mag in record.batch.mag:
+            heading = math.degrees(math.atan2(mag.field_t[1], mag.field_t[0])) % 360.0
+            self._raw.append((mag.t_s, heading))
+        for fix in record.batch.gnss:
+            if fix.velocity_mps is not None:
+                east, north, _ = fix.velocity_mps
+                if math.hypot(east, north) > _MIN_COURSE_SPEED_MPS:
+                    course = compass_deg_from_yaw(math.atan2(north, east))
+                    self._course.append((fix.t_s, course))
+
+    def truth(self, t_s: float, pose: tuple[float, float, float]) -> None:
+        """True x_map_m, y_map_m, yaw_map_rad, of a simulator."""
+        self._truth.append((t_s, *pose))
+
+    def series(self) -> RunSeries:
+        ticks = _table(self._ticks, 9)
+        return RunSeries(
+            t_s=ticks[:, 0],
+            x_map_m=ticks[:, 1],
+            y_map_m=ticks[:, 2],
+            compass_deg=ticks[:, 3],
+            speed_mps=ticks[:, 4],
+            commanded_mps=ticks[:, 5],
+            pos_std_m=ticks[:, 6],
+            cross_track_m=ticks[:, 7],
+            row=ticks[:, 8].astype(np.int64),
+            distance_m=_driven_m(ticks[:, 0], ticks[:, 4]),
+            raw_compass=_table(self._raw, 2),
+            course_compass=_table(self._course, 2),
+            truth=_table(self._truth, 4),
+        )
+
+
+def collect(records: Iterable[TickRecord], truth: FloatArray | None = None) -> RunSeries:
+    """The series of a recording; `truth` as `replay.read_truth` gives it."""
+    tap = SeriesTap()
+    for record in records:
+        tap(record)
+    series = tap.series()
+    return series if truth is None else msgspec.structs.replace(series, truth=truth)
+
+
+def _table(rows: Sequence[tuple[float, ...]], columns: int) -> FloatArray:
+    return np.array(rows, dtype=float).reshape(-1, columns)
+
+
+def _driven_m(t_s: FloatArray, speed_mps: FloatArray) -> FloatArray:
+    steps_s = np.diff(t_s, prepend=t_s[:1])
+    return np.cumsum(np.abs(speed_mps) * steps_s)

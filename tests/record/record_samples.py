@@ -1,0 +1,231 @@
+"""A made-up robot and a made-up run for the tests of recording and report."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+
+from agribot.messages import (
+    CameraFrame,
+    DriveCommand,
+    Estimate,
+    GnssFix,
+    GnssQuality,
+    GroundPlant,
+    ImplementCommand,
+    ImuSample,
+    MagSample,
+    MappedPlant,
+    MissionState,
+    MissionStatus,
+    OperatorEvent,
+    Path,
+    PlantClass,
+    RobotCommand,
+    Row,
+    Scene,
+    SensorBatch,
+    TickRecord,
+    Tracking,
+    WheelSample,
+)
+from agribot.robot import (
+    CameraSpec,
+    DriveSpec,
+    Joint,
+    Link,
+    Origin,
+    RobotSpec,
+    SensorMount,
+    TyreSpec,
+)
+
+URDF = '<robot name="made_up"><link name="base_link"/></robot>'
+SPEED_MPS = 0.4
+
+
+def robot(with_camera: bool = True) -> RobotSpec:
+    wheels = {
+        "right_wheel_R": (-0.3, -0.39),
+        "left_wheel_R": (-0.3, 0.39),
+        "right_wheel_F": (0.3, -0.39),
+        "left_wheel_F": (0.3, 0.39),
+    }
+    fixed = {
+        "base_link": ("dummy_link", Origin()),
+        "imu_link": ("base_link", Origin(xyz_m=(0.1, 0.0, 0.2))),
+        "gps_link": ("base_link", Origin(xyz_m=(0.0, 0.0, 0.6))),
+        "camera_link": ("base_link", Origin(xyz_m=(0.4, 0.0, 0.5), rpy_rad=(0.0, 0.9, 0.0))),
+    }
+    joints = [
+        Joint(name=f"{child}_joint", kind="fixed", parent=parent, child=child, origin=origin)
+        for child, (parent, origin) in fixed.items()
+    ]
+    joints += [
+        Joint(
+            name=f"{name}_joint",
+            kind="continuous",
+            parent="base_link",
+            child=name,
+            origin=Origin(xyz_m=(x_m, y_m, -0.1)),
+            axis=(0.0, 1.0, 0.0),
+        )
+        for name, (x_m, y_m) in wheels.items()
+    ]
+    camera = CameraSpec(
+        link="camera_link", width_px=64, height_px=48, hfov_rad=1.4, rate_hz=10.0,
+        noise_std=0.0, clip_near_m=0.02, clip_far_m=300.0,
+    )  # fmt: skip
+    return RobotSpec(
+        name="made_up",
+        links=tuple(Link(name=name) for name in ("dummy_link", *fixed, *wheels)),
+        joints=tuple(joints),
+        drive=DriveSpec(
+            wheel_radius_m=0.09, wheel_width_m=0.05, track_m=0.78, wheelbase_m=0.6,
+            told_diameter_m=0.2, told_separation_m=0.65, yaw_multiplier=1.6, torque_nm=20.0,
+            gear_ratio=1.0, encoder_ticks_per_rev=1000, command_timeout_s=0.5,
+            max_speed_mps=1.0, max_yaw_rate_radps=1.2, max_accel_mps2=1.0,
+            max_yaw_accel_radps2=3.0, rotor_inertia_kgm2=0.001, servo_gain_nmspr=10.0,
+            rate_hz=100.0,
+        ),
+        tyre=TyreSpec(),
+        imu=SensorMount(link="imu_link", rate_hz=200.0),
+        gnss=SensorMount(link="gps_link", rate_hz=10.0),
+        mag=SensorMount(link="imu_link", rate_hz=20.0),
+        camera=camera if with_camera else None,
+    )  # fmt: skip
+
+
+def rows() -> tuple[Row, ...]:
+    return tuple(
+        Row(index=i, start_map_m=(1.0 + i, 2.0), end_map_m=(1.0 + i, 12.0)) for i in range(6)
+    )
+
+
+def plan() -> Path:
+    """North along row 0, then a quarter turn's worth of nothing: a straight path is enough."""
+    s_m = np.arange(0.0, 10.001, 0.02)
+    return Path(
+        xy_map_m=np.column_stack([np.full_like(s_m, 1.0), 2.0 + s_m]),
+        yaw_map_rad=np.full_like(s_m, math.pi / 2),
+        curvature_radpm=np.zeros_like(s_m),
+        row=np.zeros(len(s_m), dtype=np.int64),
+        s_m=s_m,
+    )
+
+
+def status(
+    state: MissionState = "running", row: int = 0, s_m: float = 0.0, reason: str = ""
+) -> MissionStatus:
+    return MissionStatus(
+        state=state, reason=reason, row=row, rows_total=6, rows_done=tuple(range(max(row, 0))),
+        s_m=s_m, length_m=10.0, waypoints_total=12, waypoints_reached=int(s_m >= 10.0),
+    )  # fmt: skip
+
+
+def estimate(t_s: float, noise: np.random.Generator | None = None) -> Estimate:
+    jitter = noise.normal(0.0, 0.01, 3) if noise is not None else np.zeros(3)
+    return Estimate(
+        t_s=t_s, x_map_m=1.0 + float(jitter[0]), y_map_m=2.0 + SPEED_MPS * t_s + float(jitter[1]),
+        yaw_map_rad=math.pi / 2 + float(jitter[2]), v_mps=SPEED_MPS, yaw_rate_radps=0.01,
+        slip_rad=0.0, pose_cov=(4e-4, 1e-5, 0.0, 1e-5, 4e-4, 0.0, 0.0, 0.0, 1e-4),
+        pos_std_m=0.02, yaw_std_rad=0.01, quality=GnssQuality.RTK_FIXED, ok=True,
+    )  # fmt: skip
+
+
+def tick(index: int, noise: np.random.Generator, with_camera: bool = False) -> TickRecord:
+    """50 Hz ticks with 200 Hz IMU, 100 Hz wheels, 20 Hz magnetometer, 10 Hz GNSS and camera."""
+    t_s = (index + 1) * 0.02
+    batch = SensorBatch(
+        t_s=t_s,
+        wheels=tuple(
+            WheelSample(
+                t_s=t_s - 0.01 * k,
+                angle_rad=tuple((noise.normal(0.0, 0.01, 4) + 4.4 * t_s).tolist()),
+                speed_radps=tuple(noise.normal(4.4, 0.02, 4).tolist()),
+            )
+            for k in (1, 0)
+        ),
+        imu=tuple(
+            ImuSample(
+                t_s=t_s - 0.005 * k,
+                gyro_radps=tuple(noise.normal(0.0, 0.01, 3).tolist()),
+                accel_mps2=tuple(noise.normal((0.0, 0.0, 9.8), 0.1).tolist()),
+            )
+            for k in (3, 2, 1, 0)
+        ),
+        mag=(MagSample(t_s=t_s, field_t=(3.8e-5, 1e-6, -2.3e-5)),) if index % 5 in (0, 2) else (),
+        gnss=(_fix(t_s, noise),) if index % 5 == 0 else (),
+        frames=(frame(index, t_s),) if with_camera and index % 5 == 0 else (),
+        events=(OperatorEvent(t_s=t_s, action="pause"),) if index == 7 else (),
+    )
+    return TickRecord(
+        batch=batch,
+        scenes=(scene(index - 10, t_s),) if with_camera and index >= 10 and index % 5 == 0 else (),
+        estimate=estimate(t_s, noise),
+        status=status(s_m=min(10.0, SPEED_MPS * t_s)),
+        tracking=Tracking(
+            s_m=SPEED_MPS * t_s,
+            cross_track_m=float(noise.normal(0.0, 0.01)),
+            heading_error_rad=float(noise.normal(0.0, 0.01)),
+        ),
+        command=RobotCommand(
+            t_s=t_s,
+            drive=DriveCommand(v_mps=SPEED_MPS, yaw_rate_radps=0.01),
+            implement=ImplementCommand(nozzles_open=(False, True, False)),
+        ),
+    )
+
+
+def ticks(count: int, seed: int = 0, with_camera: bool = False) -> list[TickRecord]:
+    noise = np.random.default_rng(seed)
+    return [tick(index, noise, with_camera) for index in range(count)]
+
+
+def without_frames(record: TickRecord) -> TickRecord:
+    """For comparing: arrays have no plain equality."""
+    return msgspec.structs.replace(record, batch=msgspec.structs.replace(record.batch, frames=()))
+
+
+def frame(index: int, t_s: float) -> CameraFrame:
+    image = np.full((48, 64, 3), (110, 85, 60), dtype=np.uint8)
+    image[20:28, 28:36] = (60, 140, 50)
+    return CameraFrame(t_s=t_s, index=index, image_rgb=image)
+
+
+def scene(frame_index: int, ready_s: float) -> Scene:
+    weed = GroundPlant(
+        x_body_m=0.9, y_body_m=0.05, plant=PlantClass.WEED, area_m2=2e-3, confidence=0.9, std_m=0.01
+    )
+    return Scene(
+        t_s=ready_s - 0.2,
+        ready_s=ready_s,
+        frame_index=frame_index,
+        plants=(weed,),
+        view_body_m=((0.5, -0.4), (0.5, 0.4), (1.5, 0.6), (1.5, -0.6)),
+        class_ratio=(0.01, 0.02, 0.97),
+    )
+
+
+def plant(
+    number: int, kind: PlantClass = PlantClass.WEED, treated_s: float | None = None
+) -> MappedPlant:
+    return MappedPlant(
+        id=number, plant=kind, x_map_m=1.05 + 0.1 * number, y_map_m=3.0 + 0.7 * number,
+        cov_m2=(1e-4, 2e-5, 2e-5, 3e-4), area_m2=1.5e-3, confidence=0.93, sightings=5,
+        first_seen_s=1.0 + number, last_seen_s=3.0 + number, treated_s=treated_s,
+    )  # fmt: skip
+
+
+def _fix(t_s: float, noise: np.random.Generator) -> GnssFix:
+    return GnssFix(
+        t_s=t_s - 0.05,
+        lat_deg=21.161289 + float(noise.normal(0.0, 1e-7)),
+        lon_deg=72.787022,
+        alt_m=4.5,
+        pos_std_m=0.02,
+        quality=GnssQuality.RTK_FIXED,
+        velocity_mps=(0.0, SPEED_MPS, 0.0),
+    )

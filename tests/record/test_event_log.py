@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+import record_samples as samples
+
+from agribot.errors import RecordingError
+from agribot.messages import DriveCommand, RobotCommand, TickRecord
+from agribot.record.events import EventLog, read_events
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Iterator[EventLog]:
+    log = EventLog(tmp_path / "events.jsonl")
+    yield log
+    log.close()
+
+
+def _changed(record: TickRecord, v_mps: float, reason: str) -> TickRecord:
+    command = RobotCommand(t_s=record.batch.t_s, drive=DriveCommand(v_mps=v_mps))
+    return msgspec.structs.replace(record, command=command, reason=reason)
+
+
+def test_a_quiet_run_has_one_line_for_each_change(tmp_path: Path) -> None:
+    path = tmp_path / "events.jsonl"
+    log = EventLog(path)
+    for record in samples.ticks(200):
+        log(record)
+    log.close()
+    assert [event.kind for event in log.events] == ["ready", "mission", "operator"]
+    assert read_events(path) == log.events
+    assert len(path.read_text().splitlines()) == 3
+
+
+def test_a_stop_is_one_event_though_its_number_changes_every_tick(log: EventLog) -> None:
+    records = samples.ticks(40)
+    for index, record in enumerate(records):
+        if 10 <= index < 30:
+            reason = f"position uncertain: {1.0 + 0.01 * index:.2f} m > 1.0 m"
+            log(_changed(record, 0.0, reason))
+        else:
+            log(_changed(record, 0.4, ""))
+    (stop,) = log.of_kind("stop")
+    assert stop.reason == "position uncertain: 1.10 m > 1.0 m"
+    assert stop.t_s == pytest.approx(records[10].batch.t_s)
+    assert len(log.of_kind("clear")) == 1
+
+
+def test_a_standing_robot_is_held_not_stopped(log: EventLog) -> None:
+    records = samples.ticks(3)
+    log(_changed(records[0], 0.0, "no position yet"))
+    log(_changed(records[1], 0.2, "speed limited to 0.2 m/s"))
+    log(_changed(records[2], 0.0, "emergency stop pressed"))
+    kinds = [event.kind for event in log.events if event.kind not in {"ready", "mission"}]
+    assert kinds == ["hold", "limit", "stop"]
+
+
+def test_a_lost_position_is_a_fault_with_the_filters_reason(log: EventLog) -> None:
+    good, bad = samples.ticks(2)
+    lost = msgspec.structs.replace(bad.estimate, ok=False, reason="no wheel data for 0.4 s")
+    log(good)
+    log(msgspec.structs.replace(bad, estimate=lost))
+    (fault,) = log.of_kind("fault")
+    assert fault.reason == "no wheel data for 0.4 s"
+
+
+def test_mission_changes_are_written_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "events.jsonl"
+    log = EventLog(path)
+    record = samples.ticks(1)[0]
+    for state in ("waiting", "running", "running", "done"):
+        log(msgspec.structs.replace(record, status=samples.status(state)))
+    on_disk = read_events(path)  # before close: a crash must not lose it
+    assert [e.reason for e in on_disk if e.kind == "mission"] == ["waiting", "running", "done"]
+    log.close()
+    log.close()
+
+
+def test_unwritable_and_foreign_files_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(RecordingError, match="writable"):
+        EventLog(tmp_path / "file" / "events.jsonl")
+    with pytest.raises(RecordingError, match="not an event log"):
+        read_events(tmp_path / "file")

@@ -1,0 +1,29 @@
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+import record_samples as samples
+
+from agribot.errors import RecordingError
+from agribot.record.ticks import decode_tick, encode_tick, without_pixels
+
+
+def test_a_tick_survives_encoding_but_for_its_pixels() -> None:
+    for record in samples.ticks(30, with_camera=True):
+        decoded = decode_tick(encode_tick(record))
+        assert samples.without_frames(decoded) == samples.without_frames(without_pixels(record))
+        assert [f.index for f in decoded.batch.frames] == [f.index for f in record.batch.frames]
+        assert all(f.image_rgb.shape == (0, 0, 3) for f in decoded.batch.frames)
+
+
+def test_numpy_numbers_in_a_tick_are_recorded_as_numbers() -> None:
+    record = samples.ticks(1)[0]
+    estimate = msgspec.structs.replace(record.estimate, x_map_m=np.float64(1.25))
+    decoded = decode_tick(encode_tick(msgspec.structs.replace(record, estimate=estimate)))
+    assert decoded.estimate.x_map_m == 1.25
+
+
+def test_a_tick_of_another_version_is_refused_with_the_way_out() -> None:
+    with pytest.raises(RecordingError, match="version that recorded it"):
+        decode_tick(msgspec.msgpack.encode({"batch": {"t_s": 1.0}}))
