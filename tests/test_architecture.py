@@ -1,0 +1,297 @@
+"""The rules of the house, read off the source: layers, imports, sizes, words."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "agribot"
+
+# First part of a module's name inside agribot -> its layer.
+LAYERS = {
+    0: ("__init__", "messages", "topics", "errors", "geo", "robot", "world", "config", "platform"),
+    1: ("estimate", "plan", "control", "perceive", "weeds"),
+    2: ("description", "sim", "drivers", "record", "bridge", "gis"),
+    3: ("stack", "perception_host", "session", "report_card"),
+    4: ("cli", "commands", "ui", "train", "sweep"),
+}
+LAYER_OF = {part: layer for layer, parts in LAYERS.items() for part in parts}
+DATA_FOLDERS = {"profiles", "models"}
+SIBLINGS_APART = (1, 2)
+
+LIGHT = {"numpy", "msgspec", "tomli_w"}
+# Heavy packages and the parts that may import them.
+HEAVY = {
+    "torch": {"train"},
+    "onnx": {"train"},
+    "mujoco": {"sim"},
+    "numba": {"sim"},
+    "llvmlite": {"sim"},
+    "onnxruntime": {"perceive"},
+    "scipy": {"perceive", "sim"},
+    "xacro": {"description"},
+    "matplotlib": {"record"},
+    "mcap": {"record"},
+    "rosbags": {"record"},
+    "PIL": {"record", "sim", "train", "commands"},
+}
+# What pure decisions have no business with: clocks, threads, the outside world, hidden randomness.
+IMPURE = {
+    "asyncio", "concurrent", "datetime", "multiprocessing", "random", "signal", "socket",
+    "subprocess", "threading", "time", "urllib",
+}  # fmt: skip
+
+MAX_FILE_LINES = 300
+MAX_FUNCTION_LINES = 50
+# Loops over triangles, pixels and wheels that the compiler turns into one piece: a function call
+# per step costs more than it explains. Each must be @compiled or @inlined.
+LONG_KERNELS = {
+    "sim/camera/projection.py: project",
+    "sim/camera/raster.py: _fill",
+    "sim/kernel.py: apply_tyre_forces",
+}
+BANNED_NAMES = {"utils", "util", "helpers", "helper", "common", "manager", "misc"}
+MAY_PRINT = {"cli", "commands"}
+# Paths of somebody's machine, and words about how the project came to be.
+PRIVATE = re.compile(
+    "|".join(["/" + "work/", "/" + "home/", "/" + "root/", "proto" + "type", "seed" + "-systems"])
+)
+TEXT_SUFFIXES = {".py", ".toml", ".md", ".txt", ".yaml", ".yml", ".json", ".xacro", ".urdf", ".cfg"}
+
+FunctionNode = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def sources() -> list[Path]:
+    return sorted(SOURCE.rglob("*.py"))
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def part_of(path: Path) -> str:
+    """The module or package directly inside agribot that a file belongs to."""
+    return path.relative_to(SOURCE).parts[0].removesuffix(".py")
+
+
+def module_of(path: Path) -> str:
+    name = ".".join(path.relative_to(SOURCE.parent).with_suffix("").parts)
+    return name.removesuffix(".__init__")
+
+
+def show(path: Path) -> str:
+    return str(path.relative_to(SOURCE))
+
+
+def imports(node: ast.AST) -> Iterator[str]:
+    """Full names of all imported modules, wherever the import stands."""
+    for inner in ast.walk(node):
+        if isinstance(inner, ast.Import):
+            yield from (alias.name for alias in inner.names)
+        elif isinstance(inner, ast.ImportFrom) and inner.module:
+            yield inner.module
+            yield from (f"{inner.module}.{alias.name}" for alias in inner.names)
+
+
+def agribot_parts(path: Path) -> set[str]:
+    """Parts of agribot that a file imports."""
+    names = (name.split(".") for name in imports(tree_of(path)) if name.startswith("agribot."))
+    return {name[1] for name in names if name[1] in LAYER_OF or (SOURCE / name[1]).exists()}
+
+
+def outside(path: Path) -> set[str]:
+    """Top-level packages that a file imports and that are not agribot."""
+    return {name.split(".")[0] for name in imports(tree_of(path))} - {"agribot", "__future__"}
+
+
+def functions(path: Path) -> Iterator[tuple[str, FunctionNode]]:
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, FunctionNode):
+            yield f"{show(path)}: {node.name}", node
+
+
+def test_every_part_has_a_layer() -> None:
+    parts = {part_of(path) for path in sources()} - DATA_FOLDERS
+    assert parts <= set(LAYER_OF), f"give {sorted(parts - set(LAYER_OF))} a layer in LAYERS"
+
+
+def test_imports_go_to_the_same_or_a_lower_layer() -> None:
+    wrong = [
+        f"{show(path)} (layer {LAYER_OF[part_of(path)]}) imports {part} (layer {LAYER_OF[part]})"
+        for path in sources()
+        for part in sorted(agribot_parts(path) - DATA_FOLDERS)
+        if LAYER_OF[part] > LAYER_OF[part_of(path)]
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("layer", SIBLINGS_APART)
+def test_siblings_meet_in_messages_only(layer: int) -> None:
+    wrong = [
+        f"{show(path)} imports its sibling {part}"
+        for path in sources()
+        if LAYER_OF.get(part_of(path)) == layer
+        for part in sorted(agribot_parts(path) - {part_of(path)})
+        if LAYER_OF.get(part) == layer
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_module_imports_itself_through_others() -> None:
+    names = {module_of(path) for path in sources()}
+    graph = {
+        module_of(path): {
+            name for name in imports(tree_of(path)) if name in names and name != module_of(path)
+        }
+        for path in sources()
+    }
+    done: set[str] = set()
+
+    def visit(name: str, trail: tuple[str, ...]) -> None:
+        assert name not in trail, " -> ".join((*trail[trail.index(name) :], name))
+        if name not in done:
+            for inner in sorted(graph[name]):
+                visit(inner, (*trail, name))
+            done.add(name)
+
+    for name in sorted(graph):
+        visit(name, ())
+
+
+def test_imports_are_absolute() -> None:
+    wrong = [
+        f"{show(path)}:{node.lineno}"
+        for path in sources()
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.ImportFrom) and node.level > 0
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_heavy_packages_stay_in_the_folder_that_needs_them() -> None:
+    wrong = [
+        f"{show(path)} imports {package}; only {sorted(HEAVY.get(package, set()))} may"
+        for path in sources()
+        for package in sorted(outside(path) - LIGHT - set(sys.stdlib_module_names))
+        if part_of(path) not in HEAVY.get(package, set())
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_every_package_that_is_imported_is_declared() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"].values()
+    lines = [*project["dependencies"], *(line for extra in extras for line in extra)]
+    declared = {re.split(r"[<>=\[ ]", line)[0].lower().replace("-", "_") for line in lines}
+    import_names = {"pillow": "PIL", "mujoco_core": "mujoco"}
+    known = {import_names.get(name, name) for name in declared}
+    known |= {"llvmlite"} if "numba" in known else set()  # comes with numba, always
+    used = set().union(*(outside(path) for path in sources())) - set(sys.stdlib_module_names)
+    assert used <= known, f"{sorted(used - known)} not in pyproject.toml"
+
+
+def test_decisions_know_no_clock_no_thread_and_no_hidden_dice() -> None:
+    wrong = [
+        f"{show(path)} imports {name}"
+        for path in sources()
+        if LAYER_OF.get(part_of(path)) == 1
+        for name in sorted(outside(path) & IMPURE)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def loaded_by(*modules: str) -> set[str]:
+    """Third-party packages that importing these modules loads in a fresh interpreter."""
+    code = (
+        "import sys\nbefore = set(sys.modules)\n"
+        + "".join(f"import {module}\n" for module in modules)
+        + "print(*{name.partition('.')[0] for name in set(sys.modules) - before})"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
+    )
+    own = {"agribot", "typing_extensions"}  # the latter: by msgspec, where it is installed
+    names = set(result.stdout.split()) - set(sys.stdlib_module_names) - own
+    return {name for name in names if not name.startswith("_")}
+
+
+def test_the_bare_package_loads_nothing() -> None:
+    assert loaded_by("agribot") == set()
+
+
+def test_the_vocabulary_and_the_decisions_about_motion_need_only_numpy_and_msgspec() -> None:
+    light = {*LAYERS[0], "estimate", "plan", "control", "weeds"} - {"__init__"}
+    modules = [module_of(path) for path in sources() if part_of(path) in light]
+    assert loaded_by(*modules) <= LIGHT
+
+
+def test_no_package_loads_anything_heavy_by_its_name_alone() -> None:
+    packages = [module_of(path) for path in SOURCE.glob("*/__init__.py")]
+    assert loaded_by(*packages, "agribot.cli") <= LIGHT
+
+
+def test_files_are_short() -> None:
+    sizes = {show(path): len(path.read_text(encoding="utf-8").splitlines()) for path in sources()}
+    long = {name: lines for name, lines in sizes.items() if lines > MAX_FILE_LINES}
+    assert not long, f"over {MAX_FILE_LINES} lines: {long}"
+
+
+def test_functions_are_short() -> None:
+    long = {
+        name: node
+        for path in sources()
+        for name, node in functions(path)
+        if (node.end_lineno or node.lineno) - node.lineno + 1 > MAX_FUNCTION_LINES
+    }
+    assert set(long) <= LONG_KERNELS, f"over {MAX_FUNCTION_LINES} lines"
+    assert set(long) >= LONG_KERNELS, "take the short ones off LONG_KERNELS"
+    for node in long.values():
+        assert {"compiled", "inlined"} & set(map(ast.unparse, node.decorator_list)), node.name
+
+
+def test_modules_are_named_after_what_they_hold() -> None:
+    wrong = [
+        show(path)
+        for path in sources()
+        if BANNED_NAMES & set(path.relative_to(SOURCE).with_suffix("").parts)
+    ]
+    assert not wrong
+
+
+def test_only_the_command_line_prints() -> None:
+    wrong = [
+        f"{show(path)}:{node.lineno}"
+        for path in sources()
+        if part_of(path) not in MAY_PRINT
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id in {"print", "input"}
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_file_tells_of_somebodys_machine_or_of_how_the_project_came_to_be() -> None:
+    kept = (
+        path
+        for folder in ("src", "tests", "docs", "examples", "benchmarks", ".")
+        for path in (ROOT / folder).glob("*" if folder == "." else "**/*")
+        if path.is_file() and path.suffix in TEXT_SUFFIXES
+    )
+    wrong = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()[:80]}"
+        for path in sorted(kept)
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if PRIVATE.search(line)
+    ]
+    assert not wrong, "\n".join(wrong)
