@@ -1,0 +1,84 @@
+"""The `agribot` program: one command line for everything.
+
+Exit status: 0 done and good, 1 ran but the result is bad, 2 wrong use or bad input,
+130 interrupted after a clean stop.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+from agribot import __version__
+from agribot.errors import AgribotError
+
+# name -> (module, one line of help, an example)
+COMMANDS = {
+    "run": (
+        "agribot.commands.run",
+        "run the robot through a mission",
+        "agribot run farm --sensors rtk --seed 1 --out runs/first",
+    ),
+    "report": (
+        "agribot.commands.report",
+        "make report.json, report.html and map.png from a recording",
+        "agribot report runs/first/run.mcap -o runs/first-report",
+    ),
+    "replay": (
+        "agribot.commands.replay",
+        "run the stack again on a recording and compare every command",
+        "agribot replay runs/first/run.mcap",
+    ),
+    "describe": (
+        "agribot.commands.describe",
+        "check, convert and show the robot description",
+        "agribot describe --tree",
+    ),
+    "world": (
+        "agribot.commands.world",
+        "list, check and render worlds",
+        "agribot world render Farm -o farm.png",
+    ),
+    "train": (
+        "agribot.train.main",
+        "train the crop/weed network on simulated images",
+        "agribot train --images 1200 --minutes 20 --seed 0 --out training",
+    ),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    parser = argparse.ArgumentParser(
+        prog="agribot",
+        description="An autonomous field robot that weeds.",
+        epilog="example: agribot run farm",
+    )
+    parser.add_argument("--version", action="version", version=f"agribot {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    wanted = next((word for word in arguments if not word.startswith("-")), None)
+    for name, (module, help_line, example) in COMMANDS.items():
+        command = commands.add_parser(
+            name,
+            help=help_line,
+            description=help_line[0].upper() + help_line[1:] + ".",
+            epilog=f"example: {example}",
+        )
+        if name == wanted:  # only the wanted command is imported: --help stays quick
+            importlib.import_module(module).add_arguments(command)
+    options = parser.parse_args(arguments)
+    module = importlib.import_module(COMMANDS[options.command][0])
+    try:
+        return int(module.run(options))
+    except AgribotError as error:
+        print(f"agribot {options.command}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"agribot {options.command}: interrupted", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

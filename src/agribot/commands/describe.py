@@ -1,0 +1,41 @@
+"""`agribot describe`: check, convert and show the robot description."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+import msgspec
+
+from agribot.description.export import tree_text
+from agribot.description.loader import load_robot, urdf_text
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--robot", default="agribot", metavar="NAME|FILE", help="xacro or URDF")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--urdf", action="store_true", help="print the expanded URDF")
+    what.add_argument("--tree", action="store_true", help="print links and joints as a tree")
+    what.add_argument("--check", action="store_true", help="only say whether it can be driven")
+    parser.add_argument("--json", action="store_true", help="print what was understood as JSON")
+
+
+def run(options: argparse.Namespace) -> int:
+    robot = load_robot(options.robot)
+    if options.urdf:
+        sys.stdout.write(urdf_text(options.robot))
+    elif options.tree:
+        sys.stdout.write(tree_text(robot) + "\n")
+    elif not options.json:
+        drive = robot.drive
+        sys.stdout.write(
+            f"{robot.name}: {len(robot.links)} links, {len(robot.joints)} joints, "
+            f"{robot.mass_kg:.3f} kg\n"
+            f"wheel radius {drive.wheel_radius_m} m, track {drive.track_m} m, "
+            f"wheelbase {drive.wheelbase_m} m, "
+            f"effective separation {drive.effective_separation_m:.3f} m\n"
+            "the description is complete: it can be driven\n"
+        )
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(robot).decode() + "\n")
+    return 0

@@ -1,0 +1,58 @@
+"""`agribot report`: the files of a run again, from its recording alone."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import msgspec
+
+from agribot.description.worlds_sdf import load_world
+from agribot.errors import RecordingError
+from agribot.plan.rows import field_rows
+from agribot.record.events import EventLog
+from agribot.record.mcap_file import read_attachment
+from agribot.record.replay import read_config, read_ticks, read_truth, read_weed_map
+from agribot.record.report import Report
+from agribot.record.run_files import write_run_files
+from agribot.record.series import RunData, SeriesTap
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recording", type=Path, metavar="RUN.mcap")
+    parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--json", action="store_true", help="print the report as the last line")
+
+
+def run(options: argparse.Namespace) -> int:
+    config = read_config(options.recording)
+    data = read_attachment(options.recording, "report.json")
+    try:
+        report = msgspec.json.decode(data, type=Report)
+    except msgspec.MsgspecError as error:
+        raise RecordingError(f"the report inside {options.recording} is broken: {error}") from error
+    series, events = SeriesTap(), EventLog(options.out / "events.jsonl")
+    for record in read_ticks(options.recording):
+        series(record)
+        events(record)
+    for t_s, x_m, y_m, yaw_rad in read_truth(options.recording):
+        series.truth(t_s, (x_m, y_m, yaw_rad))
+    events.close()
+    write_run_files(
+        options.out,
+        report,
+        RunData(
+            config=config,
+            series=series.series(),
+            rows=() if config.waypoints else field_rows(config.field),
+            plants=read_weed_map(options.recording),
+            events=events.events,
+            world=load_world(config.world, seed=config.seed) if config.platform == "sim" else None,
+        ),
+    )
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
+    else:
+        sys.stdout.write(f"{options.out}/report.html\n")
+    return 0

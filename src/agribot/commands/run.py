@@ -1,0 +1,151 @@
+"""`agribot run`: the robot through a mission, with progress, recording and an honest report."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+
+from agribot import config as settings
+from agribot.commands.progress import Progress
+from agribot.errors import ConfigError
+from agribot.record.report import Report
+from agribot.session import Session
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "profile", nargs="?", default="farm", help="packaged profile or .toml file (default: farm)"
+    )
+    parser.add_argument("--world", metavar="NAME|FILE", help="another world than the profile's")
+    parser.add_argument("--robot", metavar="NAME|FILE", help="another robot description")
+    parser.add_argument("--waypoints", metavar="FILE", help="visit these places (GeoJSON or CSV)")
+    parser.add_argument(
+        "--sensors", metavar="PRESET", help="legacy, seed, m8n, rtk, rtk-dual, ideal"
+    )
+    parser.add_argument("--seed", type=int, metavar="N", help="of all randomness (default: 0)")
+    parser.add_argument(
+        "--speed",
+        default="max",
+        metavar="max|K",
+        help="simulate as fast as possible, or K x real time",
+    )
+    parser.add_argument(
+        "--for", dest="duration_s", type=float, metavar="SECONDS", help="stop after"
+    )
+    parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
+    parser.add_argument("--out", metavar="DIR", help="default: runs/<UTC time>-<profile>")
+    parser.add_argument("--json", action="store_true", help="print the report as the last line")
+    parser.add_argument(
+        "--headless", action="store_true", help="accepted for scripts: no window is ever opened"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    pace = _pace(options.speed)
+    config = _config(options)
+    with Session(config, _out_dir(options.out, config.profile)) as session:
+        progress = Progress(session.weed_map)
+        session.add_tap(progress)
+        with _stop_on_signal() as stop:
+            started_s = time.monotonic()
+            for record in session.ticks():
+                if stop:
+                    break
+                _wait_until(started_s + record.batch.t_s / pace)
+        progress.close()
+        report = session.finish("interrupted by the operator" if stop else "")
+    sys.stderr.write(_summary(report, session.out_dir))
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
+    if stop:
+        return 130
+    return 0 if report.ok else 1
+
+
+def _config(options: argparse.Namespace) -> settings.RunConfig:
+    named = {
+        "world": options.world,
+        "robot": options.robot,
+        "waypoints": options.waypoints,
+        "seed": options.seed,
+        "sim.sensors": options.sensors,
+        "duration_s": options.duration_s,
+    }
+    assigned = [f"{key}={_toml(value)}" for key, value in named.items() if value is not None]
+    return settings.load(options.profile, [*options.set, *assigned])
+
+
+def _toml(value: str | float) -> str:
+    return msgspec.json.encode(value).decode()
+
+
+def _pace(text: str) -> float:
+    """How many simulated seconds per second; infinite for as fast as possible."""
+    if text == "max":
+        return math.inf
+    try:
+        pace = float(text)
+    except ValueError:
+        pace = math.nan
+    if not pace > 0:
+        raise ConfigError(
+            f"--speed {text}: must be a number above 0 (1 is real time) or 'max', "
+            "as fast as possible"
+        )
+    return pace
+
+
+def _out_dir(wanted: str | None, profile: str) -> Path:
+    if wanted is not None:
+        return Path(wanted)
+    return Path("runs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{Path(profile).stem}"
+
+
+def _wait_until(moment_s: float) -> None:
+    remaining_s = moment_s - time.monotonic()
+    if remaining_s > 0:
+        time.sleep(remaining_s)
+
+
+@contextmanager
+def _stop_on_signal() -> Iterator[list[int]]:
+    """A list that a first Ctrl-C or SIGTERM makes true; the second one interrupts at once."""
+    received: list[int] = []
+
+    def note(signum: int, _frame: object) -> None:
+        received.append(signum)
+        signal.signal(signum, signal.default_int_handler)
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield received
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _summary(report: Report, out_dir: Path) -> str:
+    def number(value: float | None, scale: float = 1.0, unit: str = "") -> str:
+        return "-" if value is None else f"{value * scale:.3g}{unit}"
+
+    mission, tracking, weeds, spent = report.mission, report.tracking, report.weeds, report.time
+    return (
+        f"{'OK' if report.ok else 'NOT OK'}: {report.reason}\n"
+        f"  rows {mission.rows_done}/{mission.rows_total}, {number(mission.distance_m)} m, "
+        f"cross-track p95 {number(tracking.xte_p95_m, 100, ' cm')}, "
+        f"plants crushed {tracking.plants_crushed}/{tracking.plants_total}\n"
+        f"  weeds: {weeds.mapped} mapped of {weeds.truth}, precision {number(weeds.precision)}, "
+        f"recall {number(weeds.recall)}, treated {weeds.treated}\n"
+        f"  {number(spent.sim_s)} s simulated in {number(spent.wall_s)} s "
+        f"({number(spent.rtf_cpu)} x real time per CPU second)\n"
+        f"  {out_dir}/report.html\n"
+    )

@@ -1,0 +1,170 @@
+"""The report of a run, put together from what the robot believed and what the referee saw."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol, TypeVar
+
+import msgspec
+
+from agribot import __version__
+from agribot.config import RunConfig
+from agribot.messages import MissionStatus, TickRecord
+from agribot.perception_host import PerceptionMeter
+from agribot.record.events import EventLog
+from agribot.record.report import (
+    EstimateReport,
+    IouReport,
+    MissionReport,
+    PerceptionReport,
+    Report,
+    SafetyEvent,
+    SafetyReport,
+    TimeReport,
+    TrackingReport,
+    WeedReport,
+)
+from agribot.sim.referee import Referee
+from agribot.weeds.map import WeedMap
+
+Kind = TypeVar("Kind", bound=msgspec.Struct)
+
+
+class Clock:
+    """Wall and CPU time of this process while a run drives."""
+
+    def __init__(self) -> None:
+        self._started: tuple[float, float] | None = None
+        self.wall_s = self.cpu_s = 0.0
+
+    def start(self) -> None:
+        self._started = (time.monotonic(), time.process_time())
+
+    def stop(self) -> None:
+        if self._started is not None:
+            self.wall_s += time.monotonic() - self._started[0]
+            self.cpu_s += time.process_time() - self._started[1]
+            self._started = None
+
+
+class Drive(Protocol):
+    """What the report needs of a session that has come to its end."""
+
+    config: RunConfig
+    last: TickRecord | None
+    referee: Referee
+    clock: Clock
+    event_log: EventLog
+
+    @property
+    def meter(self) -> PerceptionMeter | None: ...
+    @property
+    def weed_map(self) -> WeedMap: ...
+
+
+def report_card(drive: Drive, why_ended: str = "") -> Report:
+    """`why_ended` names an end from outside: an interruption or the end of the time allowed."""
+    config, referee = drive.config, drive.referee
+    status = drive.last.status if drive.last is not None else None
+    kept = referee.rows_kept(status.rows_done if status else ())
+    mission = _mission(drive, status, kept)
+    tracking = referee.tracking()
+    ok = bool(mission.success) and tracking.plants_crushed == 0 and not why_ended
+    return Report(
+        profile=config.profile,
+        seed=config.seed,
+        sensors=config.sim.sensors,
+        version=__version__,
+        ok=ok,
+        reason=why_ended or _reason(status, mission, tracking.plants_crushed),
+        time=_time(drive),
+        mission=mission,
+        tracking=_same_fields(tracking, TrackingReport),
+        estimate=_same_fields(referee.estimate(), EstimateReport),
+        perception=_perception(drive),
+        weeds=_weeds(drive, kept),
+        safety=_safety(drive.event_log),
+    )
+
+
+def _reason(status: MissionStatus | None, mission: MissionReport, crushed: int) -> str:
+    if status is None:
+        return "the robot never ran"
+    if status.state != "done":
+        return f"mission {status.state}: {status.reason}" if status.reason else status.state
+    if mission.rows_total and mission.rows_done != mission.rows_total:
+        missed = mission.rows_total - (mission.rows_done or 0)
+        return (
+            f"the robot believes all is done, but in truth it left {missed} of "
+            f"{mission.rows_total} rows"
+        )
+    if crushed:
+        return f"{crushed} crop plants were crushed"
+    if mission.waypoints_total:
+        return f"{mission.waypoints_reached} of {mission.waypoints_total} waypoints reached"
+    return f"{mission.rows_done} of {mission.rows_total} rows, no plant crushed"
+
+
+def _mission(drive: Drive, status: MissionStatus | None, kept: tuple[int, ...]) -> MissionReport:
+    if status is None:
+        return MissionReport(success=False)
+    pitch_m = drive.config.field.row_pitch_m
+    area_m2 = len(kept) * drive.config.field.row_length_m * pitch_m
+    sim_s = drive.last.batch.t_s if drive.last is not None else 0.0
+    has_rows = status.rows_total > 0
+    return MissionReport(
+        success=status.state == "done" and len(kept) == status.rows_total,
+        rows_total=status.rows_total if has_rows else None,
+        rows_done=len(kept) if has_rows else None,
+        waypoints_total=status.waypoints_total or None,
+        waypoints_reached=status.waypoints_reached if status.waypoints_total else None,
+        distance_m=drive.referee.tracking().distance_m,
+        area_m2=area_m2 if has_rows else None,
+        h_per_ha=sim_s / 3600.0 / (area_m2 / 1e4) if has_rows and area_m2 else None,
+        coverage_ratio=drive.referee.coverage_ratio() if has_rows else None,
+    )
+
+
+def _time(drive: Drive) -> TimeReport:
+    sim_s = drive.last.batch.t_s if drive.last is not None else 0.0
+    clock = drive.clock
+    return TimeReport(
+        sim_s=sim_s,
+        wall_s=clock.wall_s,
+        cpu_s=clock.cpu_s,
+        rtf_cpu=sim_s / clock.cpu_s if clock.cpu_s else None,
+    )
+
+
+def _perception(drive: Drive) -> PerceptionReport:
+    meter = drive.meter
+    if meter is None or not meter.frames:
+        return PerceptionReport()
+    iou = drive.referee.iou()
+    known = [value for value in iou.values() if value is not None]
+    return PerceptionReport(
+        frames=meter.frames,
+        fps_cpu=meter.frames_per_cpu_s,
+        latency_p95_s=meter.latency_p95_s,
+        iou=IouReport(**iou),
+        miou=sum(known) / len(known) if known else None,
+    )
+
+
+def _weeds(drive: Drive, kept: tuple[int, ...]) -> WeedReport:
+    if drive.meter is None or not drive.referee.has_rows:
+        return WeedReport()
+    return _same_fields(drive.referee.weeds(drive.weed_map.weeds(), kept), WeedReport)
+
+
+def _safety(log: EventLog) -> SafetyReport:
+    return SafetyReport(
+        stops=tuple(SafetyEvent(t_s=e.t_s, reason=e.reason) for e in log.of_kind("stop")),
+        faults=tuple(SafetyEvent(t_s=e.t_s, reason=e.reason) for e in log.of_kind("fault")),
+    )
+
+
+def _same_fields(source: msgspec.Struct, kind: type[Kind]) -> Kind:
+    return msgspec.convert(
+        {name: getattr(source, name, None) for name in kind.__struct_fields__}, kind
+    )

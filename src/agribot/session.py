@@ -1,0 +1,224 @@
+"""One simulated run from settings to report: platform, stack and all that listens to them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import msgspec
+
+from agribot import stack as robot_stack
+from agribot.config import RunConfig
+from agribot.description.loader import load_robot, urdf_text
+from agribot.description.worlds_sdf import load_world
+from agribot.errors import MissionError, RecordingError
+from agribot.geo import MapFrame
+from agribot.messages import OperatorEvent, Row, TickRecord
+from agribot.perception_host import PerceptionMeter
+from agribot.plan.rows import field_rows
+from agribot.plan.waypoints import parse_waypoints
+from agribot.record.events import EventLog
+from agribot.record.recorder import RunRecorder
+from agribot.record.report import Report, to_json
+from agribot.record.run_files import write_run_files
+from agribot.record.series import RunData, SeriesTap
+from agribot.report_card import Clock, report_card
+from agribot.sim.platform import SimPlatform
+from agribot.sim.referee import Referee
+from agribot.stack import MapPoint, Tap
+from agribot.weeds.map import WeedMap
+
+ENDED = ("done", "cancelled", "failed")
+COMING_TO_REST_S = 2.0
+GOALS_ATTACHMENT = "goals.json"
+
+
+class Session:
+    """Opens everything before the robot may move, so that bad input is refused at rest.
+
+    Use it as a context: `ticks()` drives, `finish()` writes the files of the run.
+    """
+
+    def __init__(self, config: RunConfig, out_dir: Path) -> None:
+        """Raises: AgribotError: something in the settings or on the disk does not fit."""
+        self.config = config
+        self.out_dir = out_dir
+        self.robot = load_robot(config.robot)
+        self.goals_map_m = read_goals(config)
+        self.world = load_world(
+            config.world, seed=config.seed, weed_density_per_m2=config.sim.weed_density_per_m2
+        )
+        rows = () if self.goals_map_m else field_rows(config.field)
+        self.rows = rows
+        self.platform = SimPlatform(config, self.robot, self.world)
+        self.referee = Referee(self.platform, self.world, rows)
+        perception = robot_stack.perceiving(config, self.robot, self.referee.judge_mask)
+        self.stack = robot_stack.build(config, self.robot, self.goals_map_m, perception)
+        self.clock = Clock()
+        self.last: TickRecord | None = None
+        self._claim_out_dir()
+        self.event_log = EventLog(out_dir / "events.jsonl")
+        self._series = SeriesTap()
+        self._recorder = self._open_recorder() if config.record.enabled else None
+        self._has_plan = False
+        self.stack.taps += [self._show_truth, self.referee, self._series, self.event_log]
+        if self._recorder is not None:
+            self.stack.taps.append(self._record)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.platform.close()
+        self.stack.close()
+        self.event_log.close()
+        if self._recorder is not None:
+            self._recorder.close()
+
+    @property
+    def weed_map(self) -> WeedMap:
+        return self.stack.weed_map
+
+    @property
+    def meter(self) -> PerceptionMeter | None:
+        return self.stack.perception.meter
+
+    def add_tap(self, tap: Tap) -> None:
+        self.stack.taps.append(tap)
+
+    def ticks(self) -> Iterator[TickRecord]:
+        """Drive until the mission ends or the time allowed is over."""
+        self.clock.start()
+        while not self._has_ended() and not self._is_time_over():
+            yield self._tick()
+        self.clock.stop()
+
+    def finish(self, why_ended: str = "") -> Report:
+        """Bring the robot to rest, write every file of the run and return the report.
+
+        `why_ended` names an end from outside, such as an interruption.
+        """
+        if not self._has_ended() and not why_ended and self.last is not None:
+            why_ended = f"stopped after {self.config.duration_s:g} s, as asked"
+        self._come_to_rest()
+        self.clock.stop()
+        report = report_card(self, why_ended)
+        if self._recorder is not None:
+            self._recorder.attach("report.json", "application/json", to_json(report))
+            self._recorder.close()
+        write_run_files(self.out_dir, report, self._data())
+        return report
+
+    def _tick(self) -> TickRecord:
+        self.last = self.stack.tick(self.platform)
+        return self.last
+
+    def _has_ended(self) -> bool:
+        return self.last is not None and self.last.status.state in ENDED
+
+    def _is_time_over(self) -> bool:
+        limit_s = self.config.duration_s
+        return limit_s is not None and self.last is not None and self.last.batch.t_s >= limit_s
+
+    def _come_to_rest(self) -> None:
+        """Cancel what is left of the mission and wait for the wheels."""
+        if self.last is None:
+            return
+        t_s = self.last.batch.t_s
+        if not self._has_ended():
+            self.platform.post(OperatorEvent(t_s=t_s, action="cancel", source="session"))
+        self._tick()
+        while abs(self.last.estimate.v_mps) > 0.01 and self.last.batch.t_s < t_s + COMING_TO_REST_S:
+            self._tick()
+
+    def _claim_out_dir(self) -> None:
+        try:
+            self.out_dir.mkdir(parents=True, exist_ok=True)
+            probe = self.out_dir / "events.jsonl"
+            probe.touch()
+        except OSError as error:
+            raise RecordingError(
+                f"cannot write into {self.out_dir}: {error.strerror}; choose another --out folder"
+            ) from error
+
+    def _open_recorder(self) -> RunRecorder:
+        recorder = RunRecorder(
+            self.out_dir / "run.mcap",
+            self.config,
+            self.robot,
+            urdf_text(self.config.robot),
+            goals_map_m=self.goals_map_m or _row_ends(self.rows),
+            weed_map=self.stack.weed_map.plants,
+        )
+        goals = msgspec.json.encode(self.goals_map_m)
+        recorder.attach(GOALS_ATTACHMENT, "application/json", goals)
+        return recorder
+
+    def _record(self, record: TickRecord) -> None:
+        recorder = self._recorder
+        assert recorder is not None
+        path = self.stack.mission.path
+        if path is not None and not self._has_plan:
+            self._has_plan = True
+            recorder.set_plan(record.batch.t_s, path, self.goals_map_m or _row_ends(self.rows))
+        recorder(record)
+
+    def _show_truth(self, record: TickRecord) -> None:
+        truth = self.platform.truth()
+        pose = (truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
+        self._series.truth(record.batch.t_s, pose)
+        if self._recorder is not None:
+            self._recorder.truth(record.batch.t_s, pose, (truth.v_mps, truth.yaw_rate_radps))
+
+    def _data(self) -> RunData:
+        return RunData(
+            config=self.config,
+            series=self._series.series(),
+            rows=self.rows,
+            plan=self.stack.mission.path,
+            goals_map_m=self.goals_map_m or _row_ends(self.rows),
+            plants=self.weed_map.plants(),
+            events=self.event_log.events,
+            world=self.world,
+        )
+
+
+def read_goals(config: RunConfig) -> tuple[MapPoint, ...]:
+    """The waypoints of the settings in the map; none where the rows of the field are the task.
+
+    Raises: MissionError: the file is missing or broken, or a waypoint is too far from the field.
+    """
+    if not config.waypoints:
+        return ()
+    path = Path(config.waypoints)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MissionError(f"cannot read waypoints from {path}: {error}; check the path") from error
+    frame = MapFrame(config.field.datum)
+    limit_m = config.mission.max_waypoint_distance_m
+    goals: list[MapPoint] = []
+    for number, (lat_deg, lon_deg) in enumerate(parse_waypoints(text, path.name), start=1):
+        east_m, north_m, _ = frame.map_from_geodetic(lat_deg, lon_deg, config.field.datum.alt_m)
+        distance_m = math.hypot(east_m, north_m)
+        if distance_m > limit_m:
+            raise MissionError(
+                f"{path.name}: waypoint {number} is {distance_m:.0f} m from the field's origin, "
+                f"farther than {limit_m:.0f} m; correct it, or raise "
+                "mission.max_waypoint_distance_m"
+            )
+        goals.append((east_m, north_m))
+    return tuple(goals)
+
+
+def _row_ends(rows: tuple[Row, ...]) -> tuple[MapPoint, ...]:
+    """Both ends of every row, the goals that a map shows for a mission over rows."""
+    return tuple(end for row in rows for end in (row.start_map_m, row.end_map_m))

@@ -1,0 +1,155 @@
+"""The robot on one page: read, estimate, perceive, decide, supervise, write, tell the taps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from agribot.config import RunConfig
+from agribot.control.follower import Follower
+from agribot.control.supervise import Supervisor
+from agribot.estimate.localizer import Localizer
+from agribot.messages import (
+    ByteArray,
+    CameraFrame,
+    Estimate,
+    Path,
+    RobotCommand,
+    Row,
+    Scene,
+    TickRecord,
+)
+from agribot.perceive.ground import GroundLookup
+from agribot.perceive.plants import observe
+from agribot.perceive.segmenter import Segmenter
+from agribot.perception_host import NoPerception, PerceptionHost, ThreadedPerception
+from agribot.plan.boustrophedon import plan_rows
+from agribot.plan.certify import certify
+from agribot.plan.mission import Mission
+from agribot.plan.rows import field_rows
+from agribot.plan.waypoints import plan_waypoints
+from agribot.platform import Platform
+from agribot.robot import RobotSpec
+from agribot.weeds.map import WeedMap
+from agribot.weeds.treatment import Treatment
+
+Tap = Callable[[TickRecord], None]
+MaskTap = Callable[[int, ByteArray], None]
+MapPoint = tuple[float, float]
+
+
+class Stack:
+    """Owns the parts of one run and their order; the parts know nothing of each other."""
+
+    def __init__(
+        self,
+        localizer: Localizer,
+        perception: PerceptionHost,
+        weed_map: WeedMap,
+        mission: Mission,
+        follower: Follower,
+        treatment: Treatment,
+        supervisor: Supervisor,
+    ) -> None:
+        self.localizer = localizer
+        self.perception = perception
+        self.weed_map = weed_map
+        self.mission = mission
+        self.follower = follower
+        self.treatment = treatment
+        self.supervisor = supervisor
+        self.taps: list[Tap] = []
+
+    def tick(self, platform: Platform) -> TickRecord:
+        batch = platform.read()
+        estimate = self.localizer.update(batch)
+        self.weed_map.track_pose(estimate)
+        scenes = self.perception.step(batch)
+        for scene in scenes:
+            self.weed_map.add(scene)
+        goal = self.mission.step(estimate, batch.events)
+        drive, tracking = self.follower.step(estimate, goal)
+        implement = self.treatment.step(estimate, self.weed_map, goal.tool_on)
+        wanted = RobotCommand(t_s=batch.t_s, drive=drive, implement=implement)
+        command, reason = self.supervisor.check(wanted, estimate, batch, goal)
+        platform.write(command)
+        record = TickRecord(
+            batch=batch,
+            scenes=scenes,
+            estimate=estimate,
+            status=goal.status,
+            tracking=tracking,
+            command=command,
+            reason=reason,
+        )
+        for tap in self.taps:
+            tap(record)
+        return record
+
+    def close(self) -> None:
+        self.perception.close()
+
+
+def build(
+    config: RunConfig,
+    robot: RobotSpec,
+    waypoints_map_m: tuple[MapPoint, ...] = (),
+    perception: PerceptionHost | None = None,
+) -> Stack:
+    """Put the parts together as the settings say.
+
+    `waypoints_map_m` replaces the rows of the field as the task; `perception` replaces the
+    camera network, as a replay does.
+    Raises: AgribotError: the settings, the robot and the field do not fit each other.
+    """
+    rows = () if waypoints_map_m else field_rows(config.field)
+    return Stack(
+        localizer=Localizer(config.estimate, config.field, robot),
+        perception=perceiving(config, robot) if perception is None else perception,
+        weed_map=WeedMap(config.weeds),
+        mission=Mission(
+            _planner(config, robot, rows, waypoints_map_m), rows, config.mission, waypoints_map_m
+        ),
+        follower=Follower(config.control, robot),
+        treatment=Treatment(config.treatment, robot.sprayer),
+        supervisor=Supervisor(config.safety, robot),
+    )
+
+
+def perceiving(
+    config: RunConfig, robot: RobotSpec, on_mask: MaskTap | None = None
+) -> PerceptionHost:
+    """The camera network off the control loop; `on_mask` hears every frame index and class map."""
+    settings = config.perception
+    if not settings.enabled or robot.camera is None:
+        return NoPerception()
+    segmenter = Segmenter(settings.model, settings.threads)
+    ground = GroundLookup(
+        robot.camera, robot.body_from_camera(), segmenter.map_shape, settings.max_range_m
+    )
+
+    def observer(frame: CameraFrame, ready_s: float) -> Scene:
+        class_map = segmenter.segment(frame.image_rgb)
+        if on_mask is not None:
+            on_mask(frame.index, class_map.class_id)
+        return observe(frame, class_map, ground, settings, ready_s)
+
+    return ThreadedPerception(observer, settings.latency_s)
+
+
+def _planner(
+    config: RunConfig,
+    robot: RobotSpec,
+    rows: tuple[Row, ...],
+    waypoints_map_m: tuple[MapPoint, ...],
+) -> Callable[[Estimate], Path]:
+    """Plans from where the robot finds itself, and lets no path out that harms a row."""
+
+    def plan(estimate: Estimate) -> Path:
+        start = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+        if waypoints_map_m:
+            return plan_waypoints(waypoints_map_m, start, robot, config.mission)
+        path = plan_rows(rows, start, robot, config.mission)
+        certify(path, rows, robot, config.mission.plant_clearance_m)
+        return path
+
+    return plan

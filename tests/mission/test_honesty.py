@@ -1,0 +1,80 @@
+"""What went wrong is said, in the exit status, in the report and in the event log."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from agribot.cli import main
+from agribot.record.replay import read_ticks
+from agribot.record.report import Report
+
+ShortRun = Callable[..., tuple[Path, Report]]
+PROGRAM = [sys.executable, "-m", "agribot.cli"]
+
+
+@pytest.mark.parametrize("preset", ["m8n", "seed"])
+def test_cheap_receivers_run_to_an_honest_report(
+    preset: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / preset
+    arguments = ["run", "farm", "--sensors", preset, "--seed", "1", "--out", str(out), "--json"]
+    status = main([*arguments, "--set", "perception.enabled=false"])
+    report = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert report["ok"] is (status == 0)
+    assert report["reason"]
+    succeeded = report["mission"]["rows_done"] == 6 and report["tracking"]["plants_crushed"] == 0
+    assert report["ok"] <= succeeded
+    assert report["weeds"]["precision"] is None  # no camera: not applicable, not zero
+
+
+def test_a_mission_cut_short_is_not_a_success(short_run: ShortRun) -> None:
+    _, report = short_run("short", "perception.enabled=false", seconds=5.0)
+    assert not report.ok
+    assert "5" in report.reason
+
+
+def test_ctrl_c_stops_the_robot_and_leaves_everything_readable(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    arguments = ["run", "farm", "--speed", "4", "--out", str(out)]
+    program = subprocess.Popen(
+        [*PROGRAM, *arguments], stderr=subprocess.PIPE, text=True, env={**os.environ}
+    )
+    assert program.stderr is not None
+    program.stderr.readline()  # the first line of progress: it drives
+    program.send_signal(signal.SIGINT)
+    _, complaint = program.communicate(timeout=120)
+    assert program.returncode == 130, complaint
+    report = json.loads((out / "report.json").read_text())
+    assert report["ok"] is False
+    assert "interrupted" in report["reason"]
+    ticks = list(read_ticks(out / "run.mcap"))
+    assert ticks
+    assert ticks[-1].command.drive.v_mps == 0.0
+    assert ticks[-1].command.drive.yaw_rate_radps == 0.0
+
+
+def test_no_graphics_library_is_ever_loaded(tmp_path: Path) -> None:
+    code = (
+        "import sys; from agribot.cli import main; status = main(sys.argv[1:]);"
+        "print(open('/proc/self/maps').read())"
+    )
+    arguments = ["run", "farm", "--for", "2", "--out", str(tmp_path / "run")]
+    environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    result = subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=True,
+    )
+    assert "libmujoco" in result.stdout
+    for library in ("libGL.", "libEGL", "libOSMesa", "libvulkan", "libX11", "libGLX"):
+        assert library not in result.stdout
