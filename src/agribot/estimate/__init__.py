@@ -1,0 +1,1 @@
+"""State estimation: where the robot is, how well that is known, and why not when it is not."""

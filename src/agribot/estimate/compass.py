@@ -1,0 +1,143 @@
+"""Heading from the magnetometer: tilt, declination, hard iron and noise that nobody specified."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections import Counter
+
+from agribot.config import EstimateConfig
+from agribot.estimate.ekf import GYRO_BIAS, MAG_BIAS, YAW, Ekf
+from agribot.estimate.gate import Gate
+from agribot.estimate.history import MotionHistory
+from agribot.geo import wrap_rad
+from agribot.messages import MagSample, Vec3
+
+# The first heading is the mean of this many samples.
+FIRST_SAMPLES = 8
+# Hard iron turns with the robot: after about a radian the old bias says little about the new.
+BIAS_MEMORY_RAD = 1.0
+# Soft iron, motor currents and things beside the track change it in place.
+BIAS_MEMORY_S = 120.0
+# Weight of a new sample in the running noise estimate, and the largest jump that counts.
+NOISE_WEIGHT = 0.1
+MAX_JUMP_RAD = 1.0
+
+
+def yaw_from_field(field_t: Vec3, up_body: Vec3, declination_rad: float) -> float | None:
+    """Yaw of the body in the map; None where the field has no horizontal part.
+
+    The declination is that of magnetic North, positive to the East.
+    """
+    # The body's x axis laid flat, and left of it, both written in body axes.
+    ux, uy, uz = up_body
+    norm = math.hypot(uy, uz)
+    if norm < 0.1:
+        return None
+    forward = (norm, -ux * uy / norm, -ux * uz / norm)
+    left = (0.0, uz / norm, -uy / norm)
+    ahead_t = sum(a * b for a, b in zip(field_t, forward, strict=True))
+    left_t = sum(a * b for a, b in zip(field_t, left, strict=True))
+    total = math.hypot(*field_t)
+    if not math.isfinite(total) or math.hypot(ahead_t, left_t) <= 1e-3 * total:
+        return None
+    return wrap_rad(math.pi / 2.0 - declination_rad - math.atan2(left_t, ahead_t))
+
+
+class NoiseMeter:
+    """White noise of a heading from the jumps between neighbours.
+
+    The difference of two samples, both turned back by the gyro, cancels heading and slow bias
+    alike and keeps twice the white variance; it does not depend on the filter's own opinion.
+    """
+
+    def __init__(self, floor_std_rad: float) -> None:
+        self._floor = floor_std_rad**2
+        self._variance = self._floor
+        self._last_rad: float | None = None
+        self._count = 0
+
+    @property
+    def variance(self) -> float:
+        return max(self._variance, self._floor)
+
+    def add(self, heading_rad: float) -> None:
+        if self._last_rad is not None:
+            jump_rad = min(abs(wrap_rad(heading_rad - self._last_rad)), MAX_JUMP_RAD)
+            self._count += 1
+            weight = max(NOISE_WEIGHT, 1.0 / self._count)
+            self._variance += weight * (jump_rad * jump_rad / 2.0 - self._variance)
+        self._last_rad = heading_rad
+
+
+class Compass:
+    """Gives the filter its first heading, then slow corrections of it."""
+
+    def __init__(
+        self,
+        ekf: Ekf,
+        history: MotionHistory,
+        config: EstimateConfig,
+        declination_rad: float,
+        rejected: Counter[str],
+    ) -> None:
+        self.is_ready = False
+        self._ekf = ekf
+        self._history = history
+        self._declination_rad = declination_rad
+        self._bias_std_rad = config.mag_bias_std_rad
+        self._noise = NoiseMeter(config.mag_std_rad)
+        self._gate = Gate(config.gate_sigma, config.recover_after)
+        self._rejected = rejected
+        self._first_sum = 0j
+        self._first_count = 0
+        self._last_t_s = -math.inf
+
+    def update(self, sample: MagSample, up_body: Vec3) -> None:
+        yaw_rad = yaw_from_field(sample.field_t, up_body, self._declination_rad)
+        now, then = self._history.newest, self._history.at(sample.t_s)
+        if yaw_rad is None or not math.isfinite(sample.t_s):
+            self._rejected["mag not usable"] += 1
+        elif sample.t_s <= self._last_t_s:
+            self._rejected["mag out of order"] += 1
+        elif now is None or then is None:
+            self._rejected["mag without odometry"] += 1
+        else:
+            self._last_t_s = sample.t_s
+            self._noise.add(yaw_rad - then.yaw_rad)
+            if self.is_ready:
+                self._correct(yaw_rad + now.yaw_rad - then.yaw_rad)
+            else:
+                self._begin(yaw_rad - then.yaw_rad, now.yaw_rad)
+
+    def _begin(self, offset_rad: float, turned_rad: float) -> None:
+        """Collect headings, each turned back to the start of the odometry; then set the yaw."""
+        self._first_sum += cmath.rect(1.0, offset_rad)
+        self._first_count += 1
+        if self._first_count < FIRST_SAMPLES:
+            return
+        yaw_rad = wrap_rad(cmath.phase(self._first_sum) + turned_rad)
+        bias_rad2 = self._ekf.cov[GYRO_BIAS, GYRO_BIAS]
+        self._ekf.reset(YAW, yaw_rad, math.pi**2)
+        self._ekf.reset(MAG_BIAS, 0.0, self._bias_std_rad**2)
+        variance = self._noise.variance / self._first_count + float(bias_rad2)
+        self._ekf.update(((YAW, 1.0), (MAG_BIAS, 1.0)), 0.0, variance)
+        self.is_ready = True
+
+    def _correct(self, yaw_rad: float) -> None:
+        row = ((YAW, 1.0), (MAG_BIAS, 1.0))
+        ekf = self._ekf
+        residual_rad = wrap_rad(yaw_rad - ekf.x[YAW] - ekf.x[MAG_BIAS])
+        variance = self._noise.variance
+        verdict = self._gate.judge(ekf.update(row, residual_rad, variance, self._gate.limit))
+        if verdict == "reject":
+            self._rejected["mag outlier"] += 1
+        elif verdict == "recover":
+            # The gyro carries the heading; what jumped is the field around the robot.
+            ekf.inflate(MAG_BIAS, residual_rad**2)
+            ekf.update(row, residual_rad, variance)
+
+    def ageing(self, dt_s: float, turn_abs_rad: float) -> tuple[int, float, float]:
+        """How the bias ages, as Ekf.relax takes it; its spread stays what the config believes."""
+        factor = math.exp(-dt_s / BIAS_MEMORY_S - turn_abs_rad / BIAS_MEMORY_RAD)
+        return MAG_BIAS, factor, self._bias_std_rad**2 * (1.0 - factor * factor)

@@ -1,0 +1,170 @@
+"""Extended Kalman filter of the pose and of six slow sensor errors, in plain NumPy.
+
+The state is a list of floats and the covariance one array that is only ever changed in place:
+at 100 predictions a second the arithmetic is free and the Python around it is the cost.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import msgspec
+import numpy as np
+
+from agribot.geo import wrap_rad
+from agribot.messages import FloatArray
+
+STATES = 9
+X, Y, YAW, GYRO_BIAS, WHEEL_SCALE, SLIP, GNSS_BIAS_X, GNSS_BIAS_Y, MAG_BIAS = range(STATES)
+
+# One row of the measurement matrix, without its zeros: (state, coefficient) pairs.
+Row = tuple[tuple[int, float], ...]
+
+
+class MotionNoise(msgspec.Struct, frozen=True, kw_only=True):
+    """Variance that motion adds, per metre, radian and second, so that the rate cannot matter."""
+
+    position_m2_per_m: float
+    position_m2_per_rad: float
+    yaw_rad2_per_s: float
+    yaw_rad2_per_rad: float
+
+
+class Ekf:
+    """States: x_map_m, y_map_m, yaw_map_rad, gyro bias (rad/s), wheel scale (share of the wheel
+    speed lost), slip, GNSS bias east and north (m), magnetometer bias (rad).
+
+    Slip belongs to the slope, so its sign is kept in the map and not in the body: driving along
+    the rows in either direction the robot crabs to the same side of the field. In the body it is
+    `slip * cos(yaw - row_yaw)`, and it points the same way in reverse.
+    """
+
+    def __init__(self, std: Sequence[float], row_yaw_rad: float) -> None:
+        self.x = [0.0] * STATES
+        self.cov = np.diag(np.square(np.asarray(std, dtype=np.float64)))
+        self._row_yaw_rad = row_yaw_rad
+        # F = I + A, and A has only rows 0-2 and columns 2-5.
+        self._a = np.zeros((3, 4))
+        self._top, self._middle = self.cov[:3], self.cov[2:6]
+        self._top_middle, self._top_right = self.cov[:3, 2:6], self.cov[:3, 3:]
+        self._corner, self._bottom_left = self.cov[:3, :3], self.cov[3:, :3]
+        self._fp, self._fpa = np.empty((3, STATES)), np.empty((3, 3))
+        self._outer = np.empty((STATES, STATES))
+
+    def slip_ratio(self, yaw_map_rad: float) -> float:
+        """Share of the slip state that acts sideways at a heading."""
+        return math.cos(yaw_map_rad - self._row_yaw_rad)
+
+    def predict(
+        self, distance_m: float, turn_rad: float, dt_s: float, noise: MotionNoise
+    ) -> tuple[float, float, float]:
+        """Move by what wheels and gyro measured over `dt_s`.
+
+        Returns: the step after the corrections for bias, scale and slip: x, y and yaw, map frame.
+        """
+        x = self.x
+        turned_rad = turn_rad - x[GYRO_BIAS] * dt_s
+        kept_ratio = 1.0 - x[WHEEL_SCALE]
+        middle_rad = x[YAW] + turned_rad / 2.0
+        cos, sin = math.cos(middle_rad), math.sin(middle_rad)
+        across_rad = middle_rad - self._row_yaw_rad
+        slip_m = abs(distance_m) * math.cos(across_rad)
+        left_m = x[SLIP] * slip_m
+        lost_m = x[SLIP] * abs(distance_m) * math.sin(across_rad)  # left per yaw, negative
+        raw_x_m = distance_m * cos - left_m * sin
+        raw_y_m = distance_m * sin + left_m * cos
+        dx_m, dy_m = kept_ratio * raw_x_m, kept_ratio * raw_y_m
+        x[X] += dx_m
+        x[Y] += dy_m
+        x[YAW] = wrap_rad(x[YAW] + turned_rad)
+        x_yaw, y_yaw = kept_ratio * lost_m * sin - dy_m, dx_m - kept_ratio * lost_m * cos
+        half_s, kept_slip_m = dt_s / 2.0, kept_ratio * slip_m
+        self._a[:] = (
+            (x_yaw, -x_yaw * half_s, -raw_x_m, -kept_slip_m * sin),
+            (y_yaw, -y_yaw * half_s, -raw_y_m, kept_slip_m * cos),
+            (0.0, -dt_s, 0.0, 0.0),
+        )
+        self._propagate()
+        turn_abs_rad = abs(turned_rad)
+        position_m2 = (
+            noise.position_m2_per_m * abs(distance_m) + noise.position_m2_per_rad * turn_abs_rad
+        )
+        self.inflate(X, position_m2)
+        self.inflate(Y, position_m2)
+        self.inflate(YAW, noise.yaw_rad2_per_s * dt_s + noise.yaw_rad2_per_rad * turn_abs_rad)
+        return dx_m, dy_m, turned_rad
+
+    def _propagate(self) -> None:
+        """P <- F P F^T, touching the first three rows and columns only."""
+        np.matmul(self._a, self._middle, out=self._fp)
+        self._top += self._fp
+        np.matmul(self._top_middle, self._a.T, out=self._fpa)
+        self._corner += self._fpa
+        self._bottom_left[:] = self._top_right.T
+
+    def relax(self, changes: Iterable[tuple[int, float, float]]) -> None:
+        """Age states: each (state, factor, variance) is multiplied by the factor, then grows."""
+        for state, factor, variance in changes:
+            self.x[state] *= factor
+            self.cov[state] *= factor
+            self.cov[:, state] *= factor
+            self.inflate(state, variance)
+
+    def inflate(self, state: int, variance: float) -> None:
+        self.cov[state, state] += variance
+
+    def reset(self, state: int, value: float, variance: float) -> None:
+        """Forget a state and its correlations."""
+        self.x[state] = value
+        self.cov[state] = 0.0
+        self.cov[:, state] = 0.0
+        self.cov[state, state] = variance
+
+    def project(self, row: Row) -> tuple[FloatArray, float]:
+        """P H^T (9,) and H P H^T."""
+        cov = self.cov
+        state, weight = row[0]
+        projected = cov[state] * weight
+        for state, weight in row[1:]:
+            projected += cov[state] * weight
+        variance = sum(weight * float(projected[state]) for state, weight in row)
+        return projected, variance
+
+    def update(self, row: Row, residual: float, variance: float, gate: float = math.inf) -> float:
+        """Correct with one scalar unless its squared normalised innovation, returned, is > gate."""
+        projected, prior = self.project(row)
+        total = prior + variance
+        distance2 = residual * residual / total
+        if distance2 <= gate:
+            self._apply(projected, residual, total)
+        return distance2
+
+    def update_pair(
+        self,
+        rows: tuple[Row, Row],
+        residuals: tuple[float, float],
+        variance: float,
+        gate: float = math.inf,
+    ) -> float:
+        """Correct with two scalars of equal, independent noise, gated together."""
+        first, prior_0 = self.project(rows[0])
+        _, prior_1 = self.project(rows[1])
+        cross = sum(weight * float(first[state]) for state, weight in rows[1])
+        total_0, total_1 = prior_0 + variance, prior_1 + variance
+        r0, r1 = residuals
+        distance2 = (total_1 * r0 * r0 - 2.0 * cross * r0 * r1 + total_0 * r1 * r1) / (
+            total_0 * total_1 - cross * cross
+        )
+        if distance2 <= gate:
+            self._apply(first, r0, total_0)
+            self.update(rows[1], r1 - cross / total_0 * r0, variance)
+        return distance2
+
+    def _apply(self, projected: FloatArray, residual: float, total: float) -> None:
+        gain = (projected * (residual / total)).tolist()
+        self.x = [value + change for value, change in zip(self.x, gain, strict=True)]
+        self.x[YAW] = wrap_rad(self.x[YAW])
+        projected /= math.sqrt(total)  # the product below is then exactly symmetric
+        np.multiply(projected[:, None], projected, out=self._outer)
+        self.cov -= self._outer

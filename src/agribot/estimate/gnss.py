@@ -1,0 +1,273 @@
+"""Position and velocity of the GNSS antenna as corrections of the filter."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import Counter
+
+import msgspec
+
+from agribot.config import EstimateConfig
+from agribot.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, Ekf, Row, X, Y
+from agribot.estimate.gate import Gate
+from agribot.estimate.history import Motion, MotionHistory
+from agribot.geo import MapFrame, rotation_from_rpy
+from agribot.messages import FloatArray, GnssFix, GnssQuality, Vec3
+
+CORRECTED = (GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT)
+# The first position is the median of this many fixes, so that no single one can spoil it.
+FIRST_FIXES = 5
+MIN_POS_STD_M = 0.005
+UNKNOWN_M2 = 1e6
+# Scatter of an uncorrected receiver around its own slow wander.
+UNCORRECTED_WHITE_M = 0.12
+# The wander: multipath and atmosphere over minutes; stays within the receiver's own sigma.
+UNCORRECTED_WALK_M_PER_SQRT_S = 0.1
+# With fixed ambiguities multipath on the carrier remains: about 1 cm over a minute.
+CORRECTED_BIAS_M, CORRECTED_WALK_M_PER_SQRT_S = 0.01, 0.0018
+# A float solution wanders this slowly, so its epochs are far from independent.
+FLOAT_MEMORY_S = 15.0
+FLOAT_STD_M = 0.3
+# Receivers state their velocity noise too well, and wheels do not tell all of the motion.
+VELOCITY_FACTOR = 1.4
+VELOCITY_FLOOR_MPS = 0.02
+# Skidding moves the centre of the turn off the middle, for as long as the turn lasts.
+TURN_CENTRE_STD_M, TURN_MEMORY_S = 0.03, 2.0
+
+
+class FixNoise(msgspec.Struct, frozen=True, kw_only=True):
+    """What the filter believes of a fix: white variance, and spread and walk of the bias."""
+
+    variance_m2: float
+    bias_std_m: float
+    bias_walk_m_per_sqrt_s: float
+
+
+def fix_noise(fix: GnssFix, since_last_s: float) -> FixNoise:
+    std_m = max(fix.pos_std_m, MIN_POS_STD_M)
+    if fix.quality not in CORRECTED:
+        return FixNoise(
+            variance_m2=UNCORRECTED_WHITE_M**2,
+            bias_std_m=max(std_m, UNCORRECTED_WHITE_M),
+            bias_walk_m_per_sqrt_s=UNCORRECTED_WALK_M_PER_SQRT_S,
+        )
+    # The stated sigma holds the slow part too, which the bias states carry.
+    variance_m2 = max(std_m**2 - CORRECTED_BIAS_M**2, std_m**2 / 4.0)
+    if fix.quality is GnssQuality.RTK_FLOAT:
+        variance_m2 = max(std_m, FLOAT_STD_M) ** 2 * _repeats(FLOAT_MEMORY_S, since_last_s)
+    return FixNoise(
+        variance_m2=variance_m2,
+        bias_std_m=CORRECTED_BIAS_M,
+        bias_walk_m_per_sqrt_s=CORRECTED_WALK_M_PER_SQRT_S,
+    )
+
+
+def _repeats(memory_s: float, since_last_s: float) -> float:
+    """How many epochs share one error that lasts; their noise has to count that often."""
+    return max(2.0 * memory_s / max(since_last_s, 0.01), 1.0)
+
+
+class Gnss:
+    """Gives the filter its first position, then corrects position, heading and wheel scale.
+
+    A fix speaks of its own epoch: it is compared with where the robot was then, and the
+    difference corrects where the robot is now.
+    """
+
+    def __init__(
+        self,
+        ekf: Ekf,
+        history: MotionHistory,
+        config: EstimateConfig,
+        frame: MapFrame,
+        antenna_body_m: Vec3,
+        rejected: Counter[str],
+    ) -> None:
+        self.is_ready = False
+        self.quality = GnssQuality.NONE
+        self.last_t_s = -math.inf
+        self._ekf = ekf
+        self._history = history
+        self._frame = frame
+        self._antenna_body_m = antenna_body_m
+        self._rejected = rejected
+        self._position_gate = Gate(config.gate_sigma, config.recover_after)
+        # Spinning wheels falsify the position with every metre, so they are admitted sooner.
+        self._spin_after = max(2, config.recover_after // 3)
+        self._velocity_gate = Gate(config.gate_sigma, self._spin_after)
+        self._first: list[tuple[float, float]] = []
+        self._noise: FixNoise | None = None
+        self._is_corrected = False
+
+    @property
+    def rejected_in_a_row(self) -> int:
+        return self._position_gate.rejected_in_a_row
+
+    def update(self, fix: GnssFix, up_body: Vec3) -> None:
+        if not _is_usable(fix):
+            self._rejected["gnss not usable"] += 1
+            return
+        now, then = self._history.newest, self._history.at(fix.t_s)
+        if fix.t_s <= self.last_t_s:
+            self._rejected["gnss out of order"] += 1
+        elif now is None or then is None:
+            self._rejected["gnss without odometry"] += 1
+        else:
+            since_last_s = min(fix.t_s - self.last_t_s, FLOAT_MEMORY_S)
+            self._noise = noise = fix_noise(fix, since_last_s)
+            self.last_t_s = fix.t_s
+            self.quality = fix.quality
+            self._follow_quality(noise)
+            lever_m = _level(self._antenna_body_m, up_body)
+            self._position(fix, noise, lever_m, now, then)
+            if fix.velocity_mps is not None and self.is_ready:
+                self._velocity(fix, since_last_s, lever_m, now, then)
+
+    def ageing(self, dt_s: float) -> list[tuple[int, float, float]]:
+        """How the two bias states age, as Ekf.relax takes it."""
+        if self._noise is None:
+            return []
+        variance = self._noise.bias_std_m**2
+        factor = math.exp(-(self._noise.bias_walk_m_per_sqrt_s**2) * dt_s / (2.0 * variance))
+        growth = variance * (1.0 - factor * factor)
+        return [(GNSS_BIAS_X, factor, growth), (GNSS_BIAS_Y, factor, growth)]
+
+    def _follow_quality(self, noise: FixNoise) -> None:
+        """Corrections coming or going replace one bias by another that knows nothing of it."""
+        is_corrected = self.quality in CORRECTED
+        if is_corrected != self._is_corrected or not self.is_ready:
+            for state in (GNSS_BIAS_X, GNSS_BIAS_Y):
+                self._ekf.reset(state, 0.0, noise.bias_std_m**2)
+        self._is_corrected = is_corrected
+
+    def _position(
+        self, fix: GnssFix, noise: FixNoise, lever_m: tuple[float, float], now: Motion, then: Motion
+    ) -> None:
+        alt_m = fix.alt_m if math.isfinite(fix.alt_m) else self._frame.datum.alt_m
+        east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, alt_m)
+        x = self._ekf.x
+        arm_x, arm_y = _turned(lever_m, x[YAW] - (now.yaw_rad - then.yaw_rad))
+        moved_x, moved_y = now.x_m - then.x_m, now.y_m - then.y_m
+        now_x, now_y = east_m - arm_x + moved_x, north_m - arm_y + moved_y
+        if not self.is_ready:
+            self._begin(now_x, now_y, fix_noise(fix, FLOAT_MEMORY_S).variance_m2, now)
+            return
+        rows = (
+            ((X, 1.0), (YAW, moved_y - arm_y), (GNSS_BIAS_X, 1.0)),
+            ((Y, 1.0), (YAW, arm_x - moved_x), (GNSS_BIAS_Y, 1.0)),
+        )
+        residuals = (now_x - x[X] - x[GNSS_BIAS_X], now_y - x[Y] - x[GNSS_BIAS_Y])
+        self._correct_position(rows, residuals, noise)
+
+    def _begin(self, x_m: float, y_m: float, variance_m2: float, now: Motion) -> None:
+        self._first.append((x_m - now.x_m, y_m - now.y_m))
+        if len(self._first) < FIRST_FIXES:
+            return
+        x_m = statistics.median(p[0] for p in self._first) + now.x_m
+        y_m = statistics.median(p[1] for p in self._first) + now.y_m
+        self._ekf.reset(X, x_m, UNKNOWN_M2)
+        self._ekf.reset(Y, y_m, UNKNOWN_M2)
+        rows = (((X, 1.0), (GNSS_BIAS_X, 1.0)), ((Y, 1.0), (GNSS_BIAS_Y, 1.0)))
+        self._ekf.update_pair(rows, (0.0, 0.0), variance_m2)
+        self.is_ready = True
+
+    def _correct_position(
+        self, rows: tuple[Row, Row], residuals: tuple[float, float], noise: FixNoise
+    ) -> None:
+        gate, ekf = self._position_gate, self._ekf
+        verdict = gate.judge(ekf.update_pair(rows, residuals, noise.variance_m2, gate.limit))
+        if verdict == "reject":
+            self._rejected["gnss outlier"] += 1
+        elif verdict == "recover":
+            # With corrections the fix is right and the robot is elsewhere (carried, or slid);
+            # without them it is the fix that jumped.
+            states = (X, Y) if self._is_corrected else (GNSS_BIAS_X, GNSS_BIAS_Y)
+            for state, residual in zip(states, residuals, strict=True):
+                ekf.inflate(state, residual**2 + noise.variance_m2)
+            ekf.update_pair(rows, residuals, noise.variance_m2)
+
+    def _velocity(
+        self,
+        fix: GnssFix,
+        since_last_s: float,
+        lever_m: tuple[float, float],
+        now: Motion,
+        then: Motion,
+    ) -> None:
+        """The course over ground shows the heading of a moving robot, and what its wheels lose."""
+        if fix.velocity_mps is None or not _all_finite(*fix.velocity_mps[:2], fix.velocity_std_mps):
+            self._rejected["velocity not finite"] += 1
+            return
+        ekf = self._ekf
+        yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
+        rate_radps, wheel_mps = then.yaw_rate_radps, then.wheel_mps
+        forward_mps = wheel_mps * (1.0 - ekf.x[WHEEL_SCALE])
+        slip_mps = abs(forward_mps) * ekf.slip_ratio(yaw_rad)
+        body_mps = (
+            forward_mps - rate_radps * lever_m[1],
+            ekf.x[SLIP] * slip_mps + rate_radps * lever_m[0],
+        )
+        east_mps, north_mps = _turned(body_mps, yaw_rad)
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        rows = (
+            ((YAW, -north_mps), (WHEEL_SCALE, -wheel_mps * cos), (SLIP, -slip_mps * sin)),
+            ((YAW, east_mps), (WHEEL_SCALE, -wheel_mps * sin), (SLIP, slip_mps * cos)),
+        )
+        residuals = (fix.velocity_mps[0] - east_mps, fix.velocity_mps[1] - north_mps)
+        variance = (
+            (VELOCITY_FACTOR * fix.velocity_std_mps) ** 2
+            + VELOCITY_FLOOR_MPS**2
+            + (TURN_CENTRE_STD_M * rate_radps) ** 2 * _repeats(TURN_MEMORY_S, since_last_s)
+        )
+        verdict = self._velocity_gate.judge(
+            ekf.update_pair(rows, residuals, variance, self._velocity_gate.limit)
+        )
+        if verdict == "reject":
+            self._rejected["velocity outlier"] += 1
+        elif verdict == "recover":
+            self._doubt_motion(residuals, (east_mps, north_mps), yaw_rad, since_last_s)
+            ekf.update_pair(rows, residuals, variance)
+
+    def _doubt_motion(
+        self,
+        residuals: tuple[float, float],
+        expected_mps: tuple[float, float],
+        yaw_rad: float,
+        since_last_s: float,
+    ) -> None:
+        """Open up for wheels that spin free (wrong ahead), and a wrong heading (wrong aside)."""
+        ahead_mps, aside_mps = _turned(residuals, -yaw_rad)
+        speed_mps = max(math.hypot(*expected_mps), 0.05)
+        wrong_m = math.hypot(*residuals) * since_last_s * self._spin_after
+        doubts = (
+            (WHEEL_SCALE, min(abs(ahead_mps) / speed_mps, 1.0)),
+            (YAW, min(abs(aside_mps) / speed_mps, 1.0)),
+            (X, wrong_m),
+            (Y, wrong_m),
+        )
+        for state, doubt in doubts:
+            self._ekf.inflate(state, doubt**2)
+
+
+def _is_usable(fix: GnssFix) -> bool:
+    return fix.quality is not GnssQuality.NONE and _all_finite(
+        fix.t_s, fix.lat_deg, fix.lon_deg, fix.pos_std_m
+    )
+
+
+def _all_finite(*values: float) -> bool:
+    return all(map(math.isfinite, values))
+
+
+def _turned(vector: tuple[float, float], angle_rad: float) -> tuple[float, float]:
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1]
+
+
+def _level(point_body_m: Vec3, up_body: Vec3) -> tuple[float, float]:
+    """A point of the tilted body seen in plan: forward and left of the body's origin."""
+    roll_rad = math.atan2(up_body[1], up_body[2])
+    pitch_rad = math.atan2(-up_body[0], math.hypot(up_body[1], up_body[2]))
+    level_m: FloatArray = rotation_from_rpy(roll_rad, pitch_rad, 0.0) @ point_body_m
+    return float(level_m[0]), float(level_m[1])

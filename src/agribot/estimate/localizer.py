@@ -1,0 +1,214 @@
+"""The pose filter of the robot: sensors in, pose with covariance and health out."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+from agribot.config import EstimateConfig, FieldConfig
+from agribot.estimate.compass import Compass
+from agribot.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, Ekf, MotionNoise, X, Y
+from agribot.estimate.gnss import Gnss
+from agribot.estimate.history import Motion, MotionHistory
+from agribot.estimate.odometry import Odometry, Step
+from agribot.geo import MapFrame, wrap_rad
+from agribot.messages import Estimate, GnssQuality, SensorBatch
+from agribot.robot import RobotSpec
+
+# A skidding robot does not turn exactly about its centre; the ground moves that point about.
+TURN_CENTRE_M_PER_SQRT_RAD = 0.03
+# MEMS gyros are good to about 1 % of the rate: a half turn then ends 1.8 degrees off, 1 sigma.
+GYRO_SCALE_RAD_PER_SQRT_RAD = 0.01 * math.sqrt(math.pi)
+GYRO_BIAS_WALK_RADPS_PER_SQRT_S = 7e-5
+# Soil and load change the wheel's grip within minutes, the slope under the robot sooner.
+WHEEL_SCALE_MEMORY_S, SLIP_MEMORY_S = 300.0, 200.0
+# Slow errors are aged together, not at every wheel reading.
+AGEING_PERIOD_S = 0.1
+# Longer gaps are walked through in pieces, so that a turn inside one stays an arc.
+MAX_STEP_S, MAX_PIECES = 0.1, 200
+# What a turn and a distance from the wheels alone are worth on soil.
+BLIND_TURN_RATIO, BLIND_DISTANCE_RATIO = 0.3, 0.3
+BLIND_YAW_RAD_PER_SQRT_S = 0.05
+# Dead reckoning also counts as lost when it has lost half as much again as was known.
+LOST_RATIO = 1.5
+SUSPICIOUS_REJECTIONS = 5
+
+
+class Localizer:
+    """Extended Kalman filter over wheels, gyro, GNSS and magnetometer (see ekf.Ekf).
+
+    The result depends on the times in the samples only, not on how they are cut into batches,
+    but for the instant at which a late measurement is let in. `rejected` counts, by cause,
+    every sample that did not enter the filter.
+    """
+
+    def __init__(self, config: EstimateConfig, field: FieldConfig, robot: RobotSpec) -> None:
+        self.rejected: Counter[str] = Counter()
+        self._config = config
+        std = (
+            1e3, 1e3, math.pi, config.gyro_bias_std_radps, config.wheel_scale_std_ratio,
+            config.slip_std_rad, 1.0, 1.0, config.mag_bias_std_rad,
+        )  # fmt: skip
+        self._ekf = Ekf(std, math.radians(field.row_yaw_deg))
+        self._noise = MotionNoise(
+            position_m2_per_m=config.position_walk_m_per_sqrt_m**2,
+            position_m2_per_rad=TURN_CENTRE_M_PER_SQRT_RAD**2,
+            yaw_rad2_per_s=config.gyro_walk_rad_per_sqrt_s**2,
+            yaw_rad2_per_rad=GYRO_SCALE_RAD_PER_SQRT_RAD**2,
+        )
+        self._history = MotionHistory(ahead_s=config.wheel_timeout_s)
+        self._odometry = Odometry(robot.drive, config.imu_timeout_s, self.rejected)
+        self._compass = Compass(
+            self._ekf, self._history, config, math.radians(field.declination_deg), self.rejected
+        )
+        x_m, y_m, z_m = robot.body_from_link(robot.gnss.link)[:3, 3].tolist()
+        self._gnss = Gnss(
+            self._ekf, self._history, config, MapFrame(field.datum), (x_m, y_m, z_m), self.rejected
+        )
+        self._motion = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self._unaged_s = self._unaged_rad = 0.0
+        self._fix_std_m = 0.0
+
+    def update(self, batch: SensorBatch) -> Estimate:
+        for step in self._odometry.steps(batch.wheels, batch.imu, batch.t_s):
+            self._advance(step)
+        up_body = self._odometry.up_body
+        for sample in batch.mag:
+            self._compass.update(sample, up_body)
+        for fix in batch.gnss:
+            if self._compass.is_ready:
+                self._gnss.update(fix, up_body)
+        return self._estimate(batch.t_s)
+
+    def _advance(self, step: Step) -> None:
+        """Predict through one step, in pieces if it is long, and let the slow errors age."""
+        last = self._motion
+        pieces = min(max(1, math.ceil(step.dt_s / MAX_STEP_S - 1e-6)), MAX_PIECES)
+        dt_s, distance_m = step.dt_s / pieces, step.distance_m / pieces
+        bias_radps = self._ekf.x[GYRO_BIAS]
+        turn_rad = bias_radps * dt_s if step.is_still or step.is_blind else 0.0
+        if not step.is_still:
+            turn_rad += step.turn_rad / pieces
+        x_m, y_m, yaw_rad = last.x_m, last.y_m, last.yaw_rad
+        for _ in range(pieces):
+            dx_m, dy_m, dyaw_rad = self._ekf.predict(distance_m, turn_rad, dt_s, self._noise)
+            x_m, y_m, yaw_rad = x_m + dx_m, y_m + dy_m, yaw_rad + dyaw_rad
+        self._motion = Motion(
+            step.t_s, x_m, y_m, yaw_rad, distance_m / dt_s, (yaw_rad - last.yaw_rad) / step.dt_s
+        )
+        self._history.append(self._motion)
+        if step.is_blind:
+            self._doubt(step)
+        if step.zero_rate is not None:
+            mean_radps, variance = step.zero_rate
+            self._ekf.update(((GYRO_BIAS, 1.0),), mean_radps - self._ekf.x[GYRO_BIAS], variance)
+        self._age(step.dt_s, yaw_rad - last.yaw_rad)
+
+    def _doubt(self, step: Step) -> None:
+        yaw_rad2 = (BLIND_TURN_RATIO * step.turn_rad) ** 2 + BLIND_YAW_RAD_PER_SQRT_S**2 * step.dt_s
+        position_m2 = (BLIND_DISTANCE_RATIO * step.distance_m) ** 2
+        self._ekf.inflate(YAW, yaw_rad2)
+        self._ekf.inflate(X, position_m2)
+        self._ekf.inflate(Y, position_m2)
+
+    def _age(self, dt_s: float, turn_rad: float) -> None:
+        self._unaged_s += dt_s
+        self._unaged_rad += abs(turn_rad)
+        if self._unaged_s < AGEING_PERIOD_S:
+            return
+        age_s, age_rad = self._unaged_s, self._unaged_rad
+        self._unaged_s = self._unaged_rad = 0.0
+        self._ekf.relax(
+            [
+                (GYRO_BIAS, 1.0, GYRO_BIAS_WALK_RADPS_PER_SQRT_S**2 * age_s),
+                _fading(
+                    WHEEL_SCALE, self._config.wheel_scale_std_ratio, age_s / WHEEL_SCALE_MEMORY_S
+                ),
+                _fading(SLIP, self._config.slip_std_rad, age_s / SLIP_MEMORY_S),
+                self._compass.ageing(age_s, age_rad),
+                *self._gnss.ageing(age_s),
+            ]
+        )
+
+    def _estimate(self, t_s: float) -> Estimate:
+        x, motion = self._ekf.x, self._motion
+        forward_mps = motion.wheel_mps * (1.0 - x[WHEEL_SCALE])
+        slip_rad = math.copysign(1.0, forward_mps) * x[SLIP] * self._ekf.slip_ratio(x[YAW])
+        ahead_s = min(max(t_s - motion.t_s, 0.0), self._config.wheel_timeout_s)
+        course_rad = x[YAW] + slip_rad + motion.yaw_rate_radps * ahead_s / 2.0
+        block = self._ekf.cov[:3, :3].ravel().tolist()
+        xx, xy, xt, _, yy, yt, _, _, tt = block
+        middle, radius = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
+        pos_std_m = math.sqrt(middle + radius)
+        ok, reason = self._health(t_s, pos_std_m)
+        return Estimate(
+            t_s=t_s,
+            x_map_m=x[X] + forward_mps * ahead_s * math.cos(course_rad),
+            y_map_m=x[Y] + forward_mps * ahead_s * math.sin(course_rad),
+            yaw_map_rad=wrap_rad(x[YAW] + motion.yaw_rate_radps * ahead_s),
+            v_mps=forward_mps,
+            yaw_rate_radps=motion.yaw_rate_radps,
+            slip_rad=slip_rad,
+            pose_cov=(xx, xy, xt, xy, yy, yt, xt, yt, tt),
+            pos_std_m=pos_std_m,
+            yaw_std_rad=math.sqrt(tt),
+            quality=self._quality(t_s),
+            ok=ok,
+            reason=reason,
+        )
+
+    def _quality(self, t_s: float) -> GnssQuality:
+        silent = t_s - self._gnss.last_t_s > self._config.gnss_timeout_s
+        return GnssQuality.NONE if silent else self._gnss.quality
+
+    def _health(self, t_s: float, pos_std_m: float) -> tuple[bool, str]:
+        fault = self._fault(t_s)
+        if fault:
+            return False, fault
+        silent_s = t_s - self._gnss.last_t_s
+        if silent_s <= self._config.gnss_timeout_s:
+            self._fix_std_m = pos_std_m
+            return True, self._contradiction()
+        limit_m = max(self._config.dead_reckoning_std_m, LOST_RATIO * self._fix_std_m)
+        ok = pos_std_m <= limit_m
+        return ok, (
+            f"GNSS silent for {silent_s:.1f} s, dead reckoning with {pos_std_m:.2f} m "
+            f"{'of' if ok else '>'} {limit_m:.2f} m; check antenna, sky view and receiver"
+        )
+
+    def _fault(self, t_s: float) -> str:
+        """Why there is no pose at all; empty when there is one."""
+        config, odometry = self._config, self._odometry
+        wheels_s, imu_s = t_s - odometry.wheel_t_s, t_s - odometry.imu_t_s
+        if wheels_s < -config.wheel_timeout_s:
+            return f"clock went back by {-wheels_s:.2f} s; restart, the pose cannot follow it"
+        if not wheels_s <= config.wheel_timeout_s:
+            return _silent("wheel encoders", wheels_s, config.wheel_timeout_s, "motor board")
+        if not imu_s <= config.imu_timeout_s:
+            return _silent("IMU", imu_s, config.imu_timeout_s, "IMU and its cable")
+        if not self._compass.is_ready:
+            return "no heading yet: waiting for the magnetometer"
+        if not self._gnss.is_ready:
+            return "no position yet: waiting for GNSS fixes"
+        return ""
+
+    def _contradiction(self) -> str:
+        count = self._gnss.rejected_in_a_row
+        if count < SUSPICIOUS_REJECTIONS:
+            return ""
+        return (
+            f"GNSS contradicts the odometry: {count} fixes rejected in a row; after "
+            f"{self._config.recover_after} GNSS is believed"
+        )
+
+
+def _fading(state: int, std: float, part: float) -> tuple[int, float, float]:
+    """Ageing of an error that keeps its spread and forgets its value after `part` = 1."""
+    factor = math.exp(-part)
+    return state, factor, std**2 * (1.0 - factor * factor)
+
+
+def _silent(sensor: str, silent_s: float, timeout_s: float, check: str) -> str:
+    if math.isinf(silent_s):
+        return f"no data from the {sensor} yet; check the {check}"
+    return f"{sensor} silent for {silent_s:.2f} s > {timeout_s:.2f} s; check the {check}"
