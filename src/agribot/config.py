@@ -54,6 +54,7 @@ class MissionConfig(Config, frozen=True):
     waypoint_radius_m: Positive = 0.15
     max_waypoint_distance_m: Positive = 1000.0
     off_path_limit_m: Positive = 0.5  # farther from the path than this, the mission fails
+    stall_timeout_s: Positive = 60.0  # without headway for so long, the mission fails
 
 
 class EstimateConfig(Config, frozen=True):

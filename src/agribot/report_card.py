@@ -76,7 +76,8 @@ def report_card(drive: Drive, why_ended: str = "") -> Report:
         sensors=config.sim.sensors,
         version=__version__,
         ok=ok,
-        reason=why_ended or _reason(status, mission, tracking.plants_crushed),
+        reason=why_ended
+        or _reason(status, mission, tracking.plants_crushed) + _objection(drive.event_log, status),
         time=_time(drive),
         mission=mission,
         tracking=_same_fields(tracking, TrackingReport),
@@ -103,6 +104,15 @@ def _reason(status: MissionStatus | None, mission: MissionReport, crushed: int) 
     if mission.waypoints_total:
         return f"{mission.waypoints_reached} of {mission.waypoints_total} waypoints reached"
     return f"{mission.rows_done} of {mission.rows_total} rows, no plant crushed"
+
+
+def _objection(log: EventLog, status: MissionStatus | None) -> str:
+    """The supervisor's last word, where it was still holding the robot when the mission failed."""
+    if status is None or status.state != "failed":
+        return ""
+    spoken = [event for event in log.events if event.kind in ("stop", "hold", "clear")]
+    held = [e for e in spoken if e.kind != "clear" or e.t_s < log.events[-1].t_s][-1:]
+    return f"; held by the supervisor: {held[0].reason}" if held and held[0].reason else ""
 
 
 def _mission(drive: Drive, status: MissionStatus | None, kept: tuple[int, ...]) -> MissionReport:

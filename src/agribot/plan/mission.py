@@ -19,6 +19,7 @@ from agribot.messages import (
     Row,
 )  # fmt: skip
 from agribot.plan.route import Route
+from agribot.plan.stall import StallWatch
 
 SETTLE_S = 1.0  # the estimate must hold this long before the robot moves
 END_TOLERANCE_M = 0.01
@@ -64,6 +65,7 @@ class Mission:
         self._reason = "waiting for the first estimate"
         self._is_stopped = False
         self._ok_since_s: float | None = None
+        self._stall = StallWatch(config.stall_timeout_s)
         self._worked_row = -1
         self._rows_done: tuple[int, ...] = ()
 
@@ -87,12 +89,21 @@ class Mission:
         if self._state == "waiting":
             self._wait(estimate, is_located)
         elif self._state == "running" and self._route:
-            if is_located:
-                self._reason = ""
-                self._advance(self._route, estimate)
-            else:
-                self._reason = f"position lost: {estimate.reason or 'not finite'}"
+            self._run(self._route, estimate, is_located)
         return self._goal(is_located)
+
+    def _run(self, route: Route, estimate: Estimate, is_located: bool) -> None:
+        if is_located:
+            self._reason = ""
+            self._advance(route, estimate)
+        else:
+            self._reason = f"position lost: {estimate.reason or 'not finite'}"
+        is_stalled = self._stall.is_stalled(route.progress.s_m, estimate.t_s)
+        if is_stalled and self._state == "running":
+            where = f"after {route.progress.s_m:.1f} m of {route.progress.length_m:.1f} m"
+            why = f" ({self._reason})" if self._reason else ""
+            limit_s = self._config.stall_timeout_s
+            self._end("failed", f"no headway for {limit_s:g} s {where}{why}")
 
     def _handle(self, event: OperatorEvent) -> None:
         if self._state in FINAL:
@@ -109,6 +120,7 @@ class Mission:
             self._pause(f"paused by {event.source}")
         elif event.action == "resume" and self._state == "paused" and not self._is_stopped:
             self._state, self._reason = self._before_pause, ""
+            self._stall.restart()
 
     def _pause(self, reason: str) -> None:
         if self._state != "paused":
@@ -138,6 +150,7 @@ class Mission:
             self._end("failed", str(error))
         else:
             self._state, self._reason = "running", ""
+            self._stall.restart()
 
     def _advance(self, route: Route, estimate: Estimate) -> None:
         x_map_m, y_map_m = estimate.x_map_m, estimate.y_map_m

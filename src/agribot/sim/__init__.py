@@ -1,0 +1,1 @@
+"""The simulator: physics, sensors, camera and the platform that the stack drives."""

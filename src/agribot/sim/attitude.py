@@ -1,0 +1,51 @@
+"""Attitude from the rows of the physics history."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from agribot.messages import FloatArray, Vec3
+from agribot.sim.state import POSITION, QUATERNION
+
+
+def rotation_of(row: FloatArray) -> FloatArray:
+    """Rotation `map_from_base` (3, 3) of one row."""
+    w, x, y, z = row[QUATERNION].tolist()
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def rotate(row: FloatArray, vector: Vec3) -> Vec3:
+    """A vector in base axes, turned into map axes."""
+    w, x, y, z = row[QUATERNION].tolist()
+    a, b, c = vector
+    return (
+        (1 - 2 * (y * y + z * z)) * a + 2 * (x * y - w * z) * b + 2 * (x * z + w * y) * c,
+        2 * (x * y + w * z) * a + (1 - 2 * (x * x + z * z)) * b + 2 * (y * z - w * x) * c,
+        2 * (x * z - w * y) * a + 2 * (y * z + w * x) * b + (1 - 2 * (x * x + y * y)) * c,
+    )
+
+
+def map_from_base(row: FloatArray) -> FloatArray:
+    """Pose of base_link in the map, (4, 4)."""
+    pose = np.eye(4)
+    pose[:3, :3] = rotation_of(row)
+    pose[:3, 3] = row[POSITION]
+    return pose
+
+
+def roll_pitch_yaw(row: FloatArray) -> Vec3:
+    """Fixed-axis angles; pitch is negative with the nose up."""
+    w, x, y, z = row[QUATERNION].tolist()
+    return (
+        math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+        math.asin(min(1.0, max(-1.0, 2 * (w * y - z * x)))),
+        math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+    )

@@ -1,0 +1,257 @@
+"""The inner loop: motor board, MuJoCo and tyres, without Python between the steps.
+
+All of it stays in one file: numba's disk cache notices a change of the file that a function
+stands in, but not of the files of the functions that it calls.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba import types
+from numba.extending import intrinsic
+
+from agribot.messages import FloatArray, Vec3
+from agribot.sim.jit import compiled
+from agribot.sim.mujoco_library import Library
+from agribot.sim.state import Board, Inertial, StateViews
+from agribot.sim.tyre import Terrain, TyreLaw
+
+# Below this spin the rolling resistance fades out, so that a parked wheel is not driven by it.
+ROLLING_FADE_RADPS = 0.2
+TINY = 1e-9
+
+# Entries of the motor board's state.
+BOARD_V, BOARD_YAW_RATE, BOARD_TARGET_V, BOARD_TARGET_YAW_RATE, BOARD_TIME_LEFT = range(5)
+BOARD_SIZE = 5
+
+
+@compiled
+def ground(terrain: Terrain, x_m: float, y_m: float) -> tuple[float, float, float]:
+    """Height and its slopes along x and y; the edge height continues outside the grid."""
+    grid = terrain.height_m
+    column = (x_m - terrain.x_min_m) / terrain.resolution_m
+    row = (y_m - terrain.y_min_m) / terrain.resolution_m
+    column = min(max(column, 0.0), grid.shape[1] - 1.000001)
+    row = min(max(row, 0.0), grid.shape[0] - 1.000001)
+    i, j = int(column), int(row)
+    u, v = column - i, row - j
+    h00, h10, h01, h11 = grid[j, i], grid[j, i + 1], grid[j + 1, i], grid[j + 1, i + 1]
+    lower, upper = h00 + (h10 - h00) * u, h01 + (h11 - h01) * u
+    slope_x = ((h10 - h00) * (1.0 - v) + (h11 - h01) * v) / terrain.resolution_m
+    return lower + (upper - lower) * v, slope_x, (upper - lower) / terrain.resolution_m
+
+
+@compiled
+def _cross(a: Vec3, b: Vec3) -> Vec3:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@compiled
+def _dot(a: Vec3, b: Vec3) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
+def _along(a: Vec3, scale: float) -> Vec3:
+    return a[0] * scale, a[1] * scale, a[2] * scale
+
+
+@compiled
+def _sum(a: Vec3, b: Vec3) -> Vec3:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@compiled
+def _ground_plane(terrain: Terrain, p_map_m: Vec3) -> tuple[float, Vec3]:
+    """Height and upward normal of the ground below a point."""
+    height, slope_x, slope_y = ground(terrain, p_map_m[0], p_map_m[1])
+    up = 1.0 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
+    return height, (-slope_x * up, -slope_y * up, up)
+
+
+@compiled
+def _friction(
+    tyre: TyreLaw,
+    load_n: float,
+    forward_mps: float,
+    left_mps: float,
+    bristle_m: FloatArray,
+    dt_s: float,
+) -> tuple[float, float]:
+    """Forces along and across the wheel; `bristle_m` (2,) is stretched, or slides at the limit."""
+    bristle_m[0] += forward_mps * dt_s
+    bristle_m[1] += left_mps * dt_s
+    stiffness, damping = tyre.bristle_stiffness_npm, tyre.bristle_damping_nspm
+    forward_n = -stiffness * bristle_m[0] - damping * forward_mps
+    left_n = -stiffness * bristle_m[1] - damping * left_mps
+    excess = math.hypot(
+        forward_n / (tyre.friction_longitudinal * load_n + TINY),
+        left_n / (tyre.friction_lateral * load_n + TINY),
+    )
+    if excess > 1.0:
+        forward_n /= excess
+        left_n /= excess
+        bristle_m[0] = -forward_n / stiffness
+        bristle_m[1] = -left_n / stiffness
+    return forward_n, left_n
+
+
+@compiled
+def apply_tyre_forces(
+    wheel_body: npt.NDArray[np.int64],
+    centre: FloatArray,
+    com: FloatArray,
+    rotation: FloatArray,
+    velocity: FloatArray,
+    velocity_at: FloatArray,
+    wrench: FloatArray,
+    tyre: TyreLaw,
+    terrain: Terrain,
+    bristle_m: FloatArray,
+    dt_s: float,
+) -> None:
+    """Write the force and torque of the soil on each wheel into MuJoCo's `xfrc_applied`.
+
+    `centre`, `com`, `rotation` (xpos, xipos, xmat) and `velocity` (cvel: angular, linear at
+    the point `velocity_at`) are MuJoCo's, row = body; the axle is the wheel body's y axis.
+    `bristle_m` (4, 2) keeps the deflection along and across each wheel.
+    """
+    for k in range(wheel_body.shape[0]):
+        b = wheel_body[k]
+        hub = (centre[b, 0], centre[b, 1], centre[b, 2])
+        height, normal = _ground_plane(terrain, hub)
+        arm_m = (hub[2] - height) * normal[2]
+        if arm_m >= tyre.radius_m:
+            wrench[b, :] = 0.0
+            bristle_m[k, :] = 0.0
+            continue
+        axle = (rotation[b, 1], rotation[b, 4], rotation[b, 7])
+        forward = _cross(axle, normal)
+        forward = _along(forward, 1.0 / math.sqrt(_dot(forward, forward) + TINY))
+        left = _cross(normal, forward)
+        spin = (velocity[b, 0], velocity[b, 1], velocity[b, 2])
+        contact = _sum(hub, _along(normal, -arm_m))
+        lever = (
+            contact[0] - velocity_at[0], contact[1] - velocity_at[1], contact[2] - velocity_at[2],
+        )  # fmt: skip
+        slip = _sum((velocity[b, 3], velocity[b, 4], velocity[b, 5]), _cross(spin, lever))
+        spring_n = tyre.normal_stiffness_npm * (tyre.radius_m - arm_m)
+        load_n = max(0.0, spring_n - tyre.normal_damping_nspm * _dot(slip, normal))
+        forward_n, left_n = _friction(
+            tyre, load_n, _dot(slip, forward), _dot(slip, left), bristle_m[k], dt_s
+        )
+        drag_nm = -tyre.rolling_resistance * load_n * tyre.radius_m
+        drag_nm *= math.tanh(_dot(spin, axle) / ROLLING_FADE_RADPS)
+        force = _sum(_along(normal, load_n), _sum(_along(forward, forward_n), _along(left, left_n)))
+        arm = (contact[0] - com[b, 0], contact[1] - com[b, 1], contact[2] - com[b, 2])
+        torque = _sum(_cross(arm, force), _along(axle, drag_nm))
+        wrench[b, 0], wrench[b, 1], wrench[b, 2] = force
+        wrench[b, 3], wrench[b, 4], wrench[b, 5] = torque
+
+
+@intrinsic
+def _call(typing_context, address, model, data):  # type: ignore[no-untyped-def]
+    """Call the C function `void (*)(model, data)` at an address, from compiled code.
+
+    An address that arrives as an argument keeps the compiled loop fit for the disk cache.
+    """
+    signature = types.void(types.intp, types.intp, types.intp)
+
+    def generate(context, builder, _signature, arguments):  # type: ignore[no-untyped-def]
+        word = context.get_value_type(types.intp)
+        kind = ir.FunctionType(ir.VoidType(), [word, word])
+        function = builder.inttoptr(arguments[0], kind.as_pointer())
+        builder.call(function, [arguments[1], arguments[2]])
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@compiled
+def _toward(value: float, target: float, limit: float) -> float:
+    return value + min(max(target - value, -limit), limit)
+
+
+@compiled
+def run_board(state: FloatArray, board: Board, ctrl: FloatArray, dt_s: float) -> None:
+    """One step of the motor board: timeout, ramps, wheel speeds (right and left, rear first)."""
+    state[BOARD_TIME_LEFT] -= dt_s
+    alive = 1.0 if state[BOARD_TIME_LEFT] > 0.0 else 0.0
+    v = _toward(state[BOARD_V], alive * state[BOARD_TARGET_V], board.max_accel_mps2 * dt_s)
+    yaw_rate = _toward(
+        state[BOARD_YAW_RATE],
+        alive * state[BOARD_TARGET_YAW_RATE],
+        board.max_yaw_accel_radps2 * dt_s,
+    )
+    state[BOARD_V] = v
+    state[BOARD_YAW_RATE] = yaw_rate
+    side = yaw_rate * board.half_separation_m
+    ctrl[0] = ctrl[2] = (v + side) / board.wheel_radius_m
+    ctrl[1] = ctrl[3] = (v - side) / board.wheel_radius_m
+
+
+@compiled
+def record(
+    row: FloatArray, last: FloatArray, views: StateViews, inertial: Inertial, dt_s: float
+) -> None:
+    """Write the state into `row`; `last` is the row of the step before."""
+    qpos, qvel = views.qpos, views.qvel
+    row[0:7] = qpos[0:7]
+    row[7:13] = qvel[0:6]
+    w, x, y, z = qpos[3], qpos[4], qpos[5], qpos[6]
+    # Change of velocity plus what gravity hides, turned into base axes.
+    d0, d1 = qvel[0] - last[7], qvel[1] - last[8]
+    d2 = qvel[2] - last[9] + inertial.gravity_mps2 * dt_s
+    g0 = (1 - 2 * (y * y + z * z)) * d0 + 2 * (x * y + w * z) * d1 + 2 * (x * z - w * y) * d2
+    g1 = 2 * (x * y - w * z) * d0 + (1 - 2 * (x * x + z * z)) * d1 + 2 * (y * z + w * x) * d2
+    g2 = 2 * (x * z + w * y) * d0 + 2 * (y * z - w * x) * d1 + (1 - 2 * (x * x + y * y)) * d2
+    # Lever arm of the IMU: alpha x r + omega x (omega x r).
+    o0, o1, o2 = qvel[3], qvel[4], qvel[5]
+    e0, e1, e2 = o0 - last[10], o1 - last[11], o2 - last[12]
+    r0, r1, r2 = inertial.x_m, inertial.y_m, inertial.z_m
+    u0, u1, u2 = o1 * r2 - o2 * r1, o2 * r0 - o0 * r2, o0 * r1 - o1 * r0
+    row[13] = last[13] + g0 + e1 * r2 - e2 * r1 + (o1 * u2 - o2 * u1) * dt_s
+    row[14] = last[14] + g1 + e2 * r0 - e0 * r2 + (o2 * u0 - o0 * u2) * dt_s
+    row[15] = last[15] + g2 + e0 * r1 - e1 * r0 + (o0 * u1 - o1 * u0) * dt_s
+    row[16] = last[16] + o0 * dt_s
+    row[17] = last[17] + o1 * dt_s
+    row[18] = last[18] + o2 * dt_s
+    row[19:23] = qpos[7:11]
+    row[23:27] = qvel[6:10]
+    force = views.actuator_force
+    row[27] = math.fabs(force[0]) + math.fabs(force[1]) + math.fabs(force[2]) + math.fabs(force[3])
+
+
+@compiled
+def advance(
+    steps: int,
+    library: Library,
+    views: StateViews,
+    wheel_body: npt.NDArray[np.int64],
+    tyre: TyreLaw,
+    terrain: Terrain,
+    bristle_m: FloatArray,
+    board: Board,
+    board_state: FloatArray,
+    inertial: Inertial,
+    dt_s: float,
+    history: FloatArray,
+) -> None:
+    """Advance by `steps`; `history[0]` is the state now, `history[i]` the one after step i.
+
+    The half steps matter: soil forces must come from the velocities of this very step, else
+    steps of 2 ms and more are unstable.
+    """
+    for i in range(steps):
+        run_board(board_state, board, views.ctrl, dt_s)
+        _call(library.step1, library.model, library.data)  # type: ignore[call-arg]
+        apply_tyre_forces(
+            wheel_body, views.xpos, views.xipos, views.xmat, views.cvel, views.subtree_com[1],
+            views.xfrc_applied, tyre, terrain, bristle_m, dt_s,
+        )  # fmt: skip
+        _call(library.step2, library.model, library.data)
+        record(history[i + 1], history[i], views, inertial, dt_s)

@@ -1,0 +1,163 @@
+"""The robot as a rigid body on soil: build, spawn, settle, advance."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+
+from agribot.errors import PlatformError
+from agribot.geo import rotation_from_rpy
+from agribot.messages import DriveCommand, FloatArray
+from agribot.robot import RobotSpec
+from agribot.sim import kernel
+from agribot.sim.clock import NS_PER_S
+from agribot.sim.engine import Engine
+from agribot.sim.state import HISTORY_COLUMNS, Board, Inertial
+from agribot.sim.tyre import Terrain, tyre_law
+from agribot.world import HeightField, WorldSpec
+
+SETTLE_S = 1.0
+OVERTURNED_COS = 0.17  # 80 degrees of tilt
+WHEEL_BODIES = np.arange(2, 6, dtype=np.int64)
+
+
+class Physics:
+    """Advances in whole steps; `history` holds the states of the last advance.
+
+    `told_geometry` drives with the wheel diameter and separation that the original plugin was
+    told instead of the measured ones.
+    """
+
+    def __init__(
+        self,
+        robot: RobotSpec,
+        world: WorldSpec,
+        physics_step_ns: int,
+        *,
+        told_geometry: bool = False,
+    ) -> None:
+        self.step = 0
+        self._dt_s = physics_step_ns / NS_PER_S
+        self._robot = robot
+        self._engine = Engine(robot, world, self._dt_s)
+        self._tyre = tyre_law(
+            robot.tyre,
+            robot.drive.wheel_radius_m,
+            robot.mass_kg,
+            self._engine.wheel_mass_kg,
+            world.friction_ratio,
+        )
+        self._terrain = _terrain(world.terrain)
+        self._bristle_m = np.zeros((4, 2))
+        self._board = _board(robot, told_geometry)
+        self._board_state = np.zeros(kernel.BOARD_SIZE)
+        x_m, y_m, z_m = robot.base_from_link(robot.imu.link)[:3, 3].tolist()
+        self._inertial = Inertial(x_m, y_m, z_m, world.gravity_mps2)
+        self.history = np.zeros((2, HISTORY_COLUMNS))
+        self._spawn(world.spawn_xy_map_m, world.spawn_yaw_map_rad)
+
+    def command(self, drive: DriveCommand) -> None:
+        """A new body twist for the motor board, which limits it and forgets it when it is old."""
+        limits = self._robot.drive
+        v = min(max(drive.v_mps, -limits.max_speed_mps), limits.max_speed_mps)
+        top = limits.max_yaw_rate_radps
+        self._board_state[kernel.BOARD_TARGET_V] = v
+        self._board_state[kernel.BOARD_TARGET_YAW_RATE] = min(max(drive.yaw_rate_radps, -top), top)
+        # Half a step of grace, so that rounding decides nothing.
+        self._board_state[kernel.BOARD_TIME_LEFT] = limits.command_timeout_s + self._dt_s / 2
+
+    def advance(self, steps: int) -> FloatArray:
+        """Advance and return the history (steps + 1, columns): row 0 is the state before.
+
+        Raises: PlatformError: the state is not finite any more, or the robot has overturned.
+        """
+        if len(self.history) != steps + 1:
+            grown = np.zeros((steps + 1, HISTORY_COLUMNS))
+            grown[0] = self.history[-1]
+            self.history = grown
+        else:
+            self.history[0] = self.history[-1]
+        engine = self._engine
+        engine.select()
+        kernel.advance(
+            steps, engine.library, engine.views, WHEEL_BODIES, self._tyre, self._terrain,
+            self._bristle_m, self._board, self._board_state, self._inertial, self._dt_s,
+            self.history,
+        )  # fmt: skip
+        self.step += steps
+        if not math.isfinite(self.history[-1].sum()):
+            raise PlatformError(
+                f"the physics diverged at t = {self.step * self._dt_s:.3f} s; lower sim.step_s "
+                "or check masses and tyre stiffness in the robot description"
+            )
+        x, y = self.history[-1, 4:6].tolist()
+        if 1.0 - 2.0 * (x * x + y * y) < OVERTURNED_COS:
+            raise PlatformError(
+                f"the robot overturned at t = {self.step * self._dt_s:.2f} s, "
+                f"x = {self.history[-1, 0]:.2f} m, y = {self.history[-1, 1]:.2f} m; "
+                "keep it off obstacles and steep ground"
+            )
+        return self.history
+
+    def _spawn(self, xy_map_m: tuple[float, float], yaw_rad: float) -> None:
+        """Stand on the wheels at the exact place and heading, at rest, at step 0."""
+        start = self._standing_pose(xy_map_m, yaw_rad)
+        self._engine.views.qpos[:7] = start
+        self.history[-1, :7] = start
+        self.advance(round(SETTLE_S / self._dt_s))
+        qpos, qvel = self._engine.views.qpos, self._engine.views.qvel
+        w, x, y, z = qpos[3:7]
+        drift = yaw_rad - math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        turned = np.zeros(4)
+        mujoco.mju_mulQuat(
+            turned, np.array([math.cos(drift / 2), 0, 0, math.sin(drift / 2)]), qpos[3:7]
+        )
+        slid_to = qpos[:2] - self._base_offset(qpos[3:7])[:2]
+        qpos[3:7] = turned
+        qpos[:2] = xy_map_m + self._base_offset(turned)[:2]
+        qpos[2] += self._ground_m(*xy_map_m) - self._ground_m(*slid_to.tolist())
+        qpos[7:11] = 0.0
+        qvel[:] = 0.0
+        self._board_state[:] = 0.0
+        self.step = 0
+        self.history = np.zeros((2, HISTORY_COLUMNS))
+        self.history[-1, :7] = qpos[:7]
+
+    def _ground_m(self, x_m: float, y_m: float) -> float:
+        return kernel.ground(self._terrain, x_m, y_m)[0]
+
+    def _base_offset(self, quaternion: FloatArray) -> FloatArray:
+        """From the body frame's origin to base_link, in map axes."""
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, quaternion)
+        return rotation.reshape(3, 3)[:, 2] * self._robot.base_height_m
+
+    def _standing_pose(self, xy_map_m: tuple[float, float], yaw_rad: float) -> FloatArray:
+        """Base pose with the wheels on the plane through the ground below them."""
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        wheels = self._robot.wheel_xy_body_m() @ np.array([[cos, sin], [-sin, cos]]) + xy_map_m
+        heights = [self._ground_m(x, y) for x, y in wheels.tolist()]
+        columns = np.column_stack((self._robot.wheel_xy_body_m(), np.ones(4)))
+        slope_x, slope_y, height = np.linalg.lstsq(columns, np.array(heights), rcond=None)[0]
+        tilt = rotation_from_rpy(math.atan(slope_y), -math.atan(slope_x), yaw_rad)
+        quaternion = np.zeros(4)
+        mujoco.mju_mat2Quat(quaternion, tilt.ravel())
+        origin = np.array([*xy_map_m, height])
+        return np.concatenate((origin + tilt[:, 2] * self._robot.base_height_m, quaternion))
+
+
+def _terrain(field: HeightField | None) -> Terrain:
+    if field is None:
+        return Terrain(np.zeros((2, 2)), 0.0, 0.0, 1.0)
+    height_m = np.ascontiguousarray(field.height_m, dtype=np.float64)
+    return Terrain(height_m, float(field.x_min_m), float(field.y_min_m), float(field.resolution_m))
+
+
+def _board(robot: RobotSpec, told_geometry: bool) -> Board:
+    drive = robot.drive
+    radius_m, separation_m = drive.wheel_radius_m, drive.effective_separation_m
+    if told_geometry:
+        radius_m, separation_m = drive.told_diameter_m / 2.0, drive.told_separation_m
+    return Board(drive.max_accel_mps2, drive.max_yaw_accel_radps2, radius_m, separation_m / 2.0)

@@ -1,0 +1,177 @@
+"""SimPlatform: the simulated robot behind the same interface as a real one."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import msgspec
+
+from agribot.config import RunConfig
+from agribot.errors import ConfigError, PlatformError
+from agribot.messages import (
+    STOP,
+    ByteArray,
+    CameraFrame,
+    OperatorEvent,
+    RobotCommand,
+    SensorBatch,
+)
+from agribot.robot import RobotSpec
+from agribot.sim.attitude import roll_pitch_yaw, rotation_of
+from agribot.sim.camera_feed import CameraFeed
+from agribot.sim.clock import NS_PER_S, Schedule, step_ns
+from agribot.sim.field_effects import CropDamage, Sprayer
+from agribot.sim.physics import Physics
+from agribot.sim.random_streams import stream
+from agribot.sim.sensors.presets import load_preset
+from agribot.sim.sensors.suite import Channel, SensorSuite
+from agribot.sim.state import ANGULAR, POSITION, VELOCITY
+from agribot.sim.truth import Truth
+from agribot.world import WorldSpec
+
+
+class SimPlatform:
+    """Lock-step: `read` advances by exactly one tick of the stack under the last command."""
+
+    def __init__(self, config: RunConfig, robot: RobotSpec, world: WorldSpec) -> None:
+        """Raises: ConfigError: unknown sensor preset, or a rate that the physics cannot give."""
+        self._step_ns = step_ns(config.sim.step_s)
+        preset = load_preset(config.sim.sensors)
+        self._robot = robot
+        self._ticks = Schedule(config.tick_hz, self._step_ns)
+        self._sensors = SensorSuite(preset, robot, world, config.seed, self._step_ns)
+        self._feed, self._frames = _camera(config, robot, world, self._step_ns)
+        self._damage = CropDamage(robot, world)
+        self._sprayer = Sprayer(robot, world)
+        self._physics = Physics(robot, world, self._step_ns)
+        self._inbox: deque[OperatorEvent] = deque()
+        self._silent_after_s = 0.0
+        self._closed = False
+
+    def read(self) -> SensorBatch:
+        """Advance one tick and return what the sensors delivered meanwhile.
+
+        Raises: PlatformError: the platform is closed or its physics diverged.
+        """
+        if self._closed:
+            raise PlatformError("the simulator is closed; build a new SimPlatform to go on")
+        first = self._physics.step
+        last = self._ticks.pop()
+        history = self._physics.advance(last - first)
+        t_s = last * self._step_ns / NS_PER_S
+        self._affect_field(first * self._step_ns / NS_PER_S, t_s)
+        sensors = self._sensors
+        return SensorBatch(
+            t_s=t_s,
+            wheels=sensors.wheels.samples(first, last, history),
+            imu=sensors.imu.samples(first, last, history),
+            mag=sensors.mag.samples(first, last, history),
+            gnss=sensors.gnss(first, last, history, t_s),
+            frames=self._frames.samples(first, last, history) if self._frames else (),
+            events=self._events(t_s) if self._inbox else (),
+        )
+
+    def write(self, command: RobotCommand) -> None:
+        """Hand a command to the motor board and the valves.
+
+        Raises: PlatformError: a number is not finite, or the nozzles are not the robot's.
+        """
+        drive = command.drive
+        if not (math.isfinite(drive.v_mps) and math.isfinite(drive.yaw_rate_radps)):
+            raise PlatformError(
+                f"drive command v = {drive.v_mps} m/s, yaw rate = {drive.yaw_rate_radps} rad/s "
+                "is not finite; the board refuses it and keeps the last one until its timeout"
+            )
+        if self._closed:
+            raise PlatformError("the simulator is closed and takes no commands")
+        self._sprayer.command(self._now_s, command.implement.nozzles_open)
+        self._physics.command(drive)
+        self._silent_after_s = self._now_s + self._robot.drive.command_timeout_s
+
+    def close(self) -> None:
+        if not self._closed:
+            self._physics.command(STOP)
+            self._sprayer.command(self._now_s, ())
+            self._closed = True
+
+    def post(self, event: OperatorEvent) -> None:
+        """Hand in an operator event from any thread; the next batch carries it."""
+        self._inbox.append(event)
+
+    def truth(self) -> Truth:
+        row = self._physics.history[-1]
+        rotation = rotation_of(row)
+        roll, pitch, yaw = roll_pitch_yaw(row)
+        arm_m = rotation[:, 2] * -self._robot.base_height_m
+        origin = row[POSITION] + arm_m
+        # Yaw about the body's own z axis leaves its origin where it is; tilting does not.
+        angular = row[ANGULAR]
+        forward_mps = rotation[:, 0] @ row[VELOCITY] - angular[1] * self._robot.base_height_m
+        return Truth(
+            t_s=self._now_s,
+            x_map_m=float(origin[0]),
+            y_map_m=float(origin[1]),
+            yaw_map_rad=yaw,
+            v_mps=float(forward_mps),
+            yaw_rate_radps=float(angular[2]),
+            roll_rad=roll,
+            pitch_rad=pitch,
+        )
+
+    def truth_pose(self) -> tuple[float, float, float]:
+        """True x, y in metres and yaw of the body frame in the map."""
+        truth = self.truth()
+        return truth.x_map_m, truth.y_map_m, truth.yaw_map_rad
+
+    def truth_mask(self, frame_index: int) -> ByteArray | None:
+        """True class ids (height, width) of one of the last frames; None when it is too old."""
+        return None if self._feed is None else self._feed.truth_mask(frame_index)
+
+    @property
+    def crushed(self) -> set[int]:
+        """Crops that got under a wheel, as indices into the world's plants."""
+        return self._damage.crushed
+
+    @property
+    def sprayed(self) -> dict[int, float]:
+        """Plants that were sprayed, index -> time of the first drop."""
+        return self._sprayer.sprayed
+
+    @property
+    def sprayed_area_m2(self) -> float:
+        """Ground swept by open nozzles; passing twice counts twice."""
+        return self._sprayer.area_m2
+
+    @property
+    def _now_s(self) -> float:
+        return self._physics.step * self._step_ns / NS_PER_S
+
+    def _affect_field(self, start_s: float, end_s: float) -> None:
+        before, after = self._physics.history[0], self._physics.history[-1]
+        if start_s > self._silent_after_s:
+            self._sprayer.command(start_s, ())
+        self._damage.update(end_s, before, after)
+        self._sprayer.update(end_s, before, after, end_s - start_s)
+
+    def _events(self, t_s: float) -> tuple[OperatorEvent, ...]:
+        """Operators do not know the simulated time: the tick that delivers an event stamps it."""
+        events = []
+        while self._inbox:
+            events.append(msgspec.structs.replace(self._inbox.popleft(), t_s=t_s))
+        return tuple(events)
+
+
+def _camera(
+    config: RunConfig, robot: RobotSpec, world: WorldSpec, physics_step_ns: int
+) -> tuple[CameraFeed | None, Channel[CameraFrame] | None]:
+    if not config.perception.enabled:
+        return None, None
+    if robot.camera is None:
+        raise ConfigError(
+            f"perception.enabled is true, but robot '{robot.name}' has no camera; "
+            "set perception.enabled=false or add a camera to its description"
+        )
+    noise = stream(config.seed, "camera") if config.sim.camera_noise else None
+    feed = CameraFeed(robot, robot.camera, world, noise)
+    return feed, Channel(feed, config.perception.camera_rate_hz, physics_step_ns)

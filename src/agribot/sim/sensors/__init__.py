@@ -1,0 +1,1 @@
+"""Sensor models: each has its own random stream and its own presets."""

@@ -1,0 +1,126 @@
+"""Named sets of sensor errors, one TOML file each in the folder `presets`."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from importlib import resources
+
+import msgspec
+
+from agribot.errors import ConfigError
+from agribot.messages import GnssQuality
+
+
+class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of the preset structs."""
+
+
+class HectorGnss(Settings, frozen=True, kw_only=True, tag_field="model", tag="hector"):
+    """The error model of the original GPS plugin; no latency."""
+
+    rate_hz: float | None = None
+    drift_m: float
+    drift_frequency_hz: float = 1.0 / 3600.0
+    gaussian_m: float = 0.0
+    velocity_gaussian_mps: float = 0.0
+
+
+class Wander(Settings, frozen=True, kw_only=True):
+    """A slow error: Gauss-Markov with this standard deviation per horizontal axis."""
+
+    std_m: float
+    tau_s: float
+
+
+class FloatOutages(Settings, frozen=True, kw_only=True):
+    """Spells without integer ambiguities: exponential gaps, uniform durations."""
+
+    mean_gap_s: float
+    min_duration_s: float
+    max_duration_s: float
+    std_m: float
+    tau_s: float
+
+
+class PhysicalGnss(Settings, frozen=True, kw_only=True, tag_field="model", tag="physical"):
+    """A receiver; the vertical errors are `vertical_ratio` times the horizontal ones."""
+
+    rate_hz: float | None = None
+    quality: GnssQuality
+    reported_std_m: float
+    white_std_m: float = 0.0
+    wander: tuple[Wander, ...] = ()
+    velocity_std_mps: float = 0.0
+    vertical_ratio: float = 1.8
+    latency_s: float = 0.0
+    outages: FloatOutages | None = None
+
+
+class ImuErrors(Settings, frozen=True, kw_only=True):
+    """Densities are one-sided, per square root of hertz; biases are drawn once per run."""
+
+    rate_hz: float | None = None
+    gyro_noise_radps_per_sqrt_hz: float = 0.0
+    gyro_bias_std_radps: float = 0.0
+    gyro_walk_radps_per_sqrt_s: float = 0.0
+    gyro_scale_std_ratio: float = 0.0
+    accel_noise_mps2_per_sqrt_hz: float = 0.0
+    accel_bias_std_mps2: float = 0.0
+    accel_walk_mps2_per_sqrt_s: float = 0.0
+    accel_scale_std_ratio: float = 0.0
+
+
+class HectorMag(Settings, frozen=True, kw_only=True, tag_field="model", tag="hector"):
+    """The original magnetometer: errors relative to the field's magnitude, own inclination."""
+
+    rate_hz: float | None = None
+    drift_ratio: float
+    drift_frequency_hz: float
+    gaussian_ratio: float
+    inclination_deg: float = 60.0
+    declination_deg: float = 0.0
+
+
+class PhysicalMag(Settings, frozen=True, kw_only=True, tag_field="model", tag="physical"):
+    """What calibration leaves over, in tesla; motor currents add a field along a fixed axis."""
+
+    rate_hz: float | None = None
+    noise_std_t: float = 0.0
+    hard_iron_std_t: float = 0.0
+    soft_iron_std_ratio: float = 0.0
+    misalignment_std_rad: float = 0.0
+    motor_field_std_t_per_nm: float = 0.0
+
+
+class WheelErrors(Settings, frozen=True, kw_only=True):
+    """Encoders; `quantised` rounds down to whole ticks of the robot's encoder."""
+
+    rate_hz: float = 100.0
+    quantised: bool = True
+
+
+class SensorPreset(Settings, frozen=True, kw_only=True):
+    about: str
+    gnss: HectorGnss | PhysicalGnss
+    imu: ImuErrors = ImuErrors()
+    mag: HectorMag | PhysicalMag = PhysicalMag()
+    wheels: WheelErrors = WheelErrors()
+
+
+def preset_names() -> list[str]:
+    folder = resources.files("agribot.sim.sensors") / "presets"
+    return sorted(p.name.removesuffix(".toml") for p in folder.iterdir())
+
+
+def load_preset(name: str) -> SensorPreset:
+    """Raises: ConfigError: no preset has this name."""
+    known = preset_names()
+    if name not in known:
+        close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+        hint = f"; did you mean '{close[0]}'?" if close else ""
+        raise ConfigError(
+            f"sim.sensors: unknown sensor preset '{name}'{hint}; known: {', '.join(known)}"
+        )
+    path = resources.files("agribot.sim.sensors") / "presets" / f"{name}.toml"
+    return msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), SensorPreset)

@@ -1,0 +1,43 @@
+"""Wheel encoders: whole ticks, and the speed from their difference."""
+
+from __future__ import annotations
+
+import math
+
+from agribot.messages import FloatArray, WheelSample
+from agribot.robot import DriveSpec
+from agribot.sim.sensors.presets import WheelErrors
+from agribot.sim.state import WHEEL_ANGLE
+
+Four = tuple[float, float, float, float]
+
+
+class WheelEncoders:
+    """The encoder sits on the motor, so the gear multiplies its resolution at the wheel."""
+
+    def __init__(self, errors: WheelErrors, drive: DriveSpec) -> None:
+        ticks = drive.encoder_ticks_per_rev * drive.gear_ratio
+        self._tick_rad = math.tau / ticks if errors.quantised else 0.0
+        self._angle_rad: Four = (0.0, 0.0, 0.0, 0.0)
+        self._t_s = 0.0
+
+    def sample(self, t_s: float, row: FloatArray) -> WheelSample:
+        """The reading for one row of the physics history."""
+        a, b, c, d = row[WHEEL_ANGLE].tolist()
+        tick = self._tick_rad
+        if tick:
+            a = math.floor(a / tick) * tick
+            b = math.floor(b / tick) * tick
+            c = math.floor(c / tick) * tick
+            d = math.floor(d / tick) * tick
+        last_a, last_b, last_c, last_d = self._angle_rad
+        rate = 1.0 / (t_s - self._t_s)
+        self._angle_rad, self._t_s = (a, b, c, d), t_s
+        return WheelSample(
+            t_s=t_s,
+            angle_rad=(a, b, c, d),
+            speed_radps=(
+                (a - last_a) * rate, (b - last_b) * rate,
+                (c - last_c) * rate, (d - last_d) * rate,
+            ),
+        )  # fmt: skip

@@ -1,0 +1,52 @@
+"""What the physics kernel works on: MuJoCo's arrays, the motor board and the state history."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from agribot.messages import FloatArray
+
+# Columns of the history: the state after each physics step.
+POSITION = slice(0, 3)  # of base_link in the map
+QUATERNION = slice(3, 7)  # map_from_base, w first
+VELOCITY = slice(7, 10)  # of base_link in the map
+ANGULAR = slice(10, 13)  # in base axes
+VELOCITY_GAIN = slice(13, 16)  # integral of the specific force at the IMU, base axes, m/s
+ANGLE_GAIN = slice(16, 19)  # integral of the angular rate, base axes, rad
+WHEEL_ANGLE = slice(19, 23)
+WHEEL_SPEED = slice(23, 27)
+TORQUE = slice(27, 28)  # sum of the magnitudes over the four motors, Nm
+HISTORY_COLUMNS = 28
+
+
+class StateViews(NamedTuple):
+    """Arrays of mjData, shared with MuJoCo."""
+
+    qpos: FloatArray
+    qvel: FloatArray
+    ctrl: FloatArray
+    actuator_force: FloatArray
+    xpos: FloatArray
+    xipos: FloatArray
+    xmat: FloatArray
+    cvel: FloatArray
+    subtree_com: FloatArray
+    xfrc_applied: FloatArray
+
+
+class Board(NamedTuple):
+    """The motor board: ramps of the twist, and its idea of the drive's geometry."""
+
+    max_accel_mps2: float
+    max_yaw_accel_radps2: float
+    wheel_radius_m: float
+    half_separation_m: float
+
+
+class Inertial(NamedTuple):
+    """Place of the IMU in base axes, and gravity."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    gravity_mps2: float
