@@ -33,6 +33,7 @@ from agribot.weeds.map import WeedMap
 
 ENDED = ("done", "cancelled", "failed")
 COMING_TO_REST_S = 2.0
+TRUTH_PERIOD_S = 0.1  # in the recording
 GOALS_ATTACHMENT = "goals.json"
 
 
@@ -64,6 +65,7 @@ class Session:
         self._series = SeriesTap()
         self._recorder = self._open_recorder() if config.record.enabled else None
         self._has_plan = False
+        self._next_truth_s = 0.0
         self.stack.taps += [self._show_truth, self.referee, self._series, self.event_log]
         if self._recorder is not None:
             self.stack.taps.append(self._record)
@@ -175,7 +177,8 @@ class Session:
         truth = self.platform.truth()
         pose = (truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
         self._series.truth(record.batch.t_s, pose)
-        if self._recorder is not None:
+        if self._recorder is not None and record.batch.t_s >= self._next_truth_s:
+            self._next_truth_s = record.batch.t_s + TRUTH_PERIOD_S
             self._recorder.truth(record.batch.t_s, pose, (truth.v_mps, truth.yaw_rate_radps))
 
     def _data(self) -> RunData:

@@ -104,7 +104,6 @@ def test_truth_of_an_arc_matches_its_own_integral(rover: RobotSpec, meadow: Worl
         y_m += truth.v_mps * math.sin(truth.yaw_map_rad) * 0.02
     assert (truth.x_map_m, truth.y_map_m) == pytest.approx((x_m, y_m), abs=0.03)
     assert truth.yaw_rate_radps == pytest.approx(0.4, rel=0.035)
-    assert platform.truth_pose() == (truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
 
 
 def test_ideal_sensors_agree_with_the_truth(rover: RobotSpec, meadow: WorldSpec) -> None:

@@ -46,6 +46,8 @@ class SimPlatform:
         self._sprayer = Sprayer(robot, world)
         self._physics = Physics(robot, world, self._step_ns)
         self._inbox: deque[OperatorEvent] = deque()
+        self._base_height_m = robot.base_height_m
+        self._truth: Truth | None = None
         self._silent_after_s = 0.0
         self._closed = False
 
@@ -100,14 +102,20 @@ class SimPlatform:
         self._inbox.append(event)
 
     def truth(self) -> Truth:
+        """Where the robot really is; the same object until the next read."""
+        if self._truth is None or self._truth.t_s != self._now_s:
+            self._truth = self._look()
+        return self._truth
+
+    def _look(self) -> Truth:
         row = self._physics.history[-1]
         rotation = rotation_of(row)
         roll, pitch, yaw = roll_pitch_yaw(row)
-        arm_m = rotation[:, 2] * -self._robot.base_height_m
+        arm_m = rotation[:, 2] * -self._base_height_m
         origin = row[POSITION] + arm_m
         # Yaw about the body's own z axis leaves its origin where it is; tilting does not.
         angular = row[ANGULAR]
-        forward_mps = rotation[:, 0] @ row[VELOCITY] - angular[1] * self._robot.base_height_m
+        forward_mps = rotation[:, 0] @ row[VELOCITY] - angular[1] * self._base_height_m
         return Truth(
             t_s=self._now_s,
             x_map_m=float(origin[0]),
@@ -118,11 +126,6 @@ class SimPlatform:
             roll_rad=roll,
             pitch_rad=pitch,
         )
-
-    def truth_pose(self) -> tuple[float, float, float]:
-        """True x, y in metres and yaw of the body frame in the map."""
-        truth = self.truth()
-        return truth.x_map_m, truth.y_map_m, truth.yaw_map_rad
 
     def truth_mask(self, frame_index: int) -> ByteArray | None:
         """True class ids (height, width) of one of the last frames; None when it is too old."""

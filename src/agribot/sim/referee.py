@@ -78,6 +78,7 @@ class Referee:
         self._rows = {row.index: row for row in rows}
         self._row_errors: list[tuple[float, float]] = []
         self._estimate_errors: list[tuple[float, float, float]] = []
+        self._pose_covs: list[tuple[float, ...]] = []
         self._distance_m = 0.0
         self._last_xy: tuple[float, float] | None = None
         self._confusion = np.zeros((3, 3), dtype=np.int64)
@@ -143,11 +144,15 @@ class Referee:
         )
 
     def estimate(self) -> EstimateScore:
-        errors = np.array(self._estimate_errors, dtype=float).reshape(-1, 3)
+        if not self._estimate_errors:
+            return EstimateScore(pos_rms_m=None, yaw_rms_rad=None, nees_mean=None)
+        error = np.array(self._estimate_errors)
+        cov = np.array(self._pose_covs).reshape(-1, 3, 3)
+        nees = np.einsum("ni,ni->n", error, np.linalg.solve(cov, error[..., None])[..., 0])
         return EstimateScore(
-            pos_rms_m=_rms(errors[:, 0]),
-            yaw_rms_rad=_rms(errors[:, 1]),
-            nees_mean=float(errors[:, 2].mean()) if len(errors) else None,
+            pos_rms_m=float(np.sqrt((error[:, :2] ** 2).sum(axis=1).mean())),
+            yaw_rms_rad=_rms(error[:, 2]),
+            nees_mean=float(nees.mean()),
         )
 
     def weeds(self, mapped: Sequence[MappedPlant], rows_done: Sequence[int]) -> WeedScore:
@@ -195,16 +200,11 @@ class Referee:
 
     def _judge_estimate(self, record: TickRecord, x_m: float, y_m: float, yaw_rad: float) -> None:
         estimate = record.estimate
-        error = np.array(
-            [
-                estimate.x_map_m - x_m,
-                estimate.y_map_m - y_m,
-                wrap_rad(estimate.yaw_map_rad - yaw_rad),
-            ]
+        yaw_error_rad = wrap_rad(estimate.yaw_map_rad - yaw_rad)
+        self._estimate_errors.append(
+            (estimate.x_map_m - x_m, estimate.y_map_m - y_m, yaw_error_rad)
         )
-        cov = np.array(estimate.pose_cov).reshape(3, 3)
-        nees = float(error @ np.linalg.solve(cov, error))
-        self._estimate_errors.append((math.hypot(error[0], error[1]), float(error[2]), nees))
+        self._pose_covs.append(estimate.pose_cov)
 
     def _pitch_m(self) -> float:
         """Distance between neighbouring rows; a lone row counts as one metre wide."""

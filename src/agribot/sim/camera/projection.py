@@ -1,0 +1,124 @@
+"""Which things a view shows, and where their vertices fall in the picture."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from agribot.sim.camera.arrays import Doubles, Forms, Instances, Lamp, Longs, Singles, View
+from agribot.sim.camera.jit import compiled, inlined
+
+# Columns of a projected vertex. Before the near plane, column and row hold camera metres.
+COLUMN, ROW, DEPTH, U, V, SHADE = range(6)
+FARTHEST = 1.0e9
+
+
+@compiled
+def cull(
+    forms: Forms, things: Instances, view: View, least_px: float, depth_m: Singles, size_px: Singles
+) -> None:
+    """Distance and apparent size of what may be in view; depth -1 for the rest."""
+    edge_x = math.sqrt(1.0 + (view.cx_px / view.focal_px) ** 2)
+    edge_y = math.sqrt(1.0 + (view.cy_px / view.focal_px) ** 2)
+    turn = view.camera_from_map
+    for i in range(things.form.shape[0]):
+        radius = forms.radius[things.form[i]] * things.scale[i]
+        x = things.position[i, 0] - view.eye[0]
+        y = things.position[i, 1] - view.eye[1]
+        z = things.position[i, 2] - view.eye[2]
+        forward = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z
+        depth_m[i] = -1.0
+        size_px[i] = 0.0
+        if forward < view.near_m - radius or forward - radius > view.far_m:
+            continue
+        right = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z
+        down = turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z
+        if abs(right) - forward * (view.cx_px + 0.5) / view.focal_px > radius * edge_x:
+            continue
+        if abs(down) - forward * (view.cy_px + 0.5) / view.focal_px > radius * edge_y:
+            continue
+        near = max(forward, view.near_m)
+        size_px[i] = 2.0 * radius * view.focal_px / near
+        if size_px[i] > least_px:
+            depth_m[i] = near
+
+
+@compiled
+def project(
+    first: int, last: int, seen: Longs, mesh: Longs, start: Longs, forms: Forms,
+    things: Instances, view: View, lamp: Lamp, point: Singles, box: Singles,
+) -> None:  # fmt: skip
+    """Project and light the vertices of `seen[first:last]` into `point` (V, 6).
+
+    `box` (N, 5) receives the smallest and largest column, row, and the nearest depth.
+    Leaves are lit from both sides: the far side of a lit leaf glows with part of the light.
+    """
+    axes = np.empty((5, 4))
+    vertex, near_m, focal_px, cx_px, cy_px = (
+        forms.vertex, view.near_m, view.focal_px, view.cx_px, view.cy_px,
+    )  # fmt: skip
+    for k in range(first, last):
+        i = seen[k]
+        _aim(i, things, view, lamp, axes)
+        solid = things.solid[i] > 0
+        through = 0.0 if solid else 0.5
+        sunlight = lamp.diffuse * things.sun[i]
+        ambient = lamp.ambient * (0.8 + 0.2 * things.sun[i])
+        x_min, x_max, y_min, y_max = FARTHEST, -FARTHEST, FARTHEST, -FARTHEST
+        z_min, z_max = FARTHEST, -FARTHEST
+        to = start[k]
+        origin = forms.first_vertex[mesh[k]]
+        for j in range(origin, origin + forms.vertices[mesh[k]]):
+            x, y, z = float(vertex[j, 0]), float(vertex[j, 1]), float(vertex[j, 2])
+            depth = _along(axes, 2, x, y, z)
+            column, row = _along(axes, 0, x, y, z), _along(axes, 1, x, y, z)
+            lit = vertex[j, 3] * axes[3, 0] + vertex[j, 4] * axes[3, 1] + vertex[j, 5] * axes[3, 2]
+            towards = vertex[j, 3] * (axes[4, 0] - x) + vertex[j, 4] * (axes[4, 1] - y)
+            towards += vertex[j, 5] * (axes[4, 2] - z)
+            light = abs(lit) if lit * towards > 0.0 else through * abs(lit)
+            upward = vertex[j, 5] if solid else abs(vertex[j, 5])
+            shade = (ambient * (0.75 + 0.25 * upward) + sunlight * light) * vertex[j, 8]
+            point[to, U], point[to, V], point[to, SHADE] = vertex[j, 6], vertex[j, 7], shade
+            z_min, z_max = min(z_min, depth), max(z_max, depth)
+            if depth >= near_m:
+                column = cx_px + focal_px * column / depth
+                row = cy_px + focal_px * row / depth
+                x_min, x_max = min(x_min, column), max(x_max, column)
+                y_min, y_max = min(y_min, row), max(y_max, row)
+            point[to, COLUMN], point[to, ROW], point[to, DEPTH] = column, row, depth
+            to += 1
+        if z_min < near_m <= z_max:  # cut by the near plane: may reach anywhere
+            x_min, x_max, y_min, y_max = -FARTHEST, FARTHEST, -FARTHEST, FARTHEST
+        box[k, 0], box[k, 1], box[k, 2], box[k, 3] = x_min, x_max, y_min, y_max
+        box[k, 4] = max(z_min, near_m)
+
+
+@inlined
+def _along(axes: Doubles, row: int, x: float, y: float, z: float) -> float:
+    return float(axes[row, 0] * x + axes[row, 1] * y + axes[row, 2] * z + axes[row, 3])
+
+
+@compiled
+def _aim(i: int, things: Instances, view: View, lamp: Lamp, axes: Doubles) -> None:
+    """Write the camera's axes with its place (rows 0 to 2), the sun (3) and the eye (4) as they
+    are in the mesh of a thing, so that vertices and normals need no turning.
+    """
+    turn, scale = things.rotation[i], float(things.scale[i])
+    away_x = things.position[i, 0] - view.eye[0]
+    away_y = things.position[i, 1] - view.eye[1]
+    away_z = things.position[i, 2] - view.eye[2]
+    to_camera, sun = view.camera_from_map, lamp.to_sun
+    for k in range(3):
+        for row in range(3):
+            axes[row, k] = scale * _across(
+                to_camera[row, 0], to_camera[row, 1], to_camera[row, 2], turn, k
+            )
+        axes[3, k] = _across(sun[0], sun[1], sun[2], turn, k)
+        axes[4, k] = -_across(away_x, away_y, away_z, turn, k) / scale
+        axes[k, 3] = to_camera[k, 0] * away_x + to_camera[k, 1] * away_y + to_camera[k, 2] * away_z
+
+
+@compiled
+def _across(x: float, y: float, z: float, turn: Singles, k: int) -> float:
+    return float(x * turn[0, k] + y * turn[1, k] + z * turn[2, k])

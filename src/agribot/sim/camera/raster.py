@@ -1,0 +1,244 @@
+"""Filling of triangles: nearest surface, texture, class and plant of every pixel.
+
+Pixel centres have integer coordinates. Bands of rows are independent of each other, so that
+the picture does not depend on how they are shared among threads.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from agribot.messages import PlantClass
+from agribot.sim.camera.arrays import (
+    Bytes,
+    Doubles,
+    Floats,
+    Forms,
+    Instances,
+    Ints,
+    Longs,
+    Pyramid,
+    Singles,
+    Targets,
+    View,
+)
+from agribot.sim.camera.jit import compiled, inlined
+from agribot.sim.camera.projection import COLUMN, DEPTH, ROW, SHADE, U, V
+
+SOIL = int(PlantClass.SOIL)
+SMALL_BOX_PX = 400  # above, looking for a free pixel costs more than drawing
+
+
+@compiled
+def draw_band(
+    first_row: int,
+    last_row: int,
+    seen: Longs,
+    mesh: Longs,
+    start: Longs,
+    forms: Forms,
+    things: Instances,
+    view: View,
+    textures: Pyramid,
+    point: Singles,
+    box: Singles,
+    targets: Targets,
+) -> None:
+    """Clear the rows [first_row, last_row) and draw everything seen on them, nearest first."""
+    inverse_depth, first_face, faces = targets.inverse_depth, forms.first_face, forms.faces
+    face, near_m, width = forms.face, view.near_m, view.width
+    # Arrays are taken out of their tuples once: their reference counts cost more than a triangle.
+    colour, labels, instances = targets.colour, targets.label, targets.instance
+    tint, layers, label, identity = things.tint, things.layer, things.label, things.id
+    texel, level_first = textures.texel, textures.first
+    columns, rows = textures.width, textures.height
+    _clear(first_row, last_row, inverse_depth, labels, instances)
+    corner = np.empty((4, 6))
+    for k in range(seen.shape[0]):
+        if box[k, 2] > last_row - 1 or box[k, 3] < first_row:
+            continue
+        if box[k, 0] > width - 1 or box[k, 1] < 0.0:
+            continue
+        if _is_hidden(box, k, first_row, last_row, inverse_depth):
+            continue
+        for t in range(first_face[mesh[k]], first_face[mesh[k]] + faces[mesh[k]]):
+            a, b, c = start[k] + face[t, 0], start[k] + face[t, 1], start[k] + face[t, 2]
+            if min(point[a, DEPTH], point[b, DEPTH], point[c, DEPTH]) >= near_m:
+                low = min(point[a, ROW], point[b, ROW], point[c, ROW])
+                high = max(point[a, ROW], point[b, ROW], point[c, ROW])
+                if high < first_row or low > last_row - 1 or math.ceil(low) > math.floor(high):
+                    continue
+                _fill(point, a, b, c, seen[k], first_row, last_row, tint, layers, label, identity,
+                      texel, level_first, columns, rows, colour, inverse_depth, labels,
+                      instances)  # fmt: skip
+                continue
+            count = clip(point, a, b, c, view, corner)
+            for e in range(1, count - 1):
+                _fill_cut(
+                    corner, 0, e, e + 1, seen[k], first_row, last_row, things, textures, targets
+                )
+
+
+@compiled
+def _clear(
+    first_row: int, last_row: int, inverse_depth: Singles, labels: Bytes, instances: Ints
+) -> None:
+    for row in range(first_row, last_row):
+        for column in range(inverse_depth.shape[1]):
+            inverse_depth[row, column] = 0.0
+            labels[row, column] = SOIL
+            instances[row, column] = -1
+
+
+@compiled
+def _is_hidden(box: Singles, k: int, first_row: int, last_row: int, inverse_depth: Singles) -> bool:
+    """Whether nearer things cover the whole box of a small thing."""
+    width = inverse_depth.shape[1]
+    left, right = max(0, int(box[k, 0])), min(width - 1, math.ceil(box[k, 1]))
+    top, bottom = max(first_row, int(box[k, 2])), min(last_row - 1, math.ceil(box[k, 3]))
+    if (right - left) * (bottom - top) > SMALL_BOX_PX:
+        return False
+    nearest = 1.0 / box[k, 4]
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            if inverse_depth[row, column] < nearest:
+                return False
+    return True
+
+
+@compiled
+def clip(point: Floats, a: int, b: int, c: int, view: View, corner: Doubles) -> int:
+    """Cut a triangle at the near plane; writes projected corners, returns how many (0, 3, 4)."""
+    index = (a, b, c)
+    count = 0
+    for e in range(3):
+        p, q = point[index[e]], point[index[(e + 1) % 3]]
+        p_right, p_down = _camera_xy(p, view)
+        if p[DEPTH] >= view.near_m:
+            _put(corner[count], p_right, p_down, p[DEPTH], p[U], p[V], p[SHADE], view)
+            count += 1
+        if (p[DEPTH] >= view.near_m) != (q[DEPTH] >= view.near_m):
+            q_right, q_down = _camera_xy(q, view)
+            s = (view.near_m - p[DEPTH]) / (float(q[DEPTH]) - p[DEPTH])
+            _put(
+                corner[count], p_right + s * (q_right - p_right), p_down + s * (q_down - p_down),
+                view.near_m, p[U] + s * (q[U] - p[U]), p[V] + s * (q[V] - p[V]),
+                p[SHADE] + s * (q[SHADE] - p[SHADE]), view,
+            )  # fmt: skip
+            count += 1
+    return count
+
+
+@compiled
+def _camera_xy(p: Floats, view: View) -> tuple[float, float]:
+    """Metres right and down of a vertex; those behind the near plane are stored so."""
+    if p[DEPTH] < view.near_m:
+        return float(p[COLUMN]), float(p[ROW])
+    metres = p[DEPTH] / view.focal_px
+    return (p[COLUMN] - view.cx_px) * metres, (p[ROW] - view.cy_px) * metres
+
+
+@compiled
+def _put(
+    corner: Doubles, right: float, down: float, depth: float, u: float, v: float, shade: float,
+    view: View,
+) -> None:  # fmt: skip
+    corner[COLUMN] = view.cx_px + view.focal_px * right / depth
+    corner[ROW] = view.cy_px + view.focal_px * down / depth
+    corner[DEPTH] = depth
+    corner[U], corner[V], corner[SHADE] = u, v, shade
+
+
+@compiled
+def _fill_cut(
+    corner: Doubles, a: int, b: int, c: int, i: int, first_row: int, last_row: int,
+    things: Instances, textures: Pyramid, targets: Targets,
+) -> None:  # fmt: skip
+    """Draw a part of a triangle that the near plane cut; rare, so not part of the main loop."""
+    _fill(corner, a, b, c, i, first_row, last_row, things.tint, things.layer, things.label,
+          things.id, textures.texel, textures.first, textures.width, textures.height,
+          targets.colour, targets.inverse_depth, targets.label, targets.instance)  # fmt: skip
+
+
+@inlined
+def _fill(
+    point: Floats, a: int, b: int, c: int, i: int, first_row: int, last_row: int,
+    tint: Singles, layers: Longs, label: Bytes, identity: Ints, texel: Singles,
+    level_first: Longs, level_columns: Longs, level_rows: Longs, colour: Singles,
+    inverse_depth: Singles, labels: Bytes, instances: Ints,
+) -> None:  # fmt: skip
+    """Draw one triangle, with perspective-correct texture of the level that fits its size."""
+    xa, xb, xc = float(point[a, COLUMN]), float(point[b, COLUMN]), float(point[c, COLUMN])
+    ya, yb, yc = float(point[a, ROW]), float(point[b, ROW]), float(point[c, ROW])
+    left = math.ceil(max(0.0, min(xa, xb, xc)))
+    right = math.floor(min(inverse_depth.shape[1] - 1.0, max(xa, xb, xc)))
+    top = math.ceil(max(float(first_row), min(ya, yb, yc)))
+    bottom = math.floor(min(last_row - 1.0, max(ya, yb, yc)))
+    area = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)
+    if left <= right and top <= bottom and area != 0.0:
+        per_area = 1.0 / area
+        wa, wb, wc = 1.0 / point[a, DEPTH], 1.0 / point[b, DEPTH], 1.0 / point[c, DEPTH]
+        ua, ub, uc = float(point[a, U]), float(point[b, U]), float(point[c, U])
+        va, vb, vc = float(point[a, V]), float(point[b, V]), float(point[c, V])
+        covered = abs(((ub - ua) * (vc - va) - (uc - ua) * (vb - va)) * per_area)
+        level = _level(covered * level_columns[0] * level_rows[0], level_first.shape[0] - 1)
+        columns, rows, first = level_columns[level], level_rows[level], level_first[level]
+        ua, ub, uc = ua * wa * columns, ub * wb * columns, uc * wc * columns
+        va, vb, vc = va * wa * rows, vb * wb * rows, vc * wc * rows
+        sa, sb, sc = float(point[a, SHADE]), float(point[b, SHADE]), float(point[c, SHADE])
+        da, db, dc = (yb - yc) * per_area, (yc - ya) * per_area, (ya - yb) * per_area
+        ca, cb, cc = crossing(da), crossing(db), crossing(dc)
+        for row in range(top, bottom + 1):
+            start_a = ((xb - left) * (yc - row) - (xc - left) * (yb - row)) * per_area
+            start_b = ((xc - left) * (ya - row) - (xa - left) * (yc - row)) * per_area
+            low, high = span(start_a, da, ca, 0.0, float(right - left))
+            low, high = span(start_b, db, cb, low, high)
+            low, high = span(1.0 - start_a - start_b, dc, cc, low, high)
+            for step in range(math.ceil(low - 1e-6), math.floor(high + 1e-6) + 1):
+                la, lb = start_a + step * da, start_b + step * db
+                lc = 1.0 - la - lb
+                near = la * wa + lb * wb + lc * wc
+                column = left + step
+                if near > inverse_depth[row, column]:
+                    depth = 1.0 / near
+                    u = int((la * ua + lb * ub + lc * uc) * depth)
+                    v = int((la * va + lb * vb + lc * vc) * depth)
+                    cell = first + min(max(v, 0), rows - 1) * columns + min(max(u, 0), columns - 1)
+                    shade = la * sa + lb * sb + lc * sc
+                    inverse_depth[row, column] = near
+                    colour[row, column, 0] = texel[layers[i], cell, 0] * shade * tint[i, 0]
+                    colour[row, column, 1] = texel[layers[i], cell, 1] * shade * tint[i, 1]
+                    colour[row, column, 2] = texel[layers[i], cell, 2] * shade * tint[i, 2]
+                    labels[row, column] = label[i]
+                    instances[row, column] = identity[i]
+
+
+@inlined
+def _level(texels_per_px: float, last: int) -> int:
+    """The copy of a texture with about one texel to a pixel; `texels_per_px` is of areas."""
+    level = 0
+    while texels_per_px > 2.0 and level < last:
+        texels_per_px *= 0.25
+        level += 1
+    return level
+
+
+@inlined
+def crossing(slope: float) -> float:
+    return 0.0 if slope == 0.0 else -1.0 / slope
+
+
+@inlined
+def span(
+    start: float, slope: float, crossing: float, low: float, high: float
+) -> tuple[float, float]:
+    """Part of [low, high] where start + slope * x is not negative; empty if high < low."""
+    if slope > 0.0:
+        low = max(low, start * crossing)
+    elif slope < 0.0:
+        high = min(high, start * crossing)
+    elif start < 0.0:
+        high = low - 1.0
+    return low, high

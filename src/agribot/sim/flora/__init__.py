@@ -1,0 +1,1 @@
+"""Procedural plants: species, leaf meshes and leaf textures."""
