@@ -52,13 +52,6 @@ IMPURE = {
 
 MAX_FILE_LINES = 300
 MAX_FUNCTION_LINES = 50
-# Loops over triangles, pixels and wheels that the compiler turns into one piece: a function call
-# per step costs more than it explains. Each must be @compiled or @inlined.
-LONG_KERNELS = {
-    "sim/camera/projection.py: project",
-    "sim/camera/raster.py: _fill",
-    "sim/kernel.py: apply_tyre_forces",
-}
 BANNED_NAMES = {"utils", "util", "helpers", "helper", "common", "manager", "misc"}
 MAY_PRINT = {"cli", "commands"}
 # Paths of somebody's machine, and words about how the project came to be.
@@ -247,16 +240,13 @@ def test_files_are_short() -> None:
 
 
 def test_functions_are_short() -> None:
-    long = {
-        name: node
+    long = [
+        name
         for path in sources()
         for name, node in functions(path)
         if (node.end_lineno or node.lineno) - node.lineno + 1 > MAX_FUNCTION_LINES
-    }
-    assert set(long) <= LONG_KERNELS, f"over {MAX_FUNCTION_LINES} lines"
-    assert set(long) >= LONG_KERNELS, "take the short ones off LONG_KERNELS"
-    for node in long.values():
-        assert {"compiled", "inlined"} & set(map(ast.unparse, node.decorator_list)), node.name
+    ]
+    assert not long, f"over {MAX_FUNCTION_LINES} lines"
 
 
 def test_modules_are_named_after_what_they_hold() -> None:

@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--version", action="version", version=f"agribot {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     wanted = next((word for word in arguments if not word.startswith("-")), None)
-    for name, (module, help_line, example) in COMMANDS.items():
+    for name, (module_name, help_line, example) in COMMANDS.items():
         command = commands.add_parser(
             name,
             help=help_line,
@@ -67,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             epilog=f"example: {example}",
         )
         if name == wanted:  # only the wanted command is imported: --help stays quick
-            importlib.import_module(module).add_arguments(command)
+            importlib.import_module(module_name).add_arguments(command)
     options = parser.parse_args(arguments)
     module = importlib.import_module(COMMANDS[options.command][0])
     try:

@@ -190,7 +190,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def base_height_m(self) -> float:
         """Height of base_link over the ground when the robot stands on its wheels."""
-        return self.drive.wheel_radius_m - self.base_from_link(WHEEL_NAMES[0])[2, 3]
+        return self.drive.wheel_radius_m - float(self.base_from_link(WHEEL_NAMES[0])[2, 3])
 
     def base_from_link(self, name: str) -> FloatArray:
         """Pose of a link in base_link with all joints at zero, (4, 4)."""

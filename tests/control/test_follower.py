@@ -5,7 +5,6 @@ import math
 import msgspec
 import numpy as np
 import pytest
-from kinematic_rover import TICK_S, Rover, Soil, farm_robot
 
 from agribot.config import ControlConfig, FieldConfig, MissionConfig, SafetyConfig
 from agribot.control.follower import Follower
@@ -25,6 +24,7 @@ from agribot.plan.boustrophedon import plan_rows
 from agribot.plan.curves import Pose, Segment, sample
 from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
+from tests.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
 
 ROBOT = farm_robot()
 START = (-2.0, 0.0, math.pi / 2)

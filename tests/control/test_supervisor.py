@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kinematic_rover import TICK_S, Rover, Soil, farm_robot
 
 from agribot.config import SafetyConfig
 from agribot.control.supervise import Fence, Supervisor
@@ -25,6 +24,7 @@ from agribot.messages import (
     RobotCommand,
     SensorBatch,
 )  # fmt: skip
+from tests.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
 
 ROBOT = farm_robot()
 SPOT = Path(

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 import numpy as np
-from paper_robot import HALF_TRACK_M, RADIUS_M, YAW_MULTIPLIER
 
 from agribot.config import FieldConfig
 from agribot.geo import MapFrame
@@ -23,6 +22,7 @@ from agribot.messages import (
     MagSample,
     WheelSample,
 )
+from tests.estimate.paper_robot import HALF_TRACK_M, RADIUS_M, YAW_MULTIPLIER
 
 DT_S = 0.01
 GRAVITY_MPS2 = 9.8

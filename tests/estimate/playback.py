@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from noisy_rover import Recording
-from paper_robot import robot
 
 from agribot.config import EstimateConfig, FieldConfig
 from agribot.estimate.localizer import Localizer
 from agribot.messages import Estimate, FloatArray, SensorBatch
+from tests.estimate.noisy_rover import Recording
+from tests.estimate.paper_robot import robot
 
 
 def batches(recording: Recording, tick_hz: float = 50.0) -> Iterator[SensorBatch]:

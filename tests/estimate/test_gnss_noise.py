@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import pytest
-from noisy_rover import RTK, record, stand
-from playback import error, localizer, play
 
 from agribot.estimate.gnss import fix_noise
 from agribot.messages import GnssFix, GnssQuality
+from tests.estimate.noisy_rover import RTK, record, stand
+from tests.estimate.playback import error, localizer, play
 
 
 def fix(quality: GnssQuality, pos_std_m: float) -> GnssFix:

@@ -8,11 +8,11 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 import pytest
-from noisy_rover import Recording, record, rows
-from playback import batches, error, localizer, play
 
 from agribot.config import EstimateConfig
 from agribot.messages import Estimate, GnssFix, GnssQuality, ImuSample, SensorBatch, WheelSample
+from tests.estimate.noisy_rover import Recording, record, rows
+from tests.estimate.playback import batches, error, localizer, play
 
 LAT_PER_M, LON_PER_M = 1.0 / 110719.0, 1.0 / 103858.0
 Within = Callable[[float], bool]

@@ -7,10 +7,10 @@ import math
 import msgspec
 import numpy as np
 import pytest
-from noisy_rover import QUIET, RTK, Recording, record, rows, stand
-from playback import error, localizer, play
 
 from agribot.messages import Estimate, MagSample
+from tests.estimate.noisy_rover import QUIET, RTK, Recording, record, rows, stand
+from tests.estimate.playback import error, localizer, play
 
 
 def straight(t_s: float) -> tuple[float, float]:

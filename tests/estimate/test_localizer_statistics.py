@@ -7,11 +7,11 @@ import math
 import msgspec
 import numpy as np
 import pytest
-from noisy_rover import M8N, RTK, Drive, Errors, Recording, record, rows, stand
-from playback import batches, error, localizer, play
 
 from agribot.config import EstimateConfig
 from agribot.messages import Estimate, FloatArray, GnssQuality
+from tests.estimate.noisy_rover import M8N, RTK, Drive, Errors, Recording, record, rows, stand
+from tests.estimate.playback import batches, error, localizer, play
 
 SEEDS, DURATION_S = 40, 26.0
 # The mean NEES of 40 independent samples of 1, 2 and 3 degrees of freedom stays below the 97.5 %

@@ -6,11 +6,11 @@ import math
 from collections import Counter
 
 import pytest
-from paper_robot import HALF_TRACK_M, RADIUS_M, YAW_MULTIPLIER, robot
 
 from agribot.estimate.odometry import Odometry, Step
 from agribot.geo import rotation_from_rpy
 from agribot.messages import ImuSample, Vec3, WheelSample
+from tests.estimate.paper_robot import HALF_TRACK_M, RADIUS_M, YAW_MULTIPLIER, robot
 
 NOW_S = 10.0
 LEVEL: Vec3 = (0.0, 0.0, 9.8)

@@ -65,4 +65,6 @@ def test_all_files_of_a_run_are_there_and_hold_the_same_result(farm_runs: Runs) 
     stored = json.loads((out / "report.json").read_text())
     assert stored["mission"]["rows_done"] == report.mission.rows_done
     features = json.loads((out / "weeds.geojson").read_text())["features"]
-    assert len([f for f in features if f["properties"]["class"] == "weed"]) >= report.weeds.mapped
+    mapped = [feature for feature in features if feature["properties"]["class"] == "weed"]
+    assert report.weeds.mapped is not None
+    assert len(mapped) >= report.weeds.mapped

@@ -3,7 +3,6 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from planting import FARM, FARM_START, HALF_TRACK_M, MISSION, WHEEL_WIDTH_M, rover
 
 from agribot.config import FieldConfig
 from agribot.errors import MissionError
@@ -11,6 +10,7 @@ from agribot.messages import FloatArray, Path
 from agribot.plan.boustrophedon import plan_rows
 from agribot.plan.certify import certify, closest_to_crop, wheel_tracks_map_m
 from agribot.plan.rows import field_rows
+from tests.plan.planting import FARM, FARM_START, HALF_TRACK_M, MISSION, WHEEL_WIDTH_M, rover
 
 ROWS = field_rows(FARM)
 

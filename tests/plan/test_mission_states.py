@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from planting import FARM, FARM_START, MISSION, at, event, point_at, rover
 
 from agribot.config import FieldConfig
 from agribot.errors import MissionError
@@ -13,6 +12,7 @@ from agribot.plan.boustrophedon import plan_rows
 from agribot.plan.mission import SETTLE_S, Mission
 from agribot.plan.rows import field_rows
 from agribot.plan.waypoints import plan_waypoints
+from tests.plan.planting import FARM, FARM_START, MISSION, at, event, point_at, rover
 
 TWO_ROWS = FieldConfig(row_count=2, row_length_m=4.0)
 ROWS = field_rows(TWO_ROWS)

@@ -5,7 +5,15 @@ import math
 import msgspec
 import numpy as np
 import pytest
-from planting import (
+
+from agribot.config import FieldConfig
+from agribot.errors import MissionError
+from agribot.messages import Path, Row
+from agribot.plan.boustrophedon import plan_rows
+from agribot.plan.certify import certify, closest_to_crop
+from agribot.plan.curves import MIN_RADIUS_M
+from agribot.plan.rows import field_rows
+from tests.plan.planting import (
     FARM,
     FARM_START,
     HALF_TRACK_M,
@@ -15,14 +23,6 @@ from planting import (
     in_field_frame,
     rover,
 )  # fmt: skip
-
-from agribot.config import FieldConfig
-from agribot.errors import MissionError
-from agribot.messages import Path, Row
-from agribot.plan.boustrophedon import plan_rows
-from agribot.plan.certify import certify, closest_to_crop
-from agribot.plan.curves import MIN_RADIUS_M
-from agribot.plan.rows import field_rows
 
 
 def planned(field: FieldConfig, start: tuple[float, float, float]) -> Path:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from planting import MISSION, rover
 
 from agribot.errors import MissionError
 from agribot.plan.certify import certify
 from agribot.plan.waypoints import plan_waypoints
+from tests.plan.planting import MISSION, rover
 
 place = st.tuples(st.floats(-6.0, 6.0), st.floats(-6.0, 6.0))
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import msgspec
 import pytest
-import record_samples as samples
 
 from agribot.errors import RecordingError
 from agribot.messages import DriveCommand, RobotCommand, TickRecord
 from agribot.record.events import EventLog, read_events
+from tests.record import record_samples as samples
 
 
 @pytest.fixture

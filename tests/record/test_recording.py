@@ -9,7 +9,6 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-import record_samples as samples
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from PIL import Image
@@ -32,6 +31,7 @@ from agribot.record.replay import (
 from agribot.record.ticks import without_pixels
 from agribot.record.transforms import static_transforms
 from agribot.robot import Joint, Link
+from tests.record import record_samples as samples
 
 CONFIG = load("farm", ["seed=7", "record.image_rate_hz=2.0"])
 GOALS = ((1.0, 2.0), (1.0, 12.0))

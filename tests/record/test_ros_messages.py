@@ -6,7 +6,6 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-import record_samples as samples
 from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
@@ -25,6 +24,7 @@ from agribot.messages import (
 )
 from agribot.record import cdr, rosmsg
 from agribot.record.markers import weed_markers
+from tests.record import record_samples as samples
 
 # Not the store of the code under test.
 STORE = get_typestore(Stores.ROS2_JAZZY)

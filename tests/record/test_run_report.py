@@ -11,7 +11,6 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-import record_samples as samples
 from PIL import Image
 
 from agribot.config import load
@@ -36,6 +35,7 @@ from agribot.record.report import (
 from agribot.record.row_table import row_summaries
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap, collect
+from tests.record import record_samples as samples
 
 CONTRACT: dict[str, Any] = {
     "profile": None, "seed": None, "sensors": None, "version": None, "ok": None, "reason": None,

@@ -3,10 +3,10 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-import record_samples as samples
 
 from agribot.errors import RecordingError
 from agribot.record.ticks import decode_tick, encode_tick, without_pixels
+from tests.record import record_samples as samples
 
 
 def test_a_tick_survives_encoding_but_for_its_pixels() -> None:

@@ -7,13 +7,13 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-import record_samples as samples
 from hypothesis import given
 from hypothesis import strategies as st
 
 from agribot.geo import Datum, MapFrame
 from agribot.messages import PlantClass
 from agribot.record.weeds import position_std_m, weeds_geojson, write_weeds
+from tests.record import record_samples as samples
 
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)
 

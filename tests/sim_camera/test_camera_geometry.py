@@ -5,11 +5,20 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from camera_scenes import CAMERA, mixed_field, obstacle, pixel_of, plant, pose, rays, world
 
 from agribot.messages import PlantClass
 from agribot.sim.camera import CameraRenderer
 from agribot.world import HeightField
+from tests.sim_camera.camera_scenes import (
+    CAMERA,
+    mixed_field,
+    obstacle,
+    pixel_of,
+    plant,
+    pose,
+    rays,
+    world,
+)
 
 
 @pytest.mark.parametrize(("x_m", "y_m"), [(0.8, 0.0), (1.4, 0.5), (2.0, -0.8)])

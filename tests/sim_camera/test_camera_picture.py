@@ -8,12 +8,20 @@ import sys
 import msgspec
 import numpy as np
 import pytest
-from camera_scenes import CAMERA, brightness, mixed_field, obstacle, plant, pose, world
 
 from agribot.errors import DescriptionError
 from agribot.messages import PlantClass
 from agribot.sim.camera import Appearance, CameraRenderer
 from agribot.world import GroundTile, Light
+from tests.sim_camera.camera_scenes import (
+    CAMERA,
+    brightness,
+    mixed_field,
+    obstacle,
+    plant,
+    pose,
+    world,
+)
 
 DOWN = pose(down_deg=90.0)
 
@@ -158,7 +166,7 @@ def test_rendering_loads_no_graphics_library() -> None:
     program = """
 import sys
 sys.path.insert(0, "tests/sim_camera")
-from camera_scenes import CAMERA, plant, pose, world
+from tests.sim_camera.camera_scenes import CAMERA, plant, pose, world
 from agribot.sim.camera import CameraRenderer
 CameraRenderer(world(plant(1.0, 0.0)), threads=1).render(pose(), CAMERA, noise_seed=1)
 wanted = ("OpenGL", "glfw", "mujoco", "moderngl", "pyglet", "vtk", "pybullet", "vulkan", "torch")

@@ -6,12 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from weed_field import add_sightings, make_estimate
-
 from agribot.config import WeedConfig
 from agribot.robot import SprayerSpec
 from agribot.weeds.map import WeedMap
 from agribot.weeds.treatment import Treatment
+from tests.weeds.weed_field import add_sightings, make_estimate
 
 BOOM = SprayerSpec(
     x_body_m=-0.3, nozzle_count=8, nozzle_spacing_m=0.1, nozzle_width_m=0.1, latency_s=0.1

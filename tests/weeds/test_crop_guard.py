@@ -3,10 +3,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from spray_ground import BOOM, Field, drive_over, make_map
 
 from agribot.config import TreatmentConfig
 from agribot.weeds.treatment import Treatment
+from tests.weeds.spray_ground import BOOM, Field, drive_over, make_map
 
 
 def test_a_weed_inside_the_guard_ring_of_a_crop_is_left_alone() -> None:

@@ -3,9 +3,9 @@ from __future__ import annotations
 import math
 
 import pytest
-from weed_field import make_estimate
 
 from agribot.weeds.poses import PoseHistory
+from tests.weeds.weed_field import make_estimate
 
 
 def history(*estimates: tuple[float, float, float, float]) -> PoseHistory:

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
-from spray_ground import BOOM, Field
-from weed_field import (
+
+from agribot.config import TreatmentConfig
+from agribot.messages import Scene
+from agribot.weeds.treatment import Treatment
+from tests.weeds.spray_ground import BOOM, Field
+from tests.weeds.weed_field import (
     SPEED_MPS,
     TICK_S,
     TICKS_PER_FRAME,
@@ -17,10 +21,6 @@ from weed_field import (
     make_estimate,
     plant_strip,
 )
-
-from agribot.config import TreatmentConfig
-from agribot.messages import Scene
-from agribot.weeds.treatment import Treatment
 
 LATENCY_S = 0.2
 

@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from spray_ground import BOOM, TICK_S, Field, drive_over, make_map
-from weed_field import add_sightings, make_estimate
 
 from agribot.config import TreatmentConfig, WeedConfig
 from agribot.robot import SprayerSpec
 from agribot.weeds.map import WeedMap
 from agribot.weeds.treatment import Treatment
+from tests.weeds.spray_ground import BOOM, TICK_S, Field, drive_over, make_map
+from tests.weeds.weed_field import add_sightings, make_estimate
 
 
 def test_every_weed_under_the_boom_is_hit_and_marked() -> None:

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from weed_field import VIEW_BODY_M, add_sightings, make_estimate, make_plant, make_scene
 
 from agribot.config import WeedConfig
 from agribot.messages import PlantClass
 from agribot.weeds.map import WeedMap
 from agribot.weeds.poses import PoseAt
+from tests.weeds.weed_field import VIEW_BODY_M, add_sightings, make_estimate, make_plant, make_scene
 
 NO_VIEW: tuple[tuple[float, float], ...] = ()
 

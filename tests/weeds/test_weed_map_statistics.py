@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from weed_field import Eyes, score, walk
 
 from agribot.messages import FloatArray
+from tests.weeds.weed_field import Eyes, score, walk
 
 SEEDS = range(12)
 
