@@ -93,17 +93,15 @@ def _reason(status: MissionStatus | None, mission: MissionReport, crushed: int) 
         return "the robot never ran"
     if status.state != "done":
         return f"mission {status.state}: {status.reason}" if status.reason else status.state
-    if mission.rows_total and mission.rows_done != mission.rows_total:
-        missed = mission.rows_total - (mission.rows_done or 0)
-        return (
-            f"the robot believes all is done, but in truth it left {missed} of "
-            f"{mission.rows_total} rows"
-        )
-    if crushed:
-        return f"{crushed} crop plants were crushed"
     if mission.waypoints_total:
-        return f"{mission.waypoints_reached} of {mission.waypoints_total} waypoints reached"
-    return f"{mission.rows_done} of {mission.rows_total} rows, no plant crushed"
+        kind, done, total = "waypoints", mission.waypoints_reached, mission.waypoints_total
+    else:
+        kind, done, total = "rows", mission.rows_done, mission.rows_total
+    if done != total:
+        return f"the robot believes all is done, but in truth only {done} of {total} {kind}"
+    if crushed:
+        return f"{done} of {total} {kind}, but {crushed} crop plants were crushed"
+    return f"{done} of {total} {kind}, no plant crushed"
 
 
 def _objection(log: EventLog, status: MissionStatus | None) -> str:
@@ -116,22 +114,28 @@ def _objection(log: EventLog, status: MissionStatus | None) -> str:
 
 
 def _mission(drive: Drive, status: MissionStatus | None, kept: tuple[int, ...]) -> MissionReport:
+    """What was asked and what was truly done; rows and waypoints exclude each other."""
     if status is None:
         return MissionReport(success=False)
-    pitch_m = drive.config.field.row_pitch_m
-    area_m2 = len(kept) * drive.config.field.row_length_m * pitch_m
+    distance_m = drive.referee.tracking().distance_m
+    if status.waypoints_total:
+        reached = drive.referee.waypoints_kept(drive.config.mission.waypoint_radius_m)
+        return MissionReport(
+            success=status.state == "done" and reached == status.waypoints_total,
+            waypoints_total=status.waypoints_total,
+            waypoints_reached=reached,
+            distance_m=distance_m,
+        )
+    area_m2 = len(kept) * drive.config.field.row_length_m * drive.config.field.row_pitch_m
     sim_s = drive.last.batch.t_s if drive.last is not None else 0.0
-    has_rows = status.rows_total > 0
     return MissionReport(
         success=status.state == "done" and len(kept) == status.rows_total,
-        rows_total=status.rows_total if has_rows else None,
-        rows_done=len(kept) if has_rows else None,
-        waypoints_total=status.waypoints_total or None,
-        waypoints_reached=status.waypoints_reached if status.waypoints_total else None,
-        distance_m=drive.referee.tracking().distance_m,
-        area_m2=area_m2 if has_rows else None,
-        h_per_ha=sim_s / 3600.0 / (area_m2 / 1e4) if has_rows and area_m2 else None,
-        coverage_ratio=drive.referee.coverage_ratio() if has_rows else None,
+        rows_total=status.rows_total,
+        rows_done=len(kept),
+        distance_m=distance_m,
+        area_m2=area_m2,
+        h_per_ha=sim_s / 3600.0 / (area_m2 / 1e4) if area_m2 else None,
+        coverage_ratio=drive.referee.coverage_ratio(),
     )
 
 

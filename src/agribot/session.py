@@ -55,7 +55,7 @@ class Session:
         rows = () if self.goals_map_m else field_rows(config.field)
         self.rows = rows
         self.platform = SimPlatform(config, self.robot, self.world)
-        self.referee = Referee(self.platform, self.world, rows)
+        self.referee = Referee(self.platform, self.world, rows, self.goals_map_m)
         perception = robot_stack.perceiving(config, self.robot, self.referee.judge_mask)
         self.stack = robot_stack.build(config, self.robot, self.goals_map_m, perception)
         self.clock = Clock()

@@ -134,18 +134,27 @@ def _stop_on_signal() -> Iterator[list[int]]:
 
 
 def _summary(report: Report, out_dir: Path) -> str:
-    def number(value: float | None, scale: float = 1.0, unit: str = "") -> str:
-        return "-" if value is None else f"{value * scale:.3g}{unit}"
-
+    """What a person wants to know first; a line that does not apply is left out."""
     mission, tracking, weeds, spent = report.mission, report.tracking, report.weeds, report.time
-    return (
-        f"{'OK' if report.ok else 'NOT OK'}: {report.reason}\n"
-        f"  rows {mission.rows_done}/{mission.rows_total}, {number(mission.distance_m)} m, "
-        f"cross-track p95 {number(tracking.xte_p95_m, 100, ' cm')}, "
-        f"plants crushed {tracking.plants_crushed}/{tracking.plants_total}\n"
-        f"  weeds: {weeds.mapped} mapped of {weeds.truth}, precision {number(weeds.precision)}, "
-        f"recall {number(weeds.recall)}, treated {weeds.treated}\n"
-        f"  {number(spent.sim_s)} s simulated in {number(spent.wall_s)} s "
-        f"({number(spent.rtf_cpu)} x real time per CPU second)\n"
-        f"  {out_dir}/report.html\n"
+    lines = [f"{'OK' if report.ok else 'NOT OK'}: {report.reason}"]
+    done = f"{_number(mission.distance_m, unit=' m')} driven"
+    if mission.rows_total is not None:
+        done += f", rows {mission.rows_done}/{mission.rows_total}"
+        done += f", cross-track p95 {_number(tracking.xte_p95_m, 100, ' cm')}"
+    lines.append(f"{done}, plants crushed {tracking.plants_crushed}/{tracking.plants_total}")
+    if weeds.mapped is not None:
+        lines.append(
+            f"weeds mapped {weeds.mapped}, true ones {weeds.truth}: "
+            f"precision {_number(weeds.precision)}, recall {_number(weeds.recall)}, "
+            f"treated {weeds.treated}"
+        )
+    lines.append(
+        f"{_number(spent.sim_s, unit=' s')} simulated in {_number(spent.wall_s, unit=' s')}, "
+        f"{_number(spent.rtf_cpu)} x real time per CPU second"
     )
+    lines.append(f"{out_dir}/report.html")
+    return "\n  ".join(lines) + "\n"
+
+
+def _number(value: float | None, scale: float = 1.0, unit: str = "") -> str:
+    return "-" if value is None else f"{value * scale:.3g}{unit}"

@@ -72,7 +72,13 @@ class WeedScore(msgspec.Struct, frozen=True, kw_only=True):
 class Referee:
     """A tap: call it with every TickRecord, then ask for the scores."""
 
-    def __init__(self, source: TruthSource, world: WorldSpec, rows: Sequence[Row]) -> None:
+    def __init__(
+        self,
+        source: TruthSource,
+        world: WorldSpec,
+        rows: Sequence[Row],
+        goals_map_m: Sequence[tuple[float, float]] = (),
+    ) -> None:
         self._source = source
         self._world = world
         self._rows = {row.index: row for row in rows}
@@ -81,6 +87,8 @@ class Referee:
         self._pose_covs: list[tuple[float, ...]] = []
         self._distance_m = 0.0
         self._last_xy: tuple[float, float] | None = None
+        self._goals_map_m = tuple(goals_map_m)
+        self._nearest_m = [math.inf] * len(self._goals_map_m)
         self._confusion = np.zeros((3, 3), dtype=np.int64)
         self._worst_m: dict[int, float] = {}
         self._slices: set[tuple[int, int]] = set()
@@ -91,6 +99,9 @@ class Referee:
         if self._last_xy is not None:
             self._distance_m += math.hypot(x_m - self._last_xy[0], y_m - self._last_xy[1])
         self._last_xy = (x_m, y_m)
+        for index, goal in enumerate(self._goals_map_m):
+            distance_m = math.dist(goal, self._last_xy)
+            self._nearest_m[index] = min(self._nearest_m[index], distance_m)
         row = self._rows.get(record.status.row)
         if row is not None and record.status.state == "running":
             self._judge_row(row, x_m, y_m, yaw_rad)
@@ -113,6 +124,10 @@ class Referee:
     def rows_kept(self, rows_done: Sequence[int]) -> tuple[int, ...]:
         """Of the rows that the robot believes done, those it truly kept within KEPT_ROW_M."""
         return tuple(row for row in rows_done if self._worst_m.get(row, math.inf) <= KEPT_ROW_M)
+
+    def waypoints_kept(self, radius_m: float) -> int:
+        """How many waypoints the robot truly came near, in whatever order."""
+        return sum(distance_m <= radius_m for distance_m in self._nearest_m)
 
     def coverage_ratio(self) -> float:
         """Share of all row length that was truly driven within KEPT_ROW_M."""

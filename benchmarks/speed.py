@@ -1,0 +1,141 @@
+"""How fast the simulator, the network and the whole robot run here, in CPU time.
+
+    python benchmarks/speed.py            # a table
+    python benchmarks/speed.py --json     # the same numbers for machines
+
+Each figure is the median of several repeats of process CPU time (all threads), because wall time
+says more about what else the machine is doing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from agribot import config
+from agribot.description.loader import load_robot
+from agribot.description.worlds_sdf import load_world
+from agribot.geo import transform
+from agribot.messages import DriveCommand, RobotCommand
+from agribot.perceive.segmenter import Segmenter
+from agribot.session import Session
+from agribot.sim.camera import CameraRenderer
+from agribot.sim.physics import Physics
+from agribot.sim.platform import SimPlatform
+
+REPEATS = 5
+
+
+def cpu_s(work: Callable[[], object]) -> float:
+    """Median CPU seconds of one call, after one that is not counted."""
+    work()
+    spent = []
+    for _ in range(REPEATS):
+        started_s = time.process_time()
+        work()
+        spent.append(time.process_time() - started_s)
+    return statistics.median(spent)
+
+
+def physics_rtf() -> float:
+    physics = Physics(load_robot(), load_world("empty"), 2_000_000)
+    physics.command(DriveCommand(v_mps=0.4, yaw_rate_radps=0.2))
+    return 1.0 / cpu_s(lambda: physics.advance(500))
+
+
+def sensors_rtf() -> float:
+    settings = config.load("farm", ["perception.enabled=false"])
+    platform = SimPlatform(settings, load_robot(), load_world("Farm"))
+
+    def one_second() -> None:
+        for _ in range(50):
+            platform.read()
+            command = DriveCommand(v_mps=0.2, yaw_rate_radps=0.3)
+            platform.write(RobotCommand(t_s=0.0, drive=command))
+
+    return 1.0 / cpu_s(one_second)
+
+
+def render_ms() -> float:
+    robot, renderer = load_robot(), CameraRenderer(load_world("Farm"))
+    assert robot.camera is not None
+    camera = robot.camera
+    pose = transform((1.0, 5.0, 0.0), (0.0, 0.0, np.pi / 2)) @ robot.body_from_camera()
+    return 1e3 * cpu_s(lambda: renderer.render(pose, camera, noise_seed=0))
+
+
+def network_ms() -> float:
+    segmenter = Segmenter("agribot-sim")
+    image = np.zeros((480, 640, 3), dtype=np.uint8)
+    return 1e3 * cpu_s(lambda: segmenter.segment(image))
+
+
+def mission_rtf(*settings: str, seconds: float = 40.0) -> float | None:
+    """Simulated seconds per CPU second of the whole robot, start-up not counted."""
+    with TemporaryDirectory() as folder:
+        chosen = config.load("farm", ["seed=1", f"duration_s={seconds}", *settings])
+        with Session(chosen, Path(folder)) as session:
+            for _ in session.ticks():
+                pass
+            return session.finish().time.rtf_cpu
+
+
+def import_ms() -> float:
+    """Wall time of `import agribot` over that of a bare interpreter, least of several."""
+
+    def least(code: str) -> float:
+        spent = []
+        for _ in range(REPEATS):
+            started_s = time.perf_counter()
+            subprocess.run([sys.executable, "-c", code], check=True)
+            spent.append(time.perf_counter() - started_s)
+        return min(spent)
+
+    return 1e3 * (least("import agribot, agribot.messages, agribot.config") - least("pass"))
+
+
+FIGURES: dict[str, tuple[str, Callable[[], float | None]]] = {
+    "import of agribot and its messages (ms)": ("import_ms", import_ms),
+    "physics alone, 2 ms steps (x real time)": ("physics_rtf", physics_rtf),
+    "physics and all sensors but the camera (x real time)": ("sensors_rtf", sensors_rtf),
+    "one 640x480 frame with labels (CPU ms)": ("render_ms", render_ms),
+    "network on one frame (CPU ms)": ("network_ms", network_ms),
+    "whole robot, no camera, no recording (x real time)": (
+        "mission_rtf",
+        lambda: mission_rtf("perception.enabled=false", "record.enabled=false"),
+    ),
+    "whole robot, no camera, recording (x real time)": (
+        "mission_recorded_rtf",
+        lambda: mission_rtf("perception.enabled=false"),
+    ),
+    "whole robot, 10 Hz camera and network, recording (x real time)": (
+        "mission_camera_rtf",
+        mission_rtf,
+    ),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", action="store_true")
+    as_json = parser.parse_args().json
+    measured: dict[str, float | None] = {}
+    for title, (key, measure) in FIGURES.items():
+        measured[key] = measure()
+        if not as_json:
+            sys.stdout.write(f"{title:64} {measured[key]:8.1f}\n")
+    if as_json:
+        sys.stdout.write(json.dumps(measured) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""Somebody presses pause, resume, stop and cancel while the robot works."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from agribot import config
+from agribot.messages import OperatorAction, OperatorEvent, TickRecord
+from agribot.session import Session
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Iterator[Session]:
+    settings = config.load("farm", ["seed=2", "perception.enabled=false", "field.row_count=1"])
+    with Session(settings, tmp_path / "run") as opened:
+        yield opened
+
+
+def press(session: Session, action: OperatorAction) -> None:
+    session.platform.post(OperatorEvent(t_s=0.0, action=action))
+
+
+def until(ticks: Iterator[TickRecord], t_s: float) -> TickRecord:
+    return next(record for record in ticks if record.batch.t_s >= t_s)
+
+
+def test_a_paused_mission_stands_and_goes_on_at_the_same_place(session: Session) -> None:
+    ticks = session.ticks()
+    assert until(ticks, 15.0).estimate.v_mps > 0.2
+    press(session, "pause")
+    paused = until(ticks, 18.0)
+    assert paused.status.state == "paused"
+    before = session.platform.truth()
+    still = until(ticks, 22.0)
+    after = session.platform.truth()
+    assert (after.x_map_m, after.y_map_m) == pytest.approx(
+        (before.x_map_m, before.y_map_m), abs=2e-3
+    )
+    press(session, "resume")
+    assert still.status.s_m == pytest.approx(until(ticks, 24.5).status.s_m, abs=1.0)
+    for _ in ticks:
+        pass
+    report = session.finish()
+    assert report.ok, report.reason
+    assert report.mission.rows_done == 1
+
+
+def test_a_stop_latches_until_it_is_cleared(session: Session) -> None:
+    ticks = session.ticks()
+    until(ticks, 10.0)
+    press(session, "stop")
+    until(ticks, 12.0)
+    press(session, "resume")  # not enough
+    held = until(ticks, 15.0)
+    assert held.status.state == "paused"
+    assert abs(session.platform.truth().v_mps) < 0.005
+    press(session, "clear_stop")
+    press(session, "resume")
+    assert until(ticks, 20.0).status.state == "running"
+    assert session.platform.truth().v_mps > 0.1
+    assert any(event.kind == "operator" for event in session.event_log.events)
+
+
+def test_a_cancelled_mission_ends_at_rest_and_is_no_success(session: Session) -> None:
+    ticks = session.ticks()
+    until(ticks, 10.0)
+    press(session, "cancel")
+    for _ in ticks:
+        pass
+    report = session.finish()
+    assert not report.ok
+    assert "cancelled" in report.reason
+    assert abs(session.platform.truth().v_mps) < 0.01
