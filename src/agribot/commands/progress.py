@@ -43,8 +43,10 @@ class Progress:
         bar = "#" * round(done_ratio * BAR_WIDTH)
         if status.row >= 0:
             where = f"row {status.row + 1}/{status.rows_total}"
-        else:
+        elif status.rows_total:
             where = f"{len(status.rows_done)}/{status.rows_total} rows"
+        else:
+            where = f"{status.waypoints_reached}/{status.waypoints_total} goals"
         cross_cm = f"{record.tracking.cross_track_m * 100:+5.1f}" if record.tracking else "    -"
         text = (
             f"[{bar:-<{BAR_WIDTH}}] {done_ratio:4.0%}  {record.batch.t_s:6.1f} s  {where:9}  "

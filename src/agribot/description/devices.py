@@ -1,0 +1,220 @@
+"""Drive, tyres, sensors and implement of a URDF tree."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+import numpy as np
+
+from agribot.description.elements import Source
+from agribot.description.tags import (
+    TagBlock,
+    contact_tags,
+    find_extra,
+    find_plugin,
+    find_sensor,
+    plugin_names,
+)
+from agribot.messages import WHEEL_NAMES
+from agribot.robot import (
+    CameraSpec,
+    DriveSpec,
+    Joint,
+    Link,
+    SensorMount,
+    SprayerSpec,
+    TyreSpec,
+)
+
+DRIVE_PLUGINS = ("skid_steer", "skidsteer", "diff_drive", "diffdrive")
+IMU_PLUGINS = ("ros_imu", "imu_sensor")
+GNSS_PLUGINS = ("ros_gps", "navsat")
+MAG_PLUGINS = ("ros_magnetic", "magnetometer")
+
+
+def read_drive(
+    root: ET.Element, links: Sequence[Link], joints: Sequence[Joint], source: Source
+) -> DriveSpec:
+    """Measured geometry from the links and joints; torque and rates from the tags."""
+    plugin = _required_plugin(root, DRIVE_PLUGINS, "drive plugin (skid steer)", source)
+    extra = _required_extra(root, "drive", source)
+    wheels = [_wheel(name, links, joints, source) for name in WHEEL_NAMES]
+    radius_m, width_m = _wheel_size(wheels[0][0], source)
+    at_m = {name: joint.origin.xyz_m for name, (_, joint) in zip(WHEEL_NAMES, wheels, strict=True)}
+    return DriveSpec(
+        wheel_radius_m=radius_m,
+        wheel_width_m=width_m,
+        track_m=at_m["left_wheel_F"][1] - at_m["right_wheel_F"][1],
+        wheelbase_m=at_m["left_wheel_F"][0] - at_m["left_wheel_R"][0],
+        told_diameter_m=_told(plugin, "wheelDiameter", "wheel_radius", 2.0),
+        told_separation_m=_told(plugin, "wheelSeparation", "wheel_separation", 1.0),
+        yaw_multiplier=extra.positive("yaw_multiplier"),
+        torque_nm=plugin.positive("torque"),
+        gear_ratio=wheels[0][1].gear_ratio,
+        encoder_ticks_per_rev=round(extra.positive("encoder_ticks_per_rev")),
+        command_timeout_s=extra.positive("command_timeout_s"),
+        max_speed_mps=extra.positive("max_speed_mps"),
+        max_yaw_rate_radps=extra.positive("max_yaw_rate_radps"),
+        max_accel_mps2=extra.positive("max_accel_mps2"),
+        max_yaw_accel_radps2=extra.positive("max_yaw_accel_radps2"),
+        rotor_inertia_kgm2=extra.number("rotor_inertia_kgm2"),
+        servo_gain_nmspr=extra.positive("servo_gain_nmspr"),
+        rate_hz=plugin.positive("updateRate"),
+    )
+
+
+def read_tyre(root: ET.Element, joints: Sequence[Joint], source: Source) -> TyreSpec:
+    """Tyre of the wheels, with the smaller friction of wheel and ground in each direction."""
+    extra = _required_extra(root, "tyre", source)
+    if extra.tags.get("friction_rule", "min") != "min":
+        raise source.fail(
+            "<agribot><tyre>", f"friction_rule '{extra.tags['friction_rule']}' is unknown; use min"
+        )
+    name = WHEEL_NAMES[0]
+    wheel = contact_tags(root, name, source)
+    first = min(wheel.number("mu1"), extra.number("ground_mu1"))
+    second = min(wheel.number("mu2"), extra.number("ground_mu2"))
+    axle = next(np.array(joint.axis) for joint in joints if joint.child == name)
+    along = np.array(source.vec3(wheel.tags.get("fdir1", "1 0 0"), f"{name} <fdir1>"))
+    first_is_sideways = abs(float(axle @ along)) > 0.7 * float(np.linalg.norm(along))
+    return TyreSpec(
+        friction_longitudinal_ratio=second if first_is_sideways else first,
+        friction_lateral_ratio=first if first_is_sideways else second,
+        normal_stiffness_npm=extra.positive("normal_stiffness_npm"),
+        normal_damping_ratio=extra.number("normal_damping_ratio"),
+        bristle_stiffness_npm=extra.positive("bristle_stiffness_npm"),
+        rolling_resistance_ratio=extra.number("rolling_resistance_ratio"),
+    )
+
+
+def read_mounts(
+    root: ET.Element, links: Sequence[Link], source: Source
+) -> tuple[SensorMount, SensorMount, SensorMount]:
+    """IMU, GNSS receiver and magnetometer."""
+    known = {link.name for link in links}
+    return (
+        _mount(root, IMU_PLUGINS, ("imu",), "IMU", known, source),
+        _mount(root, GNSS_PLUGINS, ("gps", "navsat"), "GNSS receiver", known, source),
+        _mount(root, MAG_PLUGINS, ("magnetometer",), "magnetometer", known, source),
+    )
+
+
+def read_camera(root: ET.Element, links: Sequence[Link], source: Source) -> CameraSpec | None:
+    found = find_sensor(root, ("camera",))
+    if found is None:
+        return None
+    link, sensor = found
+    _check_link(link, {known.name for known in links}, "camera", source)
+
+    def number(path: str) -> float:
+        return source.number(sensor.findtext(path), f"camera sensor <{path}>")
+
+    return CameraSpec(
+        link=link,
+        width_px=round(number("camera/image/width")),
+        height_px=round(number("camera/image/height")),
+        hfov_rad=number("camera/horizontal_fov"),
+        rate_hz=number("update_rate"),
+        noise_std=number("camera/noise/stddev") if sensor.find("camera/noise") is not None else 0.0,
+        clip_near_m=number("camera/clip/near"),
+        clip_far_m=number("camera/clip/far"),
+    )
+
+
+def read_sprayer(root: ET.Element, source: Source) -> SprayerSpec | None:
+    block = find_extra(root, "sprayer", source)
+    if block is None:
+        return None
+    return SprayerSpec(
+        x_body_m=block.number("x_body_m"),
+        nozzle_count=round(block.positive("nozzle_count")),
+        nozzle_spacing_m=block.positive("nozzle_spacing_m"),
+        nozzle_width_m=block.positive("nozzle_width_m"),
+        latency_s=block.number("latency_s"),
+    )
+
+
+def _wheel(
+    name: str, links: Sequence[Link], joints: Sequence[Joint], source: Source
+) -> tuple[Link, Joint]:
+    link = next((link for link in links if link.name == name), None)
+    joint = next((joint for joint in joints if joint.child == name), None)
+    if link is None or joint is None:
+        there = ", ".join(joint.child for joint in joints if joint.kind == "continuous") or "none"
+        raise source.fail(
+            "wheels", f"wheel link '{name}' with its joint is missing; turning links: {there}"
+        )
+    if joint.kind != "continuous" or joint.parent != "base_link":
+        raise source.fail(
+            f"joint '{joint.name}'",
+            f"a wheel needs a continuous joint on base_link, not {joint.kind} on {joint.parent}",
+        )
+    return link, joint
+
+
+def _wheel_size(wheel: Link, source: Source) -> tuple[float, float]:
+    """Radius and width, from the cylinder that the wheel collides with."""
+    for shape in wheel.collisions:
+        if shape.kind == "cylinder":
+            return shape.size_m[0], shape.size_m[1]
+    kinds = ", ".join(shape.kind for shape in wheel.collisions) or "none"
+    raise source.fail(
+        f"link '{wheel.name}'", f"a wheel needs a <collision> with a cylinder; it has: {kinds}"
+    )
+
+
+def _told(plugin: TagBlock, classic: str, modern: str, factor: float) -> float:
+    """What the drive plugin was told, in the classic spelling or that of gz-sim."""
+    if classic.lower() not in plugin.tags and modern in plugin.tags:
+        return factor * plugin.positive(modern)
+    return plugin.positive(classic)
+
+
+def _required_plugin(
+    root: ET.Element, parts: tuple[str, ...], what: str, source: Source
+) -> TagBlock:
+    plugin = find_plugin(root, parts, source)
+    if plugin is None:
+        raise source.fail("plugins", f"no {what}; there are: {plugin_names(root)}")
+    return plugin
+
+
+def _required_extra(root: ET.Element, group: str, source: Source) -> TagBlock:
+    block = find_extra(root, group, source)
+    if block is None:
+        raise source.fail(
+            "<agribot>", f"<{group}> is missing; add <gazebo><agribot><{group}> with its numbers"
+        )
+    return block
+
+
+def _mount(
+    root: ET.Element,
+    plugins: tuple[str, ...],
+    kinds: tuple[str, ...],
+    what: str,
+    links: set[str],
+    source: Source,
+) -> SensorMount:
+    plugin = find_plugin(root, plugins, source)
+    if plugin is not None:
+        link = plugin.tags.get("bodyname") or plugin.link
+        rate_hz = plugin.positive("updateRate")
+        _check_link(link, links, what, source)
+        return SensorMount(link=link, rate_hz=rate_hz, tags=plugin.tags)
+    found = find_sensor(root, kinds)
+    if found is None:
+        raise source.fail("sensors", f"no {what}; there are: {plugin_names(root)}")
+    link, sensor = found
+    block = TagBlock(sensor, f"sensor '{sensor.get('name')}'", source, link)
+    _check_link(link, links, what, source)
+    return SensorMount(link=link, rate_hz=block.positive("update_rate"), tags=block.tags)
+
+
+def _check_link(link: str, links: set[str], what: str, source: Source) -> None:
+    if link not in links:
+        raise source.fail(
+            what,
+            f"it sits on link '{link}', which does not exist; links: {', '.join(sorted(links))}",
+        )

@@ -1,0 +1,34 @@
+"""The files of this package, under the name that descriptions call them by."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+PACKAGE = "agribot_description"
+ROOT = Path(__file__).resolve().parent
+
+
+def robot_files() -> dict[str, Path]:
+    """The packaged robots by name: their top-level xacro files."""
+    return {"agribot": ROOT / "urdf" / "agribot_sensors.urdf.xacro"}
+
+
+def world_files() -> dict[str, Path]:
+    """The packaged worlds by name."""
+    return {path.stem: path for path in sorted((ROOT / "worlds").glob("*.world"))}
+
+
+def package_folder(package: str, asking_file: Path) -> Path | None:
+    """Folder that `$(find package)` and `package://package` mean in `asking_file`.
+
+    That is the folder above the file that bears the package's name, else the one that holds
+    the file's `urdf` folder, else (for our own package) this one.
+    """
+    parents = asking_file.resolve().parents
+    for folder in parents:
+        if folder.name == package:
+            return folder
+    for folder in parents:
+        if folder.name == "urdf":
+            return folder.parent
+    return ROOT if package == PACKAGE else None

@@ -1,0 +1,94 @@
+"""What an SDF world says about its place on Earth, its sky and its fields."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+
+import numpy as np
+
+from agribot.description.elements import Source
+from agribot.description.poses import level
+from agribot.geo import Datum
+from agribot.messages import FloatArray, Vec3
+from agribot.world import Light
+
+
+class Header:
+    """Everything but the models; vectors and poses of the file are turned into the map frame."""
+
+    def __init__(self, world: ET.Element, source: Source, warn: Callable[[str], None]) -> None:
+        self._world = world
+        self._source = source
+        self.datum, heading_deg = self._place(warn)
+        self.map_from_world: FloatArray = level(math.radians(heading_deg))
+        self.gravity_mps2 = -self._vec3("gravity", (0.0, 0.0, -9.8))[2]
+        # Gazebo's own default where the file says nothing.
+        self.field_enu_t = self._turned(self._vec3("magnetic_field", (6e-6, 2.3e-5, -4.2e-5)))
+        self.light = self._light()
+
+    def _number(self, path: str, default: float) -> float:
+        text = self._world.findtext(path)
+        return default if text is None else self._source.number(text, f"<{path}>")
+
+    def _vec3(self, path: str, default: Vec3) -> Vec3:
+        text = self._world.findtext(path)
+        return default if text is None else self._source.vec3(text, f"<{path}>")
+
+    def _turned(self, vector: Vec3) -> Vec3:
+        """A direction of the file in the map frame."""
+        east, north, up = (self.map_from_world[:3, :3] @ np.array(vector)).tolist()
+        return east, north, up
+
+    def _place(self, warn: Callable[[str], None]) -> tuple[Datum, float]:
+        """Datum, and the yaw of the file's x axis from East in degrees."""
+        told = self._hector_reference()
+        if told is not None:
+            return told
+        if self._world.find("spherical_coordinates") is None:
+            warn("no <spherical_coordinates>: the map lies at 0 N, 0 E and x points East")
+        frame = self._world.findtext("spherical_coordinates/world_frame_orientation", "ENU").strip()
+        if frame != "ENU":
+            raise self._source.fail(
+                "<world_frame_orientation>", f"'{frame}' is not read; use ENU and heading_deg"
+            )
+        datum = Datum(
+            lat_deg=self._number("spherical_coordinates/latitude_deg", 0.0),
+            lon_deg=self._number("spherical_coordinates/longitude_deg", 0.0),
+            alt_m=self._number("spherical_coordinates/elevation", 0.0),
+        )
+        return datum, self._number("spherical_coordinates/heading_deg", 0.0)
+
+    def _hector_reference(self) -> tuple[Datum, float] | None:
+        """Old worlds carry a robot whose GPS plugin says where they are, with x to the North."""
+        for plugin in self._world.iter("plugin"):
+            tags = {element.tag.lower(): element.text for element in plugin}
+            if "ros_gps" not in plugin.get("filename", "") or "referencelatitude" not in tags:
+                continue
+            latitude, longitude, compass = (
+                self._source.number(tags.get(name, "0"), f"GPS plugin <{name}>")
+                for name in ("referencelatitude", "referencelongitude", "referenceheading")
+            )
+            return Datum(lat_deg=latitude, lon_deg=longitude), 90.0 - compass
+        return None
+
+    def _light(self) -> Light:
+        suns = [e for e in self._world.findall("light") if e.get("type") == "directional"]
+        if not suns:
+            return Light()
+        from_sun = self._source.vec3(suns[0].findtext("direction", "0 0 -1"), "<direction>")
+        if from_sun[2] >= 0.0:
+            raise self._source.fail("<light> <direction>", "the sun must shine downwards, z < 0")
+        east, north, up = (-np.array(self._turned(from_sun)) / np.linalg.norm(from_sun)).tolist()
+        return Light(
+            to_sun=(east, north, up),
+            diffuse=self._grey(suns[0].findtext("diffuse"), Light().diffuse),
+            ambient=self._grey(self._world.findtext("scene/ambient"), Light().ambient),
+        )
+
+    def _grey(self, text: str | None, default: float) -> float:
+        if text is None:
+            return default
+        colour = self._source.numbers(" ".join(text.split()[:3]), 3, "<light>")
+        return round(sum(colour) / 3.0, 9)

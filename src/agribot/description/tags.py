@@ -1,0 +1,93 @@
+"""Plugin, sensor, contact and <agribot> tags of a URDF tree.
+
+They are the only source of rates, noise and torque. Names are compared without regard to
+case, because descriptions in use spell them both ways.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+
+from agribot.description.elements import Source
+
+Tags = dict[str, str]
+
+
+class TagBlock:
+    """The numbers inside one element; `what` names it in error messages."""
+
+    def __init__(self, element: ET.Element, what: str, source: Source, link: str = "") -> None:
+        self.link = link  # that the surrounding <gazebo reference> names
+        self._what = what
+        self._source = source
+        self.tags: Tags = {
+            inner.tag.lower(): (inner.text or "").strip() for inner in element if len(inner) == 0
+        }
+
+    def text(self, name: str) -> str:
+        value = self.tags.get(name.lower())
+        if value is None:
+            raise self._source.fail(
+                self._what, f"<{name}> is missing; it has: {', '.join(sorted(self.tags)) or 'none'}"
+            )
+        return value
+
+    def number(self, name: str) -> float:
+        return self._source.number(self.text(name), f"{self._what} <{name}>")
+
+    def positive(self, name: str) -> float:
+        value = self.number(name)
+        if value <= 0.0:
+            raise self._source.fail(self._what, f"<{name}> is {value:g}, it must be positive")
+        return value
+
+
+def gazebo_blocks(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
+    """The link that each <gazebo> block speaks of ("" for the whole robot), and the block."""
+    for element in root.findall("gazebo"):
+        yield element.get("reference", ""), element
+
+
+def find_plugin(root: ET.Element, parts: tuple[str, ...], source: Source) -> TagBlock | None:
+    """The first plugin whose file name contains one of the parts."""
+    for link, block in gazebo_blocks(root):
+        for plugin in block.iter("plugin"):
+            file = (plugin.get("filename", "") + " " + plugin.get("name", "")).lower()
+            if any(part in file for part in parts):
+                return TagBlock(plugin, f"plugin '{plugin.get('filename')}'", source, link)
+    return None
+
+
+def find_sensor(root: ET.Element, kinds: tuple[str, ...]) -> tuple[str, ET.Element] | None:
+    """The first <sensor> of one of the types, with the link it is attached to."""
+    for link, block in gazebo_blocks(root):
+        for sensor in block.iter("sensor"):
+            if sensor.get("type", "").lower() in kinds:
+                return link, sensor
+    return None
+
+
+def plugin_names(root: ET.Element) -> str:
+    """What there is, for the message that something else is not."""
+    plugins = [plugin.get("filename", "?") for plugin in root.iter("plugin")]
+    sensors = [f"sensor type {sensor.get('type', '?')}" for sensor in root.iter("sensor")]
+    return ", ".join(plugins + sensors) or "none"
+
+
+def contact_tags(root: ET.Element, link: str, source: Source) -> TagBlock:
+    """Friction and stiffness that the <gazebo reference> blocks give a link."""
+    merged = ET.Element("gazebo")
+    for reference, block in gazebo_blocks(root):
+        if reference == link:
+            merged.extend(block)
+    return TagBlock(merged, f"<gazebo reference='{link}'>", source, link)
+
+
+def find_extra(root: ET.Element, group: str, source: Source) -> TagBlock | None:
+    """A group of numbers from the <agribot> block, which Gazebo ignores."""
+    for extra in [*root.findall("gazebo/agribot"), *root.findall("agribot")]:
+        element = extra.find(group)
+        if element is not None:
+            return TagBlock(element, f"<agribot><{group}>", source)
+    return None
