@@ -1,0 +1,1 @@
+"""From a camera image to plants on the ground: network, geometry, plants."""

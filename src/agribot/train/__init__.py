@@ -1,0 +1,1 @@
+"""Training of the crop/weed network: the only package that imports torch."""

@@ -1,0 +1,106 @@
+"""The model card: what a network was trained on, how, and how good it is."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import time
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from agribot.messages import PlantClass
+from agribot.perceive.segmenter import Segmenter
+from agribot.train.evaluate import CLASS_NAMES, Scores
+from agribot.train.fit import TrainingPlan
+
+LICENSE = "Apache-2.0"
+
+
+class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
+    name: str
+    license: str
+    data: str
+    command: str
+    plan: TrainingPlan
+    train_images: int
+    parameters: int
+    input_height_px: int
+    input_width_px: int
+    file_bytes: int
+    sha256: str
+    cpu_ms_per_frame: float
+    cpu_ms_conditions: str
+    training_cpu_min: float
+    test: dict[str, Scores]
+
+    def write(self, onnx_path: Path) -> None:
+        """Put the card beside the weights, as JSON and as Markdown."""
+        text = msgspec.json.format(msgspec.json.encode(self), indent=2)
+        onnx_path.with_suffix(".json").write_bytes(text + b"\n")
+        onnx_path.with_suffix(".md").write_text(self.markdown(), encoding="utf-8")
+
+    def markdown(self) -> str:
+        tables = "\n\n".join(_table(name, scores) for name, scores in self.test.items())
+        return f"""# {self.name}
+
+Crop/weed segmentation: every pixel of a camera image is weed ({int(PlantClass.WEED)}), \
+crop ({int(PlantClass.CROP)}) or soil ({int(PlantClass.SOIL)}).
+
+- Licence of the weights: {self.license}
+- Data: {self.data}
+- Training images: {self.train_images}
+- Command: `{self.command}`
+- Optimiser steps: {self.plan.steps}, seed {self.plan.seed}, {self.training_cpu_min:.1f} CPU-minutes
+- Parameters: {self.parameters:,}; file {self.file_bytes / 1e6:.2f} MB, SHA-256 `{self.sha256}`
+- Network resolution: {self.input_width_px} x {self.input_height_px}; the graph takes uint8 images \
+of any size
+- Speed: {self.cpu_ms_per_frame:.1f} ms CPU time per frame ({self.cpu_ms_conditions})
+
+Scores come from one confusion matrix over all pixels of a test set, at the resolution of the \
+labels. No test image was used for training or for choosing a setting.
+
+{tables}
+
+Limits: trained on simulated images only. How it does on photographs of a field was not measured.
+"""
+
+
+def _table(name: str, scores: Scores) -> str:
+    lines = [
+        f"## {name}: {scores.images} images, mean IoU {scores.miou:.3f}",
+        "",
+        "| class | IoU | precision | recall | F1 |",
+        "|---|---|---|---|---|",
+    ]
+    for label in CLASS_NAMES:
+        values = (s[label] for s in (scores.iou, scores.precision, scores.recall, scores.f1))
+        cells = ("–" if value is None else f"{value:.3f}" for value in values)
+        lines.append(f"| {label} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def cpu_ms_per_frame(segmenter: Segmenter, frames: int = 20) -> float:
+    """Median CPU time of one 640 x 480 frame on this machine."""
+    image_rgb = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
+    segmenter.segment(image_rgb)
+    times_ms = []
+    for _ in range(frames):
+        started_s = time.process_time()
+        segmenter.segment(image_rgb)
+        times_ms.append(1e3 * (time.process_time() - started_s))
+    return float(np.median(times_ms))
+
+
+def speed_conditions(threads: int) -> str:
+    import onnxruntime
+
+    return (
+        f"640 x 480 input, ONNX Runtime {onnxruntime.__version__}, {threads} thread, "
+        f"{platform.machine()} CPU"
+    )
+
+
+def sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,81 @@
+"""A trained network as one ONNX file: bytes of an image in, classes and confidence out.
+
+Resize, normalisation, softmax and argmax are part of the graph, so that every program that
+runs the file gets the same answer.
+"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from agribot.train.evaluate import CLASS_NAMES
+from agribot.train.network import normalised
+
+# Of the network, not of the camera: the graph resizes whatever comes in.
+INPUT_HEIGHT_PX, INPUT_WIDTH_PX = 480, 640
+OPSET = 18
+
+
+class DeployedNet(nn.Module):
+    """(1, H, W, 3) uint8 to class (h, w) uint8 and confidence (h, w) uint8, 255 = certain."""
+
+    def __init__(self, network: nn.Module, height_px: int, width_px: int) -> None:
+        super().__init__()
+        self.network = network
+        self.size_px = (height_px, width_px)
+
+    def forward(self, image_rgb: Tensor) -> tuple[Tensor, Tensor]:
+        x = normalised(image_rgb.permute(0, 3, 1, 2))
+        x = functional.interpolate(x, size=self.size_px, mode="bilinear", align_corners=False)
+        logits = functional.interpolate(
+            self.network(x), scale_factor=2.0, mode="bilinear", align_corners=False
+        )
+        # The softmax of the winning class; the Softmax operator over channels costs 4 ms more.
+        best = logits.amax(dim=1, keepdim=True)
+        confidence = 255.0 / (logits - best).exp().sum(dim=1)
+        return logits.argmax(dim=1)[0].to(torch.uint8), confidence[0].round().to(torch.uint8)
+
+
+def export_onnx(
+    network: nn.Module,
+    path: Path,
+    height_px: int = INPUT_HEIGHT_PX,
+    width_px: int = INPUT_WIDTH_PX,
+) -> None:
+    """Write the deployable graph; batch norms are folded into the convolutions by the exporter."""
+    deployed = DeployedNet(network, height_px, width_px).eval()
+    example = torch.zeros((1, 480, 640, 3), dtype=torch.uint8)
+    with warnings.catch_warnings():
+        warnings.simplefilter(
+            "ignore"
+        )  # the TorchScript exporter is deprecated but dependency-free
+        torch.onnx.export(
+            deployed,
+            (example,),
+            str(path),
+            opset_version=OPSET,
+            input_names=["image_rgb"],
+            output_names=["class_id", "confidence"],
+            dynamic_axes={"image_rgb": {1: "height_px", 2: "width_px"}},
+            dynamo=False,
+        )
+    _describe(path, height_px, width_px)
+
+
+def _describe(path: Path, height_px: int, width_px: int) -> None:
+    """Write the output size, which the exporter leaves open, and the meaning of the classes."""
+    import onnx
+
+    model = onnx.load(str(path))
+    for output in model.graph.output:
+        rows, columns = output.type.tensor_type.shape.dim
+        rows.dim_value, columns.dim_value = height_px, width_px
+    classes = model.metadata_props.add()
+    classes.key, classes.value = "classes", ",".join(CLASS_NAMES)
+    onnx.checker.check_model(model)
+    onnx.save(model, str(path))

@@ -1,0 +1,111 @@
+"""The crop/weed network: a small residual U-Net that is cheap on a CPU.
+
+Two early strides leave few pixels for the wide layers, plain 3x3 convolutions run at full
+speed in every inference engine, and the decoder adds its skips instead of concatenating
+them. Source: He et al. 2016 (residual blocks), Ronneberger et al. 2015 (U-Net).
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from agribot.messages import PlantClass
+
+CLASS_COUNT = len(PlantClass)
+# Smallest multiple of pixels that all strides divide.
+STRIDE_PX = 32
+
+Widths = tuple[int, int, int, int, int]
+
+
+def _conv(channels_in: int, channels_out: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(channels_in, channels_out, kernel, stride, kernel // 2, bias=False),
+        nn.BatchNorm2d(channels_out),
+    )
+
+
+class ResidualBlock(nn.Module):
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = _conv(channels, channels)
+        self.second = _conv(channels, channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        inner = self.second(functional.relu(self.first(x), inplace=True))
+        return functional.relu(x + inner, inplace=True)
+
+
+class EncoderStage(nn.Module):
+    """Halve the resolution, then `blocks` residual blocks."""
+
+    def __init__(self, channels_in: int, channels_out: int, blocks: int) -> None:
+        super().__init__()
+        self.down = _conv(channels_in, channels_out, stride=2)
+        self.blocks = nn.Sequential(*(ResidualBlock(channels_out) for _ in range(blocks)))
+
+    def forward(self, x: Tensor) -> Tensor:
+        features: Tensor = self.blocks(functional.relu(self.down(x), inplace=True))
+        return features
+
+
+class DecoderStage(nn.Module):
+    """Double the resolution and add the encoder's features of that size."""
+
+    def __init__(self, channels_in: int, skip: int, channels_out: int) -> None:
+        super().__init__()
+        self.reduce = _conv(channels_in, channels_out, kernel=1)
+        self.lateral = _conv(skip, channels_out, kernel=1)
+        self.block = ResidualBlock(channels_out)
+
+    def forward(self, x: Tensor, skip: Tensor) -> Tensor:
+        up = functional.interpolate(self.reduce(x), scale_factor=2.0, mode="nearest")
+        merged: Tensor = self.block(functional.relu(up + self.lateral(skip), inplace=True))
+        return merged
+
+
+class CropWeedNet(nn.Module):
+    """Image to class logits, in the class order of `PlantClass`.
+
+    Input (N, 3, H, W): red green blue in [-1, 1], H and W multiples of STRIDE_PX.
+    Output (N, 3, H / 2, W / 2).
+    """
+
+    def __init__(
+        self,
+        widths: Widths = (16, 24, 48, 64, 96),
+        blocks: tuple[int, int, int, int] = (1, 1, 2, 2),
+        decoder: tuple[int, int, int, int] = (16, 24, 32, 48),
+    ) -> None:
+        super().__init__()
+        self.stem = _conv(3, widths[0], stride=2)
+        self.encoder = nn.ModuleList(
+            EncoderStage(widths[i], widths[i + 1], blocks[i]) for i in range(4)
+        )
+        deep = (*decoder[1:], widths[4])
+        self.decoder = nn.ModuleList(
+            DecoderStage(deep[i], widths[i], decoder[i]) for i in reversed(range(4))
+        )
+        self.head = nn.Conv2d(decoder[0], CLASS_COUNT, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        x = functional.relu(self.stem(x), inplace=True)
+        skips = []
+        for stage in self.encoder:
+            skips.append(x)
+            x = stage(x)
+        for stage in self.decoder:
+            x = stage(x, skips.pop())
+        logits: Tensor = self.head(x)
+        return logits
+
+
+def parameter_count(network: nn.Module) -> int:
+    return sum(parameter.numel() for parameter in network.parameters())
+
+
+def normalised(image_rgb: Tensor) -> Tensor:
+    """(N, 3, H, W) uint8 or float in 0..255 to [-1, 1]."""
+    return image_rgb.to(torch.float32) * (2.0 / 255.0) - 1.0
