@@ -93,10 +93,9 @@ def _reason(status: MissionStatus | None, mission: MissionReport, crushed: int) 
         return "the robot never ran"
     if status.state != "done":
         return f"mission {status.state}: {status.reason}" if status.reason else status.state
+    kind, done, total = "rows", mission.rows_done, mission.rows_total
     if mission.waypoints_total:
         kind, done, total = "waypoints", mission.waypoints_reached, mission.waypoints_total
-    else:
-        kind, done, total = "rows", mission.rows_done, mission.rows_total
     if done != total:
         return f"the robot believes all is done, but in truth only {done} of {total} {kind}"
     if crushed:

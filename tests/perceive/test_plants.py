@@ -93,6 +93,14 @@ def test_a_weed_that_only_touches_a_crop_plant_stays_a_weed() -> None:
     assert {plant.plant for plant in plants} == {WEED, CROP}
 
 
+def test_a_crop_coloured_seam_in_the_ground_is_no_plant() -> None:
+    seam = draw()
+    seam.class_id[200:202, 150:300] = CROP
+    assert ground_plants(seam, GROUND, CONFIG) == []
+    seam.class_id[200:202, 150:300] = WEED
+    assert len(ground_plants(seam, GROUND, CONFIG)) == 1
+
+
 def test_two_weeds_apart_are_two_plants() -> None:
     apart = draw((0.8, 0.05, 0.02, WEED), (0.8, -0.05, 0.02, WEED))
     assert len(ground_plants(apart, GROUND, CONFIG)) == 2

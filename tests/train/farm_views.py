@@ -20,8 +20,10 @@ from agribot.sim.camera.renderer import CameraRenderer
 from agribot.train.farm import row_pose
 from agribot.world import WorldSpec
 
-# A plant that shows fewer pixels is hidden by another one.
+# A plant that shows fewer of the image's pixels is hidden by another one and may be missed,
 LEAST_VISIBLE_PX = 60
+# and one that shows fewer than these cannot be what a report speaks of.
+LEAST_SEEN_PX = 8
 # Farther off, a report is no report of that plant.
 NEAR_M = {PlantClass.WEED: 0.10, PlantClass.CROP: 0.15}
 
@@ -70,7 +72,8 @@ def look_at_farm(model: str, worlds: int, views: int) -> dict[PlantClass, Found]
             for kind, sums in found.items():
                 found[kind] = _added(
                     sums,
-                    _standing(world, map_from_body, visible_px, kind),
+                    _standing(world, map_from_body, visible_px >= LEAST_VISIBLE_PX, kind),
+                    _standing(world, map_from_body, visible_px >= LEAST_SEEN_PX, kind),
                     [plant for plant in scene.plants if plant.plant == kind],
                     np.array(scene.view_body_m),
                     NEAR_M[kind],
@@ -79,23 +82,28 @@ def look_at_farm(model: str, worlds: int, views: int) -> dict[PlantClass, Found]
 
 
 def _standing(
-    world: WorldSpec, map_from_body: FloatArray, visible_px: NDArray[np.int64], kind: PlantClass
+    world: WorldSpec, map_from_body: FloatArray, is_shown: NDArray[np.bool_], kind: PlantClass
 ) -> FloatArray:
     """True plants of a class that the camera shows, (N, 2) in the body frame."""
     places = [
         (plant.x_map_m, plant.y_map_m, 0.0, 1.0)
-        for plant, shown_px in zip(world.plants, visible_px, strict=True)
-        if plant.plant == kind and shown_px >= LEAST_VISIBLE_PX
+        for plant, shown in zip(world.plants, is_shown, strict=True)
+        if plant.plant == kind and shown
     ]
     in_body: FloatArray = (np.array(places).reshape(-1, 4) @ inverse(map_from_body).T)[:, :2]
     return in_body
 
 
 def _added(
-    sums: Found, true_m: FloatArray, reported: list[GroundPlant], view_m: FloatArray, near_m: float
+    sums: Found,
+    visible_m: FloatArray,
+    seen_m: FloatArray,
+    reported: list[GroundPlant],
+    view_m: FloatArray,
+    near_m: float,
 ) -> Found:
     errors_m, errors_sigma, true = list(sums.error_m), list(sums.error_sigma), sums.true
-    for x_m, y_m in true_m:
+    for x_m, y_m in visible_m:
         if not _inside(view_m, x_m, y_m):
             continue
         true += 1
@@ -105,7 +113,7 @@ def _added(
             errors_m.append(off_m)
             errors_sigma.append(off_m / std_m)
     right = sum(
-        bool(len(true_m)) and float(np.hypot(*(true_m - (p.x_body_m, p.y_body_m)).T).min()) < near_m
+        float(np.hypot(*(seen_m - (p.x_body_m, p.y_body_m)).T).min(initial=math.inf)) < near_m
         for p in reported
     )
     return Found(

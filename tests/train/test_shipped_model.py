@@ -45,8 +45,8 @@ def test_the_card_describes_the_file_beside_it() -> None:
 
 def test_crop_and_weed_are_told_apart_on_fields_never_seen() -> None:
     segmenter = Segmenter(MODEL)
-    scores = evaluate(lambda image: segmenter.segment(image).class_id, fresh_views(8, 2))
-    for name, least in (("crop", 0.80), ("weed", 0.60), ("soil", 0.97)):
+    scores = evaluate(lambda image: segmenter.segment(image).class_id, fresh_views(24, 1))
+    for name, least in (("crop", 0.85), ("weed", 0.55), ("soil", 0.98)):
         iou = scores.iou[name]
         assert iou is not None and iou > least, name
 

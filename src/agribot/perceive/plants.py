@@ -29,17 +29,17 @@ GAP_PX = 3
 # simulated species seen from 0.6 and 0.9 m: 0.35 (thistle) to 0.65 (amaranth) for weeds, 0.25
 # (lettuce) and 0.3 (sugar beet) for crops, but 0.8 for maize, which is all height.
 HEIGHT_RATIO = {PlantClass.WEED: 0.55, PlantClass.CROP: 0.32}
-HEIGHT_STD_RATIO = 0.2
+HEIGHT_STD_RATIO = {PlantClass.WEED: 0.2, PlantClass.CROP: 0.12}
 # Plants do not spread evenly about their foot.
 CENTRE_STD_RATIO = 0.06
 
 
 class Pieces(NamedTuple):
-    """Connected vegetation: `labels` 1 to `weed_count` are weeds, above it up to `count` crops."""
+    """Connected vegetation: `labels` 1 to `weeds` are weeds, those above it up to `total` crops."""
 
     labels: LabelArray
-    weed_count: int
-    count: int
+    weeds: int
+    total: int
 
 
 def observe(
@@ -84,25 +84,25 @@ def ground_plants(
 
 def _pieces(mask: npt.NDArray[np.bool_]) -> tuple[LabelArray, int]:
     """Label the plants of one class; leaves with a narrow gap between them are one plant."""
-    labels, count = ndimage.label(_grown(_grown(mask).T).T, TOUCHING)
-    return np.where(mask, labels, 0), count
-
-
-def _grown(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """The mask with GAP_PX more rows above and below every pixel."""
-    grown = mask.copy()
+    taller = mask.copy()
     for shift in range(1, GAP_PX + 1):
-        grown[shift:] |= mask[:-shift]
-        grown[:-shift] |= mask[shift:]
-    return grown
+        taller[shift:] |= mask[:-shift]
+        taller[:-shift] |= mask[shift:]
+    grown = taller.copy()
+    for shift in range(1, GAP_PX + 1):
+        grown[:, shift:] |= taller[:, :-shift]
+        grown[:, :-shift] |= taller[:, shift:]
+    labels, count = ndimage.label(grown, TOUCHING)
+    return labels * mask, count
 
 
 def _without_fringes(pieces: Pieces, ground: GroundLookup) -> Pieces:
     """Join mislabelled parts of a plant to the plant around them."""
     labels, weed_count, count = pieces
-    area_m2 = np.zeros(count + 1)
     pixels = np.flatnonzero(labels)
-    np.add.at(area_m2, labels.ravel()[pixels], ground.area_m2.ravel()[pixels])
+    area_m2 = np.bincount(labels.ravel()[pixels], ground.area_m2.ravel()[pixels], count + 1).astype(
+        np.float64
+    )
     edge_px, contact_px, neighbour = _contacts(pieces, area_m2)
     is_fringe = (
         (neighbour > 0)
@@ -116,11 +116,11 @@ def _without_fringes(pieces: Pieces, ground: GroundLookup) -> Pieces:
 
 
 def _contacts(pieces: Pieces, area_m2: FloatArray) -> tuple[Counts, Counts, Counts]:
-    """Outline length of each piece, the part shared with the other class, biggest such neighbour."""
+    """Outline length of each piece, the part of it on the other class, biggest neighbour there."""
     labels, weed_count, count = pieces
     pairs = []
     for one, other in ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:])):
-        differ = np.nonzero(one != other)
+        differ = one != other
         pairs += [np.stack([one[differ], other[differ]]), np.stack([other[differ], one[differ]])]
     own, across = np.concatenate(pairs, axis=1)
     own, across = own[own > 0], across[own > 0]
@@ -148,6 +148,7 @@ def _measure(
     keep = (area_m2 >= config.min_plant_area_m2) & (sure >= config.min_confidence)
     for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
         keep[edge] = False  # cut by the image edge: its centre would be wrong
+    keep[weed_count + 1 :] &= _is_broad(labels, count)[weed_count + 1 :]
     keep[0] = False
     windows = ndimage.find_objects(labels)
     found = []
@@ -162,6 +163,19 @@ def _measure(
         for plant in found
         if math.hypot(plant.x_body_m - x_m, plant.y_body_m - y_m) <= ground.max_range_m
     ]
+
+
+def _is_broad(labels: LabelArray, count: int) -> npt.NDArray[np.bool_]:
+    """Whether a piece is somewhere three pixels thick both ways.
+
+    Seams between two kinds of ground are lines of crop to the network; a leaf of a crop plant
+    within range is broader.
+    """
+    mask = labels > 0
+    flat = mask[:-2] & mask[1:-1] & mask[2:]
+    thick = flat[:, :-2] & flat[:, 1:-1] & flat[:, 2:]
+    broad: npt.NDArray[np.bool_] = np.bincount(labels[1:-1, 1:-1][thick], minlength=count + 1) > 0
+    return broad
 
 
 def _standing(
@@ -187,7 +201,7 @@ def _standing(
     y_m = nearer * (
         float(np.average(ground.y_body_m[window][piece], weights=areas_m2)) - y_camera_m
     )
-    parallax_std_m = HEIGHT_STD_RATIO * diameter_m / camera_height_m * math.hypot(x_m, y_m)
+    parallax_std_m = HEIGHT_STD_RATIO[plant] * diameter_m / camera_height_m * math.hypot(x_m, y_m)
     footprint_m = float(ground.footprint_m[window][piece].mean())
     return GroundPlant(
         x_body_m=float(x_camera_m) + x_m,

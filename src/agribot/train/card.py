@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 import msgspec
@@ -94,10 +95,8 @@ def cpu_ms_per_frame(segmenter: Segmenter, frames: int = 20) -> float:
 
 
 def speed_conditions(threads: int) -> str:
-    import onnxruntime
-
     return (
-        f"640 x 480 input, ONNX Runtime {onnxruntime.__version__}, {threads} thread, "
+        f"640 x 480 input, ONNX Runtime {version('onnxruntime')}, {threads} thread, "
         f"{platform.machine()} CPU"
     )
 
