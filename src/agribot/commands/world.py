@@ -6,12 +6,14 @@ import argparse
 import json
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from agribot.description.elements import Finding
 from agribot.description.loader import load_robot
-from agribot.description.worlds_sdf import load_world, world_names
+from agribot.description.worlds_sdf import check_world, load_world, world_names
 from agribot.errors import RecordingError
 from agribot.geo import LINK_FROM_OPTICAL, transform
 
@@ -21,6 +23,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions.add_parser("list", help="names of the packaged worlds")
     check = actions.add_parser("check", help="say what a world file contains, or what is wrong")
     check.add_argument("world", metavar="NAME|FILE")
+    check.add_argument(
+        "--strict", action="store_true", help="list every fault as FILE:LINE and fail on any"
+    )
     check.add_argument("--json", action="store_true")
     render = actions.add_parser("render", help="a picture of a world, from above the field")
     render.add_argument("world", metavar="NAME|FILE")
@@ -39,6 +44,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
+    if options.strict:
+        return print_findings(check_world(options.world), options.json)
     world = load_world(options.world)
     species = Counter(plant.species for plant in world.plants)
     summary = {
@@ -47,13 +54,27 @@ def _check(options: argparse.Namespace) -> int:
         "plants": dict(species),
         "obstacles": len(world.obstacles),
         "ground_tiles": len(world.ground),
+        "terrain": None if world.terrain is None else list(world.terrain.height_m.shape),
         "warnings": list(world.warnings),
     }
     if options.json:
         sys.stdout.write(json.dumps(summary) + "\n")
     else:
+        summary["warnings"] = len(world.warnings)
+        sys.stderr.writelines(f"warning: {warning}\n" for warning in world.warnings)
         sys.stdout.write("".join(f"{key}: {value}\n" for key, value in summary.items()))
     return 0
+
+
+def print_findings(findings: Sequence[Finding], as_json: bool) -> int:
+    """Tell what a strict check found; the exit status."""
+    if as_json:
+        faults = [{"file": f.file, "line": f.line, "text": f.text} for f in findings]
+        sys.stdout.write(json.dumps({"ok": not faults, "faults": faults}) + "\n")
+    else:
+        sys.stdout.writelines(f"{finding}\n" for finding in findings)
+        sys.stdout.write(f"{len(findings)} faults\n")
+    return 1 if findings else 0
 
 
 def _render(options: argparse.Namespace) -> int:
