@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections import Counter
 from collections.abc import Sequence
@@ -13,9 +14,12 @@ import numpy as np
 
 from agribot.description.elements import Finding
 from agribot.description.loader import load_robot
+from agribot.description.terrain import height_at
 from agribot.description.worlds_sdf import check_world, load_world, world_names
 from agribot.errors import RecordingError
 from agribot.geo import LINK_FROM_OPTICAL, transform
+from agribot.messages import FloatArray
+from agribot.world import WorldSpec
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -86,17 +90,11 @@ def _render(options: argparse.Namespace) -> int:
     robot = load_robot()
     if robot.camera is None:
         raise AssertionError("the packaged robot has a camera")
-    x_m, y_m = world.spawn_xy_map_m
-    if options.view == "rover":
-        body = transform((x_m, y_m, 0.0), (0.0, 0.0, world.spawn_yaw_map_rad))
-        map_from_camera = body @ robot.body_from_camera()
-    else:
-        xy = np.array([(p.x_map_m, p.y_map_m) for p in world.plants] or [(x_m, y_m)])
-        centre = xy.mean(axis=0)
-        looking = transform(
-            (float(centre[0]), float(centre[1]) - 14.0, 9.0), (0.0, 0.6, float(np.pi / 2))
-        )
-        map_from_camera = looking @ LINK_FROM_OPTICAL
+    map_from_camera = (
+        _rover_pose(world) @ robot.body_from_camera()
+        if options.view == "rover"
+        else _overlook(world) @ LINK_FROM_OPTICAL
+    )
     picture = CameraRenderer(world).render(
         map_from_camera, robot.camera, noise_seed=None, supersample=2
     )
@@ -107,3 +105,42 @@ def _render(options: argparse.Namespace) -> int:
             f"cannot write {options.out}: {error.strerror}; choose another path"
         ) from error
     return 0
+
+
+def _rover_pose(world: WorldSpec) -> FloatArray:
+    """The body frame where the robot starts, tilted as the ground is."""
+    x_m, y_m = world.spawn_xy_map_m
+    yaw = world.spawn_yaw_map_rad
+    ahead, left = (math.cos(yaw), math.sin(yaw)), (-math.sin(yaw), math.cos(yaw))
+    reach_m = 0.3
+    pitch, roll = (
+        math.atan(_rise_m(world, x_m, y_m, (dx * reach_m, dy * reach_m)) / (2.0 * reach_m))
+        for dx, dy in (ahead, left)
+    )
+    return transform((x_m, y_m, _ground_m(world, x_m, y_m)), (roll, -pitch, yaw))
+
+
+def _overlook(world: WorldSpec) -> FloatArray:
+    """From the South and from high: the field, or all the land where nothing grows."""
+    land = world.terrain
+    if world.plants or land is None:
+        xy = np.array([(p.x_map_m, p.y_map_m) for p in world.plants] or [world.spawn_xy_map_m])
+        x_m, y_m = xy.mean(axis=0).tolist()
+        back_m, up_m = 14.0, 9.0 + _ground_m(world, x_m, y_m)
+    else:
+        rows, columns = land.height_m.shape
+        x_m = land.x_min_m + (columns - 1) / 2.0 * land.resolution_m
+        y_m = land.y_min_m + (rows - 1) / 2.0 * land.resolution_m
+        back_m, up_m = 0.9 * rows * land.resolution_m, 1.6 * float(land.height_m.max())
+    tilt_rad = math.atan2(up_m - _ground_m(world, x_m, y_m), back_m)
+    return transform((x_m, y_m - back_m, up_m), (0.0, tilt_rad, math.pi / 2.0))
+
+
+def _ground_m(world: WorldSpec, x_m: float, y_m: float) -> float:
+    return 0.0 if world.terrain is None else height_at(world.terrain, x_m, y_m)
+
+
+def _rise_m(world: WorldSpec, x_m: float, y_m: float, step_m: tuple[float, float]) -> float:
+    """From one step behind a place to one step before it."""
+    dx, dy = step_m
+    return _ground_m(world, x_m + dx, y_m + dy) - _ground_m(world, x_m - dx, y_m - dy)

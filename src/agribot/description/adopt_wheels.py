@@ -14,6 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agribot.description.adopt_masses import (
+    BASE,
+    along,
+    give_wheel_mass,
+    mend_inertias,
+    words,
+)
 from agribot.description.elements import Source
 from agribot.description.markup import PlacedElement
 from agribot.description.mesh_bounds import mesh_bounds_m
@@ -23,13 +30,10 @@ from agribot.geo import inverse
 from agribot.messages import WHEEL_NAMES, FloatArray
 from agribot.robot import Joint, Link
 
-BASE = "base_link"
 BASE_WORDS = ("base", "chassis", "body", "base_footprint")
 ACROSS = 0.7  # of an axle: the part of it that lies across the robot
 DEFAULT_RADIUS_M = 0.1
 WIDTH_PER_RADIUS = 0.5
-MASS_KG = {"wheel": 1.0, "base": 15.0}
-GYRATION_M = 0.2  # of a body whose inertia is not told
 
 
 class Wheel(NamedTuple):
@@ -90,8 +94,8 @@ def adopt_wheels(
         element = _named(root, "link", name)
         size = _give_cylinder(element, wheel, source, folder)
         if element.find("inertial") is None:
-            _give_mass(element, "wheel", wheel, size, source)
-    _mend_inertias(root, source)
+            give_wheel_mass(element, wheel.joint.axis, size, source)
+    mend_inertias(root, source)
 
 
 def _poses(links: Sequence[Link], joints: Sequence[Joint]) -> dict[str, FloatArray]:
@@ -135,10 +139,12 @@ def _chosen(wheels: list[Wheel], joints: Sequence[Joint], source: Source) -> lis
     if len(wheels) > len(WHEEL_NAMES):
         named = [w for w in wheels if "wheel" in (w.joint.name + w.joint.child).lower()]
         wheels = named if len(named) >= len(WHEEL_NAMES) else wheels
-    along = sorted(wheels, key=lambda wheel: float(wheel.centre_m[0]))
-    if len(along) > len(WHEEL_NAMES):
-        source.warn(f"{len(along)} wheels; the four outermost drive, the others roll along")
-    pairs = [sorted(pair, key=lambda w: float(w.centre_m[1])) for pair in (along[:2], along[-2:])]
+    ordered = sorted(wheels, key=lambda wheel: float(wheel.centre_m[0]))
+    if len(ordered) > len(WHEEL_NAMES):
+        source.warn(f"{len(ordered)} wheels; the four outermost drive, the others roll along")
+    pairs = [
+        sorted(pair, key=lambda w: float(w.centre_m[1])) for pair in (ordered[:2], ordered[-2:])
+    ]
     apart = len(wheels) >= len(WHEEL_NAMES) and all(
         pair[1].centre_m[1] - pair[0].centre_m[1] > 0.01 for pair in pairs
     )
@@ -163,8 +169,8 @@ def _mount(root: ET.Element, wheel: Wheel, poses: dict[str, FloatArray], source:
         if origin is None:
             origin = ET.SubElement(element, "origin")
         pose = origin_of(poses[joint.child])
-        origin.set("xyz", _words(pose.xyz_m))
-        origin.set("rpy", _words(pose.rpy_rad))
+        origin.set("xyz", words(pose.xyz_m))
+        origin.set("rpy", words(pose.rpy_rad))
         source.warn(f"joint '{joint.name}' hangs on '{joint.parent}'; it is put on {BASE}", element)
     if joint.kind != "continuous":
         element.set("type", "continuous")
@@ -172,7 +178,7 @@ def _mount(root: ET.Element, wheel: Wheel, poses: dict[str, FloatArray], source:
         axis = element.find("axis")
         if axis is None:
             axis = ET.SubElement(element, "axis")
-        axis.set("xyz", _words([-value for value in joint.axis]))
+        axis.set("xyz", words([-value for value in joint.axis]))
         source.warn(
             f"joint '{joint.name}' turns backwards; its axis is turned round", element, quiet=True
         )
@@ -195,9 +201,9 @@ def _give_cylinder(
         element,
     )
     collision = ET.SubElement(element, "collision")
-    ET.SubElement(collision, "origin", {"xyz": "0 0 0", "rpy": _words(_along(wheel.joint.axis))})
+    ET.SubElement(collision, "origin", {"xyz": "0 0 0", "rpy": words(along(wheel.joint.axis))})
     geometry = ET.SubElement(collision, "geometry")
-    size = {"radius": _words([radius_m]), "length": _words([width_m])}
+    size = {"radius": words([radius_m]), "length": words([width_m])}
     ET.SubElement(geometry, "cylinder", size)
     return radius_m, width_m
 
@@ -235,66 +241,6 @@ def _mesh_file(uri: str, folder: Path) -> Path | None:
     return path if path is not None and path.is_file() else None
 
 
-def _give_mass(
-    element: ET.Element, what: str, wheel: Wheel, size: tuple[float, float], source: Source
-) -> None:
-    radius_m, width_m = size
-    mass_kg = MASS_KG[what]
-    source.warn(f"{what} '{wheel.joint.child}' has no <inertial>; {mass_kg:g} kg is used", element)
-    across = mass_kg * (3.0 * radius_m**2 + width_m**2) / 12.0
-    turning = mass_kg * radius_m**2 / 2.0
-    _inertial(element, mass_kg, (across, across, turning), _along(wheel.joint.axis))
-
-
-def _mend_inertias(root: ET.Element, source: Source) -> None:
-    """Give base_link a mass, and links an inertia that a body can have."""
-    base = _named(root, "link", BASE)
-    if base.find("inertial") is None and not _has_mass(root):
-        source.warn(f"no link but the wheels has a mass; {MASS_KG['base']:g} kg is used", base)
-        _inertial(base, MASS_KG["base"], (MASS_KG["base"] * GYRATION_M**2,) * 3, (0.0, 0.0, 0.0))
-    for link in root.findall("link"):
-        mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
-        if mass is None or inertia is None:
-            continue
-        where = f"link '{link.get('name')}'"
-        with source.attempt(link):
-            mass_kg = source.number(mass.get("value"), f"{where} <mass>")
-            xx, yy, zz, xy, xz, yz = (
-                source.number(inertia.get(key, "0"), f"{where} <inertia {key}>")
-                for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-            )
-            low, middle, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            if mass_kg > 0.0 and (low <= 0.0 or low + middle < high * (1.0 - 1e-6)):
-                source.warn(f"{where}: no body has this inertia; a ball's is used", inertia)
-                for key in ("ixx", "iyy", "izz"):
-                    inertia.set(key, _words([0.4 * mass_kg * (GYRATION_M / 2.0) ** 2]))
-                for key in ("ixy", "ixz", "iyz"):
-                    inertia.set(key, "0")
-
-
-def _has_mass(root: ET.Element) -> bool:
-    return any(
-        link.find("inertial") is not None and link.get("name") not in WHEEL_NAMES
-        for link in root.findall("link")
-    )
-
-
-def _inertial(
-    element: ET.Element, mass_kg: float, diagonal: Sequence[float], rpy_rad: Sequence[float]
-) -> None:
-    inertial = ET.SubElement(element, "inertial")
-    ET.SubElement(inertial, "origin", {"xyz": "0 0 0", "rpy": _words(rpy_rad)})
-    ET.SubElement(inertial, "mass", {"value": _words([mass_kg])})
-    names = dict(zip(("ixx", "iyy", "izz"), (_words([v]) for v in diagonal), strict=True))
-    ET.SubElement(inertial, "inertia", {**names, "ixy": "0", "ixz": "0", "iyz": "0"})
-
-
-def _along(axis: Sequence[float]) -> tuple[float, float, float]:
-    """Roll, pitch, yaw that turn the z axis onto an axis."""
-    x, y, z = axis
-    return 0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x)
-
-
 def _rename(root: ET.Element, old: str, new: str) -> None:
     """A link's name, everywhere that it is spoken of."""
     for link in root.findall("link"):
@@ -314,7 +260,3 @@ def _rename(root: ET.Element, old: str, new: str) -> None:
 def _named(root: ET.Element, kind: str, name: str) -> ET.Element:
     found = next((e for e in root.findall(kind) if e.get("name") == name), None)
     return PlacedElement(kind, {"name": name}) if found is None else found
-
-
-def _words(values: Sequence[float]) -> str:
-    return " ".join(f"{value:.12g}" for value in values)
