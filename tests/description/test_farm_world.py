@@ -206,7 +206,7 @@ def test_weeds_differ_in_kind_size_and_shape(farm: WorldSpec) -> None:
 
 
 def test_packaged_worlds_are_listed_and_all_load() -> None:
-    assert world_names() == ["Farm", "empty", "final", "hills", "volcano", "world1"]
+    assert world_names() == ["Farm", "beet", "empty", "final", "hills", "volcano", "world1"]
     for name in world_names():
         assert load_world(name).warnings == ()
 

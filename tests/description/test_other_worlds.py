@@ -86,7 +86,7 @@ def _slope_deg(world: WorldSpec) -> FloatArray:
     land = world.terrain
     assert land is not None
     north, east = np.gradient(land.height_m, land.resolution_m)
-    return np.degrees(np.arctan(np.hypot(north, east)))
+    return np.asarray(np.degrees(np.arctan(np.hypot(north, east))))
 
 
 def test_volcano_is_150_m_wide_and_50_m_high_with_a_crater() -> None:

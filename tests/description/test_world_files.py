@@ -79,7 +79,7 @@ def test_a_world_without_ground_is_refused(tmp_path: Path) -> None:
 
 
 def test_unknown_world_names_the_known_ones() -> None:
-    with pytest.raises(DescriptionError, match=r"unknown world 'Fram'; known: Farm, empty, final"):
+    with pytest.raises(DescriptionError, match=r"unknown world 'Fram'; known: Farm, beet, empty"):
         load_world("Fram")
 
 

@@ -1,4 +1,4 @@
-"""`agribot world`: list, check and render worlds."""
+"""`agribot world`: list, check, generate and render worlds."""
 
 from __future__ import annotations
 
@@ -13,10 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from agribot.description.elements import Finding
+from agribot.description.field_generator import generate_field
+from agribot.description.field_plan import read_field_plan
 from agribot.description.loader import load_robot
+from agribot.description.sdf_export import write_world
 from agribot.description.terrain import height_at
 from agribot.description.worlds_sdf import check_world, load_world, world_names
-from agribot.errors import RecordingError
+from agribot.errors import DescriptionError, RecordingError
 from agribot.geo import LINK_FROM_OPTICAL, transform
 from agribot.messages import FloatArray
 from agribot.world import WorldSpec
@@ -31,6 +34,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--strict", action="store_true", help="list every fault as FILE:LINE and fail on any"
     )
     check.add_argument("--json", action="store_true")
+    generate = actions.add_parser(
+        "generate",
+        help="a field of crop rows and weeds by chance",
+        epilog="example: agribot world generate field.toml --seed 3 -o field.world",
+    )
+    generate.add_argument("field", metavar="FIELD.toml")
+    generate.add_argument("--seed", type=int, default=0)
+    generate.add_argument("-o", "--out", required=True, metavar="X.world")
+    generate.add_argument("--json", action="store_true")
     render = actions.add_parser("render", help="a picture of a world, from above the field")
     render.add_argument("world", metavar="NAME|FILE")
     render.add_argument("-o", "--out", required=True, metavar="PNG")
@@ -44,7 +56,22 @@ def run(options: argparse.Namespace) -> int:
     if options.action == "list":
         sys.stdout.write("\n".join(world_names()) + "\n")
         return 0
-    return _check(options) if options.action == "check" else _render(options)
+    return {"check": _check, "generate": _generate, "render": _render}[options.action](options)
+
+
+def _generate(options: argparse.Namespace) -> int:
+    field, out = Path(options.field), Path(options.out)
+    if out.suffix not in {".world", ".sdf"}:
+        raise DescriptionError(f"-o {out}: name a file that ends in .world or .sdf")
+    world = generate_field(read_field_plan(field), options.seed, field.parent)
+    write_world(world, out)
+    kinds = Counter(plant.plant.name.lower() for plant in world.plants)
+    summary = {"world": str(out), "seed": options.seed, **kinds}
+    if options.json:
+        sys.stdout.write(json.dumps(summary) + "\n")
+    else:
+        sys.stdout.write("".join(f"{key}: {value}\n" for key, value in summary.items()))
+    return 0
 
 
 def _check(options: argparse.Namespace) -> int:

@@ -113,7 +113,8 @@ class Placing:
             with self._source.attempt(element):
                 if element.tag == "model":
                     name = element.get("name", "model")
-                    found.append(_Found(name, name, element, element))
+                    kind = element.findtext(tag("kind"), name)
+                    found.append(_Found(name, kind, element, element))
                 elif element.tag == "include":
                     found += self._included(element)
                 elif element.tag in PASSED_OVER:
