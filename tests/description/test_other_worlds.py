@@ -150,3 +150,8 @@ def test_the_robot_stands_and_drives_on_the_slope_it_starts_on(
     end = platform.truth()
     moved_m = np.hypot(end.x_map_m - start.x_map_m, end.y_map_m - start.y_map_m)
     assert moved_m == pytest.approx(5 * 0.4, rel=0.15)
+
+
+def test_hills_profile_drives_the_rows_of_the_farm() -> None:
+    hills, farm = config.load("hills"), config.load("farm")
+    assert hills.world == "hills" and hills.field == farm.field

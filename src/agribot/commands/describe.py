@@ -10,12 +10,14 @@ import msgspec
 from agribot.commands.world import print_findings
 from agribot.description.export import tree_text
 from agribot.description.loader import check_robot, load_robot, urdf_text
+from agribot.description.robot_sdf import sdf_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--robot", default="agribot", metavar="NAME|FILE", help="xacro or URDF")
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--urdf", action="store_true", help="print the expanded URDF")
+    what.add_argument("--sdf", action="store_true", help="print it as an SDF model for gz-sim")
     what.add_argument("--tree", action="store_true", help="print links and joints as a tree")
     what.add_argument(
         "--check", action="store_true", help="list every fault as FILE:LINE and fail on any"
@@ -30,6 +32,8 @@ def run(options: argparse.Namespace) -> int:
     sys.stderr.writelines(f"warning: {warning}\n" for warning in robot.warnings)
     if options.urdf:
         sys.stdout.write(urdf_text(options.robot))
+    elif options.sdf:
+        sys.stdout.write(sdf_text(robot))
     elif options.tree:
         sys.stdout.write(tree_text(robot) + "\n")
     elif not options.json:
