@@ -98,6 +98,16 @@ def test_meshes_of_every_common_format_are_measured(tmp_path: Path, name: str, t
     assert thing.shapes[0].size_m == pytest.approx((1.0, 2.0, 3.0))
 
 
+def test_no_stand_in_is_put_on_the_robot(tmp_path: Path) -> None:
+    barns = "".join(
+        f"<include><uri>model://barn</uri><name>b{x}</name><pose>{x} 0 0 0 0 0</pose></include>"
+        for x in (1, 3)
+    )
+    world = load_world(_file(tmp_path, barns))
+    assert [o.name for o in world.obstacles] == ["b3"]
+    assert any("'b1' would stand on the robot" in warning for warning in world.warnings)
+
+
 def test_saved_states_of_repeated_models_go_by_their_order(tmp_path: Path) -> None:
     crop = '<model name="Crop_with_weed"><pose>9 9 0 0 0 0</pose></model>\n'
     state = (
@@ -222,7 +232,7 @@ def test_a_volcano_stands_in_for_a_height_map_nobody_has(tmp_path: Path) -> None
 FAULTY = """<model name="rock"><pose>1 2 3</pose></model>
 <model name="rock"/>
 <model name="rock"/>
-<include><uri>model://barn</uri></include>
+<include><uri>model://barn</uri><pose>6 0 0 0 0 0</pose></include>
 <model name="odd"><link name="l">
 <collision name="c"><geometry><box><size>1 1</size></box></geometry></collision>
 <visual name="v"><geometry/></visual>
@@ -249,7 +259,7 @@ def test_a_strict_check_names_every_fault_with_its_line(tmp_path: Path) -> None:
 def test_a_strict_check_fails_and_a_lenient_one_warns(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = _file(tmp_path, "<include><uri>model://barn</uri></include>")
+    file = _file(tmp_path, "<include><uri>model://barn</uri><pose>6 0 0 0 0 0</pose></include>")
     assert main(["world", "check", file]) == 0
     assert "warning: model 'model://barn'" in capsys.readouterr().err
     assert main(["world", "check", file, "--strict"]) == 1

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from agribot.description.elements import Finding, Source
-from agribot.description.markup import read_xml
+from agribot.description.markup import place_of, read_xml
 from agribot.description.package import world_files
 from agribot.description.poses import level, origin_of, yaw_of
 from agribot.description.scatter import Crop, grow, read_crop, read_plants, read_weed_areas
@@ -20,6 +20,8 @@ from agribot.errors import DescriptionError
 from agribot.messages import FloatArray
 from agribot.robot import Shape
 from agribot.world import GroundTile, HeightField, Obstacle, WorldSpec
+
+CLEAR_M = 2.0  # between the robot's start and the middle of a box that stands in for something
 
 
 def world_names() -> list[str]:
@@ -88,6 +90,7 @@ class _WorldReader:
         self._patches: list[tuple[FloatArray, Patch]] = []
         self._reliefs: list[tuple[FloatArray, Relief]] = []
         self._friction: list[float] = []
+        self._stand_ins: set[str] = set()
 
     def read(self, seed: int, weed_density_per_m2: float | None) -> WorldSpec:
         placing = Placing(self._world, self._source, self._library, self._map_from_world)
@@ -102,6 +105,7 @@ class _WorldReader:
         plants = grow(self._crops, areas, self._map_from_world, seed, weed_density_per_m2)
         plants += read_plants(self._world, self._map_from_world, self._source)
         where = np.eye(4) if spawn is None else spawn
+        self._clear(float(where[0, 3]), float(where[1, 3]))
         terrain = self._terrain()
         return WorldSpec(
             name=self._world.get("name", ""),
@@ -125,11 +129,20 @@ class _WorldReader:
         if crop is not None:
             self._crops.append(crop)
             return
+        if place_of(model.element)[1] == 0:
+            self._stand_ins.add(model.name)
         parts = read_parts(model.element, self._source, self._library)
         self._obstacles += _obstacles(model, parts)
         self._patches += [(model.map_from_model, patch) for patch in parts.patches]
         self._reliefs += [(model.map_from_model, relief) for relief in parts.reliefs]
         self._friction += [] if parts.friction_ratio is None else [parts.friction_ratio]
+
+    def _clear(self, x_m: float, y_m: float) -> None:
+        """Take stand-ins away from the place where the robot starts."""
+        for thing in [o for o in self._obstacles if o.name in self._stand_ins]:
+            if max(abs(thing.x_map_m - x_m), abs(thing.y_map_m - y_m)) < CLEAR_M:
+                self._obstacles.remove(thing)
+                self._source.warn(f"'{thing.name}' would stand on the robot; it is left out")
 
     def _crop(self, model: Standing) -> Crop | None:
         x_m, y_m = model.map_from_model[:2, 3].tolist()
