@@ -42,7 +42,7 @@ HEAVY = {
     "matplotlib": {"record"},
     "mcap": {"record"},
     "rosbags": {"record"},
-    "PIL": {"record", "sim", "train", "commands"},
+    "PIL": {"description", "record", "sim", "train", "commands"},
 }
 # What pure decisions have no business with: clocks, threads, the outside world, hidden randomness.
 IMPURE = {

@@ -38,7 +38,7 @@ COMMANDS = {
     ),
     "world": (
         "agribot.commands.world",
-        "list, check and render worlds",
+        "list, check, generate and render worlds",
         "agribot world render Farm -o farm.png",
     ),
     "train": (

@@ -179,6 +179,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
     mag: SensorMount
     camera: CameraSpec | None = None
     sprayer: SprayerSpec | None = None
+    warnings: tuple[str, ...] = ()  # what the description left out and what is used instead
 
     def link(self, name: str) -> Link:
         for link in self.links:

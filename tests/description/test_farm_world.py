@@ -206,7 +206,7 @@ def test_weeds_differ_in_kind_size_and_shape(farm: WorldSpec) -> None:
 
 
 def test_packaged_worlds_are_listed_and_all_load() -> None:
-    assert world_names() == ["Farm", "empty"]
+    assert world_names() == ["Farm", "beet", "empty", "final", "hills", "volcano", "world1"]
     for name in world_names():
         assert load_world(name).warnings == ()
 
@@ -221,12 +221,16 @@ def test_empty_world_is_bare_soil_with_the_robot_at_the_origin() -> None:
 
 def test_package_knows_no_other_machine() -> None:
     for file in [*(ROOT / "worlds").iterdir(), *(ROOT / "models").rglob("*.*")]:
-        assert str(ROOT) not in file.read_text("utf-8") and " " not in file.name
+        assert str(ROOT).encode() not in file.read_bytes() and " " not in file.name
 
 
 @pytest.mark.parametrize(
     "file",
-    [*(ROOT / "worlds").glob("*.world"), *(ROOT / "models").glob("*/model.sdf")],
+    [
+        *(ROOT / "worlds").glob("*.world"),
+        *(ROOT / "models").glob("*/model.sdf"),
+        ROOT / "urdf" / "entry_gate.urdf",
+    ],
     ids=lambda file: f"{file.parent.name}-{file.stem}",
 )
 def test_files_pass_the_sdf_checker(file: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.description.loader import load_robot, urdf_text
+from agribot.description.loader import check_robot, load_robot, urdf_text
 from agribot.description.package import ROOT
 from agribot.errors import DescriptionError
 
@@ -45,14 +45,7 @@ def test_tag_names_may_have_any_case(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("pattern", "words"),
     [
-        (r'<plugin [^>]*ros_imu.so"[^>]*>.*?</plugin>', ("no IMU", "libhector_gazebo_ros_gps.so")),
-        (r'<plugin [^>]*ros_gps.so"[^>]*>.*?</plugin>', ("no GNSS receiver", "ros_imu.so")),
-        (r'<plugin [^>]*ros_magnetic.so"[^>]*>.*?</plugin>', ("no magnetometer", "ros_imu.so")),
-        (r'<plugin [^>]*steer_drive.so"[^>]*>.*?</plugin>', ("no drive plugin", "ros_imu.so")),
-        (r'<joint name="base_link_to_left_wheel_F_joint".*?</joint>', ("left_wheel_F", "right_w")),
-        (r"<agribot>.*?</agribot>", ("<agribot>", "<drive> is missing")),
-        (r"<yaw_multiplier>.*?</yaw_multiplier>", ("<yaw_multiplier> is missing", "max_speed")),
-        (r"<torque>.*?</torque>", ("<torque> is missing", "wheeldiameter")),
+        (r'<joint name="base_link_to_left_wheel_F_joint".*?</joint>', ("wheels", "right_wheel_F")),
         (r"<cylinder.*?/>", ("<geometry> is empty",)),
         (r'<mass value="0.411" ?/>', ("<mass> is missing", "right_wheel_R")),
     ],
@@ -64,6 +57,28 @@ def test_a_missing_part_is_named_with_file_and_what_there_is(
         load_robot(_urdf_without(tmp_path, pattern))
     for word in ("robot.urdf", *words):
         assert word in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "words"),
+    [
+        (r'<plugin [^>]*ros_imu.so"[^>]*>.*?</plugin>', "no IMU; one at 100 Hz on 'imu_link'"),
+        (r'<plugin [^>]*ros_gps.so"[^>]*>.*?</plugin>', "no GNSS receiver; one at 5 Hz on 'gps_l"),
+        (r'<plugin [^>]*ros_magnetic.so"[^>]*>.*?</plugin>', "no magnetometer; one at 10 Hz on 'm"),
+        (r'<plugin [^>]*steer_drive.so"[^>]*>.*?</plugin>', "no drive plugin"),
+        (r"<agribot>.*?</agribot>", "<agribot>: <drive> is missing"),
+        (r"<yaw_multiplier>.*?</yaw_multiplier>", "<yaw_multiplier> is missing; 1.415 is used"),
+        (r"<torque>.*?</torque>", "<torque> is missing; 2.257 is used"),
+    ],
+)
+def test_what_is_left_out_is_replaced_with_a_warning_and_fails_a_strict_check(
+    tmp_path: Path, pattern: str, words: str
+) -> None:
+    file = _urdf_without(tmp_path, pattern)
+    robot = load_robot(file)
+    assert any(words in warning for warning in robot.warnings), robot.warnings
+    assert any(words in finding.text for finding in check_robot(file))
+    assert robot.drive.yaw_multiplier == pytest.approx(load_robot().drive.yaw_multiplier, rel=1e-8)
 
 
 def test_a_robot_without_camera_or_sprayer_can_still_drive(tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ def test_a_world_without_ground_is_refused(tmp_path: Path) -> None:
 
 
 def test_unknown_world_names_the_known_ones() -> None:
-    with pytest.raises(DescriptionError, match=r"unknown world 'Fram'; known: Farm, empty"):
+    with pytest.raises(DescriptionError, match=r"unknown world 'Fram'; known: Farm, beet, empty"):
         load_world("Fram")
 
 
@@ -129,11 +129,21 @@ def test_repeated_names_get_numbers_and_one_warning(tmp_path: Path) -> None:
     ]
 
 
-def test_a_model_nobody_has_is_left_out_with_a_warning(tmp_path: Path) -> None:
-    include = "<include><uri>model://barn</uri></include>"
+def test_a_box_stands_in_for_a_model_nobody_has(tmp_path: Path) -> None:
+    include = "<include><uri>model://barn</uri><pose>3 0 0 0 0 0</pose></include>"
     world = load_world(_world(tmp_path, include * 2))
-    assert world.obstacles == ()
+    assert [(o.name, o.shapes[0].kind, o.x_map_m) for o in world.obstacles] == [
+        ("barn", "box", 3.0),
+        ("barn_1", "box", 3.0),
+    ]
     assert any("model://barn" in w and "(2 times)" in w for w in world.warnings)
+
+
+def test_level_ground_stands_in_for_a_ground_nobody_has(tmp_path: Path) -> None:
+    include = "<include><uri>model://my_grass_plane</uri></include>"
+    world = load_world(_world(tmp_path, include, ground=""))
+    assert [(t.surface, t.x_max_m) for t in world.ground] == [("grass", 50.0)]
+    assert world.obstacles == () and len(world.warnings) == 1
 
 
 def test_models_beside_the_world_come_before_the_packaged_ones(tmp_path: Path) -> None:

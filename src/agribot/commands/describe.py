@@ -7,23 +7,33 @@ import sys
 
 import msgspec
 
+from agribot.commands.world import print_findings
 from agribot.description.export import tree_text
-from agribot.description.loader import load_robot, urdf_text
+from agribot.description.loader import check_robot, load_robot, urdf_text
+from agribot.description.robot_sdf import sdf_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--robot", default="agribot", metavar="NAME|FILE", help="xacro or URDF")
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--urdf", action="store_true", help="print the expanded URDF")
+    what.add_argument("--sdf", action="store_true", help="print it as an SDF model for gz-sim")
     what.add_argument("--tree", action="store_true", help="print links and joints as a tree")
-    what.add_argument("--check", action="store_true", help="only say whether it can be driven")
+    what.add_argument(
+        "--check", action="store_true", help="list every fault as FILE:LINE and fail on any"
+    )
     parser.add_argument("--json", action="store_true", help="print what was understood as JSON")
 
 
 def run(options: argparse.Namespace) -> int:
+    if options.check:
+        return print_findings(check_robot(options.robot), options.json)
     robot = load_robot(options.robot)
+    sys.stderr.writelines(f"warning: {warning}\n" for warning in robot.warnings)
     if options.urdf:
         sys.stdout.write(urdf_text(options.robot))
+    elif options.sdf:
+        sys.stdout.write(sdf_text(robot))
     elif options.tree:
         sys.stdout.write(tree_text(robot) + "\n")
     elif not options.json:
@@ -34,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
             f"wheel radius {drive.wheel_radius_m} m, track {drive.track_m} m, "
             f"wheelbase {drive.wheelbase_m} m, "
             f"effective separation {drive.effective_separation_m:.3f} m\n"
-            "the description is complete: it can be driven\n"
+            "it can be driven\n"
         )
     if options.json:
         sys.stdout.write(msgspec.json.encode(robot).decode() + "\n")

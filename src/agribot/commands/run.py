@@ -53,6 +53,8 @@ def run(options: argparse.Namespace) -> int:
     pace = _pace(options.speed)
     config = _config(options)
     with Session(config, _out_dir(options.out, config.profile)) as session:
+        odd = (*session.robot.warnings, *session.world.warnings)
+        sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
         progress = Progress(session.weed_map)
         session.add_tap(progress)
         with _stop_on_signal() as stop:

@@ -1,19 +1,28 @@
-"""`agribot world`: list, check and render worlds."""
+"""`agribot world`: list, check, generate and render worlds."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from agribot.description.elements import Finding
+from agribot.description.field_generator import generate_field
+from agribot.description.field_plan import read_field_plan
 from agribot.description.loader import load_robot
-from agribot.description.worlds_sdf import load_world, world_names
-from agribot.errors import RecordingError
+from agribot.description.sdf_export import write_world
+from agribot.description.terrain import height_at
+from agribot.description.worlds_sdf import check_world, load_world, world_names
+from agribot.errors import DescriptionError, RecordingError
 from agribot.geo import LINK_FROM_OPTICAL, transform
+from agribot.messages import FloatArray
+from agribot.world import WorldSpec
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +30,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions.add_parser("list", help="names of the packaged worlds")
     check = actions.add_parser("check", help="say what a world file contains, or what is wrong")
     check.add_argument("world", metavar="NAME|FILE")
+    check.add_argument(
+        "--strict", action="store_true", help="list every fault as FILE:LINE and fail on any"
+    )
     check.add_argument("--json", action="store_true")
+    generate = actions.add_parser(
+        "generate",
+        help="a field of crop rows and weeds by chance",
+        epilog="example: agribot world generate field.toml --seed 3 -o field.world",
+    )
+    generate.add_argument("field", metavar="FIELD.toml")
+    generate.add_argument("--seed", type=int, default=0)
+    generate.add_argument("-o", "--out", required=True, metavar="X.world")
+    generate.add_argument("--json", action="store_true")
     render = actions.add_parser("render", help="a picture of a world, from above the field")
     render.add_argument("world", metavar="NAME|FILE")
     render.add_argument("-o", "--out", required=True, metavar="PNG")
@@ -35,10 +56,27 @@ def run(options: argparse.Namespace) -> int:
     if options.action == "list":
         sys.stdout.write("\n".join(world_names()) + "\n")
         return 0
-    return _check(options) if options.action == "check" else _render(options)
+    return {"check": _check, "generate": _generate, "render": _render}[options.action](options)
+
+
+def _generate(options: argparse.Namespace) -> int:
+    field, out = Path(options.field), Path(options.out)
+    if out.suffix not in {".world", ".sdf"}:
+        raise DescriptionError(f"-o {out}: name a file that ends in .world or .sdf")
+    world = generate_field(read_field_plan(field), options.seed, field.parent)
+    write_world(world, out)
+    kinds = Counter(plant.plant.name.lower() for plant in world.plants)
+    summary = {"world": str(out), "seed": options.seed, **kinds}
+    if options.json:
+        sys.stdout.write(json.dumps(summary) + "\n")
+    else:
+        sys.stdout.write("".join(f"{key}: {value}\n" for key, value in summary.items()))
+    return 0
 
 
 def _check(options: argparse.Namespace) -> int:
+    if options.strict:
+        return print_findings(check_world(options.world), options.json)
     world = load_world(options.world)
     species = Counter(plant.species for plant in world.plants)
     summary = {
@@ -47,13 +85,27 @@ def _check(options: argparse.Namespace) -> int:
         "plants": dict(species),
         "obstacles": len(world.obstacles),
         "ground_tiles": len(world.ground),
+        "terrain": None if world.terrain is None else list(world.terrain.height_m.shape),
         "warnings": list(world.warnings),
     }
     if options.json:
         sys.stdout.write(json.dumps(summary) + "\n")
     else:
+        summary["warnings"] = len(world.warnings)
+        sys.stderr.writelines(f"warning: {warning}\n" for warning in world.warnings)
         sys.stdout.write("".join(f"{key}: {value}\n" for key, value in summary.items()))
     return 0
+
+
+def print_findings(findings: Sequence[Finding], as_json: bool) -> int:
+    """Tell what a strict check found; the exit status."""
+    if as_json:
+        faults = [{"file": f.file, "line": f.line, "text": f.text} for f in findings]
+        sys.stdout.write(json.dumps({"ok": not faults, "faults": faults}) + "\n")
+    else:
+        sys.stdout.writelines(f"{finding}\n" for finding in findings)
+        sys.stdout.write(f"{len(findings)} faults\n")
+    return 1 if findings else 0
 
 
 def _render(options: argparse.Namespace) -> int:
@@ -65,17 +117,11 @@ def _render(options: argparse.Namespace) -> int:
     robot = load_robot()
     if robot.camera is None:
         raise AssertionError("the packaged robot has a camera")
-    x_m, y_m = world.spawn_xy_map_m
-    if options.view == "rover":
-        body = transform((x_m, y_m, 0.0), (0.0, 0.0, world.spawn_yaw_map_rad))
-        map_from_camera = body @ robot.body_from_camera()
-    else:
-        xy = np.array([(p.x_map_m, p.y_map_m) for p in world.plants] or [(x_m, y_m)])
-        centre = xy.mean(axis=0)
-        looking = transform(
-            (float(centre[0]), float(centre[1]) - 14.0, 9.0), (0.0, 0.6, float(np.pi / 2))
-        )
-        map_from_camera = looking @ LINK_FROM_OPTICAL
+    map_from_camera = (
+        _rover_pose(world) @ robot.body_from_camera()
+        if options.view == "rover"
+        else _overlook(world) @ LINK_FROM_OPTICAL
+    )
     picture = CameraRenderer(world).render(
         map_from_camera, robot.camera, noise_seed=None, supersample=2
     )
@@ -86,3 +132,42 @@ def _render(options: argparse.Namespace) -> int:
             f"cannot write {options.out}: {error.strerror}; choose another path"
         ) from error
     return 0
+
+
+def _rover_pose(world: WorldSpec) -> FloatArray:
+    """The body frame where the robot starts, tilted as the ground is."""
+    x_m, y_m = world.spawn_xy_map_m
+    yaw = world.spawn_yaw_map_rad
+    ahead, left = (math.cos(yaw), math.sin(yaw)), (-math.sin(yaw), math.cos(yaw))
+    reach_m = 0.3
+    pitch, roll = (
+        math.atan(_rise_m(world, x_m, y_m, (dx * reach_m, dy * reach_m)) / (2.0 * reach_m))
+        for dx, dy in (ahead, left)
+    )
+    return transform((x_m, y_m, _ground_m(world, x_m, y_m)), (roll, -pitch, yaw))
+
+
+def _overlook(world: WorldSpec) -> FloatArray:
+    """From the South and from high: the field, or all the land where nothing grows."""
+    land = world.terrain
+    if world.plants or land is None:
+        xy = np.array([(p.x_map_m, p.y_map_m) for p in world.plants] or [world.spawn_xy_map_m])
+        x_m, y_m = xy.mean(axis=0).tolist()
+        back_m, up_m = 14.0, 9.0 + _ground_m(world, x_m, y_m)
+    else:
+        rows, columns = land.height_m.shape
+        x_m = land.x_min_m + (columns - 1) / 2.0 * land.resolution_m
+        y_m = land.y_min_m + (rows - 1) / 2.0 * land.resolution_m
+        back_m, up_m = 0.9 * rows * land.resolution_m, 1.6 * float(land.height_m.max())
+    tilt_rad = math.atan2(up_m - _ground_m(world, x_m, y_m), back_m)
+    return transform((x_m, y_m - back_m, up_m), (0.0, tilt_rad, math.pi / 2.0))
+
+
+def _ground_m(world: WorldSpec, x_m: float, y_m: float) -> float:
+    return 0.0 if world.terrain is None else height_at(world.terrain, x_m, y_m)
+
+
+def _rise_m(world: WorldSpec, x_m: float, y_m: float, step_m: tuple[float, float]) -> float:
+    """From one step behind a place to one step before it."""
+    dx, dy = step_m
+    return _ground_m(world, x_m + dx, y_m + dy) - _ground_m(world, x_m - dx, y_m - dy)

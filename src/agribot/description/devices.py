@@ -27,9 +27,15 @@ from agribot.robot import (
     TyreSpec,
 )
 
-DRIVE_PLUGINS = ("skid_steer", "skidsteer", "diff_drive", "diffdrive")
+DRIVE_PLUGINS = ("skid_steer", "skidsteer", "diff_drive", "diffdrive", "diff-drive")
 IMU_PLUGINS = ("ros_imu", "imu_sensor")
 GNSS_PLUGINS = ("ros_gps", "navsat")
+# Where SDF has a default of its own.
+CAMERA_DEFAULTS = {
+    "camera/image/width": 320.0, "camera/image/height": 240.0, "camera/horizontal_fov": 1.047,
+    "update_rate": 30.0, "camera/clip/near": 0.1, "camera/clip/far": 100.0,
+    "camera/noise/stddev": 0.0,
+}  # fmt: skip
 MAG_PLUGINS = ("ros_magnetic", "magnetometer")
 
 
@@ -40,7 +46,7 @@ def read_drive(
     plugin = _required_plugin(root, DRIVE_PLUGINS, "drive plugin (skid steer)", source)
     extra = _required_extra(root, "drive", source)
     wheels = [_wheel(name, links, joints, source) for name in WHEEL_NAMES]
-    radius_m, width_m = _wheel_size(wheels[0][0], source)
+    radius_m, width_m = wheel_size(links, source)
     at_m = {name: joint.origin.xyz_m for name, (_, joint) in zip(WHEEL_NAMES, wheels, strict=True)}
     return DriveSpec(
         wheel_radius_m=radius_m,
@@ -108,7 +114,11 @@ def read_camera(root: ET.Element, links: Sequence[Link], source: Source) -> Came
     _check_link(link, {known.name for known in links}, "camera", source)
 
     def number(path: str) -> float:
-        return source.number(sensor.findtext(path), f"camera sensor <{path}>")
+        told = sensor.findtext(path)
+        if told is None and path in CAMERA_DEFAULTS:
+            source.warn(f"camera sensor: <{path}> is missing; {CAMERA_DEFAULTS[path]:g} is used")
+            return CAMERA_DEFAULTS[path]
+        return source.number(told, f"camera sensor <{path}>")
 
     return CameraSpec(
         link=link,
@@ -153,8 +163,9 @@ def _wheel(
     return link, joint
 
 
-def _wheel_size(wheel: Link, source: Source) -> tuple[float, float]:
-    """Radius and width, from the cylinder that the wheel collides with."""
+def wheel_size(links: Sequence[Link], source: Source) -> tuple[float, float]:
+    """Radius and width, from the cylinder that a wheel collides with."""
+    wheel = next(link for link in links if link.name == WHEEL_NAMES[0])
     for shape in wheel.collisions:
         if shape.kind == "cylinder":
             return shape.size_m[0], shape.size_m[1]
@@ -162,6 +173,14 @@ def _wheel_size(wheel: Link, source: Source) -> tuple[float, float]:
     raise source.fail(
         f"link '{wheel.name}'", f"a wheel needs a <collision> with a cylinder; it has: {kinds}"
     )
+
+
+MODERN = {"wheeldiameter": "wheel_radius", "wheelseparation": "wheel_separation"}
+
+
+def told_by_plugin(plugin: TagBlock, name: str) -> bool:
+    """Whether a drive plugin has the number, in the classic spelling or that of gz-sim."""
+    return name.lower() in plugin.tags or MODERN.get(name.lower()) in plugin.tags
 
 
 def _told(plugin: TagBlock, classic: str, modern: str, factor: float) -> float:
@@ -198,7 +217,7 @@ def _mount(
     source: Source,
 ) -> SensorMount:
     plugin = find_plugin(root, plugins, source)
-    if plugin is not None:
+    if plugin is not None and "updaterate" in plugin.tags:
         link = plugin.tags.get("bodyname") or plugin.link
         rate_hz = plugin.positive("updateRate")
         _check_link(link, links, what, source)

@@ -4,19 +4,92 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
 
+from agribot.description.markup import place_of
 from agribot.errors import DescriptionError
 from agribot.messages import Vec3
 
 
-class Source:
-    """The file that an element came from, for error messages."""
+class Finding(NamedTuple):
+    """Something odd in a file; line 0 where it has no place of its own.
 
-    def __init__(self, file: str) -> None:
+    `summary` is what a user is told who only wants the file read: "" keeps it quiet.
+    """
+
+    file: str
+    line: int
+    text: str
+    summary: str
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}: {self.text}" if self.line else f"{self.file}: {self.text}"
+
+
+class PlacedError(DescriptionError):
+    """An error that knows where it is."""
+
+    def __init__(self, finding: Finding) -> None:
+        super().__init__(str(finding))
+        self.finding = finding
+
+
+class Source:
+    """The file that elements come from, and what was found odd in it.
+
+    A collecting source notes the errors that `attempt` sees and goes on; others raise them.
+    """
+
+    def __init__(self, file: str, *, collecting: bool = False) -> None:
         self.file = file
+        self.collecting = collecting
+        self.findings: list[Finding] = []
+        self._places: list[tuple[str, int]] = []
 
     def fail(self, where: str, what: str) -> DescriptionError:
-        return DescriptionError(f"{self.file}: {where}: {what}")
+        return PlacedError(self._finding(f"{where}: {what}"))
+
+    def warn(self, text: str, element: ET.Element | None = None, *, quiet: bool = False) -> None:
+        """Note something odd but harmless; `quiet` ones only show in a check of the file."""
+        self.findings.append(self._finding(text, element, quiet=quiet))
+
+    @contextmanager
+    def attempt(self, element: ET.Element) -> Iterator[None]:
+        """Name the place of `element` in what goes wrong inside."""
+        self._places.append(place_of(element))
+        try:
+            yield
+        except DescriptionError as error:
+            if not self.collecting:
+                raise
+            self.note(error)
+        finally:
+            self._places.pop()
+
+    def note(self, error: DescriptionError) -> None:
+        """Keep an error as a finding."""
+        finding = getattr(error, "finding", None)
+        if finding is None:
+            finding = self._finding(str(error).removeprefix(f"{self.file}: "))
+        self.findings.append(finding)
+
+    def warnings(self) -> tuple[str, ...]:
+        """What the user of the file should know, each text once."""
+        counted = Counter(finding.summary for finding in self.findings if finding.summary)
+        return tuple(
+            text if times == 1 else f"{text} ({times} times)" for text, times in counted.items()
+        )
+
+    def _finding(
+        self, text: str, element: ET.Element | None = None, *, quiet: bool = False
+    ) -> Finding:
+        file, line = self._places[-1] if self._places else ("", 0)
+        if element is not None and place_of(element)[1]:
+            file, line = place_of(element)
+        return Finding(file or self.file, line, text, "" if quiet else text)
 
     def numbers(self, text: str | None, count: int, where: str) -> tuple[float, ...]:
         """Exactly `count` numbers separated by blanks.

@@ -12,7 +12,10 @@ from xml.parsers.expat import ExpatError
 import xacro
 import xacro.substitution_args as substitution
 
+from agribot.description.elements import Source
+from agribot.description.markup import parse_xml, read_xml
 from agribot.description.package import package_folder
+from agribot.description.xacro_dialect import OldDialect
 from agribot.errors import DescriptionError
 
 # xacro keeps the files it works on in module variables.
@@ -31,7 +34,7 @@ class _Arguments(dict[str, str]):
         return super().__contains__(name)
 
 
-def expand(path: Path, mappings: Mapping[str, str]) -> ET.Element:
+def expand(path: Path, mappings: Mapping[str, str], source: Source) -> ET.Element:
     """The URDF tree of a xacro or URDF file.
 
     Raises: DescriptionError: the file or one that it includes is missing or broken, or
@@ -44,11 +47,12 @@ def expand(path: Path, mappings: Mapping[str, str]) -> ET.Element:
             f"{path} is not a xacro file, so it takes no arguments such as "
             f"'{next(iter(mappings))}'; leave them out or name the .xacro file"
         )
-    text = _expanded(path, mappings) if path.suffix == ".xacro" else path.read_text("utf-8")
-    try:
-        root = ET.fromstring(text)
-    except ET.ParseError as error:
-        raise DescriptionError(f"{path}: not well-formed XML: {error}") from error
+    if path.suffix == ".xacro":
+        dialect = OldDialect(source)
+        root = parse_xml(_expanded(path, mappings, dialect), path.name)
+        dialect.place(root)
+    else:
+        root = read_xml(path)
     if root.tag != "robot":
         raise DescriptionError(
             f"{path}: the top element is <{root.tag}>, a robot description has <robot>"
@@ -56,9 +60,9 @@ def expand(path: Path, mappings: Mapping[str, str]) -> ET.Element:
     return root
 
 
-def _expanded(path: Path, mappings: Mapping[str, str]) -> str:
+def _expanded(path: Path, mappings: Mapping[str, str], dialect: OldDialect) -> str:
     arguments = _Arguments(mappings)
-    with _XACRO_LOCK, _package_search(path):
+    with _XACRO_LOCK, _package_search(path), dialect.understood():
         xacro.init_stacks(str(path))
         try:
             document = xacro.parse(None, str(path))

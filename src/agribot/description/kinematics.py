@@ -16,22 +16,29 @@ GREY: Rgba = (0.7, 0.7, 0.7, 1.0)
 
 def read_links(root: ET.Element, source: Source) -> tuple[Link, ...]:
     palette = read_palette(root, source)
-    return tuple(_link(element, palette, source) for element in root.findall("link"))
+    links = []
+    for element in root.findall("link"):
+        with source.attempt(element):
+            links.append(_link(element, palette, source))
+    return tuple(links)
 
 
 def read_joints(root: ET.Element, source: Source) -> tuple[Joint, ...]:
     """All joints; raises DescriptionError if one names a link that does not exist."""
     gears = _gear_ratios(root, source)
     links = {element.get("name", "") for element in root.findall("link")}
-    joints = tuple(_joint(element, gears, source) for element in root.findall("joint"))
-    for joint in joints:
-        for end in (joint.parent, joint.child):
-            if end not in links:
-                raise source.fail(
-                    f"joint '{joint.name}'",
-                    f"there is no link '{end}'; there are: {', '.join(sorted(links))}",
-                )
-    return joints
+    joints = []
+    for element in root.findall("joint"):
+        with source.attempt(element):
+            joint = _joint(element, gears, source)
+            for end in (joint.parent, joint.child):
+                if end not in links:
+                    raise source.fail(
+                        f"joint '{joint.name}'",
+                        f"there is no link '{end}'; there are: {', '.join(sorted(links))}",
+                    )
+            joints.append(joint)
+    return tuple(joints)
 
 
 def read_palette(root: ET.Element, source: Source) -> dict[str, Rgba]:

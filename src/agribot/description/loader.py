@@ -7,9 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from agribot.description import devices
-from agribot.description.elements import Source
+from agribot.description.adopt_devices import adopt_devices
+from agribot.description.adopt_wheels import adopt_base, adopt_wheels, name_apart
+from agribot.description.elements import Finding, Source
 from agribot.description.expansion import expand
 from agribot.description.kinematics import read_joints, read_links
+from agribot.description.markup import parse_xml
 from agribot.description.package import robot_files
 from agribot.errors import DescriptionError
 from agribot.robot import RobotSpec
@@ -21,29 +24,65 @@ def load_robot(
     """Read a packaged robot, or a .xacro or .urdf file.
 
     `mappings` are values for the file's xacro arguments, such as {"legacy_camera": "true"}.
+    Robots of other makers get our names for their wheels and usual values for what their
+    description leaves out; `warnings` says which.
 
-    Raises: DescriptionError: unknown name, broken file, or a part without which the robot
-        cannot be driven: wheels, drive, IMU, GNSS receiver or magnetometer.
+    Raises: DescriptionError: unknown name, broken file, or no four wheels to drive with.
     """
-    path = _robot_path(name_or_path)
-    return _read(expand(path, mappings or {}), Source(path.name), path.stem)
+    return _read(*_opened(name_or_path, mappings or {}))
 
 
 def parse_robot(urdf: str, source_name: str) -> RobotSpec:
     """Read plain URDF text, as a recording holds it; errors name `source_name`."""
-    return _read(ET.fromstring(urdf), Source(source_name), source_name)
+    return _read(parse_xml(urdf, source_name), Source(source_name), Path(source_name))
 
 
-def _read(root: ET.Element, source: Source, default_name: str) -> RobotSpec:
+def check_robot(name_or_path: str = "agribot") -> tuple[Finding, ...]:
+    """Everything that is wrong or left out in a description, in the order of its lines.
+
+    Raises: DescriptionError: unknown name, or no such file.
+    """
+    path = _robot_path(name_or_path)
+    if not path.is_file():
+        raise DescriptionError(f"robot file {path} does not exist; check the path")
+    source = Source(path.name, collecting=True)
+    try:
+        _read(expand(path, {}, source), source, path)
+    except DescriptionError as error:
+        source.note(error)
+    return tuple(sorted(dict.fromkeys(source.findings), key=lambda f: (f.file, f.line)))
+
+
+def urdf_text(name_or_path: str = "agribot", mappings: Mapping[str, str] | None = None) -> str:
+    """The expanded description as URDF text; the same bytes on every machine."""
+    root, source, path = _opened(name_or_path, mappings or {})
+    _adopt(root, source, path.parent)
+    ET.indent(root)
+    return f'<?xml version="1.0"?>\n{ET.tostring(root, encoding="unicode")}\n'
+
+
+def _opened(name_or_path: str, mappings: Mapping[str, str]) -> tuple[ET.Element, Source, Path]:
+    path = _robot_path(name_or_path)
+    source = Source(path.name)
+    return expand(path, mappings, source), source, path
+
+
+def _adopt(root: ET.Element, source: Source, folder: Path) -> None:
+    """Complete the tree in place, so that it is a robot as the rest of AGRIBOT knows them."""
+    name_apart(root, source)
+    adopt_base(root, read_joints(root, source), source)
+    adopt_wheels(root, read_links(root, source), read_joints(root, source), source, folder)
+    adopt_devices(root, read_links(root, source), read_joints(root, source), source)
+
+
+def _read(root: ET.Element, source: Source, path: Path) -> RobotSpec:
+    _adopt(root, source, path.parent)
     links = read_links(root, source)
     joints = read_joints(root, source)
-    if not any(link.name == "base_link" for link in links):
-        names = ", ".join(link.name for link in links) or "none"
-        raise source.fail("links", f"'base_link' is missing; there are: {names}")
     drive = devices.read_drive(root, links, joints, source)
     imu, gnss, mag = devices.read_mounts(root, links, source)
     return RobotSpec(
-        name=root.get("name", default_name),
+        name=root.get("name", path.stem),
         links=links,
         joints=joints,
         drive=drive,
@@ -53,14 +92,8 @@ def _read(root: ET.Element, source: Source, default_name: str) -> RobotSpec:
         mag=mag,
         camera=devices.read_camera(root, links, source),
         sprayer=devices.read_sprayer(root, source),
+        warnings=source.warnings(),
     )
-
-
-def urdf_text(name_or_path: str = "agribot", mappings: Mapping[str, str] | None = None) -> str:
-    """The expanded description as URDF text; the same bytes on every machine."""
-    root = expand(_robot_path(name_or_path), mappings or {})
-    ET.indent(root)
-    return f'<?xml version="1.0"?>\n{ET.tostring(root, encoding="unicode")}\n'
 
 
 def _robot_path(name_or_path: str) -> Path:

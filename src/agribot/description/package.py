@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 PACKAGE = "agribot_description"
+NEIGHBOURS = 4  # levels up from a file, in which a package it asks for may lie
 ROOT = Path(__file__).resolve().parent
 
 
@@ -21,13 +22,17 @@ def world_files() -> dict[str, Path]:
 def package_folder(package: str, asking_file: Path) -> Path | None:
     """Folder that `$(find package)` and `package://package` mean in `asking_file`.
 
-    That is the folder above the file that bears the package's name, else the one that holds
-    the file's `urdf` folder, else (for our own package) this one.
+    That is the folder above the file that bears the package's name, else one of that name
+    beside those folders, else the one that holds the file's `urdf` folder, else (for our own
+    package) this one.
     """
     parents = asking_file.resolve().parents
     for folder in parents:
         if folder.name == package:
             return folder
+    for folder in list(parents)[:NEIGHBOURS]:
+        if (folder / package).is_dir():
+            return folder / package
     for folder in parents:
         if folder.name == "urdf":
             return folder.parent

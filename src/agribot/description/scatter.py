@@ -81,7 +81,45 @@ def read_crop(model: ET.Element, x_map_m: float, y_map_m: float, source: Source)
 
 
 def read_weed_areas(world: ET.Element, source: Source) -> tuple[WeedArea, ...]:
-    return tuple(_read_area(element, source) for element in world.findall(tag("weeds")))
+    areas = []
+    for element in world.findall(tag("weeds")):
+        with source.attempt(element):
+            areas.append(_read_area(element, source))
+    return tuple(areas)
+
+
+def read_plants(world: ET.Element, map_from_world: FloatArray, source: Source) -> tuple[Plant, ...]:
+    """The plants that a world lists one by one, as generated and exported fields do."""
+    plants: list[Plant] = []
+    turn_rad = math.atan2(map_from_world[1, 0], map_from_world[0, 0])
+    for element in world.findall(tag("plant")):
+        with source.attempt(element):
+            plants.append(_read_plant(element, map_from_world, turn_rad, source))
+    return tuple(plants)
+
+
+def _read_plant(
+    element: ET.Element, map_from_world: FloatArray, turn_rad: float, source: Source
+) -> Plant:
+    where = "<agribot:plant>"
+
+    def number(key: str) -> float:
+        return source.number(element.get(key), f"{where} {key}")
+
+    kind = source.attribute(element, "class", where).upper()
+    if kind not in {"CROP", "WEED"}:
+        raise source.fail(where, f"class '{kind.lower()}' is neither crop nor weed")
+    x_m, y_m = (map_from_world @ np.array([number("x"), number("y"), 0.0, 1.0]))[:2].tolist()
+    return Plant(
+        species=source.attribute(element, "species", where),
+        plant=PlantClass[kind],
+        x_map_m=x_m,
+        y_map_m=y_m,
+        yaw_rad=number("yaw") + turn_rad,
+        size_m=number("height_m"),
+        seed=int(number("seed")),
+        stem_radius_m=number("stem_radius_m"),
+    )
 
 
 def grow(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
 
 import numpy as np
 
@@ -14,14 +13,17 @@ from agribot.geo import Datum
 from agribot.messages import FloatArray, Vec3
 from agribot.world import Light
 
+# Yaw of the x axis from East in each of the orientations that SDF knows with z up.
+FRAME_YAW_DEG = {"ENU": 0.0, "NWU": 90.0}
+
 
 class Header:
     """Everything but the models; vectors and poses of the file are turned into the map frame."""
 
-    def __init__(self, world: ET.Element, source: Source, warn: Callable[[str], None]) -> None:
+    def __init__(self, world: ET.Element, source: Source) -> None:
         self._world = world
         self._source = source
-        self.datum, heading_deg = self._place(warn)
+        self.datum, heading_deg = self._place()
         self.map_from_world: FloatArray = level(math.radians(heading_deg))
         self.gravity_mps2 = -self._vec3("gravity", (0.0, 0.0, -9.8))[2]
         # Gazebo's own default where the file says nothing.
@@ -29,36 +31,53 @@ class Header:
         self.light = self._light()
 
     def _number(self, path: str, default: float) -> float:
-        text = self._world.findtext(path)
-        return default if text is None else self._source.number(text, f"<{path}>")
+        element, value = self._world.find(path), default
+        if element is not None:
+            with self._source.attempt(element):
+                value = self._source.number(element.text, f"<{path}>")
+        return value
 
     def _vec3(self, path: str, default: Vec3) -> Vec3:
-        text = self._world.findtext(path)
-        return default if text is None else self._source.vec3(text, f"<{path}>")
+        element, value = self._world.find(path), default
+        if element is not None:
+            with self._source.attempt(element):
+                value = self._source.vec3(element.text, f"<{path}>")
+        return value
 
     def _turned(self, vector: Vec3) -> Vec3:
         """A direction of the file in the map frame."""
         east, north, up = (self.map_from_world[:3, :3] @ np.array(vector)).tolist()
         return east, north, up
 
-    def _place(self, warn: Callable[[str], None]) -> tuple[Datum, float]:
+    def _place(self) -> tuple[Datum, float]:
         """Datum, and the yaw of the file's x axis from East in degrees."""
         told = self._hector_reference()
         if told is not None:
             return told
         if self._world.find("spherical_coordinates") is None:
-            warn("no <spherical_coordinates>: the map lies at 0 N, 0 E and x points East")
+            self._source.warn(
+                "no <spherical_coordinates>: the map lies at 0 N, 0 E and x points East"
+            )
         frame = self._world.findtext("spherical_coordinates/world_frame_orientation", "ENU").strip()
-        if frame != "ENU":
+        if frame not in FRAME_YAW_DEG:
             raise self._source.fail(
                 "<world_frame_orientation>", f"'{frame}' is not read; use ENU and heading_deg"
             )
+        latitude_deg = self._number("spherical_coordinates/latitude_deg", 0.0)
+        longitude_deg = self._number("spherical_coordinates/longitude_deg", 0.0)
+        if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
+            raise self._source.fail(
+                "<spherical_coordinates>",
+                f"{latitude_deg:g}, {longitude_deg:g} is no place on Earth; latitudes end at 90, "
+                "longitudes at 180 degrees",
+            )
         datum = Datum(
-            lat_deg=self._number("spherical_coordinates/latitude_deg", 0.0),
-            lon_deg=self._number("spherical_coordinates/longitude_deg", 0.0),
+            lat_deg=latitude_deg,
+            lon_deg=longitude_deg,
             alt_m=self._number("spherical_coordinates/elevation", 0.0),
         )
-        return datum, self._number("spherical_coordinates/heading_deg", 0.0)
+        heading_deg = self._number("spherical_coordinates/heading_deg", 0.0)
+        return datum, heading_deg + FRAME_YAW_DEG[frame]
 
     def _hector_reference(self) -> tuple[Datum, float] | None:
         """Old worlds carry a robot whose GPS plugin says where they are, with x to the North."""
@@ -75,15 +94,20 @@ class Header:
 
     def _light(self) -> Light:
         suns = [e for e in self._world.findall("light") if e.get("type") == "directional"]
-        if not suns:
-            return Light()
-        from_sun = self._source.vec3(suns[0].findtext("direction", "0 0 -1"), "<direction>")
+        light = Light()
+        if suns:
+            with self._source.attempt(suns[0]):
+                light = self._sun(suns[0])
+        return light
+
+    def _sun(self, sun: ET.Element) -> Light:
+        from_sun = self._source.vec3(sun.findtext("direction", "0 0 -1"), "<direction>")
         if from_sun[2] >= 0.0:
             raise self._source.fail("<light> <direction>", "the sun must shine downwards, z < 0")
         east, north, up = (-np.array(self._turned(from_sun)) / np.linalg.norm(from_sun)).tolist()
         return Light(
             to_sun=(east, north, up),
-            diffuse=self._grey(suns[0].findtext("diffuse"), Light().diffuse),
+            diffuse=self._grey(sun.findtext("diffuse"), Light().diffuse),
             ambient=self._grey(self._world.findtext("scene/ambient"), Light().ambient),
         )
 

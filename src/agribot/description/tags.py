@@ -19,7 +19,8 @@ class TagBlock:
 
     def __init__(self, element: ET.Element, what: str, source: Source, link: str = "") -> None:
         self.link = link  # that the surrounding <gazebo reference> names
-        self._what = what
+        self.what = what
+        self.element = element
         self._source = source
         self.tags: Tags = {
             inner.tag.lower(): (inner.text or "").strip() for inner in element if len(inner) == 0
@@ -29,17 +30,17 @@ class TagBlock:
         value = self.tags.get(name.lower())
         if value is None:
             raise self._source.fail(
-                self._what, f"<{name}> is missing; it has: {', '.join(sorted(self.tags)) or 'none'}"
+                self.what, f"<{name}> is missing; it has: {', '.join(sorted(self.tags)) or 'none'}"
             )
         return value
 
     def number(self, name: str) -> float:
-        return self._source.number(self.text(name), f"{self._what} <{name}>")
+        return self._source.number(self.text(name), f"{self.what} <{name}>")
 
     def positive(self, name: str) -> float:
         value = self.number(name)
         if value <= 0.0:
-            raise self._source.fail(self._what, f"<{name}> is {value:g}, it must be positive")
+            raise self._source.fail(self.what, f"<{name}> is {value:g}, it must be positive")
         return value
 
 

@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
-from collections import Counter
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from agribot.description.elements import Source
+from agribot.description.elements import Finding, Source
+from agribot.description.markup import place_of, read_xml
 from agribot.description.package import world_files
-from agribot.description.poses import level, origin_of, read_pose, yaw_of
-from agribot.description.scatter import Crop, grow, read_crop, read_weed_areas
+from agribot.description.poses import level, origin_of, yaw_of
+from agribot.description.scatter import Crop, grow, read_crop, read_plants, read_weed_areas
 from agribot.description.sdf_header import Header
-from agribot.description.sdf_library import ModelLibrary, is_crop_with_weed, read_sdf
-from agribot.description.sdf_models import ModelParts, Patch, read_parts
+from agribot.description.sdf_library import ModelLibrary, is_crop_with_weed
+from agribot.description.sdf_models import ModelParts, Patch, Relief, read_parts
+from agribot.description.sdf_placing import Placing, Standing, is_robot
+from agribot.description.terrain import load_heights, placed, volcano
 from agribot.errors import DescriptionError
 from agribot.messages import FloatArray
 from agribot.robot import Shape
-from agribot.world import GroundTile, Obstacle, WorldSpec
+from agribot.world import GroundTile, HeightField, Obstacle, WorldSpec
 
-SPAWN_FRAME = "robot_spawn"
-
-
-class _Model(NamedTuple):
-    """A model standing in a world, or included by it."""
-
-    name: str
-    kind: str
-    element: ET.Element
-    map_from_model: FloatArray
+CLEAR_M = 2.0  # between the robot's start and the middle of a box that stands in for something
 
 
 def world_names() -> list[str]:
@@ -43,12 +34,28 @@ def load_world(
     """Read a packaged world or a .world or .sdf file, and let its plants grow.
 
     The same file, seed and density give the same plants. What is odd but harmless in the file
-    (repeated names, models nobody has) ends up in `warnings`.
+    (repeated names, models or meshes nobody has) ends up in `warnings`.
 
     Raises: DescriptionError: unknown name, broken file, or a world without ground.
     """
     path = _world_path(name_or_path)
-    return _WorldReader(path).read(seed, weed_density_per_m2)
+    return _WorldReader(path, Source(path.name)).read(seed, weed_density_per_m2)
+
+
+def check_world(name_or_path: str) -> tuple[Finding, ...]:
+    """Everything that is wrong or odd in a world file, in the order of its lines.
+
+    Raises: DescriptionError: unknown name, or no such file.
+    """
+    path = _world_path(name_or_path)
+    source = Source(path.name, collecting=True)
+    if not path.is_file():
+        raise DescriptionError(f"{path} does not exist; check the path")
+    try:
+        _WorldReader(path, source).read(0, None)
+    except DescriptionError as error:
+        source.note(error)
+    return tuple(sorted(dict.fromkeys(source.findings), key=lambda f: (f.file, f.line)))
 
 
 def _world_path(name_or_path: str) -> Path:
@@ -67,40 +74,39 @@ def _world_path(name_or_path: str) -> Path:
 class _WorldReader:
     """One reading of one file: what it has collected so far."""
 
-    def __init__(self, path: Path) -> None:
-        self._source = Source(path.name)
+    def __init__(self, path: Path, source: Source) -> None:
+        self._source = source
         self._library = ModelLibrary(path)
-        self._warnings: Counter[str] = Counter()
-        root = read_sdf(path)
+        root = read_xml(path)
         world = root.find("world")
         if world is None:
             has = ", ".join(f"<{inner.tag}>" for inner in root) or "nothing"
             raise self._source.fail("SDF", f"there is no <world>; the file has {has}")
         self._world = world
-        self._header = Header(world, self._source, self._warn)
+        self._header = Header(world, self._source)
         self._map_from_world = self._header.map_from_world
+        self._crops: list[Crop] = []
+        self._obstacles: list[Obstacle] = []
+        self._patches: list[tuple[FloatArray, Patch]] = []
+        self._reliefs: list[tuple[FloatArray, Relief]] = []
+        self._friction: list[float] = []
+        self._stand_ins: set[str] = set()
 
     def read(self, seed: int, weed_density_per_m2: float | None) -> WorldSpec:
-        spawn = self._spawn_frame()
-        crops: list[Crop] = []
-        obstacles: list[Obstacle] = []
-        patches: list[tuple[FloatArray, Patch]] = []
-        friction: list[float] = []
-        for model in self._models():
-            if _is_robot(model.element):
+        placing = Placing(self._world, self._source, self._library, self._map_from_world)
+        spawn = placing.spawn()
+        for model in placing.models():
+            if is_robot(model.element):
                 spawn = model.map_from_model if spawn is None else spawn
                 continue
-            crop = self._crop(model)
-            if crop is not None:
-                crops.append(crop)
-                continue
-            parts = read_parts(model.element, self._source, self._warn)
-            obstacles += _obstacles(model, parts)
-            patches += [(model.map_from_model, patch) for patch in parts.patches]
-            friction += [] if parts.friction_ratio is None else [parts.friction_ratio]
+            with self._source.attempt(model.element):
+                self._take(model)
         areas = read_weed_areas(self._world, self._source)
-        plants = grow(crops, areas, self._map_from_world, seed, weed_density_per_m2)
+        plants = grow(self._crops, areas, self._map_from_world, seed, weed_density_per_m2)
+        plants += read_plants(self._world, self._map_from_world, self._source)
         where = np.eye(4) if spawn is None else spawn
+        self._clear(float(where[0, 3]), float(where[1, 3]))
+        terrain = self._terrain()
         return WorldSpec(
             name=self._world.get("name", ""),
             datum=self._header.datum,
@@ -108,75 +114,37 @@ class _WorldReader:
             spawn_yaw_map_rad=yaw_of(where),
             gravity_mps2=self._header.gravity_mps2,
             field_enu_t=self._header.field_enu_t,
-            friction_ratio=min(friction, default=1.0),
+            friction_ratio=min(self._friction, default=1.0),
             light=self._header.light,
-            ground=self._ground(patches),
+            ground=self._ground(terrain),
+            terrain=terrain,
             plants=plants,
-            obstacles=tuple(obstacles),
-            warnings=tuple(
-                text if times == 1 else f"{text} ({times} times)"
-                for text, times in self._warnings.items()
-            ),
+            obstacles=tuple(self._obstacles),
+            warnings=self._source.warnings(),
         )
 
-    def _warn(self, text: str) -> None:
-        self._warnings[text] += 1
+    def _take(self, model: Standing) -> None:
+        """One model: a crop, or things that stand there and the ground they bring along."""
+        crop = self._crop(model)
+        if crop is not None:
+            self._crops.append(crop)
+            return
+        if place_of(model.element)[1] == 0:
+            self._stand_ins.add(model.name)
+        parts = read_parts(model.element, self._source, self._library)
+        self._obstacles += _obstacles(model, parts)
+        self._patches += [(model.map_from_model, patch) for patch in parts.patches]
+        self._reliefs += [(model.map_from_model, relief) for relief in parts.reliefs]
+        self._friction += [] if parts.friction_ratio is None else [parts.friction_ratio]
 
-    def _spawn_frame(self) -> FloatArray | None:
-        for frame in self._world.findall("frame"):
-            if frame.get("name") == SPAWN_FRAME:
-                pose: FloatArray = self._map_from_world @ read_pose(
-                    frame, self._source, f"frame '{SPAWN_FRAME}'"
-                )
-                return pose
-        return None
+    def _clear(self, x_m: float, y_m: float) -> None:
+        """Take stand-ins away from the place where the robot starts."""
+        for thing in [o for o in self._obstacles if o.name in self._stand_ins]:
+            if max(abs(thing.x_map_m - x_m), abs(thing.y_map_m - y_m)) < CLEAR_M:
+                self._obstacles.remove(thing)
+                self._source.warn(f"'{thing.name}' would stand on the robot; it is left out")
 
-    def _models(self) -> list[_Model]:
-        """Models in the order of the file, each with a name of its own."""
-        found = []
-        for element in self._world:
-            if element.tag == "model":
-                found.append((element.get("name", "model"), "", element, element))
-            elif element.tag == "include":
-                found += self._included(element)
-        counts = Counter(name for name, _kind, _model, _pose in found)
-        taken: Counter[str] = Counter()
-        models = []
-        states = self._states()
-        for name, kind, model, placed in found:
-            unique = name if taken[name] == 0 else f"{name}_{taken[name]}"
-            taken[name] += 1
-            world_from_model = read_pose(placed, self._source, f"model '{name}'")
-            if counts[name] == 1 and name in states:
-                world_from_model = states[name]
-            models.append(
-                _Model(unique, kind or name, model, self._map_from_world @ world_from_model)
-            )
-        for name, count in counts.items():
-            if count > 1:
-                self._warn(f"{count} models are named '{name}'; all but the first got a number")
-        return models
-
-    def _included(self, element: ET.Element) -> list[tuple[str, str, ET.Element, ET.Element]]:
-        uri = (element.findtext("uri") or "").strip()
-        kind = uri.removeprefix("model://").strip("/")
-        if kind == "sun":
-            return []
-        model = self._library.find(uri)
-        if model is None:
-            self._warn(f"model '{uri}' is not in any model folder; it is left out")
-            return []
-        name = element.findtext("name") or model.get("name") or kind
-        return [(name, kind, model, element if element.find("pose") is not None else model)]
-
-    def _states(self) -> dict[str, FloatArray]:
-        """Poses of a saved <state>, which replace those of the models."""
-        return {
-            model.get("name", ""): read_pose(model, self._source, "<state>")
-            for model in self._world.findall("state/model")
-        }
-
-    def _crop(self, model: _Model) -> Crop | None:
+    def _crop(self, model: Standing) -> Crop | None:
         x_m, y_m = model.map_from_model[:2, 3].tolist()
         crop = read_crop(model.element, x_m, y_m, self._source)
         if crop is None and (is_crop_with_weed(model.kind) or is_crop_with_weed(model.name)):
@@ -184,14 +152,41 @@ class _WorldReader:
             crop = None if ours is None else read_crop(ours, x_m, y_m, self._source)
         return crop
 
-    def _ground(self, patches: list[tuple[FloatArray, Patch]]) -> tuple[GroundTile, ...]:
+    def _terrain(self) -> HeightField | None:
+        """The first height map of the world; a height map is felt and seen alike."""
+        for frame, relief in self._reliefs:
+            with self._source.attempt(relief.element):
+                return self._height_field(frame, relief)
+        return None
+
+    def _height_field(self, frame: FloatArray, relief: Relief) -> HeightField:
+        element, source = relief.element, self._source
+        size = source.vec3(element.findtext("size", "1 1 1"), "<heightmap> <size>")
+        if min(size) <= 0.0:
+            raise source.fail("<heightmap>", f"<size> is {size}; all three must be positive")
+        uri = (element.findtext("uri") or "").strip()
+        file = self._library.file(uri)
+        if file is not None and file.suffix.lower() in {".png", ".npy", ".jpg", ".jpeg", ".tif"}:
+            heights = load_heights(file)
+            heights_m = heights if file.suffix == ".npy" else heights * size[2]
+        else:
+            source.warn(f"height map '{uri}' is not on this machine; a volcano stands in for it")
+            heights_m = volcano(0, size_m=min(size[:2]), top_m=size[2])
+        pos = np.eye(4)
+        pos[:2, 3] = source.vec3(element.findtext("pos", "0 0 0"), "<heightmap> <pos>")[:2]
+        if file is not None:
+            pos[2, 3] = source.vec3(element.findtext("pos", "0 0 0"), "<heightmap> <pos>")[2]
+        return placed(heights_m, (size[0], size[1]), frame @ relief.model_from_relief @ pos)
+
+    def _ground(self, terrain: HeightField | None) -> tuple[GroundTile, ...]:
         """What is seen of the ground; where nothing is to be seen, what is felt."""
-        if not patches:
+        tiles = [] if terrain is None else [_terrain_tile(terrain)]
+        if not self._patches and not tiles:
             raise self._source.fail(
                 "ground", "the world has no ground; add a model with a <plane>, see empty.world"
             )
-        visible = [pair for pair in patches if pair[1].visible] or patches
-        return tuple(self._tile(frame, patch) for frame, patch in visible)
+        visible = [pair for pair in self._patches if pair[1].visible] or self._patches
+        return tuple(tiles + [self._tile(frame, patch) for frame, patch in visible])
 
     def _tile(self, map_from_model: FloatArray, patch: Patch) -> GroundTile:
         half = np.array(patch.size_m) / 2.0
@@ -201,7 +196,7 @@ class _WorldReader:
         map_from_patch = map_from_model @ patch.model_from_patch
         at_m = (map_from_patch @ corners.T)[:2]
         if min(abs(map_from_patch[0, 0]), abs(map_from_patch[1, 0])) > 1e-3:
-            self._warn(
+            self._source.warn(
                 f"{patch.surface} ground is not laid East to North; its bounding box is used"
             )
         x_min, y_min, x_max, y_max = np.round((*at_m.min(axis=1), *at_m.max(axis=1)), 9).tolist()
@@ -210,12 +205,18 @@ class _WorldReader:
         )
 
 
-def _is_robot(model: ET.Element) -> bool:
-    """Old worlds carry the robot itself; it is placed there and described elsewhere."""
-    return any("skid_steer" in plugin.get("filename", "") for plugin in model.iter("plugin"))
+def _terrain_tile(terrain: HeightField) -> GroundTile:
+    rows, columns = terrain.height_m.shape
+    return GroundTile(
+        surface="soil",
+        x_min_m=terrain.x_min_m,
+        y_min_m=terrain.y_min_m,
+        x_max_m=terrain.x_min_m + (columns - 1) * terrain.resolution_m,
+        y_max_m=terrain.y_min_m + (rows - 1) * terrain.resolution_m,
+    )
 
 
-def _obstacles(model: _Model, parts: ModelParts) -> list[Obstacle]:
+def _obstacles(model: Standing, parts: ModelParts) -> list[Obstacle]:
     """The solid part of a model, and apart from it what is only to be seen."""
     yaw_rad = yaw_of(model.map_from_model)
     tilt = level(-yaw_rad) @ model.map_from_model
@@ -224,7 +225,7 @@ def _obstacles(model: _Model, parts: ModelParts) -> list[Obstacle]:
     x_m, y_m, z_m = model.map_from_model[:3, 3].tolist()
 
     def shapes(collides: bool) -> tuple[Shape, ...]:
-        chosen = [placed.shape for placed in parts.shapes if placed.collides == collides]
+        chosen = [part.shape for part in parts.shapes if part.collides == collides]
         return tuple(shape if upright else _tilted(shape, tilt) for shape in chosen)
 
     return [

@@ -1,0 +1,184 @@
+"""Other people's robots: drive, tyres and sensors that their description does not tell of."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from agribot.description.devices import (
+    DRIVE_PLUGINS,
+    GNSS_PLUGINS,
+    IMU_PLUGINS,
+    MAG_PLUGINS,
+    told_by_plugin,
+    wheel_size,
+)
+from agribot.description.elements import Source
+from agribot.description.tags import find_extra, find_plugin, find_sensor
+from agribot.messages import WHEEL_NAMES
+from agribot.robot import Joint, Link
+
+# The packaged robot, whose drive and tyres others are scaled from.
+MASS_KG, RADIUS_M = 5.1122, 0.09
+MIN_TORQUE_RATIO = 0.5  # of weight times wheel radius, for each wheel
+CAMERA_HEIGHT_M, CAMERA_PITCH_RAD = 0.9, math.radians(50.0)
+
+
+class SensorKind(NamedTuple):
+    what: str
+    plugins: tuple[str, ...]
+    types: tuple[str, ...]
+    words: tuple[str, ...]  # in the name of a link that is meant for it
+    rate_hz: float
+
+
+SENSORS = (
+    SensorKind("IMU", IMU_PLUGINS, ("imu",), ("imu",), 100.0),
+    SensorKind("GNSS receiver", GNSS_PLUGINS, ("gps", "navsat"), ("gps", "gnss", "navsat"), 5.0),
+    SensorKind("magnetometer", MAG_PLUGINS, ("magnetometer",), ("mag", "compass"), 10.0),
+)
+
+
+def adopt_devices(
+    root: ET.Element, links: Sequence[Link], joints: Sequence[Joint], source: Source
+) -> None:
+    """Add the tags that are missing, with values that fit the size and mass of the robot."""
+    foreign = not [*root.findall("gazebo/agribot"), *root.findall("agribot")]
+    radius_m, _width_m = wheel_size(links, source)
+    at_m = {joint.child: joint.origin.xyz_m for joint in joints if joint.child in WHEEL_NAMES}
+    half_base_m = abs(at_m["left_wheel_F"][0] - at_m["left_wheel_R"][0]) / 2.0
+    half_track_m = abs(at_m["left_wheel_F"][1] - at_m["right_wheel_F"][1]) / 2.0
+    mass_kg = sum(link.mass_kg for link in links)
+    scale = mass_kg / MASS_KG
+    lever = scale * radius_m / RADIUS_M
+    efforts = [j.effort_nm for j in joints if j.child in WHEEL_NAMES and j.effort_nm > 0.0]
+    torque_nm = min([MIN_TORQUE_RATIO * mass_kg * 9.81 * radius_m, *efforts])
+    drive = {
+        "yaw_multiplier": (half_base_m**2 + half_track_m**2) / half_track_m**2,
+        "rotor_inertia_kgm2": 0.05 * lever * radius_m / RADIUS_M,
+        "servo_gain_nmspr": 50.0 * lever * radius_m / RADIUS_M,
+        "command_timeout_s": 0.5, "max_speed_mps": 0.8, "max_yaw_rate_radps": 1.0,
+        "max_accel_mps2": 1.0, "max_yaw_accel_radps2": 2.0, "encoder_ticks_per_rev": 1024.0,
+    }  # fmt: skip
+    tyre = {
+        "normal_stiffness_npm": 1e4 * scale, "normal_damping_ratio": 0.7,
+        "bristle_stiffness_npm": 5e3 * scale, "rolling_resistance_ratio": 0.03,
+        "ground_mu1": 100.0, "ground_mu2": 50.0,
+    }  # fmt: skip
+    _drive_plugin(root, torque_nm, radius_m, 2.0 * half_track_m, source)
+    _extra(root, "drive", drive, source)
+    _extra(root, "tyre", tyre, source)
+    _contact(root, source)
+    for kind in SENSORS:
+        _sensor(root, kind, links, source)
+    if foreign and find_sensor(root, ("camera",)) is None:
+        _camera(root, half_base_m, at_m["left_wheel_F"][2] - radius_m, source)
+
+
+def _drive_plugin(
+    root: ET.Element, torque_nm: float, radius_m: float, track_m: float, source: Source
+) -> None:
+    told = {
+        "updateRate": 50.0, "torque": torque_nm,
+        "wheelDiameter": 2.0 * radius_m, "wheelSeparation": track_m,
+    }  # fmt: skip
+    found = find_plugin(root, DRIVE_PLUGINS, source)
+    if found is None:
+        source.warn("no drive plugin (skid steer); one with usual numbers is used")
+        block = ET.SubElement(root, "gazebo")
+        name = "libgazebo_ros_skid_steer_drive.so"
+        plugin = ET.SubElement(block, "plugin", {"name": "drive", "filename": name})
+    else:
+        plugin = found.element
+    for tag, value in told.items():
+        if found is not None and told_by_plugin(found, tag):
+            continue
+        ET.SubElement(plugin, tag).text = _word(value)
+        if found is not None:
+            source.warn(f"{found.what}: <{tag}> is missing; {value:.4g} is used", plugin)
+
+
+def _extra(root: ET.Element, group: str, numbers: dict[str, float], source: Source) -> None:
+    block = find_extra(root, group, source)
+    if block is None:
+        source.warn(f"<agribot>: <{group}> is missing; numbers that fit the mass are used")
+        extra = next(iter(root.findall("gazebo/agribot")), None)
+        if extra is None:
+            extra = ET.SubElement(ET.SubElement(root, "gazebo"), "agribot")
+        element = ET.SubElement(extra, group)
+    else:
+        element = block.element
+    for tag, value in numbers.items():
+        if block is None or tag not in block.tags:
+            ET.SubElement(element, tag).text = _word(value)
+            if block is not None:
+                source.warn(f"{block.what}: <{tag}> is missing; {value:.4g} is used", element)
+
+
+def _contact(root: ET.Element, source: Source) -> None:
+    name = WHEEL_NAMES[0]
+    blocks = [block for block in root.findall("gazebo") if block.get("reference") == name]
+    for tag in ("mu1", "mu2"):
+        if any(block.find(tag) is not None for block in blocks):
+            continue
+        if not blocks:
+            blocks = [ET.SubElement(root, "gazebo", {"reference": name})]
+        ET.SubElement(blocks[0], tag).text = "1.0"
+        source.warn(f"wheels: <{tag}> is missing; a friction of 1 is used", quiet=True)
+
+
+def _sensor(root: ET.Element, kind: SensorKind, links: Sequence[Link], source: Source) -> None:
+    plugin = find_plugin(root, kind.plugins, source)
+    if plugin is not None and "updaterate" in plugin.tags:
+        if not (plugin.tags.get("bodyname") or plugin.link):
+            ET.SubElement(plugin.element, "bodyName").text = "base_link"
+            source.warn(f"{plugin.what}: <bodyName> is missing; base_link is used")
+        return
+    found = find_sensor(root, kind.types)
+    if found is None:
+        link = next((x.name for x in links if _speaks_of(x.name, kind.words)), "base_link")
+        source.warn(f"no {kind.what}; one at {kind.rate_hz:g} Hz on '{link}' is used")
+        block = ET.SubElement(root, "gazebo", {"reference": link})
+        name = {"name": kind.types[-1], "type": kind.types[-1]}
+        ET.SubElement(ET.SubElement(block, "sensor", name), "update_rate").text = _word(
+            kind.rate_hz
+        )
+        return
+    _link, sensor = found
+    if sensor.find("update_rate") is None:
+        ET.SubElement(sensor, "update_rate").text = _word(kind.rate_hz)
+        source.warn(f"{kind.what}: <update_rate> is missing; {kind.rate_hz:g} Hz is used", sensor)
+
+
+def _speaks_of(name: str, words: tuple[str, ...]) -> bool:
+    return any(word in name.lower() for word in words)
+
+
+def _camera(root: ET.Element, front_m: float, ground_m: float, source: Source) -> None:
+    """The usual camera on a mast over the front axle, looking down at the row ahead."""
+    names = {link.get("name") for link in root.findall("link")}
+    name = next(n for n in ("camera_link", "agribot_camera_link") if n not in names or n[0] == "a")
+    source.warn(f"no camera; one at {CAMERA_HEIGHT_M} m over the ground is used")
+    ET.SubElement(root, "link", {"name": name})
+    joint = ET.SubElement(root, "joint", {"name": f"base_link_to_{name}", "type": "fixed"})
+    xyz = f"{_word(front_m)} 0 {_word(CAMERA_HEIGHT_M + ground_m)}"
+    ET.SubElement(joint, "origin", {"xyz": xyz, "rpy": f"0 {_word(CAMERA_PITCH_RAD)} 0"})
+    ET.SubElement(joint, "parent", {"link": "base_link"})
+    ET.SubElement(joint, "child", {"link": name})
+    block = ET.SubElement(root, "gazebo", {"reference": name})
+    sensor = ET.SubElement(block, "sensor", {"name": "camera", "type": "camera"})
+    sensor.append(
+        ET.fromstring(
+            "<camera><horizontal_fov>1.3962634</horizontal_fov><image><width>640</width>"
+            "<height>480</height></image><clip><near>0.02</near><far>300</far></clip></camera>"
+        )
+    )
+    ET.SubElement(sensor, "update_rate").text = "30"
+
+
+def _word(value: float) -> str:
+    return f"{np.float64(value):.9g}"

@@ -1,0 +1,262 @@
+"""Other people's robots: their base and their four wheels under the names used here.
+
+The tree is changed in place, so that export, recording and physics all see the same robot.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from agribot.description.adopt_masses import (
+    BASE,
+    along,
+    give_wheel_mass,
+    mend_inertias,
+    words,
+)
+from agribot.description.elements import Source
+from agribot.description.markup import PlacedElement
+from agribot.description.mesh_bounds import mesh_bounds_m
+from agribot.description.package import package_folder
+from agribot.description.poses import origin_of
+from agribot.geo import inverse
+from agribot.messages import WHEEL_NAMES, FloatArray
+from agribot.robot import Joint, Link
+
+BASE_WORDS = ("base", "chassis", "body", "base_footprint")
+ACROSS = 0.7  # of an axle: the part of it that lies across the robot
+DEFAULT_RADIUS_M = 0.1
+WIDTH_PER_RADIUS = 0.5
+
+
+class Wheel(NamedTuple):
+    """A turning link in base_link; `axle` points about to the left."""
+
+    joint: Joint
+    centre_m: FloatArray
+    axle: FloatArray
+    flipped: bool
+
+
+def name_apart(root: ET.Element, source: Source) -> None:
+    """Give links and joints that repeat a name one of their own; others mean the first."""
+    for kind in ("link", "joint"):
+        seen: Counter[str] = Counter()
+        for element in root.findall(kind):
+            name = element.get("name", "")
+            seen[name] += 1
+            if seen[name] > 1:
+                new = f"{name}_{seen[name] - 1}"
+                element.set("name", new)
+                source.warn(f"the {kind} name '{name}' is taken; this one is '{new}'", element)
+
+
+def adopt_base(root: ET.Element, joints: Sequence[Joint], source: Source) -> None:
+    """Name the link that carries the wheels base_link, where no link bears that name."""
+    names = [link.get("name", "") for link in root.findall("link")]
+    if BASE in names or not names:
+        return
+    parents = Counter(joint.parent for joint in joints if joint.kind == "continuous")
+    named = [name for name in BASE_WORDS if name in names]
+    carrier = (named or [name for name, _count in parents.most_common(1)] or names)[0]
+    source.warn(f"there is no link '{BASE}'; '{carrier}' is taken for it")
+    _rename(root, carrier, BASE)
+
+
+def adopt_wheels(
+    root: ET.Element, links: Sequence[Link], joints: Sequence[Joint], source: Source, folder: Path
+) -> None:
+    """Name four wheels by their place, put them on base_link and give them size and mass.
+
+    Raises: DescriptionError: there are no four wheels whose axles lie across the robot.
+    """
+    poses = _poses(links, joints)
+    wheels = _chosen(_candidates(joints, poses), joints, source)
+    for name, wheel in zip(WHEEL_NAMES, wheels, strict=True):
+        if wheel.joint.child != name:
+            source.warn(f"link '{wheel.joint.child}' is taken for {name}, from its place")
+        _mount(root, wheel, poses, source)
+    renamed = {
+        wheel.joint.child: f"{name}/new" for name, wheel in zip(WHEEL_NAMES, wheels, strict=True)
+    }
+    for old, new in renamed.items():
+        _rename(root, old, new)
+    for name, wheel in zip(WHEEL_NAMES, wheels, strict=True):
+        _rename(root, name, f"{name}_other")
+        _rename(root, f"{name}/new", name)
+        element = _named(root, "link", name)
+        size = _give_cylinder(element, wheel, source, folder)
+        if element.find("inertial") is None:
+            give_wheel_mass(element, wheel.joint.axis, size, source)
+    mend_inertias(root, source)
+
+
+def _poses(links: Sequence[Link], joints: Sequence[Joint]) -> dict[str, FloatArray]:
+    """Pose of every link in base_link with all joints at zero."""
+    parents = {joint.child: joint for joint in joints}
+
+    def root_from(name: str) -> FloatArray:
+        pose, seen = np.eye(4), set()
+        while name in parents and name not in seen:
+            seen.add(name)
+            pose = parents[name].origin.matrix() @ pose
+            name = parents[name].parent
+        return pose
+
+    base_from_root = inverse(root_from(BASE))
+    return {link.name: base_from_root @ root_from(link.name) for link in links}
+
+
+def _candidates(joints: Sequence[Joint], poses: dict[str, FloatArray]) -> list[Wheel]:
+    found = []
+    for joint in joints:
+        turns = joint.kind == "continuous" or (
+            joint.kind == "revolute" and "wheel" in (joint.name + joint.child).lower()
+        )
+        if not turns or joint.child not in poses:
+            continue
+        length = math.hypot(*joint.axis)
+        axle = poses[joint.child][:3, :3] @ np.array(joint.axis) / (length or 1.0)
+        if abs(axle[1]) > ACROSS:
+            flipped = bool(axle[1] < 0.0)
+            centre_m = poses[joint.child][:3, 3]
+            found.append(Wheel(joint, centre_m, -axle if flipped else axle, flipped))
+    return found
+
+
+def _chosen(wheels: list[Wheel], joints: Sequence[Joint], source: Source) -> list[Wheel]:
+    """Four wheels in the order of WHEEL_NAMES: rear and front, right and left."""
+    own = {wheel.joint.child: wheel for wheel in wheels if wheel.joint.child in WHEEL_NAMES}
+    if len(own) == len(WHEEL_NAMES):
+        return [own[name] for name in WHEEL_NAMES]
+    if len(wheels) > len(WHEEL_NAMES):
+        named = [w for w in wheels if "wheel" in (w.joint.name + w.joint.child).lower()]
+        wheels = named if len(named) >= len(WHEEL_NAMES) else wheels
+    ordered = sorted(wheels, key=lambda wheel: float(wheel.centre_m[0]))
+    if len(ordered) > len(WHEEL_NAMES):
+        source.warn(f"{len(ordered)} wheels; the four outermost drive, the others roll along")
+    pairs = [
+        sorted(pair, key=lambda w: float(w.centre_m[1])) for pair in (ordered[:2], ordered[-2:])
+    ]
+    apart = len(wheels) >= len(WHEEL_NAMES) and all(
+        pair[1].centre_m[1] - pair[0].centre_m[1] > 0.01 for pair in pairs
+    )
+    if not apart or pairs[1][0].centre_m[0] - pairs[0][0].centre_m[0] < 0.01:
+        turning = [j.child for j in joints if j.kind not in {"fixed", "floating"}]
+        raise source.fail(
+            "wheels",
+            "four wheel joints at the corners are needed, of type continuous and with their axles "
+            f"along y of {BASE}; turning links: {', '.join(turning) or 'none'}",
+        )
+    return [wheel for pair in pairs for wheel in pair]
+
+
+def _mount(root: ET.Element, wheel: Wheel, poses: dict[str, FloatArray], source: Source) -> None:
+    """Turn a wheel's joint into a continuous one on base_link whose axis points to the left."""
+    joint, element = wheel.joint, _named(root, "joint", wheel.joint.name)
+    if joint.parent != BASE:
+        parent = element.find("parent")
+        if parent is not None:
+            parent.set("link", BASE)
+        origin = element.find("origin")
+        if origin is None:
+            origin = ET.SubElement(element, "origin")
+        pose = origin_of(poses[joint.child])
+        origin.set("xyz", words(pose.xyz_m))
+        origin.set("rpy", words(pose.rpy_rad))
+        source.warn(f"joint '{joint.name}' hangs on '{joint.parent}'; it is put on {BASE}", element)
+    if joint.kind != "continuous":
+        element.set("type", "continuous")
+    if wheel.flipped:
+        axis = element.find("axis")
+        if axis is None:
+            axis = ET.SubElement(element, "axis")
+        axis.set("xyz", words([-value for value in joint.axis]))
+        source.warn(
+            f"joint '{joint.name}' turns backwards; its axis is turned round", element, quiet=True
+        )
+
+
+def _give_cylinder(
+    element: ET.Element, wheel: Wheel, source: Source, folder: Path
+) -> tuple[float, float]:
+    """Radius and width of the wheel; it gets a cylinder to collide with if it has none."""
+    cylinder = element.find("collision/geometry/cylinder")
+    if cylinder is not None:
+        where = f"link '{wheel.joint.child}' <cylinder>"
+        return tuple(  # type: ignore[return-value]
+            source.number(cylinder.get(key), f"{where} {key}") for key in ("radius", "length")
+        )
+    radius_m, width_m, told = _size(element, wheel, source, folder)
+    source.warn(
+        f"wheel '{wheel.joint.child}' collides with no cylinder; one of {radius_m:.4g} m radius "
+        f"and {width_m:.4g} m width is used, {told}",
+        element,
+    )
+    collision = ET.SubElement(element, "collision")
+    ET.SubElement(collision, "origin", {"xyz": "0 0 0", "rpy": words(along(wheel.joint.axis))})
+    geometry = ET.SubElement(collision, "geometry")
+    size = {"radius": words([radius_m]), "length": words([width_m])}
+    ET.SubElement(geometry, "cylinder", size)
+    return radius_m, width_m
+
+
+def _size(
+    element: ET.Element, wheel: Wheel, source: Source, folder: Path
+) -> tuple[float, float, str]:
+    """Radius, width and where they come from."""
+    where = f"link '{wheel.joint.child}'"
+    for kind in ("collision", "visual"):
+        for form in element.findall(f"{kind}/geometry/cylinder"):
+            radius_m = source.number(form.get("radius"), f"{where} <cylinder radius>")
+            return radius_m, source.number(form.get("length"), where), f"from its <{kind}>"
+        for form in element.findall(f"{kind}/geometry/sphere"):
+            radius_m = source.number(form.get("radius"), f"{where} <sphere radius>")
+            return radius_m, WIDTH_PER_RADIUS * radius_m, "from its sphere"
+        for form in element.findall(f"{kind}/geometry/mesh"):
+            file = _mesh_file(form.get("filename", ""), folder)
+            bounds = None if file is None else mesh_bounds_m(file)
+            if bounds is not None:
+                scale = np.array(source.vec3(form.get("scale", "1 1 1"), where))
+                extent = np.sort((bounds[1] - bounds[0]) * np.abs(scale))
+                return float(extent[2]) / 2.0, float(extent[0]), "from its mesh"
+    return DEFAULT_RADIUS_M, WIDTH_PER_RADIUS * DEFAULT_RADIUS_M, "a guess"
+
+
+def _mesh_file(uri: str, folder: Path) -> Path | None:
+    scheme, _, rest = uri.rpartition("://")
+    if scheme == "package":
+        package, _, inner = rest.partition("/")
+        above = package_folder(package, folder / "robot.urdf")
+        path = None if above is None else above / inner
+    else:
+        path = folder / rest
+    return path if path is not None and path.is_file() else None
+
+
+def _rename(root: ET.Element, old: str, new: str) -> None:
+    """A link's name, everywhere that it is spoken of."""
+    for link in root.findall("link"):
+        if link.get("name") == old:
+            link.set("name", new)
+    for end in [*root.findall("joint/parent"), *root.findall("joint/child")]:
+        if end.get("link") == old:
+            end.set("link", new)
+    for block in root.findall("gazebo"):
+        if block.get("reference") == old:
+            block.set("reference", new)
+        for element in block.iter():
+            if element.tag.lower() == "bodyname" and (element.text or "").strip() == old:
+                element.text = new
+
+
+def _named(root: ET.Element, kind: str, name: str) -> ET.Element:
+    found = next((e for e in root.findall(kind) if e.get("name") == name), None)
+    return PlacedElement(kind, {"name": name}) if found is None else found

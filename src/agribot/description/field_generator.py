@@ -1,0 +1,203 @@
+"""Fields by chance: rows of crops with gaps, and weeds in between, from a plan and a seed.
+
+`python -m agribot.description.field_generator` writes the generated world of the package again;
+a test holds its text.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+from agribot.description.field_plan import FieldPlan, RowsPlan, read_field_plan
+from agribot.description.package import ROOT
+from agribot.description.sdf_export import write_world
+from agribot.errors import DescriptionError
+from agribot.geo import MapFrame
+from agribot.messages import FloatArray, PlantClass
+from agribot.world import GroundTile, Plant, WorldSpec
+
+SEEDS = 2**31
+DIGITS = 6  # places are rounded to a micrometre, so that every machine writes the same file
+AROUND_M = 15.0  # of grass beyond the soil
+SOIL_M = 6.0  # beyond the outermost crops
+BEET_SEED = 1
+
+
+def generate_field(plan: FieldPlan, seed: int, folder: Path = Path()) -> WorldSpec:
+    """A world with the field of a plan; the same plan and seed give the same plants.
+
+    `folder` is where the plan's boundary file lies.
+    Raises: DescriptionError: no crop is left, or the boundary cannot be read.
+    """
+    rng = [np.random.default_rng([seed, part]) for part in range(2)]
+    rows = [_row(plan, index, rng[0]) for index in range(plan.rows.count)]
+    crops_xy_m = np.concatenate(rows)
+    ring = _boundary(plan, folder)
+    if ring is not None:
+        crops_xy_m = crops_xy_m[_inside(crops_xy_m, ring)]
+    if len(crops_xy_m) == 0:
+        raise DescriptionError(
+            f"field '{plan.name}' has no crop left: lower crop.missing_ratio or crop.gaps_per_row, "
+            "or move rows.first_row_start_map_m into the boundary"
+        )
+    weeds_xy_m = _weeds(plan, crops_xy_m, rng[1])
+    if ring is not None:
+        weeds_xy_m = weeds_xy_m[_inside(weeds_xy_m, ring)]
+    plants = [_crop(plan, at, rng[0]) for at in crops_xy_m]
+    plants += [_weed(plan, at, rng[1]) for at in weeds_xy_m]
+    return WorldSpec(
+        name=plan.name,
+        datum=plan.datum,
+        spawn_xy_map_m=plan.spawn_xy_map_m,
+        spawn_yaw_map_rad=math.radians(plan.spawn_yaw_deg),
+        ground=_ground(crops_xy_m, plan.spawn_xy_map_m),
+        plants=tuple(plants),
+    )
+
+
+def row_offsets_m(rows: RowsPlan) -> list[float]:
+    """How far each row lies to the right of the first one, tramlines counted."""
+    every = rows.tramline_every
+    return [
+        index * rows.pitch_m + (index // every * rows.tramline_m if every else 0.0)
+        for index in range(rows.count)
+    ]
+
+
+def _row(plan: FieldPlan, index: int, rng: np.random.Generator) -> FloatArray:
+    """Places of the crops of a row, (n, 2)."""
+    rows, crop = plan.rows, plan.crop
+    offset_m = row_offsets_m(rows)[index]
+    stretch = 1.0 + rows.curvature_radpm * offset_m  # of an outer row against the first one
+    if stretch <= 0.1:
+        raise DescriptionError(
+            f"row {index + 1} of field '{plan.name}' is bent too tightly: with curvature "
+            f"{rows.curvature_radpm:g} rad/m rows end {1.0 / abs(rows.curvature_radpm):.1f} m to "
+            "the right of the first; lower rows.curvature_radpm"
+        )
+    count = math.floor(rows.length_m * stretch / crop.spacing_m + 1e-9) + 1
+    along_m: FloatArray = np.arange(count, dtype=np.float64) * (crop.spacing_m / stretch)
+    kept = rng.uniform(size=count) >= crop.missing_ratio
+    for _ in range(int(rng.poisson(crop.gaps_per_row))):
+        start_m = rng.uniform(0.0, max(rows.length_m - crop.gap_length_m, 0.0))
+        kept &= (along_m < start_m) | (along_m > start_m + crop.gap_length_m)
+    jitter_m = rng.uniform(-crop.jitter_m, crop.jitter_m, (count, 2))
+    return (_bent(rows, along_m, offset_m) + jitter_m)[kept]
+
+
+def _bent(rows: RowsPlan, along_m: FloatArray, offset_m: float) -> FloatArray:
+    """Points beside the curve of the first row, (n, 2)."""
+    yaw, bend = math.radians(rows.yaw_deg), rows.curvature_radpm
+    heading = yaw + bend * along_m
+    if bend:
+        x = (np.sin(heading) - math.sin(yaw)) / bend
+        y = (math.cos(yaw) - np.cos(heading)) / bend
+    else:
+        x, y = along_m * math.cos(yaw), along_m * math.sin(yaw)
+    right = np.stack([np.sin(heading), -np.cos(heading)], axis=1)
+    places: FloatArray = np.stack([x, y], axis=1) + offset_m * right
+    places += np.array(rows.first_row_start_map_m)
+    return places
+
+
+def _weeds(plan: FieldPlan, crops_xy_m: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Places of weeds off the crops, scattered and in patches, (n, 2)."""
+    weeds = plan.weeds
+    low, high = crops_xy_m.min(axis=0) - weeds.margin_m, crops_xy_m.max(axis=0) + weeds.margin_m
+    total = weeds.density_per_m2 * float(np.prod(high - low))
+    scattered = rng.uniform(low, high, (int(rng.poisson(total * (1.0 - weeds.cluster_ratio))), 2))
+    patches = int(rng.poisson(total * weeds.cluster_ratio / weeds.cluster_size))
+    middles = rng.uniform(low, high, (patches, 2))
+    sizes = rng.poisson(weeds.cluster_size, patches)
+    around = rng.normal(0.0, weeds.cluster_radius_m / 2.0, (int(sizes.sum()), 2))
+    places = np.concatenate([scattered, np.repeat(middles, sizes, axis=0) + around])
+    free = np.ones(len(places), dtype=bool)
+    for index, place in enumerate(places):
+        gaps_m = np.hypot(*(crops_xy_m - place).T)
+        free[index] = bool(gaps_m.min() >= weeds.crop_distance_m)
+    kept: FloatArray = places[free & np.all((places >= low) & (places <= high), axis=1)]
+    return kept
+
+
+def _crop(plan: FieldPlan, at_m: FloatArray, rng: np.random.Generator) -> Plant:
+    spread = plan.crop.height_spread_ratio
+    height_m = plan.crop.height_m * float(rng.uniform(1.0 - spread, 1.0 + spread))
+    return _plant(plan.crop.species, PlantClass.CROP, at_m, height_m, plan.crop.stem_radius_m, rng)
+
+
+def _weed(plan: FieldPlan, at_m: FloatArray, rng: np.random.Generator) -> Plant:
+    species = plan.weeds.species[int(rng.integers(len(plan.weeds.species)))]
+    height_m = float(rng.uniform(plan.weeds.height_min_m, plan.weeds.height_max_m))
+    return _plant(species, PlantClass.WEED, at_m, height_m, 0.02, rng)
+
+
+def _plant(
+    species: str, kind: PlantClass, at_m: FloatArray, height_m: float, stem_radius_m: float,
+    rng: np.random.Generator,
+) -> Plant:  # fmt: skip
+    return Plant(
+        species=species,
+        plant=kind,
+        x_map_m=round(float(at_m[0]), DIGITS),
+        y_map_m=round(float(at_m[1]), DIGITS),
+        yaw_rad=round(float(rng.uniform(-math.pi, math.pi)), DIGITS),
+        size_m=round(height_m, DIGITS),
+        seed=int(rng.integers(SEEDS)),
+        stem_radius_m=stem_radius_m,
+    )
+
+
+def _ground(crops_xy_m: FloatArray, spawn: tuple[float, float]) -> tuple[GroundTile, ...]:
+    """Soil under the field and the robot, grass around it."""
+    points = np.concatenate([crops_xy_m, [spawn]])
+    low, high = np.floor(points.min(axis=0)), np.ceil(points.max(axis=0))
+
+    def tile(surface: str, margin_m: float) -> GroundTile:
+        (x_min, y_min), (x_max, y_max) = (low - margin_m).tolist(), (high + margin_m).tolist()
+        return GroundTile(
+            surface=surface, x_min_m=x_min, y_min_m=y_min, x_max_m=x_max, y_max_m=y_max
+        )
+
+    return tile("grass", SOIL_M + AROUND_M), tile("soil", SOIL_M)
+
+
+def _boundary(plan: FieldPlan, folder: Path) -> FloatArray | None:
+    """Outer ring of the plan's GeoJSON polygon in the map, (n, 2)."""
+    if not plan.boundary:
+        return None
+    try:
+        tree = json.loads((folder / plan.boundary).read_text(encoding="utf-8"))
+        while tree["type"] in {"FeatureCollection", "Feature"}:
+            tree = tree["features"][0] if tree["type"] == "FeatureCollection" else tree["geometry"]
+        ring = tree["coordinates"][0] if tree["type"] == "Polygon" else tree["coordinates"][0][0]
+        frame = MapFrame(plan.datum)
+        places = [frame.map_from_geodetic(point[1], point[0], plan.datum.alt_m) for point in ring]
+        return np.array(places, dtype=np.float64)[:, :2]
+    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+        raise DescriptionError(
+            f"boundary {plan.boundary} is no GeoJSON polygon that can be read: {error!r}"
+        ) from error
+
+
+def _inside(
+    points: FloatArray, ring: FloatArray
+) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Which points (n, 2) lie inside a ring (m, 2), by counting the edges to their right."""
+    inside = np.zeros(len(points), dtype=bool)
+    x, y = points[:, 0], points[:, 1]
+    for (x0, y0), (x1, y1) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+        spans = (y0 > y) != (y1 > y)
+        rise = y1 - y0 if y1 != y0 else 1.0
+        inside ^= spans & (x < x0 + (y - y0) * (x1 - x0) / rise)
+    return inside
+
+
+if __name__ == "__main__":
+    write_world(
+        generate_field(read_field_plan(ROOT / "fields" / "beet.toml"), BEET_SEED),
+        ROOT / "worlds" / "beet.world",
+    )

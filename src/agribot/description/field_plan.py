@@ -1,0 +1,99 @@
+"""What a field to be generated looks like: the settings of a FIELD.toml."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+from agribot.errors import DescriptionError
+from agribot.geo import Datum
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0)]
+Ratio = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class Plan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of the settings."""
+
+
+class RowsPlan(Plan, frozen=True):
+    """Parallel rows; each further one lies `pitch_m` to the right of the row direction.
+
+    `curvature_radpm` bends them, to the left where it is positive. After every
+    `tramline_every` rows there is `tramline_m` more room (0: no tramlines).
+    """
+
+    count: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 6
+    length_m: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 10.0
+    pitch_m: Positive = 1.0
+    first_row_start_map_m: tuple[float, float] = (1.0, 2.0)
+    yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
+    curvature_radpm: Annotated[float, msgspec.Meta(ge=-0.2, le=0.2)] = 0.0
+    tramline_every: Annotated[int, msgspec.Meta(ge=0)] = 0
+    tramline_m: NonNegative = 0.5
+
+
+class CropPlan(Plan, frozen=True):
+    """`height_m` is the growth height; gaps are stretches of a row where nothing came up."""
+
+    species: str = "sugar_beet"
+    spacing_m: Annotated[float, msgspec.Meta(ge=0.02)] = 0.25
+    height_m: Positive = 0.2
+    height_spread_ratio: Annotated[float, msgspec.Meta(ge=0, le=0.9)] = 0.1
+    stem_radius_m: NonNegative = 0.02
+    jitter_m: NonNegative = 0.0
+    missing_ratio: Ratio = 0.0
+    gaps_per_row: NonNegative = 0.0
+    gap_length_m: Positive = 1.0
+
+
+class WeedsPlan(Plan, frozen=True):
+    """Weeds over the field and `margin_m` around it; `cluster_ratio` of them in patches."""
+
+    density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] = 1.5
+    species: tuple[str, ...] = ("grass", "goosefoot", "thistle", "amaranth")
+    height_min_m: Positive = 0.04
+    height_max_m: Positive = 0.15
+    crop_distance_m: NonNegative = 0.1
+    margin_m: NonNegative = 0.5
+    cluster_ratio: Ratio = 0.0
+    cluster_size: Positive = 6.0
+    cluster_radius_m: Positive = 0.3
+
+
+class FieldPlan(Plan, frozen=True):
+    """`boundary` is a GeoJSON polygon beside the file: plants stand inside it only."""
+
+    name: str = "field"
+    datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)
+    spawn_xy_map_m: tuple[float, float] = (-2.0, 0.0)
+    spawn_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
+    boundary: str = ""
+    rows: RowsPlan = RowsPlan()
+    crop: CropPlan = CropPlan()
+    weeds: WeedsPlan = WeedsPlan()
+
+
+def read_field_plan(path: Path) -> FieldPlan:
+    """Raises: DescriptionError: no such file, not TOML, an unknown key or a value out of range."""
+    try:
+        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+        plan = msgspec.convert(tree, FieldPlan)
+    except OSError as error:
+        raise DescriptionError(f"cannot read {path}: {error.strerror}; check the path") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DescriptionError(f"{path.name} is not valid TOML: {error}") from error
+    except msgspec.ValidationError as error:
+        raise DescriptionError(
+            f"{path.name}: {error}; see agribot world generate --help"
+        ) from error
+    if plan.weeds.height_min_m > plan.weeds.height_max_m or not plan.weeds.species:
+        raise DescriptionError(
+            f"{path.name}: weeds need at least one species and height_min_m "
+            f"({plan.weeds.height_min_m:g}) not above height_max_m ({plan.weeds.height_max_m:g})"
+        )
+    return plan

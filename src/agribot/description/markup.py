@@ -1,0 +1,61 @@
+"""XML trees whose elements know the file and the line they stand in."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+from agribot.errors import DescriptionError
+
+
+class PlacedElement(ET.Element):
+    """An element with the place it was read from; line 0 means that it was made up."""
+
+    file: str = ""
+    line: int = 0
+
+
+def parse_xml(text: bytes | str, file: str) -> ET.Element:
+    """The top element of a document.
+
+    Raises: DescriptionError: not well-formed; names the file and the line.
+    """
+    builder: Any = ET.TreeBuilder(element_factory=PlacedElement)
+    parser = expat.ParserCreate(None, "}")
+    parser.buffer_text = True
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        named = {_full(key): value for key, value in attributes.items()}
+        element = builder.start(_full(tag), named)
+        element.file, element.line = file, parser.CurrentLineNumber
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda tag: builder.end(_full(tag))
+    parser.CharacterDataHandler = builder.data
+    try:
+        parser.Parse(text.encode() if isinstance(text, str) else text, True)
+    except expat.ExpatError as error:
+        raise DescriptionError(f"{file}: not well-formed XML: {error}; mend that line") from error
+    root: ET.Element = builder.close()
+    return root
+
+
+def read_xml(path: Path) -> ET.Element:
+    """Raises: DescriptionError: no such file, or not well-formed."""
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise DescriptionError(f"{path} does not exist; check the path") from error
+    return parse_xml(text, path.name)
+
+
+def place_of(element: ET.Element) -> tuple[str, int]:
+    """File and line; empty and 0 for an element that was not read from a file."""
+    return getattr(element, "file", ""), getattr(element, "line", 0)
+
+
+def _full(name: str) -> str:
+    """Expat's `uri}name` in the spelling of ElementTree."""
+    return "{" + name if "}" in name else name

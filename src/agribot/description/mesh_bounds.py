@@ -1,0 +1,58 @@
+"""How large the mesh of a file is: enough to stand in for it with a box."""
+
+from __future__ import annotations
+
+import re
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from agribot.messages import FloatArray
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+
+
+def mesh_bounds_m(path: Path) -> tuple[FloatArray, FloatArray] | None:
+    """Lowest and highest corner, (3,) each; None where the file cannot be understood."""
+    read = {".stl": _stl, ".obj": _obj, ".dae": _dae}.get(path.suffix.lower())
+    if read is None:
+        return None
+    try:
+        points = read(path.read_bytes())
+    except (OSError, ValueError, struct.error):
+        return None
+    if len(points) == 0 or not np.isfinite(points).all():
+        return None
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _stl(data: bytes) -> FloatArray:
+    count = struct.unpack_from("<I", data, 80)[0] if len(data) >= 84 else 0
+    if count > 0 and 84 + 50 * count <= len(data) < 84 + 50 * count + 50:
+        record = np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("spare", "<u2")])
+        corners: FloatArray = np.frombuffer(data, record, count, 84)["corner"].astype(np.float64)
+        return corners.reshape(-1, 3)
+    return _rows(data, rb"vertex\s+")
+
+
+def _obj(data: bytes) -> FloatArray:
+    return _rows(data, rb"(?m)^v\s+")
+
+
+def _rows(data: bytes, before: bytes) -> FloatArray:
+    three = rb"\s+".join([rb"(" + NUMBER.encode() + rb")"] * 3)
+    found = re.findall(before + three, data)
+    return np.array([[float(word) for word in row] for row in found]).reshape(-1, 3)
+
+
+def _dae(data: bytes) -> FloatArray:
+    """Points as they stand in the file: nodes that move them are not followed."""
+    text = data.decode("utf-8", "replace")
+    unit = re.search(rf'<unit[^>]*meter="({NUMBER})"', text)
+    arrays = re.findall(r'<float_array[^>]*id="[^"]*[Pp]osition[^"]*"[^>]*>([^<]*)<', text)
+    points = np.array([float(word) for array in arrays for word in array.split()])
+    points = points[: len(points) // 3 * 3].reshape(-1, 3) * (float(unit.group(1)) if unit else 1.0)
+    if "Y_UP" in text:
+        points = np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)
+    return points

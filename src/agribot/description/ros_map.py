@@ -1,0 +1,183 @@
+"""Occupancy maps as ROS's map_server keeps them: a YAML file and a picture.
+
+Geo-anchored: `datum` in the YAML says where on Earth the map's frame lies; map_server passes
+over it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from agribot.description.package import ROOT
+from agribot.errors import DescriptionError
+from agribot.geo import Datum
+from agribot.world import Obstacle, WorldSpec
+
+OCCUPIED, FREE, UNKNOWN = 100, 0, -1
+BLACK, WHITE, GREY = 0, 254, 205  # of the picture, as map_saver writes them
+MAX_CELLS = 10_000  # along one side
+
+Cells = npt.NDArray[np.int8]
+
+
+class RosMap(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """`cells` holds OCCUPIED, FREE or UNKNOWN, rows from South to North, (height, width).
+
+    The lower left corner of the first cell lies at `x_min_m`, `y_min_m` in the map.
+    """
+
+    cells: Cells
+    resolution_m: float
+    x_min_m: float
+    y_min_m: float
+    occupied_ratio: float = 0.65
+    free_ratio: float = 0.196
+    datum: Datum | None = None
+
+    def at(self, x_map_m: float, y_map_m: float) -> int:
+        """The cell at a place; UNKNOWN outside the map."""
+        row = math.floor((y_map_m - self.y_min_m) / self.resolution_m)
+        column = math.floor((x_map_m - self.x_min_m) / self.resolution_m)
+        rows, columns = self.cells.shape
+        inside = 0 <= row < rows and 0 <= column < columns
+        return int(self.cells[row, column]) if inside else UNKNOWN
+
+
+def load_ros_map(path: Path) -> RosMap:
+    """Read a map_server YAML file and the picture that it names.
+
+    Raises: DescriptionError: a file or key is missing, or a value makes no sense.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    keys = _keys(path)
+    origin = _numbers(keys, "origin", path)
+    (resolution_m,) = _numbers(keys, "resolution", path)
+    if len(origin) != 3 or origin[2] != 0.0 or resolution_m <= 0.0:
+        raise DescriptionError(
+            f"{path.name}: origin {origin} and resolution {resolution_m:g}: only maps that are not "
+            "turned, with three numbers and cells larger than 0, are read"
+        )
+    picture = path.parent / keys.get("image", "")
+    try:
+        with Image.open(picture) as image:
+            shades = np.flipud(np.asarray(image.convert("L"), dtype=np.float64))
+    except (OSError, UnidentifiedImageError) as error:
+        raise DescriptionError(
+            f"{path.name}: image '{keys.get('image', '')}' cannot be read: {error}"
+        ) from error
+    if max(shades.shape) > MAX_CELLS:
+        raise DescriptionError(
+            f"{picture.name} has {shades.shape} cells; at most {MAX_CELLS} a side"
+        )
+    occupied, free = (_numbers(keys, k, path)[0] for k in ("occupied_thresh", "free_thresh"))
+    darkness = shades / 255.0 if _numbers(keys, "negate", path)[0] else 1.0 - shades / 255.0
+    cells = np.full(shades.shape, UNKNOWN, dtype=np.int8)
+    cells[darkness > occupied], cells[darkness < free] = OCCUPIED, FREE
+    place = _numbers(keys, "datum", path) if "datum" in keys else ()
+    return RosMap(
+        cells=cells,
+        resolution_m=resolution_m,
+        x_min_m=origin[0],
+        y_min_m=origin[1],
+        occupied_ratio=occupied,
+        free_ratio=free,
+        datum=Datum(lat_deg=place[0], lon_deg=place[1]) if len(place) >= 2 else None,
+    )
+
+
+def save_ros_map(ros_map: RosMap, path: Path) -> None:
+    """Write the YAML file and a PNG of the same name.
+
+    Raises: DescriptionError: a place that cannot be written.
+    """
+    from PIL import Image
+
+    cells = ros_map.cells
+    shades = np.full(cells.shape, GREY, dtype=np.uint8)
+    shades[cells == OCCUPIED], shades[cells == FREE] = BLACK, WHITE
+    lines = [
+        f"image: {path.stem}.png",
+        f"resolution: {ros_map.resolution_m!r}",
+        f"origin: [{ros_map.x_min_m!r}, {ros_map.y_min_m!r}, 0.0]",
+        "negate: 0",
+        f"occupied_thresh: {ros_map.occupied_ratio!r}",
+        f"free_thresh: {ros_map.free_ratio!r}",
+    ]
+    if ros_map.datum is not None:
+        lines.append(f"datum: [{ros_map.datum.lat_deg!r}, {ros_map.datum.lon_deg!r}]")
+    try:
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        Image.fromarray(np.ascontiguousarray(np.flipud(shades))).save(path.with_suffix(".png"))
+    except OSError as error:
+        raise DescriptionError(f"cannot write {path}: {error.strerror}; choose another") from error
+
+
+def map_of_world(
+    world: WorldSpec, size_m: float = 20.0, resolution_m: float = 0.1, min_m: float = -10.0
+) -> RosMap:
+    """A square map with the solid things of a world on it; all the rest is free."""
+    count = round(size_m / resolution_m)
+    middle_m = min_m + (np.arange(count) + 0.5) * resolution_m
+    x, y = np.meshgrid(middle_m, middle_m)
+    cells = np.zeros((count, count), dtype=np.int8)
+    for obstacle in world.obstacles:
+        if obstacle.collides:
+            cells[_covered(obstacle, x, y, resolution_m / 2.0)] = OCCUPIED
+    return RosMap(
+        cells=cells, resolution_m=resolution_m, x_min_m=min_m, y_min_m=min_m, datum=world.datum
+    )
+
+
+def _covered(
+    obstacle: Obstacle, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], reach_m: float
+) -> npt.NDArray[np.bool_]:
+    """Cells that the plan view of an obstacle's shapes touches, taking each as its box."""
+    cos, sin = math.cos(obstacle.yaw_rad), math.sin(obstacle.yaw_rad)
+    along = (x - obstacle.x_map_m) * cos + (y - obstacle.y_map_m) * sin
+    across = (y - obstacle.y_map_m) * cos - (x - obstacle.x_map_m) * sin
+    covered = np.zeros(x.shape, dtype=bool)
+    for shape in obstacle.shapes:
+        pose = shape.origin.matrix()
+        a, b, c = shape.size_m
+        half = {"box": (a / 2, b / 2, c / 2), "sphere": (a, a, a)}.get(shape.kind, (a, a, b / 2))
+        reach = np.abs(pose[:2, :3]) @ np.array(half) + reach_m
+        covered |= (np.abs(along - pose[0, 3]) <= reach[0]) & (
+            np.abs(across - pose[1, 3]) <= reach[1]
+        )
+    return covered
+
+
+def _keys(path: Path) -> dict[str, str]:
+    """The flat `key: value` lines of the YAML that map_server reads."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DescriptionError(f"cannot read map {path}: {error}; check the path") from error
+    pairs = re.findall(r"^(\w+)\s*:\s*(.*?)\s*(?:#.*)?$", text, flags=re.MULTILINE)
+    return {key: value.strip("'\"") for key, value in pairs}
+
+
+def _numbers(keys: dict[str, str], key: str, path: Path) -> tuple[float, ...]:
+    try:
+        values = tuple(float(word) for word in keys[key].strip("[]").split(","))
+    except KeyError as error:
+        raise DescriptionError(
+            f"{path.name}: '{key}' is missing; there are: {', '.join(keys) or 'none'}"
+        ) from error
+    except ValueError as error:
+        raise DescriptionError(f"{path.name}: {key}: '{keys[key]}' is no number") from error
+    if not all(math.isfinite(value) for value in values):
+        raise DescriptionError(f"{path.name}: {key}: '{keys[key]}' is not finite")
+    return values
+
+
+def map_files() -> dict[str, Path]:
+    """The packaged maps by name."""
+    return {path.stem: path for path in sorted((ROOT / "maps").glob("*.yaml"))}

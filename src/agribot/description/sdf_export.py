@@ -1,0 +1,172 @@
+"""Writing a world as SDF that other simulators open and `load_world` reads back."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+
+from agribot.description.sdf_models import NAMESPACE, tag
+from agribot.errors import DescriptionError
+from agribot.robot import Shape
+from agribot.world import GroundTile, HeightField, Obstacle, Plant, WorldSpec
+
+COLOURS = {
+    "soil": "0.42 0.32 0.24 1", "grass": "0.3 0.45 0.2 1", "pavement": "0.45 0.45 0.45 1",
+    "gravel": "0.5 0.48 0.45 1",
+}  # fmt: skip
+SUN_DISTANCE_M = 10.0
+LAYER_M = 0.002  # one surface over the other, so that they do not flicker in other simulators
+
+
+def write_world(world: WorldSpec, path: Path) -> None:
+    """Write a world in the frame of the map; terrain goes into a .npy file beside it.
+
+    Raises: DescriptionError: a place that cannot be written.
+    """
+    root = world_element(world, f"{path.stem}.npy")
+    ET.indent(root)
+    ET.register_namespace("agribot", NAMESPACE)
+    text = ET.tostring(root, encoding="unicode")
+    try:
+        path.write_text(f'<?xml version="1.0"?>\n{text}\n', encoding="utf-8")
+        if world.terrain is not None:
+            np.save(path.with_suffix(".npy"), world.terrain.height_m)
+    except OSError as error:
+        raise DescriptionError(f"cannot write {path}: {error.strerror}; choose another") from error
+
+
+def world_element(world: WorldSpec, terrain_file: str) -> ET.Element:
+    """The <sdf> tree of a world; its frame is the map: x East, y North, z up."""
+    root = ET.Element("sdf", {"version": "1.9"})
+    top = ET.SubElement(root, "world", {"name": world.name})
+    _text(top, "gravity", (0.0, 0.0, -world.gravity_mps2))
+    _text(top, "magnetic_field", world.field_enu_t)
+    place = ET.SubElement(top, "spherical_coordinates")
+    _text(place, "surface_model", "EARTH_WGS84")
+    _text(place, "world_frame_orientation", "ENU")
+    _text(place, "latitude_deg", (world.datum.lat_deg,))
+    _text(place, "longitude_deg", (world.datum.lon_deg,))
+    _text(place, "elevation", (world.datum.alt_m,))
+    _text(place, "heading_deg", "0")
+    _light(top, world)
+    spawn = ET.SubElement(top, "frame", {"name": "robot_spawn"})
+    _text(spawn, "pose", (*world.spawn_xy_map_m, 0.0, 0.0, 0.0, world.spawn_yaw_map_rad))
+    _ground(top, world, terrain_file)
+    names: set[str] = set()
+    for obstacle in world.obstacles:
+        _obstacle(top, obstacle, names)
+    for plant in world.plants:
+        _plant(top, plant)
+    return root
+
+
+def _text(parent: ET.Element, name: str, value: str | tuple[float, ...]) -> ET.Element:
+    element = ET.SubElement(parent, name)
+    element.text = value if isinstance(value, str) else " ".join(repr(float(v)) for v in value)
+    return element
+
+
+def _light(top: ET.Element, world: WorldSpec) -> None:
+    light = world.light
+    scene = ET.SubElement(top, "scene")
+    _text(scene, "ambient", (light.ambient,) * 3 + (1.0,))
+    _text(scene, "background", (0.7, 0.7, 0.7, 1.0))
+    sun = ET.SubElement(top, "light", {"name": "sun", "type": "directional"})
+    _text(sun, "cast_shadows", "true")
+    _text(sun, "pose", (0.0, 0.0, SUN_DISTANCE_M, 0.0, 0.0, 0.0))
+    _text(sun, "diffuse", (light.diffuse,) * 3 + (1.0,))
+    _text(sun, "direction", tuple(-value for value in light.to_sun))
+
+
+def _ground(top: ET.Element, world: WorldSpec, terrain_file: str) -> None:
+    model = ET.SubElement(top, "model", {"name": "ground"})
+    _text(model, "static", "true")
+    link = ET.SubElement(model, "link", {"name": "link"})
+    felt = ET.SubElement(link, "collision", {"name": "ground_collision"})
+    land = world.terrain
+    tiles = world.ground
+    if land is not None:
+        _height_map(felt, land, terrain_file)
+        seen = ET.SubElement(link, "visual", {"name": "land"})
+        _height_map(seen, land, terrain_file)
+        tiles = tiles[1:]  # the first one is the terrain itself
+    else:
+        _rectangle(felt, tiles[0], 0.0)
+    friction = ET.SubElement(ET.SubElement(ET.SubElement(felt, "surface"), "friction"), "ode")
+    _text(friction, "mu", (world.friction_ratio,))
+    _text(friction, "mu2", (world.friction_ratio,))
+    for index, tile in enumerate(tiles):
+        visual = ET.SubElement(link, "visual", {"name": f"{tile.surface}_{index + 1}"})
+        _rectangle(visual, tile, index * LAYER_M)
+        material = ET.SubElement(visual, "material")
+        for light in ("ambient", "diffuse"):
+            _text(material, light, COLOURS.get(tile.surface, "0.5 0.5 0.5 1"))
+        _text(visual, tag("surface"), tile.surface)
+
+
+def _rectangle(part: ET.Element, tile: GroundTile, height_m: float) -> None:
+    x_m, y_m = (tile.x_min_m + tile.x_max_m) / 2.0, (tile.y_min_m + tile.y_max_m) / 2.0
+    _text(part, "pose", (x_m, y_m, height_m, 0.0, 0.0, 0.0))
+    plane = ET.SubElement(ET.SubElement(part, "geometry"), "plane")
+    _text(plane, "normal", "0 0 1")
+    _text(plane, "size", (tile.x_max_m - tile.x_min_m, tile.y_max_m - tile.y_min_m))
+
+
+def _height_map(part: ET.Element, land: HeightField, file: str) -> None:
+    rows, columns = land.height_m.shape
+    size = ((columns - 1) * land.resolution_m, (rows - 1) * land.resolution_m)
+    middle = (land.x_min_m + size[0] / 2.0, land.y_min_m + size[1] / 2.0, 0.0)
+    shape = ET.SubElement(ET.SubElement(part, "geometry"), "heightmap")
+    _text(shape, "uri", file)
+    _text(shape, "size", (*size, max(float(np.ptp(land.height_m)), 1e-3)))
+    _text(shape, "pos", middle)
+
+
+def _obstacle(top: ET.Element, obstacle: Obstacle, names: set[str]) -> None:
+    """One model for each obstacle; what is only to be seen joins the solid part's name."""
+    name = obstacle.name.removesuffix("/visual") if not obstacle.collides else obstacle.name
+    own = name if name not in names else f"{name}_seen"
+    names.add(own)
+    model = ET.SubElement(top, "model", {"name": own})
+    _text(model, "static", "true")
+    at = (obstacle.x_map_m, obstacle.y_map_m, obstacle.z_map_m)
+    _text(model, "pose", (*at, 0.0, 0.0, obstacle.yaw_rad))
+    _text(model, tag("kind"), obstacle.kind)
+    link = ET.SubElement(model, "link", {"name": "link"})
+    for index, shape in enumerate(obstacle.shapes):
+        for part in ("collision", "visual") if obstacle.collides else ("visual",):
+            _shape(ET.SubElement(link, part, {"name": f"{part}_{index}"}), shape, part)
+
+
+def _shape(part: ET.Element, shape: Shape, kind: str) -> None:
+    _text(part, "pose", (*shape.origin.xyz_m, *shape.origin.rpy_rad))
+    form = ET.SubElement(ET.SubElement(part, "geometry"), shape.kind)
+    if shape.kind == "box":
+        _text(form, "size", shape.size_m)
+    else:
+        _text(form, "radius", shape.size_m[:1])
+        if shape.kind == "cylinder":
+            _text(form, "length", shape.size_m[1:2])
+    if kind == "visual":
+        material = ET.SubElement(part, "material")
+        _text(material, "ambient", shape.rgba)
+        _text(material, "diffuse", shape.rgba)
+
+
+def _plant(top: ET.Element, plant: Plant) -> None:
+    ET.SubElement(
+        top,
+        tag("plant"),
+        {
+            "class": plant.plant.name.lower(),
+            "species": plant.species,
+            "x": repr(plant.x_map_m),
+            "y": repr(plant.y_map_m),
+            "yaw": repr(plant.yaw_rad),
+            "height_m": repr(plant.size_m),
+            "stem_radius_m": repr(plant.stem_radius_m),
+            "seed": str(plant.seed),
+        },
+    )

@@ -1,0 +1,177 @@
+"""Uneven ground: height maps of files, and two landscapes from a seed.
+
+`python -m agribot.description.terrain` writes the height maps of the package again; a test
+holds the samples.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from agribot.description.package import ROOT
+from agribot.errors import DescriptionError
+from agribot.geo import inverse
+from agribot.messages import FloatArray
+from agribot.world import HeightField
+
+FULL_SCALE = 65535  # of a 16-bit height map
+MAX_SAMPLES = 4097  # along one side
+
+
+def volcano(
+    seed: int, samples: int = 257, size_m: float = 150.0, top_m: float = 50.0
+) -> FloatArray:
+    """A cone with a crater, gullies and rough lava, (samples, samples), rows to the North.
+
+    The foot is level at 0 and the rim at about `top_m`.
+    """
+    rng = np.random.default_rng([seed, 41])
+    at_m = np.linspace(-size_m / 2.0, size_m / 2.0, samples)
+    x, y = np.meshgrid(at_m, at_m)
+    angle, reach = np.arctan2(y, x), np.hypot(x, y) / (size_m / 2.0)
+    wobble = sum(
+        rng.normal(0.0, 0.05 / k) * np.cos(k * angle + rng.uniform(0.0, math.tau))
+        for k in range(1, 6)
+    )
+    reach = reach * (1.0 + wobble)
+    rim, foot = 0.16, 0.95
+    flank = np.clip((foot - reach) / (foot - rim), 0.0, 1.0) ** 2.0
+    crater = 0.78 + 0.22 * np.clip(reach / rim, 0.0, 1.0) ** 2
+    cone = np.where(reach < rim, crater, flank)
+    gullies = np.abs(np.cos(9 * angle + rng.uniform(0.0, math.tau) + 2.0 * reach)) ** 0.7
+    cone -= 0.035 * gullies * np.clip(4.0 * flank * (1.0 - flank), 0.0, 1.0)
+    height = cone + 0.012 * _noise(rng, samples, 4) * np.clip(1.5 * flank, 0.0, 1.0)
+    height -= height.min()
+    rise: FloatArray = height * (top_m / float(height.max()))
+    return rise
+
+
+def hills(seed: int, samples: int = 129, top_m: float = 1.6) -> FloatArray:
+    """Long gentle swells, (samples, samples), from 0 to `top_m`."""
+    swell = _noise(np.random.default_rng([seed, 42]), samples, 2)
+    rise: FloatArray = (swell - swell.min()) * (top_m / float(np.ptp(swell)))
+    return rise
+
+
+def _noise(rng: np.random.Generator, samples: int, cycles: int) -> FloatArray:
+    """Smooth random heights with about unit spread: a few waves in all directions."""
+    at = np.linspace(0.0, math.tau, samples)
+    x, y = np.meshgrid(at, at)
+    total = np.zeros((samples, samples))
+    for _ in range(24):
+        heading, wave = rng.uniform(0.0, math.tau), cycles * float(rng.uniform(0.5, 2.0))
+        along = x * math.cos(heading) + y * math.sin(heading)
+        total += np.cos(wave * along + rng.uniform(0.0, math.tau)) / wave
+    return total / float(total.std())
+
+
+def load_heights(path: Path) -> FloatArray:
+    """A height map as ratios 0 to 1 of its full scale, rows from South to North.
+
+    Pictures have North at the top; .npy files hold metres, rows to the North, and stay metres.
+    Raises: DescriptionError: not a picture that can be read, or too large.
+    """
+    if path.suffix == ".npy":
+        heights: FloatArray = np.asarray(np.load(path, allow_pickle=False), dtype=np.float64)
+    else:
+        heights = _picture(path)
+    if heights.ndim != 2 or not 2 <= min(heights.shape) <= max(heights.shape) <= MAX_SAMPLES:
+        raise DescriptionError(
+            f"{path.name} has {heights.shape} samples; a height map needs 2 x 2 to "
+            f"{MAX_SAMPLES} x {MAX_SAMPLES}"
+        )
+    return heights
+
+
+def _picture(path: Path) -> FloatArray:
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as image:
+            wide = image.mode.startswith("I")
+            grey = np.asarray(image if wide else image.convert("L"), dtype=np.float64)
+    except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
+        raise DescriptionError(f"{path.name} is no picture that can be read: {error}") from error
+    flipped: FloatArray = np.flipud(grey) / (FULL_SCALE if wide else 255)
+    return flipped
+
+
+def png_bytes(heights_m: FloatArray) -> bytes:
+    """A 16-bit height map with North at the top; 0 to the highest sample fill its scale."""
+    from PIL import Image
+
+    scaled = np.flipud(heights_m) * (FULL_SCALE / float(heights_m.max()))
+    file = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(np.round(scaled).astype(np.uint16))).save(file, "PNG")
+    return file.getvalue()
+
+
+def placed(
+    heights_m: FloatArray, size_m: tuple[float, float], map_from_field: FloatArray
+) -> HeightField:
+    """Heights over a rectangle about the origin of a frame, as terrain along the map's axes.
+
+    A frame that is turned by quarters keeps its samples; any other is resampled.
+    """
+    rows, columns = heights_m.shape
+    half = np.array(size_m) / 2.0
+    corners = np.array([[x, y, 0.0, 1.0] for x in (-half[0], half[0]) for y in (-half[1], half[1])])
+    low, high = (pick((map_from_field @ corners.T)[:2], axis=1) for pick in (np.min, np.max))
+    step_m = float(min(size_m[0] / (columns - 1), size_m[1] / (rows - 1)))
+    x_m = low[0] + step_m * np.arange(math.floor((high[0] - low[0]) / step_m + 1.001))
+    y_m = low[1] + step_m * np.arange(math.floor((high[1] - low[1]) / step_m + 1.001))
+    grid_x, grid_y = np.meshgrid(x_m, y_m)
+    field_from_map = inverse(map_from_field)
+    u = field_from_map[0, 0] * grid_x + field_from_map[0, 1] * grid_y + field_from_map[0, 3]
+    v = field_from_map[1, 0] * grid_x + field_from_map[1, 1] * grid_y + field_from_map[1, 3]
+    column = (u + half[0]) / size_m[0] * (columns - 1)
+    row = (v + half[1]) / size_m[1] * (rows - 1)
+    return HeightField(
+        height_m=_sampled(heights_m, row, column) + map_from_field[2, 3],
+        x_min_m=round(float(low[0]), 9),
+        y_min_m=round(float(low[1]), 9),
+        resolution_m=step_m,
+    )
+
+
+def height_at(field: HeightField, x_map_m: float, y_map_m: float) -> float:
+    """Height of the terrain below a place; outside it goes on level."""
+    row = np.array([(y_map_m - field.y_min_m) / field.resolution_m])
+    column = np.array([(x_map_m - field.x_min_m) / field.resolution_m])
+    return float(_sampled(field.height_m, row, column)[0])
+
+
+def _sampled(grid: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
+    """Bilinear values at fractional rows and columns, held at the edges."""
+    row = np.clip(np.where(np.abs(row - np.round(row)) < 1e-9, np.round(row), row), 0, None)
+    column = np.clip(
+        np.where(np.abs(column - np.round(column)) < 1e-9, np.round(column), column), 0, None
+    )
+    r = np.minimum(row.astype(int), grid.shape[0] - 2)
+    c = np.minimum(column.astype(int), grid.shape[1] - 2)
+    v, u = np.minimum(row - r, 1.0), np.minimum(column - c, 1.0)
+    low = grid[r, c] * (1.0 - u) + grid[r, c + 1] * u
+    high = grid[r + 1, c] * (1.0 - u) + grid[r + 1, c + 1] * u
+    values: FloatArray = low * (1.0 - v) + high * v
+    return values
+
+
+LANDSCAPES: dict[str, Callable[[], FloatArray]] = {
+    "volcano": lambda: volcano(7),
+    "hills": lambda: hills(3),
+}
+
+
+def landscape_file(name: str) -> Path:
+    return ROOT / "models" / name / f"{name}.png"
+
+
+if __name__ == "__main__":
+    for _name, _make in LANDSCAPES.items():
+        landscape_file(_name).parent.mkdir(parents=True, exist_ok=True)
+        landscape_file(_name).write_bytes(png_bytes(_make()))

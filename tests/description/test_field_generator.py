@@ -1,0 +1,260 @@
+"""Generated fields: rows as planned, plants by chance, and files that read back the same."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import subprocess
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from agribot import config
+from agribot.cli import main
+from agribot.description.field_generator import BEET_SEED, generate_field, row_offsets_m
+from agribot.description.field_plan import CropPlan, FieldPlan, RowsPlan, WeedsPlan, read_field_plan
+from agribot.description.package import ROOT
+from agribot.description.sdf_export import write_world
+from agribot.description.worlds_sdf import check_world, load_world, world_names
+from agribot.errors import DescriptionError
+from agribot.geo import MapFrame
+from agribot.messages import FloatArray, PlantClass
+from agribot.robot import Shape
+from agribot.world import Obstacle, Plant, WorldSpec
+
+NO_WEEDS = WeedsPlan(density_per_m2=0.0)
+
+
+def _of(world: WorldSpec, kind: PlantClass) -> list[Plant]:
+    return [plant for plant in world.plants if plant.plant == kind]
+
+
+def _xy(plants: list[Plant]) -> FloatArray:
+    return np.array([(p.x_map_m, p.y_map_m) for p in plants]).reshape(-1, 2)
+
+
+def _crops(plan: FieldPlan, seed: int = 0) -> FloatArray:
+    return _xy(_of(generate_field(plan, seed), PlantClass.CROP))
+
+
+def test_rows_stand_where_the_plan_says() -> None:
+    rows = RowsPlan(count=3, length_m=4.0, pitch_m=1.5, first_row_start_map_m=(2.0, 1.0))
+    xy = _crops(FieldPlan(rows=rows, crop=CropPlan(spacing_m=0.5), weeds=NO_WEEDS))
+    expected = {(2.0 + 1.5 * row, 1.0 + 0.5 * k) for row in range(3) for k in range(9)}
+    assert {(round(x, 6), round(y, 6)) for x, y in xy.tolist()} == expected
+
+
+def test_rows_may_look_anywhere() -> None:
+    """Turned by a heading, the field is the same about its first plant."""
+    north, turned = (
+        _crops(FieldPlan(rows=RowsPlan(yaw_deg=yaw), weeds=NO_WEEDS)) for yaw in (90.0, 20.0)
+    )
+    turn = np.exp(1j * math.radians(20.0 - 90.0))
+    about = (north - north[0]) @ np.array([1.0, 1j]) * turn
+    np.testing.assert_allclose((turned - north[0]) @ np.array([1.0, 1j]), about, atol=2e-6)
+
+
+def test_bent_rows_keep_their_distance_and_spacing() -> None:
+    rows = RowsPlan(count=3, length_m=20.0, pitch_m=1.0, curvature_radpm=0.05, yaw_deg=0.0)
+    xy = _crops(FieldPlan(rows=rows, crop=CropPlan(spacing_m=0.5), weeds=NO_WEEDS))
+    centre = np.array([1.0, 2.0 + 20.0])  # 20 m to the left of the first row
+    radius_m = np.hypot(*(xy - centre).T)
+    np.testing.assert_allclose(np.unique(radius_m.round(4)), [20.0, 21.0, 22.0])
+    for radius in (20.0, 21.0, 22.0):
+        gaps_m = np.hypot(*np.diff(xy[np.abs(radius_m - radius) < 0.01], axis=0).T)
+        np.testing.assert_allclose(gaps_m, 0.5, atol=1e-3)
+
+
+def test_rows_bent_beyond_their_centre_are_refused() -> None:
+    rows = RowsPlan(count=12, curvature_radpm=-0.1)
+    with pytest.raises(DescriptionError, match=r"row 10 .* bent too tightly"):
+        generate_field(FieldPlan(rows=rows), 0)
+
+
+def test_tramlines_leave_room_after_every_few_rows() -> None:
+    rows = RowsPlan(count=6, pitch_m=1.0, tramline_every=2, tramline_m=0.5)
+    assert row_offsets_m(rows) == [0.0, 1.0, 2.5, 3.5, 5.0, 6.0]
+
+
+def test_missing_plants_and_gaps_thin_the_rows_as_much_as_asked() -> None:
+    rows, crop = RowsPlan(count=40, length_m=25.0), CropPlan(missing_ratio=0.2)
+    full = 40 * 101
+    missing = full - len(_crops(FieldPlan(rows=rows, crop=crop, weeds=NO_WEEDS)))
+    assert abs(missing - 0.2 * full) < 4 * math.sqrt(full * 0.2 * 0.8)
+    gaps = CropPlan(gaps_per_row=1.0, gap_length_m=2.0)
+    xy = _crops(FieldPlan(rows=rows, crop=gaps, weeds=NO_WEEDS), 3)
+    jumps_m = np.concatenate([np.diff(xy[xy[:, 0] == x, 1]) for x in np.unique(xy[:, 0])])
+    wide = jumps_m[jumps_m > 0.3]
+    assert 15 < len(wide) < 65 and wide.min() >= 2.0
+
+
+def test_jitter_stays_within_its_bound() -> None:
+    still, moved = (
+        _crops(FieldPlan(crop=CropPlan(jitter_m=jitter), weeds=NO_WEEDS)) for jitter in (0.0, 0.05)
+    )
+    shift_m = np.abs(moved - still)
+    assert 0.04 < shift_m.max() <= 0.05 + 1e-6
+
+
+def test_growth_height_sets_the_size_of_the_crops() -> None:
+    crop = CropPlan(height_m=0.4, height_spread_ratio=0.25, species="maize")
+    crops = _of(generate_field(FieldPlan(crop=crop), 0), PlantClass.CROP)
+    sizes = [plant.size_m for plant in crops]
+    assert {plant.species for plant in crops} == {"maize"}
+    assert 0.3 <= min(sizes) < 0.32 and 0.48 < max(sizes) <= 0.5
+
+
+@pytest.mark.parametrize("cluster_ratio", [0.0, 0.6])
+def test_weeds_are_as_many_as_asked_and_off_the_crops(cluster_ratio: float) -> None:
+    plan = FieldPlan(
+        rows=RowsPlan(count=4, pitch_m=3.0, length_m=15.0),
+        weeds=WeedsPlan(density_per_m2=2.0, cluster_ratio=cluster_ratio, crop_distance_m=0.05),
+    )
+    counts = []
+    for seed in range(12):
+        world = generate_field(plan, seed)
+        weeds, crops = (_xy(_of(world, kind)) for kind in (PlantClass.WEED, PlantClass.CROP))
+        gaps_m = np.hypot(*(weeds[:, None] - crops[None]).transpose(2, 0, 1))
+        assert gaps_m.min() >= 0.05 - 1e-6
+        counts.append(len(weeds))
+    assert np.mean(counts) == pytest.approx(2.0 * 10.0 * 16.0, rel=0.1)
+
+
+def test_clusters_bring_weeds_closer_together() -> None:
+    def nearest_m(ratio: float) -> float:
+        weeds = WeedsPlan(density_per_m2=1.0, cluster_ratio=ratio)
+        xy = _xy(_of(generate_field(FieldPlan(weeds=weeds), 5), PlantClass.WEED))
+        gaps_m = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
+        return float(np.median(np.partition(gaps_m, 1, axis=1)[:, 1]))
+
+    assert nearest_m(1.0) < 0.6 * nearest_m(0.0)
+
+
+def test_same_seed_grows_the_same_field_and_another_another() -> None:
+    plan = read_field_plan(ROOT / "fields" / "beet.toml")
+    assert generate_field(plan, 4).plants == generate_field(plan, 4).plants
+    assert generate_field(plan, 4).plants != generate_field(plan, 5).plants
+
+
+def test_a_boundary_keeps_plants_inside_the_polygon(tmp_path: Path) -> None:
+    plan = FieldPlan(boundary="field.geojson", rows=RowsPlan(count=10, length_m=12.0))
+    frame = MapFrame(plan.datum)
+    corners = [(0.5, 1.5), (8.57, 1.5), (0.5, 13.61)]  # a triangle
+    ring = [list(frame.geodetic_from_map(x, y)[1::-1]) for x, y in (*corners, corners[0])]
+    feature = {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    (tmp_path / "field.geojson").write_text(
+        json.dumps({"type": "FeatureCollection", "features": [feature]})
+    )
+    world = generate_field(plan, 0, tmp_path)
+    for kind in (PlantClass.CROP, PlantClass.WEED):
+        x, y = _xy(_of(world, kind)).T
+        assert len(x) > 20
+        assert ((x - 0.5) / 8.07 + (y - 1.5) / 12.11 <= 1.0 + 1e-6).all() and x.min() >= 0.5 - 1e-6
+    crops = _xy(_of(world, PlantClass.CROP))
+    full = _crops(msgspec.structs.replace(plan, boundary=""))
+    inside = (full[:, 0] - 0.5) / 8.07 + (full[:, 1] - 1.5) / 12.11 < 1.0 - 1e-4
+    assert len(crops) == inside.sum()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[rows]\ncuont = 3\n", "cuont"),
+        ("[crop]\nspacing_m = -1\n", "spacing_m"),
+        ("[weeds]\nheight_min_m = 0.3\n", "height_min_m"),
+        ("[rows\n", "not valid TOML"),
+        ('boundary = "nowhere.geojson"\n', "nowhere.geojson"),
+        ("[crop]\nmissing_ratio = 1.0\n", "no crop left"),
+    ],
+)
+def test_a_wrong_plan_is_refused_with_its_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, words: str
+) -> None:
+    plan = tmp_path / "field.toml"
+    plan.write_text(text)
+    assert main(["world", "generate", str(plan), "-o", str(tmp_path / "x.world")]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_the_command_writes_a_world_that_reads_back_to_the_same_plants(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan, out = ROOT / "fields" / "beet.toml", tmp_path / "x.world"
+    command = ["world", "generate", str(plan), "--seed", "9", "-o", str(out), "--json"]
+    assert main(command) == 0
+    world = generate_field(read_field_plan(plan), 9)
+    assert load_world(str(out)).plants == world.plants
+    assert json.loads(capsys.readouterr().out)["crop"] == len(_of(world, PlantClass.CROP))
+    assert check_world(str(out)) == ()
+
+
+def _pose(obstacle: Obstacle, shape: Shape) -> FloatArray:
+    from agribot.geo import transform
+
+    at = (obstacle.x_map_m, obstacle.y_map_m, obstacle.z_map_m)
+    return transform(at, (0.0, 0.0, obstacle.yaw_rad)) @ shape.origin.matrix()
+
+
+@pytest.mark.parametrize("name", world_names())
+def test_a_world_is_the_same_after_writing_and_reading(name: str, tmp_path: Path) -> None:
+    first = load_world(name, seed=3)
+    file = tmp_path / "again.world"
+    write_world(first, file)
+    again = load_world(str(file), seed=8)
+    assert again.plants == first.plants and again.warnings == ()
+    for field in ("name", "datum", "gravity_mps2", "friction_ratio", "spawn_xy_map_m"):
+        assert getattr(again, field) == getattr(first, field), field
+    assert again.spawn_yaw_map_rad == pytest.approx(first.spawn_yaw_map_rad)
+    np.testing.assert_allclose(again.field_enu_t, first.field_enu_t)
+    np.testing.assert_allclose(again.light.to_sun, first.light.to_sun, atol=1e-9)
+    assert (again.light.diffuse, again.light.ambient) == (
+        first.light.diffuse, first.light.ambient,
+    )  # fmt: skip
+    assert again.ground == first.ground
+    assert [(o.name, o.kind, o.collides) for o in again.obstacles] == [
+        (o.name, o.kind, o.collides) for o in first.obstacles
+    ]
+    for there, here in zip(again.obstacles, first.obstacles, strict=True):
+        for shape, other in zip(there.shapes, here.shapes, strict=True):
+            assert (shape.kind, shape.size_m) == (other.kind, other.size_m)
+            assert shape.rgba[:3] == other.rgba[:3]
+            np.testing.assert_allclose(_pose(there, shape), _pose(here, other), atol=1e-9)
+    if first.terrain is not None:
+        assert again.terrain is not None
+        assert np.array_equal(again.terrain.height_m, first.terrain.height_m)
+        assert (again.terrain.x_min_m, again.terrain.y_min_m, again.terrain.resolution_m) == (
+            first.terrain.x_min_m, first.terrain.y_min_m, first.terrain.resolution_m,
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["Farm", "hills"])
+def test_a_written_world_passes_the_sdf_checker(name: str, tmp_path: Path) -> None:
+    if shutil.which("ign") is None:
+        pytest.skip("ign is not on PATH")
+    write_world(load_world(name), tmp_path / "again.world")
+    done = subprocess.run(
+        ["ign", "sdf", "-k", str(tmp_path / "again.world")],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "Valid." in done.stdout, done.stdout + done.stderr
+
+
+def test_the_packaged_beet_world_is_current(tmp_path: Path) -> None:
+    plan = read_field_plan(ROOT / "fields" / "beet.toml")
+    write_world(generate_field(plan, BEET_SEED), tmp_path / "beet.world")
+    kept = (ROOT / "worlds" / "beet.world").read_text("utf-8")
+    assert (tmp_path / "beet.world").read_text("utf-8") == kept, (
+        "run python -m agribot.description.field_generator"
+    )
+
+
+def test_beet_profile_drives_the_rows_of_the_beet_world() -> None:
+    settings, plan = config.load("beet"), read_field_plan(ROOT / "fields" / "beet.toml")
+    field, rows = settings.field, plan.rows
+    assert settings.world == "beet" and field.datum == plan.datum == load_world("beet").datum
+    assert field.first_row_start_map_m == rows.first_row_start_map_m
+    assert (field.row_yaw_deg, field.row_length_m) == (rows.yaw_deg, rows.length_m)
+    assert (field.row_pitch_m, field.row_count) == (rows.pitch_m, rows.count)

@@ -1,0 +1,295 @@
+"""Robots of other makers: loaded with usual values and warnings, and they drive."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agribot import config
+from agribot.cli import main
+from agribot.description.loader import check_robot, load_robot, parse_robot, urdf_text
+from agribot.description.worlds_sdf import load_world
+from agribot.errors import DescriptionError
+from agribot.geo import transform
+from agribot.messages import WHEEL_NAMES, DriveCommand, RobotCommand
+from agribot.robot import RobotSpec
+from agribot.sim.platform import SimPlatform
+
+WHEEL = """
+<link name="{name}">
+  <inertial><mass value="2.6"/><inertia ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.02"/>
+  </inertial>
+  <collision><origin rpy="1.5707963 0 0"/><geometry>{shape}</geometry></collision>
+</link>
+<joint name="{name}_joint" type="continuous">
+  <parent link="{parent}"/><child link="{name}"/>
+  <origin xyz="{x} {y} 0.03" rpy="0 0 0"/><axis xyz="{axis}"/>
+</joint>
+"""
+BODY = """
+<link name="base_footprint"/>
+<joint name="foot" type="fixed"><parent link="base_footprint"/><child link="base_link"/>
+  <origin xyz="0 0 0.13"/></joint>
+<link name="base_link">
+  <inertial><mass value="33"/><inertia ixx="0.6" ixy="0" ixz="0" iyy="1.7" iyz="0" izz="2.0"/>
+  </inertial>
+  <collision><origin xyz="0 0 0.1"/><geometry><box size="0.9 0.5 0.2"/></geometry></collision>
+</link>
+"""
+CYLINDER = '<cylinder radius="0.16" length="0.11"/>'
+NAMES = ("rear_right", "rear_left", "front_right", "front_left")
+PLACES = ((-0.25, -0.28), (-0.25, 0.28), (0.25, -0.28), (0.25, 0.28))
+
+
+def _wheels(shape: str = CYLINDER, axis: str = "0 1 0", parent: str = "base_link") -> str:
+    return "".join(
+        WHEEL.format(name=f"{name}_wheel", shape=shape, axis=axis, parent=parent, x=x, y=y)
+        for name, (x, y) in zip(NAMES, PLACES, strict=True)
+    )
+
+
+def _file(folder: Path, inside: str, name: str = "rover.urdf") -> str:
+    file = folder / name
+    file.write_text(f'<?xml version="1.0"?>\n<robot name="rover">{inside}</robot>\n', "utf-8")
+    return str(file)
+
+
+def _drive(robot: RobotSpec, v_mps: float, yaw_rate_radps: float) -> tuple[float, float]:
+    """True speed and yaw rate after 3 s of a command."""
+    settings = config.load("farm", ["perception.enabled=false", 'sim.sensors="ideal"'])
+    platform = SimPlatform(settings, robot, load_world("empty"))
+    platform.read()
+    for _ in range(150):
+        command = DriveCommand(v_mps=v_mps, yaw_rate_radps=yaw_rate_radps)
+        platform.write(RobotCommand(t_s=0.0, drive=command))
+        platform.read()
+    truth = platform.truth()
+    platform.close()
+    return truth.v_mps, truth.yaw_rate_radps
+
+
+def test_wheels_are_known_by_their_place_and_the_robot_is_measured(tmp_path: Path) -> None:
+    robot = load_robot(_file(tmp_path, BODY + _wheels()))
+    np.testing.assert_allclose(robot.wheel_xy_body_m(), PLACES)
+    drive = robot.drive
+    assert (drive.wheel_radius_m, drive.wheel_width_m) == (0.16, 0.11)
+    assert (drive.track_m, drive.wheelbase_m) == (0.56, 0.5)
+    assert drive.yaw_multiplier == pytest.approx(1.0 + (0.25 / 0.28) ** 2)
+    assert robot.base_height_m == pytest.approx(0.16 - 0.03)
+    assert robot.mass_kg == pytest.approx(33 + 4 * 2.6)
+    assert [j.name for j in robot.joints if j.child in WHEEL_NAMES] == [
+        f"{name}_wheel_joint" for name in NAMES
+    ]
+
+
+def test_all_that_was_made_up_is_said(tmp_path: Path) -> None:
+    told = " | ".join(load_robot(_file(tmp_path, BODY + _wheels())).warnings)
+    for what in ("front_left_wheel", "drive plugin", "<drive>", "<tyre>", "IMU", "GNSS", "camera"):
+        assert what in told
+    assert load_robot().warnings == ()
+
+
+@pytest.mark.parametrize("axis", ["0 1 0", "0 -1 0"])
+@pytest.mark.parametrize("shape", [CYLINDER, '<sphere radius="0.16"/>'])
+def test_any_four_wheels_drive_ahead_and_turn_left(tmp_path: Path, axis: str, shape: str) -> None:
+    robot = load_robot(_file(tmp_path, BODY + _wheels(shape, axis)))
+    v_mps, yaw_radps = _drive(robot, 0.5, 0.0)
+    assert v_mps == pytest.approx(0.5, rel=0.03) and abs(yaw_radps) < 0.01
+    v_mps, yaw_radps = _drive(robot, 0.0, 0.6)
+    assert yaw_radps == pytest.approx(0.6, rel=0.1) and abs(v_mps) < 0.02
+
+
+def test_wheels_turn_in_the_recording_as_they_roll(tmp_path: Path) -> None:
+    """With a positive angle about the joint's axis the robot goes ahead, whatever its maker did."""
+    for axis in ("0 1 0", "0 -1 0"):
+        robot = load_robot(_file(tmp_path, BODY + _wheels(axis=axis)))
+        for name in WHEEL_NAMES:
+            joint = next(joint for joint in robot.joints if joint.child == name)
+            assert (robot.base_from_link(name)[:3, :3] @ np.array(joint.axis))[1] > 0.99
+
+
+def test_wheels_on_rockers_and_in_turned_frames_are_put_on_the_base(tmp_path: Path) -> None:
+    rocker = """<link name="rocker"/><joint name="pivot" type="revolute">
+      <parent link="base_link"/><child link="rocker"/><origin xyz="0 0 0.05" rpy="0 0 3.14159265"/>
+      <axis xyz="0 1 0"/></joint>"""
+    robot = load_robot(_file(tmp_path, BODY + rocker + _wheels(parent="rocker")))
+    at = {name: tuple(robot.base_from_link(name)[:2, 3].round(6)) for name in WHEEL_NAMES}
+    assert at == dict(zip(WHEEL_NAMES, PLACES, strict=True))  # front and rear have changed places
+    assert robot.base_from_link("left_wheel_F")[2, 3] == pytest.approx(0.08)
+    assert any("hangs on 'rocker'" in warning for warning in robot.warnings)
+    assert _drive(robot, 0.4, 0.0)[0] == pytest.approx(0.4, rel=0.03)
+
+
+def test_a_robot_of_bare_links_drives_on_usual_values(tmp_path: Path) -> None:
+    bare = '<link name="chassis"/>' + "".join(
+        f'<link name="w{i}"/><joint name="j{i}" type="continuous"><parent link="chassis"/>'
+        f'<child link="w{i}"/><origin xyz="{x} {y} 0"/><axis xyz="0 1 0"/></joint>'
+        for i, (x, y) in enumerate(PLACES)
+    )
+    robot = load_robot(_file(tmp_path, bare))
+    told = " | ".join(robot.warnings)
+    assert "'chassis' is taken" in told and "15 kg" in told and "a guess" in told
+    assert _drive(robot, 0.3, 0.0)[0] == pytest.approx(0.3, rel=0.03)
+
+
+def test_four_of_six_wheels_drive(tmp_path: Path) -> None:
+    middle = "".join(
+        WHEEL.format(name=n, shape=CYLINDER, axis="0 1 0", parent="base_link", x=0.0, y=y)
+        for n, y in (("middle_left_wheel", 0.28), ("middle_right_wheel", -0.28))
+    )
+    robot = load_robot(_file(tmp_path, BODY + middle + _wheels()))
+    assert robot.drive.wheelbase_m == 0.5
+    assert any("6 wheels" in warning for warning in robot.warnings)
+
+
+@pytest.mark.parametrize(
+    "wheels",
+    ["", _wheels(axis="1 0 0"), _wheels().replace("0.28", "0.0")],
+    ids=["none", "sideways", "in line"],
+)
+def test_a_robot_without_four_wheels_at_the_corners_is_refused(tmp_path: Path, wheels: str) -> None:
+    with pytest.raises(DescriptionError, match=r"rover\.urdf.*four wheel joints at the corners"):
+        load_robot(_file(tmp_path, BODY + wheels))
+
+
+def test_repeated_names_and_impossible_inertias_are_mended(tmp_path: Path) -> None:
+    twice = '<link name="lamp"/><link name="lamp"/>'
+    wrong = BODY.replace('izz="2.0"', 'izz="-2.0"')
+    robot = load_robot(_file(tmp_path, wrong + twice + _wheels()))
+    assert {"lamp", "lamp_1"} <= {link.name for link in robot.links}
+    assert min(robot.link("base_link").inertia_kgm2[:3]) > 0.0
+    assert any("no body has this inertia" in warning for warning in robot.warnings)
+
+
+def test_the_exported_urdf_is_the_robot_as_it_is_driven(tmp_path: Path) -> None:
+    """A recording carries this text: it must read back to the same robot, without a warning."""
+    file = _file(tmp_path, BODY + _wheels(axis="0 -1 0"))
+    again, first = parse_robot(urdf_text(file), "rover"), load_robot(file)
+    assert again.warnings == ()
+    assert again.drive == first.drive and again.tyre == first.tyre and again.imu == first.imu
+    for link in first.links:
+        np.testing.assert_allclose(
+            again.base_from_link(link.name), first.base_from_link(link.name), atol=1e-9
+        )
+
+
+GZ_SIM = """
+<gazebo><plugin filename="gz-sim-diff-drive-system" name="gz::sim::systems::DiffDrive">
+  <left_joint>front_left_wheel_joint</left_joint><wheel_separation>0.57</wheel_separation>
+  <wheel_radius>0.17</wheel_radius></plugin>
+  <plugin filename="gz-sim-imu-system" name="gz::sim::systems::Imu"/>
+  <plugin filename="gz-sim-navsat-system" name="gz::sim::systems::NavSat"/>
+  <plugin filename="gz-sim-magnetometer-system" name="gz::sim::systems::Magnetometer"/></gazebo>
+<gazebo reference="base_link">
+  <sensor name="i" type="imu"><update_rate>150</update_rate></sensor>
+  <sensor name="n" type="navsat"><update_rate>4</update_rate></sensor>
+  <sensor name="m" type="magnetometer"/></gazebo>
+"""
+
+
+def test_plugins_and_sensors_of_gz_sim_are_read(tmp_path: Path) -> None:
+    robot = load_robot(_file(tmp_path, BODY + _wheels() + GZ_SIM))
+    assert (robot.imu.rate_hz, robot.gnss.rate_hz, robot.mag.rate_hz) == (150.0, 4.0, 10.0)
+    assert (robot.drive.told_diameter_m, robot.drive.told_separation_m) == (0.34, 0.57)
+
+
+OLD_XACRO = """<?xml version="1.0"?>
+<robot name="old" xmlns:xacro="http://ros.org/wiki/xacro">
+  <property name="half" value="0.2"/>
+  <property name="colour" value="Grey"/>
+  <include filename="$(find rover_parts)/urdf/wheel.xacro"/>
+  <link name="base_link"/>
+  <rover_wheel name="lf" x="${half}" y="${half}"/>
+  <rover_wheel name="lr" x="${-half}" y="${half}"/>
+  <rover_wheel name="rf" x="${half}" y="${-half}"/>
+  <rover_wheel name="rr" x="${-half}" y="${-half}"/>
+  <gazebo reference="base_link"><material>Gazebo/${colour}</material></gazebo>>
+</robot>
+"""
+OLD_WHEEL = """<?xml version="1.0"?>
+<robot>
+  <macro name="rover_wheel" params="name x y">
+    <link name="${name}"><collision><origin rpy="${pi/2} 0 0"/><geometry>
+      <cylinder radius="0.1" length="0.04"/></geometry></collision></link>
+    <joint name="${name}_joint" type="continuous"><parent link="base_link"/>
+      <child link="${name}"/><origin xyz="${x} ${y} 0"/><axis xyz="0 1 0"/></joint>
+  </macro>
+</robot>
+"""
+
+
+@pytest.fixture
+def old_xacro(tmp_path: Path) -> str:
+    """Two packages side by side, in the spelling before ROS Jade."""
+    top = tmp_path / "rover_description" / "urdf" / "rover.urdf.xacro"
+    part = tmp_path / "rover_parts" / "urdf" / "wheel.xacro"
+    for file, text in ((top, OLD_XACRO), (part, OLD_WHEEL)):
+        file.parent.mkdir(parents=True)
+        file.write_text(text)
+    return str(top)
+
+
+def test_xacro_without_prefixes_is_understood(old_xacro: str) -> None:
+    robot = load_robot(old_xacro)
+    assert robot.drive.track_m == robot.drive.wheelbase_m == 0.4
+    assert sum("without the prefix xacro:" in warning for warning in robot.warnings) == 2
+    assert _drive(robot, 0.4, 0.0)[0] == pytest.approx(0.4, rel=0.03)
+
+
+def test_a_check_finds_the_lines_of_old_xacro(old_xacro: str) -> None:
+    found = {(f.file, f.line): f.text for f in check_robot(old_xacro)}
+    assert "'>' too many" in found["rover.urdf.xacro", 11]
+    assert "<property>" in found["rover.urdf.xacro", 5]
+    assert "<macro>" in found["wheel.xacro", 3]
+
+
+FAULTY = """
+<link name="lamp"><visual><geometry/></visual></link>
+<joint name="loose" type="fixed"><parent link="base_link"/><child link="nothing"/></joint>
+<link name="heavy"><inertial><mass value="much"/><inertia ixx="1"/></inertial></link>
+"""
+
+
+def test_a_check_names_every_fault_with_its_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = _file(
+        tmp_path, FAULTY + urdf_text().partition("?>")[2].split(">", 1)[1].rpartition("</robot>")[0]
+    )
+    lines = Path(file).read_text().splitlines()
+    assert main(["describe", "--robot", file, "--check", "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)["faults"]
+    places = {(fault["line"], fault["text"].partition(":")[0]) for fault in told}
+    for word, what in (
+        ("lamp", "link 'lamp'"),
+        ("loose", "joint 'loose'"),
+        ("heavy", "link 'heavy' <mass>"),
+    ):
+        line = 1 + next(i for i, text in enumerate(lines) if f'"{word}"' in text)
+        assert (line, what) in places
+
+
+def test_a_check_passes_what_is_complete(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["describe", "--check"]) == 0
+    assert capsys.readouterr().out == "0 faults\n"
+
+
+def test_describing_a_robot_of_others_warns_and_succeeds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["describe", "--robot", _file(tmp_path, BODY + _wheels())]) == 0
+    printed = capsys.readouterr()
+    assert "warning: no IMU" in printed.err and "it can be driven" in printed.out
+
+
+def test_the_default_camera_looks_down_at_the_ground_ahead(tmp_path: Path) -> None:
+    robot = load_robot(_file(tmp_path, BODY + _wheels()))
+    assert robot.camera is not None
+    pose = robot.body_from_link(robot.camera.link)
+    np.testing.assert_allclose(
+        pose, transform((0.25, 0.0, 0.9), (0.0, math.radians(50.0), 0.0)), atol=1e-9
+    )

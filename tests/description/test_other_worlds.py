@@ -1,0 +1,157 @@
+"""The other packaged worlds: the dense field, the bare one, hills and volcano."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from agribot import config
+from agribot.description.package import ROOT
+from agribot.description.sdf_library import ModelLibrary
+from agribot.description.terrain import (
+    LANDSCAPES,
+    height_at,
+    landscape_file,
+    load_heights,
+    volcano,
+)
+from agribot.description.worlds_sdf import check_world, load_world, world_names
+from agribot.messages import DriveCommand, FloatArray, PlantClass, RobotCommand
+from agribot.sim.platform import SimPlatform
+from agribot.world import WorldSpec
+
+Place = tuple[float, float]
+
+
+def _crops(world: WorldSpec) -> set[Place]:
+    return {
+        (round(p.x_map_m, 6), round(p.y_map_m, 6))
+        for p in world.plants
+        if p.plant == PlantClass.CROP
+    }
+
+
+def _include_names(world: str) -> list[str]:
+    root = ET.parse(ROOT / "worlds" / f"{world}.world").getroot()
+    return [element.findtext("name", "") for element in root.iter("include")]
+
+
+@pytest.mark.parametrize("name", world_names())
+def test_a_strict_check_of_a_packaged_world_finds_nothing(name: str) -> None:
+    assert check_world(name) == ()
+    names = _include_names(name)
+    assert len(set(names)) == len(names)
+
+
+def test_final_world_is_the_farm_with_a_denser_field() -> None:
+    final, farm = load_world("final"), load_world("Farm")
+    expected = {(round(1 + 1.2 * row, 6), 2.0 + k) for row in range(4) for k in range(9)}
+    assert _crops(final) == expected and len(expected) == 36
+    others = {o.name for o in farm.obstacles} - {"Pole"}
+    assert {o.name for o in final.obstacles} == others | {"entry_gate"}
+    assert final.spawn_xy_map_m == farm.spawn_xy_map_m and final.ground == farm.ground
+
+
+def test_world1_has_the_crops_of_the_farm_and_nothing_else() -> None:
+    world = load_world("world1")
+    assert _crops(world) == _crops(load_world("Farm"))
+    assert world.obstacles == () and {tile.surface for tile in world.ground} == {"soil"}
+
+
+def test_entry_gate_is_a_pole_with_its_own_receiver_on_top() -> None:
+    gate = next(o for o in load_world("final").obstacles if o.name == "entry_gate")
+    pole, antenna = gate.shapes
+    assert pole.size_m[:2] == (0.05, 0.5) and antenna.size_m == (0.05, 0.05, 0.05)
+    assert antenna.origin.xyz_m[2] == pytest.approx(0.525)
+    urdf = ET.parse(ROOT / "urdf" / "entry_gate.urdf").getroot()
+    cylinder = urdf.find("link[@name='gate_link']/collision/geometry/cylinder")
+    assert cylinder is not None and (cylinder.get("radius"), cylinder.get("length")) == (
+        "0.05", "0.5",
+    )  # fmt: skip
+    assert urdf.findtext("gazebo/plugin/bodyName") == "gps_pole_link"
+    assert urdf.findtext("gazebo/plugin/robotNamespace") == "/Pole"
+
+
+def test_farm_field_is_the_ground_of_the_farm() -> None:
+    model = ModelLibrary(ROOT / "worlds" / "x.world").find("model://farm_field")
+    assert model is not None
+    sizes = [size.text for size in model.iter("size")]
+    assert sizes == ["50 50", "50 50", "25 25", "25 5"]
+    assert (model.findtext(".//mu"), model.findtext(".//mu2")) == ("100", "50")
+
+
+def _slope_deg(world: WorldSpec) -> FloatArray:
+    land = world.terrain
+    assert land is not None
+    north, east = np.gradient(land.height_m, land.resolution_m)
+    return np.asarray(np.degrees(np.arctan(np.hypot(north, east))))
+
+
+def test_volcano_is_150_m_wide_and_50_m_high_with_a_crater() -> None:
+    land = load_world("volcano").terrain
+    assert land is not None
+    rows, columns = land.height_m.shape
+    assert (rows - 1) * land.resolution_m == (columns - 1) * land.resolution_m == 150.0
+    assert (land.height_m.min(), land.height_m.max()) == (0.0, 50.0)
+    middle = height_at(land, 0.0, 0.0)
+    assert 25.0 < middle < 45.0  # lower than the rim around it
+    edge = np.concatenate([land.height_m[0], land.height_m[-1]])
+    assert edge.max() < 1.0
+
+
+def test_volcano_has_wide_slopes_of_15_degrees_and_more() -> None:
+    slope_deg = _slope_deg(load_world("volcano"))
+    assert (slope_deg > 15.0).mean() > 0.3
+    assert slope_deg.max() < 75.0
+
+
+def test_another_seed_makes_another_volcano() -> None:
+    assert np.array_equal(volcano(7, 65), volcano(7, 65))
+    assert not np.allclose(volcano(7, 65), volcano(8, 65))
+
+
+@pytest.mark.parametrize("name", LANDSCAPES)
+def test_height_maps_are_current(name: str) -> None:
+    made = LANDSCAPES[name]()
+    kept = load_heights(landscape_file(name)) * made.max()
+    np.testing.assert_allclose(
+        kept, made, atol=made.max() / 60000, err_msg="run python -m agribot.description.terrain"
+    )
+
+
+def test_hills_are_gentle_and_the_rows_stand_on_them() -> None:
+    world = load_world("hills")
+    slope_deg = _slope_deg(world)
+    assert 2.0 < np.median(slope_deg) < 6.0 and slope_deg.max() < 15.0
+    assert _crops(world) == _crops(load_world("Farm"))
+    assert world.terrain is not None
+    for oak in world.obstacles:
+        ground_m = height_at(world.terrain, oak.x_map_m, oak.y_map_m)
+        assert oak.z_map_m == pytest.approx(ground_m, abs=0.001)
+
+
+@pytest.mark.parametrize(("name", "tilt_deg"), [("volcano", (15.0, 26.0)), ("hills", (1.0, 9.0))])
+def test_the_robot_stands_and_drives_on_the_slope_it_starts_on(
+    name: str, tilt_deg: tuple[float, float]
+) -> None:
+    settings = config.load("farm", ["perception.enabled=false", 'sim.sensors="ideal"'])
+    from agribot.description.loader import load_robot
+
+    platform = SimPlatform(settings, load_robot(), load_world(name))
+    platform.read()
+    start = platform.truth()
+    tilt = np.degrees(np.arccos(np.cos(start.roll_rad) * np.cos(start.pitch_rad)))
+    assert tilt_deg[0] < tilt < tilt_deg[1]
+    for _ in range(250):
+        platform.write(RobotCommand(t_s=0.0, drive=DriveCommand(v_mps=0.4)))
+        platform.read()
+    end = platform.truth()
+    moved_m = np.hypot(end.x_map_m - start.x_map_m, end.y_map_m - start.y_map_m)
+    assert moved_m == pytest.approx(5 * 0.4, rel=0.15)
+
+
+def test_hills_profile_drives_the_rows_of_the_farm() -> None:
+    hills, farm = config.load("hills"), config.load("farm")
+    assert hills.world == "hills" and hills.field == farm.field
