@@ -108,6 +108,15 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     def effective_separation_m(self) -> float:
         return self.track_m * self.yaw_multiplier
 
+    def told(self) -> DriveSpec:
+        """The same drive as the original plugin was told it is."""
+        return msgspec.structs.replace(
+            self,
+            wheel_radius_m=self.told_diameter_m / 2.0,
+            track_m=self.told_separation_m,
+            yaw_multiplier=1.0,
+        )
+
     def wheel_speeds_radps(self, v_mps: float, yaw_rate_radps: float) -> tuple[float, float]:
         """Left and right wheel speed for a body twist."""
         half_m = self.effective_separation_m / 2.0

@@ -10,7 +10,7 @@ import numpy as np
 from agribot.errors import PlatformError
 from agribot.geo import rotation_from_rpy
 from agribot.messages import DriveCommand, FloatArray
-from agribot.robot import RobotSpec
+from agribot.robot import DriveSpec, RobotSpec
 from agribot.sim import kernel
 from agribot.sim.clock import NS_PER_S
 from agribot.sim.engine import Engine
@@ -26,8 +26,7 @@ WHEEL_BODIES = np.arange(2, 6, dtype=np.int64)
 class Physics:
     """Advances in whole steps; `history` holds the states of the last advance.
 
-    `told_geometry` drives with the wheel diameter and separation that the original plugin was
-    told instead of the measured ones.
+    `board` is what the motor board believes of the drive, by default the truth.
     """
 
     def __init__(
@@ -36,7 +35,7 @@ class Physics:
         world: WorldSpec,
         physics_step_ns: int,
         *,
-        told_geometry: bool = False,
+        board: DriveSpec | None = None,
     ) -> None:
         self.step = 0
         self._dt_s = physics_step_ns / NS_PER_S
@@ -51,7 +50,7 @@ class Physics:
         )
         self._terrain = _terrain(world.terrain)
         self._bristle_m = np.zeros((4, 2))
-        self._board = _board(robot, told_geometry)
+        self._board = _board(board or robot.drive)
         self._board_state = np.zeros(kernel.BOARD_SIZE)
         x_m, y_m, z_m = robot.base_from_link(robot.imu.link)[:3, 3].tolist()
         self._inertial = Inertial(x_m, y_m, z_m, world.gravity_mps2)
@@ -155,9 +154,10 @@ def _terrain(field: HeightField | None) -> Terrain:
     return Terrain(height_m, float(field.x_min_m), float(field.y_min_m), float(field.resolution_m))
 
 
-def _board(robot: RobotSpec, told_geometry: bool) -> Board:
-    drive = robot.drive
-    radius_m, separation_m = drive.wheel_radius_m, drive.effective_separation_m
-    if told_geometry:
-        radius_m, separation_m = drive.told_diameter_m / 2.0, drive.told_separation_m
-    return Board(drive.max_accel_mps2, drive.max_yaw_accel_radps2, radius_m, separation_m / 2.0)
+def _board(drive: DriveSpec) -> Board:
+    return Board(
+        drive.max_accel_mps2,
+        drive.max_yaw_accel_radps2,
+        drive.wheel_radius_m,
+        drive.effective_separation_m / 2.0,
+    )

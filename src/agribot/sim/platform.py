@@ -17,7 +17,7 @@ from agribot.messages import (
     RobotCommand,
     SensorBatch,
 )
-from agribot.robot import RobotSpec
+from agribot.robot import DriveSpec, RobotSpec
 from agribot.sim.attitude import roll_pitch_yaw, rotation_of
 from agribot.sim.camera_feed import CameraFeed
 from agribot.sim.clock import NS_PER_S, Schedule, step_ns
@@ -34,8 +34,18 @@ from agribot.world import WorldSpec
 class SimPlatform:
     """Lock-step: `read` advances by exactly one tick of the stack under the last command."""
 
-    def __init__(self, config: RunConfig, robot: RobotSpec, world: WorldSpec) -> None:
-        """Raises: ConfigError: unknown sensor preset, or a rate that the physics cannot give."""
+    def __init__(
+        self,
+        config: RunConfig,
+        robot: RobotSpec,
+        world: WorldSpec,
+        *,
+        board: DriveSpec | None = None,
+    ) -> None:
+        """`board` is what the motor board believes of the drive, by default the truth.
+
+        Raises: ConfigError: unknown sensor preset, or a rate that the physics cannot give.
+        """
         self._step_ns = step_ns(config.sim.step_s)
         preset = load_preset(config.sim.sensors)
         self._robot = robot
@@ -44,7 +54,7 @@ class SimPlatform:
         self._feed, self._frames = _camera(config, robot, world, self._step_ns)
         self._damage = CropDamage(robot, world)
         self._sprayer = Sprayer(robot, world)
-        self._physics = Physics(robot, world, self._step_ns)
+        self._physics = Physics(robot, world, self._step_ns, board=board)
         self._inbox: deque[OperatorEvent] = deque()
         self._base_height_m = robot.base_height_m
         self._truth: Truth | None = None
