@@ -13,7 +13,7 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 import tomli_w
@@ -127,6 +127,8 @@ class SimConfig(Config, frozen=True):
     sensors: str = "rtk"
     weed_density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
     camera_noise: bool = True
+    # Wheels by an ideal speed servo, or by a PID per wheel that commands torque.
+    actuation: Literal["servo", "effort"] = "servo"
 
 
 class RunConfig(Config, frozen=True):

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 Vec3 = tuple[float, float, float]
+Four = tuple[float, float, float, float]
 FloatArray = npt.NDArray[np.float64]
 ByteArray = npt.NDArray[np.uint8]
 
@@ -47,11 +48,18 @@ class GnssQuality(IntEnum):
 
 
 class WheelSample(msgspec.Struct, frozen=True, kw_only=True):
-    """Encoder reading of the four wheels, in the order of WHEEL_NAMES."""
+    """Encoder reading of the four wheels, in the order of WHEEL_NAMES.
+
+    `effort_nm` is the motors' torque at the wheels and `target_radps` the speed that the board
+    wants, where the board tells them. `faults` names wheels that do not do what they are told.
+    """
 
     t_s: float
-    angle_rad: tuple[float, float, float, float]
-    speed_radps: tuple[float, float, float, float]
+    angle_rad: Four
+    speed_radps: Four
+    effort_nm: Four | None = None
+    target_radps: Four | None = None
+    faults: tuple[str, ...] = ()
 
 
 class ImuSample(msgspec.Struct, frozen=True, kw_only=True):

@@ -103,6 +103,10 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     rotor_inertia_kgm2: float
     servo_gain_nmspr: float
     rate_hz: float
+    # Speed controller of a wheel that is driven by torque: Nm per rad/s, rad and rad/s^2.
+    pid_p_nmspr: float = 4.0
+    pid_i_nmprad: float = 20.0
+    pid_d_nms2prad: float = 0.01
 
     @property
     def effective_separation_m(self) -> float:

@@ -30,6 +30,8 @@ from agribot.robot import (
 DRIVE_PLUGINS = ("skid_steer", "skidsteer", "diff_drive", "diffdrive")
 IMU_PLUGINS = ("ros_imu", "imu_sensor")
 GNSS_PLUGINS = ("ros_gps", "navsat")
+# Optional in <agribot><drive>; without them the values of DriveSpec hold.
+PID_TAGS = ("pid_p_nmspr", "pid_i_nmprad", "pid_d_nms2prad")
 MAG_PLUGINS = ("ros_magnetic", "magnetometer")
 
 
@@ -61,6 +63,7 @@ def read_drive(
         rotor_inertia_kgm2=extra.number("rotor_inertia_kgm2"),
         servo_gain_nmspr=extra.positive("servo_gain_nmspr"),
         rate_hz=plugin.positive("updateRate"),
+        **{name: extra.number(name) for name in PID_TAGS if name in extra.tags},
     )
 
 

@@ -97,7 +97,7 @@ class _Equations:
         solution = np.linalg.lstsq(matrix, values, rcond=None)[0]
         misfit = matrix @ solution - values
         excess = float(misfit @ misfit) / max(len(values) - PARAMETERS, 1)
-        covariance: FloatArray = np.linalg.inv(matrix.T @ matrix) * max(1.0, excess)
+        covariance = np.array(np.linalg.inv(matrix.T @ matrix) * max(1.0, excess), dtype=float)
         return solution, covariance
 
 

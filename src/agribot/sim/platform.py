@@ -54,7 +54,9 @@ class SimPlatform:
         self._feed, self._frames = _camera(config, robot, world, self._step_ns)
         self._damage = CropDamage(robot, world)
         self._sprayer = Sprayer(robot, world)
-        self._physics = Physics(robot, world, self._step_ns, board=board)
+        self._physics = Physics(
+            robot, world, self._step_ns, board=board, is_effort=config.sim.actuation == "effort"
+        )
         self._inbox: deque[OperatorEvent] = deque()
         self._base_height_m = robot.base_height_m
         self._truth: Truth | None = None
@@ -106,6 +108,10 @@ class SimPlatform:
             self._physics.command(STOP)
             self._sprayer.command(self._now_s, ())
             self._closed = True
+
+    def limit_torque(self, wheel: str, torque_nm: float) -> None:
+        """Weaken one motor, as a fault; 0 is a dead one, whose wheel rolls along."""
+        self._physics.limit_torque(wheel, torque_nm)
 
     def post(self, event: OperatorEvent) -> None:
         """Hand in an operator event from any thread; the next batch carries it."""
