@@ -17,6 +17,8 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from agribot.devices import BaseFix, BatterySample, BumperSample, GnssHeading
+
 Vec3 = tuple[float, float, float]
 Four = tuple[float, float, float, float]
 FloatArray = npt.NDArray[np.float64]
@@ -50,8 +52,7 @@ class GnssQuality(IntEnum):
 class WheelSample(msgspec.Struct, frozen=True, kw_only=True):
     """Encoder reading of the four wheels, in the order of WHEEL_NAMES.
 
-    `effort_nm` is the motors' torque at the wheels and `target_radps` the speed that the board
-    wants, where the board tells them. `faults` names wheels that do not do what they are told.
+    A board may also tell the torque at the wheels, the speeds it wants, and disobedient wheels.
     """
 
     t_s: float
@@ -121,6 +122,10 @@ class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     gnss: tuple[GnssFix, ...] = ()
     frames: tuple[CameraFrame, ...] = ()
     events: tuple[OperatorEvent, ...] = ()
+    base: tuple[BaseFix, ...] = ()
+    headings: tuple[GnssHeading, ...] = ()
+    bumper: tuple[BumperSample, ...] = ()
+    battery: tuple[BatterySample, ...] = ()
 
 
 # ---------------------------------------------------------------- perception
@@ -152,7 +157,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     class_ratio: Vec3 = (0.0, 0.0, 0.0)
 
 
-# ---------------------------------------------------------------- estimate
+# ---------------------------------------------------------------- estimate, mission
 
 
 class Estimate(msgspec.Struct, frozen=True, kw_only=True):
@@ -176,9 +181,6 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     quality: GnssQuality
     ok: bool
     reason: str = ""
-
-
-# ---------------------------------------------------------------- mission
 
 
 class Path(msgspec.Struct, frozen=True, kw_only=True, eq=False):

@@ -68,6 +68,11 @@ class Engine:
             if instance is not None:
                 instance.model.actuator_forcerange[wheel] = -torque_nm, torque_nm
 
+    def touched_map_m(self) -> FloatArray | None:
+        """Where the robot touches an obstacle, (3,); None while it does not."""
+        data = self._used.data
+        return None if self._used is self._open or not data.ncon else data.contact.pos[0]
+
     def select(self) -> None:
         """Use the model that the place of the robot calls for."""
         x_m, y_m = self._used.views.qpos[:2].tolist()

@@ -12,9 +12,10 @@ from agribot.geo import rotation_from_rpy
 from agribot.messages import WHEEL_NAMES, DriveCommand, FloatArray
 from agribot.robot import DriveSpec, RobotSpec
 from agribot.sim import kernel
+from agribot.sim.attitude import rotation_of
 from agribot.sim.clock import NS_PER_S
 from agribot.sim.engine import Engine
-from agribot.sim.state import HISTORY_COLUMNS, Board, Inertial
+from agribot.sim.state import HISTORY_COLUMNS, POSITION, Board, Inertial
 from agribot.sim.tyre import Terrain, tyre_law
 from agribot.world import HeightField, WorldSpec
 
@@ -77,6 +78,15 @@ class Physics:
         if wheel not in WHEEL_NAMES:
             raise PlatformError(f"no wheel '{wheel}'; there are: {', '.join(WHEEL_NAMES)}")
         self._engine.limit_torque(WHEEL_NAMES.index(wheel), torque_nm)
+
+    def touched_body_m(self) -> tuple[float, float] | None:
+        """Where the robot touches an obstacle, in the plane of the body frame, or None."""
+        place = self._engine.touched_map_m()
+        if place is None:
+            return None
+        row = self.history[-1]
+        x_m, y_m, _ = (rotation_of(row).T @ (place - row[POSITION])).tolist()
+        return x_m, y_m
 
     def advance(self, steps: int) -> FloatArray:
         """Advance and return the history (steps + 1, columns): row 0 is the state before.
