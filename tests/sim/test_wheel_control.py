@@ -177,6 +177,14 @@ def test_platform_tells_efforts_targets_and_faults(rover: RobotSpec, meadow: Wor
         platform.limit_torque("left", 0.0)
 
 
+def test_joint_states_come_fifty_times_a_second(rover: RobotSpec, meadow: WorldSpec) -> None:
+    """A joint state is the newest sample of a tick: none may lack one."""
+    config = RunConfig(perception=PerceptionConfig(enabled=False), sim=SimConfig(sensors="rtk"))
+    platform = SimPlatform(config, rover, meadow)
+    times = np.array([platform.read().wheels[-1].t_s for _ in range(500)])
+    assert 1.0 / np.diff(times) == pytest.approx(50.0, abs=1.0)
+
+
 def test_effort_runs_are_bit_identical(rover: RobotSpec, meadow: WorldSpec) -> None:
     def run() -> bytes:
         physics = Physics(rover, meadow, 2_000_000, is_effort=True)
