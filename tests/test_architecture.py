@@ -18,7 +18,18 @@ SOURCE = ROOT / "src" / "agribot"
 
 # First part of a module's name inside agribot -> its layer.
 LAYERS = {
-    0: ("__init__", "messages", "topics", "errors", "geo", "robot", "world", "config", "platform"),
+    0: (
+        "__init__",
+        "messages",
+        "topics",
+        "errors",
+        "geo",
+        "robot",
+        "world",
+        "config",
+        "platform",
+        "devices",
+    ),
     1: ("estimate", "plan", "control", "perceive", "weeds"),
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),
     3: ("stack", "perception_host", "session", "report_card"),

@@ -41,6 +41,11 @@ COMMANDS = {
         "list, check, generate and render worlds",
         "agribot world render Farm -o farm.png",
     ),
+    "calibrate": (
+        "agribot.commands.calibrate",
+        "measure what the robot's description says: wheel radius and effective separation",
+        "agribot calibrate drive --sensors rtk --json",
+    ),
     "train": (
         "agribot.train.main",
         "train the crop/weed network on simulated images",

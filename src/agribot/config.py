@@ -13,7 +13,7 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 import tomli_w
@@ -127,6 +127,12 @@ class SimConfig(Config, frozen=True):
     sensors: str = "rtk"
     weed_density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
     camera_noise: bool = True
+    # Wheels by an ideal speed servo, or by a PID per wheel that commands torque.
+    actuation: Literal["servo", "effort"] = "servo"
+    # A second receiver at the world's pole, with errors of its own or sharing the slow ones.
+    base_station: Literal["off", "independent", "common"] = "off"
+    imu: str = ""  # another IMU than the sensor preset's: ideal, hector, mpu9265
+    declination_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)] = 0.0  # of the true field
 
 
 class RunConfig(Config, frozen=True):

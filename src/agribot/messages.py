@@ -17,7 +17,10 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from agribot.devices import BaseFix, BatterySample, BumperSample, GnssHeading
+
 Vec3 = tuple[float, float, float]
+Four = tuple[float, float, float, float]
 FloatArray = npt.NDArray[np.float64]
 ByteArray = npt.NDArray[np.uint8]
 
@@ -47,11 +50,17 @@ class GnssQuality(IntEnum):
 
 
 class WheelSample(msgspec.Struct, frozen=True, kw_only=True):
-    """Encoder reading of the four wheels, in the order of WHEEL_NAMES."""
+    """Encoder reading of the four wheels, in the order of WHEEL_NAMES.
+
+    A board may also tell the torque at the wheels, the speeds it wants, and disobedient wheels.
+    """
 
     t_s: float
-    angle_rad: tuple[float, float, float, float]
-    speed_radps: tuple[float, float, float, float]
+    angle_rad: Four
+    speed_radps: Four
+    effort_nm: Four | None = None
+    target_radps: Four | None = None
+    faults: tuple[str, ...] = ()
 
 
 class ImuSample(msgspec.Struct, frozen=True, kw_only=True):
@@ -113,6 +122,10 @@ class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     gnss: tuple[GnssFix, ...] = ()
     frames: tuple[CameraFrame, ...] = ()
     events: tuple[OperatorEvent, ...] = ()
+    base: tuple[BaseFix, ...] = ()
+    headings: tuple[GnssHeading, ...] = ()
+    bumper: tuple[BumperSample, ...] = ()
+    battery: tuple[BatterySample, ...] = ()
 
 
 # ---------------------------------------------------------------- perception
@@ -144,7 +157,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     class_ratio: Vec3 = (0.0, 0.0, 0.0)
 
 
-# ---------------------------------------------------------------- estimate
+# ---------------------------------------------------------------- estimate, mission
 
 
 class Estimate(msgspec.Struct, frozen=True, kw_only=True):
@@ -168,9 +181,6 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     quality: GnssQuality
     ok: bool
     reason: str = ""
-
-
-# ---------------------------------------------------------------- mission
 
 
 class Path(msgspec.Struct, frozen=True, kw_only=True, eq=False):

@@ -103,10 +103,23 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     rotor_inertia_kgm2: float
     servo_gain_nmspr: float
     rate_hz: float
+    # Speed controller of a wheel that is driven by torque: Nm per rad/s, rad and rad/s^2.
+    pid_p_nmspr: float = 4.0
+    pid_i_nmprad: float = 20.0
+    pid_d_nms2prad: float = 0.01
 
     @property
     def effective_separation_m(self) -> float:
         return self.track_m * self.yaw_multiplier
+
+    def told(self) -> DriveSpec:
+        """The same drive as the original plugin was told it is."""
+        return msgspec.structs.replace(
+            self,
+            wheel_radius_m=self.told_diameter_m / 2.0,
+            track_m=self.told_separation_m,
+            yaw_multiplier=1.0,
+        )
 
     def wheel_speeds_radps(self, v_mps: float, yaw_rate_radps: float) -> tuple[float, float]:
         """Left and right wheel speed for a body twist."""

@@ -88,6 +88,22 @@ def test_velocity_magnetometer_and_wheels_keep_their_numbers() -> None:
     assert tuple(joints.velocity) == wheels.speed_radps
 
 
+def test_efforts_of_the_wheels_reach_the_joint_states() -> None:
+    wheels = WheelSample(
+        t_s=2.5,
+        angle_rad=(1.0, 2.0, 3.0, 4.0),
+        speed_radps=(5.0, 6.0, 7.0, 8.0),
+        effort_nm=(0.1, -0.2, 0.3, -0.4),
+    )
+    message = rosmsg.joint_state(wheels, NAMES)
+    assert tuple(_read_back(message).effort) == wheels.effort_nm
+    fast = cdr.JointStateCdr(NAMES)
+    without = msgspec.structs.replace(wheels, effort_nm=None)
+    for sample in (wheels, without, wheels):
+        same = rosmsg.to_cdr(rosmsg.joint_state(sample, NAMES))
+        assert fast(rosmsg.nanoseconds(sample.t_s), sample) == same
+
+
 def test_odometry_has_the_planar_covariance_in_its_six_by_six() -> None:
     estimate = msgspec.structs.replace(
         samples.estimate(3.0), pose_cov=(1.0, 2.0, 3.0, 2.0, 4.0, 5.0, 3.0, 5.0, 6.0)

@@ -36,7 +36,7 @@ def _steady(physics: Physics, step_s: float, v: float, yaw_rate: float) -> tuple
     return distance_m / 2.0, angle_rad / 2.0
 
 
-def _slope(world: WorldSpec, degrees: float, yaw_rad: float = 0.0) -> WorldSpec:
+def slope(world: WorldSpec, degrees: float, yaw_rad: float = 0.0) -> WorldSpec:
     """The world on a plane that rises towards East."""
     east_m = np.linspace(-20.0, 20.0, 81)
     height_m = np.tile(math.tan(math.radians(degrees)) * east_m, (81, 1))
@@ -54,14 +54,14 @@ def _wall(world: WorldSpec, x_map_m: float) -> WorldSpec:
 
 
 def test_told_geometry_turns_as_coulomb_friction_says(rover: RobotSpec, meadow: WorldSpec) -> None:
-    physics = Physics(rover, meadow, 2_000_000, told_geometry=True)
+    physics = Physics(rover, meadow, 2_000_000, board=rover.drive.told())
     _, yaw_rate = _steady(physics, 0.002, 0.0, 1.0)
     assert abs(RAW_YAW_RATIO - 0.528) < 0.001
     assert yaw_rate == pytest.approx(RAW_YAW_RATIO, rel=0.03)
 
 
 def test_told_geometry_drives_a_tenth_too_slow(rover: RobotSpec, meadow: WorldSpec) -> None:
-    physics = Physics(rover, meadow, 2_000_000, told_geometry=True)
+    physics = Physics(rover, meadow, 2_000_000, board=rover.drive.told())
     v, yaw_rate = _steady(physics, 0.002, 0.5, 0.0)
     assert 0.440 <= v <= 0.451
     assert abs(yaw_rate) < 1e-6
@@ -92,7 +92,7 @@ def test_length_of_the_step_changes_nothing(rover: RobotSpec, meadow: WorldSpec)
 def test_parked_on_a_slope_it_hardly_creeps(
     rover: RobotSpec, meadow: WorldSpec, yaw_rad: float
 ) -> None:
-    physics = Physics(rover, _slope(meadow, 15.0, yaw_rad), 2_000_000)
+    physics = Physics(rover, slope(meadow, 15.0, yaw_rad), 2_000_000)
     start = physics.history[-1, POSITION].copy()
     end = physics.advance(2500)[-1, POSITION]
     assert np.linalg.norm(end - start) / 5.0 < 0.6e-3
@@ -101,7 +101,7 @@ def test_parked_on_a_slope_it_hardly_creeps(
 def test_it_slides_where_the_slope_is_steeper_than_the_friction(
     rover: RobotSpec, meadow: WorldSpec
 ) -> None:
-    icy = msgspec.structs.replace(_slope(meadow, 15.0), friction_ratio=0.1)
+    icy = msgspec.structs.replace(slope(meadow, 15.0), friction_ratio=0.1)
     physics = Physics(rover, icy, 2_000_000)
     speed = np.linalg.norm(physics.advance(500)[-1, VELOCITY])
     # a = g (sin - mu cos) after 1 s; rolling resistance is part of the friction.
@@ -110,14 +110,14 @@ def test_it_slides_where_the_slope_is_steeper_than_the_friction(
 
 
 def test_it_climbs_fifteen_degrees(rover: RobotSpec, meadow: WorldSpec) -> None:
-    v, _ = _steady(Physics(rover, _slope(meadow, 15.0), 2_000_000), 0.002, 0.4, 0.0)
+    v, _ = _steady(Physics(rover, slope(meadow, 15.0), 2_000_000), 0.002, 0.4, 0.0)
     horizontal = 0.4 * math.cos(math.radians(15.0))
     assert v == pytest.approx(horizontal, rel=0.04)
 
 
 def test_two_runs_are_bit_identical(rover: RobotSpec, meadow: WorldSpec) -> None:
     def run() -> bytes:
-        physics = Physics(rover, _slope(meadow, 8.0), 2_000_000)
+        physics = Physics(rover, slope(meadow, 8.0), 2_000_000)
         rng = np.random.default_rng(5)
         states = []
         for _ in range(100):
@@ -193,7 +193,7 @@ def test_speed_command_is_limited(rover: RobotSpec, meadow: WorldSpec) -> None:
 
 
 def test_specific_force_at_rest_is_gravity_upwards(rover: RobotSpec, meadow: WorldSpec) -> None:
-    physics = Physics(rover, _slope(meadow, 10.0), 2_000_000)
+    physics = Physics(rover, slope(meadow, 10.0), 2_000_000)
     start = physics.history[-1, VELOCITY_GAIN].copy()
     gain = physics.advance(500)[-1, VELOCITY_GAIN] - start
     tilt = math.radians(10.0)
@@ -259,7 +259,7 @@ def test_overturning_is_an_error(rover: RobotSpec, meadow: WorldSpec) -> None:
     grip = msgspec.structs.replace(
         rover.tyre, friction_longitudinal_ratio=9.0, friction_lateral_ratio=9.0
     )
-    cliff = msgspec.structs.replace(_slope(meadow, 70.0, math.pi / 2), friction_ratio=9.0)
+    cliff = msgspec.structs.replace(slope(meadow, 70.0, math.pi / 2), friction_ratio=9.0)
     with pytest.raises(PlatformError, match="overturned"):
         Physics(msgspec.structs.replace(rover, tyre=grip), cliff, 2_000_000).advance(1000)
 

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from agribot.config import RunConfig, SimConfig
 from agribot.errors import ConfigError
 from agribot.geo import MapFrame, yaw_from_compass_deg
 from agribot.messages import FloatArray, GnssFix, GnssQuality, WheelSample
@@ -312,9 +313,9 @@ def test_every_preset_builds_a_suite(rover: RobotSpec, meadow: WorldSpec) -> Non
     assert set(names) >= {"ideal", "legacy", "seed", "m8n", "rtk", "rtk-dual"}
     for name in names:
         preset = load_preset(name)
-        suite = SensorSuite(preset, rover, meadow, 0, 2_000_000)
+        suite = SensorSuite(RunConfig(sim=SimConfig(sensors=name)), rover, meadow, 2_000_000)
         history = np.tile(_row(), (501, 1))
-        fixes = suite.gnss(0, 500, history, 1.0)
+        fixes = suite.gnss.samples(0, 500, history, 1.0)
         rate_hz = preset.gnss.rate_hz or rover.gnss.rate_hz
         late = math.ceil(getattr(preset.gnss, "latency_s", 0.0) * rate_hz)
         assert len(fixes) == rate_hz - late

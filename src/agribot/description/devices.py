@@ -36,6 +36,8 @@ CAMERA_DEFAULTS = {
     "update_rate": 30.0, "camera/clip/near": 0.1, "camera/clip/far": 100.0,
     "camera/noise/stddev": 0.0,
 }  # fmt: skip
+# Optional in <agribot><drive>; without them the values of DriveSpec hold.
+PID_TAGS = ("pid_p_nmspr", "pid_i_nmprad", "pid_d_nms2prad")
 MAG_PLUGINS = ("ros_magnetic", "magnetometer")
 
 
@@ -67,6 +69,7 @@ def read_drive(
         rotor_inertia_kgm2=extra.number("rotor_inertia_kgm2"),
         servo_gain_nmspr=extra.positive("servo_gain_nmspr"),
         rate_hz=plugin.positive("updateRate"),
+        **{name: extra.number(name) for name in PID_TAGS if name in extra.tags},
     )
 
 

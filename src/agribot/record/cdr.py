@@ -52,14 +52,20 @@ class ImuCdr:
 
 
 class JointStateCdr:
-    """Four wheels; the length of the velocity array lies between the numbers."""
+    """Four wheels; the lengths of the arrays lie between the numbers."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
-        still = WheelSample(t_s=0.0, angle_rad=(0.0,) * 4, speed_radps=(0.0,) * 4)
+        zero = (0.0, 0.0, 0.0, 0.0)
+        still = WheelSample(t_s=0.0, angle_rad=zero, speed_radps=zero)
         self._template = CdrTemplate(rosmsg.joint_state(still, names), "4dI4x4d4x")
+        still = WheelSample(t_s=0.0, angle_rad=zero, speed_radps=zero, effort_nm=zero)
+        self._with_effort = CdrTemplate(rosmsg.joint_state(still, names), "4dI4x4dI4x4d")
 
     def __call__(self, t_ns: int, sample: WheelSample) -> bytes:
-        return self._template.fill_stamped(t_ns, *sample.angle_rad, 4, *sample.speed_radps)
+        angles, speeds, efforts = sample.angle_rad, sample.speed_radps, sample.effort_nm
+        if efforts is None:
+            return self._template.fill_stamped(t_ns, *angles, 4, *speeds)
+        return self._with_effort.fill_stamped(t_ns, *angles, 4, *speeds, 4, *efforts)
 
 
 class OdometryCdr:

@@ -168,7 +168,7 @@ def joint_state(sample: WheelSample, names: Sequence[str]) -> Any:
         list(names),
         np.array(sample.angle_rad),
         np.array(sample.speed_radps),
-        np.zeros(0),
+        np.array(sample.effort_nm or ()),
     )
 
 

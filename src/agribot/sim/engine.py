@@ -26,8 +26,8 @@ RECHECK_M = 0.2
 class _Instance:
     """One compiled model and its state."""
 
-    def __init__(self, robot: RobotSpec, world: WorldSpec, step_s: float) -> None:
-        self.model = build_model(robot, world, step_s)
+    def __init__(self, robot: RobotSpec, world: WorldSpec, step_s: float, is_effort: bool) -> None:
+        self.model = build_model(robot, world, step_s, is_effort=is_effort)
         self.data = data = mujoco.MjData(self.model)
         self.library = load_library(self.model, data)
         self.views = StateViews(
@@ -39,10 +39,15 @@ class _Instance:
 class Engine:
     """`library` and `views` belong to the model in use; `select` may exchange them."""
 
-    def __init__(self, robot: RobotSpec, world: WorldSpec, step_s: float) -> None:
+    def __init__(
+        self, robot: RobotSpec, world: WorldSpec, step_s: float, *, is_effort: bool = False
+    ) -> None:
         self._robot, self._world, self._step_s = robot, world, step_s
+        self._is_effort = is_effort
         self._boxes = obstacle_boxes(world)
-        self._open = _Instance(robot, msgspec.structs.replace(world, obstacles=()), step_s)
+        self._open = _Instance(
+            robot, msgspec.structs.replace(world, obstacles=()), step_s, is_effort
+        )
         self._open.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         self._crowded: _Instance | None = None
         self._used = self._open
@@ -56,6 +61,17 @@ class Engine:
     @property
     def views(self) -> StateViews:
         return self._used.views
+
+    def limit_torque(self, wheel: int, torque_nm: float) -> None:
+        """Let a motor give at most so much; 0 is a dead one, whose wheel rolls along."""
+        for instance in (self._open, self._crowded):
+            if instance is not None:
+                instance.model.actuator_forcerange[wheel] = -torque_nm, torque_nm
+
+    def touched_map_m(self) -> FloatArray | None:
+        """Where the robot touches an obstacle, (3,); None while it does not."""
+        data = self._used.data
+        return None if self._used is self._open or not data.ncon else data.contact.pos[0]
 
     def select(self) -> None:
         """Use the model that the place of the robot calls for."""
@@ -75,7 +91,8 @@ class Engine:
 
     def _with_obstacles(self) -> _Instance:
         if self._crowded is None:
-            self._crowded = _Instance(self._robot, self._world, self._step_s)
+            self._crowded = _Instance(self._robot, self._world, self._step_s, self._is_effort)
+            self._crowded.model.actuator_forcerange[:] = self._open.model.actuator_forcerange
         return self._crowded
 
     def _use(self, wanted: _Instance) -> None:

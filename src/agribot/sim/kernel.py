@@ -10,13 +10,10 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from llvmlite import ir  # type: ignore[import-untyped]
-from numba import types
-from numba.extending import intrinsic
 
 from agribot.messages import FloatArray, Vec3
 from agribot.sim.jit import compiled
-from agribot.sim.mujoco_library import Library
+from agribot.sim.mujoco_library import Library, call
 from agribot.sim.state import Board, Inertial, StateViews
 from agribot.sim.tyre import Terrain, TyreLaw
 
@@ -26,7 +23,14 @@ TINY = 1e-9
 
 # Entries of the motor board's state.
 BOARD_V, BOARD_YAW_RATE, BOARD_TARGET_V, BOARD_TARGET_YAW_RATE, BOARD_TIME_LEFT = range(5)
-BOARD_SIZE = 5
+# Then four of each, in the order of the wheels.
+BOARD_TARGET, BOARD_INTEGRAL, BOARD_SPEED, BOARD_FAULT_TIME = 5, 9, 13, 17
+BOARD_SIZE = 21
+
+# A wheel is at fault that for so long hardly turns or gets hardly any torque when it should.
+FAULT_AFTER_S = 0.5
+FAULT_RATIO = 0.1
+FAULT_MIN_RADPS = 0.5
 
 
 @compiled
@@ -153,31 +157,13 @@ def apply_tyre_forces(
         wrench[b, 3], wrench[b, 4], wrench[b, 5] = torque
 
 
-@intrinsic
-def _call(typing_context, address, model, data):  # type: ignore[no-untyped-def]
-    """Call the C function `void (*)(model, data)` at an address, from compiled code.
-
-    An address that arrives as an argument keeps the compiled loop fit for the disk cache.
-    """
-    signature = types.void(types.intp, types.intp, types.intp)
-
-    def generate(context, builder, _signature, arguments):  # type: ignore[no-untyped-def]
-        word = context.get_value_type(types.intp)
-        kind = ir.FunctionType(ir.VoidType(), [word, word])
-        function = builder.inttoptr(arguments[0], kind.as_pointer())
-        builder.call(function, [arguments[1], arguments[2]])
-        return context.get_dummy_value()
-
-    return signature, generate
-
-
 @compiled
 def _toward(value: float, target: float, limit: float) -> float:
     return value + min(max(target - value, -limit), limit)
 
 
 @compiled
-def run_board(state: FloatArray, board: Board, ctrl: FloatArray, dt_s: float) -> None:
+def run_board(state: FloatArray, board: Board, views: StateViews, dt_s: float) -> None:
     """One step of the motor board: timeout, ramps, wheel speeds (right and left, rear first)."""
     state[BOARD_TIME_LEFT] -= dt_s
     alive = 1.0 if state[BOARD_TIME_LEFT] > 0.0 else 0.0
@@ -190,13 +176,58 @@ def run_board(state: FloatArray, board: Board, ctrl: FloatArray, dt_s: float) ->
     state[BOARD_V] = v
     state[BOARD_YAW_RATE] = yaw_rate
     side = yaw_rate * board.half_separation_m
-    ctrl[0] = ctrl[2] = (v + side) / board.wheel_radius_m
-    ctrl[1] = ctrl[3] = (v - side) / board.wheel_radius_m
+    right, left = (v + side) / board.wheel_radius_m, (v - side) / board.wheel_radius_m
+    ctrl, speed = views.ctrl, views.qvel[6:10]
+    for k in range(4):
+        state[BOARD_TARGET + k] = left if k % 2 else right
+        ctrl[k] = state[BOARD_TARGET + k]
+        if board.is_effort:
+            ctrl[k] = _pid(k, state, board, speed[k], dt_s)
+
+
+@compiled
+def _pid(k: int, state: FloatArray, board: Board, speed_radps: float, dt_s: float) -> float:
+    """Torque for wheel `k`; the integral stands still while the torque is at its limit."""
+    error = state[BOARD_TARGET + k] - speed_radps
+    slowing = (state[BOARD_SPEED + k] - speed_radps) / dt_s
+    state[BOARD_SPEED + k] = speed_radps
+    integral = state[BOARD_INTEGRAL + k] + board.i_nmprad * error * dt_s
+    wanted = board.p_nmspr * error + integral + board.d_nms2prad * slowing
+    torque: float = min(max(wanted, -board.torque_nm), board.torque_nm)
+    if wanted == torque or error * wanted < 0.0:
+        state[BOARD_INTEGRAL + k] = integral
+    return torque
+
+
+@compiled
+def watch_wheels(state: FloatArray, board: Board, views: StateViews, dt_s: float) -> None:
+    """Count how long each wheel has been stuck or without torque."""
+    limit = board.torque_nm
+    for k in range(4):
+        target, speed = state[BOARD_TARGET + k], views.qvel[6 + k]
+        wanted = views.ctrl[k]
+        if not board.is_effort:
+            wanted = min(max(board.servo_gain_nmspr * (target - speed), -limit), limit)
+        is_stuck = math.fabs(target) > FAULT_MIN_RADPS and (
+            math.fabs(speed) < FAULT_RATIO * math.fabs(target)
+        )
+        is_powerless = math.fabs(wanted) > FAULT_RATIO * limit and (
+            math.fabs(views.actuator_force[k]) < FAULT_RATIO * math.fabs(wanted)
+        )
+        if is_stuck or is_powerless:
+            state[BOARD_FAULT_TIME + k] += dt_s
+        else:
+            state[BOARD_FAULT_TIME + k] = 0.0
 
 
 @compiled
 def record(
-    row: FloatArray, last: FloatArray, views: StateViews, inertial: Inertial, dt_s: float
+    row: FloatArray,
+    last: FloatArray,
+    views: StateViews,
+    inertial: Inertial,
+    dt_s: float,
+    board_state: FloatArray,
 ) -> None:
     """Write the state into `row`; `last` is the row of the step before."""
     qpos, qvel = views.qpos, views.qvel
@@ -224,6 +255,13 @@ def record(
     row[23:27] = qvel[6:10]
     force = views.actuator_force
     row[27] = math.fabs(force[0]) + math.fabs(force[1]) + math.fabs(force[2]) + math.fabs(force[3])
+    work = 0.0
+    for k in range(4):
+        row[28 + k] = force[k]
+        row[32 + k] = board_state[BOARD_TARGET + k]
+        row[36 + k] = 1.0 if board_state[BOARD_FAULT_TIME + k] > FAULT_AFTER_S else 0.0
+        work += math.fabs(force[k] * qvel[6 + k])
+    row[40] = last[40] + work * dt_s
 
 
 @compiled
@@ -247,11 +285,12 @@ def advance(
     steps of 2 ms and more are unstable.
     """
     for i in range(steps):
-        run_board(board_state, board, views.ctrl, dt_s)
-        _call(library.step1, library.model, library.data)  # type: ignore[call-arg]
+        run_board(board_state, board, views, dt_s)
+        call(library.step1, library.model, library.data)  # type: ignore[call-arg]
         apply_tyre_forces(
             wheel_body, views.xpos, views.xipos, views.xmat, views.cvel, views.subtree_com[1],
             views.xfrc_applied, tyre, terrain, bristle_m, dt_s,
         )  # fmt: skip
-        _call(library.step2, library.model, library.data)
-        record(history[i + 1], history[i], views, inertial, dt_s)
+        call(library.step2, library.model, library.data)
+        watch_wheels(board_state, board, views, dt_s)
+        record(history[i + 1], history[i], views, inertial, dt_s, board_state)

@@ -9,12 +9,13 @@ import numpy as np
 
 from agribot.errors import PlatformError
 from agribot.geo import rotation_from_rpy
-from agribot.messages import DriveCommand, FloatArray
-from agribot.robot import RobotSpec
+from agribot.messages import WHEEL_NAMES, DriveCommand, FloatArray
+from agribot.robot import DriveSpec, RobotSpec
 from agribot.sim import kernel
+from agribot.sim.attitude import rotation_of
 from agribot.sim.clock import NS_PER_S
 from agribot.sim.engine import Engine
-from agribot.sim.state import HISTORY_COLUMNS, Board, Inertial
+from agribot.sim.state import HISTORY_COLUMNS, POSITION, Board, Inertial
 from agribot.sim.tyre import Terrain, tyre_law
 from agribot.world import HeightField, WorldSpec
 
@@ -26,8 +27,8 @@ WHEEL_BODIES = np.arange(2, 6, dtype=np.int64)
 class Physics:
     """Advances in whole steps; `history` holds the states of the last advance.
 
-    `told_geometry` drives with the wheel diameter and separation that the original plugin was
-    told instead of the measured ones.
+    `board` is what the motor board believes of the drive, by default the truth. Its wheel
+    speeds go to ideal servos, or with `is_effort` through a PID per wheel to torques.
     """
 
     def __init__(
@@ -36,12 +37,13 @@ class Physics:
         world: WorldSpec,
         physics_step_ns: int,
         *,
-        told_geometry: bool = False,
+        board: DriveSpec | None = None,
+        is_effort: bool = False,
     ) -> None:
         self.step = 0
         self._dt_s = physics_step_ns / NS_PER_S
         self._robot = robot
-        self._engine = Engine(robot, world, self._dt_s)
+        self._engine = Engine(robot, world, self._dt_s, is_effort=is_effort)
         self._tyre = tyre_law(
             robot.tyre,
             robot.drive.wheel_radius_m,
@@ -51,7 +53,7 @@ class Physics:
         )
         self._terrain = _terrain(world.terrain)
         self._bristle_m = np.zeros((4, 2))
-        self._board = _board(robot, told_geometry)
+        self._board = _board(board or robot.drive, is_effort)
         self._board_state = np.zeros(kernel.BOARD_SIZE)
         x_m, y_m, z_m = robot.base_from_link(robot.imu.link)[:3, 3].tolist()
         self._inertial = Inertial(x_m, y_m, z_m, world.gravity_mps2)
@@ -67,6 +69,24 @@ class Physics:
         self._board_state[kernel.BOARD_TARGET_YAW_RATE] = min(max(drive.yaw_rate_radps, -top), top)
         # Half a step of grace, so that rounding decides nothing.
         self._board_state[kernel.BOARD_TIME_LEFT] = limits.command_timeout_s + self._dt_s / 2
+
+    def limit_torque(self, wheel: str, torque_nm: float) -> None:
+        """Weaken one motor, as a fault; 0 is a dead one, whose wheel rolls along.
+
+        Raises: PlatformError: no wheel has this name.
+        """
+        if wheel not in WHEEL_NAMES:
+            raise PlatformError(f"no wheel '{wheel}'; there are: {', '.join(WHEEL_NAMES)}")
+        self._engine.limit_torque(WHEEL_NAMES.index(wheel), torque_nm)
+
+    def touched_body_m(self) -> tuple[float, float] | None:
+        """Where the robot touches an obstacle, in the plane of the body frame, or None."""
+        place = self._engine.touched_map_m()
+        if place is None:
+            return None
+        row = self.history[-1]
+        x_m, y_m, _ = (rotation_of(row).T @ (place - row[POSITION])).tolist()
+        return x_m, y_m
 
     def advance(self, steps: int) -> FloatArray:
         """Advance and return the history (steps + 1, columns): row 0 is the state before.
@@ -155,9 +175,16 @@ def _terrain(field: HeightField | None) -> Terrain:
     return Terrain(height_m, float(field.x_min_m), float(field.y_min_m), float(field.resolution_m))
 
 
-def _board(robot: RobotSpec, told_geometry: bool) -> Board:
-    drive = robot.drive
-    radius_m, separation_m = drive.wheel_radius_m, drive.effective_separation_m
-    if told_geometry:
-        radius_m, separation_m = drive.told_diameter_m / 2.0, drive.told_separation_m
-    return Board(drive.max_accel_mps2, drive.max_yaw_accel_radps2, radius_m, separation_m / 2.0)
+def _board(drive: DriveSpec, is_effort: bool) -> Board:
+    return Board(
+        drive.max_accel_mps2,
+        drive.max_yaw_accel_radps2,
+        drive.wheel_radius_m,
+        drive.effective_separation_m / 2.0,
+        is_effort,
+        drive.servo_gain_nmspr,
+        drive.pid_p_nmspr,
+        drive.pid_i_nmprad,
+        drive.pid_d_nms2prad,
+        drive.torque_nm,
+    )

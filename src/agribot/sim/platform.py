@@ -8,6 +8,7 @@ from collections import deque
 import msgspec
 
 from agribot.config import RunConfig
+from agribot.devices import BumperSample
 from agribot.errors import ConfigError, PlatformError
 from agribot.messages import (
     STOP,
@@ -17,15 +18,15 @@ from agribot.messages import (
     RobotCommand,
     SensorBatch,
 )
-from agribot.robot import RobotSpec
+from agribot.robot import DriveSpec, RobotSpec
 from agribot.sim.attitude import roll_pitch_yaw, rotation_of
 from agribot.sim.camera_feed import CameraFeed
 from agribot.sim.clock import NS_PER_S, Schedule, step_ns
 from agribot.sim.field_effects import CropDamage, Sprayer
 from agribot.sim.physics import Physics
 from agribot.sim.random_streams import stream
-from agribot.sim.sensors.presets import load_preset
 from agribot.sim.sensors.suite import Channel, SensorSuite
+from agribot.sim.sensors.tuning import check_tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 from agribot.sim.truth import Truth
 from agribot.world import WorldSpec
@@ -34,18 +35,30 @@ from agribot.world import WorldSpec
 class SimPlatform:
     """Lock-step: `read` advances by exactly one tick of the stack under the last command."""
 
-    def __init__(self, config: RunConfig, robot: RobotSpec, world: WorldSpec) -> None:
-        """Raises: ConfigError: unknown sensor preset, or a rate that the physics cannot give."""
+    def __init__(
+        self,
+        config: RunConfig,
+        robot: RobotSpec,
+        world: WorldSpec,
+        *,
+        board: DriveSpec | None = None,
+    ) -> None:
+        """`board` is what the motor board believes of the drive, by default the truth.
+
+        Raises: ConfigError: unknown sensor preset, or a rate that the physics cannot give.
+        """
         self._step_ns = step_ns(config.sim.step_s)
-        preset = load_preset(config.sim.sensors)
         self._robot = robot
         self._ticks = Schedule(config.tick_hz, self._step_ns)
-        self._sensors = SensorSuite(preset, robot, world, config.seed, self._step_ns)
+        self._sensors = SensorSuite(config, robot, world, self._step_ns)
         self._feed, self._frames = _camera(config, robot, world, self._step_ns)
         self._damage = CropDamage(robot, world)
         self._sprayer = Sprayer(robot, world)
-        self._physics = Physics(robot, world, self._step_ns)
+        self._physics = Physics(
+            robot, world, self._step_ns, board=board, is_effort=config.sim.actuation == "effort"
+        )
         self._inbox: deque[OperatorEvent] = deque()
+        self._tunings: deque[tuple[str, str, float]] = deque()
         self._base_height_m = robot.base_height_m
         self._truth: Truth | None = None
         self._silent_after_s = 0.0
@@ -58,6 +71,8 @@ class SimPlatform:
         """
         if self._closed:
             raise PlatformError("the simulator is closed; build a new SimPlatform to go on")
+        while self._tunings:
+            self._sensors.tune(*self._tunings.popleft())
         first = self._physics.step
         last = self._ticks.pop()
         history = self._physics.advance(last - first)
@@ -69,9 +84,15 @@ class SimPlatform:
             wheels=sensors.wheels.samples(first, last, history),
             imu=sensors.imu.samples(first, last, history),
             mag=sensors.mag.samples(first, last, history),
-            gnss=sensors.gnss(first, last, history, t_s),
+            gnss=sensors.gnss.samples(first, last, history, t_s),
             frames=self._frames.samples(first, last, history) if self._frames else (),
             events=self._events(t_s) if self._inbox else (),
+            base=sensors.base.samples(first, last, history, t_s) if sensors.base else (),
+            headings=(
+                sensors.headings.samples(first, last, history, t_s) if sensors.headings else ()
+            ),
+            bumper=self._bumper(t_s),
+            battery=sensors.battery.samples(first, last, history),
         )
 
     def write(self, command: RobotCommand) -> None:
@@ -96,6 +117,22 @@ class SimPlatform:
             self._physics.command(STOP)
             self._sprayer.command(self._now_s, ())
             self._closed = True
+
+    def limit_torque(self, wheel: str, torque_nm: float) -> None:
+        """Weaken one motor, as a fault; 0 is a dead one, whose wheel rolls along."""
+        self._physics.limit_torque(wheel, torque_nm)
+
+    def tune(self, sensor: str, parameter: str, value: float) -> None:
+        """Change a sensor's error from any thread; the next read has it in every sample.
+
+        The errors come on top of those of the preset. Sensors: gnss (m), gnss_velocity (m/s),
+        accel (m/s^2), gyro (rad/s), mag (T); parameters: gaussian_noise, offset, drift,
+        drift_frequency (Hz), scale_error (1 is none).
+
+        Raises: ConfigError: unknown name, or a value that the parameter cannot have.
+        """
+        check_tuning(sensor, parameter, value)
+        self._tunings.append((sensor, parameter, value))
 
     def post(self, event: OperatorEvent) -> None:
         """Hand in an operator event from any thread; the next batch carries it."""
@@ -156,6 +193,12 @@ class SimPlatform:
             self._sprayer.command(start_s, ())
         self._damage.update(end_s, before, after)
         self._sprayer.update(end_s, before, after, end_s - start_s)
+
+    def _bumper(self, t_s: float) -> tuple[BumperSample, ...]:
+        place = self._physics.touched_body_m()
+        return (
+            () if place is None else (BumperSample(t_s=t_s, x_body_m=place[0], y_body_m=place[1]),)
+        )
 
     def _events(self, t_s: float) -> tuple[OperatorEvent, ...]:
         """Operators do not know the simulated time: the tick that delivers an event stamps it."""

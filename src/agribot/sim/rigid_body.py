@@ -28,8 +28,13 @@ KINDS = {
 _LOG = logging.getLogger(__name__)
 
 
-def build_model(robot: RobotSpec, world: WorldSpec, step_s: float) -> mujoco.MjModel:
-    """Compile the model; body 1 is the base, then the wheels in the order of WHEEL_NAMES."""
+def build_model(
+    robot: RobotSpec, world: WorldSpec, step_s: float, *, is_effort: bool = False
+) -> mujoco.MjModel:
+    """Compile the model; body 1 is the base, then the wheels in the order of WHEEL_NAMES.
+
+    The motors take wheel speeds, or torques with `is_effort`.
+    """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.timestep = step_s
@@ -41,7 +46,7 @@ def build_model(robot: RobotSpec, world: WorldSpec, step_s: float) -> mujoco.MjM
     base.add_freejoint()
     _add_base(base, robot)
     for name in WHEEL_NAMES:
-        _add_wheel(spec, base, robot, name)
+        _add_wheel(spec, base, robot, name, is_effort)
     for obstacle in world.obstacles:
         if obstacle.collides:
             _add_obstacle(spec.worldbody, obstacle)
@@ -81,7 +86,9 @@ def _add_base(body: mujoco.MjsBody, robot: RobotSpec) -> None:
             _add_shape(body, base_from_link, shape, ROBOT_BIT, link.name)
 
 
-def _add_wheel(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec, name: str) -> None:
+def _add_wheel(
+    spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec, name: str, is_effort: bool
+) -> None:
     """A hinge about the axle; the wheel body's y axis is the axle and points to the left."""
     base_from_link = robot.base_from_link(name)
     joint = next((j for j in robot.joints if j.child == name), None)
@@ -116,7 +123,10 @@ def _add_wheel(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec, name
         friction=OBSTACLE_FRICTION,
     )
     motor = spec.add_actuator(name=name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    motor.set_to_velocity(kv=drive.servo_gain_nmspr)
+    if is_effort:
+        motor.set_to_motor()
+    else:
+        motor.set_to_velocity(kv=drive.servo_gain_nmspr)
     motor.forcelimited = True
     motor.forcerange = [-drive.torque_nm, drive.torque_nm]
 

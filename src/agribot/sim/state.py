@@ -16,7 +16,11 @@ ANGLE_GAIN = slice(16, 19)  # integral of the angular rate, base axes, rad
 WHEEL_ANGLE = slice(19, 23)
 WHEEL_SPEED = slice(23, 27)
 TORQUE = slice(27, 28)  # sum of the magnitudes over the four motors, Nm
-HISTORY_COLUMNS = 28
+EFFORT = slice(28, 32)  # torque of each motor as it arrives at the wheel, Nm
+TARGET = slice(32, 36)  # wheel speeds that the board wants
+FAULT = slice(36, 40)  # 1 where a wheel does not do what its motor is told
+WORK = slice(40, 41)  # sum of |torque * speed| of the motors since the start, J
+HISTORY_COLUMNS = 41
 
 
 class StateViews(NamedTuple):
@@ -35,12 +39,22 @@ class StateViews(NamedTuple):
 
 
 class Board(NamedTuple):
-    """The motor board: ramps of the twist, and its idea of the drive's geometry."""
+    """The motor board: ramps of the twist, its idea of the drive's geometry, wheel control.
+
+    With `is_effort` a PID per wheel commands torque; else the servo of the actuator, whose
+    gain is `servo_gain_nmspr`, follows the speed by itself.
+    """
 
     max_accel_mps2: float
     max_yaw_accel_radps2: float
     wheel_radius_m: float
     half_separation_m: float
+    is_effort: bool
+    servo_gain_nmspr: float
+    p_nmspr: float
+    i_nmprad: float
+    d_nms2prad: float
+    torque_nm: float
 
 
 class Inertial(NamedTuple):

@@ -10,6 +10,7 @@ from agribot.sim.attitude import rotate
 from agribot.sim.random_streams import NormalRows, stream
 from agribot.sim.sensors.noise import GaussMarkov, HectorNoise
 from agribot.sim.sensors.presets import FloatOutages, HectorGnss, PhysicalGnss
+from agribot.sim.sensors.tuning import Tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 
 # No receiver claims a better velocity, whatever the error model says.
@@ -41,9 +42,11 @@ class HectorReceiver:
     """The original plugin: a drifting position, by default an exact velocity, no delay."""
 
     latency_s = 0.0
+    is_fixed = False  # no ambiguities, so no heading from a second antenna
 
     def __init__(self, errors: HectorGnss, antenna: Antenna, seed: int) -> None:
         self._antenna = antenna
+        self.tuning, self.velocity_tuning = _tunings(seed)
         self._position = HectorNoise(
             stream(seed, "gnss"), errors.drift_m, errors.drift_frequency_hz, errors.gaussian_m
         )
@@ -54,13 +57,19 @@ class HectorReceiver:
         self._velocity_std_mps = max(errors.velocity_gaussian_mps, BEST_VELOCITY_STD_MPS)
         self._t_s = 0.0
 
+    def common_error(self) -> Vec3:
+        """What a receiver near by has, too."""
+        return self._position.drift
+
     def sample(self, t_s: float, row: FloatArray) -> GnssFix:
         """The fix for one row of the physics history."""
         (east, north, up), velocity = self._antenna.motion(row)
         dt_s, self._t_s = t_s - self._t_s, t_s
         de, dn, du = self._position.step(dt_s)
-        lat_deg, lon_deg, alt_m = self._antenna.geodetic(east + de, north + dn, up + du)
+        seen_m = self.tuning.apply(t_s, (east + de, north + dn, up + du))
+        lat_deg, lon_deg, alt_m = self._antenna.geodetic(*seen_m)
         ve, vn, vu = self._velocity.step(dt_s)
+        seen_mps = (velocity[0] + ve, velocity[1] + vn, velocity[2] + vu)
         return GnssFix(
             t_s=t_s,
             lat_deg=lat_deg,
@@ -68,7 +77,7 @@ class HectorReceiver:
             alt_m=alt_m,
             pos_std_m=self._std_m,
             quality=GnssQuality.SINGLE,
-            velocity_mps=(velocity[0] + ve, velocity[1] + vn, velocity[2] + vu),
+            velocity_mps=self.velocity_tuning.apply(t_s, seen_mps),
             velocity_std_mps=self._velocity_std_mps,
         )
 
@@ -78,8 +87,10 @@ class Receiver:
 
     def __init__(self, errors: PhysicalGnss, antenna: Antenna, seed: int) -> None:
         self.latency_s = errors.latency_s
+        self.is_fixed = errors.quality == GnssQuality.RTK_FIXED
         self._errors = errors
         self._antenna = antenna
+        self.tuning, self.velocity_tuning = _tunings(seed)
         ratio = errors.vertical_ratio
         self._white = (errors.white_std_m, errors.white_std_m, ratio * errors.white_std_m)
         self._wander = [
@@ -96,6 +107,16 @@ class Receiver:
         )
         self._t_s = 0.0
 
+    def common_error(self) -> Vec3:
+        """What a receiver near by has, too."""
+        terms = [
+            wander.value
+            for wander, settings in zip(self._wander, self._errors.wander, strict=True)
+            if settings.common
+        ]
+        x, y, z = (sum((term[axis] for term in terms), 0.0) for axis in range(3))
+        return x, y, z
+
     def sample(self, t_s: float, row: FloatArray) -> GnssFix:
         """The fix for one row of the physics history."""
         (east, north, up), velocity = self._antenna.motion(row)
@@ -107,8 +128,10 @@ class Receiver:
         if self._outages is not None and (term := self._outages.step(t_s, dt_s)) is not None:
             terms.append(term)
             quality, std_m = GnssQuality.RTK_FLOAT, self._outages.std_m
+        self.is_fixed = quality == GnssQuality.RTK_FIXED
         de, dn, du = (error + sum(t[axis] for t in terms) for axis, error in enumerate(errors))
-        lat_deg, lon_deg, alt_m = self._antenna.geodetic(east + de, north + dn, up + du)
+        seen_m = self.tuning.apply(t_s, (east + de, north + dn, up + du))
+        lat_deg, lon_deg, alt_m = self._antenna.geodetic(*seen_m)
         speed = self._errors.velocity_std_mps
         ve, vn, vu = (v + speed * n for v, n in zip(velocity, normal[3:], strict=True))
         return GnssFix(
@@ -118,9 +141,14 @@ class Receiver:
             alt_m=alt_m,
             pos_std_m=std_m,
             quality=quality,
-            velocity_mps=(ve, vn, vu),
+            velocity_mps=self.velocity_tuning.apply(t_s, (ve, vn, vu)),
             velocity_std_mps=max(speed, BEST_VELOCITY_STD_MPS),
         )
+
+
+def _tunings(seed: int) -> tuple[Tuning, Tuning]:
+    """Of position and velocity."""
+    return Tuning(stream(seed, "tuning gnss")), Tuning(stream(seed, "tuning gnss velocity"))
 
 
 class OutageProcess:

@@ -10,6 +10,7 @@ import numpy as np
 from agribot.messages import FloatArray, ImuSample
 from agribot.sim.random_streams import BLOCK_ROWS
 from agribot.sim.sensors.presets import ImuErrors
+from agribot.sim.sensors.tuning import Tuning
 from agribot.sim.state import ANGLE_GAIN, VELOCITY_GAIN
 
 GAINS = slice(VELOCITY_GAIN.start, ANGLE_GAIN.stop)
@@ -18,7 +19,15 @@ GAINS = slice(VELOCITY_GAIN.start, ANGLE_GAIN.stop)
 class Imu:
     """Body axes; the mean over the interval is what the sensor's low-pass filter leaves."""
 
-    def __init__(self, errors: ImuErrors, rate_hz: float, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        errors: ImuErrors,
+        rate_hz: float,
+        rng: np.random.Generator,
+        tuning: tuple[Tuning, Tuning] | None = None,
+    ) -> None:
+        """`tuning` is that of the accelerometer and that of the gyro."""
+        self._tuning = tuning
         scale = np.repeat([errors.accel_scale_std_ratio, errors.gyro_scale_std_ratio], 3)
         self._scale: list[float] = (1.0 + scale * rng.standard_normal(6)).tolist()
         self._errors = _error_rows(errors, rate_hz, rng)
@@ -31,19 +40,19 @@ class Imu:
         now, last, scale = row[GAINS].tolist(), self._gains, self._scale
         error = next(self._errors)
         self._gains, self._t_s = now, t_s
-        return ImuSample(
-            t_s=t_s,
-            accel_mps2=(
-                (now[0] - last[0]) * rate * scale[0] + error[0],
-                (now[1] - last[1]) * rate * scale[1] + error[1],
-                (now[2] - last[2]) * rate * scale[2] + error[2],
-            ),
-            gyro_radps=(
-                (now[3] - last[3]) * rate * scale[3] + error[3],
-                (now[4] - last[4]) * rate * scale[4] + error[4],
-                (now[5] - last[5]) * rate * scale[5] + error[5],
-            ),
+        accel = (
+            (now[0] - last[0]) * rate * scale[0] + error[0],
+            (now[1] - last[1]) * rate * scale[1] + error[1],
+            (now[2] - last[2]) * rate * scale[2] + error[2],
         )
+        gyro = (
+            (now[3] - last[3]) * rate * scale[3] + error[3],
+            (now[4] - last[4]) * rate * scale[4] + error[4],
+            (now[5] - last[5]) * rate * scale[5] + error[5],
+        )
+        if self._tuning is not None:
+            accel, gyro = self._tuning[0].apply(t_s, accel), self._tuning[1].apply(t_s, gyro)
+        return ImuSample(t_s=t_s, accel_mps2=accel, gyro_radps=gyro)
 
 
 def _error_rows(

@@ -12,11 +12,19 @@ from agribot.sim.attitude import rotation_of
 from agribot.sim.random_streams import NormalRows
 from agribot.sim.sensors.noise import HectorNoise
 from agribot.sim.sensors.presets import HectorMag, PhysicalMag
+from agribot.sim.sensors.tuning import Tuning
 from agribot.sim.state import TORQUE
 
 
 class Magnetometer:
-    def __init__(self, errors: PhysicalMag, field_enu_t: Vec3, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        errors: PhysicalMag,
+        field_enu_t: Vec3,
+        rng: np.random.Generator,
+        tuning: Tuning | None = None,
+    ) -> None:
+        self._tuning = tuning
         self._field_t = np.array(field_enu_t)
         self._noise_t = errors.noise_std_t
         self._hard_t = errors.hard_iron_std_t * rng.standard_normal(3)
@@ -31,13 +39,21 @@ class Magnetometer:
         field_t = self._soft @ (rotation_of(row).T @ self._field_t) + self._hard_t
         field_t += self._motor_t_per_nm * row[TORQUE] + self._noise_t * self._normal.take(1)[0]
         x, y, z = field_t.tolist()
-        return MagSample(t_s=t_s, field_t=(x, y, z))
+        field = (x, y, z)
+        return MagSample(t_s=t_s, field_t=_tuned(self._tuning, t_s, field))
 
 
 class HectorMagnetometer:
     """The original plugin: same strength as the world's field, but its own direction."""
 
-    def __init__(self, errors: HectorMag, field_enu_t: Vec3, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        errors: HectorMag,
+        field_enu_t: Vec3,
+        rng: np.random.Generator,
+        tuning: Tuning | None = None,
+    ) -> None:
+        self._tuning = tuning
         strength_t = math.sqrt(sum(axis * axis for axis in field_enu_t))
         dip = math.radians(errors.inclination_deg)
         east = math.radians(errors.declination_deg)
@@ -57,4 +73,16 @@ class HectorMagnetometer:
         x, y, z = (rotation_of(row).T @ self._field_t).tolist()
         ex, ey, ez = self._noise.step(t_s - self._t_s)
         self._t_s = t_s
-        return MagSample(t_s=t_s, field_t=(x + ex, y + ey, z + ez))
+        field = (x + ex, y + ey, z + ez)
+        return MagSample(t_s=t_s, field_t=_tuned(self._tuning, t_s, field))
+
+
+def turned_field(field_enu_t: Vec3, declination_deg: float) -> Vec3:
+    """The field with its horizontal part turned towards East."""
+    east, north, up = field_enu_t
+    cos, sin = math.cos(math.radians(declination_deg)), math.sin(math.radians(declination_deg))
+    return east * cos + north * sin, north * cos - east * sin, up
+
+
+def _tuned(tuning: Tuning | None, t_s: float, field_t: Vec3) -> Vec3:
+    return field_t if tuning is None else tuning.apply(t_s, field_t)

@@ -27,6 +27,12 @@ class HectorNoise:
         self._gaussian = gaussian
         self._drift: list[float] = (drift * self._rows.take(1)[0, :3]).tolist()
 
+    @property
+    def drift(self) -> Vec3:
+        """The slow part of the last error."""
+        x, y, z = self._drift
+        return x, y, z
+
     def step(self, dt_s: float) -> Vec3:
         decay = math.exp(-dt_s * self._frequency_hz)
         normal = self._rows.take(1)[0].tolist()
@@ -55,6 +61,12 @@ class GaussMarkov:
         """Draw a new value that owes nothing to the last one."""
         normal = self._rows.take(1)[0].tolist()
         self._value = [std * n for std, n in zip(self._std, normal, strict=True)]
+
+    @property
+    def value(self) -> Vec3:
+        """The last error."""
+        x, y, z = self._value
+        return x, y, z
 
     def step(self, dt_s: float) -> Vec3:
         decay = math.exp(-dt_s / self._tau_s)

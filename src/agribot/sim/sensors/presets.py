@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 from importlib import resources
+from typing import Any
 
 import msgspec
 
@@ -27,10 +28,14 @@ class HectorGnss(Settings, frozen=True, kw_only=True, tag_field="model", tag="he
 
 
 class Wander(Settings, frozen=True, kw_only=True):
-    """A slow error: Gauss-Markov with this standard deviation per horizontal axis."""
+    """A slow error: Gauss-Markov with this standard deviation per horizontal axis.
+
+    A `common` one comes from orbits and atmosphere: a base station near by can share it.
+    """
 
     std_m: float
     tau_s: float
+    common: bool = False
 
 
 class FloatOutages(Settings, frozen=True, kw_only=True):
@@ -41,6 +46,13 @@ class FloatOutages(Settings, frozen=True, kw_only=True):
     max_duration_s: float
     std_m: float
     tau_s: float
+
+
+class HeadingErrors(Settings, frozen=True, kw_only=True):
+    """Of a second antenna."""
+
+    rate_hz: float = 10.0
+    std_rad: float
 
 
 class PhysicalGnss(Settings, frozen=True, kw_only=True, tag_field="model", tag="physical"):
@@ -55,6 +67,7 @@ class PhysicalGnss(Settings, frozen=True, kw_only=True, tag_field="model", tag="
     vertical_ratio: float = 1.8
     latency_s: float = 0.0
     outages: FloatOutages | None = None
+    heading: HeadingErrors | None = None
 
 
 class ImuErrors(Settings, frozen=True, kw_only=True):
@@ -109,18 +122,35 @@ class SensorPreset(Settings, frozen=True, kw_only=True):
 
 
 def preset_names() -> list[str]:
-    folder = resources.files("agribot.sim.sensors") / "presets"
-    return sorted(p.name.removesuffix(".toml") for p in folder.iterdir())
+    return _names("presets")
 
 
 def load_preset(name: str) -> SensorPreset:
     """Raises: ConfigError: no preset has this name."""
-    known = preset_names()
+    return msgspec.convert(_read("presets", name, "sim.sensors"), SensorPreset)
+
+
+def imu_names() -> list[str]:
+    return _names("imu_presets")
+
+
+def load_imu(name: str) -> ImuErrors:
+    """Raises: ConfigError: no IMU has this name."""
+    return msgspec.convert(_read("imu_presets", name, "sim.imu"), ImuErrors)
+
+
+def _names(folder: str) -> list[str]:
+    files = resources.files("agribot.sim.sensors") / folder
+    return sorted(p.name.removesuffix(".toml") for p in files.iterdir())
+
+
+def _read(folder: str, name: str, setting: str) -> dict[str, Any]:
+    known = _names(folder)
     if name not in known:
         close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
         hint = f"; did you mean '{close[0]}'?" if close else ""
         raise ConfigError(
-            f"sim.sensors: unknown sensor preset '{name}'{hint}; known: {', '.join(known)}"
+            f"{setting}: unknown sensor preset '{name}'{hint}; known: {', '.join(known)}"
         )
-    path = resources.files("agribot.sim.sensors") / "presets" / f"{name}.toml"
-    return msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), SensorPreset)
+    path = resources.files("agribot.sim.sensors") / folder / f"{name}.toml"
+    return tomllib.loads(path.read_text(encoding="utf-8"))

@@ -5,14 +5,28 @@ from __future__ import annotations
 from collections import deque
 from typing import Generic, Protocol, TypeVar
 
+import msgspec
+
+from agribot.config import RunConfig
+from agribot.devices import BaseFix, BatterySample, GnssHeading
 from agribot.messages import FloatArray, GnssFix, ImuSample, MagSample, WheelSample
 from agribot.robot import RobotSpec, SensorMount
 from agribot.sim.clock import NS_PER_S, Schedule
 from agribot.sim.random_streams import stream
+from agribot.sim.sensors.base_station import BASE_RATE_HZ, BaseStation
+from agribot.sim.sensors.battery import BATTERY_RATE_HZ, Battery
+from agribot.sim.sensors.dual_antenna import DualAntenna
 from agribot.sim.sensors.gnss import Antenna, HectorReceiver, Receiver
 from agribot.sim.sensors.imu import Imu
-from agribot.sim.sensors.magnetometer import HectorMagnetometer, Magnetometer
-from agribot.sim.sensors.presets import HectorGnss, HectorMag, SensorPreset
+from agribot.sim.sensors.magnetometer import HectorMagnetometer, Magnetometer, turned_field
+from agribot.sim.sensors.presets import (
+    HectorGnss,
+    HectorMag,
+    SensorPreset,
+    load_imu,
+    load_preset,
+)
+from agribot.sim.sensors.tuning import Tuning
 from agribot.sim.sensors.wheel_encoders import WheelEncoders
 from agribot.world import WorldSpec
 
@@ -21,6 +35,14 @@ DEFAULT_IMU_HZ, DEFAULT_MAG_HZ, DEFAULT_GNSS_HZ = 200.0, 20.0, 5.0
 
 Sample_co = TypeVar("Sample_co", covariant=True)
 Sample = TypeVar("Sample")
+
+
+class HasTime(Protocol):
+    @property
+    def t_s(self) -> float: ...
+
+
+Timed = TypeVar("Timed", bound=HasTime)
 
 
 class Sensor(Protocol[Sample_co]):
@@ -49,43 +71,65 @@ class Channel(Generic[Sample]):
         )
 
 
-class SensorSuite:
-    def __init__(
-        self,
-        preset: SensorPreset,
-        robot: RobotSpec,
-        world: WorldSpec,
-        seed: int,
-        physics_step_ns: int,
-    ) -> None:
-        wheels = WheelEncoders(preset.wheels, robot.drive)
-        self.wheels: Channel[WheelSample] = Channel(wheels, preset.wheels.rate_hz, physics_step_ns)
-        imu_hz = _rate_hz(preset.imu.rate_hz, robot.imu, DEFAULT_IMU_HZ)
-        imu = Imu(preset.imu, imu_hz, stream(seed, "imu"))
-        self.imu: Channel[ImuSample] = Channel(imu, imu_hz, physics_step_ns)
-        self.mag: Channel[MagSample] = Channel(
-            _magnetometer(preset, world, seed),
-            _rate_hz(preset.mag.rate_hz, robot.mag, DEFAULT_MAG_HZ),
-            physics_step_ns,
-        )
-        receiver = _receiver(preset, robot, world, seed)
-        self._gnss: Channel[GnssFix] = Channel(
-            receiver,
-            _rate_hz(preset.gnss.rate_hz, robot.gnss, DEFAULT_GNSS_HZ),
-            physics_step_ns,
-        )
-        self._latency_s = receiver.latency_s
-        self._late: deque[GnssFix] = deque()
+class LateChannel(Generic[Timed]):
+    """A channel whose samples arrive `latency_s` after their time; None is no sample."""
 
-    def gnss(
+    def __init__(self, channel: Channel[Timed | None], latency_s: float) -> None:
+        self._channel = channel
+        self._latency_s = latency_s
+        self._late: deque[Timed] = deque()
+
+    def samples(
         self, first_step: int, last_step: int, history: FloatArray, t_s: float
-    ) -> tuple[GnssFix, ...]:
-        """The fixes that have arrived by `t_s`; they are `latency_s` late."""
-        self._late.extend(self._gnss.samples(first_step, last_step, history))
+    ) -> tuple[Timed, ...]:
+        """Those that have arrived by `t_s`."""
+        for sample in self._channel.samples(first_step, last_step, history):
+            if sample is not None:
+                self._late.append(sample)
         arrived = []
         while self._late and self._late[0].t_s + self._latency_s <= t_s + 1e-9:
             arrived.append(self._late.popleft())
         return tuple(arrived)
+
+
+class SensorSuite:
+    def __init__(
+        self,
+        config: RunConfig,
+        robot: RobotSpec,
+        world: WorldSpec,
+        physics_step_ns: int,
+    ) -> None:
+        """Raises: ConfigError: unknown preset, or a rate that the physics cannot give."""
+        preset, seed = load_preset(config.sim.sensors), config.seed
+        imu_errors = load_imu(config.sim.imu) if config.sim.imu else preset.imu
+        self._tunings = {
+            name: Tuning(stream(seed, f"tuning {name}")) for name in ("accel", "gyro", "mag")
+        }
+        wheels = WheelEncoders(preset.wheels, robot.drive)
+        self.wheels: Channel[WheelSample] = Channel(wheels, preset.wheels.rate_hz, physics_step_ns)
+        imu_hz = _rate_hz(imu_errors.rate_hz, robot.imu, DEFAULT_IMU_HZ)
+        tunings = self._tunings["accel"], self._tunings["gyro"]
+        imu = Imu(imu_errors, imu_hz, stream(seed, "imu"), tunings)
+        self.imu: Channel[ImuSample] = Channel(imu, imu_hz, physics_step_ns)
+        self.mag: Channel[MagSample] = Channel(
+            _magnetometer(preset, config, world, self._tunings["mag"]),
+            _rate_hz(preset.mag.rate_hz, robot.mag, DEFAULT_MAG_HZ),
+            physics_step_ns,
+        )
+        receiver = _receiver(preset, robot, world, seed)
+        self._tunings |= {"gnss": receiver.tuning, "gnss_velocity": receiver.velocity_tuning}
+        gnss_hz = _rate_hz(preset.gnss.rate_hz, robot.gnss, DEFAULT_GNSS_HZ)
+        self.gnss: LateChannel[GnssFix] = LateChannel(
+            Channel(receiver, gnss_hz, physics_step_ns), receiver.latency_s
+        )
+        self.headings = _dual_antenna(preset, receiver, seed, physics_step_ns)
+        self.base = _base_station(preset, config, receiver, world, physics_step_ns)
+        self.battery: Channel[BatterySample] = Channel(Battery(), BATTERY_RATE_HZ, physics_step_ns)
+
+    def tune(self, sensor: str, parameter: str, value: float) -> None:
+        """For the samples from now on; the names were checked by `check_tuning`."""
+        self._tunings[sensor].set(parameter, value)
 
 
 def _rate_hz(preset_hz: float | None, mount: SensorMount, default_hz: float) -> float:
@@ -93,12 +137,15 @@ def _rate_hz(preset_hz: float | None, mount: SensorMount, default_hz: float) -> 
 
 
 def _magnetometer(
-    preset: SensorPreset, world: WorldSpec, seed: int
+    preset: SensorPreset, config: RunConfig, world: WorldSpec, tuning: Tuning
 ) -> Magnetometer | HectorMagnetometer:
-    rng = stream(seed, "mag")
+    rng, declination_deg = stream(config.seed, "mag"), config.sim.declination_deg
     if isinstance(preset.mag, HectorMag):
-        return HectorMagnetometer(preset.mag, world.field_enu_t, rng)
-    return Magnetometer(preset.mag, world.field_enu_t, rng)
+        turned_deg = preset.mag.declination_deg + declination_deg
+        errors = msgspec.structs.replace(preset.mag, declination_deg=turned_deg)
+        return HectorMagnetometer(errors, world.field_enu_t, rng, tuning)
+    field_t = turned_field(world.field_enu_t, declination_deg)
+    return Magnetometer(preset.mag, field_t, rng, tuning)
 
 
 def _receiver(
@@ -109,3 +156,27 @@ def _receiver(
     if isinstance(preset.gnss, HectorGnss):
         return HectorReceiver(preset.gnss, antenna, seed)
     return Receiver(preset.gnss, antenna, seed)
+
+
+def _dual_antenna(
+    preset: SensorPreset, receiver: Receiver | HectorReceiver, seed: int, physics_step_ns: int
+) -> LateChannel[GnssHeading] | None:
+    errors = None if isinstance(preset.gnss, HectorGnss) else preset.gnss.heading
+    if errors is None:
+        return None
+    sensor = DualAntenna(errors, receiver, stream(seed, "gnss heading"))
+    return LateChannel(Channel(sensor, errors.rate_hz, physics_step_ns), receiver.latency_s)
+
+
+def _base_station(
+    preset: SensorPreset,
+    config: RunConfig,
+    receiver: Receiver | HectorReceiver,
+    world: WorldSpec,
+    physics_step_ns: int,
+) -> LateChannel[BaseFix] | None:
+    if config.sim.base_station == "off":
+        return None
+    is_common = config.sim.base_station == "common"
+    station = BaseStation(preset.gnss, receiver, world, config.seed, is_common=is_common)
+    return LateChannel(Channel(station, BASE_RATE_HZ, physics_step_ns), receiver.latency_s)

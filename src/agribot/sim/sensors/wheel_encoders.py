@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 
-from agribot.messages import FloatArray, WheelSample
+from agribot.messages import WHEEL_NAMES, FloatArray, Four, WheelSample
 from agribot.robot import DriveSpec
 from agribot.sim.sensors.presets import WheelErrors
-from agribot.sim.state import WHEEL_ANGLE
+from agribot.sim.state import EFFORT, FAULT, WHEEL_ANGLE
 
-Four = tuple[float, float, float, float]
+# Efforts, targets and faults lie side by side in the history.
+BOARD_COLUMNS = slice(EFFORT.start, FAULT.stop)
 
 
 class WheelEncoders:
@@ -31,6 +32,7 @@ class WheelEncoders:
             c = math.floor(c / tick) * tick
             d = math.floor(d / tick) * tick
         last_a, last_b, last_c, last_d = self._angle_rad
+        e, f, g, h, p, q, r, s, *faults = row[BOARD_COLUMNS].tolist()
         rate = 1.0 / (t_s - self._t_s)
         self._angle_rad, self._t_s = (a, b, c, d), t_s
         return WheelSample(
@@ -40,4 +42,11 @@ class WheelEncoders:
                 (a - last_a) * rate, (b - last_b) * rate,
                 (c - last_c) * rate, (d - last_d) * rate,
             ),
+            effort_nm=(e, f, g, h),
+            target_radps=(p, q, r, s),
+            faults=_names(faults) if any(faults) else (),
         )  # fmt: skip
+
+
+def _names(faults: list[float]) -> tuple[str, ...]:
+    return tuple(name for name, fault in zip(WHEEL_NAMES, faults, strict=True) if fault)

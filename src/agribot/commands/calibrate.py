@@ -1,0 +1,149 @@
+"""`agribot calibrate drive`: measure wheel radius and effective separation by driving a figure."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+
+import msgspec
+
+from agribot import config as settings
+from agribot.commands.calibration_drive import Drive, Gain, drive_figure, gain
+from agribot.description.loader import load_robot
+from agribot.description.worlds_sdf import load_world
+from agribot.estimate.drive_fit import TAPE_STD_M, DriveFit, fit_drive
+from agribot.robot import DriveSpec, RobotSpec
+from agribot.sim.platform import SimPlatform
+from agribot.sim.random_streams import stream
+
+
+class Calibration(msgspec.Struct, frozen=True, kw_only=True):
+    """The result as printed by --json; `*_off_ratio` is fitted over described, minus one."""
+
+    ok: bool
+    reasons: tuple[str, ...]
+    fit: DriveFit
+    yaw_multiplier: float
+    yaw_multiplier_std: float
+    described_wheel_radius_m: float
+    described_yaw_multiplier: float
+    wheel_radius_off_ratio: float
+    yaw_multiplier_off_ratio: float
+    described_gain: Gain
+    told_gain: Gain
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    subjects = parser.add_subparsers(dest="subject", metavar="WHAT", required=True)
+    drive = subjects.add_parser("drive", help="wheel radius and effective separation")
+    drive.add_argument("--robot", default="agribot", metavar="NAME|FILE", help="to be calibrated")
+    drive.add_argument(
+        "--machine",
+        metavar="NAME|FILE",
+        help="build the simulated machine from this description instead, to see an error found",
+    )
+    drive.add_argument("--world", default="empty", metavar="NAME|FILE", help="needs 8 m x 8 m")
+    drive.add_argument("--sensors", default="rtk", metavar="PRESET", help="default: rtk")
+    drive.add_argument("--seed", type=int, default=0, metavar="N", help="of all randomness")
+    drive.add_argument(
+        "--tape",
+        action="store_true",
+        help="measure the legs by tape (simulated: to 1 cm), where GNSS is too coarse",
+    )
+    drive.add_argument("--json", action="store_true", help="print the result as the last line")
+
+
+def run(options: argparse.Namespace) -> int:
+    robot = load_robot(options.robot)
+    machine = load_robot(options.machine) if options.machine else robot
+    described = _drive(options, machine, robot.drive)
+    told = _drive(options, machine, robot.drive.told())
+    fit = fit_drive(described.batches, described.stretches)
+    result = judge(robot.drive, fit, gain(described, fit), gain(told, fit))
+    sys.stderr.write(_text(robot.drive, result))
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(result).decode() + "\n")
+    return 0 if result.ok else 1
+
+
+def judge(drive: DriveSpec, fit: DriveFit, described: Gain, told: Gain) -> Calibration:
+    """What the fit says about the description."""
+    multiplier = fit.separation_m / drive.track_m
+    reasons = fit.complaints()
+    return Calibration(
+        ok=not reasons,
+        reasons=reasons,
+        fit=fit,
+        yaw_multiplier=multiplier,
+        yaw_multiplier_std=fit.separation_std_m / drive.track_m,
+        described_wheel_radius_m=drive.wheel_radius_m,
+        described_yaw_multiplier=drive.yaw_multiplier,
+        wheel_radius_off_ratio=fit.wheel_radius_m / drive.wheel_radius_m - 1.0,
+        yaw_multiplier_off_ratio=multiplier / drive.yaw_multiplier - 1.0,
+        described_gain=described,
+        told_gain=told,
+    )
+
+
+def _drive(options: argparse.Namespace, machine: RobotSpec, board: DriveSpec) -> Drive:
+    """Drive the figure with a machine whose motor board believes in the geometry `board`."""
+    config = settings.load(
+        "farm",
+        [
+            "perception.enabled=false",
+            f"sim.sensors={_toml(options.sensors)}",
+            f"seed={_toml(options.seed)}",
+        ],
+    )
+    platform = SimPlatform(config, machine, load_world(options.world), board=board)
+    rng = stream(options.seed, "tape")
+
+    def tape() -> tuple[float, float]:
+        truth = platform.truth()
+        x_error_m, y_error_m = (TAPE_STD_M / math.sqrt(2.0) * rng.standard_normal(2)).tolist()
+        return truth.x_map_m + x_error_m, truth.y_map_m + y_error_m
+
+    try:
+        return drive_figure(platform, board, tape if options.tape else None)
+    finally:
+        platform.close()
+
+
+def _toml(value: str | int) -> str:
+    return msgspec.json.encode(value).decode()
+
+
+def _text(drive: DriveSpec, result: Calibration) -> str:
+    fit = result.fit
+    lines = [
+        "                 fitted     1 sigma   described  off by",
+        _line("wheel radius", fit.wheel_radius_m, fit.wheel_radius_std_m, drive.wheel_radius_m),
+        _line(
+            "separation", fit.separation_m, fit.separation_std_m, drive.effective_separation_m
+        ),
+        _line(
+            "yaw multiplier", result.yaw_multiplier, result.yaw_multiplier_std,
+            drive.yaw_multiplier,
+        ),
+        _line("gyro scale", fit.gyro_scale, fit.gyro_scale_std, 1.0),
+        f"reached / commanded, as described: speed {result.described_gain.speed:.3f}, "
+        f"yaw rate {result.described_gain.yaw_rate:.3f}",
+        f"reached / commanded, as told:      speed {result.told_gain.speed:.3f}, "
+        f"yaw rate {result.told_gain.yaw_rate:.3f}",
+    ]  # fmt: skip
+    if result.ok:
+        lines += [
+            "to use them, set in the xacro files of the robot:",
+            f'  <xacro:property name="wheel_radius" value="{fit.wheel_radius_m:.4f}"/>',
+            f'  <xacro:property name="yaw_multiplier" value="{result.yaw_multiplier:.3f}"/>',
+        ]
+    else:
+        lines += [f"do not use them: {reason}" for reason in result.reasons]
+    return "\n".join(lines) + "\n"
+
+
+def _line(name: str, value: float, std: float, described: float) -> str:
+    return (
+        f"{name:15} {value:8.4f}  +-{std:8.4f}  {described:8.4f}  {value / described - 1.0:+7.1%}"
+    )

@@ -1,0 +1,54 @@
+"""What further devices say, beside the sensors that every robot has; all of it is optional.
+
+Units and frames as in `messages`; a batch without such a device carries an empty tuple.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class BaseFix(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a receiver at a known place believes to be: what is off there is off nearby, too."""
+
+    t_s: float
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+    pos_std_m: float
+    known_lat_deg: float
+    known_lon_deg: float
+    known_alt_m: float
+
+    def error(self) -> tuple[float, float, float]:
+        """Latitude, longitude (degrees) and altitude (m) to subtract from a fix near by."""
+        return (
+            self.lat_deg - self.known_lat_deg,
+            self.lon_deg - self.known_lon_deg,
+            self.alt_m - self.known_alt_m,
+        )
+
+
+class GnssHeading(msgspec.Struct, frozen=True, kw_only=True):
+    """Heading of the robot from two antennas; silent while the ambiguities are not fixed."""
+
+    t_s: float
+    yaw_map_rad: float
+    std_rad: float
+
+
+class BumperSample(msgspec.Struct, frozen=True, kw_only=True):
+    """The robot touches something, here in the body frame; one sample per tick of contact."""
+
+    t_s: float
+    x_body_m: float
+    y_body_m: float
+
+
+class BatterySample(msgspec.Struct, frozen=True, kw_only=True):
+    """Voltage at the terminals, current drawn, and what is left of the capacity."""
+
+    t_s: float
+    voltage_v: float
+    current_a: float
+    charge_ratio: float

@@ -1,0 +1,76 @@
+"""Errors that are set while the simulation runs, on top of those of the preset."""
+
+from __future__ import annotations
+
+import difflib
+
+import numpy as np
+
+from agribot.errors import ConfigError
+from agribot.messages import Vec3
+from agribot.sim.sensors.noise import HectorNoise
+
+# Parameters as hector's sensors name them, with the values that change nothing.
+NEUTRAL = {
+    "gaussian_noise": 0.0,
+    "offset": 0.0,
+    "drift": 0.0,
+    "drift_frequency": 1.0 / 3600.0,
+    "scale_error": 1.0,
+}
+# What can be tuned, and its unit.
+SENSORS = {
+    "gnss": "m",
+    "gnss_velocity": "m/s",
+    "accel": "m/s^2",
+    "gyro": "rad/s",
+    "mag": "T",
+}
+
+
+class Tuning:
+    """Three axes alike: `value * scale_error + offset + drift + noise`."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._values = dict(NEUTRAL)
+        self._is_active = False
+        self._noise = HectorNoise(rng, 0.0, 0.0, 0.0)
+        self._t_s = 0.0
+
+    def set(self, parameter: str, value: float) -> None:
+        """From the next sample on; the drift starts anew at N(0, drift)."""
+        self._values[parameter] = value
+        self._is_active = self._values != NEUTRAL
+        values = self._values
+        self._noise = HectorNoise(
+            self._rng, values["drift"], values["drift_frequency"], values["gaussian_noise"]
+        )
+
+    def apply(self, t_s: float, value: Vec3) -> Vec3:
+        if not self._is_active:
+            return value
+        dt_s, self._t_s = max(t_s - self._t_s, 0.0), t_s
+        scale, offset = self._values["scale_error"], self._values["offset"]
+        x, y, z = self._noise.step(dt_s)
+        return (
+            value[0] * scale + offset + x,
+            value[1] * scale + offset + y,
+            value[2] * scale + offset + z,
+        )
+
+
+def check_tuning(sensor: str, parameter: str, value: float) -> None:
+    """Raises: ConfigError: unknown name, or a value that the parameter cannot have."""
+    for what, name, known in (
+        ("sensor", sensor, list(SENSORS)),
+        ("parameter", parameter, list(NEUTRAL)),
+    ):
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+            hint = f"; did you mean '{close[0]}'?" if close else ""
+            raise ConfigError(f"tuning: unknown {what} '{name}'{hint}; known: {', '.join(known)}")
+    if not np.isfinite(value):
+        raise ConfigError(f"tuning {sensor} {parameter} = {value}: write a finite number")
+    if value < 0.0 and parameter not in {"offset", "scale_error"}:
+        raise ConfigError(f"tuning {sensor} {parameter} = {value}: it must not be negative")
