@@ -131,7 +131,10 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CameraSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """Pinhole camera; `link` is the frame with x forward, the optical frame follows REP-103."""
+    """Camera; `link` is the frame with x forward, the optical frame follows REP-103.
+
+    `distortion` is k1, k2, p1, p2 of the lens in OpenCV's model; all zero is a pinhole.
+    """
 
     link: str
     width_px: int
@@ -141,6 +144,7 @@ class CameraSpec(msgspec.Struct, frozen=True, kw_only=True):
     noise_std: float
     clip_near_m: float
     clip_far_m: float
+    distortion: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     @property
     def focal_px(self) -> float:

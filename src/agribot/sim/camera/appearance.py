@@ -12,7 +12,9 @@ class Appearance(msgspec.Struct, frozen=True, kw_only=True):
 
     `texture_seed` picks other soil and leaf textures, `soil_contrast` scales their relief and
     stains about the mean colour, `soil_scale` the size of clods and stones, `hue_spread` how
-    much single plants differ in colour, `haze_per_m` how fast distance fades.
+    much single plants differ in colour, `haze_per_m` how fast distance fades. With an
+    `auto_exposure_level` over 0 each picture is exposed so that its mean is this grey level
+    (before gamma), as a camera's automatic does.
     """
 
     texture_seed: int = 0
@@ -23,5 +25,6 @@ class Appearance(msgspec.Struct, frozen=True, kw_only=True):
     hue_spread: float = 1.0
     white_balance: Rgb = (1.0, 1.0, 1.0)
     exposure: float = 1.0
+    auto_exposure_level: float = 0.0
     gamma: float = 1.0
     haze_per_m: float = 0.003

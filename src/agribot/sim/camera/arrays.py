@@ -92,6 +92,22 @@ class Targets(NamedTuple):
     place: Doubles
 
 
+class RobotShade(NamedTuple):
+    """Light past the robot on the level `level_m` (map z): `shade` (rows, columns), 255 is lit.
+
+    A point in the shade of a texel is dark up to the height `top` over the level. `slope` (2,)
+    is how far, east and north, a shadow moves for a metre of height.
+    """
+
+    shade: Bytes
+    top: Singles
+    level_m: float
+    x_m: float
+    y_m: float
+    step_m: float
+    slope: Doubles
+
+
 class Ground(NamedTuple):
     """Flat ground or terrain, what covers it and where the sun does not reach.
 

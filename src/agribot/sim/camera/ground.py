@@ -6,7 +6,16 @@ import math
 
 import numpy as np
 
-from agribot.sim.camera.arrays import Doubles, Ground, Ints, Lamp, Pyramid, Singles, Targets, View
+from agribot.sim.camera.arrays import (
+    Doubles,
+    Ground,
+    Ints,
+    Lamp,
+    Pyramid,
+    Singles,
+    Targets,
+    View,
+)
 from agribot.sim.camera.jit import compiled
 from agribot.sim.camera.shadows import BLOCK, BLOCK_BITS
 
@@ -69,10 +78,13 @@ def _cell(edge: Doubles, at: float) -> int:
 
 @compiled
 def light_ground(
-    row: int, view: View, lamp: Lamp, ground: Ground, inverse_depth: Singles, place: Doubles,
-    layer: Ints, light: Singles, texels_per_px: Singles, texels_per_m: float,
+    row: int, view: View, lamp: Lamp, ground: Ground, past: Singles, inverse_depth: Singles,
+    place: Doubles, layer: Ints, light: Singles, texels_per_px: Singles, texels_per_m: float,
 ) -> None:  # fmt: skip
-    """Light on the ground pixels of a row, and how many texels each of them covers."""
+    """Light on the ground pixels of a row, and how many texels each of them covers.
+
+    `past` is how much of the sun reaches each of them past the robot.
+    """
     shade, block, tone, height = ground.shade, ground.block, ground.tone, ground.height
     sun_x, sun_y, sun_z = lamp.to_sun[0], lamp.to_sun[1], lamp.to_sun[2]
     eye_x, eye_y, eye_z = view.eye[0], view.eye[1], view.eye[2]
@@ -98,12 +110,26 @@ def light_ground(
             here = block[r >> BLOCK_BITS, c >> BLOCK_BITS]
             if here >= 0:
                 sun = shade[here, r & (BLOCK - 1), c & (BLOCK - 1)] * (1.0 / 255.0)
+        sun = min(sun, past[column])
         # Slow changes of tone hide that the texture repeats.
         tone_x, tone_y = int(x * ground.tone_per_m), int(y * ground.tone_per_m)
         bright = tone[tone_y & (TONE_SIZE - 1), tone_x & (TONE_SIZE - 1)]
         ambient = lamp.ambient * (0.75 + 0.25 * sun)
         light[column] = (ambient + lamp.diffuse * facing * sun) * bright
         texels_per_px[column] = texels_per_m / (view.focal_px * near * max(0.25, steep))
+
+
+@compiled
+def lift_ground(ground: Ground, place: Doubles, layer: Ints, z: Doubles) -> None:
+    """Map z of the ground pixels of a row."""
+    height = ground.height
+    for column in range(layer.shape[0]):
+        z[column] = 0.0
+        if height.shape[0] > 0 and layer[column] >= 0:
+            z[column] = height_at(
+                height, ground.height_x_m, ground.height_y_m, ground.height_step_m,
+                place[0, column], place[1, column],
+            )  # fmt: skip
 
 
 @compiled

@@ -6,8 +6,18 @@ import math
 
 import numpy as np
 
-from agribot.sim.camera.arrays import Doubles, Forms, Instances, Lamp, Longs, Singles, View
+from agribot.sim.camera.arrays import (
+    Doubles,
+    Forms,
+    Instances,
+    Lamp,
+    Longs,
+    RobotShade,
+    Singles,
+    View,
+)
 from agribot.sim.camera.jit import compiled, inlined
+from agribot.sim.camera.robot_shadow import shade_points
 
 # Columns of a projected vertex. Before the near plane, column and row hold camera metres.
 COLUMN, ROW, DEPTH, U, V, SHADE = range(6)
@@ -122,3 +132,47 @@ def _aim(i: int, things: Instances, view: View, lamp: Lamp, axes: Doubles) -> No
 @compiled
 def _across(x: float, y: float, z: float, turn: Singles, k: int) -> float:
     return float(x * turn[0, k] + y * turn[1, k] + z * turn[2, k])
+
+
+@compiled
+def shade_plants(
+    first: int, last: int, seen: Longs, mesh: Longs, start: Longs, forms: Forms,
+    things: Instances, lamp: Lamp, rover: RobotShade, point: Singles,
+) -> None:  # fmt: skip
+    """Take the sun from the projected vertices of `seen[first:last]` that the robot shades.
+
+    They keep the light of the sky; what is solid is not shaded.
+    """
+    vertex = forms.vertex
+    for k in range(first, last):
+        i = seen[k]
+        if things.solid[i] > 0 or not _near(things, forms, i, rover):
+            continue
+        turn, scale, origin = things.rotation[i], things.scale[i], forms.first_vertex[mesh[k]]
+        count = forms.vertices[mesh[k]]
+        place, past = np.empty((3, count)), np.empty(count, np.float32)
+        for j in range(count):
+            p = vertex[origin + j]
+            for axis in range(3):
+                away = turn[axis, 0] * p[0] + turn[axis, 1] * p[1] + turn[axis, 2] * p[2]
+                place[axis, j] = scale * away + things.position[i, axis]
+        shade_points(count, place[0], place[1], place[2], rover, past)
+        for j in range(count):
+            if past[j] < 1.0:
+                lit, p = point[start[k] + j, SHADE], vertex[origin + j]
+                sky = min(lit, 0.8 * lamp.ambient * (0.75 + 0.25 * abs(p[5])) * p[8])
+                point[start[k] + j, SHADE] = sky + (lit - sky) * past[j]
+
+
+@compiled
+def _near(things: Instances, forms: Forms, i: int, rover: RobotShade) -> bool:
+    """Whether a thing may be where the robot's shadow is."""
+    reach = forms.radius[things.form[i]] * things.scale[i]
+    reach *= 1.0 + abs(rover.slope[0]) + abs(rover.slope[1])
+    rise = things.position[i, 2] - rover.level_m
+    x = things.position[i, 0] + rover.slope[0] * rise - rover.x_m
+    y = things.position[i, 1] + rover.slope[1] * rise - rover.y_m
+    rows, columns = rover.shade.shape
+    if x < -reach or y < -reach:
+        return False
+    return bool(x < columns * rover.step_m + reach and y < rows * rover.step_m + reach)

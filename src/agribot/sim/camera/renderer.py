@@ -7,7 +7,7 @@ repeat and for any number of threads.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import pairwise
@@ -17,14 +17,18 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from agribot.geo import inverse
+from agribot.errors import DescriptionError
 from agribot.messages import ByteArray, FloatArray
-from agribot.robot import CameraSpec
+from agribot.robot import CameraSpec, RobotSpec
 from agribot.sim.camera.appearance import Appearance
-from agribot.sim.camera.arrays import Lamp, Longs, Singles, Targets, View
-from agribot.sim.camera.projection import cull, project
+from agribot.sim.camera.arrays import Lamp, Longs, RobotShade, Singles, Targets, View
+from agribot.sim.camera.lens import bend_rows, lens_of, view_of
+from agribot.sim.camera.projection import cull, project, shade_plants
 from agribot.sim.camera.raster import draw_band
+from agribot.sim.camera.robot_shadow import cast_robot_shade, no_robot_shade
+from agribot.sim.camera.rover import ResolveMesh, Rover, place
 from agribot.sim.camera.scene import (
+    PLAIN_LAYER,
     ground_arrays,
     ground_heights,
     ground_textures,
@@ -34,13 +38,16 @@ from agribot.sim.camera.scene import (
     packed_forms,
     plant_instances,
 )
-from agribot.sim.camera.shading import CURVE_STEPS, Picture, Sensor, finish_rows
-from agribot.sim.camera.shadows import bake_shadows
+from agribot.sim.camera.shading import CURVE_STEPS, Picture, Sensor, cover_rows, develop_rows
+from agribot.sim.camera.shadows import bake_shadows, shadow_slope
+from agribot.sim.camera.stl import packaged_mesh
 from agribot.sim.camera.terrain import draw_terrain, terrain_points
 from agribot.world import WorldSpec
 
 LOD_PX = (150.0, 70.0, 32.0, 16.0)  # below these apparent sizes the next coarser mesh is drawn
 LEAST_PX = 1.2
+METER_STEP = 4  # every fourth drawn pixel of every fourth row counts for the exposure
+METER_GAIN = (0.125, 8.0)
 Run = Callable[[Callable[[int, int], None], int], None]
 
 
@@ -61,16 +68,19 @@ class Rendering(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 class CameraRenderer:
     """Draws one world. Keeps buffers between pictures: one thread at a time may call it.
 
-    `variants` is the number of different plants of each species and stage, `threads` how many
-    draw at once (all that numba may use by default).
+    With a `robot` its visuals and its shadow can be part of the picture; `resolve_mesh` tells
+    the file of a mesh name. `variants` is the number of different plants of each species and
+    stage, `threads` how many draw at once (all that numba may use by default).
 
-    Raises: DescriptionError: an unknown species, surface or kind of shape.
+    Raises: DescriptionError: an unknown species, surface or kind of shape, or a broken mesh.
     """
 
     def __init__(
         self,
         world: WorldSpec,
+        robot: RobotSpec | None = None,
         *,
+        resolve_mesh: ResolveMesh = packaged_mesh,
         variants: int = 12,
         shadow_resolution_m: float = 0.01,
         appearance: Appearance | None = None,
@@ -84,14 +94,21 @@ class CameraRenderer:
         self._lamp = Lamp(to_sun, world.light.diffuse, world.light.ambient, look.haze_per_m)
         plants, plant_forms = plant_instances(world, variants, look)
         obstacles, obstacle_forms = obstacle_instances(world.obstacles, len(plant_forms))
-        self._forms = packed_forms(plant_forms + obstacle_forms)
+        self._rover = None if robot is None else Rover(robot, resolve_mesh)
+        rover_forms = [] if self._rover is None else self._rover.forms
+        self._forms = packed_forms(plant_forms + obstacle_forms + rover_forms)
         base_m = (ground_heights(world, obstacles.position), plants.position[:, 2].copy())
         shadow = bake_shadows(self._forms, obstacles, plants, base_m, to_sun, shadow_resolution_m)
         self._things = joined(plants, obstacles)
+        self._first_part = len(self._things.form)
+        if self._rover is not None:
+            first_form = len(plant_forms) + len(obstacle_forms)
+            parts = self._rover.instances(first_form, PLAIN_LAYER)
+            self._things = joined(self._things, parts)
         self._ground = ground_arrays(world, shadow, look)
         self._leaves = leaf_textures(look.texture_seed)
         self._surfaces = ground_textures(world, to_sun, look)
-        self._targets: Targets | None = None
+        self._targets: dict[str, Targets] = {}
 
     def render(
         self,
@@ -100,50 +117,87 @@ class CameraRenderer:
         *,
         noise_seed: int | None,
         supersample: int = 1,
+        map_from_body: FloatArray | None = None,
+        wheel_angles_rad: Sequence[float] | None = None,
     ) -> Rendering:
         """Draw the view of an optical frame at `map_from_camera` (4, 4).
 
         Without a noise seed the sensor has no noise. With `supersample` n every pixel is the
-        mean of n x n drawn ones, and shows the plant that most of them show.
+        mean of n x n drawn ones, and shows the plant that most of them show. With the pose of
+        the robot's body (4, 4) the robot and its shadow are in the picture, its wheels turned
+        by the angles in the order of WHEEL_NAMES.
+
+        Raises: DescriptionError: a pose but no robot, or a distortion that cannot be drawn.
         """
-        view = _view(map_from_camera, camera, supersample)
-        targets = self._buffers(view.height, view.width)
+        lens = lens_of(camera, supersample)
+        view = view_of(map_from_camera, camera, supersample, lens)
+        shade = self._place_rover(map_from_body, wheel_angles_rad)
+        drawn = targets = self._buffers("drawn", view.height, view.width)
         picture = _blank(camera)
         with _workers(self._threads) as run:
-            self._draw(view, targets, float(supersample), run)
-            sensor = _sensor(self.appearance, camera, noise_seed)
+            self._draw(view, drawn, shade, float(supersample), run)
             run(
-                lambda first, last: finish_rows(
-                    first, last, supersample, view, self._lamp, self._ground, self._surfaces,
-                    targets, sensor, picture,
+                lambda first, last: cover_rows(
+                    first, last, view, self._lamp, self._ground, shade, self._surfaces, drawn
+                ),
+                view.height,
+            )
+            if lens is not None:
+                source = lens.source
+                targets = self._buffers("bent", *source.shape[:2])
+                run(
+                    lambda first, last: bend_rows(first, last, source, drawn, targets),
+                    source.shape[0],
+                )
+            sensor = _sensor(self.appearance, camera, noise_seed, targets)
+            run(
+                lambda first, last: develop_rows(
+                    first, last, supersample, targets, sensor, picture
                 ),
                 camera.height_px,
-            )  # fmt: skip
+            )
         return Rendering(
             image_rgb=picture.image, depth_m=picture.depth, class_id=picture.label,
             instance=picture.instance,
         )  # fmt: skip
 
-    def _draw(self, view: View, targets: Targets, detail: float, run: Run) -> None:
+    def _place_rover(
+        self, map_from_body: FloatArray | None, wheel_angles_rad: Sequence[float] | None
+    ) -> RobotShade:
+        """Put the robot's parts where they are, or away; returns its shadow."""
+        if map_from_body is None:
+            self._things.scale[self._first_part :] = 0.0
+            return no_robot_shade()
+        if self._rover is None:
+            raise DescriptionError(
+                "a pose of the robot was given, but the renderer knows no robot; "
+                "pass robot= to CameraRenderer"
+            )
+        place(self._things, self._first_part, self._rover.poses(map_from_body, wheel_angles_rad))
+        slope = shadow_slope(self._lamp.to_sun)
+        level_m = float(map_from_body[2, 3])
+        return cast_robot_shade(self._forms, self._things, self._first_part, level_m, slope)
+
+    def _draw(
+        self, view: View, targets: Targets, shade: RobotShade, detail: float, run: Run
+    ) -> None:
         """Fill the targets with everything that stands on the ground."""
         forms, things = self._forms, self._things
-        count = len(things.form)
-        depth_m, size_px = np.empty(count, np.float32), np.empty(count, np.float32)
-        cull(forms, things, view, LEAST_PX * detail, depth_m, size_px)
-        seen: Longs = np.flatnonzero(depth_m > 0.0)
-        seen = seen[np.argsort(depth_m[seen], kind="stable")]
-        lod = np.searchsorted(-np.array(LOD_PX) * detail, -size_px[seen], side="left")
+        seen, lod = self._seen(view, detail)
         mesh: Longs = things.form[seen] + lod * forms.forms
         vertices = forms.vertices[mesh]
         start: Longs = np.cumsum(vertices) - vertices
         point = np.empty((int(vertices.sum()), 6), np.float32)
         box: Singles = np.empty((len(seen), 5), np.float32)
-        run(
-            lambda first, last: project(
-                first, last, seen, mesh, start, forms, things, view, self._lamp, point, box
-            ),
-            len(seen),
-        )
+
+        def project_slice(first: int, last: int) -> None:
+            project(first, last, seen, mesh, start, forms, things, view, self._lamp, point, box)
+            if shade.shade.size:
+                shade_plants(
+                    first, last, seen, mesh, start, forms, things, self._lamp, shade, point
+                )
+
+        run(project_slice, len(seen))
         run(
             lambda first, last: draw_band(
                 first, last, seen, mesh, start, forms, things, view, self._leaves, point, box,
@@ -158,17 +212,29 @@ class CameraRenderer:
                 view.height,
             )
 
-    def _buffers(self, height: int, width: int) -> Targets:
-        if self._targets is None or self._targets.label.shape != (height, width):
-            rough = self.world.terrain is not None
-            self._targets = Targets(
+    def _seen(self, view: View, detail: float) -> tuple[Longs, Longs]:
+        """Indices of the things in view, nearest first, and their levels of detail."""
+        count = len(self._things.form)
+        depth_m, size_px = np.empty(count, np.float32), np.empty(count, np.float32)
+        cull(self._forms, self._things, view, LEAST_PX * detail, depth_m, size_px)
+        seen: Longs = np.flatnonzero(depth_m > 0.0)
+        seen = seen[np.argsort(depth_m[seen], kind="stable")]
+        lod: Longs = np.searchsorted(-np.array(LOD_PX) * detail, -size_px[seen], side="left")
+        return seen, lod
+
+    def _buffers(self, name: str, height: int, width: int) -> Targets:
+        """Targets of this size, the same ones as long as the size stays."""
+        kept = self._targets.get(name)
+        if kept is None or kept.label.shape != (height, width):
+            rough = self.world.terrain is not None and name == "drawn"
+            kept = self._targets[name] = Targets(
                 colour=np.empty((height, width, 3), np.float32),
                 inverse_depth=np.empty((height, width), np.float32),
                 label=np.empty((height, width), np.uint8),
                 instance=np.empty((height, width), np.int32),
                 place=np.empty((height, width, 2) if rough else (0, 0, 2)),
             )
-        return self._targets
+        return kept
 
 
 @contextmanager
@@ -188,16 +254,6 @@ def _workers(threads: int) -> Iterator[Run]:
         yield shared
 
 
-def _view(map_from_camera: FloatArray, camera: CameraSpec, fine: int) -> View:
-    width, height = camera.width_px * fine, camera.height_px * fine
-    return View(
-        eye=np.array(map_from_camera[:3, 3], dtype=float),
-        camera_from_map=np.ascontiguousarray(inverse(map_from_camera)[:3, :3]),
-        focal_px=camera.focal_px * fine, cx_px=(width - 1) / 2.0, cy_px=(height - 1) / 2.0,
-        near_m=camera.clip_near_m, far_m=camera.clip_far_m, width=width, height=height,
-    )  # fmt: skip
-
-
 def _blank(camera: CameraSpec) -> Picture:
     shape = (camera.height_px, camera.width_px)
     return Picture(
@@ -206,8 +262,15 @@ def _blank(camera: CameraSpec) -> Picture:
     )  # fmt: skip
 
 
-def _sensor(look: Appearance, camera: CameraSpec, noise_seed: int | None) -> Sensor:
+def _sensor(
+    look: Appearance, camera: CameraSpec, noise_seed: int | None, targets: Targets
+) -> Sensor:
     gain = np.array(look.white_balance) * look.exposure
+    if look.auto_exposure_level > 0.0:
+        sample = targets.colour[::METER_STEP, ::METER_STEP]
+        mean = float((sample.reshape(-1, 3) * gain).mean())
+        least, most = METER_GAIN
+        gain = gain * min(max(look.auto_exposure_level / max(mean, 1e-6), least), most)
     curve = np.empty(0, np.float32)
     if look.gamma != 1.0:
         level = np.arange(256 * CURVE_STEPS) / (255.0 * CURVE_STEPS)

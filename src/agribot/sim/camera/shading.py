@@ -14,12 +14,14 @@ from agribot.sim.camera.arrays import (
     Ints,
     Lamp,
     Pyramid,
+    RobotShade,
     Singles,
     Targets,
     View,
 )
-from agribot.sim.camera.ground import find_ground, light_ground, paint_ground
+from agribot.sim.camera.ground import find_ground, lift_ground, light_ground, paint_ground
 from agribot.sim.camera.jit import compiled, inlined
+from agribot.sim.camera.robot_shadow import shade_points
 
 CURVE_STEPS = 4  # entries of the tone curve for each grey level
 
@@ -43,26 +45,37 @@ class Picture(NamedTuple):
 
 
 @compiled
-def finish_rows(
-    first: int, last: int, fine: int, view: View, lamp: Lamp, ground: Ground, textures: Pyramid,
-    targets: Targets, sensor: Sensor, picture: Picture,
+def cover_rows(
+    first: int, last: int, view: View, lamp: Lamp, ground: Ground, rover: RobotShade,
+    textures: Pyramid, targets: Targets,
 ) -> None:  # fmt: skip
-    """Complete the rows [first, last) of the picture from `fine` times as many drawn rows."""
+    """Complete the drawn rows [first, last) with ground, haze and sky."""
     layer = np.empty(view.width, np.int32)
-    place = np.empty((2, view.width))
+    place, z = np.zeros((2, view.width)), np.zeros(view.width)
+    past, has_rover = np.ones(view.width, np.float32), rover.shade.shape[0] > 0
     light, texels_per_px = np.empty(view.width, np.float32), np.empty(view.width, np.float32)
     texels_per_m = ground.repeat_per_m * textures.width[0]
     colour, inverse_depth = targets.colour, targets.inverse_depth
+    for drawn in range(first, last):
+        find_ground(drawn, view, ground, targets, place, layer)
+        if has_rover:
+            lift_ground(ground, place, layer, z)
+            shade_points(view.width, place[0], place[1], z, rover, past)
+        light_ground(drawn, view, lamp, ground, past, inverse_depth, place, layer, light,
+                     texels_per_px, texels_per_m)  # fmt: skip
+        paint_ground(drawn, textures, ground.repeat_per_m, place, layer, light,
+                     texels_per_px, colour)  # fmt: skip
+        fade_row(drawn, view, lamp.haze_per_m, inverse_depth, colour)
+
+
+@compiled
+def develop_rows(
+    first: int, last: int, fine: int, targets: Targets, sensor: Sensor, picture: Picture
+) -> None:
+    """Make the rows [first, last) of the picture from `fine` times as many drawn rows."""
     for row in range(first, last):
-        for drawn in range(row * fine, (row + 1) * fine):
-            find_ground(drawn, view, ground, targets, place, layer)
-            light_ground(drawn, view, lamp, ground, inverse_depth, place, layer, light,
-                         texels_per_px, texels_per_m)  # fmt: skip
-            paint_ground(drawn, textures, ground.repeat_per_m, place, layer, light,
-                         texels_per_px, colour)  # fmt: skip
-            fade_row(drawn, view, lamp.haze_per_m, inverse_depth, colour)
-        choose_row(row, fine, inverse_depth, targets.label, targets.instance, picture)
-        expose_row(row, fine, colour, sensor, picture.image)
+        choose_row(row, fine, targets.inverse_depth, targets.label, targets.instance, picture)
+        expose_row(row, fine, targets.colour, sensor, picture.image)
 
 
 @compiled

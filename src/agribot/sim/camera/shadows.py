@@ -44,7 +44,7 @@ def bake_shadows(
     Plants in the shade of an obstacle get that noted in `plants.sun`. A step too fine for the
     memory is doubled until it fits.
     """
-    slope = -to_sun[:2] / max(float(to_sun[2]), LOWEST_SUN)
+    slope = shadow_slope(to_sun)
     groups = [
         (things, base, _boxes(forms, things, base, slope))
         for things, base in zip((obstacles, plants), base_m, strict=True)
@@ -66,6 +66,12 @@ def bake_shadows(
             _note_shade(plants, shade, block, x_m, y_m, step_m)
         _bake(forms, things, base, slope, shade, block, x_m, y_m, step_m)
     return ShadowMap(_softened(shade, block), block, x_m, y_m, step_m)
+
+
+def shadow_slope(to_sun: Doubles) -> Doubles:
+    """How far a shadow moves, east and north (2,), for a metre of height."""
+    slope: Doubles = -to_sun[:2] / max(float(to_sun[2]), LOWEST_SUN)
+    return slope
 
 
 @compiled

@@ -30,6 +30,17 @@ def shape_lods(shape: Shape) -> tuple[Mesh, ...]:
     )
 
 
+def flat_faced(triangles_m: FloatArray) -> Mesh:
+    """A mesh of triangles (n, 3, 3), each with its own normal; such without area are left out."""
+    normal = np.cross(triangles_m[:, 1] - triangles_m[:, 0], triangles_m[:, 2] - triangles_m[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    kept = length > 0.0
+    normal = np.repeat(normal[kept] / length[kept, None], 3, axis=0)
+    vertices = triangles_m[kept].reshape(-1, 3)
+    uv = np.tile([[0.2, 0.2], [0.8, 0.2], [0.5, 0.8]], (int(kept.sum()), 1))
+    return _solid(vertices, normal, uv, np.arange(len(vertices)).reshape(-1, 3))
+
+
 def _grid_faces(rows: int, columns: int) -> npt.NDArray[np.int64]:
     """Two triangles for each cell of a grid of (rows + 1) x (columns + 1) vertices."""
     a = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)[None, :]).ravel()

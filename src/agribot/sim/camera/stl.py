@@ -1,0 +1,48 @@
+"""Binary STL meshes, as the robot's visuals name them."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from agribot.errors import DescriptionError
+from agribot.messages import FloatArray
+
+HEADER_BYTES, COUNT_BYTES = 80, 4
+TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
+OWN_PACKAGE = "package://agribot_description/"
+
+
+def packaged_mesh(name: str) -> Path:
+    """The file that a mesh name of a robot description means.
+
+    Names of our own description package are found in it; any other is taken as a path.
+    """
+    if name.startswith(OWN_PACKAGE):
+        folder = Path(str(resources.files("agribot"))) / "description"
+        return folder / name.removeprefix(OWN_PACKAGE)
+    return Path(name.removeprefix("file://"))
+
+
+def read_stl(path: Path) -> FloatArray:
+    """Triangles (n, 3, 3), counter-clockwise seen from outside.
+
+    Raises: DescriptionError: no such file, or it is not binary STL.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DescriptionError(
+            f"cannot read the mesh {path}: {error.strerror}; check the description's mesh names"
+        ) from error
+    start = HEADER_BYTES + COUNT_BYTES
+    count = int(np.frombuffer(data[HEADER_BYTES:start], "<u4")[0]) if len(data) >= start else -1
+    wanted = start + count * TRIANGLE.itemsize
+    if count < 0 or len(data) != wanted:
+        raise DescriptionError(
+            f"the mesh {path} has {len(data)} bytes, a binary STL of {max(count, 0)} triangles "
+            f"has {max(wanted, start)}; convert it to binary STL"
+        )
+    return np.frombuffer(data, TRIANGLE, offset=start)["corners"].astype(float)
