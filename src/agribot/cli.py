@@ -41,6 +41,11 @@ COMMANDS = {
         "list, check and render worlds",
         "agribot world render Farm -o farm.png",
     ),
+    "dataset": (
+        "agribot.commands.dataset",
+        "draw, check and split labelled images",
+        "agribot dataset generate --images 1000 --seed 1 --out fields",
+    ),
     "train": (
         "agribot.train.main",
         "train the crop/weed network on simulated images",
