@@ -1,4 +1,4 @@
-"""Progress of countable work on stderr: a bar on a terminal, a plain line now and then elsewhere."""
+"""Progress of countable work on stderr: a bar on a terminal, else a plain line now and then."""
 
 from __future__ import annotations
 

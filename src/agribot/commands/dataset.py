@@ -1,4 +1,4 @@
-"""`agribot dataset`: draw labelled images, check any set of images and masks, split without leaks."""
+"""`agribot dataset`: draw labelled images, check sets of images and masks, split without leaks."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ import time
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from agribot.commands.counting import CountProgress
 from agribot.commands.stopping import stop_on_signal
-from agribot.errors import ConfigError
+from agribot.errors import ConfigError, RecordingError
 from agribot.workers import results, usable_cpus
 
 LARGEST_SIDE_PX = 8192
+MOST_LINES = 20  # of problems, on the terminal
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,10 +44,91 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
     )
     generate.add_argument("--json", action="store_true", help="print a summary as the last line")
+    check = actions.add_parser(
+        "check",
+        help="pair images with masks and say what is missing or wrong",
+        epilog="example: agribot dataset check fields; status 1 where something is wrong",
+    )
+    _add_folder(check)
+    split = actions.add_parser(
+        "split",
+        help="training, validation and test sets that share no field or day",
+        epilog="example: agribot dataset split fields --by field --ratios 70,15,15 -o split.json",
+    )
+    _add_folder(split)
+    split.add_argument("--by", choices=("field", "day", "image"), default="field")
+    split.add_argument("--ratios", default="70,15,15", metavar="TRAIN,VAL,TEST")
+    split.add_argument("--seed", type=int, default=0)
+    split.add_argument("-o", "--out", type=Path, required=True, metavar="FILE")
+
+
+def _add_folder(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, metavar="DIR", help="a set, or a folder of sets")
+    parser.add_argument("--images", metavar="NAME", help="folder of the images inside DIR")
+    parser.add_argument("--masks", metavar="NAME", help="folder of the masks inside DIR")
+    parser.add_argument("--json", action="store_true", help="print the report as the last line")
 
 
 def run(options: argparse.Namespace) -> int:
-    return _generate(options)
+    actions = {"generate": _generate, "check": _check, "split": _split}
+    return actions[options.action](options)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from agribot.dataset.check import check
+    from agribot.dataset.layouts import find_layout
+
+    layout = find_layout(options.folder, options.images, options.masks)
+    progress = CountProgress(len(layout.items), "pairs")
+    report = check(layout, progress)
+    progress.close()
+    ratios = ", ".join(
+        f"{name} {ratio:.2%}" for name, ratio in report.pixel_ratio.items() if ratio is not None
+    )
+    text = (
+        f"{'OK' if report.ok else 'NOT OK'}: {report.images} images, {report.masks} masks, "
+        f"{report.pairs} good pairs in {len(report.groups)} set(s); pixels: {ratios or '-'}; "
+        f"{report.without_plants} without plants; sizes "
+        f"{', '.join(f'{size} ({count})' for size, count in report.sizes.items()) or '-'}\n"
+    )
+    for problem in report.problems[:MOST_LINES]:
+        text += f"  {problem.kind}: {problem.file} {problem.detail}".rstrip() + "\n"
+    if len(report.problems) > MOST_LINES:
+        text += f"  and {len(report.problems) - MOST_LINES} more (all with --json)\n"
+    _show(options, msgspec.to_builtins(report), text)
+    return 0 if report.ok else 1
+
+
+def _split(options: argparse.Namespace) -> int:
+    from agribot.dataset.layouts import find_layout
+    from agribot.dataset.split import PARTS, read_ratios, split
+
+    ratios = read_ratios(options.ratios)
+    if options.seed < 0:
+        raise ConfigError(f"--seed {options.seed}: must be at least 0")
+    layout = find_layout(options.folder, options.images, options.masks)
+    result = split(layout, options.by, ratios, options.seed)
+    try:
+        options.out.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2) + b"\n")
+    except OSError as error:
+        raise RecordingError(
+            f"cannot write {options.out}: {error.strerror or error}; choose another -o file"
+        ) from error
+    proof = result.proof
+    text = "".join(
+        f"{part}: {len(getattr(result, part))} images ({result.reached[part]:.1%}) of "
+        f"{len(result.groups[part])} {options.by}(s)\n"
+        for part in PARTS
+    )
+    if not proof.ok:
+        pairs = "; ".join(f"{one} = {other}" for one, other in proof.equal_files_in_two_parts[:5])
+        text += f"NOT OK: the same picture lies in two parts: {pairs}\n"
+    elif proof.groups_stay_together:
+        text += f"no {options.by}, image or file is in two parts; every image is in one\n"
+    else:
+        text += "every image is in one part, but neighbouring pictures may show the same plants\n"
+    _show(options, {"file": str(options.out), **msgspec.to_builtins(result)}, text)
+    return 0 if proof.ok else 1
 
 
 def _generate(options: argparse.Namespace) -> int:
