@@ -41,6 +41,11 @@ COMMANDS = {
         "list, check and render worlds",
         "agribot world render Farm -o farm.png",
     ),
+    "sweep": (
+        "agribot.commands.sweep",
+        "run many seeds and settings and compare their reports",
+        "agribot sweep farm --seeds 1-8 --vary mission.speed_mps=0.4,0.6 --out runs/speeds",
+    ),
     "dataset": (
         "agribot.commands.dataset",
         "draw, check and split labelled images",
