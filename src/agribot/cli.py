@@ -41,6 +41,11 @@ COMMANDS = {
         "list, check and render worlds",
         "agribot world render Farm -o farm.png",
     ),
+    "doctor": (
+        "agribot.commands.doctor",
+        "say what is installed, what is missing and whether the robot would start",
+        "agribot doctor",
+    ),
     "sweep": (
         "agribot.commands.sweep",
         "run many seeds and settings and compare their reports",
