@@ -32,8 +32,8 @@ LAYERS = {
     ),
     1: ("estimate", "plan", "control", "perceive", "weeds"),
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),
-    3: ("stack", "perception_host", "session", "report_card"),
-    4: ("cli", "commands", "ui", "train", "sweep"),
+    3: ("stack", "perception_host", "session", "report_card", "workers"),
+    4: ("cli", "commands", "ui", "train", "dataset", "sweep"),
 }
 LAYER_OF = {part: layer for layer, parts in LAYERS.items() for part in parts}
 DATA_FOLDERS = {"profiles", "models"}
@@ -48,12 +48,13 @@ HEAVY = {
     "numba": {"sim"},
     "llvmlite": {"sim"},
     "onnxruntime": {"perceive"},
-    "scipy": {"perceive", "sim"},
+    "scipy": {"perceive", "sim", "dataset"},
     "xacro": {"description"},
     "matplotlib": {"record"},
     "mcap": {"record"},
     "rosbags": {"record"},
-    "PIL": {"description", "record", "sim", "train", "commands"},
+    "PIL": {"description", "record", "sim", "train", "dataset", "commands"},
+    "ray": {"sweep"},
 }
 # What pure decisions have no business with: clocks, threads, the outside world, hidden randomness.
 IMPURE = {

@@ -46,6 +46,21 @@ COMMANDS = {
         "measure what the robot's description says: wheel radius and effective separation",
         "agribot calibrate drive --sensors rtk --json",
     ),
+    "doctor": (
+        "agribot.commands.doctor",
+        "say what is installed, what is missing and whether the robot would start",
+        "agribot doctor",
+    ),
+    "sweep": (
+        "agribot.commands.sweep",
+        "run many seeds and settings and compare their reports",
+        "agribot sweep farm --seeds 1-8 --vary mission.speed_mps=0.4,0.6 --out runs/speeds",
+    ),
+    "dataset": (
+        "agribot.commands.dataset",
+        "draw, check and split labelled images",
+        "agribot dataset generate --images 1000 --seed 1 --out fields",
+    ),
     "train": (
         "agribot.train.main",
         "train the crop/weed network on simulated images",

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-import signal
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -16,6 +13,7 @@ import msgspec
 
 from agribot import config as settings
 from agribot.commands.progress import Progress
+from agribot.commands.stopping import stop_on_signal
 from agribot.errors import ConfigError
 from agribot.record.report import Report
 from agribot.session import Session
@@ -57,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
         sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
         progress = Progress(session.weed_map)
         session.add_tap(progress)
-        with _stop_on_signal() as stop:
+        with stop_on_signal() as stop:
             started_s = time.monotonic()
             for record in session.ticks():
                 if stop:
@@ -116,23 +114,6 @@ def _wait_until(moment_s: float) -> None:
     remaining_s = moment_s - time.monotonic()
     if remaining_s > 0:
         time.sleep(remaining_s)
-
-
-@contextmanager
-def _stop_on_signal() -> Iterator[list[int]]:
-    """A list that a first Ctrl-C or SIGTERM makes true; the second one interrupts at once."""
-    received: list[int] = []
-
-    def note(signum: int, _frame: object) -> None:
-        received.append(signum)
-        signal.signal(signum, signal.default_int_handler)
-
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield received
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _summary(report: Report, out_dir: Path) -> str:

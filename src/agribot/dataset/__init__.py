@@ -1,0 +1,1 @@
+"""Labelled images: drawn by the simulator, checked and split, whoever made them."""

@@ -1,0 +1,144 @@
+"""Does every image have a mask that fits, and what do the masks hold?"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from PIL import Image
+
+from agribot.dataset.layouts import Item, Layout
+from agribot.messages import ByteArray, PlantClass
+
+UNLABELLED = 255  # pixels that count for nothing
+UNKNOWN = 254
+# Colour as one number 0xRRGGBB. Soil is blue here and black in CWFID and in the Bonn data.
+COLOURS = {0xFF0000: 0, 0x00FF00: 1, 0x0000FF: 2, 0x000000: 2}
+
+
+class Problem(msgspec.Struct, frozen=True, kw_only=True):
+    kind: str
+    file: str
+    detail: str = ""
+
+
+class CheckReport(msgspec.Struct, frozen=True, kw_only=True):
+    """`pixel_ratio` is over all pixels of known class in readable pairs; null where there are
+    none. `without_plants` counts the masks that are all soil.
+    """
+
+    folder: str
+    ok: bool
+    images: int
+    masks: int
+    pairs: int
+    groups: dict[str, int]
+    sizes: dict[str, int]
+    pixel_ratio: dict[str, float | None]
+    without_plants: int
+    problems: tuple[Problem, ...]
+
+
+class Tally:
+    """What the checked pairs add up to."""
+
+    def __init__(self) -> None:
+        self.problems: list[Problem] = []
+        self.pixels = np.zeros(256, np.int64)
+        self.sizes: Counter[str] = Counter()
+        self.pairs = self.without_plants = 0
+
+    def note(self, kind: str, file: str, detail: str = "") -> None:
+        self.problems.append(Problem(kind=kind, file=file, detail=detail))
+
+
+def check(layout: Layout, progress: Callable[[int], None]) -> CheckReport:
+    """Open every file of a layout; `progress` is told how many items are done."""
+    tally = Tally()
+    for name in layout.doubles:
+        tally.note("two files of one name", name)
+    for done, item in enumerate(layout.items, 1):
+        _check_item(layout.root, item, tally)
+        progress(done)
+    known = int(tally.pixels[:3].sum())
+    return CheckReport(
+        folder=str(layout.root),
+        ok=not tally.problems,
+        images=sum(item.image is not None for item in layout.items),
+        masks=sum(item.mask is not None for item in layout.items),
+        pairs=tally.pairs,
+        groups=dict(Counter(item.group for item in layout.items)),
+        sizes=dict(tally.sizes),
+        pixel_ratio={
+            kind.name.lower(): int(tally.pixels[kind]) / known if known else None
+            for kind in PlantClass
+        },
+        without_plants=tally.without_plants,
+        problems=tuple(tally.problems),
+    )
+
+
+def _check_item(root: Path, item: Item, tally: Tally) -> None:
+    if item.image is None and item.mask is not None:
+        tally.note("mask without image", item.mask)
+    elif item.mask is None and item.image is not None:
+        tally.note("image without mask", item.image)
+    if item.image is None or item.mask is None:
+        return
+    image, mask = _opened(root, item.image, tally), _opened(root, item.mask, tally)
+    if image is None or mask is None:
+        return
+    if image.size != mask.size:
+        tally.note(
+            "sizes differ", item.image, f"image {_size(image)}, mask {_size(mask)} px: {item.mask}"
+        )
+        return
+    classes = classes_of(mask)
+    if classes is None:
+        tally.note("no class mask", item.mask, f"image mode {mask.mode}")
+        return
+    counts = np.bincount(classes.ravel(), minlength=256)
+    if counts[UNKNOWN]:
+        tally.note("unknown class", item.mask, f"{int(counts[UNKNOWN])} pixels")
+    tally.pairs += 1
+    tally.sizes[_size(image)] += 1
+    tally.without_plants += not counts[PlantClass.WEED] + counts[PlantClass.CROP]
+    tally.pixels += counts
+
+
+def classes_of(mask: Image.Image) -> ByteArray | None:
+    """Class ids (height, width) of a mask with ids 0, 1, 2 (255: unlabelled) or in colours.
+
+    Pixels of other values become UNKNOWN. None for a kind of picture that holds no classes.
+    """
+    table = np.full(256, UNKNOWN, np.uint8)
+    if mask.mode == "L":
+        for kind in (*PlantClass, UNLABELLED):
+            table[kind] = kind
+        ids: ByteArray = table[np.asarray(mask)]
+        return ids
+    if mask.mode not in ("RGB", "RGBA", "P"):
+        return None
+    channels = np.asarray(mask.convert("RGB")).astype(np.uint32)
+    code = channels[..., 0] << 16 | channels[..., 1] << 8 | channels[..., 2]
+    classes = np.full(code.shape, UNKNOWN, np.uint8)
+    for colour, kind in COLOURS.items():
+        classes[code == colour] = kind
+    return classes
+
+
+def _opened(root: Path, name: str, tally: Tally) -> Image.Image | None:
+    try:
+        with Image.open(root / name) as image:
+            image.load()
+            return image.copy()
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        tally.note("unreadable", name, str(error).replace(str(root / name), name))
+        return None
+
+
+def _size(image: Image.Image) -> str:
+    return f"{image.width}x{image.height}"

@@ -1,0 +1,48 @@
+"""Instance masks as run lengths in COCO's compressed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Ints = npt.NDArray[np.integer]
+
+
+def instance_run_lengths(instance: Ints) -> dict[int, str]:
+    """Compressed run lengths of every value above 0 in an instance mask (height, width)."""
+    line = np.asarray(instance).ravel(order="F").astype(np.int64)
+    edges = np.flatnonzero(np.diff(line)) + 1
+    first = np.concatenate([[0], edges])
+    last = np.concatenate([edges, [line.size]])
+    value = line[first]
+    order = np.argsort(value, kind="stable")
+    order = order[value[order] > 0]
+    names, starts = np.unique(value[order], return_index=True)
+    codes = {}
+    for name, runs in zip(names.tolist(), np.split(order, starts[1:]), strict=True):
+        codes[name] = compressed(_counts(first[runs], last[runs], line.size))
+    return codes
+
+
+def _counts(first: Ints, last: Ints, size: int) -> list[int]:
+    """Lengths of background, plant, background and so on, from the first pixel to the last."""
+    bounds = np.stack([first, last], axis=1).ravel()
+    counts: list[int] = np.diff(np.concatenate([[0], bounds, [size]])).tolist()
+    return counts if counts[-1] else counts[:-1]
+
+
+def compressed(counts: list[int]) -> str:
+    """Five bits in a character, the sixth says that more follow; from the fourth number on, the
+    difference to the last but one.
+    """
+    text = bytearray()
+    for index, count in enumerate(counts):
+        value = count - counts[index - 2] if index > 2 else count
+        while True:
+            bits = value & 31
+            value >>= 5
+            is_last = value == (-1 if bits & 16 else 0)
+            text.append(48 + (bits if is_last else bits | 32))
+            if is_last:
+                break
+    return text.decode("ascii")

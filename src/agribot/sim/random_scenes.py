@@ -1,0 +1,187 @@
+"""Random crop fields, looks and camera poses: everything that a real field varies.
+
+Crop, growth, spacing, weeds, soil, light, camera pose and camera colours are drawn from the
+generator that is passed, in a fixed order: the same generator state gives the same scene.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from agribot.geo import LINK_FROM_OPTICAL, Datum, transform
+from agribot.messages import FloatArray, PlantClass
+from agribot.robot import CameraSpec, Shape
+from agribot.sim.camera.appearance import Appearance
+from agribot.world import GroundTile, Light, Obstacle, Plant, WorldSpec
+
+FIELD_HALF_M = 4.0
+DATUM = Datum(lat_deg=0.0, lon_deg=0.0)
+
+# Species and the range of heights, metres.
+CROPS = (("sugar_beet", 0.07, 0.26), ("lettuce", 0.06, 0.20), ("maize", 0.12, 0.45))
+CROP_SHARE = (0.5, 0.25, 0.25)
+WEEDS = ("grass", "goosefoot", "thistle", "amaranth")
+WEED_HEIGHT_M = (0.025, 0.17)
+
+
+def random_field(rng: np.random.Generator) -> WorldSpec:
+    """Rows along x of one crop at one stage, with weeds among them."""
+    return WorldSpec(
+        name="random field",
+        datum=DATUM,
+        light=_random_light(rng),
+        ground=_random_ground(rng),
+        plants=(*_random_rows(rng), *_random_weeds(rng)),
+        obstacles=_random_obstacles(rng),
+    )
+
+
+def random_look(rng: np.random.Generator) -> Appearance:
+    warm = rng.uniform(0.93, 1.07)
+    return Appearance(
+        texture_seed=int(rng.integers(40)),
+        soil_tint=_rgb(rng.uniform(0.6, 1.25) * rng.uniform(0.9, 1.1, 3)),
+        soil_contrast=rng.uniform(0.6, 1.3),
+        soil_scale=rng.uniform(0.6, 1.6),
+        leaf_gain=_rgb(rng.uniform(0.9, 1.1) * rng.uniform(0.94, 1.06, 3)),
+        hue_spread=rng.uniform(0.7, 1.4),
+        white_balance=(warm, rng.uniform(0.95, 1.05), 1.0 / warm),
+        exposure=rng.uniform(0.85, 1.2),
+        gamma=rng.uniform(0.88, 1.14),
+        haze_per_m=rng.uniform(0.0, 0.01),
+    )
+
+
+def random_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
+    """A camera and `map_from_camera`: mostly a mast in front, sometimes any height and tilt."""
+    if rng.random() < 0.7:
+        height_m, tilt_rad = rng.uniform(0.6, 1.1), math.radians(rng.uniform(40.0, 75.0))
+    else:
+        height_m, tilt_rad = rng.uniform(0.35, 1.3), math.radians(rng.uniform(30.0, 90.0))
+    camera = CameraSpec(
+        link="camera_link",
+        width_px=640,
+        height_px=480,
+        hfov_rad=math.radians(rng.uniform(58.0, 90.0)),
+        rate_hz=10.0,
+        noise_std=rng.uniform(0.0, 0.015),
+        clip_near_m=0.02,
+        clip_far_m=100.0,
+    )
+    # Mostly along a row, either way; sometimes across, as on the headland.
+    yaw_rad = rng.choice([0.0, math.pi]) + rng.normal(0.0, 0.15)
+    if rng.random() < 0.3:
+        yaw_rad = rng.uniform(-math.pi, math.pi)
+    position_m = (rng.uniform(-2.0, 2.0), rng.uniform(-1.2, 1.2), height_m)
+    link = transform(position_m, (rng.normal(0.0, 0.04), tilt_rad, yaw_rad))
+    return camera, link @ LINK_FROM_OPTICAL
+
+
+def _random_rows(rng: np.random.Generator) -> list[Plant]:
+    species, least_m, most_m = CROPS[rng.choice(len(CROPS), p=CROP_SHARE)]
+    stage_m = rng.uniform(least_m, most_m)
+    pitch_m = rng.uniform(0.4, 1.0)
+    spacing_m = math.exp(rng.uniform(math.log(0.15), math.log(2.0))) + stage_m
+    gaps, jitter_m = rng.uniform(0.0, 0.3), rng.uniform(0.005, 0.04)
+    plants = []
+    for y_m in np.arange(-2.5 + rng.uniform(0.0, pitch_m), 2.5, pitch_m):
+        for x_m in np.arange(-FIELD_HALF_M + rng.uniform(0.0, spacing_m), FIELD_HALF_M, spacing_m):
+            if rng.random() >= gaps:
+                place_m = rng.normal((x_m, y_m), jitter_m)
+                size_m = float(np.clip(stage_m * rng.normal(1.0, 0.15), least_m, most_m))
+                plants.append(_plant(rng, species, PlantClass.CROP, place_m, size_m))
+    return plants
+
+
+def _random_weeds(rng: np.random.Generator) -> list[Plant]:
+    """Single weeds and patches of them, of one to four species."""
+    density_per_m2 = math.exp(rng.uniform(math.log(1.0), math.log(20.0)))
+    kinds = rng.choice(WEEDS, size=int(rng.integers(1, 5)), replace=False)
+    count = int(density_per_m2 * 2.0 * FIELD_HALF_M * 5.0)
+    patches_m = rng.uniform((-FIELD_HALF_M, -2.5), (FIELD_HALF_M, 2.5), (max(1, count // 25), 2))
+    median_m = rng.uniform(0.04, 0.10)
+    plants = []
+    for _ in range(count):
+        place_m = rng.uniform((-FIELD_HALF_M, -2.5), (FIELD_HALF_M, 2.5))
+        if rng.random() < 0.4:
+            place_m = rng.normal(patches_m[rng.integers(len(patches_m))], 0.3)
+        size_m = float(np.clip(median_m * rng.lognormal(0.0, 0.45), *WEED_HEIGHT_M))
+        plants.append(_plant(rng, str(rng.choice(kinds)), PlantClass.WEED, place_m, size_m))
+    return plants
+
+
+def _plant(
+    rng: np.random.Generator, species: str, plant: PlantClass, place_m: FloatArray, size_m: float
+) -> Plant:
+    return Plant(
+        species=species,
+        plant=plant,
+        x_map_m=float(place_m[0]),
+        y_map_m=float(place_m[1]),
+        yaw_rad=float(rng.uniform(-math.pi, math.pi)),
+        size_m=size_m,
+        seed=int(rng.integers(2**31)),
+    )
+
+
+def _random_light(rng: np.random.Generator) -> Light:
+    height_rad, turn_rad = math.radians(rng.uniform(18.0, 80.0)), rng.uniform(-math.pi, math.pi)
+    overcast = rng.random() < 0.3
+    return Light(
+        to_sun=(
+            math.cos(height_rad) * math.cos(turn_rad),
+            math.cos(height_rad) * math.sin(turn_rad),
+            math.sin(height_rad),
+        ),
+        diffuse=rng.uniform(0.05, 0.25) if overcast else rng.uniform(0.55, 0.95),
+        ambient=rng.uniform(0.7, 1.0) if overcast else rng.uniform(0.35, 0.6),
+    )
+
+
+def _random_ground(rng: np.random.Generator) -> tuple[GroundTile, ...]:
+    """Soil, and now and then something else beside it that is no weed."""
+    tiles = [_tile("soil", -60.0, 60.0)]
+    if rng.random() < 0.4:
+        edge_m = rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 2.0)
+        surface = str(rng.choice(["grass", "pavement", "gravel"], p=[0.6, 0.2, 0.2]))
+        tiles.append(_tile(surface, *((edge_m, 60.0) if edge_m > 0 else (-60.0, edge_m))))
+    return tuple(tiles)
+
+
+def _tile(surface: str, y_min_m: float, y_max_m: float) -> GroundTile:
+    return GroundTile(
+        surface=surface, x_min_m=-60.0, x_max_m=60.0, y_min_m=float(y_min_m), y_max_m=float(y_max_m)
+    )
+
+
+def _random_obstacles(rng: np.random.Generator) -> tuple[Obstacle, ...]:
+    """Posts, boxes and balls of any colour, green ones too: not everything green is a plant."""
+    obstacles = []
+    for index in range(int(rng.integers(0, 4)) if rng.random() < 0.4 else 0):
+        kind = str(rng.choice(["cylinder", "box", "sphere"]))
+        size_m = tuple(float(s) for s in rng.uniform(0.03, 0.3, 3))
+        shape = Shape(kind=kind, size_m=(size_m[0], size_m[1], size_m[2]), rgba=_rgba(rng))
+        x_m, y_m = rng.uniform((-3.0, -2.0), (3.0, 2.0))
+        obstacles.append(
+            Obstacle(
+                name=f"thing {index}",
+                kind=kind,
+                x_map_m=float(x_m),
+                y_map_m=float(y_m),
+                z_map_m=float(rng.uniform(0.0, 0.3)),
+                yaw_rad=float(rng.uniform(-math.pi, math.pi)),
+                shapes=(shape,),
+            )
+        )
+    return tuple(obstacles)
+
+
+def _rgba(rng: np.random.Generator) -> tuple[float, float, float, float]:
+    red, green, blue = rng.uniform(0.05, 0.95, 3)
+    return float(red), float(green), float(blue), 1.0
+
+
+def _rgb(values: FloatArray) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

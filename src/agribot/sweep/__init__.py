@@ -1,0 +1,1 @@
+"""Many runs of one mission: other seeds, other settings, one table."""

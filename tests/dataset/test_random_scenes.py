@@ -1,0 +1,31 @@
+"""The scenes that networks are trained on: each seed must keep giving the scene it always gave."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from agribot.sim.random_scenes import random_field, random_look, random_view
+
+# A seed, then what was drawn from it when the shipped network was trained.
+KNOWN = [
+    ([0, 0, 0], 141, "lettuce", (-3.94151312683399, -1.8801479146199587), 15, 1.1475019875350767,
+     2134355811),
+    ([3, 101, 7], 194, "maize", (-3.457284544058325, -2.2082416199420223), 21, 1.3262094588975746,
+     561307681),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("seed", "plants", "crop", "place_m", "soil", "hfov_rad", "after"), KNOWN)
+def test_a_seed_gives_the_scene_it_always_gave(
+    seed: list[int], plants: int, crop: str, place_m: tuple[float, float], soil: int,
+    hfov_rad: float, after: int,
+) -> None:  # fmt: skip
+    rng = np.random.default_rng(seed)
+    world, look = random_field(rng), random_look(rng)
+    camera, _ = random_view(rng)
+    assert (len(world.plants), world.plants[0].species) == (plants, crop)
+    assert (world.plants[0].x_map_m, world.plants[0].y_map_m) == pytest.approx(place_m)
+    assert look.texture_seed == soil
+    assert camera.hfov_rad == pytest.approx(hfov_rad)
+    assert int(rng.integers(2**31)) == after  # as many numbers were drawn, in the same order
