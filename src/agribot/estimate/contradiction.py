@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 
-# So many sightings must agree on how far off the rows lie.
-NEEDED = 6
+# So many sightings, and so large a part of the last ones, must agree on how far off the rows lie:
+# weeds taken for crop stand anywhere, and any offset finds a quarter of them by chance.
+NEEDED = 8
+MAJORITY_RATIO = 0.7
 AGREEMENT_M = 0.12
 # They must be of different plants: one weed taken for a crop is seen in thirty frames.
 APART_M = 0.4
-MEMORY = 60
+MEMORY = 40
 
 
 class Contradiction:
@@ -31,7 +33,8 @@ class Contradiction:
         del self._seen[:-MEMORY]
         agreeing = [seen for seen in self._seen if abs(seen[2] - off_m) <= AGREEMENT_M]
         apart = any(math.dist(seen[:2], (along_m, right_m)) >= APART_M for seen in agreeing)
-        if len(agreeing) < NEEDED or not apart:
+        needed = max(NEEDED, MAJORITY_RATIO * len(self._seen))
+        if len(agreeing) < needed or not apart:
             return None
         self._seen.clear()
         return sum(seen[2] for seen in agreeing) / len(agreeing)

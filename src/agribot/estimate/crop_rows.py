@@ -31,6 +31,8 @@ MIN_MOVED_M = 0.005
 TELLS_APART_RATIO = 0.2
 # Fragments of weeds taken for crop are smaller than the crop of the field by far.
 MIN_SIZE_RATIO, SIZE_WEIGHT = 0.2, 0.1
+# What is too small counts a little all the same, so that a few giants cannot shut out the crop.
+SMALL_WEIGHT = 0.002
 # A plant farther outside the rows than this is none of theirs.
 BEYOND_M = 0.6
 # A row ends where nothing more grows for this long within the view.
@@ -117,6 +119,7 @@ class CropRows:
                 self._rejected["crop not finite"] += 1
             elif plant.area_m2 < MIN_SIZE_RATIO * self._crop_area_m2:
                 self._rejected["crop too small"] += 1
+                self._crop_area_m2 += SMALL_WEIGHT * (plant.area_m2 - self._crop_area_m2)
             else:
                 change_m2 = plant.area_m2 - self._crop_area_m2
                 weight = SIZE_WEIGHT if self._crop_area_m2 else 1.0
