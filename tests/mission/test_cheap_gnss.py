@@ -31,3 +31,13 @@ def test_without_the_camera_a_cheap_receiver_stops_before_it_crushes_the_crop(
     assert not report.ok
     assert "row lost" in report.reason
     assert report.tracking.plants_crushed == 0
+
+
+def test_a_robot_that_is_not_on_its_mark_never_moves_and_the_run_ends(tmp_path: Path) -> None:
+    elsewhere = ["field.start_map_m=[-30.0, 0.0]", "mission.stall_timeout_s=5"]
+    settings = ["seed=1", 'sim.sensors="rtk"', "perception.enabled=false", *elsewhere]
+    report = run_session("farm", settings, str(tmp_path))
+    assert not report.ok
+    assert "does not stand at the marked start" in report.reason
+    assert report.mission.distance_m is not None
+    assert report.mission.distance_m < 0.05

@@ -135,6 +135,9 @@ class Mission:
         if not is_located:
             self._ok_since_s = None
             self._reason = f"waiting for position: {estimate.reason or 'no estimate'}"
+            if self._stall.is_stalled(0.0, estimate.t_s):
+                limit_s = self._config.stall_timeout_s
+                self._end("failed", f"no position for {limit_s:g} s ({estimate.reason})")
             return
         if self._ok_since_s is None:
             self._ok_since_s = estimate.t_s
