@@ -44,6 +44,12 @@ class FieldConfig(Config, frozen=True):
     row_length_m: Positive = 10.0
     row_pitch_m: Positive = 1.0
     row_count: Annotated[int, msgspec.Meta(ge=1, le=10000)] = 6
+    plant_spacing_m: Positive | None = None  # from plant to plant in a row; None: not regular
+    # The mark on which the robot is put down before a run, and how well; None: anywhere.
+    start_map_m: tuple[float, float] | None = None
+    start_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] | None = None
+    start_std_m: Positive = 0.05
+    start_yaw_std_deg: Positive = 3.0
 
 
 class MissionConfig(Config, frozen=True):
@@ -55,6 +61,9 @@ class MissionConfig(Config, frozen=True):
     max_waypoint_distance_m: Positive = 1000.0
     off_path_limit_m: Positive = 0.5  # farther from the path than this, the mission fails
     stall_timeout_s: Positive = 60.0  # without headway for so long, the mission fails
+    # Known across the row so well (1 sigma) the robot drives at full speed, so badly not at all.
+    full_speed_std_m: Positive = 0.08
+    max_row_std_m: Positive = 0.25
 
 
 class EstimateConfig(Config, frozen=True):
@@ -69,6 +78,7 @@ class EstimateConfig(Config, frozen=True):
     mag_bias_std_rad: Positive = 0.087  # 5 deg of hard iron
     gate_sigma: Positive = 4.0
     recover_after: Count = 25  # rejected in a row before the filter opens up
+    row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
     gnss_timeout_s: Positive = 10.0
     dead_reckoning_std_m: Positive = 1.0  # without GNSS, the pose is good up to this 1 sigma
     wheel_timeout_s: Positive = 0.3

@@ -33,6 +33,7 @@ from agribot.weeds.map import WeedMap
 
 ENDED = ("done", "cancelled", "failed")
 COMING_TO_REST_S = 2.0
+REST_TICKS = 5  # a robot that rocks back passes through standstill
 TRUTH_PERIOD_S = 0.1  # in the recording
 GOALS_ATTACHMENT = "goals.json"
 
@@ -138,8 +139,10 @@ class Session:
         if not self._has_ended():
             self.platform.post(OperatorEvent(t_s=t_s, action="cancel", source="session"))
         self._tick()
-        while abs(self.last.estimate.v_mps) > 0.01 and self.last.batch.t_s < t_s + COMING_TO_REST_S:
+        still = 0
+        while still < REST_TICKS and self.last.batch.t_s < t_s + COMING_TO_REST_S:
             self._tick()
+            still = still + 1 if abs(self.last.estimate.v_mps) <= 0.01 else 0
 
     def _claim_out_dir(self) -> None:
         try:

@@ -66,6 +66,7 @@ class Stack:
         scenes = self.perception.step(batch)
         for scene in scenes:
             self.weed_map.add(scene)
+            self.localizer.see(scene)
         goal = self.mission.step(estimate, batch.events)
         drive, tracking = self.follower.step(estimate, goal)
         implement = self.treatment.step(estimate, self.weed_map, goal.tool_on)

@@ -40,7 +40,8 @@ def test_all_waypoints_are_truly_reached_and_the_replay_needs_no_file(
 def test_a_receiver_with_five_metres_of_drift_does_not_claim_the_waypoints(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["run", "farm", "--sensors", "seed", "--set", "safety.max_pos_std_m=20", "--json"]
+    unmarked = ["--set", "field.start_std_m=20", "--set", "safety.max_pos_std_m=20"]
+    arguments = ["run", "farm", "--sensors", "seed", *unmarked, "--json"]
     places = ["--waypoints", str(waypoint_file(tmp_path)), "--out", str(tmp_path / "run")]
     status = main([*arguments, *places, "--set", "perception.enabled=false"])
     report = json.loads(capsys.readouterr().out.splitlines()[-1])

@@ -10,6 +10,7 @@ from agribot.config import EstimateConfig
 from agribot.estimate.ekf import GYRO_BIAS, MAG_BIAS, YAW, Ekf
 from agribot.estimate.gate import Gate
 from agribot.estimate.history import MotionHistory
+from agribot.estimate.start import StartMark
 from agribot.geo import wrap_rad
 from agribot.messages import MagSample, Vec3
 
@@ -79,9 +80,12 @@ class Compass:
         history: MotionHistory,
         config: EstimateConfig,
         declination_rad: float,
+        start: StartMark,
         rejected: Counter[str],
     ) -> None:
         self.is_ready = False
+        self.misplaced = ""
+        self._start = start
         self._ekf = ekf
         self._history = history
         self._declination_rad = declination_rad
@@ -111,17 +115,28 @@ class Compass:
                 self._begin(yaw_rad - then.yaw_rad, now.yaw_rad)
 
     def _begin(self, offset_rad: float, turned_rad: float) -> None:
-        """Collect headings, each turned back to the start of the odometry; then set the yaw."""
+        """Collect headings, each turned back to the start of the odometry; then set the yaw.
+
+        Where the start is marked, the mark sets it, and the headings show the compass' bias.
+        """
         self._first_sum += cmath.rect(1.0, offset_rad)
         self._first_count += 1
         if self._first_count < FIRST_SAMPLES:
             return
         yaw_rad = wrap_rad(cmath.phase(self._first_sum) + turned_rad)
         bias_rad2 = self._ekf.cov[GYRO_BIAS, GYRO_BIAS]
-        self._ekf.reset(YAW, yaw_rad, math.pi**2)
-        self._ekf.reset(MAG_BIAS, 0.0, self._bias_std_rad**2)
         variance = self._noise.variance / self._first_count + float(bias_rad2)
-        self._ekf.update(((YAW, 1.0), (MAG_BIAS, 1.0)), 0.0, variance)
+        residual_rad = 0.0
+        marked_rad = self._start.yaw_map_rad
+        if marked_rad is None:
+            self._ekf.reset(YAW, yaw_rad, math.pi**2)
+        else:
+            self._ekf.reset(YAW, wrap_rad(marked_rad + turned_rad), self._start.yaw_std_rad**2)
+            residual_rad = wrap_rad(yaw_rad - self._ekf.x[YAW])
+            compass_std_rad = math.sqrt(variance + self._bias_std_rad**2)
+            self.misplaced = self._start.heading_fault(residual_rad, compass_std_rad)
+        self._ekf.reset(MAG_BIAS, 0.0, self._bias_std_rad**2)
+        self._ekf.update(((YAW, 1.0), (MAG_BIAS, 1.0)), residual_rad, variance)
         self.is_ready = True
 
     def _correct(self, yaw_rad: float) -> None:

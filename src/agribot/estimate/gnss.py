@@ -12,6 +12,7 @@ from agribot.config import EstimateConfig
 from agribot.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, Ekf, Row, X, Y
 from agribot.estimate.gate import Gate
 from agribot.estimate.history import Motion, MotionHistory
+from agribot.estimate.start import StartMark
 from agribot.geo import MapFrame, rotation_from_rpy
 from agribot.messages import FloatArray, GnssFix, GnssQuality, Vec3
 
@@ -82,9 +83,12 @@ class Gnss:
         config: EstimateConfig,
         frame: MapFrame,
         antenna_body_m: Vec3,
+        start: StartMark,
         rejected: Counter[str],
     ) -> None:
         self.is_ready = False
+        self.misplaced = ""
+        self._start = start
         self.quality = GnssQuality.NONE
         self.last_t_s = -math.inf
         self._ekf = ekf
@@ -161,15 +165,27 @@ class Gnss:
         self._correct_position(rows, residuals, noise)
 
     def _begin(self, x_m: float, y_m: float, variance_m2: float, now: Motion) -> None:
+        """Collect fixes, each moved back to the start of the odometry; then set the position.
+
+        Without fixed ambiguities a marked start is known better: the fixes then show the receiver's
+        bias, which walks on from there, so the mark serves this session only.
+        """
         self._first.append((x_m - now.x_m, y_m - now.y_m))
         if len(self._first) < FIRST_FIXES:
             return
         x_m = statistics.median(p[0] for p in self._first) + now.x_m
         y_m = statistics.median(p[1] for p in self._first) + now.y_m
-        self._ekf.reset(X, x_m, UNKNOWN_M2)
-        self._ekf.reset(Y, y_m, UNKNOWN_M2)
+        at_m, at_m2 = (x_m, y_m), UNKNOWN_M2
+        if self._start.xy_map_m is not None:
+            mark_m = (self._start.xy_map_m[0] + now.x_m, self._start.xy_map_m[1] + now.y_m)
+            fix_std_m = math.sqrt(variance_m2 + float(self._ekf.cov[GNSS_BIAS_X, GNSS_BIAS_X]))
+            self.misplaced = self._start.position_fault(math.dist(at_m, mark_m), fix_std_m)
+            if self.quality is not GnssQuality.RTK_FIXED:
+                at_m, at_m2 = mark_m, self._start.std_m**2
+        for state, value in zip((X, Y), at_m, strict=True):
+            self._ekf.reset(state, value, at_m2)
         rows = (((X, 1.0), (GNSS_BIAS_X, 1.0)), ((Y, 1.0), (GNSS_BIAS_Y, 1.0)))
-        self._ekf.update_pair(rows, (0.0, 0.0), variance_m2)
+        self._ekf.update_pair(rows, (x_m - at_m[0], y_m - at_m[1]), variance_m2)
         self.is_ready = True
 
     def _correct_position(

@@ -7,12 +7,14 @@ from collections import Counter
 
 from agribot.config import EstimateConfig, FieldConfig
 from agribot.estimate.compass import Compass
+from agribot.estimate.crop_rows import CropRows
 from agribot.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, Ekf, MotionNoise, X, Y
 from agribot.estimate.gnss import Gnss
 from agribot.estimate.history import Motion, MotionHistory
 from agribot.estimate.odometry import Odometry, Step
+from agribot.estimate.start import StartMark
 from agribot.geo import MapFrame, wrap_rad
-from agribot.messages import Estimate, GnssQuality, SensorBatch
+from agribot.messages import Estimate, GnssQuality, Scene, SensorBatch
 from agribot.robot import RobotSpec
 
 # A skidding robot does not turn exactly about its centre; the ground moves that point about.
@@ -35,7 +37,7 @@ SUSPICIOUS_REJECTIONS = 5
 
 
 class Localizer:
-    """Extended Kalman filter over wheels, gyro, GNSS and magnetometer (see ekf.Ekf).
+    """Extended Kalman filter over wheels, gyro, GNSS, magnetometer and crop rows (see ekf.Ekf).
 
     The result depends on the times in the samples only, not on how they are cut into batches,
     but for the instant at which a late measurement is let in. `rejected` counts, by cause,
@@ -58,13 +60,17 @@ class Localizer:
         )
         self._history = MotionHistory(ahead_s=config.wheel_timeout_s)
         self._odometry = Odometry(robot.drive, config.imu_timeout_s, self.rejected)
+        start = StartMark.of(field)
         self._compass = Compass(
-            self._ekf, self._history, config, math.radians(field.declination_deg), self.rejected
-        )
+            self._ekf, self._history, config, math.radians(field.declination_deg), start,
+            self.rejected,
+        )  # fmt: skip
         x_m, y_m, z_m = robot.body_from_link(robot.gnss.link)[:3, 3].tolist()
         self._gnss = Gnss(
-            self._ekf, self._history, config, MapFrame(field.datum), (x_m, y_m, z_m), self.rejected
-        )
+            self._ekf, self._history, config, MapFrame(field.datum), (x_m, y_m, z_m), start,
+            self.rejected,
+        )  # fmt: skip
+        self._crop_rows = CropRows(self._ekf, self._history, config, field, self.rejected)
         self._motion = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._unaged_s = self._unaged_rad = 0.0
         self._fix_std_m = 0.0
@@ -79,6 +85,11 @@ class Localizer:
             if self._compass.is_ready:
                 self._gnss.update(fix, up_body)
         return self._estimate(batch.t_s)
+
+    def see(self, scene: Scene) -> None:
+        """Correct the pose by the crops of a frame; the next estimate shows it."""
+        if self._gnss.is_ready:
+            self._crop_rows.see(scene)
 
     def _advance(self, step: Step) -> None:
         """Predict through one step, in pieces if it is long, and let the slow errors age."""
@@ -190,7 +201,7 @@ class Localizer:
             return "no heading yet: waiting for the magnetometer"
         if not self._gnss.is_ready:
             return "no position yet: waiting for GNSS fixes"
-        return ""
+        return self._compass.misplaced or self._gnss.misplaced
 
     def _contradiction(self) -> str:
         count = self._gnss.rejected_in_a_row

@@ -18,6 +18,7 @@ from agribot.messages import (
     Path,
     Row,
 )  # fmt: skip
+from agribot.plan.caution import across_std_m, caution_ratio
 from agribot.plan.route import Route
 from agribot.plan.stall import StallWatch
 
@@ -65,6 +66,7 @@ class Mission:
         self._reason = "waiting for the first estimate"
         self._is_stopped = False
         self._ok_since_s: float | None = None
+        self._caution = 1.0
         self._stall = StallWatch(config.stall_timeout_s)
         self._worked_row = -1
         self._rows_done: tuple[int, ...] = ()
@@ -96,6 +98,7 @@ class Mission:
         if is_located:
             self._reason = ""
             self._advance(route, estimate)
+            self._be_cautious(route, estimate)
         else:
             self._reason = f"position lost: {estimate.reason or 'not finite'}"
         is_stalled = self._stall.is_stalled(route.progress.s_m, estimate.t_s)
@@ -132,6 +135,9 @@ class Mission:
         if not is_located:
             self._ok_since_s = None
             self._reason = f"waiting for position: {estimate.reason or 'no estimate'}"
+            if self._stall.is_stalled(0.0, estimate.t_s):
+                limit_s = self._config.stall_timeout_s
+                self._end("failed", f"no position for {limit_s:g} s ({estimate.reason})")
             return
         if self._ok_since_s is None:
             self._ok_since_s = estimate.t_s
@@ -166,6 +172,19 @@ class Mission:
         route.visits.update(progress.s_m, x_map_m, y_map_m)
         if progress.s_m >= progress.length_m - END_TOLERANCE_M:
             self._finish(route, estimate.t_s)
+
+    def _be_cautious(self, route: Route, estimate: Estimate) -> None:
+        """In and next to the rows, no faster than the robot knows where the plants are."""
+        self._caution = 1.0
+        if self._state != "running" or not route.tool_on:
+            return
+        std_m = across_std_m(estimate, route.yaw_map_rad)
+        self._caution = caution_ratio(std_m, self._config)
+        if self._caution == 0.0:
+            self._reason = (
+                f"row lost: known across it to {std_m:.2f} m > {self._config.max_row_std_m:.2f} m; "
+                "check camera and crop, or use a receiver with corrections"
+            )
 
     def _fail_off_path(self, off_m: float, estimate: Estimate) -> None:
         self._end(
@@ -217,7 +236,7 @@ class Mission:
         return Goal(
             path=route.path,
             s_m=status.s_m,
-            max_speed_mps=route.max_speed_mps if is_running else 0.0,
+            max_speed_mps=self._caution * route.max_speed_mps if is_running else 0.0,
             tool_on=is_running and route.tool_on,
             status=status,
         )

@@ -36,6 +36,7 @@ class Route:
         self.visits = Visits(path, waypoints, config.waypoint_radius_m)
         self.progress = Progress(path)
         self._speed_mps = speed_profile(path, config)
+        self._yaw_map_rad: list[float] = path.yaw_map_rad.tolist()
         self._tool = _tool_points(self.row, path.s_m.tolist())
 
     @property
@@ -45,6 +46,10 @@ class Route:
     @property
     def max_speed_mps(self) -> float:
         return self._speed_mps[self.progress.index]
+
+    @property
+    def yaw_map_rad(self) -> float:
+        return self._yaw_map_rad[self.progress.index]
 
     @property
     def tool_on(self) -> bool:

@@ -1,0 +1,43 @@
+"""The whole mission with a receiver that is off by metres: the camera has to see the rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from agribot.cli import main
+from tests.mission.conftest import run_session
+
+
+@pytest.mark.slow
+def test_a_cheap_receiver_and_the_camera_drive_all_rows_and_crush_nothing(tmp_path: Path) -> None:
+    report = run_session("farm", ["seed=1", 'sim.sensors="m8n"'], str(tmp_path))
+    assert report.ok, report.reason
+    assert report.mission.rows_done == 6
+    assert report.tracking.plants_crushed == 0
+    assert report.tracking.xte_max_m is not None
+    assert report.tracking.xte_max_m < 0.25
+    assert report.estimate.nees_mean is not None
+    assert report.estimate.nees_mean < 6.0
+    assert main(["replay", str(tmp_path / "run.mcap")]) == 0
+
+
+def test_without_the_camera_a_cheap_receiver_stops_before_it_crushes_the_crop(
+    tmp_path: Path,
+) -> None:
+    settings = ["seed=1", 'sim.sensors="m8n"', "perception.enabled=false"]
+    report = run_session("farm", settings, str(tmp_path))
+    assert not report.ok
+    assert "row lost" in report.reason
+    assert report.tracking.plants_crushed == 0
+
+
+def test_a_robot_that_is_not_on_its_mark_never_moves_and_the_run_ends(tmp_path: Path) -> None:
+    elsewhere = ["field.start_map_m=[-30.0, 0.0]", "mission.stall_timeout_s=5"]
+    settings = ["seed=1", 'sim.sensors="rtk"', "perception.enabled=false", *elsewhere]
+    report = run_session("farm", settings, str(tmp_path))
+    assert not report.ok
+    assert "does not stand at the marked start" in report.reason
+    assert report.mission.distance_m is not None
+    assert report.mission.distance_m < 0.05
