@@ -55,6 +55,7 @@ class Session:
         )
         rows = () if self.goals_map_m else field_rows(config.field)
         self.rows = rows
+        self._shown_goals_map_m = self.goals_map_m or _row_ends(rows)
         self.platform = SimPlatform(config, self.robot, self.world)
         self.referee = Referee(self.platform, self.world, rows, self.goals_map_m)
         perception = robot_stack.perceiving(config, self.robot, self.referee.judge_mask)
@@ -160,7 +161,7 @@ class Session:
             self.config,
             self.robot,
             urdf_text(self.config.robot),
-            goals_map_m=self.goals_map_m or _row_ends(self.rows),
+            goals_map_m=self._shown_goals_map_m,
             weed_map=self.stack.weed_map.plants,
         )
         goals = msgspec.json.encode(self.goals_map_m)
@@ -173,7 +174,7 @@ class Session:
         path = self.stack.mission.path
         if path is not None and not self._has_plan:
             self._has_plan = True
-            recorder.set_plan(record.batch.t_s, path, self.goals_map_m or _row_ends(self.rows))
+            recorder.set_plan(record.batch.t_s, path, self._shown_goals_map_m)
         recorder(record)
 
     def _show_truth(self, record: TickRecord) -> None:
@@ -190,7 +191,7 @@ class Session:
             series=self._series.series(),
             rows=self.rows,
             plan=self.stack.mission.path,
-            goals_map_m=self.goals_map_m or _row_ends(self.rows),
+            goals_map_m=self._shown_goals_map_m,
             plants=self.weed_map.plants(),
             events=self.event_log.events,
             world=self.world,

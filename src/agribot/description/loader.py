@@ -13,7 +13,7 @@ from agribot.description.elements import Finding, Source
 from agribot.description.expansion import expand
 from agribot.description.kinematics import read_joints, read_links
 from agribot.description.markup import parse_xml
-from agribot.description.package import robot_files
+from agribot.description.package import packaged_or_file, robot_files
 from agribot.errors import DescriptionError
 from agribot.robot import RobotSpec
 
@@ -97,13 +97,4 @@ def _read(root: ET.Element, source: Source, path: Path) -> RobotSpec:
 
 
 def _robot_path(name_or_path: str) -> Path:
-    known = robot_files()
-    if name_or_path in known:
-        return known[name_or_path]
-    path = Path(name_or_path)
-    if path.suffix in {".xacro", ".urdf"}:
-        return path
-    raise DescriptionError(
-        f"unknown robot '{name_or_path}'; known: {', '.join(sorted(known))}, "
-        "or a path to a .xacro or .urdf file"
-    )
+    return packaged_or_file("robot", name_or_path, robot_files(), (".xacro", ".urdf"))

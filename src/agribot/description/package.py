@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from agribot.errors import DescriptionError
+
 PACKAGE = "agribot_description"
 NEIGHBOURS = 4  # levels up from a file, in which a package it asks for may lie
 ROOT = Path(__file__).resolve().parent
@@ -37,3 +39,21 @@ def package_folder(package: str, asking_file: Path) -> Path | None:
         if folder.name == "urdf":
             return folder.parent
     return ROOT if package == PACKAGE else None
+
+
+def packaged_or_file(
+    kind: str, name_or_path: str, known: dict[str, Path], suffixes: tuple[str, str]
+) -> Path:
+    """A packaged file by its name, or any path with one of the suffixes.
+
+    Raises: DescriptionError: neither; the message lists the known names.
+    """
+    if name_or_path in known:
+        return known[name_or_path]
+    path = Path(name_or_path)
+    if path.suffix in suffixes:
+        return path
+    raise DescriptionError(
+        f"unknown {kind} '{name_or_path}'; known: {', '.join(sorted(known))}, "
+        f"or a path to a {suffixes[0]} or {suffixes[1]} file"
+    )

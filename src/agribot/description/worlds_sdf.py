@@ -8,7 +8,7 @@ import numpy as np
 
 from agribot.description.elements import Finding, Source
 from agribot.description.markup import place_of, read_xml
-from agribot.description.package import world_files
+from agribot.description.package import packaged_or_file, world_files
 from agribot.description.poses import level, origin_of, yaw_of
 from agribot.description.scatter import Crop, grow, read_crop, read_plants, read_weed_areas
 from agribot.description.sdf_header import Header
@@ -59,16 +59,7 @@ def check_world(name_or_path: str) -> tuple[Finding, ...]:
 
 
 def _world_path(name_or_path: str) -> Path:
-    known = world_files()
-    if name_or_path in known:
-        return known[name_or_path]
-    path = Path(name_or_path)
-    if path.suffix in {".world", ".sdf"}:
-        return path
-    raise DescriptionError(
-        f"unknown world '{name_or_path}'; known: {', '.join(sorted(known))}, "
-        "or a path to a .world or .sdf file"
-    )
+    return packaged_or_file("world", name_or_path, world_files(), (".world", ".sdf"))
 
 
 class _WorldReader:
