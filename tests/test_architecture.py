@@ -55,6 +55,7 @@ HEAVY = {
     "rosbags": {"record"},
     "PIL": {"description", "record", "sim", "train", "dataset", "commands"},
     "ray": {"sweep"},
+    "shapely": {"plan", "gis"},  # polygon algebra, imported only by the functions that need it
 }
 # What pure decisions have no business with: clocks, threads, the outside world, hidden randomness.
 IMPURE = {

@@ -41,6 +41,11 @@ COMMANDS = {
         "list, check, generate and render worlds",
         "agribot world render Farm -o farm.png",
     ),
+    "plan": (
+        "agribot.commands.plan",
+        "plan how to work a whole field, and certify it",
+        "agribot plan --field field.geojson --implement-width 0.75 --out plan.geojson",
+    ),
     "calibrate": (
         "agribot.commands.calibrate",
         "measure what the robot's description says: wheel radius and effective separation",
