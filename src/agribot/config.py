@@ -154,6 +154,7 @@ class RunConfig(Config, frozen=True):
     world: str = "Farm"
     robot: str = "agribot"
     waypoints: str = ""
+    plan: str = ""  # a certified field plan, the task instead of the rows of the field
     tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0
     duration_s: Positive | None = None
     field: FieldConfig = FieldConfig()

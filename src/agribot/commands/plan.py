@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 
+from agribot.commands.writing import write_file
 from agribot.description.loader import load_robot
 from agribot.errors import MissionError
 from agribot.geo import MapFrame
@@ -29,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--overlap", type=float, default=0.05, metavar="M", help="default: 0.05")
     parser.add_argument("--headland-passes", type=int, metavar="N", help="default: 1; 0 with rows")
     parser.add_argument("--swath-angle", default="auto", metavar="DEG|auto",
-                        help="compass direction of the swaths (default: auto, the fewest turns)")  # fmt: skip
+                        help="compass direction of the swaths (default: auto)")  # fmt: skip
     parser.add_argument("--ab-line", metavar="LON,LAT,LON,LAT", help="swaths run along A to B")
     parser.add_argument("--start", metavar="LON,LAT", help="where the robot stands")
     parser.add_argument("--turns", choices=("auto", "pivot"), default="auto",
@@ -51,13 +52,13 @@ def run(options: argparse.Namespace) -> int:
         saved, certificate = _planned(options)
     if options.png:
         figure = plan_figure(saved.plan, saved.area, saved.request, certificate)
-        _write(Path(options.png), png(figure))
+        write_file(Path(options.png), png(figure))
     for warning in saved.plan.warnings:
         sys.stderr.write(f"warning: {warning}\n")
     sys.stderr.write(_summary(certificate, MapFrame(saved.datum)))
     if options.out and options.action is None:
         if certificate.ok:
-            _write(Path(options.out), plan_text(saved, certificate).encode())
+            write_file(Path(options.out), plan_text(saved, certificate).encode())
         else:
             sys.stderr.write(f"{options.out} is not written: the plan was refused\n")
     if options.json:
@@ -143,14 +144,6 @@ def _place(lon_deg: float, lat_deg: float, frame: MapFrame) -> Point:
     return east_m, north_m
 
 
-def _write(path: Path, content: bytes) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    except OSError as error:
-        raise MissionError(f"cannot write {path}: {error.strerror}; choose another file") from error
-
-
 def _summary(certificate: Certificate, frame: MapFrame) -> str:
     c = certificate
     lines = [
@@ -165,6 +158,8 @@ def _summary(certificate: Certificate, frame: MapFrame) -> str:
         lines.append(f"wheels at least {c.wheel_row_clearance_m:.3f} m from every crop row")
     for problem in c.problems:
         lat_deg, lon_deg, _ = frame.geodetic_from_map(problem.east_m, problem.north_m)
-        where = f" (latitude {lat_deg:.7f}, longitude {lon_deg:.7f})" if math.isfinite(lat_deg) else ""
+        where = (
+            f" (latitude {lat_deg:.7f}, longitude {lon_deg:.7f})" if math.isfinite(lat_deg) else ""
+        )
         lines.append(f"{problem.rule}: {problem.message}{where}")
     return "\n  ".join(lines) + "\n"

@@ -12,6 +12,7 @@ import msgspec
 
 from agribot.description.loader import parse_robot
 from agribot.errors import EndOfRecording
+from agribot.field_work import field_work
 from agribot.messages import RobotCommand
 from agribot.perception_host import RecordedPerception
 from agribot.record.mcap_file import read_attachment
@@ -22,7 +23,7 @@ from agribot.record.replay import (
     read_urdf,
     recorded_scenes,
 )
-from agribot.session import GOALS_ATTACHMENT
+from agribot.session import GOALS_ATTACHMENT, PLAN_ATTACHMENT
 from agribot.stack import MapPoint, build
 
 
@@ -37,7 +38,9 @@ def run(options: argparse.Namespace) -> int:
     perception = RecordedPerception(recorded_scenes(options.recording))
     goals = read_attachment(options.recording, GOALS_ATTACHMENT)
     goals_map_m = msgspec.json.decode(goals, type=tuple[MapPoint, ...])
-    stack = build(config, robot, goals_map_m, perception)
+    text = read_attachment(options.recording, PLAN_ATTACHMENT).decode() if config.plan else ""
+    work = field_work(text, config, robot)
+    stack = build(config, robot, goals_map_m, perception, work)
     platform = ReplayPlatform(options.recording)
     try:
         while True:

@@ -60,23 +60,29 @@ def plan_text(saved: SavedPlan, certificate: Certificate) -> str:
     return f'{{"type": "FeatureCollection", "agribot": {head}, "features": [\n{lines}\n]}}\n'
 
 
-def read_plan(path: Path) -> SavedPlan:
-    """Raises: MissionError: the file is not a plan, or a part of it is broken."""
-    root = read_json(path)
+def read_plan(path: Path, datum: Datum | None = None) -> SavedPlan:
+    """The plan in the map of `datum`; without one, in the map in which it was made.
+
+    Raises: MissionError: the file is not a plan, or a part of it is broken.
+    """
+    return plan_from(read_json(path), path.name, datum)
+
+
+def plan_from(root: Any, source_name: str, datum: Datum | None = None) -> SavedPlan:
     told = root.get("agribot") if isinstance(root, dict) else None
     if not isinstance(told, dict) or told.get("format") != FORMAT:
         raise MissionError(
-            f"{path.name} is not a plan of format {FORMAT}; make one with 'agribot plan --field "
+            f"{source_name} is not a plan of format {FORMAT}; make one with 'agribot plan --field "
             f"FIELD.geojson --implement-width M --out plan.geojson'"
         )
     try:
         request = msgspec.convert(told["request"], PlanRequest)
-        datum = msgspec.convert(told["datum"], Datum)
+        datum = datum or msgspec.convert(told["datum"], Datum)
         swath_yaw_rad = math.radians(float(told["swath_yaw_deg"]))
     except (KeyError, TypeError, ValueError, msgspec.ValidationError) as error:
-        raise MissionError(f"{path.name}: 'agribot' is broken: {error}; plan it again") from error
-    found = features(root, path.name)
-    area, _ = field_from([f for f in found if f.kind in KINDS], path.name, datum)
+        raise MissionError(f"{source_name}: 'agribot' is broken: {error}; plan it again") from error
+    found = features(root, source_name)
+    area, _ = field_from([f for f in found if f.kind in KINDS], source_name, datum)
     frame = MapFrame(datum)
     legs = []
     for feature in found:

@@ -76,14 +76,14 @@ def _draw_legs(axes: Axes, plan: FieldPlan, request: PlanRequest) -> None:
             zorder=4 if legs[0].tool_on else 6))  # fmt: skip
 
 
-def _bands(lines: list[FloatArray], half_width_m: float) -> FloatArray:
-    """The ground beside every piece of the lines, (N, 4, 2)."""
+def _bands(lines: list[FloatArray], half_width_m: float) -> list[FloatArray]:
+    """The ground beside every piece of the lines, each (4, 2)."""
     starts = np.concatenate([line[:-1] for line in lines])
     ends = np.concatenate([line[1:] for line in lines])
     along = ends - starts
     length_m = np.maximum(np.hypot(*along.T), 1e-9)[:, None]
     left = np.column_stack([-along[:, 1], along[:, 0]]) / length_m * half_width_m
-    return np.stack([starts + left, ends + left, ends - left, starts - left], axis=1)
+    return list(np.stack([starts + left, ends + left, ends - left, starts - left], axis=1))
 
 
 def _draw_marks(axes: Axes, plan: FieldPlan, certificate: Certificate) -> None:

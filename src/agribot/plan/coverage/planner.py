@@ -18,7 +18,6 @@ from agribot.plan.coverage.ways import Ways
 from agribot.plan.curves import Pose
 
 if TYPE_CHECKING:
-    import shapely
     from shapely.geometry.base import BaseGeometry
 
 MAX_SWATHS = 20000

@@ -11,7 +11,6 @@ import numpy as np
 from agribot.messages import FloatArray
 
 if TYPE_CHECKING:
-    import shapely
     from shapely.geometry.base import BaseGeometry
 
 ANGLE_STEP_DEG = 1.0

@@ -16,7 +16,6 @@ from agribot.plan.coverage.swaths import Swath, rotated
 from agribot.plan.coverage.turns import smooth_pieces
 
 if TYPE_CHECKING:
-    import shapely
     from shapely.geometry.base import BaseGeometry
 
 # A task is its variants; a variant is its working lines in driving order.

@@ -15,7 +15,6 @@ from agribot.plan.curves import MIN_RADIUS_M, Pose, Segment, length_m
 from agribot.plan.dubins import shortest
 
 if TYPE_CHECKING:
-    import shapely
     from shapely.geometry.base import BaseGeometry
 
 ARC_STEP_M = 0.05
