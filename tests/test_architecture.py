@@ -29,6 +29,7 @@ LAYERS = {
         "config",
         "platform",
         "devices",
+        "operator_input",
     ),
     1: ("estimate", "plan", "control", "perceive", "weeds"),
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),
