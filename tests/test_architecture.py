@@ -29,8 +29,9 @@ LAYERS = {
         "config",
         "platform",
         "devices",
+        "operator_input",
     ),
-    1: ("estimate", "plan", "control", "perceive", "weeds"),
+    1: ("estimate", "plan", "control", "perceive", "weeds", "ros"),
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),
     3: ("stack", "perception_host", "field_work", "session", "report_card", "workers"),
     4: ("cli", "commands", "ui", "train", "dataset", "sweep"),
@@ -52,8 +53,8 @@ HEAVY = {
     "xacro": {"description"},
     "matplotlib": {"record"},
     "mcap": {"record"},
-    "rosbags": {"record"},
-    "PIL": {"description", "record", "sim", "train", "dataset", "commands"},
+    "rosbags": {"ros", "record", "bridge"},
+    "PIL": {"description", "ros", "record", "sim", "train", "dataset", "commands"},
     "ray": {"sweep"},
     "shapely": {"plan", "gis"},  # polygon algebra, imported only by the functions that need it
 }

@@ -18,6 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.devices import BaseFix, BatterySample, BumperSample, GnssHeading
+from agribot.operator_input import HandDrive, OperatorAction, OperatorEvent
+
+__all__ = ["HandDrive", "OperatorAction", "OperatorEvent"]
 
 Vec3 = tuple[float, float, float]
 Four = tuple[float, float, float, float]
@@ -103,15 +106,6 @@ class CameraFrame(msgspec.Struct, frozen=True, kw_only=True):
     image_rgb: ByteArray
 
 
-OperatorAction = Literal["pause", "resume", "cancel", "stop", "clear_stop"]
-
-
-class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
-    t_s: float
-    action: OperatorAction
-    source: str = "operator"
-
-
 class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     """What arrived since the last tick, oldest first. A silent sensor is an empty tuple."""
 
@@ -126,6 +120,7 @@ class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     headings: tuple[GnssHeading, ...] = ()
     bumper: tuple[BumperSample, ...] = ()
     battery: tuple[BatterySample, ...] = ()
+    hand: tuple[HandDrive, ...] = ()
 
 
 # ---------------------------------------------------------------- perception

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from agribot.config import RunConfig
 from agribot.control.follower import Follower
+from agribot.control.hand_drive import HandControl
 from agribot.control.supervise import Supervisor
 from agribot.estimate.localizer import Localizer
 from agribot.messages import (
@@ -48,6 +49,7 @@ class Stack:
         weed_map: WeedMap,
         mission: Mission,
         follower: Follower,
+        hand: HandControl,
         treatment: Treatment,
         supervisor: Supervisor,
     ) -> None:
@@ -56,6 +58,7 @@ class Stack:
         self.weed_map = weed_map
         self.mission = mission
         self.follower = follower
+        self.hand = hand
         self.treatment = treatment
         self.supervisor = supervisor
         self.taps: list[Tap] = []
@@ -68,11 +71,15 @@ class Stack:
         for scene in scenes:
             self.weed_map.add(scene)
             self.localizer.see(scene)
-        goal = self.mission.step(estimate, batch.events)
+        takeover = self.hand.listen(batch)
+        goal = self.mission.step(estimate, (*batch.events, *takeover))
         drive, tracking = self.follower.step(estimate, goal)
+        drive, is_by_hand = self.hand.arbitrate(drive, goal.status)
         implement = self.treatment.step(estimate, self.weed_map, goal.tool_on)
         wanted = RobotCommand(t_s=batch.t_s, drive=drive, implement=implement)
-        command, reason = self.supervisor.check(wanted, estimate, batch, goal)
+        command, reason = self.supervisor.check(
+            wanted, estimate, batch, goal, is_by_hand=is_by_hand
+        )
         platform.write(command)
         record = TickRecord(
             batch=batch,
@@ -110,6 +117,7 @@ def build(
         weed_map=WeedMap(config.weeds),
         mission=_mission(config, robot, waypoints_map_m, work),
         follower=Follower(config.control, robot),
+        hand=HandControl(config.safety),
         treatment=Treatment(config.treatment, robot.sprayer),
         supervisor=Supervisor(config.safety, robot),
     )

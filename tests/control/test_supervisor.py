@@ -50,13 +50,23 @@ class Gate:
         batch: SensorBatch | None = None,
         state: MissionState = "running",
         actions: tuple[OperatorAction, ...] = (),
+        is_by_hand: bool = False,
     ) -> tuple[RobotCommand, str]:
         self.rover.t_s += TICK_S
         batch = batch or self.rover.batch()
         events = tuple(OperatorEvent(t_s=batch.t_s, action=action) for action in actions)
         batch = msgspec.structs.replace(batch, events=events)
         command = RobotCommand(t_s=batch.t_s, drive=drive, implement=OPEN)
-        return self.supervisor.check(command, estimate or self.rover.estimate(), batch, goal(state))
+        return self.supervisor.check(
+            command,
+            estimate or self.rover.estimate(),
+            batch,
+            goal(state),
+            is_by_hand=is_by_hand,
+        )
+
+    def lost_estimate(self) -> Estimate:
+        return msgspec.structs.replace(self.rover.estimate(), ok=False, reason="no GNSS fix")
 
     def cruise(self) -> Gate:
         for _ in range(50):

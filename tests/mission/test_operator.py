@@ -74,3 +74,20 @@ def test_a_cancelled_mission_ends_at_rest_and_is_no_success(session: Session) ->
     assert not report.ok
     assert "cancelled" in report.reason
     assert abs(session.platform.truth().v_mps) < 0.01
+
+
+def test_a_hand_takes_the_robot_off_the_mission_and_lets_it_stand_when_it_lets_go(
+    session: Session,
+) -> None:
+    ticks = session.ticks()
+    until(ticks, 15.0)
+    for t_s in (15.2, 15.4, 15.6, 15.8, 16.0):
+        session.platform.inbox.drive(-0.2, 0.0, "gamepad")
+        by_hand = until(ticks, t_s)
+    assert by_hand.status.state == "paused"
+    assert session.platform.truth().v_mps < -0.1
+    until(ticks, 17.0)  # silence: the request runs out
+    assert abs(session.platform.truth().v_mps) < 0.005
+    press(session, "resume")
+    assert until(ticks, 19.0).status.state == "running"
+    assert any("drives by hand (gamepad)" in event.reason for event in session.event_log.events)

@@ -77,22 +77,28 @@ class Supervisor:
         estimate: Estimate,
         batch: SensorBatch,
         goal: Goal,
+        *,
+        is_by_hand: bool = False,
     ) -> tuple[RobotCommand, str]:
         """The command to send, and why it was changed ("" if it was not).
 
+        A person who drives by hand sees where the robot is: neither its own position nor the
+        fence nor the mission holds it then, but stops, silent sensors and limits do.
         A closed implement at standstill and the ramp after a stop need no reason.
         """
         status = goal.status
         self._listen(batch)
         self._fence_in(goal.path)
         dt_s = self._elapsed_s(batch.t_s)
-        fault = self._fault(command.drive, estimate, batch.t_s, status)
+        fault = self._fault(command.drive, batch.t_s)
+        if not fault and not is_by_hand:
+            fault = self._mission_fault(estimate, status)
         if fault:
             drive = STOP
             reason = fault if _moves(command) else ""
         else:
             drive, reason = self._limited(command.drive)
-            is_pausing = status.state == "paused"
+            is_pausing = status.state == "paused" and not is_by_hand
             drive = self._ramped(drive, -PAUSE_BRAKE_RATIO * dt_s if is_pausing else dt_s)
         self._last = drive
         implement = command.implement
@@ -134,18 +140,16 @@ class Supervisor:
         dt_s, self._last_t_s = t_s - self._last_t_s, t_s
         return min(max(dt_s, 0.0), MAX_DT_S) if math.isfinite(dt_s) else 0.0
 
-    def _fault(
-        self, drive: DriveCommand, estimate: Estimate, t_s: float, status: MissionStatus
-    ) -> str:
+    def _fault(self, drive: DriveCommand, t_s: float) -> str:
         if self._stopped_by:
             return f"stopped by {self._stopped_by}; clear the stop to go on"
         if not math.isfinite(drive.v_mps + drive.yaw_rate_radps):
             return f"command is not finite: {drive.v_mps} m/s, {drive.yaw_rate_radps} rad/s"
+        return self._silent_sensor(t_s)
+
+    def _mission_fault(self, estimate: Estimate, status: MissionStatus) -> str:
         return (
-            self._silent_sensor(t_s)
-            or self._untrusted_pose(estimate)
-            or self._unsafe_place(estimate)
-            or _idle_mission(status)
+            self._untrusted_pose(estimate) or self._unsafe_place(estimate) or _idle_mission(status)
         )
 
     def _silent_sensor(self, t_s: float) -> str:

@@ -45,6 +45,7 @@ class EventLog:
         self._objection = ""
         self._estimate_ok = False
         self._moving = False
+        self._driver = ""
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("wb")
@@ -62,6 +63,7 @@ class EventLog:
         t_s = record.batch.t_s
         for press in record.batch.events:
             self._add(press.t_s, "operator", f"{press.action} ({press.source})")
+        self._note_hand(t_s, record)
         self._note_estimate(t_s, record)
         self._note_mission(t_s, record)
         self._note_supervisor(t_s, record)
@@ -70,6 +72,13 @@ class EventLog:
     def close(self) -> None:
         """Safe to call twice."""
         self._file.close()
+
+    def _note_hand(self, t_s: float, record: TickRecord) -> None:
+        """Who drives by hand; a stick that is let go is no event of its own."""
+        for request in record.batch.hand:
+            if request.source != self._driver and (request.v_mps or request.yaw_rate_radps):
+                self._driver = request.source
+                self._add(t_s, "operator", f"drives by hand ({request.source})")
 
     def _note_estimate(self, t_s: float, record: TickRecord) -> None:
         ok = record.estimate.ok

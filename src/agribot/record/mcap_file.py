@@ -17,7 +17,7 @@ from mcap.stream_reader import CRCValidationError, breakup_chunk
 from mcap.writer import CompressionType, Writer
 
 from agribot.errors import RecordingError
-from agribot.record.rosmsg import typestore
+from agribot.ros.rosmsg import typestore
 from agribot.topics import Qos, Topic
 
 LIBRARY = "agribot"

@@ -20,18 +20,18 @@ from agribot.messages import (
     SensorBatch,
     TickRecord,
 )
-from agribot.record import cdr, rosmsg
-from agribot.record.camera_log import CameraLog
-from agribot.record.markers import weed_markers
 from agribot.record.mcap_file import McapFile
 from agribot.record.ticks import encode_tick
-from agribot.record.transforms import (
+from agribot.robot import RobotSpec
+from agribot.ros import cdr, rosmsg
+from agribot.ros.camera_log import CameraLog
+from agribot.ros.markers import weed_markers
+from agribot.ros.transforms import (
     BodyTransforms,
     WheelTransforms,
     static_transforms,
     wheel_joints,
 )
-from agribot.robot import RobotSpec
 from agribot.topics import Topic
 
 CONFIG_ATTACHMENT = "config.toml"

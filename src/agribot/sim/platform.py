@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections import deque
 
-import msgspec
-
 from agribot.config import RunConfig
 from agribot.devices import BumperSample
 from agribot.errors import ConfigError, PlatformError
@@ -18,6 +16,7 @@ from agribot.messages import (
     RobotCommand,
     SensorBatch,
 )
+from agribot.operator_input import Inbox
 from agribot.robot import DriveSpec, RobotSpec
 from agribot.sim.attitude import roll_pitch_yaw, rotation_of
 from agribot.sim.camera_feed import CameraFeed
@@ -57,7 +56,7 @@ class SimPlatform:
         self._physics = Physics(
             robot, world, self._step_ns, board=board, is_effort=config.sim.actuation == "effort"
         )
-        self._inbox: deque[OperatorEvent] = deque()
+        self.inbox = Inbox()
         self._tunings: deque[tuple[str, str, float]] = deque()
         self._base_height_m = robot.base_height_m
         self._truth: Truth | None = None
@@ -79,6 +78,7 @@ class SimPlatform:
         t_s = last * self._step_ns / NS_PER_S
         self._affect_field(first * self._step_ns / NS_PER_S, t_s)
         sensors = self._sensors
+        events, hand = self.inbox.drain(t_s)
         return SensorBatch(
             t_s=t_s,
             wheels=sensors.wheels.samples(first, last, history),
@@ -86,7 +86,8 @@ class SimPlatform:
             mag=sensors.mag.samples(first, last, history),
             gnss=sensors.gnss.samples(first, last, history, t_s),
             frames=self._frames.samples(first, last, history) if self._frames else (),
-            events=self._events(t_s) if self._inbox else (),
+            events=events,
+            hand=hand,
             base=sensors.base.samples(first, last, history, t_s) if sensors.base else (),
             headings=(
                 sensors.headings.samples(first, last, history, t_s) if sensors.headings else ()
@@ -136,7 +137,7 @@ class SimPlatform:
 
     def post(self, event: OperatorEvent) -> None:
         """Hand in an operator event from any thread; the next batch carries it."""
-        self._inbox.append(event)
+        self.inbox.post(event)
 
     def truth(self) -> Truth:
         """Where the robot really is; the same object until the next read."""
@@ -199,13 +200,6 @@ class SimPlatform:
         return (
             () if place is None else (BumperSample(t_s=t_s, x_body_m=place[0], y_body_m=place[1]),)
         )
-
-    def _events(self, t_s: float) -> tuple[OperatorEvent, ...]:
-        """Operators do not know the simulated time: the tick that delivers an event stamps it."""
-        events = []
-        while self._inbox:
-            events.append(msgspec.structs.replace(self._inbox.popleft(), t_s=t_s))
-        return tuple(events)
 
 
 def _camera(

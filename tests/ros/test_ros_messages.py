@@ -22,8 +22,8 @@ from agribot.messages import (
     PlantClass,
     WheelSample,
 )
-from agribot.record import cdr, rosmsg
-from agribot.record.markers import weed_markers
+from agribot.ros import cdr, rosmsg
+from agribot.ros.markers import weed_markers
 from tests.record import record_samples as samples
 
 # Not the store of the code under test.

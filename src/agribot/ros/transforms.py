@@ -9,8 +9,9 @@ import numpy as np
 
 from agribot.geo import LINK_FROM_OPTICAL, rotation_from_rpy
 from agribot.messages import Estimate, FloatArray, Vec3, WheelSample
-from agribot.record.cdr import TransformsCdr
-from agribot.record.rosmsg import (
+from agribot.robot import Joint, RobotSpec
+from agribot.ros.cdr import TransformsCdr
+from agribot.ros.rosmsg import (
     BODY_FRAME,
     MAP_FRAME,
     ODOM_FRAME,
@@ -21,7 +22,6 @@ from agribot.record.rosmsg import (
     quaternion_from_yaw,
     transform_stamped,
 )
-from agribot.robot import Joint, RobotSpec
 
 Pose7 = tuple[float, float, float, float, float, float, float]  # x y z, then x y z w
 

@@ -12,7 +12,7 @@ import struct
 from typing import Any
 
 from agribot.messages import Estimate, GnssQuality, ImuSample, WheelSample
-from agribot.record import rosmsg
+from agribot.ros import rosmsg
 
 _STAMP = struct.Struct("<iI")
 _STAMP_AT = 4  # behind the encapsulation header; a message's header comes first

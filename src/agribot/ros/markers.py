@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from agribot.messages import MappedPlant, PlantClass
-from agribot.record import rosmsg
+from agribot.ros import rosmsg
 
 Rgba = tuple[float, float, float, float]
 

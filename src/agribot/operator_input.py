@@ -1,0 +1,74 @@
+"""What people and other programs ask of a running robot, and the one door through which it comes.
+
+A page, a gamepad, a keyboard or a bridge posts into the `Inbox` from whatever thread it lives in.
+The platform empties it once per tick into the `SensorBatch`, stamped with the platform's clock, so
+that a recording holds every request and a replay repeats it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Literal, TypeVar
+
+import msgspec
+
+T = TypeVar("T")
+
+OperatorAction = Literal["pause", "resume", "cancel", "stop", "clear_stop"]
+
+INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but never a stop
+
+
+class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
+    t_s: float
+    action: OperatorAction
+    source: str = "operator"
+
+
+class HandDrive(msgspec.Struct, frozen=True, kw_only=True):
+    """A body twist by hand. It holds only for a moment: whoever drives keeps sending it."""
+
+    t_s: float
+    v_mps: float
+    yaw_rate_radps: float
+    source: str = "operator"
+
+
+class Inbox:
+    """Thread-safe: any thread posts, the platform drains. Stamps given by the sender are dropped.
+
+    Of drive requests only the newest counts. Stops are kept apart, so that no flood of other
+    requests can push one out.
+    """
+
+    def __init__(self) -> None:
+        self._stops: deque[OperatorEvent] = deque(maxlen=INBOX_LIMIT)
+        self._events: deque[OperatorEvent] = deque(maxlen=INBOX_LIMIT)
+        self._hand: deque[HandDrive] = deque(maxlen=1)
+
+    def post(self, event: OperatorEvent) -> None:
+        (self._stops if event.action == "stop" else self._events).append(event)
+
+    def drive(self, v_mps: float, yaw_rate_radps: float, source: str) -> None:
+        """Ask for a twist; numbers that are none are passed on and refused by the supervisor."""
+        self._hand.append(
+            HandDrive(t_s=0.0, v_mps=v_mps, yaw_rate_radps=yaw_rate_radps, source=source)
+        )
+
+    def drain(self, t_s: float) -> tuple[tuple[OperatorEvent, ...], tuple[HandDrive, ...]]:
+        """What was asked since the last call, stamped `t_s`; stops come last and so win."""
+        if not (self._stops or self._events or self._hand):
+            return (), ()
+        events = [*_taken(self._events), *_taken(self._stops)]
+        return (
+            tuple(msgspec.structs.replace(event, t_s=t_s) for event in events),
+            tuple(msgspec.structs.replace(hand, t_s=t_s) for hand in _taken(self._hand)),
+        )
+
+
+def _taken(queue: deque[T]) -> list[T]:
+    """Empties the queue while others may still append to it."""
+    taken = []
+    while queue:
+        taken.append(queue.popleft())
+    return taken
