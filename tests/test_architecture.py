@@ -21,6 +21,7 @@ LAYERS = {
     0: (
         "__init__",
         "messages",
+        "topic",
         "topics",
         "errors",
         "geo",
