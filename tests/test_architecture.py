@@ -30,6 +30,7 @@ LAYERS = {
         "config",
         "platform",
         "devices",
+        "lens",
     ),
     1: ("estimate", "plan", "control", "perceive", "weeds"),
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),

@@ -150,6 +150,11 @@ def test_camera_info_projects_like_the_camera() -> None:
     assert np.array_equal(message.k.reshape(3, 3), camera.matrix())
     assert np.array_equal(message.p.reshape(3, 4)[:, :3], camera.matrix())
     assert (message.width, message.height) == (64, 48)
+    assert message.d.tolist() == [0.0] * 5
+    bent = msgspec.structs.replace(camera, distortion=(-0.2, 0.05, 0.001, -0.002))
+    message = _read_back(rosmsg.camera_info(0.0, bent))
+    assert message.distortion_model == "plumb_bob"
+    assert message.d.tolist() == [-0.2, 0.05, 0.001, -0.002, 0.0]
 
 
 def test_status_and_command_arrive_whole() -> None:
