@@ -44,6 +44,7 @@ CAMERA_LIMITS = {
 }  # fmt: skip
 # Optional in <agribot><drive>; without them the values of DriveSpec hold.
 PID_TAGS = ("pid_p_nmspr", "pid_i_nmprad", "pid_d_nms2prad")
+MOTOR_TAGS = ("motor_torque_nm", "gear_efficiency_ratio")
 MAG_PLUGINS = ("ros_magnetic", "magnetometer")
 
 
@@ -76,6 +77,7 @@ def read_drive(
         servo_gain_nmspr=extra.positive("servo_gain_nmspr"),
         rate_hz=plugin.positive("updateRate"),
         **{name: extra.number(name) for name in PID_TAGS if name in extra.tags},
+        **{name: extra.positive(name) for name in MOTOR_TAGS if name in extra.tags},
     )
 
 
