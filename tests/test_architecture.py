@@ -21,6 +21,7 @@ LAYERS = {
     0: (
         "__init__",
         "messages",
+        "topic",
         "topics",
         "errors",
         "geo",
@@ -30,6 +31,7 @@ LAYERS = {
         "platform",
         "devices",
         "operator_input",
+        "lens",
     ),
     1: ("estimate", "plan", "control", "perceive", "weeds", "ros"),
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),

@@ -21,6 +21,11 @@ COMMANDS = {
         "run the robot through a mission",
         "agribot run farm --sensors rtk --seed 1 --out runs/first",
     ),
+    "sim": (
+        "agribot.commands.sim",
+        "simulate the world alone: sensors out, drive commands in, nobody thinking",
+        "agribot sim --world empty --drive=0.4,0.2 --for 20 --speed max",
+    ),
     "report": (
         "agribot.commands.report",
         "make report.json, report.html and map.png from a recording",

@@ -138,6 +138,7 @@ class SimConfig(Config, frozen=True):
     sensors: str = "rtk"
     weed_density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
     camera_noise: bool = True
+    camera_body: bool = True  # the robot and its shadow in its own camera's picture
     # Wheels by an ideal speed servo, or by a PID per wheel that commands torque.
     actuation: Literal["servo", "effort"] = "servo"
     # A second receiver at the world's pole, with errors of its own or sharing the slow ones.

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from agribot.config import RunConfig
+from agribot.devices import BumperSample
 from agribot.geo import MapFrame, rotation_from_rpy
 from agribot.messages import (
     DriveCommand,
@@ -23,6 +24,7 @@ from agribot.messages import (
     WheelSample,
 )
 from agribot.ros import cdr, rosmsg
+from agribot.ros.device_rosmsg import battery_state, pole_fix, touched_point
 from agribot.ros.markers import weed_markers
 from tests.record import record_samples as samples
 
@@ -148,6 +150,11 @@ def test_camera_info_projects_like_the_camera() -> None:
     assert np.array_equal(message.k.reshape(3, 3), camera.matrix())
     assert np.array_equal(message.p.reshape(3, 4)[:, :3], camera.matrix())
     assert (message.width, message.height) == (64, 48)
+    assert message.d.tolist() == [0.0] * 5
+    bent = msgspec.structs.replace(camera, distortion=(-0.2, 0.05, 0.001, -0.002))
+    message = _read_back(rosmsg.camera_info(0.0, bent))
+    assert message.distortion_model == "plumb_bob"
+    assert message.d.tolist() == [-0.2, 0.05, 0.001, -0.002, 0.0]
 
 
 def test_status_and_command_arrive_whole() -> None:
@@ -239,3 +246,18 @@ def test_fast_transform_bytes_are_those_of_rosbags(
 def test_fast_twist_and_number_bytes_are_those_of_rosbags(a: float, b: float) -> None:
     assert cdr.TwistCdr()(a, b) == rosmsg.to_cdr(rosmsg.twist(a, b))
     assert cdr.Float64Cdr()(a) == rosmsg.to_cdr(rosmsg.float64(a))
+
+
+def test_base_station_bumper_and_battery_keep_their_numbers() -> None:
+    fix = _read_back(pole_fix(samples.base_fix(2.5)))
+    assert (fix.latitude, fix.longitude, fix.altitude) == (21.1613, 72.78703, 9.5)
+    assert fix.position_covariance[0] == pytest.approx(1.5**2)
+    assert fix.header.frame_id == "gps_pole_link"
+    touch = _read_back(touched_point(BumperSample(t_s=1.0, x_body_m=0.35, y_body_m=-0.1)))
+    assert (touch.point.x, touch.point.y, touch.header.frame_id) == (0.35, -0.1, "base_footprint")
+    state = _read_back(battery_state(samples.battery(3.0)))
+    assert state.voltage == pytest.approx(24.5)
+    assert state.current == pytest.approx(-1.25)  # out of the battery
+    assert state.percentage == pytest.approx(0.9)
+    assert state.power_supply_status == 2  # discharging
+    assert math.isnan(state.temperature)

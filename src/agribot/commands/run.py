@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 import time
 from datetime import UTC, datetime
@@ -12,11 +11,12 @@ from pathlib import Path
 import msgspec
 
 from agribot import config as settings
+from agribot.commands.pacing import pace_from, wait_until
 from agribot.commands.progress import Progress
 from agribot.commands.stopping import stop_on_signal
 from agribot.commands.writing import write_file
 from agribot.description.loader import load_robot
-from agribot.errors import ConfigError, MissionError
+from agribot.errors import MissionError
 from agribot.field_work import planned
 from agribot.gis.plan_file import plan_text
 from agribot.record.report import Report
@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    pace = _pace(options.speed)
+    pace = pace_from(options.speed)
     config = _config(options)
     out_dir = _out_dir(options.out, config.profile)
     if options.field is not None:
@@ -71,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
             for record in session.ticks():
                 if stop:
                     break
-                _wait_until(started_s + record.batch.t_s / pace)
+                wait_until(started_s + record.batch.t_s / pace)
         progress.close()
         report = session.finish("interrupted by the operator" if stop else "")
     sys.stderr.write(_summary(report, session.out_dir))
@@ -114,32 +114,10 @@ def _toml(value: str | float) -> str:
     return msgspec.json.encode(value).decode()
 
 
-def _pace(text: str) -> float:
-    """How many simulated seconds per second; infinite for as fast as possible."""
-    if text == "max":
-        return math.inf
-    try:
-        pace = float(text)
-    except ValueError:
-        pace = math.nan
-    if not pace > 0:
-        raise ConfigError(
-            f"--speed {text}: must be a number above 0 (1 is real time) or 'max', "
-            "as fast as possible"
-        )
-    return pace
-
-
 def _out_dir(wanted: str | None, profile: str) -> Path:
     if wanted is not None:
         return Path(wanted)
     return Path("runs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{Path(profile).stem}"
-
-
-def _wait_until(moment_s: float) -> None:
-    remaining_s = moment_s - time.monotonic()
-    if remaining_s > 0:
-        time.sleep(remaining_s)
 
 
 def _summary(report: Report, out_dir: Path) -> str:

@@ -18,7 +18,7 @@ from mcap.writer import CompressionType, Writer
 
 from agribot.errors import RecordingError
 from agribot.ros.rosmsg import typestore
-from agribot.topics import Qos, Topic
+from agribot.topic import Qos, Topic
 
 LIBRARY = "agribot"
 MSGPACK_SCHEMA = "agribot.TickRecord"

@@ -9,6 +9,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from agribot.geo import inverse
+from agribot.lens import distorted
 from agribot.messages import ByteArray, CameraFrame, PlantClass, Scene
 from agribot.robot import RobotSpec
 
@@ -52,7 +53,8 @@ class CameraLog:
             p_optical = self._optical_from_body @ (plant.x_body_m, plant.y_body_m, 0.0, 1.0)
             if p_optical[2] <= self._camera.clip_near_m:
                 continue
-            u_px, v_px, _ = k_px @ p_optical[:3] / p_optical[2]
+            seen = distorted(p_optical[:2] / p_optical[2], self._camera.distortion)
+            u_px, v_px, _ = k_px @ (*seen, 1.0)
             radius_m = (max(plant.area_m2, 1e-4) / np.pi) ** 0.5
             radius_px = max(4.0, self._camera.focal_px * radius_m / p_optical[2])
             box = (u_px - radius_px, v_px - radius_px, u_px + radius_px, v_px + radius_px)

@@ -246,7 +246,7 @@ def camera_info(t_s: float, camera: CameraSpec) -> Any:
         camera.height_px,
         camera.width_px,
         "plumb_bob",
-        np.zeros(5),
+        np.array([*camera.distortion, 0.0]),
         k_px.ravel(),
         np.eye(3).ravel(),
         projection.ravel(),
