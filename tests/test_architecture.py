@@ -53,6 +53,7 @@ HEAVY = {
     "matplotlib": {"record"},
     "mcap": {"record"},
     "rosbags": {"record"},
+    "pyproj": {"record"},
     "PIL": {"description", "record", "sim", "train", "dataset", "commands"},
     "ray": {"sweep"},
 }

@@ -31,6 +31,11 @@ COMMANDS = {
         "run the stack again on a recording and compare every command",
         "agribot replay runs/first/run.mcap",
     ),
+    "bag": (
+        "agribot.commands.bag",
+        "look into, convert and export recordings: ROS 1 .bag, ROS 2 .db3, .mcap",
+        "agribot bag convert runs/first/run.mcap first.bag",
+    ),
     "describe": (
         "agribot.commands.describe",
         "check, convert and show the robot description",

@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-import io
-import struct
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Message
-from mcap.stream_reader import CRCValidationError, breakup_chunk
+from mcap.records import Attachment, Channel, Message
 from mcap.writer import CompressionType, Writer
 
 from agribot.errors import RecordingError
+from agribot.record.mcap_records import McapRecords
 from agribot.record.rosmsg import typestore
 from agribot.topics import Qos, Topic
 
 LIBRARY = "agribot"
 MSGPACK_SCHEMA = "agribot.TickRecord"
-_MAGIC = b"\x89MCAP0\r\n"
-_RECORD_HEAD = struct.Struct("<BQ")
 
 
 class McapFile:
@@ -92,7 +85,7 @@ class McapFile:
             schema = self._writer.register_schema(topic.ros_type, "ros2msg", text.encode())
             self._schemas[topic.ros_type] = schema
         metadata = {
-            "offered_qos_profiles": _qos_yaml(topic.qos),
+            "offered_qos_profiles": qos_yaml(topic.qos),
             "topic_type_hash": typestore().hash_rihs01(topic.ros_type),
         }
         return int(self._writer.register_channel(topic.name, "cdr", schema, metadata))
@@ -111,7 +104,7 @@ def _refusal(verb: str, path: Path, error: OSError) -> RecordingError:
     )
 
 
-def _qos_yaml(qos: Qos) -> str:
+def qos_yaml(qos: Qos) -> str:
     """As rosbag2 stores it, so that a player offers latched topics latched again."""
     forever = "{sec: 9223372036, nsec: 854775807}"
     return (
@@ -130,51 +123,7 @@ def read_records(path: Path) -> Iterator[Any]:
     A robot that lost power leaves a file without its end: everything before the cut is read.
     Raises: RecordingError: no such file, or it is no MCAP file.
     """
-    try:
-        file = path.open("rb")
-    except OSError as error:
-        raise RecordingError(
-            f"cannot read recording {path}: {error.strerror or error}; check the path"
-        ) from error
-    with file:
-        if file.read(len(_MAGIC)) != _MAGIC:
-            raise RecordingError(f"{path} is not an MCAP recording; give the run.mcap of a run")
-        yield from _complete_records(file)
-
-
-def _complete_records(file: IO[bytes]) -> Iterator[Any]:
-    while True:
-        head = file.read(_RECORD_HEAD.size)
-        if len(head) < _RECORD_HEAD.size:
-            return
-        opcode, length = _RECORD_HEAD.unpack(head)
-        if opcode in {0, Opcode.DATA_END}:
-            return
-        body = file.read(length)
-        if len(body) < length:
-            return
-        if opcode == Opcode.CHUNK:
-            records = _chunk_records(body)
-            if records is None:
-                return
-            yield from records
-        elif opcode == Opcode.ATTACHMENT:
-            if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
-                return
-            yield Attachment.read(_stream(body))
-
-
-def _chunk_records(body: bytes) -> list[Any] | None:
-    """None for a chunk whose bytes are damaged."""
-    try:
-        records: list[Any] = breakup_chunk(Chunk.read(_stream(body)), validate_crc=True)
-    except (CRCValidationError, RuntimeError, struct.error):  # LZ4 reports damage as RuntimeError
-        return None
-    return records
-
-
-def _stream(body: bytes) -> ReadDataStream:
-    return ReadDataStream(io.BytesIO(body))
+    yield from McapRecords(path)
 
 
 def read_messages(path: Path, topic: Topic) -> Iterator[Message]:
