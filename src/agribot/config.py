@@ -130,6 +130,9 @@ class RecordConfig(Config, frozen=True):
     enabled: bool = True
     image_rate_hz: NonNegative = 1.0
     jpeg_quality: Annotated[int, msgspec.Meta(ge=1, le=95)] = 80
+    max_file_mb: NonNegative = 0.0  # a new file begins at this size; 0: one file
+    max_total_mb: NonNegative = 0.0  # above it, the oldest files go; 0: no limit
+    min_free_mb: NonNegative = 200.0  # of the disk; below it, files go or recording ends
 
 
 class SimConfig(Config, frozen=True):

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from mcap.records import Attachment, Channel, Message
+from mcap.records import Attachment, Channel, Header, Message, Metadata
 from mcap.writer import CompressionType, Writer
 
 from agribot.errors import RecordingError
-from agribot.record.mcap_records import McapRecords
+from agribot.record.mcap_records import McapRecords, parts_of
 from agribot.record.rosmsg import typestore
 from agribot.topics import Qos, Topic
 
@@ -40,6 +40,11 @@ class McapFile:
     @property
     def closed(self) -> bool:
         return self._file.closed
+
+    @property
+    def size_bytes(self) -> int:
+        """What reached the file; a chunk in progress does not count yet."""
+        return 0 if self._file.closed else self._file.tell()
 
     def write(self, topic: Topic, log_ns: int, data: bytes, publish_ns: int) -> None:
         channel = self._channels.get(topic.name)
@@ -121,16 +126,19 @@ def read_records(path: Path) -> Iterator[Any]:
     """Channels, messages and attachments in file order, up to the first incomplete record.
 
     A robot that lost power leaves a file without its end: everything before the cut is read.
-    Raises: RecordingError: no such file, or it is no MCAP file.
+    Further parts of the recording follow. Raises: RecordingError: no such file, or no MCAP file.
     """
-    yield from McapRecords(path)
+    for part in parts_of(path):
+        yield from McapRecords(part)
 
 
 def read_messages(path: Path, topic: Topic) -> Iterator[Message]:
     """The messages of one topic in file order."""
     channel_id = None
     for record in read_records(path):
-        if isinstance(record, Channel) and record.topic == topic.name:
+        if isinstance(record, Header):  # another part, with numbers of its own
+            channel_id = None
+        elif isinstance(record, Channel) and record.topic == topic.name:
             channel_id = record.id
         elif isinstance(record, Message) and record.channel_id == channel_id:
             yield record
@@ -142,3 +150,11 @@ def read_attachment(path: Path, name: str) -> bytes:
         if isinstance(record, Attachment) and record.name == name:
             return bytes(record.data)
     raise RecordingError(f"{path} has no attachment '{name}'; was it recorded by AGRIBOT?")
+
+
+def part_number(path: Path) -> int:
+    """0 for a whole recording or its first part. Raises: RecordingError: no MCAP file."""
+    for record in McapRecords(path):
+        if isinstance(record, Metadata) and record.name == LIBRARY:
+            return int(record.metadata.get("part", "0"))
+    return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import struct
 import zlib
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from mcap.stream_reader import breakup_chunk
 from agribot.errors import RecordingError
 
 MAGIC = b"\x89MCAP0\r\n"
+_NUMBERED = re.compile(r"(.*)-(\d{4,})")
 _RECORD_HEAD = struct.Struct("<BQ")
 _PLAIN: dict[int, Any] = {
     Opcode.HEADER: Header,
@@ -25,6 +27,22 @@ _PLAIN: dict[int, Any] = {
     Opcode.MESSAGE: Message,
     Opcode.METADATA: Metadata,
 }
+
+
+def part_path(first: Path, number: int) -> Path:
+    return first if number == 0 else first.with_name(f"{first.stem}-{number:04d}{first.suffix}")
+
+
+def parts_of(path: Path) -> list[Path]:
+    """The given part of a recording and all that follow it: run.mcap, run-0001.mcap, ..."""
+    found = _NUMBERED.fullmatch(path.stem)
+    first, number = path, 0
+    if found is not None:
+        first, number = path.with_name(found[1] + path.suffix), int(found[2])
+    parts = [path]
+    while (following := part_path(first, number := number + 1)).exists():
+        parts.append(following)
+    return parts
 
 
 class McapRecords:

@@ -23,7 +23,7 @@ from agribot.messages import (
 from agribot.record import cdr, rosmsg
 from agribot.record.camera_log import CameraLog
 from agribot.record.markers import weed_markers
-from agribot.record.mcap_file import McapFile
+from agribot.record.parts import RecordingParts
 from agribot.record.ticks import encode_tick
 from agribot.record.transforms import (
     BodyTransforms,
@@ -59,7 +59,7 @@ class RunRecorder:
         goals_map_m: Sequence[tuple[float, float]] = (),
         weed_map: Callable[[], Sequence[MappedPlant]] | None = None,
     ) -> None:
-        self._file = McapFile(path)
+        self._file = RecordingParts(path, config.record)
         self._robot = robot
         self._config, self._urdf = config, urdf
         self._map_frame = MapFrame(config.field.datum)
@@ -96,6 +96,11 @@ class RunRecorder:
             self._next_second_ns = self._now_ns + _SECOND_NS
             self._weed_markers(record.batch.t_s)
             self._file.flush()
+
+    @property
+    def ended_because(self) -> str:
+        """Why recording ended before the run did; empty while it goes on."""
+        return self._file.ended_because
 
     def truth(
         self, t_s: float, pose: tuple[float, float, float], twist: tuple[float, float] = (0.0, 0.0)
