@@ -28,6 +28,7 @@ LAYERS = {
         "robot",
         "world",
         "config",
+        "config_tree",
         "platform",
         "devices",
         "operator_input",
@@ -56,6 +57,7 @@ HEAVY = {
     "matplotlib": {"record"},
     "mcap": {"record"},
     "rosbags": {"ros", "record", "bridge"},
+    "pyproj": {"record"},
     "PIL": {"description", "ros", "record", "sim", "train", "dataset", "commands"},
     "ray": {"sweep"},
     "shapely": {"plan", "gis"},  # polygon algebra, imported only by the functions that need it

@@ -36,6 +36,16 @@ COMMANDS = {
         "run the stack again on a recording and compare every command",
         "agribot replay runs/first/run.mcap",
     ),
+    "bag": (
+        "agribot.commands.bag",
+        "look into, convert and export recordings: ROS 1 .bag, ROS 2 .db3, .mcap",
+        "agribot bag convert runs/first/run.mcap first.bag",
+    ),
+    "record": (
+        "agribot.commands.record",
+        "look after recordings: save one that was cut off",
+        "agribot record recover runs/first/run.mcap",
+    ),
     "describe": (
         "agribot.commands.describe",
         "check, convert and show the robot description",

@@ -97,6 +97,11 @@ class Session:
         return self.stack.weed_map
 
     @property
+    def recording_ended_because(self) -> str:
+        """Why recording ended before the run; empty where it did not."""
+        return self._recorder.ended_because if self._recorder is not None else ""
+
+    @property
     def meter(self) -> PerceptionMeter | None:
         return self.stack.perception.meter
 

@@ -74,6 +74,8 @@ def run(options: argparse.Namespace) -> int:
                 wait_until(started_s + record.batch.t_s / pace)
         progress.close()
         report = session.finish("interrupted by the operator" if stop else "")
+        if session.recording_ended_because:
+            sys.stderr.write(f"recording ended early: {session.recording_ended_because}\n")
     sys.stderr.write(_summary(report, session.out_dir))
     if options.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")

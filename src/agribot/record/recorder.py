@@ -12,7 +12,7 @@ from agribot import __version__, topics
 from agribot.config import RunConfig, to_toml
 from agribot.geo import MapFrame, compass_deg_from_yaw
 from agribot.messages import Estimate, MappedPlant, MissionStatus, Path, TickRecord
-from agribot.record.mcap_file import McapFile
+from agribot.record.parts import RecordingParts
 from agribot.record.sensor_log import SLOW_NS, SensorLog
 from agribot.record.ticks import encode_tick
 from agribot.robot import RobotSpec
@@ -46,7 +46,7 @@ class RunRecorder:
         goals_map_m: Sequence[tuple[float, float]] = (),
         weed_map: Callable[[], Sequence[MappedPlant]] | None = None,
     ) -> None:
-        self._file = McapFile(path)
+        self._file = RecordingParts(path, config.record)
         self._robot = robot
         self._config, self._urdf = config, urdf
         self._map_frame = MapFrame(config.field.datum)
@@ -79,6 +79,11 @@ class RunRecorder:
             self._next_second_ns = self._now_ns + _SECOND_NS
             self._weed_markers(record.batch.t_s)
             self._file.flush()
+
+    @property
+    def ended_because(self) -> str:
+        """Why recording ended before the run did; empty while it goes on."""
+        return self._file.ended_because
 
     def truth(
         self, t_s: float, pose: tuple[float, float, float], twist: tuple[float, float] = (0.0, 0.0)

@@ -7,7 +7,7 @@ from typing import Any
 
 from agribot import topics
 from agribot.messages import WHEEL_NAMES, CameraFrame, SensorBatch, WheelSample
-from agribot.record.mcap_file import McapFile
+from agribot.record.parts import RecordingParts
 from agribot.robot import RobotSpec
 from agribot.ros import cdr, rosmsg
 from agribot.ros.camera_log import CameraLog
@@ -21,7 +21,7 @@ SLOW_NS = 100_000_000  # values for people and for the original's tools
 class SensorLog:
     """Writes one batch after another; `camera` picks the images of a recording."""
 
-    def __init__(self, file: McapFile, robot: RobotSpec, camera: CameraLog) -> None:
+    def __init__(self, file: RecordingParts, robot: RobotSpec, camera: CameraLog) -> None:
         self._file, self._robot, self._camera = file, robot, camera
         joints = wheel_joints(robot, WHEEL_NAMES)
         self._imu = cdr.ImuCdr(robot.imu.link)

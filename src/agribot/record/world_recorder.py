@@ -7,7 +7,7 @@ from pathlib import Path
 from agribot import __version__, topics
 from agribot.config import RunConfig, to_toml
 from agribot.messages import DriveCommand, SensorBatch
-from agribot.record.mcap_file import McapFile
+from agribot.record.parts import RecordingParts
 from agribot.record.recorder import CONFIG_ATTACHMENT, URDF_ATTACHMENT
 from agribot.record.sensor_log import SLOW_NS, SensorLog
 from agribot.robot import RobotSpec
@@ -29,7 +29,7 @@ class WorldRecorder:
 
     def __init__(self, path: Path, config: RunConfig, robot: RobotSpec, urdf: str) -> None:
         self.path = path
-        self._file = McapFile(path)
+        self._file = RecordingParts(path, config.record)
         self._robot, self._urdf = robot, urdf
         camera = CameraLog(robot, config.record.image_rate_hz, config.record.jpeg_quality)
         self._sensors = SensorLog(self._file, robot, camera)
