@@ -32,7 +32,7 @@ LAYERS = {
     ),
     1: ("estimate", "plan", "control", "perceive", "weeds"),
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),
-    3: ("stack", "perception_host", "session", "report_card", "workers"),
+    3: ("stack", "perception_host", "session", "report_card", "rerun", "workers"),
     4: ("cli", "commands", "ui", "train", "dataset", "sweep"),
 }
 LAYER_OF = {part: layer for layer, parts in LAYERS.items() for part in parts}

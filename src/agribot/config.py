@@ -185,13 +185,13 @@ def load(profile: str, settings: Iterable[str] = ()) -> RunConfig:
     """
     source, tree = _read_profile(profile)
     for setting in settings:
-        _apply(tree, setting)
+        apply_setting(tree, setting)
         source = f"{source} --set {setting}"
-    return _convert(tree, source)
+    return from_tree(tree, source)
 
 
 def to_toml(config: RunConfig) -> str:
-    return tomli_w.dumps(_without_none(msgspec.to_builtins(config)))
+    return tomli_w.dumps(without_none(msgspec.to_builtins(config)))
 
 
 def _read_profile(profile: str) -> tuple[str, dict[str, Any]]:
@@ -216,7 +216,7 @@ def _parse(text: str, source: str) -> dict[str, Any]:
         raise ConfigError(f"{source} is not valid TOML: {error}") from error
 
 
-def _apply(tree: dict[str, Any], setting: str) -> None:
+def apply_setting(tree: dict[str, Any], setting: str) -> None:
     key, separator, text = setting.partition("=")
     if not separator or not key:
         raise ConfigError(f"--set {setting}: write it as key.subkey=value")
@@ -237,7 +237,7 @@ def _value(text: str) -> object:
         return text
 
 
-def _convert(tree: dict[str, Any], source: str) -> RunConfig:
+def from_tree(tree: dict[str, Any], source: str) -> RunConfig:
     _check_keys(tree, RunConfig, source, "")
     _check_finite(tree, source, "")
     try:
@@ -290,10 +290,10 @@ def _did_you_mean(word: str, known: list[str]) -> str:
     return f"; did you mean '{close[0]}'?" if close else ""
 
 
-def _without_none(tree: dict[str, Any]) -> dict[str, Any]:
+def without_none(tree: dict[str, Any]) -> dict[str, Any]:
     """TOML has no null: an absent key says the same."""
     return {
-        key: _without_none(value) if isinstance(value, dict) else value
+        key: without_none(value) if isinstance(value, dict) else value
         for key, value in tree.items()
         if value is not None
     }
