@@ -195,7 +195,7 @@ def load(profile: str, settings: Iterable[str] = ()) -> RunConfig:
     for setting in settings:
         assign(tree, setting)
         source = f"{source} --set {setting}"
-    return _convert(tree, source)
+    return from_tree(tree, source)
 
 
 def to_toml(config: RunConfig) -> str:
@@ -224,7 +224,7 @@ def _parse(text: str, source: str) -> dict[str, Any]:
         raise ConfigError(f"{source} is not valid TOML: {error}") from error
 
 
-def _convert(tree: dict[str, Any], source: str) -> RunConfig:
+def from_tree(tree: dict[str, Any], source: str) -> RunConfig:
     check_keys(tree, RunConfig, source, "")
     check_finite(tree, source, "")
     try:
