@@ -15,7 +15,7 @@ interface Events {
   trajectory: Trajectory
   path: PathData | null
   weeds: WeedChange
-  event: LogEvent
+  log: LogEvent[]
   seat: Seat
   link: boolean
   signals: SignalBuffer
@@ -89,7 +89,7 @@ export class Store extends Emitter<Events> {
       case 'event':
         this.log.push(message)
         if (this.log.length > LOG_LENGTH) this.log.shift()
-        this.emit('event', message)
+        this.emit('log', this.log)
         break
       case 'pong':
         this.rttMs = nowMs - message.c
@@ -128,6 +128,7 @@ export class Store extends Emitter<Events> {
     this.emit('path', this.path)
     this.emit('weeds', { set: snap.weeds.all, gone: [], all: true })
     this.emit('signals', this.signals)
+    this.emit('log', this.log)
   }
 
   private acceptWeeds(revision: number, set: Weed[], gone: number[]): void {

@@ -27,7 +27,7 @@ FIXED: dict[str, Any] = {
             "width_px": 640, "height_px": 480,
             "body_from_camera": [0, -0.64, 0.77, 0.4, -1, 0, 0, 0, 0, -0.77, -0.64, 0.6, 0, 0, 0, 1],
         },
-        "wheel_joints": ["fl_wheel_joint", "fr_wheel_joint", "rl_wheel_joint", "rr_wheel_joint"],
+        "wheel_joints": [f"base_link_to_{wheel}_joint" for wheel in ("left_wheel_F", "right_wheel_F", "left_wheel_R", "right_wheel_R")],
     },
     "maps": [],
     "views": ["Whole farm"],

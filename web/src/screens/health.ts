@@ -31,7 +31,7 @@ export const health: Screen = {
     }
     const showLog = (): void => replace(log, el('h2', {}, 'Log'), ...logRows(app))
     showLog()
-    const undo = app.store.on('event', showLog)
+    const undo = app.store.on('log', showLog)
     const timer = setInterval(() => void refresh(), REFRESH_MS)
     await refresh()
     return () => {

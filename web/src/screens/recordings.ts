@@ -45,7 +45,7 @@ async function mark(app: App): Promise<void> {
 
 function table(found: Recordings, replay: ReplayBar): HTMLElement {
   if (!found.recordings.length) return el('p', { class: 'empty' }, 'No recording yet: every mission makes one.')
-  return el('table', {},
+  return el('table', { class: 'recordings' },
     el('thead', {}, el('tr', {}, ...['Name', 'Length', 'Size', 'Result', 'Files', ''].map((name) => (name ? el('th', {}, name) : el('td', {}))))),
     el('tbody', {}, ...found.recordings.map((recording) => row(recording, recording.name === found.current, replay))))
 }
