@@ -6,7 +6,14 @@ from typing import Any
 
 
 def _setting(key: str, value: Any, kind: str, about: str, **more: Any) -> dict[str, Any]:
-    base = {"key": key, "value": value, "default": value, "type": kind, "about": about, "live": True}
+    base = {
+        "key": key,
+        "value": value,
+        "default": value,
+        "type": kind,
+        "about": about,
+        "live": True,
+    }
     return {**base, "min": None, "max": None, "choices": None, "unit": "", **more}
 
 

@@ -20,7 +20,11 @@ Message = dict[str, Any]
 
 def field() -> Message:
     rows = [
-        {"index": i, "start_map_m": [0.0, i * ROW_SPACING_M], "end_map_m": [ROW_LENGTH_M, i * ROW_SPACING_M]}
+        {
+            "index": i,
+            "start_map_m": [0.0, i * ROW_SPACING_M],
+            "end_map_m": [ROW_LENGTH_M, i * ROW_SPACING_M],
+        }
         for i in range(ROWS)
     ]
     top = (ROWS - 1) * ROW_SPACING_M
@@ -28,8 +32,15 @@ def field() -> Message:
         "name": "farm",
         "datum": DATUM,
         "rows": rows,
-        "boundary_map_m": [[-3, -3], [ROW_LENGTH_M + 3, -3], [ROW_LENGTH_M + 3, top + 3], [-3, top + 3]],
-        "waypoints_map_m": [point for row in rows for point in (row["start_map_m"], row["end_map_m"])],
+        "boundary_map_m": [
+            [-3, -3],
+            [ROW_LENGTH_M + 3, -3],
+            [ROW_LENGTH_M + 3, top + 3],
+            [-3, top + 3],
+        ],
+        "waypoints_map_m": [
+            point for row in rows for point in (row["start_map_m"], row["end_map_m"])
+        ],
         "start_map_m": [-2.0, 0.0],
     }
 
@@ -68,7 +79,19 @@ class FakeRobot:
         seen = float(index)
         treated = seen + 2.0 if index % 3 == 0 and not crop else None
         size = float(self.random.uniform(4e-4, 4e-3))
-        return [index + 1, crop, round(x, 3), round(row * ROW_SPACING_M + dy, 3), 0.03, confidence, size, 5, seen, seen + 1, treated]
+        return [
+            index + 1,
+            crop,
+            round(x, 3),
+            round(row * ROW_SPACING_M + dy, 3),
+            0.03,
+            confidence,
+            size,
+            5,
+            seen,
+            seen + 1,
+            treated,
+        ]
 
     def pose(self) -> tuple[float, float, float]:
         left_m = self.s_m % self.length_m
@@ -104,9 +127,16 @@ class FakeRobot:
         elif kind == "clear_stop":
             self.mode, self.stop = "paused", ""
         elif kind == "mission":
-            modes = {"pause": "paused", "resume": "mission", "start": "mission", "cancel": "waiting"}
+            modes = {
+                "pause": "paused",
+                "resume": "mission",
+                "start": "mission",
+                "cancel": "waiting",
+            }
             self.mode = modes.get(message["action"], self.mode)
-        return {"k": "ack", "id": message["id"], "ok": True, "reason": ""} if "id" in message else None
+        return (
+            {"k": "ack", "id": message["id"], "ok": True, "reason": ""} if "id" in message else None
+        )
 
     def state(self, wall_ms: float) -> Message:
         x, y, yaw = self.pose()
@@ -134,7 +164,12 @@ class FakeRobot:
             "path": {"xy": self.path, "row": [0] * len(self.path)},
             "events": [
                 {"t": 0.0, "level": "info", "source": "mission", "text": "Mission farm started."},
-                {"t": 3.2, "level": "warn", "source": "gnss", "text": "Fix fell back to float for 0.8 s."},
+                {
+                    "t": 3.2,
+                    "level": "warn",
+                    "source": "gnss",
+                    "text": "Fix fell back to float for 0.8 s.",
+                },
             ],
             "signals": {
                 "names": ["speed", "cross_track", "heading_error", "battery"],
@@ -155,8 +190,14 @@ def camera_packets(frame: int, wall_ms: float) -> tuple[bytes, bytes]:
         x = float(rng.uniform(60, 580)) if weed else 320 + float(rng.normal(0, 14))
         y = (float(rng.uniform(0, 480)) + 4 * frame) % 520 - 20
         size = float(rng.uniform(9, 24))
-        pen.ellipse((x - size, y - size * 0.7, x + size, y + size * 0.7), fill=(96, 140, 60) if weed else (52, 112, 44))
-        mask_pen.ellipse(((x - size) / 2, (y - size * 0.7) / 2, (x + size) / 2, (y + size * 0.7) / 2), fill=0 if weed else 1)
+        pen.ellipse(
+            (x - size, y - size * 0.7, x + size, y + size * 0.7),
+            fill=(96, 140, 60) if weed else (52, 112, 44),
+        )
+        mask_pen.ellipse(
+            ((x - size) / 2, (y - size * 0.7) / 2, (x + size) / 2, (y + size * 0.7) / 2),
+            fill=0 if weed else 1,
+        )
     return _packet(0, frame, wall_ms, image, "JPEG"), _packet(1, frame, wall_ms, mask, "PNG")
 
 

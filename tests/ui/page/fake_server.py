@@ -1,6 +1,6 @@
 """The page's side of the wire contract, answered by a fake robot. Run it to look at the page:
 
-    python -m tests.ui.page.fake_server 8900
+python -m tests.ui.page.fake_server 8900
 """
 
 from __future__ import annotations
@@ -49,7 +49,11 @@ class FakeServer:
         answers = [Route(f"/api/v1/{name}", self._fixed(name)) for name in fake_answers.FIXED]
         return [
             *answers,
-            Route("/api/v1/{path:path}", self._write, methods=["GET", "PUT", "POST", "PATCH", "DELETE"]),
+            Route(
+                "/api/v1/{path:path}",
+                self._write,
+                methods=["GET", "PUT", "POST", "PATCH", "DELETE"],
+            ),
             WebSocketRoute("/ws/v1", self._state_socket),
             WebSocketRoute("/ws/cam/main", self._camera_socket),
             Route("/robot/robot.urdf", self._urdf),
@@ -149,13 +153,22 @@ class FakeServer:
 
     async def _urdf(self, _: Request) -> Response:
         text = (SOURCE / "description" / "urdf" / "agribot.urdf").read_text()
-        return Response(text.replace("package://agribot_description/", ""), media_type="application/xml")
+        return Response(
+            text.replace("package://agribot_description/", ""), media_type="application/xml"
+        )
 
 
 @contextlib.contextmanager
 def serving(server: FakeServer, port: int = 0) -> Any:
     """Serve in a thread; yields the address."""
-    config = uvicorn.Config(server.app(), host="127.0.0.1", port=port, log_level="error", ws="websockets-sansio", timeout_graceful_shutdown=1)
+    config = uvicorn.Config(
+        server.app(),
+        host="127.0.0.1",
+        port=port,
+        log_level="error",
+        ws="websockets-sansio",
+        timeout_graceful_shutdown=1,
+    )
     runner = uvicorn.Server(config)
     thread = threading.Thread(target=runner.run, daemon=True)
     thread.start()
