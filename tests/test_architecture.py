@@ -29,11 +29,12 @@ LAYERS = {
         "config",
         "platform",
         "devices",
+        "arithmetic",
     ),
     1: ("estimate", "plan", "control", "perceive", "weeds"),
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),
     3: ("stack", "perception_host", "session", "report_card", "workers"),
-    4: ("cli", "commands", "ui", "train", "dataset", "sweep"),
+    4: ("cli", "commands", "ui", "train", "dataset", "sweep", "bench"),
 }
 LAYER_OF = {part: layer for layer, parts in LAYERS.items() for part in parts}
 DATA_FOLDERS = {"profiles", "models"}
