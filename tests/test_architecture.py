@@ -51,7 +51,7 @@ HEAVY = {
     "onnxruntime": {"perceive"},
     "scipy": {"perceive", "sim", "dataset"},
     "xacro": {"description"},
-    "matplotlib": {"record"},
+    "matplotlib": {"record", "bench"},
     "mcap": {"record"},
     "rosbags": {"record"},
     "PIL": {"description", "record", "sim", "train", "dataset", "commands"},

@@ -25,8 +25,8 @@ TURN_CENTRE_M_PER_SQRT_RAD = 0.03
 # MEMS gyros are good to about 1 % of the rate: a half turn then ends 1.8 degrees off, 1 sigma.
 GYRO_SCALE_RAD_PER_SQRT_RAD = 0.01 * math.sqrt(math.pi)
 GYRO_BIAS_WALK_RADPS_PER_SQRT_S = 7e-5
-# Soil and load change the wheel's grip within minutes, the slope under the robot sooner.
-WHEEL_SCALE_MEMORY_S, SLIP_MEMORY_S = 300.0, 200.0
+# The grip of the wheels changes with every patch of soil, the slope under the robot slowly.
+WHEEL_SCALE_MEMORY_S, SLIP_MEMORY_S = 30.0, 200.0
 # Slow errors are aged together, not at every wheel reading.
 AGEING_PERIOD_S = 0.1
 # Longer gaps are walked through in pieces, so that a turn inside one stays an arc.

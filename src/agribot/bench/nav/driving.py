@@ -66,6 +66,7 @@ class Driving:
         self.follower = BatchFollower(count, scenario.control(), robot, self.path)
         self.is_done = np.zeros(count, dtype=bool)
         self.row = np.full(count, -1, dtype=np.int64)
+        self.tool_on = np.zeros(count, dtype=bool)
         self.paused_s = np.zeros(count)
         self._ready_s = 0.0
 
@@ -78,6 +79,7 @@ class Driving:
         index = self.progress.index
         self.is_done |= self.progress.s_m >= self.path.s_m[-1] - END_TOLERANCE_M
         self.row = np.where(self.is_done, -1, self.path.row[index])
+        self.tool_on = self._tool[index] & ~self.is_done
         caution = self._caution(estimate, index)
         limit_mps = np.where(self.is_done, 0.0, caution * self._speed_mps[index])
         self.paused_s += (limit_mps == 0.0) & ~self.is_done

@@ -52,22 +52,27 @@ class Judge:
         self.time_s = np.zeros(count)
         self._robots = np.arange(count)
 
-    def tick(self, plant: Plant, row: np.ndarray, is_done: np.ndarray) -> None:
-        """`row` counts from y = 0."""
+    def tick(self, plant: Plant, row: np.ndarray, tool_on: np.ndarray, is_done: np.ndarray) -> None:
+        """`row` counts from y = 0; a plant is covered where the tool works beside it."""
         active = ~is_done
         self.time_s += active * (TICK_STEPS * DT_S)
         works = active & (row >= 0) & (plant.x_m >= 0.0) & (plant.x_m <= ROW_LENGTH_M)
         robots = self._robots[works]
-        rows, x_m = row[works], plant.x_m[works]
+        rows = row[works]
         error_m = abs(plant.y_m[works] - rows * PITCH_M)
         self._row_worst_m[rows, robots] = np.maximum(self._row_worst_m[rows, robots], error_m)
         self._square[robots] += error_m**2
         self._samples[robots] += 1
         self._bins[robots, np.minimum((error_m / BIN_M).astype(np.int64), BINS - 1)] += 1
-        near = error_m < ROW_LIMIT_M
-        slots = np.round(x_m / SPACING_M).astype(np.int64)
-        self._covered[rows[near], slots[near], robots[near]] = True
+        self._cover(plant, active & tool_on)
         self._crush(plant, active)
+
+    def _cover(self, plant: Plant, works: np.ndarray) -> None:
+        beside = np.clip(np.round(plant.y_m / PITCH_M), 0, ROWS - 1)
+        near = abs(plant.y_m - beside * PITCH_M) < ROW_LIMIT_M
+        near &= works & (plant.x_m >= 0.0) & (plant.x_m <= ROW_LENGTH_M)
+        slot = np.round(plant.x_m[near] / SPACING_M).astype(np.int64)
+        self._covered[beside[near].astype(np.int64), slot, self._robots[near]] = True
 
     def _crush(self, plant: Plant, active: np.ndarray) -> None:
         cos, sin = np.cos(plant.yaw_rad), np.sin(plant.yaw_rad)

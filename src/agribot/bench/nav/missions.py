@@ -51,7 +51,7 @@ class Sensors:
         self._gnss, self._vision = gnss, vision
         self._own = Proprioception(seeds)
         self._compasses = Compasses(seeds, is_hector=scenario.receiver == "hector")
-        self._receivers = None if gnss is None else Receivers(seeds, gnss, (x_m, y_m))
+        self._receivers = Receivers(seeds, gnss, (x_m, y_m))
         self._camera = None if vision is None else RowCamera(seeds, vision)
         self._arrivals = Arrivals()
         self._wheel_m, self._turn_rad = np.zeros((2, len(seeds)))
@@ -64,7 +64,7 @@ class Sensors:
         self._turn_rad = self._turn_rad + rate_radps * DT_S
         if k % MAG_STEPS == 0:
             self._arrivals.send(t_s, (t_s, self._compasses.sample(plant)))
-        if self._receivers is not None and self._gnss and k % self._gnss.period_steps == 0:
+        if k % self._gnss.period_steps == 0:
             fix, heading = self._receivers.sample(t_s, plant)
             self._arrivals.send(t_s + self._gnss.latency_s, fix)
             if heading is not None:
@@ -89,7 +89,7 @@ def run_missions(
     gnss = scenario.gnss
     localizer = BatchLocalizer(
         count, scenario.estimate(), scenario.field(), robot,
-        is_corrected=gnss is not None and gnss.is_corrected,
+        is_corrected=gnss.is_corrected,
     )  # fmt: skip
     driving, judge = Driving(count, scenario, robot), Judge(count)
     tick_s = TICK_STEPS * DT_S
@@ -107,7 +107,7 @@ def run_missions(
         for line in lines:
             localizer.see_line(line)
         row = np.where(driving.row < 0, -1, ROWS - 1 - driving.row)
-        judge.tick(plant, row, driving.is_done)
+        judge.tick(plant, row, driving.tool_on, driving.is_done)
         if k % round(NEES_PERIOD_S / DT_S) == 0 and localizer.is_ready:
             judge.check_covariance(
                 plant, estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad,

@@ -16,7 +16,7 @@ from agribot.config import (
 )
 from agribot.geo import Datum
 
-Receiver = Literal["none", "hector", "m8n", "rtk", "rtk-dual"]
+Receiver = Literal["hector", "m8n", "rtk", "rtk-dual"]
 Variant = Literal["nominal", "hard"]
 
 DT_S = 0.01
@@ -75,8 +75,7 @@ class Gnss(msgspec.Struct, frozen=True, kw_only=True):
     heading_std_rad: float | None = None
 
 
-RECEIVERS: dict[Receiver, Gnss | None] = {
-    "none": None,
+RECEIVERS: dict[Receiver, Gnss] = {
     "hector": Gnss(
         period_steps=20, latency_s=0.0, white_m=0.1, wanders=(), velocity_std_mps=0.1,
         stated_m=5.0, hector_drift_m=5.0,
@@ -91,7 +90,6 @@ RECEIVERS: dict[Receiver, Gnss | None] = {
     ),
 }  # fmt: skip
 _RTK = RECEIVERS["rtk"]
-assert _RTK is not None
 RECEIVERS["rtk-dual"] = msgspec.structs.replace(_RTK, heading_std_rad=math.radians(0.4))
 
 
@@ -105,7 +103,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
     speed_mps: float = 0.8
 
     @property
-    def gnss(self) -> Gnss | None:
+    def gnss(self) -> Gnss:
         return RECEIVERS[self.receiver]
 
     @property
