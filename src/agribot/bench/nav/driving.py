@@ -68,11 +68,14 @@ class Driving:
         self.row = np.full(count, -1, dtype=np.int64)
         self.tool_on = np.zeros(count, dtype=bool)
         self.paused_s = np.zeros(count)
-        self._ready_s = 0.0
+        self._ok_since_s: float | None = None
 
-    def step(self, estimate: BatchEstimate) -> None:
-        self._ready_s += TICK_STEPS * DT_S if estimate.ok else 0.0
-        if self._ready_s < SETTLE_S:
+    def step(self, t_s: float, estimate: BatchEstimate) -> None:
+        if not estimate.ok:
+            return
+        if self._ok_since_s is None:
+            self._ok_since_s = t_s
+        if t_s - self._ok_since_s < SETTLE_S:
             return
         x_m, y_m = estimate.x_map_m, estimate.y_map_m
         self.progress.advance(x_m, y_m)

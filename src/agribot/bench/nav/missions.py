@@ -103,7 +103,7 @@ def run_missions(
         localizer.advance(t_s, distance_m, turn_rad / tick_s)
         lines = hear(localizer, readings)
         estimate = localizer.estimate()
-        driving.step(estimate)
+        driving.step(t_s, estimate)
         for line in lines:
             localizer.see_line(line)
         row = np.where(driving.row < 0, -1, ROWS - 1 - driving.row)
