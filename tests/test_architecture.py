@@ -33,6 +33,7 @@ LAYERS = {
         "devices",
         "operator_input",
         "lens",
+        "arithmetic",
     ),
     1: ("estimate", "plan", "control", "perceive", "weeds", "ros"),
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),
@@ -45,7 +46,7 @@ LAYERS = {
         "rerun",
         "workers",
     ),
-    4: ("cli", "commands", "ui", "train", "dataset", "sweep"),
+    4: ("cli", "commands", "ui", "train", "dataset", "sweep", "bench"),
 }
 LAYER_OF = {part: layer for layer, parts in LAYERS.items() for part in parts}
 DATA_FOLDERS = {"profiles", "models"}
@@ -62,7 +63,7 @@ HEAVY = {
     "onnxruntime": {"perceive"},
     "scipy": {"perceive", "sim", "dataset"},
     "xacro": {"description"},
-    "matplotlib": {"record"},
+    "matplotlib": {"record", "bench"},
     "mcap": {"record"},
     "rosbags": {"ros", "record", "bridge"},
     "pyproj": {"record"},

@@ -76,6 +76,11 @@ COMMANDS = {
         "run many seeds and settings and compare their reports",
         "agribot sweep farm --seeds 1-8 --vary mission.speed_mps=0.4,0.6 --out runs/speeds",
     ),
+    "bench": (
+        "agribot.commands.bench",
+        "measure what the parts of the robot can do",
+        "agribot bench nav --sensors m8n --seeds 1-100 --json",
+    ),
     "dataset": (
         "agribot.commands.dataset",
         "draw, check and split labelled images",
