@@ -45,7 +45,7 @@ HEAVY = {
     "torch": {"train"},
     "onnx": {"train"},
     "albumentations": {"train"},
-    "cv2": {"train"},
+    "cv2": {"train", "commands"},
     "mujoco": {"sim"},
     "numba": {"sim"},
     "llvmlite": {"sim"},
