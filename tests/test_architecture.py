@@ -49,7 +49,7 @@ HEAVY = {
     "mujoco": {"sim"},
     "numba": {"sim"},
     "llvmlite": {"sim"},
-    "onnxruntime": {"perceive"},
+    "onnxruntime": {"perceive", "train"},
     "scipy": {"perceive", "sim", "dataset"},
     "xacro": {"description"},
     "matplotlib": {"record", "train"},

@@ -33,7 +33,7 @@ def write_drawings(
         # A lossy mask would hold colours that are no class.
         suffix = "png" if kind == "mask" and form == "jpg" else form
         path = stem.with_name(f"{stem.name}-{kind}.{suffix}")
-        Image.fromarray(picture).save(path, **({"quality": 92} if suffix == "jpg" else {}))
+        Image.fromarray(picture).save(path, quality=92)  # other formats ignore the quality
         made.append(path)
     return made
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,14 @@ VIDEO_SUFFIXES = {".mp4", ".avi", ".mkv", ".mov", ".webm", ".m4v"}
 
 def open_capture(source: str | int) -> Any:
     """Raises: PerceptionError: OpenCV is not installed, or it cannot open the source."""
+    # Its own lines about a missing file would come on top of ours.
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "OFF")
     try:
         import cv2
     except ImportError as error:
         raise PerceptionError(
             f"{source}: reading a video or camera needs OpenCV; pip install opencv-python-headless"
         ) from error
-    cv2.setLogLevel(0)  # its own lines about a missing file would come on top of ours
     capture = cv2.VideoCapture(source)
     if not capture.isOpened():
         raise PerceptionError(
