@@ -57,13 +57,15 @@ LIGHT = {"numpy", "msgspec", "tomli_w"}
 HEAVY = {
     "torch": {"train"},
     "onnx": {"train"},
+    "albumentations": {"train"},
+    "cv2": {"train", "commands"},
     "mujoco": {"sim"},
     "numba": {"sim"},
     "llvmlite": {"sim"},
-    "onnxruntime": {"perceive"},
+    "onnxruntime": {"perceive", "train"},
     "scipy": {"perceive", "sim", "dataset"},
     "xacro": {"description"},
-    "matplotlib": {"record", "bench"},
+    "matplotlib": {"record", "bench", "train"},
     "mcap": {"record"},
     "rosbags": {"ros", "record", "bridge"},
     "pyproj": {"record"},
@@ -213,7 +215,7 @@ def test_every_package_that_is_imported_is_declared() -> None:
     extras = project["optional-dependencies"].values()
     lines = [*project["dependencies"], *(line for extra in extras for line in extra)]
     declared = {re.split(r"[<>=\[ ]", line)[0].lower().replace("-", "_") for line in lines}
-    import_names = {"pillow": "PIL", "mujoco_core": "mujoco"}
+    import_names = {"pillow": "PIL", "mujoco_core": "mujoco", "opencv_python_headless": "cv2"}
     known = {import_names.get(name, name) for name in declared}
     known |= {"llvmlite"} if "numba" in known else set()  # comes with numba, always
     used = set().union(*(outside(path) for path in sources())) - set(sys.stdlib_module_names)

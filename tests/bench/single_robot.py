@@ -49,7 +49,7 @@ class SingleRobot:
         self._driven_m += distance_m
         rate, v_mps = turn_rad / TICK_S, distance_m / TICK_S
         imu = ImuSample(t_s=t_s, gyro_radps=(0.0, 0.0, rate), accel_mps2=(0.0, rate * v_mps, 9.8))
-        mags = [r for r in readings if type(r) is tuple]
+        mags = [r for r in readings if not isinstance(r, BatchFix | BatchHeading | BatchLine)]
         fixes = [r for r in readings if isinstance(r, BatchFix)]
         headings = [r for r in readings if isinstance(r, BatchHeading)]
         estimate = self.localizer.update(
