@@ -6,6 +6,7 @@ import json
 import math
 import shutil
 import subprocess
+from collections import Counter
 from pathlib import Path
 
 import msgspec
@@ -14,7 +15,7 @@ import pytest
 
 from agribot import config
 from agribot.cli import main
-from agribot.description.field_generator import BEET_SEED, generate_field, row_offsets_m
+from agribot.description.field_generator import PACKAGED, generate_field, row_offsets_m
 from agribot.description.field_plan import CropPlan, FieldPlan, RowsPlan, WeedsPlan, read_field_plan
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
@@ -242,19 +243,34 @@ def test_a_written_world_passes_the_sdf_checker(name: str, tmp_path: Path) -> No
     assert "Valid." in done.stdout, done.stdout + done.stderr
 
 
-def test_the_packaged_beet_world_is_current(tmp_path: Path) -> None:
-    plan = read_field_plan(ROOT / "fields" / "beet.toml")
-    write_world(generate_field(plan, BEET_SEED), tmp_path / "beet.world")
-    kept = (ROOT / "worlds" / "beet.world").read_text("utf-8")
-    assert (tmp_path / "beet.world").read_text("utf-8") == kept, (
+@pytest.mark.parametrize(("name", "seed"), sorted(PACKAGED.items()))
+def test_the_packaged_generated_worlds_are_current(tmp_path: Path, name: str, seed: int) -> None:
+    plan = read_field_plan(ROOT / "fields" / f"{name}.toml")
+    write_world(generate_field(plan, seed), tmp_path / f"{name}.world")
+    kept = (ROOT / "worlds" / f"{name}.world").read_text("utf-8")
+    assert (tmp_path / f"{name}.world").read_text("utf-8") == kept, (
         "run python -m agribot.description.field_generator"
     )
 
 
-def test_beet_profile_drives_the_rows_of_the_beet_world() -> None:
-    settings, plan = config.load("beet"), read_field_plan(ROOT / "fields" / "beet.toml")
+@pytest.mark.parametrize("name", sorted(PACKAGED))
+def test_a_profile_drives_the_rows_of_its_generated_world(name: str) -> None:
+    settings, plan = config.load(name), read_field_plan(ROOT / "fields" / f"{name}.toml")
     field, rows = settings.field, plan.rows
-    assert settings.world == "beet" and field.datum == plan.datum == load_world("beet").datum
+    assert settings.world == name and field.datum == plan.datum == load_world(name).datum
     assert field.first_row_start_map_m == rows.first_row_start_map_m
     assert (field.row_yaw_deg, field.row_length_m) == (rows.yaw_deg, rows.length_m)
     assert (field.row_pitch_m, field.row_count) == (rows.pitch_m, rows.count)
+
+
+def test_the_benchmark_has_ten_rows_of_49_plants_and_a_start_known_to_5_cm_and_2_degrees() -> None:
+    world, field = load_world("rows-10x12"), config.load("rows-10x12").field
+    rows = Counter(
+        round(-plant.y_map_m) for plant in world.plants if plant.plant == PlantClass.CROP
+    )
+    assert rows == {row: 49 for row in range(10)}
+    assert field.start_map_m is not None and field.start_yaw_deg is not None
+    off_m = math.dist(world.spawn_xy_map_m, field.start_map_m)
+    off_deg = abs(math.degrees(world.spawn_yaw_map_rad) - field.start_yaw_deg)
+    assert 0.0 < off_m < 2 * field.start_std_m
+    assert 0.0 < off_deg < 2 * field.start_yaw_std_deg

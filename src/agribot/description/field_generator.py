@@ -1,7 +1,7 @@
 """Fields by chance: rows of crops with gaps, and weeds in between, from a plan and a seed.
 
-`python -m agribot.description.field_generator` writes the generated world of the package again;
-a test holds its text.
+`python -m agribot.description.field_generator` writes the generated worlds of the package again;
+a test holds their text.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SEEDS = 2**31
 DIGITS = 6  # places are rounded to a micrometre, so that every machine writes the same file
 AROUND_M = 15.0  # of grass beyond the soil
 SOIL_M = 6.0  # beyond the outermost crops
-BEET_SEED = 1
+PACKAGED = {"beet": 1, "rows-10x12": 1}  # plan -> seed of the worlds that come along
 
 
 def generate_field(plan: FieldPlan, seed: int, folder: Path = Path()) -> WorldSpec:
@@ -197,7 +197,8 @@ def _inside(
 
 
 if __name__ == "__main__":
-    write_world(
-        generate_field(read_field_plan(ROOT / "fields" / "beet.toml"), BEET_SEED),
-        ROOT / "worlds" / "beet.world",
-    )
+    for field, field_seed in PACKAGED.items():
+        write_world(
+            generate_field(read_field_plan(ROOT / "fields" / f"{field}.toml"), field_seed),
+            ROOT / "worlds" / f"{field}.world",
+        )
