@@ -16,7 +16,14 @@ import pytest
 from agribot import config
 from agribot.cli import main
 from agribot.description.field_generator import PACKAGED, generate_field, row_offsets_m
-from agribot.description.field_plan import CropPlan, FieldPlan, RowsPlan, WeedsPlan, read_field_plan
+from agribot.description.field_plan import (
+    CropPlan,
+    FieldPlan,
+    RowsPlan,
+    SoilPlan,
+    WeedsPlan,
+    read_field_plan,
+)
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
 from agribot.description.worlds_sdf import check_world, load_world, world_names
@@ -24,7 +31,7 @@ from agribot.errors import DescriptionError
 from agribot.geo import MapFrame
 from agribot.messages import FloatArray, PlantClass
 from agribot.robot import Shape
-from agribot.world import Obstacle, Plant, WorldSpec
+from agribot.world import Obstacle, Plant, Soil, WorldSpec
 
 NO_WEEDS = WeedsPlan(density_per_m2=0.0)
 
@@ -274,3 +281,32 @@ def test_the_benchmark_has_ten_rows_of_49_plants_and_a_start_known_to_5_cm_and_2
     off_deg = abs(math.degrees(world.spawn_yaw_map_rad) - field.start_yaw_deg)
     assert 0.0 < off_m < 2 * field.start_std_m
     assert 0.0 < off_deg < 2 * field.start_yaw_std_deg
+
+
+def test_litter_and_tracks_of_a_plan_survive_the_file(tmp_path: Path) -> None:
+    soil = SoilPlan(residue_ratio=0.5, stones_ratio=0.25, wet_ratio=0.125, track_gauge_m=0.78)
+    plan = FieldPlan(weeds=NO_WEEDS, soil=soil, rows=RowsPlan(count=3, length_m=4.0))
+    field = generate_field(plan, 0)
+    write_world(field, tmp_path / "x.world")
+    again = load_world(str(tmp_path / "x.world"))
+    assert again.soil == field.soil == Soil(residue_ratio=0.5, stones_ratio=0.25, wet_ratio=0.125)
+    tracks = [tile for tile in again.ground if tile.surface == "track"]
+    middles = sorted((tile.x_min_m + tile.x_max_m) / 2.0 for tile in tracks)
+    # The rows go North from x = 1, 2 and 3 m.
+    expected = sorted(row + side for row in (1.0, 2.0, 3.0) for side in (-0.39, 0.39))
+    assert middles == pytest.approx(expected, abs=1e-6)
+    assert {round(tile.y_max_m - tile.y_min_m, 6) for tile in tracks} == {6.0}
+
+
+def test_tracks_beside_bent_rows_are_refused() -> None:
+    bent = FieldPlan(rows=RowsPlan(curvature_radpm=0.01), soil=SoilPlan(track_gauge_m=0.78))
+    with pytest.raises(DescriptionError, match="straight rows"):
+        generate_field(bent, 0)
+
+
+def test_a_soil_ratio_over_one_is_refused_with_its_name(tmp_path: Path) -> None:
+    text = (ROOT / "worlds" / "empty.world").read_text("utf-8")
+    file = tmp_path / "x.world"
+    file.write_text(text.replace("<gravity>", '<agribot:soil wet_ratio="1.5"/><gravity>'), "utf-8")
+    with pytest.raises(DescriptionError, match=r"wet_ratio.*1\.5 must be from 0 to 1"):
+        load_world(str(file))

@@ -65,6 +65,20 @@ class WeedsPlan(Plan, frozen=True):
     cluster_radius_m: Positive = 0.3
 
 
+class SoilPlan(Plan, frozen=True):
+    """What lies on the soil, 0 nothing to 1 a lot, and the tracks of earlier passes.
+
+    Tracks are `track_width_m` wide and `track_gauge_m` apart (0: none), one pair astride each
+    row; rows must be straight and along an axis of the map.
+    """
+
+    residue_ratio: Ratio = 0.0
+    stones_ratio: Ratio = 0.0
+    wet_ratio: Ratio = 0.0
+    track_gauge_m: Annotated[float, msgspec.Meta(ge=0, le=5)] = 0.0
+    track_width_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
+
+
 class FieldPlan(Plan, frozen=True):
     """`boundary` is a GeoJSON polygon beside the file: plants stand inside it only."""
 
@@ -76,6 +90,7 @@ class FieldPlan(Plan, frozen=True):
     rows: RowsPlan = RowsPlan()
     crop: CropPlan = CropPlan()
     weeds: WeedsPlan = WeedsPlan()
+    soil: SoilPlan = SoilPlan()
 
 
 def read_field_plan(path: Path) -> FieldPlan:
