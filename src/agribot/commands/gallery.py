@@ -105,7 +105,8 @@ def _labels(seen: Rendering) -> ByteArray:
         there = (seen.class_id == kind) & (seen.instance >= 0)
         shade = 0.75 + 0.25 * ((seen.instance[there] * 37 % 11) / 10.0)
         painted[there] = np.array(rgb) * shade[:, None]
-    return painted.astype(np.uint8)
+    shown: ByteArray = painted.astype(np.uint8)
+    return shown
 
 
 def _depth(seen: Rendering) -> ByteArray:
@@ -113,7 +114,8 @@ def _depth(seen: Rendering) -> ByteArray:
     low_m, high_m = np.quantile(seen.depth_m, (0.01, 0.99))
     near = 1.0 - np.clip((seen.depth_m - low_m) / (high_m - low_m), 0.0, 1.0)[..., None]
     rgb = np.array([18.0, 30.0, 66.0]) * (1.0 - near) + np.array([255.0, 222.0, 150.0]) * near
-    return rgb.astype(np.uint8)
+    shown: ByteArray = rgb.astype(np.uint8)
+    return shown
 
 
 def _lit(world: WorldSpec, light: Light) -> WorldSpec:
