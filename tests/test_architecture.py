@@ -33,7 +33,15 @@ LAYERS = {
     ),
     1: ("estimate", "plan", "control", "perceive", "weeds", "ros"),
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),
-    3: ("stack", "perception_host", "field_work", "session", "report_card", "workers"),
+    3: (
+        "stack",
+        "perception_host",
+        "field_work",
+        "mission_file",
+        "session",
+        "report_card",
+        "workers",
+    ),
     4: ("cli", "commands", "ui", "train", "dataset", "sweep"),
 }
 LAYER_OF = {part: layer for layer, parts in LAYERS.items() for part in parts}

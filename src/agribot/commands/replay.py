@@ -15,6 +15,7 @@ from agribot.errors import EndOfRecording
 from agribot.field_work import field_work
 from agribot.messages import RobotCommand
 from agribot.perception_host import RecordedPerception
+from agribot.plan.saved_mission import SavedMission
 from agribot.record.mcap_file import read_attachment
 from agribot.record.replay import (
     ReplayPlatform,
@@ -23,7 +24,7 @@ from agribot.record.replay import (
     read_urdf,
     recorded_scenes,
 )
-from agribot.session import GOALS_ATTACHMENT, PLAN_ATTACHMENT
+from agribot.session import GOALS_ATTACHMENT, PLAN_ATTACHMENT, SAVED_ATTACHMENT
 from agribot.stack import MapPoint, build
 
 
@@ -40,7 +41,9 @@ def run(options: argparse.Namespace) -> int:
     goals_map_m = msgspec.json.decode(goals, type=tuple[MapPoint, ...])
     text = read_attachment(options.recording, PLAN_ATTACHMENT).decode() if config.plan else ""
     work = field_work(text, config, robot)
-    stack = build(config, robot, goals_map_m, perception, work)
+    resumed = read_attachment(options.recording, SAVED_ATTACHMENT)
+    saved = msgspec.json.decode(resumed, type=SavedMission | None)
+    stack = build(config, robot, goals_map_m, perception, work, saved)
     platform = ReplayPlatform(options.recording)
     try:
         while True:
