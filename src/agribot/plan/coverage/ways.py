@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import shapely
     from shapely.geometry.base import BaseGeometry
 
-MAX_CORNERS = 260
+MAX_CORNERS = 800
 FIRST_SIMPLIFY_M = 0.05
 
 
