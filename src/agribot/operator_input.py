@@ -14,7 +14,9 @@ import msgspec
 
 T = TypeVar("T")
 
-OperatorAction = Literal["pause", "resume", "cancel", "stop", "clear_stop"]
+OperatorAction = Literal[
+    "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home"
+]
 
 INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but never a stop
 
