@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from agribot.bench.nav.judge import Judge
+from agribot.bench.nav.missions import run_missions
 from agribot.bench.nav.original import OriginalController
 from agribot.bench.nav.plant import Plant
 from agribot.bench.nav.receivers import Receivers
 from agribot.bench.nav.row_camera import RowCamera
 from agribot.bench.nav.scenario import DT_S, RECEIVERS, ROWS, Soil, Vision, scenario
 from agribot.cli import main
+from agribot.description.loader import load_robot
 
 FIRM = Soil(
     slip_max_ratio=0.0, slip_std_ratio=0.0, yaw_gain_std_ratio=0.0, yaw_gain_walk_ratio=0.0,
@@ -111,6 +113,14 @@ def test_the_command_reports_what_it_measured(capsys: pytest.CaptureFixture[str]
     assert entry["missions_ok"] == entry["missions"] == 4
     assert 0.005 < entry["xte_rms_m"] < 0.02
     assert entry["plants"] == 4 * ROWS * 49 and entry["crushed"] == 0
+
+
+def test_the_filter_knows_how_wrong_it_is_across_the_row() -> None:
+    what = scenario("m8n", vision=True, speed_mps=0.8, variant="nominal")
+    outcomes = run_missions(range(300, 350), what, load_robot())
+    assert all(outcome.success and outcome.crushed == 0 for outcome in outcomes)
+    # 95 % band of the mean of 50 squared normal numbers.
+    assert 0.65 < np.mean([outcome.nees or 0.0 for outcome in outcomes]) < 1.42
 
 
 def test_a_speed_that_no_robot_drives_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
