@@ -77,7 +77,7 @@ class EstimateConfig(Config, frozen=True):
 
     gyro_bias_std_radps: Positive = 0.0035  # 0.2 deg/s: MEMS turn-on bias
     gyro_walk_rad_per_sqrt_s: Positive = 0.0008  # 0.05 deg
-    wheel_scale_std_ratio: Positive = 0.05
+    wheel_scale_std_ratio: Positive = 0.04
     slip_std_rad: Positive = 0.026  # 1.5 deg of crabbing across a slope
     position_walk_m_per_sqrt_m: Positive = 0.018
     mag_std_rad: Positive = 0.07  # 4 deg after calibration
