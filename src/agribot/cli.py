@@ -31,6 +31,11 @@ COMMANDS = {
         "run the stack again on a recording and compare every command",
         "agribot replay runs/first/run.mcap",
     ),
+    "ros2": (
+        "agribot.commands.ros2",
+        "run the robot as a ROS 2 node, without ROS installed",
+        "agribot ros2 farm --allow-drive",
+    ),
     "describe": (
         "agribot.commands.describe",
         "check, convert and show the robot description",

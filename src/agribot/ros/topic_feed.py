@@ -138,6 +138,9 @@ class TopicFeed:
             jpeg = self._camera.image(frame)
             if jpeg is not None and self._robot.camera is not None:
                 self._write_ros(topics.IMAGE, rosmsg.compressed_image(frame.t_s, jpeg), frame.t_s)
+                if self._camera.keeps_raw:
+                    raw = rosmsg.image(frame.t_s, frame.image_rgb)
+                    self._write_ros(topics.IMAGE_RAW, raw, frame.t_s)
                 info = rosmsg.camera_info(frame.t_s, self._robot.camera)
                 self._write_ros(topics.CAMERA_INFO, info, frame.t_s)
         for scene in record.scenes:
