@@ -36,6 +36,11 @@ COMMANDS = {
         "run the robot as a ROS 2 node, without ROS installed",
         "agribot ros2 farm --allow-drive",
     ),
+    "ros1": (
+        "agribot.commands.ros1",
+        "run the robot as a node of a ROS 1 master, without ROS installed",
+        "agribot ros1 farm --ros-master http://127.0.0.1:11311",
+    ),
     "describe": (
         "agribot.commands.describe",
         "check, convert and show the robot description",

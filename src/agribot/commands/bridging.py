@@ -18,13 +18,17 @@ from agribot.session import Session
 from agribot.topics import Topic
 
 DEFAULT_IMAGE_RATE_HZ = 5.0
-BRIDGES = ("ros2",)
+BRIDGES = ("ros2", "ros1")
 _CAMERA_TOPICS = (topics.IMAGE, topics.IMAGE_RAW, topics.CAMERA_INFO, topics.OVERLAY)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("bridges (off unless asked for, on this machine only)")
     group.add_argument("--ros2", action="store_true", help="be a ROS 2 node (rmw_zenoh)")
+    group.add_argument("--ros1", action="store_true", help="be a ROS 1 node (needs a roscore)")
+    group.add_argument(
+        "--ros-master", metavar="URI", help="default: ROS_MASTER_URI or http://127.0.0.1:11311"
+    )
     group.add_argument(
         "--allow-drive", action="store_true", help="take cmd_vel, resume and clear_stop from peers"
     )
@@ -138,7 +142,17 @@ def _domain(asked: int | None) -> int:
     return asked
 
 
-_OPENERS = {"ros2": _ros2}
+def _ros1(options: argparse.Namespace, session: Session, requests: Requests) -> Gateway:
+    from agribot.bridge.ros1.gateway import MASTER, Ros1Gateway
+
+    master = options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER
+    urdf = urdf_text(session.config.robot)
+    gateway = Ros1Gateway(requests, _out_topics(options, session), urdf, master)
+    _say(f"ROS 1: node /agribot at the master {master}")
+    return gateway
+
+
+_OPENERS = {"ros2": _ros2, "ros1": _ros1}
 
 
 def _say(text: str) -> None:
