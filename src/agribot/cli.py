@@ -41,6 +41,11 @@ COMMANDS = {
         "run the robot as a node of a ROS 1 master, without ROS installed",
         "agribot ros1 farm --ros-master http://127.0.0.1:11311",
     ),
+    "foxglove": (
+        "agribot.commands.foxglove",
+        "run the robot and let Foxglove watch it",
+        "agribot foxglove farm",
+    ),
     "describe": (
         "agribot.commands.describe",
         "check, convert and show the robot description",

@@ -18,7 +18,7 @@ from agribot.session import Session
 from agribot.topics import Topic
 
 DEFAULT_IMAGE_RATE_HZ = 5.0
-BRIDGES = ("ros2", "ros1")
+BRIDGES = ("ros2", "ros1", "foxglove")
 _CAMERA_TOPICS = (topics.IMAGE, topics.IMAGE_RAW, topics.CAMERA_INFO, topics.OVERLAY)
 
 
@@ -29,6 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--ros-master", metavar="URI", help="default: ROS_MASTER_URI or http://127.0.0.1:11311"
     )
+    group.add_argument("--foxglove", action="store_true", help="serve Foxglove; it only watches")
+    group.add_argument("--foxglove-port", type=int, default=8765, metavar="P")
     group.add_argument(
         "--allow-drive", action="store_true", help="take cmd_vel, resume and clear_stop from peers"
     )
@@ -152,7 +154,15 @@ def _ros1(options: argparse.Namespace, session: Session, requests: Requests) -> 
     return gateway
 
 
-_OPENERS = {"ros2": _ros2, "ros1": _ros1}
+def _foxglove(options: argparse.Namespace, session: Session, _requests: Requests) -> Gateway:
+    from agribot.bridge.foxglove_server import FoxgloveGateway
+
+    gateway = FoxgloveGateway(_out_topics(options, session), options.foxglove_port)
+    _say(f"Foxglove: open ws://127.0.0.1:{gateway.port}; it watches and cannot move the robot")
+    return gateway
+
+
+_OPENERS = {"ros2": _ros2, "ros1": _ros1, "foxglove": _foxglove}
 
 
 def _say(text: str) -> None:
