@@ -60,7 +60,8 @@ def outputs(topic: Topic) -> list[Output]:
         found.setdefault(topic.seed_alias, topic.seed_ros_type)
     if topic.name in _ACCIDENTAL:
         found[_ACCIDENTAL[topic.name]] = topic.ros_type
-    depth = 2 if topic.struct is topics.IMAGE.struct else topic.qos.depth
+    one_second = max(topic.qos.depth, round(topic.rate_hz or 0.0))  # a busy machine stalls
+    depth = 2 if topic.struct is topics.IMAGE.struct else one_second
     return [
         Output(name, ros_type, _converter(topic.ros_type, ros_type), topic.qos.latched, depth)
         for name, ros_type in found.items()
