@@ -43,5 +43,5 @@ $(VENV)/.run: $(VENV)/bin/python pyproject.toml
 # The exact torch is the one whose wheel is a CPU build on the machines that run these tests;
 # training elsewhere takes any version that pyproject.toml allows.
 $(VENV)/.dev: $(VENV)/bin/python pyproject.toml
-	$(BIN)/python -m pip install --quiet 'torch==2.13.0' --editable '.[sim,train,dev]'
+	$(BIN)/python -m pip install --quiet 'torch==2.13.0' --editable '.[sim,train,ros,foxglove,dev]'
 	@touch $@

@@ -73,6 +73,9 @@ HEAVY = {
     "PIL": {"description", "ros", "record", "sim", "train", "dataset", "commands"},
     "ray": {"sweep"},
     "shapely": {"plan", "gis"},  # polygon algebra, imported only by the functions that need it
+    "zenoh": {"bridge"},
+    "xxhash": {"bridge"},
+    "foxglove": {"bridge"},
 }
 # What pure decisions have no business with: clocks, threads, the outside world, hidden randomness.
 IMPURE = {
@@ -216,7 +219,13 @@ def test_every_package_that_is_imported_is_declared() -> None:
     extras = project["optional-dependencies"].values()
     lines = [*project["dependencies"], *(line for extra in extras for line in extra)]
     declared = {re.split(r"[<>=\[ ]", line)[0].lower().replace("-", "_") for line in lines}
-    import_names = {"pillow": "PIL", "mujoco_core": "mujoco", "opencv_python_headless": "cv2"}
+    import_names = {
+        "pillow": "PIL",
+        "mujoco_core": "mujoco",
+        "opencv_python_headless": "cv2",
+        "eclipse_zenoh": "zenoh",
+        "foxglove_sdk": "foxglove",
+    }
     known = {import_names.get(name, name) for name in declared}
     known |= {"llvmlite"} if "numba" in known else set()  # comes with numba, always
     used = set().union(*(outside(path) for path in sources())) - set(sys.stdlib_module_names)

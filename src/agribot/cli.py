@@ -46,6 +46,21 @@ COMMANDS = {
         "look after recordings: save one that was cut off",
         "agribot record recover runs/first/run.mcap",
     ),
+    "ros2": (
+        "agribot.commands.ros2",
+        "run the robot as a ROS 2 node, without ROS installed",
+        "agribot ros2 farm --allow-drive",
+    ),
+    "ros1": (
+        "agribot.commands.ros1",
+        "run the robot as a node of a ROS 1 master, without ROS installed",
+        "agribot ros1 farm --ros-master http://127.0.0.1:11311",
+    ),
+    "foxglove": (
+        "agribot.commands.foxglove",
+        "run the robot and let Foxglove watch it",
+        "agribot foxglove farm",
+    ),
     "describe": (
         "agribot.commands.describe",
         "check, convert and show the robot description",

@@ -110,6 +110,11 @@ class Session:
             self._recorder.close()
 
     @property
+    def shown_goals_map_m(self) -> tuple[MapPoint, ...]:
+        """The waypoints, or both ends of every row: what a map shows as goals."""
+        return self._shown_goals_map_m
+
+    @property
     def weed_map(self) -> WeedMap:
         return self.stack.weed_map
 

@@ -117,16 +117,23 @@ CMD_VEL = Topic(
     direction="both",
     seed_alias="/agribot/cmd_vel",
     seed_ros_type="geometry_msgs/msg/Twist",
-    about="the command after the supervisor",
+    about="the command after the supervisor; with --allow-drive instead what peers ask for",
 )
 IMAGE = Topic(
     name="/agribot/camera/image_raw/compressed",
     ros_type="sensor_msgs/msg/CompressedImage",
     struct=CameraFrame,
     rate_hz=1.0,
+    about="camera, JPEG; 5 Hz to bridges",
+)
+IMAGE_RAW = Topic(
+    name="/agribot/camera/image_raw",
+    ros_type="sensor_msgs/msg/Image",
+    struct=CameraFrame,
+    rate_hz=5.0,
     seed_alias="/agribot/camera/image_raw",
     seed_ros_type="sensor_msgs/msg/Image",
-    about="camera, JPEG",
+    about="camera, rgb8; bridges only and only on request (--raw-images)",
 )
 CAMERA_INFO = Topic(
     name="/agribot/camera/camera_info",
@@ -239,7 +246,7 @@ TF_STATIC = Topic(
     about="the fixed joints of the robot and the optical frame of the camera",
 )
 ROBOT_DESCRIPTION = Topic(
-    name="/robot_description", ros_type="std_msgs/msg/String", qos=LATCHED, about="the URDF"
+    name="/robot_description", ros_type="std_msgs/msg/String", qos=LATCHED, about="URDF"
 )
 CLOCK = Topic(
     name="/clock",
@@ -264,7 +271,7 @@ TICK = Topic(
 
 TOPICS: tuple[Topic, ...] = (
     FIX, FIX_VELOCITY, IMU, MAGNETIC, POLE_FIX, BUMPER, BATTERY, JOINT_STATES, ODOMETRY, POSE,
-    CMD_VEL, IMAGE, CAMERA_INFO, OVERLAY, PATH, GOALS, GOAL_FIX, WEEDS, STATUS, DISTANCE, BEARING,
+    CMD_VEL, IMAGE, IMAGE_RAW, CAMERA_INFO, OVERLAY, PATH, GOALS, GOAL_FIX, WEEDS, STATUS, DISTANCE, BEARING,
     ANGLE, HEADING_RAW, HEADING_FILTERED, TF, TF_STATIC, ROBOT_DESCRIPTION, CLOCK, GROUND_TRUTH,
     TICK,
 )  # fmt: skip
@@ -272,7 +279,5 @@ TOPICS: tuple[Topic, ...] = (
 
 def by_name(name: str) -> Topic | None:
     """The topic of this name or of this original name, whichever fits first."""
-    for topic in TOPICS:
-        if topic.name == name:
-            return topic
-    return next((topic for topic in TOPICS if topic.seed_alias == name), None)
+    named = (topic for topic in TOPICS if topic.name == name)
+    return next(named, next((topic for topic in TOPICS if topic.seed_alias == name), None))

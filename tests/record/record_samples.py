@@ -162,7 +162,7 @@ def tick(index: int, noise: np.random.Generator, with_camera: bool = False) -> T
         frames=(frame(index, t_s),) if with_camera and index % 5 == 0 else (),
         events=(OperatorEvent(t_s=t_s, action="pause"),) if index == 7 else (),
         base=(base_fix(t_s),) if index % 10 == 0 else (),
-        bumper=(BumperSample(t_s=t_s, x_body_m=0.35, y_body_m=-0.1),) if index == 9 else (),
+        bumper=(BumperSample(t_s=t_s, x_body_m=0.35, y_body_m=-0.1),) if index % 20 == 9 else (),
         battery=(battery(t_s),) if index % 50 == 0 else (),
     )
     return TickRecord(

@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 
 from agribot import config as settings
+from agribot.commands import bridging
 from agribot.commands.pacing import pace_from, wait_until
 from agribot.commands.progress import Progress
 from agribot.commands.stopping import stop_on_signal
@@ -41,9 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, metavar="N", help="of all randomness (default: 0)")
     parser.add_argument(
         "--speed",
-        default="max",
         metavar="max|K",
-        help="simulate as fast as possible, or K x real time",
+        help="simulate as fast as possible (default), or K x real time (1 with a bridge)",
     )
     parser.add_argument(
         "--for", dest="duration_s", type=float, metavar="SECONDS", help="stop after"
@@ -54,10 +54,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--headless", action="store_true", help="accepted for scripts: no window is ever opened"
     )
+    bridging.add_arguments(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    pace = pace_from(options.speed)
+    pace = pace_from(options.speed or ("1" if bridging.wanted(options) else "max"))
     config, saved = _config(options), None
     if options.resume is not None:
         saved = read_mission(Path(options.resume))
@@ -70,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
         sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
         progress = Progress(session.weed_map)
         session.add_tap(progress)
-        with stop_on_signal() as stop:
+        with bridging.bridges(options, session), stop_on_signal() as stop:
             started_s = time.monotonic()
             for record in session.ticks():
                 if stop:

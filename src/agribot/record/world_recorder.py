@@ -9,11 +9,11 @@ from agribot.config import RunConfig, to_toml
 from agribot.messages import DriveCommand, SensorBatch
 from agribot.record.parts import RecordingParts
 from agribot.record.recorder import CONFIG_ATTACHMENT, URDF_ATTACHMENT
-from agribot.record.sensor_log import SLOW_NS, SensorLog
 from agribot.robot import RobotSpec
 from agribot.ros import cdr, rosmsg
 from agribot.ros.camera_log import CameraLog
 from agribot.ros.rosmsg import BODY_FRAME, MAP_FRAME, ODOM_FRAME, quaternion_from_yaw
+from agribot.ros.sensor_topics import SLOW_NS, SensorTopics
 from agribot.ros.transforms import static_transforms
 
 _SECOND_NS = 1_000_000_000
@@ -32,7 +32,7 @@ class WorldRecorder:
         self._file = RecordingParts(path, config.record)
         self._robot, self._urdf = robot, urdf
         camera = CameraLog(robot, config.record.image_rate_hz, config.record.jpeg_quality)
-        self._sensors = SensorLog(self._file, robot, camera)
+        self._sensors = SensorTopics(self._file.write, robot, camera)
         self._truth, self._twist = cdr.OdometryCdr(), cdr.TwistCdr()
         self._tf = cdr.TransformsCdr(((MAP_FRAME, ODOM_FRAME), (ODOM_FRAME, BODY_FRAME)))
         self._next_slow_ns = self._next_second_ns = 0

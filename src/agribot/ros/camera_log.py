@@ -21,7 +21,10 @@ _SLACK_S = 1e-6
 class CameraLog:
     """Picks frames at `rate_hz` and draws the plants of their scenes."""
 
-    def __init__(self, robot: RobotSpec, rate_hz: float, quality: int) -> None:
+    def __init__(
+        self, robot: RobotSpec, rate_hz: float, quality: int, *, keeps_raw: bool = False
+    ) -> None:
+        self.keeps_raw = keeps_raw
         self._period_s = 1.0 / rate_hz if rate_hz > 0 else None
         self._quality = quality
         self._next_s = 0.0

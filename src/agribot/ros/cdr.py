@@ -121,6 +121,15 @@ class Float64Cdr:
         return self._template.fill(value)
 
 
+class ClockCdr:
+    def __init__(self) -> None:
+        zero = rosmsg.make("builtin_interfaces/msg/Time", 0, 0)
+        self._template = CdrTemplate(rosmsg.make("rosgraph_msgs/msg/Clock", zero), "")
+
+    def __call__(self, t_ns: int) -> bytes:
+        return self._template.fill_stamped(t_ns)
+
+
 class TransformsCdr:
     """A TFMessage with always the same frames; seven numbers (x y z, x y z w) each."""
 

@@ -14,6 +14,7 @@ from rosbags.typesys.store import Typestore
 
 from agribot.geo import MapFrame
 from agribot.messages import (
+    ByteArray,
     DriveCommand,
     Estimate,
     FloatArray,
@@ -259,6 +260,14 @@ def camera_info(t_s: float, camera: CameraSpec) -> Any:
 def compressed_image(t_s: float, jpeg: bytes) -> Any:
     pixels = np.frombuffer(jpeg, dtype=np.uint8)
     return make("sensor_msgs/msg/CompressedImage", header(t_s, OPTICAL_FRAME), "jpeg", pixels)
+
+
+def image(t_s: float, rgb: ByteArray) -> Any:
+    """Uncompressed; `rgb` is (height, width, 3)."""
+    height_px, width_px, _ = rgb.shape
+    head = header(t_s, OPTICAL_FRAME)
+    data = np.ascontiguousarray(rgb).reshape(-1)
+    return make("sensor_msgs/msg/Image", head, height_px, width_px, "rgb8", 0, 3 * width_px, data)
 
 
 def status_json(status: MissionStatus) -> Any:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Protocol
 
 from agribot import topics
 from agribot.messages import WHEEL_NAMES, CameraFrame, SensorBatch, WheelSample
-from agribot.record.parts import RecordingParts
 from agribot.robot import RobotSpec
 from agribot.ros import cdr, rosmsg
 from agribot.ros.camera_log import CameraLog
@@ -18,11 +17,17 @@ from agribot.topic import Topic
 SLOW_NS = 100_000_000  # values for people and for the original's tools
 
 
-class SensorLog:
-    """Writes one batch after another; `camera` picks the images of a recording."""
+class Write(Protocol):
+    """Takes one CDR message; `log_ns` is the tick, `publish_ns` the stamp of the value."""
 
-    def __init__(self, file: RecordingParts, robot: RobotSpec, camera: CameraLog) -> None:
-        self._file, self._robot, self._camera = file, robot, camera
+    def __call__(self, topic: Topic, log_ns: int, data: bytes, publish_ns: int, /) -> None: ...
+
+
+class SensorTopics:
+    """Writes one batch after another; `camera` picks the images that are worth sending."""
+
+    def __init__(self, write: Write, robot: RobotSpec, camera: CameraLog) -> None:
+        self._send, self._robot, self._camera = write, robot, camera
         joints = wheel_joints(robot, WHEEL_NAMES)
         self._imu = cdr.ImuCdr(robot.imu.link)
         self._joints = cdr.JointStateCdr(tuple(joint.name for joint in joints) or WHEEL_NAMES)
@@ -32,16 +37,16 @@ class SensorLog:
     def __call__(self, now_ns: int, batch: SensorBatch) -> None:
         for imu in batch.imu:
             t_ns = rosmsg.nanoseconds(imu.t_s)
-            self._file.write(topics.IMU, now_ns, self._imu(t_ns, imu), t_ns)
+            self._send(topics.IMU, now_ns, self._imu(t_ns, imu), t_ns)
         if batch.wheels:
             wheels = batch.wheels[-1]
             t_ns = rosmsg.nanoseconds(wheels.t_s)
-            self._file.write(topics.JOINT_STATES, now_ns, self._joints(t_ns, wheels), t_ns)
+            self._send(topics.JOINT_STATES, now_ns, self._joints(t_ns, wheels), t_ns)
         for mag in batch.mag:
             field = rosmsg.magnetic_field(mag, self._robot.mag.link)
             self._write(topics.MAGNETIC, now_ns, field, mag.t_s)
             heading = math.degrees(math.atan2(mag.field_t[1], mag.field_t[0])) % 360.0
-            self._file.write(topics.HEADING_RAW, now_ns, self._number(heading), now_ns)
+            self._send(topics.HEADING_RAW, now_ns, self._number(heading), now_ns)
         self._positions(now_ns, batch)
         for touch in batch.bumper:
             self._write(topics.BUMPER, now_ns, touched_point(touch), touch.t_s)
@@ -53,7 +58,7 @@ class SensorLog:
     def wheel_transforms(self, now_ns: int, wheels: WheelSample) -> None:
         """The turning wheels in the frame tree; ten times a second is enough."""
         if self._wheel_tf is not None:
-            self._file.write(topics.TF, now_ns, self._wheel_tf(now_ns, wheels), now_ns)
+            self._send(topics.TF, now_ns, self._wheel_tf(now_ns, wheels), now_ns)
 
     def _positions(self, now_ns: int, batch: SensorBatch) -> None:
         for fix in batch.gnss:
@@ -70,8 +75,11 @@ class SensorLog:
         if jpeg is not None and self._robot.camera is not None:
             image = rosmsg.compressed_image(frame.t_s, jpeg)
             self._write(topics.IMAGE, now_ns, image, frame.t_s)
+            if self._camera.keeps_raw:
+                raw = rosmsg.image(frame.t_s, frame.image_rgb)
+                self._write(topics.IMAGE_RAW, now_ns, raw, frame.t_s)
             info = rosmsg.camera_info(frame.t_s, self._robot.camera)
             self._write(topics.CAMERA_INFO, now_ns, info, frame.t_s)
 
     def _write(self, topic: Topic, now_ns: int, message: Any, t_s: float) -> None:
-        self._file.write(topic, now_ns, rosmsg.to_cdr(message), rosmsg.nanoseconds(t_s))
+        self._send(topic, now_ns, rosmsg.to_cdr(message), rosmsg.nanoseconds(t_s))

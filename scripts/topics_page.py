@@ -1,0 +1,35 @@
+"""Print docs/topics.md: `python scripts/topics_page.py > docs/topics.md`."""
+
+from __future__ import annotations
+
+import sys
+
+from agribot.topic import Topic
+from agribot.topics import TOPICS
+
+HEAD = """# Topics
+
+Written by `scripts/topics_page.py` from [`topics.py`](../src/agribot/topics.py). Rates are nominal;
+"-" is "when it changes". Latched topics reach those who come late. The original's name and type
+are what the ROS 1 bridge adds.
+
+| topic | type | Hz | QoS | the original's | what |
+|---|---|---|---|---|---|
+"""
+
+
+def page() -> str:
+    return HEAD + "".join(map(_row, TOPICS))
+
+
+def _row(topic: Topic) -> str:
+    rate = "-" if topic.rate_hz is None else f"{topic.rate_hz:g}"
+    qos = "reliable" if topic.qos.reliable else "best effort"
+    qos += f", depth {topic.qos.depth}" + (", latched" if topic.qos.latched else "")
+    seed = f"`{topic.seed_alias}` `{topic.seed_ros_type}`" if topic.seed_alias else ""
+    ros_type = f"`{topic.ros_type}`" if topic.ros_type else "only AGRIBOT reads it"
+    return f"| `{topic.name}` | {ros_type} | {rate} | {qos} | {seed} | {topic.about} |\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page())

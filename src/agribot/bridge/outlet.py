@@ -1,0 +1,154 @@
+"""The tap behind every bridge: the control loop drops a record in a queue and goes on.
+
+One thread turns the records into messages and hands them to the gateways. When it cannot keep up,
+or a gateway stalls, the oldest records are lost, and the loop does not notice.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
+
+from agribot import topics
+from agribot.errors import BridgeError
+from agribot.geo import Datum
+from agribot.messages import MappedPlant, Path, TickRecord
+from agribot.robot import RobotSpec
+from agribot.ros import cdr
+from agribot.ros.camera_log import CameraLog
+from agribot.ros.rosmsg import nanoseconds
+from agribot.ros.topic_feed import TopicFeed
+from agribot.topic import Topic
+
+QUEUE_TICKS = 50  # one second
+_SLOW_PERIOD_S = 1.0  # of the weed map
+_TRUTH_PERIOD_S = 0.1
+_LAST_WORDS_S = 2.0  # to send what is queued when the run ends
+
+MapPoint = tuple[float, float]
+
+
+class TrueState(Protocol):
+    """What a simulator knows."""
+
+    @property
+    def x_map_m(self) -> float: ...
+    @property
+    def y_map_m(self) -> float: ...
+    @property
+    def yaw_map_rad(self) -> float: ...
+    @property
+    def v_mps(self) -> float: ...
+    @property
+    def yaw_rate_radps(self) -> float: ...
+
+
+class Gateway(Protocol):
+    """One way out. Called from the outlet's thread only."""
+
+    def publish(self, topic: Topic, data: bytes, t_ns: int) -> None:
+        """Send one CDR message. Raises: BridgeError: the gateway is closed or lost its peer."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class Sources(NamedTuple):
+    """What the loop's thread looks at besides the record; each is quick to ask."""
+
+    plan: Callable[[], Path | None]
+    goals_map_m: Sequence[MapPoint] = ()
+    weed_map: Callable[[], Sequence[MappedPlant]] | None = None
+    truth: Callable[[], TrueState] | None = None
+
+
+class _Item(NamedTuple):
+    record: TickRecord
+    truth: TrueState | None
+
+
+class Outlet:
+    """Call it with every TickRecord; close it when the run is over.
+
+    `dropped` counts ticks that found the queue full, `fault` names the last failure of a gateway.
+    """
+
+    def __init__(
+        self,
+        gateways: Sequence[Gateway],
+        robot: RobotSpec,
+        datum: Datum,
+        urdf: str,
+        camera: CameraLog,
+        sources: Sources,
+    ) -> None:
+        self._gateways, self._sources = tuple(gateways), sources
+        self._feed = TopicFeed(self._send, robot, datum, urdf, camera)
+        self._clock = cdr.ClockCdr()
+        self._queue: deque[_Item] = deque(maxlen=QUEUE_TICKS)
+        self._weeds: deque[tuple[float, Sequence[MappedPlant]]] = deque(maxlen=1)
+        self._plans: deque[tuple[float, Path]] = deque(maxlen=1)
+        self._plan: Path | None = None
+        self._next_weeds_s = self._next_truth_s = 0.0
+        self._wake, self._closing = threading.Event(), threading.Event()
+        self.dropped = 0
+        self.fault = ""
+        self._thread = threading.Thread(target=self._work, name="bridge", daemon=True)
+        self._thread.start()
+
+    def __call__(self, record: TickRecord) -> None:
+        t_s = record.batch.t_s
+        plan = self._sources.plan()
+        if plan is not None and plan is not self._plan:
+            self._plan = plan
+            self._plans.append((t_s, plan))
+        if self._sources.weed_map is not None and t_s >= self._next_weeds_s:
+            self._next_weeds_s = t_s + _SLOW_PERIOD_S
+            self._weeds.append((t_s, tuple(self._sources.weed_map())))
+        truth = None
+        if self._sources.truth is not None and t_s >= self._next_truth_s:
+            self._next_truth_s = t_s + _TRUTH_PERIOD_S
+            truth = self._sources.truth()
+        self.dropped += len(self._queue) == QUEUE_TICKS
+        self._queue.append(_Item(record, truth))
+        self._wake.set()
+
+    def close(self) -> None:
+        """Send what is queued, within a moment, and close the gateways. Safe to call twice."""
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        self._wake.set()
+        self._thread.join(_LAST_WORDS_S)
+        for gateway in self._gateways:
+            gateway.close()
+
+    def _work(self) -> None:
+        while not (self._closing.is_set() and not self._queue):
+            self._wake.wait()
+            self._wake.clear()
+            while self._queue:
+                self._step(self._queue.popleft())
+
+    def _step(self, item: _Item) -> None:
+        t_s = item.record.batch.t_s
+        while self._plans:
+            self._feed.set_plan(*self._plans.popleft(), self._sources.goals_map_m)
+        self._feed(item.record)
+        while self._weeds:
+            self._feed.set_weeds(*self._weeds.popleft())
+        if item.truth is not None:
+            true = item.truth
+            pose = (true.x_map_m, true.y_map_m, true.yaw_map_rad)
+            self._feed.truth(t_s, pose, (true.v_mps, true.yaw_rate_radps))
+        t_ns = nanoseconds(t_s)
+        self._send(topics.CLOCK, t_ns, self._clock(t_ns), t_ns)
+
+    def _send(self, topic: Topic, log_ns: int, data: bytes, _publish_ns: int) -> None:
+        for gateway in self._gateways:
+            try:
+                gateway.publish(topic, data, log_ns)
+            except BridgeError as error:
+                self.fault = str(error)

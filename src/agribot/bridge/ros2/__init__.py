@@ -1,0 +1,1 @@
+"""ROS 2 without ROS: the wire format of rmw_zenoh over the eclipse-zenoh wheel."""

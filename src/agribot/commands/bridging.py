@@ -1,0 +1,169 @@
+"""Bridges of a run: what the command line asks for, opened before the robot moves."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from agribot import topics
+from agribot.bridge.outlet import Gateway, Outlet, Sources
+from agribot.bridge.requests import Requests
+from agribot.description.loader import urdf_text
+from agribot.errors import ConfigError
+from agribot.ros.camera_log import CameraLog
+from agribot.session import Session
+from agribot.topic import Topic
+
+DEFAULT_IMAGE_RATE_HZ = 5.0
+BRIDGES = ("ros2", "ros1", "foxglove")
+_CAMERA_TOPICS = (topics.IMAGE, topics.IMAGE_RAW, topics.CAMERA_INFO, topics.OVERLAY)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("bridges (off unless asked for, on this machine only)")
+    group.add_argument("--ros2", action="store_true", help="be a ROS 2 node (rmw_zenoh)")
+    group.add_argument("--ros1", action="store_true", help="be a ROS 1 node (needs a roscore)")
+    group.add_argument(
+        "--ros-master", metavar="URI", help="default: ROS_MASTER_URI or http://127.0.0.1:11311"
+    )
+    group.add_argument("--foxglove", action="store_true", help="serve Foxglove; it only watches")
+    group.add_argument("--foxglove-port", type=int, default=8765, metavar="P")
+    group.add_argument(
+        "--allow-drive", action="store_true", help="take cmd_vel, resume and clear_stop from peers"
+    )
+    group.add_argument(
+        "--image-rate",
+        type=float,
+        default=DEFAULT_IMAGE_RATE_HZ,
+        metavar="HZ",
+        help=f"of camera images to peers (default: {DEFAULT_IMAGE_RATE_HZ:g}; 0 is none)",
+    )
+    group.add_argument("--raw-images", action="store_true", help="uncompressed images as well")
+    group.add_argument("--ros-domain", type=int, metavar="N", help="default: ROS_DOMAIN_ID or 0")
+    group.add_argument(
+        "--ros-router", metavar="LOCATOR", help="zenoh router (default: tcp/127.0.0.1:7447)"
+    )
+
+
+def wanted(options: argparse.Namespace) -> bool:
+    return any(getattr(options, name) for name in BRIDGES)
+
+
+@contextmanager
+def bridges(options: argparse.Namespace, session: Session) -> Iterator[None]:
+    """Open what the options name and let it listen to the session.
+
+    Raises: AgribotError: an option is out of range, or a peer that must be there is not.
+    """
+    if not wanted(options):
+        yield
+        return
+    if not 0.0 <= options.image_rate <= 100.0:
+        raise ConfigError(f"--image-rate {options.image_rate:g}: must be within 0 to 100 Hz")
+    requests = Requests(session.platform.inbox, allow_drive=options.allow_drive, say=_say)
+    gateways: list[Gateway] = []
+    try:
+        for name in BRIDGES:
+            if getattr(options, name):
+                gateways.append(_OPENERS[name](options, session, requests))
+        outlet = _outlet(options, session, gateways)
+    except BaseException:
+        for gateway in gateways:
+            gateway.close()
+        raise
+    session.add_tap(outlet)
+    try:
+        yield
+    finally:
+        outlet.close()
+        if outlet.dropped:
+            _say(f"{outlet.dropped} ticks did not go out: the bridges could not keep up")
+        if outlet.fault:
+            _say(outlet.fault)
+
+
+def _outlet(options: argparse.Namespace, session: Session, gateways: list[Gateway]) -> Outlet:
+    config = session.config
+    camera = CameraLog(
+        session.robot,
+        options.image_rate,
+        config.record.jpeg_quality,
+        keeps_raw=options.raw_images,
+    )
+    sources = Sources(
+        plan=lambda: session.stack.mission.path,
+        goals_map_m=session.shown_goals_map_m,
+        weed_map=session.weed_map.plants,
+        truth=session.platform.truth,
+    )
+    return Outlet(
+        gateways, session.robot, config.field.datum, urdf_text(config.robot), camera, sources
+    )
+
+
+def _out_topics(options: argparse.Namespace, session: Session) -> list[Topic]:
+    """What this run publishes; with --allow-drive, cmd_vel is what peers publish."""
+    left_out = set()
+    if session.robot.camera is None or not options.image_rate:
+        left_out |= {topic.name for topic in _CAMERA_TOPICS}
+    if not options.raw_images:
+        left_out.add(topics.IMAGE_RAW.name)
+    if options.allow_drive:
+        left_out.add(topics.CMD_VEL.name)
+    return [t for t in topics.TOPICS if t.ros_type and t.name not in left_out]
+
+
+def _ros2(options: argparse.Namespace, session: Session, requests: Requests) -> Gateway:
+    from agribot.bridge.ros2.gateway import ROUTER, Ros2Gateway
+
+    gateway = Ros2Gateway(
+        requests,
+        _out_topics(options, session),
+        domain=_domain(options.ros_domain),
+        router=options.ros_router or ROUTER,
+    )
+    _say(
+        f"ROS 2: node /agribot as zenoh {gateway.role} at {options.ros_router or ROUTER}; "
+        "peers set RMW_IMPLEMENTATION=rmw_zenoh_cpp"
+    )
+    return gateway
+
+
+def _domain(asked: int | None) -> int:
+    if asked is None:
+        text = os.environ.get("ROS_DOMAIN_ID", "") or "0"
+        try:
+            asked = int(text)
+        except ValueError:
+            raise ConfigError(f"ROS_DOMAIN_ID is '{text}'; it must be a number") from None
+    if not 0 <= asked <= 232:
+        raise ConfigError(f"ROS domain {asked}: must be within 0 to 232")
+    return asked
+
+
+def _ros1(options: argparse.Namespace, session: Session, requests: Requests) -> Gateway:
+    from agribot.bridge.ros1.gateway import MASTER, Ros1Gateway
+
+    master = options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER
+    urdf = urdf_text(session.config.robot)
+    gateway = Ros1Gateway(requests, _out_topics(options, session), urdf, master)
+    _say(f"ROS 1: node /agribot at the master {master}")
+    return gateway
+
+
+def _foxglove(options: argparse.Namespace, session: Session, _requests: Requests) -> Gateway:
+    from agribot.bridge.foxglove_server import FoxgloveGateway
+
+    gateway = FoxgloveGateway(_out_topics(options, session), options.foxglove_port)
+    _say(f"Foxglove: open ws://127.0.0.1:{gateway.port}; it watches and cannot move the robot")
+    return gateway
+
+
+_OPENERS = {"ros2": _ros2, "ros1": _ros1, "foxglove": _foxglove}
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(f"bridge: {text}\n")
