@@ -38,7 +38,11 @@ def server() -> Iterator[FakeServer]:
 
 @pytest.fixture
 def context(browser: Browser) -> Iterator[BrowserContext]:
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, locale="en")
+    context = browser.new_context(
+        viewport={"width": 1280, "height": 800},
+        locale="en",
+        reduced_motion="reduce",  # no colour is looked at half-way to another
+    )
     yield context
     context.close()
 
