@@ -40,11 +40,24 @@ test('losing the seat while driving gives a zero', () => {
   assert.deepEqual(machine.tick(limits), { v: 0, w: 0, seq: 2 })
 })
 
-test('an input held through arming is forgotten at disarming', () => {
-  const machine = armed()
-  machine.hold('pad', 1, 0)
-  machine.setArmed(false)
+test('an input held while arming does nothing until it was let go once', () => {
+  const machine = new TeleopMachine()
+  machine.hold('gamepad', 1, 0)
   machine.setArmed(true)
+  machine.hold('gamepad', 1, 0)
+  assert.equal(machine.tick(limits), null)
+  machine.release('gamepad')
+  machine.hold('gamepad', 1, 0)
+  assert.equal(machine.tick(limits)?.v, 0.8)
+})
+
+test('after leaving the window a stick that is still held does not drive on', () => {
+  const machine = armed()
+  machine.hold('gamepad', 1, 0)
+  machine.tick(limits)
+  machine.releaseAll()
+  machine.hold('gamepad', 1, 0)
+  assert.deepEqual(machine.tick(limits), { v: 0, w: 0, seq: 2 })
   assert.equal(machine.tick(limits), null)
 })
 

@@ -65,6 +65,8 @@ def test_the_map_draws_the_field_the_weeds_and_the_track(
     most = 0.9 * len(server.robot.weeds)
     until(page, f"{weeds}.map(f => f.properties.id)).size > {most}")
     until(page, drawn % "trajectory" + " >= 1")
+    hidden = "window.__agribot.map.getLayoutProperty('density', 'visibility')"
+    assert page.evaluate(hidden) == "none"
 
 
 def test_the_camera_draws_pictures_and_says_how_old_they_are(open_page: OpenPage) -> None:

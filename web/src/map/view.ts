@@ -87,6 +87,7 @@ export class MapView {
     this.addTexture()
     addLayers(this.map, palette())
     this.base = baseOpacities(this.map)
+    this.restoreLayers(this.saved())
     this.loaded = true
     new LiveData(this, this.app)
     this.app.onField(() => this.firstView())
