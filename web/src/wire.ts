@@ -18,6 +18,7 @@ export interface Mission {
   state: string; reason: string; row: number | null; rows_total: number; rows_done: number[]
   s_m: number; length_m: number; eta_s: number | null; wp_total: number; wp_reached: number
 }
+export interface Replay { name: string; t_s: number; start_s: number; end_s: number; speed: number }
 export interface State {
   k: 's'; n: number; t: number; wall_ms: number
   pose: [x: number, y: number, yaw: number] | null
@@ -28,6 +29,7 @@ export interface State {
   mode: Mode; stop: string; reason: string
   battery: { v: number; pct: number | null } | null
   weeds: number; rtf: number | null; xte_m: number | null; nozzles: boolean[]; sig: number[][]
+  replay?: Replay | null
 }
 
 export type ServerMessage =
@@ -42,7 +44,7 @@ export type ServerMessage =
   | { k: 'weeds'; rev: number; set: Weed[]; gone: number[] }
   | ({ k: 'event' } & LogEvent)
   | { k: 'seat'; seat: Seat; holder: string; clients: number }
-  | { k: 'ack'; id: string; ok: boolean; reason: string }
+  | { k: 'ack'; id: string | null; ok: boolean; reason: string }
   | { k: 'pong'; c: number }
   | { k: 'bye'; reason: string }
 
@@ -116,11 +118,11 @@ export interface Field {
 export interface Robot {
   name: string; urdf_url: string; footprint_body_m: Vec2[]
   max_speed_mps: number; max_yaw_rate_radps: number
-  camera: { width_px: number; height_px: number; body_from_camera: number[]; focal_px?: number } | null
+  camera: { width_px: number; height_px: number; body_from_camera: number[]; hfov_rad?: number } | null
   wheel_joints: string[]
 }
 export interface Recording {
-  name: string; utc: string; size_bytes: number; duration_s: number | null; profile: string
+  name: string; utc: string; size_bytes: number; duration_s: number | null; profile: string | null
   ok: boolean | null; reason: string; files: string[]
 }
 export interface Recordings { disk_free_bytes: number; current: string | null; recordings: Recording[] }
@@ -145,8 +147,10 @@ export interface PlanReply {
   ok: boolean; reasons: { text: string; at_map_m: Vec2 | null }[]
   length_m: number; area_m2: number; time_s: number; path: Vec2[]
 }
+export interface FormField { type?: string; default?: SettingValue; enum?: string[]; minimum?: number; maximum?: number; description?: string; title?: string }
+export interface FormSchema { $ref?: string; $defs?: Record<string, FormSchema>; properties?: Record<string, FormField>; required?: string[] }
 export interface Panel {
   id: string; title: string; kind: 'layer' | 'plot' | 'form' | 'image' | 'button'
-  fields?: { key: string; type: string; default?: SettingValue; title?: string }[]
-  style?: Record<string, string | number>
+  fields?: string[]; schema?: FormSchema; refresh_s?: number; needs_seat?: boolean
+  style?: { color?: string; width_px?: number; radius_px?: number; opacity?: number }
 }

@@ -1,4 +1,4 @@
-"""A robot for the page's tests: drives rows, finds weeds, obeys; no physics, no clock of its own."""
+"""A robot for the tests of the page: drives rows, finds weeds, obeys; no physics, no clock."""
 
 from __future__ import annotations
 
@@ -144,17 +144,38 @@ class FakeRobot:
         row = min(ROWS - 1, int(y / ROW_SPACING_M + 0.5))
         signals = [self.t_s, speed, 0.04 * math.sin(self.t_s), 0.02 * math.cos(2 * self.t_s), 24.6]
         return {
-            "k": "s", "n": self.n, "t": self.t_s, "wall_ms": wall_ms, "pose": [x, y, yaw], "std": [0.018, 0.01],
-            "vel": [speed, 0.0], "cmd": [speed, 0.0], "joints": [self.s_m / 0.15] * 4,
+            "k": "s",
+            "n": self.n,
+            "t": self.t_s,
+            "wall_ms": wall_ms,
+            "pose": [x, y, yaw],
+            "std": [0.018, 0.01],
+            "vel": [speed, 0.0],
+            "cmd": [speed, 0.0],
+            "joints": [self.s_m / 0.15] * 4,
             "gnss": {"lat": DATUM["lat_deg"], "lon": DATUM["lon_deg"], "q": 4, "std": 0.014},
             "mission": {
-                "state": "following", "reason": "", "row": row, "rows_total": ROWS, "rows_done": list(range(row)),
-                "s_m": self.s_m, "length_m": self.length_m, "eta_s": (self.length_m - self.s_m) / SPEED_MPS,
-                "wp_total": 2 * ROWS, "wp_reached": 2 * row,
+                "state": "following",
+                "reason": "",
+                "row": row,
+                "rows_total": ROWS,
+                "rows_done": list(range(row)),
+                "s_m": self.s_m,
+                "length_m": self.length_m,
+                "eta_s": (self.length_m - self.s_m) / SPEED_MPS,
+                "wp_total": 2 * ROWS,
+                "wp_reached": 2 * row,
             },
-            "mode": self.mode, "stop": self.stop, "reason": "", "battery": {"v": 25.1, "pct": 87},
-            "weeds": len(self.weeds), "rtf": 1.0, "xte_m": 0.021, "nozzles": [False, True, False], "sig": [signals],
-        }  # fmt: skip
+            "mode": self.mode,
+            "stop": self.stop,
+            "reason": "",
+            "battery": {"v": 25.1, "pct": 87},
+            "weeds": len(self.weeds),
+            "rtf": 1.0,
+            "xte_m": 0.021,
+            "nozzles": [False, True, False],
+            "sig": [signals],
+        }
 
     def snapshot(self) -> Message:
         return {

@@ -16,6 +16,8 @@ from typing import Any
 
 import uvicorn
 from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.base import BaseHTTPMiddleware, RequestResponseEndpoint
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
@@ -27,6 +29,11 @@ from tests.ui.page import fake_answers
 from tests.ui.page.fake_robot import FakeRobot, camera_packets, field
 
 SOURCE = Path(agribot.__file__).parent
+# As the real server sends it: what it forbids must not be needed.
+POLICY = (
+    "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; "
+    "worker-src 'self' blob:; connect-src 'self' blob: data:; frame-ancestors 'none'"
+)
 PAGE = SOURCE / "ui" / "page"
 STATE_HZ = 30
 
@@ -39,11 +46,13 @@ class FakeServer:
         self.clients: set[WebSocket] = set()
         self.seat: str | None = None
         self.silent = False
+        self.address = ""
         self.written: dict[str, Any] = {}
         self.requests: list[str] = []
 
     def app(self) -> Starlette:
-        return Starlette(routes=self._routes(), lifespan=self._lifespan)
+        policy = Middleware(BaseHTTPMiddleware, dispatch=_with_policy)
+        return Starlette(routes=self._routes(), lifespan=self._lifespan, middleware=[policy])
 
     def _routes(self) -> list[BaseRoute]:
         answers = [Route(f"/api/v1/{name}", self._fixed(name)) for name in fake_answers.FIXED]
@@ -156,6 +165,12 @@ class FakeServer:
         return Response(
             text.replace("package://agribot_description/", ""), media_type="application/xml"
         )
+
+
+async def _with_policy(request: Request, call_next: RequestResponseEndpoint) -> Response:
+    response = await call_next(request)
+    response.headers["content-security-policy"] = POLICY
+    return response
 
 
 @contextlib.contextmanager

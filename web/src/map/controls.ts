@@ -64,7 +64,7 @@ function layerPanel(view: MapView): HTMLElement {
   const list = el('div', { class: 'layer-list' })
   const fill = (): void => list.replaceChildren(...view.groups.map((group) => layerRow(view, group)))
   view.ready(fill)
-  setTimeout(fill, 1500) // tile maps come a moment later
+  view.onGroups = fill
   return el('div', { class: 'map-panel card', hidden: true, role: 'group', 'aria-label': 'Layers' },
     el('h2', {}, 'Layers'), list, viewButtons(view, fill))
 }

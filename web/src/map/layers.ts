@@ -107,11 +107,12 @@ export function applyGroup(map: MapLibre, group: LayerGroup, base: ReadonlyMap<s
 
 /** The opacity the layers start with, which the operator's slider scales. */
 export function baseOpacities(map: MapLibre): Map<string, unknown> {
-  const base = new Map<string, unknown>()
-  for (const { id, type } of map.getStyle().layers) {
-    for (const name of OPACITY[type] ?? []) base.set(`${id}.${name}`, map.getPaintProperty(id, name as 'line-opacity') ?? 1)
-  }
-  return base
+  return new Map(map.getStyle().layers.flatMap(({ id }) => opacitiesOf(map, id)))
+}
+
+export function opacitiesOf(map: MapLibre, id: string): [string, unknown][] {
+  const names = OPACITY[map.getLayer(id)?.type ?? ''] ?? []
+  return names.map((name) => [`${id}.${name}`, map.getPaintProperty(id, name as 'line-opacity') ?? 1])
 }
 
 /** `['*', …]` may not wrap a zoom expression, but every opacity here is a number or a data expression. */

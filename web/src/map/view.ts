@@ -10,10 +10,11 @@ import { onTheme } from '../shell/theme.ts'
 import type { MapSource, Vec2 } from '../wire.ts'
 import { boundsOf } from './features.ts'
 import type { Features } from './features.ts'
-import { addLayers, applyGroup, baseOpacities, layerGroups, recolour } from './layers.ts'
+import { addLayers, applyGroup, baseOpacities, layerGroups, opacitiesOf, recolour } from './layers.ts'
 import type { LayerGroup, SourceId } from './layers.ts'
 import { LiveData } from './live.ts'
 import { Overlay } from './overlay.ts'
+import { addPanelLayers } from './panel-layers.ts'
 import { palette } from './palette.ts'
 import { serveLabels, soilTexture } from './texture.ts'
 import { MapTools } from './tools.ts'
@@ -38,6 +39,7 @@ export class MapView {
   groups: LayerGroup[] = layerGroups()
   follow = true
   onFollow: () => void = () => undefined
+  onGroups: () => void = () => undefined
   private base = new Map<string, unknown>()
   private loaded = false
   private seen = false
@@ -85,11 +87,12 @@ export class MapView {
     this.addTexture()
     addLayers(this.map, palette())
     this.base = baseOpacities(this.map)
+    this.restoreLayers(this.saved())
     this.loaded = true
     new LiveData(this, this.app)
     this.app.onField(() => this.firstView())
     this.app.store.on('state', () => this.track())
-    void this.addTileMaps()
+    void this.addTileMaps().then(() => addPanelLayers(this))
     for (const work of this.whenLoaded) work()
   }
 
@@ -112,10 +115,17 @@ export class MapView {
         minzoom: source.minzoom, maxzoom: source.maxzoom, ...(source.bounds ? { bounds: source.bounds } : {}),
       })
       this.map.addLayer({ id, type: 'raster', source: id }, 'grid-1')
-      this.groups.push({ id, title: source.name, layers: [id], visible: true, opacity: 1 })
-      this.base.set(`${id}.raster-opacity`, 1)
+      this.addGroup({ id, title: source.name, layers: [id], visible: true, opacity: 1 })
     }
-    this.restoreLayers(this.saved())
+  }
+
+  /** A further entry of the layer list, shown as it was left. */
+  addGroup(group: LayerGroup): void {
+    for (const id of group.layers) for (const [name, value] of opacitiesOf(this.map, id)) this.base.set(name, value)
+    this.groups.push(group)
+    const saved = this.saved()?.layers?.find((layer) => layer.id === group.id)
+    if (saved) this.applyGroup(Object.assign(group, saved))
+    this.onGroups()
   }
 
   private retheme(): void {

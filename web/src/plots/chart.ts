@@ -24,7 +24,7 @@ export class Chart {
 
   private build(): void {
     this.plot?.destroy()
-    const axis = { stroke: colour('muted'), grid: { stroke: colour('edge'), width: 1 }, ticks: { stroke: colour('edge') }, font: '12px system-ui, sans-serif' }
+    const axis = { stroke: colour('muted'), grid: { stroke: colour('plot-grid'), width: 1 }, ticks: { stroke: colour('plot-grid') }, font: '12px system-ui, sans-serif' }
     const series = this.labels.map((label, i): uPlot.Series => ({ label, stroke: colour(`series-${this.indices[i] % 6}`), width: 2, points: { show: false } }))
     this.plot = new uPlot({
       width: Math.max(100, this.plotBox.clientWidth), height: Math.max(80, this.plotBox.clientHeight), legend: { show: false },

@@ -2,11 +2,11 @@ import * as THREE from 'three'
 import type { Robot } from '../wire.ts'
 
 const REACH_M = 0.8
-const DEFAULT_HALF_ANGLE_RAD = 0.55
+const USUAL_HFOV_RAD = 1.1
 
 /** The camera's field of view as a pyramid, in the body frame. Camera frame: x right, y down, z forward. */
 export function frustumLines(camera: NonNullable<Robot['camera']>, colour: string): THREE.LineSegments {
-  const halfX = camera.focal_px ? (camera.width_px / 2 / camera.focal_px) * REACH_M : Math.tan(DEFAULT_HALF_ANGLE_RAD) * REACH_M
+  const halfX = Math.tan((camera.hfov_rad ?? USUAL_HFOV_RAD) / 2) * REACH_M
   const halfY = (halfX * camera.height_px) / camera.width_px
   const corners = [[-halfX, -halfY], [halfX, -halfY], [halfX, halfY], [-halfX, halfY]].map(([x, y]) => new THREE.Vector3(x, y, REACH_M))
   const points: THREE.Vector3[] = []

@@ -41,7 +41,7 @@ function cameraCard(app: App): { node: HTMLElement; update: () => void; close: (
   }
   const picture = new CameraPicture(app.store)
   const label = el('span', { class: 'picture-label' })
-  const node = el('a', { class: 'card camera-card', href: '#/camera', 'aria-label': 'Camera, open large' }, picture.node, label)
+  const node = el('div', { class: 'card camera-card' }, el('a', { href: '#/camera', 'aria-label': 'Open the camera large' }, picture.node), label)
   return { node, update: () => setText(label, picture.label(performance.now())), close: () => picture.close() }
 }
 

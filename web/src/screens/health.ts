@@ -3,7 +3,7 @@
 import { api } from '../api.ts'
 import type { App, Screen } from '../app.ts'
 import { el, replace } from '../dom.ts'
-import { bytes, duration, fixed, NONE } from '../format.ts'
+import { bytes, duration, fixed, NONE, words } from '../format.ts'
 import { icon } from '../icons.ts'
 import type { Health, HealthCheck, LogEvent } from '../wire.ts'
 
@@ -42,9 +42,9 @@ export const health: Screen = {
 }
 
 function checkCard(check: HealthCheck): HTMLElement {
-  const value = check.value === null || check.value === '' ? '' : String(check.value)
+  const value = typeof check.value === 'string' ? check.value : '' // the text says what a bare number means
   return el('div', { class: `card check-card ${check.state}` },
-    el('div', { class: 'check-head' }, icon(check.state === 'ok' ? 'check' : 'warning', 20), el('h3', {}, check.name), el('span', { class: 'value' }, value)),
+    el('div', { class: 'check-head' }, icon(check.state === 'ok' ? 'check' : 'warning', 20), el('h3', {}, words(check.name)), el('span', { class: 'value' }, value)),
     el('p', {}, check.text), check.advice !== '' && el('p', { class: 'advice' }, check.advice))
 }
 

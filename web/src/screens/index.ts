@@ -2,6 +2,7 @@ import type { Screen } from '../app.ts'
 import { camera } from './camera.ts'
 import { drive } from './drive.ts'
 import { health } from './health.ts'
+import { panels } from './panels.ts'
 import { plan } from './plan.ts'
 import { plots } from './plots.ts'
 import { recordings } from './recordings.ts'
@@ -12,3 +13,6 @@ import { weeds } from './weeds.ts'
 
 /** Every screen in the order of the rail; the first four are the tabs of a phone. */
 export const SCREENS: Screen[] = [drive, teleop, camera, weeds, plan, plots, robot, recordings, settings, health]
+
+/** Added only where a program uses it. */
+export const PANELS_SCREEN = panels

@@ -3,7 +3,7 @@
 import type uPlot from 'uplot'
 import type { App, Screen } from '../app.ts'
 import { download, el, replace } from '../dom.ts'
-import { words } from '../format.ts'
+import { quantity } from '../format.ts'
 import { icon } from '../icons.ts'
 import { toCsv } from '../plots/buffer.ts'
 import { Chart } from '../plots/chart.ts'
@@ -68,7 +68,7 @@ class PlotPanel {
     })
     if (!groups.size) replace(this.host, el('p', { class: 'card empty' }, names.length ? 'Choose signals to draw.' : 'The robot has sent no signals yet.'))
     else this.host.replaceChildren()
-    this.charts = [...groups].map(([unit, indices]) => new Chart(this.host, unit, indices, indices.map((i) => words(names[i])), this.sync))
+    this.charts = [...groups].map(([unit, indices]) => new Chart(this.host, unit, indices, indices.map((i) => quantity(names[i])), this.sync))
   }
 
   private toggle(name: string, unit: string): HTMLElement {
@@ -79,7 +79,7 @@ class PlotPanel {
       this.rebuild()
       this.signals.querySelectorAll<HTMLInputElement>('input')[this.app.store.signals.names.indexOf(name)]?.focus()
     } })
-    return el('label', { class: 'check' }, box, el('span', {}, words(name)), unit !== '' && el('span', { class: 'muted' }, unit))
+    return el('label', { class: 'check' }, box, el('span', {}, quantity(name)), unit !== '' && el('span', { class: 'muted' }, unit))
   }
 
   draw(): void {

@@ -5,7 +5,7 @@ import type { App, Screen } from '../app.ts'
 import { el, replace } from '../dom.ts'
 import { bytes, duration } from '../format.ts'
 import { icon } from '../icons.ts'
-import type { Recording, Recordings } from '../wire.ts'
+import type { Recording, Recordings, Replay } from '../wire.ts'
 
 const SPEEDS = [0.1, 0.5, 1, 2, 5, 10]
 const REFRESH_MS = 10_000
@@ -54,7 +54,7 @@ function row(recording: Recording, current: boolean, replay: ReplayBar): HTMLEle
   const play = el('button', { type: 'button', class: 'button', disabled: current, onclick: () => void replay.open(recording) }, icon('play', 20), 'Replay')
   const when = new Date(recording.utc)
   return el('tr', { class: current ? 'current' : '' },
-    el('td', {}, el('strong', {}, recording.name), el('div', { class: 'muted small' }, `${Number.isNaN(when.getTime()) ? recording.utc : when.toLocaleString()} · ${recording.profile}`)),
+    el('td', {}, el('strong', {}, recording.name), el('div', { class: 'muted small' }, `${Number.isNaN(when.getTime()) ? recording.utc : when.toLocaleString()}${recording.profile ? ` · ${recording.profile}` : ''}`)),
     el('td', {}, duration(recording.duration_s)), el('td', {}, bytes(recording.size_bytes)),
     el('td', {}, result(recording, current)), el('td', {}, fileLinks(recording)), el('td', { class: 'number' }, play))
 }
@@ -78,46 +78,48 @@ class ReplayBar {
   private readonly slider = el('input', { type: 'range', min: 0, max: 1, step: 0.1, value: 0, 'aria-label': 'Time in the recording' })
   private readonly time = el('output')
   private readonly speed = el('select', { 'aria-label': 'Speed' }, ...SPEEDS.map((s) => el('option', { value: s, selected: s === 1 }, `${s}×`)))
+  private readonly pause = el('button', { type: 'button', class: 'button', 'aria-pressed': 'false' }, icon('pause', 20), 'Pause')
   private name: string | null = null
   private seeking = false
   private readonly undo: () => void
 
   constructor(private readonly app: App) {
-    const back = el('button', { type: 'button', class: 'button', onclick: () => void this.leave() }, icon('cancel', 20), 'Back to live')
-    this.node.append(el('strong', {}, 'Replay'), this.slider, this.time, this.speed, back)
+    const back = el('button', { type: 'button', class: 'button', onclick: () => void app.attempt(api.replay(null, 1, 0)) }, icon('cancel', 20), 'Back to live')
+    this.node.append(el('strong', {}, 'Replay'), this.slider, this.time, this.speed, this.pause, back)
     this.slider.addEventListener('input', () => (this.seeking = true))
-    this.slider.addEventListener('change', () => void this.seek())
-    this.speed.addEventListener('change', () => void this.seek())
-    this.undo = app.store.on('state', (state) => {
-      this.node.hidden = state.mode !== 'replay'
-      if (state.mode === 'replay') this.follow(state.t)
+    this.slider.addEventListener('change', () => void this.apply())
+    this.speed.addEventListener('change', () => void this.apply())
+    this.pause.addEventListener('click', () => {
+      this.pause.setAttribute('aria-pressed', String(!this.paused))
+      void this.apply()
     })
-    this.name = sessionStorage.getItem('replay')
-    this.slider.max = sessionStorage.getItem('replay-length') ?? '1'
+    this.undo = app.store.on('state', (state) => {
+      this.node.hidden = !state.replay
+      if (state.replay) this.follow(state.replay)
+    })
+  }
+
+  private get paused(): boolean {
+    return this.pause.getAttribute('aria-pressed') === 'true'
   }
 
   async open(recording: Recording): Promise<void> {
-    this.name = recording.name
-    this.slider.max = String(recording.duration_s ?? 1)
-    sessionStorage.setItem('replay', recording.name)
-    sessionStorage.setItem('replay-length', this.slider.max)
     await this.app.attempt(api.replay(recording.name, Number(this.speed.value), 0))
   }
 
-  private follow(tS: number): void {
+  private follow(replay: Replay): void {
+    this.name = replay.name
     if (this.seeking) return
-    if (tS > Number(this.slider.max)) this.slider.max = String(tS)
-    this.slider.value = String(tS)
-    this.time.textContent = `${duration(tS)} / ${duration(Number(this.slider.max))}`
+    this.slider.min = String(replay.start_s)
+    this.slider.max = String(replay.end_s)
+    this.slider.value = String(replay.t_s)
+    this.time.textContent = `${duration(replay.t_s - replay.start_s)} / ${duration(replay.end_s - replay.start_s)}`
   }
 
-  private async seek(): Promise<void> {
-    if (this.name) await this.app.attempt(api.replay(this.name, Number(this.speed.value), Number(this.slider.value)))
+  private async apply(): Promise<void> {
+    const speed = this.paused ? 0 : Number(this.speed.value)
+    if (this.name) await this.app.attempt(api.replay(this.name, speed, Number(this.slider.value)))
     this.seeking = false
-  }
-
-  private async leave(): Promise<void> {
-    await this.app.attempt(api.replay(null, 1, 0))
   }
 
   close(): void {

@@ -57,7 +57,7 @@ function jointPanel(scene: Scene, app: App, panel: HTMLElement, names: string[])
     if (live.has(name)) {
       const angle = el('span', { class: 'value' })
       const index = app.robot?.wheel_joints.indexOf(name) ?? 0
-      app.store.on('state', (state) => setText(angle, `${(((state.joints[index] ?? 0) * 180) / Math.PI).toFixed(0)}°`))
+      app.store.on('state', (state) => setText(angle, `${((((state.joints[index] ?? 0) * 180) / Math.PI) % 360).toFixed(0)}°`))
       return el('div', { class: 'label-row' }, el('span', {}, words(name)), angle)
     }
     const slider = el('input', { type: 'range', min: -Math.PI, max: Math.PI, step: 0.01, value: 0, 'aria-label': words(name), oninput: () => scene.setJoint(name, Number(slider.value)) })

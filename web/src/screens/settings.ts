@@ -3,9 +3,9 @@
 import { api } from '../api.ts'
 import type { App, Screen } from '../app.ts'
 import { el, replace } from '../dom.ts'
-import { words } from '../format.ts'
+import { quantity, words } from '../format.ts'
 import { setTheme, theme, THEME_NAMES, THEMES } from '../shell/theme.ts'
-import type { Setting, SettingValue } from '../wire.ts'
+import type { Setting, Settings, SettingValue } from '../wire.ts'
 
 export const settings: Screen = {
   id: 'settings', title: 'Settings', icon: 'settings',
@@ -14,10 +14,22 @@ export const settings: Screen = {
     host.append(column)
     const found = await app.attempt(api.settings())
     if (!found) return () => undefined
-    replace(column, pageCard(), ...found.groups.map((group) =>
-      el('section', { class: 'card stack' }, el('h2', {}, words(group.name)), ...group.keys.map((setting) => row(setting, app)))))
+    const groups = el('div', { class: 'column' })
+    const show = (all: boolean): void => {
+      replace(groups, ...found.groups.map((group) => groupCard(group, all, app)))
+      if (!groups.childElementCount) groups.append(el('p', { class: 'card empty' }, 'No setting of this robot may change while it runs.'))
+    }
+    const all = el('input', { type: 'checkbox', onchange: () => show(all.checked) })
+    replace(column, pageCard(), el('label', { class: 'check' }, all, 'Show also what is fixed while the robot runs'), groups)
+    show(false)
     return () => undefined
   },
+}
+
+function groupCard(group: Settings['groups'][number], all: boolean, app: App): HTMLElement | null {
+  const keys = group.keys.filter((setting) => all || setting.live)
+  if (!keys.length) return null
+  return el('section', { class: 'card stack' }, el('h2', {}, words(group.name)), ...keys.map((setting) => row(setting, app)))
 }
 
 function pageCard(): HTMLElement {
@@ -38,7 +50,6 @@ function row(setting: Setting, app: App): HTMLElement {
     const parts = [setting.about]
     if (setting.min !== null || setting.max !== null) parts.push(`From ${setting.min ?? '–∞'} to ${setting.max ?? '∞'}.`)
     if (String(setting.value) !== String(setting.default)) parts.push(`Default ${setting.default}.`)
-    if (!setting.live) parts.push('Fixed while the robot runs.')
     note.textContent = parts.filter(Boolean).join(' ')
     note.classList.remove('form-error')
   }
@@ -51,7 +62,7 @@ function row(setting: Setting, app: App): HTMLElement {
     if (answer && setting.key in answer.applied) {
       setting.value = answer.applied[setting.key]
       describe()
-      app.toasts.show('info', `${words(last(setting.key))} is now ${setting.value}${setting.unit ? ` ${setting.unit}` : ''}.`)
+      app.toasts.show('info', `${quantity(setting.key)} is now ${setting.value}${setting.unit ? ` ${setting.unit}` : ''}.`)
     } else if (refused) {
       note.textContent = refused
       note.classList.add('form-error')
@@ -59,12 +70,8 @@ function row(setting: Setting, app: App): HTMLElement {
     write(setting, input)
   }
   return el('div', { class: 'setting' },
-    el('div', {}, el('label', { for: id }, words(last(setting.key))), note),
+    el('div', {}, el('label', { for: id }, quantity(setting.key)), note),
     el('div', { class: 'setting-control' }, input, setting.unit !== '' && el('span', { class: 'muted' }, setting.unit)))
-}
-
-function last(key: string): string {
-  return key.slice(key.lastIndexOf('.') + 1).replace(/_(mps|radps|rad|deg|hz|px|m|s|v)$/, '')
 }
 
 type Input = HTMLInputElement | HTMLSelectElement

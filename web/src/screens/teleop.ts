@@ -4,6 +4,7 @@ import type { App, Screen } from '../app.ts'
 import { CameraPicture } from '../camera/picture.ts'
 import { el, setText } from '../dom.ts'
 import { icon } from '../icons.ts'
+import { savedScale } from '../link.ts'
 import { chooseSeat } from '../shell/seat.ts'
 import { listenKeys, listenLeaving, listenPad, readGamepad } from '../teleop/inputs.ts'
 import type { Limits } from '../teleop/machine.ts'
@@ -99,7 +100,7 @@ function armSwitch(app: App, machine: TeleopMachine): { node: HTMLElement; updat
 }
 
 function scaleChoice(app: App): HTMLElement {
-  const saved = Number(localStorage.getItem('speed-scale') ?? 0.5)
+  const saved = savedScale()
   const buttons = SCALES.map((value) => el('button', {
     type: 'button', class: 'segment', 'aria-pressed': String(value === saved), 'data-value': value, onclick: () => choose(value),
   }, `${value * 100} %`))
@@ -108,6 +109,5 @@ function scaleChoice(app: App): HTMLElement {
     localStorage.setItem('speed-scale', String(value))
     app.link.send({ k: 'scale', value })
   }
-  app.link.send({ k: 'scale', value: saved })
   return el('div', { class: 'segments', role: 'group', 'aria-label': 'Speed limit' }, ...buttons)
 }

@@ -59,7 +59,10 @@ export function listenKeys(machine: TeleopMachine): () => void {
   const lift = (event: KeyboardEvent): void => {
     if (down.delete(event.code)) apply()
   }
-  const forget = (): void => down.clear()
+  const forget = (): void => {
+    down.clear()
+    machine.release('keys')
+  }
   window.addEventListener('keydown', press)
   window.addEventListener('keyup', lift)
   window.addEventListener('blur', forget)

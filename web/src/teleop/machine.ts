@@ -10,6 +10,8 @@ const ZERO: Drive = { v: 0, w: 0 }
 /** Inputs are shares of the limits: forward and turn (left positive), each in [-1, 1]. */
 export class TeleopMachine {
   private readonly held = new Map<Source, { forward: number; turn: number }>()
+  /** Held while that had no effect: no effect either until let go. */
+  private readonly blocked = new Set<Source>()
   private moving = false
   private armed = false
   seq = 0
@@ -18,7 +20,7 @@ export class TeleopMachine {
   setArmed(armed: boolean): void {
     if (armed === this.armed) return
     this.armed = armed
-    this.held.clear()
+    this.releaseAll()
   }
 
   get isArmed(): boolean {
@@ -27,15 +29,19 @@ export class TeleopMachine {
 
   /** Takes the input of a source that is held now; ignored unless armed. */
   hold(source: Source, forward: number, turn: number): void {
-    if (!this.armed) return
+    if (!this.armed) this.blocked.add(source)
+    if (this.blocked.has(source)) return
     this.held.set(source, { forward: clamp(forward), turn: clamp(turn) })
   }
 
   release(source: Source): void {
     this.held.delete(source)
+    this.blocked.delete(source)
   }
 
+  /** Stop now; whatever is still held must be let go before it drives again. */
   releaseAll(): void {
+    for (const source of this.held.keys()) this.blocked.add(source)
     this.held.clear()
   }
 

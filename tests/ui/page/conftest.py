@@ -1,0 +1,84 @@
+"""A browser, and a page on a robot that does what the tests need."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+
+from tests.ui.page.fake_server import PAGE, FakeServer, serving
+
+GL_ARGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+PATIENCE_S = 20.0
+POLL_S = 0.05
+WITHOUT_GL = "off=map,scene"
+
+
+@pytest.fixture(scope="package")
+def browser() -> Iterator[Browser]:
+    if not (PAGE / "index.html").is_file():
+        pytest.fail("The page is not built: run `pip install -e .` or `npm run build` in web/.")
+    with sync_playwright() as playwright:
+        chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+        browser = playwright.chromium.launch(executable_path=chromium, args=GL_ARGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def server() -> Iterator[FakeServer]:
+    fake = FakeServer()
+    with serving(fake) as fake.address:
+        yield fake
+
+
+@pytest.fixture
+def context(browser: Browser) -> Iterator[BrowserContext]:
+    context = browser.new_context(
+        viewport={"width": 1280, "height": 800},
+        locale="en",
+        reduced_motion="reduce",  # no colour is looked at half-way to another
+    )
+    yield context
+    context.close()
+
+
+OpenPage = Callable[..., Page]
+
+
+@pytest.fixture
+def open_page(context: BrowserContext, server: FakeServer) -> OpenPage:
+    """Opens a screen and waits until the robot's data are there."""
+
+    def go(screen: str = "drive", query: str = WITHOUT_GL, theme: str = "light") -> Page:
+        context.add_init_script(f"localStorage.setItem('theme', '{theme}')")
+        page = context.new_page()
+        page.goto(f"{server.address}/?{query}#/{screen}")
+        until(page, "window.__agribot?.ready")
+        return page
+
+    return go
+
+
+def until(page: Page, expression: str) -> Any:
+    """The first true value of an expression; polled from here, for the page forbids eval."""
+    return wait_for(lambda: page.evaluate(expression), expression)
+
+
+def wait_for(ask: Callable[[], Any], what: str) -> Any:
+    deadline_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline_s:
+        value = ask()
+        if value:
+            return value
+        time.sleep(POLL_S)
+    raise AssertionError(f"in {PATIENCE_S:.0f} s there was never: {what}")
+
+
+def show(page: Page, screen: str) -> None:
+    page.evaluate(f"location.hash = '#/{screen}'")
+    until(page, f"window.__agribot.screen === '{screen}'")

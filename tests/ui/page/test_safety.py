@@ -1,0 +1,227 @@
+"""STOP, driving by hand, and what the operator must not overlook."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.ui.page.conftest import OpenPage, show, until, wait_for
+from tests.ui.page.fake_server import FakeServer
+
+SCREENS = [
+    "drive",
+    "teleop",
+    "camera",
+    "weeds",
+    "plan",
+    "plots",
+    "robot",
+    "recordings",
+    "settings",
+    "health",
+]
+SIZES = [(320, 568), (390, 844), (820, 1180), (1024, 600), (1920, 1080)]
+STOP_FREE = """() => {
+  const box = document.getElementById('stop').getBoundingClientRect()
+  const inside = box.left >= 0 && box.top >= 0
+    && box.right <= innerWidth && box.bottom <= innerHeight
+  const points = [[.08, .15], [.92, .15], [.5, .5], [.08, .85], [.92, .85]]
+  const onTop = points.every(([x, y]) => document.elementFromPoint(
+    box.left + x * box.width, box.top + y * box.height)?.closest('#stop'))
+  return inside && onTop && box.width >= 110 && box.height >= 48
+}"""
+
+
+def commands(server: FakeServer, kind: str) -> list[dict[str, object]]:
+    return [message for message in server.robot.commands if message["k"] == kind]
+
+
+def take_control(page: Page) -> None:
+    page.get_by_role("button", name="Take control").first.click()
+    expect(page.locator(".operator")).to_contain_text("You")
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_stop_is_whole_and_uncovered_on_every_screen(
+    open_page: OpenPage, width: int, height: int
+) -> None:
+    page = open_page()
+    page.set_viewport_size({"width": width, "height": height})
+    for screen in SCREENS:
+        show(page, screen)
+        assert page.evaluate(STOP_FREE), f"{screen} at {width}×{height}"
+        assert not page.evaluate(
+            "document.documentElement.scrollWidth > innerWidth || "
+            "document.querySelector('.statusbar').scrollWidth > innerWidth"
+        ), f"{screen} is wider than {width}"
+
+
+def test_stop_works_above_a_dialog_without_the_seat(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page()
+    page.set_viewport_size({"width": 320, "height": 568})
+    page.locator(".operator").click()
+    expect(page.get_by_role("dialog")).to_be_visible()
+    assert page.evaluate(STOP_FREE)
+    page.locator("#stop").click()
+    wait_for(lambda: commands(server, "stop"), "a stop command")
+    expect(page.locator(".banner.bad", has_text="Stopped")).to_be_visible()
+
+
+def test_space_stops_everywhere_but_in_a_text_field(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page("settings")
+    page.get_by_role("button", name="Dark").focus()
+    page.keyboard.press("Space")
+    wait_for(lambda: len(commands(server, "stop")) == 1, "a stop from a focused button")
+    assert page.evaluate("document.documentElement.dataset.theme") == "light"
+    page.locator(".operator").click()
+    name = page.get_by_label("Name shown to the others")
+    name.fill("Ann")
+    name.press("Space")
+    expect(name).to_have_value("Ann ")
+    assert len(commands(server, "stop")) == 1
+
+
+def test_releasing_the_stop_needs_the_seat(open_page: OpenPage, server: FakeServer) -> None:
+    page = open_page()
+    page.locator("#stop").click()
+    release = page.get_by_role("button", name="Release stop")
+    expect(page.locator(".banner.bad", has_text="Stopped")).to_be_visible()
+    expect(release).to_be_hidden()
+    take_control(page)
+    release.click()
+    expect(page.locator(".mode")).to_have_text("Paused")
+    assert len(commands(server, "clear_stop")) == 1
+
+
+def test_the_pad_commands_nothing_before_it_is_armed(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    server.robot.mode = "paused"
+    page = open_page("teleop")
+    drag_pad(page)
+    page.mouse.up()
+    page.keyboard.press("w")
+    take_control(page)
+    drag_pad(page)
+    page.mouse.up()
+    sent = server.robot.n
+    wait_for(lambda: server.robot.n > sent + 6, "six more ticks")
+    assert commands(server, "drive") == []
+
+
+def drag_pad(page: Page) -> None:
+    box = page.locator(".pad").bounding_box()
+    assert box
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 60)
+
+
+def armed(open_page: OpenPage, server: FakeServer) -> Page:
+    server.robot.mode = "paused"
+    page = open_page("teleop")
+    take_control(page)
+    page.get_by_role("button", name="Drive by hand", exact=True).click()
+    expect(page.locator(".pad.armed")).to_be_visible()
+    return page
+
+
+def drives_within(server: FakeServer, limits_mps: list[float]) -> int:
+    low, high = limits_mps
+    return sum(low < float(str(drive["v"])) < high for drive in commands(server, "drive"))
+
+
+def ends_with_zero(server: FakeServer) -> bool:
+    drives = commands(server, "drive")
+    return bool(drives) and drives[-1]["v"] == 0 and drives[-1]["w"] == 0
+
+
+@pytest.mark.parametrize("let_go", ["release", "blur", "hidden", "leave"])
+def test_whatever_takes_the_hand_off_the_pad_stops_the_robot(
+    open_page: OpenPage, server: FakeServer, let_go: str
+) -> None:
+    page = armed(open_page, server)
+    drag_pad(page)
+    forward = [0.1, 2.0]
+    wait_for(lambda: drives_within(server, forward) >= 3, "three commands to drive forward")
+    if let_go == "release":
+        page.mouse.up()
+    elif let_go == "blur":
+        page.evaluate("window.dispatchEvent(new Event('blur'))")
+    elif let_go == "hidden":
+        page.evaluate(
+            "Object.defineProperty(document, 'hidden', {value: true});"
+            "document.dispatchEvent(new Event('visibilitychange'))"
+        )
+    else:
+        show(page, "health")
+    wait_for(lambda: ends_with_zero(server), "a zero at the end")
+
+
+def test_keys_drive_while_held_and_steer(open_page: OpenPage, server: FakeServer) -> None:
+    page = armed(open_page, server)
+    page.keyboard.down("w")
+    page.keyboard.down("a")
+    wait_for(lambda: any(d["w"] for d in commands(server, "drive")), "a turning command")
+    drive = commands(server, "drive")[-1]
+    assert float(str(drive["v"])) > 0
+    assert float(str(drive["w"])) > 0
+    page.keyboard.up("a")
+    page.keyboard.up("w")
+    wait_for(lambda: ends_with_zero(server), "a zero at the end")
+    sequence = [drive["seq"] for drive in commands(server, "drive")]
+    assert sequence == sorted(set(map(int, map(str, sequence))))
+
+
+def test_driving_by_hand_asks_before_it_interrupts_a_mission(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page("teleop")
+    take_control(page)
+    page.get_by_role("button", name="Drive by hand", exact=True).click()
+    expect(page.get_by_role("dialog", name="Interrupt the mission?")).to_be_visible()
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator(".pad.armed")).to_have_count(0)
+
+
+def test_old_data_are_grey_below_a_red_banner(open_page: OpenPage, server: FakeServer) -> None:
+    page = open_page()
+    expect(page.locator("#main")).not_to_have_class("main is-stale")
+    server.silent = True
+    expect(page.locator(".banner.bad", has_text="old")).to_be_visible()
+    expect(page.locator("#main")).to_have_class("main is-stale")
+    server.silent = False
+    expect(page.locator("#main")).to_have_class("main")
+
+
+def test_a_reload_keeps_the_screen_the_seat_and_the_whole_track(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page("weeds")
+    show(page, "drive")
+    take_control(page)
+    show(page, "health")
+    page.reload()
+    until(page, "window.__agribot?.ready && window.__agribot.screen === 'health'")
+    expect(page.locator(".operator")).to_contain_text("You")
+    driven = len(server.robot.trajectory)
+    assert until(page, "window.__agribot.counters.traj") >= driven
+
+
+def test_the_mission_buttons_send_what_they_say(open_page: OpenPage, server: FakeServer) -> None:
+    page = open_page()
+    expect(page.locator("[data-action=pause]")).to_be_hidden()
+    take_control(page)
+    for action in ("pause", "resume"):
+        page.locator(f"[data-action={action}]").click()
+    page.locator("[data-action=cancel]").click()
+    page.get_by_role("dialog").get_by_role("button", name="End mission").click()
+    wait_for(lambda: len(commands(server, "mission")) == 3, "three mission commands")
+    sent = [command["action"] for command in commands(server, "mission")]
+    assert sent == ["pause", "resume", "cancel"]
+    expect(page.locator(".mode")).to_have_text("Waiting")

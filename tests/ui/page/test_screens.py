@@ -1,0 +1,167 @@
+"""Every screen shows the robot's data and changes what it says it changes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.ui.page.conftest import OpenPage, show, until, wait_for
+from tests.ui.page.fake_server import FakeServer
+from tests.ui.page.test_safety import SCREENS, commands, take_control
+
+AXE = Path(__file__).parents[3] / "web" / "node_modules" / "axe-core" / "axe.min.js"
+SERIOUS = {"serious", "critical"}
+OWN_ADDRESSES = ("data:", "blob:")
+
+
+def violations(page: Page, enhanced: bool) -> list[str]:
+    rules = {"color-contrast-enhanced": {"enabled": enhanced}, "region": {"enabled": False}}
+    found = page.evaluate(f"axe.run(document, {{rules: {json.dumps(rules)}}})")
+    return [
+        f"{rule['id']}: {node['html'][:120]}"
+        for rule in found["violations"]
+        if rule["impact"] in SERIOUS
+        for node in rule["nodes"]
+    ]
+
+
+@pytest.mark.parametrize("theme", ["light", "dark", "sun"])
+def test_no_screen_has_a_serious_finding_of_axe(open_page: OpenPage, theme: str) -> None:
+    page = open_page(theme=theme)
+    page.evaluate(AXE.read_text())
+    found: list[str] = []
+    for screen in SCREENS:
+        show(page, screen)
+        until(page, "document.querySelector('.screen').childElementCount > 0")
+        found += [f"{screen}: {each}" for each in violations(page, enhanced=theme == "sun")]
+    assert found == []
+
+
+def test_no_request_leaves_the_robot(open_page: OpenPage, server: FakeServer) -> None:
+    page = open_page(query="")
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.reload()
+    until(page, "window.__agribot?.ready")
+    for screen in SCREENS:
+        show(page, screen)
+    until(page, "window.__agribot.map?.loaded()")
+    foreign = [url for url in asked if not url.startswith((server.address, *OWN_ADDRESSES))]
+    assert asked
+    assert foreign == []
+
+
+def test_the_map_draws_the_field_the_weeds_and_the_track(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page(query="off=scene,camera")
+    drawn = "window.__agribot.map?.queryRenderedFeatures({layers: ['%s']}).length"
+    until(page, drawn % "rows" + " >= 6")
+    until(page, drawn % "waypoints" + " >= 12")
+    weeds = "new Set(window.__agribot.map.queryRenderedFeatures({layers: ['weeds']})"
+    most = 0.9 * len(server.robot.weeds)
+    until(page, f"{weeds}.map(f => f.properties.id)).size > {most}")
+    until(page, drawn % "trajectory" + " >= 1")
+    hidden = "window.__agribot.map.getLayoutProperty('density', 'visibility')"
+    assert page.evaluate(hidden) == "none"
+
+
+def test_the_camera_draws_pictures_and_says_how_old_they_are(open_page: OpenPage) -> None:
+    page = open_page("camera")
+    assert until(page, "window.__agribot.counters.cam") > 0
+    expect(page.locator(".picture-label")).to_contain_text("ms")
+    red = (
+        "(() => { const c = document.querySelector('.mask'); if (!c.width) return 0;"
+        "const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;"
+        "let n = 0; for (let i = 0; i < d.length; i += 4)"
+        " if (d[i + 3] && d[i] > 200) n++; return n })()"
+    )
+    assert until(page, red) > 50
+    page.get_by_label("Weed").uncheck()
+    wait_for(lambda: page.evaluate(red) == 0, "a mask without weeds")
+
+
+def test_the_plan_is_checked_by_the_robot_and_its_reasons_are_on_the_map(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page("plan", query="off=scene,camera")
+    page.get_by_role("button", name="Check plan").click()
+    expect(page.locator(".reasons")).to_contain_text("Row 3 leaves the boundary")
+    expect(page.locator(".reason-pin")).to_have_text("1")
+    sent = server.written["plan"]
+    kinds = [feature["properties"]["kind"] for feature in sent["field"]["features"]]
+    assert kinds.count("row") == 6
+    assert sent["implement_width_m"] == pytest.approx(1.5)
+    expect(page.get_by_role("button", name="Use this plan")).to_be_disabled()
+
+
+def test_a_field_is_saved_on_the_robot_under_its_name(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page("plan", query="off=scene,camera")
+    page.get_by_role("button", name="Save", exact=True).first.click()
+    page.get_by_label("Name of the field").fill("north acre")
+    page.keyboard.press("Enter")
+    wait_for(lambda: "PUT fields/north acre" in server.requests, "the saved field")
+    assert server.written["fields/north acre"]["type"] == "FeatureCollection"
+
+
+def test_a_changed_setting_reaches_the_robot(open_page: OpenPage, server: FakeServer) -> None:
+    page = open_page("settings")
+    speed = page.get_by_label("Speed", exact=True)
+    speed.fill("0.6")
+    speed.press("Enter")
+    wait_for(lambda: "settings" in server.written, "a changed setting")
+    assert server.written["settings"] == {"follower.speed_mps": 0.6}
+
+
+def test_a_recording_is_replayed_and_a_moment_marked(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page("recordings")
+    page.get_by_role("button", name="Replay").nth(1).click()
+    wait_for(lambda: "replay" in server.written, "a replay")
+    assert server.written["replay"] == {"name": "2026-05-03-171200-farm", "speed": 1, "t_s": 0}
+    page.get_by_role("button", name="Mark this moment").click()
+    page.get_by_label("What happened").fill("stone")
+    page.keyboard.press("Enter")
+    wait_for(lambda: commands(server, "mark"), "a mark")
+    assert commands(server, "mark")[0]["text"] == "stone"
+
+
+def test_the_plots_draw_the_chosen_signals(open_page: OpenPage) -> None:
+    page = open_page("plots")
+    expect(page.locator(".chart")).to_have_count(3)
+    page.get_by_label("Battery").check()
+    expect(page.locator(".chart")).to_have_count(4)
+    height = page.locator(".charts").bounding_box()
+    assert height
+    assert height["height"] < 800
+
+
+def test_faults_say_what_to_do(open_page: OpenPage) -> None:
+    page = open_page("health")
+    expect(page.locator(".check-card.fault")).to_contain_text("Check the cable")
+    expect(page.locator(".log")).to_contain_text("Fix fell back to float")
+
+
+def test_a_goal_and_a_pose_are_sent_from_the_map(open_page: OpenPage, server: FakeServer) -> None:
+    page = open_page(query="off=scene,camera")
+    take_control(page)
+    until(page, "window.__agribot.map?.loaded()")
+    box = page.locator(".map").bounding_box()
+    assert box
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    for title in ("Drive to a place", "Correct the robot’s pose"):
+        page.get_by_role("button", name=title).click()
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x, y - 80, steps=3)
+        page.mouse.up()
+    wait_for(lambda: commands(server, "pose_estimate"), "a corrected pose")
+    north_rad = 1.5708
+    assert commands(server, "goto")[0]["yaw"] == pytest.approx(north_rad, abs=0.02)
+    assert commands(server, "pose_estimate")[0]["yaw"] == pytest.approx(north_rad, abs=0.02)
