@@ -54,7 +54,11 @@ HEAVY = {
     "matplotlib": {"record"},
     "mcap": {"record"},
     "rosbags": {"record"},
-    "PIL": {"description", "record", "sim", "train", "dataset", "commands"},
+    "PIL": {"description", "record", "sim", "train", "dataset", "commands", "ui"},
+    "starlette": {"ui"},
+    "uvicorn": {"ui"},
+    "websockets": {"ui"},
+    "segno": {"ui", "commands"},
     "ray": {"sweep"},
 }
 # What pure decisions have no business with: clocks, threads, the outside world, hidden randomness.

@@ -14,7 +14,8 @@ import msgspec
 
 T = TypeVar("T")
 
-OperatorAction = Literal["pause", "resume", "cancel", "stop", "clear_stop"]
+# A note changes nothing: it is what a person or a page wants to have in the recording.
+OperatorAction = Literal["pause", "resume", "cancel", "stop", "clear_stop", "note"]
 
 INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but never a stop
 
@@ -23,6 +24,7 @@ class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
     t_s: float
     action: OperatorAction
     source: str = "operator"
+    text: str = ""
 
 
 class HandDrive(msgspec.Struct, frozen=True, kw_only=True):

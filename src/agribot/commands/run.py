@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-import time
+from contextlib import ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 
 import msgspec
 
 from agribot import config as settings
+from agribot.commands.page import Pacer, add_page_arguments, opened, stay, stays_open, wants_page
 from agribot.commands.progress import Progress
 from agribot.commands.stopping import stop_on_signal
 from agribot.errors import ConfigError
@@ -43,30 +44,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", help="default: runs/<UTC time>-<profile>")
     parser.add_argument("--json", action="store_true", help="print the report as the last line")
     parser.add_argument(
-        "--headless", action="store_true", help="accepted for scripts: no window is ever opened"
+        "--headless", action="store_true", help="no page, whatever else is asked for"
     )
+    add_page_arguments(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     pace = _pace(options.speed)
     config = _config(options)
-    with Session(config, _out_dir(options.out, config.profile)) as session:
+    with Session(config, _out_dir(options.out, config.profile)) as session, ExitStack() as parts:
         odd = (*session.robot.warnings, *session.world.warnings)
         sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
+        page = parts.enter_context(opened(options, session)) if wants_page(options) else None
         progress = Progress(session.weed_map)
         session.add_tap(progress)
+        pacer = Pacer(pace, page)
         with stop_on_signal() as stop:
-            started_s = time.monotonic()
             for record in session.ticks():
                 if stop:
                     break
-                _wait_until(started_s + record.batch.t_s / pace)
-        progress.close()
-        report = session.finish("interrupted by the operator" if stop else "")
-    sys.stderr.write(_summary(report, session.out_dir))
+                pacer.wait(record.batch.t_s)
+            progress.close()
+            report = session.finish("interrupted by the operator" if stop else "")
+            sys.stderr.write(_summary(report, session.out_dir))
+            was_interrupted = bool(stop)
+            if page is not None and stays_open(options) and not stop:
+                stay(session, page, stop)
     if options.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
-    if stop:
+    if was_interrupted:
         return 130
     return 0 if report.ok else 1
 
@@ -108,12 +114,6 @@ def _out_dir(wanted: str | None, profile: str) -> Path:
     if wanted is not None:
         return Path(wanted)
     return Path("runs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{Path(profile).stem}"
-
-
-def _wait_until(moment_s: float) -> None:
-    remaining_s = moment_s - time.monotonic()
-    if remaining_s > 0:
-        time.sleep(remaining_s)
 
 
 def _summary(report: Report, out_dir: Path) -> str:

@@ -56,13 +56,18 @@ class EventLog:
     def events(self) -> tuple[Event, ...]:
         return tuple(self._events)
 
+    def since(self, index: int) -> list[Event]:
+        """Those after the first `index` events; any thread may ask."""
+        return self._events[index:]
+
     def of_kind(self, kind: EventKind) -> tuple[Event, ...]:
         return tuple(event for event in self._events if event.kind == kind)
 
     def __call__(self, record: TickRecord) -> None:
         t_s = record.batch.t_s
         for press in record.batch.events:
-            self._add(press.t_s, "operator", f"{press.action} ({press.source})")
+            what = press.text if press.action == "note" else press.action
+            self._add(press.t_s, "operator", f"{what} ({press.source})")
         self._note_hand(t_s, record)
         self._note_estimate(t_s, record)
         self._note_mission(t_s, record)
