@@ -59,6 +59,9 @@ HEAVY = {
     "uvicorn": {"ui"},
     "websockets": {"ui"},
     "segno": {"ui", "commands"},
+    "anyio": {"ui"},
+    "shapely": {"ui"},
+    "shapefile": {"ui"},
     "ray": {"sweep"},
 }
 # What pure decisions have no business with: clocks, threads, the outside world, hidden randomness.
@@ -203,7 +206,7 @@ def test_every_package_that_is_imported_is_declared() -> None:
     extras = project["optional-dependencies"].values()
     lines = [*project["dependencies"], *(line for extra in extras for line in extra)]
     declared = {re.split(r"[<>=\[ ]", line)[0].lower().replace("-", "_") for line in lines}
-    import_names = {"pillow": "PIL", "mujoco_core": "mujoco"}
+    import_names = {"pillow": "PIL", "mujoco_core": "mujoco", "pyshp": "shapefile"}
     known = {import_names.get(name, name) for name in declared}
     known |= {"llvmlite"} if "numba" in known else set()  # comes with numba, always
     used = set().union(*(outside(path) for path in sources())) - set(sys.stdlib_module_names)

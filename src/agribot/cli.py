@@ -51,6 +51,11 @@ COMMANDS = {
         "say what is installed, what is missing and whether the robot would start",
         "agribot doctor",
     ),
+    "ui": (
+        "agribot.commands.ui",
+        "show the operator's page on a simulated robot or on a recording",
+        "agribot ui runs/first/run.mcap",
+    ),
     "sweep": (
         "agribot.commands.sweep",
         "run many seeds and settings and compare their reports",

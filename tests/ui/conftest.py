@@ -17,23 +17,20 @@ pytest.importorskip("websockets")
 
 from agribot import config
 from agribot.description.loader import load_robot, urdf_text
-from agribot.plan.rows import field_rows
-from agribot.ui.about import expected_rates_hz, field_of, robot_of, urdf_for_page
+from agribot.ui.about import about_run
 from agribot.ui.address import Address
 from agribot.ui.hub import About
-from agribot.ui.server_process import PAGE_DIR, ServerProcess
-from agribot.ui.settings import described
+from agribot.ui.server_process import ServerProcess
 from tests.ui.page import Page
 
 
 class Robot:
     """The robot's end of the line: sends what it is told to, keeps every order it gets."""
 
-    def __init__(self, home: Path, host: str = "127.0.0.1", recording: str = "") -> None:
+    def __init__(self, home: Path, host: str = "127.0.0.1") -> None:
         self.home = home
         self.address = Address(host=host, port=0)
         self.server = ServerProcess(self.address, self._about)
-        self.recording = recording
         self.orders: list[dict[str, Any]] = []
         self._news = threading.Condition()
 
@@ -67,28 +64,12 @@ class Robot:
             self._news.notify_all()
 
     def _about(self, port: int) -> About:
-        settings = config.load("farm")
-        robot = load_robot("agribot")
-        urdf, meshes = urdf_for_page(urdf_text("agribot"), "agribot")
-        return About(
-            host=self.address.host,
-            port=port,
-            names=self.address.names(),
-            operator_token=self.address.operator_token,
-            viewer_token=self.address.viewer_token,
-            profile="farm",
-            source="sim",
-            field=field_of(settings, field_rows(settings.field), ()),
-            robot=robot_of(robot, settings),
-            urdf=urdf,
-            meshes=meshes,
-            settings=described(settings),
-            rates=expected_rates_hz(robot, settings),
-            runs_dir=str(self.home / "runs"),
-            current="",
-            home_dir=str(self.home / "home"),
-            page_dir=str(PAGE_DIR),
+        settings, robot, run = (
+            config.load("farm"),
+            load_robot("agribot"),
+            self.home / "runs" / "now",
         )
+        return about_run(self.address, port, settings, robot, urdf_text("agribot"), (), run)
 
 
 @pytest.fixture(autouse=True, scope="session")

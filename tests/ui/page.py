@@ -14,6 +14,8 @@ from websockets.sync.client import ClientConnection, connect
 class Page:
     def __init__(self, port: int, tab: str = "one", **options: Any) -> None:
         headers = options.setdefault("additional_headers", {})
+        options.setdefault("max_queue", None)  # a test that does not read shall not stall
+        options.setdefault("close_timeout", 1)
         origin = options.pop("origin", f"http://127.0.0.1:{port}")
         if origin is not None:
             headers["Origin"] = origin

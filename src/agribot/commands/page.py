@@ -30,7 +30,7 @@ def add_page_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_address_arguments(group: argparse._ArgumentGroup) -> None:
+def add_address_arguments(group: argparse._ActionsContainer) -> None:
     group.add_argument(
         "--port", type=int, metavar="P", help="of the page (default: the first free one from 8080)"
     )

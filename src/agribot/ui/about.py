@@ -13,12 +13,53 @@ import msgspec
 from agribot.config import RunConfig
 from agribot.description.package import package_folder, packaged_or_file, robot_files
 from agribot.messages import WHEEL_NAMES, Row
+from agribot.plan.rows import field_rows
 from agribot.robot import RobotSpec
+from agribot.ui.address import Address
+from agribot.ui.hub import About
+from agribot.ui.settings import described
 
 _MESH = re.compile(r'(<mesh\b[^>]*?filename=")([^"]+)(")')
+PAGE_DIR = Path(__file__).parent / "page"
 MESH_SUFFIXES = {".stl", ".dae", ".obj", ".glb", ".gltf"}
 
 Point = tuple[float, float]
+
+
+def about_run(
+    address: Address,
+    port: int,
+    config: RunConfig,
+    robot: RobotSpec,
+    urdf: str,
+    goals_map_m: Sequence[Point],
+    run_dir: Path,
+    recording: str = "",
+) -> About:
+    """All of it; `recording` is set where no robot runs and a recording is shown instead."""
+    shown_urdf, meshes = urdf_for_page(urdf, config.robot)
+    rows = () if goals_map_m else field_rows(config.field)
+    return About(
+        host=address.host,
+        port=port,
+        names=address.names(),
+        operator_token=address.operator_token,
+        viewer_token=address.viewer_token,
+        profile=config.profile,
+        source="replay" if recording else config.platform,
+        field=field_of(config, rows, goals_map_m),
+        robot=robot_of(robot, config),
+        urdf=shown_urdf,
+        meshes=meshes,
+        settings=described(config),
+        rates=expected_rates_hz(robot, config),
+        runs_dir=str(run_dir.resolve().parent),
+        current=run_dir.resolve().name,
+        home_dir=str(address.home),
+        page_dir=str(PAGE_DIR),
+        recording=recording,
+        lan_url=address.lan_url(port),
+    )
 
 
 def field_of(

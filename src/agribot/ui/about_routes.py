@@ -13,8 +13,9 @@ from starlette.responses import Response
 from agribot import __version__
 from agribot.geo import Datum, MapFrame
 from agribot.ui.access import Caller
-from agribot.ui.answers import json_answer, refused
-from agribot.ui.hub import Hub, signal_table
+from agribot.ui.answers import channel_of, json_answer, refused
+from agribot.ui.channel import signal_table
+from agribot.ui.hub import Hub
 
 SCREENS = (
     "run", "plan", "teleop", "robot", "camera", "plots", "weeds", "recordings", "settings",
@@ -88,7 +89,7 @@ async def topics(request: Request) -> Response:
 async def weeds_geojson(request: Request) -> Response:
     hub: Hub = request.app.state.hub
     frame = _frame(hub)
-    features = [_feature(row, frame) for row in hub.live.weeds.values()]
+    features = [_feature(row, frame) for row in channel_of(request).weeds.values()]
     headers = {"content-disposition": 'attachment; filename="weeds.geojson"'}
     answer = json_answer({"type": "FeatureCollection", "features": features})
     answer.headers.update(headers)
@@ -102,7 +103,7 @@ async def weeds_csv(request: Request) -> Response:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow([*WEED_COLUMNS, "lat_deg", "lon_deg"])
-    for row in hub.live.weeds.values():
+    for row in channel_of(request).weeds.values():
         lat_deg, lon_deg, _ = frame.geodetic_from_map(row[2], row[3])
         named = [row[0], CLASS_NAMES[row[1]], *row[2:]]
         writer.writerow([*named, round(lat_deg, 9), round(lon_deg, 9)])

@@ -10,6 +10,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, Response
 
 from agribot.ui.access import Caller
+from agribot.ui.channel import Channel
 from agribot.ui.hub import Hub
 
 MAX_BODY_BYTES = 20_000_000  # a field file of a large farm
@@ -93,6 +94,13 @@ def need_operator(request: Request) -> None:
     caller: Caller = request.scope["agribot.caller"]
     if caller.role != "operator":
         raise Unusable(403, "you are logged in as a viewer, who may look on and stop the robot")
+
+
+def channel_of(request: Request) -> Channel:
+    """What the caller's pages look at: the robot, or the recording that is replayed there."""
+    hub: Hub = request.app.state.hub
+    caller: Caller = request.scope["agribot.caller"]
+    return hub.channel_of(caller.session)
 
 
 def name_of(request: Request) -> str:

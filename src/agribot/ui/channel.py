@@ -8,6 +8,8 @@ from typing import Any
 
 import msgspec
 
+from agribot.ui.view import SIGNALS
+
 STATES_KEPT = 4  # for one client; older ones are worth nothing
 CHANGES_KEPT = 300  # a client that is farther behind gets everything afresh
 DIRECT_KEPT = 100
@@ -130,3 +132,8 @@ class Channel:
                 self.weeds.pop(id, None)
         elif kind == "event":
             self.events.append(message)
+
+
+def signal_table() -> dict[str, Any]:
+    names, units = zip(*SIGNALS, strict=True)
+    return {"names": list(names), "units": list(units)}

@@ -95,7 +95,17 @@ class Feed:
         if number % SLOW_EVERY == 0:
             for message in self._changes.messages():
                 self._put(message)
-            self._put({"k": "counts", "wall_s": time.time(), "topics": dict(view.topics)})
+            self._put(self._counts())
+
+    def _counts(self) -> Message:
+        record = self._view.record
+        return {
+            "k": "counts",
+            "wall_s": time.time(),
+            "t": record.batch.t_s if record else 0.0,
+            "cpu_s": time.process_time(),
+            "topics": dict(self._view.topics),
+        }
 
     def _tell_trace(self) -> None:
         trace = self._view.trace_map_m

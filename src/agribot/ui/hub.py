@@ -12,11 +12,12 @@ from typing import Any
 import msgspec
 
 from agribot.ui.access import Access
-from agribot.ui.channel import Channel
+from agribot.ui.channel import Channel, signal_table
+from agribot.ui.replay import Replay
 from agribot.ui.seat import Seat
-from agribot.ui.view import SIGNALS
 
 ToRobot = Callable[[dict[str, Any]], None]
+MAX_REPLAYS = 4  # at a time; whoever started the oldest is shown the robot again
 NOTES_PER_MINUTE = 60
 
 
@@ -52,7 +53,7 @@ class Hub:
         self.is_robot_gone = False
         self.counts: deque[dict[str, Any]] = deque(maxlen=8)
         self.sockets: set[Any] = set()
-        self.replays: dict[str, Any] = {}
+        self._replays: dict[str, Replay] = {}
         self.refusals = 0
         self.visits = 0
         self._asked = 0
@@ -66,8 +67,34 @@ class Hub:
         self._noted_s: deque[float] = deque(maxlen=NOTES_PER_MINUTE)
 
     def channel_of(self, session: str) -> Channel:
-        """The stream that a session looks at: the live one, unless it replays a recording."""
-        return self.live
+        """The stream that a page looks at: the live one, unless its browser replays a recording."""
+        return self.replay_of(session.partition("/")[0]) or self.live
+
+    def replay_of(self, browser: str) -> Replay | None:
+        return self._replays.get(browser) or self._replays.get("")
+
+    def start_replay(self, browser: str, replay: Replay) -> None:
+        """For one browser; for all of them where `browser` is empty."""
+        self._replays[browser] = replay
+        while len(self._replays) > MAX_REPLAYS:
+            self.end_replay(next(iter(self._replays)))
+        self._follow()
+
+    def end_replay(self, browser: str) -> None:
+        self._replays.pop(browser, None)
+        self._follow()
+
+    def step_replays(self, wall_s: float) -> None:
+        """Move on those that somebody watches."""
+        for replay in self._replays.values():
+            if replay.clients:
+                replay.step(wall_s)
+
+    def _follow(self) -> None:
+        for socket in self.sockets:
+            channel = self.channel_of(socket.session)
+            if channel is not socket.channel:
+                socket.follow(channel)
 
     def tell_seat(self) -> None:
         for socket in self.sockets:
@@ -122,8 +149,3 @@ class Hub:
         """Somebody was turned away at the door."""
         self.refusals += 1
         self.note(who, f"refused: {reason}")
-
-
-def signal_table() -> dict[str, Any]:
-    names, units = zip(*SIGNALS, strict=True)
-    return {"names": list(names), "units": list(units)}

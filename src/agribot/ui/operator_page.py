@@ -16,13 +16,12 @@ from agribot.messages import OperatorEvent, TickRecord
 from agribot.messages import Path as PlannedPath
 from agribot.record.events import Event
 from agribot.session import Session
-from agribot.ui.about import expected_rates_hz, field_of, robot_of, urdf_for_page
+from agribot.ui.about import about_run
 from agribot.ui.address import Address
 from agribot.ui.feed import CameraFeed, Feed
 from agribot.ui.hub import About
 from agribot.ui.panels import Panels
-from agribot.ui.server_process import PAGE_DIR, READY_TIMEOUT_S, ServerProcess
-from agribot.ui.settings import described
+from agribot.ui.server_process import READY_TIMEOUT_S, ServerProcess
 from agribot.ui.view import RunView
 from agribot.weeds.track import Track
 
@@ -164,29 +163,10 @@ class OperatorPage:
             self._send(data)
 
     def _about(self, port: int) -> About:
-        session, address = self._session, self.address
-        config = session.config
-        urdf, meshes = urdf_for_page(session.urdf, config.robot)
-        return About(
-            host=address.host,
-            port=port,
-            names=address.names(),
-            operator_token=address.operator_token,
-            viewer_token=address.viewer_token,
-            profile=config.profile,
-            source=config.platform,
-            field=field_of(config, session.rows, session.goals_map_m),
-            robot=robot_of(session.robot, config),
-            urdf=urdf,
-            meshes=meshes,
-            settings=described(config),
-            rates=expected_rates_hz(session.robot, config),
-            runs_dir=str(session.out_dir.resolve().parent),
-            current=session.out_dir.name,
-            home_dir=str(address.home),
-            page_dir=str(PAGE_DIR),
-            lan_url=address.lan_url(port),
-        )
+        session = self._session
+        goals = session.goals_map_m
+        config, robot, urdf = session.config, session.robot, session.urdf
+        return about_run(self.address, port, config, robot, urdf, goals, session.out_dir)
 
 
 class SessionSource:

@@ -9,7 +9,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from agribot.errors import AgribotError
-from agribot.ui import about_routes
+from agribot.ui import about_routes, field_routes, health_routes, map_routes, run_routes
 from agribot.ui.answers import Unusable, refused
 
 Endpoint = Callable[[Request], Awaitable[Response]]
@@ -18,7 +18,7 @@ Endpoint = Callable[[Request], Awaitable[Response]]
 def api_routes() -> list[Route]:
     return [
         Route(path, _polite(endpoint), methods=[method])
-        for part in (about_routes,)
+        for part in (about_routes, run_routes, field_routes, map_routes, health_routes)
         for method, path, endpoint in part.ROUTES
     ]
 

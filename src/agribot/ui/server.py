@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -22,6 +23,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from agribot.ui.app import build_app
 from agribot.ui.camera import Camera, unpacked
 from agribot.ui.hub import About, Hub
+from agribot.ui.replay import STATE_HZ, Replay
 
 MAX_CONNECTIONS = 200  # open lines, of browsers and programs together
 FIRST_REQUEST_S = 10.0  # a line on which nothing was asked by then is cut
@@ -90,7 +92,9 @@ async def _serve(
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Any) -> AsyncIterator[None]:
-        tasks = [asyncio.create_task(_watch(hub))]
+        if about.recording:
+            hub.start_replay("", Replay.load(Path(about.recording), about.current))
+        tasks = [asyncio.create_task(_watch(hub)), asyncio.create_task(_replay(hub))]
         loop = asyncio.get_running_loop()
         camera: Camera = app.state.camera
         ended = functools.partial(_end, hub, server)
@@ -174,3 +178,11 @@ async def _watch(hub: Hub) -> None:
             hub.tell_seat()
             if is_silent and hub.seat.holder:
                 hub.order({"c": "lost", "by": hub.seat.name})
+
+
+async def _replay(hub: Hub) -> None:
+    next_s = time.monotonic()
+    while True:
+        hub.step_replays(time.monotonic())
+        next_s = max(next_s + 1.0 / STATE_HZ, time.monotonic())
+        await asyncio.sleep(next_s - time.monotonic())

@@ -7,13 +7,11 @@ import importlib.util
 import multiprocessing
 import threading
 from collections.abc import Callable
-from pathlib import Path
 
 from agribot.errors import ConfigError
 from agribot.ui.address import Address, bound
 from agribot.ui.hub import About
 
-PAGE_DIR = Path(__file__).parent / "page"
 READY_TIMEOUT_S = 30.0
 END = b'{"k":"end"}'
 PACKAGES = ("starlette", "uvicorn", "websockets", "segno")
