@@ -7,6 +7,8 @@ import time
 from contextlib import ExitStack
 from types import TracebackType
 from typing import Any, Self
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 from websockets.sync.client import ClientConnection, connect
 
@@ -60,3 +62,30 @@ class Page:
     def take_seat(self) -> None:
         answer = self.ask(k="take", id="take", force=True)
         assert answer["ok"], answer
+
+
+class Browser:
+    """A page's other requests, with its cookie."""
+
+    def __init__(self, port: int) -> None:
+        self.port = port
+        with urlopen(f"http://127.0.0.1:{port}/") as answer:
+            self.cookie: str = answer.headers["set-cookie"].split(";")[0]
+
+    def ask(self, method: str, path: str, body: object = None) -> tuple[int, Any]:
+        """Status and answer, as JSON where it is JSON; bytes are sent as they are."""
+        data = body if isinstance(body, bytes) or body is None else json.dumps(body).encode()
+        headers = {"Cookie": self.cookie, "Origin": f"http://127.0.0.1:{self.port}"}
+        url = f"http://127.0.0.1:{self.port}{path}"
+        try:
+            with urlopen(Request(url, data, headers, method=method)) as answer:
+                return answer.status, _content(answer)
+        except HTTPError as error:
+            with error:
+                return error.code, _content(error)
+
+
+def _content(answer: Any) -> Any:
+    data = answer.read()
+    is_json = "json" in answer.headers.get("content-type", "")
+    return json.loads(data) if is_json and data else data
