@@ -21,20 +21,32 @@ LAYERS = {
     0: (
         "__init__",
         "messages",
+        "topic",
         "topics",
         "errors",
         "geo",
         "robot",
         "world",
         "config",
+        "config_tree",
         "platform",
         "devices",
         "operator_input",
+        "lens",
+        "arithmetic",
     ),
-    1: ("estimate", "plan", "control", "perceive", "weeds"),
+    1: ("estimate", "plan", "control", "perceive", "weeds", "ros"),
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),
-    3: ("stack", "perception_host", "session", "report_card", "workers"),
-    4: ("cli", "commands", "ui", "train", "dataset", "sweep"),
+    3: (
+        "stack",
+        "perception_host",
+        "field_work",
+        "session",
+        "report_card",
+        "rerun",
+        "workers",
+    ),
+    4: ("cli", "commands", "ui", "train", "dataset", "sweep", "bench"),
 }
 LAYER_OF = {part: layer for layer, parts in LAYERS.items() for part in parts}
 DATA_FOLDERS = {"profiles", "models"}
@@ -45,24 +57,31 @@ LIGHT = {"numpy", "msgspec", "tomli_w"}
 HEAVY = {
     "torch": {"train"},
     "onnx": {"train"},
+    "albumentations": {"train"},
+    "cv2": {"train", "commands"},
     "mujoco": {"sim"},
     "numba": {"sim"},
     "llvmlite": {"sim"},
-    "onnxruntime": {"perceive"},
+    "onnxruntime": {"perceive", "train"},
     "scipy": {"perceive", "sim", "dataset"},
     "xacro": {"description"},
-    "matplotlib": {"record"},
+    "matplotlib": {"record", "bench", "train"},
     "mcap": {"record"},
-    "rosbags": {"record"},
-    "PIL": {"description", "record", "sim", "train", "dataset", "commands", "ui"},
+    "rosbags": {"ros", "record", "bridge"},
+    "pyproj": {"record"},
     "starlette": {"ui"},
     "uvicorn": {"ui"},
     "websockets": {"ui"},
     "segno": {"ui", "commands"},
     "anyio": {"ui"},
-    "shapely": {"ui"},
     "shapefile": {"ui"},
+    "PIL": {"description", "ros", "record", "sim", "train", "dataset", "commands", "ui"},
     "ray": {"sweep"},
+    "shapely": {
+        "plan",
+        "gis",
+        "ui",
+    },  # polygon algebra, imported only by the functions that need it
 }
 # What pure decisions have no business with: clocks, threads, the outside world, hidden randomness.
 IMPURE = {
@@ -206,7 +225,12 @@ def test_every_package_that_is_imported_is_declared() -> None:
     extras = project["optional-dependencies"].values()
     lines = [*project["dependencies"], *(line for extra in extras for line in extra)]
     declared = {re.split(r"[<>=\[ ]", line)[0].lower().replace("-", "_") for line in lines}
-    import_names = {"pillow": "PIL", "mujoco_core": "mujoco", "pyshp": "shapefile"}
+    import_names = {
+        "pillow": "PIL",
+        "mujoco_core": "mujoco",
+        "opencv_python_headless": "cv2",
+        "pyshp": "shapefile",
+    }
     known = {import_names.get(name, name) for name in declared}
     known |= {"llvmlite"} if "numba" in known else set()  # comes with numba, always
     used = set().union(*(outside(path) for path in sources())) - set(sys.stdlib_module_names)

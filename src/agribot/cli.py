@@ -21,6 +21,11 @@ COMMANDS = {
         "run the robot through a mission",
         "agribot run farm --sensors rtk --seed 1 --out runs/first",
     ),
+    "sim": (
+        "agribot.commands.sim",
+        "simulate the world alone: sensors out, drive commands in, nobody thinking",
+        "agribot sim --world empty --drive=0.4,0.2 --for 20 --speed max",
+    ),
     "report": (
         "agribot.commands.report",
         "make report.json, report.html and map.png from a recording",
@@ -31,6 +36,16 @@ COMMANDS = {
         "run the stack again on a recording and compare every command",
         "agribot replay runs/first/run.mcap",
     ),
+    "bag": (
+        "agribot.commands.bag",
+        "look into, convert and export recordings: ROS 1 .bag, ROS 2 .db3, .mcap",
+        "agribot bag convert runs/first/run.mcap first.bag",
+    ),
+    "record": (
+        "agribot.commands.record",
+        "look after recordings: save one that was cut off",
+        "agribot record recover runs/first/run.mcap",
+    ),
     "describe": (
         "agribot.commands.describe",
         "check, convert and show the robot description",
@@ -40,6 +55,11 @@ COMMANDS = {
         "agribot.commands.world",
         "list, check, generate and render worlds",
         "agribot world render Farm -o farm.png",
+    ),
+    "plan": (
+        "agribot.commands.plan",
+        "plan how to work a whole field, and certify it",
+        "agribot plan --field field.geojson --implement-width 0.75 --out plan.geojson",
     ),
     "calibrate": (
         "agribot.commands.calibrate",
@@ -71,6 +91,11 @@ COMMANDS = {
         "run many seeds and settings and compare their reports",
         "agribot sweep farm --seeds 1-8 --vary mission.speed_mps=0.4,0.6 --out runs/speeds",
     ),
+    "bench": (
+        "agribot.commands.bench",
+        "measure what the parts of the robot can do",
+        "agribot bench nav --sensors m8n --seeds 1-100 --json",
+    ),
     "dataset": (
         "agribot.commands.dataset",
         "draw, check and split labelled images",
@@ -78,8 +103,33 @@ COMMANDS = {
     ),
     "train": (
         "agribot.train.main",
-        "train the crop/weed network on simulated images",
+        "train the crop/weed network on simulated images or your own photographs",
         "agribot train --images 1200 --minutes 20 --seed 0 --out training",
+    ),
+    "eval": (
+        "agribot.commands.evaluate",
+        "judge a crop/weed network on labelled pictures",
+        "agribot eval photos --model agribot-sim --out judged --json",
+    ),
+    "predict": (
+        "agribot.commands.predict",
+        "masks, overlays and plant tables of pictures and videos",
+        "agribot predict photos -o seen --model agribot-sim",
+    ),
+    "live": (
+        "agribot.commands.live",
+        "watch a camera, a video or the simulator through the network",
+        "agribot live sim --seconds 10 --out live",
+    ),
+    "export": (
+        "agribot.commands.export",
+        "a network at another input size or precision, with the cost in accuracy",
+        "agribot export agribot-sim --precision int8 --calibrate photos -o small.onnx",
+    ),
+    "models": (
+        "agribot.commands.models",
+        "the networks that come with the program and their cards",
+        "agribot models agribot-sim",
     ),
 }
 

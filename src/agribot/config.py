@@ -6,11 +6,8 @@ error that names the file, the key and the nearest known one.
 
 from __future__ import annotations
 
-import difflib
-import math
-import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -18,6 +15,14 @@ from typing import Annotated, Any, Literal
 import msgspec
 import tomli_w
 
+from agribot.config_tree import (
+    assign,
+    check_finite,
+    check_keys,
+    did_you_mean,
+    with_value,
+    without_none,
+)
 from agribot.errors import ConfigError
 from agribot.geo import Datum
 
@@ -70,10 +75,10 @@ class EstimateConfig(Config, frozen=True):
     """Beliefs of the filter about its sensors; 1 sigma, densities per square root of second."""
 
     gyro_bias_std_radps: Positive = 0.0035  # 0.2 deg/s: MEMS turn-on bias
-    gyro_walk_rad_per_sqrt_s: Positive = 0.0026  # 0.15 deg
-    wheel_scale_std_ratio: Positive = 0.03
+    gyro_walk_rad_per_sqrt_s: Positive = 0.0008  # 0.05 deg
+    wheel_scale_std_ratio: Positive = 0.05
     slip_std_rad: Positive = 0.026  # 1.5 deg of crabbing across a slope
-    position_walk_m_per_sqrt_m: Positive = 0.03
+    position_walk_m_per_sqrt_m: Positive = 0.018
     mag_std_rad: Positive = 0.07  # 4 deg after calibration
     mag_bias_std_rad: Positive = 0.087  # 5 deg of hard iron
     gate_sigma: Positive = 4.0
@@ -133,6 +138,9 @@ class RecordConfig(Config, frozen=True):
     enabled: bool = True
     image_rate_hz: NonNegative = 1.0
     jpeg_quality: Annotated[int, msgspec.Meta(ge=1, le=95)] = 80
+    max_file_mb: NonNegative = 0.0  # a new file begins at this size; 0: one file
+    max_total_mb: NonNegative = 0.0  # above it, the oldest files go; 0: no limit
+    min_free_mb: NonNegative = 200.0  # of the disk; below it, files go or recording ends
 
 
 class SimConfig(Config, frozen=True):
@@ -140,6 +148,7 @@ class SimConfig(Config, frozen=True):
     sensors: str = "rtk"
     weed_density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
     camera_noise: bool = True
+    camera_body: bool = True  # the robot and its shadow in its own camera's picture
     # Wheels by an ideal speed servo, or by a PID per wheel that commands torque.
     actuation: Literal["servo", "effort"] = "servo"
     # A second receiver at the world's pole, with errors of its own or sharing the slow ones.
@@ -157,6 +166,7 @@ class RunConfig(Config, frozen=True):
     world: str = "Farm"
     robot: str = "agribot"
     waypoints: str = ""
+    plan: str = ""  # a certified field plan, the task instead of the rows of the field
     tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0
     duration_s: Positive | None = None
     field: FieldConfig = FieldConfig()
@@ -185,13 +195,13 @@ def load(profile: str, settings: Iterable[str] = ()) -> RunConfig:
     """
     source, tree = _read_profile(profile)
     for setting in settings:
-        _apply(tree, setting)
+        assign(tree, setting)
         source = f"{source} --set {setting}"
-    return _convert(tree, source)
+    return from_tree(tree, source)
 
 
 def to_toml(config: RunConfig) -> str:
-    return tomli_w.dumps(_without_none(msgspec.to_builtins(config)))
+    return tomli_w.dumps(without_none(msgspec.to_builtins(config)))
 
 
 def _read_profile(profile: str) -> tuple[str, dict[str, Any]]:
@@ -202,7 +212,7 @@ def _read_profile(profile: str) -> tuple[str, dict[str, Any]]:
         return profile, _parse(path.read_text(encoding="utf-8"), profile)
     if profile not in profile_names():
         raise ConfigError(
-            f"unknown profile '{profile}'{_did_you_mean(profile, profile_names())}; "
+            f"unknown profile '{profile}'{did_you_mean(profile, profile_names())}; "
             f"known: {', '.join(profile_names())}, or a path to a .toml file"
         )
     text = (resources.files("agribot") / "profiles" / f"{profile}.toml").read_text("utf-8")
@@ -216,84 +226,10 @@ def _parse(text: str, source: str) -> dict[str, Any]:
         raise ConfigError(f"{source} is not valid TOML: {error}") from error
 
 
-def _apply(tree: dict[str, Any], setting: str) -> None:
-    key, separator, text = setting.partition("=")
-    if not separator or not key:
-        raise ConfigError(f"--set {setting}: write it as key.subkey=value")
-    *parents, leaf = key.strip().split(".")
-    node = tree
-    for name in parents:
-        child = node.setdefault(name, {})
-        if not isinstance(child, dict):
-            raise ConfigError(f"--set {setting}: '{name}' is a value, not a group of settings")
-        node = child
-    node[leaf] = _value(text.strip())
-
-
-def _value(text: str) -> object:
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text
-
-
-def _convert(tree: dict[str, Any], source: str) -> RunConfig:
-    _check_keys(tree, RunConfig, source, "")
-    _check_finite(tree, source, "")
+def from_tree(tree: dict[str, Any], source: str) -> RunConfig:
+    check_keys(tree, RunConfig, source, "")
+    check_finite(tree, source, "")
     try:
         return msgspec.convert(tree, RunConfig)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{source}: {_with_value(str(error), tree)}") from error
-
-
-def _with_value(message: str, tree: dict[str, Any]) -> str:
-    """The library's message with the offending setting and its value in front."""
-    found = re.search(r"^(.*) - at `\$\.([\w.]+)(.*)`$", message)
-    if found is None:
-        return message
-    expected, key, rest = found.groups()
-    value: Any = tree
-    for name in key.split("."):
-        value = value[name]
-    return f"{key} = {value!r}: {expected[0].lower()}{expected[1:]}" + (rest and f" at {rest}")
-
-
-def _check_finite(value: object, source: str, at: str) -> None:
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            _check_finite(inner, source, f"{at}.{key}" if at else key)
-    elif isinstance(value, list):
-        for index, inner in enumerate(value):
-            _check_finite(inner, source, f"{at}[{index}]")
-    elif isinstance(value, float) and not math.isfinite(value):
-        raise ConfigError(f"{source}: {at} = {value}: write a finite number")
-
-
-def _check_keys(
-    tree: Mapping[str, Any], struct: type[msgspec.Struct], source: str, at: str
-) -> None:
-    known = {field.name: field.type for field in msgspec.structs.fields(struct)}
-    for key, value in tree.items():
-        where = f"{at}.{key}" if at else key
-        if key not in known:
-            raise ConfigError(
-                f"{source}: unknown setting '{where}'{_did_you_mean(key, list(known))}; "
-                f"known here: {', '.join(known)}"
-            )
-        kind = known[key]
-        if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-            _check_keys(value, kind, source, where)
-
-
-def _did_you_mean(word: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-    return f"; did you mean '{close[0]}'?" if close else ""
-
-
-def _without_none(tree: dict[str, Any]) -> dict[str, Any]:
-    """TOML has no null: an absent key says the same."""
-    return {
-        key: _without_none(value) if isinstance(value, dict) else value
-        for key, value in tree.items()
-        if value is not None
-    }
+        raise ConfigError(f"{source}: {with_value(str(error), tree)}") from error

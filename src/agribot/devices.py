@@ -52,3 +52,23 @@ class BatterySample(msgspec.Struct, frozen=True, kw_only=True):
     voltage_v: float
     current_a: float
     charge_ratio: float
+
+
+class RowLine(msgspec.Struct, frozen=True, kw_only=True):
+    """The crop row under the robot, as one frame shows it; whoever looks cannot tell which row.
+
+    `offset_m` is how far the body's origin stands to the left of the row, `heading_rad` the
+    robot's heading against the row's direction that it faces, counter-clockwise; both are None
+    where too little of the row is in view. The first and the last plant lie so far ahead along
+    the row, None where they are not in view. Sigmas are
+    those of one frame; errors that last for seconds come on top.
+    """
+
+    t_s: float
+    offset_m: float | None
+    heading_rad: float | None
+    offset_std_m: float
+    heading_std_rad: float
+    start_ahead_m: float | None = None
+    end_ahead_m: float | None = None
+    range_std_m: float = 0.1

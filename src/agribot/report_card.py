@@ -60,6 +60,7 @@ class Drive(Protocol):
     def meter(self) -> PerceptionMeter | None: ...
     @property
     def weed_map(self) -> WeedMap: ...
+    def worked_area_m2(self, rows: tuple[int, ...]) -> float: ...
 
 
 def report_card(drive: Drive, why_ended: str = "") -> Report:
@@ -125,7 +126,7 @@ def _mission(drive: Drive, status: MissionStatus | None, kept: tuple[int, ...]) 
             waypoints_reached=reached,
             distance_m=distance_m,
         )
-    area_m2 = len(kept) * drive.config.field.row_length_m * drive.config.field.row_pitch_m
+    area_m2 = drive.worked_area_m2(kept)
     sim_s = drive.last.batch.t_s if drive.last is not None else 0.0
     return MissionReport(
         success=status.state == "done" and len(kept) == status.rows_total,

@@ -83,6 +83,7 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     `told_diameter_m` and `told_separation_m` are what the original drive plugin was told
     (wrongly); they matter only for its compatibility mode. `yaw_multiplier` scales the track
     to the effective separation of a skidding vehicle, (a^2 + b^2) / b^2 for equal friction.
+    `torque_nm` is the drive plugin's limit at each wheel; encoder ticks count on the motor shaft.
     """
 
     wheel_radius_m: float
@@ -107,6 +108,15 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     pid_p_nmspr: float = 4.0
     pid_i_nmprad: float = 20.0
     pid_d_nms2prad: float = 0.01
+    # What the motor itself gives before the gear, and what the gear leaves of it.
+    motor_torque_nm: float = math.inf
+    gear_efficiency_ratio: float = 1.0
+
+    @property
+    def wheel_torque_nm(self) -> float:
+        """Most torque at a wheel: of the motor behind its gear, and of the drive's own limit."""
+        geared_nm = self.motor_torque_nm * self.gear_ratio * self.gear_efficiency_ratio
+        return min(self.torque_nm, geared_nm)
 
     @property
     def effective_separation_m(self) -> float:

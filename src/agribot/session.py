@@ -15,6 +15,7 @@ from agribot.config import RunConfig
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.worlds_sdf import load_world
 from agribot.errors import MissionError, RecordingError
+from agribot.field_work import field_work, read_plan_text
 from agribot.geo import MapFrame
 from agribot.messages import ByteArray, OperatorEvent, Row, TickRecord
 from agribot.perception_host import PerceptionMeter
@@ -36,6 +37,7 @@ COMING_TO_REST_S = 2.0
 REST_TICKS = 5  # a robot that rocks back passes through standstill
 TRUTH_PERIOD_S = 0.1  # in the recording
 GOALS_ATTACHMENT = "goals.json"
+PLAN_ATTACHMENT = "plan.geojson"
 
 
 class Session:
@@ -50,17 +52,20 @@ class Session:
         self.out_dir = out_dir
         self.robot = load_robot(config.robot)
         self.goals_map_m = read_goals(config)
+        self._plan_text = read_plan_text(config)
+        self.work = field_work(self._plan_text, config, self.robot)
         self.world = load_world(
             config.world, seed=config.seed, weed_density_per_m2=config.sim.weed_density_per_m2
         )
         rows = () if self.goals_map_m else field_rows(config.field)
+        rows = rows if self.work is None else self.work.rows
         self.rows = rows
         self._shown_goals_map_m = self.goals_map_m or _row_ends(rows)
         self.platform = SimPlatform(config, self.robot, self.world)
         self.referee = Referee(self.platform, self.world, rows, self.goals_map_m)
         self._mask_taps: list[MaskTap] = [self.referee.judge_mask]
         perception = robot_stack.perceiving(config, self.robot, self._show_mask)
-        self.stack = robot_stack.build(config, self.robot, self.goals_map_m, perception)
+        self.stack = robot_stack.build(config, self.robot, self.goals_map_m, perception, self.work)
         self.clock = Clock()
         self.last: TickRecord | None = None
         self._claim_out_dir()
@@ -98,8 +103,22 @@ class Session:
         return urdf_text(self.config.robot)
 
     @property
+    def recording_ended_because(self) -> str:
+        """Why recording ended before the run; empty where it did not."""
+        return self._recorder.ended_because if self._recorder is not None else ""
+
+    @property
     def meter(self) -> PerceptionMeter | None:
         return self.stack.perception.meter
+
+    def worked_area_m2(self, rows: tuple[int, ...]) -> float:
+        """Ground of the given rows, as wide as they are apart or as the implement is."""
+        if self.work is None:
+            field = self.config.field
+            return len(rows) * field.row_length_m * field.row_pitch_m
+        wanted = [row for row in self.rows if row.index in rows]
+        length_m = sum(math.dist(row.start_map_m, row.end_map_m) for row in wanted)
+        return length_m * self.work.request.implement_width_m
 
     def add_tap(self, tap: Tap) -> None:
         self.stack.taps.append(tap)
@@ -186,6 +205,8 @@ class Session:
         )
         goals = msgspec.json.encode(self.goals_map_m)
         recorder.attach(GOALS_ATTACHMENT, "application/json", goals)
+        if self._plan_text:
+            recorder.attach(PLAN_ATTACHMENT, "application/geo+json", self._plan_text.encode())
         return recorder
 
     def _record(self, record: TickRecord) -> None:

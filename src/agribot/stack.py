@@ -25,6 +25,7 @@ from agribot.perceive.segmenter import Segmenter
 from agribot.perception_host import NoPerception, PerceptionHost, ThreadedPerception
 from agribot.plan.boustrophedon import plan_rows
 from agribot.plan.certify import certify
+from agribot.plan.coverage.drive import FieldWork
 from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
 from agribot.plan.waypoints import plan_waypoints
@@ -102,21 +103,19 @@ def build(
     robot: RobotSpec,
     waypoints_map_m: tuple[MapPoint, ...] = (),
     perception: PerceptionHost | None = None,
+    work: FieldWork | None = None,
 ) -> Stack:
     """Put the parts together as the settings say.
 
-    `waypoints_map_m` replaces the rows of the field as the task; `perception` replaces the
-    camera network, as a replay does.
+    `waypoints_map_m` or `work`, a field plan, replaces the rows of the field as the task;
+    `perception` replaces the camera network, as a replay does.
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
-    rows = () if waypoints_map_m else field_rows(config.field)
     return Stack(
         localizer=Localizer(config.estimate, config.field, robot),
         perception=perceiving(config, robot) if perception is None else perception,
         weed_map=WeedMap(config.weeds),
-        mission=Mission(
-            _planner(config, robot, rows, waypoints_map_m), rows, config.mission, waypoints_map_m
-        ),
+        mission=_mission(config, robot, waypoints_map_m, work),
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
         treatment=Treatment(config.treatment, robot.sprayer),
@@ -143,6 +142,27 @@ def perceiving(
         return observe(frame, class_map, ground, settings, ready_s)
 
     return ThreadedPerception(observer, settings.latency_s)
+
+
+def _mission(
+    config: RunConfig,
+    robot: RobotSpec,
+    waypoints_map_m: tuple[MapPoint, ...],
+    work: FieldWork | None,
+) -> Mission:
+    if work is not None:
+        return Mission(
+            lambda estimate: work.path_from(
+                (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+            ),
+            work.rows,
+            config.mission,
+            tool_reach_m=0.0,
+            has_crop=work.has_crop,
+        )
+    rows = () if waypoints_map_m else field_rows(config.field)
+    planner = _planner(config, robot, rows, waypoints_map_m)
+    return Mission(planner, rows, config.mission, waypoints_map_m)
 
 
 def _planner(

@@ -6,10 +6,7 @@ there is no bus: `stack.tick` is the data flow, and topics exist only at its edg
 
 from __future__ import annotations
 
-from typing import Literal
-
-import msgspec
-
+from agribot.devices import BaseFix, BatterySample, BumperSample
 from agribot.messages import (
     CameraFrame,
     Estimate,
@@ -25,43 +22,7 @@ from agribot.messages import (
     Tracking,
     WheelSample,
 )
-
-
-class Qos(msgspec.Struct, frozen=True, kw_only=True):
-    """What ROS 2 offers to late or lossy subscribers; history is always keep-last."""
-
-    reliable: bool = True
-    latched: bool = False  # durability transient_local
-    depth: int = 10
-
-
-# A reliable publisher matches reliable and best-effort subscribers alike.
-STREAM = Qos()
-LATCHED = Qos(latched=True, depth=1)
-LATEST = Qos(reliable=False, depth=1)
-
-Direction = Literal["out", "in", "both"]
-
-
-class Topic(msgspec.Struct, frozen=True, kw_only=True):
-    """One row of the table.
-
-    `rate_hz` is nominal, None for "when it changes". `struct` is the message that carries the
-    value inside the robot, None where the content is not a struct (TF, the URDF text).
-    `ros_type` is empty for a channel that only AGRIBOT reads. `seed_alias` and `seed_ros_type`
-    are what the original AGRIBOT called it, for its own tools; empty where it had none.
-    """
-
-    name: str
-    ros_type: str
-    struct: type[msgspec.Struct] | None = None
-    rate_hz: float | None = None
-    qos: Qos = STREAM
-    direction: Direction = "out"
-    seed_alias: str = ""
-    seed_ros_type: str = ""
-    about: str = ""
-
+from agribot.topic import LATCHED, LATEST, Topic
 
 FIX = Topic(
     name="/agribot/fix",
@@ -98,6 +59,28 @@ MAGNETIC = Topic(
     seed_alias="/magnetic",
     seed_ros_type="geometry_msgs/msg/Vector3Stamped",
     about="magnetic field in body axes, tesla",
+)
+POLE_FIX = Topic(
+    name="/pole/fix",
+    ros_type="sensor_msgs/msg/NavSatFix",
+    struct=BaseFix,
+    rate_hz=5.0,
+    seed_alias="/Pole/fix",
+    seed_ros_type="sensor_msgs/msg/NavSatFix",
+    about="GNSS position of the base station on the pole, errors and all",
+)
+BUMPER = Topic(
+    name="/agribot/bumper",
+    ros_type="geometry_msgs/msg/PointStamped",
+    struct=BumperSample,
+    about="where the robot touches something, in base_footprint, once a tick while it does",
+)
+BATTERY = Topic(
+    name="/agribot/battery",
+    ros_type="sensor_msgs/msg/BatteryState",
+    struct=BatterySample,
+    rate_hz=1.0,
+    about="voltage, current (negative: discharging) and what is left of the charge",
 )
 JOINT_STATES = Topic(
     name="/agribot/joint_states",
@@ -280,9 +263,10 @@ TICK = Topic(
 )
 
 TOPICS: tuple[Topic, ...] = (
-    FIX, FIX_VELOCITY, IMU, MAGNETIC, JOINT_STATES, ODOMETRY, POSE, CMD_VEL, IMAGE, CAMERA_INFO,
-    OVERLAY, PATH, GOALS, GOAL_FIX, WEEDS, STATUS, DISTANCE, BEARING, ANGLE, HEADING_RAW,
-    HEADING_FILTERED, TF, TF_STATIC, ROBOT_DESCRIPTION, CLOCK, GROUND_TRUTH, TICK,
+    FIX, FIX_VELOCITY, IMU, MAGNETIC, POLE_FIX, BUMPER, BATTERY, JOINT_STATES, ODOMETRY, POSE,
+    CMD_VEL, IMAGE, CAMERA_INFO, OVERLAY, PATH, GOALS, GOAL_FIX, WEEDS, STATUS, DISTANCE, BEARING,
+    ANGLE, HEADING_RAW, HEADING_FILTERED, TF, TF_STATIC, ROBOT_DESCRIPTION, CLOCK, GROUND_TRUTH,
+    TICK,
 )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from agribot.description.loader import check_robot, load_robot, urdf_text
 from agribot.description.package import ROOT
+from agribot.description.robot_sdf import sdf_text
 from agribot.errors import DescriptionError
 
 
@@ -221,3 +222,57 @@ def test_a_file_that_is_no_robot_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "world.urdf"
     file.write_text("<sdf/>", "utf-8")
     _expect_error(lambda: load_robot(str(file)), "<sdf>", "<robot>")
+
+
+def _urdf_with(folder: Path, old: str, new: str) -> str:
+    text = urdf_text()
+    assert old in text
+    file = folder / "robot.urdf"
+    file.write_text(text.replace(old, new, 1), "utf-8")
+    return str(file)
+
+
+SDF_LENS = (
+    "<distortion><k1>-0.2</k1><k2>0.05</k2><k3>0</k3><p1>0.001</p1><p2>-2e-3</p2></distortion>"
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "lens"),
+    [
+        ("<clip>", f"{SDF_LENS}<clip>", (-0.2, 0.05, 0.001, -0.002)),
+        ("<distortionK1>0.0<", "<distortionK1>-0.15<", (-0.15, 0.0, 0.0, 0.0)),
+        ("<distortionT2>0.0<", "<distortionT2>0.004<", (0.0, 0.0, 0.0, 0.004)),
+    ],
+)
+def test_lens_distortion_is_read_from_sdf_and_from_the_ros_plugin(
+    tmp_path: Path, old: str, new: str, lens: tuple[float, ...]
+) -> None:
+    robot = load_robot(_urdf_with(tmp_path, old, new))
+    assert robot.camera is not None
+    assert robot.camera.distortion == lens
+    written = ET.fromstring(sdf_text(robot)).find(".//camera/distortion")
+    assert written is not None
+    assert [float(written.findtext(name, "")) for name in ("k1", "k2", "p1", "p2")] == list(lens)
+
+
+def test_a_lens_coefficient_that_is_not_modelled_is_told(tmp_path: Path) -> None:
+    file = _urdf_with(tmp_path, "<distortionK3>0.0<", "<distortionK3>0.1<")
+    assert any("k3" in warning for warning in load_robot(file).warnings)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("<update_rate>30.0<", "<update_rate>0<", "<update_rate>: 0 must be from 0.01"),
+        ("<width>640<", "<width>1e9<", "1e+09 must be from 16 to 8192"),
+        ("<horizontal_fov>1.3962634<", "<horizontal_fov>4<", "4 must be from 0.01 to 3.1"),
+        ("<near>0.02<", "<near>nan<", "nan"),
+    ],
+)
+def test_an_absurd_camera_is_refused_with_its_element(
+    tmp_path: Path, old: str, new: str, complaint: str
+) -> None:
+    with pytest.raises(DescriptionError) as refusal:
+        load_robot(_urdf_with(tmp_path, old, new))
+    assert complaint in str(refusal.value)

@@ -2,17 +2,20 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
 from agribot.errors import PerceptionError
 from agribot.geo import LINK_FROM_OPTICAL, transform
+from agribot.messages import FloatArray
 from agribot.perceive.ground import (
     GroundLookup,
     HorizonError,
     ground_to_pixels,
     pixels_to_ground,
 )
+from agribot.robot import CameraSpec
 from tests.perceive.drawn_field import BODY_FROM_CAMERA, CAMERA, GROUND
 
 
@@ -114,3 +117,39 @@ def test_a_buried_camera_is_refused() -> None:
     buried = transform((0.0, 0.0, -0.1), (0.0, 1.0, 0.0)) @ LINK_FROM_OPTICAL
     with pytest.raises(PerceptionError, match="above"):
         GroundLookup(CAMERA, buried, (96, 128), max_range_m=1.6)
+
+
+def _through_the_lens(points_body_m: FloatArray, camera: CameraSpec) -> FloatArray:
+    """Pixels (N, 2) of ground points by the published formula of the lens."""
+    k1, k2, p1, p2 = camera.distortion
+    flat = np.column_stack(
+        [points_body_m, np.zeros(len(points_body_m)), np.ones(len(points_body_m))]
+    )
+    x, y, z = (flat @ np.linalg.inv(BODY_FROM_CAMERA).T)[:, :3].T
+    x, y = x / z, y / z
+    r2 = x**2 + y**2
+    radial = 1 + k1 * r2 + k2 * r2**2
+    bent_x = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)
+    bent_y = y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y
+    return np.column_stack([bent_x, bent_y]) * camera.focal_px + camera.matrix()[:2, 2]
+
+
+def test_the_ground_seen_through_a_bent_lens_is_where_it_is() -> None:
+    bent = msgspec.structs.replace(CAMERA, distortion=(-0.22, 0.04, 0.006, -0.004))
+    ground = GroundLookup(bent, BODY_FROM_CAMERA, (bent.height_px, bent.width_px), 1.6)
+    v_px, u_px = np.mgrid[0 : bent.height_px : 37, 0 : bent.width_px : 41].reshape(2, -1)
+    points_m = np.column_stack([ground.x_body_m[v_px, u_px], ground.y_body_m[v_px, u_px]])
+    seen = ~np.isnan(points_m[:, 0])
+    assert seen.sum() > 150
+    back_px = _through_the_lens(points_m[seen].astype(float), bent)
+    error_px = np.hypot(back_px[:, 0] - u_px[seen], back_px[:, 1] - v_px[seen])
+    assert error_px.max() < 0.1
+    straight = GroundLookup(CAMERA, BODY_FROM_CAMERA, (bent.height_px, bent.width_px), 1.6)
+    shift_m = np.hypot(ground.x_body_m - straight.x_body_m, ground.y_body_m - straight.y_body_m)
+    assert shift_m[400, 30] > 0.03  # what a pinhole would be wrong by in a corner
+
+
+def test_a_lens_that_folds_the_picture_is_refused() -> None:
+    folded = msgspec.structs.replace(CAMERA, distortion=(-1.5, 0.0, 0.0, 0.0))
+    with pytest.raises(PerceptionError, match="cannot be undone"):
+        GroundLookup(folded, BODY_FROM_CAMERA, (48, 64), 1.6)

@@ -7,6 +7,7 @@ import math
 import msgspec
 import numpy as np
 
+from agribot.devices import BaseFix, BatterySample, BumperSample
 from agribot.messages import (
     CameraFrame,
     DriveCommand,
@@ -160,6 +161,9 @@ def tick(index: int, noise: np.random.Generator, with_camera: bool = False) -> T
         gnss=(_fix(t_s, noise),) if index % 5 == 0 else (),
         frames=(frame(index, t_s),) if with_camera and index % 5 == 0 else (),
         events=(OperatorEvent(t_s=t_s, action="pause"),) if index == 7 else (),
+        base=(base_fix(t_s),) if index % 10 == 0 else (),
+        bumper=(BumperSample(t_s=t_s, x_body_m=0.35, y_body_m=-0.1),) if index == 9 else (),
+        battery=(battery(t_s),) if index % 50 == 0 else (),
     )
     return TickRecord(
         batch=batch,
@@ -177,6 +181,17 @@ def tick(index: int, noise: np.random.Generator, with_camera: bool = False) -> T
             implement=ImplementCommand(nozzles_open=(False, True, False)),
         ),
     )
+
+
+def base_fix(t_s: float) -> BaseFix:
+    return BaseFix(
+        t_s=t_s, lat_deg=21.1613, lon_deg=72.78703, alt_m=9.5, pos_std_m=1.5,
+        known_lat_deg=21.161289, known_lon_deg=72.787022, known_alt_m=10.0,
+    )  # fmt: skip
+
+
+def battery(t_s: float) -> BatterySample:
+    return BatterySample(t_s=t_s, voltage_v=24.5, current_a=1.25, charge_ratio=0.9)
 
 
 def ticks(count: int, seed: int = 0, with_camera: bool = False) -> list[TickRecord]:

@@ -29,8 +29,8 @@ from agribot.record.replay import (
     recorded_scenes,
 )
 from agribot.record.ticks import without_pixels
-from agribot.record.transforms import static_transforms
 from agribot.robot import Joint, Link
+from agribot.ros.transforms import static_transforms
 from tests.record import record_samples as samples
 
 CONFIG = load("farm", ["seed=7", "record.image_rate_hz=2.0"])

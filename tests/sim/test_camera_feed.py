@@ -10,14 +10,14 @@ import pytest
 
 from agribot.config import PerceptionConfig, RunConfig, SimConfig
 from agribot.geo import rotation_from_rpy
-from agribot.messages import FloatArray, PlantClass, RobotCommand
-from agribot.robot import CameraSpec, Origin, RobotSpec
+from agribot.messages import ByteArray, FloatArray, PlantClass, RobotCommand, Vec3
+from agribot.robot import CameraSpec, Origin, RobotSpec, Shape
 from agribot.sim.attitude import map_from_base
 from agribot.sim.camera_feed import KEPT_MASKS, CameraFeed
 from agribot.sim.platform import SimPlatform
 from agribot.sim.random_streams import stream
 from agribot.sim.state import HISTORY_COLUMNS
-from agribot.world import Plant, WorldSpec
+from agribot.world import Light, Plant, WorldSpec
 
 MAST_M, TILT_RAD = 0.5, math.radians(40.0)
 
@@ -100,6 +100,46 @@ def test_a_plant_appears_where_the_pinhole_says_also_when_the_robot_tilts(
     p_camera_m = np.linalg.inv(map_from_base(row) @ base_from_optical) @ p_map_m
     u_px, v_px, _ = _camera(seeing).matrix() @ (p_camera_m[:3] / p_camera_m[2])
     assert (columns.mean(), rows.mean()) == pytest.approx((u_px, v_px), abs=2.5)
+
+
+def _with_deck(robot: RobotSpec, deck: Shape) -> RobotSpec:
+    links = tuple(
+        msgspec.structs.replace(link, visuals=(deck,)) if link.name == "base_link" else link
+        for link in robot.links
+    )
+    return msgspec.structs.replace(robot, links=links)
+
+
+def test_the_robot_shades_what_it_sees_with_the_sun_behind_it_and_no_label_changes(
+    seeing: RobotSpec, garden: WorldSpec
+) -> None:
+    robot = _with_deck(seeing, Shape(kind="box", size_m=(0.6, 0.6, 0.3)))
+
+    def frame(to_sun: Vec3, has_body: bool) -> tuple[FloatArray, ByteArray]:
+        lit = msgspec.structs.replace(garden, light=Light(to_sun=to_sun))
+        feed = CameraFeed(robot, _camera(robot), lit, None, has_body=has_body)
+        seen = feed.sample(0.0, _row(robot, 1.0, 1.2, (0.0, 0.0, 0.0)))
+        mask = feed.truth_mask(seen.index)
+        assert mask is not None
+        return seen.image_rgb.astype(float), mask
+
+    behind, ahead = (-0.9, 0.0, 0.44), (0.9, 0.0, 0.44)
+    bare, bare_mask = frame(behind, False)
+    shaded, shaded_mask = frame(behind, True)
+    darker = (bare - shaded).max(axis=2) > 20.0
+    assert darker[80:].mean() > 0.1  # the near ground, low in the picture
+    np.testing.assert_array_equal(bare_mask, shaded_mask)
+    assert np.abs(frame(ahead, False)[0] - frame(ahead, True)[0]).max() == 0.0
+
+
+def test_a_visual_whose_mesh_is_missing_is_left_out_with_a_warning(
+    seeing: RobotSpec, garden: WorldSpec, caplog: pytest.LogCaptureFixture
+) -> None:
+    lost = Shape(kind="mesh", size_m=(1.0, 1.0, 1.0), mesh="package://elsewhere/body.dae")
+    robot = _with_deck(seeing, lost)
+    feed = CameraFeed(robot, _camera(robot), garden, None, has_body=True)
+    assert feed.sample(0.0, _row(robot, 1.0, 1.2, (0.0, 0.0, 0.0))).image_rgb.any()
+    assert "elsewhere/body.dae" in caplog.text
 
 
 def test_only_the_last_masks_are_kept(seeing: RobotSpec, garden: WorldSpec) -> None:

@@ -14,13 +14,17 @@ from agribot.messages import WHEEL_NAMES, DriveCommand, FloatArray, RobotCommand
 from agribot.robot import Origin, RobotSpec, Shape
 from agribot.sim.physics import Physics
 from agribot.sim.platform import SimPlatform
+from agribot.sim.sensors.presets import WheelErrors
+from agribot.sim.sensors.wheel_encoders import WheelEncoders
 from agribot.sim.state import (
     ANGULAR,
     EFFORT,
     FAULT,
+    HISTORY_COLUMNS,
     POSITION,
     TARGET,
     VELOCITY,
+    WHEEL_ANGLE,
     WHEEL_SPEED,
     WORK,
 )
@@ -103,6 +107,54 @@ def test_torque_never_exceeds_the_limit_and_limits_the_acceleration(
     assert (speed[199] - speed[99]) / 0.2 == pytest.approx(expected, rel=0.05)
     # And the integral has not wound up meanwhile: it overshoots little.
     assert _run(physics, 1.0, 0.0, 2.0)[:, VELOCITY][:, 0].max() < 1.1
+
+
+def test_a_motor_behind_its_gear_gives_torque_times_ratio_times_efficiency(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    weak = _with_drive(
+        rover, motor_torque_nm=0.03, gear_ratio=10.0, gear_efficiency_ratio=0.8, max_accel_mps2=50.0
+    )
+    rows = _run(Physics(weak, meadow, 2_000_000, is_effort=True), 1.0, 0.0, 0.4)
+    assert np.abs(rows[:, EFFORT]).max() == pytest.approx(0.03 * 10.0 * 0.8, abs=1e-12)
+    # The plugin's limit at the wheel still holds where it is the smaller one.
+    strong = _with_drive(rover, motor_torque_nm=5.0, gear_ratio=10.0)
+    assert strong.drive.wheel_torque_nm == rover.drive.torque_nm == 20.0
+    assert rover.drive.wheel_torque_nm == 20.0  # no motor told
+
+
+@pytest.mark.parametrize("is_effort", [False, True])
+@pytest.mark.parametrize(
+    ("gear_ratio", "slope_deg", "climbs"),
+    [(10.0, 8.0, True), (10.0, 14.0, False), (16.0, 14.0, True)],
+)
+def test_a_bigger_gear_climbs_what_the_motor_alone_cannot(
+    rover: RobotSpec, meadow: WorldSpec, is_effort: bool, gear_ratio: float, slope_deg: float,
+    climbs: bool,
+) -> None:  # fmt: skip
+    # With 10:1 four wheels push 4 * 0.24 Nm / 0.089 m = 10.8 N, which m g (sin + 0.03 cos)
+    # exceeds from 10.6 degrees on.
+    weak = _with_drive(
+        rover, motor_torque_nm=0.03, gear_ratio=gear_ratio, gear_efficiency_ratio=0.8
+    )
+    physics = Physics(weak, slope(meadow, slope_deg), 2_000_000, is_effort=is_effort)
+    up_mps = _run(physics, 0.3, 0.0, 6.0)[-1, VELOCITY][0]
+    assert up_mps > 0.25 if climbs else up_mps < 0.0
+
+
+def test_ticks_count_on_the_motor_shaft(rover: RobotSpec) -> None:
+    def step_rad(gear_ratio: float) -> float:
+        drive = _with_drive(rover, gear_ratio=gear_ratio, encoder_ticks_per_rev=100).drive
+        encoders = WheelEncoders(WheelErrors(quantised=True), drive)
+        row = np.zeros(HISTORY_COLUMNS)
+        angles = set()
+        for k in range(2000):
+            row[WHEEL_ANGLE] = k * 1e-5
+            angles.add(encoders.sample((k + 1) * 0.01, row).angle_rad[0])
+        return float(np.diff(sorted(angles)).max())
+
+    assert step_rad(10.0) == pytest.approx(math.tau / 1000.0)
+    assert step_rad(20.0) == pytest.approx(math.tau / 2000.0)
 
 
 def test_parked_on_a_slope_torque_holds_it(rover: RobotSpec, meadow: WorldSpec) -> None:

@@ -8,8 +8,9 @@ from torch.nn import functional
 
 from agribot.perceive.segmenter import Segmenter
 from agribot.train.export import export_onnx
+from agribot.train.features import centred_rgb
 from agribot.train.losses import dice_loss, segmentation_loss
-from agribot.train.network import CropWeedNet, normalised, parameter_count
+from agribot.train.network import CropWeedNet, parameter_count
 from tests.train.drawn_images import drawn_image
 
 
@@ -21,7 +22,7 @@ def test_the_exported_file_answers_as_the_network_does(tmp_path: Path) -> None:
     image_rgb, _ = drawn_image(np.random.default_rng(0))
     class_map = Segmenter(path).segment(image_rgb)
     with torch.inference_mode():
-        x = normalised(torch.from_numpy(image_rgb).permute(2, 0, 1)[None])
+        x = centred_rgb(torch.from_numpy(image_rgb).permute(2, 0, 1)[None])
         logits = functional.interpolate(
             network(x), scale_factor=2.0, mode="bilinear", align_corners=False
         )

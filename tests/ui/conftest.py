@@ -21,7 +21,7 @@ from agribot.ui.about import about_run
 from agribot.ui.address import Address
 from agribot.ui.hub import About
 from agribot.ui.server_process import ServerProcess
-from tests.ui.page import Page
+from tests.ui.client import Page
 
 
 class Robot:

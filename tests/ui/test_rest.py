@@ -22,8 +22,8 @@ from agribot.ui.address import Address, home
 from agribot.ui.operator_page import OperatorPage
 from agribot.ui.panels import Panels
 from agribot.ui.tiles import import_mbtiles
+from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
-from tests.ui.page import Browser, Page
 
 RING = [
     [72.787, 21.161],
@@ -105,6 +105,23 @@ def test_a_good_field_is_kept_and_a_bad_one_never_replaces_it(browser: Browser) 
     assert browser.ask("GET", "/api/v1/fields")[1] == ["north field"]
     assert browser.ask("DELETE", path)[0] == 204
     assert browser.ask("GET", path)[0] == 404
+
+
+def test_a_drawn_field_is_planned_with_a_certificate(browser: Browser) -> None:
+    ring = [[72.7871, 21.1611], [72.7872, 21.1611], [72.7872, 21.1612], [72.7871, 21.1612]]
+    drawn = field([*ring, ring[0]])
+    request = {"field": drawn, "implement_width_m": 1.0, "headland_passes": 1}
+    status, plan = browser.ask("POST", "/api/v1/plan", request)
+    assert (status, plan["ok"]) == (200, True), plan
+    assert plan["certificate"]["ok"]
+    assert plan["length_m"] > 50.0
+    assert all(72.787 < lon < 72.7873 and 21.161 < lat < 21.1613 for lon, lat in plan["path"])
+    crossed = field([ring[0], ring[2], ring[1], ring[3], ring[0]])
+    _, refusal = browser.ask("POST", "/api/v1/plan", {**request, "field": crossed})
+    assert not refusal["ok"]
+    assert refusal["reasons"][0]["text"]
+    assert browser.ask("POST", "/api/v1/plan", {"field": 3})[0] == 422
+    assert browser.ask("POST", "/api/v1/plan/apply", request)[0] == 409, "without the seat"
 
 
 def feature(kind: str, shape: str, coordinates: Any) -> dict[str, Any]:

@@ -4,8 +4,8 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from agribot.ui.seat import SILENCE_S, Seat
+from tests.ui.client import Page
 from tests.ui.conftest import Robot
-from tests.ui.page import Page
 
 
 def test_only_the_holder_of_the_seat_drives(robot: Robot, page: Page) -> None:

@@ -13,8 +13,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from agribot.ui.access import MAX_FAILURES, SESSION_LIFE_S, Access, Caller, Refusal
 from agribot.ui.answers import inside
 from agribot.ui.sockets import MAX_MESSAGES_PER_S, MAX_SOCKETS
+from tests.ui.client import Page
 from tests.ui.conftest import Robot
-from tests.ui.page import Page
 
 
 def ask(

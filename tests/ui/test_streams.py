@@ -18,8 +18,8 @@ from agribot.ui.camera import LADDER, QUICK_TIMES, Ladder, Picture, encode, unpa
 from agribot.ui.channel import CHANGES_KEPT, STATES_KEPT, Channel, Client, signal_table
 from agribot.ui.feed import packed
 from agribot.ui.replay import Replay
+from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
-from tests.ui.page import Browser, Page
 
 
 def state(number: int) -> dict[str, object]:

@@ -12,8 +12,8 @@ import pytest
 
 from agribot.ui.hand import STILL, HandRates, KeyHand, MouseHand, StickHand, TerminalInput
 from agribot.ui.joystick import JoystickState
+from tests.ui.client import Page
 from tests.ui.conftest import Robot
-from tests.ui.page import Page
 
 
 def event(value: int, kind: int, number: int) -> bytes:

@@ -17,7 +17,7 @@ from agribot.messages import TickRecord
 from agribot.session import Session
 from agribot.ui.address import Address
 from agribot.ui.operator_page import OperatorPage
-from tests.ui.page import Page
+from tests.ui.client import Page
 
 SETTINGS = ["perception.enabled=false", "seed=1"]
 

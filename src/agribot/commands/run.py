@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from contextlib import ExitStack
 from datetime import UTC, datetime
@@ -12,10 +11,15 @@ from pathlib import Path
 import msgspec
 
 from agribot import config as settings
+from agribot.commands.pacing import pace_from
 from agribot.commands.page import Pacer, add_page_arguments, opened, stay, stays_open, wants_page
 from agribot.commands.progress import Progress
 from agribot.commands.stopping import stop_on_signal
-from agribot.errors import ConfigError
+from agribot.commands.writing import write_file
+from agribot.description.loader import load_robot
+from agribot.errors import MissionError
+from agribot.field_work import planned
+from agribot.gis.plan_file import plan_text
 from agribot.record.report import Report
 from agribot.session import Session
 
@@ -27,6 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--world", metavar="NAME|FILE", help="another world than the profile's")
     parser.add_argument("--robot", metavar="NAME|FILE", help="another robot description")
     parser.add_argument("--waypoints", metavar="FILE", help="visit these places (GeoJSON or CSV)")
+    parser.add_argument("--plan", metavar="FILE", help="work a field plan (agribot plan --out)")
+    parser.add_argument("--field", metavar="FILE", help="plan this field (GeoJSON) and work it")
+    parser.add_argument("--implement-width", type=float, metavar="M",
+                        help="for --field (default: the robot's boom)")  # fmt: skip
     parser.add_argument(
         "--sensors", metavar="PRESET", help="legacy, seed, m8n, rtk, rtk-dual, ideal"
     )
@@ -50,9 +58,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    pace = _pace(options.speed)
+    pace = pace_from(options.speed)
     config = _config(options)
-    with Session(config, _out_dir(options.out, config.profile)) as session, ExitStack() as parts:
+    out_dir = _out_dir(options.out, config.profile)
+    if options.field is not None:
+        config = _with_field(config, options, out_dir)
+    with Session(config, out_dir) as session, ExitStack() as parts:
         odd = (*session.robot.warnings, *session.world.warnings)
         sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
         page = parts.enter_context(opened(options, session)) if wants_page(options) else None
@@ -66,6 +77,8 @@ def run(options: argparse.Namespace) -> int:
                 pacer.wait(record.batch.t_s)
             progress.close()
             report = session.finish("interrupted by the operator" if stop else "")
+            if session.recording_ended_because:
+                sys.stderr.write(f"recording ended early: {session.recording_ended_because}\n")
             sys.stderr.write(_summary(report, session.out_dir))
             was_interrupted = bool(stop)
             if page is not None and stays_open(options) and not stop:
@@ -77,11 +90,26 @@ def run(options: argparse.Namespace) -> int:
     return 0 if report.ok else 1
 
 
+def _with_field(
+    config: settings.RunConfig, options: argparse.Namespace, out_dir: Path
+) -> settings.RunConfig:
+    """The settings with a plan of the field, which is written beside the run's other files."""
+    robot = load_robot(config.robot)
+    saved, certificate = planned(Path(options.field), config, robot, options.implement_width)
+    if not certificate.ok:
+        problem = certificate.problems[0]
+        raise MissionError(f"{options.field}: {problem.rule}: {problem.message}")
+    path = out_dir / "plan.geojson"
+    write_file(path, plan_text(saved, certificate).encode())
+    return msgspec.structs.replace(config, plan=str(path))
+
+
 def _config(options: argparse.Namespace) -> settings.RunConfig:
     named = {
         "world": options.world,
         "robot": options.robot,
         "waypoints": options.waypoints,
+        "plan": options.plan,
         "seed": options.seed,
         "sim.sensors": options.sensors,
         "duration_s": options.duration_s,
@@ -92,22 +120,6 @@ def _config(options: argparse.Namespace) -> settings.RunConfig:
 
 def _toml(value: str | float) -> str:
     return msgspec.json.encode(value).decode()
-
-
-def _pace(text: str) -> float:
-    """How many simulated seconds per second; infinite for as fast as possible."""
-    if text == "max":
-        return math.inf
-    try:
-        pace = float(text)
-    except ValueError:
-        pace = math.nan
-    if not pace > 0:
-        raise ConfigError(
-            f"--speed {text}: must be a number above 0 (1 is real time) or 'max', "
-            "as fast as possible"
-        )
-    return pace
 
 
 def _out_dir(wanted: str | None, profile: str) -> Path:

@@ -11,19 +11,17 @@ import math
 from bisect import bisect_right
 from typing import NamedTuple
 
+from agribot.arithmetic import FLOATS
 from agribot.config import ControlConfig
+from agribot.control import law
 from agribot.control.yaw_gain import YawGain
 from agribot.geo import wrap_rad
 from agribot.messages import STOP, DriveCommand, Estimate, Goal, Path, Tracking
 from agribot.robot import RobotSpec
 
-DAMPING = 0.9
 PIVOT_ENTER_RAD = math.radians(50.0)
 PIVOT_LEAVE_RAD = math.radians(10.0)
 PIVOT_GAIN_PER_S = 1.5
-MIN_FREQUENCY_RADPS = 0.25
-MAX_FREQUENCY_RADPS = 2.0  # the delay of the drive allows no faster poles
-MAX_ERROR_M = 0.4  # farther off, the approach angle stays the same
 NOMINAL_DT_S = 0.02
 MAX_DT_S = 0.1
 
@@ -60,8 +58,8 @@ class _Line:
 
     def _offset(self, index: int, x_m: float, y_m: float) -> tuple[float, float]:
         dx, dy = x_m - self._x[index], y_m - self._y[index]
-        cos, sin = math.cos(self._yaw[index]), math.sin(self._yaw[index])
-        return cos * dx + sin * dy, cos * dy - sin * dx
+        along_m, left_m = law.offset(FLOATS, dx, dy, self._yaw[index])
+        return along_m, left_m
 
 
 def _arc_m(along_m: float, left_m: float, curvature_radpm: float) -> float:
@@ -123,16 +121,12 @@ class Follower:
 
     def _ahead(self, line: _Line, estimate: Estimate, s_m: float) -> _Errors:
         """Errors of the pose that the robot reaches before a new command takes effect."""
-        delay_s = self._config.delay_s
-        turned_rad = estimate.yaw_rate_radps * delay_s
-        course_rad = estimate.yaw_map_rad + estimate.slip_rad + turned_rad / 2.0
-        driven_m = estimate.v_mps * delay_s
-        return line.errors(
-            s_m,
-            estimate.x_map_m + driven_m * math.cos(course_rad),
-            estimate.y_map_m + driven_m * math.sin(course_rad),
-            estimate.yaw_map_rad + turned_rad,
-        )
+        pose = estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad
+        there = law.ahead(
+            FLOATS, pose, estimate.v_mps, estimate.yaw_rate_radps, estimate.slip_rad,
+            self._config.delay_s,
+        )  # fmt: skip
+        return line.errors(s_m, *there)
 
     def _twist(self, ahead: _Errors, estimate: Estimate, max_speed_mps: float) -> DriveCommand:
         heading_rad = ahead.heading_rad
@@ -140,40 +134,23 @@ class Follower:
         self._is_pivoting = abs(heading_rad) > limit_rad
         if self._is_pivoting:
             yaw_rate = -PIVOT_GAIN_PER_S * heading_rad
-            return DriveCommand(v_mps=0.0, yaw_rate_radps=self._limited(yaw_rate))
-        v_mps = max_speed_mps * _caution(ahead)
-        frequency = min(
-            max(v_mps / self._config.length_m, MIN_FREQUENCY_RADPS), MAX_FREQUENCY_RADPS
-        )
-        error_m = min(max(ahead.cross_track_m, -MAX_ERROR_M), MAX_ERROR_M)
-        stretch = max(0.3, 1.0 - ahead.curvature_radpm * error_m)
-        yaw_rate = ahead.curvature_radpm * v_mps * math.cos(heading_rad) / stretch
-        yaw_rate -= 2.0 * DAMPING * frequency * (heading_rad + estimate.slip_rad)
-        yaw_rate -= frequency * frequency / v_mps * error_m
-        yaw_rate /= self._yaw_gain.ratio
-        if abs(yaw_rate) > self._max_yaw_rate_radps:
-            v_mps *= max(0.3, self._max_yaw_rate_radps / abs(yaw_rate))
-        return DriveCommand(v_mps=v_mps, yaw_rate_radps=self._limited(yaw_rate))
-
-    def _limited(self, yaw_rate_radps: float) -> float:
-        return min(max(yaw_rate_radps, -self._max_yaw_rate_radps), self._max_yaw_rate_radps)
+            limit = self._max_yaw_rate_radps
+            return DriveCommand(v_mps=0.0, yaw_rate_radps=law.limited(FLOATS, yaw_rate, limit))
+        v_mps, yaw_rate = law.steer(
+            FLOATS, ahead, estimate.slip_rad, max_speed_mps, self._yaw_gain.ratio,
+            self._config.length_m, self._max_yaw_rate_radps,
+        )  # fmt: skip
+        return DriveCommand(v_mps=v_mps, yaw_rate_radps=yaw_rate)
 
     def _ramped(self, wanted: DriveCommand, dt_s: float) -> DriveCommand:
-        dv_mps = self._drive.max_accel_mps2 * dt_s
-        dw_radps = self._drive.max_yaw_accel_radps2 * dt_s
-        v_mps, yaw_rate_radps = self._last.v_mps, self._last.yaw_rate_radps
+        drive, last = self._drive, self._last
         return DriveCommand(
-            v_mps=min(max(wanted.v_mps, v_mps - dv_mps), v_mps + dv_mps),
-            yaw_rate_radps=min(
-                max(wanted.yaw_rate_radps, yaw_rate_radps - dw_radps), yaw_rate_radps + dw_radps
+            v_mps=law.ramped(FLOATS, wanted.v_mps, last.v_mps, drive.max_accel_mps2 * dt_s),
+            yaw_rate_radps=law.ramped(
+                FLOATS, wanted.yaw_rate_radps, last.yaw_rate_radps,
+                drive.max_yaw_accel_radps2 * dt_s,
             ),
-        )
-
-
-def _caution(ahead: _Errors) -> float:
-    """Part of the speed that is left when the robot is beside its line or looks elsewhere."""
-    beside = max(0.25, 1.0 - abs(ahead.cross_track_m) / 0.6)
-    return beside * max(0.15, math.cos(min(1.2 * abs(ahead.heading_rad), 1.5)))
+        )  # fmt: skip
 
 
 def _is_finite(estimate: Estimate) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
@@ -36,8 +37,14 @@ CAMERA_DEFAULTS = {
     "update_rate": 30.0, "camera/clip/near": 0.1, "camera/clip/far": 100.0,
     "camera/noise/stddev": 0.0,
 }  # fmt: skip
+CAMERA_LIMITS = {
+    "camera/image/width": (16.0, 8192.0), "camera/image/height": (16.0, 8192.0),
+    "camera/horizontal_fov": (0.01, 3.1), "update_rate": (0.01, 1000.0),
+    "camera/clip/near": (1e-4, 1e3), "camera/clip/far": (1e-3, 1e6),
+}  # fmt: skip
 # Optional in <agribot><drive>; without them the values of DriveSpec hold.
 PID_TAGS = ("pid_p_nmspr", "pid_i_nmprad", "pid_d_nms2prad")
+MOTOR_TAGS = ("motor_torque_nm", "gear_efficiency_ratio")
 MAG_PLUGINS = ("ros_magnetic", "magnetometer")
 
 
@@ -70,6 +77,7 @@ def read_drive(
         servo_gain_nmspr=extra.positive("servo_gain_nmspr"),
         rate_hz=plugin.positive("updateRate"),
         **{name: extra.number(name) for name in PID_TAGS if name in extra.tags},
+        **{name: extra.positive(name) for name in MOTOR_TAGS if name in extra.tags},
     )
 
 
@@ -121,7 +129,13 @@ def read_camera(root: ET.Element, links: Sequence[Link], source: Source) -> Came
         if told is None and path in CAMERA_DEFAULTS:
             source.warn(f"camera sensor: <{path}> is missing; {CAMERA_DEFAULTS[path]:g} is used")
             return CAMERA_DEFAULTS[path]
-        return source.number(told, f"camera sensor <{path}>")
+        value = source.number(told, f"camera sensor <{path}>")
+        least, most = CAMERA_LIMITS.get(path, (0.0, math.inf))
+        if not least <= value <= most:
+            raise source.fail(
+                f"camera sensor <{path}>", f"{value:g} must be from {least:g} to {most:g}"
+            )
+        return value
 
     return CameraSpec(
         link=link,
@@ -132,6 +146,27 @@ def read_camera(root: ET.Element, links: Sequence[Link], source: Source) -> Came
         noise_std=number("camera/noise/stddev") if sensor.find("camera/noise") is not None else 0.0,
         clip_near_m=number("camera/clip/near"),
         clip_far_m=number("camera/clip/far"),
+        distortion=_distortion(sensor, source),
+    )
+
+
+def _distortion(sensor: ET.Element, source: Source) -> tuple[float, float, float, float]:
+    """k1, k2, p1, p2 of SDF's <distortion>, else of the ROS camera plugin."""
+
+    def told(modern: str, classic: str) -> float:
+        for path in (f"camera/distortion/{modern}", f"plugin/{classic}"):
+            text = sensor.findtext(path)
+            if text is not None:
+                return source.number(text, f"camera sensor <{path}>")
+        return 0.0
+
+    if told("k3", "distortionK3"):
+        source.warn("camera sensor: the distortion's k3 is not modelled; 0 is used")
+    return (
+        told("k1", "distortionK1"),
+        told("k2", "distortionK2"),
+        told("p1", "distortionT1"),
+        told("p2", "distortionT2"),
     )
 
 

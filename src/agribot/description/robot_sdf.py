@@ -154,6 +154,11 @@ def _camera(sensor: ET.Element, spec: CameraSpec) -> None:
     _text(noise, "type", "gaussian")
     _text(noise, "mean", 0.0)
     _text(noise, "stddev", spec.noise_std)
+    if any(spec.distortion):
+        lens = ET.SubElement(camera, "distortion")
+        for name, value in zip(("k1", "k2", "p1", "p2"), spec.distortion, strict=True):
+            _text(lens, name, value)
+        _text(lens, "center", "0.5 0.5")
 
 
 def _drive(model: ET.Element, robot: RobotSpec) -> None:

@@ -1,4 +1,4 @@
-"""Extended Kalman filter of the pose and of six slow sensor errors, in plain NumPy.
+"""Extended Kalman filter of the pose and of seven slow sensor errors, in plain NumPy.
 
 The state is a list of floats and the covariance one array that is only ever changed in place:
 at 100 predictions a second the arithmetic is free and the Python around it is the cost.
@@ -12,11 +12,15 @@ from collections.abc import Iterable, Sequence
 import msgspec
 import numpy as np
 
+from agribot.arithmetic import FLOATS
+from agribot.estimate.models import motion, pair_distance2
 from agribot.geo import wrap_rad
 from agribot.messages import FloatArray
 
-STATES = 9
-X, Y, YAW, GYRO_BIAS, WHEEL_SCALE, SLIP, GNSS_BIAS_X, GNSS_BIAS_Y, MAG_BIAS = range(STATES)
+STATES = 10
+X, Y, YAW, GYRO_BIAS, WHEEL_SCALE, SLIP, GNSS_BIAS_X, GNSS_BIAS_Y, MAG_BIAS, ROW_BIAS = range(
+    STATES
+)
 
 # One row of the measurement matrix, without its zeros: (state, coefficient) pairs.
 Row = tuple[tuple[int, float], ...]
@@ -33,7 +37,8 @@ class MotionNoise(msgspec.Struct, frozen=True, kw_only=True):
 
 class Ekf:
     """States: x_map_m, y_map_m, yaw_map_rad, gyro bias (rad/s), wheel scale (share of the wheel
-    speed lost), slip, GNSS bias east and north (m), magnetometer bias (rad).
+    speed lost), slip, GNSS bias east and north (m), magnetometer bias (rad),
+    offset of the row sensor (m, to the left of the robot).
 
     Slip belongs to the slope, so its sign is kept in the map and not in the body: driving along
     the rows in either direction the robot crabs to the same side of the field. In the body it is
@@ -43,7 +48,7 @@ class Ekf:
     def __init__(self, std: Sequence[float], row_yaw_rad: float) -> None:
         self.x = [0.0] * STATES
         self.cov = np.diag(np.square(np.asarray(std, dtype=np.float64)))
-        self._row_yaw_rad = row_yaw_rad
+        self.row_yaw_rad = row_yaw_rad
         # F = I + A, and A has only rows 0-2 and columns 2-5.
         self._a = np.zeros((3, 4))
         self._top, self._middle = self.cov[:3], self.cov[2:6]
@@ -54,7 +59,7 @@ class Ekf:
 
     def slip_ratio(self, yaw_map_rad: float) -> float:
         """Share of the slip state that acts sideways at a heading."""
-        return math.cos(yaw_map_rad - self._row_yaw_rad)
+        return math.cos(yaw_map_rad - self.row_yaw_rad)
 
     def predict(
         self, distance_m: float, turn_rad: float, dt_s: float, noise: MotionNoise
@@ -65,26 +70,14 @@ class Ekf:
         """
         x = self.x
         turned_rad = turn_rad - x[GYRO_BIAS] * dt_s
-        kept_ratio = 1.0 - x[WHEEL_SCALE]
-        middle_rad = x[YAW] + turned_rad / 2.0
-        cos, sin = math.cos(middle_rad), math.sin(middle_rad)
-        across_rad = middle_rad - self._row_yaw_rad
-        slip_m = abs(distance_m) * math.cos(across_rad)
-        left_m = x[SLIP] * slip_m
-        lost_m = x[SLIP] * abs(distance_m) * math.sin(across_rad)  # left per yaw, negative
-        raw_x_m = distance_m * cos - left_m * sin
-        raw_y_m = distance_m * sin + left_m * cos
-        dx_m, dy_m = kept_ratio * raw_x_m, kept_ratio * raw_y_m
+        dx_m, dy_m, (x_row, y_row) = motion(
+            FLOATS, x[YAW] + turned_rad / 2.0, self.row_yaw_rad, x[WHEEL_SCALE], x[SLIP],
+            distance_m, dt_s,
+        )  # fmt: skip
         x[X] += dx_m
         x[Y] += dy_m
         x[YAW] = wrap_rad(x[YAW] + turned_rad)
-        x_yaw, y_yaw = kept_ratio * lost_m * sin - dy_m, dx_m - kept_ratio * lost_m * cos
-        half_s, kept_slip_m = dt_s / 2.0, kept_ratio * slip_m
-        self._a[:] = (
-            (x_yaw, -x_yaw * half_s, -raw_x_m, -kept_slip_m * sin),
-            (y_yaw, -y_yaw * half_s, -raw_y_m, kept_slip_m * cos),
-            (0.0, -dt_s, 0.0, 0.0),
-        )
+        self._a[:] = (x_row, y_row, (0.0, -dt_s, 0.0, 0.0))
         self._propagate()
         turn_abs_rad = abs(turned_rad)
         position_m2 = (
@@ -122,7 +115,7 @@ class Ekf:
         self.cov[state, state] = variance
 
     def project(self, row: Row) -> tuple[FloatArray, float]:
-        """P H^T (9,) and H P H^T."""
+        """P H^T (STATES,) and H P H^T."""
         cov = self.cov
         state, weight = row[0]
         projected = cov[state] * weight
@@ -153,9 +146,7 @@ class Ekf:
         cross = sum(weight * float(first[state]) for state, weight in rows[1])
         total_0, total_1 = prior_0 + variance, prior_1 + variance
         r0, r1 = residuals
-        distance2 = (total_1 * r0 * r0 - 2.0 * cross * r0 * r1 + total_0 * r1 * r1) / (
-            total_0 * total_1 - cross * cross
-        )
+        distance2: float = pair_distance2(r0, r1, total_0, total_1, cross)
         if distance2 <= gate:
             self._apply(first, r0, total_0)
             self.update(rows[1], r1 - cross / total_0 * r0, variance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from agribot.arithmetic import Number
 from agribot.config import FieldConfig
 
 
@@ -33,7 +34,7 @@ class FieldRows:
         self._origin_map_m = field.first_row_start_map_m
         self._count = field.row_count
 
-    def along_right_m(self, x_map_m: float, y_map_m: float) -> tuple[float, float]:
+    def along_right_m(self, x_map_m: Number, y_map_m: Number) -> tuple[Number, Number]:
         dx, dy = x_map_m - self._origin_map_m[0], y_map_m - self._origin_map_m[1]
         forward, right = self.forward, self.right
         return dx * forward[0] + dy * forward[1], dx * right[0] + dy * right[1]

@@ -8,10 +8,12 @@ from collections import Counter
 
 import msgspec
 
+from agribot.arithmetic import FLOATS, Arithmetic, Number
 from agribot.config import EstimateConfig
 from agribot.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, Ekf, Row, X, Y
 from agribot.estimate.gate import Gate
 from agribot.estimate.history import Motion, MotionHistory
+from agribot.estimate.models import antenna_velocity, repeats, velocity_variance
 from agribot.estimate.start import StartMark
 from agribot.geo import MapFrame, rotation_from_rpy
 from agribot.messages import FloatArray, GnssFix, GnssQuality, Vec3
@@ -30,43 +32,74 @@ CORRECTED_BIAS_M, CORRECTED_WALK_M_PER_SQRT_S = 0.01, 0.0018
 # A float solution wanders this slowly, so its epochs are far from independent.
 FLOAT_MEMORY_S = 15.0
 FLOAT_STD_M = 0.3
-# Receivers state their velocity noise too well, and wheels do not tell all of the motion.
-VELOCITY_FACTOR = 1.4
-VELOCITY_FLOOR_MPS = 0.02
-# Skidding moves the centre of the turn off the middle, for as long as the turn lasts.
-TURN_CENTRE_STD_M, TURN_MEMORY_S = 0.03, 2.0
 
 
 class FixNoise(msgspec.Struct, frozen=True, kw_only=True):
     """What the filter believes of a fix: white variance, and spread and walk of the bias."""
 
-    variance_m2: float
-    bias_std_m: float
+    variance_m2: Number
+    bias_std_m: Number
     bias_walk_m_per_sqrt_s: float
 
 
-def fix_noise(fix: GnssFix, since_last_s: float) -> FixNoise:
-    std_m = max(fix.pos_std_m, MIN_POS_STD_M)
-    if fix.quality not in CORRECTED:
+def noise_model(
+    m: Arithmetic,
+    pos_std_m: Number,
+    is_float: Number,
+    since_last_s: float,
+    *,
+    is_corrected: bool,
+) -> FixNoise:
+    std_m = m.most(pos_std_m, MIN_POS_STD_M)
+    if not is_corrected:
         return FixNoise(
             variance_m2=UNCORRECTED_WHITE_M**2,
-            bias_std_m=max(std_m, UNCORRECTED_WHITE_M),
+            bias_std_m=m.most(std_m, UNCORRECTED_WHITE_M),
             bias_walk_m_per_sqrt_s=UNCORRECTED_WALK_M_PER_SQRT_S,
         )
     # The stated sigma holds the slow part too, which the bias states carry.
-    variance_m2 = max(std_m**2 - CORRECTED_BIAS_M**2, std_m**2 / 4.0)
-    if fix.quality is GnssQuality.RTK_FLOAT:
-        variance_m2 = max(std_m, FLOAT_STD_M) ** 2 * _repeats(FLOAT_MEMORY_S, since_last_s)
+    fixed_m2 = m.most(std_m**2 - CORRECTED_BIAS_M**2, std_m**2 / 4.0)
+    float_m2 = m.most(std_m, FLOAT_STD_M) ** 2 * repeats(FLOAT_MEMORY_S, since_last_s)
     return FixNoise(
-        variance_m2=variance_m2,
+        variance_m2=m.choose(is_float, float_m2, fixed_m2),
         bias_std_m=CORRECTED_BIAS_M,
         bias_walk_m_per_sqrt_s=CORRECTED_WALK_M_PER_SQRT_S,
     )
 
 
-def _repeats(memory_s: float, since_last_s: float) -> float:
-    """How many epochs share one error that lasts; their noise has to count that often."""
-    return max(2.0 * memory_s / max(since_last_s, 0.01), 1.0)
+def fix_noise(fix: GnssFix, since_last_s: float) -> FixNoise:
+    is_float = fix.quality is GnssQuality.RTK_FLOAT
+    is_corrected = fix.quality in CORRECTED
+    return noise_model(FLOATS, fix.pos_std_m, is_float, since_last_s, is_corrected=is_corrected)
+
+
+def bias_ageing(m: Arithmetic, noise: FixNoise, dt_s: float) -> list[tuple[int, Number, Number]]:
+    """How the two bias states age, as Ekf.relax takes it."""
+    variance = noise.bias_std_m**2
+    factor = m.exp(-(noise.bias_walk_m_per_sqrt_s**2) * dt_s / (2.0 * variance))
+    growth = variance * (1.0 - factor * factor)
+    return [(GNSS_BIAS_X, factor, growth), (GNSS_BIAS_Y, factor, growth)]
+
+
+def doubts(
+    m: Arithmetic,
+    residuals: tuple[Number, Number],
+    expected_mps: tuple[Number, Number],
+    yaw_rad: Number,
+    lasted_s: float,
+) -> tuple[tuple[int, Number], ...]:
+    """How far to open up for wheels that spin free (wrong ahead), and a wrong heading (aside)."""
+    cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
+    ahead_mps = cos * residuals[0] + sin * residuals[1]
+    aside_mps = cos * residuals[1] - sin * residuals[0]
+    speed_mps = m.most(m.sqrt(expected_mps[0] ** 2 + expected_mps[1] ** 2), 0.05)
+    wrong_m = m.sqrt(residuals[0] ** 2 + residuals[1] ** 2) * lasted_s
+    return (
+        (WHEEL_SCALE, m.least(abs(ahead_mps) / speed_mps, 1.0)),
+        (YAW, m.least(abs(aside_mps) / speed_mps, 1.0)),
+        (X, wrong_m),
+        (Y, wrong_m),
+    )
 
 
 class Gnss:
@@ -130,12 +163,7 @@ class Gnss:
 
     def ageing(self, dt_s: float) -> list[tuple[int, float, float]]:
         """How the two bias states age, as Ekf.relax takes it."""
-        if self._noise is None:
-            return []
-        variance = self._noise.bias_std_m**2
-        factor = math.exp(-(self._noise.bias_walk_m_per_sqrt_s**2) * dt_s / (2.0 * variance))
-        growth = variance * (1.0 - factor * factor)
-        return [(GNSS_BIAS_X, factor, growth), (GNSS_BIAS_Y, factor, growth)]
+        return [] if self._noise is None else bias_ageing(FLOATS, self._noise, dt_s)
 
     def _follow_quality(self, noise: FixNoise) -> None:
         """Corrections coming or going replace one bias by another that knows nothing of it."""
@@ -218,52 +246,28 @@ class Gnss:
         ekf = self._ekf
         yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
         rate_radps, wheel_mps = then.yaw_rate_radps, then.wheel_mps
-        forward_mps = wheel_mps * (1.0 - ekf.x[WHEEL_SCALE])
-        slip_mps = abs(forward_mps) * ekf.slip_ratio(yaw_rad)
-        body_mps = (
-            forward_mps - rate_radps * lever_m[1],
-            ekf.x[SLIP] * slip_mps + rate_radps * lever_m[0],
-        )
-        east_mps, north_mps = _turned(body_mps, yaw_rad)
-        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-        rows = (
-            ((YAW, -north_mps), (WHEEL_SCALE, -wheel_mps * cos), (SLIP, -slip_mps * sin)),
-            ((YAW, east_mps), (WHEEL_SCALE, -wheel_mps * sin), (SLIP, slip_mps * cos)),
-        )
+        east_mps, north_mps, (east_row, north_row) = antenna_velocity(
+            FLOATS, yaw_rad, ekf.row_yaw_rad, ekf.x[WHEEL_SCALE], ekf.x[SLIP], wheel_mps,
+            rate_radps, lever_m,
+        )  # fmt: skip
+        rows = (_velocity_row(east_row), _velocity_row(north_row))
         residuals = (fix.velocity_mps[0] - east_mps, fix.velocity_mps[1] - north_mps)
-        variance = (
-            (VELOCITY_FACTOR * fix.velocity_std_mps) ** 2
-            + VELOCITY_FLOOR_MPS**2
-            + (TURN_CENTRE_STD_M * rate_radps) ** 2 * _repeats(TURN_MEMORY_S, since_last_s)
-        )
+        variance = velocity_variance(fix.velocity_std_mps, rate_radps, since_last_s)
         verdict = self._velocity_gate.judge(
             ekf.update_pair(rows, residuals, variance, self._velocity_gate.limit)
         )
         if verdict == "reject":
             self._rejected["velocity outlier"] += 1
         elif verdict == "recover":
-            self._doubt_motion(residuals, (east_mps, north_mps), yaw_rad, since_last_s)
+            lasted_s = since_last_s * self._spin_after
+            expected_mps = (east_mps, north_mps)
+            for state, doubt in doubts(FLOATS, residuals, expected_mps, yaw_rad, lasted_s):
+                ekf.inflate(state, doubt**2)
             ekf.update_pair(rows, residuals, variance)
 
-    def _doubt_motion(
-        self,
-        residuals: tuple[float, float],
-        expected_mps: tuple[float, float],
-        yaw_rad: float,
-        since_last_s: float,
-    ) -> None:
-        """Open up for wheels that spin free (wrong ahead), and a wrong heading (wrong aside)."""
-        ahead_mps, aside_mps = _turned(residuals, -yaw_rad)
-        speed_mps = max(math.hypot(*expected_mps), 0.05)
-        wrong_m = math.hypot(*residuals) * since_last_s * self._spin_after
-        doubts = (
-            (WHEEL_SCALE, min(abs(ahead_mps) / speed_mps, 1.0)),
-            (YAW, min(abs(aside_mps) / speed_mps, 1.0)),
-            (X, wrong_m),
-            (Y, wrong_m),
-        )
-        for state, doubt in doubts:
-            self._ekf.inflate(state, doubt**2)
+
+def _velocity_row(by: tuple[float, ...]) -> Row:
+    return (YAW, by[0]), (WHEEL_SCALE, by[1]), (SLIP, by[2])
 
 
 def _is_usable(fix: GnssFix) -> bool:

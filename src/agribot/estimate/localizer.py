@@ -6,12 +6,15 @@ import math
 from collections import Counter
 
 from agribot.config import EstimateConfig, FieldConfig
+from agribot.devices import RowLine
 from agribot.estimate.compass import Compass
 from agribot.estimate.crop_rows import CropRows
+from agribot.estimate.dual_heading import DualHeading
 from agribot.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, Ekf, MotionNoise, X, Y
 from agribot.estimate.gnss import Gnss
 from agribot.estimate.history import Motion, MotionHistory
 from agribot.estimate.odometry import Odometry, Step
+from agribot.estimate.row_lines import RowLines
 from agribot.estimate.start import StartMark
 from agribot.geo import MapFrame, wrap_rad
 from agribot.messages import Estimate, GnssQuality, Scene, SensorBatch
@@ -22,8 +25,8 @@ TURN_CENTRE_M_PER_SQRT_RAD = 0.03
 # MEMS gyros are good to about 1 % of the rate: a half turn then ends 1.8 degrees off, 1 sigma.
 GYRO_SCALE_RAD_PER_SQRT_RAD = 0.01 * math.sqrt(math.pi)
 GYRO_BIAS_WALK_RADPS_PER_SQRT_S = 7e-5
-# Soil and load change the wheel's grip within minutes, the slope under the robot sooner.
-WHEEL_SCALE_MEMORY_S, SLIP_MEMORY_S = 300.0, 200.0
+# The grip of the wheels changes with every patch of soil, the slope under the robot slowly.
+WHEEL_SCALE_MEMORY_S, SLIP_MEMORY_S = 30.0, 200.0
 # Slow errors are aged together, not at every wheel reading.
 AGEING_PERIOD_S = 0.1
 # Longer gaps are walked through in pieces, so that a turn inside one stays an arc.
@@ -47,17 +50,8 @@ class Localizer:
     def __init__(self, config: EstimateConfig, field: FieldConfig, robot: RobotSpec) -> None:
         self.rejected: Counter[str] = Counter()
         self._config = config
-        std = (
-            1e3, 1e3, math.pi, config.gyro_bias_std_radps, config.wheel_scale_std_ratio,
-            config.slip_std_rad, 1.0, 1.0, config.mag_bias_std_rad,
-        )  # fmt: skip
-        self._ekf = Ekf(std, math.radians(field.row_yaw_deg))
-        self._noise = MotionNoise(
-            position_m2_per_m=config.position_walk_m_per_sqrt_m**2,
-            position_m2_per_rad=TURN_CENTRE_M_PER_SQRT_RAD**2,
-            yaw_rad2_per_s=config.gyro_walk_rad_per_sqrt_s**2,
-            yaw_rad2_per_rad=GYRO_SCALE_RAD_PER_SQRT_RAD**2,
-        )
+        self._ekf = Ekf(first_std(config), math.radians(field.row_yaw_deg))
+        self._noise = motion_noise(config)
         self._history = MotionHistory(ahead_s=config.wheel_timeout_s)
         self._odometry = Odometry(robot.drive, config.imu_timeout_s, self.rejected)
         start = StartMark.of(field)
@@ -71,6 +65,8 @@ class Localizer:
             self.rejected,
         )  # fmt: skip
         self._crop_rows = CropRows(self._ekf, self._history, config, field, self.rejected)
+        self._row_lines = RowLines(self._ekf, self._history, field, self.rejected)
+        self._heading = DualHeading(self._ekf, self._history, config, self.rejected)
         self._motion = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._unaged_s = self._unaged_rad = 0.0
         self._fix_std_m = 0.0
@@ -84,12 +80,20 @@ class Localizer:
         for fix in batch.gnss:
             if self._compass.is_ready:
                 self._gnss.update(fix, up_body)
+        for heading in batch.headings:
+            if self._compass.is_ready:
+                self._heading.update(heading)
         return self._estimate(batch.t_s)
 
     def see(self, scene: Scene) -> None:
         """Correct the pose by the crops of a frame; the next estimate shows it."""
         if self._gnss.is_ready:
             self._crop_rows.see(scene)
+
+    def see_line(self, line: RowLine) -> None:
+        """Correct the pose by the line of the row under the robot; the next estimate shows it."""
+        if self._gnss.is_ready:
+            self._row_lines.see(line)
 
     def _advance(self, step: Step) -> None:
         """Predict through one step, in pieces if it is long, and let the slow errors age."""
@@ -131,13 +135,10 @@ class Localizer:
         self._unaged_s = self._unaged_rad = 0.0
         self._ekf.relax(
             [
-                (GYRO_BIAS, 1.0, GYRO_BIAS_WALK_RADPS_PER_SQRT_S**2 * age_s),
-                _fading(
-                    WHEEL_SCALE, self._config.wheel_scale_std_ratio, age_s / WHEEL_SCALE_MEMORY_S
-                ),
-                _fading(SLIP, self._config.slip_std_rad, age_s / SLIP_MEMORY_S),
+                *slow_ageing(self._config, age_s),
                 self._compass.ageing(age_s, age_rad),
                 *self._gnss.ageing(age_s),
+                *self._row_lines.ageing(age_s),
             ]
         )
 
@@ -211,6 +212,32 @@ class Localizer:
             f"GNSS contradicts the odometry: {count} fixes rejected in a row; after "
             f"{self._config.recover_after} GNSS is believed"
         )
+
+
+def first_std(config: EstimateConfig) -> tuple[float, ...]:
+    """1 sigma of each state before the first measurement."""
+    return (
+        1e3, 1e3, math.pi, config.gyro_bias_std_radps, config.wheel_scale_std_ratio,
+        config.slip_std_rad, 1.0, 1.0, config.mag_bias_std_rad, 0.0,
+    )  # fmt: skip
+
+
+def motion_noise(config: EstimateConfig) -> MotionNoise:
+    return MotionNoise(
+        position_m2_per_m=config.position_walk_m_per_sqrt_m**2,
+        position_m2_per_rad=TURN_CENTRE_M_PER_SQRT_RAD**2,
+        yaw_rad2_per_s=config.gyro_walk_rad_per_sqrt_s**2,
+        yaw_rad2_per_rad=GYRO_SCALE_RAD_PER_SQRT_RAD**2,
+    )
+
+
+def slow_ageing(config: EstimateConfig, age_s: float) -> tuple[tuple[int, float, float], ...]:
+    """Ageing of gyro bias, wheel scale and slip, as Ekf.relax takes it."""
+    return (
+        (GYRO_BIAS, 1.0, GYRO_BIAS_WALK_RADPS_PER_SQRT_S**2 * age_s),
+        _fading(WHEEL_SCALE, config.wheel_scale_std_ratio, age_s / WHEEL_SCALE_MEMORY_S),
+        _fading(SLIP, config.slip_std_rad, age_s / SLIP_MEMORY_S),
+    )
 
 
 def _fading(state: int, std: float, part: float) -> tuple[int, float, float]:

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.errors import PerceptionError
+from agribot.lens import distorted, undistorted
 from agribot.messages import FloatArray
 from agribot.robot import CameraSpec
 
@@ -13,6 +14,7 @@ from agribot.robot import CameraSpec
 MIN_SINK_RATIO = 1e-3
 # Half of a big plant: closer to the image edge, it would be cut.
 VIEW_MARGIN_M = 0.2
+MAX_LENS_ERROR_PX = 0.05
 
 
 class HorizonError(PerceptionError):
@@ -70,8 +72,30 @@ def _intersect(pixels_px: FloatArray, k_px: FloatArray, body_from_camera: FloatA
     )
 
 
+def _straightened(pixels_px: FloatArray, camera: CameraSpec) -> FloatArray:
+    """Where a pinhole would show what the lens puts at pixels (N, 2).
+
+    Raises: PerceptionError: the distortion has no inverse over the whole picture.
+    """
+    if not any(camera.distortion):
+        return pixels_px
+    centre_px, focal_px = camera.matrix()[:2, 2], camera.focal_px
+    seen = (pixels_px - centre_px) / focal_px
+    ideal = undistorted(seen, camera.distortion)
+    error_px = float(np.abs(distorted(ideal, camera.distortion) - seen).max()) * focal_px
+    if error_px > MAX_LENS_ERROR_PX:
+        raise PerceptionError(
+            f"the lens distortion {camera.distortion} cannot be undone over the whole picture: "
+            f"{error_px:.3g} px are left, the limit is {MAX_LENS_ERROR_PX}; calibrate the camera"
+        )
+    straight: FloatArray = ideal * focal_px + centre_px
+    return straight
+
+
 class GroundLookup:
     """Ground position and ground area of every pixel of a class map, computed once.
+
+    The camera's lens distortion is taken out: pixels are those of the picture as it is taken.
 
     Attributes, all (h, w) of the class map, NaN (area: 0) above the horizon:
         x_body_m, y_body_m: where the pixel centre meets the ground.
@@ -123,7 +147,9 @@ class GroundLookup:
         u_px = (np.arange(width + extra) + offset_px + 0.5) * to_u - 0.5
         v_px = (np.arange(height + extra) + offset_px + 0.5) * to_v - 0.5
         grid = np.stack(np.meshgrid(u_px, v_px), axis=-1).reshape(-1, 2)
-        points = _intersect(grid, self.camera.matrix(), body_from_camera)
+        points = _intersect(
+            _straightened(grid, self.camera), self.camera.matrix(), body_from_camera
+        )
         return points.reshape(height + extra, width + extra, 2)
 
     def _view_polygon(self) -> tuple[tuple[float, float], ...]:

@@ -19,7 +19,7 @@ from agribot.messages import (
     Row,
 )  # fmt: skip
 from agribot.plan.caution import across_std_m, caution_ratio
-from agribot.plan.route import Route
+from agribot.plan.route import TOOL_REACH_M, Route
 from agribot.plan.stall import StallWatch
 
 SETTLE_S = 1.0  # the estimate must hold this long before the robot moves
@@ -51,11 +51,17 @@ class Mission:
         rows: Sequence[Row],
         config: MissionConfig,
         waypoints: Sequence[tuple[float, float]] = (),
+        tool_reach_m: float = TOOL_REACH_M,
+        has_crop: bool = True,
     ) -> None:
         """`plan` is asked once, from where the robot stands when its estimate has settled.
 
-        `waypoints` are places in the map that the planned path visits, in its order.
+        `waypoints` are places in the map that the planned path visits, in its order. The tool
+        works in the rows and up to `tool_reach_m` past their ends. Where there is crop, the
+        robot slows down as it knows less well where the rows are.
         """
+        self._tool_reach_m = tool_reach_m
+        self._has_crop = has_crop
         self._plan = plan
         self._config = config
         self._waypoints = tuple(waypoints)
@@ -151,7 +157,9 @@ class Mission:
         try:
             if self._route is None:
                 path = self._plan(estimate)
-                self._route = Route(path, tuple(self._results), self._config, self._waypoints)
+                self._route = Route(
+                    path, tuple(self._results), self._config, self._waypoints, self._tool_reach_m
+                )
         except MissionError as error:
             self._end("failed", str(error))
         else:
@@ -176,7 +184,7 @@ class Mission:
     def _be_cautious(self, route: Route, estimate: Estimate) -> None:
         """In and next to the rows, no faster than the robot knows where the plants are."""
         self._caution = 1.0
-        if self._state != "running" or not route.tool_on:
+        if self._state != "running" or not route.tool_on or not self._has_crop:
             return
         std_m = across_std_m(estimate, route.yaw_map_rad)
         self._caution = caution_ratio(std_m, self._config)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 
 from agribot.messages import Path
+from agribot.plan.speed import pivots
 
 _AHEAD = 50  # points, about 1 m: farther than any tick leads, nearer than any other row
 _BACK_M = 3.0
+PIVOT_REACH_M = 0.02
 
 
 class Progress:
@@ -24,6 +27,7 @@ class Progress:
         self._sin: list[float] = [math.sin(yaw) for yaw in path.yaw_map_rad]
         self._s: list[float] = path.s_m.tolist()
         self.length_m = self._s[-1]
+        self._pivots = pivots(path)
         self.index = 0
         self.s_m = 0.0
         self.cross_track_m = 0.0
@@ -37,6 +41,7 @@ class Progress:
             if square > best:
                 break
             index, best = ahead, square
+        index = self._past_pivot(index)
         dx, dy = x_map_m - self._x[index], y_map_m - self._y[index]
         along_m = self._cos[index] * dx + self._sin[index] * dy
         spacing_m = self._s[min(index + 1, len(self._s) - 1)] - self._s[index]
@@ -44,6 +49,15 @@ class Progress:
         self.s_m = max(self.s_m, self._s[index] + min(max(along_m, 0.0), spacing_m))
         self.cross_track_m = self._cos[index] * dy - self._sin[index] * dx
         self.off_path_m = math.sqrt(best)
+
+    def _past_pivot(self, index: int) -> int:
+        """At a place to turn the robot follows the new course, however little it is short of it."""
+        coming = bisect_left(self._pivots, index)
+        if coming < len(self._pivots):
+            pivot = self._pivots[coming]
+            if self._s[pivot] - self._s[index] <= PIVOT_REACH_M:
+                return pivot + 1
+        return index
 
     def off_driven_path_m(self, x_map_m: float, y_map_m: float) -> float:
         """Distance to the last 3 m of path: a robot that was pushed back is not off its path."""

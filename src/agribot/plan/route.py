@@ -25,6 +25,7 @@ class Route:
         known_rows: Sequence[int],
         config: MissionConfig,
         waypoints: Sequence[tuple[float, float]],
+        tool_reach_m: float = TOOL_REACH_M,
     ) -> None:
         """Raises: MissionError: the path misses a waypoint or works an unknown row."""
         self.path = path
@@ -37,7 +38,7 @@ class Route:
         self.progress = Progress(path)
         self._speed_mps = speed_profile(path, config)
         self._yaw_map_rad: list[float] = path.yaw_map_rad.tolist()
-        self._tool = _tool_points(self.row, path.s_m.tolist())
+        self._tool = _tool_points(self.row, path.s_m.tolist(), tool_reach_m)
 
     @property
     def row_here(self) -> int:
@@ -56,7 +57,7 @@ class Route:
         return self._tool[self.progress.index]
 
 
-def _tool_points(row: Sequence[int], s_m: Sequence[float]) -> list[bool]:
+def _tool_points(row: Sequence[int], s_m: Sequence[float], reach_m: float) -> list[bool]:
     """Where the tool may work: in the rows and within its reach of their ends."""
     is_on = [index >= 0 for index in row]
     for order in (range(len(row)), range(len(row) - 1, -1, -1)):
@@ -64,6 +65,6 @@ def _tool_points(row: Sequence[int], s_m: Sequence[float]) -> list[bool]:
         for point in order:
             if row[point] >= 0:
                 last_in_row_m = s_m[point]
-            elif abs(s_m[point] - last_in_row_m) <= TOOL_REACH_M:
+            elif abs(s_m[point] - last_in_row_m) <= reach_m:
                 is_on[point] = True
     return is_on

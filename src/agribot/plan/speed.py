@@ -15,6 +15,12 @@ CREEP_MPS = 0.05  # the end of the path must be reached, not approached for ever
 _SETTLED_BEFORE_M = 0.1  # the drive lags: be slow already where the turn begins
 
 
+def pivots(path: Path) -> list[int]:
+    """Points at which the robot turns in place: the next one is the same place, another course."""
+    stands: list[int] = np.flatnonzero(np.diff(path.s_m) <= 0.0).tolist()
+    return stands
+
+
 def speed_profile(path: Path, config: MissionConfig) -> list[float]:
     """Speed limit at each point in m/s: slower in turns, ramped to a creep at the end."""
     curvature = np.abs(path.curvature_radpm)
@@ -25,6 +31,8 @@ def speed_profile(path: Path, config: MissionConfig) -> list[float]:
     cap = np.where(is_turn, np.minimum(config.speed_mps, in_turn), config.speed_mps)
     limits: list[float] = cap.tolist()
     limits[-1] = CREEP_MPS
+    for index in pivots(path):
+        limits[index] = limits[index + 1] = CREEP_MPS
     s_m: list[float] = path.s_m.tolist()
     for index in range(len(limits) - 2, -1, -1):
         gained = 2.0 * RAMP_MPS2 * (s_m[index + 1] - s_m[index])

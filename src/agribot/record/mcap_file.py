@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-import io
-import struct
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Message
-from mcap.stream_reader import CRCValidationError, breakup_chunk
+from mcap.records import Attachment, Channel, Header, Message, Metadata
 from mcap.writer import CompressionType, Writer
 
 from agribot.errors import RecordingError
-from agribot.record.rosmsg import typestore
-from agribot.topics import Qos, Topic
+from agribot.record.mcap_records import McapRecords, parts_of
+from agribot.ros.rosmsg import typestore
+from agribot.topic import Qos, Topic
 
 LIBRARY = "agribot"
 MSGPACK_SCHEMA = "agribot.TickRecord"
-_MAGIC = b"\x89MCAP0\r\n"
-_RECORD_HEAD = struct.Struct("<BQ")
 
 
 class McapFile:
@@ -47,6 +40,11 @@ class McapFile:
     @property
     def closed(self) -> bool:
         return self._file.closed
+
+    @property
+    def size_bytes(self) -> int:
+        """What reached the file; a chunk in progress does not count yet."""
+        return 0 if self._file.closed else self._file.tell()
 
     def write(self, topic: Topic, log_ns: int, data: bytes, publish_ns: int) -> None:
         channel = self._channels.get(topic.name)
@@ -92,7 +90,7 @@ class McapFile:
             schema = self._writer.register_schema(topic.ros_type, "ros2msg", text.encode())
             self._schemas[topic.ros_type] = schema
         metadata = {
-            "offered_qos_profiles": _qos_yaml(topic.qos),
+            "offered_qos_profiles": qos_yaml(topic.qos),
             "topic_type_hash": typestore().hash_rihs01(topic.ros_type),
         }
         return int(self._writer.register_channel(topic.name, "cdr", schema, metadata))
@@ -111,7 +109,7 @@ def _refusal(verb: str, path: Path, error: OSError) -> RecordingError:
     )
 
 
-def _qos_yaml(qos: Qos) -> str:
+def qos_yaml(qos: Qos) -> str:
     """As rosbag2 stores it, so that a player offers latched topics latched again."""
     forever = "{sec: 9223372036, nsec: 854775807}"
     return (
@@ -128,60 +126,19 @@ def read_records(path: Path) -> Iterator[Any]:
     """Channels, messages and attachments in file order, up to the first incomplete record.
 
     A robot that lost power leaves a file without its end: everything before the cut is read.
-    Raises: RecordingError: no such file, or it is no MCAP file.
+    Further parts of the recording follow. Raises: RecordingError: no such file, or no MCAP file.
     """
-    try:
-        file = path.open("rb")
-    except OSError as error:
-        raise RecordingError(
-            f"cannot read recording {path}: {error.strerror or error}; check the path"
-        ) from error
-    with file:
-        if file.read(len(_MAGIC)) != _MAGIC:
-            raise RecordingError(f"{path} is not an MCAP recording; give the run.mcap of a run")
-        yield from _complete_records(file)
-
-
-def _complete_records(file: IO[bytes]) -> Iterator[Any]:
-    while True:
-        head = file.read(_RECORD_HEAD.size)
-        if len(head) < _RECORD_HEAD.size:
-            return
-        opcode, length = _RECORD_HEAD.unpack(head)
-        if opcode in {0, Opcode.DATA_END}:
-            return
-        body = file.read(length)
-        if len(body) < length:
-            return
-        if opcode == Opcode.CHUNK:
-            records = _chunk_records(body)
-            if records is None:
-                return
-            yield from records
-        elif opcode == Opcode.ATTACHMENT:
-            if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
-                return
-            yield Attachment.read(_stream(body))
-
-
-def _chunk_records(body: bytes) -> list[Any] | None:
-    """None for a chunk whose bytes are damaged."""
-    try:
-        records: list[Any] = breakup_chunk(Chunk.read(_stream(body)), validate_crc=True)
-    except (CRCValidationError, RuntimeError, struct.error):  # LZ4 reports damage as RuntimeError
-        return None
-    return records
-
-
-def _stream(body: bytes) -> ReadDataStream:
-    return ReadDataStream(io.BytesIO(body))
+    for part in parts_of(path):
+        yield from McapRecords(part)
 
 
 def read_messages(path: Path, topic: Topic) -> Iterator[Message]:
     """The messages of one topic in file order."""
     channel_id = None
     for record in read_records(path):
-        if isinstance(record, Channel) and record.topic == topic.name:
+        if isinstance(record, Header):  # another part, with numbers of its own
+            channel_id = None
+        elif isinstance(record, Channel) and record.topic == topic.name:
             channel_id = record.id
         elif isinstance(record, Message) and record.channel_id == channel_id:
             yield record
@@ -193,3 +150,11 @@ def read_attachment(path: Path, name: str) -> bytes:
         if isinstance(record, Attachment) and record.name == name:
             return bytes(record.data)
     raise RecordingError(f"{path} has no attachment '{name}'; was it recorded by AGRIBOT?")
+
+
+def part_number(path: Path) -> int:
+    """0 for a whole recording or its first part. Raises: RecordingError: no MCAP file."""
+    for record in McapRecords(path):
+        if isinstance(record, Metadata) and record.name == LIBRARY:
+            return int(record.metadata.get("part", "0"))
+    return 0

@@ -11,35 +11,22 @@ import msgspec
 from agribot import __version__, topics
 from agribot.config import RunConfig, to_toml
 from agribot.geo import MapFrame, compass_deg_from_yaw
-from agribot.messages import (
-    WHEEL_NAMES,
-    Estimate,
-    MappedPlant,
-    MissionStatus,
-    Path,
-    SensorBatch,
-    TickRecord,
-)
-from agribot.record import cdr, rosmsg
-from agribot.record.camera_log import CameraLog
-from agribot.record.markers import weed_markers
-from agribot.record.mcap_file import McapFile
+from agribot.messages import Estimate, MappedPlant, MissionStatus, Path, TickRecord
+from agribot.record.parts import RecordingParts
+from agribot.record.sensor_log import SLOW_NS, SensorLog
 from agribot.record.ticks import encode_tick
-from agribot.record.transforms import (
-    BodyTransforms,
-    WheelTransforms,
-    static_transforms,
-    wheel_joints,
-)
 from agribot.robot import RobotSpec
-from agribot.topics import Topic
+from agribot.ros import cdr, rosmsg
+from agribot.ros.camera_log import CameraLog
+from agribot.ros.markers import weed_markers
+from agribot.ros.transforms import BodyTransforms, static_transforms
+from agribot.topic import Topic
 
 CONFIG_ATTACHMENT = "config.toml"
 URDF_ATTACHMENT = "robot.urdf"
 WEED_MAP_ATTACHMENT = "weed_map.json"
 
 _SECOND_NS = 1_000_000_000
-_SLOW_NS = _SECOND_NS // 10  # values for people and for the original's tools
 
 
 class RunRecorder:
@@ -59,7 +46,7 @@ class RunRecorder:
         goals_map_m: Sequence[tuple[float, float]] = (),
         weed_map: Callable[[], Sequence[MappedPlant]] | None = None,
     ) -> None:
-        self._file = McapFile(path)
+        self._file = RecordingParts(path, config.record)
         self._robot = robot
         self._config, self._urdf = config, urdf
         self._map_frame = MapFrame(config.field.datum)
@@ -69,26 +56,22 @@ class RunRecorder:
         self._status: MissionStatus | None = None
         self._started = False
         self._now_ns = self._next_second_ns = self._next_slow_ns = 0
-        joints = wheel_joints(robot, WHEEL_NAMES)
-        names = tuple(joint.name for joint in joints) or WHEEL_NAMES
         self._camera = CameraLog(robot, config.record.image_rate_hz, config.record.jpeg_quality)
-        self._imu = cdr.ImuCdr(robot.imu.link)
-        self._joints = cdr.JointStateCdr(names)
+        self._sensors = SensorLog(self._file, robot, self._camera)
         self._odometry, self._truth = cdr.OdometryCdr(), cdr.OdometryCdr()
         self._twist, self._number = cdr.TwistCdr(), cdr.Float64Cdr()
         self._body_tf = BodyTransforms()
-        self._wheel_tf = WheelTransforms(joints) if joints else None
         self._attach_settings()
 
     def __call__(self, record: TickRecord) -> None:
         self._now_ns = rosmsg.nanoseconds(record.batch.t_s)
         if not self._started:
             self._start(record.batch.t_s)
-        self._sensors(record.batch)
-        self._camera_topics(record)
+        self._sensors(self._now_ns, record.batch)
+        self._overlays(record)
         self._decisions(record)
         if self._now_ns >= self._next_slow_ns:
-            self._next_slow_ns = self._now_ns + _SLOW_NS
+            self._next_slow_ns = self._now_ns + SLOW_NS
             self._slow(record)
         self._mission(record.status)
         self._file.write(topics.TICK, self._now_ns, encode_tick(record), self._now_ns)
@@ -96,6 +79,11 @@ class RunRecorder:
             self._next_second_ns = self._now_ns + _SECOND_NS
             self._weed_markers(record.batch.t_s)
             self._file.flush()
+
+    @property
+    def ended_because(self) -> str:
+        """Why recording ended before the run did; empty while it goes on."""
+        return self._file.ended_because
 
     def truth(
         self, t_s: float, pose: tuple[float, float, float], twist: tuple[float, float] = (0.0, 0.0)
@@ -154,32 +142,7 @@ class RunRecorder:
         if self._goals_map_m:
             self._write_ros(topics.GOALS, rosmsg.goals(t_s, self._goals_map_m), t_s)
 
-    def _sensors(self, batch: SensorBatch) -> None:
-        for imu in batch.imu:
-            t_ns = rosmsg.nanoseconds(imu.t_s)
-            self._file.write(topics.IMU, self._now_ns, self._imu(t_ns, imu), t_ns)
-        if batch.wheels:
-            wheels = batch.wheels[-1]
-            t_ns = rosmsg.nanoseconds(wheels.t_s)
-            self._file.write(topics.JOINT_STATES, self._now_ns, self._joints(t_ns, wheels), t_ns)
-        for mag in batch.mag:
-            field = rosmsg.magnetic_field(mag, self._robot.mag.link)
-            self._write_ros(topics.MAGNETIC, field, mag.t_s)
-            heading = math.degrees(math.atan2(mag.field_t[1], mag.field_t[0])) % 360.0
-            self._write_number(topics.HEADING_RAW, heading)
-        for fix in batch.gnss:
-            self._write_ros(topics.FIX, rosmsg.nav_sat_fix(fix, self._robot.gnss.link), fix.t_s)
-            if fix.velocity_mps is not None:
-                velocity = rosmsg.fix_velocity(fix.t_s, fix.velocity_mps)
-                self._write_ros(topics.FIX_VELOCITY, velocity, fix.t_s)
-
-    def _camera_topics(self, record: TickRecord) -> None:
-        for frame in record.batch.frames:
-            jpeg = self._camera.image(frame)
-            if jpeg is not None and self._robot.camera is not None:
-                self._write_ros(topics.IMAGE, rosmsg.compressed_image(frame.t_s, jpeg), frame.t_s)
-                info = rosmsg.camera_info(frame.t_s, self._robot.camera)
-                self._write_ros(topics.CAMERA_INFO, info, frame.t_s)
+    def _overlays(self, record: TickRecord) -> None:
         for scene in record.scenes:
             jpeg = self._camera.overlay(scene)
             if jpeg is not None:
@@ -201,9 +164,8 @@ class RunRecorder:
             self._write_number(topics.ANGLE, math.degrees(record.tracking.heading_error_rad))
         if self._goals_map_m:
             self._next_goal(estimate, record.status)
-        if self._wheel_tf is not None and record.batch.wheels:
-            wheels = self._wheel_tf(self._now_ns, record.batch.wheels[-1])
-            self._file.write(topics.TF, self._now_ns, wheels, self._now_ns)
+        if record.batch.wheels:
+            self._sensors.wheel_transforms(self._now_ns, record.batch.wheels[-1])
 
     def _next_goal(self, estimate: Estimate, status: MissionStatus) -> None:
         index = min(status.waypoints_reached, len(self._goals_map_m) - 1)

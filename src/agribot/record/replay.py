@@ -15,8 +15,8 @@ from agribot.errors import EndOfRecording, RecordingError
 from agribot.messages import FloatArray, MappedPlant, RobotCommand, Scene, SensorBatch, TickRecord
 from agribot.record.mcap_file import read_attachment, read_messages
 from agribot.record.recorder import CONFIG_ATTACHMENT, URDF_ATTACHMENT, WEED_MAP_ATTACHMENT
-from agribot.record.rosmsg import typestore
 from agribot.record.ticks import decode_tick
+from agribot.ros.rosmsg import typestore
 
 
 def read_config(path: Path) -> RunConfig:

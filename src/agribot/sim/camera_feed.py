@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+import logging
 from collections import OrderedDict
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
-from agribot.geo import LINK_FROM_OPTICAL
+from agribot.errors import DescriptionError
+from agribot.geo import LINK_FROM_OPTICAL, transform
 from agribot.messages import ByteArray, CameraFrame, FloatArray
-from agribot.robot import CameraSpec, RobotSpec
+from agribot.robot import CameraSpec, RobotSpec, Shape
 from agribot.sim.attitude import map_from_base
+from agribot.sim.state import WHEEL_ANGLE
 from agribot.world import WorldSpec
 
 if TYPE_CHECKING:
     from agribot.sim.camera import CameraRenderer
 
 KEPT_MASKS = 20
+_LOG = logging.getLogger(__name__)
 
 
 class CameraFeed:
-    """`noise` is the stream of the per-frame noise seeds, or None for clean images."""
+    """`noise` is the stream of the per-frame noise seeds, or None for clean images.
+
+    With `has_body` the robot itself and its shadow are in the picture.
+    """
 
     def __init__(
         self,
@@ -28,11 +36,15 @@ class CameraFeed:
         camera: CameraSpec,
         world: WorldSpec,
         noise: np.random.Generator | None,
+        *,
+        has_body: bool = False,
     ) -> None:
         # Compiling the renderer takes seconds; runs without a camera must not pay for it.
         from agribot.sim.camera import CameraRenderer
 
-        self._renderer: CameraRenderer = CameraRenderer(world)
+        seen = drawable(robot) if has_body else None
+        self._renderer: CameraRenderer = CameraRenderer(world, seen)
+        self._base_from_body = transform((0.0, 0.0, -robot.base_height_m)) if has_body else None
         self._camera = camera
         self._base_from_camera = robot.base_from_link(camera.link) @ LINK_FROM_OPTICAL
         self._noise = noise
@@ -41,9 +53,15 @@ class CameraFeed:
 
     def sample(self, t_s: float, row: FloatArray) -> CameraFrame:
         """Render the view from one row of the physics history."""
-        map_from_camera = map_from_base(row) @ self._base_from_camera
+        base, body = map_from_base(row), self._base_from_body
         seed = None if self._noise is None else int(self._noise.integers(2**31))
-        picture = self._renderer.render(map_from_camera, self._camera, noise_seed=seed)
+        picture = self._renderer.render(
+            base @ self._base_from_camera,
+            self._camera,
+            noise_seed=seed,
+            map_from_body=None if body is None else base @ body,
+            wheel_angles_rad=None if body is None else row[WHEEL_ANGLE].tolist(),
+        )
         frame = CameraFrame(t_s=t_s, index=self._index, image_rgb=picture.image_rgb)
         self._masks[self._index] = picture.class_id
         if len(self._masks) > KEPT_MASKS:
@@ -54,3 +72,23 @@ class CameraFeed:
     def truth_mask(self, frame_index: int) -> ByteArray | None:
         """True class ids of a recent frame, (height, width); None when it is too old."""
         return self._masks.get(frame_index)
+
+
+def drawable(robot: RobotSpec) -> RobotSpec:
+    """The robot without the visuals whose meshes cannot be read; a warning names each."""
+    from agribot.sim.camera.stl import packaged_mesh, read_stl
+
+    def can_be_drawn(shape: Shape) -> bool:
+        try:
+            if shape.kind == "mesh":
+                read_stl(packaged_mesh(shape.mesh))
+        except DescriptionError as error:
+            _LOG.warning("left out of the camera's picture: %s", error)
+            return False
+        return True
+
+    links = tuple(
+        msgspec.structs.replace(link, visuals=tuple(filter(can_be_drawn, link.visuals)))
+        for link in robot.links
+    )
+    return msgspec.structs.replace(robot, links=links)

@@ -231,8 +231,11 @@ def record(
 ) -> None:
     """Write the state into `row`; `last` is the row of the step before."""
     qpos, qvel = views.qpos, views.qvel
-    row[0:7] = qpos[0:7]
-    row[7:13] = qvel[0:6]
+    # Element by element: assigning slices would double the time of the first compilation.
+    for i in range(7):
+        row[i] = qpos[i]
+    for i in range(6):
+        row[7 + i] = qvel[i]
     w, x, y, z = qpos[3], qpos[4], qpos[5], qpos[6]
     # Change of velocity plus what gravity hides, turned into base axes.
     d0, d1 = qvel[0] - last[7], qvel[1] - last[8]
@@ -251,12 +254,12 @@ def record(
     row[16] = last[16] + o0 * dt_s
     row[17] = last[17] + o1 * dt_s
     row[18] = last[18] + o2 * dt_s
-    row[19:23] = qpos[7:11]
-    row[23:27] = qvel[6:10]
     force = views.actuator_force
     row[27] = math.fabs(force[0]) + math.fabs(force[1]) + math.fabs(force[2]) + math.fabs(force[3])
     work = 0.0
     for k in range(4):
+        row[19 + k] = qpos[7 + k]
+        row[23 + k] = qvel[6 + k]
         row[28 + k] = force[k]
         row[32 + k] = board_state[BOARD_TARGET + k]
         row[36 + k] = 1.0 if board_state[BOARD_FAULT_TIME + k] > FAULT_AFTER_S else 0.0

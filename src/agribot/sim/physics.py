@@ -186,5 +186,5 @@ def _board(drive: DriveSpec, is_effort: bool) -> Board:
         drive.pid_p_nmspr,
         drive.pid_i_nmprad,
         drive.pid_d_nms2prad,
-        drive.torque_nm,
+        drive.wheel_torque_nm,
     )

@@ -213,5 +213,5 @@ def _camera(
             "set perception.enabled=false or add a camera to its description"
         )
     noise = stream(config.seed, "camera") if config.sim.camera_noise else None
-    feed = CameraFeed(robot, robot.camera, world, noise)
+    feed = CameraFeed(robot, robot.camera, world, noise, has_body=config.sim.camera_body)
     return feed, Channel(feed, config.perception.camera_rate_hz, physics_step_ns)

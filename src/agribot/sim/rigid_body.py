@@ -128,7 +128,7 @@ def _add_wheel(
     else:
         motor.set_to_velocity(kv=drive.servo_gain_nmspr)
     motor.forcelimited = True
-    motor.forcerange = [-drive.torque_nm, drive.torque_nm]
+    motor.forcerange = [-drive.wheel_torque_nm, drive.wheel_torque_nm]
 
 
 def _carrier(robot: RobotSpec, name: str) -> str:

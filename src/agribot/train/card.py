@@ -17,6 +17,9 @@ from agribot.train.evaluate import CLASS_NAMES, Scores
 from agribot.train.fit import TrainingPlan
 
 LICENSE = "Apache-2.0"
+SIM_LIMITS = (
+    "trained on simulated images only. How it does on photographs of a field was not measured."
+)
 
 
 class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
@@ -35,6 +38,7 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
     cpu_ms_conditions: str
     training_cpu_min: float
     test: dict[str, Scores]
+    limits: str = SIM_LIMITS
 
     def write(self, onnx_path: Path) -> None:
         """Put the card beside the weights, as JSON and as Markdown."""
@@ -64,7 +68,7 @@ labels. No test image was used for training or for choosing a setting.
 
 {tables}
 
-Limits: trained on simulated images only. How it does on photographs of a field was not measured.
+Limits: {self.limits}
 """
 
 

@@ -7,6 +7,7 @@ runs the file gets the same answer.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
@@ -14,27 +15,34 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from agribot.train.evaluate import CLASS_NAMES
-from agribot.train.network import normalised
+from agribot.train.features import centred_rgb
 
 # Of the network, not of the camera: the graph resizes whatever comes in.
 INPUT_HEIGHT_PX, INPUT_WIDTH_PX = 480, 640
 OPSET = 18
 
+Features = Callable[[Tensor], Tensor]
+
 
 class DeployedNet(nn.Module):
     """(1, H, W, 3) uint8 to class (h, w) uint8 and confidence (h, w) uint8, 255 = certain."""
 
-    def __init__(self, network: nn.Module, height_px: int, width_px: int) -> None:
+    def __init__(
+        self, network: nn.Module, height_px: int, width_px: int, features: Features = centred_rgb
+    ) -> None:
         super().__init__()
         self.network = network
+        self.features = features
         self.size_px = (height_px, width_px)
 
     def forward(self, image_rgb: Tensor) -> tuple[Tensor, Tensor]:
-        x = normalised(image_rgb.permute(0, 3, 1, 2))
+        x = image_rgb.permute(0, 3, 1, 2).to(torch.float32)
         x = functional.interpolate(x, size=self.size_px, mode="bilinear", align_corners=False)
-        logits = functional.interpolate(
-            self.network(x), scale_factor=2.0, mode="bilinear", align_corners=False
-        )
+        logits = self.network(self.features(x))
+        if logits.shape[-1] != self.size_px[1]:
+            logits = functional.interpolate(
+                logits, scale_factor=2.0, mode="bilinear", align_corners=False
+            )
         # The softmax of the winning class; the Softmax operator over channels costs 4 ms more.
         best = logits.amax(dim=1, keepdim=True)
         confidence = 255.0 / (logits - best).exp().sum(dim=1)
@@ -46,9 +54,15 @@ def export_onnx(
     path: Path,
     height_px: int = INPUT_HEIGHT_PX,
     width_px: int = INPUT_WIDTH_PX,
+    antialias: bool = False,
+    features: Features = centred_rgb,
 ) -> None:
-    """Write the deployable graph; batch norms are folded into the convolutions by the exporter."""
-    deployed = DeployedNet(network, height_px, width_px).eval()
+    """Write the deployable graph; batch norms are folded into the convolutions by the exporter.
+
+    `antialias` widens the filter of the input's resize with its reduction: for photographs that
+    are much larger than the network's input.
+    """
+    deployed = DeployedNet(network, height_px, width_px, features).eval()
     example = torch.zeros((1, 480, 640, 3), dtype=torch.uint8)
     with warnings.catch_warnings():
         warnings.simplefilter(
@@ -64,10 +78,10 @@ def export_onnx(
             dynamic_axes={"image_rgb": {1: "height_px", 2: "width_px"}},
             dynamo=False,
         )
-    _describe(path, height_px, width_px)
+    _describe(path, height_px, width_px, antialias)
 
 
-def _describe(path: Path, height_px: int, width_px: int) -> None:
+def _describe(path: Path, height_px: int, width_px: int, antialias: bool) -> None:
     """Write the output size, which the exporter leaves open, and the meaning of the classes."""
     import onnx
 
@@ -75,6 +89,9 @@ def _describe(path: Path, height_px: int, width_px: int) -> None:
     for output in model.graph.output:
         rows, columns = output.type.tensor_type.shape.dim
         rows.dim_value, columns.dim_value = height_px, width_px
+    if antialias:  # the exporter knows the operator but not this attribute of it
+        resize = next(node for node in model.graph.node if node.op_type == "Resize")
+        resize.attribute.append(onnx.helper.make_attribute("antialias", 1))
     classes = model.metadata_props.add()
     classes.key, classes.value = "classes", ",".join(CLASS_NAMES)
     onnx.checker.check_model(model)

@@ -17,8 +17,8 @@ import torch
 from torch import Tensor, nn
 
 from agribot.errors import AgribotError
-from agribot.train.losses import segmentation_loss
-from agribot.train.network import CropWeedNet, normalised
+from agribot.train.architectures import architecture
+from agribot.train.losses import CLASS_WEIGHTS, OVERLAP_LOSSES, segmentation_loss
 
 # Random batch of images (N, 3, S, S) float32 in 0..255 and labels (N, S, S) int64.
 BatchSource = Callable[[np.random.Generator], tuple[Tensor, Tensor]]
@@ -43,6 +43,9 @@ class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
     ema_decay: float = 0.995
     bf16: bool = True
     checkpoint_every: int = 100
+    model: str = "agribot-sim"
+    class_weights: tuple[float, float, float] = CLASS_WEIGHTS
+    overlap_loss: str = "dice"
 
     def rate_at(self, step: int) -> float:
         """Linear warm-up, then a cosine to 0.5 % of the top rate."""
@@ -66,14 +69,15 @@ class Trainer:
         self._rows: list[dict[str, float]] = []
         self.cpu_s = 0.0
         torch.manual_seed(plan.seed)
-        self.network = CropWeedNet()
+        self._features = architecture(plan.model).features
+        self.network = architecture(plan.model).build()
         self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.average = copy.deepcopy(self.network).eval()
         self._optimiser = torch.optim.AdamW(
             _parameter_groups(self.network, plan.weight_decay), plan.learning_rate
         )
 
-    def run(self, progress: Progress) -> CropWeedNet:
+    def run(self, progress: Progress) -> nn.Module:
         """Train up to the plan's last step; returns the averaged network."""
         self._folder.mkdir(parents=True, exist_ok=True)
         self._resume(progress)
@@ -97,11 +101,18 @@ class Trainer:
         rate = self.plan.rate_at(self.step)
         for group in self._optimiser.param_groups:
             group["lr"] = rate
+        # Whatever torch draws in a step, such as dropout, is the step's own after a restart too.
+        torch.manual_seed(self.plan.seed * 1_000_003 + self.step)
         images, labels = self._batches(np.random.default_rng([self.plan.seed, self.step]))
-        x = normalised(images).contiguous(memory_format=torch.channels_last)
+        x = self._features(images).contiguous(memory_format=torch.channels_last)
         with torch.autocast("cpu", torch.bfloat16, enabled=self.plan.bf16):
             logits = self.network(x)
-        loss = segmentation_loss(logits.float(), labels)
+        loss = segmentation_loss(
+            logits.float(),
+            labels,
+            self.plan.class_weights,
+            OVERLAP_LOSSES[self.plan.overlap_loss],
+        )
         self._optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_LIMIT)

@@ -1,31 +1,40 @@
-"""`agribot train`: draw images, train, judge on unseen scenes, export with a model card."""
+"""`agribot train`: get images, train, judge on images never trained on, export with a card."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from agribot.errors import ConfigError
-from agribot.messages import ByteArray
+
+DATA_CHOICES = ("sim", "cwfid", "bonn", "phenobench", "folder")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--data", choices=["sim"], default="sim", help="where images come from")
-    parser.add_argument("--images", type=int, default=1500, help="training images to draw")
-    parser.add_argument("--test-images", type=int, default=120, help="held-out images per test set")
+    parser.add_argument(
+        "--data",
+        choices=DATA_CHOICES,
+        default="sim",
+        help="where images come from: drawn by the simulator, or the layout of --data-dir",
+    )
+    parser.add_argument("--data-dir", type=Path, help="folder of photographs and masks")
+    parser.add_argument("--model", help="network (default: agribot-sim for sim, else agribot-s)")
+    parser.add_argument("--folds", type=int, default=5, help="parts for cross-validation")
+    parser.add_argument("--fold", type=int, help="part to hold out and judge on (default: none)")
+    parser.add_argument("--size", default="512x384", help="input of the exported network, WxH px")
+    parser.add_argument("--images", type=int, default=1500, help="sim: training images to draw")
+    parser.add_argument("--test-images", type=int, default=120, help="sim: images per test set")
     budget = parser.add_mutually_exclusive_group()
     budget.add_argument("--minutes", type=float, default=20.0, help="CPU time of the training")
     budget.add_argument("--steps", type=int, help="optimiser steps, for an exact repetition")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1, help="CPU threads; part of the result")
-    parser.add_argument("--name", default="agribot-sim", help="name of the network")
-    parser.add_argument("--cache", type=Path, help="folder of drawn images (default: OUT/images)")
+    parser.add_argument("--name", help="name of the weights (default: that of the network)")
+    parser.add_argument("--cache", type=Path, help="sim: folder of drawn images (OUT/images)")
     parser.add_argument(
         "--out", type=Path, required=True, help="folder for checkpoint, log, weights and card"
     )
@@ -39,21 +48,22 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
     import torch
 
+    from agribot.train.architectures import architecture
     from agribot.train.export import export_onnx
     from agribot.train.fit import Trainer
 
     torch.set_num_threads(args.threads)
-    train_set, test_sets = _draw(args)
-    images, labels = _in_memory(train_set.read(args.images))
-    batches = _batch_source(images, labels)
-    trainer = Trainer(_plan(args, batches), batches, args.out)
+    source = _source(args)
+    trainer = Trainer(_plan(args, source), source.batches, args.out)
     network = trainer.run(_progress)
     onnx_path = args.out / f"{args.name}.onnx"
-    export_onnx(network, onnx_path)
-    card = _judge(args, trainer, onnx_path, test_sets)
+    height_px, width_px = source.input_size_px
+    features = architecture(args.model).features
+    export_onnx(network, onnx_path, height_px, width_px, source.antialias, features)
+    card = _judge(args, trainer, onnx_path, source)
     card.write(onnx_path)
     _progress(card.markdown())
-    return 0
+    return 1 if source.problems else 0
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -65,6 +75,17 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigError(f"--steps is {args.steps}; it must be at least 1")
     if args.minutes <= 0.0:
         raise ConfigError(f"--minutes is {args.minutes}; it must be more than 0")
+    if (args.data == "sim") != (args.data_dir is None):
+        raise ConfigError(
+            f"--data {args.data} "
+            + (
+                "draws its own images; leave --data-dir out"
+                if args.data_dir
+                else "needs --data-dir"
+            )
+        )
+    args.model = args.model or ("agribot-sim" if args.data == "sim" else "agribot-s")
+    args.name = args.name or args.model
 
 
 def _progress(text: str) -> None:
@@ -72,74 +93,36 @@ def _progress(text: str) -> None:
     sys.stderr.flush()
 
 
-def _draw(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
-    """The training set and the held-out sets, drawn as far as they were missing."""
-    from agribot.train.data import DataSet
-    from agribot.train.farm import draw_farm
-    from agribot.train.simulated import VIEWS_PER_SCENE, draw_random_field
+def _source(args: argparse.Namespace) -> Any:
+    if args.data == "sim":
+        from agribot.train.sources import simulated_source
 
-    folder = args.cache or args.out / "images"
-    wanted = (
-        ("train", 0, draw_random_field, args.images),
-        ("random-fields", 101, draw_random_field, args.test_images),
-        ("farm", 102, draw_farm, args.test_images),
-    )
-    sets = {}
-    for name, stream, drawer, count in wanted:
-        sets[name] = DataSet(
-            folder=folder,
-            name=name,
-            stream=stream,
-            seed=args.seed,
-            views_per_scene=VIEWS_PER_SCENE,
-        )
-        sets[name].draw(count, drawer, _progress)
-    return sets.pop("train"), sets
+        return simulated_source(args, _progress)
+    from agribot.train.sources import photo_source
+
+    return photo_source(args, _progress)
 
 
-def _in_memory(pairs: Any) -> tuple[list[ByteArray], list[ByteArray]]:
-    images, labels = [], []
-    for image_rgb, label in pairs:
-        images.append(image_rgb)
-        labels.append(label)
-    return images, labels
-
-
-def _batch_source(images: list[ByteArray], labels: list[ByteArray]) -> Callable[..., Any]:
-    from agribot.train.augment import augmented_batch
-    from agribot.train.fit import TrainingPlan
-
-    defaults = TrainingPlan(steps=1)
-
-    def batch(rng: np.random.Generator) -> Any:
-        chosen = rng.integers(len(images), size=defaults.batch_size)
-        return augmented_batch(
-            [images[i] for i in chosen], [labels[i] for i in chosen], defaults.crop_px, rng
-        )
-
-    return batch
-
-
-def _plan(args: argparse.Namespace, batches: Callable[..., Any]) -> Any:
+def _plan(args: argparse.Namespace, source: Any) -> Any:
     """The plan of a training under way in the folder, else a new one."""
     from agribot.train.fit import TrainingPlan, load_checkpoint, steps_within
 
     state = load_checkpoint(args.out)
     if state is not None and args.steps is None:
         plan = msgspec.convert(state["plan"], TrainingPlan)
-        return msgspec.structs.replace(plan, seed=args.seed)
-    plan = TrainingPlan(steps=args.steps or 1, seed=args.seed)
+        return msgspec.structs.replace(plan, seed=args.seed, model=args.model)
+    plan = msgspec.structs.replace(
+        source.recipe, steps=args.steps or 1000, seed=args.seed, model=args.model
+    )
     if args.steps is None:
-        plan = msgspec.structs.replace(plan, steps=1000)
-        steps = steps_within(args.minutes, batches, plan, args.out)
+        steps = steps_within(args.minutes, source.batches, plan, args.out)
         plan = msgspec.structs.replace(plan, steps=steps)
     return plan
 
 
-def _judge(
-    args: argparse.Namespace, trainer: Any, onnx_path: Path, test_sets: dict[str, Any]
-) -> Any:
+def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any) -> Any:
     """Scores of the exported file itself, run as the robot runs it."""
+    from agribot.perceive.pictures import classify
     from agribot.perceive.segmenter import Segmenter
     from agribot.train import card
     from agribot.train.evaluate import evaluate
@@ -147,23 +130,18 @@ def _judge(
 
     segmenter = Segmenter(onnx_path)
     tests = {
-        name: evaluate(
-            lambda image_rgb: segmenter.segment(image_rgb).class_id,
-            test_set.read(args.test_images),
-        )
-        for name, test_set in test_sets.items()
+        name: evaluate(lambda image_rgb: classify(segmenter, image_rgb).class_id, pairs())
+        for name, pairs in source.tests.items()
     }
     return card.ModelCard(
         name=args.name,
-        license=card.LICENSE,
-        data=DATA_TEXT,
-        command=(
-            f"agribot train --data {args.data} --images {args.images} "
-            f"--test-images {args.test_images} --steps {trainer.plan.steps} --seed {args.seed} "
-            f"--threads {args.threads} --name {args.name} --out OUT"
-        ),
+        license=source.license,
+        data=source.about,
+        limits=source.limits,
+        command=f"{source.command} --steps {trainer.plan.steps} --seed {args.seed} "
+        f"--threads {args.threads} --name {args.name} --out OUT",
         plan=trainer.plan,
-        train_images=args.images,
+        train_images=source.train_images,
         parameters=parameter_count(trainer.network),
         input_height_px=segmenter.map_shape[0],
         input_width_px=segmenter.map_shape[1],
@@ -174,9 +152,3 @@ def _judge(
         training_cpu_min=round(trainer.cpu_s / 60.0, 1),
         test=tests,
     )
-
-
-DATA_TEXT = (
-    "images of AGRIBOT's own simulator: procedural crop fields with weeds in random soil, light, "
-    "growth stage, density and camera pose, labelled by the renderer; no photograph was used"
-)

@@ -7,7 +7,6 @@ them. Source: He et al. 2016 (residual blocks), Ronneberger et al. 2015 (U-Net).
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -104,8 +103,3 @@ class CropWeedNet(nn.Module):
 
 def parameter_count(network: nn.Module) -> int:
     return sum(parameter.numel() for parameter in network.parameters())
-
-
-def normalised(image_rgb: Tensor) -> Tensor:
-    """(N, 3, H, W) uint8 or float in 0..255 to [-1, 1]."""
-    return image_rgb.to(torch.float32) * (2.0 / 255.0) - 1.0

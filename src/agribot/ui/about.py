@@ -57,6 +57,8 @@ def about_run(
         current=run_dir.resolve().name,
         home_dir=str(address.home),
         page_dir=str(PAGE_DIR),
+        config=config,
+        robot_spec=robot,
         recording=recording,
         lan_url=address.lan_url(port),
     )

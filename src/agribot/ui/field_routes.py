@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from email import message_from_bytes
+from typing import Any
 
+import anyio
+import anyio.to_process
 import anyio.to_thread
+import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -21,12 +26,10 @@ from agribot.ui.answers import (
 from agribot.ui.field_check import check_field, datum_of
 from agribot.ui.field_files import read_field_file
 from agribot.ui.hub import Hub
+from agribot.ui.planning import Wanted, make_plan
 from agribot.ui.store import Store
 
-NO_PLANNER = (
-    "this version plans the rows of its profile only; give a plan made elsewhere to "
-    "'agribot run --waypoints FILE'"
-)
+PLAN_TIMEOUT_S = 60.0
 
 
 def _fields(hub: Hub) -> Store:
@@ -90,13 +93,46 @@ def _first_file(content_type: str, data: bytes) -> tuple[str, bytes]:
 
 
 async def check_plan(request: Request) -> Response:
+    """Plan and certificate to look at; nothing moves."""
     need_operator(request)
-    return refused(501, NO_PLANNER)
+    answer, _ = await _plan(request)
+    return json_answer(answer)
 
 
 async def apply_plan(request: Request) -> Response:
+    """Keeps a good plan as a file; a mission that runs is never exchanged under way."""
     need_seat(request)
-    return refused(501, NO_PLANNER)
+    hub: Hub = request.app.state.hub
+    answer, text = await _plan(request)
+    if not answer["ok"]:
+        first = answer["reasons"][0]["text"]
+        return json_answer({"error": f"the plan is not used: {first}", **answer}, 422)
+    path = hub.home / "plans" / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}.geojson"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    hub.note(name_of(request), f"keeps a plan as {path}")
+    return refused(
+        501,
+        f"a running mission cannot take a new plan; this one is kept as {path}: start it with "
+        f"'agribot run {hub.about.profile} --ui --set plan={path}'",
+    )
+
+
+async def _plan(request: Request) -> tuple[dict[str, Any], str]:
+    hub: Hub = request.app.state.hub
+    try:
+        wanted = msgspec.convert(await json_body(request), Wanted)
+    except msgspec.ValidationError as error:
+        raise Unusable(422, f"the request for a plan is not usable: {error}") from error
+    config, robot = hub.about.config, hub.about.robot_spec
+    try:
+        with anyio.fail_after(PLAN_TIMEOUT_S):
+            return await anyio.to_process.run_sync(
+                make_plan, wanted, config, robot, cancellable=True
+            )
+    except TimeoutError as error:
+        limit_s = PLAN_TIMEOUT_S
+        raise Unusable(504, f"no plan within {limit_s:g} s; give a simpler field") from error
 
 
 async def list_views(request: Request) -> Response:

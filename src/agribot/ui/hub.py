@@ -11,6 +11,8 @@ from typing import Any
 
 import msgspec
 
+from agribot.config import RunConfig
+from agribot.robot import RobotSpec
 from agribot.ui.access import Access
 from agribot.ui.channel import Channel, signal_table
 from agribot.ui.replay import Replay
@@ -41,6 +43,8 @@ class About(msgspec.Struct, kw_only=True):
     current: str
     home_dir: str
     page_dir: str
+    config: RunConfig
+    robot_spec: RobotSpec
     recording: str = ""
     lan_url: str = ""
 

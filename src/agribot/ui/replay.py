@@ -15,8 +15,8 @@ from agribot.messages import MappedPlant
 from agribot.record.events import Event, read_events
 from agribot.record.mcap_file import read_messages
 from agribot.record.replay import read_config, read_ticks, read_weed_map
-from agribot.record.rosmsg import typestore
 from agribot.record.weeds import position_std_m
+from agribot.ros.rosmsg import typestore
 from agribot.ui.channel import Channel, signal_table
 from agribot.ui.feed import event_message
 from agribot.ui.view import RunView

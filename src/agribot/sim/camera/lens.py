@@ -1,7 +1,4 @@
-"""The view of a camera, and lens distortion as a look-up in a wider pinhole picture.
-
-Source of the model: Brown 1966, with OpenCV's order of the coefficients k1, k2, p1, p2.
-"""
+"""The view of a camera, and lens distortion as a look-up in a wider pinhole picture."""
 
 from __future__ import annotations
 
@@ -13,12 +10,12 @@ import numpy as np
 
 from agribot.errors import DescriptionError
 from agribot.geo import inverse
+from agribot.lens import distorted, undistorted
 from agribot.messages import FloatArray
 from agribot.robot import CameraSpec
 from agribot.sim.camera.arrays import Singles, Targets, View
 from agribot.sim.camera.jit import compiled
 
-ITERATIONS = 60
 TOLERANCE_PX = 0.01
 MAX_WIDENING = 3.0  # of the pinhole picture against the distorted one
 
@@ -63,7 +60,7 @@ def lens_of(camera: CameraSpec, fine: int) -> Lens | None:
     )
     row, column = np.mgrid[0:height, 0:width]
     seen = np.stack([column - (width - 1) / 2.0, row - (height - 1) / 2.0], axis=-1) / focal_px
-    ideal = _undistorted(seen, camera.distortion)
+    ideal = undistorted(seen, camera.distortion)
     error_px = np.abs(distorted(ideal, camera.distortion) - seen).max() * camera.focal_px
     reach = np.abs(ideal).reshape(-1, 2).max(axis=0) * focal_px
     widening = float((reach / (np.array([width, height]) / 2.0)).max())
@@ -77,30 +74,6 @@ def lens_of(camera: CameraSpec, fine: int) -> Lens | None:
             for r, size in zip(reach.tolist(), (width, height), strict=True)]  # fmt: skip
     middle = np.array([(width - 1) / 2.0 + pads[0], (height - 1) / 2.0 + pads[1]])
     return Lens((ideal * focal_px + middle).astype(np.float32), *pads)
-
-
-def distorted(ideal: FloatArray, coefficients: tuple[float, float, float, float]) -> FloatArray:
-    """Where a lens puts image points (..., 2) in units of the focal length."""
-    k1, k2, p1, p2 = coefficients
-    x, y = ideal[..., 0], ideal[..., 1]
-    r2 = x * x + y * y
-    radial = 1.0 + k1 * r2 + k2 * r2 * r2
-    seen: FloatArray = np.stack(
-        [
-            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-        ],
-        axis=-1,
-    )
-    return seen
-
-
-def _undistorted(seen: FloatArray, coefficients: tuple[float, float, float, float]) -> FloatArray:
-    """The inverse of `distorted`, by damped fixed-point steps; the caller checks the rest."""
-    ideal = seen.copy()
-    for _ in range(ITERATIONS):
-        ideal = np.clip(ideal + 0.7 * (seen - distorted(ideal, coefficients)), -10.0, 10.0)
-    return ideal
 
 
 @compiled

@@ -173,6 +173,8 @@ class CameraRenderer:
                 "a pose of the robot was given, but the renderer knows no robot; "
                 "pass robot= to CameraRenderer"
             )
+        if self._first_part == len(self._things.form):  # a robot without visuals
+            return no_robot_shade()
         place(self._things, self._first_part, self._rover.poses(map_from_body, wheel_angles_rad))
         slope = shadow_slope(self._lamp.to_sun)
         level_m = float(map_from_body[2, 3])

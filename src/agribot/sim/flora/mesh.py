@@ -101,6 +101,17 @@ def _edges(leaves: Leaves, stations: npt.NDArray[np.int64]) -> _Edges:
     return _Edges(*placed)
 
 
+def on_midrib(leaves: Leaves, along: float) -> tuple[FloatArray, FloatArray]:
+    """Where a share of the length of each leaf lies, (n, 3), and its angle there, (n,)."""
+    at = np.linspace(0.0, along, FINE_POINTS)
+    angle = leaves.pitch_rad[:, None] - leaves.curl_rad[:, None] * at**1.3
+    step = along * leaves.length[:, None] / (FINE_POINTS - 1)
+    between = 0.5 * (angle[:, 1:] + angle[:, :-1])
+    out = np.sum(np.cos(between) * step, axis=1)
+    points = [out, np.zeros_like(out), np.sum(np.sin(between) * step, axis=1)]
+    return _placed(leaves, np.stack(points, axis=-1)[:, None, :])[:, 0], angle[:, -1]
+
+
 def _placed(leaves: Leaves, points: FloatArray) -> FloatArray:
     """Points turned by each leaf's yaw and moved to its base."""
     cos, sin = np.cos(leaves.yaw_rad)[:, None], np.sin(leaves.yaw_rad)[:, None]

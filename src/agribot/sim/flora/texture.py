@@ -9,7 +9,8 @@ import numpy.typing as npt
 from scipy import fft
 
 from agribot.messages import FloatArray
-from agribot.sim.flora.species import SPECIES, Species
+from agribot.sim.flora.habit import Species
+from agribot.sim.flora.species import SPECIES
 
 CELL_WIDTH = 64
 CELL_HEIGHT = 128

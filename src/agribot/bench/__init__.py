@@ -1,0 +1,1 @@
+"""Benchmarks: what the parts of the robot can do, measured by one command each."""

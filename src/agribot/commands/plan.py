@@ -1,0 +1,165 @@
+"""`agribot plan`: a field and a robot in, a certified way to work all of it out."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+
+import msgspec
+
+from agribot.commands.writing import write_file
+from agribot.description.loader import load_robot
+from agribot.errors import MissionError
+from agribot.geo import MapFrame
+from agribot.gis.field_file import read_field
+from agribot.gis.plan_file import SavedPlan, plan_text, read_plan
+from agribot.plan.coverage.area import FieldArea, PlanRequest, Point, footprint
+from agribot.plan.coverage.planner import plan_field
+from agribot.plan.plan_certificate import Certificate, certify_plan
+from agribot.record.drawing import png
+from agribot.record.plan_figure import plan_figure
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("action", nargs="?", choices=("verify",), help="check a plan that exists")
+    parser.add_argument("plan", nargs="?", metavar="PLAN", help="the plan to verify (GeoJSON)")
+    parser.add_argument("--field", metavar="FILE", help="boundary, obstacles, rows (GeoJSON)")
+    parser.add_argument("--implement-width", type=float, metavar="M", help="width worked in a pass")
+    parser.add_argument("--overlap", type=float, default=0.05, metavar="M", help="default: 0.05")
+    parser.add_argument("--headland-passes", type=int, metavar="N", help="default: 1; 0 with rows")
+    parser.add_argument("--swath-angle", default="auto", metavar="DEG|auto",
+                        help="compass direction of the swaths (default: auto)")  # fmt: skip
+    parser.add_argument("--ab-line", metavar="LON,LAT,LON,LAT", help="swaths run along A to B")
+    parser.add_argument("--start", metavar="LON,LAT", help="where the robot stands")
+    parser.add_argument("--turns", choices=("auto", "pivot"), default="auto",
+                        help="arcs where they fit (auto), or always in place")  # fmt: skip
+    parser.add_argument("--margin", type=float, default=0.05, metavar="M",
+                        help="from the footprint to every edge (default: 0.05)")  # fmt: skip
+    parser.add_argument("--min-coverage", type=float, default=0.99, metavar="RATIO",
+                        help="of the reachable ground (default: 0.99)")  # fmt: skip
+    parser.add_argument("--robot", default="agribot", metavar="NAME|FILE")
+    parser.add_argument("--out", metavar="FILE", help="write the plan (GeoJSON)")
+    parser.add_argument("--png", metavar="FILE", help="draw the plan")
+    parser.add_argument("--json", action="store_true", help="print the certificate")
+
+
+def run(options: argparse.Namespace) -> int:
+    if options.action == "verify":
+        saved, certificate = _verified(options)
+    else:
+        saved, certificate = _planned(options)
+    if options.png:
+        figure = plan_figure(saved.plan, saved.area, saved.request, certificate)
+        write_file(Path(options.png), png(figure))
+    for warning in saved.plan.warnings:
+        sys.stderr.write(f"warning: {warning}\n")
+    sys.stderr.write(_summary(certificate, MapFrame(saved.datum)))
+    if options.out and options.action is None:
+        if certificate.ok:
+            write_file(Path(options.out), plan_text(saved, certificate).encode())
+        else:
+            sys.stderr.write(f"{options.out} is not written: the plan was refused\n")
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(certificate).decode() + "\n")
+    return 0 if certificate.ok else 1
+
+
+def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
+    if options.field is None or options.implement_width is None:
+        raise MissionError(
+            "give --field FILE and --implement-width M, or 'verify PLAN'; see agribot plan --help"
+        )
+    area, datum = read_field(Path(options.field))
+    frame = MapFrame(datum)
+    if options.ab_line:
+        a_lon, a_lat, b_lon, b_lat = _numbers("--ab-line", options.ab_line, 4)
+        points = (_place(a_lon, a_lat, frame), _place(b_lon, b_lat, frame))
+        area = msgspec.structs.replace(area, ab_line=points)
+    request = _request(options, area, frame)
+    robot = load_robot(options.robot)
+    shape = footprint(robot, request.implement_width_m)
+    plan = plan_field(area, shape, request)
+    return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)
+
+
+def _verified(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
+    if options.plan is None:
+        raise MissionError("give the plan to verify: agribot plan verify plan.geojson")
+    saved = read_plan(Path(options.plan))
+    shape = footprint(load_robot(options.robot), saved.request.implement_width_m)
+    return saved, certify_plan(saved.plan, saved.area, shape, saved.request)
+
+
+def _request(options: argparse.Namespace, area: FieldArea, frame: MapFrame) -> PlanRequest:
+    usual_passes = 0 if area.rows else 1
+    passes = usual_passes if options.headland_passes is None else options.headland_passes
+    for name, value, low, high in (
+        ("--implement-width", options.implement_width, 0.05, 50.0),
+        ("--overlap", options.overlap, 0.0, 50.0),
+        ("--margin", options.margin, 0.0, 10.0),
+        ("--headland-passes", passes, 0, 0 if area.rows else 50),
+        ("--min-coverage", options.min_coverage, 0.0, 1.0),
+    ):
+        if not low <= value <= high:
+            raise MissionError(f"{name} {value:g}: must be from {low:g} to {high:g}")
+    start: Point | None = None
+    if options.start:
+        lon_deg, lat_deg = _numbers("--start", options.start, 2)
+        start = _place(lon_deg, lat_deg, frame)
+    return PlanRequest(
+        implement_width_m=options.implement_width,
+        overlap_m=options.overlap,
+        margin_m=options.margin,
+        headland_passes=passes,
+        swath_yaw_rad=_swath_yaw_rad(options.swath_angle),
+        start_map_m=start,
+        turns=options.turns,
+        min_coverage_ratio=options.min_coverage,
+    )
+
+
+def _swath_yaw_rad(text: str) -> float | None:
+    if text == "auto":
+        return None
+    return math.radians(90.0 - _numbers("--swath-angle", text, 1)[0])
+
+
+def _numbers(name: str, text: str, count: int) -> list[float]:
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(math.isfinite(value) for value in values):
+        raise MissionError(f"{name} {text}: expected {count} number{'s' * (count > 1)}"
+                           f"{', separated by commas' * (count > 1)}")  # fmt: skip
+    return values
+
+
+def _place(lon_deg: float, lat_deg: float, frame: MapFrame) -> Point:
+    if abs(lat_deg) > 90.0:
+        raise MissionError(f"latitude {lat_deg} is outside -90 to 90 degrees; give lon,lat")
+    east_m, north_m, _ = frame.map_from_geodetic(lat_deg, lon_deg, frame.datum.alt_m)
+    return east_m, north_m
+
+
+def _summary(certificate: Certificate, frame: MapFrame) -> str:
+    c = certificate
+    lines = [
+        f"{'CERTIFIED' if c.ok else 'REFUSED'}: {c.field_area_m2 / 1e4:.3f} ha, "
+        f"{100 * c.coverage_ratio:.2f} % of the reachable ground worked, "
+        f"overlap {100 * c.overlap_ratio:.1f} %",
+        f"{c.length_m:.0f} m of way, {c.working_length_m:.0f} m with the tool on, "
+        f"{c.working_legs} working legs, {c.pivots} turns in place",
+        f"footprint at least {c.clearance_m:.3f} m from every edge",
+    ]
+    if c.wheel_row_clearance_m is not None:
+        lines.append(f"wheels at least {c.wheel_row_clearance_m:.3f} m from every crop row")
+    for problem in c.problems:
+        lat_deg, lon_deg, _ = frame.geodetic_from_map(problem.east_m, problem.north_m)
+        where = (
+            f" (latitude {lat_deg:.7f}, longitude {lon_deg:.7f})" if math.isfinite(lat_deg) else ""
+        )
+        lines.append(f"{problem.rule}: {problem.message}{where}")
+    return "\n  ".join(lines) + "\n"

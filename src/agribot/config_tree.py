@@ -1,0 +1,86 @@
+"""Settings as the plain tree that TOML gives: assign, check and clean it before it gets types."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+
+from agribot.errors import ConfigError
+
+
+def assign(tree: dict[str, Any], setting: str) -> None:
+    key, separator, text = setting.partition("=")
+    if not separator or not key:
+        raise ConfigError(f"--set {setting}: write it as key.subkey=value")
+    *parents, leaf = key.strip().split(".")
+    node = tree
+    for name in parents:
+        child = node.setdefault(name, {})
+        if not isinstance(child, dict):
+            raise ConfigError(f"--set {setting}: '{name}' is a value, not a group of settings")
+        node = child
+    node[leaf] = _value(text.strip())
+
+
+def _value(text: str) -> object:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def with_value(message: str, tree: dict[str, Any]) -> str:
+    """The library's message with the offending setting and its value in front."""
+    found = re.search(r"^(.*) - at `\$\.([\w.]+)(.*)`$", message)
+    if found is None:
+        return message
+    expected, key, rest = found.groups()
+    value: Any = tree
+    for name in key.split("."):
+        value = value[name]
+    return f"{key} = {value!r}: {expected[0].lower()}{expected[1:]}" + (rest and f" at {rest}")
+
+
+def check_finite(value: object, source: str, at: str) -> None:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            check_finite(inner, source, f"{at}.{key}" if at else key)
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            check_finite(inner, source, f"{at}[{index}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"{source}: {at} = {value}: write a finite number")
+
+
+def check_keys(tree: Mapping[str, Any], struct: type[msgspec.Struct], source: str, at: str) -> None:
+    known = {field.name: field.type for field in msgspec.structs.fields(struct)}
+    for key, value in tree.items():
+        where = f"{at}.{key}" if at else key
+        if key not in known:
+            raise ConfigError(
+                f"{source}: unknown setting '{where}'{did_you_mean(key, list(known))}; "
+                f"known here: {', '.join(known)}"
+            )
+        kind = known[key]
+        if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+            check_keys(value, kind, source, where)
+
+
+def did_you_mean(word: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    return f"; did you mean '{close[0]}'?" if close else ""
+
+
+def without_none(tree: dict[str, Any]) -> dict[str, Any]:
+    """TOML has no null: an absent key says the same."""
+    return {
+        key: without_none(value) if isinstance(value, dict) else value
+        for key, value in tree.items()
+        if value is not None
+    }

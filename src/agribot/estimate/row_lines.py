@@ -1,0 +1,160 @@
+"""The line of the crop row under the robot as a correction of offset, heading and place along it.
+
+A sensor of the line cannot tell which row it sees: the pose tells, so lines are only used while
+it can, and after a run of lines that do not fit the filter opens up for them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+from agribot.arithmetic import FLOATS
+from agribot.config import FieldConfig
+from agribot.devices import RowLine
+from agribot.estimate import row_model as model
+from agribot.estimate.ekf import ROW_BIAS, YAW, Ekf, Row, X, Y
+from agribot.estimate.field_rows import FieldRows
+from agribot.estimate.gate import Gate
+from agribot.estimate.history import Motion, MotionHistory
+from agribot.geo import wrap_rad
+
+
+class RowLines:
+    """Corrects the filter by row lines; `rejected` counts what could not serve."""
+
+    def __init__(
+        self, ekf: Ekf, history: MotionHistory, field: FieldConfig, rejected: Counter[str]
+    ) -> None:
+        self._ekf = ekf
+        self._history = history
+        self._field = FieldRows(field)
+        self._rejected = rejected
+        self._offset_gate = Gate(model.GATE_SIGMA, model.RECOVER_AFTER)
+        self._heading_gate = Gate(model.GATE_SIGMA, model.RECOVER_AFTER)
+        self._range_gate = Gate(model.RANGE_GATE_SIGMA, model.RANGE_RECOVER_AFTER)
+        self._last_t_s = self._last_line_s = -math.inf
+        self._bias_std_m: float | None = None
+
+    def see(self, line: RowLine) -> None:
+        now, then = self._history.newest, self._history.at(line.t_s)
+        if not _is_usable(line):
+            self._rejected["row line not usable"] += 1
+        elif line.t_s <= self._last_t_s:
+            self._rejected["row line out of order"] += 1
+        elif now is None or then is None:
+            self._rejected["row line without odometry"] += 1
+        else:
+            sign = self._facing(now, then)
+            self._line(line, sign, now, then)
+            self._last_t_s = line.t_s
+            length_m = self._field.length_m
+            first_m, last_m = (0.0, length_m) if sign > 0.0 else (length_m, 0.0)
+            for ahead_m, at_m in ((line.start_ahead_m, first_m), (line.end_ahead_m, last_m)):
+                if ahead_m is not None:
+                    self._range(at_m - sign * ahead_m, line.range_std_m, now, then)
+
+    def ageing(self, dt_s: float) -> list[tuple[int, float, float]]:
+        """How the lasting error ages, as Ekf.relax takes it."""
+        if self._bias_std_m is None:
+            return []
+        factor = math.exp(-dt_s / model.LASTING_MEMORY_S)
+        return [(ROW_BIAS, factor, self._bias_std_m**2 * (1.0 - factor * factor))]
+
+    def _line(self, line: RowLine, sign: float, now: Motion, then: Motion) -> None:
+        if line.offset_m is None or line.heading_rad is None:
+            return
+        since_last_s = min(line.t_s - self._last_line_s, model.LASTING_MEMORY_S)
+        self._last_line_s = line.t_s
+        self._begin(line)
+        if self._offset(line.offset_m, line.offset_std_m, sign, now, then):
+            variance = model.heading_variance(FLOATS, line.heading_std_rad, since_last_s)
+            self._heading(line.heading_rad, variance, sign, now, then)
+
+    def _begin(self, line: RowLine) -> None:
+        if self._bias_std_m is None:
+            self._bias_std_m = model.LASTING_RATIO * line.offset_std_m
+            self._ekf.reset(ROW_BIAS, 0.0, self._bias_std_m**2)
+
+    def _facing(self, now: Motion, then: Motion) -> float:
+        yaw_rad = self._ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
+        return 1.0 if math.cos(yaw_rad - self._ekf.row_yaw_rad) >= 0.0 else -1.0
+
+    def _place(self, now: Motion, then: Motion) -> tuple[float, float]:
+        """Where the robot was along and right of the rows."""
+        x = self._ekf.x
+        return self._field.along_right_m(x[X] - (now.x_m - then.x_m), x[Y] - (now.y_m - then.y_m))
+
+    def _offset(
+        self, offset_m: float, std_m: float, sign: float, now: Motion, then: Motion
+    ) -> bool:
+        """False where the pose cannot tell which row this is."""
+        ekf, field = self._ekf, self._field
+        _, right_m = self._place(now, then)
+        row: Row = (*moved_row(field.right, now, then), (ROW_BIAS, -sign))
+        across_m2 = ekf.project(row[:3])[1]
+        if across_m2 > (model.TELLS_APART_RATIO * field.pitch_m) ** 2:
+            self._rejected["row line ambiguous"] += 1
+            return False
+        _, row_right_m = field.row_at(right_m + sign * offset_m)
+        residual_m = row_right_m - sign * offset_m - right_m + sign * ekf.x[ROW_BIAS]
+        variance = model.offset_variance(std_m)
+        distance2 = residual_m**2 / (ekf.project(row)[1] + variance)
+        verdict = self._offset_gate.judge(distance2)
+        if verdict == "reject":
+            self._rejected["row line off its row"] += 1
+            return False
+        if verdict == "recover":
+            self._rejected["row found again"] += 1
+            for state, part in ((X, field.right[0]), (Y, field.right[1])):
+                ekf.inflate(state, (part * model.RECOVERY_OFFSET_M) ** 2)
+            ekf.inflate(YAW, model.RECOVERY_YAW_RAD**2)
+            return False
+        ekf.update(row, residual_m, variance * model.tail_factor(FLOATS, distance2))
+        return True
+
+    def _heading(
+        self, heading_rad: float, variance: float, sign: float, now: Motion, then: Motion
+    ) -> None:
+        ekf = self._ekf
+        row_yaw_rad = ekf.row_yaw_rad + (0.0 if sign > 0.0 else math.pi)
+        yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
+        residual_rad = wrap_rad(heading_rad + row_yaw_rad - yaw_rad)
+        distance2 = residual_rad**2 / (float(ekf.cov[YAW, YAW]) + variance)
+        verdict = self._heading_gate.judge(distance2)
+        if verdict == "reject":
+            self._rejected["row line turned off"] += 1
+            return
+        if verdict == "recover":
+            ekf.inflate(YAW, model.RECOVERY_YAW_RAD**2)
+        ekf.update(((YAW, 1.0),), residual_rad, variance * model.tail_factor(FLOATS, distance2))
+
+    def _range(self, along_then_m: float, std_m: float, now: Motion, then: Motion) -> None:
+        """Place along the row, from its first or last plant."""
+        ekf, field = self._ekf, self._field
+        along_m, _ = self._place(now, then)
+        row = moved_row(field.forward, now, then)
+        residual_m = along_then_m - along_m
+        gate = self._range_gate
+        variance = (model.RANGE_FACTOR * std_m) ** 2
+        verdict = gate.judge(ekf.update(row, residual_m, variance, gate.limit))
+        if verdict == "reject":
+            self._rejected["row end elsewhere"] += 1
+        elif verdict == "recover":
+            for state, part in ((X, field.forward[0]), (Y, field.forward[1])):
+                ekf.inflate(state, (part * model.RECOVERY_RANGE_M) ** 2)
+            ekf.update(row, residual_m, variance)
+
+
+def moved_row(direction: tuple[float, float], now: Motion, then: Motion) -> Row:
+    """How the place of a moment ago, in a direction of the map, follows from the pose now."""
+    dx, dy = direction
+    moved_x, moved_y = now.x_m - then.x_m, now.y_m - then.y_m
+    return ((X, dx), (Y, dy), (YAW, dx * moved_y - dy * moved_x))
+
+
+def _is_usable(line: RowLine) -> bool:
+    values = (line.offset_m, line.heading_rad, line.start_ahead_m, line.end_ahead_m)
+    sigmas = (line.offset_std_m, line.heading_std_rad, line.range_std_m)
+    told = (value for value in (line.t_s, *values, *sigmas) if value is not None)
+    return all(map(math.isfinite, told)) and min(sigmas) > 0.0

@@ -1,0 +1,1 @@
+"""Geographic files: fields and plans as other programs read and write them."""

@@ -1,0 +1,202 @@
+"""A field in GeoJSON: boundary, obstacles, crop rows, AB line and waypoints, made sure of."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from agribot.errors import MissionError
+from agribot.geo import Datum, MapFrame
+from agribot.gis.geojson import Feature, LonLat, features, read_json
+from agribot.plan.coverage.area import FieldArea, Line, Point
+
+if TYPE_CHECKING:
+    import shapely
+    from shapely.geometry.base import BaseGeometry
+
+KINDS = ("boundary", "obstacle", "row", "ab_line", "waypoint")
+MAX_EXTENT_M = 20_000.0
+MAX_OFFSET_M = 20_000.0  # a local map is flat only near its origin
+MIN_LINE_M = 0.1
+
+
+def read_field(path: Path, datum: Datum | None = None) -> tuple[FieldArea, Datum]:
+    """The field in the map of `datum`; without one, its first corner becomes the origin.
+
+    Polygons without `kind` are the boundary (the first) and obstacles, lines are rows.
+    Raises: MissionError: what is wrong with the field, and where.
+    """
+    return field_from(features(read_json(path), path.name), path.name, datum)
+
+
+def field_from(
+    found: Sequence[Feature], source_name: str, datum: Datum | None = None
+) -> tuple[FieldArea, Datum]:
+    kinds = _sorted_by_kind(found, source_name)
+    outline = kinds["boundary"][0].parts
+    if datum is None:
+        lon_deg, lat_deg = outline[0][0]
+        datum = Datum(lat_deg=lat_deg, lon_deg=lon_deg)
+    frame = MapFrame(datum)
+    _check_place(outline[0], datum, source_name)
+    rings = [*outline[1:], *(ring for f in kinds["obstacle"] for ring in f.parts[:1])]
+    area = FieldArea(
+        boundary=_ring(outline[0], frame),
+        holes=tuple(_ring(ring, frame) for ring in rings),
+        rows=tuple(_line(f.parts[0], frame) for f in kinds["row"]),
+        ab_line=_line(kinds["ab_line"][0].parts[0], frame) if kinds["ab_line"] else (),
+        waypoints=tuple(_map(f.parts[0][0], frame) for f in kinds["waypoint"]),
+    )
+    return checked(area, frame, source_name), datum
+
+
+def _sorted_by_kind(found: Sequence[Feature], source_name: str) -> dict[str, list[Feature]]:
+    kinds: dict[str, list[Feature]] = {kind: [] for kind in KINDS}
+    for feature in found:
+        kind = feature.kind or _usual_kind(feature, has_boundary=bool(kinds["boundary"]))
+        if kind not in kinds:
+            raise MissionError(f"{feature.where}: kind {kind!r} is not one of {', '.join(KINDS)}")
+        wanted = {"boundary": "Polygon", "obstacle": "Polygon", "waypoint": "Point"}
+        if feature.geometry != wanted.get(kind, "LineString"):
+            raise MissionError(
+                f"{feature.where}: a {kind} must be a {wanted.get(kind, 'LineString')}, "
+                f"not a {feature.geometry}"
+            )
+        kinds[kind].append(feature)
+    if len(kinds["boundary"]) != 1:
+        raise MissionError(
+            f"{source_name} has {len(kinds['boundary'])} polygons of kind 'boundary'; a field "
+            "needs exactly one, others may be of kind 'obstacle'"
+        )
+    if len(kinds["ab_line"]) > 1 or any(len(f.parts[0]) != 2 for f in kinds["ab_line"]):
+        raise MissionError(f"{source_name}: give one ab_line of two points, A and B")
+    return kinds
+
+
+def _usual_kind(feature: Feature, has_boundary: bool) -> str:
+    if feature.geometry == "Polygon":
+        return "obstacle" if has_boundary else "boundary"
+    return {"LineString": "row", "Point": "waypoint"}.get(feature.geometry, "")
+
+
+def _check_place(ring: Sequence[LonLat], datum: Datum, source_name: str) -> None:
+    """Near the origin of the map, and not as large as a country."""
+    frame = MapFrame(datum)
+    away_m = max(math.hypot(*_map(position, frame)) for position in ring)
+    if away_m <= MAX_OFFSET_M:
+        return
+    lon_deg, lat_deg = ring[0]
+    hint = "check its coordinates"
+    if abs(lon_deg) <= 90.0:
+        swapped_m = math.hypot(*_map((lat_deg, lon_deg), frame))
+        if swapped_m < MAX_OFFSET_M < math.hypot(*_map(ring[0], frame)):
+            hint = (
+                "it seems that latitude and longitude are swapped: GeoJSON has longitude first, "
+                f"[{lat_deg}, {lon_deg}]"
+            )
+    raise MissionError(
+        f"{source_name}: the field reaches {away_m / 1000:.0f} km from its origin at latitude "
+        f"{datum.lat_deg:.6f}, longitude {datum.lon_deg:.6f}, more than "
+        f"{MAX_OFFSET_M / 1000:.0f} km; {hint}"
+    )
+
+
+def _map(position: LonLat, frame: MapFrame) -> Point:
+    east_m, north_m, _ = frame.map_from_geodetic(position[1], position[0], frame.datum.alt_m)
+    return east_m, north_m
+
+
+def _ring(ring: Sequence[LonLat], frame: MapFrame) -> Line:
+    points = ring[:-1] if len(ring) > 1 and ring[0] == ring[-1] else ring
+    return tuple(_map(position, frame) for position in points)
+
+
+def _line(line: Sequence[LonLat], frame: MapFrame) -> Line:
+    return tuple(_map(position, frame) for position in line)
+
+
+def checked(area: FieldArea, frame: MapFrame, source_name: str) -> FieldArea:
+    """The field with overlapping obstacles joined, if all its parts fit each other."""
+    import shapely
+
+    outer = _polygon(area.boundary, f"{source_name}: the boundary", frame)
+    _check_lines(area, source_name, frame)
+    holes = []
+    for number, ring in enumerate(area.holes, 1):
+        name = f"{source_name}: obstacle {number}"
+        hole = _polygon(ring, name, frame)
+        if not outer.contains_properly(hole):
+            place = (
+                hole.difference(outer).representative_point()
+                if hole.difference(outer).area
+                else hole.exterior
+            )
+            raise MissionError(
+                f"{name} lies outside the boundary or crosses it at "
+                f"{_place(shapely.get_coordinates(place)[0], frame)}; draw the boundary around it, "
+                "or remove it"
+            )
+        holes.append(hole)
+    joined = [h for h in shapely.get_parts(shapely.union_all(holes)) if h.area > 0] if holes else []
+    _check_rows(area.rows, outer.difference(shapely.union_all(holes)), source_name, frame)
+    rings = tuple(_points(hole.exterior) for hole in joined)
+    return FieldArea(
+        boundary=area.boundary, holes=rings, rows=area.rows, ab_line=area.ab_line,
+        waypoints=area.waypoints,
+    )  # fmt: skip
+
+
+def _points(ring: shapely.LinearRing) -> Line:
+    return tuple((float(x), float(y)) for x, y in ring.coords[:-1])
+
+
+def _polygon(ring: Line, name: str, frame: MapFrame) -> shapely.Polygon:
+    import shapely
+
+    if len(ring) < 3:
+        raise MissionError(f"{name} has {len(ring)} corners; an area needs at least 3")
+    polygon = shapely.Polygon(ring)
+    if polygon.area == 0.0:
+        raise MissionError(f"{name} encloses no area")
+    if not polygon.is_valid:
+        reason = shapely.is_valid_reason(polygon)
+        spot = re.search(r"\[(\S+) (\S+)\]", reason)
+        where = f" at {_place((float(spot[1]), float(spot[2])), frame)}" if spot else ""
+        raise MissionError(f"{name} crosses or touches itself{where}; put its corners in order")
+    return polygon
+
+
+def _check_lines(area: FieldArea, source_name: str, frame: MapFrame) -> None:
+    lines = [*((f"row {n}", row) for n, row in enumerate(area.rows, 1))]
+    lines += [("the ab_line", area.ab_line)] if area.ab_line else []
+    for name, line in lines:
+        length_m = sum(math.dist(a, b) for a, b in pairwise(line))
+        if length_m < MIN_LINE_M:
+            raise MissionError(
+                f"{source_name}: {name} at {_place(line[0], frame)} is {length_m:.2f} m long, "
+                f"shorter than {MIN_LINE_M} m; give it a beginning and an end"
+            )
+
+
+def _check_rows(
+    rows: Sequence[Line], field: BaseGeometry, source_name: str, frame: MapFrame
+) -> None:
+    import shapely
+
+    for number, row in enumerate(rows, 1):
+        outside = shapely.LineString(row).difference(field)
+        if not outside.is_empty:
+            place = shapely.get_coordinates(outside)[0]
+            raise MissionError(
+                f"{source_name}: {outside.length:.1f} m of row {number} lie outside the field or "
+                f"in an obstacle, first at {_place(place, frame)}; check the rows and the boundary"
+            )
+
+
+def _place(point: Sequence[float], frame: MapFrame) -> str:
+    lat_deg, lon_deg, _ = frame.geodetic_from_map(float(point[0]), float(point[1]))
+    return f"latitude {lat_deg:.7f}, longitude {lon_deg:.7f}"

@@ -1,0 +1,117 @@
+"""GeoJSON (RFC 7946): features with checked positions."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from agribot.errors import MissionError
+
+LonLat = tuple[float, float]
+MAX_POINTS = 20_000
+
+
+class Feature(NamedTuple):
+    """`parts` are the rings of a polygon, or one list of positions."""
+
+    where: str
+    kind: str
+    geometry: str
+    parts: list[list[LonLat]]
+    properties: dict[str, Any]
+
+
+def read_json(path: Path) -> Any:
+    """Raises: MissionError: the file is missing or is not JSON."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise MissionError(f"cannot read {path}: {error}; check the path") from error
+    except (json.JSONDecodeError, RecursionError) as error:
+        place = f" line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
+        raise MissionError(f"{path.name}{place} is not valid JSON: {error}") from error
+
+
+def features(root: object, source_name: str) -> list[Feature]:
+    """Raises: MissionError: names the feature and the position that is wrong."""
+    found = list(_features(root, source_name))
+    points = sum(len(part) for feature in found for part in feature.parts)
+    if points > MAX_POINTS:
+        raise MissionError(
+            f"{source_name} has {points} points, more than the limit of {MAX_POINTS}; simplify it, "
+            "a point every decimetre is more than enough"
+        )
+    return found
+
+
+def _features(node: object, where: str) -> Iterator[Feature]:
+    if not isinstance(node, dict):
+        raise MissionError(f"{where}: expected a GeoJSON object, got {type(node).__name__}")
+    if node.get("type") == "FeatureCollection":
+        members = node.get("features")
+        if not isinstance(members, list):
+            raise MissionError(f"{where}: a FeatureCollection needs a list 'features'")
+        for number, member in enumerate(members):
+            yield from _features(member, f"{where} feature {number}")
+        return
+    properties: dict[str, Any] = {}
+    if node.get("type") == "Feature":
+        properties = node.get("properties") or {}
+        node = node.get("geometry")
+    if not isinstance(node, dict) or not isinstance(properties, dict):
+        raise MissionError(f"{where}: the feature has no geometry")
+    kind = str(properties.get("kind", ""))
+    yield Feature(where, kind, str(node.get("type")), _parts(node, where), properties)
+
+
+def _parts(geometry: dict[str, Any], where: str) -> list[list[LonLat]]:
+    name, coordinates = geometry.get("type"), geometry.get("coordinates")
+    if name == "MultiPolygon" and isinstance(coordinates, list) and len(coordinates) == 1:
+        name, coordinates = "Polygon", coordinates[0]
+        geometry["type"] = "Polygon"
+    if name == "Point":
+        return [[_position(coordinates, where)]]
+    if name == "LineString":
+        return [_positions(coordinates, where)]
+    if name == "Polygon" and isinstance(coordinates, list) and coordinates:
+        return [
+            _positions(ring, f"{where} ring {number}") for number, ring in enumerate(coordinates)
+        ]
+    raise MissionError(
+        f"{where}: geometry {name!r} cannot be used; use Polygon, LineString or Point, one per "
+        "feature"
+    )
+
+
+def _positions(coordinates: object, where: str) -> list[LonLat]:
+    if not isinstance(coordinates, list) or not coordinates:
+        raise MissionError(f"{where}: 'coordinates' must be a list of [lon, lat]")
+    return [
+        _position(item, f"{where} position {number}") for number, item in enumerate(coordinates)
+    ]
+
+
+def _position(position: object, where: str) -> LonLat:
+    if not isinstance(position, list) or len(position) < 2:
+        raise MissionError(f"{where}: {position!r} is not [lon, lat]")
+    lon_deg, lat_deg = (_degrees(value, where) for value in position[:2])
+    if abs(lat_deg) > 90.0 >= abs(lon_deg):
+        raise MissionError(
+            f"{where}: latitude {lat_deg} is outside -90 to 90 degrees; it seems that latitude "
+            f"and longitude are swapped: GeoJSON has longitude first, [{lat_deg}, {lon_deg}]"
+        )
+    if abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0:
+        raise MissionError(
+            f"{where}: [{lon_deg}, {lat_deg}] is not a longitude and a latitude in degrees; "
+            "export the file in WGS 84 (EPSG:4326)"
+        )
+    return lon_deg, lat_deg
+
+
+def _degrees(value: object, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise MissionError(f"{where}: {value!r} is not a number of degrees")
+    return float(value)

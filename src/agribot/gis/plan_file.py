@@ -1,0 +1,124 @@
+"""A field plan as GeoJSON that any map program opens: field, legs and certificate."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from agribot.errors import MissionError
+from agribot.geo import Datum, MapFrame
+from agribot.gis.field_file import KINDS, field_from
+from agribot.gis.geojson import features, read_json
+from agribot.messages import FloatArray
+from agribot.plan.coverage.area import FieldArea, FieldPlan, Leg, LegKind, Line, PlanRequest
+from agribot.plan.plan_certificate import Certificate
+
+FORMAT = 1
+DECIMALS = 9  # a tenth of a millimetre
+
+
+class SavedPlan(NamedTuple):
+    plan: FieldPlan
+    area: FieldArea
+    request: PlanRequest
+    datum: Datum
+
+
+def plan_text(saved: SavedPlan, certificate: Certificate) -> str:
+    frame = MapFrame(saved.datum)
+    area = saved.area
+    collected = [
+        _feature(
+            "Polygon", [_ring(r, frame) for r in (area.boundary, *area.holes)], kind="boundary"
+        )
+    ]
+    collected += [_feature("LineString", _line(row, frame), kind="row") for row in area.rows]
+    if area.ab_line:
+        collected.append(_feature("LineString", _line(area.ab_line, frame), kind="ab_line"))
+    for number, leg in enumerate(saved.plan.legs):
+        collected.append(
+            _feature(
+                "LineString", _line(leg.xy_map_m, frame), kind=f"leg:{leg.kind}", leg=number,
+                tool_on=leg.tool_on, row=leg.row, length_m=round(leg.length_m, 3),
+            )
+        )  # fmt: skip
+    told = {
+        "format": FORMAT,
+        "datum": msgspec.to_builtins(saved.datum),
+        "swath_yaw_deg": math.degrees(saved.plan.swath_yaw_rad),
+        "request": msgspec.to_builtins(saved.request),
+        "warnings": list(saved.plan.warnings),
+        "certificate": msgspec.to_builtins(certificate),
+    }
+    lines = ",\n".join(json.dumps(feature) for feature in collected)
+    head = json.dumps(told)
+    return f'{{"type": "FeatureCollection", "agribot": {head}, "features": [\n{lines}\n]}}\n'
+
+
+def read_plan(path: Path, datum: Datum | None = None) -> SavedPlan:
+    """The plan in the map of `datum`; without one, in the map in which it was made.
+
+    Raises: MissionError: the file is not a plan, or a part of it is broken.
+    """
+    return plan_from(read_json(path), path.name, datum)
+
+
+def plan_from(root: Any, source_name: str, datum: Datum | None = None) -> SavedPlan:
+    told = root.get("agribot") if isinstance(root, dict) else None
+    if not isinstance(told, dict) or told.get("format") != FORMAT:
+        raise MissionError(
+            f"{source_name} is not a plan of format {FORMAT}; make one with 'agribot plan --field "
+            f"FIELD.geojson --implement-width M --out plan.geojson'"
+        )
+    try:
+        request = msgspec.convert(told["request"], PlanRequest)
+        datum = datum or msgspec.convert(told["datum"], Datum)
+        swath_yaw_rad = math.radians(float(told["swath_yaw_deg"]))
+    except (KeyError, TypeError, ValueError, msgspec.ValidationError) as error:
+        raise MissionError(f"{source_name}: 'agribot' is broken: {error}; plan it again") from error
+    found = features(root, source_name)
+    area, _ = field_from([f for f in found if f.kind in KINDS], source_name, datum)
+    frame = MapFrame(datum)
+    legs = []
+    for feature in found:
+        if feature.kind.startswith("leg:"):
+            legs.append(_leg(feature.kind.removeprefix("leg:"), feature, frame))
+    return SavedPlan(FieldPlan(legs=tuple(legs), swath_yaw_rad=swath_yaw_rad), area, request, datum)
+
+
+def _leg(kind: str, feature: Any, frame: MapFrame) -> Leg:
+    try:
+        checked_kind: LegKind = msgspec.convert(kind, LegKind)
+        row = msgspec.convert(feature.properties.get("row", -1), int)
+    except msgspec.ValidationError as error:
+        raise MissionError(f"{feature.where}: {error}; plan it again") from error
+    if feature.geometry != "LineString" or len(feature.parts[0]) < 2:
+        raise MissionError(f"{feature.where}: a leg must be a LineString of at least 2 points")
+    xy = [frame.map_from_geodetic(lat, lon, frame.datum.alt_m)[:2] for lon, lat in feature.parts[0]]
+    return Leg(kind=checked_kind, xy_map_m=np.array(xy), row=row)
+
+
+def _feature(geometry: str, coordinates: object, **properties: object) -> dict[str, Any]:
+    return {
+        "type": "Feature",
+        "properties": properties,
+        "geometry": {"type": geometry, "coordinates": coordinates},
+    }
+
+
+def _line(points: Line | FloatArray, frame: MapFrame) -> list[list[float]]:
+    found = []
+    for east_m, north_m in points:
+        lat_deg, lon_deg, _ = frame.geodetic_from_map(float(east_m), float(north_m))
+        found.append([round(lon_deg, DECIMALS), round(lat_deg, DECIMALS)])
+    return found
+
+
+def _ring(points: Line, frame: MapFrame) -> list[list[float]]:
+    line = _line(points, frame)
+    return [*line, line[0]]

@@ -1,0 +1,166 @@
+"""A field plan made ready for driving: dense points, and the stretches to be worked as rows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from agribot.errors import MissionError
+from agribot.messages import FloatArray, Path, Row
+from agribot.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, PlanRequest, Point
+from agribot.plan.coverage.free_space import FreeSpace
+from agribot.plan.coverage.ways import Ways
+from agribot.plan.curves import SPACING_M
+
+STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
+MAX_LENGTH_M = 20_000.0
+MAX_WAY_IN_M = 200.0
+
+
+class FieldWork:
+    """What a mission needs of a plan: its rows, and its path from where the robot stands."""
+
+    def __init__(
+        self, plan: FieldPlan, area: FieldArea, shape: Footprint, request: PlanRequest
+    ) -> None:
+        """Raises: MissionError: the plan is longer than a mission can hold."""
+        length_m = sum(leg.length_m for leg in plan.legs)
+        if length_m > MAX_LENGTH_M:
+            raise MissionError(
+                f"the plan is {length_m / 1000:.1f} km long, more than the {MAX_LENGTH_M / 1000:g} "
+                "km that one mission drives; split the field"
+            )
+        self.area, self.request = area, request
+        self._shape = shape
+        self._legs = plan.legs
+        self.rows, self._row_of_piece = _stretches(plan.legs)
+
+    @property
+    def has_crop(self) -> bool:
+        return bool(self.area.rows)
+
+    def path_from(self, start_pose: tuple[float, float, float]) -> Path:
+        """The way from the robot to the plan, around every obstacle, and the plan.
+
+        Raises: MissionError: the robot stands where no such way begins.
+        """
+        start, first = start_pose[:2], self._legs[0].xy_map_m[0]
+        way_in = self._way_in(start, (float(first[0]), float(first[1])))
+        return drive_path([*way_in, *self._legs], [*([None] * len(way_in)), *self._row_of_piece])
+
+    def _way_in(self, start: Point, first: Point) -> list[Leg]:
+        """Outside the field the ground is taken as free; inside, ways keep off the obstacles."""
+        import shapely
+
+        away_m = math.dist(start, first)
+        if away_m < SPACING_M:
+            return []
+        if away_m > MAX_WAY_IN_M:
+            raise MissionError(
+                f"the robot is {away_m:.0f} m from the beginning of the plan, more than "
+                f"{MAX_WAY_IN_M:.0f} m; drive it to the field first"
+            )
+        straight = shapely.LineString([start, first])
+        holes = shapely.union_all([shapely.Polygon(hole) for hole in self.area.holes])
+        radius_m = self._shape.turn_radius_m
+        if not holes.is_empty and holes.distance(straight) < radius_m:
+            space = FreeSpace(self.area, self._shape, self.request)
+            points = Ways(space.region, space.drivable).way(start, first)
+            return [Leg(kind="link", xy_map_m=np.array(points))]
+        rows = shapely.MultiLineString([list(row) for row in self.area.rows])
+        if self.area.rows and rows.distance(straight) < self._shape.wheel_turn_radius_m:
+            raise MissionError(
+                f"the straight way from East {start[0]:.2f} m, North {start[1]:.2f} m to the "
+                "beginning of the plan crosses crop rows; put the robot on the headland"
+            )
+        return [Leg(kind="link", xy_map_m=np.array([start, first]))]
+
+
+def _stretches(legs: tuple[Leg, ...]) -> tuple[tuple[Row, ...], list[list[int] | None]]:
+    """Straight rows, and per leg the row of each of its pieces; None where nothing is worked."""
+    rows: list[Row] = []
+    of_piece: list[list[int] | None] = []
+    for leg in legs:
+        if not leg.tool_on:
+            of_piece.append(None)
+            continue
+        numbers: list[int] = []
+        for first, last in _straight_parts(leg.xy_map_m):
+            (x0, y0), (x1, y1) = leg.xy_map_m[first].tolist(), leg.xy_map_m[last].tolist()
+            numbers += [len(rows)] * (last - first)
+            rows.append(Row(index=len(rows), start_map_m=(x0, y0), end_map_m=(x1, y1)))
+        of_piece.append(numbers)
+    return tuple(rows), of_piece
+
+
+def _straight_parts(xy: FloatArray) -> list[tuple[int, int]]:
+    parts, first = [], 0
+    while first < len(xy) - 1:
+        last = first + 1
+        while last + 1 < len(xy) and _bulge_m(xy[first : last + 2]) <= STRETCH_M:
+            last += 1
+        parts.append((first, last))
+        first = last
+    return parts
+
+
+def _bulge_m(xy: FloatArray) -> float:
+    """How far points lie beside the line from the first to the last."""
+    along = xy[-1] - xy[0]
+    offset = xy[1:-1] - xy[0]
+    cross = along[0] * offset[:, 1] - along[1] * offset[:, 0]
+    return float(np.max(np.abs(cross)) / max(math.hypot(*along), 1e-9))
+
+
+def drive_path(legs: list[Leg], rows: list[list[int] | None]) -> Path:
+    """Points 2 cm apart. Where the robot turns in place the same point stands twice."""
+    blocks, done_m = [], 0.0
+    for leg, numbers in zip(legs, rows, strict=True):
+        pieces = _broken(leg) if leg.kind == "link" else [leg.xy_map_m]
+        for xy in pieces:
+            block = _block(xy, done_m, numbers or [-1] * (len(xy) - 1))
+            done_m = float(block[-1, 5])
+            blocks.append(block)
+    table = np.concatenate(blocks)
+    same = (np.diff(table[:, 5]) <= 0.0) & (_turned_rad(table[:, 2]) < 1e-3)
+    table = table[np.concatenate([[True], ~same])]
+    return Path(
+        xy_map_m=np.ascontiguousarray(table[:, :2]),
+        yaw_map_rad=np.pi - np.mod(np.pi - table[:, 2], 2.0 * np.pi),
+        curvature_radpm=table[:, 3].copy(),
+        row=table[:, 4].astype(np.int64),
+        s_m=table[:, 5].copy(),
+    )
+
+
+def _broken(leg: Leg) -> list[FloatArray]:
+    return [leg.xy_map_m[k : k + 2] for k in range(len(leg.xy_map_m) - 1)]
+
+
+def _turned_rad(yaw: FloatArray) -> FloatArray:
+    return np.asarray(np.abs(np.angle(np.exp(1j * np.diff(yaw)))))
+
+
+def _block(xy: FloatArray, done_m: float, rows: list[int]) -> FloatArray:
+    """Columns x, y, yaw, curvature, row, s along a line without corners.
+
+    The course at a bend is the mean of the two pieces; along a piece it goes over from one end
+    to the other, as on the arc that the pieces are chords of.
+    """
+    step = np.diff(xy, axis=0)
+    length_m = np.hypot(*step.T)
+    course = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    at_ends = np.concatenate([course[:1], (course[:-1] + course[1:]) / 2.0, course[-1:]])
+    blocks = []
+    for k in range(len(step)):
+        count = max(1, math.ceil(length_m[k] / SPACING_M - 1e-9))
+        ratio = np.arange(count + (k == len(step) - 1)) / count
+        table = np.empty((len(ratio), 6))
+        table[:, :2] = xy[k] + ratio[:, None] * step[k]
+        table[:, 2] = at_ends[k] + ratio * (at_ends[k + 1] - at_ends[k])
+        table[:, 3] = (at_ends[k + 1] - at_ends[k]) / length_m[k]
+        table[:, 4] = rows[k]
+        table[:, 5] = done_m + float(length_m[:k].sum()) + ratio * length_m[k]
+        blocks.append(table)
+    return np.concatenate(blocks)

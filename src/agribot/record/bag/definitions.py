@@ -1,0 +1,144 @@
+"""Message types of both ROS versions, and the same message from one to the other.
+
+The maintained type libraries of rosbags hold what ROS itself ships. Here come on top the types
+of gps_umd and marti_messages that the tools of the original AGRIBOT speak, as .msg texts of our
+own in `record/msg`; their md5 sums are those of the originals.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from importlib import resources
+from typing import Any
+
+from rosbags.convert.converter import is_same_wireformat, migrate_message
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+Transcoder = Callable[[bytes], bytes]
+
+_SHIPPED = "record/msg"
+_IN_ROS2_STORES = {"tf2_msgs"}
+# The same package under its name in ROS 1 and in ROS 2.
+_ROS1_PACKAGE, _ROS2_PACKAGE = "gps_common", "gps_msgs"
+
+
+def shipped_texts() -> dict[str, str]:
+    """ROS 1 type name, such as gps_common/msg/GPSFix, to its .msg text."""
+    texts = {}
+    for package in (resources.files("agribot") / _SHIPPED).iterdir():
+        for file in package.iterdir():
+            kind = file.name.removesuffix(".msg")
+            texts[f"{package.name}/msg/{kind}"] = file.read_text(encoding="utf-8")
+    return texts
+
+
+def new_ros1_store() -> Typestore:
+    """ROS 1 Noetic and the shipped types; one's own, so that it may learn further types."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    types: dict[str, Any] = {}
+    for name, text in shipped_texts().items():
+        types.update(get_types_from_msg(text, name))
+    store.register(types)
+    return store
+
+
+def new_ros2_store() -> Typestore:
+    """ROS 2 Jazzy and the shipped types under their names in ROS 2; one's own."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types: dict[str, Any] = {}
+    for name, text in shipped_texts().items():
+        if name.partition("/")[0] not in _IN_ROS2_STORES:
+            types.update(get_types_from_msg(text, name_in_ros2(name)))
+    store.register(types)
+    return store
+
+
+@functools.cache
+def ros1_store() -> Typestore:
+    """Shared: for reading only."""
+    return new_ros1_store()
+
+
+@functools.cache
+def ros2_store() -> Typestore:
+    """Shared: for reading only."""
+    return new_ros2_store()
+
+
+def name_in_ros2(ros_type: str) -> str:
+    package, _, rest = ros_type.partition("/")
+    if ros_type == "tf/msg/tfMessage":
+        return "tf2_msgs/msg/TFMessage"
+    return f"{_ROS2_PACKAGE}/{rest}" if package == _ROS1_PACKAGE else ros_type
+
+
+def name_in_ros1(ros_type: str) -> str:
+    package, _, rest = ros_type.partition("/")
+    return f"{_ROS1_PACKAGE}/{rest}" if package == _ROS2_PACKAGE else ros_type
+
+
+def transcoder(
+    source: Typestore,
+    source_type: str,
+    from_ros2: bool,
+    target: Typestore,
+    target_type: str,
+    to_ros2: bool,
+) -> Transcoder:
+    """Bytes of `source_type` as `source` defines it to bytes of `target_type` in `target`.
+
+    Where the two definitions differ, fields go by name; one that only the target has is zero.
+    """
+    if is_same_wireformat(source, target, source_type, target_type):
+        if from_ros2 == to_ros2:
+            return bytes
+        if from_ros2:
+            return lambda data: bytes(source.cdr_to_ros1(data, source_type))
+        return lambda data: bytes(target.ros1_to_cdr(data, target_type))
+    cache: dict[str, object] = {}
+
+    def migrate(data: bytes) -> bytes:
+        message = deserialize(source, source_type, from_ros2, data)
+        moved = migrate_message(source, target, source_type, target_type, cache, message)
+        return serialize(target, target_type, to_ros2, moved)
+
+    return migrate
+
+
+def deserialize(store: Typestore, ros_type: str, is_ros2: bool, data: bytes) -> Any:
+    if is_ros2:
+        return store.deserialize_cdr(data, ros_type)
+    return store.deserialize_ros1(data, ros_type)
+
+
+def serialize(store: Typestore, ros_type: str, is_ros2: bool, message: Any) -> bytes:
+    if is_ros2:
+        return bytes(store.serialize_cdr(message, ros_type))
+    return bytes(store.serialize_ros1(message, ros_type))
+
+
+def with_parts(defined: Any, ros_type: str) -> dict[str, Any]:
+    """The definition of a type and of all types inside it."""
+    found: dict[str, Any] = {}
+    waiting = [ros_type]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found[name] = defined[name]
+            waiting += inner_types(defined, name)
+    return found
+
+
+def inner_types(defined: Any, ros_type: str) -> list[str]:
+    """Names of the message types that the fields of a type have."""
+    names = []
+    for _, description in defined[ros_type][1]:
+        kind = description
+        while kind[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            kind = kind[1][0]
+        if kind[0] == Nodetype.NAME:
+            names.append(kind[1])
+    return names

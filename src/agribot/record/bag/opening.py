@@ -1,0 +1,77 @@
+"""Find out what a recording is and open it; what it is not is refused with the reason."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from agribot.errors import RecordingError
+from agribot.record.bag.folder_bag import FolderBag
+from agribot.record.bag.mcap_bag import McapBag
+from agribot.record.bag.rosbags_bag import RosbagsBag
+from agribot.record.bag.source import Bag
+from agribot.record.bag.unindexed_bag import UnindexedBag, has_no_index
+from agribot.record.mcap_records import MAGIC
+
+_ROS1_MAGIC = b"#ROSBAG V2.0\n"
+_SQLITE_MAGIC = b"SQLite format 3\x00"
+
+
+@contextlib.contextmanager
+def open_bag(path: Path) -> Iterator[Bag]:
+    """A ROS 1 `.bag`, a ROS 2 `.db3` or rosbag2 folder, or an MCAP file.
+
+    Raises: RecordingError: no such file, empty, of another kind, or damaged beyond reading.
+    """
+    bag = _open(path)
+    try:
+        yield bag
+    finally:
+        bag.close()
+
+
+def _open(path: Path) -> Bag:
+    if path.is_dir():
+        return _open_folder(path)
+    start = _start_of(path)
+    if not start:
+        raise RecordingError(f"{path} is empty (0 bytes); there is nothing to read")
+    if start.startswith(MAGIC):
+        return McapBag(path)
+    if start.startswith(_ROS1_MAGIC):
+        return UnindexedBag(path) if has_no_index(path) else RosbagsBag(path)
+    if start.startswith(_SQLITE_MAGIC):
+        return RosbagsBag(path)
+    if start.startswith(b"#ROSBAG V"):
+        version = start.split(b"\n")[0][9:].decode("ascii", "replace")
+        raise RecordingError(f"{path} is a ROS 1 bag of version {version}; only 2.0 is read")
+    raise RecordingError(
+        f"{path} is no recording: it begins with {start[:8]!r}, not like a ROS 1 bag, a rosbag2 "
+        "database or an MCAP file"
+    )
+
+
+def _open_folder(path: Path) -> Bag:
+    if not any(path.iterdir()):
+        raise RecordingError(f"{path} is an empty folder; give a rosbag2 folder or a file")
+    if (path / "metadata.yaml").exists():
+        databases = [file for file in path.iterdir() if file.suffix == ".mcap"]
+        if not databases:
+            return RosbagsBag(path)
+    parts = sorted(file for file in path.iterdir() if file.suffix in (".mcap", ".db3"))
+    if not parts:
+        raise RecordingError(
+            f"{path} is no rosbag2 folder: it holds neither metadata.yaml nor .mcap or .db3 files"
+        )
+    return FolderBag(path, [_open(part) for part in parts])
+
+
+def _start_of(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(16)
+    except OSError as error:
+        raise RecordingError(
+            f"cannot read {path}: {error.strerror or error}; check the path"
+        ) from error

@@ -1,0 +1,229 @@
+"""Where a conversion writes: a ROS 1 bag, a rosbag2 folder or database, an MCAP file."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+from mcap.writer import CompressionType, Writer
+from rosbags import rosbag1, rosbag2
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.typesys.store import Typestore
+
+from agribot.errors import RecordingError
+from agribot.record.bag.definitions import new_ros1_store, new_ros2_store
+from agribot.record.bag.source import BagFile, BagTopic
+from agribot.record.mcap_file import LIBRARY, qos_yaml
+from agribot.topic import LATCHED, STREAM
+
+Compression = Literal["none", "lz4", "bz2"]
+Storage = Literal["sqlite3", "mcap"]
+
+_FOREVER = QosTime(9223372036, 854775807)
+_LATCHED = Qos(
+    QosHistory.KEEP_LAST,
+    1,
+    QosReliability.RELIABLE,
+    QosDurability.TRANSIENT_LOCAL,
+    _FOREVER,
+    _FOREVER,
+    QosLiveliness.AUTOMATIC,
+    _FOREVER,
+    avoid_ros_namespace_conventions=False,
+)
+
+
+class Sink(Protocol):
+    """`add` gives the number under which messages of the topic are written."""
+
+    store: Typestore  # the types it writes; it may learn further ones
+    is_ros2: bool
+    holds_anything: bool  # also what is no ROS message, and files
+
+    def add(self, topic: BagTopic) -> int: ...
+
+    def write(self, number: int, log_ns: int, publish_ns: int, data: bytes) -> None: ...
+
+    def attach(self, file: BagFile) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class Ros1Sink:
+    is_ros2 = False
+    holds_anything = False
+
+    def __init__(self, path: Path, compression: Compression) -> None:
+        self.store = new_ros1_store()
+        self._writer = rosbag1.Writer(path)
+        if compression != "none":
+            self._writer.set_compression(rosbag1.Writer.CompressionFormat[compression.upper()])
+        self._writer.open()
+        self._connections: list[Any] = []
+
+    def add(self, topic: BagTopic) -> int:
+        connection = self._writer.add_connection(
+            topic.name,
+            topic.ros_type,
+            typestore=self.store,
+            latching=1 if topic.is_latched else None,
+            callerid=f"/{LIBRARY}{len(self._connections) or ''}",
+        )
+        self._connections.append(connection)
+        return len(self._connections) - 1
+
+    def write(self, number: int, log_ns: int, publish_ns: int, data: bytes) -> None:
+        self._writer.write(self._connections[number], log_ns, data)
+
+    def attach(self, file: BagFile) -> None:
+        raise NotImplementedError
+
+    def close(self) -> None:
+        self._writer.close()
+
+
+class Rosbag2Sink:
+    is_ros2 = True
+    holds_anything = False
+
+    def __init__(self, folder: Path, storage: Storage) -> None:
+        self.store = new_ros2_store()
+        plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
+        self._writer = rosbag2.Writer(folder, version=9, storage_plugin=plugin)
+        self._writer.open()
+        self._connections: dict[tuple[str, str, bool], tuple[int, Any]] = {}
+        self._by_number: list[Any] = []
+
+    def add(self, topic: BagTopic) -> int:
+        key = (topic.name, topic.ros_type, topic.is_latched)
+        if key not in self._connections:
+            connection = self._writer.add_connection(
+                topic.name,
+                topic.ros_type,
+                typestore=self.store,
+                offered_qos_profiles=[_LATCHED] if topic.is_latched else [],
+            )
+            self._connections[key] = (len(self._by_number), connection)
+            self._by_number.append(connection)
+        return self._connections[key][0]
+
+    def write(self, number: int, log_ns: int, publish_ns: int, data: bytes) -> None:
+        self._writer.write(self._by_number[number], log_ns, data)
+
+    def attach(self, file: BagFile) -> None:
+        raise NotImplementedError
+
+    def close(self) -> None:
+        self._writer.close()
+
+
+class McapSink:
+    is_ros2 = True
+    holds_anything = True
+
+    def __init__(self, path: Path) -> None:
+        self.store = new_ros2_store()
+        self._file = path.open("xb")
+        self._writer = Writer(self._file, compression=CompressionType.LZ4)
+        self._writer.start(profile="ros2", library=LIBRARY)
+        self._schemas: dict[tuple[str, str], int] = {}
+
+    def add(self, topic: BagTopic) -> int:
+        if topic.encoding != "cdr":
+            definition = topic.definition.encode()
+            schema = self._schema(topic.schema_name, topic.schema_encoding, definition)
+            return int(self._writer.register_channel(topic.name, topic.encoding, schema))
+        text, _ = self.store.generate_msgdef(topic.ros_type, ros_version=2)
+        schema = self._schema(topic.ros_type, "ros2msg", text.encode())
+        metadata = {
+            "offered_qos_profiles": topic.qos_yaml
+            or qos_yaml(LATCHED if topic.is_latched else STREAM),
+            "topic_type_hash": self.store.hash_rihs01(topic.ros_type),
+        }
+        return int(self._writer.register_channel(topic.name, "cdr", schema, metadata))
+
+    def write(self, number: int, log_ns: int, publish_ns: int, data: bytes) -> None:
+        self._writer.add_message(number, log_ns, data, publish_ns)
+
+    def attach(self, file: BagFile) -> None:
+        self._writer.add_attachment(0, 0, file.name, file.media_type, file.data)
+
+    def close(self) -> None:
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._file.close()
+
+    def _schema(self, name: str, encoding: str, data: bytes) -> int:
+        if not name and not data:
+            return 0
+        key = (name, encoding)
+        if key not in self._schemas:
+            self._schemas[key] = self._writer.register_schema(name, encoding, data)
+        return self._schemas[key]
+
+
+@contextmanager
+def open_sink(
+    path: Path, compression: Compression = "none", storage: Storage = "sqlite3"
+) -> Iterator[Sink]:
+    """By the name of the target: .bag, .mcap, .db3, or a folder for a whole rosbag2.
+
+    It appears under its name when it is complete; an error leaves nothing behind.
+    Raises: RecordingError: it exists, or cannot be written.
+    """
+    if path.exists():
+        raise RecordingError(f"{path} exists already; remove it or choose another name")
+    if compression != "none" and path.suffix != ".bag":
+        raise RecordingError(f"compression {compression} is for a .bag, not for {path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        workshop = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    try:
+        sink = _make(workshop / path.name, compression, storage)
+        try:
+            yield sink
+        finally:
+            sink.close()
+        os.replace(_product(workshop, path), path)
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    finally:
+        shutil.rmtree(workshop, ignore_errors=True)
+
+
+def _make(path: Path, compression: Compression, storage: Storage) -> Sink:
+    if path.suffix == ".bag":
+        return Ros1Sink(path, compression)
+    if path.suffix == ".mcap":
+        return McapSink(path)
+    if path.suffix == ".db3":
+        return Rosbag2Sink(path.with_suffix(""), "sqlite3")
+    return Rosbag2Sink(path, storage)
+
+
+def _product(workshop: Path, path: Path) -> Path:
+    """A single database comes out of its folder; it brings its own description along."""
+    if path.suffix == ".db3":
+        return workshop / path.stem / path.name
+    return workshop / path.name
+
+
+def _unwritable(path: Path, error: OSError) -> RecordingError:
+    return RecordingError(
+        f"cannot write {path}: {error.strerror or error}; "
+        "check that the folder is writable and the disk has room"
+    )

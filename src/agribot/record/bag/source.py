@@ -1,0 +1,157 @@
+"""Any recording as one thing: topics, messages, files inside and honest notes."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg
+from rosbags.typesys import get_typestore as rosbags_store
+from rosbags.typesys.store import Typestore
+
+from agribot.errors import RecordingError
+from agribot.record.bag.definitions import deserialize, inner_types, ros1_store, ros2_store
+
+_IDL_RULE = "=" * 80 + "\n"
+
+
+class BagTopic(msgspec.Struct, frozen=True, kw_only=True):
+    """A topic of a recording.
+
+    `encoding` is cdr (ROS 2), ros1, or what another program wrote; `ros_type` the type's full
+    name in the ROS 2 manner, empty where it is no ROS message. `definition` is the text that
+    came along, in `definition_format` msg or idl.
+    """
+
+    id: int
+    name: str
+    ros_type: str
+    encoding: str
+    definition: str = ""
+    definition_format: str = ""
+    schema_name: str = ""
+    schema_encoding: str = ""
+    is_latched: bool = False
+    qos_yaml: str = ""
+    count: int = 0
+
+    @property
+    def is_ros(self) -> bool:
+        return self.encoding in ("cdr", "ros1")
+
+
+class BagMessage(NamedTuple):
+    topic: BagTopic
+    log_ns: int
+    publish_ns: int
+    data: bytes
+
+
+class BagFile(NamedTuple):
+    """A file inside a recording; only MCAP has a place for them."""
+
+    name: str
+    media_type: str
+    data: bytes
+
+
+class Bag:
+    """What `open_bag` gives. Subclasses fill the attributes and read `messages`.
+
+    `notes` say what is damaged or missing, in words for the user. `times_ns` are the first and
+    the last log time, None for a recording without messages.
+    """
+
+    kind = ""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.topics: tuple[BagTopic, ...] = ()
+        self.notes: list[str] = []
+        self.file_names: tuple[str, ...] = ()
+        self.times_ns: tuple[int, int] | None = None
+        self.compression = ""
+        self._store: Typestore | None = None
+
+    def messages(self, names: frozenset[str] | None = None) -> Iterator[BagMessage]:
+        """Of the topics called `names`, or of all, in the order of the recording."""
+        raise NotImplementedError
+
+    def files(self) -> Iterator[BagFile]:
+        """The files inside, in the order they were attached."""
+        yield from ()
+
+    def close(self) -> None:
+        """Safe to call twice."""
+
+    @property
+    def count(self) -> int:
+        return sum(topic.count for topic in self.topics)
+
+    def find(self, name: str) -> BagTopic:
+        """Raises: RecordingError: no such topic; the message lists those there are."""
+        for topic in self.topics:
+            if topic.name == name:
+                return topic
+        known = ", ".join(sorted(topic.name for topic in self.topics)) or "none at all"
+        raise RecordingError(f"{self.path} has no topic {name}; it has: {known}")
+
+    def store(self) -> Typestore:
+        """The types as this recording defines them, else as ROS and we do."""
+        if self._store is None:
+            self._store = self._read_definitions()
+        return self._store
+
+    def knows(self, topic: BagTopic) -> bool:
+        """Whether the messages of the topic can be understood."""
+        return topic.is_ros and is_complete(self.store(), topic.ros_type)
+
+    def value(self, message: BagMessage) -> Any:
+        """The message as an object. Raises: RecordingError: its bytes do not fit its type."""
+        topic = message.topic
+        try:
+            return deserialize(self.store(), topic.ros_type, topic.encoding == "cdr", message.data)
+        except Exception as error:  # rosbags' generated code fails in many ways on wrong bytes
+            raise RecordingError(
+                f"{self.path}: a message on {topic.name} is no {topic.ros_type} ({error}); "
+                "the recording is damaged or its message definition is wrong"
+            ) from error
+
+    def _read_definitions(self) -> Typestore:
+        types: dict[str, Any] = {}
+        for topic in self.topics:
+            if topic.is_ros and topic.definition:
+                try:
+                    is_idl = topic.definition_format == "idl"
+                    types.update(_parse(topic.ros_type, topic.definition, is_idl))
+                except (TypesysError, ValueError, AssertionError, LookupError) as error:
+                    self.notes.append(
+                        f"the definition of {topic.ros_type} inside cannot be understood ({error})"
+                    )
+        is_ros1 = any(topic.encoding == "ros1" for topic in self.topics)
+        store = rosbags_store(Stores.EMPTY)
+        defaults = (ros1_store() if is_ros1 else ros2_store()).fielddefs
+        store.register({**defaults, **types})
+        return store
+
+
+def is_complete(store: Typestore, ros_type: str) -> bool:
+    """Whether the type and all types inside it are defined."""
+    return ros_type in store.fielddefs and all(
+        is_complete(store, inner) for inner in inner_types(store.fielddefs, ros_type)
+    )
+
+
+@functools.lru_cache(maxsize=512)  # parsing takes tens of milliseconds, and all bags have the same
+def _parse(ros_type: str, definition: str, is_idl: bool) -> dict[str, Any]:
+    if not is_idl:
+        return dict(get_types_from_msg(definition, ros_type))
+    if not definition.startswith(f"{_IDL_RULE}IDL: "):
+        return dict(get_types_from_idl(definition))
+    types: dict[str, Any] = {}
+    for part in definition.split(_IDL_RULE)[1:]:
+        types.update(get_types_from_idl(part.partition("\n")[2]))
+    return types

@@ -1,0 +1,75 @@
+"""Any ROS topic as a table: one row for each message, one column for each number or text."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agribot.errors import RecordingError
+from agribot.record.bag.opening import open_bag
+
+_WIDEST = 64  # longer arrays stay in one column, as JSON
+
+
+def write_table(source: Path, topic_name: str, target: Path) -> int:
+    """Writes `target` as CSV and returns the number of rows.
+
+    The first column is the recorder's time in seconds. Arrays of a length that changes, and long
+    ones, are JSON in one column. Raises: RecordingError: no such topic, or no ROS messages.
+    """
+    with open_bag(source) as bag:
+        topic = bag.find(topic_name)
+        if not bag.knows(topic):
+            raise RecordingError(
+                f"{topic_name} holds {topic.ros_type or topic.encoding} messages, which cannot be "
+                "read here; a table needs ROS messages with a known definition"
+            )
+        rows = 0
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with target.open("w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file, lineterminator="\n")
+                for message in bag.messages(frozenset({topic_name})):
+                    cells: dict[str, Any] = {}
+                    _flatten(bag.store(), topic.ros_type, bag.value(message), "", cells)
+                    if not rows:
+                        writer.writerow(("log_time_s", *cells))
+                    seconds, nanoseconds = divmod(message.log_ns, 1_000_000_000)
+                    writer.writerow((f"{seconds}.{nanoseconds:09d}", *cells.values()))
+                    rows += 1
+        except OSError as error:
+            raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
+        return rows
+
+
+def _flatten(store: Any, ros_type: str, value: Any, prefix: str, cells: dict[str, Any]) -> None:
+    for name, description in store.fielddefs[ros_type][1]:
+        inner = getattr(value, name if hasattr(value, name) else f"{name}_")
+        label = f"{prefix}{name}"
+        kind = description[0].name
+        if kind == "NAME":
+            _flatten(store, description[1], inner, f"{label}.", cells)
+        elif kind == "ARRAY" and isinstance(inner, np.ndarray) and len(inner) <= _WIDEST:
+            cells |= {f"{label}[{i}]": item for i, item in enumerate(inner.tolist())}
+        elif kind in ("ARRAY", "SEQUENCE"):
+            cells[label] = json.dumps(_plain(inner))
+        else:
+            cells[label] = inner
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    if hasattr(value, "__dataclass_fields__"):
+        return {
+            name: _plain(getattr(value, name))
+            for name in value.__dataclass_fields__
+            if not name.startswith("__")
+        }
+    return value

@@ -1,0 +1,113 @@
+"""A recording of several files: none grows too large, and the disk does not fill up.
+
+The first part is `run.mcap`, the next ones `run-0001.mcap` and so on. Each begins with the files
+and the latched topics, so that it can be read alone.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from agribot.config import RecordConfig
+from agribot.record.mcap_file import McapFile
+from agribot.record.mcap_records import part_path, parts_of
+from agribot.topic import Topic
+
+_MB = 1_000_000
+
+
+class RecordingParts:
+    """Writes like one McapFile. Limits are looked after at each `flush`, every second.
+
+    Over `max_total_mb`, or with less than `min_free_mb` left on the disk, the oldest finished
+    parts go. Where none is left to go, recording ends and `ended_because` says why; the robot
+    drives on. Raises: RecordingError: a file cannot be created or written.
+    """
+
+    def __init__(self, path: Path, limits: RecordConfig) -> None:
+        self.path = path
+        self.ended_because = ""
+        self._limits = limits
+        self._number = self._oldest = 0
+        self._kept_files: list[tuple[str, str, bytes]] = []
+        self._descriptions: list[tuple[str, dict[str, str]]] = []
+        self._latched: dict[str, tuple[Topic, bytes]] = {}
+        self._has_messages = False
+        self._finished_bytes: dict[int, int] = {}
+        self._now_ns = 0
+        for stale in parts_of(path)[1:]:  # of an earlier run in the same folder
+            stale.unlink(missing_ok=True)
+        self._file = McapFile(path)
+
+    @property
+    def closed(self) -> bool:
+        return self._file.closed
+
+    def write(self, topic: Topic, log_ns: int, data: bytes, publish_ns: int) -> None:
+        if self.ended_because:
+            return
+        self._has_messages = True
+        if topic.qos.latched:
+            self._latched[topic.name] = (topic, data)
+        self._now_ns = log_ns
+        self._file.write(topic, log_ns, data, publish_ns)
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Files that come before the first message are in every part."""
+        if not self._has_messages:
+            self._kept_files.append((name, media_type, data))
+        if not self._file.closed:
+            self._file.attach(name, media_type, data)
+
+    def describe(self, name: str, values: dict[str, str]) -> None:
+        self._descriptions.append((name, values))
+        self._file.describe(name, values)
+
+    def flush(self) -> None:
+        if self.ended_because:
+            return
+        self._file.flush()
+        if 0 < self._limits.max_file_mb * _MB <= self._file.size_bytes:
+            self._next_part()
+        self._make_room()
+
+    def close(self) -> None:
+        self._file.close()
+
+    def _next_part(self) -> None:
+        self._file.close()
+        self._finished_bytes[self._number] = part_path(self.path, self._number).stat().st_size
+        self._number += 1
+        self._file = McapFile(part_path(self.path, self._number))
+        for name, values in self._descriptions:
+            self._file.describe(name, {**values, "part": str(self._number)})
+        for file in self._kept_files:
+            self._file.attach(*file)
+        for topic, data in self._latched.values():
+            self._file.write(topic, self._now_ns, data, self._now_ns)
+        self._file.flush()
+
+    def _make_room(self) -> None:
+        while why := self._too_much():
+            if not self._finished_bytes:
+                self.ended_because = why
+                self._file.close()
+                return
+            oldest = min(self._finished_bytes)
+            part_path(self.path, oldest).unlink(missing_ok=True)
+            del self._finished_bytes[oldest]
+
+    def _too_much(self) -> str:
+        """Why room is needed; empty when it is not."""
+        limits = self._limits
+        total_mb = (sum(self._finished_bytes.values()) + self._file.size_bytes) / _MB
+        if 0 < limits.max_total_mb < total_mb:
+            return f"the recording reached {total_mb:.0f} MB, more than record.max_total_mb"
+        free_mb = shutil.disk_usage(self.path.parent).free / _MB
+        if free_mb < limits.min_free_mb:
+            return (
+                f"only {free_mb:.0f} MB are left on the disk, less than record.min_free_mb "
+                f"({limits.min_free_mb:g})"
+            )
+        return ""

@@ -1,0 +1,113 @@
+"""A recording that was cut off or has no index, written again as a whole one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
+from mcap.writer import CompressionType, Writer
+
+from agribot.errors import RecordingError
+from agribot.record.mcap_records import McapRecords
+
+
+class Recovery(msgspec.Struct, frozen=True, kw_only=True):
+    """`was_whole`: the data ended as it should. `lost_bytes` follow the last sound record."""
+
+    path: str
+    messages: int
+    topics: int
+    files: int
+    duration_s: float
+    was_whole: bool
+    lost_bytes: int
+
+
+def recover(source: Path, target: Path) -> Recovery:
+    """Everything sound in `source` with an index, in `target`.
+
+    Raises: RecordingError: nothing can be read, or the target exists or cannot be written.
+    """
+    if target.exists():
+        raise RecordingError(f"{target} exists already; remove it or choose another name: -o FILE")
+    partial = target.with_name(f".{target.name}.partial")
+    records = McapRecords(source)
+    try:
+        with partial.open("wb") as file:
+            copy = _Copy(Writer(file, compression=CompressionType.LZ4))
+            for record in records:
+                copy(record)
+            copy.finish()
+        if not copy.is_started:
+            raise RecordingError(f"{source} was cut off before its first record; nothing to save")
+        partial.replace(target)
+    except OSError as error:
+        raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
+    finally:
+        partial.unlink(missing_ok=True)
+    return Recovery(
+        path=str(target),
+        messages=copy.messages,
+        topics=len(copy.channels),
+        files=copy.files,
+        duration_s=max(copy.last_ns - copy.first_ns, 0) * 1e-9,
+        was_whole=records.is_whole,
+        lost_bytes=0 if records.is_whole else source.stat().st_size - records.good_bytes,
+    )
+
+
+class _Copy:
+    """Takes the records of one file and writes them into another, with ids of its own."""
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+        self._schemas: dict[int, int] = {0: 0}
+        self.channels: dict[int, int] = {}
+        self.messages = self.files = 0
+        self.first_ns, self.last_ns = 2**64, 0
+        self.is_started = False
+
+    def __call__(self, record: Any) -> None:
+        if isinstance(record, Message):
+            self._message(record)
+        elif isinstance(record, Header):
+            self.is_started = True
+            self._writer.start(profile=record.profile, library=record.library)
+        elif isinstance(record, Schema):
+            if record.id not in self._schemas:
+                self._schemas[record.id] = self._writer.register_schema(
+                    record.name, record.encoding, record.data
+                )
+        elif isinstance(record, Channel):
+            self._channel(record)
+        elif isinstance(record, Attachment):
+            self.files += 1
+            self._writer.add_attachment(
+                record.create_time, record.log_time, record.name, record.media_type, record.data
+            )
+        elif isinstance(record, Metadata):
+            self._writer.add_metadata(record.name, record.metadata)
+
+    def finish(self) -> None:
+        if self.is_started:
+            self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def _channel(self, record: Channel) -> None:
+        if record.id not in self.channels and record.schema_id in self._schemas:
+            self.channels[record.id] = self._writer.register_channel(
+                record.topic, record.message_encoding, self._schemas[record.schema_id],
+                record.metadata,
+            )  # fmt: skip
+
+    def _message(self, record: Message) -> None:
+        channel = self.channels.get(record.channel_id)
+        if channel is None:
+            return
+        self._writer.add_message(
+            channel, record.log_time, record.data, record.publish_time, record.sequence
+        )
+        self.messages += 1
+        self.first_ns = min(self.first_ns, record.log_time)
+        self.last_ns = max(self.last_ns, record.log_time)

@@ -1,0 +1,111 @@
+"""Crops as functions of a random generator and a growth stage.
+
+Habits follow the look of the seedlings and rosettes of the real species; no scan or photograph
+is used.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agribot.messages import FloatArray
+from agribot.sim.flora.habit import leaf_count, leaves, spiral, stalk
+from agribot.sim.flora.mesh import Leaves, on_midrib
+
+
+def _beet_blade(b: FloatArray) -> FloatArray:
+    return np.sin(np.pi * np.clip(b, 0, 1) ** 0.8) ** 0.7
+
+
+def _lettuce_blade(b: FloatArray) -> FloatArray:
+    return np.clip(0.25 + 1.5 * b, 0, 1) * np.clip(6.0 * (1.02 - b), 0, 1) ** 0.5
+
+
+def _maize_blade(b: FloatArray) -> FloatArray:
+    return np.clip((1 - b) ** 0.55 * np.minimum(1, 0.55 + 3 * b), 0, 1)
+
+
+def _carrot_blade(b: FloatArray) -> FloatArray:
+    """Feathery: leaflets as teeth almost to the rib, shorter towards the tip."""
+    outline = np.minimum(b / 0.22, (1.03 - b) / 0.81)
+    return np.clip(outline * (0.62 + 0.46 * np.cos(2 * np.pi * 6.6 * b)), 0, 1.1)
+
+
+def _onion_blade(b: FloatArray) -> FloatArray:
+    """A tube that narrows to its tip."""
+    return np.clip(0.8 + 0.5 * b, 0, 1) * np.clip(2.2 * (1.02 - b), 0, 1) ** 0.8
+
+
+def sugar_beet(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    count = leaf_count(rng, stage, 4, 11)
+    age = np.arange(count) / count  # 0 the outer and oldest leaf
+    length = (0.62 + 0.38 * stage) * (1 - 0.42 * age)
+    return [
+        leaves(rng, spiral(rng, count), length=length, width=0.4 * length,
+                pitch_deg=32 + 44 * age, curl=(0.5, 1.1), profile=_beet_blade, petiole=0.32,
+                fold=0.3, wave=0.32, tone=0.9 + 0.2 * age),
+    ]  # fmt: skip
+
+
+def lettuce(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    count = leaf_count(rng, stage, 5, 16)
+    age = np.arange(count) / count
+    length = 1 - 0.5 * age
+    return [
+        leaves(rng, spiral(rng, count), length=length, width=0.72 * length,
+                pitch_deg=24 + 56 * age, curl=(0.2, 0.6), profile=_lettuce_blade, fold=0.35,
+                wave=0.35, tone=0.88 + 0.3 * age),
+    ]  # fmt: skip
+
+
+def maize(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    count = leaf_count(rng, stage, 3, 8)
+    place = np.arange(count) / count
+    stem = 0.2 + 0.5 * stage
+    yaw_rad = rng.uniform(0, np.pi) + np.arange(count) % 2 * np.pi + rng.normal(0, 0.25, count)
+    length = 1.1 * (1 - 0.5 * np.abs(place - 0.45))
+    blades = leaves(
+        rng, yaw_rad, length=length, width=0.12 * length, pitch_deg=58 + 22 * place,
+        curl=(1.2, 2.0), profile=_maize_blade, fold=0.5, twist=0.2, wave=0.15,
+        base_z=stem * place * 0.9,
+    )  # fmt: skip
+    return [blades, stalk(rng, stem, 0.05)]
+
+
+def carrot(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    """Fronds with side fronds in pairs."""
+    count = leaf_count(rng, stage, 3, 9)
+    age = np.arange(count) / count
+    length = (0.7 + 0.3 * stage) * (1 - 0.35 * age)
+    fronds = leaves(
+        rng, spiral(rng, count), length=length, width=0.27 * length, pitch_deg=48 + 32 * age,
+        curl=(0.3, 1.0), profile=_carrot_blade, petiole=0.38, fold=0.35, wave=0.25, twist=0.15,
+        tone=0.9 + 0.2 * age,
+    )  # fmt: skip
+    return [fronds, *(_side_fronds(rng, fronds, along) for along in (0.40, 0.54, 0.68, 0.82))]
+
+
+def _side_fronds(rng: np.random.Generator, fronds: Leaves, along: float) -> Leaves:
+    """A pair on each frond, at a share of its length."""
+    base, rise_rad = on_midrib(fronds, along)
+    sides = [fronds.yaw_rad + turn * rng.uniform(0.8, 1.1, len(base)) for turn in (-1, 1)]
+    length = np.tile((0.46 - 0.36 * along) * fronds.length, 2)
+    pair = leaves(
+        rng, np.concatenate(sides), length=length, width=0.4 * length,
+        pitch_deg=np.tile(np.degrees(0.75 * rise_rad), 2), curl=(0.2, 0.8),
+        profile=_carrot_blade, fold=0.3, tone=np.tile(fronds.tone, 2),
+    )  # fmt: skip
+    return pair._replace(base=np.tile(base, (2, 1)))
+
+
+def onion(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    count = leaf_count(rng, stage, 2, 6)
+    age = np.arange(count) / count
+    # Two ranks, as the leaves of onion and leek stand; the youngest upright in the middle.
+    ranks = rng.uniform(0, np.pi) + np.arange(count) % 2 * np.pi + rng.normal(0, 0.3, count)
+    length = 1.0 - 0.3 * np.abs(age - 0.35)
+    return [
+        leaves(rng, ranks, length=length, width=np.full(count, 0.075 - 0.02 * stage),
+               pitch_deg=66 + 20 * age, curl=(0.0, 0.45), profile=_onion_blade, fold=0.9,
+               base_z=0.06 * age, tone=0.92 + 0.16 * age),
+    ]  # fmt: skip

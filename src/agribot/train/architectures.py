@@ -1,0 +1,65 @@
+"""The networks that can be trained, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+from torch import Tensor, nn
+
+from agribot.errors import ConfigError
+from agribot.train.features import centred_rgb, ten_channels, unit_rgb
+from agribot.train.network import CropWeedNet
+from agribot.train.originals import OriginalBonnet, OriginalUNet
+
+
+class Architecture(NamedTuple):
+    """`features` turns an image (N, 3, H, W) in 0..255 into the input of what `build` builds."""
+
+    build: Callable[[], nn.Module]
+    features: Callable[[Tensor], Tensor]
+    about: str
+
+
+ARCHITECTURES = {
+    "agribot-s": Architecture(
+        partial(CropWeedNet, widths=(16, 32, 64, 96, 128)),
+        centred_rgb,
+        "residual U-Net for the robot",
+    ),
+    "agribot-m": Architecture(
+        partial(
+            CropWeedNet,
+            widths=(24, 48, 96, 160, 192),
+            blocks=(1, 2, 3, 3),
+            decoder=(24, 32, 48, 96),
+        ),
+        centred_rgb,
+        "residual U-Net, wider and deeper, for accuracy",
+    ),
+    "agribot-sim": Architecture(
+        CropWeedNet, centred_rgb, "residual U-Net of the default weights, the smallest"
+    ),
+    "original-unet": Architecture(OriginalUNet, unit_rgb, "U-Net of the original robot"),
+    "original-bonnet": Architecture(
+        partial(OriginalBonnet, relu_logits=True), ten_channels, "Bonnet of the original robot"
+    ),
+    "bonnet": Architecture(
+        partial(OriginalBonnet, relu_logits=False),
+        ten_channels,
+        "the same with a corrected, linear head",
+    ),
+    "unet-relu": Architecture(
+        partial(OriginalUNet, relu_logits=True),
+        unit_rgb,
+        "the original's U-Net with the faulty head of its Bonnet",
+    ),
+}
+
+
+def architecture(name: str) -> Architecture:
+    """Raises: ConfigError: no network has this name."""
+    if name not in ARCHITECTURES:
+        raise ConfigError(f"no network is called {name}; known: {', '.join(ARCHITECTURES)}")
+    return ARCHITECTURES[name]

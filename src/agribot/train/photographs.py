@@ -1,0 +1,175 @@
+"""Folders of photographs and masks as training and test data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from agribot.dataset.check import UNKNOWN, classes_of
+from agribot.dataset.layouts import Item, find_layout
+from agribot.dataset.pictures import DEEP_MODES, PictureError, open_mask, read_picture
+from agribot.errors import ConfigError
+from agribot.messages import ByteArray, PlantClass
+
+NON_COMMERCIAL = "non-commercial research use only"
+
+
+class DataKind(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a known data set keeps its files, what its mask values mean and its conditions.
+
+    `ids` maps stored values to classes; empty: ids as in `PlantClass`, or red, green, black.
+    """
+
+    about: str
+    images: str | None = None
+    masks: str | None = None
+    ids: dict[int, int] = {}
+    license: str = "that of your images"
+
+
+KINDS = {
+    "cwfid": DataKind(
+        about="Crop/Weed Field Image Dataset (Haug and Ostermann, ECCV 2014 Workshops)",
+        images="images",
+        masks="annotations",
+        license=NON_COMMERCIAL,
+    ),
+    "bonn": DataKind(
+        about="Sugar Beets 2016, University of Bonn (Chebrolu et al., IJRR 2017)",
+        images="images/rgb",
+        masks="annotations/dlp/colorCleaned",
+        license=NON_COMMERCIAL,
+    ),
+    "phenobench": DataKind(
+        about="PhenoBench (Weyler et al., TPAMI 2024)",
+        images="images",
+        masks="semantics",
+        # Parts of plants that the image edge cuts (3, 4) are plants all the same.
+        ids={
+            0: PlantClass.SOIL,
+            1: PlantClass.CROP,
+            2: PlantClass.WEED,
+            3: PlantClass.CROP,
+            4: PlantClass.WEED,
+        },
+        license="CC BY-SA 4.0 with the conditions of PhenoBench",
+    ),
+    "folder": DataKind(about="a folder of images and masks"),
+}
+
+
+class Pair(msgspec.Struct, frozen=True, kw_only=True):
+    """An image, its mask and the field or day (empty: unknown) that it belongs to."""
+
+    image: Path
+    mask: Path
+    group: str
+
+
+def find_pairs(
+    folder: Path, kind: str, images: str | None = None, masks: str | None = None
+) -> tuple[list[Pair], list[str]]:
+    """All complete pairs, sorted by name, and what is wrong with the rest.
+
+    Raises: ConfigError: no pair at all.
+    """
+    known = KINDS[kind]
+    layout = find_layout(folder, images or known.images, masks or known.masks)
+    pairs, problems = (
+        [],
+        [f"{folder / name}: another file has this name" for name in layout.doubles],
+    )
+    for item in layout.items:
+        pair = _pair(folder, item)
+        if isinstance(pair, Pair):
+            pairs.append(pair)
+        else:
+            problems.append(pair)
+    if not pairs:
+        raise ConfigError(
+            f"{folder} has no image with a mask; the first problem: {problems[0]}; see "
+            "agribot dataset check"
+        )
+    return pairs, problems
+
+
+def _pair(folder: Path, item: Item) -> Pair | str:
+    if item.image is None:
+        return f"{folder / (item.mask or '')}: mask without an image"
+    if item.mask is None:
+        return f"{folder / item.image}: image without a mask"
+    return Pair(image=folder / item.image, mask=folder / item.mask, group=item.group)
+
+
+def read_pairs(
+    pairs: Sequence[Pair], kind: str, problem: Callable[[str], None]
+) -> Iterator[tuple[ByteArray, ByteArray]]:
+    """(image_rgb, label) of each pair that is whole; `problem` is told of every other one."""
+    for pair in pairs:
+        try:
+            yield read_pair(pair, kind)
+        except PictureError as error:
+            problem(str(error))
+
+
+def read_pair(pair: Pair, kind: str) -> tuple[ByteArray, ByteArray]:
+    """Raises: PictureError: a file cannot be read, or the mask does not fit the image."""
+    image_rgb = read_picture(pair.image)
+    label = read_label(pair.mask, KINDS[kind].ids)
+    if label.shape != image_rgb.shape[:2]:
+        raise PictureError(
+            f"{pair.mask}: is {label.shape[1]} x {label.shape[0]} pixels, its image "
+            f"{image_rgb.shape[1]} x {image_rgb.shape[0]}; export the mask at the image's size"
+        )
+    return image_rgb, label
+
+
+def read_label(path: Path, ids: dict[int, int]) -> ByteArray:
+    """Class of every pixel, 255 where it does not count.
+
+    Raises: PictureError: unreadable, or values that are no class.
+    """
+    mask = open_mask(path)
+    if ids and mask.mode in {"L", "P", *DEEP_MODES}:
+        table = np.full(256, UNKNOWN, np.uint8)
+        for value, kind in ids.items():
+            table[value] = kind
+        label: ByteArray = table[np.asarray(mask).astype(np.int64).clip(0, 255)]
+    else:
+        found = classes_of(mask)
+        if found is None:
+            raise PictureError(
+                f"{path}: a mask of mode {mask.mode} holds no classes; save class ids 0, 1, 2 as "
+                "8-bit grey, or red, green and black as RGB"
+            )
+        label = found
+    unknown = int((label == UNKNOWN).sum())
+    if unknown:
+        raise PictureError(
+            f"{path}: {unknown} pixels have a value or colour that is no class; allowed: weed 0 or "
+            "red, crop 1 or green, soil 2, black or blue, unlabelled 255"
+        )
+    return label
+
+
+def fold_of(pairs: Sequence[Pair], folds: int, fold: int) -> tuple[list[Pair], list[Pair]]:
+    """Training and held-out pairs of one fold; groups stay whole where there are enough of them.
+
+    Raises: ConfigError: fewer pairs than folds, or no such fold.
+    """
+    if not 2 <= folds <= len(pairs) or not 0 <= fold < folds:
+        raise ConfigError(
+            f"--fold {fold} of --folds {folds} with {len(pairs)} images: folds must be from 2 to "
+            "the number of images, the fold from 0 to one less"
+        )
+    groups = sorted({pair.group for pair in pairs})
+    if len(groups) >= folds:
+        held = set(groups[fold::folds])
+        test = [pair for pair in pairs if pair.group in held]
+    else:
+        test = list(pairs[fold::folds])
+    names = {pair.image for pair in test}
+    return [pair for pair in pairs if pair.image not in names], test

@@ -1,0 +1,185 @@
+"""The page's side of the wire contract, answered by a fake robot. Run it to look at the page:
+
+python -m tests.ui.page.fake_server 8900
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+import agribot
+from tests.ui.page import fake_answers
+from tests.ui.page.fake_robot import FakeRobot, camera_packets, field
+
+SOURCE = Path(agribot.__file__).parent
+PAGE = SOURCE / "ui" / "page"
+STATE_HZ = 30
+
+
+class FakeServer:
+    """One robot, any number of pages; `seat` is the socket that holds it."""
+
+    def __init__(self, weeds: int = 400) -> None:
+        self.robot = FakeRobot(weeds)
+        self.clients: set[WebSocket] = set()
+        self.seat: str | None = None
+        self.silent = False
+        self.written: dict[str, Any] = {}
+        self.requests: list[str] = []
+
+    def app(self) -> Starlette:
+        return Starlette(routes=self._routes(), lifespan=self._lifespan)
+
+    def _routes(self) -> list[BaseRoute]:
+        answers = [Route(f"/api/v1/{name}", self._fixed(name)) for name in fake_answers.FIXED]
+        return [
+            *answers,
+            Route(
+                "/api/v1/{path:path}",
+                self._write,
+                methods=["GET", "PUT", "POST", "PATCH", "DELETE"],
+            ),
+            WebSocketRoute("/ws/v1", self._state_socket),
+            WebSocketRoute("/ws/cam/main", self._camera_socket),
+            Route("/robot/robot.urdf", self._urdf),
+            Mount("/robot/meshes", StaticFiles(directory=SOURCE / "description" / "meshes")),
+            Mount("/", StaticFiles(directory=PAGE, html=True)),
+        ]
+
+    @contextlib.asynccontextmanager
+    async def _lifespan(self, _: Starlette) -> Any:
+        ticking = asyncio.create_task(self._tick())
+        yield
+        ticking.cancel()
+
+    async def _tick(self) -> None:
+        while True:
+            added = self.robot.step(1 / STATE_HZ)
+            if not self.silent:
+                first = len(self.robot.trajectory) - len(added)
+                messages = [{"k": "traj", "first": first, "xy": added}] if added else []
+                await self._broadcast([*messages, self.robot.state(time.time() * 1000)])
+            await asyncio.sleep(1 / STATE_HZ)
+
+    async def _broadcast(self, messages: list[dict[str, Any]]) -> None:
+        for client in list(self.clients):
+            with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+                for message in messages:
+                    await client.send_text(json.dumps(message))
+
+    async def _state_socket(self, socket: WebSocket) -> None:
+        await socket.accept()
+        who = socket.cookies.get("who", "page")
+        self.clients.add(socket)
+        hello = {"k": "hello", "session": who, "source": "sim"}
+        await socket.send_text(json.dumps({**hello, **self._seat(who)}))
+        await socket.send_text(json.dumps(self.robot.snapshot()))
+        try:
+            while True:
+                await self._receive(socket, who, json.loads(await socket.receive_text()))
+        except WebSocketDisconnect:
+            self.clients.discard(socket)
+
+    def _seat(self, who: str) -> dict[str, Any]:
+        seat = "free" if self.seat is None else "you" if self.seat == who else "other"
+        return {"seat": seat, "holder": self.seat or "", "clients": max(1, len(self.clients))}
+
+    async def _receive(self, socket: WebSocket, who: str, message: dict[str, Any]) -> None:
+        kind = message["k"]
+        if kind == "ping":
+            await socket.send_text(json.dumps({"k": "pong", "c": message["c"]}))
+            return
+        if kind in {"take", "release"}:
+            self.seat = who if kind == "take" else None
+            for client in list(self.clients):
+                whose = client.cookies.get("who", "page")
+                await client.send_text(json.dumps({"k": "seat", **self._seat(whose)}))
+            return
+        answer = self.robot.obey(message)
+        if answer:
+            await socket.send_text(json.dumps(answer))
+
+    async def _camera_socket(self, socket: WebSocket) -> None:
+        await socket.accept()
+        frame = 0
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+            while True:
+                frame += 1
+                image, mask = camera_packets(frame, time.time() * 1000)
+                await socket.send_bytes(image)
+                if socket.query_params.get("mask") == "1":
+                    await socket.send_bytes(mask)
+                await socket.receive_text()
+                await asyncio.sleep(1 / 15)
+
+    def _fixed(self, name: str) -> Any:
+        async def answer(request: Request) -> Response:
+            if request.method == "PATCH":
+                return await self._write(request)
+            return JSONResponse(field() if name == "field" else fake_answers.FIXED[name])
+
+        return answer
+
+    async def _write(self, request: Request) -> Response:
+        path = request.path_params.get("path") or request.url.path.removeprefix("/api/v1/")
+        self.requests.append(f"{request.method} {path}")
+        if request.method == "GET":
+            if path in self.written:
+                return JSONResponse(self.written[path])
+            return JSONResponse({"error": f"There is no {path}."}, 404)
+        body = await request.body()
+        data = json.loads(body) if body else None
+        self.written[path] = data
+        if path == "plan":
+            return JSONResponse(fake_answers.plan())
+        if path == "settings":
+            return JSONResponse({"applied": data, "refused": {}})
+        return Response(status_code=204)
+
+    async def _urdf(self, _: Request) -> Response:
+        text = (SOURCE / "description" / "urdf" / "agribot.urdf").read_text()
+        return Response(
+            text.replace("package://agribot_description/", ""), media_type="application/xml"
+        )
+
+
+@contextlib.contextmanager
+def serving(server: FakeServer, port: int = 0) -> Any:
+    """Serve in a thread; yields the address."""
+    config = uvicorn.Config(
+        server.app(),
+        host="127.0.0.1",
+        port=port,
+        log_level="error",
+        ws="websockets-sansio",
+        timeout_graceful_shutdown=1,
+    )
+    runner = uvicorn.Server(config)
+    thread = threading.Thread(target=runner.run, daemon=True)
+    thread.start()
+    while not runner.started:
+        time.sleep(0.02)
+    yield f"http://127.0.0.1:{runner.servers[0].sockets[0].getsockname()[1]}"
+    runner.should_exit = True
+    thread.join()
+
+
+if __name__ == "__main__":
+    weeds = int(sys.argv[2]) if len(sys.argv) > 2 else 400
+    with serving(FakeServer(weeds), int(sys.argv[1])), contextlib.suppress(KeyboardInterrupt):
+        threading.Event().wait()

@@ -1,0 +1,88 @@
+/** The HTTP side of the server. Every failure becomes an `ApiError` with the server's own sentence. */
+
+import type { FeatureCollection } from 'geojson'
+import type {
+  Field, Health, MapSource, Panel, PlanReply, Recordings, Robot, Session, Settings, SettingsReply, SettingValue,
+} from './wire.ts'
+
+export class ApiError extends Error {
+  readonly status: number
+  constructor(status: number, message: string) {
+    super(message)
+    this.status = status
+  }
+}
+
+async function request(path: string, init: RequestInit = {}): Promise<Response> {
+  let response: Response
+  try {
+    response = await fetch(path, { credentials: 'same-origin', ...init })
+  } catch {
+    throw new ApiError(0, 'No answer from the robot: check the link and try again.')
+  }
+  if (!response.ok) throw new ApiError(response.status, await reason(response))
+  return response
+}
+
+async function reason(response: Response): Promise<string> {
+  try {
+    const body = (await response.json()) as { error?: unknown }
+    if (typeof body.error === 'string') return body.error
+  } catch {
+    // not JSON: the status has to do
+  }
+  return `The robot answered ${response.status} ${response.statusText}.`
+}
+
+async function get<T>(path: string): Promise<T> {
+  return (await request(path)).json() as Promise<T>
+}
+
+async function write(method: string, path: string, body: unknown): Promise<Response> {
+  return request(path, { method, headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(body) })
+}
+
+async function ask<T>(method: string, path: string, body: unknown): Promise<T> {
+  return (await write(method, path, body)).json() as Promise<T>
+}
+
+const name = encodeURIComponent
+
+export const api = {
+  session: () => get<Session>('/api/v1/session'),
+  login: (token: string) => write('POST', '/api/v1/login', { token }),
+  field: () => get<Field>('/api/v1/field'),
+  robot: () => get<Robot>('/api/v1/robot'),
+  health: () => get<Health>('/api/v1/health'),
+  maps: () => get<MapSource[]>('/api/v1/maps'),
+
+  recordings: () => get<Recordings>('/api/v1/recordings'),
+  replay: (recording: string | null, speed: number, tS: number) =>
+    write('POST', '/api/v1/replay', { name: recording, speed, t_s: tS }),
+
+  settings: () => get<Settings>('/api/v1/settings'),
+  changeSettings: (changes: Record<string, SettingValue>) => ask<SettingsReply>('PATCH', '/api/v1/settings', changes),
+
+  fields: () => get<string[]>('/api/v1/fields'),
+  loadField: (id: string) => get<FeatureCollection>(`/api/v1/fields/${name(id)}`),
+  saveField: (id: string, field: FeatureCollection) => write('PUT', `/api/v1/fields/${name(id)}`, field),
+  deleteField: (id: string) => request(`/api/v1/fields/${name(id)}`, { method: 'DELETE' }),
+  importField: async (file: File): Promise<FeatureCollection> => {
+    const path = `/api/v1/fields/import?filename=${name(file.name)}`
+    return (await request(path, { method: 'POST', body: file })).json() as Promise<FeatureCollection>
+  },
+  plan: (body: Record<string, unknown>) => ask<PlanReply>('POST', '/api/v1/plan', body),
+  applyPlan: (body: Record<string, unknown>) => write('POST', '/api/v1/plan/apply', body),
+
+  views: () => get<string[]>('/api/v1/views'),
+  loadView: (id: string) => get<Record<string, unknown>>(`/api/v1/views/${name(id)}`),
+  saveView: (id: string, view: object) => write('PUT', `/api/v1/views/${name(id)}`, view),
+
+  panels: () => get<Panel[]>('/api/v1/panels'),
+  panelData: (id: string) => request(`/api/v1/panels/${name(id)}`),
+  submitPanel: (id: string, values: object) => write('POST', `/api/v1/panels/${name(id)}`, values),
+}
+
+export function message(error: unknown): string {
+  return error instanceof Error ? error.message : String(error)
+}

@@ -1,0 +1,60 @@
+/** Numbers as an operator reads them. */
+
+export const NONE = '–'
+
+export function fixed(value: number | null | undefined, digits: number, unit = ''): string {
+  if (value === null || value === undefined || !Number.isFinite(value)) return NONE
+  const text = value.toFixed(digits)
+  return unit ? `${text} ${unit}` : text
+}
+
+export function metres(value: number | null | undefined): string {
+  if (value === null || value === undefined || !Number.isFinite(value)) return NONE
+  if (value < 0.995) return `${(value * 100).toFixed(value < 0.0995 ? 1 : 0)} cm`
+  if (value < 1000) return `${value.toFixed(value < 100 ? 1 : 0)} m`
+  return `${(value / 1000).toFixed(2)} km`
+}
+
+export function duration(seconds: number | null | undefined): string {
+  if (seconds === null || seconds === undefined || !Number.isFinite(seconds)) return NONE
+  const s = Math.max(0, Math.round(seconds))
+  const h = Math.floor(s / 3600)
+  const m = Math.floor((s % 3600) / 60)
+  const two = (n: number): string => String(n).padStart(2, '0')
+  return h ? `${h}:${two(m)}:${two(s % 60)}` : `${m}:${two(s % 60)}`
+}
+
+export function bytes(value: number | null | undefined): string {
+  if (value === null || value === undefined) return NONE
+  const units = ['B', 'kB', 'MB', 'GB', 'TB']
+  let i = 0
+  let v = value
+  while (v >= 1000 && i < units.length - 1) {
+    v /= 1000
+    i++
+  }
+  return `${v.toFixed(i === 0 || v >= 100 ? 0 : 1)} ${units[i]}`
+}
+
+export function area(m2: number | null | undefined): string {
+  if (m2 === null || m2 === undefined || !Number.isFinite(m2)) return NONE
+  if (m2 < 0.1) return `${(m2 * 1e4).toFixed(0)} cm²`
+  if (m2 < 10000) return `${m2.toFixed(m2 < 100 ? 1 : 0)} m²`
+  return `${(m2 / 10000).toFixed(2)} ha`
+}
+
+/** snake_case or a.dotted.path as words. */
+export function words(name: string): string {
+  const text = name.replace(/[._]/g, ' ').trim()
+  return text.charAt(0).toUpperCase() + text.slice(1)
+}
+
+const FIX_NAMES: Record<string, string> = {
+  '0': 'No fix', '1': 'GNSS', '2': 'DGNSS', '3': 'GNSS', '4': 'RTK', '5': 'Float', none: 'No fix', single: 'GNSS', dgps: 'DGNSS',
+  sbas: 'DGNSS', float: 'Float', rtk_float: 'Float', fixed: 'RTK', rtk_fixed: 'RTK',
+}
+
+/** The receiver's quality (the number of NMEA GGA or a name) in words. */
+export function fixName(quality: number | string): string {
+  return FIX_NAMES[String(quality).toLowerCase()] ?? String(quality)
+}

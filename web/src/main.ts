@@ -1,0 +1,75 @@
+import './styles/tokens.css'
+import './styles/base.css'
+import './styles/shell.css'
+import './styles/controls.css'
+import './styles/screens.css'
+import { api, ApiError, message } from './api.ts'
+import { App } from './app.ts'
+import { el } from './dom.ts'
+import { Link } from './link.ts'
+import { SCREENS } from './screens/index.ts'
+import { Banners } from './shell/banners.ts'
+import { Dialogs } from './shell/dialogs.ts'
+import { login } from './shell/login.ts'
+import { Router } from './shell/router.ts'
+import { StatusBar } from './shell/statusbar.ts'
+import { StopButton } from './shell/stop.ts'
+import { startTheme } from './shell/theme.ts'
+import { Toasts } from './shell/toasts.ts'
+import { Store } from './store.ts'
+import { installHooks } from './test-hooks.ts'
+import type { Session } from './wire.ts'
+
+const RETRY_MS = 1500
+
+async function openSession(): Promise<Session> {
+  const problem = el('p', { class: 'boot', role: 'status' })
+  for (;;) {
+    try {
+      const session = await api.session()
+      if (!session.needs_login) {
+        problem.remove()
+        return session
+      }
+      await login()
+    } catch (error) {
+      if (error instanceof ApiError && error.status === 401) {
+        await login()
+        continue
+      }
+      problem.textContent = `${message(error)} Trying again…`
+      if (!problem.isConnected) document.body.append(problem)
+      await new Promise((resolve) => setTimeout(resolve, RETRY_MS))
+    }
+  }
+}
+
+async function boot(): Promise<void> {
+  startTheme()
+  const session = await openSession()
+  const store = new Store()
+  const link = new Link(store)
+  const shell = el('div', { class: 'shell' })
+  document.body.append(shell)
+  const toasts = new Toasts()
+  const dialogs = new Dialogs(shell)
+  const stop = new StopButton(link, toasts)
+  dialogs.onOpen = () => {
+    toasts.raise()
+    stop.raise()
+  }
+  const off = new Set((new URLSearchParams(location.search).get('off') ?? '').split(','))
+  const app = new App(store, link, session, toasts, dialogs, off)
+  const main = el('main', { class: 'main', id: 'main' })
+  const router = new Router(app, SCREENS, main)
+  shell.append(
+    el('h1', { class: 'visually-hidden' }, 'AGRIBOT operator page'),
+    new StatusBar(app).node, router.nav,
+    el('div', { class: 'content' }, new Banners(app, main).node, main))
+  installHooks(app, router)
+  link.start()
+  await app.loadWorld()
+  await router.show()
+}
+
+void boot()

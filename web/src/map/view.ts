@@ -1,0 +1,235 @@
+/** The one map of the page: made on first use, then moved from screen to screen with its view. */
+
+import * as maplibregl from 'maplibre-gl'
+import type { GeoJSONSource, Map as MapLibre } from 'maplibre-gl'
+import 'maplibre-gl/dist/maplibre-gl.css'
+import workerUrl from 'maplibre-gl/dist/maplibre-gl-worker.mjs?worker&url'
+import { api } from '../api.ts'
+import type { App } from '../app.ts'
+import { onTheme } from '../shell/theme.ts'
+import type { MapSource, Vec2 } from '../wire.ts'
+import { boundsOf } from './features.ts'
+import type { Features } from './features.ts'
+import { addLayers, applyGroup, baseOpacities, layerGroups, recolour } from './layers.ts'
+import type { LayerGroup, SourceId } from './layers.ts'
+import { LiveData } from './live.ts'
+import { Overlay } from './overlay.ts'
+import { palette } from './palette.ts'
+import { serveLabels, soilTexture } from './texture.ts'
+import { MapTools } from './tools.ts'
+
+maplibregl.setWorkerUrl(workerUrl)
+
+const MAX_ZOOM = 24
+/** How far from the middle the followed robot may go, as a share of the map's size. */
+const KEEP_WITHIN = 0.36
+const VIEW_KEY = 'map-view'
+
+export interface SavedView {
+  center?: Vec2; zoom?: number; bearing?: number; follow?: boolean
+  layers?: { id: string; visible: boolean; opacity: number }[]
+}
+
+export class MapView {
+  readonly node = document.createElement('div')
+  readonly map: MapLibre
+  readonly overlay: Overlay
+  readonly tools: MapTools
+  groups: LayerGroup[] = layerGroups()
+  follow = true
+  onFollow: () => void = () => undefined
+  private base = new Map<string, unknown>()
+  private loaded = false
+  private seen = false
+  private readonly whenLoaded: (() => void)[] = []
+
+  constructor(readonly app: App) {
+    this.node.className = 'map'
+    const colours = palette()
+    this.map = new maplibregl.Map({
+      container: this.node, center: app.projection.toLonLat(0, 0), zoom: 19, maxZoom: MAX_ZOOM, maxPitch: 0,
+      attributionControl: false, dragRotate: true,
+      style: { version: 8, sources: {}, layers: [{ id: 'background', type: 'background', paint: { 'background-color': colours.ground } }] },
+    })
+    this.map.addControl(new maplibregl.ScaleControl({ maxWidth: 120, unit: 'metric' }), 'bottom-left')
+    this.overlay = new Overlay(this.map, app, colours)
+    this.node.append(this.overlay.canvas)
+    this.tools = new MapTools(this.map, app)
+    this.overlay.sketch = this.tools.sketch
+    this.tools.onChange = () => this.overlay.request()
+    serveLabels(this.map)
+    this.map.on('load', () => this.load())
+    this.map.on('dragstart', () => this.setFollow(false))
+    this.map.on('moveend', () => this.remember())
+    onTheme(() => this.retheme())
+    if (window.__agribot) window.__agribot.map = this.map
+  }
+
+  /** Put the map into a screen. */
+  attach(host: HTMLElement): void {
+    host.prepend(this.node)
+    this.map.resize()
+    this.overlay.request()
+  }
+
+  ready(work: () => void): void {
+    if (this.loaded) work()
+    else this.whenLoaded.push(work)
+  }
+
+  setData(id: SourceId, data: Features): void {
+    this.map.getSource<GeoJSONSource>(id)?.setData(data)
+  }
+
+  private load(): void {
+    this.addTexture()
+    addLayers(this.map, palette())
+    this.base = baseOpacities(this.map)
+    this.loaded = true
+    new LiveData(this, this.app)
+    this.app.onField(() => this.firstView())
+    this.app.store.on('state', () => this.track())
+    void this.addTileMaps()
+    for (const work of this.whenLoaded) work()
+  }
+
+  private addTexture(): void {
+    const texture = soilTexture(palette().texture)
+    if (!texture) return
+    if (this.map.hasImage('soil')) this.map.updateImage('soil', texture)
+    else {
+      this.map.addImage('soil', texture)
+      this.map.addLayer({ id: 'soil', type: 'background', paint: { 'background-pattern': 'soil' } })
+    }
+  }
+
+  private async addTileMaps(): Promise<void> {
+    const maps = await api.maps().catch((): MapSource[] => [])
+    for (const source of maps) {
+      const id = `tiles-${source.name}`
+      this.map.addSource(id, {
+        type: 'raster', tiles: [new URL(source.url, location.origin).href.replace(/%7B/g, '{').replace(/%7D/g, '}')], tileSize: 256,
+        minzoom: source.minzoom, maxzoom: source.maxzoom, ...(source.bounds ? { bounds: source.bounds } : {}),
+      })
+      this.map.addLayer({ id, type: 'raster', source: id }, 'grid-1')
+      this.groups.push({ id, title: source.name, layers: [id], visible: true, opacity: 1 })
+      this.base.set(`${id}.raster-opacity`, 1)
+    }
+    this.restoreLayers(this.saved())
+  }
+
+  private retheme(): void {
+    const colours = palette()
+    this.overlay.colours = colours
+    this.ready(() => {
+      recolour(this.map, colours)
+      this.addTexture()
+    })
+    this.overlay.request()
+  }
+
+  applyGroup(group: LayerGroup): void {
+    if (group.id === 'robot') this.overlay.showRobot = group.visible
+    applyGroup(this.map, group, this.base)
+    this.overlay.request()
+    this.remember()
+  }
+
+  setFollow(follow: boolean): void {
+    if (this.follow === follow) return
+    this.follow = follow
+    this.onFollow()
+    if (follow) this.track()
+    this.remember()
+  }
+
+  /** Keep the robot in the middle part of the map, moving only when it leaves it. */
+  private track(): void {
+    this.overlay.request()
+    const pose = this.app.store.state?.pose
+    if (!pose || !this.follow || this.map.isMoving() || !this.node.isConnected) return
+    const at = this.app.projection.toLonLat(pose[0], pose[1])
+    const { x, y } = this.map.project(at)
+    const { clientWidth: w, clientHeight: h } = this.node
+    if (Math.abs(x - w / 2) > w * KEEP_WITHIN || Math.abs(y - h / 2) > h * KEEP_WITHIN) this.map.easeTo({ center: at, duration: 600 })
+  }
+
+  /** The whole field and everything driven. */
+  overview(): void {
+    const { field, store, projection } = this.app
+    const points: Vec2[] = field
+      ? [...(field.boundary_map_m ?? []), ...field.rows.flatMap((r) => [r.start_map_m, r.end_map_m]), ...field.waypoints_map_m]
+      : []
+    if (store.state?.pose) points.push([store.state.pose[0], store.state.pose[1]])
+    const box = boundsOf(points, projection)
+    if (!box) return
+    this.setFollow(false)
+    this.map.fitBounds(box, { padding: 56, maxZoom: 21, duration: 400 })
+  }
+
+  private firstView(): void {
+    if (this.seen) return
+    this.seen = true
+    const view = this.saved()
+    if (view?.center) this.show(view)
+    else {
+      this.map.jumpTo({ center: this.app.projection.toLonLat(0, 0) })
+      this.overview()
+      this.setFollow(true)
+    }
+  }
+
+  current(): SavedView {
+    const { lng, lat } = this.map.getCenter()
+    return {
+      center: this.app.projection.toMap(lng, lat), zoom: this.map.getZoom(), bearing: this.map.getBearing(), follow: this.follow,
+      layers: this.groups.map(({ id, visible, opacity }) => ({ id, visible, opacity })),
+    }
+  }
+
+  show(view: SavedView): void {
+    const center = view.center ? this.app.projection.toLonLat(...view.center) : this.map.getCenter()
+    this.map.jumpTo({ center, zoom: view.zoom ?? this.map.getZoom(), bearing: view.bearing ?? 0 })
+    this.follow = view.follow ?? false
+    this.onFollow()
+    this.restoreLayers(view)
+  }
+
+  private restoreLayers(view: SavedView | null): void {
+    for (const saved of view?.layers ?? []) {
+      const group = this.groups.find((g) => g.id === saved.id)
+      if (group) this.applyGroup(Object.assign(group, saved))
+    }
+    for (const group of this.groups) if (!group.visible) this.applyGroup(group)
+  }
+
+  private remember(): void {
+    if (this.seen) localStorage.setItem(this.viewKey, JSON.stringify(this.current()))
+  }
+
+  private saved(): SavedView | null {
+    const text = localStorage.getItem(this.viewKey)
+    return text ? (JSON.parse(text) as SavedView) : null
+  }
+
+  private get viewKey(): string {
+    return `${VIEW_KEY}:${this.app.field?.name ?? ''}`
+  }
+
+  /** The map and what is drawn over it as a picture. */
+  screenshot(): Promise<Blob | null> {
+    return new Promise((resolve) => {
+      this.map.once('render', () => {
+        const gl = this.map.getCanvas()
+        const picture = document.createElement('canvas')
+        picture.width = gl.width
+        picture.height = gl.height
+        const pen = picture.getContext('2d')
+        pen?.drawImage(gl, 0, 0)
+        pen?.drawImage(this.overlay.canvas, 0, 0, gl.width, gl.height)
+        picture.toBlob(resolve, 'image/png')
+      })
+      this.map.triggerRepaint()
+    })
+  }
+}

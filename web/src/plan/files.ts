@@ -1,0 +1,45 @@
+/** Saved fields on the robot, and files in and out. */
+
+import type { FeatureCollection } from 'geojson'
+import { api } from '../api.ts'
+import type { App } from '../app.ts'
+import { download, el } from '../dom.ts'
+import { icon } from '../icons.ts'
+
+export const IMPORT_TYPES = '.geojson,.json,.gpkg,.kml,.kmz,.shp,.zip,.gpx,.xml,.csv'
+
+interface Document {
+  content: () => FeatureCollection
+  open: (collection: FeatureCollection) => void
+}
+
+export function fileCard(app: App, document: Document): HTMLElement {
+  const file = el('input', { type: 'file', accept: IMPORT_TYPES, class: 'visually-hidden', 'aria-label': 'Field file', tabindex: -1, onchange: () => void read() })
+  const read = async (): Promise<void> => {
+    const chosen = file.files?.[0]
+    if (!chosen) return
+    const field = await app.attempt(api.importField(chosen))
+    file.value = ''
+    if (field) document.open(field)
+  }
+  const button = (name: Parameters<typeof icon>[0], text: string, action: () => void): HTMLElement =>
+    el('button', { type: 'button', class: 'button', onclick: action }, icon(name, 20), text)
+  return el('div', { class: 'card stack' }, el('h2', {}, 'Field'), el('div', { class: 'pair-grid' },
+    button('plan', 'Open', () => void open(app, document)), button('save', 'Save', () => void save(app, document)),
+    button('upload', 'Import', () => file.click()),
+    button('download', 'Export', () => download('field.geojson', JSON.stringify(document.content(), null, 1)))), file)
+}
+
+async function open(app: App, document: Document): Promise<void> {
+  const names = await app.attempt(api.fields())
+  if (!names) return
+  const about = names.length ? 'Opening replaces what is drawn; Undo brings it back.' : 'No field has been saved on the robot yet.'
+  const name = await app.dialogs.ask('Open a field', [about], names.map((value) => ({ label: value, value })))
+  const field = name && (await app.attempt(api.loadField(name)))
+  if (field) document.open(field)
+}
+
+async function save(app: App, document: Document): Promise<void> {
+  const name = await app.dialogs.prompt('Save the field', 'Name of the field')
+  if (name && (await app.attempt(api.saveField(name, document.content())))) app.toasts.show('info', `Field “${name}” saved on the robot.`)
+}

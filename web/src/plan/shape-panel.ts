@@ -1,0 +1,35 @@
+/** The chosen shape in numbers. */
+
+import { el } from '../dom.ts'
+import { area, metres, words } from '../format.ts'
+import { areaM2, lengthM } from '../geo.ts'
+import { icon } from '../icons.ts'
+import type { PlanDocument, Shape } from './document.ts'
+import { SHAPE_OF } from './document.ts'
+
+type Step = (work: () => void) => void
+
+export function shapePanel(shape: Shape, document: PlanDocument, step: Step): Node[] {
+  const type = SHAPE_OF[shape.kind]
+  const size = type === 'polygon' ? area(areaM2(shape.points)) : type === 'line' ? metres(lengthM(shape.points)) : ''
+  const remove = el('button', { type: 'button', class: 'button danger', onclick: () => step(() => document.remove(shape.id)) }, icon('trash', 20), 'Delete')
+  const order = shape.kind === 'waypoint'
+    ? ([-1, 1] as const).map((by) => el('button', { type: 'button', class: 'button', onclick: () => step(() => document.reorder(shape.id, by)) }, by < 0 ? 'Earlier' : 'Later'))
+    : []
+  return [
+    el('div', { class: 'title-row' }, el('h2', {}, words(shape.kind)), el('span', { class: 'muted' }, size)),
+    vertexTable(shape, document, step), el('div', { class: 'button-row' }, ...order, remove),
+  ]
+}
+
+function vertexTable(shape: Shape, document: PlanDocument, step: Step): HTMLElement {
+  const rows = shape.points.map((point, i) => {
+    const inputs = point.map((value, axis) => el('input', {
+      type: 'number', step: 0.01, class: 'field-input', value: value.toFixed(3), 'aria-label': `Point ${i + 1}, ${axis ? 'north' : 'east'}, metres`,
+      onchange: () => step(() => document.moveVertex(shape.id, i, [Number(inputs[0].value), Number(inputs[1].value)])),
+    }))
+    return el('tr', {}, el('td', { class: 'muted' }, String(i + 1)), ...inputs.map((input) => el('td', {}, input)))
+  })
+  return el('div', { class: 'vertex-table', tabindex: 0, role: 'region', 'aria-label': 'Points' },
+    el('table', {}, el('thead', {}, el('tr', {}, el('th', {}, '#'), el('th', {}, 'East, m'), el('th', {}, 'North, m'))), el('tbody', {}, ...rows)))
+}

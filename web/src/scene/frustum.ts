@@ -1,0 +1,17 @@
+import * as THREE from 'three'
+import type { Robot } from '../wire.ts'
+
+const REACH_M = 0.8
+const DEFAULT_HALF_ANGLE_RAD = 0.55
+
+/** The camera's field of view as a pyramid, in the body frame. Camera frame: x right, y down, z forward. */
+export function frustumLines(camera: NonNullable<Robot['camera']>, colour: string): THREE.LineSegments {
+  const halfX = camera.focal_px ? (camera.width_px / 2 / camera.focal_px) * REACH_M : Math.tan(DEFAULT_HALF_ANGLE_RAD) * REACH_M
+  const halfY = (halfX * camera.height_px) / camera.width_px
+  const corners = [[-halfX, -halfY], [halfX, -halfY], [halfX, halfY], [-halfX, halfY]].map(([x, y]) => new THREE.Vector3(x, y, REACH_M))
+  const points: THREE.Vector3[] = []
+  corners.forEach((corner, i) => points.push(new THREE.Vector3(), corner, corner, corners[(i + 1) % 4]))
+  const lines = new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ color: colour }))
+  lines.applyMatrix4(new THREE.Matrix4().fromArray(camera.body_from_camera).transpose())
+  return lines
+}

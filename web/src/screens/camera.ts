@@ -1,0 +1,53 @@
+/** The camera, large, with what the network sees laid over it. */
+
+import type { Screen } from '../app.ts'
+import { CameraPicture, CLASSES } from '../camera/picture.ts'
+import { download, el, setText } from '../dom.ts'
+import { icon } from '../icons.ts'
+
+export const camera: Screen = {
+  id: 'camera', title: 'Camera', icon: 'camera',
+  mount(host, app) {
+    if (!app.session.camera) {
+      host.append(el('p', { class: 'card empty' }, 'This robot has no camera, or it is switched off in the profile.'))
+      return () => undefined
+    }
+    const picture = new CameraPicture(app.store)
+    const label = el('span', { class: 'picture-label' })
+    const freeze = el('button', { type: 'button', class: 'button', 'aria-pressed': 'false', onclick: () => {
+      picture.frozen = !picture.frozen
+      freeze.setAttribute('aria-pressed', String(picture.frozen))
+    } }, icon('freeze', 20), 'Freeze')
+    const save = el('button', { type: 'button', class: 'button', onclick: () => {
+      picture.image.toBlob((blob) => blob && download(`camera-${Date.now()}.png`, blob), 'image/png')
+    } }, icon('download', 20), 'Save picture')
+    const frame = el('div', { class: 'card camera-frame' }, picture.node, label)
+    host.append(frame, el('div', { class: 'card camera-tools' },
+      el('h2', {}, 'Overlay'), overlaySlider(picture), classToggles(picture), el('div', { class: 'button-row' }, freeze, save)))
+    const timer = setInterval(() => {
+      setText(label, (picture.frozen ? 'Frozen · ' : '') + picture.label(performance.now()))
+    }, 250)
+    return () => {
+      clearInterval(timer)
+      picture.close()
+    }
+  },
+}
+
+function overlaySlider(picture: CameraPicture): HTMLElement {
+  const value = el('span', { class: 'value' })
+  const slider = el('input', { type: 'range', min: 0, max: 1, step: 0.05, value: picture.opacity, oninput: () => apply() })
+  const apply = (): void => {
+    picture.setOpacity(Number(slider.value))
+    setText(value, `${Math.round(picture.opacity * 100)} %`)
+  }
+  setText(value, `${Math.round(picture.opacity * 100)} %`)
+  return el('label', { class: 'field' }, el('span', { class: 'label-row' }, 'Opacity', value), slider)
+}
+
+function classToggles(picture: CameraPicture): HTMLElement {
+  return el('div', { class: 'checks' }, ...CLASSES.map((cls) => {
+    const box = el('input', { type: 'checkbox', checked: picture.shown.has(cls.index), onchange: () => picture.toggleClass(cls.index, box.checked) })
+    return el('label', { class: 'check' }, box, el('span', { class: `swatch class-${cls.index}` }), cls.name)
+  }))
+}

@@ -1,0 +1,121 @@
+/** Drive: where the robot is, what it sees, and the mission's buttons. */
+
+import type { App, Screen } from '../app.ts'
+import { CameraPicture } from '../camera/picture.ts'
+import { el, setText } from '../dom.ts'
+import { duration, fixed, metres, NONE } from '../format.ts'
+import { compassDeg } from '../geo.ts'
+import { mapControls } from '../map/controls.ts'
+import { openMap } from '../map/shared.ts'
+import { MissionButtons } from './mission-buttons.ts'
+
+const TEXT_EVERY_MS = 200
+
+export const drive: Screen = {
+  id: 'drive', title: 'Drive', icon: 'drive',
+  async mount(host, app) {
+    const mapHost = el('div', { class: 'map-host card' })
+    const buttons = new MissionButtons(app)
+    const facts = new Facts(app)
+    const camera = cameraCard(app)
+    host.append(mapHost, el('div', { class: 'side' }, el('div', { class: 'card mission' }, progress(app, facts), buttons.node), camera.node, facts.node))
+    const timer = setInterval(() => {
+      facts.update()
+      buttons.update()
+      camera.update()
+    }, TEXT_EVERY_MS)
+    const view = await openMap(mapHost, app)
+    const controls = view && mapControls(view, app)
+    if (controls) mapHost.append(controls.node)
+    return () => {
+      clearInterval(timer)
+      camera.close()
+      controls?.done()
+    }
+  },
+}
+
+function cameraCard(app: App): { node: HTMLElement; update: () => void; close: () => void } {
+  if (!app.session.camera || app.off.has('camera')) {
+    return { node: el('div', { class: 'card empty' }, 'This robot has no camera.'), update: () => undefined, close: () => undefined }
+  }
+  const picture = new CameraPicture(app.store)
+  const label = el('span', { class: 'picture-label' })
+  const node = el('a', { class: 'card camera-card', href: '#/camera', 'aria-label': 'Camera, open large' }, picture.node, label)
+  return { node, update: () => setText(label, picture.label(performance.now())), close: () => picture.close() }
+}
+
+function progress(app: App, facts: Facts): HTMLElement {
+  const bar = el('progress', { max: 1, value: 0, 'aria-label': 'Mission progress' })
+  const text = el('span', { class: 'progress-text' })
+  const reason = el('p', { class: 'reason' })
+  facts.also(() => {
+    const mission = app.store.state?.mission
+    const share = mission && mission.length_m > 0 ? Math.min(1, mission.s_m / mission.length_m) : 0
+    bar.value = share
+    setText(text, mission ? `${(share * 100).toFixed(0)} %` : NONE)
+    setText(reason, app.store.state?.reason || mission?.reason || '')
+  })
+  return el('div', { class: 'progress' }, el('h2', {}, 'Mission'), el('div', { class: 'progress-line' }, bar, text), reason)
+}
+
+/** The figures beside the map. */
+class Facts {
+  readonly node = el('dl', { class: 'facts card' })
+  private readonly rows: [HTMLElement, () => string][] = []
+  private readonly others: (() => void)[] = []
+
+  constructor(private readonly app: App) {
+    const state = () => app.store.state
+    const mission = () => state()?.mission
+    this.row('Speed', () => fixed(state()?.vel?.[0], 2, 'm/s'))
+    this.row('Heading', () => {
+      const pose = state()?.pose
+      return pose ? `${compassDeg(pose[2]).toFixed(0)}°` : NONE
+    })
+    this.row('Row', () => this.rowText())
+    this.row('Goals', () => this.goalText())
+    this.row('Distance', () => (mission() ? `${metres(mission()?.s_m)} of ${metres(mission()?.length_m)}` : NONE))
+    this.row('Time left', () => duration(mission()?.eta_s))
+    this.row('Off the path', () => metres(absolute(state()?.xte_m)))
+    this.row('Position ±', () => metres(state()?.std?.[0]))
+    this.row('Weeds', () => String(state()?.weeds ?? app.store.weeds.size))
+    this.row('Nozzles', () => nozzleText(state()?.nozzles))
+  }
+
+  private row(name: string, text: () => string): void {
+    const value = el('dd', {}, NONE)
+    this.node.append(el('div', {}, el('dt', {}, name), value))
+    this.rows.push([value, text])
+  }
+
+  private rowText(): string {
+    const mission = this.app.store.state?.mission
+    if (!mission?.rows_total) return NONE
+    const here = mission.row === null ? NONE : String(mission.row + 1)
+    return `${here} of ${mission.rows_total} (${mission.rows_done.length} done)`
+  }
+
+  private goalText(): string {
+    const mission = this.app.store.state?.mission
+    return mission?.wp_total ? `${mission.wp_reached} of ${mission.wp_total}` : NONE
+  }
+
+  also(work: () => void): void {
+    this.others.push(work)
+  }
+
+  update(): void {
+    for (const [node, text] of this.rows) setText(node, text())
+    for (const work of this.others) work()
+  }
+}
+
+function absolute(value: number | null | undefined): number | null {
+  return value === null || value === undefined ? null : Math.abs(value)
+}
+
+function nozzleText(nozzles: boolean[] | undefined): string {
+  if (!nozzles?.length) return NONE
+  return nozzles.map((open) => (open ? '●' : '○')).join(' ')
+}

@@ -1,0 +1,58 @@
+/** Start, pause, resume, skip row, return home, cancel: shown to the operator where the mode allows them. */
+
+import type { App } from '../app.ts'
+import { el } from '../dom.ts'
+import { duration, metres } from '../format.ts'
+import type { IconName } from '../icons.ts'
+import { icon } from '../icons.ts'
+import { seatButton } from '../shell/seat.ts'
+import type { MissionAction, Mode } from '../wire.ts'
+
+interface Action { action: MissionAction; label: string; icon: IconName; in: Mode[]; kind?: 'primary' | 'danger'; ask?: boolean }
+
+const ACTIONS: Action[] = [
+  { action: 'start', label: 'Start', icon: 'play', in: ['waiting', 'done'], kind: 'primary', ask: true },
+  { action: 'pause', label: 'Pause', icon: 'pause', in: ['mission'], kind: 'primary' },
+  { action: 'resume', label: 'Resume', icon: 'play', in: ['paused', 'teleop'], kind: 'primary' },
+  { action: 'skip_row', label: 'Skip row', icon: 'skip', in: ['mission', 'paused'] },
+  { action: 'return_home', label: 'Return home', icon: 'home', in: ['mission', 'paused', 'done', 'waiting'], ask: true },
+  { action: 'cancel', label: 'End mission', icon: 'cancel', in: ['mission', 'paused'], kind: 'danger', ask: true },
+]
+
+export class MissionButtons {
+  readonly node: HTMLElement
+  private readonly buttons: [Action, HTMLButtonElement][]
+  private readonly row = el('div', { class: 'button-row' })
+
+  constructor(private readonly app: App) {
+    this.buttons = ACTIONS.map((action) => [action, el('button', {
+      type: 'button', class: `button ${action.kind ?? ''}`, 'data-action': action.action, onclick: () => void this.run(action),
+    }, icon(action.icon, 20), action.label)])
+    this.row.append(...this.buttons.map(([, button]) => button))
+    this.node = el('div', { class: 'mission-buttons' }, seatButton(app).node, this.row)
+    this.update()
+  }
+
+  update(): void {
+    const mode = this.app.store.state?.mode
+    const mine = this.app.mayCommand
+    for (const [action, button] of this.buttons) {
+      button.hidden = !mine || !mode || !action.in.includes(mode)
+    }
+  }
+
+  private async run(action: Action): Promise<void> {
+    if (action.ask && !(await this.confirmed(action))) return
+    await this.app.command({ k: 'mission', action: action.action })
+  }
+
+  private confirmed(action: Action): Promise<boolean> {
+    const mission = this.app.store.state?.mission
+    const body = action.action === 'cancel'
+      ? 'The robot stops where it is and the mission ends. The recording is kept.'
+      : action.action === 'return_home'
+        ? 'The robot leaves its mission and drives back to where it started.'
+        : `The robot starts to drive by itself: ${metres(mission?.length_m)}, about ${duration(mission?.eta_s)} min, ${mission?.rows_total ?? 0} rows. Make sure nobody is in its way.`
+    return this.app.dialogs.confirm(`${action.label}?`, [body], action.label, action.kind ?? 'primary')
+  }
+}

@@ -1,0 +1,177 @@
+/** Draw a field, check the plan that follows from it, and drive it. */
+
+import { api } from '../api.ts'
+import type { App, Screen } from '../app.ts'
+import { el, replace } from '../dom.ts'
+import { area, duration, metres, words } from '../format.ts'
+import { areaM2, lengthM } from '../geo.ts'
+import { icon } from '../icons.ts'
+import type { IconName } from '../icons.ts'
+import { mapControls } from '../map/controls.ts'
+import { openMap } from '../map/shared.ts'
+import { BoundaryRecorder } from '../plan/boundary-recorder.ts'
+import type { Kind } from '../plan/document.ts'
+import { fromGeoJson, PlanDocument, SHAPE_OF, shapesOf, toGeoJson } from '../plan/document.ts'
+import type { Drawing } from '../plan/drawing.ts'
+import { fileCard } from '../plan/files.ts'
+import { shapePanel } from '../plan/shape-panel.ts'
+import type { PlanReply } from '../wire.ts'
+
+const TOOLS: [Kind, string, IconName][] = [
+  ['boundary', 'Boundary', 'polygon'], ['obstacle', 'Obstacle', 'cancel'], ['row', 'Row', 'line'], ['ab_line', 'A–B line', 'measure'], ['waypoint', 'Goals', 'pin'],
+]
+
+const kept = new PlanDocument() // survives going to another screen and back
+
+export const plan: Screen = {
+  id: 'plan', title: 'Plan', icon: 'plan',
+  async mount(host, app) {
+    const mapHost = el('div', { class: 'map-host card' })
+    const side = el('div', { class: 'side' })
+    host.append(mapHost, side)
+    const view = await openMap(mapHost, app)
+    if (!view) {
+      side.append(el('p', { class: 'card empty' }, 'Drawing a plan needs the map.'))
+      return () => undefined
+    }
+    const controls = mapControls(view, app, ['measure', 'coordinates'])
+    mapHost.append(controls.node)
+    const { Drawing } = await import('../plan/drawing.ts')
+    await new Promise<void>((resolve) => view.ready(resolve))
+    if (!kept.shapes.length && !kept.canUndo && app.field) kept.start(shapesOf(app.field))
+    const drawing = new Drawing(view, kept)
+    const editor = new Editor(app, drawing, side)
+    return () => {
+      editor.close()
+      drawing.close()
+      controls.done()
+    }
+  },
+}
+
+class Editor {
+  private readonly shape = el('div', { class: 'card stack', hidden: true })
+  private readonly summary = el('p', { class: 'muted' })
+  private readonly verdict = el('div', { class: 'stack-tight', role: 'status' })
+  private readonly undo: HTMLButtonElement
+  private readonly redo: HTMLButtonElement
+  private readonly apply: HTMLButtonElement
+  private readonly tools: HTMLButtonElement[]
+  private readonly width = numberInput(1.5, 0.2, 30, 0.05)
+  private readonly passes = numberInput(2, 0, 10, 1)
+  private readonly recorder: BoundaryRecorder
+  private selected: string | null = null
+
+  constructor(private readonly app: App, private readonly drawing: Drawing, side: HTMLElement) {
+    this.undo = iconButton('undo', 'Undo', () => this.step(() => kept.undo()))
+    this.redo = iconButton('redo', 'Redo', () => this.step(() => kept.redo()))
+    this.apply = el('button', { type: 'button', class: 'button primary', disabled: true, onclick: () => void this.use() }, icon('play', 20), 'Use this plan')
+    this.tools = TOOLS.map(([kind, title, name]) => el('button', { type: 'button', class: 'button tool', 'aria-pressed': 'false', 'data-kind': kind, onclick: () => this.choose(kind) }, icon(name, 20), title))
+    this.recorder = new BoundaryRecorder(app, (points) => this.step(() => kept.change([...kept.shapes, { id: 'recorded', kind: 'boundary', points }])))
+    drawing.onChange = () => this.refresh()
+    drawing.onSelect = (id) => {
+      this.selected = id
+      this.refresh()
+    }
+    side.append(this.drawCard(), this.shape, this.planCard(), fileCard(app, {
+      content: () => toGeoJson(kept.shapes, app.projection),
+      open: (collection) => this.step(() => kept.change(fromGeoJson(collection, app.projection))),
+    }))
+    this.refresh()
+  }
+
+  private drawCard(): HTMLElement {
+    return el('div', { class: 'card stack' },
+      el('div', { class: 'title-row' }, el('h2', {}, 'Draw'), el('div', {}, this.undo, this.redo)),
+      el('div', { class: 'tool-grid' }, ...this.tools, this.recorder.button), this.summary)
+  }
+
+  private planCard(): HTMLElement {
+    const check = el('button', { type: 'button', class: 'button', onclick: () => void this.check() }, icon('check', 20), 'Check plan')
+    return el('div', { class: 'card stack' }, el('h2', {}, 'Plan'),
+      el('div', { class: 'pair-grid' },
+        el('label', { class: 'field' }, el('span', {}, 'Working width, m'), this.width),
+        el('label', { class: 'field' }, el('span', {}, 'Headland passes'), this.passes)),
+      el('div', { class: 'button-row' }, check, this.apply), this.verdict)
+  }
+
+  private choose(kind: Kind): void {
+    const pressed = this.tools.find((tool) => tool.dataset.kind === kind)?.getAttribute('aria-pressed') === 'true'
+    this.drawing.begin(pressed ? null : kind)
+    for (const tool of this.tools) tool.setAttribute('aria-pressed', String(!pressed && tool.dataset.kind === kind))
+  }
+
+  private step(work: () => void): void {
+    work()
+    this.drawing.load()
+    this.selected = null
+    this.refresh()
+  }
+
+  private refresh(): void {
+    this.undo.disabled = !kept.canUndo
+    this.redo.disabled = !kept.canRedo
+    this.apply.disabled = true
+    for (const tool of this.tools) if (tool.dataset.kind !== 'waypoint') tool.setAttribute('aria-pressed', 'false')
+    this.summary.textContent = describe()
+    const shape = kept.shapes.find((s) => s.id === this.selected)
+    this.shape.hidden = !shape
+    if (shape) replace(this.shape, ...shapePanel(shape, kept, (work) => this.step(work)))
+  }
+
+  private body(): Record<string, unknown> {
+    return { field: toGeoJson(kept.shapes, this.app.projection), implement_width_m: Number(this.width.value), headland_passes: Number(this.passes.value) }
+  }
+
+  private async check(): Promise<void> {
+    const reply = await this.app.attempt(api.plan(this.body()))
+    if (!reply) return
+    this.drawing.showPlan(reply)
+    replace(this.verdict, ...verdict(reply))
+    this.apply.disabled = !reply.ok
+  }
+
+  private async use(): Promise<void> {
+    if (!this.app.mayCommand) {
+      this.app.toasts.show('warn', "Take the operator's seat first: it is at the top of the page.")
+      return
+    }
+    const text = 'The mission in the robot is replaced by this plan. It does not start to drive yet.'
+    if (!(await this.app.dialogs.confirm('Use this plan?', [text], 'Use this plan'))) return
+    if (await this.app.attempt(api.applyPlan(this.body()))) {
+      this.app.toasts.show('info', 'The plan is the mission now. Start it on the Drive screen.')
+      await this.app.loadWorld()
+    }
+  }
+
+  close(): void {
+    this.recorder.close()
+  }
+}
+
+function verdict(reply: PlanReply): HTMLElement[] {
+  const figures = `${metres(reply.length_m)} to drive · ${area(reply.area_m2)} · ${duration(reply.time_s)} min`
+  if (reply.ok) return [el('p', { class: 'tag good' }, 'The plan can be driven'), el('p', {}, figures)]
+  return [el('p', { class: 'tag bad' }, 'The plan cannot be driven'), el('ol', { class: 'reasons' }, ...reply.reasons.map(({ text }) => el('li', {}, text)))]
+}
+
+function describe(): string {
+  if (!kept.shapes.length) return 'Choose what to draw, then tap the map. Finish a line or an area by tapping its last point again.'
+  const counts = new Map<Kind, number>()
+  let inside = 0
+  for (const { kind, points } of kept.shapes) {
+    counts.set(kind, (counts.get(kind) ?? 0) + 1)
+    if (SHAPE_OF[kind] === 'polygon') inside += (kind === 'boundary' ? 1 : -1) * areaM2(points)
+  }
+  const rows = kept.shapes.filter((s) => s.kind === 'row').reduce((sum, s) => sum + lengthM(s.points), 0)
+  const parts = [...counts].map(([kind, n]) => `${n} ${words(kind).toLowerCase()}`)
+  return `${parts.join(', ')}${inside > 0 ? ` · ${area(inside)}` : ''}${rows > 0 ? ` · rows ${metres(rows)}` : ''}`
+}
+
+function numberInput(value: number, min: number, max: number, step: number): HTMLInputElement {
+  return el('input', { type: 'number', class: 'field-input', value, min, max, step })
+}
+
+function iconButton(name: IconName, title: string, action: () => void): HTMLButtonElement {
+  return el('button', { type: 'button', class: 'icon-button', title, 'aria-label': title, onclick: action }, icon(name))
+}

@@ -1,0 +1,126 @@
+/** What was recorded, how much room is left, and playing it back on the same screens. */
+
+import { api } from '../api.ts'
+import type { App, Screen } from '../app.ts'
+import { el, replace } from '../dom.ts'
+import { bytes, duration } from '../format.ts'
+import { icon } from '../icons.ts'
+import type { Recording, Recordings } from '../wire.ts'
+
+const SPEEDS = [0.1, 0.5, 1, 2, 5, 10]
+const REFRESH_MS = 10_000
+
+export const recordings: Screen = {
+  id: 'recordings', title: 'Recordings', icon: 'recordings',
+  async mount(host, app) {
+    const list = el('div', { class: 'card table-card' }, el('p', { class: 'empty' }, 'Reading the list…'))
+    const summary = el('p', { class: 'muted' })
+    const replay = new ReplayBar(app)
+    host.append(el('div', { class: 'column' },
+      el('div', { class: 'card row-card' }, el('div', {}, el('h2', {}, 'Recordings'), summary), markButton(app)), replay.node, list))
+    const refresh = async (): Promise<void> => {
+      const found = await app.attempt(api.recordings())
+      if (!found) return
+      const room = `${bytes(found.disk_free_bytes)} free on the disk`
+      summary.textContent = found.current ? `Recording now: ${found.current} · ${room}` : `Nothing is being recorded · ${room}`
+      replace(list, table(found, replay))
+    }
+    const timer = setInterval(() => void refresh(), REFRESH_MS)
+    await refresh()
+    return () => {
+      clearInterval(timer)
+      replay.close()
+    }
+  },
+}
+
+function markButton(app: App): HTMLElement {
+  return el('button', { type: 'button', class: 'button', onclick: () => void mark(app) }, icon('mark', 20), 'Mark this moment')
+}
+
+async function mark(app: App): Promise<void> {
+  const text = await app.dialogs.prompt('Mark this moment', 'What happened')
+  if (text && app.link.send({ k: 'mark', text })) app.toasts.show('info', 'Marked in the recording.')
+}
+
+function table(found: Recordings, replay: ReplayBar): HTMLElement {
+  if (!found.recordings.length) return el('p', { class: 'empty' }, 'No recording yet: every mission makes one.')
+  return el('table', { class: 'recordings' },
+    el('thead', {}, el('tr', {}, ...['Name', 'Length', 'Size', 'Result', 'Files', ''].map((name) => (name ? el('th', {}, name) : el('td', {}))))),
+    el('tbody', {}, ...found.recordings.map((recording) => row(recording, recording.name === found.current, replay))))
+}
+
+function row(recording: Recording, current: boolean, replay: ReplayBar): HTMLElement {
+  const play = el('button', { type: 'button', class: 'button', disabled: current, onclick: () => void replay.open(recording) }, icon('play', 20), 'Replay')
+  const when = new Date(recording.utc)
+  return el('tr', { class: current ? 'current' : '' },
+    el('td', {}, el('strong', {}, recording.name), el('div', { class: 'muted small' }, `${Number.isNaN(when.getTime()) ? recording.utc : when.toLocaleString()} · ${recording.profile}`)),
+    el('td', {}, duration(recording.duration_s)), el('td', {}, bytes(recording.size_bytes)),
+    el('td', {}, result(recording, current)), el('td', {}, fileLinks(recording)), el('td', { class: 'number' }, play))
+}
+
+function result(recording: Recording, current: boolean): HTMLElement {
+  if (current) return el('span', { class: 'tag note' }, 'Recording')
+  if (recording.ok === null) return el('span', { class: 'tag', title: recording.reason }, 'Not finished')
+  return recording.ok
+    ? el('span', { class: 'tag good' }, 'Done')
+    : el('span', {}, el('span', { class: 'tag bad' }, 'Failed'), el('span', { class: 'small muted' }, ` ${recording.reason}`))
+}
+
+function fileLinks(recording: Recording): HTMLElement {
+  return el('div', { class: 'file-links' }, ...recording.files.map((file) =>
+    el('a', { href: `/api/v1/recordings/${encodeURIComponent(recording.name)}/${encodeURIComponent(file)}`, download: file }, file)))
+}
+
+/** Play, pause, seek and speed of the recording that is being replayed. */
+class ReplayBar {
+  readonly node = el('div', { class: 'card replay-bar', hidden: true })
+  private readonly slider = el('input', { type: 'range', min: 0, max: 1, step: 0.1, value: 0, 'aria-label': 'Time in the recording' })
+  private readonly time = el('output')
+  private readonly speed = el('select', { 'aria-label': 'Speed' }, ...SPEEDS.map((s) => el('option', { value: s, selected: s === 1 }, `${s}×`)))
+  private name: string | null = null
+  private seeking = false
+  private readonly undo: () => void
+
+  constructor(private readonly app: App) {
+    const back = el('button', { type: 'button', class: 'button', onclick: () => void this.leave() }, icon('cancel', 20), 'Back to live')
+    this.node.append(el('strong', {}, 'Replay'), this.slider, this.time, this.speed, back)
+    this.slider.addEventListener('input', () => (this.seeking = true))
+    this.slider.addEventListener('change', () => void this.seek())
+    this.speed.addEventListener('change', () => void this.seek())
+    this.undo = app.store.on('state', (state) => {
+      this.node.hidden = state.mode !== 'replay'
+      if (state.mode === 'replay') this.follow(state.t)
+    })
+    this.name = sessionStorage.getItem('replay')
+    this.slider.max = sessionStorage.getItem('replay-length') ?? '1'
+  }
+
+  async open(recording: Recording): Promise<void> {
+    this.name = recording.name
+    this.slider.max = String(recording.duration_s ?? 1)
+    sessionStorage.setItem('replay', recording.name)
+    sessionStorage.setItem('replay-length', this.slider.max)
+    await this.app.attempt(api.replay(recording.name, Number(this.speed.value), 0))
+  }
+
+  private follow(tS: number): void {
+    if (this.seeking) return
+    if (tS > Number(this.slider.max)) this.slider.max = String(tS)
+    this.slider.value = String(tS)
+    this.time.textContent = `${duration(tS)} / ${duration(Number(this.slider.max))}`
+  }
+
+  private async seek(): Promise<void> {
+    if (this.name) await this.app.attempt(api.replay(this.name, Number(this.speed.value), Number(this.slider.value)))
+    this.seeking = false
+  }
+
+  private async leave(): Promise<void> {
+    await this.app.attempt(api.replay(null, 1, 0))
+  }
+
+  close(): void {
+    this.undo()
+  }
+}

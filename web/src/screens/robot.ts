@@ -1,0 +1,80 @@
+/** The robot in three dimensions. */
+
+import type { App, Screen } from '../app.ts'
+import { el, replace, setText } from '../dom.ts'
+import { words } from '../format.ts'
+import { icon } from '../icons.ts'
+import type { Scene } from '../scene/scene.ts'
+import { onTheme } from '../shell/theme.ts'
+
+export const robot: Screen = {
+  id: 'robot', title: '3D', icon: 'robot',
+  async mount(host, app) {
+    const stage = el('div', { class: 'card stage' })
+    const joints = el('div', { class: 'card stack joints' })
+    const view = el('div', { class: 'card stack' })
+    host.append(stage, el('div', { class: 'side' }, view, joints))
+    if (app.off.has('scene') || !app.robot) {
+      stage.append(el('p', { class: 'empty' }, app.robot ? 'The scene is switched off by the address of this page.' : 'The robot has not described itself.'))
+      return () => undefined
+    }
+    const scene = await makeScene(stage)
+    if (!scene) return () => undefined
+    replace(view, el('h2', {}, 'View'), followButton(scene), check('Camera’s field of view', true, (on) => scene.showFrustum(on)), check('Frames of the links', false, (on) => scene.showFrames(on)))
+    const undo = [onTheme(() => scene.recolour())]
+    void showRobot(scene, app, joints, undo)
+    return () => {
+      for (const work of undo) work()
+      scene.close()
+    }
+  },
+}
+
+async function makeScene(stage: HTMLElement): Promise<Scene | null> {
+  try {
+    const { Scene } = await import('../scene/scene.ts')
+    return new Scene(stage)
+  } catch {
+    stage.append(el('p', { class: 'empty' }, 'This browser cannot draw in three dimensions (it needs WebGL 2).'))
+    return null
+  }
+}
+
+async function showRobot(scene: Scene, app: App, joints: HTMLElement, undo: (() => void)[]): Promise<void> {
+  if (!app.robot) return
+  const names = await app.attempt(scene.load(app.robot))
+  if (!names) return
+  const wheels = app.robot.wheel_joints
+  undo.push(app.store.on('state', (state) => scene.update(state, wheels)))
+  jointPanel(scene, app, joints, names)
+}
+
+/** Live joints show their angle; the others, and all of them with no live data, have a slider. */
+function jointPanel(scene: Scene, app: App, panel: HTMLElement, names: string[]): void {
+  const isLive = (): boolean => Boolean(app.store.state?.joints?.length) && !app.store.stale
+  const live = isLive() ? new Set(app.robot?.wheel_joints ?? []) : new Set<string>()
+  const rows = names.map((name) => {
+    if (live.has(name)) {
+      const angle = el('span', { class: 'value' })
+      const index = app.robot?.wheel_joints.indexOf(name) ?? 0
+      app.store.on('state', (state) => setText(angle, `${(((state.joints[index] ?? 0) * 180) / Math.PI).toFixed(0)}°`))
+      return el('div', { class: 'label-row' }, el('span', {}, words(name)), angle)
+    }
+    const slider = el('input', { type: 'range', min: -Math.PI, max: Math.PI, step: 0.01, value: 0, 'aria-label': words(name), oninput: () => scene.setJoint(name, Number(slider.value)) })
+    return el('div', { class: 'field' }, el('span', {}, words(name)), slider)
+  })
+  replace(panel, el('h2', {}, 'Joints'), ...rows)
+}
+
+function followButton(scene: Scene): HTMLElement {
+  const button = el('button', { type: 'button', class: 'button', 'aria-pressed': 'true', onclick: () => {
+    scene.follow = !scene.follow
+    button.setAttribute('aria-pressed', String(scene.follow))
+  } }, icon('follow', 20), 'Follow the robot')
+  return button
+}
+
+function check(label: string, on: boolean, change: (on: boolean) => void): HTMLElement {
+  const box = el('input', { type: 'checkbox', checked: on, onchange: () => change(box.checked) })
+  return el('label', { class: 'check' }, box, label)
+}

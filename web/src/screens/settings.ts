@@ -1,0 +1,93 @@
+/** A form made from the robot's own list of settings; only what may change while it runs can be changed. */
+
+import { api } from '../api.ts'
+import type { App, Screen } from '../app.ts'
+import { el, replace } from '../dom.ts'
+import { words } from '../format.ts'
+import { setTheme, theme, THEME_NAMES, THEMES } from '../shell/theme.ts'
+import type { Setting, SettingValue } from '../wire.ts'
+
+export const settings: Screen = {
+  id: 'settings', title: 'Settings', icon: 'settings',
+  async mount(host, app) {
+    const column = el('div', { class: 'column' }, pageCard(), el('p', { class: 'empty' }, 'Reading the settings…'))
+    host.append(column)
+    const found = await app.attempt(api.settings())
+    if (!found) return () => undefined
+    replace(column, pageCard(), ...found.groups.map((group) =>
+      el('section', { class: 'card stack' }, el('h2', {}, words(group.name)), ...group.keys.map((setting) => row(setting, app)))))
+    return () => undefined
+  },
+}
+
+function pageCard(): HTMLElement {
+  const buttons = THEMES.map((name) => el('button', { type: 'button', class: 'segment', 'aria-pressed': String(name === theme()), 'data-value': name, onclick: () => {
+    setTheme(name)
+    for (const button of buttons) button.setAttribute('aria-pressed', String(button.dataset.value === name))
+  } }, THEME_NAMES[name]))
+  return el('section', { class: 'card row-card' },
+    el('div', {}, el('h2', {}, 'This page'), el('p', { class: 'muted' }, 'Colours on this device. Sunlight has the strongest contrast.')),
+    el('div', { class: 'segments', role: 'group', 'aria-label': 'Theme' }, ...buttons))
+}
+
+function row(setting: Setting, app: App): HTMLElement {
+  const id = `setting-${setting.key}`
+  const input = control(setting, id)
+  const note = el('p', { class: 'small muted', 'aria-live': 'polite' })
+  const describe = (): void => {
+    const parts = [setting.about]
+    if (setting.min !== null || setting.max !== null) parts.push(`From ${setting.min ?? '–∞'} to ${setting.max ?? '∞'}.`)
+    if (String(setting.value) !== String(setting.default)) parts.push(`Default ${setting.default}.`)
+    if (!setting.live) parts.push('Fixed while the robot runs.')
+    note.textContent = parts.filter(Boolean).join(' ')
+    note.classList.remove('form-error')
+  }
+  describe()
+  input.addEventListener('change', () => void apply())
+  const apply = async (): Promise<void> => {
+    const value = read(setting, input)
+    const answer = await app.attempt(api.changeSettings({ [setting.key]: value }))
+    const refused = answer?.refused[setting.key]
+    if (answer && setting.key in answer.applied) {
+      setting.value = answer.applied[setting.key]
+      describe()
+      app.toasts.show('info', `${words(last(setting.key))} is now ${setting.value}${setting.unit ? ` ${setting.unit}` : ''}.`)
+    } else if (refused) {
+      note.textContent = refused
+      note.classList.add('form-error')
+    }
+    write(setting, input)
+  }
+  return el('div', { class: 'setting' },
+    el('div', {}, el('label', { for: id }, words(last(setting.key))), note),
+    el('div', { class: 'setting-control' }, input, setting.unit !== '' && el('span', { class: 'muted' }, setting.unit)))
+}
+
+function last(key: string): string {
+  return key.slice(key.lastIndexOf('.') + 1).replace(/_(mps|radps|rad|deg|hz|px|m|s|v)$/, '')
+}
+
+type Input = HTMLInputElement | HTMLSelectElement
+
+function control(setting: Setting, id: string): Input {
+  const disabled = !setting.live
+  if (setting.type === 'choice') {
+    return el('select', { id, disabled }, ...(setting.choices ?? []).map((choice) => el('option', { value: choice, selected: choice === setting.value }, choice)))
+  }
+  if (setting.type === 'boolean') return el('input', { id, type: 'checkbox', disabled, checked: setting.value === true })
+  const number = setting.type === 'number'
+  return el('input', {
+    id, disabled, class: 'field-input', type: number ? 'number' : 'text', step: number ? 'any' : null, min: setting.min, max: setting.max,
+    value: String(setting.value), autocomplete: 'off',
+  })
+}
+
+function read(setting: Setting, input: Input): SettingValue {
+  if (setting.type === 'number') return Number(input.value)
+  return input instanceof HTMLInputElement && setting.type === 'boolean' ? input.checked : input.value
+}
+
+function write(setting: Setting, input: Input): void {
+  if (input instanceof HTMLInputElement && setting.type === 'boolean') input.checked = setting.value === true
+  else input.value = String(setting.value)
+}

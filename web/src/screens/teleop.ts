@@ -1,0 +1,113 @@
+/** Driving by hand: pad, keys, gamepad; needs the seat, stops when anything lets go. */
+
+import type { App, Screen } from '../app.ts'
+import { CameraPicture } from '../camera/picture.ts'
+import { el, setText } from '../dom.ts'
+import { icon } from '../icons.ts'
+import { chooseSeat } from '../shell/seat.ts'
+import { listenKeys, listenLeaving, listenPad, readGamepad } from '../teleop/inputs.ts'
+import type { Limits } from '../teleop/machine.ts'
+import { SCALES, TeleopMachine } from '../teleop/machine.ts'
+
+const SEND_EVERY_MS = 50
+
+export const teleop: Screen = {
+  id: 'teleop', title: 'Teleop', icon: 'teleop',
+  mount(host, app) {
+    const machine = new TeleopMachine()
+    const knob = el('div', { class: 'pad-knob', 'aria-hidden': 'true' })
+    const pad = el('div', { class: 'pad', role: 'application', tabindex: 0, 'aria-label': 'Drive pad: drag, or use W A S D or the arrow keys' },
+      ...['up', 'right', 'down', 'left'].map((way) => el('span', { class: `pad-arrow ${way}`, 'aria-hidden': 'true' })), knob)
+    const readout = el('output', { class: 'readout' })
+    const gamepad = el('span', { class: 'muted' })
+    const arm = armSwitch(app, machine)
+    const camera = app.session.camera && !app.off.has('camera') ? new CameraPicture(app.store, false) : null
+    const label = el('span', { class: 'picture-label' })
+    host.append(
+      el('div', { class: 'card teleop-view' }, camera ? camera.node : el('p', { class: 'empty' }, 'This robot has no camera.'), camera && label),
+      el('div', { class: 'card teleop-pad' }, arm.node, pad, readout, scaleChoice(app), el('p', { class: 'muted help' }, 'Hold to drive, let go to stop. Keys: W A S D or arrows. Gamepad: hold a shoulder button.'), gamepad))
+    listenPad(pad, knob, machine)
+    const undo = [listenKeys(machine), listenLeaving(() => {
+      machine.releaseAll()
+      send(app, machine)
+    }), arm.done]
+    const sender = setInterval(() => {
+      setText(gamepad, gamepadText(readGamepad(machine)))
+      arm.update()
+      send(app, machine)
+      showDrive(readout, app)
+      if (camera) setText(label, camera.label(performance.now()))
+    }, SEND_EVERY_MS)
+    return () => {
+      clearInterval(sender)
+      machine.setArmed(false)
+      send(app, machine)
+      for (const work of undo) work()
+      camera?.close()
+    }
+  },
+}
+
+function limits(app: App): Limits {
+  return { speedMps: app.robot?.max_speed_mps ?? 0.5, yawRateRadps: app.robot?.max_yaw_rate_radps ?? 0.5 }
+}
+
+function send(app: App, machine: TeleopMachine): void {
+  const drive = machine.tick(limits(app))
+  if (drive) app.link.send({ k: 'drive', ...drive })
+}
+
+function gamepadText(name: string | null): string {
+  return name ? `Gamepad: ${name.slice(0, 40)}` : ''
+}
+
+function showDrive(readout: HTMLElement, app: App): void {
+  const state = app.store.state
+  const [v, w] = state?.vel ?? [0, 0]
+  setText(readout, `${v.toFixed(2)} m/s   ${((w * 180) / Math.PI).toFixed(0)} °/s`)
+}
+
+function armSwitch(app: App, machine: TeleopMachine): { node: HTMLElement; update: () => void; done: () => void } {
+  const button = el('button', { type: 'button', class: 'button primary arm', 'aria-pressed': 'false' })
+  const word = el('span')
+  button.append(icon('hand', 20), word)
+  let wanted = false
+  const update = (): void => {
+    const { store } = app
+    const allowed = app.mayCommand && !store.stale
+    if (store.seat !== 'you' && machine.isArmed) wanted = false
+    machine.setArmed(wanted && allowed)
+    button.setAttribute('aria-pressed', String(machine.isArmed))
+    setText(word, machine.isArmed ? 'Driving by hand: end' : store.seat === 'you' ? 'Drive by hand' : 'Take control to drive')
+    document.querySelector('.pad')?.classList.toggle('armed', machine.isArmed)
+  }
+  const arm = async (): Promise<void> => {
+    const onMission = app.store.state?.mode === 'mission'
+    if (onMission && !(await app.dialogs.confirm('Interrupt the mission?', ['The robot is on its mission. Driving by hand takes over; resume the mission on the Drive screen afterwards.'], 'Drive by hand', 'danger'))) return
+    wanted = true
+    update()
+  }
+  button.addEventListener('click', () => {
+    if (machine.isArmed || wanted) wanted = false
+    else if (app.store.seat === 'you') void arm()
+    else if (app.store.seat === 'free' && app.session.role === 'operator') app.link.send({ k: 'take', force: false })
+    else void chooseSeat(app)
+    update()
+  })
+  update()
+  return { node: button, update, done: app.store.on('seat', update) }
+}
+
+function scaleChoice(app: App): HTMLElement {
+  const saved = Number(localStorage.getItem('speed-scale') ?? 0.5)
+  const buttons = SCALES.map((value) => el('button', {
+    type: 'button', class: 'segment', 'aria-pressed': String(value === saved), 'data-value': value, onclick: () => choose(value),
+  }, `${value * 100} %`))
+  const choose = (value: number): void => {
+    for (const button of buttons) button.setAttribute('aria-pressed', String(Number(button.dataset.value) === value))
+    localStorage.setItem('speed-scale', String(value))
+    app.link.send({ k: 'scale', value })
+  }
+  app.link.send({ k: 'scale', value: saved })
+  return el('div', { class: 'segments', role: 'group', 'aria-label': 'Speed limit' }, ...buttons)
+}

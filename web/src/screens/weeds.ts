@@ -1,0 +1,118 @@
+/** The weed map: filter, density, one weed's details, files for other programs. */
+
+import type { FilterSpecification, MapMouseEvent } from 'maplibre-gl'
+import type { App, Screen } from '../app.ts'
+import { el, replace, setText } from '../dom.ts'
+import { area, duration, fixed, metres, NONE } from '../format.ts'
+import { icon } from '../icons.ts'
+import { mapControls } from '../map/controls.ts'
+import { openMap } from '../map/shared.ts'
+import type { MapView } from '../map/view.ts'
+import type { Weed } from '../wire.ts'
+import { passes } from '../weed-filter.ts'
+import type { WeedFilter } from '../weed-filter.ts'
+
+const COUNT_EVERY_MS = 1000
+const PICK_PX = 8
+
+export const weeds: Screen = {
+  id: 'weeds', title: 'Weeds', icon: 'weeds',
+  async mount(host, app) {
+    const filter: WeedFilter = { weeds: true, crop: true, treated: true, open: true, confidence: 0, sinceS: null }
+    const mapHost = el('div', { class: 'map-host card' })
+    const count = el('p', { class: 'count' })
+    const details = el('div', { class: 'card details' }, el('h2', {}, 'Details'), el('p', { class: 'muted' }, 'Tap a plant on the map.'))
+    let view: MapView | null = null
+    const apply = (): void => {
+      showCount(count, app, filter)
+      view?.ready(() => view?.map.setFilter('weeds', mapFilter(filter)))
+    }
+    host.append(mapHost, el('div', { class: 'side' }, filterCard(app, filter, count, apply), details, exportCard()))
+    const timer = setInterval(() => showCount(count, app, filter), COUNT_EVERY_MS)
+    view = await openMap(mapHost, app)
+    apply()
+    if (!view) return () => clearInterval(timer)
+    const controls = mapControls(view, app, ['measure', 'coordinates'])
+    mapHost.append(controls.node)
+    const stopPicking = pick(view, app, details)
+    return () => {
+      clearInterval(timer)
+      stopPicking()
+      controls.done()
+      view?.ready(() => view?.map.setFilter('weeds', null))
+    }
+  },
+}
+
+function showCount(node: HTMLElement, app: App, filter: WeedFilter): void {
+  let shown = 0
+  for (const weed of app.store.weeds.values()) if (passes(weed, filter)) shown++
+  setText(node, `${shown.toLocaleString('en')} of ${app.store.weeds.size.toLocaleString('en')} plants`)
+}
+
+function mapFilter(filter: WeedFilter): FilterSpecification {
+  const rules: FilterSpecification[] = [['>=', ['get', 'confidence'], filter.confidence]]
+  if (!filter.weeds) rules.push(['!=', ['get', 'cls'], 0])
+  if (!filter.crop) rules.push(['!=', ['get', 'cls'], 1])
+  if (!filter.treated) rules.push(['!', ['get', 'treated']])
+  if (!filter.open) rules.push(['get', 'treated'] as unknown as FilterSpecification)
+  if (filter.sinceS !== null) rules.push(['>=', ['get', 'last'], filter.sinceS])
+  return ['all', ...rules] as FilterSpecification
+}
+
+function filterCard(app: App, filter: WeedFilter, count: HTMLElement, apply: () => void): HTMLElement {
+  const toggle = (name: 'weeds' | 'crop' | 'treated' | 'open', label: string, swatch = ''): HTMLElement => {
+    const box = el('input', { type: 'checkbox', checked: true, onchange: () => {
+      filter[name] = box.checked
+      apply()
+    } })
+    return el('label', { class: 'check' }, box, swatch !== '' && el('span', { class: `swatch ${swatch}` }), label)
+  }
+  const value = el('span', { class: 'value' }, '0 %')
+  const confidence = el('input', { type: 'range', min: 0, max: 1, step: 0.05, value: 0, oninput: () => {
+    filter.confidence = Number(confidence.value)
+    setText(value, `${Math.round(filter.confidence * 100)} %`)
+    apply()
+  } })
+  const time = el('select', { onchange: () => {
+    const ageS = Number(time.value)
+    filter.sinceS = ageS ? (app.store.state?.t ?? 0) - ageS : null
+    apply()
+  } }, ...[['', 'Any time'], ['60', 'In the last minute'], ['600', 'In the last 10 minutes']].map(([v, text]) => el('option', { value: v }, text)))
+  return el('div', { class: 'card stack' }, el('h2', {}, 'Show'), count,
+    el('div', { class: 'checks pair' }, toggle('weeds', 'Weeds', 'map-weed'), toggle('crop', 'Crop', 'map-crop'), toggle('treated', 'Treated'), toggle('open', 'Not treated')),
+    el('label', { class: 'field' }, el('span', { class: 'label-row' }, 'Confidence at least', value), confidence),
+    el('label', { class: 'field' }, el('span', {}, 'Seen'), time))
+}
+
+function exportCard(): HTMLElement {
+  return el('div', { class: 'card stack' }, el('h2', {}, 'Export'), el('div', { class: 'button-row' },
+    el('a', { class: 'button', href: '/api/v1/weeds.geojson', download: 'weeds.geojson' }, icon('download', 20), 'GeoJSON'),
+    el('a', { class: 'button', href: '/api/v1/weeds.csv', download: 'weeds.csv' }, icon('download', 20), 'CSV')))
+}
+
+function pick(view: MapView, app: App, details: HTMLElement): () => void {
+  const click = (event: MapMouseEvent): void => {
+    if (view.tools.tool !== 'pan') return
+    const { x, y } = event.point
+    const found = view.map.queryRenderedFeatures([[x - PICK_PX, y - PICK_PX], [x + PICK_PX, y + PICK_PX]], { layers: ['weeds'] })
+    const id: unknown = found[0]?.properties.id
+    const weed = typeof id === 'number' ? app.store.weeds.get(id) : undefined
+    if (weed) showWeed(details, weed, app)
+  }
+  view.map.on('click', click)
+  return () => view.map.off('click', click)
+}
+
+function showWeed(node: HTMLElement, weed: Weed, app: App): void {
+  const [id, cls, x, y, stdM, confidence, areaM2, sightings, firstS, lastS, treatedS] = weed
+  const [lon, lat] = app.projection.toLonLat(x, y)
+  const rows: [string, string][] = [
+    ['Confidence', `${(confidence * 100).toFixed(0)} %`], ['Size', area(areaM2)], ['Position ±', metres(stdM)], ['Sightings', String(sightings)],
+    ['First seen', duration(firstS)], ['Last seen', duration(lastS)], ['Treated', treatedS === null ? NONE : duration(treatedS)],
+    ['East, north', `${fixed(x, 2)}, ${fixed(y, 2)} m`],
+  ]
+  replace(node, el('h2', {}, `${cls === 0 ? 'Weed' : 'Crop plant'} ${id}`),
+    el('dl', { class: 'facts plain' }, ...rows.map(([name, text]) => el('div', {}, el('dt', {}, name), el('dd', {}, text)))),
+    el('p', { class: 'mono select-all' }, `${lat.toFixed(8)}, ${lon.toFixed(8)}`))
+}

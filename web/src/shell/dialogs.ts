@@ -1,0 +1,63 @@
+/** Dialogs in the top layer that leave STOP usable: the page behind is inert, STOP is not behind. */
+
+import { el } from '../dom.ts'
+import { icon } from '../icons.ts'
+
+export interface Choice<T> { label: string; value: T; kind?: 'primary' | 'danger' }
+
+export class Dialogs {
+  /** Called after a dialog opened, to bring STOP and the messages above it. */
+  onOpen: () => void = () => undefined
+
+  constructor(private readonly behind: HTMLElement) {}
+
+  /** Show a dialog; resolves to the choice made, or to null when it was dismissed. */
+  ask<T>(title: string, body: (Node | string)[], choices: Choice<T>[]): Promise<T | null> {
+    return new Promise((resolve) => {
+      const returnTo = document.activeElement
+      const close = (value: T | null): void => {
+        layer.hidePopover()
+        layer.remove()
+        this.behind.inert = false
+        if (returnTo instanceof HTMLElement) returnTo.focus()
+        resolve(value)
+      }
+      const actions = choices.map((choice) =>
+        el('button', { type: 'button', class: `button ${choice.kind ?? ''}`, onclick: () => close(choice.value) }, choice.label))
+      const dismiss = el('button', { type: 'button', class: 'icon-button quiet', 'aria-label': 'Close', onclick: () => close(null) }, icon('cancel'))
+      const panel = el('div', { class: 'dialog', role: 'dialog', 'aria-labelledby': 'dialog-title' },
+        el('header', {}, el('h2', { id: 'dialog-title' }, title), dismiss),
+        el('div', { class: 'dialog-body' }, ...body),
+        choices.length > 0 && el('footer', {}, ...actions))
+      const layer = el('div', { class: 'dialog-layer', popover: 'manual' }, panel)
+      layer.addEventListener('keydown', (event) => {
+        if (event.key === 'Escape') close(null)
+      })
+      layer.addEventListener('pointerdown', (event) => {
+        if (event.target === layer) close(null)
+      })
+      document.body.append(layer)
+      this.behind.inert = true
+      layer.showPopover()
+      this.onOpen()
+      ;(panel.querySelector<HTMLElement>('input, select, footer .button:last-child') ?? dismiss).focus()
+    })
+  }
+
+  async confirm(title: string, body: (Node | string)[], yes: string, kind: 'primary' | 'danger' = 'primary'): Promise<boolean> {
+    const answer = await this.ask(title, body, [{ label: 'Cancel', value: false }, { label: yes, value: true, kind }])
+    return answer === true
+  }
+
+  /** Ask for one line of text; null when dismissed or left empty. */
+  async prompt(title: string, label: string, value = '', yes = 'Save'): Promise<string | null> {
+    const input = el('input', { type: 'text', value, maxlength: 80, class: 'field-input', autocomplete: 'off' })
+    const body = el('label', { class: 'field' }, el('span', {}, label), input)
+    const answer = this.ask(title, [body], [{ label: 'Cancel', value: false }, { label: yes, value: true, kind: 'primary' }])
+    input.select()
+    input.addEventListener('keydown', (event) => {
+      if (event.key === 'Enter') input.closest('.dialog')?.querySelector<HTMLElement>('footer .primary')?.click()
+    })
+    return (await answer) === true ? input.value.trim() || null : null
+  }
+}

@@ -1,0 +1,28 @@
+import { api, message } from '../api.ts'
+import { el } from '../dom.ts'
+
+/** Ask for the access token until the server takes it. */
+export function login(): Promise<void> {
+  return new Promise((resolve) => {
+    const input = el('input', { type: 'password', class: 'field-input', autocomplete: 'current-password', required: true })
+    const error = el('p', { class: 'form-error', role: 'alert' })
+    const form = el('form', { class: 'login card' },
+      el('h1', {}, 'AGRIBOT'),
+      el('p', {}, 'Enter the access token that the server printed when it started.'),
+      el('label', { class: 'field' }, el('span', {}, 'Access token'), input), error,
+      el('button', { class: 'button primary', type: 'submit' }, 'Open'))
+    const page = el('main', { class: 'login-page' }, form)
+    form.addEventListener('submit', (event) => {
+      event.preventDefault()
+      api.login(input.value.trim()).then(
+        () => {
+          page.remove()
+          resolve()
+        },
+        (problem: unknown) => (error.textContent = message(problem)),
+      )
+    })
+    document.body.append(page)
+    input.focus()
+  })
+}

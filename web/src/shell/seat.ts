@@ -1,0 +1,48 @@
+/** The operator's seat: take it, hand it back, take it over from somebody. */
+
+import type { App } from '../app.ts'
+import { el } from '../dom.ts'
+
+export async function chooseSeat(app: App): Promise<void> {
+  const { store, link, dialogs } = app
+  const name = el('input', {
+    type: 'text', maxlength: 40, class: 'field-input', autocomplete: 'off', value: localStorage.getItem('operator') ?? '', placeholder: 'Your name',
+  })
+  const named = el('label', { class: 'field' }, el('span', {}, 'Name shown to the others'), name)
+  if (app.session.role === 'viewer') {
+    await dialogs.ask('Looking on', ['This address only lets you watch. STOP works all the same.'], [])
+    return
+  }
+  const mine = store.seat === 'you'
+  const about = mine
+    ? 'You operate the robot. Hand over so that another can.'
+    : store.seat === 'other'
+      ? `${store.holder || 'Another client'} operates the robot now. Taking over stops what is driven by hand.`
+      : 'Nobody operates the robot. STOP works for everyone; every other command needs the seat.'
+  const yes = mine ? 'Hand over' : store.seat === 'other' ? 'Take over' : 'Take control'
+  const go = await dialogs.confirm("Operator's seat", [el('p', {}, about), named], yes, store.seat === 'other' ? 'danger' : 'primary')
+  rename(app, name.value.trim())
+  if (!go) return
+  link.send(mine ? { k: 'release' } : { k: 'take', force: store.seat === 'other' })
+}
+
+function rename(app: App, name: string): void {
+  if (name === (localStorage.getItem('operator') ?? '')) return
+  localStorage.setItem('operator', name)
+  app.link.send({ k: 'name', name })
+}
+
+/** A button that takes the seat where it is needed, and is hidden where you have it. */
+export function seatButton(app: App): { node: HTMLElement; done: () => void } {
+  const button = el('button', { type: 'button', class: 'button primary' }, 'Take control')
+  button.addEventListener('click', () => {
+    if (app.store.seat === 'free' && app.session.role === 'operator') app.link.send({ k: 'take', force: false })
+    else void chooseSeat(app)
+  })
+  const update = (): void => {
+    button.hidden = app.store.seat === 'you'
+    button.textContent = app.store.seat === 'other' ? 'Take over' : 'Take control'
+  }
+  update()
+  return { node: button, done: app.store.on('seat', update) }
+}

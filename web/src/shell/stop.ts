@@ -1,0 +1,54 @@
+/** STOP: in the browser's top layer, above dialogs, on every screen; anybody may press it. */
+
+import { el } from '../dom.ts'
+import { icon } from '../icons.ts'
+import type { Link } from '../link.ts'
+import type { Toasts } from './toasts.ts'
+
+const TEXT_INPUTS = new Set(['text', 'search', 'url', 'email', 'password', 'number', 'tel', 'date', 'time', ''])
+
+/** True where Space belongs to typing. */
+export function isTextField(target: EventTarget | null): boolean {
+  if (!(target instanceof HTMLElement)) return false
+  if (target.isContentEditable || target instanceof HTMLTextAreaElement) return true
+  return target instanceof HTMLInputElement && TEXT_INPUTS.has(target.getAttribute('type') ?? '')
+}
+
+export class StopButton {
+  private readonly button: HTMLButtonElement
+
+  constructor(private readonly link: Link, private readonly toasts: Toasts) {
+    this.button = el('button', {
+      id: 'stop', class: 'stop', type: 'button', popover: 'manual',
+      title: 'Stop the robot now (Space). A software stop: the red button on the robot cuts the power.',
+    }, icon('stop'), 'STOP')
+    this.button.addEventListener('pointerdown', () => this.stop())
+    this.button.addEventListener('click', (event) => {
+      if (event.detail === 0) this.stop() // keyboard and screen reader; a pointer has stopped already
+    })
+    document.body.append(this.button)
+    this.raise()
+    window.addEventListener('keydown', (event) => this.onKey(event, true), true)
+    window.addEventListener('keyup', (event) => this.onKey(event, false), true)
+  }
+
+  /** Put the button on top of everything that entered the top layer before. */
+  raise(): void {
+    if (this.button.matches(':popover-open')) this.button.hidePopover()
+    this.button.showPopover()
+  }
+
+  private stop(): void {
+    const sent = this.link.send({ k: 'stop' })
+    this.button.classList.add('pressed')
+    setTimeout(() => this.button.classList.remove('pressed'), 300)
+    if (!sent) this.toasts.show('fault', 'STOP was not sent: no link. The robot stops by itself when driven by hand; use its red button.')
+  }
+
+  private onKey(event: KeyboardEvent, down: boolean): void {
+    if (event.code !== 'Space' || isTextField(event.target)) return
+    event.preventDefault()
+    event.stopPropagation()
+    if (down && !event.repeat) this.stop()
+  }
+}

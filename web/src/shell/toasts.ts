@@ -1,0 +1,31 @@
+/** Short messages that leave by themselves; read out by a screen reader. */
+
+import { el } from '../dom.ts'
+import { icon } from '../icons.ts'
+import type { Level } from '../wire.ts'
+
+const STAY_MS: Record<Level, number> = { info: 4000, warn: 8000, fault: 12000 }
+const MOST = 4
+
+export class Toasts {
+  private readonly box = el('div', { class: 'toasts', role: 'log', 'aria-live': 'polite', 'aria-label': 'Messages', popover: 'manual' })
+
+  constructor() {
+    document.body.append(this.box)
+    this.box.showPopover()
+  }
+
+  raise(): void {
+    this.box.hidePopover()
+    this.box.showPopover()
+  }
+
+  show(level: Level, text: string): void {
+    const close = el('button', { type: 'button', class: 'icon-button quiet', 'aria-label': 'Dismiss' }, icon('cancel', 18))
+    const toast = el('div', { class: `toast ${level}` }, icon(level === 'info' ? 'check' : 'warning', 20), el('span', {}, text), close)
+    close.addEventListener('click', () => toast.remove())
+    this.box.append(toast)
+    while (this.box.children.length > MOST) this.box.firstElementChild?.remove()
+    setTimeout(() => toast.remove(), STAY_MS[level])
+  }
+}

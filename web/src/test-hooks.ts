@@ -1,0 +1,33 @@
+/** `window.__agribot`: counters and state for browser tests, so that they wait for facts, not for time. */
+
+import type { App } from './app.ts'
+import type { Router } from './shell/router.ts'
+import type { State } from './wire.ts'
+
+export interface Hooks {
+  state: () => State | null
+  counters: Record<string, number>
+  readonly screen: string
+  readonly ready: boolean
+  map: unknown
+}
+
+declare global {
+  interface Window {
+    __agribot?: Hooks
+  }
+}
+
+export function installHooks(app: App, router: Router): void {
+  window.__agribot = {
+    state: () => app.store.state,
+    counters: app.store.counters,
+    get screen() {
+      return router.current
+    },
+    get ready() {
+      return app.store.state !== null && app.field !== null
+    },
+    map: null,
+  }
+}

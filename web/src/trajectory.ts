@@ -1,0 +1,25 @@
+import type { Vec2 } from './wire.ts'
+
+/** The points the server numbered; a gap (points this client never got) starts a new piece. */
+export class Trajectory {
+  pieces: Vec2[][] = []
+  next = 0
+  revision = 0
+
+  restart(first: number, points: Vec2[]): void {
+    this.pieces = points.length ? [points.slice()] : []
+    this.next = first + points.length
+    this.revision++
+  }
+
+  extend(first: number, points: Vec2[]): void {
+    const known = this.next - first
+    if (known < 0 || !this.pieces.length) this.pieces.push(points.slice())
+    else this.pieces[this.pieces.length - 1].push(...points.slice(known))
+    this.next = Math.max(this.next, first + points.length)
+  }
+
+  get length(): number {
+    return this.pieces.reduce((sum, piece) => sum + piece.length, 0)
+  }
+}
