@@ -71,7 +71,7 @@ HEAVY = {
     "pyproj": {"record"},
     "starlette": {"ui"},
     "uvicorn": {"ui"},
-    "websockets": {"ui"},
+    "websockets": {"ui", "bench"},
     "segno": {"ui", "commands"},
     "anyio": {"ui"},
     "shapefile": {"ui"},
