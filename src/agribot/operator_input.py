@@ -15,7 +15,9 @@ import msgspec
 T = TypeVar("T")
 
 # A note changes nothing: it is what a person or a page wants to have in the recording.
-OperatorAction = Literal["pause", "resume", "cancel", "stop", "clear_stop", "note"]
+# "set" changes one of LIVE_SETTINGS, named in `text`, to `value`.
+OperatorAction = Literal["pause", "resume", "cancel", "stop", "clear_stop", "note", "set"]
+LIVE_SETTINGS = ("mission.speed_mps", "treatment.enabled")
 
 INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but never a stop
 
@@ -25,6 +27,7 @@ class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
     action: OperatorAction
     source: str = "operator"
     text: str = ""
+    value: float = 0.0
 
 
 class HandDrive(msgspec.Struct, frozen=True, kw_only=True):

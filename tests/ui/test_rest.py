@@ -291,10 +291,17 @@ def test_settings_are_shown_with_range_and_unit_and_say_when_they_count(
     assert browser.ask("PATCH", "/api/v1/settings", {"mission.speed_mps": 0.5})[0] == 409
     with Page(robot.port, tab="s", additional_headers={"Cookie": browser.cookie}) as page:
         page.take_seat()
-        change = {"mission.speed_mps": 0.5, "no.such": 1}
-        status, answer = browser.ask("PATCH", "/api/v1/settings", change)
+        change = {"mission.speed_mps": 0.5, "treatment.enabled": False}
+        wrong = {"no.such": 1, "seed": 3, "mission.headland_m": 2.0}
+        status, answer = browser.ask("PATCH", "/api/v1/settings", {**change, **wrong})
         assert status == 200
-        assert set(answer["refused"]) == set(change)
+        assert answer["applied"] == change
+        assert set(answer["refused"]) == set(wrong)
+        order = robot.wait_for(lambda order: order.get("text") == "mission.speed_mps")
+        assert (order["action"], order["value"]) == ("set", 0.5)
+        for value in (5.0, -1, "fast", None, True):
+            _, answer = browser.ask("PATCH", "/api/v1/settings", {"mission.speed_mps": value})
+            assert answer["applied"] == {}, value
 
 
 def test_health_names_the_slow_sensor_and_what_to_do(robot: Robot, browser: Browser) -> None:

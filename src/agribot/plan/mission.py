@@ -131,6 +131,11 @@ class Mission:
             self._state, self._reason = self._before_pause, ""
             self._stall.restart()
 
+        elif event.action == "set" and event.text == "mission.speed_mps":
+            self._config = msgspec.structs.replace(self._config, speed_mps=event.value)
+            if self._route is not None:
+                self._route.change_speed(self._config)
+
     def _pause(self, reason: str) -> None:
         if self._state != "paused":
             self._before_pause = self._state

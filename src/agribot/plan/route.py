@@ -40,6 +40,9 @@ class Route:
         self._yaw_map_rad: list[float] = path.yaw_map_rad.tolist()
         self._tool = _tool_points(self.row, path.s_m.tolist(), tool_reach_m)
 
+    def change_speed(self, config: MissionConfig) -> None:
+        self._speed_mps = speed_profile(self.path, config)
+
     @property
     def row_here(self) -> int:
         return self.row[self.progress.index]

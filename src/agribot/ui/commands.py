@@ -129,7 +129,7 @@ class Commands:
     def _on_mission(self, message: dict[str, Any]) -> None:
         wanted = str(message.get("action"))
         action = MISSION_ACTIONS.get(wanted, wanted)
-        if action not in KNOWN_ACTIONS or action == "note":
+        if action not in KNOWN_ACTIONS or action in {"note", "set"}:
             self._ack(message, f"this version of the mission knows no '{wanted[:40]}'")
             return
         self._operate(message, action)

@@ -138,8 +138,9 @@ class Hub:
         if waiting is not None and not waiting.done():
             waiting.set_result(reply)
 
-    def event(self, action: str, source: str, text: str = "") -> None:
-        self.order({"c": "event", "action": action, "source": source, "text": text})
+    def event(self, action: str, source: str, text: str = "", value: float = 0.0) -> None:
+        order = {"action": action, "source": source, "text": text, "value": value}
+        self.order({"c": "event", **order})
 
     def note(self, source: str, text: str) -> None:
         """Who did what, into the recording; a flood of them is cut."""

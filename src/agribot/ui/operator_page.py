@@ -118,9 +118,8 @@ class OperatorPage:
         if kind == "drive":
             self._hand(float(order["v"]), float(order["w"]), str(order["by"]))
         elif kind == "event":
-            event = OperatorEvent(
-                t_s=0.0, action=order["action"], source=order["source"], text=order["text"]
-            )
+            said = {name: order[name] for name in ("action", "source", "text", "value")}
+            event = msgspec.convert({"t_s": 0.0, **said}, OperatorEvent)
             self._inbox.post(event)
         elif kind == "watch":
             self._camera.is_watched = bool(order["camera"])

@@ -13,6 +13,7 @@ import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
 
+from agribot.errors import ConfigError
 from agribot.ui.access import Caller
 from agribot.ui.answers import (
     Unusable,
@@ -26,6 +27,7 @@ from agribot.ui.answers import (
 )
 from agribot.ui.hub import Hub
 from agribot.ui.replay import MAX_SPEED, MIN_SPEED, Replay
+from agribot.ui.settings import live_value
 
 RECORDING = "run.mcap"
 MAX_LISTED = 500
@@ -137,15 +139,24 @@ async def settings(request: Request) -> Response:
 
 
 async def change_settings(request: Request) -> Response:
-    """No setting is live yet: each is refused with what to do instead."""
+    """Each key is applied or refused for itself."""
     need_seat(request)
     hub: Hub = request.app.state.hub
     known = {key["key"]: key for group in hub.about.settings for key in group["keys"]}
-    refused = {
-        key: known[key]["about"] if key in known else "there is no such setting"
-        for key in await json_body(request)
-    }
-    return json_answer({"applied": {}, "refused": refused})
+    applied: dict[str, Any] = {}
+    refused: dict[str, str] = {}
+    for key, value in (await json_body(request)).items():
+        if key not in known:
+            refused[key] = "there is no such setting"
+            continue
+        try:
+            number = live_value(hub.about.config, key, value)
+        except ConfigError as error:
+            refused[key] = str(error)
+            continue
+        hub.event("set", name_of(request), key, number)
+        known[key]["value"] = applied[key] = value
+    return json_answer({"applied": applied, "refused": refused})
 
 
 ROUTES = (

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import msgspec
 
 from agribot.config import RunConfig
+from agribot.errors import ConfigError
+from agribot.operator_input import LIVE_SETTINGS
 
 _UNITS = (
     ("_radps", "rad/s"), ("_mps", "m/s"), ("_mps2", "m/s²"), ("_hz", "Hz"), ("_deg", "°"),
     ("_rad", "rad"), ("_m2", "m²"), ("_px", "px"), ("_nm", "Nm"), ("_m", "m"), ("_s", "s"),
     ("_ratio", ""),
 )  # fmt: skip
+LIVE = "counts at once, for this run"
 NOT_LIVE = "taken when the run starts; give it to the next run with --set"
 
 
 def described(config: RunConfig) -> list[dict[str, Any]]:
-    """Groups of settings; none can be changed while the robot runs (`live` is false).
-
-    A run repeats bit by bit because its settings stand still.
+    """Groups of settings. Those that are `live` may change under way: the change goes into the
+    recording as an operator's event, so that a replay repeats it.
     """
     groups: dict[str, list[dict[str, Any]]] = {"run": []}
     for field in msgspec.structs.fields(RunConfig):
@@ -34,6 +37,25 @@ def described(config: RunConfig) -> list[dict[str, Any]]:
     return [{"name": name, "keys": keys} for name, keys in groups.items()]
 
 
+def live_value(config: RunConfig, key: str, value: object) -> float:
+    """The value as an operator's event carries it.
+
+    Raises: ConfigError: not a live setting, or the value does not fit it.
+    """
+    if key not in LIVE_SETTINGS:
+        raise ConfigError(NOT_LIVE)
+    group_name, _, name = key.partition(".")
+    group = getattr(config, group_name)
+    try:
+        changed = msgspec.convert({**msgspec.to_builtins(group), name: value}, type(group))
+    except msgspec.ValidationError as error:
+        raise ConfigError(f"{key} = {value!r}: {str(error).partition(' - ')[0]}") from error
+    number = float(getattr(changed, name))
+    if not math.isfinite(number):
+        raise ConfigError(f"{key} = {value!r}: must be finite")
+    return number
+
+
 def _key(key: str, field: msgspec.structs.FieldInfo, value: object) -> dict[str, Any]:
     kind, limits = _kind(field.type)
     default = None if field.default is msgspec.NODEFAULT else msgspec.to_builtins(field.default)
@@ -44,8 +66,8 @@ def _key(key: str, field: msgspec.structs.FieldInfo, value: object) -> dict[str,
         "default": default,
         "type": kind,
         "unit": unit,
-        "live": False,
-        "about": NOT_LIVE,
+        "live": key in LIVE_SETTINGS,
+        "about": LIVE if key in LIVE_SETTINGS else NOT_LIVE,
         "min": None,
         "max": None,
         "choices": None,
