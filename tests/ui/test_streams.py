@@ -6,6 +6,7 @@ import json
 import struct
 import time
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -14,9 +15,10 @@ from PIL import Image
 from agribot import config
 from agribot.messages import ByteArray
 from agribot.session import Session
-from agribot.ui.camera import LADDER, QUICK_TIMES, Ladder, Picture, encode, unpacked
+from agribot.ui.camera import LADDER, QUICK_TIMES, Camera, Ladder, Picture, encode, unpacked
 from agribot.ui.channel import CHANGES_KEPT, STATES_KEPT, Channel, Client, signal_table
 from agribot.ui.feed import packed
+from agribot.ui.hub import Hub
 from agribot.ui.replay import Replay
 from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
@@ -135,6 +137,25 @@ def test_the_camera_runs_only_while_somebody_looks_and_waits_for_credits(robot: 
         assert isinstance(newest, bytes)
         assert struct.unpack(">BBHId", newest[:16])[3] == 3
     robot.wait_for(lambda order: order["c"] == "watch" and not order["camera"])
+
+
+def test_a_picture_is_encoded_once_for_all_who_want_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    image, _ = picture()
+    there, calls = Picture(kind=0, index=1, wall_ms=0.0, pixels=image), []
+
+    def counted(picture: Picture, level: int) -> bytes:
+        calls.append(level)
+        return encode(picture, level)
+
+    async def many() -> list[bytes]:
+        camera = Camera(cast(Hub, None))
+        wanted = [camera.encoded(there, level) for level in (0, 0, 0, 2, 2)]
+        return await asyncio.gather(*wanted)
+
+    monkeypatch.setattr("agribot.ui.camera.encode", counted)
+    data = asyncio.run(many())
+    assert sorted(calls) == [0, 2]
+    assert data[0] == data[1] == data[2] != data[3] == data[4]
 
 
 @pytest.fixture(scope="module")

@@ -77,10 +77,11 @@ def address_of(options: argparse.Namespace) -> Address:
 def announce(url: str, viewer_url: str, options: argparse.Namespace) -> None:
     sys.stderr.write(f"page: {url}\n")
     if viewer_url:
-        import segno
-
         sys.stderr.write(f"page for looking on only: {viewer_url}\n")
-        segno.make(url, error="l").terminal(out=sys.stderr, compact=True)
+        if sys.stderr.isatty():
+            import segno
+
+            segno.make(url, error="l").terminal(out=sys.stderr, compact=True)
     sys.stderr.flush()
     if options.open:
         webbrowser.open(url)

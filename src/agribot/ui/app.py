@@ -55,7 +55,8 @@ class Door:
             await _turn_away(verdict, scope, receive, send)
             return
         scope["agribot.caller"] = verdict
-        await self._app(scope, receive, _with_safe_headers(send))
+        is_page = scope["type"] == "http"
+        await self._app(scope, receive, _with_safe_headers(send) if is_page else send)
 
 
 async def _turn_away(refusal: Refusal, scope: Scope, receive: Receive, send: Send) -> None:

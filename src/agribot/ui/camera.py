@@ -69,7 +69,7 @@ class Camera:
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
         self._newest: dict[int, Picture] = {}
-        self._encoded: dict[tuple[int, int], tuple[int, bytes]] = {}
+        self._encoded: dict[tuple[int, int], tuple[int, asyncio.Task[bytes]]] = {}
         self._arrived = asyncio.Event()
         self._viewers: dict[int, bool] = {}
 
@@ -102,13 +102,13 @@ class Camera:
         return self._newest.get(kind)
 
     async def encoded(self, picture: Picture, level: int) -> bytes:
+        """Encoded by the first who asks; the others wait for the same bytes."""
         key = (picture.kind, level)
         known = self._encoded.get(key)
-        if known is not None and known[0] == picture.index:
-            return known[1]
-        data = await asyncio.to_thread(encode, picture, level)
-        self._encoded[key] = (picture.index, data)
-        return data
+        if known is None or known[0] != picture.index:
+            work = asyncio.create_task(asyncio.to_thread(encode, picture, level))
+            known = self._encoded[key] = (picture.index, work)
+        return await asyncio.shield(known[1])
 
     def _tell_robot(self) -> None:
         mask = any(self._viewers.values())

@@ -17,7 +17,6 @@ from agribot.ui.hub import Hub
 
 MAX_SOCKETS = 64
 MAX_MESSAGES_PER_S = 120  # 20 Hz of driving needs a sixth of it
-SEND_TIMEOUT_S = 20.0  # a page that takes nothing for so long is cut off
 POLICY, TRY_LATER = 1008, 1013
 
 
@@ -88,13 +87,10 @@ class Socket:
         }
 
     async def _send_all(self) -> None:
+        """A page that takes nothing holds up its own line only, until its pings are missed."""
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
-            try:
-                while True:
-                    text = await self.client.next(self.channel)
-                    await asyncio.wait_for(self._socket.send_text(text), SEND_TIMEOUT_S)
-            except TimeoutError:
-                await self._socket.close(TRY_LATER)
+            while True:
+                await self._socket.send_text(await self.client.next(self.channel))
 
     async def _listen(self) -> None:
         while True:
