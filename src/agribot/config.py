@@ -65,6 +65,7 @@ class MissionConfig(Config, frozen=True):
     waypoint_radius_m: Positive = 0.15
     max_waypoint_distance_m: Positive = 1000.0
     off_path_limit_m: Positive = 0.5  # farther from the path than this, the mission fails
+    resume_limit_m: Positive = 0.5  # moved farther while it stood, the robot does not go on
     stall_timeout_s: Positive = 60.0  # without headway for so long, the mission fails
     # Known across the row so well (1 sigma) the robot drives at full speed, so badly not at all.
     full_speed_std_m: Positive = 0.08
@@ -76,7 +77,7 @@ class EstimateConfig(Config, frozen=True):
 
     gyro_bias_std_radps: Positive = 0.0035  # 0.2 deg/s: MEMS turn-on bias
     gyro_walk_rad_per_sqrt_s: Positive = 0.0008  # 0.05 deg
-    wheel_scale_std_ratio: Positive = 0.05
+    wheel_scale_std_ratio: Positive = 0.04
     slip_std_rad: Positive = 0.026  # 1.5 deg of crabbing across a slope
     position_walk_m_per_sqrt_m: Positive = 0.018
     mag_std_rad: Positive = 0.07  # 4 deg after calibration

@@ -216,6 +216,9 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     length_m: float
     waypoints_total: int
     waypoints_reached: int
+    leg: str = ""  # "row 3", "to row 4", "way home"
+    distance_left_m: float = 0.0
+    eta_s: float | None = None  # until the end of the path, at the planned speeds
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):

@@ -16,7 +16,9 @@ T = TypeVar("T")
 
 # A note changes nothing: it is what a person or a page wants to have in the recording.
 # "set" changes one of LIVE_SETTINGS, named in `text`, to `value`.
-OperatorAction = Literal["pause", "resume", "cancel", "stop", "clear_stop", "note", "set"]
+OperatorAction = Literal[
+    "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home", "note", "set"
+]
 LIVE_SETTINGS = ("mission.speed_mps", "treatment.enabled")
 
 INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but never a stop

@@ -55,6 +55,7 @@ class Drive(Protocol):
     referee: Referee
     clock: Clock
     event_log: EventLog
+    rows_before: tuple[int, ...]  # done before this run took over
 
     @property
     def meter(self) -> PerceptionMeter | None: ...
@@ -67,7 +68,7 @@ def report_card(drive: Drive, why_ended: str = "") -> Report:
     """`why_ended` names an end from outside: an interruption or the end of the time allowed."""
     config, referee = drive.config, drive.referee
     status = drive.last.status if drive.last is not None else None
-    kept = referee.rows_kept(status.rows_done if status else ())
+    kept = (*drive.rows_before, *referee.rows_kept(status.rows_done if status else ()))
     mission = _mission(drive, status, kept)
     tracking = referee.tracking()
     ok = bool(mission.success) and tracking.plants_crushed == 0 and not why_ended

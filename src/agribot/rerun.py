@@ -20,9 +20,10 @@ from agribot.errors import EndOfRecording, RecordingError
 from agribot.field_work import field_work
 from agribot.messages import STOP, MappedPlant, PlantClass, TickRecord
 from agribot.perception_host import RecordedPerception
+from agribot.plan.saved_mission import SavedMission
 from agribot.record.mcap_file import part_number, read_attachment
 from agribot.record.replay import ReplayPlatform, read_ticks, read_urdf, recorded_scenes
-from agribot.session import GOALS_ATTACHMENT, PLAN_ATTACHMENT
+from agribot.session import GOALS_ATTACHMENT, PLAN_ATTACHMENT, SAVED_ATTACHMENT
 from agribot.stack import MapPoint, build
 
 # Settings of these groups shaped the recording itself.
@@ -97,7 +98,9 @@ def rerun(path: Path, config: RunConfig) -> tuple[list[TickRecord], tuple[Mapped
     text = read_attachment(path, PLAN_ATTACHMENT).decode() if config.plan else ""
     work = field_work(text, config, robot)
     perception = RecordedPerception(recorded_scenes(path))
-    stack = build(config, robot, goals_map_m, perception, work)
+    resumed = read_attachment(path, SAVED_ATTACHMENT)
+    saved = msgspec.json.decode(resumed, type=SavedMission | None)
+    stack = build(config, robot, goals_map_m, perception, work, saved)
     ticks: list[TickRecord] = []
     stack.taps.append(ticks.append)
     platform = ReplayPlatform(path)

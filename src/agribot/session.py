@@ -10,6 +10,7 @@ from typing import Self
 
 import msgspec
 
+from agribot import config as settings
 from agribot import stack as robot_stack
 from agribot.config import RunConfig
 from agribot.description.loader import load_robot, urdf_text
@@ -18,12 +19,14 @@ from agribot.errors import MissionError, RecordingError
 from agribot.field_work import field_work, read_plan_text
 from agribot.geo import MapFrame
 from agribot.messages import ByteArray, OperatorEvent, Row, TickRecord
+from agribot.mission_file import MissionFile
 from agribot.perception_host import PerceptionMeter
 from agribot.plan.rows import field_rows
+from agribot.plan.saved_mission import SavedMission
 from agribot.plan.waypoints import parse_waypoints
 from agribot.record.events import EventLog
 from agribot.record.recorder import RunRecorder
-from agribot.record.report import Report, to_json
+from agribot.record.report import Report, to_json, write_file
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap
 from agribot.report_card import Clock, report_card
@@ -38,6 +41,7 @@ REST_TICKS = 5  # a robot that rocks back passes through standstill
 TRUTH_PERIOD_S = 0.1  # in the recording
 GOALS_ATTACHMENT = "goals.json"
 PLAN_ATTACHMENT = "plan.geojson"
+SAVED_ATTACHMENT = "resumed.json"  # null in a run that began anew
 
 
 class Session:
@@ -46,8 +50,11 @@ class Session:
     Use it as a context: `ticks()` drives, `finish()` writes the files of the run.
     """
 
-    def __init__(self, config: RunConfig, out_dir: Path) -> None:
-        """Raises: AgribotError: something in the settings or on the disk does not fit."""
+    def __init__(self, config: RunConfig, out_dir: Path, saved: SavedMission | None = None) -> None:
+        """`saved` is a mission to go on with; the simulated robot stands where it was left.
+
+        Raises: AgribotError: something in the settings or on the disk does not fit.
+        """
         self.config = config
         self.out_dir = out_dir
         self.robot = load_robot(config.robot)
@@ -57,15 +64,23 @@ class Session:
         self.world = load_world(
             config.world, seed=config.seed, weed_density_per_m2=config.sim.weed_density_per_m2
         )
+        if saved is not None:
+            self.world = msgspec.structs.replace(
+                self.world, spawn_xy_map_m=saved.pose[:2], spawn_yaw_map_rad=saved.pose[2]
+            )
         rows = () if self.goals_map_m else field_rows(config.field)
         rows = rows if self.work is None else self.work.rows
         self.rows = rows
+        self._saved = saved
+        self.rows_before = tuple(r.index for r in saved.rows if r.done) if saved else ()
         self._shown_goals_map_m = self.goals_map_m or _row_ends(rows)
         self.platform = SimPlatform(config, self.robot, self.world)
         self.referee = Referee(self.platform, self.world, rows, self.goals_map_m)
         self._mask_taps: list[MaskTap] = [self.referee.judge_mask]
         perception = robot_stack.perceiving(config, self.robot, self._show_mask)
-        self.stack = robot_stack.build(config, self.robot, self.goals_map_m, perception, self.work)
+        self.stack = robot_stack.build(
+            config, self.robot, self.goals_map_m, perception, self.work, saved
+        )
         self.clock = Clock()
         self.last: TickRecord | None = None
         self._claim_out_dir()
@@ -75,6 +90,8 @@ class Session:
         self._has_plan = False
         self._next_truth_s = 0.0
         self.stack.taps += [self._show_truth, self.referee, self._series, self.event_log]
+        self.stack.taps.append(MissionFile(out_dir, self.stack.mission))
+        write_file(out_dir / "config.toml", settings.to_toml(config).encode())
         if self._recorder is not None:
             self.stack.taps.append(self._record)
 
@@ -205,6 +222,7 @@ class Session:
         )
         goals = msgspec.json.encode(self.goals_map_m)
         recorder.attach(GOALS_ATTACHMENT, "application/json", goals)
+        recorder.attach(SAVED_ATTACHMENT, "application/json", msgspec.json.encode(self._saved))
         if self._plan_text:
             recorder.attach(PLAN_ATTACHMENT, "application/geo+json", self._plan_text.encode())
         return recorder

@@ -13,6 +13,7 @@ from agribot.messages import (
     ByteArray,
     CameraFrame,
     Estimate,
+    FloatArray,
     Path,
     RobotCommand,
     Row,
@@ -23,11 +24,12 @@ from agribot.perceive.ground import GroundLookup
 from agribot.perceive.plants import observe
 from agribot.perceive.segmenter import Segmenter
 from agribot.perception_host import NoPerception, PerceptionHost, ThreadedPerception
-from agribot.plan.boustrophedon import plan_rows
+from agribot.plan.boustrophedon import plan_home, plan_rows
 from agribot.plan.certify import certify
 from agribot.plan.coverage.drive import FieldWork
 from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
+from agribot.plan.saved_mission import PoseTuple, SavedMission
 from agribot.plan.waypoints import plan_waypoints
 from agribot.platform import Platform
 from agribot.robot import RobotSpec
@@ -105,18 +107,19 @@ def build(
     waypoints_map_m: tuple[MapPoint, ...] = (),
     perception: PerceptionHost | None = None,
     work: FieldWork | None = None,
+    saved: SavedMission | None = None,
 ) -> Stack:
     """Put the parts together as the settings say.
 
     `waypoints_map_m` or `work`, a field plan, replaces the rows of the field as the task;
-    `perception` replaces the camera network, as a replay does.
+    `perception` replaces the camera network, as a replay does; `saved` is a mission to go on with.
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
     return Stack(
         localizer=Localizer(config.estimate, config.field, robot),
         perception=perceiving(config, robot) if perception is None else perception,
         weed_map=WeedMap(config.weeds),
-        mission=_mission(config, robot, waypoints_map_m, work),
+        mission=_mission(config, robot, waypoints_map_m, work, saved),
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
         treatment=Treatment(config.treatment, robot.sprayer),
@@ -150,6 +153,7 @@ def _mission(
     robot: RobotSpec,
     waypoints_map_m: tuple[MapPoint, ...],
     work: FieldWork | None,
+    saved: SavedMission | None,
 ) -> Mission:
     if work is not None:
         return Mission(
@@ -160,10 +164,23 @@ def _mission(
             config.mission,
             tool_reach_m=0.0,
             has_crop=work.has_crop,
+            home=lambda estimate, home, ahead: work.path_home(
+                (estimate.x_map_m, estimate.y_map_m), home[:2], ahead
+            ),
+            saved=saved,
         )
     rows = () if waypoints_map_m else field_rows(config.field)
     planner = _planner(config, robot, rows, waypoints_map_m)
-    return Mission(planner, rows, config.mission, waypoints_map_m)
+
+    def go_home(estimate: Estimate, home: PoseTuple, _: FloatArray) -> Path:
+        start = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+        if not rows:
+            return plan_waypoints((home[:2],), start, robot, config.mission)
+        path = plan_home(rows, start, home, robot, config.mission)
+        certify(path, rows, robot, config.mission.plant_clearance_m)
+        return path
+
+    return Mission(planner, rows, config.mission, waypoints_map_m, home=go_home, saved=saved)
 
 
 def _planner(

@@ -42,7 +42,7 @@ class Obstacle(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class GroundTile(msgspec.Struct, frozen=True, kw_only=True):
-    """An axis-aligned rectangle of one surface: "soil", "grass", "pavement"; later ones win."""
+    """An axis-aligned rectangle of one surface: "soil", "grass", "track"; later ones win."""
 
     surface: str
     x_min_m: float
@@ -57,6 +57,18 @@ class Light(msgspec.Struct, frozen=True, kw_only=True):
     to_sun: Vec3 = (0.48, -0.10, 0.87)
     diffuse: float = 0.75
     ambient: float = 0.5
+
+
+class Soil(msgspec.Struct, frozen=True, kw_only=True):
+    """What lies on the soil beyond its usual crumbs, each 0 (nothing) to 1 (a lot).
+
+    `residue_ratio` straw and stalks of the last crop, `stones_ratio` stones, `wet_ratio` the
+    share of the ground that is dark with water.
+    """
+
+    residue_ratio: float = 0.0
+    stones_ratio: float = 0.0
+    wet_ratio: float = 0.0
 
 
 class HeightField(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -78,6 +90,7 @@ class WorldSpec(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     friction_ratio: float = 1.0
     light: Light = Light()
     ground: tuple[GroundTile, ...] = ()
+    soil: Soil = Soil()
     terrain: HeightField | None = None
     plants: tuple[Plant, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()

@@ -9,6 +9,7 @@ from agribot.bench.nav.missions import Reading
 from agribot.bench.nav.scenario import DT_S, TICK_STEPS, Scenario
 from agribot.control.follower import Follower
 from agribot.devices import GnssHeading, RowLine
+from agribot.estimate.batch.compass import BatchYaw
 from agribot.estimate.batch.gnss import BatchFix
 from agribot.estimate.batch.localizer import BatchHeading
 from agribot.estimate.batch.row_lines import BatchLine
@@ -49,7 +50,7 @@ class SingleRobot:
         self._driven_m += distance_m
         rate, v_mps = turn_rad / TICK_S, distance_m / TICK_S
         imu = ImuSample(t_s=t_s, gyro_radps=(0.0, 0.0, rate), accel_mps2=(0.0, rate * v_mps, 9.8))
-        mags = [r for r in readings if not isinstance(r, BatchFix | BatchHeading | BatchLine)]
+        mags = [r for r in readings if isinstance(r, BatchYaw)]
         fixes = [r for r in readings if isinstance(r, BatchFix)]
         headings = [r for r in readings if isinstance(r, BatchHeading)]
         estimate = self.localizer.update(
@@ -57,7 +58,7 @@ class SingleRobot:
                 t_s=t_s,
                 wheels=(self._wheels(t_s),),
                 imu=(imu,),
-                mag=tuple(self._mag(when_s, float(yaw[self._index])) for when_s, yaw in mags),
+                mag=tuple(self._mag(mag.t_s, float(mag.yaw_map_rad[self._index])) for mag in mags),
                 gnss=tuple(self._fix(fix) for fix in fixes),
                 headings=tuple(
                     GnssHeading(

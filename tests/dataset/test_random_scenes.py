@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from agribot.sim.flora.species import SPECIES
 from agribot.sim.random_scenes import random_field, random_look, random_view
 
 # A seed, then what was drawn from it when the shipped network was trained.
@@ -14,6 +15,18 @@ KNOWN = [
     ([3, 101, 7], 194, "maize", (-3.457284544058325, -2.2082416199420223), 21, 1.3262094588975746,
      561307681),
 ]  # fmt: skip
+
+
+def test_wide_fields_have_every_species_and_litter_on_the_soil() -> None:
+    fields = [random_field(np.random.default_rng([8, k]), is_wide=True) for k in range(40)]
+    species = {plant.species for field in fields for plant in field.plants}
+    assert species == set(SPECIES)
+    for plant in (plant for field in fields for plant in field.plants):
+        assert plant.plant == SPECIES[plant.species].plant
+    for litter in ("residue_ratio", "stones_ratio", "wet_ratio"):
+        there = [getattr(field.soil, litter) for field in fields]
+        assert 0.2 < np.mean([ratio > 0.0 for ratio in there]) < 0.8
+        assert max(there) <= 1.0
 
 
 @pytest.mark.parametrize(("seed", "plants", "crop", "place_m", "soil", "hfov_rad", "after"), KNOWN)

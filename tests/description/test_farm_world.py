@@ -206,7 +206,9 @@ def test_weeds_differ_in_kind_size_and_shape(farm: WorldSpec) -> None:
 
 
 def test_packaged_worlds_are_listed_and_all_load() -> None:
-    assert world_names() == ["Farm", "beet", "empty", "final", "hills", "volcano", "world1"]
+    assert world_names() == [
+        "Farm", "beet", "empty", "final", "hills", "rows-10x12", "volcano", "world1",
+    ]  # fmt: skip
     for name in world_names():
         assert load_world(name).warnings == ()
 

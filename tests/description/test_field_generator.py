@@ -6,6 +6,7 @@ import json
 import math
 import shutil
 import subprocess
+from collections import Counter
 from pathlib import Path
 
 import msgspec
@@ -14,8 +15,15 @@ import pytest
 
 from agribot import config
 from agribot.cli import main
-from agribot.description.field_generator import BEET_SEED, generate_field, row_offsets_m
-from agribot.description.field_plan import CropPlan, FieldPlan, RowsPlan, WeedsPlan, read_field_plan
+from agribot.description.field_generator import PACKAGED, generate_field, row_offsets_m
+from agribot.description.field_plan import (
+    CropPlan,
+    FieldPlan,
+    RowsPlan,
+    SoilPlan,
+    WeedsPlan,
+    read_field_plan,
+)
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
 from agribot.description.worlds_sdf import check_world, load_world, world_names
@@ -23,7 +31,7 @@ from agribot.errors import DescriptionError
 from agribot.geo import MapFrame
 from agribot.messages import FloatArray, PlantClass
 from agribot.robot import Shape
-from agribot.world import Obstacle, Plant, WorldSpec
+from agribot.world import Obstacle, Plant, Soil, WorldSpec
 
 NO_WEEDS = WeedsPlan(density_per_m2=0.0)
 
@@ -242,19 +250,63 @@ def test_a_written_world_passes_the_sdf_checker(name: str, tmp_path: Path) -> No
     assert "Valid." in done.stdout, done.stdout + done.stderr
 
 
-def test_the_packaged_beet_world_is_current(tmp_path: Path) -> None:
-    plan = read_field_plan(ROOT / "fields" / "beet.toml")
-    write_world(generate_field(plan, BEET_SEED), tmp_path / "beet.world")
-    kept = (ROOT / "worlds" / "beet.world").read_text("utf-8")
-    assert (tmp_path / "beet.world").read_text("utf-8") == kept, (
+@pytest.mark.parametrize(("name", "seed"), sorted(PACKAGED.items()))
+def test_the_packaged_generated_worlds_are_current(tmp_path: Path, name: str, seed: int) -> None:
+    plan = read_field_plan(ROOT / "fields" / f"{name}.toml")
+    write_world(generate_field(plan, seed), tmp_path / f"{name}.world")
+    kept = (ROOT / "worlds" / f"{name}.world").read_text("utf-8")
+    assert (tmp_path / f"{name}.world").read_text("utf-8") == kept, (
         "run python -m agribot.description.field_generator"
     )
 
 
-def test_beet_profile_drives_the_rows_of_the_beet_world() -> None:
-    settings, plan = config.load("beet"), read_field_plan(ROOT / "fields" / "beet.toml")
+@pytest.mark.parametrize("name", sorted(PACKAGED))
+def test_a_profile_drives_the_rows_of_its_generated_world(name: str) -> None:
+    settings, plan = config.load(name), read_field_plan(ROOT / "fields" / f"{name}.toml")
     field, rows = settings.field, plan.rows
-    assert settings.world == "beet" and field.datum == plan.datum == load_world("beet").datum
+    assert settings.world == name and field.datum == plan.datum == load_world(name).datum
     assert field.first_row_start_map_m == rows.first_row_start_map_m
     assert (field.row_yaw_deg, field.row_length_m) == (rows.yaw_deg, rows.length_m)
     assert (field.row_pitch_m, field.row_count) == (rows.pitch_m, rows.count)
+
+
+def test_the_benchmark_has_ten_rows_of_49_plants_and_a_start_known_to_5_cm_and_2_degrees() -> None:
+    world, field = load_world("rows-10x12"), config.load("rows-10x12").field
+    rows = Counter(
+        round(-plant.y_map_m) for plant in world.plants if plant.plant == PlantClass.CROP
+    )
+    assert rows == {row: 49 for row in range(10)}
+    assert field.start_map_m is not None and field.start_yaw_deg is not None
+    off_m = math.dist(world.spawn_xy_map_m, field.start_map_m)
+    off_deg = abs(math.degrees(world.spawn_yaw_map_rad) - field.start_yaw_deg)
+    assert 0.0 < off_m < 2 * field.start_std_m
+    assert 0.0 < off_deg < 2 * field.start_yaw_std_deg
+
+
+def test_litter_and_tracks_of_a_plan_survive_the_file(tmp_path: Path) -> None:
+    soil = SoilPlan(residue_ratio=0.5, stones_ratio=0.25, wet_ratio=0.125, track_gauge_m=0.78)
+    plan = FieldPlan(weeds=NO_WEEDS, soil=soil, rows=RowsPlan(count=3, length_m=4.0))
+    field = generate_field(plan, 0)
+    write_world(field, tmp_path / "x.world")
+    again = load_world(str(tmp_path / "x.world"))
+    assert again.soil == field.soil == Soil(residue_ratio=0.5, stones_ratio=0.25, wet_ratio=0.125)
+    tracks = [tile for tile in again.ground if tile.surface == "track"]
+    middles = sorted((tile.x_min_m + tile.x_max_m) / 2.0 for tile in tracks)
+    # The rows go North from x = 1, 2 and 3 m.
+    expected = sorted(row + side for row in (1.0, 2.0, 3.0) for side in (-0.39, 0.39))
+    assert middles == pytest.approx(expected, abs=1e-6)
+    assert {round(tile.y_max_m - tile.y_min_m, 6) for tile in tracks} == {6.0}
+
+
+def test_tracks_beside_bent_rows_are_refused() -> None:
+    bent = FieldPlan(rows=RowsPlan(curvature_radpm=0.01), soil=SoilPlan(track_gauge_m=0.78))
+    with pytest.raises(DescriptionError, match="straight rows"):
+        generate_field(bent, 0)
+
+
+def test_a_soil_ratio_over_one_is_refused_with_its_name(tmp_path: Path) -> None:
+    text = (ROOT / "worlds" / "empty.world").read_text("utf-8")
+    file = tmp_path / "x.world"
+    file.write_text(text.replace("<gravity>", '<agribot:soil wet_ratio="1.5"/><gravity>'), "utf-8")
+    with pytest.raises(DescriptionError, match=r"wet_ratio.*1\.5 must be from 0 to 1"):
+        load_world(str(file))

@@ -126,10 +126,11 @@ def test_the_robot_shades_what_it_sees_with_the_sun_behind_it_and_no_label_chang
     behind, ahead = (-0.9, 0.0, 0.44), (0.9, 0.0, 0.44)
     bare, bare_mask = frame(behind, False)
     shaded, shaded_mask = frame(behind, True)
-    darker = (bare - shaded).max(axis=2) > 20.0
-    assert darker[80:].mean() > 0.1  # the near ground, low in the picture
     np.testing.assert_array_equal(bare_mask, shaded_mask)
-    assert np.abs(frame(ahead, False)[0] - frame(ahead, True)[0]).max() == 0.0
+    shadow = (bare - shaded).max(axis=2) > 20.0
+    deck = np.abs(frame(ahead, False)[0] - frame(ahead, True)[0]).max(axis=2) > 0.0
+    assert deck[:80].sum() == 0  # with the sun ahead, only the deck itself low in the picture
+    assert (shadow & ~deck).sum() > 400
 
 
 def test_a_visual_whose_mesh_is_missing_is_left_out_with_a_warning(

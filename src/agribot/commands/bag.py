@@ -102,6 +102,9 @@ def _convert(options: argparse.Namespace) -> int:
             progress[0](done)
 
     result = convert(options.recording, options.out, wanted, count)
+    for shown in progress:
+        shown(result.messages_in)
+        shown.close()
     for note in (*result.notes, *_losses(result)):
         sys.stderr.write(f"note: {note}\n")
     if options.json:

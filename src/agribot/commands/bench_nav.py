@@ -74,7 +74,12 @@ def run(options: argparse.Namespace) -> int:
     if options.plot and results:
         plot(options.plot, [(entry.name, outcomes) for entry, outcomes in results])
     if options.json:
-        content = {"seeds": options.seeds, "lines": msgspec.to_builtins(lines)}
+        missions = {entry.name: msgspec.to_builtins(outcomes) for entry, outcomes in results}
+        content = {
+            "seeds": options.seeds,
+            "lines": msgspec.to_builtins(lines),
+            "missions": missions,
+        }
         sys.stdout.write(json.dumps(content) + "\n")
     if interrupted:
         return 130

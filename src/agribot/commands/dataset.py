@@ -39,6 +39,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     generate.add_argument("--views", type=int, default=8, help="images of one field (default 8)")
     generate.add_argument("--format", choices=("png", "jpg"), default="png", help="of the images")
+    generate.add_argument(
+        "--variety",
+        choices=("standard", "wide"),
+        default="standard",
+        help="wide: all species, and soil with residue, stones and wet patches",
+    )
     generate.add_argument("--colour", action="store_true", help="red, green and blue masks as well")
     generate.add_argument(
         "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
@@ -146,6 +152,7 @@ def _generate(options: argparse.Namespace) -> int:
         views_per_field=options.views,
         format=options.format,
         colour_masks=options.colour,
+        variety=options.variety,
     )
     claim(folder, recipe)
     jobs = missing_fields(folder, recipe, options.images)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import msgspec
 
-from agribot.commands.writing import write_file
 from agribot.description.loader import load_robot
 from agribot.errors import MissionError
 from agribot.geo import MapFrame
@@ -20,6 +19,7 @@ from agribot.plan.coverage.planner import plan_field
 from agribot.plan.plan_certificate import Certificate, certify_plan
 from agribot.record.drawing import png
 from agribot.record.plan_figure import plan_figure
+from agribot.record.report import write_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

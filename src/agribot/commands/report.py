@@ -1,4 +1,7 @@
-"""`agribot report`: the files of a run again, from its recording alone."""
+"""`agribot report`: the files of a run again, from its recording alone.
+
+Of another robot's bag, or of a run that was cut off, it plots what is there.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,14 @@ import msgspec
 from agribot.description.worlds_sdf import load_world
 from agribot.errors import RecordingError
 from agribot.plan.rows import field_rows
+from agribot.record.bag.opening import open_bag
+from agribot.record.bag.source import Bag
 from agribot.record.events import EventLog
+from agribot.record.foreign import read_foreign
+from agribot.record.foreign_page import write_foreign_report
 from agribot.record.mcap_file import read_attachment
+from agribot.record.mcap_records import parts_of
+from agribot.record.recorder import CONFIG_ATTACHMENT
 from agribot.record.replay import read_config, read_ticks, read_truth, read_weed_map
 from agribot.record.report import Report
 from agribot.record.run_files import write_run_files
@@ -20,12 +29,16 @@ from agribot.record.series import RunData, SeriesTap
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", type=Path, metavar="RUN.mcap")
+    parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="or any bag")
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--json", action="store_true", help="print the report as the last line")
 
 
 def run(options: argparse.Namespace) -> int:
+    with open_bag(options.recording) as bag:
+        is_whole_run = {CONFIG_ATTACHMENT, "report.json"} <= _file_names(bag)
+    if not is_whole_run:
+        return _foreign(options)
     config = read_config(options.recording)
     data = read_attachment(options.recording, "report.json")
     try:
@@ -56,3 +69,26 @@ def run(options: argparse.Namespace) -> int:
     else:
         sys.stdout.write(f"{options.out}/report.html\n")
     return 0
+
+
+def _file_names(bag: Bag) -> set[str]:
+    """Also of the further parts of a long recording: the report is in the last one."""
+    names = set(bag.file_names)
+    if not bag.path.is_dir():
+        for part in parts_of(bag.path)[1:]:
+            with open_bag(part) as following:
+                names |= set(following.file_names)
+    return names
+
+
+def _foreign(options: argparse.Namespace) -> int:
+    data = read_foreign(options.recording)
+    summary = write_foreign_report(options.out, options.recording, data)
+    for word in (*data.missing, *data.notes):
+        sys.stderr.write(f"missing: {word}\n" if word in data.missing else f"note: {word}\n")
+    shown = data.tracks or data.speed or data.distance or data.heading_raw or data.heading_filtered
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(summary).decode() + "\n")
+    else:
+        sys.stdout.write(f"{options.out}/report.html\n")
+    return 0 if shown else 1

@@ -15,12 +15,12 @@ from agribot.commands.pacing import pace_from
 from agribot.commands.page import Pacer, add_page_arguments, opened, stay, stays_open, wants_page
 from agribot.commands.progress import Progress
 from agribot.commands.stopping import stop_on_signal
-from agribot.commands.writing import write_file
 from agribot.description.loader import load_robot
 from agribot.errors import MissionError
 from agribot.field_work import planned
 from agribot.gis.plan_file import plan_text
-from agribot.record.report import Report
+from agribot.mission_file import read_mission, resumed
+from agribot.record.report import Report, write_file
 from agribot.session import Session
 
 
@@ -35,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--field", metavar="FILE", help="plan this field (GeoJSON) and work it")
     parser.add_argument("--implement-width", type=float, metavar="M",
                         help="for --field (default: the robot's boom)")  # fmt: skip
+    parser.add_argument("--resume", metavar="RUNDIR", help="go on with a run that was cut off")
     parser.add_argument(
         "--sensors", metavar="PRESET", help="legacy, seed, m8n, rtk, rtk-dual, ideal"
     )
@@ -59,11 +60,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     pace = pace_from(options.speed)
-    config = _config(options)
+    config, saved = _config(options), None
+    if options.resume is not None:
+        saved = read_mission(Path(options.resume))
+        config = resumed(config, saved)
     out_dir = _out_dir(options.out, config.profile)
     if options.field is not None:
         config = _with_field(config, options, out_dir)
-    with Session(config, out_dir) as session, ExitStack() as parts:
+    with Session(config, out_dir, saved) as session, ExitStack() as parts:
         odd = (*session.robot.warnings, *session.world.warnings)
         sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
         page = parts.enter_context(opened(options, session)) if wants_page(options) else None
@@ -115,7 +119,10 @@ def _config(options: argparse.Namespace) -> settings.RunConfig:
         "duration_s": options.duration_s,
     }
     assigned = [f"{key}={_toml(value)}" for key, value in named.items() if value is not None]
-    return settings.load(options.profile, [*options.set, *assigned])
+    profile = options.profile
+    if options.resume is not None:
+        profile = str(Path(options.resume) / "config.toml")
+    return settings.load(profile, [*options.set, *assigned])
 
 
 def _toml(value: str | float) -> str:

@@ -21,7 +21,7 @@ from agribot.description.terrain import height_at
 from agribot.description.worlds_sdf import check_world, load_world, world_names
 from agribot.errors import DescriptionError, RecordingError
 from agribot.geo import LINK_FROM_OPTICAL, transform
-from agribot.messages import FloatArray
+from agribot.messages import ByteArray, FloatArray
 from agribot.world import WorldSpec
 
 
@@ -50,13 +50,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     render.add_argument(
         "--view", choices=("field", "rover"), default="field", help="from high, or as the robot"
     )
+    pictures = actions.add_parser(
+        "gallery",
+        help="one picture of worlds, cameras, crops, light and labels",
+        epilog="example: agribot world gallery -o gallery.png",
+    )
+    pictures.add_argument("-o", "--out", required=True, metavar="PNG")
 
 
 def run(options: argparse.Namespace) -> int:
     if options.action == "list":
         sys.stdout.write("\n".join(world_names()) + "\n")
         return 0
-    return {"check": _check, "generate": _generate, "render": _render}[options.action](options)
+    actions = {"check": _check, "generate": _generate, "render": _render, "gallery": _gallery}
+    return actions[options.action](options)
 
 
 def _generate(options: argparse.Namespace) -> int:
@@ -109,8 +116,6 @@ def print_findings(findings: Sequence[Finding], as_json: bool) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    from PIL import Image
-
     from agribot.sim.camera import CameraRenderer
 
     world = load_world(options.world, seed=options.seed)
@@ -125,13 +130,26 @@ def _render(options: argparse.Namespace) -> int:
     picture = CameraRenderer(world).render(
         map_from_camera, robot.camera, noise_seed=None, supersample=2
     )
-    try:
-        Image.fromarray(picture.image_rgb).save(Path(options.out))
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {options.out}: {error.strerror}; choose another path"
-        ) from error
+    _save(picture.image_rgb, Path(options.out))
     return 0
+
+
+def _gallery(options: argparse.Namespace) -> int:
+    from agribot.commands.gallery import gallery
+
+    _save(gallery(), Path(options.out))
+    return 0
+
+
+def _save(image_rgb: ByteArray, path: Path) -> None:
+    from PIL import Image
+
+    try:
+        Image.fromarray(image_rgb).save(path)
+    except (OSError, ValueError) as error:  # ValueError: a file type that is no picture's
+        raise RecordingError(
+            f"cannot write {path}: {error}; choose another path that ends in .png"
+        ) from error
 
 
 def _rover_pose(world: WorldSpec) -> FloatArray:

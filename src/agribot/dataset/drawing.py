@@ -69,7 +69,7 @@ def draw_field(job: FieldJob, stop: Stop) -> int:
     """
     recipe, drawn = job.recipe, 0
     rng = np.random.default_rng([recipe.seed, STREAM, job.field])
-    world = random_field(rng)
+    world = random_field(rng, is_wide=recipe.variety == "wide")
     if len(world.plants) > MOST_INSTANCES:
         raise RecordingError(
             f"field {job.field} has {len(world.plants)} plants, more than the {MOST_INSTANCES} "

@@ -13,6 +13,8 @@ from agribot.description.markup import place_of
 from agribot.errors import DescriptionError
 from agribot.messages import Vec3
 
+LARGEST = 1e12  # stiffnesses of other simulators reach 1e9
+
 
 class Finding(NamedTuple):
     """Something odd in a file; line 0 where it has no place of its own.
@@ -103,6 +105,8 @@ class Source:
             raise self.fail(where, f"'{text}' is not a list of numbers") from error
         if not all(math.isfinite(value) for value in values):
             raise self.fail(where, f"'{text}' is not finite")
+        if any(abs(value) > LARGEST for value in values):
+            raise self.fail(where, f"'{text}' is beyond {LARGEST:g}, more than anything real")
         if len(values) != count:
             raise self.fail(where, f"needs {count} numbers, found {len(values)} in '{text or ''}'")
         return values

@@ -1,7 +1,7 @@
 """Fields by chance: rows of crops with gaps, and weeds in between, from a plan and a seed.
 
-`python -m agribot.description.field_generator` writes the generated world of the package again;
-a test holds its text.
+`python -m agribot.description.field_generator` writes the generated worlds of the package again;
+a test holds their text.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from agribot.description.sdf_export import write_world
 from agribot.errors import DescriptionError
 from agribot.geo import MapFrame
 from agribot.messages import FloatArray, PlantClass
-from agribot.world import GroundTile, Plant, WorldSpec
+from agribot.world import GroundTile, Plant, Soil, WorldSpec
 
 SEEDS = 2**31
 DIGITS = 6  # places are rounded to a micrometre, so that every machine writes the same file
 AROUND_M = 15.0  # of grass beyond the soil
 SOIL_M = 6.0  # beyond the outermost crops
-BEET_SEED = 1
+PACKAGED = {"beet": 1, "rows-10x12": 1}  # plan -> seed of the worlds that come along
 
 
 def generate_field(plan: FieldPlan, seed: int, folder: Path = Path()) -> WorldSpec:
@@ -54,7 +54,12 @@ def generate_field(plan: FieldPlan, seed: int, folder: Path = Path()) -> WorldSp
         datum=plan.datum,
         spawn_xy_map_m=plan.spawn_xy_map_m,
         spawn_yaw_map_rad=math.radians(plan.spawn_yaw_deg),
-        ground=_ground(crops_xy_m, plan.spawn_xy_map_m),
+        ground=(*_ground(crops_xy_m, plan.spawn_xy_map_m), *_tracks(plan)),
+        soil=Soil(
+            residue_ratio=plan.soil.residue_ratio,
+            stones_ratio=plan.soil.stones_ratio,
+            wet_ratio=plan.soil.wet_ratio,
+        ),
         plants=tuple(plants),
     )
 
@@ -165,6 +170,33 @@ def _ground(crops_xy_m: FloatArray, spawn: tuple[float, float]) -> tuple[GroundT
     return tile("grass", SOIL_M + AROUND_M), tile("soil", SOIL_M)
 
 
+def _tracks(plan: FieldPlan) -> list[GroundTile]:
+    """Strips where wheels went, a pair astride each row."""
+    rows, soil = plan.rows, plan.soil
+    if not soil.track_gauge_m:
+        return []
+    if rows.curvature_radpm or rows.yaw_deg % 90.0:
+        raise DescriptionError(
+            f"field '{plan.name}': soil.track_gauge_m needs straight rows along an axis of the "
+            f"map; rows.curvature_radpm is {rows.curvature_radpm:g}, rows.yaw_deg {rows.yaw_deg:g}"
+        )
+    ends_m = np.array([-1.0, rows.length_m + 1.0])
+    half_m = soil.track_width_m / 2.0
+    tiles = []
+    for offset_m in row_offsets_m(rows):
+        for side_m in (-soil.track_gauge_m / 2.0, soil.track_gauge_m / 2.0):
+            edges = [_bent(rows, ends_m, offset_m + side_m + edge) for edge in (-half_m, half_m)]
+            low = np.min(edges, axis=(0, 1)).round(DIGITS).tolist()
+            high = np.max(edges, axis=(0, 1)).round(DIGITS).tolist()
+            tiles.append(
+                GroundTile(
+                    surface="track", x_min_m=low[0], y_min_m=low[1], x_max_m=high[0],
+                    y_max_m=high[1],
+                )
+            )  # fmt: skip
+    return tiles
+
+
 def _boundary(plan: FieldPlan, folder: Path) -> FloatArray | None:
     """Outer ring of the plan's GeoJSON polygon in the map, (n, 2)."""
     if not plan.boundary:
@@ -197,7 +229,8 @@ def _inside(
 
 
 if __name__ == "__main__":
-    write_world(
-        generate_field(read_field_plan(ROOT / "fields" / "beet.toml"), BEET_SEED),
-        ROOT / "worlds" / "beet.world",
-    )
+    for field, field_seed in PACKAGED.items():
+        write_world(
+            generate_field(read_field_plan(ROOT / "fields" / f"{field}.toml"), field_seed),
+            ROOT / "worlds" / f"{field}.world",
+        )

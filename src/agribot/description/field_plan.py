@@ -11,8 +11,11 @@ import msgspec
 from agribot.errors import DescriptionError
 from agribot.geo import Datum
 
-Positive = Annotated[float, msgspec.Meta(gt=0)]
-NonNegative = Annotated[float, msgspec.Meta(ge=0)]
+# Limits that no field exceeds, so that a slip of the pen cannot exhaust the memory.
+LARGEST_M = 1e4
+MOST_PLANTS = 200_000
+Positive = Annotated[float, msgspec.Meta(gt=0, le=LARGEST_M)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0, le=LARGEST_M)]
 Ratio = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
@@ -47,7 +50,7 @@ class CropPlan(Plan, frozen=True):
     stem_radius_m: NonNegative = 0.02
     jitter_m: NonNegative = 0.0
     missing_ratio: Ratio = 0.0
-    gaps_per_row: NonNegative = 0.0
+    gaps_per_row: Annotated[float, msgspec.Meta(ge=0, le=100)] = 0.0
     gap_length_m: Positive = 1.0
 
 
@@ -61,8 +64,22 @@ class WeedsPlan(Plan, frozen=True):
     crop_distance_m: NonNegative = 0.1
     margin_m: NonNegative = 0.5
     cluster_ratio: Ratio = 0.0
-    cluster_size: Positive = 6.0
+    cluster_size: Annotated[float, msgspec.Meta(ge=1, le=1000)] = 6.0
     cluster_radius_m: Positive = 0.3
+
+
+class SoilPlan(Plan, frozen=True):
+    """What lies on the soil, 0 nothing to 1 a lot, and the tracks of earlier passes.
+
+    Tracks are `track_width_m` wide and `track_gauge_m` apart (0: none), one pair astride each
+    row; rows must be straight and along an axis of the map.
+    """
+
+    residue_ratio: Ratio = 0.0
+    stones_ratio: Ratio = 0.0
+    wet_ratio: Ratio = 0.0
+    track_gauge_m: Annotated[float, msgspec.Meta(ge=0, le=5)] = 0.0
+    track_width_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
 
 
 class FieldPlan(Plan, frozen=True):
@@ -76,12 +93,14 @@ class FieldPlan(Plan, frozen=True):
     rows: RowsPlan = RowsPlan()
     crop: CropPlan = CropPlan()
     weeds: WeedsPlan = WeedsPlan()
+    soil: SoilPlan = SoilPlan()
 
 
 def read_field_plan(path: Path) -> FieldPlan:
     """Raises: DescriptionError: no such file, not TOML, an unknown key or a value out of range."""
     try:
         tree = tomllib.loads(path.read_text(encoding="utf-8"))
+        _check_numbers(tree, path.name, "")
         plan = msgspec.convert(tree, FieldPlan)
     except OSError as error:
         raise DescriptionError(f"cannot read {path}: {error.strerror}; check the path") from error
@@ -96,4 +115,32 @@ def read_field_plan(path: Path) -> FieldPlan:
             f"{path.name}: weeds need at least one species and height_min_m "
             f"({plan.weeds.height_min_m:g}) not above height_max_m ({plan.weeds.height_max_m:g})"
         )
+    _check_size(plan, path.name)
     return plan
+
+
+def _check_numbers(value: object, file: str, at: str) -> None:
+    """Finite, and no farther than a field can be; TOML itself allows nan and inf."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _check_numbers(inner, file, f"{at}.{key}" if at else str(key))
+    elif isinstance(value, list):
+        for inner in value:
+            _check_numbers(inner, file, at)
+    elif isinstance(value, (int, float)) and not abs(value) <= MOST_PLANTS:
+        raise DescriptionError(f"{file}: {at} = {value}: must be a number within {MOST_PLANTS}")
+
+
+def _check_size(plan: FieldPlan, file: str) -> None:
+    rows, weeds = plan.rows, plan.weeds
+    crops = rows.count * (rows.length_m / plan.crop.spacing_m + 1.0)
+    breadth_m = (rows.count - 1) * rows.pitch_m + 2.0 * weeds.margin_m
+    if rows.tramline_every:
+        breadth_m += (rows.count // rows.tramline_every) * rows.tramline_m
+    wild = weeds.density_per_m2 * breadth_m * (rows.length_m + 2.0 * weeds.margin_m)
+    if crops + wild > MOST_PLANTS:
+        raise DescriptionError(
+            f"{file}: about {crops:.3g} crop plants and {wild:.3g} weeds are asked for; a field "
+            f"may have {MOST_PLANTS} plants: lower rows.count, rows.length_m or "
+            "weeds.density_per_m2, or raise crop.spacing_m"
+        )

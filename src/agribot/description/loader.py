@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from agribot.description import devices
@@ -15,7 +15,8 @@ from agribot.description.kinematics import read_joints, read_links
 from agribot.description.markup import parse_xml
 from agribot.description.package import packaged_or_file, robot_files
 from agribot.errors import DescriptionError
-from agribot.robot import RobotSpec
+from agribot.messages import WHEEL_NAMES
+from agribot.robot import Link, RobotSpec
 
 
 def load_robot(
@@ -79,6 +80,7 @@ def _read(root: ET.Element, source: Source, path: Path) -> RobotSpec:
     _adopt(root, source, path.parent)
     links = read_links(root, source)
     joints = read_joints(root, source)
+    _check_masses(links, source)
     drive = devices.read_drive(root, links, joints, source)
     imu, gnss, mag = devices.read_mounts(root, links, source)
     return RobotSpec(
@@ -94,6 +96,17 @@ def _read(root: ET.Element, source: Source, path: Path) -> RobotSpec:
         sprayer=devices.read_sprayer(root, source),
         warnings=source.warnings(),
     )
+
+
+def _check_masses(links: Sequence[Link], source: Source) -> None:
+    """Every wheel and the rest of the robot need a mass, and none may be negative."""
+    wheels = {link.name: link.mass_kg for link in links if link.name in WHEEL_NAMES}
+    bodies = {**wheels, "base_link": sum(link.mass_kg for link in links if link.name not in wheels)}
+    for name, mass_kg in {**{link.name: link.mass_kg for link in links}, **bodies}.items():
+        if mass_kg < 0.0 or (name in bodies and mass_kg == 0.0):
+            raise source.fail(
+                f"link '{name}'", f"a mass of {mass_kg:g} kg; give its <inertial> one above 0"
+            )
 
 
 def _robot_path(name_or_path: str) -> Path:

@@ -5,16 +5,17 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from agribot.description.sdf_models import NAMESPACE, tag
 from agribot.errors import DescriptionError
 from agribot.robot import Shape
-from agribot.world import GroundTile, HeightField, Obstacle, Plant, WorldSpec
+from agribot.world import GroundTile, HeightField, Obstacle, Plant, Soil, WorldSpec
 
 COLOURS = {
     "soil": "0.42 0.32 0.24 1", "grass": "0.3 0.45 0.2 1", "pavement": "0.45 0.45 0.45 1",
-    "gravel": "0.5 0.48 0.45 1",
+    "gravel": "0.5 0.48 0.45 1", "track": "0.38 0.3 0.23 1",
 }  # fmt: skip
 SUN_DISTANCE_M = 10.0
 LAYER_M = 0.002  # one surface over the other, so that they do not flicker in other simulators
@@ -54,6 +55,9 @@ def world_element(world: WorldSpec, terrain_file: str) -> ET.Element:
     spawn = ET.SubElement(top, "frame", {"name": "robot_spawn"})
     _text(spawn, "pose", (*world.spawn_xy_map_m, 0.0, 0.0, 0.0, world.spawn_yaw_map_rad))
     _ground(top, world, terrain_file)
+    if world.soil != Soil():
+        values = msgspec.to_builtins(world.soil)
+        ET.SubElement(top, tag("soil"), {name: repr(value) for name, value in values.items()})
     names: set[str] = set()
     for obstacle in world.obstacles:
         _obstacle(top, obstacle, names)

@@ -9,9 +9,10 @@ import numpy as np
 
 from agribot.description.elements import Source
 from agribot.description.poses import level
+from agribot.description.sdf_models import tag
 from agribot.geo import Datum
 from agribot.messages import FloatArray, Vec3
-from agribot.world import Light
+from agribot.world import Light, Soil
 
 # Yaw of the x axis from East in each of the orientations that SDF knows with z up.
 FRAME_YAW_DEG = {"ENU": 0.0, "NWU": 90.0}
@@ -29,6 +30,7 @@ class Header:
         # Gazebo's own default where the file says nothing.
         self.field_enu_t = self._turned(self._vec3("magnetic_field", (6e-6, 2.3e-5, -4.2e-5)))
         self.light = self._light()
+        self.soil = self._soil()
 
     def _number(self, path: str, default: float) -> float:
         element, value = self._world.find(path), default
@@ -91,6 +93,17 @@ class Header:
             )
             return Datum(lat_deg=latitude, lon_deg=longitude), 90.0 - compass
         return None
+
+    def _soil(self) -> Soil:
+        element, ratios = self._world.find(tag("soil")), {}
+        for name, text in {} if element is None else element.attrib.items():
+            where = f"<agribot:soil> {name}"
+            if name not in Soil.__struct_fields__:
+                raise self._source.fail(where, f"use {', '.join(Soil.__struct_fields__)}")
+            ratios[name] = self._source.number(text, where)
+            if not 0.0 <= ratios[name] <= 1.0:
+                raise self._source.fail(where, f"{ratios[name]:g} must be from 0 to 1")
+        return Soil(**ratios)
 
     def _light(self) -> Light:
         suns = [e for e in self._world.findall("light") if e.get("type") == "directional"]

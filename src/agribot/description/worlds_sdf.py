@@ -108,6 +108,7 @@ class _WorldReader:
             friction_ratio=min(self._friction, default=1.0),
             light=self._header.light,
             ground=self._ground(terrain),
+            soil=self._header.soil,
             terrain=terrain,
             plants=plants,
             obstacles=tuple(self._obstacles),

@@ -121,7 +121,9 @@ class Ekf:
         projected = cov[state] * weight
         for state, weight in row[1:]:
             projected += cov[state] * weight
-        variance = sum(weight * float(projected[state]) for state, weight in row)
+        variance = 0.0
+        for state, weight in row:
+            variance += weight * projected.item(state)
         return projected, variance
 
     def update(self, row: Row, residual: float, variance: float, gate: float = math.inf) -> float:
@@ -153,9 +155,10 @@ class Ekf:
         return distance2
 
     def _apply(self, projected: FloatArray, residual: float, total: float) -> None:
-        gain = (projected * (residual / total)).tolist()
-        self.x = [value + change for value, change in zip(self.x, gain, strict=True)]
+        step = residual / total
+        pairs = zip(self.x, projected.tolist(), strict=True)
+        self.x = [value + part * step for value, part in pairs]
         self.x[YAW] = wrap_rad(self.x[YAW])
         projected /= math.sqrt(total)  # the product below is then exactly symmetric
-        np.multiply(projected[:, None], projected, out=self._outer)
+        np.multiply.outer(projected, projected, out=self._outer)
         self.cov -= self._outer

@@ -10,6 +10,7 @@ import msgspec
 
 from agribot.arithmetic import FLOATS, Arithmetic, Number
 from agribot.config import EstimateConfig
+from agribot.estimate.base_correction import BaseCorrection
 from agribot.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, Ekf, Row, X, Y
 from agribot.estimate.gate import Gate
 from agribot.estimate.history import Motion, MotionHistory
@@ -135,7 +136,8 @@ class Gnss:
         self._velocity_gate = Gate(config.gate_sigma, self._spin_after)
         self._first: list[tuple[float, float]] = []
         self._noise: FixNoise | None = None
-        self._is_corrected = False
+        self._is_corrected = self._is_differential = False
+        self.base = BaseCorrection(rejected)
 
     @property
     def rejected_in_a_row(self) -> int:
@@ -145,6 +147,8 @@ class Gnss:
         if not _is_usable(fix):
             self._rejected["gnss not usable"] += 1
             return
+        differential = self.base.corrected(fix)
+        fix = differential or fix
         now, then = self._history.newest, self._history.at(fix.t_s)
         if fix.t_s <= self.last_t_s:
             self._rejected["gnss out of order"] += 1
@@ -155,7 +159,7 @@ class Gnss:
             self._noise = noise = fix_noise(fix, since_last_s)
             self.last_t_s = fix.t_s
             self.quality = fix.quality
-            self._follow_quality(noise)
+            self._follow_quality(noise, differential is not None)
             lever_m = _level(self._antenna_body_m, up_body)
             self._position(fix, noise, lever_m, now, then)
             if fix.velocity_mps is not None and self.is_ready:
@@ -165,13 +169,14 @@ class Gnss:
         """How the two bias states age, as Ekf.relax takes it."""
         return [] if self._noise is None else bias_ageing(FLOATS, self._noise, dt_s)
 
-    def _follow_quality(self, noise: FixNoise) -> None:
+    def _follow_quality(self, noise: FixNoise, is_differential: bool) -> None:
         """Corrections coming or going replace one bias by another that knows nothing of it."""
         is_corrected = self.quality in CORRECTED
-        if is_corrected != self._is_corrected or not self.is_ready:
+        was, kind = (self._is_corrected, self._is_differential), (is_corrected, is_differential)
+        if kind != was or not self.is_ready:
             for state in (GNSS_BIAS_X, GNSS_BIAS_Y):
                 self._ekf.reset(state, 0.0, noise.bias_std_m**2)
-        self._is_corrected = is_corrected
+        self._is_corrected, self._is_differential = kind
 
     def _position(
         self, fix: GnssFix, noise: FixNoise, lever_m: tuple[float, float], now: Motion, then: Motion

@@ -77,6 +77,8 @@ class Localizer:
         up_body = self._odometry.up_body
         for sample in batch.mag:
             self._compass.update(sample, up_body)
+        for base in batch.base:
+            self._gnss.base.hear(base)
         for fix in batch.gnss:
             if self._compass.is_ready:
                 self._gnss.update(fix, up_body)

@@ -19,7 +19,7 @@ from agribot.plan.coverage.area import FieldArea, FieldPlan, Leg, LegKind, Line,
 from agribot.plan.plan_certificate import Certificate
 
 FORMAT = 1
-DECIMALS = 9  # a tenth of a millimetre
+DECIMALS = 10  # a hundredth of a millimetre: short pieces of arcs keep their direction
 
 
 class SavedPlan(NamedTuple):

@@ -44,6 +44,22 @@ def plan_rows(
     return sample(start, (*way_in, *_coverage(orders[chosen], mission.headland_m)))
 
 
+def plan_home(
+    rows: Sequence[Row],
+    start_pose: tuple[float, float, float],
+    home_pose: tuple[float, float, float],
+    robot: RobotSpec,
+    mission: MissionConfig,
+) -> Path:
+    """Around the rows to a place, and look there as `home_pose` says.
+
+    Raises: MissionError: no such way is clear of the crop.
+    """
+    start = Pose(*start_pose)
+    _, way = approach(start, [Pose(*home_pose)], rows, robot, mission)
+    return sample(start, way)
+
+
 def _orders(rows: Sequence[Row]) -> list[Sequence[Row]]:
     return [rows] if len(rows) == 1 else [rows, rows[::-1]]
 

@@ -11,6 +11,7 @@ from agribot.config import MissionConfig
 from agribot.errors import MissionError
 from agribot.messages import (
     Estimate,
+    FloatArray,
     Goal,
     MissionState,
     MissionStatus,
@@ -19,23 +20,19 @@ from agribot.messages import (
     Row,
 )  # fmt: skip
 from agribot.plan.caution import across_std_m, caution_ratio
+from agribot.plan.job import Job, Planner
 from agribot.plan.route import TOOL_REACH_M, Route
+from agribot.plan.row_log import RowResult
+from agribot.plan.saved_mission import PoseTuple, SavedMission, check_not_carried_away
 from agribot.plan.stall import StallWatch
 
 SETTLE_S = 1.0  # the estimate must hold this long before the robot moves
 END_TOLERANCE_M = 0.01
-Planner = Callable[[Estimate], Path]
 FINAL: tuple[MissionState, ...] = ("done", "cancelled", "failed")
 
 
-class RowResult(msgspec.Struct, frozen=True, kw_only=True):
-    """One row as the robot believes it went; times are None where it did not come so far."""
-
-    index: int
-    started_s: float | None = None
-    finished_s: float | None = None
-    done: bool = False
-    max_cross_track_m: float = 0.0
+# The way from where the robot is to its home pose, first along the rest of the row under it (N, 2).
+HomePlanner = Callable[[Estimate, PoseTuple, FloatArray], Path]
 
 
 class Mission:
@@ -53,20 +50,23 @@ class Mission:
         waypoints: Sequence[tuple[float, float]] = (),
         tool_reach_m: float = TOOL_REACH_M,
         has_crop: bool = True,
+        home: HomePlanner | None = None,
+        saved: SavedMission | None = None,
     ) -> None:
         """`plan` is asked once, from where the robot stands when its estimate has settled.
 
         `waypoints` are places in the map that the planned path visits, in its order. The tool
         works in the rows and up to `tool_reach_m` past their ends. Where there is crop, the
-        robot slows down as it knows less well where the rows are.
+        robot slows down as it knows less well where the rows are. `saved` is a mission that was
+        cut off: it goes on where it was.
         """
-        self._tool_reach_m = tool_reach_m
+        self._job = Job(plan, rows, config, waypoints, tool_reach_m, saved)
+        self._plan_home = home
+        self._home: Route | None = None
+        self._home_reason = ""
         self._has_crop = has_crop
-        self._plan = plan
         self._config = config
-        self._waypoints = tuple(waypoints)
-        self._route: Route | None = None
-        self._results = {row.index: RowResult(index=row.index) for row in rows}
+        self._last: Estimate | None = None
         self._state: MissionState = "waiting"
         self._before_pause: MissionState = "waiting"
         self._reason = "waiting for the first estimate"
@@ -74,30 +74,37 @@ class Mission:
         self._ok_since_s: float | None = None
         self._caution = 1.0
         self._stall = StallWatch(config.stall_timeout_s)
-        self._worked_row = -1
-        self._rows_done: tuple[int, ...] = ()
 
     @property
     def path(self) -> Path | None:
-        """None until it is planned."""
-        return self._route.path if self._route else None
+        """None until it is planned; the way home once the robot was called there."""
+        return self._way.path if self._way else None
+
+    @property
+    def _way(self) -> Route | None:
+        return self._home or self._job.route
 
     @property
     def row_results(self) -> tuple[RowResult, ...]:
-        return tuple(self._results.values())
+        return self._job.rows.results
 
     @property
     def waypoints_reached(self) -> tuple[bool, ...]:
-        return self._route.visits.reached if self._route else (False,) * len(self._waypoints)
+        return self._job.waypoints_reached
+
+    def saved(self) -> SavedMission | None:
+        """All that is needed to go on later; None before a path is planned."""
+        return self._job.saved(self._state, self._last) if self._last else None
 
     def step(self, estimate: Estimate, events: Iterable[OperatorEvent] = ()) -> Goal:
+        is_located = estimate.ok and math.isfinite(estimate.x_map_m + estimate.y_map_m)
+        self._last = estimate if is_located else self._last
         for event in events:
             self._handle(event)
-        is_located = estimate.ok and math.isfinite(estimate.x_map_m + estimate.y_map_m)
         if self._state == "waiting":
             self._wait(estimate, is_located)
-        elif self._state == "running" and self._route:
-            self._run(self._route, estimate, is_located)
+        elif self._state == "running" and self._way:
+            self._run(self._way, estimate, is_located)
         return self._goal(is_located)
 
     def _run(self, route: Route, estimate: Estimate, is_located: bool) -> None:
@@ -125,16 +132,55 @@ class Mission:
         elif event.action == "clear_stop" and self._is_stopped:
             self._is_stopped = False
             self._reason = "stop cleared; waiting for resume"
-        elif event.action == "pause" and not self._is_stopped:
-            self._pause(f"paused by {event.source}")
-        elif event.action == "resume" and self._state == "paused" and not self._is_stopped:
-            self._state, self._reason = self._before_pause, ""
-            self._stall.restart()
+        elif event.action == "set":
+            self._set(event)
+        elif event.action == "skip_row":
+            if self._home is None:
+                self._job.skip_row()
+        elif not self._is_stopped:
+            self._handle_moving(event)
 
-        elif event.action == "set" and event.text == "mission.speed_mps":
-            self._config = msgspec.structs.replace(self._config, speed_mps=event.value)
-            if self._route is not None:
-                self._route.change_speed(self._config)
+    def _handle_moving(self, event: OperatorEvent) -> None:
+        if event.action == "pause":
+            self._pause(f"paused by {event.source}")
+        elif event.action == "resume" and self._state == "paused":
+            self._resume()
+        elif event.action == "return_home" and self._home is None:
+            self._turn_home(event.source)
+
+    def _resume(self) -> None:
+        try:
+            if self._way is not None and self._last is not None and self._before_pause == "running":
+                check_not_carried_away(self._last, self._way.place, self._config.resume_limit_m)
+        except MissionError as error:
+            self._reason = f"not resumed: {error}"
+            return
+        self._state, self._reason = self._before_pause, ""
+        self._stall.restart()
+
+    def _turn_home(self, source: str) -> None:
+        route = self._job.route
+        if route is None or self._last is None or self._plan_home is None:
+            self._reason = "no way home: nothing was planned yet"
+            return
+        ahead = route.row_ahead if self._has_crop else route.path.xy_map_m[:0]
+        try:
+            path = self._plan_home(self._last, self._job.planned_from, ahead)
+        except MissionError as error:
+            self._reason = f"cannot return home: {error}"
+            return
+        self._home = Route(path, (), self._config, ())
+        self._home_reason = f"returned home, called by {source}"
+        self._state, self._reason = "running", ""
+        self._stall.restart()
+
+    def _set(self, event: OperatorEvent) -> None:
+        if event.text != "mission.speed_mps":
+            return
+        self._config = msgspec.structs.replace(self._config, speed_mps=event.value)
+        self._job.change_speed(self._config)
+        if self._home is not None:
+            self._home.change_speed(self._config)
 
     def _pause(self, reason: str) -> None:
         if self._state != "paused":
@@ -160,11 +206,8 @@ class Mission:
     def _start(self, estimate: Estimate) -> None:
         """Plan from here, unless this is the way back from a pause; a refused plan ends it all."""
         try:
-            if self._route is None:
-                path = self._plan(estimate)
-                self._route = Route(
-                    path, tuple(self._results), self._config, self._waypoints, self._tool_reach_m
-                )
+            if self._job.route is None:
+                self._job.begin(estimate)
         except MissionError as error:
             self._end("failed", str(error))
         else:
@@ -181,10 +224,14 @@ class Mission:
             if off_m > limit_m:
                 self._fail_off_path(off_m, estimate)
                 return
-        self._work_row(route.row_here, abs(progress.cross_track_m), estimate.t_s)
-        route.visits.update(progress.s_m, x_map_m, y_map_m)
-        if progress.s_m >= progress.length_m - END_TOLERANCE_M:
-            self._finish(route, estimate.t_s)
+        is_at_end = progress.s_m >= progress.length_m - END_TOLERANCE_M
+        if self._home is not None:
+            if is_at_end:
+                self._end("cancelled", self._home_reason)
+            return
+        self._job.work(estimate)
+        if is_at_end:
+            self._end(*self._job.finish(estimate.t_s))
 
     def _be_cautious(self, route: Route, estimate: Estimate) -> None:
         """In and next to the rows, no faster than the robot knows where the plants are."""
@@ -207,63 +254,38 @@ class Mission:
             "source, then plan again from here",
         )
 
-    def _work_row(self, row: int, beside_m: float, t_s: float) -> None:
-        if row != self._worked_row and self._worked_row >= 0:
-            self._replace(self._worked_row, finished_s=t_s, done=True)
-            self._rows_done += (self._worked_row,)
-        if row >= 0:
-            result = self._results[row]
-            worst_m = max(result.max_cross_track_m, beside_m)
-            if row != self._worked_row:
-                self._replace(row, started_s=t_s, max_cross_track_m=worst_m)
-            elif worst_m > result.max_cross_track_m:
-                self._replace(row, max_cross_track_m=worst_m)
-        self._worked_row = row
-
-    def _replace(self, row: int, **changes: float | bool) -> None:
-        self._results[row] = msgspec.structs.replace(self._results[row], **changes)
-
-    def _finish(self, route: Route, t_s: float) -> None:
-        self._work_row(-1, 0.0, t_s)
-        missed = route.visits.missed()
-        undone = [row for row in route.planned_rows if not self._results[row].done]
-        if missed:
-            self._end(
-                "failed",
-                f"waypoints {missed} were passed at more than mission.waypoint_radius_m "
-                f"{self._config.waypoint_radius_m:.2f} m",
-            )
-        elif undone:
-            self._end("failed", f"the path ended with rows {undone} not driven")
-        else:
-            self._end("done", "")
-
     def _end(self, state: MissionState, reason: str) -> None:
         self._state, self._reason = state, reason
 
     def _goal(self, is_located: bool) -> Goal:
-        route, status = self._route, self._status()
+        route, rows, status = self._way, self._job.rows, self._status()
         if route is None:
             return Goal(path=None, s_m=0.0, max_speed_mps=0.0, tool_on=False, status=status)
         is_running = self._state == "running" and is_located
+        is_wanted = not rows.is_skipped(rows.here)
         return Goal(
             path=route.path,
             s_m=status.s_m,
             max_speed_mps=self._caution * route.max_speed_mps if is_running else 0.0,
-            tool_on=is_running and route.tool_on,
+            tool_on=is_running and route.tool_on and is_wanted,
             status=status,
         )
 
     def _status(self) -> MissionStatus:
-        progress = self._route.progress if self._route else None
+        way, rows = self._way, self._job.rows
+        progress = way.progress if way else None
+        leg = "way home" if self._home else self._job.leg
         return MissionStatus(
             state=self._state,
             reason=self._reason,
-            row=self._worked_row,
-            rows_total=len(self._results),
-            rows_done=self._rows_done,
+            row=-1 if self._home else rows.here,
+            rows_total=len(rows.indices),
+            rows_done=rows.done,
             s_m=progress.s_m if progress else 0.0,
             length_m=progress.length_m if progress else 0.0,
-            waypoints_total=len(self._waypoints),
+            waypoints_total=len(self.waypoints_reached),
             waypoints_reached=sum(self.waypoints_reached),
+            leg="" if self._state in FINAL else leg,
+            distance_left_m=progress.length_m - progress.s_m if progress else 0.0,
+            eta_s=way.time_left_s if way else None,
         )

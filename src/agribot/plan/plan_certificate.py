@@ -228,7 +228,7 @@ def _coverage(
     if target.is_empty:
         return 0.0, [_problem("coverage", "nothing can be reached", (math.nan, math.nan))]
     missed = shapely.difference(target, covered)
-    ratio = 1.0 - float(missed.area / target.area)
+    ratio = max(0.0, 1.0 - float(missed.area / target.area))
     if ratio >= request.min_coverage_ratio:
         return ratio, []
     parts = shapely.get_parts(missed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 
 from agribot.messages import Path
 from agribot.plan.speed import pivots
@@ -32,6 +32,11 @@ class Progress:
         self.s_m = 0.0
         self.cross_track_m = 0.0
         self.off_path_m = 0.0
+
+    def jump(self, s_m: float) -> None:
+        """Go on from a distance that was reached before."""
+        self.s_m = min(max(s_m, 0.0), self.length_m)
+        self.index = max(bisect_right(self._s, self.s_m) - 1, 0)
 
     def advance(self, x_map_m: float, y_map_m: float) -> None:
         """Follow the robot forwards; `cross_track_m` is positive to the left of the path."""

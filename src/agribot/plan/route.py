@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
-from agribot.messages import Path
+from agribot.messages import FloatArray, Path
 from agribot.plan.progress import Progress
-from agribot.plan.speed import speed_profile
+from agribot.plan.speed import speed_profile, time_left_s
 from agribot.plan.visits import Visits
 
 # The tool sits up to this far from the body's origin, and must work to the last plant.
@@ -37,7 +37,9 @@ class Route:
         self.visits = Visits(path, waypoints, config.waypoint_radius_m)
         self.progress = Progress(path)
         self._speed_mps = speed_profile(path, config)
+        self._time_left_s = time_left_s(path, self._speed_mps)
         self._yaw_map_rad: list[float] = path.yaw_map_rad.tolist()
+        self._next_row = _next_rows(self.row)
         self._tool = _tool_points(self.row, path.s_m.tolist(), tool_reach_m)
 
     def change_speed(self, config: MissionConfig) -> None:
@@ -56,8 +58,46 @@ class Route:
         return self._yaw_map_rad[self.progress.index]
 
     @property
+    def next_row(self) -> int:
+        """The first row ahead of the robot that it is not in; -1 behind the last."""
+        return self._next_row[self.progress.index]
+
+    @property
+    def row_ahead(self) -> FloatArray:
+        """What is left of the row under the robot, (N, 2); nothing between rows."""
+        first = last = self.progress.index
+        while self.row[first] >= 0 and last < len(self.row) and self.row[last] == self.row[first]:
+            last += 1
+        return self.path.xy_map_m[first:last]
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Of the path, where the robot is to be."""
+        x_m, y_m = self.path.xy_map_m[self.progress.index]
+        return float(x_m), float(y_m)
+
+    @property
+    def time_left_s(self) -> float:
+        return self._time_left_s[self.progress.index]
+
+    def go_on(self, s_m: float, reached: Sequence[bool]) -> None:
+        """Begin in the middle, where an earlier mission was cut off."""
+        self.progress.jump(s_m)
+        self.visits.restore(reached)
+
+    @property
     def tool_on(self) -> bool:
         return self._tool[self.progress.index]
+
+
+def _next_rows(row: Sequence[int]) -> list[int]:
+    """For each point, the first row behind it that it is not in; -1 behind the last."""
+    result, following, current = [-1] * len(row), -1, -1
+    for point in range(len(row) - 1, -1, -1):
+        if row[point] not in (-1, current):
+            following, current = current, row[point]
+        result[point] = following if row[point] == current else current
+    return result
 
 
 def _tool_points(row: Sequence[int], s_m: Sequence[float], reach_m: float) -> list[bool]:

@@ -15,6 +15,16 @@ CREEP_MPS = 0.05  # the end of the path must be reached, not approached for ever
 _SETTLED_BEFORE_M = 0.1  # the drive lags: be slow already where the turn begins
 
 
+def time_left_s(path: Path, speed_mps: list[float]) -> list[float]:
+    """From each point to the end of the path at the planned speeds; turns in place included."""
+    step_m = np.diff(path.s_m)
+    turned_rad = np.abs(np.angle(np.exp(1j * np.diff(path.yaw_map_rad))))
+    mean_mps = (np.array(speed_mps)[1:] + np.array(speed_mps)[:-1]) / 2.0
+    step_s = np.where(step_m > 0.0, step_m / mean_mps, turned_rad / TURN_YAW_RATE_RADPS)
+    left_s: list[float] = np.concatenate([np.cumsum(step_s[::-1])[::-1], [0.0]]).tolist()
+    return left_s
+
+
 def pivots(path: Path) -> list[int]:
     """Points at which the robot turns in place: the next one is the same place, another course."""
     stands: list[int] = np.flatnonzero(np.diff(path.s_m) <= 0.0).tolist()

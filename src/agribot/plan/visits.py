@@ -23,6 +23,11 @@ class Visits:
         self._next = 0
         self.reached: tuple[bool, ...] = (False,) * len(self._points)
 
+    def restore(self, reached: Sequence[bool]) -> None:
+        """What was reached before; the search goes on behind it."""
+        self.reached = tuple(reached)
+        self._next = next((k for k, hit in enumerate(self.reached) if not hit), len(self.reached))
+
     def update(self, s_m: float, x_map_m: float, y_map_m: float) -> None:
         while self._next < len(self._points) and s_m >= self._s_m[self._next] - self._radius_m:
             goal_x_m, goal_y_m = self._points[self._next]

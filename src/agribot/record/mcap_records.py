@@ -24,7 +24,6 @@ _PLAIN: dict[int, Any] = {
     Opcode.HEADER: Header,
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
-    Opcode.MESSAGE: Message,
     Opcode.METADATA: Metadata,
 }
 
@@ -99,6 +98,8 @@ def _parsed(opcode: int, body: bytes) -> list[Any] | None:
         if opcode == Opcode.ATTACHMENT:
             is_sound = zlib.crc32(body[:-4]) == int.from_bytes(body[-4:], "little")
             return [Attachment.read(stream)] if is_sound else None
+        if opcode == Opcode.MESSAGE:
+            return [Message.read(stream, len(body))]
         kind = _PLAIN.get(opcode)
         return [] if kind is None else [kind.read(stream)]
     except Exception:  # noqa: BLE001  each decompressor has errors of its own for damaged bytes

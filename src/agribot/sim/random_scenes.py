@@ -14,7 +14,7 @@ from agribot.geo import LINK_FROM_OPTICAL, Datum, transform
 from agribot.messages import FloatArray, PlantClass
 from agribot.robot import CameraSpec, Shape
 from agribot.sim.camera.appearance import Appearance
-from agribot.world import GroundTile, Light, Obstacle, Plant, WorldSpec
+from agribot.world import GroundTile, Light, Obstacle, Plant, Soil, WorldSpec
 
 FIELD_HALF_M = 4.0
 DATUM = Datum(lat_deg=0.0, lon_deg=0.0)
@@ -23,18 +23,29 @@ DATUM = Datum(lat_deg=0.0, lon_deg=0.0)
 CROPS = (("sugar_beet", 0.07, 0.26), ("lettuce", 0.06, 0.20), ("maize", 0.12, 0.45))
 CROP_SHARE = (0.5, 0.25, 0.25)
 WEEDS = ("grass", "goosefoot", "thistle", "amaranth")
+ALL_CROPS = (*CROPS, ("carrot", 0.05, 0.22), ("onion", 0.08, 0.32))
+ALL_CROP_SHARE = (0.3, 0.15, 0.15, 0.2, 0.2)
+ALL_WEEDS = (*WEEDS, "chickweed", "plantain", "charlock")
 WEED_HEIGHT_M = (0.025, 0.17)
 
 
-def random_field(rng: np.random.Generator) -> WorldSpec:
-    """Rows along x of one crop at one stage, with weeds among them."""
+def random_field(rng: np.random.Generator, *, is_wide: bool = False) -> WorldSpec:
+    """Rows along x of one crop at one stage, with weeds among them.
+
+    `is_wide` draws from all species and soils; else from those that the shipped network was
+    trained on.
+    """
     return WorldSpec(
         name="random field",
         datum=DATUM,
         light=_random_light(rng),
         ground=_random_ground(rng),
-        plants=(*_random_rows(rng), *_random_weeds(rng)),
+        plants=(
+            *_random_rows(rng, *((ALL_CROPS, ALL_CROP_SHARE) if is_wide else (CROPS, CROP_SHARE))),
+            *_random_weeds(rng, ALL_WEEDS if is_wide else WEEDS),
+        ),
         obstacles=_random_obstacles(rng),
+        soil=_random_soil(rng) if is_wide else Soil(),
     )
 
 
@@ -79,8 +90,18 @@ def random_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
     return camera, link @ LINK_FROM_OPTICAL
 
 
-def _random_rows(rng: np.random.Generator) -> list[Plant]:
-    species, least_m, most_m = CROPS[rng.choice(len(CROPS), p=CROP_SHARE)]
+def _random_soil(rng: np.random.Generator) -> Soil:
+    """Each of its litters on about every other field."""
+    residue, stones, wet = np.maximum(0.0, rng.uniform(-0.8, 1.0, 3)).tolist()
+    return Soil(residue_ratio=residue, stones_ratio=stones, wet_ratio=0.7 * wet)
+
+
+def _random_rows(
+    rng: np.random.Generator,
+    crops: tuple[tuple[str, float, float], ...],
+    share: tuple[float, ...],
+) -> list[Plant]:
+    species, least_m, most_m = crops[rng.choice(len(crops), p=share)]
     stage_m = rng.uniform(least_m, most_m)
     pitch_m = rng.uniform(0.4, 1.0)
     spacing_m = math.exp(rng.uniform(math.log(0.15), math.log(2.0))) + stage_m
@@ -95,10 +116,10 @@ def _random_rows(rng: np.random.Generator) -> list[Plant]:
     return plants
 
 
-def _random_weeds(rng: np.random.Generator) -> list[Plant]:
+def _random_weeds(rng: np.random.Generator, species: tuple[str, ...]) -> list[Plant]:
     """Single weeds and patches of them, of one to four species."""
     density_per_m2 = math.exp(rng.uniform(math.log(1.0), math.log(20.0)))
-    kinds = rng.choice(WEEDS, size=int(rng.integers(1, 5)), replace=False)
+    kinds = rng.choice(species, size=int(rng.integers(1, 5)), replace=False)
     count = int(density_per_m2 * 2.0 * FIELD_HALF_M * 5.0)
     patches_m = rng.uniform((-FIELD_HALF_M, -2.5), (FIELD_HALF_M, 2.5), (max(1, count // 25), 2))
     median_m = rng.uniform(0.04, 0.10)

@@ -110,6 +110,7 @@ def values(path: Path) -> dict[str, list[tuple[int, Any]]]:
 
 
 def plain(value: Any) -> Any:
+    """Without constants, which are not sent, and with names as ROS 2 writes them."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, list):
@@ -118,6 +119,6 @@ def plain(value: Any) -> Any:
         return {
             name.lower(): plain(getattr(value, name))
             for name in value.__dataclass_fields__
-            if name not in ("__msgtype__", "seq")
+            if name not in ("__msgtype__", "seq") and (len(name) == 1 or not name.isupper())
         }
     return value

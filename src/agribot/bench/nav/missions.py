@@ -14,6 +14,7 @@ from agribot.bench.nav.plant import Plant, Proprioception
 from agribot.bench.nav.receivers import Compasses, Receivers
 from agribot.bench.nav.row_camera import PERIOD_STEPS, RowCamera
 from agribot.bench.nav.scenario import DT_S, MAX_TIME_S, ROWS, TICK_STEPS, Scenario
+from agribot.estimate.batch.compass import BatchYaw
 from agribot.estimate.batch.gnss import BatchFix
 from agribot.estimate.batch.localizer import BatchHeading, BatchLocalizer
 from agribot.estimate.batch.row_lines import BatchLine
@@ -21,7 +22,7 @@ from agribot.messages import FloatArray
 from agribot.robot import RobotSpec
 
 MAG_STEPS = 20
-Reading = tuple[float, FloatArray] | BatchFix | BatchHeading | BatchLine
+Reading = BatchYaw | BatchFix | BatchHeading | BatchLine
 Stop = Callable[[], bool]
 
 
@@ -63,7 +64,7 @@ class Sensors:
         self._wheel_m = self._wheel_m + wheel_mps * DT_S
         self._turn_rad = self._turn_rad + rate_radps * DT_S
         if k % MAG_STEPS == 0:
-            self._arrivals.send(t_s, (t_s, self._compasses.sample(plant)))
+            self._arrivals.send(t_s, BatchYaw(t_s, self._compasses.sample(plant)))
         if k % self._gnss.period_steps == 0:
             fix, heading = self._receivers.sample(t_s, plant)
             self._arrivals.send(t_s + self._gnss.latency_s, fix)
@@ -124,7 +125,6 @@ def hear(localizer: BatchLocalizer, readings: Sequence[Reading]) -> list[BatchLi
     lines = [reading for reading in readings if isinstance(reading, BatchLine)]
     fixes = [reading for reading in readings if isinstance(reading, BatchFix)]
     headings = [reading for reading in readings if isinstance(reading, BatchHeading)]
-    others = (BatchLine, BatchFix, BatchHeading)
-    mags = [reading for reading in readings if not isinstance(reading, others)]
+    mags = [reading for reading in readings if isinstance(reading, BatchYaw)]
     localizer.hear(mags, fixes, headings)
     return lines

@@ -24,6 +24,7 @@ from agribot.bench.nav.scenario import (
     TICK_STEPS,
     Scenario,
 )
+from agribot.estimate.batch.compass import BatchYaw
 from agribot.estimate.batch.gnss import BatchFix
 from agribot.messages import FloatArray
 from agribot.robot import RobotSpec
@@ -93,8 +94,8 @@ def run_original(
         for reading in sensors.read(k * DT_S)[2]:
             if isinstance(reading, BatchFix):
                 controller.hear_fix(reading.east_m, reading.north_m)
-            elif type(reading) is tuple:
-                controller.hear_compass(reading[1])
+            elif isinstance(reading, BatchYaw):
+                controller.hear_compass(reading.yaw_map_rad)
         row = controller.row
         judge.tick(plant, row, row >= 0, controller.is_done)
         if controller.is_done.all() or stop():

@@ -14,7 +14,7 @@ def plot(path: Path, entries: Sequence[tuple[str, Sequence[Outcome]]]) -> None:
 
     figure = Figure(figsize=(9.0, 0.55 * len(entries) + 1.6), layout="constrained")
     axes = figure.add_subplot()
-    names = [name for name, _ in entries]
+    names = [f"{name} ({len(outcomes)})" for name, outcomes in entries]
     for index, (_, outcomes) in enumerate(entries):
         at = len(entries) - 1 - index
         for values, offset, colour, label in (
@@ -34,7 +34,7 @@ def plot(path: Path, entries: Sequence[tuple[str, Sequence[Outcome]]]) -> None:
         [0.5, 1, 2, 5, 10, 25, 50, 100, 300], ["0.5", "1", "2", "5", "10", "25", "50", "100", "300"]
     )
     axes.set_xlabel("true cross-track error in the rows (cm); box: half of the missions, line: all")
-    axes.set_title(f"ROWS-10x12, {len(entries[0][1])} missions each")
+    axes.set_title("ROWS-10x12: every mission")
     axes.grid(axis="x", alpha=0.3)
     axes.legend(loc="lower right", fontsize=8)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -44,6 +44,8 @@ PUBLISHED: tuple[tuple[Receiver, bool, Variant], ...] = (
     ("rtk", True, "hard"),
 )
 ORIGINAL: tuple[Receiver, ...] = ("hector", "m8n", "rtk")
+# It hardly ever finishes, so each of its missions takes the full half hour.
+MAX_ORIGINALS = 100
 
 
 def published(
@@ -56,7 +58,7 @@ def published(
         for receiver, vision, variant in PUBLISHED
     ]
     if baseline:
-        jobs += originals(seeds, robot, ORIGINAL, "nominal")
+        jobs += originals(seeds[:MAX_ORIGINALS], robot, ORIGINAL, "nominal")
     return jobs
 
 

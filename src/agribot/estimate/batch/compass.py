@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,13 @@ from agribot.messages import FloatArray
 _ROW: BatchRow = ((YAW, 1.0), (MAG_BIAS, 1.0))
 
 
+class BatchYaw(NamedTuple):
+    """What all compasses say of the yaw; NaN-free array (N,)."""
+
+    t_s: float
+    yaw_map_rad: FloatArray
+
+
 class BatchCompass:
     def __init__(
         self, ekf: BatchEkf, history: BatchHistory, config: EstimateConfig, start: StartMark
@@ -39,8 +47,9 @@ class BatchCompass:
         self._gate = BatchGate(count, config.gate_sigma, config.recover_after)
         self._first_sum = np.zeros(count, dtype=np.complex128)
 
-    def update(self, t_s: float, yaw_rad: FloatArray) -> None:
-        now, then = self._history.newest, self._history.at(t_s)
+    def update(self, sample: BatchYaw) -> None:
+        yaw_rad = sample.yaw_map_rad
+        now, then = self._history.newest, self._history.at(sample.t_s)
         if now is None or then is None:
             return
         self._add_noise(yaw_rad - then.yaw_rad)

@@ -10,7 +10,7 @@ import numpy as np
 
 from agribot.arithmetic import ARRAYS
 from agribot.config import EstimateConfig, FieldConfig
-from agribot.estimate.batch.compass import BatchCompass
+from agribot.estimate.batch.compass import BatchCompass, BatchYaw
 from agribot.estimate.batch.ekf import BatchEkf
 from agribot.estimate.batch.gnss import BatchFix, BatchGnss
 from agribot.estimate.batch.motion import BatchGate, BatchHistory, BatchMotion, BatchStandstill
@@ -96,13 +96,13 @@ class BatchLocalizer:
 
     def hear(
         self,
-        mags: Sequence[tuple[float, FloatArray]] = (),
+        mags: Sequence[BatchYaw] = (),
         fixes: Sequence[BatchFix] = (),
         headings: Sequence[BatchHeading] = (),
     ) -> None:
-        """What arrived: compass yaws with their times, fixes, headings of second antennas."""
-        for t_s, yaw_rad in mags:
-            self._compass.update(t_s, yaw_rad)
+        """What arrived: compass yaws, fixes, headings of second antennas."""
+        for sample in mags:
+            self._compass.update(sample)
         if self._compass.is_ready:
             for fix in fixes:
                 self._gnss.update(fix)

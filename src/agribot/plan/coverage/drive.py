@@ -15,7 +15,7 @@ from agribot.plan.curves import SPACING_M
 
 STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
 MAX_LENGTH_M = 20_000.0
-MAX_WAY_IN_M = 200.0
+MAX_OUTSIDE_M = 50.0
 
 
 class FieldWork:
@@ -46,35 +46,55 @@ class FieldWork:
         Raises: MissionError: the robot stands where no such way begins.
         """
         start, first = start_pose[:2], self._legs[0].xy_map_m[0]
-        way_in = self._way_in(start, (float(first[0]), float(first[1])))
+        way_in = self._way(start, (float(first[0]), float(first[1])))
         return drive_path([*way_in, *self._legs], [*([None] * len(way_in)), *self._row_of_piece])
 
-    def _way_in(self, start: Point, first: Point) -> list[Leg]:
-        """Outside the field the ground is taken as free; inside, ways keep off the obstacles."""
+    def path_home(self, start: Point, home: Point, row_ahead: FloatArray) -> Path:
+        """To the end of the crop row under the robot, if any, and around all obstacles home.
+
+        Raises: MissionError: the robot stands where no such way begins.
+        """
+        legs = []
+        if len(row_ahead) > 1:
+            legs.append(Leg(kind="arc", xy_map_m=row_ahead))
+            start = (float(row_ahead[-1, 0]), float(row_ahead[-1, 1]))
+        legs += self._way(start, home)
+        if not legs:
+            raise MissionError("the robot is at home already")
+        return drive_path(legs, [None] * len(legs))
+
+    def _way(self, start: Point, goal: Point) -> list[Leg]:
+        """Inside the field, around what is in the way.
+
+        A place outside, or closer to an edge than the robot can turn, is left or reached by the
+        straight line to the nearest ground on which it can.
+        """
         import shapely
 
-        away_m = math.dist(start, first)
-        if away_m < SPACING_M:
+        if math.dist(start, goal) < SPACING_M:
             return []
-        if away_m > MAX_WAY_IN_M:
-            raise MissionError(
-                f"the robot is {away_m:.0f} m from the beginning of the plan, more than "
-                f"{MAX_WAY_IN_M:.0f} m; drive it to the field first"
+        space = FreeSpace(self.area, self._shape, self.request)
+        if self.area.rows:
+            space.remove(
+                shapely.union_all(
+                    [shapely.LineString(r).buffer(self._row_clearance_m) for r in self.area.rows]
+                )
             )
-        straight = shapely.LineString([start, first])
-        holes = shapely.union_all([shapely.Polygon(hole) for hole in self.area.holes])
-        radius_m = self._shape.turn_radius_m
-        if not holes.is_empty and holes.distance(straight) < radius_m:
-            space = FreeSpace(self.area, self._shape, self.request)
-            points = Ways(space.region, space.drivable).way(start, first)
-            return [Leg(kind="link", xy_map_m=np.array(points))]
-        rows = shapely.MultiLineString([list(row) for row in self.area.rows])
-        if self.area.rows and rows.distance(straight) < self._shape.wheel_turn_radius_m:
-            raise MissionError(
-                f"the straight way from East {start[0]:.2f} m, North {start[1]:.2f} m to the "
-                "beginning of the plan crosses crop rows; put the robot on the headland"
-            )
-        return [Leg(kind="link", xy_map_m=np.array([start, first]))]
+        inner = [space.nearest(place) for place in (start, goal)]
+        for place, near in zip((start, goal), inner, strict=True):
+            if math.dist(place, near) > MAX_OUTSIDE_M:
+                raise MissionError(
+                    f"East {place[0]:.2f} m, North {place[1]:.2f} m is "
+                    f"{math.dist(place, near):.1f} m from the ground on which the robot may drive, "
+                    f"more than {MAX_OUTSIDE_M:g} m; bring it nearer to the field"
+                )
+        corners = np.array([start, *Ways(space.region, space.drivable).way(*inner), goal])
+        steps_m = np.hypot(*np.diff(corners, axis=0).T)
+        return [Leg(kind="link", xy_map_m=corners[np.concatenate([[True], steps_m > 1e-6])])]
+
+    @property
+    def _row_clearance_m(self) -> float:
+        return self._shape.wheel_turn_radius_m + self.request.plant_clearance_m
 
 
 def _stretches(legs: tuple[Leg, ...]) -> tuple[tuple[Row, ...], list[list[int] | None]]:

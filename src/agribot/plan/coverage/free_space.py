@@ -44,6 +44,16 @@ class FreeSpace:
         self.drivable = self.region.buffer(TOUCH_M, join_style="mitre")
         shapely.prepare(self.drivable)
 
+    def nearest(self, place: Point) -> Point:
+        """The place itself, or where the region is nearest to it."""
+        import shapely
+
+        here = shapely.Point(place)
+        if self.drivable.covers(here):
+            return place
+        x_m, y_m = shapely.get_coordinates(shapely.shortest_line(here, self.region))[1]
+        return float(x_m), float(y_m)
+
     @staticmethod
     def inset(shape: BaseGeometry, depth_m: float) -> BaseGeometry:
         return shape.buffer(-depth_m, join_style="mitre", mitre_limit=MITRE_LIMIT)

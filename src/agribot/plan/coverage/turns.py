@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 ARC_STEP_M = 0.05
-SAME_PLACE_M = 1e-4  # a step shorter than this has no direction
+SAME_PLACE_M = 5e-3  # a step shorter than this has no direction to speak of
 MAX_ARC_RADIUS_M = 0.5
 MAX_ROUNDING_RADIUS_M = 5.0
+MAX_TURN_RAD = 1.5 * math.pi  # more is a loop, and looks lost
 # A turn in place costs its angle at this rate, stopping and starting, and the straight between.
 PIVOT_RATE_RADPS = 0.6
 PIVOT_STOP_S = 2.0
@@ -45,7 +46,8 @@ def arc_turn(start: Pose, end: Pose, drivable: BaseGeometry) -> FloatArray | Non
     )
     radius_m = min(max(across_m / 2.0, MIN_RADIUS_M * 1.001), MAX_ARC_RADIUS_M)
     segments = shortest(start, end, radius_m)
-    if length_m(segments) / TURN_SPEED_MPS > _pivot_s(start, end):
+    turned_rad = sum(segment.length_m * abs(segment.curvature_radpm) for segment in segments)
+    if turned_rad > MAX_TURN_RAD or length_m(segments) / TURN_SPEED_MPS > _pivot_s(start, end):
         return None
     points = sampled(start, segments)
     if len(points) < 2 or not drivable.covers(shapely.LineString(points)):
@@ -74,7 +76,7 @@ def sampled(start: Pose, segments: Iterable[Segment]) -> FloatArray:
             part = Segment(segment.length_m * step / count, segment.curvature_radpm)
             points.append(part.end(pose)[:2])
         pose = segment.end(pose)
-    return np.array(points)
+    return _without_repeats(np.array(points))
 
 
 def smooth_pieces(xy: FloatArray, is_closed: bool) -> list[FloatArray]:
@@ -112,8 +114,16 @@ def _widest(xy: FloatArray) -> int:
 
 
 def _without_repeats(xy: FloatArray) -> FloatArray:
-    keep = np.concatenate([[True], np.hypot(*np.diff(xy, axis=0).T) > SAME_PLACE_M])
-    return np.asarray(xy[keep])
+    """Without points close behind another one; both ends stay where they are."""
+    kept = [xy[0]]
+    for point in xy[1:]:
+        if math.dist(kept[-1], point) > SAME_PLACE_M:
+            kept.append(point)
+    if len(kept) > 1:
+        kept[-1] = xy[-1]
+    elif math.dist(xy[0], xy[-1]) > 0.0:
+        kept.append(xy[-1])
+    return np.array(kept)
 
 
 def _rounding(before: FloatArray, at: FloatArray, after: FloatArray) -> list[FloatArray]:

@@ -11,12 +11,13 @@ import numpy as np
 from agribot.errors import MissionError
 from agribot.messages import FloatArray
 from agribot.plan.coverage.area import Point
+from agribot.plan.coverage.free_space import ROUNDING_M
 
 if TYPE_CHECKING:
     import shapely
     from shapely.geometry.base import BaseGeometry
 
-MAX_CORNERS = 260
+MAX_CORNERS = 800
 FIRST_SIMPLIFY_M = 0.05
 
 
@@ -39,12 +40,13 @@ class Ways:
 
         Raises: MissionError: there is none.
         """
-        if math.dist(start, end) < 1e-9 or self.is_open(start, end):
+        inner_start, inner_end = self._inside(start), self._inside(end)
+        if math.dist(start, end) < 1e-9 or self.is_open(inner_start, inner_end):
             return [start, end]
         if self._corners is None:
             self._build()
         assert self._corners is not None
-        from_start, from_end = self._seen_from(start), self._seen_from(end)
+        from_start, from_end = self._seen_from(inner_start), self._seen_from(inner_end)
         found = self._search(from_start, from_end)
         if found is None:
             raise MissionError(
@@ -52,6 +54,16 @@ class Ways:
                 f"{end[0]:.2f} m, North {end[1]:.2f} m keeps the robot inside the field"
             )
         return [start, *((float(x), float(y)) for x, y in self._corners[found]), end]
+
+    def _inside(self, place: Point) -> Point:
+        """The place, or the edge beside it: a rounded bend ends some millimetres outside."""
+        import shapely
+
+        here = shapely.Point(place)
+        if self._drivable.covers(here) or self._region.distance(here) > ROUNDING_M:
+            return place
+        x_m, y_m = shapely.get_coordinates(shapely.shortest_line(here, self._region))[1]
+        return float(x_m), float(y_m)
 
     def _build(self) -> None:
         """Every pair of corners that see each other."""

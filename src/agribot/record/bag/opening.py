@@ -40,7 +40,7 @@ def _open(path: Path) -> Bag:
     if start.startswith(MAGIC):
         return McapBag(path)
     if start.startswith(_ROS1_MAGIC):
-        return UnindexedBag(path) if has_no_index(path) else RosbagsBag(path)
+        return _open_ros1(path)
     if start.startswith(_SQLITE_MAGIC):
         return RosbagsBag(path)
     if start.startswith(b"#ROSBAG V"):
@@ -50,6 +50,16 @@ def _open(path: Path) -> Bag:
         f"{path} is no recording: it begins with {start[:8]!r}, not like a ROS 1 bag, a rosbag2 "
         "database or an MCAP file"
     )
+
+
+def _open_ros1(path: Path) -> Bag:
+    """By its index; without one, or with one that is damaged, record by record."""
+    if has_no_index(path):
+        return UnindexedBag(path)
+    try:
+        return RosbagsBag(path, is_ros1=True)
+    except RecordingError:
+        return UnindexedBag(path)
 
 
 def _open_folder(path: Path) -> Bag:

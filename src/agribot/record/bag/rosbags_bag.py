@@ -23,9 +23,9 @@ class RosbagsBag(Bag):
     Raises: RecordingError: the file is not what its name says, or is damaged.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, is_ros1: bool = False) -> None:
         super().__init__(path)
-        self._is_ros1 = path.suffix == ".bag"
+        self._is_ros1 = is_ros1
         self.kind = "ROS 1 bag" if self._is_ros1 else "rosbag2"
         with _damage_refused(path):
             self._reader: Any = rosbag1.Reader(path) if self._is_ros1 else rosbag2.Reader(path)

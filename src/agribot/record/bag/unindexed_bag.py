@@ -73,7 +73,7 @@ class UnindexedBag(Bag):
         self.times_ns = (low, high)
         lost = path.stat().st_size - self._good_bytes
         self.notes.append(
-            f"the bag has no index, its recorder was not closed; read up to the last sound record, "
+            f"the bag has no index or a damaged one; read up to the last sound record, "
             f"{lost} bytes behind it are ignored"
         )
 

@@ -24,7 +24,7 @@ from agribot.sim.camera.arrays import (
 from agribot.sim.camera.ground import height_at
 from agribot.sim.camera.shadows import ShadowMap
 from agribot.sim.camera.solids import shape_lods
-from agribot.sim.camera.surfaces import PERIOD_M, surface_texture, tone_map
+from agribot.sim.camera.surfaces import EARTH, PERIOD_M, surface_texture, tone_map
 from agribot.sim.flora.mesh import Mesh
 from agribot.sim.flora.species import LODS, SPECIES, nearest_stage, plant_lods, species_named
 from agribot.sim.flora.texture import leaf_atlas, tileable_noise
@@ -180,8 +180,8 @@ def ground_textures(world: WorldSpec, to_sun: Doubles, look: Appearance) -> Pyra
     images = []
     for surface in _layers(world.ground):
         relief = look.soil_contrast * min(1.0, world.light.diffuse / 0.75)
-        image = surface_texture(surface, look.texture_seed, to_sun, relief)
-        if surface == "soil":
+        image = surface_texture(surface, look.texture_seed, to_sun, relief, world.soil)
+        if surface in EARTH:
             mean = image.mean(axis=(0, 1))
             image = (mean + (image - mean) * look.soil_contrast) * np.array(look.soil_tint)
         images.append(np.clip(image, 0.0, 255.0))
@@ -200,7 +200,8 @@ def ground_arrays(world: WorldSpec, shadow: ShadowMap, look: Appearance) -> Grou
     terrain = world.terrain
     return Ground(
         x_edge=x_edge, y_edge=y_edge, surface=surface,
-        repeat_per_m=1.0 / (PERIOD_M * look.soil_scale), tone=tone_map(look.texture_seed),
+        repeat_per_m=1.0 / (PERIOD_M * look.soil_scale),
+        tone=tone_map(look.texture_seed, world.soil.wet_ratio),
         tone_per_m=TONE_PER_M, height=_terrain_heights(terrain),
         height_x_m=terrain.x_min_m if terrain else 0.0,
         height_y_m=terrain.y_min_m if terrain else 0.0,

@@ -13,10 +13,14 @@ from agribot.errors import DescriptionError
 from agribot.messages import FloatArray
 from agribot.sim.camera.ground import TONE_SIZE
 from agribot.sim.flora.texture import tileable_noise
+from agribot.world import Soil
 
 SIZE = 512
 PERIOD_M = 1.28  # ground that one texture covers
 COARSEST = 6.0  # cycles in a texture: broader stains would show that it repeats
+WET_DARKENING = 0.42
+BARE = Soil()
+EARTH = ("soil", "track")
 Material = tuple[FloatArray, FloatArray]  # colour (n, n, 3) 0 to 255, height (n, n) in texels
 
 
@@ -111,11 +115,23 @@ def _gravel(rng: np.random.Generator) -> Material:
     return stone * (0.45 + 0.55 * rise)[..., None], 4.0 * rise
 
 
+def _track(rng: np.random.Generator) -> Material:
+    """Loam that wheels have pressed flat, with the prints of their lugs across both ways."""
+    shape = (SIZE, SIZE)
+    rough = tileable_noise(rng, shape, exponent=1.0, coarsest=COARSEST)
+    stain = tileable_noise(rng, shape, exponent=1.4, coarsest=COARSEST)
+    row, column = np.mgrid[0:SIZE, 0:SIZE] * (2 * np.pi * 20 / SIZE)
+    print_depth = np.clip(1.6 * np.sin(row + column) * np.sin(row - column) + 0.3 * rough, -1, 1)
+    colour = np.array([111.0, 88.0, 65.0]) * (1.0 + 0.06 * stain + 0.03 * rough)[..., None]
+    return colour, 0.6 * rough + 2.6 * print_depth
+
+
 SURFACES: dict[str, Callable[[np.random.Generator], Material]] = {
     "soil": _soil,
     "grass": _grass,
     "pavement": _pavement,
     "gravel": _gravel,
+    "track": _track,
 }
 
 
@@ -128,14 +144,31 @@ def _material(surface: str, seed: int) -> Material:
     return make(np.random.default_rng([seed, list(SURFACES).index(surface), 5]))
 
 
+def _littered(material: Material, soil: Soil, seed: int) -> Material:
+    """With stones and the residue of the last crop on it."""
+    colour, height = material
+    rng = np.random.default_rng([seed, 6])
+    stones, grey = _scattered(rng, round(90 * soil.stones_ratio), (3.0, 11.0), 1.25)
+    rock = np.array([150.0, 143.0, 132.0]) * (1.0 + 0.16 * grey[..., None])
+    colour = _mixed(colour, rock, 0.92 * np.clip(stones * 5, 0, 1))
+    straw, pale = _scattered(rng, round(420 * soil.residue_ratio), (0.9, 1.9), 20.0)
+    stalk = np.array([186.0, 165.0, 118.0]) * (1.0 + 0.18 * pale[..., None])
+    colour = _mixed(colour, stalk, 0.9 * np.clip(straw * 2, 0, 1))
+    return colour, height + 7.0 * stones + 3.0 * straw
+
+
 def surface_texture(
-    surface: str, seed: int, to_sun: FloatArray, relief_ratio: float
+    surface: str, seed: int, to_sun: FloatArray, relief_ratio: float, soil: Soil = BARE
 ) -> npt.NDArray[np.float32]:
     """Colour (n, n, 3), 0 to 255, rows along map y; slopes that face the sun are brighter.
+
+    What lies on the `soil` is on the surfaces "soil" and "track".
 
     Raises: DescriptionError: no such surface.
     """
     colour, height = _material(surface, seed)
+    if surface in EARTH and (soil.stones_ratio or soil.residue_ratio):
+        colour, height = _littered((colour, height), soil, seed)
     slope_x = np.roll(height, -1, axis=1) - np.roll(height, 1, axis=1)
     slope_y = np.roll(height, -1, axis=0) - np.roll(height, 1, axis=0)
     steep = 0.20 * relief_ratio
@@ -147,8 +180,16 @@ def surface_texture(
 
 
 @lru_cache(maxsize=4)
-def tone_map(seed: int) -> npt.NDArray[np.float32]:
-    """Slow changes of brightness, square and about 1, that hide the repeats of a texture."""
+def tone_map(seed: int, wet_ratio: float = 0.0) -> npt.NDArray[np.float32]:
+    """Slow changes of brightness, square and about 1, that hide the repeats of a texture.
+
+    `wet_ratio` of the ground is darker, in patches of a metre or a few.
+    """
     shape = (TONE_SIZE, TONE_SIZE)
     noise = tileable_noise(np.random.default_rng([seed, 9]), shape, exponent=1.1, finest=32)
-    return (1.0 + 0.09 * noise).astype(np.float32)
+    tone = 1.0 + 0.09 * noise
+    if wet_ratio > 0.0:
+        damp = tileable_noise(np.random.default_rng([seed, 10]), shape, exponent=2.4, coarsest=7)
+        edge = np.quantile(damp, 1.0 - wet_ratio) if wet_ratio < 1.0 else -np.inf
+        tone *= 1.0 - WET_DARKENING * np.clip((damp - edge) / 1.4 + 0.5, 0.0, 1.0)
+    return tone.astype(np.float32)

@@ -1,0 +1,83 @@
+"""The state of a mission on disk, so that a crash or a reboot loses nothing."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import msgspec
+
+from agribot.config import RunConfig
+from agribot.errors import MissionError, RecordingError
+from agribot.messages import TickRecord
+from agribot.plan.mission import Mission
+from agribot.plan.saved_mission import SavedMission
+
+FILE_NAME = "mission.json"
+PERIOD_S = 1.0
+LEFT_STD_M = 0.1  # how well the robot knew where it was left, and rolled on since
+
+
+class MissionFile:
+    """A tap that writes the mission once a second, and whenever its state changes.
+
+    Every write replaces the whole file at once: whoever reads it sees the old or the new state.
+    """
+
+    def __init__(self, folder: Path, mission: Mission) -> None:
+        self._path = folder / FILE_NAME
+        self._mission = mission
+        self._state = ""
+        self._next_s = 0.0
+
+    def __call__(self, record: TickRecord) -> None:
+        if record.status.state == self._state and record.batch.t_s < self._next_s:
+            return
+        self._state, self._next_s = record.status.state, record.batch.t_s + PERIOD_S
+        saved = self._mission.saved()
+        if saved is not None:
+            self._replace(msgspec.json.encode(saved))
+
+    def _replace(self, content: bytes) -> None:
+        fresh = self._path.with_suffix(".new")
+        try:
+            with fresh.open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            fresh.replace(self._path)
+        except OSError as error:
+            raise RecordingError(
+                f"cannot write {self._path}: {error.strerror}; free some space or choose another "
+                "--out folder"
+            ) from error
+
+
+def resumed(config: RunConfig, saved: SavedMission) -> RunConfig:
+    """The settings of the run that goes on: its start mark is where the robot was left."""
+    if config.field.start_map_m is None:
+        return config
+    field = msgspec.structs.replace(
+        config.field,
+        start_map_m=saved.pose[:2],
+        start_yaw_deg=math.degrees(saved.pose[2]),
+        start_std_m=max(config.field.start_std_m, LEFT_STD_M),
+    )
+    return msgspec.structs.replace(config, field=field)
+
+
+def read_mission(folder: Path) -> SavedMission:
+    """Raises: MissionError: no saved mission, a broken one, or one that has ended."""
+    path = folder / FILE_NAME
+    try:
+        saved = msgspec.json.decode(path.read_bytes(), type=SavedMission)
+    except OSError as error:
+        raise MissionError(
+            f"cannot read {path}: {error.strerror}; give the folder of a run that was cut off"
+        ) from error
+    except (msgspec.DecodeError, msgspec.ValidationError) as error:
+        raise MissionError(f"{path} is broken: {error}; start a new mission") from error
+    if saved.state == "done":
+        raise MissionError(f"the mission in {folder} is done; there is nothing to resume")
+    return saved

@@ -1,0 +1,133 @@
+"""The work of a mission: its route, what of it is done, and how to go on after an interruption."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import msgspec
+
+from agribot.config import MissionConfig
+from agribot.messages import Estimate, MissionState, Path, Row
+from agribot.plan.route import Route
+from agribot.plan.row_log import RowLog
+from agribot.plan.saved_mission import (
+    PoseTuple,
+    SavedMission,
+    check_not_carried_away,
+    check_same_task,
+    task_name,
+)
+
+Planner = Callable[[Estimate], Path]
+
+
+class Job:
+    """Rows and waypoints to be worked along one path, which is planned when work begins."""
+
+    def __init__(
+        self,
+        plan: Planner,
+        rows: Sequence[Row],
+        config: MissionConfig,
+        waypoints: Sequence[tuple[float, float]],
+        tool_reach_m: float,
+        saved: SavedMission | None,
+    ) -> None:
+        self._plan = plan
+        self._config = config
+        self._waypoints = tuple(waypoints)
+        self._tool_reach_m = tool_reach_m
+        self._saved = saved
+        self._task = ""
+        self.rows = RowLog(row.index for row in rows)
+        self.route: Route | None = None
+        self.planned_from: PoseTuple = (math.nan, math.nan, math.nan)
+
+    @property
+    def waypoints_reached(self) -> tuple[bool, ...]:
+        return self.route.visits.reached if self.route else (False,) * len(self._waypoints)
+
+    def begin(self, estimate: Estimate) -> None:
+        """Plan from here; after an interruption, the same path as then, and go on in it.
+
+        Raises: MissionError: no path, the robot was carried away, or the task is another one.
+        """
+        saved = self._saved
+        if saved is not None:
+            check_not_carried_away(estimate, saved.pose[:2], self._config.resume_limit_m)
+            x_m, y_m, yaw_rad = saved.planned_from
+            estimate = msgspec.structs.replace(
+                estimate, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad
+            )
+        path = self._plan(estimate)
+        route = Route(path, self.rows.indices, self._config, self._waypoints, self._tool_reach_m)
+        self.planned_from = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+        self._task = task_name(self.rows.indices, self._waypoints, path)
+        if saved is not None:
+            check_same_task(saved, self._task, route.progress.length_m)
+            route.go_on(saved.s_m, saved.waypoints_reached)
+            self.rows.restore(saved.rows, saved.row, saved.s_m)
+        self.route = route
+
+    def change_speed(self, config: MissionConfig) -> None:
+        self._config = config
+        if self.route is not None:
+            self.route.change_speed(config)
+
+    def saved(self, state: MissionState, last: Estimate) -> SavedMission | None:
+        route = self.route
+        if route is None:
+            return None
+        return SavedMission(
+            task=self._task,
+            state=state,
+            t_s=last.t_s,
+            planned_from=self.planned_from,
+            pose=(last.x_map_m, last.y_map_m, last.yaw_map_rad),
+            length_m=route.progress.length_m,
+            s_m=route.progress.s_m,
+            row=self.rows.here,
+            rows=self.rows.results,
+            waypoints_reached=route.visits.reached,
+        )
+
+    def work(self, estimate: Estimate) -> None:
+        """The robot is on the route, where its progress says."""
+        assert self.route is not None
+        progress = self.route.progress
+        beside_m = abs(progress.cross_track_m)
+        self.rows.work(self.route.row_here, beside_m, progress.s_m, estimate.t_s)
+        self.route.visits.update(progress.s_m, estimate.x_map_m, estimate.y_map_m)
+
+    def skip_row(self) -> None:
+        """The row under the robot, else the next one: it is passed with the tool off."""
+        if self.route is not None:
+            self.rows.skip(self.rows.here if self.rows.here >= 0 else self.route.next_row)
+
+    def finish(self, t_s: float) -> tuple[MissionState, str]:
+        """How the job ended at the end of its route, and why."""
+        assert self.route is not None
+        self.rows.work(-1, 0.0, self.route.progress.s_m, t_s)
+        missed = self.route.visits.missed()
+        undone = self.rows.open_rows(self.route.planned_rows)
+        if missed:
+            return "failed", (
+                f"waypoints {missed} were passed at more than mission.waypoint_radius_m "
+                f"{self._config.waypoint_radius_m:.2f} m"
+            )
+        if undone:
+            return "failed", f"the path ended with rows {undone} not driven"
+        skipped = list(self.rows.skipped)
+        return "done", f"rows {skipped} were skipped, as asked" if skipped else ""
+
+    @property
+    def leg(self) -> str:
+        """Where on its way the robot is, for people; rows count from 1."""
+        if self.route is None:
+            return ""
+        here = self.rows.here
+        if here >= 0:
+            return f"past row {here + 1}" if self.rows.is_skipped(here) else f"row {here + 1}"
+        following = self.route.next_row
+        return f"to row {following + 1}" if following >= 0 else "way"

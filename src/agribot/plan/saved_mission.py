@@ -1,0 +1,65 @@
+"""What must survive a crash for a mission to go on at the same place."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+
+import msgspec
+
+from agribot.errors import MissionError
+from agribot.messages import Estimate, MissionState, Path
+from agribot.plan.row_log import RowResult
+
+PoseTuple = tuple[float, float, float]
+LENGTH_TOLERANCE_M = 0.01
+
+
+class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
+    """Progress as rows and metres of rows, and the pose in which the robot was last.
+
+    `planned_from` is the pose from which the path was planned: from it the same path is planned
+    again. `task` tells one task from another.
+    """
+
+    task: str
+    state: MissionState
+    t_s: float
+    planned_from: PoseTuple
+    pose: PoseTuple
+    length_m: float
+    s_m: float
+    row: int
+    rows: tuple[RowResult, ...]
+    waypoints_reached: tuple[bool, ...] = ()
+    format: int = 1
+
+
+def task_name(rows: Sequence[int], waypoints: Sequence[tuple[float, float]], path: Path) -> str:
+    """The same for the same rows, waypoints and path."""
+    text = msgspec.json.encode((list(rows), list(waypoints)))
+    text += path.xy_map_m[::25].round(3).tobytes()
+    return hashlib.sha256(text).hexdigest()[:16]
+
+
+def check_same_task(saved: SavedMission, task: str, length_m: float) -> None:
+    """Raises: MissionError: the settings or the plan were changed since."""
+    if saved.task != task or abs(saved.length_m - length_m) > LENGTH_TOLERANCE_M:
+        raise MissionError(
+            f"the saved mission is another one: its path is {saved.length_m:.1f} m long, the path "
+            f"of the present settings {length_m:.1f} m; resume with the settings, the plan and the "
+            "robot of the saved run, or start anew"
+        )
+
+
+def check_not_carried_away(estimate: Estimate, place: tuple[float, float], limit_m: float) -> None:
+    """Raises: MissionError: the robot is elsewhere, farther than its own uncertainty explains."""
+    away_m = math.dist((estimate.x_map_m, estimate.y_map_m), place)
+    allowed_m = limit_m + 2.0 * estimate.pos_std_m
+    if not away_m <= allowed_m:
+        raise MissionError(
+            f"the robot was carried away: it is {away_m:.2f} m from where the work stopped, East "
+            f"{place[0]:.2f} m, North {place[1]:.2f} m, more than {allowed_m:.2f} m; bring it back "
+            "there, or start a new mission"
+        )

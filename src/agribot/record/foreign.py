@@ -1,0 +1,215 @@
+"""What a recording of another robot, or a cut one of ours, tells of a drive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from agribot.geo import Datum, MapFrame, compass_deg_from_yaw
+from agribot.messages import FloatArray
+from agribot.record.bag.fixes import GPSFIXES, NAVSATFIX
+from agribot.record.bag.opening import open_bag
+from agribot.record.bag.source import Bag, BagTopic
+from agribot.record.bag.utm import ODOMETRY
+
+_NUMBER = "std_msgs/msg/Float64"
+_RAW_NAMES = ("/agribot/heading/raw", "Rawheading")
+_FILTERED_NAMES = ("/agribot/heading/filtered", "Filteredheading")
+_DISTANCE_NAMES = ("/agribot/distance", "distance")
+
+
+class Line(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """A plotted series: (N, 2) of seconds since the start and value, and where it comes from."""
+
+    label: str
+    points: FloatArray
+
+
+class ForeignData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """Headings are degrees as recorded; of odometry and IMU clockwise from North.
+
+    `tracks` are (N, 2) metres East and North of the first fix, of odometry in its own frame.
+    `missing` says what could not be shown and what would have been needed.
+    """
+
+    heading_raw: tuple[Line, ...]
+    heading_filtered: tuple[Line, ...]
+    distance: tuple[Line, ...]
+    speed: tuple[Line, ...]
+    tracks: tuple[Line, ...]
+    missing: tuple[str, ...]
+    notes: tuple[str, ...]
+    duration_s: float
+    messages: int
+
+
+_Extract = Callable[[Any], float | tuple[float, ...] | None]
+
+
+class _Collector:
+    def __init__(self) -> None:
+        self.rules: dict[int, list[tuple[str, str, _Extract]]] = {}
+        self.rows: dict[tuple[str, str], list[tuple[float, ...]]] = {}
+
+    def want(self, topic: BagTopic, plot: str, label: str, extract: _Extract) -> None:
+        self.rules.setdefault(topic.id, []).append((plot, label, extract))
+
+    def lines(self, plot: str) -> tuple[Line, ...]:
+        return tuple(
+            Line(label=label, points=np.array(rows, dtype=float).reshape(len(rows), -1))
+            for (kind, label), rows in self.rows.items()
+            if kind == plot and rows
+        )
+
+
+def read_foreign(path: Path) -> ForeignData:
+    """Raises: RecordingError: it cannot be read at all."""
+    with open_bag(path) as bag:
+        collector = _Collector()
+        for topic in bag.topics:
+            if bag.knows(topic) and topic.count > 1:
+                _rules(topic, collector)
+        start_ns, end_ns = bag.times_ns or (0, 0)
+        wanted = frozenset(t.name for t in bag.topics if t.id in collector.rules)
+        for message in bag.messages(wanted) if wanted else ():
+            value = bag.value(message)
+            t_s = (message.log_ns - start_ns) * 1e-9
+            for plot, label, extract in collector.rules.get(message.topic.id, ()):
+                found = extract(value)
+                if found is not None:
+                    row = (t_s, found) if isinstance(found, float) else found
+                    collector.rows.setdefault((plot, label), []).append(row)
+        return _data(bag, collector, (end_ns - start_ns) * 1e-9)
+
+
+def _data(bag: Bag, collector: _Collector, duration_s: float) -> ForeignData:
+    plots = {name: collector.lines(name) for name in ("raw", "filtered", "distance", "speed")}
+    tracks = collector.lines("track")
+    plots["distance"] += tuple(
+        Line(label=f"driven, by {line.label}", points=_driven(line.points))
+        for line in collector.lines("timed track")
+    )
+    wishes = {
+        "raw": "raw heading: no Float64 called Rawheading and no magnetometer",
+        "filtered": "filtered heading: no Float64 called Filteredheading, no odometry, no IMU",
+        "distance": "distance: no Float64 called distance, no fixes and no odometry",
+        "speed": "speed: no odometry, Twist or GPSFix",
+    }
+    missing = [wish for name, wish in wishes.items() if not plots[name]]
+    if not tracks:
+        missing.append("track: no NavSatFix or GPSFix with a position and no odometry")
+    return ForeignData(
+        heading_raw=plots["raw"],
+        heading_filtered=plots["filtered"],
+        distance=plots["distance"],
+        speed=plots["speed"],
+        tracks=tracks,
+        missing=tuple(missing),
+        notes=tuple(bag.notes),
+        duration_s=duration_s,
+        messages=bag.count,
+    )
+
+
+def _rules(topic: BagTopic, collector: _Collector) -> None:
+    kind, name = topic.ros_type, topic.name
+    if kind == _NUMBER:
+        for plot, names in (
+            ("raw", _RAW_NAMES), ("filtered", _FILTERED_NAMES), ("distance", _DISTANCE_NAMES),
+        ):  # fmt: skip
+            if any(name.lower().strip("/").endswith(n.lower().strip("/")) for n in names):
+                collector.want(topic, plot, name, lambda message: _finite(message.data))
+    elif kind in (NAVSATFIX, *GPSFIXES):
+        place = _Places()
+        collector.want(topic, "track", name, place)
+        collector.want(topic, "timed track", name, place.timed)
+        if kind in GPSFIXES:
+            collector.want(topic, "speed", name, lambda message: _finite(message.speed))
+    elif kind == ODOMETRY:
+        collector.want(topic, "track", name, _place_of_odometry)
+        collector.want(topic, "timed track", name, _timed_place_of_odometry)
+        collector.want(topic, "filtered", name, lambda m: _compass(m.pose.pose.orientation))
+        collector.want(topic, "speed", name, lambda m: _finite(m.twist.twist.linear.x))
+    else:
+        _heading_and_speed_rules(topic, collector)
+
+
+def _heading_and_speed_rules(topic: BagTopic, collector: _Collector) -> None:
+    kind, name = topic.ros_type, topic.name
+    if kind == "sensor_msgs/msg/Imu":
+        collector.want(topic, "filtered", name, _compass_of_imu)
+    elif kind == "sensor_msgs/msg/MagneticField":
+        collector.want(topic, "raw", name, lambda m: _field_compass(m.magnetic_field))
+    elif kind == "geometry_msgs/msg/Vector3Stamped" and "mag" in name.lower():
+        collector.want(topic, "raw", name, lambda m: _field_compass(m.vector))
+    elif kind == "geometry_msgs/msg/Twist":
+        collector.want(topic, "speed", name, lambda m: _finite(m.linear.x))
+    elif kind == "geometry_msgs/msg/TwistStamped":
+        collector.want(topic, "speed", name, lambda m: _finite(m.twist.linear.x))
+
+
+class _Places:
+    """Fixes as metres from the first of them."""
+
+    def __init__(self) -> None:
+        self._frame: MapFrame | None = None
+
+    def __call__(self, fix: Any) -> tuple[float, float] | None:
+        if fix.status.status < 0 or not math.isfinite(fix.latitude + fix.longitude):
+            return None
+        alt_m = fix.altitude if math.isfinite(fix.altitude) else 0.0
+        if self._frame is None:
+            self._frame = MapFrame(Datum(lat_deg=fix.latitude, lon_deg=fix.longitude, alt_m=alt_m))
+        east_m, north_m, _ = self._frame.map_from_geodetic(fix.latitude, fix.longitude, alt_m)
+        return east_m, north_m
+
+    def timed(self, fix: Any) -> tuple[float, ...] | None:
+        place = self(fix)
+        return None if place is None else (_stamp_s(fix), *place)
+
+
+def _place_of_odometry(message: Any) -> tuple[float, float]:
+    position = message.pose.pose.position
+    return position.x, position.y
+
+
+def _timed_place_of_odometry(message: Any) -> tuple[float, ...]:
+    return (_stamp_s(message), *_place_of_odometry(message))
+
+
+def _stamp_s(message: Any) -> float:
+    return float(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
+
+
+def _driven(timed: FloatArray) -> FloatArray:
+    steps_m = np.hypot(*np.diff(timed[:, 1:3], axis=0, prepend=timed[:1, 1:3]).T)
+    return np.column_stack([timed[:, 0] - timed[0, 0], np.cumsum(steps_m)])
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _compass(q: Any) -> float | None:
+    """Clockwise from North of a quaternion in an East-North-Up frame."""
+    norm = q.x**2 + q.y**2 + q.z**2 + q.w**2
+    if not math.isfinite(norm) or norm < 0.5:
+        return None
+    yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
+    return compass_deg_from_yaw(yaw)
+
+
+def _compass_of_imu(message: Any) -> float | None:
+    if message.orientation_covariance[0] == -1.0:  # it measures no orientation
+        return None
+    return _compass(message.orientation)
+
+
+def _field_compass(field: Any) -> float | None:
+    """Of a level magnetometer, clockwise from magnetic North."""
+    return _finite(math.degrees(math.atan2(field.y, field.x)) % 360.0)

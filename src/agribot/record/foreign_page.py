@@ -1,0 +1,118 @@
+"""The report of a foreign recording: plots of what is there, words for what is not."""
+
+from __future__ import annotations
+
+from html import escape
+from importlib import resources
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from matplotlib.figure import Figure
+
+from agribot.record.drawing import BLUE, GREEN, GREY, ORANGE, RED, every, new_figure, png, svg
+from agribot.record.foreign import ForeignData, Line
+from agribot.record.report import write_file
+
+_COLOURS = (BLUE, ORANGE, GREEN, RED, GREY)
+
+
+def write_foreign_report(folder: Path, recording: Path, data: ForeignData) -> dict[str, object]:
+    """report.html, report.json, heading.png, distance.png, speed.png and track.png.
+
+    A plot without data is not written. Returns what report.json says.
+    Raises: RecordingError: a file cannot be written.
+    """
+    figures = {
+        "track": _track(data.tracks),
+        "heading": _plot(data.heading_raw, data.heading_filtered, "Heading (°)"),
+        "distance": _plot((), data.distance, "Distance (m)"),
+        "speed": _plot((), data.speed, "Speed (m/s)"),
+    }
+    for name, figure in figures.items():
+        if figure is not None:
+            write_file(folder / f"{name}.png", png(figure))
+    summary = _summary(recording, data)
+    text = msgspec.json.format(msgspec.json.encode(summary), indent=2)
+    write_file(folder / "report.json", text + b"\n")
+    write_file(folder / "report.html", _page(recording, data, figures).encode())
+    return summary
+
+
+def _summary(recording: Path, data: ForeignData) -> dict[str, object]:
+    def sources(lines: tuple[Line, ...]) -> dict[str, int]:
+        return {line.label: len(line.points) for line in lines}
+
+    return {
+        "recording": recording.name,
+        "messages": data.messages,
+        "duration_s": data.duration_s,
+        "heading_raw": sources(data.heading_raw),
+        "heading_filtered": sources(data.heading_filtered),
+        "distance": sources(data.distance),
+        "speed": sources(data.speed),
+        "track": sources(data.tracks),
+        "missing": list(data.missing),
+        "notes": list(data.notes),
+    }
+
+
+def _plot(dots: tuple[Line, ...], lines: tuple[Line, ...], ylabel: str) -> Figure | None:
+    if not dots and not lines:
+        return None
+    figure, axes = new_figure(11.0, 3.2)
+    for line, colour in zip(dots, (GREY, RED, GREEN), strict=False):
+        points = every(line.points)
+        axes.plot(
+            points[:, 0], points[:, 1], ".", color=colour, markersize=3, label=f"{line.label}, raw"
+        )
+    for line, colour in zip(lines, _COLOURS, strict=False):
+        points = every(line.points)
+        values = points[:, 1].copy()
+        if dots or ylabel.startswith("Heading"):  # no stroke across where a heading passes North
+            values[1:][np.abs(np.diff(points[:, 1])) > 180.0] = np.nan
+        axes.plot(points[:, 0], values, color=colour, linewidth=1.3, label=line.label)
+    axes.set(xlabel="Time (s)", ylabel=ylabel)
+    axes.legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False, fontsize=9,
+        borderaxespad=0.2,
+    )  # fmt: skip
+    return figure
+
+
+def _track(lines: tuple[Line, ...]) -> Figure | None:
+    if not lines:
+        return None
+    figure, axes = new_figure(8.0, 6.5)
+    for line, colour in zip(lines, _COLOURS, strict=False):
+        points = every(line.points, 4000)
+        axes.plot(points[:, 0], points[:, 1], color=colour, linewidth=1.6, label=line.label)
+        axes.plot(*points[0], "o", color=colour, markersize=8, markerfacecolor="white")
+    axes.set(xlabel="x or East of the first fix (m)", ylabel="y or North of the first fix (m)")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, fontsize=9,
+        borderaxespad=0.2,
+    )  # fmt: skip
+    return figure
+
+
+def _page(recording: Path, data: ForeignData, figures: dict[str, Figure | None]) -> str:
+    css = resources.files("agribot.record").joinpath("report.css").read_text("utf-8")
+    name = escape(recording.name)
+    cards = "".join(
+        f'<h2>{key.title()}</h2>\n<div class="card">{svg(figure, f"{key} plot")}</div>\n'
+        for key, figure in figures.items()
+        if figure is not None
+    )
+    words = [f"Missing: {what}." for what in data.missing] + [f"{n}." for n in data.notes]
+    listed = "".join(f"<li>{escape(word)}</li>" for word in words)
+    missing = f"<h2>What is missing</h2>\n<ul>{listed}</ul>" if words else ""
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{name}</title>\n<style>\n{css}</style>\n</head>\n<body>\n<main>\n"
+        f'<header><p class="eyebrow">Recording without settings of a run</p>\n<h1>{name}</h1>\n'
+        f"<p>{data.messages} messages in {data.duration_s:.1f} s</p></header>\n"
+        f"{missing}\n{cards}</main>\n</body>\n</html>\n"
+    )

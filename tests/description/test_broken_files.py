@@ -1,0 +1,170 @@
+"""Cut, damaged and absurd files: read, or refused in one sentence; never anything else.
+
+The damage is drawn from a fixed seed, so that every run sees the same files.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agribot import config
+from agribot.description.field_generator import generate_field
+from agribot.description.field_plan import read_field_plan
+from agribot.description.loader import load_robot, urdf_text
+from agribot.description.package import ROOT
+from agribot.description.worlds_sdf import load_world
+from agribot.errors import AgribotError, DescriptionError
+
+ABSURD = ("nan", "inf", "-inf", "0", "-1", "1e9", "1e308", "-1e-300", "", "many", "1 2 3")
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.])")
+GEOJSON = {
+    "type": "Feature",
+    "properties": {},
+    "geometry": {
+        "type": "Polygon",
+        "coordinates": [[[72.7869, 21.1611], [72.7873, 21.1611], [72.7873, 21.1615],
+                         [72.7869, 21.1615], [72.7869, 21.1611]]],
+    },
+}  # fmt: skip
+FIELD = """
+name = "small"
+boundary = "edge.geojson"
+[rows]
+count = 3
+length_m = 6.0
+pitch_m = 0.75
+[crop]
+spacing_m = 0.3
+height_m = 0.2
+[weeds]
+density_per_m2 = 1.0
+[soil]
+residue_ratio = 0.2
+"""
+
+
+def damaged(text: str, rng: np.random.Generator) -> str:
+    """One of: cut off, a stretch lost, a stretch doubled, bytes flipped, a number made absurd."""
+    first, last = sorted(rng.integers(0, len(text), 2).tolist())
+    last = min(last, first + 200)
+    kind = int(rng.integers(7))
+    if kind == 0:
+        return text[:first]
+    if kind == 1:
+        return text[:first] + text[last:]
+    if kind == 2:
+        return text[:last] + text[first:]
+    if kind == 3:
+        symbols = "".join(chr(int(code)) for code in rng.integers(32, 127, 3))
+        return text[:first] + symbols + text[first + 3 :]
+    numbers = list(NUMBER.finditer(text))
+    hit = numbers[int(rng.integers(len(numbers)))]
+    return text[: hit.start()] + str(rng.choice(ABSURD)) + text[hit.end() :]
+
+
+def read_robot(folder: Path, text: str) -> None:
+    (folder / "robot.urdf").write_text(text, "utf-8")
+    load_robot(str(folder / "robot.urdf"))
+
+
+def read_world(folder: Path, text: str) -> None:
+    (folder / "x.world").write_text(text, "utf-8")
+    load_world(str(folder / "x.world"))
+
+
+def read_field(folder: Path, text: str) -> None:
+    (folder / "edge.geojson").write_text(json.dumps(GEOJSON), "utf-8")
+    (folder / "field.toml").write_text(text, "utf-8")
+    generate_field(read_field_plan(folder / "field.toml"), 0, folder)
+
+
+def read_boundary(folder: Path, text: str) -> None:
+    (folder / "edge.geojson").write_text(text, "utf-8")
+    (folder / "field.toml").write_text(FIELD, "utf-8")
+    generate_field(read_field_plan(folder / "field.toml"), 0, folder)
+
+
+def read_profile(folder: Path, text: str) -> None:
+    (folder / "profile.toml").write_text(text, "utf-8")
+    config.load(str(folder / "profile.toml"))
+
+
+def _whole(kind: str) -> str:
+    packaged = {"world": "worlds/world1.world", "hills": "worlds/hills.world"}
+    if kind in packaged:
+        return (ROOT / packaged[kind]).read_text("utf-8")
+    if kind == "robot":
+        return urdf_text()
+    if kind == "profile":
+        return (ROOT.parent / "profiles" / "farm.toml").read_text("utf-8")
+    return json.dumps(GEOJSON, indent=1) if kind == "boundary" else FIELD
+
+
+READERS: dict[str, tuple[Callable[[Path, str], None], int]] = {
+    "robot": (read_robot, 120),
+    "world": (read_world, 120),
+    "hills": (read_world, 30),
+    "field": (read_field, 150),
+    "boundary": (read_boundary, 80),
+    "profile": (read_profile, 100),
+}
+
+
+@pytest.mark.parametrize("kind", READERS)
+def test_a_damaged_file_is_read_or_refused_in_one_sentence(kind: str, tmp_path: Path) -> None:
+    read, count = READERS[kind]
+    text, rng = _whole(kind), np.random.default_rng(len(kind))
+    read(tmp_path, text)  # as it is, it is sound
+    refused = 0
+    for _ in range(count):
+        broken = damaged(text, rng)
+        try:
+            read(tmp_path, broken)
+        except AgribotError as error:
+            refused += 1
+            assert 10 < len(str(error)) < 1000
+    assert refused > count // 10
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("count = 3", "count = 1000000000", "count"),
+        ("spacing_m = 0.3", "spacing_m = 1e-9", "spacing_m"),
+        ("length_m = 6.0", "length_m = 1e9", "length_m"),
+        ("density_per_m2 = 1.0", "density_per_m2 = 1e9", "density_per_m2"),
+        ("height_m = 0.2", "height_m = nan", "height_m"),
+        ("pitch_m = 0.75", "pitch_m = inf", "pitch_m"),
+        ("count = 3\nlength_m = 6.0", "count = 1000\nlength_m = 1000.0", "plants"),
+    ],
+)
+def test_a_field_of_absurd_size_is_refused_before_it_grows(
+    tmp_path: Path, old: str, new: str, complaint: str
+) -> None:
+    assert old in FIELD
+    with pytest.raises(DescriptionError, match=complaint):
+        read_field(tmp_path, FIELD.replace(old, new).replace('boundary = "edge.geojson"\n', ""))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "new"),
+    [
+        (r'<mass value="[^"]*"', '<mass value="0"'),
+        (r'<mass value="[^"]*"', '<mass value="nan"'),
+        (r"<updateRate>100(\.0)?</updateRate>", "<updateRate>0</updateRate>"),
+        (r'xyz="[^"]*"', 'xyz="nan 0 0"'),
+    ],
+)
+def test_a_robot_without_mass_rate_or_place_is_refused(
+    tmp_path: Path, pattern: str, new: str
+) -> None:
+    text, count = re.subn(pattern, new, urdf_text())
+    assert count > 0
+    with pytest.raises(DescriptionError):
+        read_robot(tmp_path, text)

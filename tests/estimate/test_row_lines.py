@@ -1,0 +1,102 @@
+"""Row lines: which row is told by the pose, outliers are kept out, a lost row is found again."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import msgspec
+import pytest
+
+from agribot.bench.nav.scenario import ROWS, scenario
+from agribot.devices import RowLine
+from agribot.estimate.ekf import ROW_BIAS, YAW, Ekf, X, Y
+from agribot.estimate.history import Motion, MotionHistory
+from agribot.estimate.row_lines import RowLines
+
+FIELD = scenario("m8n", vision=True, speed_mps=0.8, variant="nominal").field()
+SEEN = RowLine(t_s=0.0, offset_m=0.0, heading_rad=0.0, offset_std_m=0.015, heading_std_rad=0.012)
+
+
+class Robot:
+    """Stands at a place of the map with a filter that knows it only roughly."""
+
+    def __init__(self, x_m: float, y_m: float, yaw_rad: float, std_m: float = 0.05) -> None:
+        self.ekf = Ekf([std_m, std_m, 0.05, *[1e-3] * 6, 0.0], row_yaw_rad=0.0)
+        self.ekf.x[X], self.ekf.x[Y], self.ekf.x[YAW] = x_m, y_m, yaw_rad
+        self.rejected: Counter[str] = Counter()
+        self._history = MotionHistory()
+        self._lines = RowLines(self.ekf, self._history, FIELD, self.rejected)
+        self._t_s = 0.0
+
+    def see(self, **changes: float | None) -> None:
+        self._t_s += 0.07
+        self._history.append(Motion(self._t_s, 0.0, 0.0, 0.0, 0.0, 0.0))
+        self._lines.see(msgspec.structs.replace(SEEN, t_s=self._t_s, **changes))
+
+
+@pytest.mark.parametrize(("yaw_rad", "side"), [(0.0, 1.0), (math.pi, -1.0)])
+@pytest.mark.parametrize("row_y_m", [0.0, 4.0, float(ROWS - 1)])
+def test_a_line_puts_the_robot_beside_the_nearest_row(
+    yaw_rad: float, side: float, row_y_m: float
+) -> None:
+    robot = Robot(5.0, row_y_m + 0.02, yaw_rad)
+    for _ in range(40):
+        robot.see(offset_m=0.08)  # to the left of the row, as the robot faces
+    assert robot.ekf.x[Y] == pytest.approx(row_y_m + side * 0.08, abs=0.015)
+    assert not robot.rejected
+
+
+def test_the_heading_of_the_line_turns_the_robot_also_when_it_drives_back() -> None:
+    robot = Robot(5.0, 3.0, math.pi - 0.02)
+    for _ in range(60):
+        robot.see(heading_rad=0.03)
+    assert robot.ekf.x[YAW] == pytest.approx(-math.pi + 0.03, abs=0.01)
+
+
+def test_one_outlier_changes_nothing_and_a_run_of_them_opens_the_filter() -> None:
+    robot = Robot(5.0, 3.0, 0.0, std_m=0.02)
+    robot.see(offset_m=0.3)
+    assert robot.ekf.x[Y] == 3.0
+    assert robot.rejected["row line off its row"] == 1
+    for _ in range(60):
+        robot.see(offset_m=0.2)
+    assert robot.rejected["row found again"] >= 1
+    assert robot.ekf.x[Y] == pytest.approx(3.2, abs=0.03)
+
+
+def test_a_pose_that_cannot_tell_rows_apart_uses_no_line() -> None:
+    robot = Robot(5.0, 3.0, 0.0, std_m=0.5)
+    robot.see(offset_m=0.1)
+    assert robot.rejected == {"row line ambiguous": 1}
+    assert robot.ekf.x[Y] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("yaw_rad", "ahead", "expected_m"),
+    [
+        (0.0, {"end_ahead_m": 1.0}, 11.0),
+        (math.pi, {"end_ahead_m": 1.0}, 1.0),
+        (0.0, {"start_ahead_m": 1.0}, -1.0),
+        (math.pi, {"start_ahead_m": 1.0}, 13.0),
+    ],
+)
+def test_the_ends_of_a_row_tell_the_place_along_it(
+    yaw_rad: float, ahead: dict[str, float], expected_m: float
+) -> None:
+    robot = Robot(expected_m + 0.3, 3.0, yaw_rad, std_m=0.2)
+    for _ in range(30):
+        robot.see(offset_m=None, heading_rad=None, **ahead)
+    assert robot.ekf.x[X] == pytest.approx(expected_m, abs=0.03)
+
+
+def test_numbers_that_are_none_and_times_that_run_back_are_refused() -> None:
+    robot = Robot(5.0, 3.0, 0.0)
+    robot.see(offset_m=math.nan)
+    robot.see(end_ahead_m=math.inf)
+    robot.see(offset_std_m=0.0)
+    assert robot.rejected["row line not usable"] == 3
+    robot.see()
+    robot._lines.see(msgspec.structs.replace(SEEN, t_s=0.1))
+    assert robot.rejected["row line out of order"] == 1
+    assert robot.ekf.x[ROW_BIAS] == pytest.approx(0.0, abs=1e-6)

@@ -1,0 +1,198 @@
+"""Fields and plans as files: what is good comes back the same, what is bad is named."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agribot.cli import main
+from agribot.errors import MissionError
+from agribot.geo import Datum, MapFrame
+from agribot.gis.field_file import read_field
+from agribot.gis.plan_file import SavedPlan, plan_text, read_plan
+from agribot.plan.plan_certificate import certify_plan
+from tests.plan.fields import REQUEST, ROWS, SHAPE, WITH_HOLE, certified
+
+HERE = Datum(lat_deg=52.1, lon_deg=11.6)
+FRAME = MapFrame(HERE)
+OUTLINE = [(0.0, 0.0), (30.0, 0.0), (30.0, 20.0), (0.0, 20.0)]
+POND = [(10.0, 8.0), (14.0, 8.0), (14.0, 12.0), (10.0, 12.0)]
+
+
+def lonlat(points: list[tuple[float, float]], frame: MapFrame = FRAME) -> list[list[float]]:
+    places = [frame.geodetic_from_map(*point) for point in points]
+    return [[lon_deg, lat_deg] for lat_deg, lon_deg, _ in places]
+
+
+def polygon(points: list[tuple[float, float]], kind: str) -> dict[str, Any]:
+    ring = lonlat(points)
+    geometry = {"type": "Polygon", "coordinates": [[*ring, [*ring[0]]]]}
+    return {"type": "Feature", "properties": {"kind": kind}, "geometry": geometry}
+
+
+def line(points: list[tuple[float, float]], kind: str) -> dict[str, Any]:
+    geometry = {"type": "LineString", "coordinates": lonlat(points)}
+    return {"type": "Feature", "properties": {"kind": kind}, "geometry": geometry}
+
+
+def field() -> dict[str, Any]:
+    return {
+        "type": "FeatureCollection",
+        "features": [
+            polygon(OUTLINE, "boundary"),
+            polygon(POND, "obstacle"),
+            line([(3.0, 3.0), (3.0, 17.0)], "row"),
+            line([(0.0, 1.0), (30.0, 2.0)], "ab_line"),
+        ],
+    }
+
+
+def written(tree: object, folder: Path) -> Path:
+    path = folder / "field.geojson"
+    path.write_text(json.dumps(tree))
+    return path
+
+
+def test_a_field_lies_where_its_file_says(tmp_path: Path) -> None:
+    area, datum = read_field(written(field(), tmp_path), HERE)
+    assert datum == HERE
+    assert np.array(area.boundary) == pytest.approx(np.array(OUTLINE), abs=1e-3)
+    assert {(round(x, 3), round(y, 3)) for x, y in area.holes[0]} == set(POND)
+    assert np.array(area.rows[0]) == pytest.approx(np.array([(3, 3), (3, 17)]), abs=1e-3)
+    assert np.array(area.ab_line) == pytest.approx(np.array([(0, 1), (30, 2)]), abs=1e-3)
+
+
+def test_a_field_on_the_antimeridian_is_as_large_as_elsewhere(tmp_path: Path) -> None:
+    frame = MapFrame(Datum(lat_deg=-16.5, lon_deg=179.9999))
+    ring = lonlat([(-50.0, 0.0), (50.0, 0.0), (50.0, 40.0), (-50.0, 40.0)], frame)
+    assert ring[0][0] > 179.0 and ring[1][0] < -179.0
+    area, _ = read_field(written({"type": "Polygon", "coordinates": [ring]}, tmp_path))
+    span_m = np.ptp(np.array(area.boundary), axis=0)
+    assert span_m == pytest.approx((100.0, 40.0), abs=0.05)
+
+
+def bad(change: Callable[[list[dict[str, Any]]], object]) -> dict[str, Any]:
+    tree = copy.deepcopy(field())
+    change(tree["features"])
+    return tree
+
+
+def ring_of(features: list[dict[str, Any]], number: int = 0) -> list[Any]:
+    ring: list[Any] = features[number]["geometry"]["coordinates"][0]
+    return ring
+
+
+def swap_all(features: list[dict[str, Any]]) -> None:
+    for position in ring_of(features):
+        position.reverse()
+
+
+def cross(features: list[dict[str, Any]]) -> None:
+    ring = ring_of(features)
+    ring[1], ring[2] = ring[2], ring[1]
+
+
+BAD = {
+    "crossing": (bad(cross), r"boundary crosses or touches itself at latitude 52\.1"),
+    "swapped": (bad(swap_all), "more than 20 km; it seems that latitude and longitude are"),
+    "nan": (bad(lambda f: ring_of(f)[1].__setitem__(0, math.nan)), "nan is not a number"),
+    "text": (bad(lambda f: ring_of(f)[1].__setitem__(0, "east")), "'east' is not a number"),
+    "projected": (bad(lambda f: ring_of(f)[1].__setitem__(1, 5774000.0)), r"swapped|EPSG:4326"),
+    "hole outside": (bad(lambda f: f.append(polygon([(40, 1), (44, 1), (44, 4)], "obstacle"))),
+                     r"obstacle 2 lies outside the boundary.*latitude 52"),
+    "row outside": (bad(lambda f: f.append(line([(5, 5), (5, 33)], "row"))),
+                    r"13\.0 m of row 2 lie outside the field"),
+    "row in pond": (bad(lambda f: f.append(line([(12, 5), (12, 15)], "row"))), r"4\.0 m of row 2"),
+    "point row": (bad(lambda f: f.append(line([(5, 5), (5, 5)], "row"))), "row 2 .* is 0.00 m"),
+    "two outlines": (bad(lambda f: f.append(polygon(OUTLINE, "boundary"))), "2 polygons of kind"),
+    "none": ({"type": "FeatureCollection", "features": []}, "0 polygons of kind"),
+    "kind": (bad(lambda f: f[2]["properties"].update(kind="hedge")), "'hedge' is not one of"),
+    "flat": (bad(lambda f: f[0]["geometry"].update(coordinates=[lonlat(POND[:2])])), "2 corners"),
+    "many": (bad(lambda f: f[2]["geometry"].update(coordinates=lonlat(OUTLINE) * 6000)),
+             "more than the limit of 20000"),
+    "no geojson": ([1, 2], "expected a GeoJSON object"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_broken_field_is_refused_with_what_and_where(name: str, tmp_path: Path) -> None:
+    tree, message = BAD[name]
+    with pytest.raises(MissionError, match=message):
+        read_field(written(tree, tmp_path), HERE)
+
+
+def test_coordinates_that_can_only_be_swapped_say_so(tmp_path: Path) -> None:
+    tree = {"type": "Polygon", "coordinates": [[[21.1, 172.7], [21.1, 172.8], [21.2, 172.8]]]}
+    with pytest.raises(MissionError, match=r"swapped.*\[172\.7, 21\.1\]"):
+        read_field(written(tree, tmp_path))
+
+
+def test_a_saved_plan_is_certified_again_after_reading(tmp_path: Path) -> None:
+    for area, request in ((WITH_HOLE, REQUEST),):
+        plan, certificate = certified(area, request)
+        path = tmp_path / "plan.geojson"
+        path.write_text(plan_text(SavedPlan(plan, area, request, HERE), certificate))
+        saved = read_plan(path)
+        assert saved.request == request
+        for before, after in zip(plan.legs, saved.plan.legs, strict=True):
+            assert (before.kind, before.row) == (after.kind, after.row)
+            assert after.xy_map_m == pytest.approx(before.xy_map_m, abs=2e-4)
+        again = certify_plan(saved.plan, saved.area, SHAPE, saved.request)
+        assert again.ok, again.problems
+        assert again.coverage_ratio == pytest.approx(certificate.coverage_ratio, abs=1e-3)
+
+
+def test_verify_refuses_a_plan_that_was_changed_by_hand(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, path = written(bad(lambda f: f.pop(2)), tmp_path), tmp_path / "plan.geojson"
+    wanted = ["plan", "--field", str(source), "--implement-width", "1.0", "--out", str(path)]
+    assert main(wanted) == 0
+    assert main(["plan", "verify", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["ok"] is True
+    tree = json.loads(path.read_text())
+    leg = next(f for f in tree["features"] if f["properties"]["kind"] == "leg:headland")
+    leg["geometry"]["coordinates"][-1][0] += 1e-3  # seventy metres East
+    path.write_text(json.dumps(tree))
+    assert main(["plan", "verify", str(path), "--json"]) == 1
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert {problem["rule"] for problem in told["problems"]} >= {"path", "footprint"}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (["--implement-width", "nan"], "--implement-width nan"),
+        (["--implement-width", "0"], "must be from 0.05"),
+        (["--implement-width", "1", "--start", "11.6"], "expected 2 numbers"),
+        (["--implement-width", "1", "--swath-angle", "north"], "--swath-angle north"),
+        (["--implement-width", "1", "--overlap", "2"], "overlap of 2 m leaves nothing"),
+        (["--implement-width", "30"], "no place to turn"),
+        ([], "give --field FILE and --implement-width M"),
+    ],
+)
+def test_wrong_use_is_told_in_one_line(
+    change: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = written(bad(lambda f: f.pop(2)), tmp_path)
+    assert main(["plan", "--field", str(source), *change]) == 2
+    told = capsys.readouterr().err.strip()
+    assert message in told
+    assert "\n" not in told
+
+
+def test_a_field_with_rows_round_trips_through_the_plan(tmp_path: Path) -> None:
+    request = REQUEST.__class__(implement_width_m=0.8, headland_passes=0)
+    plan, certificate = certified(ROWS, request)
+    path = tmp_path / "plan.geojson"
+    path.write_text(plan_text(SavedPlan(plan, ROWS, request, HERE), certificate))
+    saved = read_plan(path)
+    assert np.array(saved.area.rows) == pytest.approx(np.array(ROWS.rows), abs=2e-4)
+    assert certify_plan(saved.plan, saved.area, SHAPE, saved.request).ok

@@ -1,0 +1,103 @@
+"""Field plans in the simulator: driven to the end, and never out of the field."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from agribot.cli import main
+from agribot.config import RunConfig, load
+from agribot.description.loader import load_robot
+from agribot.geo import Datum, MapFrame
+from agribot.gis.plan_file import read_plan
+from agribot.messages import OperatorEvent
+from agribot.mission_file import read_mission, resumed
+from agribot.plan.coverage.area import footprint
+from agribot.plan.plan_sweep import footprints
+from agribot.record.replay import read_truth
+from agribot.session import Session
+
+DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)  # of the farm profile
+OUTLINE = ((-1.5, -1.5), (4.5, -1.5), (5.0, 4.5), (-1.5, 4.0))
+HOLE = ((1.4, 1.2), (2.0, 1.2), (2.0, 1.8), (1.4, 1.7))
+EMPTY = ["perception.enabled=false", 'world="empty"', "field.start_map_m=[0,0]",
+         'sim.sensors="rtk"']  # fmt: skip
+
+
+def field_file(folder: Path) -> Path:
+    frame = MapFrame(DATUM)
+    rings = []
+    for ring in (OUTLINE, HOLE):
+        places = [frame.geodetic_from_map(*point) for point in (*ring, ring[0])]
+        rings.append([[lon_deg, lat_deg] for lat_deg, lon_deg, _ in places])
+    path = folder / "field.geojson"
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": rings}))
+    return path
+
+
+def settings(*more: str) -> list[str]:
+    return [part for setting in (*EMPTY, *more) for part in ("--set", setting)]
+
+
+def test_a_field_with_a_hole_is_worked_without_leaving_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    wanted = ["run", "farm", "--field", str(field_file(tmp_path)), "--out", str(out), "--json"]
+    assert main([*wanted, *settings()]) == 0
+    report = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert report["ok"] is True
+    assert report["mission"]["rows_done"] == report["mission"]["rows_total"] > 10
+    assert report["mission"]["coverage_ratio"] > 0.95
+    saved = read_plan(out / "plan.geojson", DATUM)
+    shape = footprint(load_robot("agribot"), saved.request.implement_width_m)
+    field = shapely.Polygon(saved.area.boundary, saved.area.holes)
+    truth = read_truth(out / "run.mcap")
+    ahead = np.column_stack([np.cos(truth[:, 3]), np.sin(truth[:, 3])]) * 1e-6
+    boxes = [footprints(np.array([place, place + step]), shape, None, None)[0]
+             for place, step in zip(truth[:, 1:3], ahead, strict=True)]  # fmt: skip
+    assert np.all(shapely.covers(field, shapely.polygons(np.array(boxes))))
+    assert main(["replay", str(out / "run.mcap")]) == 0
+
+
+def test_a_run_that_was_killed_goes_on_from_its_folder(tmp_path: Path) -> None:
+    config = load("farm", [*EMPTY, 'world="Farm"', "field.start_map_m=[-2,0]", "field.row_count=1"])
+    with Session(config, tmp_path / "first") as session:
+        for record in session.ticks():
+            if record.batch.t_s > 22.0:
+                break  # no finish: the computer lost its power
+    saved = read_mission(tmp_path / "first")
+    assert saved.state == "running"
+    assert saved.s_m > 3.0
+    config = load(str(tmp_path / "first" / "config.toml"))
+    assert isinstance(config, RunConfig)
+    with Session(resumed(config, saved), tmp_path / "second", saved) as session:
+        first = next(record for record in session.ticks() if record.status.state == "running")
+        assert first.status.s_m == pytest.approx(saved.s_m, abs=0.3)
+        for _ in session.ticks():
+            pass
+        report = session.finish()
+    assert report.ok, report.reason
+    assert report.mission.rows_done == 1
+    assert main(["replay", str(tmp_path / "second" / "run.mcap")]) == 0
+
+
+def test_called_home_it_comes_back_to_where_it_began(tmp_path: Path) -> None:
+    config = load("farm", [*EMPTY, 'world="Farm"', "field.start_map_m=[-2,0]"])
+    with Session(config, tmp_path / "run") as session:
+        ticks = session.ticks()
+        next(record for record in ticks if record.status.row == 0 and record.batch.t_s > 20.0)
+        session.platform.post(OperatorEvent(t_s=0.0, action="return_home"))
+        for _ in ticks:
+            pass
+        last = session.last
+        report = session.finish()
+        truth = session.platform.truth()
+    assert last is not None and last.status.state == "cancelled"
+    assert (truth.x_map_m, truth.y_map_m) == pytest.approx((-2.0, 0.0), abs=0.15)
+    assert report.tracking.plants_crushed == 0
+    assert "returned home" in report.reason
