@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 .PHONY: run test check format lint types clean
 
 run: $(VENV)/.run
-	$(BIN)/agribot run farm
+	$(BIN)/agribot run farm --ui --speed 1
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest
@@ -37,11 +37,11 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.run: $(VENV)/bin/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --editable '.[sim]'
+	$(BIN)/python -m pip install --quiet --editable '.[sim,ui]'
 	@touch $@
 
 # The exact torch is the one whose wheel is a CPU build on the machines that run these tests;
 # training elsewhere takes any version that pyproject.toml allows.
 $(VENV)/.dev: $(VENV)/bin/python pyproject.toml
-	$(BIN)/python -m pip install --quiet 'torch==2.13.0' --editable '.[sim,train,ros,foxglove,dev]'
+	$(BIN)/python -m pip install --quiet 'torch==2.13.0' --editable '.[sim,ui,train,ros,foxglove,dev]'
 	@touch $@

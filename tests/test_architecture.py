@@ -70,9 +70,15 @@ HEAVY = {
     "mcap": {"record"},
     "rosbags": {"ros", "record", "bridge"},
     "pyproj": {"record"},
-    "PIL": {"description", "ros", "record", "sim", "train", "dataset", "commands"},
+    "starlette": {"ui"},
+    "uvicorn": {"ui"},
+    "websockets": {"ui", "bench"},
+    "segno": {"ui", "commands"},
+    "anyio": {"ui"},
+    "shapefile": {"ui"},
+    "PIL": {"description", "ros", "record", "sim", "train", "dataset", "commands", "ui"},
     "ray": {"sweep"},
-    "shapely": {"plan", "gis"},  # polygon algebra, imported only by the functions that need it
+    "shapely": {"plan", "gis", "ui"},
     "zenoh": {"bridge"},
     "xxhash": {"bridge"},
     "foxglove": {"bridge"},
@@ -225,6 +231,7 @@ def test_every_package_that_is_imported_is_declared() -> None:
         "opencv_python_headless": "cv2",
         "eclipse_zenoh": "zenoh",
         "foxglove_sdk": "foxglove",
+        "pyshp": "shapefile",
     }
     known = {import_names.get(name, name) for name in declared}
     known |= {"llvmlite"} if "numba" in known else set()  # comes with numba, always

@@ -86,6 +86,21 @@ COMMANDS = {
         "say what is installed, what is missing and whether the robot would start",
         "agribot doctor",
     ),
+    "ui": (
+        "agribot.commands.ui",
+        "show the operator's page on a simulated robot or on a recording",
+        "agribot ui runs/first/run.mcap",
+    ),
+    "teleop": (
+        "agribot.commands.teleop",
+        "drive a running robot with keys, mouse or gamepad, without a page",
+        "agribot teleop keyboard --scale 0.5",
+    ),
+    "map": (
+        "agribot.commands.map",
+        "keep background maps for the page on this machine",
+        "agribot map import farm.mbtiles",
+    ),
     "sweep": (
         "agribot.commands.sweep",
         "run many seeds and settings and compare their reports",

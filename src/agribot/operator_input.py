@@ -14,9 +14,12 @@ import msgspec
 
 T = TypeVar("T")
 
+# A note changes nothing: it is what a person or a page wants to have in the recording.
+# "set" changes one of LIVE_SETTINGS, named in `text`, to `value`.
 OperatorAction = Literal[
-    "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home"
+    "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home", "note", "set"
 ]
+LIVE_SETTINGS = ("mission.speed_mps", "treatment.enabled")
 
 INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but never a stop
 
@@ -25,6 +28,8 @@ class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
     t_s: float
     action: OperatorAction
     source: str = "operator"
+    text: str = ""
+    value: float = 0.0
 
 
 class HandDrive(msgspec.Struct, frozen=True, kw_only=True):

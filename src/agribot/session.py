@@ -18,7 +18,7 @@ from agribot.description.worlds_sdf import load_world
 from agribot.errors import MissionError, RecordingError
 from agribot.field_work import field_work, read_plan_text
 from agribot.geo import MapFrame
-from agribot.messages import OperatorEvent, Row, TickRecord
+from agribot.messages import ByteArray, OperatorEvent, Row, TickRecord
 from agribot.mission_file import MissionFile
 from agribot.perception_host import PerceptionMeter
 from agribot.plan.rows import field_rows
@@ -32,7 +32,7 @@ from agribot.record.series import RunData, SeriesTap
 from agribot.report_card import Clock, report_card
 from agribot.sim.platform import SimPlatform
 from agribot.sim.referee import Referee
-from agribot.stack import MapPoint, Tap
+from agribot.stack import MapPoint, MaskTap, Tap
 from agribot.weeds.map import WeedMap
 
 ENDED = ("done", "cancelled", "failed")
@@ -76,7 +76,8 @@ class Session:
         self._shown_goals_map_m = self.goals_map_m or _row_ends(rows)
         self.platform = SimPlatform(config, self.robot, self.world)
         self.referee = Referee(self.platform, self.world, rows, self.goals_map_m)
-        perception = robot_stack.perceiving(config, self.robot, self.referee.judge_mask)
+        self._mask_taps: list[MaskTap] = [self.referee.judge_mask]
+        perception = robot_stack.perceiving(config, self.robot, self._show_mask)
         self.stack = robot_stack.build(
             config, self.robot, self.goals_map_m, perception, self.work, saved
         )
@@ -119,6 +120,11 @@ class Session:
         return self.stack.weed_map
 
     @property
+    def urdf(self) -> str:
+        """The robot's description with everything expanded."""
+        return urdf_text(self.config.robot)
+
+    @property
     def recording_ended_because(self) -> str:
         """Why recording ended before the run; empty where it did not."""
         return self._recorder.ended_because if self._recorder is not None else ""
@@ -139,12 +145,26 @@ class Session:
     def add_tap(self, tap: Tap) -> None:
         self.stack.taps.append(tap)
 
+    def add_mask_tap(self, tap: MaskTap) -> None:
+        """`tap(frame_index, class_id)` is called in the network's thread."""
+        self._mask_taps.append(tap)
+
     def ticks(self) -> Iterator[TickRecord]:
         """Drive until the mission ends or the time allowed is over."""
         self.clock.start()
         while not self._has_ended() and not self._is_time_over():
             yield self._tick()
         self.clock.stop()
+
+    def idle(self) -> Iterator[TickRecord]:
+        """Go on after `finish`, for as long as the caller wants: the robot can be driven by hand.
+
+        Recording and report are closed by then; events are still logged.
+        """
+        over = (self._record, self._show_truth, self.referee, self._series)
+        self.stack.taps = [tap for tap in self.stack.taps if tap not in over]
+        while True:
+            yield self._tick()
 
     def finish(self, why_ended: str = "") -> Report:
         """Bring the robot to rest, write every file of the run and return the report.
@@ -201,7 +221,7 @@ class Session:
             self.out_dir / "run.mcap",
             self.config,
             self.robot,
-            urdf_text(self.config.robot),
+            self.urdf,
             goals_map_m=self._shown_goals_map_m,
             weed_map=self.stack.weed_map.plants,
         )
@@ -220,6 +240,10 @@ class Session:
             self._has_plan = True
             recorder.set_plan(record.batch.t_s, path, self._shown_goals_map_m)
         recorder(record)
+
+    def _show_mask(self, frame_index: int, class_id: ByteArray) -> None:
+        for tap in self._mask_taps:
+            tap(frame_index, class_id)
 
     def _show_truth(self, record: TickRecord) -> None:
         truth = self.platform.truth()

@@ -74,6 +74,7 @@ class Stack:
             self.weed_map.add(scene)
             self.localizer.see(scene)
         takeover = self.hand.listen(batch)
+        self.treatment.listen(batch.events)
         goal = self.mission.step(estimate, (*batch.events, *takeover))
         drive, tracking = self.follower.step(estimate, goal)
         drive, is_by_hand = self.hand.arbitrate(drive, goal.status)

@@ -12,6 +12,11 @@ BENCHMARKS = {
         "drive ROWS-10x12 on hundreds of seeds: missions, cross-track error, crushed plants",
         "agribot bench nav --sensors m8n --seeds 1-100 --json",
     ),
+    "ui": (
+        "agribot.commands.bench_ui",
+        "serve the page to 0, 1 and 16 clients: server CPU and memory, rates, missed ticks",
+        "agribot bench ui --seconds 20 --json",
+    ),
 }
 
 

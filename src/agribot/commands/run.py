@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
+from contextlib import ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -12,7 +12,8 @@ import msgspec
 
 from agribot import config as settings
 from agribot.commands import bridging
-from agribot.commands.pacing import pace_from, wait_until
+from agribot.commands.pacing import pace_from
+from agribot.commands.page import Pacer, add_page_arguments, opened, stay, stays_open, wants_page
 from agribot.commands.progress import Progress
 from agribot.commands.stopping import stop_on_signal
 from agribot.description.loader import load_robot
@@ -52,8 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", help="default: runs/<UTC time>-<profile>")
     parser.add_argument("--json", action="store_true", help="print the report as the last line")
     parser.add_argument(
-        "--headless", action="store_true", help="accepted for scripts: no window is ever opened"
+        "--headless", action="store_true", help="no page, whatever else is asked for"
     )
+    add_page_arguments(parser)
     bridging.add_arguments(parser)
 
 
@@ -66,25 +68,29 @@ def run(options: argparse.Namespace) -> int:
     out_dir = _out_dir(options.out, config.profile)
     if options.field is not None:
         config = _with_field(config, options, out_dir)
-    with Session(config, out_dir, saved) as session:
+    with Session(config, out_dir, saved) as session, ExitStack() as parts:
         odd = (*session.robot.warnings, *session.world.warnings)
         sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
+        page = parts.enter_context(opened(options, session)) if wants_page(options) else None
         progress = Progress(session.weed_map)
         session.add_tap(progress)
+        pacer = Pacer(pace, page)
         with bridging.bridges(options, session), stop_on_signal() as stop:
-            started_s = time.monotonic()
             for record in session.ticks():
                 if stop:
                     break
-                wait_until(started_s + record.batch.t_s / pace)
-        progress.close()
-        report = session.finish("interrupted by the operator" if stop else "")
-        if session.recording_ended_because:
-            sys.stderr.write(f"recording ended early: {session.recording_ended_because}\n")
-    sys.stderr.write(_summary(report, session.out_dir))
+                pacer.wait(record.batch.t_s)
+            progress.close()
+            report = session.finish("interrupted by the operator" if stop else "")
+            if session.recording_ended_because:
+                sys.stderr.write(f"recording ended early: {session.recording_ended_because}\n")
+            sys.stderr.write(_summary(report, session.out_dir))
+            was_interrupted = bool(stop)
+            if page is not None and stays_open(options) and not stop:
+                stay(session, page, stop)
     if options.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
-    if stop:
+    if was_interrupted:
         return 130
     return 0 if report.ok else 1
 

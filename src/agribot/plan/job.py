@@ -70,6 +70,11 @@ class Job:
             self.rows.restore(saved.rows, saved.row, saved.s_m)
         self.route = route
 
+    def change_speed(self, config: MissionConfig) -> None:
+        self._config = config
+        if self.route is not None:
+            self.route.change_speed(config)
+
     def saved(self, state: MissionState, last: Estimate) -> SavedMission | None:
         route = self.route
         if route is None:

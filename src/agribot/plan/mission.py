@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 
+import msgspec
+
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
 from agribot.messages import (
@@ -130,6 +132,8 @@ class Mission:
         elif event.action == "clear_stop" and self._is_stopped:
             self._is_stopped = False
             self._reason = "stop cleared; waiting for resume"
+        elif event.action == "set":
+            self._set(event)
         elif event.action == "skip_row":
             if self._home is None:
                 self._job.skip_row()
@@ -169,6 +173,14 @@ class Mission:
         self._home_reason = f"returned home, called by {source}"
         self._state, self._reason = "running", ""
         self._stall.restart()
+
+    def _set(self, event: OperatorEvent) -> None:
+        if event.text != "mission.speed_mps":
+            return
+        self._config = msgspec.structs.replace(self._config, speed_mps=event.value)
+        self._job.change_speed(self._config)
+        if self._home is not None:
+            self._home.change_speed(self._config)
 
     def _pause(self, reason: str) -> None:
         if self._state != "paused":

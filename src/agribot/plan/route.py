@@ -42,6 +42,9 @@ class Route:
         self._next_row = _next_rows(self.row)
         self._tool = _tool_points(self.row, path.s_m.tolist(), tool_reach_m)
 
+    def change_speed(self, config: MissionConfig) -> None:
+        self._speed_mps = speed_profile(self.path, config)
+
     @property
     def row_here(self) -> int:
         return self.row[self.progress.index]

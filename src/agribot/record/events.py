@@ -9,7 +9,7 @@ from typing import Literal
 import msgspec
 
 from agribot.errors import RecordingError
-from agribot.messages import STOP, TickRecord
+from agribot.messages import STOP, OperatorEvent, TickRecord
 
 EventKind = Literal["mission", "operator", "ready", "fault", "stop", "hold", "limit", "clear"]
 
@@ -56,13 +56,17 @@ class EventLog:
     def events(self) -> tuple[Event, ...]:
         return tuple(self._events)
 
+    def since(self, index: int) -> list[Event]:
+        """Those after the first `index` events; any thread may ask."""
+        return self._events[index:]
+
     def of_kind(self, kind: EventKind) -> tuple[Event, ...]:
         return tuple(event for event in self._events if event.kind == kind)
 
     def __call__(self, record: TickRecord) -> None:
         t_s = record.batch.t_s
         for press in record.batch.events:
-            self._add(press.t_s, "operator", f"{press.action} ({press.source})")
+            self._add(press.t_s, "operator", f"{_what(press)} ({press.source})")
         self._note_hand(t_s, record)
         self._note_estimate(t_s, record)
         self._note_mission(t_s, record)
@@ -132,6 +136,12 @@ def read_events(path: Path) -> tuple[Event, ...]:
         raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
     except msgspec.MsgspecError as error:
         raise RecordingError(f"{path} is not an event log: {error}") from error
+
+
+def _what(press: OperatorEvent) -> str:
+    if press.action == "set":
+        return f"sets {press.text} = {press.value:g}"
+    return press.text if press.action == "note" else press.action
 
 
 def _without_numbers(reason: str) -> str:

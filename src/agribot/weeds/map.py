@@ -65,6 +65,10 @@ class WeedMap:
             if track.sightings >= min_sightings and track.confidence >= min_confidence
         )
 
+    def confirmed(self) -> list[Track]:
+        """Confirmed plants as they are now; a page may ask from a thread of its own."""
+        return [track for track in list(self._tracks.values()) if track.is_confirmed]
+
     def weeds(self) -> tuple[MappedPlant, ...]:
         """Confirmed weeds, oldest first."""
         return self._confirmed(PlantClass.WEED)

@@ -9,9 +9,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterable
+
+import msgspec
 
 from agribot.config import TreatmentConfig
-from agribot.messages import Estimate, ImplementCommand, PlantClass
+from agribot.messages import Estimate, ImplementCommand, OperatorEvent, PlantClass
 from agribot.robot import SprayerSpec
 from agribot.weeds.map import WeedMap
 from agribot.weeds.track import Track
@@ -40,6 +43,13 @@ class Treatment:
         self.weeds_treated = 0
         self.sprayed_m2 = 0.0
         self.passed_m2 = 0.0  # what a boom that is always open would have sprayed
+
+    def listen(self, events: Iterable[OperatorEvent]) -> None:
+        """Switch the treatment on or off under way, when an operator sets it."""
+        for event in events:
+            if event.action == "set" and event.text == "treatment.enabled":
+                is_on = event.value != 0.0
+                self._config = msgspec.structs.replace(self._config, enabled=is_on)
 
     def step(self, estimate: Estimate, weed_map: WeedMap, tool_on: bool) -> ImplementCommand:
         """The state of each nozzle from left to right; empty without a sprayer."""

@@ -1,0 +1,162 @@
+"""What the operator's page costs: its server's CPU and memory, and the lateness of the robot.
+
+One simulated robot drives at the pace of the clock while programs in another process look on as
+browsers do: everybody reads the state, and each draws the camera; the last of many stalls.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agribot import config
+from agribot.errors import PlatformError
+from agribot.session import Session
+from agribot.ui.address import Address
+from agribot.ui.operator_page import OperatorPage
+
+TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+WARM_UP_S = 3.0
+
+
+class Phase(msgspec.Struct, frozen=True, kw_only=True):
+    """With so many clients. Ticks are missed when they come a whole period late."""
+
+    clients: int
+    stalled: int
+    seconds: float
+    server_cpu_ratio: float
+    server_rss_bytes: int
+    state_hz: float | None
+    camera_hz: float | None
+    ticks: int
+    ticks_missed: int
+    lateness_p99_s: float
+    lateness_max_s: float
+
+
+def run(
+    clients: Sequence[int] = (0, 1, 16),
+    seconds: float = 20.0,
+    camera: bool = True,
+    profile: str = "farm",
+) -> dict[str, Any]:
+    """Measure each number of clients for so long, in order.
+
+    Raises: AgribotError: the profile, the page's packages or a client do not work.
+    """
+    chosen = [f"perception.enabled={str(camera).lower()}", "record.enabled=false"]
+    settings = config.load(profile, chosen)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Session(settings, Path(folder)) as session,
+        OperatorPage(session, Address(port=0)) as page,
+    ):
+        clock = _Clock(session, 1.0 / settings.tick_hz)
+        clock.drive(WARM_UP_S)
+        phases = [_phase(clock, page, count, seconds) for count in clients]
+    many, none = phases[-1], phases[0]
+    return {
+        "benchmark": "ui",
+        "camera": camera,
+        "phases": [msgspec.to_builtins(phase) for phase in phases],
+        "rss_growth_bytes": many.server_rss_bytes - none.server_rss_bytes,
+    }
+
+
+class _Clock:
+    """Drives the session at the pace of the clock and notes how late each tick is."""
+
+    def __init__(self, session: Session, period_s: float) -> None:
+        self._ticks: Iterator[Any] = session.ticks()
+        self._period_s = period_s
+
+    def drive(self, seconds: float) -> list[float]:
+        """Lateness of every tick; one that is missed does not make the next ones late."""
+        late_s: list[float] = []
+        end_s = time.monotonic() + seconds
+        due_s = time.monotonic()
+        while due_s < end_s:
+            if next(self._ticks, None) is None:
+                raise PlatformError("the mission ended before the benchmark; measure for less time")
+            due_s += self._period_s
+            remaining_s = due_s - time.monotonic()
+            late_s.append(max(-remaining_s, 0.0))
+            if remaining_s > 0.0:
+                time.sleep(remaining_s)
+            else:
+                due_s -= remaining_s
+        return late_s
+
+    @property
+    def period_s(self) -> float:
+        return self._period_s
+
+
+def _phase(clock: _Clock, page: OperatorPage, clients: int, seconds: float) -> Phase:
+    stalled = 1 if clients > 1 else 0
+    pid = page.server.process.pid
+    assert pid is not None  # it runs
+    watching = _start_clients(page, clients, stalled, seconds) if clients else None
+    if watching is not None:
+        clock.drive(2.0)  # until they are connected
+    cpu_before_s, from_s = _cpu_s(pid), time.monotonic()
+    late_s = sorted(clock.drive(seconds))
+    passed_s, cpu_s = time.monotonic() - from_s, _cpu_s(pid) - cpu_before_s
+    seen = _result_of(watching, clock)
+    return Phase(
+        clients=clients,
+        stalled=stalled,
+        seconds=round(passed_s, 2),
+        server_cpu_ratio=round(cpu_s / passed_s, 4),
+        server_rss_bytes=_rss_bytes(pid),
+        state_hz=seen.get("state_hz"),
+        camera_hz=seen.get("camera_hz"),
+        ticks=len(late_s),
+        ticks_missed=sum(value > clock.period_s for value in late_s),
+        lateness_p99_s=round(late_s[int(0.99 * (len(late_s) - 1))], 4),
+        lateness_max_s=round(late_s[-1], 4),
+    )
+
+
+def _start_clients(
+    page: OperatorPage, clients: int, stalled: int, seconds: float
+) -> subprocess.Popen[str]:
+    words = [str(page.server.port), page.address.operator_token, str(clients), str(stalled)]
+    return subprocess.Popen(
+        [sys.executable, "-m", "agribot.bench.ui_clients", *words, str(seconds)],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def _result_of(watching: subprocess.Popen[str] | None, clock: _Clock) -> dict[str, Any]:
+    """The robot keeps its pace until the clients have gone."""
+    if watching is None:
+        return {}
+    while watching.poll() is None:
+        clock.drive(0.2)
+    output, _ = watching.communicate()
+    if watching.returncode:
+        raise PlatformError(f"the clients ended with status {watching.returncode}; see above")
+    result: dict[str, Any] = json.loads(output.splitlines()[-1])
+    return result
+
+
+def _cpu_s(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / TICKS_PER_S
+
+
+def _rss_bytes(pid: int) -> int:
+    return int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1]) * PAGE_BYTES

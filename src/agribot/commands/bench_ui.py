@@ -1,0 +1,48 @@
+"""`agribot bench ui`: what the operator's page costs, with nobody, one and many looking on."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from agribot.bench.ui import run as measure
+from agribot.errors import ConfigError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--clients", default="0,1,16", metavar="N,N", help="default: 0,1,16")
+    parser.add_argument("--seconds", type=float, default=20.0, metavar="S", help="for each of them")
+    parser.add_argument("--no-camera", action="store_true", help="states alone")
+    parser.add_argument("--json", action="store_true", help="print the result as the last line")
+
+
+def run(options: argparse.Namespace) -> int:
+    try:
+        clients = [int(word) for word in options.clients.split(",")]
+    except ValueError as error:
+        raise ConfigError(f"--clients {options.clients}: write numbers, as in 0,1,16") from error
+    if not clients or min(clients) < 0 or max(clients) > 32:
+        raise ConfigError(f"--clients {options.clients}: 0 to 32 each")
+    if not 1.0 <= options.seconds <= 600.0:
+        raise ConfigError(f"--seconds {options.seconds:g}: must be between 1 and 600")
+    result = measure(clients, options.seconds, not options.no_camera)
+    for phase in result["phases"]:
+        sys.stderr.write(_line(phase))
+    if options.json:
+        sys.stdout.write(json.dumps(result) + "\n")
+    return 0
+
+
+def _line(phase: dict[str, Any]) -> str:
+    stalled = f" ({phase['stalled']} stalled)" if phase["stalled"] else ""
+    seen = "" if phase["state_hz"] is None else f", state {phase['state_hz']:.1f} Hz"
+    seen += "" if phase["camera_hz"] is None else f", camera {phase['camera_hz']:.1f} Hz"
+    cpu, memory = f"{phase['server_cpu_ratio']:.1%}", f"{phase['server_rss_bytes'] / 1e6:.0f} MB"
+    missed = f"{phase['ticks_missed']}/{phase['ticks']}"
+    late_ms = phase["lateness_p99_s"] * 1e3
+    return (
+        f"{phase['clients']:2d} clients{stalled}: server {cpu} of a core, {memory}{seen}, "
+        f"ticks missed {missed}, late p99 {late_ms:.1f} ms\n"
+    )

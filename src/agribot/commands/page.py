@@ -1,0 +1,120 @@
+"""The operator's page beside a run: its options, its pace, and staying after the mission."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from agribot.session import Session
+from agribot.ui.address import Address
+from agribot.ui.operator_page import OperatorPage
+from agribot.ui.panels import shared
+
+IDLE_PACE = 1.0  # a robot that waits for a hand keeps the time of the clock
+
+
+def add_page_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of a command that can show the page."""
+    group = parser.add_argument_group("operator's page")
+    group.add_argument(
+        "--ui", action=argparse.BooleanOptionalAction, default=False, help="serve the page"
+    )
+    add_address_arguments(group)
+    group.add_argument(
+        "--stay", action="store_true", help="keep robot and page after the mission, until Ctrl-C"
+    )
+
+
+def add_address_arguments(group: argparse._ActionsContainer) -> None:
+    group.add_argument(
+        "--port", type=int, metavar="P", help="of the page (default: the first free one from 8080)"
+    )
+    group.add_argument(
+        "--host",
+        default="127.0.0.1",
+        metavar="H",
+        help="address to serve at; 0.0.0.0 lets tablets in, with a token (default: this machine)",
+    )
+    group.add_argument(
+        "--allow-host",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="a further name by which browsers call this machine",
+    )
+    group.add_argument("--open", action="store_true", help="open the page in a browser")
+
+
+def wants_page(options: argparse.Namespace) -> bool:
+    return bool(options.ui) and not options.headless
+
+
+def stays_open(options: argparse.Namespace) -> bool:
+    """A person at a terminal goes on looking; a script goes on."""
+    return bool(options.stay) or sys.stderr.isatty()
+
+
+@contextmanager
+def opened(options: argparse.Namespace, session: Session) -> Iterator[OperatorPage]:
+    """The page of a session, its address printed.
+
+    Raises: ConfigError: the page's packages are missing, or its address cannot be used.
+    """
+    with OperatorPage(session, address_of(options), shared) as page:
+        announce(page.url, page.address.viewer_url(page.server.port), options)
+        yield page
+
+
+def address_of(options: argparse.Namespace) -> Address:
+    return Address(host=options.host, port=options.port, allowed_hosts=tuple(options.allow_host))
+
+
+def announce(url: str, viewer_url: str, options: argparse.Namespace) -> None:
+    sys.stderr.write(f"page: {url}\n")
+    if viewer_url:
+        sys.stderr.write(f"page for looking on only: {viewer_url}\n")
+        if sys.stderr.isatty():
+            import segno
+
+            segno.make(url, error="l").terminal(out=sys.stderr, compact=True)
+    sys.stderr.flush()
+    if options.open:
+        webbrowser.open(url)
+
+
+def stay(session: Session, page: OperatorPage, stop: list[int]) -> None:
+    """Let the robot stand ready, and its page be used, until somebody interrupts."""
+    sys.stderr.write(f"the robot stays ready: {page.url} (Ctrl-C ends)\n")
+    sys.stderr.flush()
+    pacer = Pacer(IDLE_PACE, page)
+    for record in session.idle():
+        if stop:
+            return
+        pacer.wait(record.batch.t_s)
+
+
+class Pacer:
+    """Holds a simulation back to `pace` simulated seconds per second, infinite for no limit.
+
+    While somebody drives by hand it is never faster than the clock.
+    """
+
+    def __init__(self, pace: float, page: OperatorPage | None = None) -> None:
+        self._wanted, self._page = pace, page
+        self._pace = math.inf
+        self._from_s = self._from_wall_s = 0.0
+
+    def wait(self, t_s: float) -> None:
+        now_s = time.monotonic()
+        limit = self._page.pace_limit if self._page else math.inf
+        pace = min(self._wanted, limit)
+        behind_s = now_s - self._from_wall_s - (t_s - self._from_s) / pace
+        if pace != self._pace or behind_s > 1.0:  # what was lost is not made up for in a rush
+            self._pace, self._from_s, self._from_wall_s = pace, t_s, now_s
+        elif behind_s < 0.0:
+            time.sleep(-behind_s)

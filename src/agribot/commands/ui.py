@@ -1,0 +1,76 @@
+"""`agribot ui`: the page on a simulated robot, or on a recording."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import msgspec
+
+from agribot.commands import run as run_command
+from agribot.commands.page import add_address_arguments, address_of, announce
+from agribot.commands.stopping import stop_on_signal
+from agribot.description.loader import parse_robot
+from agribot.errors import PlatformError
+from agribot.record.mcap_file import read_attachment
+from agribot.record.replay import read_config, read_urdf
+from agribot.session import GOALS_ATTACHMENT
+from agribot.stack import MapPoint
+from agribot.ui.about import about_run
+from agribot.ui.hub import About
+from agribot.ui.server_process import ServerProcess
+
+LOOK_S = 0.2
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "what", nargs="?", default="farm", help="a profile to simulate, or a run.mcap to replay"
+    )
+    parser.add_argument("--out", metavar="DIR", help="of a simulated run")
+    parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
+    add_address_arguments(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    if options.what.endswith(".mcap"):
+        return _replay(options, Path(options.what))
+    parser = argparse.ArgumentParser()
+    run_command.add_arguments(parser)
+    simulated = parser.parse_args([options.what, "--ui", "--stay", "--speed", "1"])
+    for name in ("out", "set", "port", "host", "allow_host", "open"):
+        setattr(simulated, name, getattr(options, name))
+    return run_command.run(simulated)
+
+
+def _replay(options: argparse.Namespace, recording: Path) -> int:
+    address = address_of(options)
+    config, urdf = read_config(recording), read_urdf(recording)
+    robot = parse_robot(urdf, recording.name)
+    attached = read_attachment(recording, GOALS_ATTACHMENT)
+    goals = msgspec.json.decode(attached, type=tuple[MapPoint, ...])
+    path = str(recording.resolve())
+
+    def about(port: int) -> About:
+        return about_run(address, port, config, robot, urdf, goals, recording.parent, path)
+
+    server = ServerProcess(address, about)
+    server.start()
+    try:
+        return _watch(server, options)
+    finally:
+        server.close()
+
+
+def _watch(server: ServerProcess, options: argparse.Namespace) -> int:
+    server.listen(lambda _data: None, lambda: None, LOOK_S)
+    announce(server.url, server.address.viewer_url(server.port), options)
+    sys.stderr.write("replay: Ctrl-C ends\n")
+    with stop_on_signal() as stop:
+        while not stop:
+            if server.has_ended.is_set():
+                raise PlatformError("the page's server has ended by itself; see above")
+            time.sleep(LOOK_S)
+    return 0

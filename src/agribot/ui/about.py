@@ -1,0 +1,158 @@
+"""What the page's server has to know of a run before it starts, read off the session."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlparse
+
+import msgspec
+
+from agribot.config import RunConfig
+from agribot.description.package import package_folder, packaged_or_file, robot_files
+from agribot.messages import WHEEL_NAMES, Row
+from agribot.plan.rows import field_rows
+from agribot.robot import RobotSpec
+from agribot.ui.address import Address
+from agribot.ui.hub import About
+from agribot.ui.settings import described
+
+_MESH = re.compile(r'(<mesh\b[^>]*?filename=")([^"]+)(")')
+PAGE_DIR = Path(__file__).parent / "page"
+MESH_SUFFIXES = {".stl", ".dae", ".obj", ".glb", ".gltf"}
+
+Point = tuple[float, float]
+
+
+def about_run(
+    address: Address,
+    port: int,
+    config: RunConfig,
+    robot: RobotSpec,
+    urdf: str,
+    goals_map_m: Sequence[Point],
+    run_dir: Path,
+    recording: str = "",
+) -> About:
+    """All of it; `recording` is set where no robot runs and a recording is shown instead."""
+    shown_urdf, meshes = urdf_for_page(urdf, config.robot)
+    rows = () if goals_map_m else field_rows(config.field)
+    return About(
+        host=address.host,
+        port=port,
+        names=address.names(),
+        operator_token=address.operator_token,
+        viewer_token=address.viewer_token,
+        profile=config.profile,
+        source="replay" if recording else config.platform,
+        field=field_of(config, rows, goals_map_m),
+        robot=robot_of(robot, config),
+        urdf=shown_urdf,
+        meshes=meshes,
+        settings=described(config),
+        rates=expected_rates_hz(robot, config),
+        runs_dir=str(run_dir.resolve().parent),
+        current=run_dir.resolve().name,
+        home_dir=str(address.home),
+        page_dir=str(PAGE_DIR),
+        config=config,
+        robot_spec=robot,
+        recording=recording,
+        lan_url=address.lan_url(port),
+    )
+
+
+def field_of(
+    config: RunConfig, rows: Sequence[Row], goals_map_m: Sequence[Point]
+) -> dict[str, Any]:
+    datum = config.field.datum
+    return {
+        "name": config.world,
+        "datum": {"lat_deg": datum.lat_deg, "lon_deg": datum.lon_deg},
+        "rows": [msgspec.to_builtins(row) for row in rows],
+        "boundary_map_m": None,
+        "waypoints_map_m": [list(goal) for goal in goals_map_m],
+        "start_map_m": config.field.start_map_m,
+    }
+
+
+def robot_of(robot: RobotSpec, config: RunConfig) -> dict[str, Any]:
+    drive, safety = robot.drive, config.safety
+    return {
+        "name": robot.name,
+        "urdf_url": "/robot/robot.urdf",
+        "footprint_body_m": footprint_body_m(robot),
+        "max_speed_mps": min(drive.max_speed_mps, safety.max_speed_mps),
+        "max_yaw_rate_radps": min(drive.max_yaw_rate_radps, safety.max_yaw_rate_radps),
+        "camera": _camera(robot),
+        "wheel_joints": _wheel_joints(robot),
+    }
+
+
+def footprint_body_m(robot: RobotSpec) -> list[list[float]]:
+    """The rectangle around the wheels on the ground, counter-clockwise from the front left."""
+    drive, wheels = robot.drive, robot.wheel_xy_body_m()
+    front, rear = float(wheels[:, 0].max()), float(wheels[:, 0].min())
+    left, right = float(wheels[:, 1].max()), float(wheels[:, 1].min())
+    reach_m, half_m = drive.wheel_radius_m, drive.wheel_width_m / 2.0
+    front, rear, left, right = front + reach_m, rear - reach_m, left + half_m, right - half_m
+    return [[front, left], [rear, left], [rear, right], [front, right]]
+
+
+def urdf_for_page(urdf: str, robot_name: str) -> tuple[str, dict[str, str]]:
+    """The description with mesh names relative to itself, and the file behind each name."""
+    file = packaged_or_file("robot", robot_name, robot_files(), (".xacro", ".urdf"))
+    meshes: dict[str, str] = {}
+
+    def served(match: re.Match[str]) -> str:
+        uri = match[2]
+        path = _mesh_path(uri, file)
+        name = re.sub(r"[^\w./-]", "_", uri.partition("://")[2] or Path(uri).name).lstrip("/.")
+        if path is not None and path.suffix.lower() in MESH_SUFFIXES:
+            meshes[name] = str(path)
+        return f"{match[1]}{name}{match[3]}"
+
+    return _MESH.sub(served, urdf), meshes
+
+
+def _mesh_path(uri: str, asking_file: Path) -> Path | None:
+    parts = urlparse(uri)
+    if parts.scheme == "package":
+        folder = package_folder(parts.netloc, asking_file)
+        return None if folder is None else folder / parts.path.lstrip("/")
+    if parts.scheme in {"", "file"}:
+        return asking_file.parent / parts.path
+    return None
+
+
+def _camera(robot: RobotSpec) -> dict[str, Any] | None:
+    camera = robot.camera
+    if camera is None:
+        return None
+    pose = robot.body_from_camera()
+    return {
+        "width_px": camera.width_px,
+        "height_px": camera.height_px,
+        "hfov_rad": camera.hfov_rad,
+        "body_from_camera": [float(value) for value in pose.ravel()],
+    }
+
+
+def _wheel_joints(robot: RobotSpec) -> list[str]:
+    joints = {joint.child: joint.name for joint in robot.joints}
+    return [joints.get(wheel, wheel) for wheel in WHEEL_NAMES]
+
+
+def expected_rates_hz(robot: RobotSpec, config: RunConfig) -> dict[str, float]:
+    """How often each sensor should speak, by the names of a batch."""
+    rates = {
+        "wheels": robot.drive.rate_hz,
+        "imu": robot.imu.rate_hz,
+        "mag": robot.mag.rate_hz,
+        "gnss": robot.gnss.rate_hz,
+    }
+    if config.perception.enabled and robot.camera is not None:
+        rates["frames"] = config.perception.camera_rate_hz
+    return rates

@@ -1,0 +1,153 @@
+"""Who may talk to the robot: names of this machine, origins, tokens, sessions, roles.
+
+A browser shows its origin and carries a cookie; a program shows no origin and carries a bearer
+token. On the machine itself a page needs no token, on the network every page does.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+import time
+from collections.abc import Mapping
+from http.cookies import CookieError, SimpleCookie
+from typing import Literal
+
+import msgspec
+
+Role = Literal["operator", "viewer"]
+
+SESSION_LIFE_S = 12 * 3600.0  # without a request for so long, a browser has to show a token again
+MAX_SESSIONS = 1000
+MAX_FAILURES = 10  # wrong tokens in a minute; then nobody may try for the rest of it
+LOCAL_NAMES = ("localhost", "127.0.0.1", "[::1]")
+OPEN_PATHS = ("/", "/index.html", "/favicon.ico", "/favicon.svg", "/api/v1/login")
+OPEN_FOLDERS = ("/assets/",)
+
+
+class Caller(msgspec.Struct, frozen=True, kw_only=True):
+    """`session` is empty where a browser has none yet; `role` is None for an unknown visitor."""
+
+    session: str
+    role: Role | None
+
+
+class Refusal(msgspec.Struct, frozen=True, kw_only=True):
+    status: int
+    reason: str
+
+
+class Access:
+    """`names` are the host names and addresses by which this server may be called."""
+
+    def __init__(
+        self,
+        names: tuple[str, ...],
+        port: int,
+        operator_token: str,
+        viewer_token: str,
+        *,
+        is_local: bool,
+    ) -> None:
+        self.is_local = is_local
+        self.cookie = f"agribot_{port}"
+        self._hosts = {f"{name}:{port}".lower() for name in (*LOCAL_NAMES, *names)}
+        if port in {80, 443}:
+            self._hosts |= {name.lower() for name in (*LOCAL_NAMES, *names)}
+        self._tokens: dict[Role, str] = {"operator": operator_token, "viewer": viewer_token}
+        self._sessions: dict[str, tuple[Role | None, float]] = {}
+        self._failures: list[float] = []
+
+    def check(
+        self, kind: str, method: str, path: str, headers: Mapping[str, str]
+    ) -> Caller | Refusal:
+        """Judge one request; `kind` is "http" or "websocket", header names are lower case."""
+        host = headers.get("host", "").lower()
+        if host not in self._hosts:
+            reason = f"host '{host[:80]}' is none of this robot's names; use the address it printed"
+            return Refusal(status=403, reason=f"{reason}, or start it with --allow-host")
+        origin = headers.get("origin")
+        if origin is not None and origin.lower() not in {f"http://{host}", f"https://{host}"}:
+            return Refusal(status=403, reason=f"origin '{origin[:80]}' is not this page")
+        bearer = self._bearer(headers)
+        if isinstance(bearer, Refusal):
+            return bearer
+        is_asking_only = kind == "http" and method in {"GET", "HEAD"}
+        if origin is None and bearer is None and not is_asking_only:
+            return Refusal(
+                status=401,
+                reason="no origin and no token: a program sends 'Authorization: Bearer <token>'",
+            )
+        caller = bearer or self._visitor(headers)
+        if caller.role is None and not _is_open(path):
+            return Refusal(status=401, reason="log in with the token that the robot printed")
+        return caller
+
+    def login(self, token: str, session: str = "") -> str | Refusal:
+        """A new session for the owner of a token; its id goes into the cookie."""
+        now_s = time.monotonic()
+        self._failures = [at_s for at_s in self._failures if now_s - at_s < 60.0]
+        if len(self._failures) >= MAX_FAILURES:
+            return Refusal(status=429, reason="too many wrong tokens; try again in a minute")
+        role = self._role_of(token)
+        if role is None:
+            self._failures.append(now_s)
+            return Refusal(status=401, reason="this token is not valid; use the one printed last")
+        self._sessions.pop(session, None)
+        return self._open(role)
+
+    def visit(self) -> str:
+        """A session for a browser on this machine, or for one that has not shown a token yet."""
+        return self._open("operator" if self.is_local else None)
+
+    def expire_all(self) -> None:
+        """Log everybody out; their pages have to show a token again."""
+        self._sessions.clear()
+
+    def _visitor(self, headers: Mapping[str, str]) -> Caller:
+        session = self._cookie_of(headers)
+        known = self._sessions.get(session)
+        now_s = time.monotonic()
+        if known is not None and now_s - known[1] < SESSION_LIFE_S:
+            self._sessions[session] = (known[0], now_s)
+            return Caller(session=session, role=known[0])
+        return Caller(session="", role="operator" if self.is_local else None)
+
+    def _bearer(self, headers: Mapping[str, str]) -> Caller | Refusal | None:
+        scheme, _, token = headers.get("authorization", "").partition(" ")
+        if scheme.lower() != "bearer":
+            return None
+        role = self._role_of(token.strip())
+        if role is None:
+            return Refusal(status=401, reason="this bearer token is not valid")
+        digest = hashlib.sha256(f"{token}{headers.get('user-agent', '')}".encode()).hexdigest()
+        return Caller(session=f"bearer-{digest[:16]}", role=role)
+
+    def _role_of(self, token: str) -> Role | None:
+        found: Role | None = None
+        for role, known in self._tokens.items():
+            if secrets.compare_digest(token.encode(), known.encode()):
+                found = role
+        return found
+
+    def _open(self, role: Role | None) -> str:
+        if len(self._sessions) >= MAX_SESSIONS:
+            oldest = min(self._sessions, key=lambda id: self._sessions[id][1])
+            del self._sessions[oldest]
+        session = secrets.token_urlsafe(24)
+        self._sessions[session] = (role, time.monotonic())
+        return session
+
+    def _cookie_of(self, headers: Mapping[str, str]) -> str:
+        jar: SimpleCookie = SimpleCookie()
+        try:
+            jar.load(headers.get("cookie", ""))
+        except CookieError:
+            return ""
+        morsel = jar.get(self.cookie)
+        return morsel.value if morsel else ""
+
+
+def _is_open(path: str) -> bool:
+    """What a browser needs to show the login; none of it tells of the robot."""
+    return path in OPEN_PATHS or path == "/api/v1/session" or path.startswith(OPEN_FOLDERS)

@@ -1,0 +1,147 @@
+"""Where the page is found: host, port, names, tokens, and the note for programs beside it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import socket
+from pathlib import Path
+
+import msgspec
+
+from agribot.errors import ConfigError
+
+DEFAULT_PORT = 8080
+PORTS_TRIED = 20
+SEND_BUFFER_BYTES = 64 * 1024  # for one page; what waits in it is old by the time it is read
+BACKLOG = 64
+LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
+
+
+class Address(msgspec.Struct, kw_only=True):
+    """`port` None takes the first free one from 8080 on; 0 any."""
+
+    host: str = "127.0.0.1"
+    port: int | None = None
+    allowed_hosts: tuple[str, ...] = ()
+    operator_token: str = msgspec.field(default_factory=lambda: secrets.token_urlsafe(18))
+    viewer_token: str = msgspec.field(default_factory=lambda: secrets.token_urlsafe(18))
+
+    @property
+    def is_local(self) -> bool:
+        return self.host in LOCAL_HOSTS
+
+    @property
+    def home(self) -> Path:
+        """Where fields, views and maps of this machine are kept."""
+        return home()
+
+    def names(self) -> tuple[str, ...]:
+        """Every name by which a browser may call this server, besides the local ones."""
+        if self.is_local:
+            return self.allowed_hosts
+        hostname = socket.gethostname()
+        own = (lan_address(),) if self.host in {"0.0.0.0", "::"} else (self.host,)
+        return (*own, hostname, f"{hostname}.local", *self.allowed_hosts)
+
+    def url(self, port: int) -> str:
+        """The address to open: on the network it carries the token."""
+        if self.is_local:
+            return f"http://127.0.0.1:{port}/"
+        return self.lan_url(port)
+
+    def lan_url(self, port: int) -> str:
+        """For other devices; empty where the page is served to this machine alone."""
+        if self.is_local:
+            return ""
+        name = lan_address() if self.host in {"0.0.0.0", "::"} else self.host
+        return f"http://{name}:{port}/?token={self.operator_token}"
+
+    def viewer_url(self, port: int) -> str:
+        return self.lan_url(port).replace(self.operator_token, self.viewer_token)
+
+    def write_door(self, port: int) -> None:
+        """Leave address and token for programs of the same user, such as `agribot teleop`."""
+        path = door_file(port)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        host = "127.0.0.1" if self.is_local or self.host == "0.0.0.0" else self.host
+        door = Door(url=f"ws://{host}:{port}/ws/v1", token=self.operator_token)
+        path.unlink(missing_ok=True)
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(handle, "wb") as file:
+            file.write(msgspec.json.encode(door))
+
+    def remove_door(self, port: int) -> None:
+        with contextlib.suppress(OSError):
+            door_file(port).unlink()
+
+
+class Door(msgspec.Struct, frozen=True, kw_only=True):
+    url: str
+    token: str
+
+
+def home() -> Path:
+    """`$AGRIBOT_HOME`, or `.agribot` in the user's folder."""
+    return Path(os.environ.get("AGRIBOT_HOME") or Path.home() / ".agribot")
+
+
+def door_file(port: int) -> Path:
+    return home() / "doors" / f"{port}.json"
+
+
+def read_door(port: int) -> Door:
+    """Raises: ConfigError: no robot with a page runs here."""
+    try:
+        return msgspec.json.decode(door_file(port).read_bytes(), type=Door)
+    except (OSError, msgspec.DecodeError) as error:
+        raise ConfigError(
+            f"no robot with a page runs on port {port} of this machine; start one with "
+            "'agribot run --ui', or name it with --url and --token"
+        ) from error
+
+
+def bound(address: Address) -> socket.socket:
+    """A listening socket, so that a port that is taken is an error before the robot moves.
+
+    Raises: ConfigError: the host is no address of this machine, or the port is taken.
+    """
+    first = DEFAULT_PORT if address.port is None else address.port
+    last = first + PORTS_TRIED if address.port is None else first
+    failure: OSError | None = None
+    for port in range(first, last + 1):
+        try:
+            return _listening(address.host, port)
+        except OSError as error:
+            failure = error
+    raise ConfigError(
+        f"cannot serve the page at {address.host}:{first}: "
+        f"{failure.strerror if failure else 'no port'}; choose another --port or --host"
+    )
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        listener.bind((host, port))
+        listener.listen(BACKLOG)
+    except (OSError, OverflowError) as error:
+        listener.close()
+        if isinstance(error, OverflowError):
+            raise OSError(22, f"port {port} is not between 0 and 65535") from error
+        raise
+    return listener
+
+
+def lan_address() -> str:
+    """The address of this machine on its network; nothing is sent to find it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))
+            return str(probe.getsockname()[0])
+        except OSError:
+            return "127.0.0.1"

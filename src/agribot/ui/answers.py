@@ -1,0 +1,113 @@
+"""Answers that many routes give: an error in one sentence, a file from inside one folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import FileResponse, Response
+
+from agribot.ui.access import Caller
+from agribot.ui.channel import Channel
+from agribot.ui.hub import Hub
+
+MAX_BODY_BYTES = 20_000_000  # a field file of a large farm
+
+
+class Unusable(Exception):
+    """The request cannot be used: `status` and one sentence for the person who sent it."""
+
+    def __init__(self, status: int, reason: str) -> None:
+        super().__init__(reason)
+        self.status = status
+
+
+def json_answer(value: object, status: int = 200) -> Response:
+    data = msgspec.json.encode(value)
+    headers = {"cache-control": "no-store"}
+    return Response(data, status, media_type="application/json", headers=headers)
+
+
+def refused(status: int, reason: str) -> Response:
+    return json_answer({"error": reason}, status)
+
+
+def served_file(folder: Path, name: str, download: str | None = None) -> Response:
+    """A file somewhere below `folder`, never one outside it, whatever the name says."""
+    path = inside(folder, name)
+    if path is None or not path.is_file():
+        return refused(404, f"no file '{name[:80]}' here")
+    return FileResponse(path, filename=download)
+
+
+def inside(folder: Path, name: str) -> Path | None:
+    """`folder / name` with links followed, or None when that leads out of the folder."""
+    if "\0" in name:
+        return None
+    root = folder.resolve()
+    try:
+        path = (root / name).resolve()
+    except (OSError, RuntimeError):
+        return None
+    return path if path.is_relative_to(root) and path != root else None
+
+
+async def body(request: Request) -> bytes:
+    """Raises: Unusable: it is larger than anything that makes sense here."""
+    data = bytearray()
+    try:
+        async for chunk in request.stream():
+            data += chunk
+            if len(data) > MAX_BODY_BYTES:
+                limit_mb = MAX_BODY_BYTES // 1_000_000
+                raise Unusable(413, f"larger than {limit_mb} MB; send less at a time")
+    except ClientDisconnect as error:
+        raise Unusable(400, "the connection broke off") from error
+    return bytes(data)
+
+
+async def json_body(request: Request) -> dict[str, Any]:
+    """Raises: Unusable: no JSON object."""
+    try:
+        value = msgspec.json.decode(await body(request) or b"{}")
+    except (msgspec.DecodeError, ValueError) as error:
+        raise Unusable(400, f"not JSON: {error}") from error
+    if not isinstance(value, dict):
+        raise Unusable(400, "send a JSON object")
+    return value
+
+
+def need_seat(request: Request) -> None:
+    """Raises: Unusable: the caller may look on, but another one has the seat, or none."""
+    hub: Hub = request.app.state.hub
+    caller: Caller = request.scope["agribot.caller"]
+    need_operator(request)
+    session, _, _ = hub.seat.holder.partition("/")
+    if not caller.session or session != caller.session:
+        raise Unusable(409, "take the operator's seat first")
+
+
+def need_operator(request: Request) -> None:
+    """Raises: Unusable: a viewer changes nothing."""
+    caller: Caller = request.scope["agribot.caller"]
+    if caller.role != "operator":
+        raise Unusable(403, "you are logged in as a viewer, who may look on and stop the robot")
+
+
+def channel_of(request: Request) -> Channel:
+    """What the caller's pages look at: the robot, or the recording that is replayed there."""
+    hub: Hub = request.app.state.hub
+    caller: Caller = request.scope["agribot.caller"]
+    return hub.channel_of(caller.session)
+
+
+def name_of(request: Request) -> str:
+    """The name that the caller's open page goes by, for the log."""
+    hub: Hub = request.app.state.hub
+    caller: Caller = request.scope["agribot.caller"]
+    for socket in hub.sockets:
+        if caller.session and socket.session.startswith(f"{caller.session}/"):
+            return str(socket.name)
+    return str(caller.role)

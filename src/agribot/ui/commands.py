@@ -1,0 +1,187 @@
+"""What a page may ask for, judged by role, seat and source before the robot hears of it."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any, Protocol, TypeGuard, get_args
+
+import msgspec
+
+from agribot.operator_input import OperatorAction
+from agribot.ui.channel import Channel
+from agribot.ui.hub import Hub
+
+MAX_NAME = 40
+MAX_TEXT = 500
+SCALES = (0.2, 0.5, 0.8, 1.0)
+FIRST_SCALE = 0.5
+MISSION_ACTIONS = {"start": "resume"}  # a mission starts by itself; after a pause it resumes
+KNOWN_ACTIONS = get_args(OperatorAction)
+NOT_YET = {
+    "goto": "the robot drives rows and the waypoints of its mission, not yet to a place on demand",
+    "pose_estimate": "the robot's position cannot be set by hand while it runs; put it on its "
+    "start mark (field.start_map_m) instead",
+}
+
+
+class Refused(Exception):
+    """A page broke the rules; its line is cut."""
+
+
+class Page(Protocol):
+    """The connection that a request came by."""
+
+    session: str
+    name: str
+    role: str | None
+    channel: Channel
+
+    def tell(self, message: dict[str, Any]) -> None: ...
+
+
+class Commands:
+    def __init__(self, hub: Hub, page: Page) -> None:
+        self._hub, self._page = hub, page
+        self._scale = FIRST_SCALE
+        self._is_driving = False
+
+    def obey(self, text: str) -> None:
+        """Raises: Refused: no JSON object, or not of the kinds that a page sends."""
+        try:
+            message = msgspec.json.decode(text)
+        except (msgspec.DecodeError, ValueError) as error:
+            raise Refused(f"not JSON: {error}") from error
+        if not isinstance(message, dict) or not isinstance(message.get("k"), str):
+            raise Refused("a message is a JSON object with a kind 'k'")
+        self._hub.seat.heard(self._page.session, time.monotonic())
+        kind = message["k"]
+        handler = getattr(self, f"_on_{kind}", None) if kind.isidentifier() else None
+        if kind in NOT_YET:
+            self._ack(message, NOT_YET[kind])
+        elif handler is None:
+            raise Refused(f"unknown kind {kind[:40]!r}")
+        else:
+            handler(message)
+
+    def let_go(self) -> None:
+        """The line is gone: whatever it drove stands still."""
+        if self._is_driving:
+            self._drive(0.0, 0.0)
+
+    def _on_ping(self, message: dict[str, Any]) -> None:
+        self._page.tell({"k": "pong", "c": message.get("c")})
+
+    def _on_name(self, message: dict[str, Any]) -> None:
+        name = str(message.get("name", "")).strip()
+        name = "".join(letter for letter in name if letter.isprintable())[:MAX_NAME]
+        if name:
+            self._page.name = name
+
+    def _on_take(self, message: dict[str, Any]) -> None:
+        hub, page = self._hub, self._page
+        reason = self._not_operator()
+        if not reason:
+            before = hub.seat.holder
+            is_forced = message.get("force") is True
+            reason = hub.seat.take(page.session, page.name, time.monotonic(), force=is_forced)
+            if not reason and before != page.session:
+                hub.order({"c": "drive", "v": 0.0, "w": 0.0, "by": page.name})
+                hub.note(page.name, "takes the operator's seat")
+        self._ack(message, reason)
+        hub.tell_seat()
+
+    def _on_release(self, message: dict[str, Any]) -> None:
+        if self._hub.seat.release(self._page.session):
+            self.let_go()
+            self._hub.note(self._page.name, "leaves the operator's seat")
+        self._ack(message, "")
+        self._hub.tell_seat()
+
+    def _on_drive(self, message: dict[str, Any]) -> None:
+        """Requests without the seat are dropped; the page sees in `seat` why."""
+        v_mps, yaw_rate_radps = message.get("v"), message.get("w")
+        if not _is_number(v_mps) or not _is_number(yaw_rate_radps):
+            raise Refused("a drive request needs finite numbers v (m/s) and w (rad/s)")
+        if self._no_seat():
+            return
+        robot = self._hub.about.robot
+        limit_mps = self._scale * robot["max_speed_mps"]
+        limit_radps = self._scale * robot["max_yaw_rate_radps"]
+        self._drive(_clamped(v_mps, limit_mps), _clamped(yaw_rate_radps, limit_radps))
+
+    def _on_scale(self, message: dict[str, Any]) -> None:
+        value = message.get("value")
+        if value not in SCALES:
+            raise Refused(f"speed scale {value!r} is none of {SCALES}")
+        self._scale = value
+        self._ack(message, "")
+
+    def _on_stop(self, message: dict[str, Any]) -> None:
+        """Everybody may stop the robot: no seat, no role, also while a recording is shown."""
+        self._hub.event("stop", self._page.name)
+        self._is_driving = False
+        self._ack(message, "")
+
+    def _on_clear_stop(self, message: dict[str, Any]) -> None:
+        self._operate(message, "clear_stop")
+
+    def _on_mission(self, message: dict[str, Any]) -> None:
+        wanted = str(message.get("action"))
+        action = MISSION_ACTIONS.get(wanted, wanted)
+        if action not in KNOWN_ACTIONS or action in {"note", "set"}:
+            self._ack(message, f"this version of the mission knows no '{wanted[:40]}'")
+            return
+        self._operate(message, action)
+
+    def _on_mark(self, message: dict[str, Any]) -> None:
+        text = str(message.get("text", "")).strip()[:MAX_TEXT]
+        self._hub.note(self._page.name, f"mark: {text}")
+        self._ack(message, "")
+
+    def _on_point(self, message: dict[str, Any]) -> None:
+        """A place that somebody clicked: into the recording, as RViz's Publish Point."""
+        x_m, y_m = message.get("x"), message.get("y")
+        if not _is_number(x_m) or not _is_number(y_m):
+            raise Refused("a point needs finite numbers x and y (m, map)")
+        self._hub.note(self._page.name, f"point: East {x_m:.3f} m, North {y_m:.3f} m")
+        self._ack(message, "")
+
+    def _operate(self, message: dict[str, Any], action: str) -> None:
+        reason = self._no_seat()
+        if not reason:
+            self._hub.event(action, self._page.name)
+        self._ack(message, reason)
+
+    def _drive(self, v_mps: float, yaw_rate_radps: float) -> None:
+        self._is_driving = bool(v_mps or yaw_rate_radps)
+        order = {"c": "drive", "v": v_mps, "w": yaw_rate_radps, "by": self._page.name}
+        self._hub.order(order)
+
+    def _no_seat(self) -> str:
+        reason = self._not_operator()
+        if not reason and self._hub.seat.holder != self._page.session:
+            reason = "take the operator's seat first"
+        return reason
+
+    def _not_operator(self) -> str:
+        if self._page.role != "operator":
+            return "you are logged in as a viewer, who may look on and stop the robot"
+        if self._page.channel is not self._hub.live or self._hub.live.source == "replay":
+            return "a recording is shown; nothing can be commanded in it"
+        if self._hub.is_robot_gone:
+            return "the robot's program has ended"
+        return ""
+
+    def _ack(self, message: dict[str, Any], reason: str) -> None:
+        if "id" in message or reason:
+            answer = {"k": "ack", "id": message.get("id"), "ok": not reason, "reason": reason}
+            self._page.tell(answer)
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _clamped(value: float, limit: float) -> float:
+    return min(max(float(value), -limit), limit)

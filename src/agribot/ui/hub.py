@@ -1,0 +1,156 @@
+"""What all connections of the server share: channels, seat, access, the robot's line."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agribot.config import RunConfig
+from agribot.robot import RobotSpec
+from agribot.ui.access import Access
+from agribot.ui.channel import Channel, signal_table
+from agribot.ui.replay import Replay
+from agribot.ui.seat import Seat
+
+ToRobot = Callable[[dict[str, Any]], None]
+MAX_REPLAYS = 4  # at a time; whoever started the oldest is shown the robot again
+NOTES_PER_MINUTE = 60
+
+
+class About(msgspec.Struct, kw_only=True):
+    """What the server is told once, when it starts."""
+
+    host: str
+    port: int
+    names: tuple[str, ...]
+    operator_token: str
+    viewer_token: str
+    profile: str
+    source: str  # "sim", "hardware" or "replay"
+    field: dict[str, Any]
+    robot: dict[str, Any]
+    urdf: str
+    meshes: dict[str, str]
+    settings: list[dict[str, Any]]
+    rates: dict[str, float]
+    runs_dir: str
+    current: str
+    home_dir: str
+    page_dir: str
+    config: RunConfig
+    robot_spec: RobotSpec
+    recording: str = ""
+    lan_url: str = ""
+
+
+class Hub:
+    def __init__(self, about: About, to_robot: ToRobot) -> None:
+        self.about = about
+        self.live = Channel(about.source, signal_table())
+        self.seat = Seat()
+        self.is_robot_gone = False
+        self.counts: deque[dict[str, Any]] = deque(maxlen=8)
+        self.sockets: set[Any] = set()
+        self._replays: dict[str, Replay] = {}
+        self.refusals = 0
+        self.visits = 0
+        self._asked = 0
+        self._answers: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self.started_s = time.monotonic()
+        is_local = about.host in {"127.0.0.1", "localhost", "::1"}
+        self.access = Access(
+            about.names, about.port, about.operator_token, about.viewer_token, is_local=is_local
+        )
+        self._to_robot = to_robot
+        self._noted_s: deque[float] = deque(maxlen=NOTES_PER_MINUTE)
+
+    def channel_of(self, session: str) -> Channel:
+        """The stream that a page looks at: the live one, unless its browser replays a recording."""
+        return self.replay_of(session.partition("/")[0]) or self.live
+
+    def replay_of(self, browser: str) -> Replay | None:
+        return self._replays.get(browser) or self._replays.get("")
+
+    def start_replay(self, browser: str, replay: Replay) -> None:
+        """For one browser; for all of them where `browser` is empty."""
+        self._replays[browser] = replay
+        while len(self._replays) > MAX_REPLAYS:
+            self.end_replay(next(iter(self._replays)))
+        self._follow()
+
+    def end_replay(self, browser: str) -> None:
+        self._replays.pop(browser, None)
+        self._follow()
+
+    def step_replays(self, wall_s: float) -> None:
+        """Move on those that somebody watches."""
+        for replay in self._replays.values():
+            if replay.clients:
+                replay.step(wall_s)
+
+    def _follow(self) -> None:
+        for socket in self.sockets:
+            channel = self.channel_of(socket.session)
+            if channel is not socket.channel:
+                socket.follow(channel)
+
+    def tell_seat(self) -> None:
+        for socket in self.sockets:
+            socket.tell_seat()
+
+    @property
+    def home(self) -> Path:
+        return Path(self.about.home_dir)
+
+    def order(self, message: dict[str, Any]) -> None:
+        """Send a request to the robot; one that is gone hears nothing."""
+        if not self.is_robot_gone:
+            self._to_robot(message)
+
+    async def ask(self, name: str, values: Any, timeout_s: float = 10.0) -> Any:
+        """Let the robot's program work something out.
+
+        Raises: TimeoutError: it did not answer. LookupError: it could not, the text says why.
+        """
+        if self.is_robot_gone:
+            raise LookupError("the robot's program has ended")
+        self._asked += 1
+        number = self._asked
+        answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+        self._answers[number] = answer
+        try:
+            self.order({"c": "ask", "number": number, "name": name, "values": values})
+            reply = await asyncio.wait_for(answer, timeout_s)
+        finally:
+            del self._answers[number]
+        if reply.get("error"):
+            raise LookupError(str(reply["error"]))
+        return reply.get("value")
+
+    def answered(self, reply: dict[str, Any]) -> None:
+        waiting = self._answers.get(reply["number"])
+        if waiting is not None and not waiting.done():
+            waiting.set_result(reply)
+
+    def event(self, action: str, source: str, text: str = "", value: float = 0.0) -> None:
+        order = {"action": action, "source": source, "text": text, "value": value}
+        self.order({"c": "event", **order})
+
+    def note(self, source: str, text: str) -> None:
+        """Who did what, into the recording; a flood of them is cut."""
+        now_s = time.monotonic()
+        if len(self._noted_s) == NOTES_PER_MINUTE and now_s - self._noted_s[0] < 60.0:
+            return
+        self._noted_s.append(now_s)
+        self.event("note", source, text)
+
+    def refuse(self, who: str, reason: str) -> None:
+        """Somebody was turned away at the door."""
+        self.refusals += 1
+        self.note(who, f"refused: {reason}")

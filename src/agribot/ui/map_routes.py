@@ -1,0 +1,93 @@
+"""Maps for the background, and the panels of a program."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import anyio.to_thread
+from starlette.requests import Request
+from starlette.responses import Response
+
+from agribot.errors import ConfigError
+from agribot.ui.answers import (
+    Unusable,
+    json_answer,
+    json_body,
+    name_of,
+    need_operator,
+    need_seat,
+    refused,
+)
+from agribot.ui.hub import Hub
+from agribot.ui.tiles import described_map, map_files, media_type, tile
+
+NO_TILE = Response(status_code=204, headers={"cache-control": "max-age=3600"})
+
+
+async def list_maps(request: Request) -> Response:
+    hub: Hub = request.app.state.hub
+    maps = []
+    for name, path in map_files(hub.home / "maps").items():
+        try:
+            maps.append({**described_map(path), "url": f"/tiles/{name}/{{z}}/{{x}}/{{y}}"})
+        except ConfigError:
+            continue  # a file that somebody put there by hand and that is none
+    return json_answer(maps)
+
+
+async def map_tile(request: Request) -> Response:
+    hub: Hub = request.app.state.hub
+    where = request.path_params
+    path = map_files(hub.home / "maps").get(where["name"])
+    if path is None:
+        return refused(404, f"no map '{where['name'][:80]}'")
+    data = await anyio.to_thread.run_sync(tile, path, where["z"], where["x"], where["y"])
+    if data is None:
+        return NO_TILE
+    headers = {"cache-control": "max-age=86400"}
+    return Response(data, media_type=media_type(data), headers=headers)
+
+
+async def list_panels(request: Request) -> Response:
+    hub: Hub = request.app.state.hub
+    return json_answer([] if hub.about.recording else await _asked(request, "panels", None))
+
+
+async def panel_data(request: Request) -> Response:
+    value = await _asked(request, "panel_data", {"id": request.path_params["id"]})
+    if isinstance(value, dict) and set(value) == {"base64"}:
+        data = base64.b64decode(value["base64"])
+        return Response(data, media_type=media_type(data), headers={"cache-control": "no-store"})
+    return json_answer(value)
+
+
+async def submit_panel(request: Request) -> Response:
+    """The program decides whether a button needs the seat; a form always does."""
+    need_operator(request)
+    id, values = request.path_params["id"], await json_body(request)
+    panels = {panel["id"]: panel for panel in await _asked(request, "panels", None)}
+    if panels.get(id, {}).get("needs_seat", True):
+        need_seat(request)
+    hub: Hub = request.app.state.hub
+    hub.note(name_of(request), f"uses panel '{id}'")
+    return json_answer(await _asked(request, "panel_submit", {"id": id, "values": values}))
+
+
+async def _asked(request: Request, name: str, values: object) -> Any:
+    hub: Hub = request.app.state.hub
+    try:
+        return await hub.ask(name, values)
+    except TimeoutError as error:
+        raise Unusable(504, "the program did not answer within 10 s") from error
+    except LookupError as error:
+        raise Unusable(422, str(error)) from error
+
+
+ROUTES = (
+    ("GET", "/api/v1/maps", list_maps),
+    ("GET", "/tiles/{name}/{z:int}/{x:int}/{y:int}", map_tile),
+    ("GET", "/api/v1/panels", list_panels),
+    ("GET", "/api/v1/panels/{id}", panel_data),
+    ("POST", "/api/v1/panels/{id}", submit_panel),
+)

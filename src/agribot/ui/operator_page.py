@@ -1,0 +1,184 @@
+"""The page beside a running session: starts the server's process, feeds it, obeys it."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+import time
+from types import TracebackType
+from typing import Any, Self
+
+import msgspec
+
+from agribot.errors import ConfigError
+from agribot.messages import OperatorEvent, TickRecord
+from agribot.messages import Path as PlannedPath
+from agribot.record.events import Event
+from agribot.session import Session
+from agribot.ui.about import about_run
+from agribot.ui.address import Address
+from agribot.ui.feed import CameraFeed, Feed
+from agribot.ui.hub import About
+from agribot.ui.panels import Panels
+from agribot.ui.server_process import READY_TIMEOUT_S, ServerProcess
+from agribot.ui.view import RunView
+from agribot.weeds.track import Track
+
+
+class OperatorPage:
+    """Use it as a context around `session.ticks()`; add it to the taps by entering it.
+
+    `pace_limit` is 1 while somebody drives by hand, else infinite: a simulation that runs ahead
+    of the clock cannot be driven.
+    Raises: ConfigError: the address cannot be used, or the packages of the page are missing.
+    """
+
+    def __init__(
+        self, session: Session, address: Address | None = None, panels: Panels | None = None
+    ) -> None:
+        self._session = session
+        self._inbox = session.platform.inbox
+        self._timeout_s = session.config.safety.hand_timeout_s
+        self._pauses_when_lost = session.config.safety.on_operator_lost == "pause"
+        self._panels = panels or Panels()
+        self.address = address or Address()
+        self.server = ServerProcess(self.address, self._about)
+        self._link = self.server.link
+        self._lock = threading.Lock()
+        self._view = RunView(session.config)
+        self._feed = Feed(self._view, SessionSource(session), self._send)
+        self._camera = CameraFeed(self.server.camera_link)
+        self._ready, self._closed = threading.Event(), threading.Event()
+        self._hand_wall_s = -math.inf
+        self._is_hand_moving = False
+
+    @property
+    def url(self) -> str:
+        return self.server.url
+
+    def __enter__(self) -> Self:
+        self.server.start()
+        self.server.listen(self._hear, self._look, self._timeout_s / 3.0)
+        if not self._ready.wait(READY_TIMEOUT_S):
+            self.close()
+            raise ConfigError(
+                f"the page's server did not start within {READY_TIMEOUT_S:g} s; "
+                "run without --ui, or look at the messages above"
+            )
+        self._session.add_tap(self)
+        self._session.add_mask_tap(self._camera.mask)
+        self._feed.start()
+        self._camera.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __call__(self, record: TickRecord) -> None:
+        self._feed(record)
+        self._camera(record)
+
+    @property
+    def is_alive(self) -> bool:
+        return self.server.process.is_alive() and not self._closed.is_set()
+
+    @property
+    def pace_limit(self) -> float:
+        is_driving = time.monotonic() - self._hand_wall_s < 2.0 * self._timeout_s
+        return 1.0 if is_driving else math.inf
+
+    def close(self) -> None:
+        """Tell the pages that it is over and end the server. Safe to call twice."""
+        self._closed.set()
+        if self._ready.is_set() and not (self._feed.close() and self._camera.close()):
+            self.server.process.kill()  # it takes nothing any more, not even a goodbye
+        self.server.close()
+
+    def _send(self, data: bytes) -> None:
+        with self._lock:
+            self._link.send_bytes(data)
+
+    def _hear(self, data: bytes) -> None:
+        self._obey(msgspec.json.decode(data))
+
+    def _look(self) -> None:
+        """A hand that fell silent lets go; the end of the line is the loss of all operators."""
+        self._release_old_hand()
+        if self.server.has_ended.is_set() and not self._closed.is_set():
+            self._operator_lost("the page's server")
+
+    def _obey(self, order: dict[str, Any]) -> None:
+        kind = order["c"]
+        if kind == "drive":
+            self._hand(float(order["v"]), float(order["w"]), str(order["by"]))
+        elif kind == "event":
+            said = {name: order[name] for name in ("action", "source", "text", "value")}
+            event = msgspec.convert({"t_s": 0.0, **said}, OperatorEvent)
+            self._inbox.post(event)
+        elif kind == "watch":
+            self._camera.is_watched = bool(order["camera"])
+            self._camera.is_mask_watched = bool(order["mask"])
+        elif kind == "lost":
+            self._operator_lost(str(order["by"]))
+        elif kind == "ask":
+            threading.Thread(target=self._answer, args=(order,), daemon=True).start()
+        elif kind == "ready":
+            self._ready.set()
+
+    def _hand(self, v_mps: float, yaw_rate_radps: float, by: str) -> None:
+        self._inbox.drive(v_mps, yaw_rate_radps, by)
+        self._is_hand_moving = bool(v_mps or yaw_rate_radps)
+        if self._is_hand_moving:
+            self._hand_wall_s = time.monotonic()
+
+    def _release_old_hand(self) -> None:
+        """By the clock on the wall, for a simulation that runs slower than it."""
+        if self._is_hand_moving and time.monotonic() - self._hand_wall_s > self._timeout_s:
+            self._hand(0.0, 0.0, "page, silent")
+
+    def _operator_lost(self, who: str) -> None:
+        self._hand(0.0, 0.0, who)
+        if self._pauses_when_lost:
+            self._inbox.post(OperatorEvent(t_s=0.0, action="pause", source=f"loss of {who}"))
+        self._inbox.post(OperatorEvent(t_s=0.0, action="note", source=who, text="operator lost"))
+
+    def _answer(self, order: dict[str, Any]) -> None:
+        """What the server asks of the program: panels. Errors of their code become answers."""
+        reply: dict[str, Any] = {"k": "reply", "number": order["number"]}
+        try:
+            reply["value"] = self._panels.answer(order["name"], order["values"])
+            data = msgspec.json.encode(reply)
+        except Exception as error:  # noqa: BLE001  (somebody else's code; its page shows the text)
+            data = msgspec.json.encode(
+                {**reply, "value": None, "error": f"{type(error).__name__}: {error}"}
+            )
+        with contextlib.suppress(OSError):
+            self._send(data)
+
+    def _about(self, port: int) -> About:
+        session = self._session
+        goals = session.goals_map_m
+        config, robot, urdf = session.config, session.robot, session.urdf
+        return about_run(self.address, port, config, robot, urdf, goals, session.out_dir)
+
+
+class SessionSource:
+    """The parts of a session that the feed looks at from its own thread."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def path(self) -> PlannedPath | None:
+        return self._session.stack.mission.path
+
+    def weeds(self) -> list[Track]:
+        return self._session.weed_map.confirmed()
+
+    def events_since(self, index: int) -> list[Event]:
+        return self._session.event_log.since(index)

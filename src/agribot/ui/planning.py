@@ -1,0 +1,99 @@
+"""A plan over a drawn field, worked out in a process of its own and shown before it is driven."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import msgspec
+
+from agribot.config import RunConfig
+from agribot.errors import MissionError
+from agribot.geo import MapFrame
+from agribot.gis.field_file import KINDS, field_from
+from agribot.gis.geojson import features
+from agribot.gis.plan_file import SavedPlan, plan_text
+from agribot.messages import FloatArray
+from agribot.plan.coverage.area import PlanRequest, footprint
+from agribot.plan.coverage.planner import plan_field
+from agribot.plan.plan_certificate import certify_plan
+from agribot.robot import RobotSpec
+
+SHOWN_STEP_M = 0.2
+
+
+class Wanted(msgspec.Struct, kw_only=True, forbid_unknown_fields=False):
+    """What a page sends; the rest of the request keeps its defaults."""
+
+    field: dict[str, Any]
+    implement_width_m: float | None = None
+    headland_passes: int | None = None
+    overlap_m: float = 0.05
+    margin_m: float = 0.05
+    swath_yaw_deg: float | None = None
+
+
+def make_plan(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> tuple[dict[str, Any], str]:
+    """The answer for the page, and the text of the plan's file ("" where there is none)."""
+    try:
+        return _planned(wanted, config, robot)
+    except MissionError as error:
+        reasons = [{"text": str(error), "at_map_m": None}]
+        return {"ok": False, "reasons": reasons, "path": [], "certificate": None}, ""
+
+
+def _planned(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> tuple[dict[str, Any], str]:
+    found = [f for f in features(wanted.field, "the field") if f.kind in {*KINDS, ""}]
+    area, datum = field_from(found, "the field", config.field.datum)
+    passes = (0 if area.rows else 1) if wanted.headland_passes is None else wanted.headland_passes
+    yaw_deg = wanted.swath_yaw_deg
+    request = PlanRequest(
+        implement_width_m=_width_m(wanted, robot),
+        overlap_m=wanted.overlap_m,
+        margin_m=wanted.margin_m,
+        headland_passes=passes,
+        swath_yaw_rad=None if yaw_deg is None else math.radians(yaw_deg),
+    )
+    shape = footprint(robot, request.implement_width_m)
+    plan = plan_field(area, shape, request)
+    certificate = certify_plan(plan, area, shape, request)
+    frame = MapFrame(datum)
+    mission = config.mission
+    legs = [
+        (leg, mission.speed_mps if leg.tool_on else mission.turn_speed_mps) for leg in plan.legs
+    ]
+    answer = {
+        "ok": certificate.ok,
+        "reasons": [
+            {"text": f"{p.rule}: {p.message}", "at_map_m": [p.east_m, p.north_m]}
+            for p in certificate.problems
+        ],
+        "warnings": list(plan.warnings),
+        "length_m": round(certificate.length_m, 2),
+        "area_m2": round(certificate.covered_area_m2, 2),
+        "time_s": round(sum(leg.length_m / speed_mps for leg, speed_mps in legs), 1),
+        "path": [point for leg in plan.legs for point in _shown(leg.xy_map_m, frame)],
+        "certificate": msgspec.to_builtins(certificate),
+    }
+    return answer, plan_text(SavedPlan(plan, area, request, datum), certificate)
+
+
+def _width_m(wanted: Wanted, robot: RobotSpec) -> float:
+    if wanted.implement_width_m is not None:
+        return wanted.implement_width_m
+    if robot.sprayer is None:
+        raise MissionError(f"{robot.name} has no implement; give the width of the one to be used")
+    return robot.sprayer.nozzle_count * robot.sprayer.nozzle_spacing_m
+
+
+def _shown(xy_map_m: FloatArray, frame: MapFrame) -> list[list[float]]:
+    """Longitude and latitude of a leg's points, no nearer than a drawing needs."""
+    kept = [xy_map_m[0]]
+    for point in xy_map_m[1:-1]:
+        if math.dist(point, kept[-1]) >= SHOWN_STEP_M:
+            kept.append(point)
+    shown = []
+    for x_m, y_m in (*kept, xy_map_m[-1]):
+        lat_deg, lon_deg, _ = frame.geodetic_from_map(float(x_m), float(y_m))
+        shown.append([round(lon_deg, 9), round(lat_deg, 9)])
+    return shown

@@ -1,0 +1,103 @@
+"""A program's line to a running robot: the page's WebSocket, without a page."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Any, Self
+
+import msgspec
+
+from agribot.errors import PlatformError
+from agribot.ui.address import Door
+
+ANSWER_S = 5.0
+
+
+class Remote:
+    """Raises: PlatformError: the robot does not answer, or refuses; the text says why."""
+
+    def __init__(self, door: Door, name: str) -> None:
+        self._door, self._name = door, name
+        self._stack = ExitStack()
+        self._line: Any = None
+        self._sent = 0
+        self.state: dict[str, Any] = {}
+        self.has_seat = False
+
+    def __enter__(self) -> Self:
+        from websockets.exceptions import WebSocketException
+        from websockets.sync.client import connect
+
+        headers = {"Authorization": f"Bearer {self._door.token}"}
+        url = f"{self._door.url}?tab=teleop-{time.time_ns()}"
+        try:
+            self._line = self._stack.enter_context(
+                connect(url, additional_headers=headers, compression=None, proxy=None)
+            )
+        except (OSError, WebSocketException) as error:
+            raise PlatformError(
+                f"no robot answers at {self._door.url}: {error}; start one with 'agribot run --ui'"
+            ) from error
+        self.send(k="name", name=self._name)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with contextlib.suppress(PlatformError):
+            self.drive(0.0, 0.0)
+            self.send(k="release")
+        self._stack.close()
+
+    def take_seat(self, *, force: bool) -> None:
+        self.send(k="take", id="seat", force=force)
+        end_s = time.monotonic() + ANSWER_S
+        while time.monotonic() < end_s:
+            answer = self._receive(0.2)
+            if answer is not None and answer["k"] == "ack" and answer["id"] == "seat":
+                if not answer["ok"]:
+                    raise PlatformError(f"{answer['reason']} (--take-over takes it)")
+                self.send(k="scale", value=1.0)  # the rates here are scaled already
+                self.has_seat = True
+                return
+        raise PlatformError(f"the robot did not answer within {ANSWER_S:g} s")
+
+    def drive(self, v_mps: float, yaw_rate_radps: float) -> None:
+        self._sent += 1
+        self.send(k="drive", seq=self._sent, v=v_mps, w=yaw_rate_radps)
+
+    def send(self, **message: Any) -> None:
+        from websockets.exceptions import WebSocketException
+
+        try:
+            self._line.send(msgspec.json.encode(message).decode())
+        except (OSError, WebSocketException) as error:
+            raise PlatformError(f"the line to the robot is cut: {error}") from error
+
+    def listen(self) -> None:
+        """Take in what has arrived; the newest state stays in `state`."""
+        while self._receive(0.0) is not None:
+            pass
+
+    def _receive(self, timeout_s: float) -> dict[str, Any] | None:
+        from websockets.exceptions import WebSocketException
+
+        try:
+            message: dict[str, Any] = msgspec.json.decode(self._line.recv(timeout=timeout_s))
+        except TimeoutError:
+            return None
+        except (OSError, WebSocketException) as error:
+            raise PlatformError(f"the line to the robot is cut: {error}") from error
+        if message["k"] == "s":
+            self.state = message
+        elif message["k"] == "seat" and self.has_seat and message["seat"] != "you":
+            raise PlatformError(f"{message['holder'] or 'somebody else'} has taken the seat")
+        elif message["k"] == "bye":
+            raise PlatformError(f"the robot says goodbye: {message['reason']}")
+        return message

@@ -1,0 +1,203 @@
+"""A recording in the same page: states as they were, at any speed, from any time."""
+
+from __future__ import annotations
+
+import bisect
+import time
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agribot import topics
+from agribot.errors import RecordingError
+from agribot.messages import MappedPlant
+from agribot.record.events import Event, read_events
+from agribot.record.mcap_file import read_messages
+from agribot.record.replay import read_config, read_ticks, read_weed_map
+from agribot.record.weeds import position_std_m
+from agribot.ros.rosmsg import typestore
+from agribot.ui.channel import Channel, signal_table
+from agribot.ui.feed import event_message
+from agribot.ui.view import RunView
+
+MIN_SPEED, MAX_SPEED = 0.1, 10.0
+MAX_STATES = 40_000  # some 30 MB
+STATE_EVERY = 2  # ticks; a long recording is thinned further
+STATE_HZ = 30.0
+
+
+class Moment(msgspec.Struct, frozen=True, kw_only=True):
+    """One state of the recording, encoded but for its signals, and how long the trace was."""
+
+    t_s: float
+    state: bytes
+    signals: bytes
+    traced: int
+
+
+class Replay(Channel):
+    """Follow it like the live robot; `step` moves it on. Nothing can be commanded in it."""
+
+    def __init__(
+        self,
+        name: str,
+        moments: list[Moment],
+        trace_map_m: list[list[float]],
+        plants: tuple[MappedPlant, ...],
+        events: list[Event],
+        path: dict[str, Any] | None,
+    ) -> None:
+        super().__init__("replay", signal_table())
+        self.name, self.speed = name, 1.0
+        self._moments, self._whole_trace = moments, trace_map_m
+        self._times = [moment.t_s for moment in moments]
+        self._plants, self._recorded = plants, events
+        self._whole_path = path
+        self._index = -1
+        self._now_s = moments[0].t_s
+        self._wall_s: float | None = None
+        self._weed_rows: dict[int, list[Any]] = {}
+        self._next_event = 0
+        self.seek(moments[0].t_s)
+
+    @classmethod
+    def load(cls, path: Path, name: str) -> Replay:
+        """Read a recording; one that was cut off is read as far as it goes.
+
+        Raises: RecordingError: no recording, or nothing in it.
+        """
+        view = RunView(read_config(path))
+        moments = _moments(path, view)
+        if not moments:
+            raise RecordingError(f"{path} holds no ticks; the run ended before it began")
+        try:
+            plants = read_weed_map(path)
+        except RecordingError:
+            plants = ()  # a run that was cut off has none
+        try:
+            events = list(read_events(path.with_name("events.jsonl")))
+        except RecordingError:
+            events = []
+        return cls(name, moments, view.trace_map_m, plants, events, _path(path))
+
+    def described(self) -> dict[str, Any]:
+        return {
+            "source": "replay",
+            "name": self.name,
+            "t_s": self._now_s,
+            "start_s": self._times[0],
+            "end_s": self._times[-1],
+            "speed": self.speed,
+        }
+
+    def seek(self, t_s: float) -> None:
+        """Go to a time; pages get everything up to it afresh."""
+        self._now_s = min(max(t_s, self._times[0]), self._times[-1])
+        self._index = max(bisect.bisect_right(self._times, self._now_s) - 1, 0)
+        self.restart()
+        self._weed_rows, self._next_event = {}, 0
+        moment = self._moments[self._index]
+        self.trace_map_m = self._whole_trace[: moment.traced]
+        self._path = self._whole_path
+        self._tell_weeds()
+        self._tell_events()
+        self._tell_state([moment.signals])
+
+    def step(self, wall_s: float) -> None:
+        """Move on to where the recording is by now, on the clock on the wall."""
+        passed_s = 0.0 if self._wall_s is None else min(wall_s - self._wall_s, 0.5)
+        self._wall_s = wall_s
+        self._now_s = min(self._now_s + passed_s * self.speed, self._times[-1])
+        index = bisect.bisect_right(self._times, self._now_s) - 1
+        if index <= self._index:
+            self._tell_state([])
+            return
+        before = self._moments[self._index].traced
+        signals = [moment.signals for moment in self._moments[self._index + 1 : index + 1]]
+        self._index = index
+        new = self._whole_trace[before : self._moments[index].traced]
+        if new:
+            self._change({"k": "traj", "first": before, "xy": new})
+        self._tell_weeds()
+        self._tell_events()
+        self._tell_state(signals)
+
+    def _tell_state(self, signals: list[bytes]) -> None:
+        samples = b",".join(part for part in signals if part)
+        head = self._moments[self._index].state[:-1]
+        now = msgspec.json.encode(self.described())
+        wall_ms = str(round(time.time() * 1e3, 1)).encode()
+        tail = b',"sig":[' + samples + b'],"wall_ms":' + wall_ms + b',"replay":' + now + b"}"
+        self.publish_state((head + tail).decode())
+
+    def _tell_weeds(self) -> None:
+        changed = [
+            row
+            for row in (_weed_row(plant, self._now_s) for plant in self._plants)
+            if row is not None and self._weed_rows.get(row[0]) != row
+        ]
+        if changed:
+            self._weed_rows.update((row[0], row) for row in changed)
+            self._rev += 1
+            self._change({"k": "weeds", "rev": self._rev, "set": changed, "gone": []})
+
+    def _tell_events(self) -> None:
+        while self._next_event < len(self._recorded):
+            event = self._recorded[self._next_event]
+            if event.t_s > self._now_s:
+                return
+            self._next_event += 1
+            self._change(event_message(event))
+
+    def _change(self, message: dict[str, Any]) -> None:
+        self.publish_change(msgspec.json.encode(message).decode())
+
+
+def _moments(path: Path, view: RunView) -> list[Moment]:
+    moments: list[Moment] = []
+    every = STATE_EVERY
+    for number, record in enumerate(read_ticks(path)):
+        view(record)
+        if number % every:
+            continue
+        moments.append(_moment(view))
+        if len(moments) >= MAX_STATES:
+            moments, every = moments[::2], every * 2
+    return moments
+
+
+def _moment(view: RunView) -> Moment:
+    state = view.state()
+    assert state is not None  # it has just seen a tick
+    signals = msgspec.json.encode(state.pop("sig"))[1:-1]
+    shown = {**state, "mode": "replay", "rtf": None, "weeds": 0}
+    return Moment(
+        t_s=state["t"],
+        state=msgspec.json.encode(shown),
+        signals=signals,
+        traced=len(view.trace_map_m),
+    )
+
+
+def _weed_row(plant: MappedPlant, t_s: float) -> list[Any] | None:
+    """As far as it was known at `t_s`; a recording keeps the map of its end alone."""
+    if plant.first_seen_s > t_s or plant.sightings < 2:
+        return None
+    treated_s = plant.treated_s if plant.treated_s is not None and plant.treated_s <= t_s else None
+    return [
+        plant.id, int(plant.plant), round(plant.x_map_m, 4), round(plant.y_map_m, 4),
+        round(position_std_m(plant), 4), round(plant.confidence, 3), round(plant.area_m2, 6),
+        plant.sightings, plant.first_seen_s, plant.last_seen_s, treated_s,
+    ]  # fmt: skip
+
+
+def _path(path: Path) -> dict[str, Any] | None:
+    """The last plan of the recording."""
+    found: dict[str, Any] | None = None
+    for message in read_messages(path, topics.PATH):
+        planned = typestore().deserialize_cdr(message.data, topics.PATH.ros_type)
+        poses = planned.poses  # type: ignore[attr-defined]
+        xy = [[round(p.pose.position.x, 4), round(p.pose.position.y, 4)] for p in poses]
+        found = {"xy": xy, "row": [-1] * len(xy)}
+    return found

@@ -1,0 +1,188 @@
+"""The server's process: reads the robot's two lines, serves the page, ends with the robot."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import functools
+import gc
+import queue
+import signal
+import socket
+import threading
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from agribot.ui.app import build_app
+from agribot.ui.camera import Camera, unpacked
+from agribot.ui.hub import About, Hub
+from agribot.ui.replay import STATE_HZ, Replay
+
+MAX_CONNECTIONS = 200  # open lines, of browsers and programs together
+FIRST_REQUEST_S = 10.0  # a line on which nothing was asked by then is cut
+MAX_FRAME_BYTES = 64 * 1024
+ORDERS_KEPT = 500
+WATCH_S = 0.25
+
+
+class GuardedHttp(H11Protocol):
+    """Turns lines away above a limit, and cuts those that never ask anything."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        if len(self.connections) >= MAX_CONNECTIONS:
+            transport.abort()
+            return
+        super().connection_made(transport)
+        asyncio.get_running_loop().call_later(FIRST_REQUEST_S, self._cut_if_silent)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        if self.transport is not None:
+            super().connection_lost(exc)
+
+    def _cut_if_silent(self) -> None:
+        if self.cycle is None and self in self.connections:
+            self.transport.abort()
+
+
+class QuietServer(uvicorn.Server):
+    """Signals are the robot's business: an interrupt must stop the wheels before the page."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+
+class RobotLine:
+    """Orders to the robot, written by a thread: a robot that hangs does not hang the server."""
+
+    def __init__(self, link: Connection) -> None:
+        self._link = link
+        self._orders: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        threading.Thread(target=self._run, name="orders", daemon=True).start()
+
+    def put(self, order: dict[str, Any]) -> None:
+        if self._orders.qsize() < ORDERS_KEPT or order.get("action") == "stop":
+            self._orders.put(order)
+
+    def _run(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                self._link.send_bytes(msgspec.json.encode(self._orders.get()))
+
+
+def main(about: About, link: Connection, camera_link: Connection, listener: socket.socket) -> None:
+    """Serve until the robot's end of `link` is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.freeze()
+    asyncio.run(_serve(about, link, camera_link, listener))
+
+
+async def _serve(
+    about: About, link: Connection, camera_link: Connection, listener: socket.socket
+) -> None:
+    line = RobotLine(link)
+    hub = Hub(about, line.put)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(app: Any) -> AsyncIterator[None]:
+        if about.recording:
+            hub.start_replay("", Replay.load(Path(about.recording), about.current))
+        tasks = [asyncio.create_task(_watch(hub)), asyncio.create_task(_replay(hub))]
+        loop = asyncio.get_running_loop()
+        camera: Camera = app.state.camera
+        ended = functools.partial(_end, hub, server)
+        _read(link, loop, lambda data: _hear(hub, data, ended), ended)
+        _read(camera_link, loop, lambda data: camera.show(unpacked(data)), lambda: None)
+        hub.order({"c": "ready"})
+        yield
+        for task in tasks:
+            task.cancel()
+
+    config = uvicorn.Config(
+        build_app(hub, lifespan),
+        http=GuardedHttp,
+        ws="websockets-sansio",
+        ws_max_size=MAX_FRAME_BYTES,
+        ws_per_message_deflate=False,
+        ws_ping_interval=10.0,
+        ws_ping_timeout=20.0,
+        log_level="error",
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=2,
+    )
+    server = QuietServer(config)
+    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, lambda: _end(hub, server))
+    await server.serve(sockets=[listener])
+
+
+def _read(link: Connection, loop: asyncio.AbstractEventLoop, hear: Any, end: Any) -> None:
+    """A thread that hands over one message after the other; a busy loop slows the sender down."""
+
+    async def handed(data: bytes) -> None:
+        hear(data)
+
+    def run() -> None:
+        with contextlib.suppress(OSError, EOFError, RuntimeError):
+            while True:
+                asyncio.run_coroutine_threadsafe(handed(link.recv_bytes()), loop).result()
+        with contextlib.suppress(RuntimeError):
+            loop.call_soon_threadsafe(end)
+
+    threading.Thread(target=run, name="robot", daemon=True).start()
+
+
+def _hear(hub: Hub, data: bytes, end: Callable[[], None]) -> None:
+    """One message of the robot: states are passed on as they came, changes are kept as well."""
+    kind = data[:14]
+    if kind.startswith(b'{"k":"s",'):
+        hub.live.publish_state(data.decode())
+    elif kind.startswith(b'{"k":"counts"'):
+        hub.counts.append(msgspec.json.decode(data))
+    elif kind.startswith(b'{"k":"reply"'):
+        hub.answered(msgspec.json.decode(data))
+    elif kind.startswith(b'{"k":"end"'):
+        end()
+    else:
+        hub.live.publish_change(data.decode())
+
+
+def _end(hub: Hub, server: uvicorn.Server) -> None:
+    if hub.is_robot_gone:
+        return
+    hub.is_robot_gone = True
+    for page in hub.sockets:
+        page.tell({"k": "bye", "reason": "the robot's program has ended"})
+    asyncio.get_running_loop().call_later(0.3, _close, server)
+
+
+def _close(server: uvicorn.Server) -> None:
+    server.should_exit = True
+
+
+async def _watch(hub: Hub) -> None:
+    """Tells pages when the seat becomes free, and the robot when its operator is gone."""
+    was_silent = True
+    while True:
+        await asyncio.sleep(WATCH_S)
+        is_silent = hub.seat.is_silent(time.monotonic())
+        if is_silent != was_silent:
+            was_silent = is_silent
+            hub.tell_seat()
+            if is_silent and hub.seat.holder:
+                hub.order({"c": "lost", "by": hub.seat.name})
+
+
+async def _replay(hub: Hub) -> None:
+    next_s = time.monotonic()
+    while True:
+        hub.step_replays(time.monotonic())
+        next_s = max(next_s + 1.0 / STATE_HZ, time.monotonic())
+        await asyncio.sleep(next_s - time.monotonic())

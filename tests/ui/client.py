@@ -1,0 +1,91 @@
+"""What a browser's page does, in a few lines: a WebSocket with an origin, kinds to wait for."""
+
+from __future__ import annotations
+
+import json
+import time
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Any, Self
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
+
+from websockets.sync.client import ClientConnection, connect
+
+
+class Page:
+    def __init__(self, port: int, tab: str = "one", **options: Any) -> None:
+        headers = options.setdefault("additional_headers", {})
+        options.setdefault("max_queue", None)  # a test that does not read shall not stall
+        options.setdefault("close_timeout", 1)
+        origin = options.pop("origin", f"http://127.0.0.1:{port}")
+        if origin is not None:
+            headers["Origin"] = origin
+        path = options.pop("path", f"/ws/v1?tab={tab}")
+        url = f"ws://127.0.0.1:{port}{path}"
+        self._connect: Any = lambda: connect(url, compression=None, proxy=None, **options)
+        self._stack = ExitStack()
+        self.line: ClientConnection
+
+    def __enter__(self) -> Self:
+        self.line = self._stack.enter_context(self._connect())
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stack.close()
+
+    def send(self, **message: Any) -> None:
+        self.line.send(json.dumps(message))
+
+    def receive(self, kind: str, timeout_s: float = 5.0) -> dict[str, Any]:
+        """The next message of this kind."""
+        end_s = time.monotonic() + timeout_s
+        while True:
+            text = self.line.recv(timeout=max(0.0, end_s - time.monotonic()))
+            message: dict[str, Any] = json.loads(text)
+            if message["k"] == kind:
+                return message
+
+    def ask(self, **message: Any) -> dict[str, Any]:
+        """Send a request and wait for its answer."""
+        self.send(**message)
+        while True:
+            answer = self.receive("ack")
+            if answer["id"] == message["id"]:
+                return answer
+
+    def take_seat(self) -> None:
+        answer = self.ask(k="take", id="take", force=True)
+        assert answer["ok"], answer
+
+
+class Browser:
+    """A page's other requests, with its cookie."""
+
+    def __init__(self, port: int) -> None:
+        self.port = port
+        with urlopen(f"http://127.0.0.1:{port}/") as answer:
+            self.cookie: str = answer.headers["set-cookie"].split(";")[0]
+
+    def ask(self, method: str, path: str, body: object = None) -> tuple[int, Any]:
+        """Status and answer, as JSON where it is JSON; bytes are sent as they are."""
+        data = body if isinstance(body, bytes) or body is None else json.dumps(body).encode()
+        headers = {"Cookie": self.cookie, "Origin": f"http://127.0.0.1:{self.port}"}
+        url = f"http://127.0.0.1:{self.port}{path}"
+        try:
+            with urlopen(Request(url, data, headers, method=method)) as answer:
+                return answer.status, _content(answer)
+        except HTTPError as error:
+            with error:
+                return error.code, _content(error)
+
+
+def _content(answer: Any) -> Any:
+    data = answer.read()
+    is_json = "json" in answer.headers.get("content-type", "")
+    return json.loads(data) if is_json and data else data

@@ -1,0 +1,101 @@
+"""A real server process, with the test in the robot's place or a robot in the simulator."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+pytest.importorskip("starlette")
+pytest.importorskip("uvicorn")
+pytest.importorskip("websockets")
+
+from agribot import config
+from agribot.description.loader import load_robot, urdf_text
+from agribot.ui.about import about_run
+from agribot.ui.address import Address
+from agribot.ui.hub import About
+from agribot.ui.server_process import ServerProcess
+from tests.ui.client import Page
+
+
+class Robot:
+    """The robot's end of the line: sends what it is told to, keeps every order it gets."""
+
+    def __init__(self, home: Path, host: str = "127.0.0.1") -> None:
+        self.home = home
+        self.address = Address(host=host, port=0)
+        self.server = ServerProcess(self.address, self._about)
+        self.orders: list[dict[str, Any]] = []
+        self._news = threading.Condition()
+
+    def start(self) -> None:
+        self.server.start()
+        self.server.listen(self._hear, lambda: None, 0.2)
+        self.wait_for(lambda order: order["c"] == "ready")
+
+    @property
+    def port(self) -> int:
+        return self.server.port
+
+    def say(self, message: dict[str, Any]) -> None:
+        self.server.link.send_bytes(msgspec.json.encode(message))
+
+    def wait_for(self, is_it: Any, timeout_s: float = 10.0) -> dict[str, Any]:
+        """The first order for which `is_it` holds; fails when none comes."""
+        with self._news:
+            found = self._news.wait_for(
+                lambda: next((o for o in self.orders if is_it(o)), None), timeout_s
+            )
+        assert found is not None, f"no such order among {self.orders}"
+        return found
+
+    def of_kind(self, kind: str) -> list[dict[str, Any]]:
+        return [order for order in self.orders if order["c"] == kind]
+
+    def _hear(self, data: bytes) -> None:
+        with self._news:
+            self.orders.append(json.loads(data))
+            self._news.notify_all()
+
+    def _about(self, port: int) -> About:
+        settings, robot, run = (
+            config.load("farm"),
+            load_robot("agribot"),
+            self.home / "runs" / "now",
+        )
+        return about_run(self.address, port, settings, robot, urdf_text("agribot"), (), run)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _own_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("AGRIBOT_HOME", str(tmp_path_factory.mktemp("agribot-home")))
+        yield
+
+
+@pytest.fixture(scope="module")
+def shared_robot(tmp_path_factory: pytest.TempPathFactory, _own_home: None) -> Iterator[Robot]:
+    robot = Robot(tmp_path_factory.mktemp("robot"))
+    robot.start()
+    yield robot
+    robot.server.close()
+
+
+@pytest.fixture
+def robot(shared_robot: Robot) -> Robot:
+    """The module's server, with the orders of earlier tests forgotten."""
+    shared_robot.orders.clear()
+    return shared_robot
+
+
+@pytest.fixture
+def page(robot: Robot) -> Iterator[Page]:
+    with Page(robot.port) as page:
+        yield page
+        page.send(k="release")

@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from agribot.cli import main
+from tests.ui.client import Browser, Page
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "03_panels_of_your_own.py"
+AGRIBOT = (sys.executable, "-m", "agribot.cli")
+RUN = [*AGRIBOT, "run", "farm", "--set", "perception.enabled=false"]
+
+
+@pytest.fixture(scope="module")
+def run_in_a_script(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    out = tmp_path_factory.mktemp("runs") / "run"
+    words = ["--ui", "--port", "0", "--for", "4", "--out", str(out)]
+    done = subprocess.run([*RUN, *words], capture_output=True, text=True, check=False, timeout=90)
+    return out, done
+
+
+def test_a_run_with_a_page_ends_by_itself_where_nobody_sits_at_a_terminal(
+    run_in_a_script: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
+    out, done = run_in_a_script
+    assert re.search(r"page: http://127\.0\.0\.1:\d+/", done.stderr), done.stderr
+    assert done.returncode == 1, "the mission was cut short"
+    assert (out / "report.json").is_file()
+
+
+def test_a_robot_that_stays_is_driven_by_hand_after_its_mission(tmp_path: Path) -> None:
+    words = ["--ui", "--stay", "--port", "0", "--for", "4", "--out", str(tmp_path / "run")]
+    process = subprocess.Popen([*RUN, *words], stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    try:
+        port = 0
+        for line in process.stderr:
+            found = re.match(r"page: http://127\.0\.0\.1:(\d+)/", line)
+            port = int(found[1]) if found else port
+            if line.startswith("the robot stays ready"):
+                break
+        with Page(port) as page:
+            page.take_seat()
+            state = page.receive("s")
+            for _ in range(200):
+                page.send(k="drive", seq=1, v=0.3, w=0.0)
+                state = page.receive("s")
+                if state["vel"][0] > 0.1:
+                    break
+            assert state["vel"][0] > 0.1
+            assert state["mode"] == "teleop"
+            process.send_signal(signal.SIGINT)
+            assert page.receive("bye")["reason"]
+        assert process.wait(20.0) == 1
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_a_recording_is_shown_without_a_robot(
+    run_in_a_script: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
+    out, _ = run_in_a_script
+    process = subprocess.Popen(
+        [sys.executable, "-m", "agribot.cli", "ui", str(out / "run.mcap"), "--port", "0"],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    try:
+        found = re.match(r"page: http://127\.0\.0\.1:(\d+)/", process.stderr.readline())
+        assert found
+        browser = Browser(int(found[1]))
+        assert browser.ask("GET", "/api/v1/session")[1]["source"] == "replay"
+        with Page(int(found[1])) as page:
+            assert page.receive("s", timeout_s=20.0)["mode"] == "replay"
+            assert not page.ask(k="take", id=1)["ok"]
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20.0) == 0
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_a_port_that_is_taken_is_said_before_anything_moves(tmp_path: Path) -> None:
+    words = ["run", "farm", "--ui", "--host", "192.0.2.77", "--port", "1", "--out", str(tmp_path)]
+    assert main(words) == 2
+
+
+def test_the_example_adds_its_panels() -> None:
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLE)], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    assert "1 marks" in done.stdout
+
+
+def test_the_benchmark_counts_states_and_ticks() -> None:
+    done = subprocess.run(
+        [*AGRIBOT, "bench", "ui", "--no-camera", "--json", "--clients", "0,2", "--seconds", "2"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    none, two = json.loads(done.stdout.splitlines()[-1])["phases"]
+    assert none["state_hz"] is None
+    assert two["state_hz"] > 5.0
+    assert two["server_rss_bytes"] > 1e6
+    assert none["ticks"] > 50

@@ -1,0 +1,257 @@
+from __future__ import annotations
+
+import http.client
+import json
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from agribot.ui.access import MAX_FAILURES, SESSION_LIFE_S, Access, Caller, Refusal
+from agribot.ui.answers import inside
+from agribot.ui.sockets import MAX_MESSAGES_PER_S, MAX_SOCKETS
+from tests.ui.client import Page
+from tests.ui.conftest import Robot
+
+
+def ask(
+    robot: Robot, method: str, path: str, headers: dict[str, str], body: bytes | None = None
+) -> tuple[int, bytes, dict[str, str]]:
+    line = http.client.HTTPConnection("127.0.0.1", robot.port, timeout=10)
+    try:
+        line.putrequest(method, path, skip_host="Host" in headers)
+        for name, value in headers.items():
+            line.putheader(name, value)
+        line.putheader("Content-Length", str(len(body or b"")))
+        line.endheaders(body)
+        answer = line.getresponse()
+        return answer.status, answer.read(), {k.lower(): v for k, v in answer.getheaders()}
+    finally:
+        line.close()
+
+
+@pytest.fixture(scope="module")
+def lan_robot(tmp_path_factory: pytest.TempPathFactory, _own_home: None) -> Iterator[Robot]:
+    """Served at an address that is not one of this machine alone, so that a token is needed."""
+    robot = Robot(tmp_path_factory.mktemp("lan"), host="0.0.0.0")
+    robot.start()
+    yield robot
+    robot.server.close()
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "null", "http://127.0.0.1:1", "http://localhost.evil.example"]
+)
+def test_a_foreign_origin_gets_no_socket(robot: Robot, origin: str) -> None:
+    for path in ("/ws/v1", "/ws/cam/main"):
+        with pytest.raises(InvalidStatus) as refusal, Page(robot.port, origin=origin, path=path):
+            pass
+        assert refusal.value.response.status_code == 403
+    robot.wait_for(lambda order: "refused" in order.get("text", ""))
+
+
+def test_a_rebound_name_is_refused_even_with_its_own_origin(robot: Robot) -> None:
+    rebound = f"evil.example:{robot.port}"
+    headers = {"Host": rebound, "Origin": f"http://{rebound}"}
+    for path in ("/", "/api/v1/field"):
+        status, body, _ = ask(robot, "GET", path, headers)
+        assert status == 403
+        assert b"evil.example" in body
+
+
+def test_a_program_without_origin_needs_the_bearer_token(robot: Robot) -> None:
+    with pytest.raises(InvalidStatus), Page(robot.port, origin=None):
+        pass
+    wrong = {"Authorization": "Bearer guess"}
+    with (
+        pytest.raises(InvalidStatus),
+        Page(robot.port, origin=None, additional_headers=wrong),
+    ):
+        pass
+    token = {"Authorization": f"Bearer {robot.address.operator_token}"}
+    with Page(robot.port, origin=None, additional_headers=token) as page:
+        assert page.receive("hello")["role"] == "operator"
+
+
+def test_a_foreign_page_cannot_post(robot: Robot) -> None:
+    body = b'{"text": "x"}'
+    path = "/api/v1/recordings/mark"
+    foreign = {"Origin": "http://evil.example"}
+    assert ask(robot, "POST", path, foreign, body)[0] == 403
+    assert ask(robot, "POST", path, {}, body)[0] == 401
+    own = {"Origin": f"http://127.0.0.1:{robot.port}"}
+    assert ask(robot, "POST", path, own, body)[0] == 204
+
+
+def test_on_the_network_nothing_is_told_without_a_token(lan_robot: Robot) -> None:
+    for path in ("/api/v1/field", "/api/v1/health", "/tiles/x/1/0/0", "/robot/robot.urdf"):
+        assert ask(lan_robot, "GET", path, {})[0] == 401
+    status, body, _ = ask(lan_robot, "GET", "/api/v1/session", {})
+    assert status == 200
+    assert json.loads(body) == {"version": json.loads(body)["version"], "needs_login": True}
+    with pytest.raises(InvalidStatus), Page(lan_robot.port):
+        pass
+
+
+def test_the_token_becomes_a_cookie_that_scripts_cannot_read(lan_robot: Robot) -> None:
+    token = lan_robot.address.operator_token
+    status, _, headers = ask(lan_robot, "GET", f"/?token={token}", {})
+    assert (status, headers["location"]) == (303, "/")
+    cookie = headers["set-cookie"]
+    assert "HttpOnly" in cookie
+    assert "samesite=strict" in cookie.lower()
+    assert token not in cookie
+    with Page(lan_robot.port, additional_headers={"Cookie": cookie.split(";")[0]}) as page:
+        assert page.receive("hello")["role"] == "operator"
+
+
+def test_a_viewer_looks_on_and_stops_but_never_drives(lan_robot: Robot) -> None:
+    body = json.dumps({"token": lan_robot.address.viewer_token}).encode()
+    origin = {"Origin": f"http://127.0.0.1:{lan_robot.port}"}
+    _, _, headers = ask(lan_robot, "POST", "/api/v1/login", origin, body)
+    cookie = headers["set-cookie"].split(";")[0]
+    with Page(lan_robot.port, additional_headers={"Cookie": cookie}) as page:
+        assert page.receive("hello")["role"] == "viewer"
+        answer = page.ask(k="take", id=1, force=True)
+        assert not answer["ok"]
+        assert "viewer" in answer["reason"]
+        page.send(k="stop")
+        lan_robot.wait_for(lambda order: order.get("action") == "stop")
+    put = ask(lan_robot, "PUT", "/api/v1/views/x", {**origin, "Cookie": cookie}, b"{}")
+    assert put[0] == 403
+
+
+def test_guessing_tokens_is_cut_off_and_expired_sessions_are_strangers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now_s = 1000.0
+    monkeypatch.setattr(time, "monotonic", lambda: now_s)
+    access = Access(("field.local",), 8080, "operator", "viewer", is_local=False)
+    headers = {"host": "field.local:8080", "origin": "http://field.local:8080"}
+    session = access.login("operator")
+    assert isinstance(session, str)
+    headers["cookie"] = f"{access.cookie}={session}"
+    assert isinstance(access.check("websocket", "GET", "/ws/v1", headers), Caller)
+    now_s += SESSION_LIFE_S + 1.0
+    assert isinstance(access.check("websocket", "GET", "/ws/v1", headers), Refusal)
+    answers = [access.login("guess") for _ in range(MAX_FAILURES + 1)]
+    assert [a.status for a in answers if isinstance(a, Refusal)] == [401] * MAX_FAILURES + [429]
+    assert isinstance(access.login("operator"), Refusal), "nobody gets in while somebody guesses"
+    now_s += 61.0
+    assert isinstance(access.login("operator"), str)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/../../pyproject.toml",
+        "/assets/..%2f..%2fserver.py",
+        "/%2e%2e/server.py",
+        "/robot/..%2f..%2fconfig.py",
+        "/robot//etc/passwd",
+        "/tiles/..%2f..%2fsecret/0/0/0",
+        "/api/v1/recordings/..%2f..%2fhome/x",
+        "/api/v1/recordings/now/..%2f..%2fsecret.txt",
+        "/api/v1/fields/..%2f..%2fsecret",
+        "/api/v1/views/%00",
+    ],
+)
+def test_no_path_leads_out_of_the_folders(robot: Robot, path: str) -> None:
+    run = robot.home / "runs" / "now"
+    run.mkdir(parents=True, exist_ok=True)
+    (run / "run.mcap").touch()
+    (robot.home / "secret.txt").write_text("hidden words", encoding="utf-8")
+    status, body, _ = ask(robot, "GET", path, {})
+    assert status in {400, 404}
+    assert b"hidden words" not in body
+
+
+def test_links_out_of_a_folder_are_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "outside").write_text("x", encoding="utf-8")
+    (tmp_path / "runs" / "link").symlink_to(tmp_path / "outside")
+    assert inside(tmp_path / "runs", "link") is None
+    assert inside(tmp_path / "runs", "inner") == (tmp_path / "runs" / "inner").resolve()
+
+
+def test_an_oversized_frame_costs_the_line_and_nothing_else(robot: Robot, page: Page) -> None:
+    with Page(robot.port, tab="large") as large, pytest.raises(ConnectionClosed):
+        large.line.send('{"k":"mark","text":"' + "x" * 200_000 + '"}')
+        large.receive("never")
+    page.send(k="ping", c=1)
+    assert page.receive("pong")["c"] == 1
+
+
+def test_a_binary_frame_and_a_flood_cost_the_line_but_a_stop_still_counts(robot: Robot) -> None:
+    with Page(robot.port, tab="binary") as page, pytest.raises(ConnectionClosed):
+        page.line.send(b"\x00\x01")
+        page.receive("never")
+    with Page(robot.port, tab="flood") as page, pytest.raises(ConnectionClosed):
+        for number in range(MAX_MESSAGES_PER_S):
+            page.send(k="ping", c=number)
+        page.send(k="stop")
+        page.send(k="ping", c=0)
+        page.receive("never")
+    robot.wait_for(lambda order: order.get("action") == "stop")
+
+
+def test_a_thousand_lines_do_not_keep_the_operator_out(robot: Robot, page: Page) -> None:
+    lines: list[socket.socket] = []
+    refused = 0
+    try:
+        for _ in range(1000):
+            try:
+                lines.append(socket.create_connection(("127.0.0.1", robot.port), timeout=2.0))
+            except OSError:
+                refused += 1
+        page.take_seat()
+        page.send(k="drive", seq=1, v=0.2, w=0.0)
+        robot.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.2)
+        for line in lines:
+            line.settimeout(0.0)
+        refused += sum(is_cut(line) for line in lines)
+        assert refused >= 700
+    finally:
+        for line in lines:
+            line.close()
+
+
+def is_cut(line: socket.socket) -> bool:
+    try:
+        return line.recv(1) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+
+
+def test_more_pages_than_allowed_are_turned_away(robot: Robot) -> None:
+    lines = [upgraded(robot.port) for _ in range(MAX_SOCKETS)]
+    try:
+        with pytest.raises(InvalidStatus), Page(robot.port, tab="one too many"):
+            pass
+    finally:
+        for line in lines:
+            line.close()
+
+
+def upgraded(port: int) -> socket.socket:
+    """A WebSocket that is opened and then left alone."""
+    line = socket.create_connection(("127.0.0.1", port), timeout=5.0)
+    line.sendall(
+        f"GET /ws/v1?tab={id(line)} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n"
+        f"Origin: http://127.0.0.1:{port}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n".encode()
+    )
+    assert line.recv(12) == b"HTTP/1.1 101"
+    return line
+
+
+def test_answers_forbid_framing_and_foreign_content(robot: Robot) -> None:
+    _, _, headers = ask(robot, "GET", "/", {})
+    assert headers["x-frame-options"] == "DENY"
+    assert "default-src 'self'" in headers["content-security-policy"]
+    assert "access-control-allow-origin" not in headers

@@ -1,0 +1,121 @@
+"""A robot in the simulator, its page in a process of its own, and what happens when that dies."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from agribot import config
+from agribot.commands.page import Pacer
+from agribot.messages import TickRecord
+from agribot.session import Session
+from agribot.ui.address import Address
+from agribot.ui.operator_page import OperatorPage
+from tests.ui.client import Page
+
+SETTINGS = ["perception.enabled=false", "seed=1"]
+
+
+@contextmanager
+def simulated(folder: Path, *settings: str) -> Iterator[tuple[Session, OperatorPage, Page]]:
+    loaded = config.load("farm", [*SETTINGS, *settings])
+    with (
+        Session(loaded, folder / "run") as session,
+        OperatorPage(session, Address(port=0)) as page,
+        Page(page.server.port) as browser,
+    ):
+        browser.take_seat()
+        yield session, page, browser
+
+
+def drive(
+    session: Session, browser: Page | None, seconds: float, v_mps: float = 0.3
+) -> list[TickRecord]:
+    """Ticks at the pace of the clock, with a hand on the stick when a page is given."""
+    ticks, records = session.ticks(), []
+    from_s = session.last.batch.t_s if session.last else 0.0
+    pacer, next_s = Pacer(1.0), from_s
+    for record in ticks:
+        records.append(record)
+        if browser is not None and record.batch.t_s >= next_s:
+            next_s += 0.05
+            browser.send(k="drive", seq=len(records), v=v_mps, w=0.0)
+        if record.batch.t_s >= from_s + seconds:
+            break
+        pacer.wait(record.batch.t_s)
+    return records
+
+
+def stopped_after_s(records: list[TickRecord]) -> float:
+    """From the first record until the robot is commanded to stand still for good."""
+    moving = [r.batch.t_s for r in records if r.command.drive.v_mps != 0.0]
+    return (moving[-1] if moving else records[0].batch.t_s) - records[0].batch.t_s
+
+
+def test_the_robot_stands_soon_after_its_operators_line_is_cut(tmp_path: Path) -> None:
+    with simulated(tmp_path) as (session, _, browser):
+        assert drive(session, browser, 1.5)[-1].command.drive.v_mps > 0.1
+        browser.line.socket.close()
+        assert stopped_after_s(drive(session, None, 1.0)) <= 0.5
+
+
+def test_the_robot_stands_soon_after_the_page_falls_silent(tmp_path: Path) -> None:
+    with simulated(tmp_path) as (session, _, browser):
+        assert drive(session, browser, 1.5)[-1].command.drive.v_mps > 0.1
+        assert stopped_after_s(drive(session, None, 1.0)) <= 0.5
+
+
+@pytest.mark.parametrize(("policy", "state"), [("continue", "running"), ("pause", "paused")])
+def test_a_killed_server_stops_the_hand_and_the_mission_goes_on_as_configured(
+    tmp_path: Path, policy: str, state: str
+) -> None:
+    with simulated(tmp_path, f'safety.on_operator_lost="{policy}"') as (session, page, browser):
+        assert drive(session, browser, 1.5)[-1].command.drive.v_mps > 0.1
+        browser.send(k="drive", seq=0, v=0.0, w=0.0)
+        assert browser.ask(k="mission", id=1, action="resume")["ok"]
+        drive(session, browser, 4.0, v_mps=0.0)
+        assert session.last is not None
+        assert session.last.status.state == "running"
+        assert page.server.process.pid is not None
+        os.kill(page.server.process.pid, signal.SIGKILL)
+        records = drive(session, None, 1.0)
+        assert records[-1].status.state == state
+        assert not page.is_alive
+        log = [event.reason for event in session.event_log.events]
+        assert "operator lost (the page's server)" in log
+
+
+def test_a_hand_on_the_stick_when_the_server_is_killed_lets_go(tmp_path: Path) -> None:
+    with simulated(tmp_path) as (session, page, browser):
+        assert drive(session, browser, 1.5)[-1].command.drive.v_mps > 0.1
+        assert page.server.process.pid is not None
+        os.kill(page.server.process.pid, signal.SIGKILL)
+        assert stopped_after_s(drive(session, None, 1.0)) <= 0.5
+
+
+def test_a_stop_by_the_page_holds_until_it_is_cleared(tmp_path: Path) -> None:
+    with simulated(tmp_path) as (session, _, browser):
+        drive(session, browser, 1.0)
+        browser.send(k="stop")
+        records = drive(session, browser, 1.0)
+        assert records[-1].command.drive.v_mps == 0.0
+        state = browser.receive("s")
+        while state["mode"] != "stopped":
+            state = browser.receive("s")
+        assert "stopped by operator 1" in state["stop"]
+        assert browser.ask(k="clear_stop", id=1)["ok"]
+        assert drive(session, browser, 1.0)[-1].command.drive.v_mps > 0.1
+
+
+def test_a_simulation_ahead_of_the_clock_waits_for_a_hand(tmp_path: Path) -> None:
+    with simulated(tmp_path) as (session, page, browser):
+        drive(session, browser, 0.5)
+        assert page.pace_limit == 1.0
+        time.sleep(1.0)
+        assert page.pace_limit > 1.0
