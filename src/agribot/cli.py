@@ -63,8 +63,33 @@ COMMANDS = {
     ),
     "train": (
         "agribot.train.main",
-        "train the crop/weed network on simulated images",
+        "train the crop/weed network on simulated images or your own photographs",
         "agribot train --images 1200 --minutes 20 --seed 0 --out training",
+    ),
+    "eval": (
+        "agribot.commands.evaluate",
+        "judge a crop/weed network on labelled pictures",
+        "agribot eval photos --model agribot-sim --out judged --json",
+    ),
+    "predict": (
+        "agribot.commands.predict",
+        "masks, overlays and plant tables of pictures and videos",
+        "agribot predict photos -o seen --model agribot-sim",
+    ),
+    "live": (
+        "agribot.commands.live",
+        "watch a camera, a video or the simulator through the network",
+        "agribot live sim --seconds 10 --out live",
+    ),
+    "export": (
+        "agribot.commands.export",
+        "a network at another input size or precision, with the cost in accuracy",
+        "agribot export agribot-sim --precision int8 --calibrate photos -o small.onnx",
+    ),
+    "models": (
+        "agribot.commands.models",
+        "the networks that come with the program and their cards",
+        "agribot models agribot-sim",
     ),
 }
 

@@ -13,6 +13,8 @@ from agribot.errors import PerceptionError
 from agribot.messages import ByteArray
 
 CPU = "CPUExecutionProvider"
+# The winner of three classes has at least a third of the probability, 85 of 255; less is NaN.
+LEAST_CONFIDENCE = 80
 
 
 class ClassMap(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -63,7 +65,7 @@ class Segmenter:
     def __init__(
         self, model: str | Path, threads: int = 1, providers: tuple[str, ...] = (CPU,)
     ) -> None:
-        path = model_path(model)
+        self.path = path = model_path(model)
         self._session = _open_session(path, threads, providers)
         try:
             (image,) = self._session.get_inputs()
@@ -86,6 +88,11 @@ class Segmenter:
         feed = {self._input_name: np.ascontiguousarray(image_rgb)[None]}
         class_id, confidence = self._session.run(["class_id", "confidence"], feed)
         height, width = self.map_shape
+        if confidence.min() < LEAST_CONFIDENCE:
+            raise PerceptionError(
+                f"{self.path} answers with no number: its weights hold NaN or infinity; train or "
+                "export it again"
+            )
         return ClassMap(
             class_id=class_id,
             confidence=confidence,
@@ -115,9 +122,19 @@ def _open_session(path: Path, threads: int, providers: tuple[str, ...]) -> Any:
     options.log_severity_level = 3
     # A waiting worker must not burn the core that the control loop needs.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    faults = onnxruntime.capi.onnxruntime_pybind11_state
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=list(providers))
-    except onnxruntime.capi.onnxruntime_pybind11_state.InvalidProtobuf as error:
+    except (
+        faults.InvalidProtobuf,
+        faults.InvalidGraph,
+        faults.InvalidArgument,
+        faults.Fail,
+        faults.NotImplemented,
+        faults.RuntimeException,
+    ) as error:
+        reason = str(error).splitlines()[0]
         raise PerceptionError(
-            f"{path} is not an ONNX file ({error}); copy it again or make it: agribot train"
+            f"{path} is not an ONNX file that runs here ({reason}); copy it again or make it: "
+            "agribot train"
         ) from error

@@ -57,14 +57,11 @@ def scores(confusion: Confusion, images: int) -> Scores:
 def evaluate(
     classify: Callable[[ByteArray], ByteArray], pairs: Iterable[tuple[ByteArray, ByteArray]]
 ) -> Scores:
-    """Pool (image_rgb, truth) pairs, judged at the resolution of the truth.
-
-    `classify` may answer at another resolution; its map is then enlarged to the nearest pixel.
-    """
+    """Pool (image_rgb, truth) pairs; `classify` answers at the resolution of the image."""
     confusion = np.zeros((len(PlantClass), len(PlantClass)), dtype=np.int64)
     images = 0
     for image_rgb, truth in pairs:
-        confusion += confusion_matrix(truth, resized_nearest(classify(image_rgb), truth.shape))
+        confusion += confusion_matrix(truth, classify(image_rgb))
         images += 1
     return scores(confusion, images)
 

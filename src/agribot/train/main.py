@@ -122,6 +122,7 @@ def _plan(args: argparse.Namespace, source: Any) -> Any:
 
 def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any) -> Any:
     """Scores of the exported file itself, run as the robot runs it."""
+    from agribot.perceive.pictures import classify
     from agribot.perceive.segmenter import Segmenter
     from agribot.train import card
     from agribot.train.evaluate import evaluate
@@ -129,7 +130,7 @@ def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any)
 
     segmenter = Segmenter(onnx_path)
     tests = {
-        name: evaluate(lambda image_rgb: segmenter.segment(image_rgb).class_id, pairs())
+        name: evaluate(lambda image_rgb: classify(segmenter, image_rgb).class_id, pairs())
         for name, pairs in source.tests.items()
     }
     return card.ModelCard(

@@ -1,0 +1,54 @@
+"""Smaller numbers in a network's file: 8 bits (static, calibrated on pictures) or 16-bit floats."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+from agribot.errors import PerceptionError
+from agribot.messages import ByteArray
+
+
+def to_int8(source: Path, target: Path, pictures: Iterable[ByteArray]) -> None:
+    """Quantise convolutions and what lies between them; ranges come from the pictures.
+
+    The first and the last layers stay as they are: colours in and probabilities out.
+    """
+    from onnxruntime.quantization import QuantFormat, QuantType, quantize_static
+    from onnxruntime.quantization.calibrate import CalibrationDataReader
+    from onnxruntime.quantization.shape_inference import quant_pre_process
+
+    images = iter(pictures)
+
+    class Reader(CalibrationDataReader):  # type: ignore[misc]
+        def get_next(self) -> dict[str, ByteArray] | None:
+            image_rgb = next(images, None)
+            return None if image_rgb is None else {"image_rgb": image_rgb[None]}
+
+    with tempfile.TemporaryDirectory() as folder:
+        prepared = Path(folder) / "prepared.onnx"
+        quant_pre_process(str(source), str(prepared), skip_symbolic_shape=True)
+        quantize_static(
+            str(prepared),
+            str(target),
+            Reader(),
+            quant_format=QuantFormat.QDQ,
+            per_channel=True,
+            activation_type=QuantType.QUInt8,
+            weight_type=QuantType.QInt8,
+            op_types_to_quantize=["Conv", "Add", "Relu"],
+        )
+
+
+def to_fp16(source: Path, target: Path) -> None:
+    """Weights and sums as 16-bit floats: half the file; ours to gain time only on a GPU."""
+    import onnx
+    from onnxruntime.transformers.float16 import convert_float_to_float16
+
+    model = onnx.load(str(source))
+    try:
+        half = convert_float_to_float16(model, keep_io_types=True, op_block_list=["Resize"])
+    except ValueError as error:
+        raise PerceptionError(f"{source}: cannot be made 16-bit ({error})") from error
+    onnx.save(half, str(target))
