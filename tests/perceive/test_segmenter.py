@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agribot.errors import PerceptionError
-from agribot.perceive.segmenter import Segmenter, model_names
+from agribot.perceive.segmenter import Segmenter, model_names, model_path
 
 MODEL = "agribot-sim"
 
@@ -68,3 +68,40 @@ def test_the_same_image_gives_the_same_map() -> None:
 def test_an_image_of_the_wrong_kind_is_refused() -> None:
     with pytest.raises(PerceptionError, match="uint8"):
         Segmenter(MODEL).segment(np.zeros((480, 640), dtype=np.uint8))
+
+
+def test_weights_that_are_no_numbers_are_found_out(tmp_path: Path) -> None:
+    onnx = pytest.importorskip("onnx")
+    model = onnx.load(str(model_path(MODEL)))
+    first = next(t for t in model.graph.initializer if len(t.dims) == 4)
+    values = onnx.numpy_helper.to_array(first).copy()
+    values[0] = np.nan
+    first.CopyFrom(onnx.numpy_helper.from_array(values, first.name))
+    spoilt = tmp_path / "spoilt.onnx"
+    onnx.save(model, str(spoilt))
+    with pytest.raises(PerceptionError, match=r"spoilt\.onnx.*NaN"):
+        Segmenter(spoilt).segment(np.full((48, 64, 3), 90, np.uint8))
+
+
+def test_a_network_of_another_kind_is_refused(tmp_path: Path) -> None:
+    onnx = pytest.importorskip("onnx")
+    value = onnx.helper.make_tensor_value_info
+    graph = onnx.helper.make_graph(
+        [onnx.helper.make_node("Relu", ["x"], ["y"])],
+        "other",
+        [value("x", onnx.TensorProto.FLOAT, [1, 3, 8, 8])],
+        [value("y", onnx.TensorProto.FLOAT, [1, 3, 8, 8])],
+    )
+    model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 18)])
+    model.ir_version = 9
+    other = tmp_path / "other.onnx"
+    onnx.save(model, str(other))
+    with pytest.raises(PerceptionError, match="no crop/weed network"):
+        Segmenter(other)
+
+
+def test_a_file_cut_short_is_an_error(tmp_path: Path) -> None:
+    cut = tmp_path / "cut.onnx"
+    cut.write_bytes(model_path(MODEL).read_bytes()[:100_000])
+    with pytest.raises(PerceptionError, match=r"cut\.onnx"):
+        Segmenter(cut)

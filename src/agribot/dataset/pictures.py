@@ -29,7 +29,7 @@ def read_picture(path: Path) -> ByteArray:
     with _open(path) as image:
         try:
             upright = ImageOps.exif_transpose(image) or image
-            return _rgb(upright)
+            return _rgb(upright, path)
         except (OSError, SyntaxError, ValueError, MemoryError) as error:
             raise PictureError(f"{path}: cannot be decoded ({_reason(error)})") from error
 
@@ -66,17 +66,14 @@ def _open(path: Path) -> Image.Image:
     return image
 
 
-def _rgb(image: Image.Image) -> ByteArray:
+def _rgb(image: Image.Image, path: Path) -> ByteArray:
     if image.mode in DEEP_MODES:
         values = np.asarray(image).astype(np.int64)
         # 16-bit sensors fill the range; smaller values are 8-bit ones in a wide file.
         grey = (values >> 8 if values.max(initial=0) > 255 else values).clip(0, 255)
         return np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
     if image.mode == "F":
-        raise PictureError(
-            f"{getattr(image, 'filename', 'picture')}: holds floating-point values; save it with "
-            "8 or 16 bits"
-        )
+        raise PictureError(f"{path}: holds floating-point values; save it with 8 or 16 bits")
     return np.asarray(image.convert("RGB"))
 
 

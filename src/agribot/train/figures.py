@@ -117,7 +117,7 @@ def _worst(thumbnails: list[Thumbnail], path: Path) -> Path:
     return _saved(figure, path)
 
 
-def tinted(image_rgb: ByteArray, class_id: ByteArray, strength: float = 0.55) -> ByteArray:
+def tinted(image_rgb: ByteArray, class_id: ByteArray, strength: float = 0.7) -> ByteArray:
     """The image with weeds in red and crops in green; soil stays as it is."""
     plants = class_id < 2
     colours = OVERLAY_RGB[np.minimum(class_id, 2)]
