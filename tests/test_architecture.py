@@ -33,7 +33,7 @@ LAYERS = {
     1: ("estimate", "plan", "control", "perceive", "weeds"),
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),
     3: ("stack", "perception_host", "session", "report_card", "workers"),
-    4: ("cli", "commands", "ui", "train", "dataset", "sweep"),
+    4: ("cli", "commands", "ui", "train", "dataset", "sweep", "bench"),
 }
 LAYER_OF = {part: layer for layer, parts in LAYERS.items() for part in parts}
 DATA_FOLDERS = {"profiles", "models"}
@@ -42,7 +42,7 @@ SIBLINGS_APART = (1, 2)
 LIGHT = {"numpy", "msgspec", "tomli_w"}
 # Heavy packages and the parts that may import them.
 HEAVY = {
-    "torch": {"train"},
+    "torch": {"train", "bench"},
     "onnx": {"train"},
     "albumentations": {"train"},
     "cv2": {"train", "commands"},

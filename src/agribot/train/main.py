@@ -50,7 +50,8 @@ def run(args: argparse.Namespace) -> int:
 
     from agribot.train.architectures import architecture
     from agribot.train.export import export_onnx
-    from agribot.train.fit import Trainer
+    from agribot.train.figures import write_curves
+    from agribot.train.fit import LOG, Trainer
 
     torch.set_num_threads(args.threads)
     source = _source(args)
@@ -62,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
     export_onnx(network, onnx_path, height_px, width_px, source.antialias, features)
     card = _judge(args, trainer, onnx_path, source)
     card.write(onnx_path)
+    write_curves(args.out / LOG, args.out / "training.png")
     _progress(card.markdown())
     return 1 if source.problems else 0
 
