@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.errors import ConfigError
+from agribot.errors import AgribotError, ConfigError
 from agribot.perceive.segmenter import Segmenter
 from agribot.train.card import ModelCard
 from agribot.train.main import add_arguments, run
@@ -52,7 +52,8 @@ def test_photographs_of_a_folder_are_trained_on_and_judged_on_the_fold_held_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = photo_folder(tmp_path / "photos", 6)
-    words = ("--data", "cwfid", "--data-dir", str(folder), "--folds", "3", "--fold", "1")
+    words: tuple[str, ...] = ("--data", "cwfid", "--data-dir", str(folder), "--folds", "3")
+    words += ("--fold", "1")
     words += ("--size", "128x96", "--steps", "2", "--out", str(tmp_path / "out"))
     assert run(parsed(*words)) == 0
     weights = tmp_path / "out" / "agribot-s.onnx"
@@ -65,6 +66,9 @@ def test_photographs_of_a_folder_are_trained_on_and_judged_on_the_fold_held_out(
     capsys.readouterr()
     assert run(parsed(*words)) == 0
     assert "going on from step 2" in capsys.readouterr().err
+    # Another fold in the same folder would be judged on pictures that it was trained on.
+    with pytest.raises(AgribotError, match="other settings"):
+        run(parsed(*words, "--fold", "2"))
 
 
 @pytest.mark.slow

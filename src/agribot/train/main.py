@@ -26,6 +26,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--folds", type=int, default=5, help="parts for cross-validation")
     parser.add_argument("--fold", type=int, help="part to hold out and judge on (default: none)")
     parser.add_argument("--size", default="512x384", help="input of the exported network, WxH px")
+    parser.add_argument(
+        "--train-width",
+        type=int,
+        default=512,
+        help="px over which a photograph is seen in training",
+    )
     parser.add_argument("--images", type=int, default=1500, help="sim: training images to draw")
     parser.add_argument("--test-images", type=int, default=120, help="sim: images per test set")
     budget = parser.add_mutually_exclusive_group()
@@ -69,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    for option in ("images", "test_images", "threads"):
+    for option in ("images", "test_images", "threads", "train_width"):
         if getattr(args, option) < 1:
             flag = option.replace("_", "-")
             raise ConfigError(f"--{flag} is {getattr(args, option)}; it must be at least 1")
@@ -112,7 +118,9 @@ def _plan(args: argparse.Namespace, source: Any) -> Any:
     state = load_checkpoint(args.out)
     if state is not None and args.steps is None:
         plan = msgspec.convert(state["plan"], TrainingPlan)
-        return msgspec.structs.replace(plan, seed=args.seed, model=args.model)
+        return msgspec.structs.replace(
+            plan, seed=args.seed, model=args.model, data=source.recipe.data
+        )
     plan = msgspec.structs.replace(
         source.recipe, steps=args.steps or 1000, seed=args.seed, model=args.model
     )
