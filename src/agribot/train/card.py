@@ -64,7 +64,7 @@ of any size
 - Speed: {self.cpu_ms_per_frame:.1f} ms CPU time per frame ({self.cpu_ms_conditions})
 
 Scores come from one confusion matrix over all pixels of a test set, at the resolution of the \
-labels. No test image was used for training or for choosing a setting.
+labels. No test image was used for training.
 
 {tables}
 

@@ -23,6 +23,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--data-dir", type=Path, help="folder of photographs and masks")
     parser.add_argument("--model", help="network (default: agribot-sim for sim, else agribot-s)")
+    parser.add_argument(
+        "--loss",
+        choices=("lovasz", "dice", "iou", "none"),
+        default="lovasz",
+        help="photographs: added to the cross-entropy (none: the original's loss alone)",
+    )
     parser.add_argument("--folds", type=int, default=5, help="parts for cross-validation")
     parser.add_argument("--fold", type=int, help="part to hold out and judge on (default: none)")
     parser.add_argument("--size", default="512x384", help="input of the exported network, WxH px")
@@ -119,7 +125,11 @@ def _plan(args: argparse.Namespace, source: Any) -> Any:
     if state is not None and args.steps is None:
         plan = msgspec.convert(state["plan"], TrainingPlan)
         return msgspec.structs.replace(
-            plan, seed=args.seed, model=args.model, data=source.recipe.data
+            plan,
+            seed=args.seed,
+            model=args.model,
+            overlap_loss=source.recipe.overlap_loss,
+            data=source.recipe.data,
         )
     plan = msgspec.structs.replace(
         source.recipe, steps=args.steps or 1000, seed=args.seed, model=args.model

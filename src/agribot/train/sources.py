@@ -101,7 +101,7 @@ def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
     recipe = TrainingPlan(
         steps=1,
         class_weights=PHOTO_WEIGHTS,
-        overlap_loss="lovasz",
+        overlap_loss=args.loss,
         data=f"{args.data}{fold} --train-width {args.train_width}",
     )
     scale = args.train_width / float(np.median([label.shape[1] for _, label in read]))
@@ -119,7 +119,7 @@ def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
         limits="judged on pictures of the same camera and field as it was trained on; other crops, "
         "soils and cameras were not measured.",
         command=f"agribot train --data {args.data} --data-dir DIR --model {args.model} "
-        f"--train-width {args.train_width} --size {args.size}{fold}",
+        f"--loss {args.loss} --train-width {args.train_width} --size {args.size}{fold}",
         problems=tuple(problems),
     )
 
