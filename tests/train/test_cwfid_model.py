@@ -31,8 +31,9 @@ def test_the_card_describes_the_file_and_its_condition(card: ModelCard) -> None:
     assert card.file_bytes == len(data) <= 8_000_000
     assert "non-commercial" in card.license
     text = model_path(MODEL).with_suffix(".md").read_text(encoding="utf-8")
+    assert text == card.markdown()
     assert card.license in text
-    assert card.command in text
+    assert "or for choosing a setting" not in text
 
 
 @pytest.mark.parametrize("profile", ["farm", "beet"])

@@ -158,6 +158,7 @@ def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any)
         license=source.license,
         data=source.about,
         limits=source.limits,
+        chosen_blind=args.data == "sim",
         command=f"{source.command} --steps {trainer.plan.steps} --seed {args.seed} "
         f"--threads {args.threads} --name {args.name} --out OUT",
         plan=trainer.plan,
