@@ -56,7 +56,7 @@ SIBLINGS_APART = (1, 2)
 LIGHT = {"numpy", "msgspec", "tomli_w"}
 # Heavy packages and the parts that may import them.
 HEAVY = {
-    "torch": {"train"},
+    "torch": {"train", "bench"},
     "onnx": {"train"},
     "albumentations": {"train"},
     "cv2": {"train", "commands"},

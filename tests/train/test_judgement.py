@@ -57,6 +57,19 @@ def test_the_pooled_scores_are_not_the_mean_of_the_images() -> None:
     assert pooled.images == 5
 
 
+def test_a_surer_threshold_gives_up_recall() -> None:
+    judgement = judged(3, 0.3)
+    precision, recall = judgement.precision_recall(PlantClass.CROP)
+    assert (np.diff(recall) >= 0.0).all()
+    assert recall[-1] == 1.0
+    # At the network's own choice the curve passes through the scores of the class map.
+    scores = judgement.scores
+    assert scores.recall["crop"] is not None
+    near = int(np.argmin(np.abs(recall - scores.recall["crop"])))
+    assert precision[near] == pytest.approx(scores.precision["crop"], abs=1e-9)
+    assert precision[-1] == pytest.approx(1 / 3, abs=0.02)
+
+
 def test_the_sheet_keeps_the_worst_images() -> None:
     assert [one.name for one in judged(5, 0.3).worst] == ["4.png", "3.png"]
 

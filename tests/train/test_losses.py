@@ -106,6 +106,12 @@ def test_a_batch_without_a_single_counted_pixel_costs_nothing() -> None:
     assert float(loss.detach()) == 0.0
 
 
+def test_without_overlap_the_loss_is_the_original_s(case: Case) -> None:
+    logits, weights = case.logits.float(), (0.9, 0.11, 0.1)
+    alone = weighted_cross_entropy(logits, case.target, weights)
+    assert float(segmentation_loss(logits, case.target, weights, None)) == float(alone)
+
+
 def test_the_sum_is_entropy_and_overlap(case: Case) -> None:
     logits = case.logits.float()
     weights = (1.0, 2.0, 0.6)

@@ -7,10 +7,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.errors import ConfigError
+from agribot.errors import AgribotError, ConfigError
 from agribot.perceive.segmenter import Segmenter
 from agribot.train.card import ModelCard
 from agribot.train.main import add_arguments, run
+from tests.train.photo_folder import photo_folder, spoil
 
 
 def parsed(*words: str) -> argparse.Namespace:
@@ -44,3 +45,50 @@ def test_one_command_goes_from_nothing_to_weights_with_a_card(
 def test_an_option_out_of_range_names_itself(words: tuple[str, str], tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=words[0]):
         run(parsed(*words, "--out", str(tmp_path)))
+
+
+@pytest.mark.slow
+def test_photographs_of_a_folder_are_trained_on_and_judged_on_the_fold_held_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 6)
+    words: tuple[str, ...] = ("--data", "cwfid", "--data-dir", str(folder), "--folds", "3")
+    words += ("--fold", "1")
+    words += ("--size", "128x96", "--steps", "2", "--out", str(tmp_path / "out"))
+    assert run(parsed(*words)) == 0
+    weights = tmp_path / "out" / "agribot-s.onnx"
+    card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
+    assert (card.plan.model, card.plan.overlap_loss) == ("agribot-s", "lovasz")
+    assert (card.train_images, card.test["fold 1 of 3"].images) == (4, 2)
+    assert "non-commercial" in card.license
+    assert (card.input_height_px, card.input_width_px) == (96, 128)
+    assert (tmp_path / "out" / "training.png").is_file()
+    capsys.readouterr()
+    assert run(parsed(*words)) == 0
+    assert "going on from step 2" in capsys.readouterr().err
+    # Another fold in the same folder would be judged on pictures that it was trained on.
+    with pytest.raises(AgribotError, match="other settings"):
+        run(parsed(*words, "--fold", "2"))
+
+
+@pytest.mark.slow
+def test_broken_pairs_do_not_stop_a_training_but_its_status_tells(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 7)
+    broken = spoil(folder)
+    words = ("--data", "cwfid", "--data-dir", str(folder), "--model", "original-bonnet")
+    assert run(parsed(*words, "--steps", "1", "--size", "64x64", "--out", str(tmp_path / "o"))) == 1
+    said = capsys.readouterr().err
+    assert all(f"{name}:" in said for name in broken)
+
+
+def test_two_trainings_of_one_seed_are_identical(tmp_path: Path) -> None:
+    folder = photo_folder(tmp_path / "photos", 3)
+    sizes = []
+    for name in ("one", "two"):
+        words = ("--data", "folder", "--data-dir", str(folder), "--model", "agribot-sim")
+        out = tmp_path / name
+        assert run(parsed(*words, "--steps", "2", "--size", "64x64", "--out", str(out))) == 0
+        sizes.append((out / "agribot-sim.onnx").read_bytes())
+    assert sizes[0] == sizes[1]

@@ -39,6 +39,7 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
     training_cpu_min: float
     test: dict[str, Scores]
     limits: str = SIM_LIMITS
+    chosen_blind: bool = True  # no setting, such as the input size, was chosen by the test sets
 
     def write(self, onnx_path: Path) -> None:
         """Put the card beside the weights, as JSON and as Markdown."""
@@ -47,6 +48,7 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
         onnx_path.with_suffix(".md").write_text(self.markdown(), encoding="utf-8")
 
     def markdown(self) -> str:
+        choosing = " or for choosing a setting" if self.chosen_blind else ""
         tables = "\n\n".join(_table(name, scores) for name, scores in self.test.items())
         return f"""# {self.name}
 
@@ -64,7 +66,7 @@ of any size
 - Speed: {self.cpu_ms_per_frame:.1f} ms CPU time per frame ({self.cpu_ms_conditions})
 
 Scores come from one confusion matrix over all pixels of a test set, at the resolution of the \
-labels. No test image was used for training or for choosing a setting.
+labels. No test image was used for training{choosing}.
 
 {tables}
 

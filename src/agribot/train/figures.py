@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from agribot.messages import ByteArray
+from agribot.messages import ByteArray, PlantClass
 from agribot.train.evaluate import CLASS_NAMES
 from agribot.train.judgement import Judgement, Thumbnail
 
@@ -18,11 +18,12 @@ OVERLAY_RGB = np.array([[230, 40, 40], [40, 200, 60], [0, 0, 0]], dtype=np.float
 
 
 def write_figures(judgement: Judgement, folder: Path) -> list[Path]:
-    """Confusion matrix, reliability, IoU image by image and the worst images."""
+    """Confusion matrix, reliability, curves by class, IoU by image, and the worst images."""
     folder.mkdir(parents=True, exist_ok=True)
     return [
         _confusion(judgement, folder / "confusion.png"),
         _reliability(judgement, folder / "reliability.png"),
+        _precision_recall(judgement, folder / "curves.png"),
         _by_image(judgement, folder / "images.png"),
         _worst(judgement.worst, folder / "worst.png"),
     ]
@@ -82,6 +83,24 @@ def _reliability(judgement: Judgement, path: Path) -> Path:
     return _saved(figure, path)
 
 
+def _precision_recall(judgement: Judgement, path: Path) -> Path:
+    figure, axes = _new(4.6, 4.0)
+    axis = axes[0, 0]
+    for kind, name, colour in zip(PlantClass, CLASS_NAMES, INK, strict=True):
+        precision, recall = judgement.precision_recall(kind)
+        axis.plot(recall, precision, color=colour, lw=1.6, label=name)
+        scores = judgement.scores
+        if scores.precision[name] is not None and scores.recall[name] is not None:
+            axis.plot(scores.recall[name], scores.precision[name], "o", color=colour, ms=5)
+    axis.set_xlim(0.0, 1.01)
+    axis.set_ylim(0.0, 1.01)
+    axis.set_xlabel("recall")
+    axis.set_ylabel("precision")
+    axis.set_title("Pixels by class; the dot is the class map")
+    axis.legend(frameon=False, loc="lower left")
+    return _saved(figure, path)
+
+
 def _by_image(judgement: Judgement, path: Path) -> Path:
     ordered = sorted(judgement.images, key=lambda score: score.miou)
     figure, axes = _new(max(5.0, 0.16 * len(ordered) + 2.0), 3.4)
@@ -127,24 +146,17 @@ def tinted(image_rgb: ByteArray, class_id: ByteArray, strength: float = 0.7) -> 
 
 
 def write_curves(log: Path, path: Path) -> Path:
-    """Loss, learning rate and, where they were measured, IoU by class over the steps."""
+    """The loss of every step of a training, and its moving mean."""
     with log.open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     steps = np.array([int(row["step"]) for row in rows])
     loss = np.array([float(row["loss"]) for row in rows])
-    judged = [row for row in rows if row.get("iou_crop")]
-    figure, axes = _new(6.0, 5.4 if judged else 3.2, 2 if judged else 1, 1)
+    figure, axes = _new(6.0, 3.2)
     axis = axes[0, 0]
     axis.plot(steps, loss, color="#cccccc", lw=0.6)
     window = max(1, len(loss) // 60)
     smooth = np.convolve(loss, np.ones(window) / window, mode="valid")
-    axis.plot(steps[window - 1 :], smooth, color=INK[2], lw=1.4, label="loss")
+    axis.plot(steps[window - 1 :], smooth, color=INK[2], lw=1.4)
     axis.set_ylabel("loss")
     axis.set_xlabel("step")
-    if judged:
-        for name, colour in zip(CLASS_NAMES, INK, strict=True):
-            values = [float(row[f"iou_{name}"]) for row in judged]
-            axes[1, 0].plot([int(row["step"]) for row in judged], values, "o-", ms=3, color=colour)
-            axes[1, 0].set_ylabel("IoU, held out")
-            axes[1, 0].set_xlabel("step")
     return _saved(figure, path)

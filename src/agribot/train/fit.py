@@ -46,6 +46,7 @@ class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
     model: str = "agribot-sim"
     class_weights: tuple[float, float, float] = CLASS_WEIGHTS
     overlap_loss: str = "dice"
+    data: str = ""  # which photographs: another fold must not go on in the same folder
 
     def rate_at(self, step: int) -> float:
         """Linear warm-up, then a cosine to 0.5 % of the top rate."""
@@ -163,7 +164,7 @@ class Trainer:
         state = load_checkpoint(self._folder)
         if state is None:
             return
-        if state["plan"] != msgspec.to_builtins(self.plan):
+        if msgspec.convert(state["plan"], TrainingPlan) != self.plan:
             raise AgribotError(
                 f"{self._folder} holds a training with other settings ({state['plan']}); give the "
                 "same settings to go on with it, or another --out folder to start anew"

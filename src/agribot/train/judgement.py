@@ -26,6 +26,8 @@ RELIABILITY_BINS = 15
 # Of a judged picture, kept small for the sheet of the worst ones.
 THUMB_WIDTH_PX = 432
 
+Curve = npt.NDArray[np.float64]
+
 
 class ImageScore(msgspec.Struct, frozen=True, kw_only=True):
     name: str
@@ -64,6 +66,8 @@ class Judgement:
         self.worst: list[Thumbnail] = []
         self._keep_worst = keep_worst
         self._by_confidence: npt.NDArray[np.int64] = np.zeros((256, 2), dtype=np.int64)
+        # For each class: pixels by its probability, of which another (0) or the class itself (1).
+        self._by_share: npt.NDArray[np.int64] = np.zeros((size, 256, 2), dtype=np.int64)
         self._recall = {name: np.zeros(3, dtype=np.int64) for name in ("weed", "crop")}
 
     def add(
@@ -78,6 +82,7 @@ class Judgement:
         right = (truth == guess.class_id)[counted]
         both = guess.confidence[counted].astype(np.int64) * 2 + right
         self._by_confidence += np.bincount(both, minlength=512).reshape(256, 2)
+        self._note_shares(truth[counted], guess.class_id[counted], guess.confidence[counted])
         for plant, found in plant_recall(truth, guess.class_id, LEAST_PLANT_PX).items():
             self._recall[plant] += (found.right, found.confused, found.missed)
         self._keep(score, image_rgb, truth, guess.class_id)
@@ -109,6 +114,20 @@ class Judgement:
             pixels=tuple(int(n) for n in pixels),
             calibration_error=float(np.abs(sure - hits).sum() / total),
         )
+
+    def _note_shares(self, truth: ByteArray, said: ByteArray, sure: ByteArray) -> None:
+        rest = (255 - sure) // (len(PlantClass) - 1)  # the losers share it in equal parts
+        for kind in PlantClass:
+            share = np.where(said == kind, sure, rest).astype(np.int64)
+            pairs = np.bincount(2 * share + (truth == kind), minlength=512)
+            self._by_share[kind] += pairs.reshape(256, 2)
+
+    def precision_recall(self, kind: PlantClass) -> tuple[Curve, Curve]:
+        """Precision and recall of a class as its least probability falls from 1 to 0."""
+        others, own = self._by_share[kind][::-1].T.cumsum(axis=1)
+        said = others + own
+        kept = said > 0
+        return own[kept] / said[kept], own[kept] / max(1, int(own[-1]))
 
     def _keep(
         self, score: ImageScore, image_rgb: ByteArray, truth: ByteArray, guess: ByteArray

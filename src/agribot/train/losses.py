@@ -88,28 +88,29 @@ def iou_loss(logits: Tensor, target: Tensor) -> Tensor:
     return 1.0 - ratio[present].mean()
 
 
-def no_overlap_loss(logits: Tensor, target: Tensor) -> Tensor:
-    return logits.new_zeros(())
-
-
 def segmentation_loss(
     logits: Tensor,
     target: Tensor,
     class_weights: tuple[float, float, float] = CLASS_WEIGHTS,
-    overlap: Callable[[Tensor, Tensor], Tensor] = dice_loss,
+    overlap: Callable[[Tensor, Tensor], Tensor] | None = dice_loss,
 ) -> Tensor:
-    """Weighted cross-entropy plus a loss of overlap, on logits of any resolution."""
+    """Weighted cross-entropy plus a loss of overlap, on logits of any resolution.
+
+    Without the latter it is the original's loss.
+    """
     if logits.shape[2:] != target.shape[1:]:
         size = tuple(target.shape[1:])
         logits = functional.interpolate(logits, size, mode="bilinear", align_corners=False)
+    if overlap is None:
+        return weighted_cross_entropy(logits, target, class_weights)
     weights = torch.tensor(class_weights)
     entropy = functional.cross_entropy(logits, target, weights, ignore_index=IGNORED)
     return entropy + overlap(logits, target)
 
 
-OVERLAP_LOSSES = {
+OVERLAP_LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor] | None] = {
     "dice": dice_loss,
     "lovasz": lovasz_softmax,
     "iou": iou_loss,
-    "none": no_overlap_loss,
+    "none": None,
 }

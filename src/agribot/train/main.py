@@ -23,9 +23,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--data-dir", type=Path, help="folder of photographs and masks")
     parser.add_argument("--model", help="network (default: agribot-sim for sim, else agribot-s)")
+    parser.add_argument(
+        "--loss",
+        choices=("lovasz", "dice", "iou", "none"),
+        default="lovasz",
+        help="photographs: added to the cross-entropy (none: the original's loss alone)",
+    )
     parser.add_argument("--folds", type=int, default=5, help="parts for cross-validation")
     parser.add_argument("--fold", type=int, help="part to hold out and judge on (default: none)")
     parser.add_argument("--size", default="512x384", help="input of the exported network, WxH px")
+    parser.add_argument(
+        "--train-width",
+        type=int,
+        default=512,
+        help="px over which a photograph is seen in training",
+    )
     parser.add_argument("--images", type=int, default=1500, help="sim: training images to draw")
     parser.add_argument("--test-images", type=int, default=120, help="sim: images per test set")
     budget = parser.add_mutually_exclusive_group()
@@ -50,7 +62,8 @@ def run(args: argparse.Namespace) -> int:
 
     from agribot.train.architectures import architecture
     from agribot.train.export import export_onnx
-    from agribot.train.fit import Trainer
+    from agribot.train.figures import write_curves
+    from agribot.train.fit import LOG, Trainer
 
     torch.set_num_threads(args.threads)
     source = _source(args)
@@ -62,12 +75,13 @@ def run(args: argparse.Namespace) -> int:
     export_onnx(network, onnx_path, height_px, width_px, source.antialias, features)
     card = _judge(args, trainer, onnx_path, source)
     card.write(onnx_path)
+    write_curves(args.out / LOG, args.out / "training.png")
     _progress(card.markdown())
     return 1 if source.problems else 0
 
 
 def _check(args: argparse.Namespace) -> None:
-    for option in ("images", "test_images", "threads"):
+    for option in ("images", "test_images", "threads", "train_width"):
         if getattr(args, option) < 1:
             flag = option.replace("_", "-")
             raise ConfigError(f"--{flag} is {getattr(args, option)}; it must be at least 1")
@@ -110,7 +124,13 @@ def _plan(args: argparse.Namespace, source: Any) -> Any:
     state = load_checkpoint(args.out)
     if state is not None and args.steps is None:
         plan = msgspec.convert(state["plan"], TrainingPlan)
-        return msgspec.structs.replace(plan, seed=args.seed, model=args.model)
+        return msgspec.structs.replace(
+            plan,
+            seed=args.seed,
+            model=args.model,
+            overlap_loss=source.recipe.overlap_loss,
+            data=source.recipe.data,
+        )
     plan = msgspec.structs.replace(
         source.recipe, steps=args.steps or 1000, seed=args.seed, model=args.model
     )
@@ -138,6 +158,7 @@ def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any)
         license=source.license,
         data=source.about,
         limits=source.limits,
+        chosen_blind=args.data == "sim",
         command=f"{source.command} --steps {trainer.plan.steps} --seed {args.seed} "
         f"--threads {args.threads} --name {args.name} --out OUT",
         plan=trainer.plan,

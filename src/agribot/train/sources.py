@@ -97,9 +97,14 @@ def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
     read = list(read_pairs(pairs, args.data, note))
     if not read:
         raise ConfigError(f"{args.data_dir}: no pair can be read; the first problem: {problems[0]}")
-    recipe = TrainingPlan(steps=1, class_weights=PHOTO_WEIGHTS, overlap_loss="lovasz")
-    scale = width_px / float(np.median([label.shape[1] for _, label in read]))
     fold = "" if args.fold is None else f" --folds {args.folds} --fold {args.fold}"
+    recipe = TrainingPlan(
+        steps=1,
+        class_weights=PHOTO_WEIGHTS,
+        overlap_loss=args.loss,
+        data=f"{args.data}{fold} --train-width {args.train_width}",
+    )
+    scale = args.train_width / float(np.median([label.shape[1] for _, label in read]))
     return Source(
         batches=PhotoBatches(read, scale, recipe.batch_size, recipe.crop_px),
         recipe=recipe,
@@ -114,7 +119,7 @@ def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
         limits="judged on pictures of the same camera and field as it was trained on; other crops, "
         "soils and cameras were not measured.",
         command=f"agribot train --data {args.data} --data-dir DIR --model {args.model} "
-        f"--size {args.size}{fold}",
+        f"--loss {args.loss} --train-width {args.train_width} --size {args.size}{fold}",
         problems=tuple(problems),
     )
 

@@ -1,0 +1,57 @@
+"""The weights trained on photographs: apart from the others, and as good as their card says."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from agribot.config import load
+from agribot.perceive.pictures import classify
+from agribot.perceive.segmenter import Segmenter, model_path
+from agribot.train.card import ModelCard
+from agribot.train.evaluate import evaluate
+from agribot.train.photographs import find_pairs, fold_of, read_pairs
+
+MODEL = "cwfid"
+DATA = Path(os.environ.get("AGRIBOT_DATA", "")) / "cwfid-train"
+
+
+@pytest.fixture(scope="module")
+def card() -> ModelCard:
+    return msgspec.json.decode(model_path(MODEL).with_suffix(".json").read_bytes(), type=ModelCard)
+
+
+def test_the_card_describes_the_file_and_its_condition(card: ModelCard) -> None:
+    data = model_path(MODEL).read_bytes()
+    assert card.sha256 == hashlib.sha256(data).hexdigest()
+    assert card.file_bytes == len(data) <= 8_000_000
+    assert "non-commercial" in card.license
+    text = model_path(MODEL).with_suffix(".md").read_text(encoding="utf-8")
+    assert text == card.markdown()
+    assert card.license in text
+    assert "or for choosing a setting" not in text
+
+
+@pytest.mark.parametrize("profile", ["farm", "beet"])
+def test_no_mission_uses_it_unless_it_is_told_to(profile: str) -> None:
+    assert load(profile).perception.model == "agribot-sim"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not DATA.is_dir(), reason="the photographs are not here")
+def test_pictures_that_were_held_out_score_what_the_card_says(card: ModelCard) -> None:
+    ((name, expected),) = card.test.items()
+    assert name == "fold 0 of 5"
+    segmenter = Segmenter(MODEL)
+    pairs = fold_of(find_pairs(DATA, "cwfid")[0], 5, 0)[1]
+    found = evaluate(
+        lambda image_rgb: classify(segmenter, image_rgb).class_id,
+        read_pairs(pairs, "cwfid", pytest.fail),
+    )
+    assert found.images == expected.images == 8
+    assert found.miou == pytest.approx(expected.miou, abs=0.002)
+    assert found.miou > 0.8
