@@ -256,7 +256,7 @@ def test_a_message_cut_short_and_one_that_is_no_number() -> None:
         theirs.sendall(struct.pack("<I", 48) + b"\0" * 20)
         theirs.close()
         with pytest.raises(ConnectionError, match="in the middle of a message"):
-            tcpros.receive_frame(ours, tcpros.MAX_TWIST_BYTES)
+            tcpros.receive_frame(ours, tcpros.MAX_MESSAGE_BYTES)
     requests.twist((math.inf, 0.0, 0.0, 0.0, 0.0, 0.0), "ROS 1")
     _, (hand,) = inbox.drain(1.0)
     assert math.isnan(hand.v_mps)

@@ -6,12 +6,12 @@ or a gateway stalls, the oldest records are lost, and the loop does not notice.
 
 from __future__ import annotations
 
-import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 from agribot import topics
+from agribot.bridge.send_queue import SendQueue
 from agribot.errors import BridgeError
 from agribot.geo import Datum
 from agribot.messages import MappedPlant, Path, TickRecord
@@ -25,7 +25,6 @@ from agribot.topic import Topic
 QUEUE_TICKS = 50  # one second
 _SLOW_PERIOD_S = 1.0  # of the weed map
 _TRUTH_PERIOD_S = 0.1
-_LAST_WORDS_S = 2.0  # to send what is queued when the run ends
 
 MapPoint = tuple[float, float]
 
@@ -87,16 +86,16 @@ class Outlet:
         self._gateways, self._sources = tuple(gateways), sources
         self._feed = TopicFeed(self._send, robot, datum, urdf, camera)
         self._clock = cdr.ClockCdr()
-        self._queue: deque[_Item] = deque(maxlen=QUEUE_TICKS)
         self._weeds: deque[tuple[float, Sequence[MappedPlant]]] = deque(maxlen=1)
         self._plans: deque[tuple[float, Path]] = deque(maxlen=1)
         self._plan: Path | None = None
         self._next_weeds_s = self._next_truth_s = 0.0
-        self._wake, self._closing = threading.Event(), threading.Event()
-        self.dropped = 0
         self.fault = ""
-        self._thread = threading.Thread(target=self._work, name="bridge", daemon=True)
-        self._thread.start()
+        self._queue = SendQueue(self._step, QUEUE_TICKS)
+
+    @property
+    def dropped(self) -> int:
+        return self._queue.dropped
 
     def __call__(self, record: TickRecord) -> None:
         t_s = record.batch.t_s
@@ -111,26 +110,13 @@ class Outlet:
         if self._sources.truth is not None and t_s >= self._next_truth_s:
             self._next_truth_s = t_s + _TRUTH_PERIOD_S
             truth = self._sources.truth()
-        self.dropped += len(self._queue) == QUEUE_TICKS
-        self._queue.append(_Item(record, truth))
-        self._wake.set()
+        self._queue.put(_Item(record, truth))
 
     def close(self) -> None:
         """Send what is queued, within a moment, and close the gateways. Safe to call twice."""
-        if self._closing.is_set():
-            return
-        self._closing.set()
-        self._wake.set()
-        self._thread.join(_LAST_WORDS_S)
-        for gateway in self._gateways:
-            gateway.close()
-
-    def _work(self) -> None:
-        while not (self._closing.is_set() and not self._queue):
-            self._wake.wait()
-            self._wake.clear()
-            while self._queue:
-                self._step(self._queue.popleft())
+        if self._queue.close():
+            for gateway in self._gateways:
+                gateway.close()
 
     def _step(self, item: _Item) -> None:
         t_s = item.record.batch.t_s

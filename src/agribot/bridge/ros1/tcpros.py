@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from agribot.errors import BridgeError
 
 MAX_HEADER_BYTES = 1_000_000
-MAX_TWIST_BYTES = 1_000_000  # no message that we hear is anywhere near
+MAX_MESSAGE_BYTES = 1_000_000  # no message that we hear is anywhere near
 _LENGTH = struct.Struct("<I")
 
 

@@ -7,8 +7,6 @@ the node joins it.
 
 from __future__ import annotations
 
-import itertools
-import json
 import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -16,23 +14,21 @@ from typing import TYPE_CHECKING, Any
 from agribot import topics
 from agribot.bridge.requests import PAUSE_SERVICE, SERVICES, Requests, read_twist_cdr
 from agribot.bridge.ros2 import wire
+from agribot.bridge.ros2.node import ROUTER, Ros2Node
 from agribot.bridge.ros2.services import service_types
 from agribot.errors import BridgeError
-from agribot.ros.rosmsg import typestore
 from agribot.topic import Qos, Topic
 
 if TYPE_CHECKING:
     import zenoh
 
-ROUTER = "tcp/127.0.0.1:7447"
 NODE = "agribot"
 _SERVICE_QOS = Qos()
 _COMMAND_QOS = Qos()
-_HEARTBEAT_S = 0.5  # of latched topics, as rmw_zenoh does
 
 
 class Ros2Gateway:
-    """Publishes `out`; hears cmd_vel (with `requests.allow_drive`) and the services.
+    """Publishes `out`; hears cmd_vel (with `requests.allow_drive`) and, if it `serves`, services.
 
     Raises: BridgeError: zenoh is not installed, or neither role of the endpoint can be had.
     """
@@ -45,21 +41,19 @@ class Ros2Gateway:
         domain: int = 0,
         router: str = ROUTER,
         listen: bool = True,
+        serves: bool = True,
     ) -> None:
-        self._requests, self._domain = requests, domain
-        self._session, self.role = _open(router, listen=listen)
-        zid = str(self._session.info.zid())
-        self._node = wire.NodeName(domain=domain, zid=zid, name=NODE)
-        self._ids = itertools.count(1)
-        self._kept: list[Any] = []  # what is dropped is undeclared
-        self._token(self._node.token())
-        self._writers = {topic.name: self._writer(topic) for topic in out}
+        self._requests = requests
+        self._node = Ros2Node(NODE, domain, router, listen=listen)
+        self.role = self._node.role
+        self._writers = {topic.name: self._node.writer(topic) for topic in out}
         self._watch_publishers()
         if requests.allow_drive:
             self._hear_twists()
-        for name, action in SERVICES:
+        for name, action in SERVICES if serves else ():
             self._serve(name, "std_srvs/srv/Trigger", self._trigger(action))
-        self._serve(PAUSE_SERVICE, "std_srvs/srv/SetBool", self._pause)
+        if serves:
+            self._serve(PAUSE_SERVICE, "std_srvs/srv/SetBool", self._pause)
 
     def publish(self, topic: Topic, data: bytes, _t_ns: int) -> None:
         writer = self._writers.get(topic.name)
@@ -67,38 +61,18 @@ class Ros2Gateway:
             writer(data)
 
     def close(self) -> None:
-        if not self._session.is_closed():
-            self._session.close()  # type: ignore[no-untyped-call]
-
-    def _token(self, token: str) -> None:
-        self._kept.append(self._session.liveliness().declare_token(token))
-
-    def _writer(self, topic: Topic) -> _Writer:
-        type_hash = typestore().hash_rihs01(topic.ros_type)
-        key = wire.topic_key(self._domain, topic.name, topic.ros_type, type_hash)
-        token = self._node.endpoint_token(
-            next(self._ids), "MP", topic.name, topic.ros_type, type_hash, topic.qos
-        )
-        writer = _Writer(_declare(self._session, key, topic.qos), wire.gid_of(token))
-        self._token(token)
-        return writer
+        self._node.close()
 
     def _hear_twists(self) -> None:
         topic = topics.CMD_VEL
-        type_hash = typestore().hash_rihs01(topic.ros_type)
-        key = wire.topic_key(self._domain, topic.name, topic.ros_type, type_hash)
 
-        def heard(sample: zenoh.Sample) -> None:
+        def heard(data: bytes) -> None:
             try:
-                self._requests.twist(read_twist_cdr(sample.payload.to_bytes()), "ROS 2")
+                self._requests.twist(read_twist_cdr(data), "ROS 2")
             except BridgeError as error:
                 self._requests.refuse(f"ROS 2: {topic.name}: {error}")
 
-        self._kept.append(self._session.declare_subscriber(key, heard))
-        token = self._node.endpoint_token(
-            next(self._ids), "MS", topic.name, topic.ros_type, type_hash, _COMMAND_QOS
-        )
-        self._token(token)
+        self._node.hear(topic, heard, _COMMAND_QOS)
 
     def _watch_publishers(self) -> None:
         """A twist of another type goes to another key and is never heard: say so."""
@@ -124,14 +98,14 @@ class Ros2Gateway:
                     "start with --allow-drive to take it"
                 )
 
-        key = f"{wire.ADMIN_SPACE}/{self._domain}/**"
-        watch = self._session.liveliness().declare_subscriber(key, appeared, history=True)
-        self._kept.append(watch)
+        key = f"{wire.ADMIN_SPACE}/{self._node.domain}/**"
+        watch = self._node.session.liveliness().declare_subscriber(key, appeared, history=True)
+        self._node.keep(watch)
 
     def _serve(self, name: str, ros_type: str, answer: Callable[[bytes], tuple[bool, str]]) -> None:
         types = service_types()
         type_hash = types.hash_rihs01(ros_type)
-        key = wire.topic_key(self._domain, name, ros_type, type_hash)
+        key = wire.topic_key(self._node.domain, name, ros_type, type_hash)
         response_type = f"{ros_type}_Response"
 
         def asked(query: zenoh.Query) -> None:
@@ -147,11 +121,8 @@ class Ros2Gateway:
                 mark = wire.pack_attachment(request.sequence, time.time_ns(), request.gid)
                 query.reply(query.key_expr, reply, attachment=mark)
 
-        self._kept.append(self._session.declare_queryable(key, asked, complete=True))
-        token = self._node.endpoint_token(
-            next(self._ids), "SS", name, ros_type, type_hash, _SERVICE_QOS
-        )
-        self._token(token)
+        self._node.keep(self._node.session.declare_queryable(key, asked, complete=True))
+        self._node.announce("SS", name, ros_type, type_hash, _SERVICE_QOS)
 
     def _trigger(self, action: Any) -> Callable[[bytes], tuple[bool, str]]:
         return lambda _request: self._requests.act(action, "ROS 2")
@@ -160,79 +131,3 @@ class Ros2Gateway:
         if len(request) < 5:
             return False, f"{len(request)} bytes are no SetBool request"
         return self._requests.act("pause" if request[4] else "resume", "ROS 2")
-
-
-class _Writer:
-    """Numbers and stamps what goes out on one topic."""
-
-    def __init__(self, publisher: Any, gid: bytes) -> None:
-        self._publisher, self._gid = publisher, gid
-        self._sequence = itertools.count(1)
-
-    def __call__(self, data: bytes) -> None:
-        import zenoh
-
-        mark = wire.pack_attachment(next(self._sequence), time.time_ns(), self._gid)
-        try:
-            self._publisher.put(data, attachment=mark)
-        except zenoh.ZError as error:
-            raise BridgeError(f"ROS 2: cannot send: {error}") from error
-
-
-def _declare(session: zenoh.Session, key: str, qos: Qos) -> Any:
-    import zenoh
-    from zenoh import ext
-
-    reliability = zenoh.Reliability.RELIABLE if qos.reliable else zenoh.Reliability.BEST_EFFORT
-    drop = zenoh.CongestionControl.DROP
-    if not qos.latched:
-        return session.declare_publisher(key, congestion_control=drop, reliability=reliability)
-    return ext.declare_advanced_publisher(
-        session,
-        key,
-        congestion_control=drop,
-        reliability=reliability,
-        publisher_detection=True,
-        cache=ext.CacheConfig(max_samples=qos.depth),
-        sample_miss_detection=ext.MissDetectionConfig(
-            heartbeat=None, sporadic_heartbeat=_HEARTBEAT_S
-        ),
-    )
-
-
-def _open(router: str, *, listen: bool) -> tuple[zenoh.Session, str]:
-    """A session as router on the endpoint, or as a peer of the router that is there already."""
-    try:
-        import zenoh
-    except ImportError as error:
-        raise BridgeError(
-            "the ROS 2 bridge needs eclipse-zenoh and xxhash: pip install 'agribot[ros]'"
-        ) from error
-    zenoh.init_log_from_env_or("error")
-    roles = {"router": [router]} if listen else {}
-    for role, endpoints in {**roles, "peer": ["tcp/127.0.0.1:0"]}.items():
-        connect = [] if role == "router" else [router]
-        try:
-            return zenoh.open(_settings(role, endpoints, connect)), role
-        except zenoh.ZError as error:
-            last = error
-    raise BridgeError(
-        f"ROS 2: cannot listen on or connect to {router}: {last}; is the endpoint right?"
-    )
-
-
-def _settings(mode: str, listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
-    import zenoh
-
-    config = zenoh.Config()
-    settings: dict[str, object] = {
-        "mode": mode,
-        "listen/endpoints": list(listen),
-        "connect/endpoints": list(connect),
-        "scouting/multicast/enabled": False,  # nothing leaves this machine by itself
-        "scouting/gossip/enabled": True,
-        "timestamping/enabled": True,  # latched topics are ordered by it
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
