@@ -46,6 +46,7 @@ LAYERS = {
         "report_card",
         "rerun",
         "workers",
+        "nodes",
     ),
     4: ("cli", "commands", "ui", "train", "dataset", "sweep", "bench"),
 }

@@ -61,6 +61,11 @@ COMMANDS = {
         "run the robot and let Foxglove watch it",
         "agribot foxglove farm",
     ),
+    "node": (
+        "agribot.commands.node",
+        "one stage alone over topics: gps-converter, data-manipulation, autonomous-drive ...",
+        "agribot node gps-converter --ros1",
+    ),
     "describe": (
         "agribot.commands.describe",
         "check, convert and show the robot description",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from agribot import topics
@@ -22,18 +22,20 @@ BRIDGES = ("ros2", "ros1", "foxglove")
 _CAMERA_TOPICS = (topics.IMAGE, topics.IMAGE_RAW, topics.CAMERA_INFO, topics.OVERLAY)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: argparse.ArgumentParser, *, has_mind: bool = True) -> None:
+    """`has_mind` is False where nothing but a peer would drive, so that none needs leave to."""
     group = parser.add_argument_group("bridges (off unless asked for, on this machine only)")
     group.add_argument("--ros2", action="store_true", help="be a ROS 2 node (rmw_zenoh)")
     group.add_argument("--ros1", action="store_true", help="be a ROS 1 node (needs a roscore)")
-    group.add_argument(
-        "--ros-master", metavar="URI", help="default: ROS_MASTER_URI or http://127.0.0.1:11311"
-    )
+    add_ros1_arguments(group)
     group.add_argument("--foxglove", action="store_true", help="serve Foxglove; it only watches")
     group.add_argument("--foxglove-port", type=int, default=8765, metavar="P")
-    group.add_argument(
-        "--allow-drive", action="store_true", help="take cmd_vel, resume and clear_stop from peers"
-    )
+    if has_mind:
+        group.add_argument(
+            "--allow-drive",
+            action="store_true",
+            help="take cmd_vel, resume and clear_stop from peers",
+        )
     group.add_argument(
         "--image-rate",
         type=float,
@@ -42,6 +44,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"of camera images to peers (default: {DEFAULT_IMAGE_RATE_HZ:g}; 0 is none)",
     )
     group.add_argument("--raw-images", action="store_true", help="uncompressed images as well")
+    add_ros2_arguments(group)
+
+
+def add_ros1_arguments(group: argparse._ActionsContainer) -> None:
+    group.add_argument(
+        "--ros-master", metavar="URI", help="default: ROS_MASTER_URI or http://127.0.0.1:11311"
+    )
+
+
+def add_ros2_arguments(group: argparse._ActionsContainer) -> None:
     group.add_argument("--ros-domain", type=int, metavar="N", help="default: ROS_DOMAIN_ID or 0")
     group.add_argument(
         "--ros-router", metavar="LOCATOR", help="zenoh router (default: tcp/127.0.0.1:7447)"
@@ -61,14 +73,12 @@ def bridges(options: argparse.Namespace, session: Session) -> Iterator[None]:
     if not wanted(options):
         yield
         return
-    if not 0.0 <= options.image_rate <= 100.0:
-        raise ConfigError(f"--image-rate {options.image_rate:g}: must be within 0 to 100 Hz")
-    requests = Requests(session.platform.inbox, allow_drive=options.allow_drive, say=_say)
-    gateways: list[Gateway] = []
+    requests = Requests(session.platform.inbox, allow_drive=options.allow_drive, say=say)
+    out = out_topics(
+        options, has_camera=session.robot.camera is not None, allow_drive=options.allow_drive
+    )
+    gateways = open_gateways(options, out, urdf_text(session.config.robot), requests)
     try:
-        for name in BRIDGES:
-            if getattr(options, name):
-                gateways.append(_OPENERS[name](options, session, requests))
         outlet = _outlet(options, session, gateways)
     except BaseException:
         for gateway in gateways:
@@ -79,10 +89,35 @@ def bridges(options: argparse.Namespace, session: Session) -> Iterator[None]:
         yield
     finally:
         outlet.close()
-        if outlet.dropped:
-            _say(f"{outlet.dropped} ticks did not go out: the bridges could not keep up")
-        if outlet.fault:
-            _say(outlet.fault)
+        tell_losses(outlet.dropped, outlet.fault)
+
+
+def open_gateways(
+    options: argparse.Namespace,
+    out: Sequence[Topic],
+    urdf: str,
+    requests: Requests,
+    *,
+    serves: bool = True,
+) -> list[Gateway]:
+    """All that the options name, or none of them."""
+    gateways: list[Gateway] = []
+    try:
+        for name in BRIDGES:
+            if getattr(options, name):
+                gateways.append(_OPENERS[name](options, out, urdf, requests, serves))
+    except BaseException:
+        for gateway in gateways:
+            gateway.close()
+        raise
+    return gateways
+
+
+def tell_losses(dropped: int, fault: str) -> None:
+    if dropped:
+        say(f"{dropped} ticks did not go out: the bridges could not keep up")
+    if fault:
+        say(fault)
 
 
 def _outlet(options: argparse.Namespace, session: Session, gateways: list[Gateway]) -> Outlet:
@@ -104,35 +139,41 @@ def _outlet(options: argparse.Namespace, session: Session, gateways: list[Gatewa
     )
 
 
-def _out_topics(options: argparse.Namespace, session: Session) -> list[Topic]:
-    """What this run publishes; with --allow-drive, cmd_vel is what peers publish."""
+def out_topics(options: argparse.Namespace, *, has_camera: bool, allow_drive: bool) -> list[Topic]:
+    """What this run publishes; where peers may drive, cmd_vel is theirs.
+
+    Raises: ConfigError: an option is out of range.
+    """
+    if not 0.0 <= options.image_rate <= 100.0:
+        raise ConfigError(f"--image-rate {options.image_rate:g}: must be within 0 to 100 Hz")
     left_out = set()
-    if session.robot.camera is None or not options.image_rate:
+    if not (has_camera and options.image_rate):
         left_out |= {topic.name for topic in _CAMERA_TOPICS}
     if not options.raw_images:
         left_out.add(topics.IMAGE_RAW.name)
-    if options.allow_drive:
+    if allow_drive:
         left_out.add(topics.CMD_VEL.name)
     return [t for t in topics.TOPICS if t.ros_type and t.name not in left_out]
 
 
-def _ros2(options: argparse.Namespace, session: Session, requests: Requests) -> Gateway:
-    from agribot.bridge.ros2.gateway import ROUTER, Ros2Gateway
+def _ros2(
+    options: argparse.Namespace, out: Sequence[Topic], _urdf: str, requests: Requests, serves: bool
+) -> Gateway:
+    from agribot.bridge.ros2.gateway import Ros2Gateway
+    from agribot.bridge.ros2.node import ROUTER
 
-    gateway = Ros2Gateway(
-        requests,
-        _out_topics(options, session),
-        domain=_domain(options.ros_domain),
-        router=options.ros_router or ROUTER,
-    )
-    _say(
-        f"ROS 2: node /agribot as zenoh {gateway.role} at {options.ros_router or ROUTER}; "
+    router = options.ros_router or ROUTER
+    domain = domain_from(options)
+    gateway = Ros2Gateway(requests, out, domain=domain, router=router, serves=serves)
+    say(
+        f"ROS 2: node /agribot as zenoh {gateway.role} at {router}; "
         "peers set RMW_IMPLEMENTATION=rmw_zenoh_cpp"
     )
     return gateway
 
 
-def _domain(asked: int | None) -> int:
+def domain_from(options: argparse.Namespace) -> int:
+    asked: int | None = options.ros_domain
     if asked is None:
         text = os.environ.get("ROS_DOMAIN_ID", "") or "0"
         try:
@@ -144,26 +185,35 @@ def _domain(asked: int | None) -> int:
     return asked
 
 
-def _ros1(options: argparse.Namespace, session: Session, requests: Requests) -> Gateway:
-    from agribot.bridge.ros1.gateway import MASTER, Ros1Gateway
+def master_from(options: argparse.Namespace) -> str:
+    from agribot.bridge.ros1.gateway import MASTER
 
-    master = options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER
-    urdf = urdf_text(session.config.robot)
-    gateway = Ros1Gateway(requests, _out_topics(options, session), urdf, master)
-    _say(f"ROS 1: node /agribot at the master {master}")
+    return options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER
+
+
+def _ros1(
+    options: argparse.Namespace, out: Sequence[Topic], urdf: str, requests: Requests, _serves: bool
+) -> Gateway:
+    from agribot.bridge.ros1.gateway import Ros1Gateway
+
+    master = master_from(options)
+    gateway = Ros1Gateway(requests, out, urdf, master)
+    say(f"ROS 1: node /agribot at the master {master}")
     return gateway
 
 
-def _foxglove(options: argparse.Namespace, session: Session, _requests: Requests) -> Gateway:
+def _foxglove(
+    options: argparse.Namespace, out: Sequence[Topic], _urdf: str, _requests: Requests, _: bool
+) -> Gateway:
     from agribot.bridge.foxglove_server import FoxgloveGateway
 
-    gateway = FoxgloveGateway(_out_topics(options, session), options.foxglove_port)
-    _say(f"Foxglove: open ws://127.0.0.1:{gateway.port}; it watches and cannot move the robot")
+    gateway = FoxgloveGateway(list(out), options.foxglove_port)
+    say(f"Foxglove: open ws://127.0.0.1:{gateway.port}; it watches and cannot move the robot")
     return gateway
 
 
 _OPENERS = {"ros2": _ros2, "ros1": _ros1, "foxglove": _foxglove}
 
 
-def _say(text: str) -> None:
+def say(text: str) -> None:
     sys.stderr.write(f"bridge: {text}\n")

@@ -13,9 +13,10 @@ from pathlib import Path
 import msgspec
 
 from agribot import config as settings
-from agribot.commands import drive_source
+from agribot.commands import bridging, drive_source
 from agribot.commands.pacing import pace_from, wait_until
 from agribot.commands.stopping import stop_on_signal
+from agribot.commands.world_bridging import WorldTap, twist_of, world_bridges
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.worlds_sdf import load_world
 from agribot.errors import PlatformError
@@ -85,6 +86,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<UTC time>-sim")
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
+    bridging.add_arguments(parser, has_mind=False)
 
 
 class _World:
@@ -101,6 +103,7 @@ class _World:
         )
         self.platform = SimPlatform(self.config, self.robot, self.world)
         self.recorder = self._recorder(options.out) if self.config.record.enabled else None
+        self.taps: list[WorldTap] = [] if self.recorder is None else [self.recorder]
         self.clock = Clock()
         self.samples: Counter[str] = Counter()
         self.distance_m = 0.0
@@ -110,7 +113,7 @@ class _World:
     def tick(self, source: drive_source.DriveSource) -> SensorBatch:
         """Raises: PlatformError: the robot overturned or the physics diverged."""
         batch = self.platform.read()
-        command = source.at(batch.t_s)
+        command = twist_of(batch.hand) or source.at(batch.t_s)
         if command is not None:
             self.platform.write(RobotCommand(t_s=batch.t_s, drive=command))
         before, self.truth = self.truth, self.platform.truth()
@@ -120,9 +123,9 @@ class _World:
         )
         for field in batch.__struct_fields__[1:]:
             self.samples[field] += len(getattr(batch, field))
-        if self.recorder is not None:
-            pose = (truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
-            self.recorder(batch, command, pose, (truth.v_mps, truth.yaw_rate_radps))
+        pose = (truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
+        for tap in self.taps:
+            tap(batch, command, pose, (truth.v_mps, truth.yaw_rate_radps))
         return batch
 
     def close(self) -> None:
@@ -165,8 +168,11 @@ def run(options: argparse.Namespace) -> int:
     odd = (*world.robot.warnings, *world.world.warnings)
     sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
     sys.stderr.write(f"ready in {world.ready_s:.1f} s: {world.robot.name} in {world.world.name}\n")
+    is_free = isinstance(source, drive_source.Silence)
     try:
-        fault, stopped = _run(world, source, pace)
+        with world_bridges(options, world.platform, world.robot, world.config, is_free) as taps:
+            world.taps.extend(taps)
+            fault, stopped = _run(world, source, pace)
     finally:
         world.close()
     report = world.report(fault)

@@ -7,11 +7,14 @@ import struct
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from agribot import topics
 from agribot.bridge.requests import Twist
+from agribot.errors import BridgeError
+from agribot.ros.rosmsg import MAP_FRAME, header, make, to_cdr
 from agribot.ros.rosmsg import typestore as ros2_types
 from agribot.topic import Topic
 
@@ -76,6 +79,48 @@ def _converter(from_type: str, to_type: str) -> Convert:
     if from_type == topics.WEEDS.ros_type:  # Marker has grown since ROS 1
         return lambda data: _ros1_bytes(_markers(_decoded(data, from_type)), to_type)
     return lambda data: bytes(ros2_types().cdr_to_ros1(data, from_type))
+
+
+class Inlet(NamedTuple):
+    """The ROS 1 topic that stands for a topic of the table when a node listens."""
+
+    name: str
+    ros_type: str
+    convert: Convert  # to CDR; raises BridgeError
+
+
+def inlet(topic: Topic) -> Inlet:
+    """The original's name and type where there is one."""
+    name, ros_type = topic.name, topic.ros_type
+    if topic.seed_alias:
+        name, ros_type = topic.seed_alias, topic.seed_ros_type or ros_type
+    change = _BACK.get((ros_type, topic.ros_type))
+    if change is None and ros_type != topic.ros_type:
+        raise BridgeError(f"nothing turns {ros_type} into {topic.ros_type}")
+
+    def convert(data: bytes) -> bytes:
+        try:
+            cdr = bytes(ros2_types().ros1_to_cdr(data, ros_type))
+            return cdr if change is None else to_cdr(change(_decoded(cdr, ros_type)))
+        except Exception as error:  # rosbags raises what its generated code happens to raise
+            raise BridgeError(f"{len(data)} bytes are no {ros1_name(ros_type)}") from error
+
+    return Inlet(name, ros_type, convert)
+
+
+def _field_of_vector(message: Any) -> Any:
+    """The original's magnetometer had no tesla, but the same direction."""
+    return make(topics.MAGNETIC.ros_type, message.header, message.vector, np.zeros(9))
+
+
+def _stamped(message: Any) -> Any:
+    return make(topics.POSE.ros_type, header(0.0, MAP_FRAME), message)
+
+
+_BACK: dict[tuple[str, str], Callable[[Any], Any]] = {
+    (topics.MAGNETIC.seed_ros_type, topics.MAGNETIC.ros_type): _field_of_vector,
+    (topics.POSE.seed_ros_type, topics.POSE.ros_type): _stamped,
+}
 
 
 def _decoded(data: bytes, ros_type: str) -> Any:

@@ -1,0 +1,60 @@
+"""Every topic of a world without a robot's mind: sensors, frame tree and the truth."""
+
+from __future__ import annotations
+
+from agribot import topics
+from agribot.messages import DriveCommand, SensorBatch
+from agribot.robot import RobotSpec
+from agribot.ros import cdr, rosmsg
+from agribot.ros.camera_log import CameraLog
+from agribot.ros.rosmsg import BODY_FRAME, MAP_FRAME, ODOM_FRAME, quaternion_from_yaw
+from agribot.ros.sensor_topics import SLOW_NS, SensorTopics, Write
+from agribot.ros.transforms import static_transforms
+
+_NOWHERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+class WorldFeed:
+    """Call it once per tick; all messages go to `write`, in a fixed order.
+
+    The frame tree follows the truth, odom lying on map: nobody estimates anything here.
+    """
+
+    def __init__(self, write: Write, robot: RobotSpec, urdf: str, camera: CameraLog) -> None:
+        self._write, self._robot, self._urdf = write, robot, urdf
+        self._sensors = SensorTopics(write, robot, camera)
+        self._truth, self._twist = cdr.OdometryCdr(), cdr.TwistCdr()
+        self._tf = cdr.TransformsCdr(((MAP_FRAME, ODOM_FRAME), (ODOM_FRAME, BODY_FRAME)))
+        self._next_slow_ns = 0
+        self._started = False
+
+    def __call__(
+        self,
+        batch: SensorBatch,
+        command: DriveCommand | None,
+        pose: tuple[float, float, float],
+        twist: tuple[float, float],
+    ) -> None:
+        """`pose` is the true x_map_m, y_map_m, yaw_map_rad, `twist` the forward and yaw rate."""
+        now_ns = rosmsg.nanoseconds(batch.t_s)
+        if not self._started:
+            self._start(now_ns)
+        self._sensors(now_ns, batch)
+        if command is not None:
+            data = self._twist(command.v_mps, command.yaw_rate_radps)
+            self._write(topics.CMD_VEL, now_ns, data, now_ns)
+        truth = self._truth.pack(now_ns, pose, (0.0,) * 9, twist)
+        self._write(topics.GROUND_TRUTH, now_ns, truth, now_ns)
+        x_m, y_m, yaw_rad = pose
+        body = (x_m, y_m, 0.0, *quaternion_from_yaw(yaw_rad))
+        self._write(topics.TF, now_ns, self._tf(now_ns, (_NOWHERE, body)), now_ns)
+        if now_ns >= self._next_slow_ns and batch.wheels:
+            self._next_slow_ns = now_ns + SLOW_NS
+            self._sensors.wheel_transforms(now_ns, batch.wheels[-1])
+
+    def _start(self, now_ns: int) -> None:
+        self._started = True
+        urdf = rosmsg.to_cdr(rosmsg.text(self._urdf))
+        self._write(topics.ROBOT_DESCRIPTION, now_ns, urdf, now_ns)
+        fixed = rosmsg.to_cdr(static_transforms(self._robot))
+        self._write(topics.TF_STATIC, now_ns, fixed, now_ns)
