@@ -74,8 +74,8 @@ class Requests:
     def _is_too_fast(self, *, moves: bool) -> bool:
         with self._lock:
             now_s = self._now_s()
-            if moves and now_s < self._next_twist_s:
-                return True
+            if moves and 0.0 < self._next_twist_s - now_s <= MIN_INTERVAL_S:
+                return True  # a larger lead is a clock that was set back
             self._next_twist_s = now_s + MIN_INTERVAL_S
             return False
 
