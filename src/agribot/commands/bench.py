@@ -7,15 +7,35 @@ import importlib
 
 # name -> (module with add_arguments and run, one line of help, an example)
 BENCHMARKS = {
+    "sim": (
+        "agribot.commands.bench_sim",
+        "CPU cost of physics, sensors, camera, network and the whole robot",
+        "agribot bench sim --only physics_rtf,network_ms",
+    ),
     "nav": (
         "agribot.commands.bench_nav",
         "drive ROWS-10x12 on hundreds of seeds: missions, cross-track error, crushed plants",
         "agribot bench nav --sensors m8n --seeds 1-100 --json",
     ),
+    "perception": (
+        "agribot.commands.bench_perception",
+        "time every network end to end, the original's beside them",
+        "agribot bench perception --size 800x608 --json",
+    ),
+    "closed-loop": (
+        "agribot.commands.bench_closed_loop",
+        "drive fields and judge what the network sees, by crop, growth and light",
+        "agribot bench closed-loop --fields beet,farm --lights noon",
+    ),
     "ui": (
         "agribot.commands.bench_ui",
         "serve the page to 0, 1 and 16 clients: server CPU and memory, rates, missed ticks",
         "agribot bench ui --seconds 20 --json",
+    ),
+    "all": (
+        "agribot.commands.bench_all",
+        "every benchmark in its short form",
+        "agribot bench all --json",
     ),
 }
 

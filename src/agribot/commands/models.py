@@ -45,7 +45,11 @@ def _one(args: argparse.Namespace) -> int:
 def line(name: str, card: dict[str, Any]) -> str:
     if not card:
         return f"{name}: no card"
-    tests = ", ".join(f"{test} {s['miou']:.3f}" for test, s in card.get("test", {}).items())
+    held_out = card.get("held_out") or {}
+    scored = held_out.get("test") or card.get("test", {})
+    tests = ", ".join(f"{test} {s['miou']:.3f}" for test, s in scored.items())
+    if held_out:
+        tests += f" (of the same recipe on {held_out['train_images']} images)"
     mark = " (default)" if name == DEFAULT else ""
     return (
         f"{name}{mark}: {card['license']}; {card['input_width_px']}x{card['input_height_px']}, "

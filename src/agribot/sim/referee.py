@@ -8,6 +8,7 @@ from typing import Protocol
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from agribot.geo import wrap_rad
@@ -116,6 +117,11 @@ class Referee:
         predicted = _nearest(class_id, truth.shape)
         pairs = truth.astype(np.int64) * 3 + predicted
         self._confusion += np.bincount(pairs.ravel(), minlength=9).reshape(3, 3)
+
+    @property
+    def confusion(self) -> npt.NDArray[np.int64]:
+        """Pixels of all judged masks, (3, 3): rows the true class, columns the network's."""
+        return self._confusion.copy()
 
     @property
     def has_rows(self) -> bool:

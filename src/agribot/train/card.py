@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from agribot.errors import ConfigError
 from agribot.messages import PlantClass
 from agribot.perceive.segmenter import Segmenter
 from agribot.train.evaluate import CLASS_NAMES, Scores
@@ -20,6 +21,17 @@ LICENSE = "Apache-2.0"
 SIM_LIMITS = (
     "trained on simulated images only. How it does on photographs of a field was not measured."
 )
+
+
+class HeldOut(msgspec.Struct, frozen=True, kw_only=True):
+    """What a training of the same recipe scored on images that were kept from it."""
+
+    command: str
+    steps: int
+    train_images: int
+    input_height_px: int
+    input_width_px: int
+    test: dict[str, Scores]
 
 
 class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
@@ -40,6 +52,7 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
     test: dict[str, Scores]
     limits: str = SIM_LIMITS
     chosen_blind: bool = True  # no setting, such as the input size, was chosen by the test sets
+    held_out: HeldOut | None = None  # where nothing is left to judge these very weights on
 
     def write(self, onnx_path: Path) -> None:
         """Put the card beside the weights, as JSON and as Markdown."""
@@ -48,8 +61,8 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
         onnx_path.with_suffix(".md").write_text(self.markdown(), encoding="utf-8")
 
     def markdown(self) -> str:
-        choosing = " or for choosing a setting" if self.chosen_blind else ""
-        tables = "\n\n".join(_table(name, scores) for name, scores in self.test.items())
+        test = self.test if self.held_out is None else self.held_out.test
+        tables = "\n\n".join(_table(name, scores) for name, scores in test.items())
         return f"""# {self.name}
 
 Crop/weed segmentation: every pixel of a camera image is weed ({int(PlantClass.WEED)}), \
@@ -65,13 +78,31 @@ crop ({int(PlantClass.CROP)}) or soil ({int(PlantClass.SOIL)}).
 of any size
 - Speed: {self.cpu_ms_per_frame:.1f} ms CPU time per frame ({self.cpu_ms_conditions})
 
-Scores come from one confusion matrix over all pixels of a test set, at the resolution of the \
-labels. No test image was used for training{choosing}.
+{self._origin()}
 
 {tables}
 
 Limits: {self.limits}
 """
+
+    def _origin(self) -> str:
+        """Where the scores come from."""
+        pooled = (
+            "from one confusion matrix over all pixels of a test set, at the resolution of the "
+            "labels"
+        )
+        choosing = " or for choosing a setting" if self.chosen_blind else ""
+        other = self.held_out
+        if other is None:
+            untouched = f"No test image was used for training{choosing}."
+            return f"Scores come {pooled}. {untouched}" if self.test else "No scores were measured."
+        return (
+            f"These weights were trained on all {self.train_images} images: none is left to judge "
+            "them on, and how good they are on other images was not measured. The scores are those "
+            f"of another training by the same recipe, on {other.train_images} of the images for "
+            f"{other.steps} steps, judged at {other.input_width_px} x {other.input_height_px} on "
+            f"images that it never saw; they come {pooled}. That training: `{other.command}`"
+        )
 
 
 def _table(name: str, scores: Scores) -> str:
@@ -109,3 +140,31 @@ def speed_conditions(threads: int) -> str:
 
 def sha256(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def read_held_out(path: Path, plan: TrainingPlan) -> HeldOut:
+    """The scores of the card of a training by the same recipe, with images held out.
+
+    Raises: ConfigError: no card, no held-out images, or another recipe.
+    """
+    try:
+        card = msgspec.json.decode(path.read_bytes(), type=ModelCard)
+    except (OSError, msgspec.DecodeError) as error:
+        raise ConfigError(
+            f"--scores-from {path}: not the .json of a model card: {error}"
+        ) from error
+    if not card.test:
+        raise ConfigError(f"--scores-from {path}: that training held no images out; use --fold")
+    same = msgspec.structs.replace(card.plan, steps=plan.steps, data=plan.data)
+    if same != plan or card.plan.data.split()[:1] != plan.data.split()[:1]:
+        raise ConfigError(
+            f"--scores-from {path}: another recipe ({card.plan}); only steps and fold may differ"
+        )
+    return HeldOut(
+        command=card.command,
+        steps=card.plan.steps,
+        train_images=card.train_images,
+        input_height_px=card.input_height_px,
+        input_width_px=card.input_width_px,
+        test=card.test,
+    )

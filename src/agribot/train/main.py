@@ -46,6 +46,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1, help="CPU threads; part of the result")
     parser.add_argument("--name", help="name of the weights (default: that of the network)")
+    parser.add_argument(
+        "--scores-from",
+        type=Path,
+        metavar="CARD.json",
+        help="without --fold: card of the same recipe with a fold held out, to state its scores",
+    )
     parser.add_argument("--cache", type=Path, help="sim: folder of drawn images (OUT/images)")
     parser.add_argument(
         "--out", type=Path, required=True, help="folder for checkpoint, log, weights and card"
@@ -61,19 +67,22 @@ def run(args: argparse.Namespace) -> int:
     import torch
 
     from agribot.train.architectures import architecture
+    from agribot.train.card import read_held_out
     from agribot.train.export import export_onnx
     from agribot.train.figures import write_curves
     from agribot.train.fit import LOG, Trainer
 
     torch.set_num_threads(args.threads)
     source = _source(args)
-    trainer = Trainer(_plan(args, source), source.batches, args.out)
+    plan = _plan(args, source)
+    held_out = read_held_out(args.scores_from, plan) if args.scores_from else None
+    trainer = Trainer(plan, source.batches, args.out)
     network = trainer.run(_progress)
     onnx_path = args.out / f"{args.name}.onnx"
     height_px, width_px = source.input_size_px
     features = architecture(args.model).features
     export_onnx(network, onnx_path, height_px, width_px, source.antialias, features)
-    card = _judge(args, trainer, onnx_path, source)
+    card = msgspec.structs.replace(_judge(args, trainer, onnx_path, source), held_out=held_out)
     card.write(onnx_path)
     write_curves(args.out / LOG, args.out / "training.png")
     _progress(card.markdown())
@@ -98,6 +107,8 @@ def _check(args: argparse.Namespace) -> None:
                 else "needs --data-dir"
             )
         )
+    if args.scores_from and (args.data == "sim" or args.fold is not None):
+        raise ConfigError("--scores-from is for photographs without --fold: this training has none")
     args.model = args.model or ("agribot-sim" if args.data == "sim" else "agribot-s")
     args.name = args.name or args.model
 
@@ -160,7 +171,9 @@ def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any)
         limits=source.limits,
         chosen_blind=args.data == "sim",
         command=f"{source.command} --steps {trainer.plan.steps} --seed {args.seed} "
-        f"--threads {args.threads} --name {args.name} --out OUT",
+        f"--threads {args.threads} --name {args.name} "
+        + ("--scores-from CARD.json " if args.scores_from else "")
+        + "--out OUT",
         plan=trainer.plan,
         train_images=source.train_images,
         parameters=parameter_count(trainer.network),

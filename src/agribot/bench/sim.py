@@ -1,23 +1,22 @@
 """How fast the simulator, the network and the whole robot run here, in CPU time.
 
-    python benchmarks/speed.py            # a table
-    python benchmarks/speed.py --json     # the same numbers for machines
-
 Each figure is the median of several repeats of process CPU time (all threads), because wall time
 says more about what else the machine is doing.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
+import math
+import os
+import platform
 import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,11 +27,28 @@ from agribot.geo import transform
 from agribot.messages import DriveCommand, RobotCommand
 from agribot.perceive.segmenter import Segmenter
 from agribot.session import Session
-from agribot.sim.camera import CameraRenderer
 from agribot.sim.physics import Physics
 from agribot.sim.platform import SimPlatform
 
 REPEATS = 5
+MISSION_S = 40.0
+
+
+class Figure(NamedTuple):
+    title: str
+    measure: Callable[[], float | None]
+
+
+def run(
+    names: Sequence[str] = (), tell: Callable[[str], None] = lambda line: None
+) -> dict[str, Any]:
+    """Measure the named figures, or all, one after the other; `tell` gets a line of each."""
+    measured: dict[str, float | None] = {}
+    for name in names or FIGURES:
+        figure = FIGURES[name]
+        value = measured[name] = figure.measure()
+        tell(f"{figure.title:64} " + ("       -" if value is None else f"{value:8.1f}"))
+    return {"cpus": os.cpu_count(), "machine": platform.machine(), **measured}
 
 
 def cpu_s(work: Callable[[], object]) -> float:
@@ -54,22 +70,24 @@ def physics_rtf() -> float:
 
 def sensors_rtf() -> float:
     settings = config.load("farm", ["perception.enabled=false"])
-    platform = SimPlatform(settings, load_robot(), load_world("Farm"))
+    robot_platform = SimPlatform(settings, load_robot(), load_world("Farm"))
 
     def one_second() -> None:
         for _ in range(50):
-            platform.read()
+            robot_platform.read()
             command = DriveCommand(v_mps=0.2, yaw_rate_radps=0.3)
-            platform.write(RobotCommand(t_s=0.0, drive=command))
+            robot_platform.write(RobotCommand(t_s=0.0, drive=command))
 
     return 1.0 / cpu_s(one_second)
 
 
 def render_ms() -> float:
+    from agribot.sim.camera import CameraRenderer
+
     robot, renderer = load_robot(), CameraRenderer(load_world("Farm"))
-    assert robot.camera is not None
     camera = robot.camera
-    pose = transform((1.0, 5.0, 0.0), (0.0, 0.0, np.pi / 2)) @ robot.body_from_camera()
+    assert camera is not None  # of our own robot
+    pose = transform((1.0, 5.0, 0.0), (0.0, 0.0, math.pi / 2)) @ robot.body_from_camera()
     return 1e3 * cpu_s(lambda: renderer.render(pose, camera, noise_seed=0))
 
 
@@ -79,10 +97,10 @@ def network_ms() -> float:
     return 1e3 * cpu_s(lambda: segmenter.segment(image))
 
 
-def mission_rtf(*settings: str, seconds: float = 40.0) -> float | None:
+def mission_rtf(*settings: str) -> float | None:
     """Simulated seconds per CPU second of the whole robot, start-up not counted."""
     with TemporaryDirectory() as folder:
-        chosen = config.load("farm", ["seed=1", f"duration_s={seconds}", *settings])
+        chosen = config.load("farm", ["seed=1", f"duration_s={MISSION_S}", *settings])
         with Session(chosen, Path(folder)) as session:
             for _ in session.ticks():
                 pass
@@ -103,39 +121,21 @@ def import_ms() -> float:
     return 1e3 * (least("import agribot, agribot.messages, agribot.config") - least("pass"))
 
 
-FIGURES: dict[str, tuple[str, Callable[[], float | None]]] = {
-    "import of agribot and its messages (ms)": ("import_ms", import_ms),
-    "physics alone, 2 ms steps (x real time)": ("physics_rtf", physics_rtf),
-    "physics and all sensors but the camera (x real time)": ("sensors_rtf", sensors_rtf),
-    "one 640x480 frame with labels (CPU ms)": ("render_ms", render_ms),
-    "network on one frame (CPU ms)": ("network_ms", network_ms),
-    "whole robot, no camera, no recording (x real time)": (
-        "mission_rtf",
-        lambda: mission_rtf("perception.enabled=false", "record.enabled=false"),
+NO_CAMERA, NO_RECORDING = "perception.enabled=false", "record.enabled=false"
+FIGURES = {
+    "import_ms": Figure("import of agribot and its messages (ms)", import_ms),
+    "physics_rtf": Figure("physics alone, 2 ms steps (x real time)", physics_rtf),
+    "sensors_rtf": Figure("physics and all sensors but the camera (x real time)", sensors_rtf),
+    "render_ms": Figure("one 640x480 frame with labels (CPU ms)", render_ms),
+    "network_ms": Figure("network on one frame (CPU ms)", network_ms),
+    "mission_rtf": Figure(
+        "whole robot, no camera, no recording (x real time)",
+        lambda: mission_rtf(NO_CAMERA, NO_RECORDING),
     ),
-    "whole robot, no camera, recording (x real time)": (
-        "mission_recorded_rtf",
-        lambda: mission_rtf("perception.enabled=false"),
+    "mission_recorded_rtf": Figure(
+        "whole robot, no camera, recording (x real time)", lambda: mission_rtf(NO_CAMERA)
     ),
-    "whole robot, 10 Hz camera and network, recording (x real time)": (
-        "mission_camera_rtf",
-        mission_rtf,
+    "mission_camera_rtf": Figure(
+        "whole robot, 10 Hz camera and network, recording (x real time)", mission_rtf
     ),
 }
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true")
-    as_json = parser.parse_args().json
-    measured: dict[str, float | None] = {}
-    for title, (key, measure) in FIGURES.items():
-        measured[key] = measure()
-        if not as_json:
-            sys.stdout.write(f"{title:64} {measured[key]:8.1f}\n")
-    if as_json:
-        sys.stdout.write(json.dumps(measured) + "\n")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,69 @@
+"""`agribot bench closed-loop`: what the network sees while the robot drives, judged by truth."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+from agribot.bench import closed_loop
+from agribot.errors import ConfigError
+from agribot.sweep.plan import read_seeds
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--fields",
+        default=",".join(closed_loop.FIELDS),
+        metavar="NAME,NAME",
+        help="default: all, %(default)s",
+    )
+    parser.add_argument(
+        "--lights",
+        default=",".join(closed_loop.LIGHTS),
+        metavar="NAME,NAME",
+        help="default: all, %(default)s",
+    )
+    parser.add_argument(
+        "--heights",
+        default=",".join(f"{ratio:g}" for ratio in closed_loop.HEIGHT_RATIOS),
+        metavar="R,R",
+        help="growth, times the middle height of the crop (default: %(default)s)",
+    )
+    parser.add_argument("--seeds", default="1", metavar="LIST", help="such as 1-4")
+    parser.add_argument("--seconds", type=float, default=25.0, metavar="S", help="of each drive")
+    parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
+    parser.add_argument("--json", action="store_true", help="print the result as the last line")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Status 1 where the beet field was driven and the network fell short of what it must hold."""
+    fields = _known(options.fields, closed_loop.FIELDS, "fields")
+    lights = _known(options.lights, tuple(closed_loop.LIGHTS), "lights")
+    try:
+        ratios = [float(word) for word in options.heights.split(",")]
+    except ValueError as error:
+        raise ConfigError(f"--heights {options.heights}: write numbers, as in 0.5,1") from error
+    if not all(0.2 <= ratio <= 3.0 for ratio in ratios):
+        raise ConfigError(f"--heights {options.heights}: each must be from 0.2 to 3")
+    if not 1.0 <= options.seconds <= 3600.0:
+        raise ConfigError(f"--seconds {options.seconds:g}: must be from 1 to 3600")
+    wanted = closed_loop.conditions(fields, lights, ratios, read_seeds(options.seeds))
+    result = closed_loop.run(wanted, options.seconds, options.model, _say)
+    _say("\n" + closed_loop.table(result))
+    if options.json:
+        sys.stdout.write(json.dumps(result) + "\n")
+    return 0 if closed_loop.holds(result) else 1
+
+
+def _known(text: str, known: tuple[str, ...], option: str) -> list[str]:
+    words = list(dict.fromkeys(word.strip() for word in text.split(",")))
+    for word in words:
+        if word not in known:
+            raise ConfigError(f"--{option} {word}: there are {', '.join(known)}")
+    return words
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()

@@ -1,0 +1,14 @@
+from __future__ import annotations
+
+from agribot.bench.sim import FIGURES, run
+
+
+def test_only_the_wanted_figures_are_measured_and_each_is_told() -> None:
+    lines: list[str] = []
+    result = run(["network_ms", "physics_rtf"], lines.append)
+    assert result["network_ms"] > 0.0
+    assert result["physics_rtf"] > 1.0  # real time at least, or no robot could be simulated
+    assert "mission_rtf" not in result
+    assert [line.startswith(FIGURES[name].title) for name, line in zip(
+        ("network_ms", "physics_rtf"), lines, strict=True
+    )] == [True, True]  # fmt: skip
