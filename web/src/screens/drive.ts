@@ -117,5 +117,5 @@ function absolute(value: number | null | undefined): number | null {
 
 function nozzleText(nozzles: boolean[] | undefined): string {
   if (!nozzles?.length) return NONE
-  return nozzles.map((open) => (open ? '●' : '○')).join(' ')
+  return nozzles.map((open) => (open ? '●' : '○')).join('')
 }
