@@ -106,7 +106,7 @@ class SafetyConfig(Config, frozen=True):
     max_yaw_rate_radps: Positive = 1.2
     max_tilt_rad: Positive = 0.6
     geofence_margin_m: Positive = 5.0
-    hand_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.3  # of a request to drive
+    hand_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.2  # of a request to drive
     # Whoever had the seat of the page is gone, or its server is: the mission goes on or pauses.
     on_operator_lost: Literal["continue", "pause"] = "continue"
     sensor_timeout_s: Positive = 0.3  # wheels or IMU silent for longer stop the robot

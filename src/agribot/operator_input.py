@@ -16,9 +16,12 @@ T = TypeVar("T")
 
 # A note changes nothing: it is what a person or a page wants to have in the recording.
 # "set" changes one of LIVE_SETTINGS, named in `text`, to `value`.
+# "pose_estimate" tells a standing robot in `numbers` where it is: x and y (m, map), yaw (rad),
+# and 1 sigma of the place (m) and of the yaw (rad).
 OperatorAction = Literal[
-    "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home", "note", "set"
-]
+    "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home", "note", "set",
+    "pose_estimate",
+]  # fmt: skip
 LIVE_SETTINGS = ("mission.speed_mps", "treatment.enabled")
 
 INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but never a stop
@@ -30,6 +33,7 @@ class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
     source: str = "operator"
     text: str = ""
     value: float = 0.0
+    numbers: tuple[float, ...] = ()
 
 
 class HandDrive(msgspec.Struct, frozen=True, kw_only=True):

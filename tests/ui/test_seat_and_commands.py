@@ -34,6 +34,7 @@ def test_taking_over_on_purpose_stops_what_the_other_drove(robot: Robot, page: P
     robot.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.2)
     with Page(robot.port, tab="two") as other:
         assert other.ask(k="take", id=1, force=True)["ok"]
+        robot.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.0)
         assert robot.of_kind("drive")[-1]["v"] == 0.0
         assert page.receive("seat")["seat"] in {"you", "other"}
         page.send(k="drive", seq=2, v=0.2, w=0.0)
@@ -133,3 +134,17 @@ def test_the_seat_is_free_after_silence_and_its_owner_gets_it_back_before() -> N
     assert seat.seen_by("b", 100.0) == "free"
     assert seat.take("b", "Bob", 100.0) == ""
     assert seat.seen_by("a", 100.0) == "other"
+
+
+def test_a_pose_by_hand_needs_the_seat_and_a_robot_at_rest(robot: Robot, page: Page) -> None:
+    pose = {"k": "pose_estimate", "x": 1.0, "y": 2.0, "yaw": 0.5}
+    assert "seat" in page.ask(id=1, **pose)["reason"]
+    page.take_seat()
+    robot.say({"k": "s", "n": 1, "t": 1.0, "mode": "mission", "vel": [0.4, 0.0]})
+    page.receive("s")
+    assert "drives" in page.ask(id=2, **pose)["reason"]
+    robot.say({"k": "s", "n": 2, "t": 2.0, "mode": "paused", "vel": [0.0, 0.0]})
+    page.receive("s")
+    assert page.ask(id=3, **pose)["ok"]
+    order = robot.wait_for(lambda o: o.get("action") == "pose_estimate")
+    assert order["numbers"] == [1.0, 2.0, 0.5, 0.3, 0.1]

@@ -37,6 +37,7 @@ BLIND_YAW_RAD_PER_SQRT_S = 0.05
 # Dead reckoning also counts as lost when it has lost half as much again as was known.
 LOST_RATIO = 1.5
 SUSPICIOUS_REJECTIONS = 5
+STANDING_MPS = 0.02
 
 
 class Localizer:
@@ -85,6 +86,9 @@ class Localizer:
         for heading in batch.headings:
             if self._compass.is_ready:
                 self._heading.update(heading)
+        for event in batch.events:
+            if event.action == "pose_estimate":
+                self._believe(event.numbers)
         return self._estimate(batch.t_s)
 
     def see(self, scene: Scene) -> None:
@@ -96,6 +100,17 @@ class Localizer:
         """Correct the pose by the line of the row under the robot; the next estimate shows it."""
         if self._gnss.is_ready:
             self._row_lines.see(line)
+
+    def _believe(self, pose: tuple[float, ...]) -> None:
+        """A person says where the robot stands; measurements correct that from now on."""
+        is_moving = abs(self._motion.wheel_mps) > STANDING_MPS
+        if is_moving or not (self._gnss.is_ready and self._compass.is_ready) or not is_pose(pose):
+            self.rejected["pose by hand"] += 1
+            return
+        x_m, y_m, yaw_rad, std_m, std_rad = pose
+        self._ekf.reset(X, x_m, std_m**2)
+        self._ekf.reset(Y, y_m, std_m**2)
+        self._ekf.reset(YAW, wrap_rad(yaw_rad), std_rad**2)
 
     def _advance(self, step: Step) -> None:
         """Predict through one step, in pieces if it is long, and let the slow errors age."""
@@ -214,6 +229,11 @@ class Localizer:
             f"GNSS contradicts the odometry: {count} fixes rejected in a row; after "
             f"{self._config.recover_after} GNSS is believed"
         )
+
+
+def is_pose(numbers: tuple[float, ...]) -> bool:
+    """x, y, yaw and two sigmas above zero, as a person states them."""
+    return len(numbers) == 5 and math.isfinite(sum(numbers)) and min(numbers[3:]) > 0.0
 
 
 def first_std(config: EstimateConfig) -> tuple[float, ...]:

@@ -141,6 +141,8 @@ def read_events(path: Path) -> tuple[Event, ...]:
 def _what(press: OperatorEvent) -> str:
     if press.action == "set":
         return f"sets {press.text} = {press.value:g}"
+    if press.numbers:
+        return f"{press.action} {', '.join(f'{number:.3f}' for number in press.numbers)}"
     return press.text if press.action == "note" else press.action
 
 

@@ -16,12 +16,12 @@ MAX_NAME = 40
 MAX_TEXT = 500
 SCALES = (0.2, 0.5, 0.8, 1.0)
 FIRST_SCALE = 0.5
+POSE_STD_M, POSE_STD_RAD = 0.3, 0.1  # of a place and a direction shown with a finger on a map
+STANDING_MPS = 0.02
 MISSION_ACTIONS = {"start": "resume"}  # a mission starts by itself; after a pause it resumes
 KNOWN_ACTIONS = get_args(OperatorAction)
 NOT_YET = {
     "goto": "the robot drives rows and the waypoints of its mission, not yet to a place on demand",
-    "pose_estimate": "the robot's position cannot be set by hand while it runs; put it on its "
-    "start mark (field.start_map_m) instead",
 }
 
 
@@ -129,7 +129,7 @@ class Commands:
     def _on_mission(self, message: dict[str, Any]) -> None:
         wanted = str(message.get("action"))
         action = MISSION_ACTIONS.get(wanted, wanted)
-        if action not in KNOWN_ACTIONS or action in {"note", "set"}:
+        if action not in KNOWN_ACTIONS or action in {"note", "set", "pose_estimate"}:
             self._ack(message, f"this version of the mission knows no '{wanted[:40]}'")
             return
         self._operate(message, action)
@@ -147,11 +147,30 @@ class Commands:
         self._hub.note(self._page.name, f"point: East {x_m:.3f} m, North {y_m:.3f} m")
         self._ack(message, "")
 
+    def _on_pose_estimate(self, message: dict[str, Any]) -> None:
+        """Where the robot stands, as RViz's 2D Pose Estimate; only a robot at rest believes it."""
+        pose = message.get("x"), message.get("y"), message.get("yaw")
+        stds = message.get("std_m", POSE_STD_M), message.get("std_rad", POSE_STD_RAD)
+        numbers = tuple(float(value) for value in (*pose, *stds) if _is_number(value))
+        if len(numbers) != len(pose) + len(stds) or min(numbers[3:]) <= 0.0:
+            raise Refused("a pose needs finite numbers x, y (m, map), yaw (rad) and sigmas above 0")
+        reason = self._no_seat()
+        if not reason and not self._is_at_rest():
+            reason = "the robot drives; pause its mission first"
+        if not reason:
+            self._hub.event("pose_estimate", self._page.name, numbers=numbers)
+        self._ack(message, reason)
+
     def _operate(self, message: dict[str, Any], action: str) -> None:
         reason = self._no_seat()
         if not reason:
             self._hub.event(action, self._page.name)
         self._ack(message, reason)
+
+    def _is_at_rest(self) -> bool:
+        text = self._hub.live.state_text
+        speed_mps = msgspec.json.decode(text)["vel"][0] if text else None
+        return speed_mps is not None and abs(speed_mps) <= STANDING_MPS
 
     def _drive(self, v_mps: float, yaw_rate_radps: float) -> None:
         self._is_driving = bool(v_mps or yaw_rate_radps)

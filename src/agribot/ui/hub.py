@@ -138,9 +138,16 @@ class Hub:
         if waiting is not None and not waiting.done():
             waiting.set_result(reply)
 
-    def event(self, action: str, source: str, text: str = "", value: float = 0.0) -> None:
+    def event(
+        self,
+        action: str,
+        source: str,
+        text: str = "",
+        value: float = 0.0,
+        numbers: tuple[float, ...] = (),
+    ) -> None:
         order = {"action": action, "source": source, "text": text, "value": value}
-        self.order({"c": "event", **order})
+        self.order({"c": "event", **order, "numbers": numbers})
 
     def note(self, source: str, text: str) -> None:
         """Who did what, into the recording; a flood of them is cut."""

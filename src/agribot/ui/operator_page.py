@@ -118,7 +118,7 @@ class OperatorPage:
         if kind == "drive":
             self._hand(float(order["v"]), float(order["w"]), str(order["by"]))
         elif kind == "event":
-            said = {name: order[name] for name in ("action", "source", "text", "value")}
+            said = {name: order[name] for name in ("action", "source", "text", "value", "numbers")}
             event = msgspec.convert({"t_s": 0.0, **said}, OperatorEvent)
             self._inbox.post(event)
         elif kind == "watch":

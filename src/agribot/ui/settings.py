@@ -16,8 +16,8 @@ _UNITS = (
     ("_rad", "rad"), ("_m2", "m²"), ("_px", "px"), ("_nm", "Nm"), ("_m", "m"), ("_s", "s"),
     ("_ratio", ""),
 )  # fmt: skip
-LIVE = "counts at once, for this run"
-NOT_LIVE = "taken when the run starts; give it to the next run with --set"
+LIVE = "Counts at once, for this run."
+NOT_LIVE = "Taken when the run starts; give it to the next run with --set."
 
 
 def described(config: RunConfig) -> list[dict[str, Any]]:

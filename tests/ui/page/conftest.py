@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 from tests.ui.page.fake_server import PAGE, FakeServer, serving
 
@@ -16,6 +16,18 @@ GL_ARGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshad
 PATIENCE_S = 20.0
 POLL_S = 0.05
 WITHOUT_GL = "off=map,scene"
+SCREENS = [
+    "drive",
+    "teleop",
+    "camera",
+    "weeds",
+    "plan",
+    "plots",
+    "robot",
+    "recordings",
+    "settings",
+    "health",
+]
 
 
 @pytest.fixture(scope="package")
@@ -64,21 +76,35 @@ def open_page(context: BrowserContext, server: FakeServer) -> OpenPage:
     return go
 
 
-def until(page: Page, expression: str) -> Any:
+def until(page: Page, expression: str, patience_s: float = PATIENCE_S) -> Any:
     """The first true value of an expression; polled from here, for the page forbids eval."""
-    return wait_for(lambda: page.evaluate(expression), expression)
+    return wait_for(lambda: page.evaluate(expression), expression, patience_s)
 
 
-def wait_for(ask: Callable[[], Any], what: str) -> Any:
-    deadline_s = time.monotonic() + PATIENCE_S
+def wait_for(ask: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
+    deadline_s = time.monotonic() + patience_s
     while time.monotonic() < deadline_s:
         value = ask()
         if value:
             return value
         time.sleep(POLL_S)
-    raise AssertionError(f"in {PATIENCE_S:.0f} s there was never: {what}")
+    raise AssertionError(f"in {patience_s:.0f} s there was never: {what}")
 
 
 def show(page: Page, screen: str) -> None:
     page.evaluate(f"location.hash = '#/{screen}'")
     until(page, f"window.__agribot.screen === '{screen}'")
+
+
+def take_control(page: Page) -> None:
+    page.get_by_role("button", name="Take control").first.click()
+    expect(page.locator(".operator")).to_contain_text("You")
+
+
+def drag_pad(page: Page) -> None:
+    box = page.locator(".pad").bounding_box()
+    assert box
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 60)

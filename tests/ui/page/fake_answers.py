@@ -4,17 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-
-def _setting(key: str, value: Any, kind: str, about: str, **more: Any) -> dict[str, Any]:
-    base = {
-        "key": key,
-        "value": value,
-        "default": value,
-        "type": kind,
-        "about": about,
-        "live": True,
-    }
-    return {**base, "min": None, "max": None, "choices": None, "unit": "", **more}
+from agribot import config
+from agribot.ui.settings import described
 
 
 def _check(name: str, state: str, value: Any, text: str, advice: str = "") -> dict[str, Any]:
@@ -109,49 +100,7 @@ FIXED: dict[str, Any] = {
             },
         ],
     },
-    "settings": {
-        "groups": [
-            {
-                "name": "Following",
-                "keys": [
-                    _setting(
-                        "follower.speed_mps",
-                        0.8,
-                        "number",
-                        "Speed along a row.",
-                        min=0.1,
-                        max=1.5,
-                        unit="m/s",
-                    ),
-                    _setting(
-                        "follower.lookahead_m",
-                        1.2,
-                        "number",
-                        "How far ahead the robot aims.",
-                        min=0.3,
-                        max=4,
-                        unit="m",
-                    ),
-                ],
-            },
-            {
-                "name": "Weeding",
-                "keys": [
-                    _setting("weeding.enabled", True, "boolean", "Open the nozzles over weeds."),
-                    _setting(
-                        "weeding.pattern",
-                        "spot",
-                        "choice",
-                        "How a weed is treated.",
-                        choices=["spot", "band"],
-                    ),
-                    _setting(
-                        "run.name", "farm", "string", "Fixed when the run starts.", live=False
-                    ),
-                ],
-            },
-        ]
-    },
+    "settings": {"groups": described(config.load("farm"))},
     "health": {
         "checks": [
             _check("GNSS", "ok", "RTK fixed, 1.4 cm", "Fresh and accurate."),

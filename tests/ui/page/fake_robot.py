@@ -16,6 +16,13 @@ ROW_LENGTH_M = 24.0
 ROW_SPACING_M = 1.5
 SPEED_MPS = 0.8
 Message = dict[str, Any]
+MISSION_STATES = {
+    "mission": "running",
+    "paused": "paused",
+    "stopped": "paused",
+    "teleop": "paused",
+    "waiting": "waiting",
+}
 
 
 def field() -> Message:
@@ -155,7 +162,7 @@ class FakeRobot:
             "joints": [self.s_m / 0.15] * 4,
             "gnss": {"lat": DATUM["lat_deg"], "lon": DATUM["lon_deg"], "q": 4, "std": 0.014},
             "mission": {
-                "state": "following",
+                "state": MISSION_STATES[self.mode],
                 "reason": "",
                 "row": row,
                 "rows_total": ROWS,

@@ -5,21 +5,17 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.ui.page.conftest import OpenPage, show, until, wait_for
+from tests.ui.page.conftest import (
+    SCREENS,
+    OpenPage,
+    drag_pad,
+    show,
+    take_control,
+    until,
+    wait_for,
+)
 from tests.ui.page.fake_server import FakeServer
 
-SCREENS = [
-    "drive",
-    "teleop",
-    "camera",
-    "weeds",
-    "plan",
-    "plots",
-    "robot",
-    "recordings",
-    "settings",
-    "health",
-]
 SIZES = [(320, 568), (390, 844), (820, 1180), (1024, 600), (1920, 1080)]
 STOP_FREE = """() => {
   const box = document.getElementById('stop').getBoundingClientRect()
@@ -34,11 +30,6 @@ STOP_FREE = """() => {
 
 def commands(server: FakeServer, kind: str) -> list[dict[str, object]]:
     return [message for message in server.robot.commands if message["k"] == kind]
-
-
-def take_control(page: Page) -> None:
-    page.get_by_role("button", name="Take control").first.click()
-    expect(page.locator(".operator")).to_contain_text("You")
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
@@ -111,15 +102,6 @@ def test_the_pad_commands_nothing_before_it_is_armed(
     sent = server.robot.n
     wait_for(lambda: server.robot.n > sent + 6, "six more ticks")
     assert commands(server, "drive") == []
-
-
-def drag_pad(page: Page) -> None:
-    box = page.locator(".pad").bounding_box()
-    assert box
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x, y - 60)
 
 
 def armed(open_page: OpenPage, server: FakeServer) -> Page:

@@ -8,13 +8,12 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.ui.page.conftest import OpenPage, show, until, wait_for
+from tests.ui.page.conftest import SCREENS, OpenPage, show, take_control, until, wait_for
 from tests.ui.page.fake_server import FakeServer
-from tests.ui.page.test_safety import SCREENS, commands, take_control
+from tests.ui.page.test_safety import commands
 
 AXE = Path(__file__).parents[3] / "web" / "node_modules" / "axe-core" / "axe.min.js"
 SERIOUS = {"serious", "critical"}
-OWN_ADDRESSES = ("data:", "blob:")
 
 
 def violations(page: Page, enhanced: bool) -> list[str]:
@@ -38,20 +37,6 @@ def test_no_screen_has_a_serious_finding_of_axe(open_page: OpenPage, theme: str)
         until(page, "document.querySelector('.screen').childElementCount > 0")
         found += [f"{screen}: {each}" for each in violations(page, enhanced=theme == "sun")]
     assert found == []
-
-
-def test_no_request_leaves_the_robot(open_page: OpenPage, server: FakeServer) -> None:
-    page = open_page(query="")
-    asked: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.reload()
-    until(page, "window.__agribot?.ready")
-    for screen in SCREENS:
-        show(page, screen)
-    until(page, "window.__agribot.map?.loaded()")
-    foreign = [url for url in asked if not url.startswith((server.address, *OWN_ADDRESSES))]
-    assert asked
-    assert foreign == []
 
 
 def test_the_map_draws_the_field_the_weeds_and_the_track(
@@ -115,7 +100,7 @@ def test_a_changed_setting_reaches_the_robot(open_page: OpenPage, server: FakeSe
     speed.fill("0.6")
     speed.press("Enter")
     wait_for(lambda: "settings" in server.written, "a changed setting")
-    assert server.written["settings"] == {"follower.speed_mps": 0.6}
+    assert server.written["settings"] == {"mission.speed_mps": 0.6}
 
 
 def test_a_recording_is_replayed_and_a_moment_marked(

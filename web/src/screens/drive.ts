@@ -92,7 +92,7 @@ class Facts {
   private rowText(): string {
     const mission = this.app.store.state?.mission
     if (!mission?.rows_total) return NONE
-    const here = mission.row === null ? NONE : String(mission.row + 1)
+    const here = mission.row === null || mission.row < 0 ? NONE : String(mission.row + 1)
     return `${here} of ${mission.rows_total} (${mission.rows_done.length} done)`
   }
 
@@ -117,5 +117,5 @@ function absolute(value: number | null | undefined): number | null {
 
 function nozzleText(nozzles: boolean[] | undefined): string {
   if (!nozzles?.length) return NONE
-  return nozzles.map((open) => (open ? '●' : '○')).join(' ')
+  return nozzles.map((open) => (open ? '●' : '○')).join('')
 }

@@ -11,6 +11,7 @@ import type { Limits } from '../teleop/machine.ts'
 import { SCALES, TeleopMachine } from '../teleop/machine.ts'
 
 const SEND_EVERY_MS = 50
+const HUNG_MS = 1000
 
 export const teleop: Screen = {
   id: 'teleop', title: 'Teleop', icon: 'teleop',
@@ -32,7 +33,11 @@ export const teleop: Screen = {
       machine.releaseAll()
       send(app, machine)
     }), arm.done]
+    let lastMs = performance.now()
     const sender = setInterval(() => {
+      const nowMs = performance.now()
+      if (nowMs - lastMs > HUNG_MS) machine.releaseAll() // the robot stood meanwhile and shall not set off by itself
+      lastMs = nowMs
       setText(gamepad, gamepadText(readGamepad(machine)))
       arm.update()
       send(app, machine)

@@ -1,0 +1,52 @@
+"""A robot in the simulator with its page, as a user starts it: a process of its own."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+
+END_TIMEOUT_S = 30.0
+
+
+class Robot(msgspec.Struct, kw_only=True):
+    process: subprocess.Popen[str]
+    address: str
+    out_dir: Path
+
+    def end(self) -> int:
+        """Interrupt it as Ctrl-C does; its exit status."""
+        self.process.send_signal(signal.SIGINT)
+        self.process.communicate(timeout=END_TIMEOUT_S)
+        return self.process.returncode
+
+
+@contextmanager
+def robot_with_page(what: str, out_dir: Path, words: Sequence[str] = ()) -> Iterator[Robot]:
+    """`what` is a profile, or a recording to be shown."""
+    command = [sys.executable, "-m", "agribot.cli", "ui", what, "--port", "0"]
+    process = subprocess.Popen(
+        [*command, "--out", str(out_dir), *words], stderr=subprocess.PIPE, text=True
+    )
+    try:
+        yield Robot(process=process, address=_address(process), out_dir=out_dir)
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def _address(process: subprocess.Popen[str]) -> str:
+    assert process.stderr is not None
+    said = []
+    for line in process.stderr:
+        said.append(line)
+        found = re.match(r"page: (http://127\.0\.0\.1:\d+)/", line)
+        if found:
+            return found[1]
+    raise AssertionError(f"no page: {''.join(said)}")

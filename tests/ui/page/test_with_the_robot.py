@@ -1,0 +1,254 @@
+"""The page on the real server and the simulated robot: what an operator does, and what comes of it.
+
+One robot serves all tests of this file; each brings it into the state that it needs. Those on its
+recording end it, and so stand last.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+from agribot.messages import WHEEL_NAMES, TickRecord
+from agribot.record.replay import read_ticks
+from tests.ui.page.conftest import SCREENS, WITHOUT_GL, drag_pad, show, take_control, until
+from tests.ui.page.robots import Robot, robot_with_page
+
+SETTINGS = ["--set", "perception.camera_rate_hz=2", "--set", "seed=1"]
+WHEEL_RADIUS_M = 0.15
+STANDING_MPS = 0.03
+STANDS_WITHIN_S = 0.5
+PRESSES = 4
+HANG = "() => { const end = performance.now() + 1500; while (performance.now() < end); }"
+STATE = "window.__agribot.state()"
+IS_STILL = f"Math.abs({STATE}.vel[0]) < 0.02"
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    out_dir = tmp_path_factory.mktemp("runs") / "run"
+    with robot_with_page("farm", out_dir, SETTINGS) as robot:
+        yield robot
+
+
+@pytest.fixture(scope="module")
+def context(browser: Browser) -> Iterator[BrowserContext]:
+    context = browser.new_context(viewport={"width": 1280, "height": 800}, locale="en")
+    yield context
+    context.close()
+
+
+@pytest.fixture(scope="module")
+def asked(context: BrowserContext) -> list[str]:
+    """Every address that a page of this file asks for."""
+    urls: list[str] = []
+    context.on("request", lambda request: urls.append(request.url))
+    return urls
+
+
+@pytest.fixture(scope="module")
+def page(context: BrowserContext, robot: Robot, asked: list[str]) -> Page:
+    page = context.new_page()
+    page.goto(f"{robot.address}/?{WITHOUT_GL}#/drive")
+    until(page, "window.__agribot?.ready")
+    return page
+
+
+def in_charge(page: Page, screen: str = "drive") -> None:
+    """The page has the seat, and no stop holds the robot."""
+    show(page, screen)
+    if "You" not in page.locator(".operator").inner_text():
+        take_control(page)
+    if page.evaluate(f"{STATE}.stop"):
+        page.get_by_role("button", name="Release stop").click()
+        until(page, f"!{STATE}.stop")
+
+
+def on_its_mission(page: Page) -> None:
+    in_charge(page)
+    until(page, f"['mission', 'paused'].includes({STATE}.mode)")
+    if page.evaluate(f"{STATE}.mode") == "paused":
+        page.locator("[data-action=resume]").click()
+    until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1")
+
+
+def test_the_robot_drives_its_mission_and_the_page_shows_it(page: Page) -> None:
+    until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1")
+    expect(page.locator(".mode")).to_have_text("On mission")
+    expect(page.locator(".facts")).to_contain_text("– of 6 (0 done)")
+    east_m = page.evaluate(f"{STATE}.pose[0]")
+    until(page, f"Math.hypot({STATE}.pose[0] - {east_m}, {STATE}.pose[1]) > 0")
+    assert page.evaluate(f"{STATE}.std[0]") < 0.1
+
+
+def test_a_paused_mission_stands_and_goes_on_where_it_was(page: Page) -> None:
+    on_its_mission(page)
+    page.locator("[data-action=pause]").click()
+    until(page, f"{STATE}.mode === 'paused' && {IS_STILL}")
+    driven_m = page.evaluate(f"{STATE}.mission.s_m")
+    page.locator("[data-action=resume]").click()
+    until(page, f"{STATE}.mode === 'mission' && {STATE}.mission.s_m > {driven_m} + 0.2")
+
+
+@pytest.mark.parametrize("by", ["button", "space"])
+def test_a_stop_holds_the_robot_until_it_is_released_and_resumed(page: Page, by: str) -> None:
+    on_its_mission(page)
+    if by == "button":
+        page.locator("#stop").click()
+    else:
+        page.keyboard.press("Space")
+    until(page, f"{STATE}.mode === 'stopped' && {IS_STILL}")
+    expect(page.locator(".banner.bad", has_text="Stopped")).to_be_visible()
+    page.get_by_role("button", name="Release stop").click()
+    until(page, f"{STATE}.mode === 'paused'")
+    assert page.evaluate(IS_STILL)
+
+
+def test_a_reload_keeps_the_screen_and_the_seat(page: Page) -> None:
+    in_charge(page, "health")
+    page.reload()
+    until(page, "window.__agribot?.ready && window.__agribot.screen === 'health'")
+    expect(page.locator(".operator")).to_contain_text("You")
+
+
+def test_a_changed_speed_slows_the_mission(page: Page) -> None:
+    on_its_mission(page)
+    show(page, "settings")
+    speed = page.get_by_label("Speed", exact=True)
+    speed.fill("0.2")
+    speed.press("Enter")
+    until(page, f"{STATE}.cmd[0] > 0 && {STATE}.cmd[0] <= 0.21")
+    speed.fill("0.4")
+    speed.press("Enter")
+    until(page, f"{STATE}.cmd[0] > 0.3")
+
+
+def test_plants_are_mapped_as_the_robot_passes_them(page: Page) -> None:
+    on_its_mission(page)
+    until(page, "window.__agribot.counters.weeds >= 3", patience_s=60.0)
+    show(page, "weeds")
+    expect(page.locator("main")).to_contain_text(re.compile(r"[1-9]\d* of [1-9]\d* plants"))
+
+
+def test_no_request_leaves_the_robot(
+    context: BrowserContext, robot: Robot, asked: list[str]
+) -> None:
+    with context.new_page() as whole:
+        whole.goto(f"{robot.address}/#/drive")
+        until(whole, "window.__agribot?.ready && window.__agribot.map?.loaded()")
+        for screen in SCREENS:
+            show(whole, screen)
+    foreign = [url for url in asked if not url.startswith((robot.address, "data:", "blob:"))]
+    assert len(asked) > 10
+    assert foreign == []
+
+
+class HandDriven(dict[str, float]):
+    """When, in simulated time, the hand was put on the pad for each way of taking it off."""
+
+
+@pytest.fixture(scope="module")
+def hand_driven(page: Page, context: BrowserContext) -> HandDriven:
+    """Drives by hand on the pad and takes the hand off it in four ways."""
+    began = HandDriven()
+    on_its_mission(page)
+    for let_go in ("release", "blur", "hung tab", "cut link"):
+        in_charge(page, "teleop")
+        began[let_go] = page.evaluate(f"{STATE}.t")
+        _drive_on_the_pad(page)
+        _take_hand_off(page, context, let_go)
+        until(page, IS_STILL)
+        page.mouse.up()
+        show(page, "drive")
+    return began
+
+
+def _drive_on_the_pad(page: Page) -> None:
+    """Press again where a page that stuttered let go by itself, as a person would."""
+    for _ in range(PRESSES):
+        if not page.locator(".pad.armed").is_visible():
+            _arm(page)
+        pressed_s = page.evaluate(f"{STATE}.t")
+        drag_pad(page)
+        try:
+            until(page, f"{STATE}.mode === 'teleop' && {STATE}.t > {pressed_s} + 1.5", 5.0)
+        except AssertionError:
+            page.mouse.up()
+        else:
+            return
+    raise AssertionError(f"the robot did not drive by hand in {PRESSES} presses")
+
+
+def _arm(page: Page) -> None:
+    page.get_by_role("button", name="Drive by hand", exact=True).click()
+    ask = page.get_by_role("dialog", name="Interrupt the mission?")
+    if ask.is_visible():
+        ask.get_by_role("button", name="Drive by hand").click()
+    expect(page.locator(".pad.armed")).to_be_visible()
+
+
+def _take_hand_off(page: Page, context: BrowserContext, how: str) -> None:
+    if how == "release":
+        page.mouse.up()
+    elif how == "blur":
+        page.evaluate("window.dispatchEvent(new Event('blur'))")
+    elif how == "hung tab":
+        page.evaluate(HANG)
+    else:
+        context.set_offline(True)
+        expect(page.locator(".banner.bad", has_text="old")).to_be_visible()
+        context.set_offline(False)
+        expect(page.locator(".banner.bad", has_text="old")).to_be_hidden()
+
+
+@pytest.fixture(scope="module")
+def ended(hand_driven: HandDriven, robot: Robot) -> Path:
+    """The recording of all that, of a robot that was interrupted as by Ctrl-C."""
+    assert robot.end() == 130
+    return robot.out_dir / "run.mcap"
+
+
+@pytest.fixture(scope="module")
+def ticks(ended: Path) -> list[TickRecord]:
+    return list(read_ticks(ended))
+
+
+def wheel_mps(tick: TickRecord) -> float:
+    speeds = (
+        [abs(speed) for speed in tick.batch.wheels[-1].speed_radps] if tick.batch.wheels else []
+    )
+    return WHEEL_RADIUS_M * sum(speeds) / len(WHEEL_NAMES)
+
+
+@pytest.mark.parametrize("let_go", ["release", "blur", "hung tab", "cut link"])
+def test_the_wheels_stand_soon_after_the_last_request_of_a_hand(
+    ticks: list[TickRecord], hand_driven: HandDriven, let_go: str
+) -> None:
+    later_s = [t_s for t_s in hand_driven.values() if t_s > hand_driven[let_go]]
+    end_s = min(later_s, default=ticks[-1].batch.t_s)
+    driven = [tick for tick in ticks if hand_driven[let_go] <= tick.batch.t_s < end_s]
+    asked_s = [t.batch.t_s for t in driven for hand in t.batch.hand if hand.v_mps]
+    moving_s = [t.batch.t_s for t in driven if wheel_mps(t) > STANDING_MPS]
+    assert len(asked_s) > 5
+    assert max(wheel_mps(tick) for tick in driven) > 0.1
+    assert moving_s[-1] - asked_s[-1] <= STANDS_WITHIN_S
+
+
+def test_a_replay_says_so_and_commands_nothing(context: BrowserContext, ended: Path) -> None:
+    with robot_with_page(str(ended), ended.parent) as player, context.new_page() as page:
+        page.goto(f"{player.address}/?{WITHOUT_GL}#/drive")
+        until(page, f"window.__agribot?.ready && {STATE}.mode === 'replay'")
+        expect(page.locator(".banner", has_text="Replay")).to_be_visible()
+        expect(page.locator(".mode")).to_have_text("Replay")
+        page.get_by_role("button", name="Take control").first.click()
+        expect(page.locator(".toast", has_text="recording")).to_be_visible()
+        expect(page.locator("[data-action]:visible")).to_have_count(0)
+        show(page, "recordings")
+        expect(page.get_by_label("Time in the recording")).to_be_visible()
+        later_s = page.evaluate(f"{STATE}.t")
+        until(page, f"{STATE}.t > {later_s}")
+        assert player.end() == 0
