@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Installing builds the operator's page from these.
+PAGE := hatch_build.py $(shell find web -name node_modules -prune -o -name .test-build -prune -o -type f -print)
 
 .PHONY: run test check format lint types clean
 
@@ -36,12 +38,12 @@ $(VENV)/bin/python:
 	  { echo "AGRIBOT needs Python 3.11 or newer; set PYTHON=/path/to/python3.11"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.run: $(VENV)/bin/python pyproject.toml
+$(VENV)/.run: $(VENV)/bin/python pyproject.toml $(PAGE)
 	$(BIN)/python -m pip install --quiet --editable '.[sim,ui]'
 	@touch $@
 
 # The exact torch is the one whose wheel is a CPU build on the machines that run these tests;
 # training elsewhere takes any version that pyproject.toml allows.
-$(VENV)/.dev: $(VENV)/bin/python pyproject.toml
+$(VENV)/.dev: $(VENV)/bin/python pyproject.toml $(PAGE)
 	$(BIN)/python -m pip install --quiet 'torch==2.13.0' --editable '.[sim,ui,train,ros,foxglove,dev]'
 	@touch $@
