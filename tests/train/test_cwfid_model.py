@@ -1,4 +1,4 @@
-"""The weights trained on photographs: apart from the others, and as good as their card says."""
+"""The weights trained on photographs: apart from the others, with scores that are not their own."""
 
 from __future__ import annotations
 
@@ -41,17 +41,27 @@ def test_no_mission_uses_it_unless_it_is_told_to(profile: str) -> None:
     assert load(profile).perception.model == "agribot-sim"
 
 
+def test_the_scores_stated_are_those_of_another_training_with_pictures_held_out(
+    card: ModelCard,
+) -> None:
+    assert card.test == {}
+    assert card.train_images == 39
+    assert card.held_out is not None
+    ((name, scores),) = card.held_out.test.items()
+    assert (name, scores.images, card.held_out.train_images) == ("fold 0 of 5", 8, 31)
+    assert "--fold" not in card.command
+    assert "--fold 0" in card.held_out.command
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason="the photographs are not here")
-def test_pictures_that_were_held_out_score_what_the_card_says(card: ModelCard) -> None:
-    ((name, expected),) = card.test.items()
-    assert name == "fold 0 of 5"
+def test_pictures_that_it_was_trained_on_score_above_those_held_out(card: ModelCard) -> None:
+    assert card.held_out is not None
     segmenter = Segmenter(MODEL)
     pairs = fold_of(find_pairs(DATA, "cwfid")[0], 5, 0)[1]
     found = evaluate(
         lambda image_rgb: classify(segmenter, image_rgb).class_id,
         read_pairs(pairs, "cwfid", pytest.fail),
     )
-    assert found.images == expected.images == 8
-    assert found.miou == pytest.approx(expected.miou, abs=0.002)
-    assert found.miou > 0.8
+    assert found.images == 8
+    assert found.miou > card.held_out.test["fold 0 of 5"].miou + 0.02
