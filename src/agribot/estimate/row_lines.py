@@ -19,6 +19,8 @@ from agribot.estimate.gate import Gate
 from agribot.estimate.history import Motion, MotionHistory
 from agribot.geo import wrap_rad
 
+MAX_HEADING_RAD, MAX_DISAGREEMENT_RAD = math.radians(30.0), math.radians(15.0)
+
 
 class RowLines:
     """Corrects the filter by row lines; `rejected` counts what could not serve."""
@@ -54,6 +56,21 @@ class RowLines:
                 if ahead_m is not None:
                     self._range(at_m - sign * ahead_m, line.range_std_m, now, then)
 
+    def see_picture(self, line: RowLine) -> None:
+        """As `see`, of a line that may be none: rows seen aslant from a turn line up every way."""
+        now, then = self._history.newest, self._history.at(line.t_s)
+        if now is None or then is None or line.heading_rad is None:
+            self._rejected["row line without odometry"] += 1
+            return
+        yaw_rad = self._ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
+        sign = self._facing(now, then)
+        heading_rad = wrap_rad(yaw_rad - self._ekf.row_yaw_rad + (0.0 if sign > 0.0 else math.pi))
+        is_along = abs(heading_rad) <= MAX_HEADING_RAD
+        if not is_along or abs(wrap_rad(line.heading_rad - heading_rad)) > MAX_DISAGREEMENT_RAD:
+            self._rejected["row line aslant"] += 1
+            return
+        self.see(line)
+
     def ageing(self, dt_s: float) -> list[tuple[int, float, float]]:
         """How the lasting error ages, as Ekf.relax takes it."""
         if self._bias_std_m is None:
@@ -67,7 +84,7 @@ class RowLines:
         since_last_s = min(line.t_s - self._last_line_s, model.LASTING_MEMORY_S)
         self._last_line_s = line.t_s
         self._begin(line)
-        if self._offset(line.offset_m, line.offset_std_m, sign, now, then):
+        if self._offset(line, line.offset_m, sign, now, then):
             variance = model.heading_variance(FLOATS, line.heading_std_rad, since_last_s)
             self._heading(line.heading_rad, variance, sign, now, then)
 
@@ -80,25 +97,31 @@ class RowLines:
         yaw_rad = self._ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
         return 1.0 if math.cos(yaw_rad - self._ekf.row_yaw_rad) >= 0.0 else -1.0
 
-    def _place(self, now: Motion, then: Motion) -> tuple[float, float]:
-        """Where the robot was along and right of the rows."""
+    def _place(
+        self, now: Motion, then: Motion, arm_m: tuple[float, float] = (0.0, 0.0)
+    ) -> tuple[float, float]:
+        """Where the robot was along and right of the rows, or a point `arm_m` from it."""
         x = self._ekf.x
-        return self._field.along_right_m(x[X] - (now.x_m - then.x_m), x[Y] - (now.y_m - then.y_m))
+        return self._field.along_right_m(
+            x[X] - (now.x_m - then.x_m) + arm_m[0], x[Y] - (now.y_m - then.y_m) + arm_m[1]
+        )
 
     def _offset(
-        self, offset_m: float, std_m: float, sign: float, now: Motion, then: Motion
+        self, line: RowLine, offset_m: float, sign: float, now: Motion, then: Motion
     ) -> bool:
         """False where the pose cannot tell which row this is."""
         ekf, field = self._ekf, self._field
-        _, right_m = self._place(now, then)
-        row: Row = (*moved_row(field.right, now, then), (ROW_BIAS, -sign))
+        yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
+        arm_m = (line.at_ahead_m * math.cos(yaw_rad), line.at_ahead_m * math.sin(yaw_rad))
+        _, right_m = self._place(now, then, arm_m)
+        row: Row = (*moved_row(field.right, now, then, arm_m), (ROW_BIAS, -sign))
         across_m2 = ekf.project(row[:3])[1]
         if across_m2 > (model.TELLS_APART_RATIO * field.pitch_m) ** 2:
             self._rejected["row line ambiguous"] += 1
             return False
         _, row_right_m = field.row_at(right_m + sign * offset_m)
         residual_m = row_right_m - sign * offset_m - right_m + sign * ekf.x[ROW_BIAS]
-        variance = model.offset_variance(std_m)
+        variance = model.offset_variance(line.offset_std_m)
         distance2 = residual_m**2 / (ekf.project(row)[1] + variance)
         verdict = self._offset_gate.judge(distance2)
         if verdict == "reject":
@@ -146,15 +169,24 @@ class RowLines:
             ekf.update(row, residual_m, variance)
 
 
-def moved_row(direction: tuple[float, float], now: Motion, then: Motion) -> Row:
-    """How the place of a moment ago, in a direction of the map, follows from the pose now."""
+def moved_row(
+    direction: tuple[float, float],
+    now: Motion,
+    then: Motion,
+    arm_m: tuple[float, float] = (0.0, 0.0),
+) -> Row:
+    """How the place of a moment ago, or a point `arm_m` from it, follows from the pose now.
+
+    The place is that in a direction of the map.
+    """
     dx, dy = direction
-    moved_x, moved_y = now.x_m - then.x_m, now.y_m - then.y_m
+    moved_x, moved_y = now.x_m - then.x_m - arm_m[0], now.y_m - then.y_m - arm_m[1]
     return ((X, dx), (Y, dy), (YAW, dx * moved_y - dy * moved_x))
 
 
 def _is_usable(line: RowLine) -> bool:
     values = (line.offset_m, line.heading_rad, line.start_ahead_m, line.end_ahead_m)
+    values = (*values, line.at_ahead_m)
     sigmas = (line.offset_std_m, line.heading_std_rad, line.range_std_m)
     told = (value for value in (line.t_s, *values, *sigmas) if value is not None)
     return all(map(math.isfinite, told)) and min(sigmas) > 0.0
