@@ -127,7 +127,9 @@ def judge(looks: list[Look], lines: list[RowLine | None], field: settings.FieldC
         if line is None or line.offset_m is None or line.heading_rad is None:
             continue
         left_m = look.left_m + line.at_ahead_m * math.sin(look.heading_rad)
-        offsets.append((line.offset_m - left_m, line.offset_std_m))
+        off_m = line.offset_m - left_m
+        off_m -= round(off_m / field.row_pitch_m) * field.row_pitch_m  # another row's line
+        offsets.append((off_m, line.offset_std_m))
         headings.append((line.heading_rad - look.heading_rad, line.heading_std_rad))
         if line.start_ahead_m is not None:
             starts.append((line.start_ahead_m + look.along_m, line.range_std_m))

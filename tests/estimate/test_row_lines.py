@@ -30,9 +30,15 @@ class Robot:
         self._t_s = 0.0
 
     def see(self, **changes: float | None) -> None:
+        self._lines.see(self._line(changes))
+
+    def see_picture(self, **changes: float | None) -> None:
+        self._lines.see_picture(self._line(changes))
+
+    def _line(self, changes: dict[str, float | None]) -> RowLine:
         self._t_s += 0.07
         self._history.append(Motion(self._t_s, 0.0, 0.0, 0.0, 0.0, 0.0))
-        self._lines.see(msgspec.structs.replace(SEEN, t_s=self._t_s, **changes))
+        return msgspec.structs.replace(SEEN, t_s=self._t_s, **changes)
 
 
 @pytest.mark.parametrize(("yaw_rad", "side"), [(0.0, 1.0), (math.pi, -1.0)])
@@ -88,6 +94,36 @@ def test_the_ends_of_a_row_tell_the_place_along_it(
     for _ in range(30):
         robot.see(offset_m=None, heading_rad=None, **ahead)
     assert robot.ekf.x[X] == pytest.approx(expected_m, abs=0.03)
+
+
+@pytest.mark.parametrize("yaw_rad", [0.1, 0.1 - math.pi])
+def test_an_offset_told_ahead_is_that_of_the_place_ahead(yaw_rad: float) -> None:
+    robot = Robot(5.0, 3.0, yaw_rad)
+    robot.ekf.cov[YAW, YAW] = 1e-8
+    for _ in range(40):
+        robot.see(offset_m=0.05 + math.sin(0.1), heading_rad=0.1, at_ahead_m=1.0)
+    side = 1.0 if yaw_rad > 0.0 else -1.0
+    assert robot.ekf.x[Y] == pytest.approx(3.0 + side * 0.05, abs=0.01)
+    assert robot.ekf.x[YAW] == pytest.approx(yaw_rad, abs=0.002)
+
+
+def test_a_heading_error_does_not_pull_a_robot_aside_that_sees_its_row_far_ahead() -> None:
+    robot = Robot(5.0, 3.0, 0.05, std_m=0.001)
+    for _ in range(60):
+        robot.see(offset_m=0.0, at_ahead_m=1.2, heading_std_rad=1.0)
+    assert robot.ekf.x[Y] == pytest.approx(3.0, abs=0.003)
+    assert robot.ekf.x[YAW] == pytest.approx(0.0, abs=0.015)
+
+
+@pytest.mark.parametrize(("yaw_rad", "seen_rad"), [(math.pi / 2.0, 0.0), (0.0, 0.35), (0.7, 0.7)])
+def test_a_line_in_a_picture_aslant_to_the_rows_is_none_of_them(
+    yaw_rad: float, seen_rad: float
+) -> None:
+    robot = Robot(5.0, 3.0, yaw_rad)
+    for _ in range(20):
+        robot.see_picture(offset_m=0.1, heading_rad=seen_rad, end_ahead_m=1.0)
+    assert robot.rejected == {"row line aslant": 20}
+    assert (robot.ekf.x[X], robot.ekf.x[Y], robot.ekf.x[YAW]) == (5.0, 3.0, yaw_rad)
 
 
 def test_numbers_that_are_none_and_times_that_run_back_are_refused() -> None:

@@ -95,7 +95,7 @@ class Localizer:
         """
         if not self._gnss.is_ready:
             return
-        if scene.row_line is None:
+        if scene.row_line is None or not self._row_lines.has_lines:
             self._crop_rows.see(scene)
         elif self._has_moved(scene.t_s):
             self._row_lines.see_picture(scene.row_line)

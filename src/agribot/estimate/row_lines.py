@@ -19,6 +19,8 @@ from agribot.estimate.gate import Gate
 from agribot.estimate.history import Motion, MotionHistory
 from agribot.geo import wrap_rad
 
+# Of plants farther apart each is seen by itself, and bare ground after one is no row's end.
+MAX_SPACING_M = 0.5
 MAX_HEADING_RAD, MAX_DISAGREEMENT_RAD = math.radians(30.0), math.radians(15.0)
 
 
@@ -55,6 +57,11 @@ class RowLines:
             for ahead_m, at_m in ((line.start_ahead_m, first_m), (line.end_ahead_m, last_m)):
                 if ahead_m is not None:
                     self._range(at_m - sign * ahead_m, line.range_std_m, now, then)
+
+    @property
+    def has_lines(self) -> bool:
+        """Whether plants stand close enough, as far as the field knows, to make up a line."""
+        return self._field.spacing_m is None or self._field.spacing_m <= MAX_SPACING_M
 
     def see_picture(self, line: RowLine) -> None:
         """As `see`, of a line that may be none: rows seen aslant from a turn line up every way."""

@@ -32,8 +32,9 @@ WINDOW_M, PASSES = 0.3, 3
 SLOT_M = 0.0625
 FULL_SLOT_RATIO, MIN_SLOT_RATIO = 0.25, 0.04
 HUBER_M = 0.1
-MIN_SLOTS, MIN_SPAN_M, MIN_FILLED_RATIO = 8, 0.55, 0.5
-MAX_SCATTER_M = 0.08
+MIN_SLOTS, MIN_SPAN_M, MIN_FILLED_RATIO = 8, 0.6, 0.5
+# Crop all over the window, as a field of leaves has it, spreads by 0.17 m: that is no row.
+MAX_SCATTER_M, MAX_SPREAD_M = 0.08, 0.145
 # Neighbouring slots show the same plant, and no plant stands better on its line than this.
 SLOTS_PER_PLANT, LEAST_SCATTER_M = 2.0, 0.02
 # Roll and pitch of the robot shift and turn the whole picture.
@@ -195,8 +196,8 @@ def _refine(crop: Growth, fit: Fit, view: View) -> Fit | None:
     near = np.abs(left_m) <= WINDOW_M
     near &= fit.shows(view, slot * SLOT_M, WINDOW_M)
     near &= fit.shows(view, (slot + 1) * SLOT_M, WINDOW_M)
-    slot, share = slot[near], crop.share[near]
-    if not len(slot):
+    slot, share, left_m = slot[near], crop.share[near], left_m[near]
+    if not len(slot) or float(share @ left_m**2) > MAX_SPREAD_M**2 * float(share.sum()):
         return None
     slot -= slot.min()
     filled = np.bincount(slot, share)
@@ -205,7 +206,7 @@ def _refine(crop: Growth, fit: Fit, view: View) -> Fit | None:
     if enough.sum() < MIN_SLOTS:
         return None
     u_m = np.bincount(slot, share * along_m[near])[enough] / filled[enough]
-    v_m = np.bincount(slot, share * left_m[near])[enough] / filled[enough]
+    v_m = np.bincount(slot, share * left_m)[enough] / filled[enough]
     weight = np.minimum(filled[enough] / (FULL_SLOT_RATIO * full), 1.0)
     off_m = np.abs(v_m - np.median(v_m))
     weight *= HUBER_M / np.maximum(off_m, HUBER_M)
