@@ -2,7 +2,7 @@
 
 The robot is put over random rows of a world, a little off them and turned, tilted as on soil.
 
-python benchmarks/row_line.py [--world rows-10x12] [--pictures 200] [--seed 1] [--save FILE]
+python benchmarks/row_line.py [--profile rows-10x12] [--pictures 200] [--seed 1] [--save FILE]
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from agribot.perceive.segmenter import ClassMap, Segmenter
 from agribot.sim.camera import CameraRenderer
 from agribot.sim.camera_feed import drawable
 
-OFFSET_STD_M, HEADING_STD_RAD, TILT_STD_RAD = 0.15, math.radians(14.0), math.radians(0.4)
+TILT_STD_RAD = math.radians(0.4)
 
 
 class Look(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -46,6 +46,8 @@ def main() -> None:
     parser.add_argument(
         "--past-ends", type=float, default=1.5, help="metres before and after a row"
     )
+    parser.add_argument("--offset-std-m", type=float, default=0.06)
+    parser.add_argument("--heading-std-deg", type=float, default=4.0)
     parser.add_argument("--save", type=Path, help="keep the class maps, for another look")
     options = parser.parse_args()
     config = settings.load(options.profile)
@@ -58,15 +60,17 @@ def main() -> None:
     if options.save is not None and options.save.exists():
         looks = load(options.save)
     else:
-        looks = take(config, options.pictures, options.seed, options.past_ends, segmenter)
+        looks = take(config, segmenter, options)
         if options.save is not None:
             save(options.save, looks)
     judge(looks, [find_row_line(look.class_map, ground, 0.0) for look in looks], config.field)
 
 
 def take(
-    config: settings.RunConfig, count: int, seed: int, past_m: float, segmenter: Segmenter
+    config: settings.RunConfig, segmenter: Segmenter, options: argparse.Namespace
 ) -> list[Look]:
+    count, seed, past_m = options.pictures, options.seed, options.past_ends
+    offset_std_m, heading_std_rad = options.offset_std_m, math.radians(options.heading_std_deg)
     robot, field = load_robot(config.robot), config.field
     assert robot.camera is not None
     world = load_world(config.world, seed=seed)
@@ -78,7 +82,7 @@ def take(
     for number in range(count):
         row = int(rng.integers(field.row_count))
         along_m = rng.uniform(-past_m, field.row_length_m + past_m)
-        left_m, heading_rad = rng.normal(0.0, OFFSET_STD_M), rng.normal(0.0, HEADING_STD_RAD)
+        left_m, heading_rad = rng.normal(0.0, offset_std_m), rng.normal(0.0, heading_std_rad)
         sign = 1.0 if rng.uniform() < 0.5 else -1.0
         across_m = row * field.row_pitch_m - sign * left_m
         start = field.first_row_start_map_m

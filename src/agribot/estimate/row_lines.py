@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 
+import msgspec
+
 from agribot.arithmetic import FLOATS
 from agribot.config import FieldConfig
 from agribot.devices import RowLine
@@ -21,6 +23,8 @@ from agribot.geo import wrap_rad
 
 # Of plants farther apart each is seen by itself, and bare ground after one is no row's end.
 MAX_SPACING_M = 0.5
+# What seems the end of a row nearer than this to it may correct a pose that is sure of another.
+GAP_M = 0.6
 MAX_HEADING_RAD, MAX_DISAGREEMENT_RAD = math.radians(30.0), math.radians(15.0)
 
 
@@ -52,8 +56,7 @@ class RowLines:
             sign = self._facing(now, then)
             self._line(line, sign, now, then)
             self._last_t_s = line.t_s
-            length_m = self._field.length_m
-            first_m, last_m = (0.0, length_m) if sign > 0.0 else (length_m, 0.0)
+            first_m, last_m = self._ends(sign)
             for ahead_m, at_m in ((line.start_ahead_m, first_m), (line.end_ahead_m, last_m)):
                 if ahead_m is not None:
                     self._range(at_m - sign * ahead_m, line.range_std_m, now, then)
@@ -76,7 +79,38 @@ class RowLines:
         if not is_along or abs(wrap_rad(line.heading_rad - heading_rad)) > MAX_DISAGREEMENT_RAD:
             self._rejected["row line aslant"] += 1
             return
-        self.see(line)
+        first_m, last_m = self._ends(sign)
+        self.see(
+            msgspec.structs.replace(
+                line,
+                start_ahead_m=self._likely(line, line.start_ahead_m, first_m, sign, now, then),
+                end_ahead_m=self._likely(line, line.end_ahead_m, last_m, sign, now, then),
+            )
+        )
+
+    def _likely(
+        self,
+        line: RowLine,
+        ahead_m: float | None,
+        at_m: float,
+        sign: float,
+        now: Motion,
+        then: Motion,
+    ) -> float | None:
+        """The end of a row, unless it can only be a gap within it: gaps look like ends."""
+        if ahead_m is None:
+            return None
+        off_m = at_m - sign * ahead_m - self._place(now, then)[0]
+        along_m2 = self._ekf.project(moved_row(self._field.forward, now, then))[1]
+        sigma_m = math.sqrt(along_m2 + line.range_std_m**2)
+        if abs(off_m) <= max(GAP_M, model.RANGE_GATE_SIGMA * sigma_m):
+            return ahead_m
+        self._rejected["gap in the row"] += 1
+        return None
+
+    def _ends(self, sign: float) -> tuple[float, float]:
+        """Where the first and the last plant stand along the rows, as the robot drives."""
+        return (0.0, self._field.length_m) if sign > 0.0 else (self._field.length_m, 0.0)
 
     def ageing(self, dt_s: float) -> list[tuple[int, float, float]]:
         """How the lasting error ages, as Ekf.relax takes it."""
@@ -192,8 +226,8 @@ def moved_row(
 
 
 def _is_usable(line: RowLine) -> bool:
-    values = (line.offset_m, line.heading_rad, line.start_ahead_m, line.end_ahead_m)
-    values = (*values, line.at_ahead_m)
+    aheads = (line.start_ahead_m, line.end_ahead_m, line.at_ahead_m)
+    values = (line.offset_m, line.heading_rad, *aheads)
     sigmas = (line.offset_std_m, line.heading_std_rad, line.range_std_m)
     told = (value for value in (line.t_s, *values, *sigmas) if value is not None)
     return all(map(math.isfinite, told)) and min(sigmas) > 0.0

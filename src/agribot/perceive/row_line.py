@@ -193,9 +193,10 @@ def _refine(crop: Growth, fit: Fit, view: View) -> Fit | None:
     """A robust straight line through the slots of the row that the view shows whole."""
     along_m, left_m = fit.along_left_m(crop)
     slot = np.floor(along_m / SLOT_M).astype(np.int64)
+    begin_m: FloatArray = slot.astype(np.float64) * SLOT_M
     near = np.abs(left_m) <= WINDOW_M
-    near &= fit.shows(view, slot * SLOT_M, WINDOW_M)
-    near &= fit.shows(view, (slot + 1) * SLOT_M, WINDOW_M)
+    near &= fit.shows(view, begin_m, WINDOW_M)
+    near &= fit.shows(view, begin_m + SLOT_M, WINDOW_M)
     slot, share, left_m = slot[near], crop.share[near], left_m[near]
     if not len(slot) or float(share @ left_m**2) > MAX_SPREAD_M**2 * float(share.sum()):
         return None
