@@ -61,7 +61,8 @@ class RowLine(msgspec.Struct, frozen=True, kw_only=True):
     robot's heading against the row's direction that it faces, counter-clockwise; both are None
     where too little of the row is in view. The first and the last plant lie so far ahead along
     the row, None where they are not in view. Sigmas are
-    those of one frame; errors that last for seconds come on top.
+    those of one frame; errors that last for seconds come on top. `offset_m` holds for the point
+    `at_ahead_m` ahead on the body's x axis: there its error is independent of the heading's.
     """
 
     t_s: float
@@ -72,3 +73,4 @@ class RowLine(msgspec.Struct, frozen=True, kw_only=True):
     start_ahead_m: float | None = None
     end_ahead_m: float | None = None
     range_std_m: float = 0.1
+    at_ahead_m: float = 0.0

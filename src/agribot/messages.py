@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from agribot.devices import BaseFix, BatterySample, BumperSample, GnssHeading
+from agribot.devices import BaseFix, BatterySample, BumperSample, GnssHeading, RowLine
 from agribot.operator_input import HandDrive, OperatorAction, OperatorEvent
 
 __all__ = ["HandDrive", "OperatorAction", "OperatorEvent"]
@@ -150,6 +150,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     plants: tuple[GroundPlant, ...]
     view_body_m: tuple[tuple[float, float], ...]
     class_ratio: Vec3 = (0.0, 0.0, 0.0)
+    row_line: RowLine | None = None
 
 
 # ---------------------------------------------------------------- estimate, mission

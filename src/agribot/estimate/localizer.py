@@ -8,7 +8,7 @@ from collections import Counter
 from agribot.config import EstimateConfig, FieldConfig
 from agribot.devices import RowLine
 from agribot.estimate.compass import Compass
-from agribot.estimate.crop_rows import CropRows
+from agribot.estimate.crop_rows import MIN_MOVED_M, CropRows
 from agribot.estimate.dual_heading import DualHeading
 from agribot.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, Ekf, MotionNoise, X, Y
 from agribot.estimate.gnss import Gnss
@@ -68,6 +68,7 @@ class Localizer:
         self._crop_rows = CropRows(self._ekf, self._history, config, field, self.rejected)
         self._row_lines = RowLines(self._ekf, self._history, field, self.rejected)
         self._heading = DualHeading(self._ekf, self._history, config, self.rejected)
+        self._last_line: Motion | None = None
         self._motion = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._unaged_s = self._unaged_rad = 0.0
         self._fix_std_m = 0.0
@@ -92,9 +93,27 @@ class Localizer:
         return self._estimate(batch.t_s)
 
     def see(self, scene: Scene) -> None:
-        """Correct the pose by the crops of a frame; the next estimate shows it."""
-        if self._gnss.is_ready:
+        """Correct the pose by the crop of a frame; the next estimate shows it.
+
+        A row line is made of the same leaves as the plants, so that one of them serves.
+        """
+        if not self._gnss.is_ready:
+            return
+        if scene.row_line is None or not self._row_lines.has_lines:
             self._crop_rows.see(scene)
+        elif self._has_moved(scene.t_s):
+            self._row_lines.see_picture(scene.row_line)
+
+    def _has_moved(self, t_s: float) -> bool:
+        """Whether a picture is more than that of the last line once again."""
+        then, last = self._history.at(t_s), self._last_line
+        if then is None or last is None:
+            self._last_line = then
+            return then is not None
+        if math.hypot(then.x_m - last.x_m, then.y_m - last.y_m) < MIN_MOVED_M:
+            return False
+        self._last_line = then
+        return True
 
     def see_line(self, line: RowLine) -> None:
         """Correct the pose by the line of the row under the robot; the next estimate shows it."""

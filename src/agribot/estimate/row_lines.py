@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 
+import msgspec
+
 from agribot.arithmetic import FLOATS
 from agribot.config import FieldConfig
 from agribot.devices import RowLine
@@ -18,6 +20,12 @@ from agribot.estimate.field_rows import FieldRows
 from agribot.estimate.gate import Gate
 from agribot.estimate.history import Motion, MotionHistory
 from agribot.geo import wrap_rad
+
+# Of plants farther apart each is seen by itself, and bare ground after one is no row's end.
+MAX_SPACING_M = 0.5
+# What seems the end of a row nearer than this to it may correct a pose that is sure of another.
+GAP_M = 0.6
+MAX_HEADING_RAD, MAX_DISAGREEMENT_RAD = math.radians(30.0), math.radians(15.0)
 
 
 class RowLines:
@@ -48,11 +56,61 @@ class RowLines:
             sign = self._facing(now, then)
             self._line(line, sign, now, then)
             self._last_t_s = line.t_s
-            length_m = self._field.length_m
-            first_m, last_m = (0.0, length_m) if sign > 0.0 else (length_m, 0.0)
+            first_m, last_m = self._ends(sign)
             for ahead_m, at_m in ((line.start_ahead_m, first_m), (line.end_ahead_m, last_m)):
                 if ahead_m is not None:
                     self._range(at_m - sign * ahead_m, line.range_std_m, now, then)
+
+    @property
+    def has_lines(self) -> bool:
+        """Whether plants stand close enough, as far as the field knows, to make up a line."""
+        return self._field.spacing_m is None or self._field.spacing_m <= MAX_SPACING_M
+
+    def see_picture(self, line: RowLine) -> None:
+        """As `see`, of a line that may be none: rows seen aslant from a turn line up every way."""
+        now, then = self._history.newest, self._history.at(line.t_s)
+        if now is None or then is None or line.heading_rad is None:
+            self._rejected["row line without odometry"] += 1
+            return
+        yaw_rad = self._ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
+        sign = self._facing(now, then)
+        heading_rad = wrap_rad(yaw_rad - self._ekf.row_yaw_rad + (0.0 if sign > 0.0 else math.pi))
+        is_along = abs(heading_rad) <= MAX_HEADING_RAD
+        if not is_along or abs(wrap_rad(line.heading_rad - heading_rad)) > MAX_DISAGREEMENT_RAD:
+            self._rejected["row line aslant"] += 1
+            return
+        first_m, last_m = self._ends(sign)
+        self.see(
+            msgspec.structs.replace(
+                line,
+                start_ahead_m=self._likely(line, line.start_ahead_m, first_m, sign, now, then),
+                end_ahead_m=self._likely(line, line.end_ahead_m, last_m, sign, now, then),
+            )
+        )
+
+    def _likely(
+        self,
+        line: RowLine,
+        ahead_m: float | None,
+        at_m: float,
+        sign: float,
+        now: Motion,
+        then: Motion,
+    ) -> float | None:
+        """The end of a row, unless it can only be a gap within it: gaps look like ends."""
+        if ahead_m is None:
+            return None
+        off_m = at_m - sign * ahead_m - self._place(now, then)[0]
+        along_m2 = self._ekf.project(moved_row(self._field.forward, now, then))[1]
+        sigma_m = math.sqrt(along_m2 + line.range_std_m**2)
+        if abs(off_m) <= max(GAP_M, model.RANGE_GATE_SIGMA * sigma_m):
+            return ahead_m
+        self._rejected["gap in the row"] += 1
+        return None
+
+    def _ends(self, sign: float) -> tuple[float, float]:
+        """Where the first and the last plant stand along the rows, as the robot drives."""
+        return (0.0, self._field.length_m) if sign > 0.0 else (self._field.length_m, 0.0)
 
     def ageing(self, dt_s: float) -> list[tuple[int, float, float]]:
         """How the lasting error ages, as Ekf.relax takes it."""
@@ -67,7 +125,7 @@ class RowLines:
         since_last_s = min(line.t_s - self._last_line_s, model.LASTING_MEMORY_S)
         self._last_line_s = line.t_s
         self._begin(line)
-        if self._offset(line.offset_m, line.offset_std_m, sign, now, then):
+        if self._offset(line, line.offset_m, sign, now, then):
             variance = model.heading_variance(FLOATS, line.heading_std_rad, since_last_s)
             self._heading(line.heading_rad, variance, sign, now, then)
 
@@ -80,25 +138,31 @@ class RowLines:
         yaw_rad = self._ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
         return 1.0 if math.cos(yaw_rad - self._ekf.row_yaw_rad) >= 0.0 else -1.0
 
-    def _place(self, now: Motion, then: Motion) -> tuple[float, float]:
-        """Where the robot was along and right of the rows."""
+    def _place(
+        self, now: Motion, then: Motion, arm_m: tuple[float, float] = (0.0, 0.0)
+    ) -> tuple[float, float]:
+        """Where the robot was along and right of the rows, or a point `arm_m` from it."""
         x = self._ekf.x
-        return self._field.along_right_m(x[X] - (now.x_m - then.x_m), x[Y] - (now.y_m - then.y_m))
+        return self._field.along_right_m(
+            x[X] - (now.x_m - then.x_m) + arm_m[0], x[Y] - (now.y_m - then.y_m) + arm_m[1]
+        )
 
     def _offset(
-        self, offset_m: float, std_m: float, sign: float, now: Motion, then: Motion
+        self, line: RowLine, offset_m: float, sign: float, now: Motion, then: Motion
     ) -> bool:
         """False where the pose cannot tell which row this is."""
         ekf, field = self._ekf, self._field
-        _, right_m = self._place(now, then)
-        row: Row = (*moved_row(field.right, now, then), (ROW_BIAS, -sign))
+        yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
+        arm_m = (line.at_ahead_m * math.cos(yaw_rad), line.at_ahead_m * math.sin(yaw_rad))
+        _, right_m = self._place(now, then, arm_m)
+        row: Row = (*moved_row(field.right, now, then, arm_m), (ROW_BIAS, -sign))
         across_m2 = ekf.project(row[:3])[1]
         if across_m2 > (model.TELLS_APART_RATIO * field.pitch_m) ** 2:
             self._rejected["row line ambiguous"] += 1
             return False
         _, row_right_m = field.row_at(right_m + sign * offset_m)
         residual_m = row_right_m - sign * offset_m - right_m + sign * ekf.x[ROW_BIAS]
-        variance = model.offset_variance(std_m)
+        variance = model.offset_variance(line.offset_std_m)
         distance2 = residual_m**2 / (ekf.project(row)[1] + variance)
         verdict = self._offset_gate.judge(distance2)
         if verdict == "reject":
@@ -146,15 +210,24 @@ class RowLines:
             ekf.update(row, residual_m, variance)
 
 
-def moved_row(direction: tuple[float, float], now: Motion, then: Motion) -> Row:
-    """How the place of a moment ago, in a direction of the map, follows from the pose now."""
+def moved_row(
+    direction: tuple[float, float],
+    now: Motion,
+    then: Motion,
+    arm_m: tuple[float, float] = (0.0, 0.0),
+) -> Row:
+    """How the place of a moment ago, or a point `arm_m` from it, follows from the pose now.
+
+    The place is that in a direction of the map.
+    """
     dx, dy = direction
-    moved_x, moved_y = now.x_m - then.x_m, now.y_m - then.y_m
+    moved_x, moved_y = now.x_m - then.x_m - arm_m[0], now.y_m - then.y_m - arm_m[1]
     return ((X, dx), (Y, dy), (YAW, dx * moved_y - dy * moved_x))
 
 
 def _is_usable(line: RowLine) -> bool:
-    values = (line.offset_m, line.heading_rad, line.start_ahead_m, line.end_ahead_m)
+    aheads = (line.start_ahead_m, line.end_ahead_m, line.at_ahead_m)
+    values = (line.offset_m, line.heading_rad, *aheads)
     sigmas = (line.offset_std_m, line.heading_std_rad, line.range_std_m)
     told = (value for value in (line.t_s, *values, *sigmas) if value is not None)
     return all(map(math.isfinite, told)) and min(sigmas) > 0.0

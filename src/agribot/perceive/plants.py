@@ -13,6 +13,7 @@ from agribot.config import PerceptionConfig
 from agribot.errors import PerceptionError
 from agribot.messages import ByteArray, CameraFrame, FloatArray, GroundPlant, PlantClass, Scene
 from agribot.perceive.ground import GroundLookup
+from agribot.perceive.row_line import find_row_line
 from agribot.perceive.segmenter import ClassMap
 
 LabelArray = npt.NDArray[np.signedinteger]
@@ -59,6 +60,7 @@ def observe(
         plants=tuple(ground_plants(class_map, ground, config)),
         view_body_m=ground.view_body_m,
         class_ratio=(float(ratio[0]), float(ratio[1]), float(ratio[2])),
+        row_line=find_row_line(class_map, ground, frame.t_s),
     )
 
 
