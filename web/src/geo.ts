@@ -64,3 +64,8 @@ export function placeOutline(outline: Vec2[], x: number, y: number, yaw: number)
 export function compassDeg(yaw: number): number {
   return (((90 - yaw / RAD) % 360) + 360) % 360
 }
+
+/** Whole degrees; 359.6 is north again, 0. */
+export function compassText(yaw: number): string {
+  return `${Math.round(compassDeg(yaw)) % 360}°`
+}

@@ -1,6 +1,6 @@
 import assert from 'node:assert/strict'
 import { test } from 'node:test'
-import { areaM2, compassDeg, lengthM, placeOutline, Projection } from '../src/geo.ts'
+import { areaM2, compassDeg, compassText, lengthM, placeOutline, Projection } from '../src/geo.ts'
 
 const datum = { lat_deg: 21.1613331649, lon_deg: 72.7870533933 }
 
@@ -32,4 +32,10 @@ test('east is compass 90, north is 0, west is 270', () => {
 test('an outline turned left by 90 degrees has its nose in the north', () => {
   const [[x, y]] = placeOutline([[1, 0]], 5, 6, Math.PI / 2)
   assert.ok(Math.hypot(x - 5, y - 7) < 1e-12)
+})
+
+test('a heading a hair west of north is shown as 0, never as 360', () => {
+  assert.equal(compassText(Math.PI / 2 + 0.001), '0°')
+  assert.equal(compassText(Math.PI / 2 - 0.02), '1°')
+  assert.equal(compassText(Math.PI), '270°')
 })

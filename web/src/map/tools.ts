@@ -2,7 +2,7 @@
 
 import type { Map as MapLibre, MapMouseEvent } from 'maplibre-gl'
 import type { App } from '../app.ts'
-import { areaM2, compassDeg, distanceM, lengthM } from '../geo.ts'
+import { areaM2, compassText, distanceM, lengthM } from '../geo.ts'
 import { area, metres } from '../format.ts'
 import type { IconName } from '../icons.ts'
 import type { Vec2 } from '../wire.ts'
@@ -105,7 +105,7 @@ export class MapTools {
     const far = Math.hypot(now.px[0] - this.pressed.px[0], now.px[1] - this.pressed.px[1]) > DRAG_PX
     const yaw = Math.atan2(now.at[1] - this.pressed.at[1], now.at[0] - this.pressed.at[0])
     this.sketch.arrow.yaw = far ? yaw : null
-    if (far) this.onText(`Heading ${compassDeg(yaw).toFixed(0)}° from north`)
+    if (far) this.onText(`Heading ${compassText(yaw)} from north`)
     this.onChange()
   }
 

@@ -4,7 +4,7 @@ import type { App, Screen } from '../app.ts'
 import { CameraPicture } from '../camera/picture.ts'
 import { el, setText } from '../dom.ts'
 import { duration, fixed, metres, NONE } from '../format.ts'
-import { compassDeg } from '../geo.ts'
+import { compassText } from '../geo.ts'
 import { mapControls } from '../map/controls.ts'
 import { openMap } from '../map/shared.ts'
 import { MissionButtons } from './mission-buttons.ts'
@@ -71,7 +71,7 @@ class Facts {
     this.row('Speed', () => fixed(state()?.vel?.[0], 2, 'm/s'))
     this.row('Heading', () => {
       const pose = state()?.pose
-      return pose ? `${compassDeg(pose[2]).toFixed(0)}°` : NONE
+      return pose ? compassText(pose[2]) : NONE
     })
     this.row('Row', () => this.rowText())
     this.row('Goals', () => this.goalText())
