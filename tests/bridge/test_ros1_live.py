@@ -146,12 +146,7 @@ def test_rosbag_records_every_topic_with_the_values_sent(ros1: Ros1, robot: Robo
     bag = ros1.folder / "run.bag"
     recorder = ros1.start("rosbag", "record", "-O", str(bag), *names)
 
-    def listening() -> bool:
-        robot.drive_on()
-        subscribed = dict(ask(ros1.uri, "getSystemState")[2][1])
-        return all(any("record" in n for n in subscribed.get(name, [])) for name in names)
-
-    until(listening, "rosbag to subscribe", 60.0)
+    until(lambda: robot.drive_on() and not robot.gateway.unheard, "rosbag to listen", 60.0)
     for _ in range(80):
         robot.drive_on()
     os.killpg(recorder.pid, signal.SIGINT)

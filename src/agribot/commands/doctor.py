@@ -26,8 +26,15 @@ LEAST_PYTHON = (3, 11)
 REQUIREMENT = re.compile(
     r"([A-Za-z0-9_.-]+)(?:[^;]*?>=\s*([\d.]+))?[^;]*(?:;.*extra == ['\"](\w+))?"
 )
-SHOWN_EXTRAS = ("", "sim", "train", "ui", "gis", "hardware", "ros", "sweep")
-MODULE_OF = {"mujoco-core": "mujoco", "pillow": "PIL"}
+SHOWN_EXTRAS = ("", "sim", "train", "ui", "gis", "hardware", "ros", "foxglove", "sweep")
+MODULE_OF = {
+    "mujoco-core": "mujoco",
+    "pillow": "PIL",
+    "eclipse-zenoh": "zenoh",
+    "foxglove-sdk": "foxglove",
+    "opencv-python-headless": "cv2",
+    "pyshp": "shapefile",
+}
 SELF_CHECK_S = 1.0
 
 

@@ -40,6 +40,12 @@ class Ros1Gateway:
             self.close()
             raise
 
+    @property
+    def unheard(self) -> tuple[str, ...]:
+        """The names under which something is published that nobody listens to right now."""
+        published = (p for outputs_of in self._outputs.values() for p, _ in outputs_of)
+        return tuple(p.name for p in published if not p.listeners)
+
     def publish(self, topic: Topic, data: bytes, _t_ns: int) -> None:
         for publication, convert in self._outputs.get(topic.name, ()):
             if publication.is_wanted:

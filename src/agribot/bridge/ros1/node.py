@@ -29,6 +29,10 @@ class Publication:
         self._last: bytes | None = None
 
     @property
+    def listeners(self) -> int:
+        return sum(subscriber.is_alive for subscriber in self._subscribers)
+
+    @property
     def is_wanted(self) -> bool:
         """A latched topic keeps its last message for those who come later."""
         return self.latched or bool(self._subscribers)
