@@ -54,6 +54,30 @@ class Gateway(Protocol):
     def close(self) -> None: ...
 
 
+class Gateways:
+    """All ways out at once: one that fails is named in `fault` and does not hold up the others."""
+
+    def __init__(self, gateways: Sequence[Gateway]) -> None:
+        self._gateways = tuple(gateways)
+        self._clock = cdr.ClockCdr()
+        self.fault = ""
+
+    def send(self, topic: Topic, log_ns: int, data: bytes, _publish_ns: int) -> None:
+        for gateway in self._gateways:
+            try:
+                gateway.publish(topic, data, log_ns)
+            except BridgeError as error:
+                self.fault = str(error)
+
+    def tell_time(self, t_s: float) -> None:
+        t_ns = nanoseconds(t_s)
+        self.send(topics.CLOCK, t_ns, self._clock(t_ns), t_ns)
+
+    def close(self) -> None:
+        for gateway in self._gateways:
+            gateway.close()
+
+
 class Sources(NamedTuple):
     """What the loop's thread looks at besides the record; each is quick to ask."""
 
@@ -83,19 +107,21 @@ class Outlet:
         camera: CameraLog,
         sources: Sources,
     ) -> None:
-        self._gateways, self._sources = tuple(gateways), sources
-        self._feed = TopicFeed(self._send, robot, datum, urdf, camera)
-        self._clock = cdr.ClockCdr()
+        self._gateways, self._sources = Gateways(gateways), sources
+        self._feed = TopicFeed(self._gateways.send, robot, datum, urdf, camera)
         self._weeds: deque[tuple[float, Sequence[MappedPlant]]] = deque(maxlen=1)
         self._plans: deque[tuple[float, Path]] = deque(maxlen=1)
         self._plan: Path | None = None
         self._next_weeds_s = self._next_truth_s = 0.0
-        self.fault = ""
         self._queue = SendQueue(self._step, QUEUE_TICKS)
 
     @property
     def dropped(self) -> int:
         return self._queue.dropped
+
+    @property
+    def fault(self) -> str:
+        return self._gateways.fault
 
     def __call__(self, record: TickRecord) -> None:
         t_s = record.batch.t_s
@@ -115,8 +141,7 @@ class Outlet:
     def close(self) -> None:
         """Send what is queued, within a moment, and close the gateways. Safe to call twice."""
         if self._queue.close():
-            for gateway in self._gateways:
-                gateway.close()
+            self._gateways.close()
 
     def _step(self, item: _Item) -> None:
         t_s = item.record.batch.t_s
@@ -129,12 +154,4 @@ class Outlet:
             true = item.truth
             pose = (true.x_map_m, true.y_map_m, true.yaw_map_rad)
             self._feed.truth(t_s, pose, (true.v_mps, true.yaw_rate_radps))
-        t_ns = nanoseconds(t_s)
-        self._send(topics.CLOCK, t_ns, self._clock(t_ns), t_ns)
-
-    def _send(self, topic: Topic, log_ns: int, data: bytes, _publish_ns: int) -> None:
-        for gateway in self._gateways:
-            try:
-                gateway.publish(topic, data, log_ns)
-            except BridgeError as error:
-                self.fault = str(error)
+        self._gateways.tell_time(t_s)

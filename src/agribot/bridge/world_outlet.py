@@ -5,17 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from agribot import topics
-from agribot.bridge.outlet import QUEUE_TICKS, Gateway
+from agribot.bridge.outlet import QUEUE_TICKS, Gateway, Gateways
 from agribot.bridge.send_queue import SendQueue
-from agribot.errors import BridgeError
 from agribot.messages import DriveCommand, SensorBatch
 from agribot.robot import RobotSpec
-from agribot.ros import cdr
 from agribot.ros.camera_log import CameraLog
-from agribot.ros.rosmsg import nanoseconds
 from agribot.ros.world_feed import WorldFeed
-from agribot.topic import Topic
 
 
 class _Item(NamedTuple):
@@ -31,15 +26,17 @@ class WorldOutlet:
     def __init__(
         self, gateways: Sequence[Gateway], robot: RobotSpec, urdf: str, camera: CameraLog
     ) -> None:
-        self._gateways = tuple(gateways)
-        self._feed = WorldFeed(self._send, robot, urdf, camera)
-        self._clock = cdr.ClockCdr()
+        self._gateways = Gateways(gateways)
+        self._feed = WorldFeed(self._gateways.send, robot, urdf, camera)
         self._queue = SendQueue(self._step, QUEUE_TICKS)
-        self.fault = ""
 
     @property
     def dropped(self) -> int:
         return self._queue.dropped
+
+    @property
+    def fault(self) -> str:
+        return self._gateways.fault
 
     def __call__(
         self,
@@ -53,17 +50,8 @@ class WorldOutlet:
 
     def close(self) -> None:
         if self._queue.close():
-            for gateway in self._gateways:
-                gateway.close()
+            self._gateways.close()
 
     def _step(self, item: _Item) -> None:
         self._feed(*item)
-        t_ns = nanoseconds(item.batch.t_s)
-        self._send(topics.CLOCK, t_ns, self._clock(t_ns), t_ns)
-
-    def _send(self, topic: Topic, log_ns: int, data: bytes, _publish_ns: int) -> None:
-        for gateway in self._gateways:
-            try:
-                gateway.publish(topic, data, log_ns)
-            except BridgeError as error:
-                self.fault = str(error)
+        self._gateways.tell_time(item.batch.t_s)
