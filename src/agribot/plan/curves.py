@@ -81,6 +81,11 @@ def sample(start: Pose, segments: Iterable[Segment]) -> Path:
         raise MissionError("the path has no length: start and goal are the same place")
     blocks.append(_block(pose, last, np.zeros(1), done_m))
     table = np.concatenate(blocks)
+    return path_from_table(table)
+
+
+def path_from_table(table: FloatArray) -> Path:
+    """Columns x, y, yaw, curvature, row, s; the yaw may run on beyond pi."""
     return Path(
         xy_map_m=np.ascontiguousarray(table[:, :2]),
         yaw_map_rad=np.pi - np.mod(np.pi - table[:, 2], 2.0 * np.pi),

@@ -11,7 +11,7 @@ from agribot.messages import FloatArray, Path, Row
 from agribot.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, PlanRequest, Point
 from agribot.plan.coverage.free_space import FreeSpace
 from agribot.plan.coverage.ways import Ways
-from agribot.plan.curves import SPACING_M
+from agribot.plan.curves import SPACING_M, path_from_table
 
 STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
 MAX_LENGTH_M = 20_000.0
@@ -145,13 +145,7 @@ def drive_path(legs: list[Leg], rows: list[list[int] | None]) -> Path:
     table = np.concatenate(blocks)
     same = (np.diff(table[:, 5]) <= 0.0) & (_turned_rad(table[:, 2]) < 1e-3)
     table = table[np.concatenate([[True], ~same])]
-    return Path(
-        xy_map_m=np.ascontiguousarray(table[:, :2]),
-        yaw_map_rad=np.pi - np.mod(np.pi - table[:, 2], 2.0 * np.pi),
-        curvature_radpm=table[:, 3].copy(),
-        row=table[:, 4].astype(np.int64),
-        s_m=table[:, 5].copy(),
-    )
+    return path_from_table(table)
 
 
 def _broken(leg: Leg) -> list[FloatArray]:
