@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import os
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import msgspec
@@ -23,6 +25,8 @@ class MissionFile:
     """A tap that writes the mission once a second, and whenever its state changes.
 
     Every write replaces the whole file at once: whoever reads it sees the old or the new state.
+    A thread writes, so that a slow disk does not hold up the control loop; a state that waits
+    for it gives way to a newer one.
     """
 
     def __init__(self, folder: Path, mission: Mission) -> None:
@@ -30,14 +34,38 @@ class MissionFile:
         self._mission = mission
         self._state = ""
         self._next_s = 0.0
+        self._newest: deque[bytes] = deque(maxlen=1)
+        self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="mission-file")
+        self._failure: RecordingError | None = None
 
     def __call__(self, record: TickRecord) -> None:
+        """Raises: RecordingError: an earlier write failed."""
+        self._complain()
         if record.status.state == self._state and record.batch.t_s < self._next_s:
             return
         self._state, self._next_s = record.status.state, record.batch.t_s + PERIOD_S
         saved = self._mission.saved()
         if saved is not None:
-            self._replace(msgspec.json.encode(saved))
+            self._newest.append(msgspec.json.encode(saved))
+            self._writer.submit(self._write_newest)
+
+    def close(self) -> None:
+        """Wait for the last write. Safe to call twice. Raises: RecordingError: a write failed."""
+        self._writer.shutdown()
+        self._complain()
+
+    def _complain(self) -> None:
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+
+    def _write_newest(self) -> None:
+        try:
+            self._replace(self._newest.popleft())
+        except IndexError:
+            pass  # a write before this one took it along
+        except RecordingError as error:
+            self._failure = error
 
     def _replace(self, content: bytes) -> None:
         fresh = self._path.with_suffix(".new")

@@ -69,8 +69,7 @@ class Session:
                 self.world, spawn_xy_map_m=saved.pose[:2], spawn_yaw_map_rad=saved.pose[2]
             )
         rows = () if self.goals_map_m else field_rows(config.field)
-        rows = rows if self.work is None else self.work.rows
-        self.rows = rows
+        self.rows = rows = rows if self.work is None else self.work.rows
         self._saved = saved
         self.rows_before = tuple(r.index for r in saved.rows if r.done) if saved else ()
         self._shown_goals_map_m = self.goals_map_m or _row_ends(rows)
@@ -89,8 +88,9 @@ class Session:
         self._recorder = self._open_recorder() if config.record.enabled else None
         self._has_plan = False
         self._next_truth_s = 0.0
+        self._mission_file = MissionFile(out_dir, self.stack.mission)
         self.stack.taps += [self._show_truth, self.referee, self._series, self.event_log]
-        self.stack.taps.append(MissionFile(out_dir, self.stack.mission))
+        self.stack.taps.append(self._mission_file)
         write_file(out_dir / "config.toml", settings.to_toml(config).encode())
         if self._recorder is not None:
             self.stack.taps.append(self._record)
@@ -109,6 +109,7 @@ class Session:
         self.event_log.close()
         if self._recorder is not None:
             self._recorder.close()
+        self._mission_file.close()
 
     @property
     def shown_goals_map_m(self) -> tuple[MapPoint, ...]:

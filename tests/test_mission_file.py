@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import cast
+
+import msgspec
+import numpy as np
+import pytest
+
+from agribot.errors import RecordingError
+from agribot.messages import TickRecord
+from agribot.mission_file import FILE_NAME, MissionFile
+from agribot.plan.mission import Mission
+from tests.record import record_samples as samples
+
+
+class Counting:
+    """Stands for a mission: every state that is asked for is another one."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def saved(self) -> dict[str, int]:
+        self.asked += 1
+        return {"asked": self.asked}
+
+
+def ticks(count: int) -> list[TickRecord]:
+    """A second apart, so that each is due."""
+    record = samples.tick(0, np.random.default_rng(0))
+    return [
+        msgspec.structs.replace(record, batch=msgspec.structs.replace(record.batch, t_s=float(t)))
+        for t in range(count)
+    ]
+
+
+def stored(folder: Path) -> int:
+    return cast(int, msgspec.json.decode((folder / FILE_NAME).read_bytes())["asked"])
+
+
+def test_a_disk_that_hangs_does_not_hold_up_the_loop_and_the_newest_state_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mission, disk = Counting(), threading.Event()
+    replace = Path.replace
+
+    def hang(self: Path, target: Path) -> Path:
+        assert disk.wait(30.0)
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", hang)
+    file = MissionFile(tmp_path, cast(Mission, mission))
+    for record in ticks(20):
+        file(record)  # comes back while the disk hangs
+    assert mission.asked == 20
+    assert not (tmp_path / FILE_NAME).exists()
+    disk.set()
+    file.close()
+    assert stored(tmp_path) == 20
+
+
+def test_a_write_that_fails_is_told(tmp_path: Path) -> None:
+    file = MissionFile(tmp_path / "gone", cast(Mission, Counting()))
+    file(ticks(1)[0])
+    with pytest.raises(RecordingError, match="cannot write"):
+        file.close()
+    file.close()
