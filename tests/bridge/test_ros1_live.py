@@ -150,7 +150,9 @@ def test_rosbag_records_every_topic_with_the_values_sent(ros1: Ros1, robot: Robo
     for _ in range(80):
         robot.drive_on()
     os.killpg(recorder.pid, signal.SIGINT)
-    recorder.wait(30)
+    recorder.wait(60)
+    # The wrapper may end before the recorder proper has closed its file and renamed it.
+    until(bag.exists, "rosbag to close its file", 60.0)
     with AnyReader([bag]) as reader:
         found = {c.topic: c.msgtype for c in reader.connections}
         missing = {name for name in names if name not in found}
