@@ -82,6 +82,11 @@ class EstimateConfig(Config, frozen=True):
     position_walk_m_per_sqrt_m: Positive = 0.018
     mag_std_rad: Positive = 0.07  # 4 deg after calibration
     mag_bias_std_rad: Positive = 0.087  # 5 deg of hard iron
+    # Own iron of the robot, from `agribot calibrate magnetometer`; T forward and left, and (xx, xy,
+    # yy) of what makes a circle of the ellipse. What is left of it is learnt while driving.
+    mag_offset_t: tuple[float, float] = (0.0, 0.0)
+    mag_shape: tuple[float, float, float] = (1.0, 0.0, 1.0)
+    mag_learn: bool = True
     gate_sigma: Positive = 4.0
     recover_after: Count = 25  # rejected in a row before the filter opens up
     # Of the protection level: how often the position may be farther off than it says.
