@@ -225,7 +225,7 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """What the mission wants now: follow `path` from `s_m`, at most this fast.
 
-    `path` is None until the mission has planned its way from where the robot stands.
+    `path` is None until it is planned. `tracked_x_m` ahead on the body is what stays on it.
     """
 
     path: Path | None
@@ -233,6 +233,7 @@ class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     max_speed_mps: float
     tool_on: bool
     status: MissionStatus
+    tracked_x_m: float = 0.0
 
 
 # ---------------------------------------------------------------- commands

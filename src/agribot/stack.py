@@ -24,10 +24,11 @@ from agribot.perceive.ground import GroundLookup
 from agribot.perceive.plants import observe
 from agribot.perceive.segmenter import Segmenter
 from agribot.perception_host import NoPerception, PerceptionHost, ThreadedPerception
-from agribot.plan.boustrophedon import plan_home, plan_rows
+from agribot.plan.boustrophedon import plan_home, plan_rows, plan_without
 from agribot.plan.certify import certify
 from agribot.plan.coverage.drive import FieldWork
 from agribot.plan.mission import Mission
+from agribot.plan.route import Tool
 from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import PoseTuple, SavedMission
 from agribot.plan.waypoints import plan_waypoints
@@ -162,7 +163,7 @@ def _mission(
             ),
             work.rows,
             config.mission,
-            tool_reach_m=0.0,
+            tool=Tool(reach_m=0.0, tracked_x_m=0.0 if work.has_crop else work.request.tool_x_m),
             has_crop=work.has_crop,
             home=lambda estimate, home, ahead: work.path_home(
                 (estimate.x_map_m, estimate.y_map_m), home[:2], ahead
@@ -180,7 +181,21 @@ def _mission(
         certify(path, rows, robot, config.mission.plant_clearance_m)
         return path
 
-    return Mission(planner, rows, config.mission, waypoints_map_m, home=go_home, saved=saved)
+    def around(path: Path, index: int, skipped: int) -> Path:
+        path = plan_without(path, index, skipped, rows, robot, config.mission)
+        certify(path, rows, robot, config.mission.plant_clearance_m)
+        return path
+
+    return Mission(
+        planner,
+        rows,
+        config.mission,
+        waypoints_map_m,
+        tool=Tool(x_m=robot.tool_x_m),
+        home=go_home,
+        saved=saved,
+        around=around,
+    )
 
 
 def _planner(

@@ -259,3 +259,26 @@ def test_without_a_path_the_robot_stands() -> None:
     rover = Rover((0.0, 5.0, 0.0), Soil(), np.random.default_rng(0))
     goal = msgspec.structs.replace(goal_on(straight_north(), 0.0), path=None)
     assert Follower(ControlConfig(), ROBOT).step(rover.estimate(), goal) == (STOP, None)
+
+
+@pytest.mark.parametrize("tracked_x_m", [0.0, -0.35])
+def test_on_a_slope_the_tracked_point_is_on_the_line(tracked_x_m: float) -> None:
+    """The robot crabs by 4 degrees; what is steered is the tool, not the middle of the body."""
+    rover = Rover(
+        (0.0, 0.0, math.pi / 2), Soil(crab_rad=math.radians(4.0)), np.random.default_rng(0)
+    )
+    path = sample(Pose(0.0, 0.0, math.pi / 2), [Segment(12.0, 0.0)])
+    status = MissionStatus(state="running", reason="", row=0, rows_total=1, rows_done=(), s_m=0.0,
+                           length_m=12.0, waypoints_total=0, waypoints_reached=0)  # fmt: skip
+    follower = Follower(ControlConfig(), ROBOT)
+    told = []
+    while rover.y_m < 11.0:
+        goal = Goal(path=path, s_m=max(rover.y_m, 0.0), max_speed_mps=0.4, tool_on=True,
+                    status=status, tracked_x_m=tracked_x_m)  # fmt: skip
+        command, tracking = follower.step(rover.estimate(), goal)
+        rover.drive(command)
+        told.append(tracking.cross_track_m if tracking else math.nan)
+    tool_x_m = rover.x_m + tracked_x_m * math.cos(rover.yaw_rad)
+    assert tool_x_m == pytest.approx(0.0, abs=0.004)
+    assert told[-1] == pytest.approx(0.0, abs=0.004)
+    assert abs(rover.x_m) == pytest.approx(abs(tracked_x_m) * math.radians(4.0), abs=0.004)

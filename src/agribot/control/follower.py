@@ -24,12 +24,21 @@ PIVOT_LEAVE_RAD = math.radians(10.0)
 PIVOT_GAIN_PER_S = 1.5
 NOMINAL_DT_S = 0.02
 MAX_DT_S = 0.1
+MAX_ASIDE_M = 0.05  # what a certified plan keeps off every edge
 
 
 class _Errors(NamedTuple):
     cross_track_m: float
     heading_rad: float
     curvature_radpm: float
+
+    def steered_at(self, tracked_x_m: float, slip_rad: float) -> _Errors:
+        """As of a point ahead on the body: the robot crabs on a slope, and its line moves aside.
+
+        In a steady crab the heading is off by minus the slip, and with it the point's place.
+        """
+        aside_m = law.limited(FLOATS, tracked_x_m * slip_rad, MAX_ASIDE_M)
+        return self._replace(cross_track_m=self.cross_track_m - aside_m)
 
 
 class _Line:
@@ -96,8 +105,9 @@ class Follower:
             self._line = _Line(goal.path)
         dt_s = self._elapsed_s(estimate.t_s) if dt_s is None else dt_s
         here = self._line.errors(goal.s_m, estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+        beside_m = here.cross_track_m + goal.tracked_x_m * math.sin(here.heading_rad)
         tracking = Tracking(
-            s_m=goal.s_m, cross_track_m=here.cross_track_m, heading_error_rad=here.heading_rad
+            s_m=goal.s_m, cross_track_m=beside_m, heading_error_rad=here.heading_rad
         )
         self._yaw_gain.learn(
             self._last.v_mps, self._last.yaw_rate_radps,
@@ -109,6 +119,7 @@ class Follower:
         wanted = STOP
         if goal.max_speed_mps > 0.0:
             ahead = self._ahead(self._line, estimate, goal.s_m)
+            ahead = ahead.steered_at(goal.tracked_x_m, estimate.slip_rad)
             wanted = self._twist(ahead, estimate, goal.max_speed_mps)
         self._last = self._ramped(wanted, dt_s)
         return self._last, tracking

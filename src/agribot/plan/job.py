@@ -8,8 +8,9 @@ from collections.abc import Callable, Sequence
 import msgspec
 
 from agribot.config import MissionConfig
+from agribot.errors import MissionError
 from agribot.messages import Estimate, MissionState, Path, Row
-from agribot.plan.route import Route
+from agribot.plan.route import Route, Tool
 from agribot.plan.row_log import RowLog
 from agribot.plan.saved_mission import (
     PoseTuple,
@@ -20,6 +21,8 @@ from agribot.plan.saved_mission import (
 )
 
 Planner = Callable[[Estimate], Path]
+# The path up to one of its points, and from there over the rows that it still works but one.
+Detour = Callable[[Path, int, int], Path]
 
 
 class Job:
@@ -31,13 +34,16 @@ class Job:
         rows: Sequence[Row],
         config: MissionConfig,
         waypoints: Sequence[tuple[float, float]],
-        tool_reach_m: float,
+        tool: Tool,
         saved: SavedMission | None,
+        around: Detour | None,
     ) -> None:
         self._plan = plan
         self._config = config
         self._waypoints = tuple(waypoints)
-        self._tool_reach_m = tool_reach_m
+        self._tool = tool
+        self._around = around
+        self._detours: tuple[tuple[int, int], ...] = ()
         self._saved = saved
         self._task = ""
         self.rows = RowLog(row.index for row in rows)
@@ -61,9 +67,12 @@ class Job:
                 estimate, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad
             )
         path = self._plan(estimate)
-        route = Route(path, self.rows.indices, self._config, self._waypoints, self._tool_reach_m)
-        self.planned_from = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
         self._task = task_name(self.rows.indices, self._waypoints, path)
+        self._detours = saved.detours if saved else ()
+        for index, row in self._detours:
+            path = self._around(path, index, row) if self._around else path
+        route = self._route(path)
+        self.planned_from = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
         if saved is not None:
             check_same_task(saved, self._task, route.progress.length_m)
             route.go_on(saved.s_m, saved.waypoints_reached)
@@ -90,6 +99,7 @@ class Job:
             row=self.rows.here,
             rows=self.rows.results,
             waypoints_reached=route.visits.reached,
+            detours=self._detours,
         )
 
     def work(self, estimate: Estimate) -> None:
@@ -101,9 +111,33 @@ class Job:
         self.route.visits.update(progress.s_m, estimate.x_map_m, estimate.y_map_m)
 
     def skip_row(self) -> None:
-        """The row under the robot, else the next one: it is passed with the tool off."""
-        if self.route is not None:
-            self.rows.skip(self.rows.here if self.rows.here >= 0 else self.route.next_row)
+        """The row under the robot: it is passed with the tool off. Called again, the next one.
+
+        That one is left out of the way, where a clear way leads around it.
+        """
+        route = self.route
+        if route is None:
+            return
+        here = self.rows.here
+        row = here if self.is_wanted(here) else route.next_row
+        self.rows.skip(row)
+        if row in (-1, here) or self._around is None:
+            return
+        index = route.progress.index
+        try:
+            path = self._around(route.path, index, row)
+        except MissionError:
+            return  # it is passed with the tool off
+        self._detours += ((index, row),)
+        self.route = self._route(path)
+        self.route.go_on(route.progress.s_m, route.visits.reached)
+
+    def is_wanted(self, row: int) -> bool:
+        """Whether the tool is to work this row; -1 is none."""
+        return row >= 0 and not self.rows.is_skipped(row)
+
+    def _route(self, path: Path) -> Route:
+        return Route(path, self.rows.indices, self._config, self._waypoints, self._tool)
 
     def finish(self, t_s: float) -> tuple[MissionState, str]:
         """How the job ended at the end of its route, and why."""

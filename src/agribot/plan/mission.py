@@ -20,8 +20,8 @@ from agribot.messages import (
     Row,
 )  # fmt: skip
 from agribot.plan.caution import across_std_m, caution_ratio
-from agribot.plan.job import Job, Planner
-from agribot.plan.route import TOOL_REACH_M, Route
+from agribot.plan.job import Detour, Job, Planner
+from agribot.plan.route import AT_ORIGIN, Route, Tool
 from agribot.plan.row_log import RowResult
 from agribot.plan.saved_mission import PoseTuple, SavedMission, check_not_carried_away
 from agribot.plan.stall import StallWatch
@@ -48,19 +48,21 @@ class Mission:
         rows: Sequence[Row],
         config: MissionConfig,
         waypoints: Sequence[tuple[float, float]] = (),
-        tool_reach_m: float = TOOL_REACH_M,
+        tool: Tool = AT_ORIGIN,
         has_crop: bool = True,
         home: HomePlanner | None = None,
         saved: SavedMission | None = None,
+        around: Detour | None = None,
     ) -> None:
         """`plan` is asked once, from where the robot stands when its estimate has settled.
 
-        `waypoints` are places in the map that the planned path visits, in its order. The tool
-        works in the rows and up to `tool_reach_m` past their ends. Where there is crop, the
-        robot slows down as it knows less well where the rows are. `saved` is a mission that was
-        cut off: it goes on where it was.
+        `waypoints` are places in the map that the planned path visits, in its order. Where there
+        is crop, the robot slows down as it knows less well where the rows are. `saved` is a
+        mission that was cut off: it goes on where it was. `around` leaves a skipped row out of
+        the path; without it the row is passed with the tool off.
         """
-        self._job = Job(plan, rows, config, waypoints, tool_reach_m, saved)
+        self._job = Job(plan, rows, config, waypoints, tool, saved, around)
+        self._tool = tool
         self._plan_home = home
         self._home: Route | None = None
         self._home_reason = ""
@@ -236,7 +238,7 @@ class Mission:
     def _be_cautious(self, route: Route, estimate: Estimate) -> None:
         """In and next to the rows, no faster than the robot knows where the plants are."""
         self._caution = 1.0
-        if self._state != "running" or not route.tool_on or not self._has_crop:
+        if self._state != "running" or not route.is_beside_row or not self._has_crop:
             return
         std_m = across_std_m(estimate, route.yaw_map_rad)
         self._caution = caution_ratio(std_m, self._config)
@@ -258,17 +260,18 @@ class Mission:
         self._state, self._reason = state, reason
 
     def _goal(self, is_located: bool) -> Goal:
-        route, rows, status = self._way, self._job.rows, self._status()
+        route, status = self._way, self._status()
         if route is None:
             return Goal(path=None, s_m=0.0, max_speed_mps=0.0, tool_on=False, status=status)
         is_running = self._state == "running" and is_located
-        is_wanted = not rows.is_skipped(rows.here)
+        tool_on = is_running and self._job.is_wanted(route.tool_row)
         return Goal(
             path=route.path,
             s_m=status.s_m,
             max_speed_mps=self._caution * route.max_speed_mps if is_running else 0.0,
-            tool_on=is_running and route.tool_on and is_wanted,
+            tool_on=tool_on,
             status=status,
+            tracked_x_m=self._tool.tracked_x_m if tool_on else 0.0,
         )
 
     def _status(self) -> MissionStatus:

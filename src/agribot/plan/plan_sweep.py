@@ -50,6 +50,15 @@ def wheel_traces(xy: FloatArray, shape: Footprint, after: FloatArray | None) -> 
     return np.concatenate(traces)
 
 
+def tool_line(xy: FloatArray, tool_x_m: float) -> FloatArray:
+    """The line that a point of the body ahead of its origin draws, (N, 2); it swings in bends."""
+    if tool_x_m == 0.0:
+        return xy
+    yaw = _courses(xy)
+    shift = tool_x_m * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
+    return np.stack([xy[:-1] + shift, xy[1:] + shift], axis=1).reshape(-1, 2)
+
+
 def tight_bends(xy: FloatArray) -> FloatArray:
     """Curvature at the inner points of a line: their bend over half of both pieces.
 

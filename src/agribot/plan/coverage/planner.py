@@ -11,7 +11,7 @@ import numpy as np
 from agribot.errors import MissionError
 from agribot.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, PlanRequest, Point
 from agribot.plan.coverage.free_space import FreeSpace, polygons
-from agribot.plan.coverage.swaths import cells, rotated, search_yaw_rad, swaths_over
+from agribot.plan.coverage.swaths import cells, rotated, search_yaw_rad, swaths_over, with_room
 from agribot.plan.coverage.tasks import Task, cell_task, in_order, ring_tasks, row_task
 from agribot.plan.coverage.turns import arc_turn, yaw_rad
 from agribot.plan.coverage.ways import Ways
@@ -71,7 +71,7 @@ def _area_tasks(
     inner: BaseGeometry = space.region
     half_m = request.implement_width_m / 2.0
     slivers = []
-    for number in range(request.headland_passes):
+    for number in range(request.passes(has_rows=False)):
         edge = FreeSpace.inset(space.region, number * request.spacing_m)
         if not polygons(edge):
             break
@@ -92,7 +92,10 @@ def _area_tasks(
             f"{len(swaths)} swaths are more than the limit of {MAX_SWATHS}; "
             "split the field or use a wider implement"
         )
-    return swath_yaw_rad, rings + [cell_task(cell, swath_yaw_rad) for cell in cells(swaths)]
+    tool_x_m = request.tool_x_m
+    swaths = with_room(swaths, space.drivable, swath_yaw_rad, abs(tool_x_m))
+    found = [cell_task(cell, swath_yaw_rad, tool_x_m) for cell in cells(swaths)]
+    return swath_yaw_rad, rings + found
 
 
 def _direction(
