@@ -21,6 +21,7 @@ LAYERS = {
     0: (
         "__init__",
         "messages",
+        "row_shape",
         "topic",
         "topics",
         "errors",

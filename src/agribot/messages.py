@@ -195,11 +195,12 @@ class Path(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
-    """A straight crop row from its first to its last plant."""
+    """A crop row from its first to its last plant: a line, or an arc (see row_shape)."""
 
     index: int
     start_map_m: tuple[float, float]
     end_map_m: tuple[float, float]
+    curvature_radpm: float = 0.0  # left positive
 
 
 MissionState = Literal["waiting", "running", "paused", "done", "cancelled", "failed"]

@@ -30,6 +30,7 @@ from agribot.record.report import Report, to_json, write_file
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap
 from agribot.report_card import Clock, report_card
+from agribot.row_shape import row_length_m
 from agribot.sim.platform import SimPlatform
 from agribot.sim.referee import Referee
 from agribot.stack import MapPoint, MaskTap, Tap
@@ -136,12 +137,9 @@ class Session:
 
     def worked_area_m2(self, rows: tuple[int, ...]) -> float:
         """Ground of the given rows, as wide as they are apart or as the implement is."""
-        if self.work is None:
-            field = self.config.field
-            return len(rows) * field.row_length_m * field.row_pitch_m
-        wanted = [row for row in self.rows if row.index in rows]
-        length_m = sum(math.dist(row.start_map_m, row.end_map_m) for row in wanted)
-        return length_m * self.work.request.implement_width_m
+        work, field = self.work, self.config.field
+        length_m = sum(row_length_m(row) for row in self.rows if row.index in rows)
+        return length_m * (field.row_pitch_m if work is None else work.request.implement_width_m)
 
     def add_tap(self, tap: Tap) -> None:
         self.stack.taps.append(tap)
