@@ -147,6 +147,16 @@ class RecordConfig(Config, frozen=True):
     min_free_mb: NonNegative = 200.0  # of the disk; below it, files go or recording ends
 
 
+class SourceConfig(Config, frozen=True):
+    """Where a sensor comes from if not from the platform: ros2:/fix, ros1:/fix; empty: its own."""
+
+    gnss: str = ""
+    imu: str = ""
+    mag: str = ""
+    wheels: str = ""
+    camera: str = ""
+
+
 class SimConfig(Config, frozen=True):
     step_s: Annotated[float, msgspec.Meta(ge=0.0005, le=0.005)] = 0.002
     sensors: str = "rtk"
@@ -183,6 +193,7 @@ class RunConfig(Config, frozen=True):
     treatment: TreatmentConfig = TreatmentConfig()
     record: RecordConfig = RecordConfig()
     sim: SimConfig = SimConfig()
+    sources: SourceConfig = SourceConfig()
 
 
 def profile_names() -> list[str]:

@@ -15,15 +15,14 @@ from agribot import stack as robot_stack
 from agribot.config import RunConfig
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.worlds_sdf import load_world
-from agribot.errors import MissionError, RecordingError
-from agribot.field_work import field_work, read_plan_text
-from agribot.geo import MapFrame
+from agribot.errors import RecordingError
+from agribot.field_work import field_work, read_goals, read_plan_text
 from agribot.messages import ByteArray, OperatorEvent, Row, TickRecord
 from agribot.mission_file import MissionFile
 from agribot.perception_host import PerceptionMeter
 from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import SavedMission
-from agribot.plan.waypoints import parse_waypoints
+from agribot.platform import Platform
 from agribot.record.events import EventLog
 from agribot.record.recorder import RunRecorder
 from agribot.record.report import Report, to_json, write_file
@@ -75,6 +74,7 @@ class Session:
         self.rows_before = tuple(r.index for r in saved.rows if r.done) if saved else ()
         self._shown_goals_map_m = self.goals_map_m or _row_ends(rows)
         self.platform = SimPlatform(config, self.robot, self.world)
+        self.sensed: Platform = self.platform  # with sensors from elsewhere, if any
         self.referee = Referee(self.platform, self.world, rows, self.goals_map_m)
         self._mask_taps: list[MaskTap] = [self.referee.judge_mask]
         perception = robot_stack.perceiving(config, self.robot, self._show_mask)
@@ -182,7 +182,7 @@ class Session:
         return report
 
     def _tick(self) -> TickRecord:
-        self.last = self.stack.tick(self.platform)
+        self.last = self.stack.tick(self.sensed)
         return self.last
 
     def _has_ended(self) -> bool:
@@ -263,34 +263,6 @@ class Session:
             events=self.event_log.events,
             world=self.world,
         )
-
-
-def read_goals(config: RunConfig) -> tuple[MapPoint, ...]:
-    """The waypoints of the settings in the map; none where the rows of the field are the task.
-
-    Raises: MissionError: the file is missing or broken, or a waypoint is too far from the field.
-    """
-    if not config.waypoints:
-        return ()
-    path = Path(config.waypoints)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise MissionError(f"cannot read waypoints from {path}: {error}; check the path") from error
-    frame = MapFrame(config.field.datum)
-    limit_m = config.mission.max_waypoint_distance_m
-    goals: list[MapPoint] = []
-    for number, (lat_deg, lon_deg) in enumerate(parse_waypoints(text, path.name), start=1):
-        east_m, north_m, _ = frame.map_from_geodetic(lat_deg, lon_deg, config.field.datum.alt_m)
-        distance_m = math.hypot(east_m, north_m)
-        if distance_m > limit_m:
-            raise MissionError(
-                f"{path.name}: waypoint {number} is {distance_m:.0f} m from the field's origin, "
-                f"farther than {limit_m:.0f} m; correct it, or raise "
-                "mission.max_waypoint_distance_m"
-            )
-        goals.append((east_m, north_m))
-    return tuple(goals)
 
 
 def _row_ends(rows: tuple[Row, ...]) -> tuple[MapPoint, ...]:

@@ -19,7 +19,6 @@ from agribot.messages import (
     RobotCommand,
     Scene,
     TickRecord,
-    Tracking,
     WheelSample,
 )
 from agribot.topic import LATCHED, LATEST, Topic
@@ -207,11 +206,11 @@ BEARING = Topic(
 ANGLE = Topic(
     name="/agribot/angle",
     ros_type="std_msgs/msg/Float64",
-    struct=Tracking,
+    struct=Estimate,
     rate_hz=10.0,
     seed_alias="/angle",
     seed_ros_type="std_msgs/msg/Float64",
-    about="heading error against the path, degrees, counter-clockwise positive",
+    about="bearing minus heading: how far to turn left to face the next waypoint, degrees",
 )
 HEADING_RAW = Topic(
     name="/agribot/heading/raw",

@@ -10,6 +10,7 @@ import msgspec
 
 from agribot.errors import RecordingError
 from agribot.messages import STOP, OperatorEvent, TickRecord
+from agribot.operator_input import SENSOR_WATCH
 
 EventKind = Literal["mission", "operator", "ready", "fault", "stop", "hold", "limit", "clear"]
 
@@ -21,7 +22,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
 
     mission   the mission's state or its reason changed
     operator  somebody pressed something
-    ready     the estimate became usable; fault: it stopped being so
+    ready     the estimate became usable; fault: it stopped being so, or a sensor fell silent
     stop      the supervisor stopped a moving robot; hold: it keeps a standing one standing
     limit     the supervisor let it move, but less than asked
     clear     the supervisor has no objection any more
@@ -66,7 +67,7 @@ class EventLog:
     def __call__(self, record: TickRecord) -> None:
         t_s = record.batch.t_s
         for press in record.batch.events:
-            self._add(press.t_s, "operator", f"{_what(press)} ({press.source})")
+            self._note_press(press)
         self._note_hand(t_s, record)
         self._note_estimate(t_s, record)
         self._note_mission(t_s, record)
@@ -76,6 +77,12 @@ class EventLog:
     def close(self) -> None:
         """Safe to call twice."""
         self._file.close()
+
+    def _note_press(self, press: OperatorEvent) -> None:
+        if press.source == SENSOR_WATCH:
+            self._add(press.t_s, "fault" if press.value else "clear", press.text)
+        else:
+            self._add(press.t_s, "operator", f"{_what(press)} ({press.source})")
 
     def _note_hand(self, t_s: float, record: TickRecord) -> None:
         """Who drives by hand; a stick that is let go is no event of its own."""
