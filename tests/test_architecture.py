@@ -41,6 +41,7 @@ LAYERS = {
         "stack",
         "perception_host",
         "field_work",
+        "tasks",
         "mission_file",
         "session",
         "report_card",

@@ -220,6 +220,7 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     leg: str = ""  # "row 3", "to row 4", "way home"
     distance_left_m: float = 0.0
     eta_s: float | None = None  # until the end of the path, at the planned speeds
+    refusal: str = ""  # why the last goal, plan or way home was not taken
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):

@@ -103,6 +103,23 @@ def certify_plan(
     )
 
 
+def check_ways(
+    legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest, start: Point
+) -> list[Problem]:
+    """Of ways without work: edges, holes, wheels on crop. The ground under the robot is forgiven:
+    it stands there already, and must be able to leave.
+    """
+    import shapely
+
+    field = shapely.Polygon(area.boundary, area.holes).union(
+        shapely.Point(start).buffer(2.0 * shape.turn_radius_m)
+    )
+    _, _, edges = _edges(legs, field, shape)
+    _, rows = _rows(legs, area, shape, request)
+    away_m = 2.0 * shape.turn_radius_m
+    return [*edges, *(p for p in rows if math.dist((p.east_m, p.north_m), start) > away_m)]
+
+
 def _refused(problems: list[Problem]) -> Certificate:
     """Of a plan that is no way at all."""
     return Certificate(
