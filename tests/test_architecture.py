@@ -45,6 +45,7 @@ LAYERS = {
         "mission_file",
         "session",
         "report_card",
+        "run_recording",
         "rerun",
         "workers",
         "nodes",

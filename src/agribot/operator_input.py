@@ -20,10 +20,10 @@ T = TypeVar("T")
 # and 1 sigma of the place (m) and of the yaw (rad).
 # "goto" sends the robot to the place in `numbers`: x, y (m, map) and, where it matters, yaw (rad).
 # "plan" gives a standing robot the field plan in `text` (GeoJSON) as its new mission.
-# "mark" marks this moment in the recording with `text`; "record" starts or stops recording.
+# "mark" marks this moment in the recording with `text`; the two of recording begin and end one.
 OperatorAction = Literal[
     "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home", "note", "set",
-    "pose_estimate", "goto", "plan", "mark", "record",
+    "pose_estimate", "goto", "plan", "mark", "start_recording", "stop_recording",
 ]  # fmt: skip
 LIVE_SETTINGS = ("mission.speed_mps", "treatment.enabled")
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path as FilePath
 
 from agribot.config import RunConfig
+from agribot.errors import MissionError
 from agribot.field_work import work_from
+from agribot.geo import MapFrame
 from agribot.messages import Estimate, FloatArray, Path, Row
 from agribot.plan.boustrophedon import plan_home, plan_rows
 from agribot.plan.certify import certify
@@ -14,7 +18,7 @@ from agribot.plan.goal_way import fence_around, plan_to_place
 from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import PoseTuple
 from agribot.plan.task import Place, Task
-from agribot.plan.waypoints import plan_waypoints
+from agribot.plan.waypoints import parse_waypoints, plan_waypoints
 from agribot.robot import RobotSpec
 
 MapPoint = tuple[float, float]
@@ -83,3 +87,36 @@ def _place_planner(
 
 def _pose(estimate: Estimate) -> PoseTuple:
     return estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad
+
+
+def read_goals(config: RunConfig) -> tuple[MapPoint, ...]:
+    """The waypoints of the settings in the map; none where the rows of the field are the task.
+
+    Raises: MissionError: the file is missing or broken, or a waypoint is too far from the field.
+    """
+    if not config.waypoints:
+        return ()
+    path = FilePath(config.waypoints)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MissionError(f"cannot read waypoints from {path}: {error}; check the path") from error
+    frame = MapFrame(config.field.datum)
+    limit_m = config.mission.max_waypoint_distance_m
+    goals: list[MapPoint] = []
+    for number, (lat_deg, lon_deg) in enumerate(parse_waypoints(text, path.name), start=1):
+        east_m, north_m, _ = frame.map_from_geodetic(lat_deg, lon_deg, config.field.datum.alt_m)
+        distance_m = math.hypot(east_m, north_m)
+        if distance_m > limit_m:
+            raise MissionError(
+                f"{path.name}: waypoint {number} is {distance_m:.0f} m from the field's origin, "
+                f"farther than {limit_m:.0f} m; correct it, or raise "
+                "mission.max_waypoint_distance_m"
+            )
+        goals.append((east_m, north_m))
+    return tuple(goals)
+
+
+def row_ends(rows: Sequence[Row]) -> tuple[MapPoint, ...]:
+    """Both ends of every row, the goals that a map shows for a mission over rows."""
+    return tuple(end for row in rows for end in (row.start_map_m, row.end_map_m))

@@ -20,7 +20,6 @@ from agribot.plan.plan_ground import covered_ground, reachable
 from agribot.plan.plan_sweep import footprints, tight_bends, wheel_traces
 
 if TYPE_CHECKING:
-    import shapely
     from shapely.geometry.base import BaseGeometry
 
 JOINT_M = 1e-3  # legs meet this closely; a plan file keeps a tenth of a millimetre
@@ -169,7 +168,7 @@ def _bends(legs: tuple[Leg, ...]) -> tuple[list[Problem], float]:
 
 
 def _edges(
-    legs: tuple[Leg, ...], field: shapely.Polygon, shape: Footprint
+    legs: tuple[Leg, ...], field: BaseGeometry, shape: Footprint
 ) -> tuple[float, float, list[Problem]]:
     """Smallest clearance of the footprint, length of way outside the field, and where.
 

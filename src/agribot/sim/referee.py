@@ -82,15 +82,21 @@ class Referee:
     ) -> None:
         self._source = source
         self._world = world
-        self._rows = {row.index: row for row in rows}
         self._row_errors: list[tuple[float, float]] = []
         self._estimate_errors: list[tuple[float, float, float]] = []
         self._pose_covs: list[tuple[float, ...]] = []
         self._distance_m = 0.0
         self._last_xy: tuple[float, float] | None = None
+        self._confusion = np.zeros((3, 3), dtype=np.int64)
+        self.judge_anew(rows, goals_map_m)
+
+    def judge_anew(
+        self, rows: Sequence[Row], goals_map_m: Sequence[tuple[float, float]] = ()
+    ) -> None:
+        """Another task: what was kept of the old one counts no more. Errors already made do."""
+        self._rows = {row.index: row for row in rows}
         self._goals_map_m = tuple(goals_map_m)
         self._nearest_m = [math.inf] * len(self._goals_map_m)
-        self._confusion = np.zeros((3, 3), dtype=np.int64)
         self._worst_m: dict[int, float] = {}
         self._slices: set[tuple[int, int]] = set()
 
