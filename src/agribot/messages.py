@@ -221,6 +221,7 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     leg: str = ""  # "row 3", "to row 4", "way home"
     distance_left_m: float = 0.0
     eta_s: float | None = None  # until the end of the path, at the planned speeds
+    refusal: str = ""  # why the last goal, plan or way home was not taken
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -283,19 +284,3 @@ class TickRecord(msgspec.Struct, frozen=True, kw_only=True):
     tracking: Tracking | None
     command: RobotCommand
     reason: str = ""
-
-
-class MappedPlant(msgspec.Struct, frozen=True, kw_only=True):
-    """A plant of the weed map: position, 2x2 covariance (row by row) and the evidence for it."""
-
-    id: int
-    plant: PlantClass
-    x_map_m: float
-    y_map_m: float
-    cov_m2: tuple[float, float, float, float]
-    area_m2: float
-    confidence: float
-    sightings: int
-    first_seen_s: float
-    last_seen_s: float
-    treated_s: float | None = None

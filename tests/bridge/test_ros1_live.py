@@ -271,7 +271,12 @@ def test_a_sensor_may_be_a_topic_of_ros1(ros1: Ros1) -> None:
         text = "{latitude: 21.25, longitude: 72.75, altitude: 4.5}"
         ros1.start("rostopic", "pub", "-r", "20", "/their/fix", "sensor_msgs/NavSatFix", text)
         got: list[Any] = []
-        until(lambda: bool(got.extend(source.take(9.0)) or got), "a fix", 60.0)
+
+        def heard() -> bool:
+            got.extend(source.take(9.0))
+            return bool(got)
+
+        until(heard, "a fix", 60.0)
         assert (got[0].lat_deg, got[0].lon_deg, got[0].alt_m) == (21.25, 72.75, 4.5)
         ros1.start("rostopic", "pub", "-r", "20", "/their/fix", "std_msgs/Float64", "1.0")
         until(lambda: any("Float64" in text for text in said), "the refusal", 60.0)

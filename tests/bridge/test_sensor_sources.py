@@ -97,7 +97,12 @@ def test_fixes_of_another_process_arrive_exactly_and_what_is_none_is_refused_by_
         with zenoh_peer(locator) as talk:
             publish(talk, "/fix", fix(21.25, 72.75, 50.0, 4.5))
             got: list[Any] = []
-            until(lambda: bool(got.extend(source.take(50.1)) or got), "the fix")
+
+            def heard() -> bool:
+                got.extend(source.take(50.1))
+                return bool(got)
+
+            until(heard, "the fix")
             assert (got[0].lat_deg, got[0].lon_deg, got[0].alt_m) == (21.25, 72.75, 4.5)
             assert (got[0].t_s, got[0].quality) == (50.0, GnssQuality.RTK_FIXED)
             publish(talk, "/fix", fix(95.0, 72.75, 50.1))
@@ -136,7 +141,8 @@ def test_the_robot_believes_to_be_where_another_process_says_and_its_silence_is_
                 target=publish, args=(talk, "/their/fix", message, 30, 10.0), daemon=True
             )
             speaker.start()
-            seen, pace_s = [], time.monotonic()
+            seen: list[GnssFix] = []
+            pace_s = time.monotonic()
             for record in session.ticks():
                 seen.extend(record.batch.gnss)
                 time.sleep(max(0.0, pace_s + record.batch.t_s - time.monotonic()))

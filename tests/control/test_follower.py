@@ -24,6 +24,7 @@ from agribot.plan.boustrophedon import plan_rows
 from agribot.plan.curves import Pose, Segment, sample
 from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
+from agribot.plan.task import Task
 from tests.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
 
 ROBOT = farm_robot()
@@ -41,7 +42,7 @@ class Drive:
     ) -> None:  # fmt: skip
         rows = field_rows(field)
         self.path = plan_rows(rows, start, ROBOT, MISSION)
-        self.mission = Mission(lambda _: self.path, rows, MISSION)
+        self.mission = Mission(Task(lambda _: self.path, rows), MISSION)
         self.follower = Follower(control or ControlConfig(), ROBOT)
         self.supervisor = Supervisor(SafetyConfig(), ROBOT)
         self.rover = Rover(start, soil, np.random.default_rng(seed))

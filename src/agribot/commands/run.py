@@ -86,8 +86,8 @@ def run(options: argparse.Namespace) -> int:
                 pacer.wait(record.batch.t_s)
             progress.close()
             report = session.finish("interrupted by the operator" if stop else "")
-            if session.recording_ended_because:
-                sys.stderr.write(f"recording ended early: {session.recording_ended_because}\n")
+            if session.recording.ended_because:
+                sys.stderr.write(f"recording ended early: {session.recording.ended_because}\n")
             sys.stderr.write(_summary(report, session.out_dir))
             was_interrupted = bool(stop)
             if page is not None and stays_open(options) and not stop:

@@ -17,7 +17,7 @@ from agribot.errors import PlatformError
 from agribot.record.mcap_file import read_attachment
 from agribot.record.replay import read_config, read_urdf
 from agribot.session import GOALS_ATTACHMENT
-from agribot.stack import MapPoint
+from agribot.tasks import MapPoint
 from agribot.ui.about import about_run
 from agribot.ui.hub import About
 from agribot.ui.server_process import ServerProcess

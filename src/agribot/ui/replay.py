@@ -11,7 +11,7 @@ import msgspec
 
 from agribot import topics
 from agribot.errors import RecordingError
-from agribot.messages import MappedPlant
+from agribot.mapped_plant import MappedPlant
 from agribot.record.events import Event, read_events
 from agribot.record.mcap_file import read_messages
 from agribot.record.replay import read_config, read_ticks, read_weed_map
