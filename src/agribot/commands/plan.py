@@ -6,6 +6,7 @@ import argparse
 import math
 import sys
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 
@@ -14,7 +15,7 @@ from agribot.errors import MissionError
 from agribot.geo import MapFrame
 from agribot.gis.field_file import read_field
 from agribot.gis.plan_file import SavedPlan, plan_text, read_plan
-from agribot.plan.coverage.area import FieldArea, PlanRequest, Point, footprint
+from agribot.plan.coverage.area import FieldArea, PlanRequest, Point, TurnStyle, footprint
 from agribot.plan.coverage.planner import plan_field
 from agribot.plan.plan_certificate import Certificate, certify_plan
 from agribot.record.drawing import png
@@ -37,8 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="compass direction of the swaths (default: auto)")  # fmt: skip
     parser.add_argument("--ab-line", metavar="LON,LAT,LON,LAT", help="swaths run along A to B")
     parser.add_argument("--start", metavar="LON,LAT", help="where the robot stands")
-    parser.add_argument("--turns", choices=("auto", "pivot"), default="auto",
-                        help="arcs where they fit (auto), or always in place")  # fmt: skip
+    parser.add_argument("--turns", choices=get_args(TurnStyle), default="auto",
+                        help="between swaths: arcs where they fit and are quicker (auto), in "
+                             "place, arcs or three-point turns wherever they fit")  # fmt: skip
     parser.add_argument("--margin", type=float, default=0.05, metavar="M",
                         help="from the footprint to every edge (default: 0.05)")  # fmt: skip
     parser.add_argument("--min-coverage", type=float, default=0.99, metavar="RATIO",

@@ -13,7 +13,8 @@ from agribot.robot import RobotSpec
 
 Point = tuple[float, float]
 Line = tuple[Point, ...]
-LegKind = Literal["swath", "headland", "row", "link", "arc"]
+LegKind = Literal["swath", "headland", "row", "link", "arc", "reverse"]
+TurnStyle = Literal["auto", "pivot", "arc", "three-point"]
 WORKING: tuple[LegKind, ...] = ("swath", "headland", "row")
 
 
@@ -58,7 +59,8 @@ class Leg(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """A stretch of the way: points (N, 2) in driving order, at least two.
 
     The robot turns in place between legs and at the corners of a `link`; along all other kinds
-    it bends no tighter than the drive can. `row` numbers the working legs, -1 elsewhere.
+    it bends no tighter than the drive can. A `reverse` leg is driven backwards. `row` numbers the
+    working legs, -1 elsewhere.
     """
 
     kind: LegKind
@@ -68,6 +70,10 @@ class Leg(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     @property
     def tool_on(self) -> bool:
         return self.kind in WORKING
+
+    @property
+    def is_reverse(self) -> bool:
+        return self.kind == "reverse"
 
     @property
     def length_m(self) -> float:
@@ -87,7 +93,7 @@ class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
     headland_passes: int | None = None
     swath_yaw_rad: float | None = None
     start_map_m: Point | None = None
-    turns: Literal["auto", "pivot"] = "auto"
+    turns: TurnStyle = "auto"
     plant_clearance_m: float = 0.1
     min_coverage_ratio: float = 0.99
     tool_x_m: float = 0.0  # where on the body the tool works; negative behind the origin
