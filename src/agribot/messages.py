@@ -220,6 +220,7 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     leg: str = ""  # "row 3", "to row 4", "way home"
     distance_left_m: float = 0.0
     eta_s: float | None = None  # until the end of the path, at the planned speeds
+    task: str = ""  # the visit that took the place of the mission, by its name
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -233,9 +234,6 @@ class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     max_speed_mps: float
     tool_on: bool
     status: MissionStatus
-
-
-# ---------------------------------------------------------------- commands
 
 
 class DriveCommand(msgspec.Struct, frozen=True, kw_only=True):

@@ -18,9 +18,11 @@ T = TypeVar("T")
 # "set" changes one of LIVE_SETTINGS, named in `text`, to `value`.
 # "pose_estimate" tells a standing robot in `numbers` where it is: x and y (m, map), yaw (rad),
 # and 1 sigma of the place (m) and of the yaw (rad).
+# "visit" sends the robot to places, x and y (m, map) of each in `numbers`, in place of its
+# mission; `text` is the name under which its status tells of it.
 OperatorAction = Literal[
     "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home", "note", "set",
-    "pose_estimate",
+    "pose_estimate", "visit",
 ]  # fmt: skip
 LIVE_SETTINGS = ("mission.speed_mps", "treatment.enabled")
 

@@ -18,6 +18,7 @@ from agribot.description.worlds_sdf import load_world
 from agribot.errors import RecordingError
 from agribot.field_work import field_work, read_goals, read_plan_text
 from agribot.messages import ByteArray, OperatorEvent, Row, TickRecord
+from agribot.messages import Path as PlannedPath
 from agribot.mission_file import MissionFile
 from agribot.perception_host import PerceptionMeter
 from agribot.plan.rows import field_rows
@@ -86,7 +87,7 @@ class Session:
         self.event_log = EventLog(out_dir / "events.jsonl")
         self._series = SeriesTap()
         self._recorder = self._open_recorder() if config.record.enabled else None
-        self._has_plan = False
+        self._recorded_plan: PlannedPath | None = None
         self._next_truth_s = 0.0
         self._mission_file = MissionFile(out_dir, self.stack.mission)
         self.stack.taps += [self._show_truth, self.referee, self._series, self.event_log]
@@ -113,8 +114,8 @@ class Session:
 
     @property
     def shown_goals_map_m(self) -> tuple[MapPoint, ...]:
-        """The waypoints, or both ends of every row: what a map shows as goals."""
-        return self._shown_goals_map_m
+        """Where somebody sent it, the waypoints, or both ends of every row: a map's goals."""
+        return self.stack.mission.goals_map_m or self._shown_goals_map_m
 
     @property
     def weed_map(self) -> WeedMap:
@@ -188,7 +189,8 @@ class Session:
         return self.last
 
     def _has_ended(self) -> bool:
-        return self.last is not None and self.last.status.state in ENDED
+        waits = self.config.mission.waits_for_goals
+        return not waits and self.last is not None and self.last.status.state in ENDED
 
     def _is_time_over(self) -> bool:
         limit_s = self.config.duration_s
@@ -237,9 +239,9 @@ class Session:
         recorder = self._recorder
         assert recorder is not None
         path = self.stack.mission.path
-        if path is not None and not self._has_plan:
-            self._has_plan = True
-            recorder.set_plan(record.batch.t_s, path, self._shown_goals_map_m)
+        if path is not None and path is not self._recorded_plan:
+            self._recorded_plan = path
+            recorder.set_plan(record.batch.t_s, path, self.shown_goals_map_m)
         recorder(record)
 
     def _show_mask(self, frame_index: int, class_id: ByteArray) -> None:
@@ -260,7 +262,7 @@ class Session:
             series=self._series.series(),
             rows=self.rows,
             plan=self.stack.mission.path,
-            goals_map_m=self._shown_goals_map_m,
+            goals_map_m=self.shown_goals_map_m,
             plants=self.weed_map.plants(),
             events=self.event_log.events,
             world=self.world,

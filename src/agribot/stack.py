@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from agribot.config import RunConfig
 from agribot.control.follower import Follower
@@ -27,6 +27,7 @@ from agribot.perception_host import NoPerception, PerceptionHost, ThreadedPercep
 from agribot.plan.boustrophedon import plan_home, plan_rows
 from agribot.plan.certify import certify
 from agribot.plan.coverage.drive import FieldWork
+from agribot.plan.errands import Errands
 from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import PoseTuple, SavedMission
@@ -49,7 +50,7 @@ class Stack:
         localizer: Localizer,
         perception: PerceptionHost,
         weed_map: WeedMap,
-        mission: Mission,
+        mission: Errands,
         follower: Follower,
         hand: HandControl,
         treatment: Treatment,
@@ -119,7 +120,11 @@ def build(
         localizer=Localizer(config.estimate, config.field, robot),
         perception=perceiving(config, robot) if perception is None else perception,
         weed_map=WeedMap(config.weeds),
-        mission=_mission(config, robot, waypoints_map_m, work, saved),
+        mission=Errands(
+            _mission(config, robot, waypoints_map_m, work, saved),
+            _visiting(config, robot, waypoints_map_m, work),
+            waits=config.mission.waits_for_goals,
+        ),
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
         treatment=Treatment(config.treatment, robot.sprayer),
@@ -181,6 +186,29 @@ def _mission(
         return path
 
     return Mission(planner, rows, config.mission, waypoints_map_m, home=go_home, saved=saved)
+
+
+def _visiting(
+    config: RunConfig,
+    robot: RobotSpec,
+    waypoints_map_m: tuple[MapPoint, ...],
+    work: FieldWork | None,
+) -> Callable[[Sequence[MapPoint]], Mission]:
+    """A mission over places that somebody names while the robot runs; it spares the same rows."""
+    rows = () if waypoints_map_m else field_rows(config.field) if work is None else work.rows
+    has_crop = work is None or work.has_crop
+
+    def visiting(points_map_m: Sequence[MapPoint]) -> Mission:
+        def plan(estimate: Estimate) -> Path:
+            start = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+            path = plan_waypoints(points_map_m, start, robot, config.mission)
+            if has_crop:
+                certify(path, rows, robot, config.mission.plant_clearance_m)
+            return path
+
+        return Mission(plan, (), config.mission, points_map_m)
+
+    return visiting
 
 
 def _planner(
