@@ -195,11 +195,12 @@ class Path(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
-    """A straight crop row from its first to its last plant."""
+    """A crop row from its first to its last plant: a line, or an arc (see row_shape)."""
 
     index: int
     start_map_m: tuple[float, float]
     end_map_m: tuple[float, float]
+    curvature_radpm: float = 0.0  # left positive
 
 
 MissionState = Literal["waiting", "running", "paused", "done", "cancelled", "failed"]
@@ -226,7 +227,7 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """What the mission wants now: follow `path` from `s_m`, at most this fast.
 
-    `path` is None until the mission has planned its way from where the robot stands.
+    `path` is None until it is planned. `tracked_x_m` ahead on the body is what stays on it.
     """
 
     path: Path | None
@@ -234,6 +235,7 @@ class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     max_speed_mps: float
     tool_on: bool
     status: MissionStatus
+    tracked_x_m: float = 0.0
 
 
 # ---------------------------------------------------------------- commands
@@ -282,19 +284,3 @@ class TickRecord(msgspec.Struct, frozen=True, kw_only=True):
     tracking: Tracking | None
     command: RobotCommand
     reason: str = ""
-
-
-class MappedPlant(msgspec.Struct, frozen=True, kw_only=True):
-    """A plant of the weed map: position, 2x2 covariance (row by row) and the evidence for it."""
-
-    id: int
-    plant: PlantClass
-    x_map_m: float
-    y_map_m: float
-    cov_m2: tuple[float, float, float, float]
-    area_m2: float
-    confidence: float
-    sightings: int
-    first_seen_s: float
-    last_seen_s: float
-    treated_s: float | None = None

@@ -27,6 +27,7 @@ OperatorAction = Literal[
 ]  # fmt: skip
 LIVE_SETTINGS = ("mission.speed_mps", "treatment.enabled")
 
+SENSOR_WATCH = "sensors"  # source of the notes that tell of a sensor's silence
 INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but never a stop
 
 

@@ -18,7 +18,8 @@ from agribot.config_tree import assign, without_none
 from agribot.description.loader import parse_robot
 from agribot.errors import EndOfRecording, RecordingError
 from agribot.field_work import field_work
-from agribot.messages import STOP, MappedPlant, PlantClass, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import STOP, PlantClass, TickRecord
 from agribot.perception_host import RecordedPerception
 from agribot.plan.saved_mission import SavedMission
 from agribot.record.mcap_file import part_number, read_attachment

@@ -8,7 +8,8 @@ from typing import Protocol
 
 from agribot.config import RunConfig
 from agribot.errors import RecordingError
-from agribot.messages import MappedPlant, Path, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import Path, TickRecord
 from agribot.record.recorder import RunRecorder
 from agribot.robot import RobotSpec
 

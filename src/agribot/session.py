@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
@@ -17,17 +16,20 @@ from agribot.description.loader import load_robot, urdf_text
 from agribot.description.worlds_sdf import load_world
 from agribot.errors import RecordingError
 from agribot.field_work import field_work, read_plan_text, work_from
-from agribot.messages import ByteArray, MappedPlant, OperatorEvent, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import ByteArray, OperatorEvent, TickRecord
 from agribot.messages import Path as PlannedPath
 from agribot.mission_file import MissionFile
 from agribot.perception_host import PerceptionMeter
 from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import SavedMission
+from agribot.platform import Platform
 from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap
 from agribot.report_card import Clock, report_card
+from agribot.row_shape import row_length_m
 from agribot.run_recording import RunRecording
 from agribot.sim.platform import SimPlatform
 from agribot.sim.referee import Referee
@@ -72,6 +74,7 @@ class Session:
         self._saved = saved
         self.rows_before = tuple(r.index for r in saved.rows if r.done) if saved else ()
         self.platform = SimPlatform(config, self.robot, self.world)
+        self.sensed: Platform = self.platform  # with sensors from elsewhere, if any
         self.referee = Referee(self.platform, self.world, rows, self.goals_map_m)
         self._mask_taps: list[MaskTap] = [self.referee.judge_mask]
         perception = robot_stack.perceiving(config, self.robot, self._show_mask)
@@ -132,12 +135,9 @@ class Session:
 
     def worked_area_m2(self, rows: tuple[int, ...]) -> float:
         """Ground of the given rows, as wide as they are apart or as the implement is."""
-        if self.work is None:
-            field = self.config.field
-            return len(rows) * field.row_length_m * field.row_pitch_m
-        wanted = [row for row in self.rows if row.index in rows]
-        length_m = sum(math.dist(row.start_map_m, row.end_map_m) for row in wanted)
-        return length_m * self.work.request.implement_width_m
+        work, field = self.work, self.config.field
+        length_m = sum(row_length_m(row) for row in self.rows if row.index in rows)
+        return length_m * (field.row_pitch_m if work is None else work.request.implement_width_m)
 
     def add_tap(self, tap: Tap) -> None:
         self.stack.taps.append(tap)
@@ -181,7 +181,7 @@ class Session:
         return report
 
     def _tick(self) -> TickRecord:
-        self.last = self.stack.tick(self.platform)
+        self.last = self.stack.tick(self.sensed)
         return self.last
 
     def _has_ended(self) -> bool:

@@ -11,10 +11,11 @@ from agribot.errors import MissionError
 from agribot.field_work import work_from
 from agribot.geo import MapFrame
 from agribot.messages import Estimate, FloatArray, Path, Row
-from agribot.plan.boustrophedon import plan_home, plan_rows
+from agribot.plan.boustrophedon import plan_home, plan_rows, plan_without
 from agribot.plan.certify import certify
 from agribot.plan.coverage.drive import FieldWork
 from agribot.plan.goal_way import fence_around, plan_to_place
+from agribot.plan.route import Tool
 from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import PoseTuple
 from agribot.plan.task import Place, Task
@@ -50,8 +51,16 @@ def task_of(
         certify(path, rows, robot, mission.plant_clearance_m)
         return path
 
+    def around(path: Path, index: int, skipped: int) -> Path:
+        path = plan_without(path, index, skipped, rows, robot, mission)
+        certify(path, rows, robot, mission.plant_clearance_m)
+        return path
+
     go_to = _place_planner(config, robot, rows, waypoints_map_m)
-    return Task(plan, rows, waypoints_map_m, home=go_home, go_to=go_to, back=go_to)
+    tool = Tool(x_m=robot.tool_x_m)
+    return Task(
+        plan, rows, waypoints_map_m, tool, home=go_home, go_to=go_to, back=go_to, around=around
+    )
 
 
 def task_of_plan(text: str, config: RunConfig, robot: RobotSpec) -> Task:
@@ -63,7 +72,7 @@ def _work_task(work: FieldWork) -> Task:
     return Task(
         lambda estimate: work.path_from(_pose(estimate)),
         work.rows,
-        tool_reach_m=0.0,
+        tool=Tool(reach_m=0.0, tracked_x_m=0.0 if work.has_crop else work.request.tool_x_m),
         has_crop=work.has_crop,
         home=lambda here, home, ahead: work.path_home(_pose(here)[:2], home[:2], ahead),
         go_to=lambda here, goal: work.path_to(_pose(here)[:2], goal),

@@ -26,11 +26,14 @@ from agribot.bridge.outlet import Outlet, Sources
 from agribot.bridge.requests import Requests
 from agribot.bridge.ros1 import tcpros
 from agribot.bridge.ros1.gateway import Ros1Gateway
+from agribot.bridge.ros1.link import Ros1Link
 from agribot.bridge.ros1.types import outputs
+from agribot.bridge.topic_source import TopicSource
 from agribot.errors import BridgeError
 from agribot.geo import Datum
 from agribot.operator_input import Inbox
 from agribot.ros.camera_log import CameraLog
+from agribot.ros.sensor_readers import readers
 from tests.bridge.live import free_port, until
 from tests.record import record_samples as samples
 
@@ -258,3 +261,22 @@ def test_a_message_cut_short_and_one_that_is_no_number() -> None:
     _, (hand,) = inbox.drain(1.0)
     assert math.isnan(hand.v_mps)
     assert "not finite" in said[0]
+
+
+def test_a_sensor_may_be_a_topic_of_ros1(ros1: Ros1) -> None:
+    said: list[str] = []
+    with closing(Ros1Link("listener", said.append, ros1.uri)) as link:
+        known = readers("gnss", samples.robot())
+        source = TopicSource("gnss", "/their/fix", link, known, said.append)
+        text = "{latitude: 21.25, longitude: 72.75, altitude: 4.5}"
+        ros1.start("rostopic", "pub", "-r", "20", "/their/fix", "sensor_msgs/NavSatFix", text)
+        got: list[Any] = []
+
+        def heard() -> bool:
+            got.extend(source.take(9.0))
+            return bool(got)
+
+        until(heard, "a fix", 60.0)
+        assert (got[0].lat_deg, got[0].lon_deg, got[0].alt_m) == (21.25, 72.75, 4.5)
+        ros1.start("rostopic", "pub", "-r", "20", "/their/fix", "std_msgs/Float64", "1.0")
+        until(lambda: any("Float64" in text for text in said), "the refusal", 60.0)

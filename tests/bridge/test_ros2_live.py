@@ -178,8 +178,9 @@ def test_decisions_arrive_with_exact_values(
         x_m, y_m = record.estimate.x_map_m, record.estimate.y_map_m
         assert message.data == math.hypot(1.0 - x_m, 2.0 - y_m)
     for message, record in zip(messages(heard, topics.ANGLE), slow, strict=True):
-        assert record.tracking is not None
-        assert message.data == math.degrees(record.tracking.heading_error_rad)
+        x_m, y_m = record.estimate.x_map_m, record.estimate.y_map_m
+        left_rad = math.atan2(2.0 - y_m, 1.0 - x_m) - record.estimate.yaw_map_rad
+        assert message.data == pytest.approx(math.degrees(math.remainder(left_rad, math.tau)))
     for message, record in zip(messages(heard, topics.BEARING), slow, strict=True):
         x_m, y_m = record.estimate.x_map_m, record.estimate.y_map_m
         assert message.data == math.degrees(math.atan2(2.0 - y_m, 1.0 - x_m))

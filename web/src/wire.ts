@@ -114,7 +114,7 @@ export interface Session {
 export interface Field {
   name: string
   datum: { lat_deg: number; lon_deg: number }
-  rows: { index: number; start_map_m: Vec2; end_map_m: Vec2 }[]
+  rows: { index: number; start_map_m: Vec2; end_map_m: Vec2; points_map_m: Vec2[] }[]
   boundary_map_m: Vec2[] | null
   waypoints_map_m: Vec2[]
   start_map_m: Vec2 | null

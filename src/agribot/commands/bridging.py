@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from agribot import topics
 from agribot.bridge.outlet import Gateway, Outlet, Sources
 from agribot.bridge.requests import Requests
+from agribot.bridge.source_uri import places
 from agribot.description.loader import urdf_text
 from agribot.errors import ConfigError
 from agribot.ros.camera_log import CameraLog
@@ -74,9 +75,13 @@ def bridges(options: argparse.Namespace, session: Session) -> Iterator[None]:
         yield
         return
     requests = Requests(session.platform.inbox, allow_drive=options.allow_drive, say=say)
-    out = out_topics(
-        options, has_camera=session.robot.camera is not None, allow_drive=options.allow_drive
-    )
+    taken = {place.topic for place in places(session.config.sources).values()}
+    has_camera = session.robot.camera is not None
+    out = [
+        topic  # what others publish for this robot, it does not say again
+        for topic in out_topics(options, has_camera=has_camera, allow_drive=options.allow_drive)
+        if not taken & {topic.name, topic.seed_alias}
+    ]
     gateways = open_gateways(options, out, urdf_text(session.config.robot), requests)
     try:
         outlet = _outlet(options, session, gateways)
@@ -160,9 +165,8 @@ def _ros2(
     options: argparse.Namespace, out: Sequence[Topic], _urdf: str, requests: Requests, serves: bool
 ) -> Gateway:
     from agribot.bridge.ros2.gateway import Ros2Gateway
-    from agribot.bridge.ros2.node import ROUTER
 
-    router = options.ros_router or ROUTER
+    router = router_from(options)
     domain = domain_from(options)
     gateway = Ros2Gateway(requests, out, domain=domain, router=router, serves=serves)
     say(
@@ -183,6 +187,12 @@ def domain_from(options: argparse.Namespace) -> int:
     if not 0 <= asked <= 232:
         raise ConfigError(f"ROS domain {asked}: must be within 0 to 232")
     return asked
+
+
+def router_from(options: argparse.Namespace) -> str:
+    from agribot.bridge.ros2.node import ROUTER
+
+    return options.ros_router or ROUTER
 
 
 def master_from(options: argparse.Namespace) -> str:

@@ -11,7 +11,8 @@ from pathlib import Path
 import msgspec
 
 from agribot import config as settings
-from agribot.commands import bridging
+from agribot.bridge.source_uri import places
+from agribot.commands import bridging, sensor_sources
 from agribot.commands.pacing import pace_from
 from agribot.commands.page import Pacer, add_page_arguments, opened, stay, stays_open, wants_page
 from agribot.commands.progress import Progress
@@ -56,12 +57,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--headless", action="store_true", help="no page, whatever else is asked for"
     )
     add_page_arguments(parser)
+    sensor_sources.add_arguments(parser)
     bridging.add_arguments(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    pace = pace_from(options.speed or ("1" if bridging.wanted(options) else "max"))
     config, saved = _config(options), None
+    is_live = bridging.wanted(options) or bool(places(config.sources))
+    pace = pace_from(options.speed or ("1" if is_live else "max"))
     if options.resume is not None:
         saved = read_mission(Path(options.resume))
         config = resumed(config, saved)
@@ -75,7 +78,8 @@ def run(options: argparse.Namespace) -> int:
         progress = Progress(session.weed_map)
         session.add_tap(progress)
         pacer = Pacer(pace, page)
-        with bridging.bridges(options, session), stop_on_signal() as stop:
+        sources = sensor_sources.sensor_sources(options, session)
+        with sources, bridging.bridges(options, session), stop_on_signal() as stop:
             for record in session.ticks():
                 if stop:
                     break
@@ -123,7 +127,8 @@ def _config(options: argparse.Namespace) -> settings.RunConfig:
     profile = options.profile
     if options.resume is not None:
         profile = str(Path(options.resume) / "config.toml")
-    return settings.load(profile, [*options.set, *assigned])
+    taken = sensor_sources.settings_of(options)
+    return settings.load(profile, [*options.set, *assigned, *taken])
 
 
 def _toml(value: str | float) -> str:

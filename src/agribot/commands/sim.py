@@ -24,6 +24,7 @@ from agribot.messages import RobotCommand, SensorBatch
 from agribot.record.report import TimeReport
 from agribot.record.world_recorder import WorldRecorder
 from agribot.report_card import Clock
+from agribot.ros.world_feed import WorldTick
 from agribot.sim.platform import SimPlatform
 from agribot.sim.truth import Truth
 from agribot.world import WorldSpec
@@ -124,8 +125,9 @@ class _World:
         for field in batch.__struct_fields__[1:]:
             self.samples[field] += len(getattr(batch, field))
         pose = (truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
+        tick = WorldTick(batch, command, pose, (truth.v_mps, truth.yaw_rate_radps))
         for tap in self.taps:
-            tap(batch, command, pose, (truth.v_mps, truth.yaw_rate_radps))
+            tap(tick)
         return batch
 
     def close(self) -> None:

@@ -8,13 +8,14 @@ from collections.abc import Sequence
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
 from agribot.messages import Path, Row
-from agribot.plan.approach import RADIUS_M, approach, row_yaw_rad
+from agribot.plan.approach import RADIUS_M, approach
 from agribot.plan.certify import certify, closest_to_crop
 from agribot.plan.curves import SPACING_M, Pose, Segment, sample
 from agribot.plan.dubins import shortest
 from agribot.plan.task import Place
 from agribot.plan.waypoints import plan_waypoints
 from agribot.robot import RobotSpec
+from agribot.row_shape import chord_yaw_rad, row_points_map_m
 
 OUT_OF_ROWS_M = 0.8  # past the ends of the rows, where the robot may turn
 
@@ -84,7 +85,7 @@ def check_inside(x_m: float, y_m: float, fence: Rectangle) -> None:
 
 def _looks(start: Pose, x_m: float, y_m: float, rows: Sequence[Row]) -> list[float]:
     """Ways to look at the goal that are worth a try: as it is driven to, and along the rows."""
-    along_rad = row_yaw_rad(rows[0])
+    along_rad = chord_yaw_rad(rows[0])
     return [math.atan2(y_m - start.y_m, x_m - start.x_m), along_rad, along_rad + math.pi]
 
 
@@ -95,9 +96,9 @@ def _clearance_m(pose: Pose, rows: Sequence[Row], robot: RobotSpec) -> float:
 
 def _way_out_m(pose: Pose, rows: Sequence[Row]) -> float:
     """How far to back off until the robot is past the ends of the rows beside it; 0 if it is."""
-    yaw_rad = row_yaw_rad(rows[0])
+    yaw_rad = chord_yaw_rad(rows[0])
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-    ends = [end for row in rows for end in (row.start_map_m, row.end_map_m)]
+    ends: list[list[float]] = [p for row in rows for p in row_points_map_m(row).tolist()]
     along = [x_m * cos + y_m * sin for x_m, y_m in ends]
     left = [y_m * cos - x_m * sin for x_m, y_m in ends]
     here_m, here_left_m = pose.x_m * cos + pose.y_m * sin, pose.y_m * cos - pose.x_m * sin

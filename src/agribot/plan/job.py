@@ -7,7 +7,8 @@ import math
 import msgspec
 
 from agribot.config import MissionConfig
-from agribot.messages import Estimate, MissionState
+from agribot.errors import MissionError
+from agribot.messages import Estimate, MissionState, Path
 from agribot.plan.route import Route
 from agribot.plan.row_log import RowLog
 from agribot.plan.saved_mission import (
@@ -31,6 +32,7 @@ class Job:
         self._waypoints = tuple(task.waypoints)
         self._saved = saved
         self._name = ""
+        self._detours: tuple[tuple[int, int], ...] = ()
         self.rows = RowLog(row.index for row in task.rows)
         self.route: Route | None = None
         self.planned_from: PoseTuple = (math.nan, math.nan, math.nan)
@@ -51,10 +53,13 @@ class Job:
             estimate = msgspec.structs.replace(
                 estimate, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad
             )
-        path, reach_m = self.task.plan(estimate), self.task.tool_reach_m
-        route = Route(path, self.rows.indices, self._config, self._waypoints, reach_m)
-        self.planned_from = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+        path = self.task.plan(estimate)
         self._name = task_name(self.rows.indices, self._waypoints, path)
+        self._detours = saved.detours if saved else ()
+        for index, row in self._detours:
+            path = self.task.around(path, index, row) if self.task.around else path
+        route = self._route(path)
+        self.planned_from = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
         if saved is not None:
             check_same_task(saved, self._name, route.progress.length_m)
             route.go_on(saved.s_m, saved.waypoints_reached)
@@ -81,6 +86,7 @@ class Job:
             row=self.rows.here,
             rows=self.rows.results,
             waypoints_reached=route.visits.reached,
+            detours=self._detours,
         )
 
     def work(self, estimate: Estimate) -> None:
@@ -111,9 +117,33 @@ class Job:
             self.route.go_on(min(back_m, self.route.progress.s_m), self.route.visits.reached)
 
     def skip_row(self) -> None:
-        """The row under the robot, else the next one: it is passed with the tool off."""
-        if self.route is not None:
-            self.rows.skip(self.rows.here if self.rows.here >= 0 else self.route.next_row)
+        """The row under the robot: it is passed with the tool off. Called again, the next one.
+
+        That one is left out of the way, where a clear way leads around it.
+        """
+        route = self.route
+        if route is None:
+            return
+        here = self.rows.here
+        row = here if self.is_wanted(here) else route.next_row
+        self.rows.skip(row)
+        if row in (-1, here) or self.task.around is None:
+            return
+        index = route.progress.index
+        try:
+            path = self.task.around(route.path, index, row)
+        except MissionError:
+            return  # it is passed with the tool off
+        self._detours += ((index, row),)
+        self.route = self._route(path)
+        self.route.go_on(route.progress.s_m, route.visits.reached)
+
+    def is_wanted(self, row: int) -> bool:
+        """Whether the tool is to work this row; -1 is none."""
+        return row >= 0 and not self.rows.is_skipped(row)
+
+    def _route(self, path: Path) -> Route:
+        return Route(path, self.rows.indices, self._config, self._waypoints, self.task.tool)
 
     def finish(self, t_s: float) -> tuple[MissionState, str]:
         """How the job ended at the end of its route, and why."""

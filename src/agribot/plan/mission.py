@@ -262,7 +262,7 @@ class Mission:
             self._job.work(estimate)
         if route.progress.s_m >= route.progress.length_m - END_TOLERANCE_M:
             self._arrive(estimate)
-        elif not is_errand and route.tool_on and self.task.has_crop:
+        elif not is_errand and route.is_beside_row and self.task.has_crop:
             self._reason = self._watch.lost_row(route, estimate, self._config)
 
     def _arrive(self, estimate: Estimate) -> None:
@@ -284,16 +284,17 @@ class Mission:
         self._state, self._reason = state, reason
 
     def _goal(self, is_located: bool) -> Goal:
-        route, rows = self._way, self._job.rows
+        route = self._way
         status = account(self._job, self._errands, self._state, self._reason, self._refusal)
         if route is None:
             return Goal(path=None, s_m=0.0, max_speed_mps=0.0, tool_on=False, status=status)
         is_running = self._state == "running" and is_located
-        is_wanted = not rows.is_skipped(rows.here)
+        tool_on = is_running and self._job.is_wanted(route.tool_row)
         return Goal(
             path=route.path,
             s_m=status.s_m,
             max_speed_mps=self._watch.caution * route.max_speed_mps if is_running else 0.0,
-            tool_on=is_running and route.tool_on and is_wanted,
+            tool_on=tool_on,
             status=status,
+            tracked_x_m=self.task.tool.tracked_x_m if tool_on else 0.0,
         )

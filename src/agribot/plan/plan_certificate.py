@@ -17,7 +17,7 @@ from agribot.messages import FloatArray
 from agribot.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, PlanRequest, Point
 from agribot.plan.curves import MIN_RADIUS_M
 from agribot.plan.plan_ground import covered_ground, reachable
-from agribot.plan.plan_sweep import footprints, tight_bends, wheel_traces
+from agribot.plan.plan_sweep import footprints, swept_line, tight_bends, wheel_traces
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -187,11 +187,8 @@ def _edges(
     clearance_m = float(away_m[is_clear].min(initial=math.inf))
     found, outside_m = [], 0.0
     for number in np.flatnonzero(~is_clear):
-        before = legs[number - 1].xy_map_m if number else None
-        after = legs[number + 1].xy_map_m if number + 1 < len(legs) else None
-        boxes = np.asarray(
-            shapely.polygons(footprints(legs[number].xy_map_m, shape, before, after))
-        )
+        xy, before, after = swept_line(legs, int(number))
+        boxes = np.asarray(shapely.polygons(footprints(xy, shape, before, after)))
         is_out = ~np.asarray(shapely.covers(field, boxes))
         if not is_out.any():
             clearance_m = min(clearance_m, float(np.min(shapely.distance(edge, boxes))))
@@ -221,8 +218,8 @@ def _rows(
     shapely.prepare(rows)
     smallest_m, found = math.inf, []
     for number, leg in enumerate(legs):
-        after = legs[number + 1].xy_map_m if number + 1 < len(legs) else None
-        traces = np.asarray(shapely.linestrings(wheel_traces(leg.xy_map_m, shape, after)))
+        xy, before, after = swept_line(legs, number)
+        traces = np.asarray(shapely.linestrings(wheel_traces(xy, shape, before, after)))
         away_m = np.asarray(shapely.distance(rows, traces)) - shape.wheel_half_width_m
         at = int(np.argmin(away_m))
         smallest_m = min(smallest_m, float(away_m[at]))
@@ -262,7 +259,7 @@ def _pivots(legs: tuple[Leg, ...]) -> int:
     count, course = 0, None
     for leg in legs:
         steps = np.diff(leg.xy_map_m, axis=0)
-        yaw = np.arctan2(steps[:, 1], steps[:, 0])
+        yaw = np.arctan2(steps[:, 1], steps[:, 0]) + leg.is_reverse * math.pi
         if course is not None:
             count += abs(math.remainder(float(yaw[0]) - course, math.tau)) > math.radians(10.0)
         if leg.kind == "link":

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from agribot.messages import Estimate, FloatArray, Path, Row
-from agribot.plan.route import TOOL_REACH_M
+from agribot.plan.route import AT_ORIGIN, Tool
 from agribot.plan.saved_mission import PoseTuple
 
 Place = tuple[float, float, float | None]  # x and y in the map, and where to look at the end
@@ -14,25 +14,29 @@ Place = tuple[float, float, float | None]  # x and y in the map, and where to lo
 Planner = Callable[[Estimate], Path]
 # The way from where the robot is to its home pose, first along the rest of the row under it (N, 2).
 HomePlanner = Callable[[Estimate, PoseTuple, FloatArray], Path]
+# The path up to one of its points, and from there over the rows that it still works but one.
+Detour = Callable[[Path, int, int], Path]
 PlacePlanner = Callable[[Estimate, Place], Path]
 
 
 class Task(NamedTuple):
     """`plan` is asked once, from where the robot stands when its estimate has settled.
 
-    `waypoints` are places in the map that the planned path visits, in its order. The tool works
-    in the rows and up to `tool_reach_m` past their ends. Where there is crop, the robot slows
-    down as it knows less well where the rows are. `home`, `go_to` and `back` plan the ways home, to
-    any place, and back to a place of the path. All planners raise a MissionError that says why
-    they find no way. `text` is the field plan that the task was made of.
+    `waypoints` are places in the map that the planned path visits, in its order. Where there
+    is crop, the robot slows down as it knows less well where the rows are. `home`, `go_to` and
+    `back` plan the ways home, to any place, and back to a place of the path; `around` leaves a
+    skipped row out of the path, without it the row is passed with the tool off. All planners
+    raise a MissionError that says why they find no way. `text` is the field plan that the task
+    was made of.
     """
 
     plan: Planner
     rows: Sequence[Row] = ()
     waypoints: Sequence[tuple[float, float]] = ()
-    tool_reach_m: float = TOOL_REACH_M
+    tool: Tool = AT_ORIGIN
     has_crop: bool = True
     home: HomePlanner | None = None
     go_to: PlacePlanner | None = None
     back: PlacePlanner | None = None
+    around: Detour | None = None
     text: str = ""

@@ -10,6 +10,7 @@ import msgspec
 
 from agribot.errors import RecordingError
 from agribot.messages import STOP, OperatorEvent, TickRecord
+from agribot.operator_input import SENSOR_WATCH
 
 EventKind = Literal[
     "mission", "operator", "mark", "ready", "fault", "stop", "hold", "limit", "clear"
@@ -24,7 +25,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     mission   the mission's state or its reason changed, or it refused something
     operator  somebody pressed something
     mark      somebody marked the moment
-    ready     the estimate became usable; fault: it stopped being so
+    ready     the estimate became usable; fault: it stopped being so, or a sensor fell silent
     stop      the supervisor stopped a moving robot; hold: it keeps a standing one standing
     limit     the supervisor let it move, but less than asked
     clear     the supervisor has no objection any more
@@ -50,14 +51,20 @@ class EventSieve:
         self._found = []
         t_s = record.batch.t_s
         for press in record.batch.events:
-            kind: EventKind = "mark" if press.action == "mark" else "operator"
-            self._add(press.t_s, kind, f"{_what(press)} ({press.source})")
+            self._note_press(press)
         self._note_hand(t_s, record)
         self._note_estimate(t_s, record)
         self._note_mission(t_s, record)
         self._note_supervisor(t_s, record)
         self._moving = record.command.drive != STOP
         return self._found
+
+    def _note_press(self, press: OperatorEvent) -> None:
+        if press.source == SENSOR_WATCH:
+            self._add(press.t_s, "fault" if press.value else "clear", press.text)
+            return
+        kind: EventKind = "mark" if press.action == "mark" else "operator"
+        self._add(press.t_s, kind, f"{_what(press)} ({press.source})")
 
     def _note_hand(self, t_s: float, record: TickRecord) -> None:
         """Who drives by hand; a stick that is let go is no event of its own."""

@@ -14,6 +14,7 @@ from agribot.config import RunConfig
 from agribot.description.package import package_folder, packaged_or_file, robot_files
 from agribot.messages import WHEEL_NAMES, Row
 from agribot.robot import RobotSpec
+from agribot.row_shape import row_points_map_m
 from agribot.ui.address import Address
 from agribot.ui.hub import About
 from agribot.ui.settings import described
@@ -73,11 +74,15 @@ def field_of(
     return {
         "name": config.world,
         "datum": {"lat_deg": datum.lat_deg, "lon_deg": datum.lon_deg},
-        "rows": [msgspec.to_builtins(row) for row in rows],
+        "rows": [_row_of(row) for row in rows],
         "boundary_map_m": [list(corner) for corner in boundary_map_m] or None,
         "waypoints_map_m": [list(goal) for goal in goals_map_m],
         "start_map_m": config.field.start_map_m,
     }
+
+
+def _row_of(row: Row) -> dict[str, Any]:
+    return {**msgspec.to_builtins(row), "points_map_m": row_points_map_m(row).tolist()}
 
 
 def robot_of(robot: RobotSpec, config: RunConfig) -> dict[str, Any]:

@@ -54,14 +54,14 @@ def make_plan(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> Made:
 def _planned(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> Made:
     found = [f for f in features(wanted.field, "the field") if f.kind in {*KINDS, ""}]
     area, datum = field_from(found, "the field", config.field.datum)
-    passes = (0 if area.rows else 1) if wanted.headland_passes is None else wanted.headland_passes
     yaw_deg = wanted.swath_yaw_deg
     request = PlanRequest(
         implement_width_m=_width_m(wanted, robot),
         overlap_m=wanted.overlap_m,
         margin_m=wanted.margin_m,
-        headland_passes=passes,
+        headland_passes=wanted.headland_passes,
         swath_yaw_rad=None if yaw_deg is None else math.radians(yaw_deg),
+        tool_x_m=robot.tool_x_m,
     )
     shape = footprint(robot, request.implement_width_m)
     plan = plan_field(area, shape, request)

@@ -12,7 +12,8 @@ import msgspec
 
 from agribot import topics
 from agribot.errors import RecordingError
-from agribot.messages import MappedPlant, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import TickRecord
 from agribot.record.events import Event, EventSieve
 from agribot.record.mcap_file import read_messages
 from agribot.record.replay import read_config, read_ticks, read_weed_map

@@ -31,6 +31,7 @@ def field() -> Message:
             "index": i,
             "start_map_m": [0.0, i * ROW_SPACING_M],
             "end_map_m": [ROW_LENGTH_M, i * ROW_SPACING_M],
+            "points_map_m": [[0.0, i * ROW_SPACING_M], [ROW_LENGTH_M, i * ROW_SPACING_M]],
         }
         for i in range(ROWS)
     ]

@@ -65,7 +65,7 @@ class Ros1Gateway:
             for o in outputs(topic)
         ]
 
-    def _twist(self, data: bytes, source: str) -> None:
+    def _twist(self, data: bytes, source: str, _ros_type: str) -> None:
         twist = read_twist(data)
         if twist is None:
             self._requests.refuse(f"{source}: {len(data)} bytes are no geometry_msgs/Twist")

@@ -60,6 +60,17 @@ class Ros2Node:
         self.keep(_subscribe(self.session, self._key(topic), qos, arrived))
         self.announce("MS", topic.name, topic.ros_type, _hash_of(topic), qos)
 
+    def hear_any(self, name: str, heard: Callable[[str, str, bytes], None]) -> None:
+        """`heard` gets type, type hash and CDR of whatever is said on a topic of this name."""
+
+        def arrived(sample: zenoh.Sample) -> None:
+            found = wire.read_topic_key(str(sample.key_expr))
+            if found is not None:
+                heard(*found, sample.payload.to_bytes())
+
+        key = f"{self.domain}/{name.strip('/')}/*/*"
+        self.keep(self.session.declare_subscriber(key, arrived))
+
     def close(self) -> None:
         if not self.session.is_closed():
             self.session.close()  # type: ignore[no-untyped-call]

@@ -195,17 +195,18 @@ def _bulge_m(xy: FloatArray) -> float:
 
 
 def drive_path(legs: list[Leg], rows: list[list[int] | None]) -> Path:
-    """Points 2 cm apart. Where the robot turns in place the same point stands twice."""
+    """Points 2 cm apart; where the robot turns in place, or back, the same point stands twice."""
     blocks, done_m = [], 0.0
     for leg, numbers in zip(legs, rows, strict=True):
         pieces = _broken(leg) if leg.kind == "link" else [leg.xy_map_m]
         for xy in pieces:
-            block = _block(xy, done_m, numbers or [-1] * (len(xy) - 1))
+            block = _block(xy, done_m, numbers or [-1] * (len(xy) - 1), leg.is_reverse)
             done_m = float(block[-1, 5])
             blocks.append(block)
     table = np.concatenate(blocks)
     same = (np.diff(table[:, 5]) <= 0.0) & (_turned_rad(table[:, 2]) < 1e-3)
     table = table[np.concatenate([[True], ~same])]
+    table[:, 2] += np.pi * table[:, 6]  # backwards the robot looks against its course
     return path_from_table(table)
 
 
@@ -217,8 +218,8 @@ def _turned_rad(yaw: FloatArray) -> FloatArray:
     return np.asarray(np.abs(np.angle(np.exp(1j * np.diff(yaw)))))
 
 
-def _block(xy: FloatArray, done_m: float, rows: list[int]) -> FloatArray:
-    """Columns x, y, yaw, curvature, row, s along a line without corners.
+def _block(xy: FloatArray, done_m: float, rows: list[int], is_reverse: bool) -> FloatArray:
+    """Columns x, y, course, curvature, row, s, is_reverse along a line without corners.
 
     The course at a bend is the mean of the two pieces; along a piece it goes over from one end
     to the other, as on the arc that the pieces are chords of.
@@ -231,11 +232,12 @@ def _block(xy: FloatArray, done_m: float, rows: list[int]) -> FloatArray:
     for k in range(len(step)):
         count = max(1, math.ceil(length_m[k] / SPACING_M - 1e-9))
         ratio = np.arange(count + (k == len(step) - 1)) / count
-        table = np.empty((len(ratio), 6))
+        table = np.empty((len(ratio), 7))
         table[:, :2] = xy[k] + ratio[:, None] * step[k]
         table[:, 2] = at_ends[k] + ratio * (at_ends[k + 1] - at_ends[k])
         table[:, 3] = (at_ends[k + 1] - at_ends[k]) / length_m[k]
         table[:, 4] = rows[k]
         table[:, 5] = done_m + float(length_m[:k].sum()) + ratio * length_m[k]
+        table[:, 6] = is_reverse
         blocks.append(table)
     return np.concatenate(blocks)
