@@ -17,7 +17,8 @@ pytest.importorskip("websockets")
 
 from agribot import config
 from agribot.description.loader import load_robot, urdf_text
-from agribot.ui.about import about_run
+from agribot.plan.rows import field_rows
+from agribot.ui.about import about_run, field_of
 from agribot.ui.address import Address
 from agribot.ui.hub import About
 from agribot.ui.server_process import ServerProcess
@@ -64,12 +65,10 @@ class Robot:
             self._news.notify_all()
 
     def _about(self, port: int) -> About:
-        settings, robot, run = (
-            config.load("farm"),
-            load_robot("agribot"),
-            self.home / "runs" / "now",
-        )
-        return about_run(self.address, port, settings, robot, urdf_text("agribot"), (), run)
+        settings, robot = config.load("farm"), load_robot("agribot")
+        field = field_of(settings, field_rows(settings.field))
+        urdf, run = urdf_text("agribot"), self.home / "runs" / "now"
+        return about_run(self.address, port, settings, robot, urdf, field, run)
 
 
 @pytest.fixture(autouse=True, scope="session")

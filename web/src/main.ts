@@ -73,6 +73,7 @@ async function boot(): Promise<void> {
   store.on('link', (linked) => {
     if (linked && !app.field) void app.loadWorld()
   })
+  store.on('field', () => void app.loadWorld())
   link.start()
   await app.loadWorld()
   await router.show()

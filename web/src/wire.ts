@@ -16,7 +16,7 @@ export interface LogEvent { t: number; level: Level; source: string; text: strin
 export interface PathData { xy: Vec2[]; row: number[] }
 export interface Mission {
   state: string; reason: string; row: number | null; rows_total: number; rows_done: number[]
-  s_m: number; length_m: number; eta_s: number | null; wp_total: number; wp_reached: number
+  s_m: number; length_m: number; eta_s: number | null; wp_total: number; wp_reached: number; leg?: string
 }
 export interface Replay { name: string; t_s: number; start_s: number; end_s: number; speed: number }
 export interface State {
@@ -30,6 +30,8 @@ export interface State {
   battery: { v: number; pct: number | null } | null
   weeds: number; rtf: number | null; xte_m: number | null; nozzles: boolean[]; sig: number[][]
   replay?: Replay | null
+  /** The folder that is being written, empty while nothing is recorded. */
+  recording?: string
 }
 
 export type ServerMessage =
@@ -44,6 +46,7 @@ export type ServerMessage =
   | { k: 'weeds'; rev: number; set: Weed[]; gone: number[] }
   | ({ k: 'event' } & LogEvent)
   | { k: 'seat'; seat: Seat; holder: string; clients: number }
+  | { k: 'field' }
   | { k: 'ack'; id: string | null; ok: boolean; reason: string }
   | { k: 'pong'; c: number }
   | { k: 'bye'; reason: string }
@@ -55,6 +58,8 @@ export type Command =
   | { k: 'goto'; x: number; y: number; yaw: number | null }
   | { k: 'pose_estimate'; x: number; y: number; yaw: number }
   | { k: 'point'; x: number; y: number }
+  | { k: 'record'; action: 'start' | 'stop' }
+  | { k: 'mark'; text: string }
 
 export type ClientMessage =
   | (Command & { id: string })
@@ -65,9 +70,8 @@ export type ClientMessage =
   | { k: 'drive'; seq: number; v: number; w: number }
   | { k: 'scale'; value: number }
   | { k: 'stop' }
-  | { k: 'mark'; text: string }
 
-const KINDS = new Set(['hello', 'snap', 's', 'traj', 'path', 'weeds', 'event', 'seat', 'ack', 'pong', 'bye'])
+const KINDS = new Set(['hello', 'snap', 's', 'traj', 'path', 'weeds', 'event', 'seat', 'field', 'ack', 'pong', 'bye'])
 
 /** The message in one text frame, or null for anything that is not one of ours. */
 export function parseMessage(text: string): ServerMessage | null {

@@ -14,6 +14,7 @@ from agribot.plan.route import Route
 from agribot.plan.task import Place
 
 STANDING_MPS = 0.02
+STOPPING = "stops first"  # the leg until the robot stands and its errand is planned
 
 
 class Errand(NamedTuple):
@@ -57,7 +58,7 @@ class Errands:
 
     @property
     def leg(self) -> str:
-        return self.current.leg if self.current else ""
+        return STOPPING if self.asked else self.current.leg if self.current else ""
 
 
 def home_errand(job: Job, source: str) -> Errand:

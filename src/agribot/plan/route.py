@@ -102,7 +102,10 @@ class Route:
         while (
             index > 0
             and self.row[index - 1] in (row, -1)
-            and abs(yaw_rad[index - 1] - yaw_rad[index]) < STRAIGHT_RAD
+            and (
+                self.row[index - 1] == row
+                or abs(yaw_rad[index - 1] - yaw_rad[index]) < STRAIGHT_RAD
+            )
         ):
             index -= 1
         return index

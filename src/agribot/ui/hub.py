@@ -149,6 +149,22 @@ class Hub:
         order = {"action": action, "source": source, "text": text, "value": value}
         self.order({"c": "event", **order, "numbers": numbers})
 
+    async def request(
+        self, action: str, source: str, text: str = "", numbers: tuple[float, ...] = ()
+    ) -> str:
+        """An event that the mission may refuse: why, or nothing where it was taken."""
+        order = {"action": action, "source": source, "text": text, "value": 0.0}
+        try:
+            return str(await self.ask("request", {**order, "numbers": numbers}) or "")
+        except TimeoutError:
+            return "the robot's program did not answer within 10 s"
+        except LookupError as error:
+            return str(error)
+
+    def tell_all(self, message: dict[str, Any]) -> None:
+        for socket in self.sockets:
+            socket.tell(message)
+
     def note(self, source: str, text: str) -> None:
         """Who did what, into the recording; a flood of them is cut."""
         now_s = time.monotonic()

@@ -147,6 +147,7 @@ class RunView:
             "eta_s": round(left_m / self._speed_mps, 1) if status.state == "running" else None,
             "wp_total": status.waypoints_total,
             "wp_reached": status.waypoints_reached,
+            "leg": status.leg,
         }
 
     def _mode(self, record: TickRecord) -> str:

@@ -182,6 +182,7 @@ class FakeRobot:
             "rtf": 1.0,
             "xte_m": 0.021,
             "nozzles": [False, True, False],
+            "recording": "2026-05-03-171500-farm",
             "sig": [signals],
         }
 
