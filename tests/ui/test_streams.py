@@ -8,7 +8,7 @@ import shutil
 import struct
 import time
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -254,7 +254,7 @@ def test_a_replay_shows_the_camera_and_live_pictures_come_back_after_it(
     (robot.home / "runs" / "filmed").mkdir(parents=True)
     shutil.copyfile(filmed, robot.home / "runs" / "filmed" / "run.mcap")
     browser = Browser(robot.port)
-    cookie = {"additional_headers": {"Cookie": browser.cookie}}
+    cookie: dict[str, Any] = {"additional_headers": {"Cookie": browser.cookie}}
     with (
         Page(robot.port, tab="film", **cookie) as page,
         Page(robot.port, path="/ws/cam/main?mask=0", **cookie) as viewer,
