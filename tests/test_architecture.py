@@ -89,6 +89,7 @@ HEAVY = {
     "zenoh": {"bridge"},
     "xxhash": {"bridge"},
     "foxglove": {"bridge"},
+    "cyclonedds": {"bridge"},
 }
 # What pure decisions have no business with: clocks, threads, the outside world, hidden randomness.
 IMPURE = {

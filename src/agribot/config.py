@@ -69,6 +69,7 @@ class MissionConfig(Config, frozen=True):
     max_waypoint_distance_m: Positive = 1000.0
     off_path_limit_m: Positive = 0.5  # farther from the path than this, the mission fails
     resume_limit_m: Positive = 0.5  # moved farther while it stood, the robot does not go on
+    waits_for_goals: bool = False  # begins when it is resumed, visits what it is sent to, and stays
     stall_timeout_s: Positive = 60.0  # without headway for so long, the mission fails
     # Known across the row so well (1 sigma) the robot drives at full speed, so badly not at all.
     full_speed_std_m: Positive = 0.08

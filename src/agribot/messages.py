@@ -221,7 +221,8 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     leg: str = ""  # "row 3", "to row 4", "way home"
     distance_left_m: float = 0.0
     eta_s: float | None = None  # until the end of the path, at the planned speeds
-    refusal: str = ""  # why the last goal, plan or way home was not taken
+    refusal: str = ""  # why the last goal, visit, plan or way home was not taken
+    task: str = ""  # the name of the visit that took the place of the mission
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -236,9 +237,6 @@ class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     tool_on: bool
     status: MissionStatus
     tracked_x_m: float = 0.0
-
-
-# ---------------------------------------------------------------- commands
 
 
 class DriveCommand(msgspec.Struct, frozen=True, kw_only=True):

@@ -185,7 +185,8 @@ class Session:
         return self.last
 
     def _has_ended(self) -> bool:
-        return self.last is not None and self.last.status.state in ENDED
+        waits = self.config.mission.waits_for_goals
+        return not waits and self.last is not None and self.last.status.state in ENDED
 
     def _is_time_over(self) -> bool:
         limit_s = self.config.duration_s
@@ -231,14 +232,17 @@ class Session:
         self.event_log.add(Event(t_s=t_s, kind="fault", reason=text))
 
     def _follow_task(self, _: TickRecord) -> None:
-        """A plan that was taken under way is judged, shown and resumed in place of the old task."""
+        """A task taken under way is judged and shown, a plan also resumed, in place of the old."""
         task = self.stack.mission.task
         if task is self._task:
             return
-        self._task, self.rows, self.goals_map_m = task, tuple(task.rows), ()
+        self._task, self.rows, self.rows_before = task, tuple(task.rows), ()
+        self.goals_map_m = tuple(task.waypoints)
+        self.referee.judge_anew(self.rows, self.goals_map_m)
+        self.work = None
+        if not task.text:
+            return
         self.work = work_from(task.text, "the plan", self.config, self.robot)
-        self.rows_before = ()
-        self.referee.judge_anew(self.rows)
         path = self.out_dir / "plan.geojson"
         write_file(path, task.text.encode())
         self.config = msgspec.structs.replace(self.config, plan=str(path), waypoints="")

@@ -25,7 +25,7 @@ from agribot.plan.mission import Mission
 from agribot.plan.saved_mission import SavedMission
 from agribot.platform import Platform
 from agribot.robot import RobotSpec
-from agribot.tasks import MapPoint, task_of, task_of_plan
+from agribot.tasks import MapPoint, task_of, tasks_under_way
 from agribot.weeds.map import WeedMap
 from agribot.weeds.treatment import Treatment
 
@@ -107,16 +107,12 @@ def build(
     `perception` replaces the camera network, as a replay does; `saved` is a mission to go on with.
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
+    task = task_of(config, robot, waypoints_map_m, work)
     return Stack(
         localizer=Localizer(config.estimate, config.field, robot),
         perception=perceiving(config, robot) if perception is None else perception,
         weed_map=WeedMap(config.weeds),
-        mission=Mission(
-            task_of(config, robot, waypoints_map_m, work),
-            config.mission,
-            saved,
-            lambda text: task_of_plan(text, config, robot),
-        ),
+        mission=Mission(task, config.mission, saved, tasks_under_way(task, config, robot)),
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
         treatment=Treatment(config.treatment, robot.sprayer),

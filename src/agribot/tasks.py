@@ -18,7 +18,7 @@ from agribot.plan.goal_way import fence_around, plan_to_place
 from agribot.plan.route import Tool
 from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import PoseTuple
-from agribot.plan.task import Place, Task
+from agribot.plan.task import NewTasks, Place, Task
 from agribot.plan.waypoints import parse_waypoints, plan_waypoints
 from agribot.robot import RobotSpec
 
@@ -63,9 +63,23 @@ def task_of(
     )
 
 
-def task_of_plan(text: str, config: RunConfig, robot: RobotSpec) -> Task:
-    """A field plan that came in under way. Raises: MissionError: it is none, or is refused."""
-    return _work_task(work_from(text, "the plan", config, robot))._replace(text=text)
+def tasks_under_way(task: Task, config: RunConfig, robot: RobotSpec) -> NewTasks:
+    """What may take the place of a task: a field plan, or places among the same crop rows."""
+    rows = task.rows if task.has_crop else ()
+
+    def of_plan(text: str) -> Task:
+        return _work_task(work_from(text, "the plan", config, robot))._replace(text=text)
+
+    def of_places(places_map_m: Sequence[MapPoint], name: str) -> Task:
+        def plan(estimate: Estimate) -> Path:
+            path = plan_waypoints(places_map_m, _pose(estimate), robot, config.mission)
+            if rows:
+                certify(path, rows, robot, config.mission.plant_clearance_m)
+            return path
+
+        return Task(plan, waypoints=places_map_m, name=name)
+
+    return NewTasks(of_plan, of_places)
 
 
 def _work_task(work: FieldWork) -> Task:

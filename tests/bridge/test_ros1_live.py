@@ -34,7 +34,7 @@ from agribot.geo import Datum
 from agribot.operator_input import Inbox
 from agribot.ros.camera_log import CameraLog
 from agribot.ros.sensor_readers import readers
-from tests.bridge.live import free_port, until
+from tests.bridge.live import first, free_port, until
 from tests.record import record_samples as samples
 
 pytestmark = pytest.mark.skipif(
@@ -112,7 +112,7 @@ class Robot:
             Datum(lat_deg=21.161289, lon_deg=72.787022, alt_m=4.5),
             samples.URDF,
             CameraLog(robot, 10.0, 80, keeps_raw=True),
-            Sources(lambda: plan, ((1.0, 2.0),), lambda: (samples.plant(1),), None),
+            Sources(lambda: plan, lambda: ((1.0, 2.0),), lambda: (samples.plant(1),), None),
         )
         noise = np.random.default_rng(1)
         self._ticks = (samples.tick(index, noise, with_camera=True) for index in count())
@@ -270,13 +270,7 @@ def test_a_sensor_may_be_a_topic_of_ros1(ros1: Ros1) -> None:
         source = TopicSource("gnss", "/their/fix", link, known, said.append)
         text = "{latitude: 21.25, longitude: 72.75, altitude: 4.5}"
         ros1.start("rostopic", "pub", "-r", "20", "/their/fix", "sensor_msgs/NavSatFix", text)
-        got: list[Any] = []
-
-        def heard() -> bool:
-            got.extend(source.take(9.0))
-            return bool(got)
-
-        until(heard, "a fix", 60.0)
-        assert (got[0].lat_deg, got[0].lon_deg, got[0].alt_m) == (21.25, 72.75, 4.5)
+        got: Any = first(lambda: source.take(9.0), "a fix")
+        assert (got.lat_deg, got.lon_deg, got.alt_m) == (21.25, 72.75, 4.5)
         ros1.start("rostopic", "pub", "-r", "20", "/their/fix", "std_msgs/Float64", "1.0")
         until(lambda: any("Float64" in text for text in said), "the refusal", 60.0)

@@ -51,6 +51,9 @@ class TickCounter:
     def publish(self, topic: Topic, _data: bytes, _t_ns: int) -> None:
         self.ticks += topic is topics.CLOCK
 
+    def step(self, _record: TickRecord) -> None:
+        pass
+
     def close(self) -> None:
         pass
 
@@ -59,7 +62,7 @@ def outlet_to(*gateways: Gateway) -> Outlet:
     robot, plan = samples.robot(), samples.plan()
     sources = Sources(
         plan=lambda: plan,
-        goals_map_m=GOALS,
+        goals_map_m=lambda: GOALS,
         weed_map=lambda: (samples.plant(1), samples.plant(2, treated_s=4.0)),
         truth=TrueState,
     )

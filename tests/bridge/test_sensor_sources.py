@@ -26,7 +26,7 @@ from agribot.ros import rosmsg
 from agribot.ros.rosmsg import typestore
 from agribot.ros.sensor_readers import readers
 from agribot.session import Session
-from tests.bridge.live import Talk, free_port, until, zenoh_peer
+from tests.bridge.live import Talk, first, free_port, until, zenoh_peer
 
 MARK = wire.pack_attachment(1, 0, b"g" * 16).hex()
 
@@ -96,15 +96,9 @@ def test_fixes_of_another_process_arrive_exactly_and_what_is_none_is_refused_by_
         source = TopicSource("gnss", "/fix", link, known, said.append)
         with zenoh_peer(locator) as talk:
             publish(talk, "/fix", fix(21.25, 72.75, 50.0, 4.5))
-            got: list[Any] = []
-
-            def heard() -> bool:
-                got.extend(source.take(50.1))
-                return bool(got)
-
-            until(heard, "the fix")
-            assert (got[0].lat_deg, got[0].lon_deg, got[0].alt_m) == (21.25, 72.75, 4.5)
-            assert (got[0].t_s, got[0].quality) == (50.0, GnssQuality.RTK_FIXED)
+            got: Any = first(lambda: source.take(50.1), "the fix")
+            assert (got.lat_deg, got.lon_deg, got.alt_m) == (21.25, 72.75, 4.5)
+            assert (got.t_s, got.quality) == (50.0, GnssQuality.RTK_FIXED)
             publish(talk, "/fix", fix(95.0, 72.75, 50.1))
             until(lambda: any("no place on Earth" in text for text in said), "the refusal")
             publish(talk, "/fix", rosmsg.float64(1.0))

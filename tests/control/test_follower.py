@@ -294,7 +294,7 @@ class Way:
 
     def __init__(self, path: Path, soil: Soil) -> None:
         self.rover = Rover((0.0, 0.0, 0.0), soil, np.random.default_rng(1))
-        self.mission = Mission(lambda _: path, (), MISSION)
+        self.mission = Mission(Task(lambda _: path), MISSION)
         self.follower = Follower(ControlConfig(), ROBOT)
         self.log: FloatArray = np.zeros((0, 4))
 

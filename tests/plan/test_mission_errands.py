@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -16,7 +17,7 @@ from agribot.plan.certify import certify
 from agribot.plan.goal_way import fence_around, plan_to_place
 from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
-from agribot.plan.task import Place, Task
+from agribot.plan.task import NewTasks, Place, Task
 from tests.plan.planting import MISSION, at, point_at, rover
 from tests.plan.test_mission_states import Ride
 
@@ -45,11 +46,17 @@ def task(rows_taken: int = 3) -> Task:
     )
 
 
+def no_places(places: Sequence[tuple[float, float]], name: str) -> Task:
+    raise AssertionError(f"{name} is no visit")
+
+
 class Drive(Ride):
     """Rides along whatever path the mission wants, and may be asked for places."""
 
     def __init__(self) -> None:
-        super().__init__(Mission(task(), MISSION, read_task=lambda text: task(int(text))))
+        super().__init__(
+            Mission(task(), MISSION, new_tasks=NewTasks(lambda text: task(int(text)), no_places))
+        )
         self.settle()
 
     def ask(self, x_m: float, y_m: float, event: OperatorEvent, v_mps: float = 0.0) -> Goal:
@@ -206,7 +213,7 @@ def test_a_plan_that_cannot_be_read_leaves_the_mission_as_it_is() -> None:
     def refuse(_: str) -> Task:
         raise MissionError("not a plan")
 
-    ride = Ride(Mission(task(), MISSION, read_task=refuse))
+    ride = Ride(Mission(task(), MISSION, new_tasks=NewTasks(refuse, no_places)))
     goal = ride.settle()
     event = OperatorEvent(t_s=0.0, action="plan", text="x")
     after = ride.mission.step(at(-2.0, 0.0, ride.t_s + 0.02), [event])

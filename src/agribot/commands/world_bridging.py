@@ -67,7 +67,7 @@ def world_bridges(
         if topic.name in _OUT
     ]
     urdf = urdf_text(config.robot)
-    gateways = open_gateways(options, out, urdf, requests, serves=False)
+    gateways = open_gateways(options, out, urdf, requests, None)
     camera = CameraLog(
         robot, options.image_rate, config.record.jpeg_quality, keeps_raw=options.raw_images
     )

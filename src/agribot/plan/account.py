@@ -1,10 +1,11 @@
-"""What a mission tells of itself."""
+"""What a mission tells of itself, and what it wants now."""
 
 from __future__ import annotations
 
-from agribot.messages import MissionState, MissionStatus
+from agribot.messages import Goal, MissionState, MissionStatus
 from agribot.plan.errand import Errands
 from agribot.plan.job import Job
+from agribot.plan.route import Route
 
 FINAL: tuple[MissionState, ...] = ("done", "cancelled", "failed")
 
@@ -28,4 +29,22 @@ def account(
         distance_left_m=progress.length_m - progress.s_m if progress else 0.0,
         eta_s=way.time_left_s if way else None,
         refusal=refusal,
+        task=job.task.name,
+    )
+
+
+def wish(
+    way: Route | None, job: Job, status: MissionStatus, caution_ratio: float, *, is_driving: bool
+) -> Goal:
+    """Along the way, slower by the caution; only rows that are still wanted get the tool."""
+    if way is None:
+        return Goal(path=None, s_m=0.0, max_speed_mps=0.0, tool_on=False, status=status)
+    tool_on = is_driving and job.is_wanted(way.tool_row)
+    return Goal(
+        path=way.path,
+        s_m=status.s_m,
+        max_speed_mps=caution_ratio * way.max_speed_mps if is_driving else 0.0,
+        tool_on=tool_on,
+        status=status,
+        tracked_x_m=job.task.tool.tracked_x_m if tool_on else 0.0,
     )

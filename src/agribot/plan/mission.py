@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import msgspec
 
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
 from agribot.messages import Estimate, Goal, MissionState, OperatorEvent, Path
-from agribot.plan.account import FINAL, account
+from agribot.plan.account import FINAL, account, wish
 from agribot.plan.errand import STANDING_MPS, Errand, Errands, goal_errand, home_errand, work_errand
 from agribot.plan.job import Job
 from agribot.plan.route import Route
 from agribot.plan.row_log import RowResult
 from agribot.plan.saved_mission import SavedMission, check_not_carried_away
-from agribot.plan.task import Task
+from agribot.plan.task import NewTasks, Task
 from agribot.plan.watch import Watch
 
 SETTLE_S = 1.0  # the estimate must hold this long before the robot moves
 END_TOLERANCE_M = 0.01
-AFTER_THE_END = ("goto", "plan", "stop", "clear_stop")  # heard by a mission that stays open
+# Heard after the end by a mission that stays open.
+AFTER_THE_END = ("goto", "visit", "plan", "stop", "clear_stop")
 
 
 class Mission:
@@ -37,25 +38,27 @@ class Mission:
         task: Task,
         config: MissionConfig,
         saved: SavedMission | None = None,
-        read_task: Callable[[str], Task] | None = None,
+        new_tasks: NewTasks | None = None,
     ) -> None:
         """`saved` is a mission that was cut off: it goes on where it was.
 
-        `read_task` makes a task of the text of a field plan that an operator sends under way.
+        `new_tasks` makes the tasks that an operator or a program sends under way.
         """
         self._job = Job(task, config, saved)
         self._errands = Errands()
         self._config = config
         self._watch = Watch(config)
-        self._read_task = read_task
+        self._new_tasks = new_tasks
         self._last: Estimate | None = None
         self._state: MissionState = "waiting"
         self._reason = "waiting for the first estimate"
         self._refusal = ""
         self._ended: tuple[MissionState, str] | None = None
-        self._stays_open = False
+        self._stays_open = config.waits_for_goals
         self._is_stopped = False
         self._ok_since_s: float | None = None
+        if config.waits_for_goals:
+            self._state, self._reason = "paused", "waits for a goal; resume begins its mission"
 
     @property
     def path(self) -> Path | None:
@@ -97,7 +100,9 @@ class Mission:
             self._wait(estimate, is_located)
         elif self._state == "running" and self._way:
             self._run(self._way, estimate, is_located)
-        return self._goal(is_located)
+        status = account(self._job, self._errands, self._state, self._reason, self._refusal)
+        is_driving = self._state == "running" and is_located
+        return wish(self._way, self._job, status, self._watch.caution, is_driving=is_driving)
 
     def _run(self, route: Route, estimate: Estimate, is_located: bool) -> None:
         if is_located:
@@ -124,7 +129,7 @@ class Mission:
             self._set(event)
         elif event.action == "skip_row" and self._errands.route is None:
             self._job.skip_row()
-        elif event.action == "plan":
+        elif event.action in ("plan", "visit"):
             self._take(event)
         else:
             self._handle_moving(event)
@@ -195,18 +200,23 @@ class Mission:
         self._watch.restart()
 
     def _take(self, event: OperatorEvent) -> None:
-        """Another task from now on; `resume` begins it, from where the robot stands then."""
+        """Another task from now on, from where the robot stands: a visit at once, a plan later."""
+        is_visit = event.action == "visit"
         is_moving = self._last is not None and abs(self._last.v_mps) > STANDING_MPS
         try:
-            if self._read_task is None or is_moving:
+            if self._new_tasks is None:
+                raise MissionError("this mission takes no other task")
+            if is_moving and not is_visit:
                 raise MissionError("the robot drives; pause its mission first")
-            self._job = Job(self._read_task(event.text), self._config)
+            task = self._new_tasks.of(event)
         except MissionError as error:
-            self._refusal = f"plan refused: {error}"
+            self._refusal = f"{event.action} refused: {error}"
             return
-        self._errands = Errands()
+        self._job, self._errands = Job(task, self._config), Errands()
         self._ended, self._refusal, self._state = None, "", "paused"
-        self._pause(f"new plan from {event.source}; resume begins it")
+        self._pause(f"new {event.action} from {event.source}; resume begins it")
+        if is_visit and not self._is_stopped:
+            self._run_on("waiting")
 
     def _set(self, event: OperatorEvent) -> None:
         if event.text != "mission.speed_mps":
@@ -282,19 +292,3 @@ class Mission:
 
     def _end(self, state: MissionState, reason: str) -> None:
         self._state, self._reason = state, reason
-
-    def _goal(self, is_located: bool) -> Goal:
-        route = self._way
-        status = account(self._job, self._errands, self._state, self._reason, self._refusal)
-        if route is None:
-            return Goal(path=None, s_m=0.0, max_speed_mps=0.0, tool_on=False, status=status)
-        is_running = self._state == "running" and is_located
-        tool_on = is_running and self._job.is_wanted(route.tool_row)
-        return Goal(
-            path=route.path,
-            s_m=status.s_m,
-            max_speed_mps=self._watch.caution * route.max_speed_mps if is_running else 0.0,
-            tool_on=tool_on,
-            status=status,
-            tracked_x_m=self.task.tool.tracked_x_m if tool_on else 0.0,
-        )

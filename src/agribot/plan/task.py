@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from agribot.messages import Estimate, FloatArray, Path, Row
+from agribot.errors import MissionError
+from agribot.messages import Estimate, FloatArray, OperatorEvent, Path, Row
 from agribot.plan.route import AT_ORIGIN, Tool
 from agribot.plan.saved_mission import PoseTuple
 
@@ -27,7 +28,7 @@ class Task(NamedTuple):
     `back` plan the ways home, to any place, and back to a place of the path; `around` leaves a
     skipped row out of the path, without it the row is passed with the tool off. All planners
     raise a MissionError that says why they find no way. `text` is the field plan that the task
-    was made of.
+    was made of, `name` that of a visit.
     """
 
     plan: Planner
@@ -40,3 +41,23 @@ class Task(NamedTuple):
     back: PlacePlanner | None = None
     around: Detour | None = None
     text: str = ""
+    name: str = ""
+
+
+class NewTasks(NamedTuple):
+    """Tasks that come in under way: of the text of a field plan, of places and their name.
+
+    Raises: MissionError: it is no plan, or one that must not be driven.
+    """
+
+    of_plan: Callable[[str], Task]
+    of_places: Callable[[Sequence[tuple[float, float]], str], Task]
+
+    def of(self, event: OperatorEvent) -> Task:
+        """A plan, or a visit of places."""
+        if event.action == "plan":
+            return self.of_plan(event.text)
+        xs_m, ys_m = event.numbers[::2], event.numbers[1::2]
+        if not xs_m or len(xs_m) != len(ys_m):
+            raise MissionError("it names no places: x and y (m, map) of each")
+        return self.of_places(tuple(zip(xs_m, ys_m, strict=True)), event.text or "visit")

@@ -10,6 +10,7 @@ from agribot.bridge.ros1.hearing import Hearing
 from agribot.bridge.ros1.node import Node, Publication
 from agribot.bridge.ros1.types import Convert, outputs, read_twist
 from agribot.errors import BridgeError
+from agribot.messages import TickRecord
 from agribot.topic import Topic
 
 MASTER = "http://127.0.0.1:11311"
@@ -50,6 +51,9 @@ class Ros1Gateway:
         for publication, convert in self._outputs.get(topic.name, ()):
             if publication.is_wanted:
                 publication.put(convert(data))
+
+    def step(self, _record: TickRecord) -> None:
+        """The topics say it all."""
 
     def close(self) -> None:
         if self._hearing is not None:
