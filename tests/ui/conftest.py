@@ -28,9 +28,9 @@ from tests.ui.client import Page
 class Robot:
     """The robot's end of the line: sends what it is told to, keeps every order it gets."""
 
-    def __init__(self, home: Path, host: str = "127.0.0.1") -> None:
+    def __init__(self, home: Path, address: Address | None = None) -> None:
         self.home = home
-        self.address = Address(host=host, port=0)
+        self.address = address or Address(port=0)
         self.server = ServerProcess(self.address, self._about)
         self.orders: list[dict[str, Any]] = []
         self._news = threading.Condition()

@@ -11,6 +11,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from agribot.ui.access import MAX_FAILURES, SESSION_LIFE_S, Access, Caller, Refusal
+from agribot.ui.address import Address
 from agribot.ui.answers import inside
 from agribot.ui.sockets import MAX_MESSAGES_PER_S, MAX_SOCKETS
 from tests.ui.client import Page
@@ -36,7 +37,7 @@ def ask(
 @pytest.fixture(scope="module")
 def lan_robot(tmp_path_factory: pytest.TempPathFactory, _own_home: None) -> Iterator[Robot]:
     """Served at an address that is not one of this machine alone, so that a token is needed."""
-    robot = Robot(tmp_path_factory.mktemp("lan"), host="0.0.0.0")
+    robot = Robot(tmp_path_factory.mktemp("lan"), Address(host="0.0.0.0", port=0))
     robot.start()
     yield robot
     robot.server.close()

@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
     parser = argparse.ArgumentParser()
     run_command.add_arguments(parser)
     simulated = parser.parse_args([options.what, "--ui", "--stay", "--speed", "1"])
-    for name in ("out", "set", "port", "host", "allow_host", "open"):
+    for name in ("out", "set", "port", "host", "allow_host", "tls_cert", "tls_key", "open"):
         setattr(simulated, name, getattr(options, name))
     return run_command.run(simulated)
 

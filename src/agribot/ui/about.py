@@ -60,6 +60,8 @@ def about_run(
         robot_spec=robot,
         recording=recording,
         lan_url=address.lan_url(port),
+        tls_cert=address.tls_cert,
+        tls_key=address.tls_key,
     )
 
 

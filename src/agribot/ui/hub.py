@@ -47,6 +47,8 @@ class About(msgspec.Struct, kw_only=True):
     robot_spec: RobotSpec
     recording: str = ""
     lan_url: str = ""
+    tls_cert: str = ""
+    tls_key: str = ""
 
 
 class Hub:
@@ -65,8 +67,9 @@ class Hub:
         self.started_s = time.monotonic()
         is_local = about.host in {"127.0.0.1", "localhost", "::1"}
         self.access = Access(
-            about.names, about.port, about.operator_token, about.viewer_token, is_local=is_local
-        )
+            about.names, about.port, about.operator_token, about.viewer_token,
+            is_local=is_local, is_encrypted=bool(about.tls_cert),
+        )  # fmt: skip
         self._to_robot = to_robot
         self._noted_s: deque[float] = deque(maxlen=NOTES_PER_MINUTE)
 
