@@ -78,6 +78,7 @@ HEAVY = {
     "starlette": {"ui"},
     "uvicorn": {"ui"},
     "websockets": {"ui", "bench"},
+    "playwright": {"bench"},
     "segno": {"ui", "commands"},
     "anyio": {"ui"},
     "shapefile": {"ui"},

@@ -172,8 +172,8 @@ def _between(height: Singles, column: float, row: float) -> float:
     u, v = column - c, row - r
     # Indices without a sign need no check for counting from the end.
     at, up = (np.uintp(c), np.uintp(r)), (np.uintp(c + 1), np.uintp(r + 1))
-    low = height[at[1], at[0]] * (1.0 - u) + height[at[1], up[0]] * u
-    high = height[up[1], at[0]] * (1.0 - u) + height[up[1], up[0]] * u
+    low: float = height[at[1], at[0]] * (1.0 - u) + height[at[1], up[0]] * u
+    high: float = height[up[1], at[0]] * (1.0 - u) + height[up[1], up[0]] * u
     return low * (1.0 - v) + high * v
 
 
