@@ -7,13 +7,11 @@ from pathlib import Path
 from agribot import __version__
 from agribot.config import RunConfig, to_toml
 from agribot.record.parts import RecordingParts
-from agribot.record.recorder import CONFIG_ATTACHMENT, URDF_ATTACHMENT
+from agribot.record.recorder import CONFIG_ATTACHMENT, FLUSH_NS, URDF_ATTACHMENT
 from agribot.robot import RobotSpec
 from agribot.ros import rosmsg
 from agribot.ros.camera_log import CameraLog
 from agribot.ros.world_feed import WorldFeed, WorldTick
-
-_SECOND_NS = 1_000_000_000
 
 
 class WorldRecorder:
@@ -27,7 +25,7 @@ class WorldRecorder:
         self._file = RecordingParts(path, config.record)
         camera = CameraLog(robot, config.record.image_rate_hz, config.record.jpeg_quality)
         self._feed = WorldFeed(self._file.write, robot, urdf, camera)
-        self._next_second_ns = 0
+        self._next_flush_ns = 0
         words = {"version": __version__, "profile": config.profile, "seed": str(config.seed)}
         self._file.describe("agribot", {**words, "robot": robot.name, "world": config.world})
         self._file.attach(CONFIG_ATTACHMENT, "application/toml", to_toml(config).encode())
@@ -36,8 +34,8 @@ class WorldRecorder:
     def __call__(self, tick: WorldTick) -> None:
         self._feed(tick)
         now_ns = rosmsg.nanoseconds(tick.batch.t_s)
-        if now_ns >= self._next_second_ns:
-            self._next_second_ns = now_ns + _SECOND_NS
+        if now_ns >= self._next_flush_ns:
+            self._next_flush_ns = now_ns + FLUSH_NS
             self._file.flush()
 
     def close(self) -> None:
