@@ -79,6 +79,7 @@ HEAVY = {
     "uvicorn": {"ui"},
     "websockets": {"ui", "bench"},
     "segno": {"ui", "commands"},
+    "playwright": {"bench"},
     "anyio": {"ui"},
     "shapefile": {"ui"},
     "rasterio": {"gis"},
