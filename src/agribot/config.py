@@ -88,6 +88,8 @@ class EstimateConfig(Config, frozen=True):
     mag_bias_std_rad: Positive = 0.087  # 5 deg of hard iron
     gate_sigma: Positive = 4.0
     recover_after: Count = 25  # rejected in a row before the filter opens up
+    # Of the protection level: how often the position may be farther off than it says.
+    protection_risk: Annotated[float, msgspec.Meta(gt=0, lt=0.1)] = 1e-3
     row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
     gnss_timeout_s: Positive = 10.0
     dead_reckoning_std_m: Positive = 1.0  # without GNSS, the pose is good up to this 1 sigma

@@ -157,11 +157,10 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Estimate(msgspec.Struct, frozen=True, kw_only=True):
-    """Pose of the body frame in the map, with what is known of its error.
+    """Pose of the body in the map; `pose_cov` is the 3x3 covariance of x, y and yaw by rows.
 
-    `pose_cov` is the 3x3 covariance of (x_map_m, y_map_m, yaw_map_rad), row by row.
     `ok` is False until the filter has a position and a heading, and again when inputs go
-    silent; `reason` then says why.
+    silent; `reason` then says why. `protection_m` bounds the error, faults of GNSS included.
     """
 
     t_s: float
@@ -177,6 +176,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     quality: GnssQuality
     ok: bool
     reason: str = ""
+    protection_m: float = float("inf")
 
 
 class Path(msgspec.Struct, frozen=True, kw_only=True, eq=False):

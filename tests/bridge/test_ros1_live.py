@@ -10,11 +10,9 @@ import socket
 import struct
 import subprocess
 import time
-import xmlrpc.client
 from collections.abc import Iterator
 from contextlib import closing
 from itertools import count
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -35,6 +33,7 @@ from agribot.operator_input import Inbox
 from agribot.ros.camera_log import CameraLog
 from agribot.ros.sensor_readers import readers
 from tests.bridge.live import first, free_port, until
+from tests.bridge.ros1_system import Ros1, ask
 from tests.record import record_samples as samples
 
 pytestmark = pytest.mark.skipif(
@@ -42,60 +41,6 @@ pytestmark = pytest.mark.skipif(
 )
 
 OUT = [topic for topic in topics.TOPICS if topic.ros_type]
-
-
-def ask(uri: str, method: str, *arguments: Any) -> Any:
-    with xmlrpc.client.ServerProxy(uri) as proxy:
-        return getattr(proxy, method)("/test", *arguments)
-
-
-class Ros1:
-    def __init__(self, folder: Path) -> None:
-        port = free_port()
-        self.uri = f"http://127.0.0.1:{port}"
-        self.folder = folder
-        self.environment = {
-            "PATH": "/usr/bin:/bin",  # its tools need the system's own python
-            "HOME": str(folder),
-            "ROS_HOME": str(folder),
-            "ROS_MASTER_URI": self.uri,
-            "ROS_IP": "127.0.0.1",
-            "LC_ALL": "C.UTF-8",
-        }
-        self.processes: list[subprocess.Popen[str]] = []
-        self.core = self.start("roscore", "-p", str(port))
-        until(self.answers, "the ROS 1 master", 60.0)
-
-    def answers(self) -> bool:
-        try:
-            return bool(ask(self.uri, "getPid")[0] == 1)
-        except OSError:
-            return False
-
-    def start(self, *command: str) -> subprocess.Popen[str]:
-        process = subprocess.Popen(
-            command,
-            env=self.environment,
-            cwd=self.folder,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-            start_new_session=True,
-        )
-        self.processes.append(process)
-        return process
-
-    def close(self) -> None:
-        for process in reversed(self.processes):
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGINT)
-                try:
-                    process.wait(20)
-                except subprocess.TimeoutExpired:
-                    os.killpg(process.pid, signal.SIGKILL)
-            if process.stdout:
-                process.stdout.close()
-            process.wait()
 
 
 class Robot:

@@ -348,6 +348,7 @@ def test_a_program_adds_panels_without_javascript(tmp_path: Path) -> None:
     panels.button("Beep", lambda: "beeped", needs_seat=False)
     panels.button("Break", lambda: 1 / 0, needs_seat=False)
     panels.plot("Speeds", ["v_mps"])
+    panels.listen("route", lambda stops: f"{len(stops)} stops")
     settings = config.load("farm", ["perception.enabled=false", "record.enabled=false"])
     with (
         Session(settings, tmp_path / "run") as session,
@@ -356,7 +357,7 @@ def test_a_program_adds_panels_without_javascript(tmp_path: Path) -> None:
         browser = Browser(page.server.port)
         _, listed = browser.ask("GET", "/api/v1/panels")
         assert [one["kind"] for one in listed] == [
-            "layer", "form", "image", "button", "button", "plot"
+            "layer", "form", "image", "button", "button", "plot", "listener"
         ]  # fmt: skip
         assert browser.ask("GET", "/api/v1/panels/image-sky") == (200, b"\x89PNG sky")
         assert browser.ask("GET", "/api/v1/panels/layer-hedges")[1]["features"] == []
@@ -370,4 +371,7 @@ def test_a_program_adds_panels_without_javascript(tmp_path: Path) -> None:
             wrong = browser.ask("POST", "/api/v1/panels/form-rate", {"litres_per_ha": "many"})
             assert wrong[0] == 422
             assert browser.ask("POST", "/api/v1/panels/form-rate", {"litres_per_ha": 120})[0] == 200
+            stops = {"points": [[0, 0], [1.5, 2]]}
+            heard = browser.ask("POST", "/api/v1/panels/listener-route", stops)[1]
+            assert heard["text"] == "2 stops"
     assert given == [Rate(litres_per_ha=120.0)]

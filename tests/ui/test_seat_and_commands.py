@@ -93,6 +93,15 @@ def test_marks_and_clicked_points_go_into_the_recording(robot: Robot, page: Page
     robot.wait_for(lambda order: "East 1.500 m, North -2.000 m" in order.get("text", ""))
 
 
+def test_a_drawn_polygon_goes_into_the_recording(robot: Robot, page: Page) -> None:
+    assert page.ask(k="shape", id=1, what="polygon", xy=[[0, 0], [2.5, 0], [2.5, -1]])["ok"]
+    robot.wait_for(
+        lambda order: (
+            "polygon (East North, m): 0.00 0.00, 2.50 0.00, 2.50 -1.00" in order.get("text", "")
+        )
+    )
+
+
 def test_an_unknown_order_is_refused_with_a_reason(page: Page) -> None:
     page.take_seat()
     for action in ("fly", "note", "plan", "goto"):
@@ -125,7 +134,17 @@ def test_a_recording_is_begun_and_ended_by_operators_without_the_seat(
         robot.wait_for(lambda order: order.get("action") == f"{action}_recording")  # noqa: B023
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"k": 3}', '{"k": "no such"}', '{"k":"drive"}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{",
+        "[]",
+        '{"k": 3}',
+        '{"k": "no such"}',
+        '{"k":"drive"}',
+        '{"k":"shape","what":"route","xy":[[1]]}',
+    ],
+)
 def test_a_malformed_message_costs_the_line_and_nothing_else(robot: Robot, text: str) -> None:
     with Page(robot.port, tab="broken") as broken:
         broken.line.send(text)

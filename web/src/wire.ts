@@ -28,6 +28,7 @@ export interface State {
   mission: Mission | null
   mode: Mode; stop: string; reason: string
   battery: { v: number; pct: number | null } | null
+  att?: [roll: number, pitch: number] | null
   weeds: number; rtf: number | null; xte_m: number | null; nozzles: boolean[]; sig: number[][]
   replay?: Replay | null
   /** The folder that is being written, empty while nothing is recorded. */
@@ -60,6 +61,7 @@ export type Command =
   | { k: 'point'; x: number; y: number }
   | { k: 'record'; action: 'start' | 'stop' }
   | { k: 'mark'; text: string }
+  | { k: 'shape'; what: 'polygon' | 'route'; xy: Vec2[] }
 
 export type ClientMessage =
   | (Command & { id: string })
@@ -145,7 +147,7 @@ export interface Health {
 }
 export interface MapSource {
   name: string; url: string; minzoom: number; maxzoom: number
-  bounds: [number, number, number, number] | null; attribution: string | null
+  bounds: [number, number, number, number] | null; attribution: string | null; format?: string
 }
 export interface PlanReply {
   ok: boolean; reasons: { text: string; at_map_m: Vec2 | null }[]
@@ -154,7 +156,10 @@ export interface PlanReply {
 export interface FormField { type?: string; default?: SettingValue; enum?: string[]; minimum?: number; maximum?: number; description?: string; title?: string }
 export interface FormSchema { $ref?: string; $defs?: Record<string, FormSchema>; properties?: Record<string, FormField>; required?: string[] }
 export interface Panel {
-  id: string; title: string; kind: 'layer' | 'plot' | 'form' | 'image' | 'button'
+  id: string; title: string; kind: 'layer' | 'plot' | 'form' | 'image' | 'button' | 'listener'
   fields?: string[]; schema?: FormSchema; refresh_s?: number; needs_seat?: boolean
-  style?: { color?: string; width_px?: number; radius_px?: number; opacity?: number }
+  /** Of a layer: which kind of display draws it, and how. */
+  type?: string; style?: Record<string, SettingValue>; draw_order?: number; visible?: boolean
+  /** Of a listener: the shapes it wants to hear of. */
+  what?: 'point' | 'polygon' | 'route'
 }

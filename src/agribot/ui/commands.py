@@ -16,6 +16,8 @@ MAX_NAME = 40
 MAX_TEXT = 500
 SCALES = (0.2, 0.5, 0.8, 1.0)
 FIRST_SCALE = 0.5
+SHAPES = ("polygon", "route")
+MAX_CORNERS = 500
 POSE_STD_M, POSE_STD_RAD = 0.3, 0.1  # of a place and a direction shown with a finger on a map
 STANDING_MPS = 0.02
 MISSION_ACTIONS = {"start": "resume"}  # a mission starts by itself; after a pause it resumes
@@ -174,6 +176,15 @@ class Commands:
         self._hub.note(self._page.name, f"point: East {x_m:.3f} m, North {y_m:.3f} m")
         self._ack(message, "")
 
+    def _on_shape(self, message: dict[str, Any]) -> None:
+        """A polygon or route that somebody drew: into the recording."""
+        what, corners = message.get("what"), message.get("xy")
+        if what not in SHAPES or not _is_line(corners):
+            raise Refused(f"a shape is one of {SHAPES} with up to {MAX_CORNERS} corners [x, y] (m)")
+        places = ", ".join(f"{x_m:.2f} {y_m:.2f}" for x_m, y_m in corners)
+        self._hub.note(self._page.name, f"{what} (East North, m): {places}")
+        self._ack(message, "")
+
     def _on_pose_estimate(self, message: dict[str, Any]) -> None:
         """Where the robot stands, as RViz's 2D Pose Estimate; only a robot at rest believes it."""
         pose = message.get("x"), message.get("y"), message.get("yaw")
@@ -227,6 +238,14 @@ class Commands:
 
 def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_line(corners: object) -> TypeGuard[list[list[float]]]:
+    return (
+        isinstance(corners, list)
+        and 0 < len(corners) <= MAX_CORNERS
+        and all(isinstance(p, list) and len(p) == 2 and all(map(_is_number, p)) for p in corners)
+    )
 
 
 def _clamped(value: float, limit: float) -> float:

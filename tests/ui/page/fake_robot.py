@@ -161,6 +161,7 @@ class FakeRobot:
             "vel": [speed, 0.0],
             "cmd": [speed, 0.0],
             "joints": [self.s_m / 0.15] * 4,
+            "att": [0.02, -0.03],
             "gnss": {"lat": DATUM["lat_deg"], "lon": DATUM["lon_deg"], "q": 4, "std": 0.014},
             "mission": {
                 "state": MISSION_STATES[self.mode],

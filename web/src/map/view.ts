@@ -4,17 +4,19 @@ import * as maplibregl from 'maplibre-gl'
 import type { GeoJSONSource, Map as MapLibre } from 'maplibre-gl'
 import 'maplibre-gl/dist/maplibre-gl.css'
 import workerUrl from 'maplibre-gl/dist/maplibre-gl-worker.mjs?worker&url'
-import { api } from '../api.ts'
 import type { App } from '../app.ts'
 import { onTheme } from '../shell/theme.ts'
-import type { MapSource, Vec2 } from '../wire.ts'
+import { Displays } from '../displays/displays.ts'
+import { Display } from '../displays/display.ts'
+import type { DisplayConfig } from '../displays/display.ts'
+import type { Vec2 } from '../wire.ts'
 import { boundsOf } from './features.ts'
 import type { Features } from './features.ts'
 import { addLayers, applyGroup, baseOpacities, layerGroups, opacitiesOf, recolour } from './layers.ts'
 import type { LayerGroup, SourceId } from './layers.ts'
 import { LiveData } from './live.ts'
+import { Capture } from './capture.ts'
 import { Overlay } from './overlay.ts'
-import { addPanelLayers } from './panel-layers.ts'
 import { palette } from './palette.ts'
 import { serveLabels, soilTexture } from './texture.ts'
 import { MapTools } from './tools.ts'
@@ -29,6 +31,7 @@ const VIEW_KEY = 'map-view'
 export interface SavedView {
   center?: Vec2; zoom?: number; bearing?: number; follow?: boolean
   layers?: { id: string; visible: boolean; opacity: number }[]
+  displays?: DisplayConfig[]
 }
 
 export class MapView {
@@ -36,6 +39,8 @@ export class MapView {
   readonly map: MapLibre
   readonly overlay: Overlay
   readonly tools: MapTools
+  readonly capture: Capture
+  readonly displays: Displays
   groups: LayerGroup[] = layerGroups()
   follow = true
   onFollow: () => void = () => undefined
@@ -56,8 +61,11 @@ export class MapView {
     this.map.addControl(new maplibregl.ScaleControl({ maxWidth: 120, unit: 'metric' }), 'bottom-left')
     this.overlay = new Overlay(this.map, app, colours)
     this.node.append(this.overlay.canvas)
+    this.capture = new Capture(this.map, this.overlay.canvas)
     this.tools = new MapTools(this.map, app)
     this.overlay.sketch = this.tools.sketch
+    this.displays = new Displays(this)
+    this.overlay.paint = (surface) => this.displays.paint(surface)
     this.tools.onChange = () => this.overlay.request()
     serveLabels(this.map)
     this.map.on('load', () => this.load())
@@ -92,7 +100,7 @@ export class MapView {
     new LiveData(this, this.app)
     this.app.onField(() => this.firstView())
     this.app.store.on('state', () => this.track())
-    void this.addTileMaps().then(() => addPanelLayers(this))
+    void this.displays.start().then(() => this.restoreLayers(this.saved()))
     for (const work of this.whenLoaded) work()
   }
 
@@ -106,26 +114,48 @@ export class MapView {
     }
   }
 
-  private async addTileMaps(): Promise<void> {
-    const maps = await api.maps().catch((): MapSource[] => [])
-    for (const source of maps) {
-      const id = `tiles-${source.name}`
-      this.map.addSource(id, {
-        type: 'raster', tiles: [new URL(source.url, location.origin).href.replace(/%7B/g, '{').replace(/%7D/g, '}')], tileSize: 256,
-        minzoom: source.minzoom, maxzoom: source.maxzoom, ...(source.bounds ? { bounds: source.bounds } : {}),
-      })
-      this.map.addLayer({ id, type: 'raster', source: id }, 'grid-1')
-      this.addGroup({ id, title: source.name, layers: [id], visible: true, opacity: 1 })
-    }
-  }
-
   /** A further entry of the layer list, shown as it was left. */
   addGroup(group: LayerGroup): void {
-    for (const id of group.layers) for (const [name, value] of opacitiesOf(this.map, id)) this.base.set(name, value)
-    this.groups.push(group)
-    const saved = this.saved()?.layers?.find((layer) => layer.id === group.id)
-    if (saved) this.applyGroup(Object.assign(group, saved))
+    if (group instanceof Display && group.type.kind === 'tiles') this.groups.push(group)
+    else this.groups.unshift(group)
+    this.adopt(group)
     this.onGroups()
+  }
+
+  /** Remember what the layers of a group look like untouched, and show them as they were left. */
+  adopt(group: LayerGroup): void {
+    for (const id of group.layers) for (const [name, value] of opacitiesOf(this.map, id)) this.base.set(name, value)
+    const saved = this.saved()?.layers?.find((layer) => layer.id === group.id)
+    if (saved) Object.assign(group, { visible: saved.visible, opacity: saved.opacity })
+    this.applyGroup(group)
+  }
+
+  removeGroup(group: LayerGroup): void {
+    this.groups = this.groups.filter((other) => other !== group)
+    this.onGroups()
+    this.remember()
+  }
+
+  /** Give a group another place in the list, which is the order of drawing. */
+  moveGroup(group: LayerGroup, to: number): void {
+    const others = this.groups.filter((other) => other !== group)
+    others.splice(Math.max(0, to), 0, group)
+    this.setOrder(others)
+    this.onGroups()
+    this.remember()
+  }
+
+  private setOrder(groups: LayerGroup[]): void {
+    this.groups = groups
+    const own = new Set(groups.flatMap((group) => group.layers))
+    const above = this.map.getStyle().layers.find(({ id }) => !own.has(id) && id !== 'background' && id !== 'soil')?.id // a drawing tool's
+    for (const group of [...groups].reverse()) for (const id of group.layers) if (this.map.getLayer(id)) this.map.moveLayer(id, above)
+  }
+
+  /** The layer that a picture of this group has to lie below. */
+  layerAbove(group: LayerGroup): string | undefined {
+    const higher = this.groups.slice(0, Math.max(0, this.groups.indexOf(group))).reverse()
+    return higher.flatMap(({ layers }) => layers).find((id) => this.map.getLayer(id))
   }
 
   private retheme(): void {
@@ -134,6 +164,7 @@ export class MapView {
     this.ready(() => {
       recolour(this.map, colours)
       this.addTexture()
+      for (const display of this.displays.all) display.retheme()
     })
     this.overlay.request()
   }
@@ -193,7 +224,7 @@ export class MapView {
     const { lng, lat } = this.map.getCenter()
     return {
       center: this.app.projection.toMap(lng, lat), zoom: this.map.getZoom(), bearing: this.map.getBearing(), follow: this.follow,
-      layers: this.groups.map(({ id, visible, opacity }) => ({ id, visible, opacity })),
+      layers: this.groups.map(({ id, visible, opacity }) => ({ id, visible, opacity })), displays: this.displays.saved(),
     }
   }
 
@@ -206,15 +237,21 @@ export class MapView {
   }
 
   private restoreLayers(view: SavedView | null): void {
+    if (view?.displays) this.displays.restore(view.displays)
+    const order = new Map(view?.layers?.map(({ id }, i) => [id, i]))
+    const place = (group: LayerGroup): number => order.get(group.id) ?? (group instanceof Display && group.type.kind === 'tiles' ? Infinity : -1)
+    const wanted = [...this.groups].sort((a, b) => place(a) - place(b) || 0)
+    if (order.size && wanted.some((group, i) => group !== this.groups[i])) this.setOrder(wanted)
     for (const saved of view?.layers ?? []) {
       const group = this.groups.find((g) => g.id === saved.id)
-      if (group) this.applyGroup(Object.assign(group, saved))
+      if (group) this.applyGroup(Object.assign(group, { visible: saved.visible, opacity: saved.opacity }))
     }
     for (const group of this.groups) if (!group.visible) this.applyGroup(group)
+    this.onGroups()
   }
 
-  private remember(): void {
-    if (this.seen) localStorage.setItem(this.viewKey, JSON.stringify(this.current()))
+  remember(): void {
+    if (this.seen && this.displays.started) localStorage.setItem(this.viewKey, JSON.stringify(this.current()))
   }
 
   private saved(): SavedView | null {
@@ -224,22 +261,5 @@ export class MapView {
 
   private get viewKey(): string {
     return `${VIEW_KEY}:${this.app.field?.name ?? ''}`
-  }
-
-  /** The map and what is drawn over it as a picture. */
-  screenshot(): Promise<Blob | null> {
-    return new Promise((resolve) => {
-      this.map.once('render', () => {
-        const gl = this.map.getCanvas()
-        const picture = document.createElement('canvas')
-        picture.width = gl.width
-        picture.height = gl.height
-        const pen = picture.getContext('2d')
-        pen?.drawImage(gl, 0, 0)
-        pen?.drawImage(this.overlay.canvas, 0, 0, gl.width, gl.height)
-        picture.toBlob(resolve, 'image/png')
-      })
-      this.map.triggerRepaint()
-    })
   }
 }

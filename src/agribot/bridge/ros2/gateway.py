@@ -120,7 +120,8 @@ class Ros2Gateway:
         types = service_types()
         for name, action in SERVICES:
             server.serve(types, name, "std_srvs/srv/Trigger", self._trigger(action))
-        server.serve(types, PAUSE_SERVICE, "std_srvs/srv/SetBool", self._pause)
+        none = (False, "these bytes are no SetBool request")
+        server.serve(types, PAUSE_SERVICE, "std_srvs/srv/SetBool", self._pause, none)
         ParameterServer(
             server,
             NODE,

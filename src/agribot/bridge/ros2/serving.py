@@ -26,8 +26,18 @@ class Server:
     def __init__(self, node: Ros2Node, refuse: Callable[[str], None]) -> None:
         self._node, self._refuse = node, refuse
 
-    def serve(self, types: Typestore, name: str, ros_type: str, answer: Answer) -> None:
-        """`answer` is called in a thread of zenoh with each request of the service `name`."""
+    def serve(
+        self,
+        types: Typestore,
+        name: str,
+        ros_type: str,
+        answer: Answer,
+        to_garbage: tuple[Any, ...] = (),
+    ) -> None:
+        """`answer` is called in a thread of zenoh with each request of the service `name`.
+
+        `to_garbage` are the fields of the answer to bytes that are no request; none: no answer.
+        """
         type_hash = types.hash_rihs01(ros_type)
         key = wire.topic_key(self._node.domain, name, ros_type, type_hash)
 
@@ -36,13 +46,6 @@ class Server:
             mark = wire.read_attachment(attachment.to_bytes()) if attachment else None
             if mark is None or payload is None:
                 self._refuse(f"ROS 2: {name} was asked by something that is no client")
-                query.drop()  # type: ignore[no-untyped-call]
-                return
-            data = payload.to_bytes()
-            try:
-                request = types.deserialize_cdr(data, f"{ros_type}_Request")
-            except Exception:  # noqa: BLE001  rosbags raises what its generated code happens to
-                self._refuse(f"ROS 2: {name}: {len(data)} bytes are no request of {ros_type}")
                 query.drop()  # type: ignore[no-untyped-call]
                 return
 
@@ -54,6 +57,16 @@ class Server:
                 query.reply(query.key_expr, data, attachment=echo)
                 query.drop()  # type: ignore[no-untyped-call]
 
+            data = payload.to_bytes()
+            try:
+                request = types.deserialize_cdr(data, f"{ros_type}_Request")
+            except Exception:  # noqa: BLE001  rosbags raises what its generated code happens to
+                self._refuse(f"ROS 2: {name}: {len(data)} bytes are no request of {ros_type}")
+                if to_garbage:
+                    reply(*to_garbage)
+                else:
+                    query.drop()  # type: ignore[no-untyped-call]
+                return
             answer(request, reply)
 
         self._node.keep(self._node.session.declare_queryable(key, asked, complete=True))
