@@ -40,6 +40,12 @@ def drive(out: Path, script: Script, settings: list[str], until: Callable[[TickR
     return session
 
 
+def table_rows(folder: Path) -> int:
+    """Crop rows that the page of a report lists."""
+    page = (folder / "report.html").read_text()
+    return page.partition("<h2>Rows</h2>")[2].partition("<h2>")[0].count("<tr>") - 1
+
+
 def is_done(record: TickRecord) -> bool:
     return record.status.state == "done"
 
@@ -122,4 +128,6 @@ def test_another_plan_replaces_the_mission_and_is_judged_in_its_place(tmp_path: 
     assert session.last.status.rows_total == len(session.rows) > 1
     assert json.loads((out / "report.json").read_text())["mission"]["rows_total"] > 1
     assert config.load(str(out / "config.toml")).plan == str(out / "plan.geojson")
+    assert main(["report", str(out / "run.mcap"), "-o", str(out / "again")]) == 0
+    assert table_rows(out / "again") == table_rows(out) == len(session.rows)
     assert main(["replay", str(out / "run.mcap")]) == 0

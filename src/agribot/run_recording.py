@@ -52,6 +52,7 @@ class RunRecording:
         Raises: RecordingError: the file of the run cannot be created or written.
         """
         self._run, self._files, self._say = run, files, say
+        self._urdf = run.urdf  # made once: it takes longer than a tick
         self._path: Path | None = None
         self._next_truth_s = 0.0
         self._ended_because = ""
@@ -110,7 +111,7 @@ class RunRecording:
     def _begin(self, folder: FilePath) -> None:
         run = self._run
         recorder = RunRecorder(
-            folder / FILE_NAME, run.config, run.robot, run.urdf,
+            folder / FILE_NAME, run.config, run.robot, self._urdf,
             goals_map_m=run.shown_goals_map_m, weed_map=run.plants,
         )  # fmt: skip
         for name, (media_type, data) in self._files.items():

@@ -10,7 +10,7 @@ from agribot.config import RunConfig
 from agribot.errors import MissionError
 from agribot.field_work import work_from
 from agribot.geo import MapFrame
-from agribot.messages import Estimate, FloatArray, Path, Row
+from agribot.messages import Estimate, FloatArray, Path, Row, TickRecord
 from agribot.plan.boustrophedon import plan_home, plan_rows, plan_without
 from agribot.plan.certify import certify
 from agribot.plan.coverage.drive import FieldWork
@@ -80,6 +80,12 @@ def tasks_under_way(task: Task, config: RunConfig, robot: RobotSpec) -> NewTasks
         return Task(plan, waypoints=places_map_m, name=name)
 
     return NewTasks(of_plan, of_places)
+
+
+def taken_plan(record: TickRecord) -> str:
+    """The text of the field plan that the mission took in this tick; empty where it took none."""
+    sent = [event.text for event in record.batch.events if event.action == "plan"]
+    return sent[-1] if sent and not record.status.refusal else ""
 
 
 def _work_task(work: FieldWork) -> Task:

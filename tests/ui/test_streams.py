@@ -22,7 +22,7 @@ from agribot.ui.camera import LADDER, QUICK_TIMES, Camera, Ladder, Picture, enco
 from agribot.ui.channel import CHANGES_KEPT, STATES_KEPT, Channel, Client, signal_table
 from agribot.ui.feed import packed
 from agribot.ui.hub import Hub
-from agribot.ui.pictures import Pictures, decoded
+from agribot.ui.pictures import Pictures
 from agribot.ui.replay import Replay
 from tests.record import record_samples as samples
 from tests.ui.client import Browser, Page
@@ -243,8 +243,8 @@ def test_a_recording_has_its_pictures_by_time_with_and_without_what_was_found(
     first, late = pictures.at(0.5), pictures.at(2.9)
     assert first is not None and late is not None
     assert (first[0], late[0]) == (0, 2)
-    height, width, depth = decoded(first[1].image).shape
-    assert (height, width, depth) == samples.frame(0, 0.0).image_rgb.shape
+    width, height = Image.open(io.BytesIO(first[1].image)).size
+    assert (height, width, 3) == samples.frame(0, 0.0).image_rgb.shape
     assert first[1].found and first[1].found != first[1].image
 
 

@@ -21,7 +21,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from agribot.messages import ByteArray
 from agribot.ui.feed import PICTURE_HEAD
 from agribot.ui.hub import Hub
-from agribot.ui.pictures import decoded
 
 MAX_VIEWERS = 32
 CREDITS = 2
@@ -137,15 +136,6 @@ def encode(picture: Picture, level: int) -> bytes:
     return HEAD.pack(picture.kind, level, 0, picture.index, picture.wall_ms) + buffer.getvalue()
 
 
-def encode_shot(number: int, jpeg: bytes, level: int) -> bytes:
-    """Head and JPEG of a recorded picture, which is sent as it is where the line is good."""
-    wall_ms = time.time() * 1e3
-    if level == 0:
-        return HEAD.pack(0, 0, 0, number, wall_ms) + jpeg
-    pixels = decoded(jpeg)
-    return encode(Picture(kind=0, index=number, wall_ms=wall_ms, pixels=pixels), level)
-
-
 class Viewer:
     def __init__(self, hub: Hub, camera: Camera, socket: WebSocket, *, with_mask: bool) -> None:
         self._hub, self._camera, self._socket = hub, camera, socket
@@ -192,7 +182,10 @@ class Viewer:
         return self._shown[0] is None
 
     async def _next(self) -> bytes:
-        """The next picture of what this browser looks at: the robot, or a recording."""
+        """The next picture of what this browser looks at: the robot, or a recording.
+
+        Recorded pictures are few, and sent as they are.
+        """
         while True:
             replay = self._hub.replay_of(self._browser)
             if replay is None:
@@ -207,7 +200,7 @@ class Viewer:
                 number, shot = found
                 self._shown = (replay.name, number)
                 jpeg = shot.found if self._with_mask and shot.found else shot.image
-                return await asyncio.to_thread(encode_shot, number, jpeg, self._ladder.level)
+                return HEAD.pack(0, 0, 0, number, time.time() * 1e3) + jpeg
             await asyncio.sleep(REPLAY_LOOK_S)
 
 

@@ -133,9 +133,11 @@ class Commands:
         self._operate(message, action)
 
     def _on_mark(self, message: dict[str, Any]) -> None:
-        text = str(message.get("text", "")).strip()[:MAX_TEXT]
-        self._hub.event("mark", self._page.name, text)
-        self._ack(message, "")
+        reason = self._not_operator()
+        if not reason:
+            text = str(message.get("text", "")).strip()[:MAX_TEXT]
+            self._hub.event("mark", self._page.name, text)
+        self._ack(message, reason)
 
     def _on_record(self, message: dict[str, Any]) -> None:
         """Begin or end a recording; nothing moves, so that no seat is needed."""

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import bisect
-import io
 from pathlib import Path
 
 import msgspec
-import numpy as np
 
 from agribot import topics
 from agribot.record.mcap_file import read_messages
@@ -63,10 +61,3 @@ def _jpegs(path: Path, topic: Topic) -> dict[float, bytes]:
             kept, every = dict(list(kept.items())[::2]), every * 2
             size = sum(map(len, kept.values()))
     return kept
-
-
-def decoded(jpeg: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
-    """(height, width, 3), red green blue."""
-    from PIL import Image
-
-    return np.asarray(Image.open(io.BytesIO(jpeg)).convert("RGB"), dtype=np.uint8)

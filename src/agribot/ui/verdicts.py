@@ -10,7 +10,7 @@ from agribot.messages import OperatorEvent, TickRecord
 from agribot.operator_input import Inbox
 from agribot.plan.errand import STOPPING
 
-PATIENCE_S = 4.0  # a robot that drives fast still rolls out; the page waits a little longer
+PATIENCE_S = 4.0  # the page itself waits a little longer
 
 
 class _Asked:
@@ -36,13 +36,17 @@ class Verdicts:
                 asked.refusal = record.status.refusal
                 asked.is_settled.set()
 
-    def ask(self, event: OperatorEvent, patience_s: float = PATIENCE_S) -> str:
-        """Post a request; why it is refused, or nothing. What takes longer to settle counts as
-        taken: its refusal is told by the mission's state.
+    def ask(self, event: OperatorEvent) -> str:
+        """Post a request; why it is refused, or nothing.
+
+        A goal that takes long to settle counts as taken: the robot still rolls out, and what
+        becomes of it is told by the mission's state.
         """
         asked = _Asked(event)
         self._asked.append(asked)
         self._inbox.post(event)
-        is_settled = asked.is_settled.wait(patience_s)
+        is_settled = asked.is_settled.wait(PATIENCE_S)
         self._asked.remove(asked)
-        return asked.refusal if is_settled else ""
+        if is_settled or (asked.is_heard and event.action == "goto"):
+            return asked.refusal
+        return f"the robot did not answer within {PATIENCE_S:g} s; see whether its ticks arrive"

@@ -42,15 +42,19 @@ def page(browser: Browser, robot: Robot) -> Iterator[Page]:
     context.close()
 
 
-def tap(page: Page, east_m: float, north_m: float) -> None:
-    """Bring a place of the map into view and tap it with the tool that is chosen."""
+def at(page: Page, east_m: float, north_m: float) -> tuple[float, float]:
+    """Bring a place of the map into view; its pixel on the screen."""
     frame = MapFrame(config.load("farm").field.datum)
     lat_deg, lon_deg, _ = frame.geodetic_from_map(east_m, north_m)
     page.evaluate(f"void window.__agribot.map.jumpTo({{center: [{lon_deg}, {lat_deg}], zoom: 20}})")
     box = page.locator(".map").bounding_box()
     assert box
-    at = page.evaluate(f"window.__agribot.map.project([{lon_deg}, {lat_deg}])")
-    page.mouse.click(box["x"] + at["x"], box["y"] + at["y"])
+    px = page.evaluate(f"window.__agribot.map.project([{lon_deg}, {lat_deg}])")
+    return box["x"] + px["x"], box["y"] + px["y"]
+
+
+def tap(page: Page, east_m: float, north_m: float) -> None:
+    page.mouse.click(*at(page, east_m, north_m))
 
 
 def test_a_place_beyond_the_fence_is_refused_with_the_reason(page: Page) -> None:
@@ -68,6 +72,19 @@ def test_the_robot_drives_to_the_place_that_was_tapped_and_waits(page: Page) -> 
     x_m, y_m, _ = page.evaluate(f"{STATE}.pose")
     assert (x_m, y_m) == pytest.approx(GOAL, abs=0.3)  # as near as a finger on the map
     expect(page.locator(".reason")).to_contain_text("resume goes on with the mission")
+
+
+def test_a_standing_robot_believes_the_pose_that_was_drawn_and_then_its_sensors(page: Page) -> None:
+    before = page.evaluate(f"{STATE}.std[0]")
+    assert before < 0.05
+    x, y = at(page, *GOAL)
+    page.get_by_role("button", name="Correct the robot’s pose").click()
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 80, steps=3)
+    page.mouse.up()
+    expect(page.locator(".toast", has_text="Pose corrected")).to_be_visible(timeout=20_000)
+    until(page, f"{STATE}.std[0] < 0.05 && Math.abs({STATE}.vel[0]) < 0.01", PATIENCE_S)
 
 
 def test_a_checked_plan_becomes_the_mission(page: Page, robot: Robot) -> None:
@@ -97,5 +114,7 @@ def test_a_recording_is_ended_marked_and_begun_again(page: Page, robot: Robot) -
     until(page, f"{STATE}.recording === 'run-2'", PATIENCE_S)
     expect(page.locator("main")).to_contain_text("Recording now: run-2")
     assert (robot.out_dir.with_name("run-2") / "run.mcap").is_file()
-    events = (robot.out_dir / "events.jsonl").read_text().splitlines()
-    assert any("a stone" in json.loads(line)["reason"] for line in events)
+    lines = (robot.out_dir / "events.jsonl").read_text().splitlines()
+    told = [json.loads(line)["reason"] for line in lines]
+    for asked in ("a stone", "goto ", "pose_estimate ", "plan (", "stop_recording"):
+        assert any(reason.startswith(asked) for reason in told), asked
