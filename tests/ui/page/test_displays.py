@@ -22,10 +22,11 @@ from tests.ui.page import display_messages as messages
 from tests.ui.page import fake_answers
 from tests.ui.page.conftest import take_control, until, wait_for
 from tests.ui.page.fake_server import FakeServer, serving
+from tests.ui.page.test_safety import STOP_FREE
+from tests.ui.page.test_screens import AXE, violations
 
 TILES = {"url": "/tiles/farm/{z}/{x}/{y}", "minzoom": 0, "maxzoom": 22, "attribution": ""}
 NEAR_RGB = 40
-PATIENCE_S = 60.0
 MAP = "window.__agribot.map"
 
 
@@ -52,7 +53,7 @@ def page(browser: Browser, server: FakeServer) -> Iterator[Page]:
     context = browser.new_context(viewport={"width": 1280, "height": 900}, locale="en")
     page = context.new_page()
     page.goto(f"{server.address}/?off=scene,camera#/drive")
-    until(page, f"window.__agribot?.ready && {MAP}?.getLayer('layer-tf_frame-fill')", PATIENCE_S)
+    until(page, f"window.__agribot?.ready && {MAP}?.getLayer('layer-tf_frame-fill')")
     take_control(page)
     lat_deg, lon_deg = messages.lat_lon(12.0, -9.0)
     page.get_by_role("button", name="Follow the robot").click()
@@ -82,13 +83,13 @@ def drawn(page: Page, kind: str, x_m: float, y_m: float, reach_px: int = 6) -> l
 
 def wait_drawn(page: Page, kind: str, x_m: float, y_m: float) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = wait_for(
-        lambda: drawn(page, kind, x_m, y_m), f"a {kind} at {x_m}, {y_m}", PATIENCE_S
+        lambda: drawn(page, kind, x_m, y_m), f"a {kind} at {x_m}, {y_m}"
     )
     return found
 
 
 def wait_rgb(page: Page, at: tuple[float, float], rgb: tuple[int, int, int]) -> None:
-    wait_for(lambda: is_rgb(page, at, rgb), f"{rgb} at {at}", PATIENCE_S)
+    wait_for(lambda: is_rgb(page, at, rgb), f"{rgb} at {at}")
 
 
 def colours(page: Page) -> Image.Image:
@@ -232,7 +233,7 @@ def test_numbers_and_texts_are_written_on_the_map(
         bands = np.asarray(image, dtype=int) - np.array(rgb)
         return int((np.abs(bands).max(axis=-1) < NEAR_RGB).sum())
 
-    wait_for(lambda: letters() > 30, "letters in their colour", PATIENCE_S)
+    wait_for(lambda: letters() > 30, "letters in their colour")
 
 
 def test_tile_maps_and_image_pyramids_cover_their_ground(page: Page) -> None:
@@ -341,7 +342,7 @@ def test_a_display_is_added_changed_moved_saved_and_loaded(page: Page, server: F
     page.get_by_role("button", name="Layers and views").click()
     add_display(page, "Odometry", "My track", Colour="#00ffff")
     track = f"{MAP}.queryRenderedFeatures({{layers: ['display-1-point']}})"
-    wait_for(lambda: page.evaluate(f"{track}.length"), "the robot's own odometry", PATIENCE_S)
+    wait_for(lambda: page.evaluate(f"{track}.length"), "the robot's own odometry")
     assert page.evaluate(f"{track}[0].properties.color") == "#00ffff"
     order = f"{MAP}.getStyle().layers.map(l => l.id).indexOf('%s')"
     above = f"{order % 'display-1-point'} > {order % 'layer-tf_frame-line'}"
@@ -362,7 +363,7 @@ def test_a_display_is_added_changed_moved_saved_and_loaded(page: Page, server: F
     page.get_by_role("button", name="Open view").click()
     page.get_by_role("dialog").get_by_role("button", name="Mine").click()
     wait_for(lambda: shows(page, "display-1-point"), "the display to be back")
-    wait_for(lambda: page.evaluate(f"{track}.length"), "its track", PATIENCE_S)
+    wait_for(lambda: page.evaluate(f"{track}.length"), "its track")
     assert page.evaluate(f"{track}[0].properties.color") == "#00ffff"
     assert not page.evaluate(above)
     page.get_by_role("button", name="Layers and views").click()
@@ -403,3 +404,23 @@ def test_a_video_of_the_map_plays(page: Page, tmp_path: Path) -> None:
         abs(a - b) < NEAR_RGB for a, b in zip((red, green, blue), messages.GREEN, strict=True)
     )
     assert height > 400
+
+
+@pytest.mark.parametrize("theme", ["light", "dark", "sun"])
+def test_the_layer_list_and_its_dialog_are_accessible_and_leave_stop_free(
+    page: Page, theme: str
+) -> None:
+    while page.evaluate("document.documentElement.dataset.theme") != theme:
+        page.locator(".theme-button").click()
+    page.evaluate(AXE.read_text())
+    page.get_by_role("button", name="Layers and views").click()
+    found = violations(page, enhanced=theme == "sun")
+    page.get_by_role("button", name="Add display").click()
+    expect(page.get_by_role("dialog")).to_be_visible()
+    found += violations(page, enhanced=theme == "sun")
+    page.set_viewport_size({"width": 320, "height": 568})
+    assert page.evaluate(STOP_FREE)
+    page.set_viewport_size({"width": 1280, "height": 900})
+    page.get_by_role("button", name="Close").click()
+    page.get_by_role("button", name="Layers and views").click()
+    assert found == []

@@ -21,7 +21,7 @@ export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void)
   const source = el('select')
   const title = el('input', { type: 'text', class: 'field-input', maxlength: 40, autocomplete: 'off' })
   const about = el('p', { class: 'muted small' })
-  const fields = el('div', { class: 'stack-tight wide' })
+  const fields = el('div', { class: 'option-grid' })
   const sourceField = el('label', { class: 'field' }, el('span', {}, 'Shows'), source)
   const titleField = el('label', { class: 'field' }, el('span', {}, 'Name'), title)
   const fill = (): void => {
@@ -103,7 +103,7 @@ export async function editGroup(view: MapView, group: LayerGroup): Promise<void>
   if (group instanceof Display) {
     const { type, options } = group
     body.push(el('p', { class: 'muted small' }, type.title === group.title ? `Reads ${type.reads}.` : `${type.title}: reads ${type.reads}.`))
-    body.push(el('div', { class: 'stack-tight wide' }, ...optionFields(type.options, options, (name, value) => {
+    body.push(el('div', { class: 'option-grid' }, ...optionFields(type.options, options, (name, value) => {
       group.setOptions({ ...group.options, [name]: value })
       view.remember()
     })))

@@ -31,10 +31,10 @@ export function mapControls(view: MapView, app: App, tools: ToolId[] = TOOLS.map
   view.onFollow()
   const node = el('div', { class: 'map-controls' },
     el('div', { class: 'map-stack' },
-      mapButton('plus', 'Zoom in', () => view.map.zoomIn()), mapButton('minus', 'Zoom out', () => view.map.zoomOut()),
+      mapButton('plus', 'Zoom in', () => view.zoomBy(1)), mapButton('minus', 'Zoom out', () => view.zoomBy(-1)),
       follow, mapButton('fit', 'Whole field', () => view.overview()), layersButton,
       mapButton('image', 'Save a picture of the map', () => void savePicture(view, app)), film),
-    bar.node, layers, hint.node)
+    bar.node, hint.node, layers)
   return { node, done: () => view.tools.choose('pan') }
 }
 
@@ -72,7 +72,7 @@ function toolBar(view: MapView, wanted: ToolId[], hint: Hint): { node: HTMLEleme
     button.dataset.tool = tool.id
     return button
   })
-  const open = mapButton('measure', 'Map tools', () => {
+  const open = mapButton('tools', 'Map tools', () => {
     setOpen(node.dataset.open !== 'true')
   })
   open.classList.add('tools-toggle')
@@ -85,7 +85,7 @@ function toolBar(view: MapView, wanted: ToolId[], hint: Hint): { node: HTMLEleme
     view.tools.choose(id)
     const chosen = TOOLS.find((tool) => tool.id === id)
     for (const button of buttons) button.setAttribute('aria-pressed', String(button.dataset.tool === id))
-    open.replaceChildren(icon(chosen?.icon ?? 'measure'))
+    open.replaceChildren(icon(chosen?.icon ?? 'tools'))
     open.setAttribute('aria-pressed', String(chosen !== undefined))
     setOpen(false)
   }

@@ -27,6 +27,9 @@ const MAX_ZOOM = 24
 /** How far from the middle the followed robot may go, as a share of the map's size. */
 const KEEP_WITHIN = 0.36
 const VIEW_KEY = 'map-view'
+const NARROW_PX = 500
+
+type Box = [west: number, south: number, east: number, north: number]
 
 export interface SavedView {
   center?: Vec2; zoom?: number; bearing?: number; follow?: boolean
@@ -48,6 +51,7 @@ export class MapView {
   private base = new Map<string, unknown>()
   private loaded = false
   private seen = false
+  private fitted: Box | null = null
   private readonly whenLoaded: (() => void)[] = []
 
   constructor(readonly app: App) {
@@ -70,7 +74,13 @@ export class MapView {
     serveLabels(this.map)
     this.map.on('load', () => this.load())
     this.map.on('dragstart', () => this.setFollow(false))
+    this.map.on('movestart', ({ originalEvent }) => {
+      if (originalEvent) this.fitted = null
+    })
     this.map.on('moveend', () => this.remember())
+    this.map.on('resize', () => {
+      if (this.fitted) this.fit(this.fitted, 0)
+    })
     onTheme(() => this.retheme())
     if (window.__agribot) window.__agribot.map = this.map
   }
@@ -192,7 +202,12 @@ export class MapView {
     const at = this.app.projection.toLonLat(pose[0], pose[1])
     const { x, y } = this.map.project(at)
     const { clientWidth: w, clientHeight: h } = this.node
-    if (Math.abs(x - w / 2) > w * KEEP_WITHIN || Math.abs(y - h / 2) > h * KEEP_WITHIN) this.map.easeTo({ center: at, duration: 600 })
+    const canvas = this.map.getCanvas()
+    if (canvas.clientWidth !== w || canvas.clientHeight !== h) return // the map does not know its new size yet
+    const within = this.fitted ? 0.5 : KEEP_WITHIN // the whole field is in view: do not move it without need
+    if (Math.abs(x - w / 2) <= w * within && Math.abs(y - h / 2) <= h * within) return
+    this.fitted = null
+    this.map.easeTo({ center: at, duration: 600 })
   }
 
   /** The whole field and everything driven. */
@@ -205,7 +220,20 @@ export class MapView {
     const box = boundsOf(points, projection)
     if (!box) return
     this.setFollow(false)
-    this.map.fitBounds(box, { padding: 56, maxZoom: 21, duration: 400 })
+    this.fit(box, 400)
+  }
+
+  zoomBy(levels: number): void {
+    this.fitted = null
+    this.map.easeTo({ zoom: this.map.getZoom() + levels })
+  }
+
+  /** The field clear of the buttons; it stays so in a screen of another shape until the operator moves the map. */
+  private fit(box: Box, durationMs: number): void {
+    const isNarrow = this.node.clientWidth < NARROW_PX
+    const padding = { top: isNarrow ? 20 : 40, bottom: 40, left: isNarrow ? 20 : 72, right: isNarrow ? 68 : 72 }
+    this.map.fitBounds(box, { padding, maxZoom: 21, duration: durationMs })
+    this.fitted = box
   }
 
   private firstView(): void {
@@ -229,6 +257,7 @@ export class MapView {
   }
 
   show(view: SavedView): void {
+    this.fitted = null
     const center = view.center ? this.app.projection.toLonLat(...view.center) : this.map.getCenter()
     this.map.jumpTo({ center, zoom: view.zoom ?? this.map.getZoom(), bearing: view.bearing ?? 0 })
     this.follow = view.follow ?? false

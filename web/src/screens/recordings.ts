@@ -78,7 +78,7 @@ function row(recording: Recording, current: boolean, replay: ReplayBar): HTMLEle
   const play = el('button', { type: 'button', class: 'button', disabled: current, onclick: () => void replay.open(recording) }, icon('play', 20), 'Replay')
   const when = new Date(recording.utc)
   return el('tr', { class: current ? 'current' : '' },
-    el('td', {}, el('strong', {}, recording.name), el('div', { class: 'muted small' }, `${Number.isNaN(when.getTime()) ? recording.utc : when.toLocaleString()}${recording.profile ? ` · ${recording.profile}` : ''}`)),
+    el('td', {}, el('strong', {}, recording.name), el('div', { class: 'muted small' }, `${Number.isNaN(when.getTime()) ? recording.utc : when.toLocaleString(undefined, { dateStyle: 'medium', timeStyle: 'short' })}${recording.profile ? ` · ${recording.profile}` : ''}`)),
     el('td', {}, duration(recording.duration_s)), el('td', {}, bytes(recording.size_bytes)),
     el('td', {}, result(recording, current)), el('td', {}, fileLinks(recording)), el('td', { class: 'number' }, play))
 }
