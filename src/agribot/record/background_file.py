@@ -84,7 +84,8 @@ class BackgroundFile:
             except OSError as error:
                 self._failure = error
                 return
-            self._waiting_bytes -= len(data)
+            with self._wake:
+                self._waiting_bytes -= len(data)
 
     def _write_all(self, data: bytes) -> None:
         rest = memoryview(data)
