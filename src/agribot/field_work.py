@@ -1,4 +1,4 @@
-"""Field plans on their way into a run: made from a field, or read and certified again."""
+"""A field plan on its way into a run: made or read, and certified again."""
 
 from __future__ import annotations
 
@@ -27,13 +27,15 @@ def read_plan_text(config: RunConfig) -> str:
 
 
 def field_work(text: str, config: RunConfig, robot: RobotSpec) -> FieldWork | None:
-    """The plan in the map of the run, for this robot; None without a plan.
+    """The plan of the settings; None without one. Raises: as `work_from`."""
+    return work_from(text, Path(config.plan).name, config, robot) if text else None
+
+
+def work_from(text: str, name: str, config: RunConfig, robot: RobotSpec) -> FieldWork:
+    """A plan in the map of the run, for this robot.
 
     Raises: MissionError: not a plan, or the check refuses it for this robot, and where.
     """
-    if not text:
-        return None
-    name = Path(config.plan).name
     try:
         root = json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:

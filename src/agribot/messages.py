@@ -195,11 +195,12 @@ class Path(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
-    """A straight crop row from its first to its last plant."""
+    """A crop row from its first to its last plant: a line, or an arc (see row_shape)."""
 
     index: int
     start_map_m: tuple[float, float]
     end_map_m: tuple[float, float]
+    curvature_radpm: float = 0.0  # left positive
 
 
 MissionState = Literal["waiting", "running", "paused", "done", "cancelled", "failed"]
@@ -220,6 +221,8 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     leg: str = ""  # "row 3", "to row 4", "way home"
     distance_left_m: float = 0.0
     eta_s: float | None = None  # until the end of the path, at the planned speeds
+    refusal: str = ""  # why the last goal, visit, plan or way home was not taken
+    task: str = ""  # the name of the visit that took the place of the mission
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -234,9 +237,6 @@ class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     tool_on: bool
     status: MissionStatus
     tracked_x_m: float = 0.0
-
-
-# ---------------------------------------------------------------- commands
 
 
 class DriveCommand(msgspec.Struct, frozen=True, kw_only=True):
@@ -282,19 +282,3 @@ class TickRecord(msgspec.Struct, frozen=True, kw_only=True):
     tracking: Tracking | None
     command: RobotCommand
     reason: str = ""
-
-
-class MappedPlant(msgspec.Struct, frozen=True, kw_only=True):
-    """A plant of the weed map: position, 2x2 covariance (row by row) and the evidence for it."""
-
-    id: int
-    plant: PlantClass
-    x_map_m: float
-    y_map_m: float
-    cov_m2: tuple[float, float, float, float]
-    area_m2: float
-    confidence: float
-    sightings: int
-    first_seen_s: float
-    last_seen_s: float
-    treated_s: float | None = None

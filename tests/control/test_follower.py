@@ -28,6 +28,7 @@ from agribot.plan.coverage.turns import three_point_turn
 from agribot.plan.curves import Pose, Segment, sample
 from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
+from agribot.plan.task import Task
 from tests.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
 
 ROBOT = farm_robot()
@@ -45,7 +46,7 @@ class Drive:
     ) -> None:  # fmt: skip
         rows = field_rows(field)
         self.path = plan_rows(rows, start, ROBOT, MISSION)
-        self.mission = Mission(lambda _: self.path, rows, MISSION)
+        self.mission = Mission(Task(lambda _: self.path, rows), MISSION)
         self.follower = Follower(control or ControlConfig(), ROBOT)
         self.supervisor = Supervisor(SafetyConfig(), ROBOT)
         self.rover = Rover(start, soil, np.random.default_rng(seed))
@@ -293,7 +294,7 @@ class Way:
 
     def __init__(self, path: Path, soil: Soil) -> None:
         self.rover = Rover((0.0, 0.0, 0.0), soil, np.random.default_rng(1))
-        self.mission = Mission(lambda _: path, (), MISSION)
+        self.mission = Mission(Task(lambda _: path), MISSION)
         self.follower = Follower(ControlConfig(), ROBOT)
         self.log: FloatArray = np.zeros((0, 4))
 

@@ -16,6 +16,7 @@ from agribot.plan.certify import certify
 from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import SavedMission
+from agribot.plan.task import Task
 from tests.plan.planting import MISSION, rover
 from tests.plan.test_mission_states import Ride
 
@@ -34,7 +35,7 @@ def around(path: Path, index: int, skipped: int) -> Path:
 
 
 def ride(saved: SavedMission | None = None) -> Ride:
-    return Ride(Mission(plan, ROWS, MISSION, saved=saved, around=around))
+    return Ride(Mission(Task(plan, ROWS, around=around), MISSION, saved))
 
 
 def after_row_m(one: Ride, row: int) -> float:
@@ -120,7 +121,7 @@ def test_without_a_clear_way_around_the_row_is_passed_with_the_tool_off() -> Non
     def closed(path: Path, index: int, skipped: int) -> Path:
         raise MissionError("no way around")
 
-    one = Ride(Mission(plan, ROWS, MISSION, around=closed))
+    one = Ride(Mission(Task(plan, ROWS, around=closed), MISSION))
     one.settle()
     s_m = after_row_m(one, 0)
     one.along(0.0, s_m)

@@ -10,10 +10,11 @@ import numpy as np
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
 from agribot.messages import Path, Row
-from agribot.plan.approach import approach, row_yaw_rad
+from agribot.plan.approach import approach
 from agribot.plan.curves import MIN_RADIUS_M, Pose, Segment, sample
 from agribot.plan.dubins import shortest
 from agribot.robot import RobotSpec
+from agribot.row_shape import chord_yaw_rad, end_yaw_rad, row_length_m, start_yaw_rad, turned_round
 
 MAX_TURN_RADIUS_M = 0.5  # wider pitches get a straight piece, so that the headland stays narrow
 
@@ -119,12 +120,8 @@ def _passes(rows: Sequence[Row], is_first_flipped: bool) -> list[Row]:
     for row in rows:
         is_flipped = is_first_flipped
         if passes:
-            is_flipped = math.cos(row_yaw_rad(row) - row_yaw_rad(passes[-1])) > 0.0
-        passes.append(
-            Row(index=row.index, start_map_m=row.end_map_m, end_map_m=row.start_map_m)
-            if is_flipped
-            else row
-        )
+            is_flipped = math.cos(chord_yaw_rad(row) - chord_yaw_rad(passes[-1])) > 0.0
+        passes.append(turned_round(row) if is_flipped else row)
     return passes
 
 
@@ -134,10 +131,11 @@ def _coverage(passes: Sequence[Row], headland_m: float) -> list[Segment]:
         entry, leave = _entry(passes, number, headland_m), _leave(passes, number, headland_m)
         first_plant_m = math.dist((entry.x_m, entry.y_m), row.start_map_m)
         last_plant_m = math.dist((leave.x_m, leave.y_m), row.end_map_m)
-        row_m = math.dist(row.start_map_m, row.end_map_m)
         pieces += (
-            Segment(first_plant_m, 0.0), Segment(row_m, 0.0, row.index), Segment(last_plant_m, 0.0),
-        )  # fmt: skip
+            Segment(first_plant_m, 0.0),
+            Segment(row_length_m(row), row.curvature_radpm, row.index),
+            Segment(last_plant_m, 0.0),
+        )
         if number + 1 < len(passes):
             pieces += _turn(leave, _entry(passes, number + 1, headland_m))
     return pieces
@@ -156,7 +154,7 @@ def _turn(leave: Pose, entry: Pose) -> tuple[Segment, ...]:
 def _entry(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
     """Before the first plant; rows that end unevenly wait for the longer neighbour."""
     row = passes[number]
-    start = Pose(*row.start_map_m, row_yaw_rad(row))
+    start = Pose(*row.start_map_m, start_yaw_rad(row))
     extra_m = 0.0
     if number > 0:
         extra_m = max(0.0, -_along_m(start, passes[number - 1].end_map_m))
@@ -165,7 +163,7 @@ def _entry(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
 
 def _leave(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
     row = passes[number]
-    end = Pose(*row.end_map_m, row_yaw_rad(row))
+    end = Pose(*row.end_map_m, end_yaw_rad(row))
     extra_m = 0.0
     if number + 1 < len(passes):
         extra_m = max(0.0, _along_m(end, passes[number + 1].start_map_m))

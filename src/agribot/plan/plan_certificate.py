@@ -20,7 +20,6 @@ from agribot.plan.plan_ground import covered_ground, reachable
 from agribot.plan.plan_sweep import footprints, swept_line, tight_bends, wheel_traces
 
 if TYPE_CHECKING:
-    import shapely
     from shapely.geometry.base import BaseGeometry
 
 JOINT_M = 1e-3  # legs meet this closely; a plan file keeps a tenth of a millimetre
@@ -103,6 +102,23 @@ def certify_plan(
     )
 
 
+def check_ways(
+    legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest, start: Point
+) -> list[Problem]:
+    """Of ways without work: edges, holes, wheels on crop. The ground under the robot is forgiven:
+    it stands there already, and must be able to leave.
+    """
+    import shapely
+
+    field = shapely.Polygon(area.boundary, area.holes).union(
+        shapely.Point(start).buffer(2.0 * shape.turn_radius_m)
+    )
+    _, _, edges = _edges(legs, field, shape)
+    _, rows = _rows(legs, area, shape, request)
+    away_m = 2.0 * shape.turn_radius_m
+    return [*edges, *(p for p in rows if math.dist((p.east_m, p.north_m), start) > away_m)]
+
+
 def _refused(problems: list[Problem]) -> Certificate:
     """Of a plan that is no way at all."""
     return Certificate(
@@ -152,7 +168,7 @@ def _bends(legs: tuple[Leg, ...]) -> tuple[list[Problem], float]:
 
 
 def _edges(
-    legs: tuple[Leg, ...], field: shapely.Polygon, shape: Footprint
+    legs: tuple[Leg, ...], field: BaseGeometry, shape: Footprint
 ) -> tuple[float, float, list[Problem]]:
     """Smallest clearance of the footprint, length of way outside the field, and where.
 

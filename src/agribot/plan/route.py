@@ -16,6 +16,7 @@ from agribot.plan.visits import Visits
 
 # The tool works up to this far past the last plant, and the robot is careful as far from it.
 TOOL_REACH_M = 0.6
+STRAIGHT_RAD = 1e-6  # from point to point
 
 
 class Tool(NamedTuple):
@@ -90,6 +91,24 @@ class Route:
         while self.row[first] >= 0 and last < len(self.row) and self.row[last] == self.row[first]:
             last += 1
         return self.path.xy_map_m[first:last]
+
+    @property
+    def before_row(self) -> int:
+        """Where the straight piece before the row under the robot begins; between rows: here."""
+        index = self.progress.index
+        if self.row[index] < 0:
+            return index
+        row, yaw_rad = self.row[index], self._yaw_map_rad
+        while (
+            index > 0
+            and self.row[index - 1] in (row, -1)
+            and (
+                self.row[index - 1] == row
+                or abs(yaw_rad[index - 1] - yaw_rad[index]) < STRAIGHT_RAD
+            )
+        ):
+            index -= 1
+        return index
 
     @property
     def place(self) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from agribot.messages import Path
 TURN_YAW_RATE_RADPS = 0.6  # keeps the inner wheels of a tight turn rolling forwards
 RAMP_MPS2 = 0.3  # gentle for the soil, and far below what the drive can brake
 CREEP_MPS = 0.05  # the end of the path must be reached, not approached for ever
+MAX_ROW_CURVATURE_RADPM = 0.25  # what bends more is a turn
 _SETTLED_BEFORE_M = 0.1  # the drive lags: be slow already where the turn begins
 
 
@@ -36,7 +37,7 @@ def speed_profile(path: Path, config: MissionConfig) -> list[float]:
     """Speed limit at each point in m/s: slower in turns and backwards, ramped to the end."""
     curvature = np.abs(path.curvature_radpm)
     ahead = np.searchsorted(path.s_m, path.s_m + _SETTLED_BEFORE_M)
-    bend_after = np.concatenate([[0], np.cumsum(curvature > 0.0)])
+    bend_after = np.concatenate([[0], np.cumsum(curvature > MAX_ROW_CURVATURE_RADPM)])
     is_turn = bend_after[np.minimum(ahead + 1, len(curvature))] > bend_after[:-1]
     in_turn = np.minimum(config.turn_speed_mps, TURN_YAW_RATE_RADPS / np.maximum(curvature, 1e-9))
     is_turn |= is_backwards(path.xy_map_m, path.yaw_map_rad)

@@ -12,10 +12,13 @@ from agribot.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, Pla
 from agribot.plan.coverage.free_space import FreeSpace
 from agribot.plan.coverage.ways import Ways
 from agribot.plan.curves import SPACING_M, path_from_table
+from agribot.plan.plan_certificate import check_ways
+from agribot.plan.task import Place
 
 STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
 MAX_LENGTH_M = 20_000.0
 MAX_OUTSIDE_M = 50.0
+RUN_IN_M = 0.2  # straight to a place at which the robot is to look somewhere
 
 
 class FieldWork:
@@ -63,16 +66,63 @@ class FieldWork:
             raise MissionError("the robot is at home already")
         return drive_path(legs, [None] * len(legs))
 
-    def _way(self, start: Point, goal: Point) -> list[Leg]:
-        """Inside the field, around what is in the way.
+    def path_to(self, start: Point, goal: Place) -> Path:
+        """Around every obstacle to a place on which the robot can turn in place.
 
-        A place outside, or closer to an edge than the robot can turn, is left or reached by the
-        straight line to the nearest ground on which it can.
+        Raises: MissionError: the place is outside, in an obstacle, on crop or too near to them.
         """
         import shapely
 
-        if math.dist(start, goal) < SPACING_M:
-            return []
+        x_m, y_m, yaw_rad = goal
+        place = (x_m, y_m)
+        space = self._space()
+        if not space.drivable.covers(shapely.Point(place)):
+            raise MissionError(f"East {x_m:.2f} m, North {y_m:.2f} m {self._what_is_at(place)}")
+        before = place
+        if yaw_rad is not None:  # the robot turns there and drives the rest as it is to look
+            before = (x_m - RUN_IN_M * math.cos(yaw_rad), y_m - RUN_IN_M * math.sin(yaw_rad))
+            if not space.drivable.covers(shapely.LineString((before, place))):
+                raise MissionError(
+                    f"there is no room to look that way at East {x_m:.2f} m, North {y_m:.2f} m; "
+                    "choose another heading, or none"
+                )
+        legs = self._way(start, before)
+        if before != place:
+            legs.append(Leg(kind="link", xy_map_m=np.array([before, place])))
+        return self._checked(legs, start)
+
+    def path_back(self, start: Point, goal: Place) -> Path:
+        """To a place of the plan itself, which may be nearer to an edge than the robot can turn.
+
+        Raises: MissionError: no such way keeps the robot inside the field and off the crop.
+        """
+        return self._checked(self._way(start, goal[:2]), start)
+
+    def _checked(self, legs: list[Leg], start: Point) -> Path:
+        if not legs:
+            raise MissionError("the robot is there already")
+        problems = check_ways(tuple(legs), self.area, self._shape, self.request, start)
+        if problems:
+            raise MissionError(f"the way there is refused: {problems[0].message}")
+        return drive_path(legs, [None] * len(legs))
+
+    def _what_is_at(self, place: Point) -> str:
+        """Why a robot cannot turn at a place."""
+        import shapely
+
+        here = shapely.Point(place)
+        if not shapely.Polygon(self.area.boundary).covers(here):
+            return "lies beyond the boundary of the field"
+        if any(shapely.Polygon(hole).covers(here) for hole in self.area.holes):
+            return "lies in an obstacle"
+        rows = [shapely.LineString(row) for row in self.area.rows]
+        if rows and shapely.MultiLineString(rows).distance(here) < self._row_clearance_m:
+            return "lies in the crop rows"
+        return "is too near to an edge or an obstacle for the robot to turn there"
+
+    def _space(self) -> FreeSpace:
+        import shapely
+
         space = FreeSpace(self.area, self._shape, self.request)
         if self.area.rows:
             space.remove(
@@ -80,6 +130,17 @@ class FieldWork:
                     [shapely.LineString(r).buffer(self._row_clearance_m) for r in self.area.rows]
                 )
             )
+        return space
+
+    def _way(self, start: Point, goal: Point) -> list[Leg]:
+        """Inside the field, around what is in the way.
+
+        A place outside, or closer to an edge than the robot can turn, is left or reached by the
+        straight line to the nearest ground on which it can.
+        """
+        if math.dist(start, goal) < SPACING_M:
+            return []
+        space = self._space()
         inner = [space.nearest(place) for place in (start, goal)]
         for place, near in zip((start, goal), inner, strict=True):
             if math.dist(place, near) > MAX_OUTSIDE_M:
