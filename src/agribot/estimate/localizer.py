@@ -138,13 +138,16 @@ class Localizer:
         last = self._motion
         pieces = min(max(1, math.ceil(step.dt_s / MAX_STEP_S - 1e-6)), MAX_PIECES)
         dt_s, distance_m = step.dt_s / pieces, step.distance_m / pieces
+        slide_m = (step.slide_m[0] / pieces, step.slide_m[1] / pieces)
         bias_radps = self._ekf.x[GYRO_BIAS]
         turn_rad = bias_radps * dt_s if step.is_still or step.is_blind else 0.0
         if not step.is_still:
             turn_rad += step.turn_rad / pieces
         x_m, y_m, yaw_rad = last.x_m, last.y_m, last.yaw_rad
         for _ in range(pieces):
-            dx_m, dy_m, dyaw_rad = self._ekf.predict(distance_m, turn_rad, dt_s, self._noise)
+            dx_m, dy_m, dyaw_rad = self._ekf.predict(
+                distance_m, turn_rad, dt_s, self._noise, slide_m
+            )
             x_m, y_m, yaw_rad = x_m + dx_m, y_m + dy_m, yaw_rad + dyaw_rad
         self._motion = Motion(
             step.t_s, x_m, y_m, yaw_rad, distance_m / dt_s, (yaw_rad - last.yaw_rad) / step.dt_s
