@@ -26,7 +26,19 @@ LEAST_PYTHON = (3, 11)
 REQUIREMENT = re.compile(
     r"([A-Za-z0-9_.-]+)(?:[^;]*?>=\s*([\d.]+))?[^;]*(?:;.*extra == ['\"](\w+))?"
 )
-SHOWN_EXTRAS = ("", "sim", "train", "ui", "gis", "hardware", "ros", "foxglove", "sweep")
+SHOWN_EXTRAS = (
+    "",
+    "sim",
+    "train",
+    "ui",
+    "gis",
+    "maps",
+    "hardware",
+    "ros",
+    "dds",
+    "foxglove",
+    "sweep",
+)
 MODULE_OF = {
     "mujoco-core": "mujoco",
     "pillow": "PIL",

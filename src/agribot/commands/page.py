@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from agribot.session import Session
-from agribot.ui.address import Address
+from agribot.ui.address import SELF_SIGNED, Address
 from agribot.ui.operator_page import OperatorPage
 from agribot.ui.panels import shared
 
@@ -47,6 +47,13 @@ def add_address_arguments(group: argparse._ActionsContainer) -> None:
         metavar="NAME",
         help="a further name by which browsers call this machine",
     )
+    group.add_argument(
+        "--tls-cert",
+        default="",
+        metavar="FILE",
+        help=f"encrypt everything, with this certificate; {SELF_SIGNED}",
+    )
+    group.add_argument("--tls-key", default="", metavar="FILE", help="the certificate's key")
     group.add_argument("--open", action="store_true", help="open the page in a browser")
 
 
@@ -71,7 +78,13 @@ def opened(options: argparse.Namespace, session: Session) -> Iterator[OperatorPa
 
 
 def address_of(options: argparse.Namespace) -> Address:
-    return Address(host=options.host, port=options.port, allowed_hosts=tuple(options.allow_host))
+    return Address(
+        host=options.host,
+        port=options.port,
+        allowed_hosts=tuple(options.allow_host),
+        tls_cert=options.tls_cert,
+        tls_key=options.tls_key,
+    )
 
 
 def announce(url: str, viewer_url: str, options: argparse.Namespace) -> None:
