@@ -91,6 +91,7 @@ HEAVY = {
     "xxhash": {"bridge"},
     "foxglove": {"bridge"},
     "cyclonedds": {"bridge"},
+    "rerun": {"record"},
 }
 # What pure decisions have no business with: clocks, threads, the outside world, hidden randomness.
 IMPURE = {
@@ -240,6 +241,7 @@ def test_every_package_that_is_imported_is_declared() -> None:
         "opencv_python_headless": "cv2",
         "eclipse_zenoh": "zenoh",
         "foxglove_sdk": "foxglove",
+        "rerun_sdk": "rerun",
         "pyshp": "shapefile",
     }
     known = {import_names.get(name, name) for name in declared}

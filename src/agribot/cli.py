@@ -61,6 +61,11 @@ COMMANDS = {
         "run the robot and let Foxglove watch it",
         "agribot foxglove farm",
     ),
+    "view": (
+        "agribot.commands.view",
+        "show a recording in Rerun, RViz, QGIS or Foxglove",
+        "agribot view qgis runs/first",
+    ),
     "node": (
         "agribot.commands.node",
         "one stage alone over topics: gps-converter, data-manipulation, autonomous-drive ...",

@@ -37,6 +37,7 @@ SHOWN_EXTRAS = (
     "ros",
     "dds",
     "foxglove",
+    "view",
     "sweep",
 )
 MODULE_OF = {
@@ -44,6 +45,7 @@ MODULE_OF = {
     "pillow": "PIL",
     "eclipse-zenoh": "zenoh",
     "foxglove-sdk": "foxglove",
+    "rerun-sdk": "rerun",
     "opencv-python-headless": "cv2",
     "pyshp": "shapefile",
 }
