@@ -110,7 +110,7 @@ export function parseCameraPacket(buffer: ArrayBuffer): CameraPacket | null {
 // ---- HTTP
 
 export interface Session {
-  version: string; profile: string; source: 'sim' | 'hardware' | 'replay'; role: 'operator' | 'viewer'
+  version: string; profile: string; source: 'sim' | 'hardware' | 'replay' | 'description'; role: 'operator' | 'viewer'
   needs_login: boolean; lan_url: string | null; qr_svg: string | null; camera: boolean; screens: string[]
 }
 export interface Field {

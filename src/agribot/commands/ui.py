@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import sys
-import time
 from pathlib import Path
 
 import msgspec
 
 from agribot.commands import run as run_command
-from agribot.commands.page import add_address_arguments, address_of, announce
-from agribot.commands.stopping import stop_on_signal
+from agribot.commands.page import add_address_arguments, address_of, show
 from agribot.description.loader import parse_robot
-from agribot.errors import PlatformError
 from agribot.field_work import field_work
 from agribot.record.mcap_file import read_attachment
 from agribot.record.replay import read_config, read_urdf
@@ -22,8 +18,6 @@ from agribot.tasks import MapPoint, task_of
 from agribot.ui.about import about_run, field_of
 from agribot.ui.hub import About
 from agribot.ui.server_process import ServerProcess
-
-LOOK_S = 0.2
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,21 +55,4 @@ def _replay(options: argparse.Namespace, recording: Path) -> int:
     def about(port: int) -> About:
         return about_run(address, port, config, robot, urdf, field, recording.parent, path)
 
-    server = ServerProcess(address, about)
-    server.start()
-    try:
-        return _watch(server, options)
-    finally:
-        server.close()
-
-
-def _watch(server: ServerProcess, options: argparse.Namespace) -> int:
-    server.listen(lambda _data: None, lambda: None, LOOK_S)
-    announce(server.url, server.address.viewer_url(server.port), options)
-    sys.stderr.write("replay: Ctrl-C ends\n")
-    with stop_on_signal() as stop:
-        while not stop:
-            if server.has_ended.is_set():
-                raise PlatformError("the page's server has ended by itself; see above")
-            time.sleep(LOOK_S)
-    return 0
+    return show(ServerProcess(address, about), "replay", options)

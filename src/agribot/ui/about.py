@@ -10,7 +10,8 @@ from urllib.parse import urlparse
 
 import msgspec
 
-from agribot.config import RunConfig
+from agribot.config import RunConfig, load
+from agribot.description.loader import load_robot, urdf_text
 from agribot.description.package import package_folder, packaged_or_file, robot_files
 from agribot.messages import WHEEL_NAMES, Row
 from agribot.robot import RobotSpec
@@ -63,6 +64,13 @@ def about_run(
         tls_cert=address.tls_cert,
         tls_key=address.tls_key,
     )
+
+
+def about_robot(address: Address, port: int, name: str) -> About:
+    """Of a description alone: nothing runs."""
+    config = msgspec.structs.replace(load("farm"), robot=name)
+    about = about_run(address, port, config, load_robot(name), urdf_text(name), (), Path())
+    return msgspec.structs.replace(about, source="description")
 
 
 def field_of(

@@ -32,7 +32,7 @@ class About(msgspec.Struct, kw_only=True):
     operator_token: str
     viewer_token: str
     profile: str
-    source: str  # "sim", "hardware" or "replay"
+    source: str  # "sim", "hardware", "replay" or "description"
     field: dict[str, Any]
     robot: dict[str, Any]
     urdf: str

@@ -159,7 +159,7 @@ def height_at(
     height: Singles, x_min_m: float, y_min_m: float, step_m: float, x: float, y: float
 ) -> float:
     """Height of a terrain between its samples; outside them it goes on level."""
-    return float(_between(height, (x - x_min_m) / step_m, (y - y_min_m) / step_m))
+    return _between(height, (x - x_min_m) / step_m, (y - y_min_m) / step_m)
 
 
 @inlined
@@ -172,9 +172,9 @@ def _between(height: Singles, column: float, row: float) -> float:
     u, v = column - c, row - r
     # Indices without a sign need no check for counting from the end.
     at, up = (np.uintp(c), np.uintp(r)), (np.uintp(c + 1), np.uintp(r + 1))
-    low: float = height[at[1], at[0]] * (1.0 - u) + height[at[1], up[0]] * u
-    high: float = height[up[1], at[0]] * (1.0 - u) + height[up[1], up[0]] * u
-    return low * (1.0 - v) + high * v
+    low = height[at[1], at[0]] * (1.0 - u) + height[at[1], up[0]] * u
+    high = height[up[1], at[0]] * (1.0 - u) + height[up[1], up[0]] * u
+    return float(low * (1.0 - v) + high * v)
 
 
 @compiled

@@ -210,12 +210,8 @@ def _fill(
                     near = near_0 + step * near_step
                     at = np.uintp(at_0 + step)
                     if near > nearness[at]:
-                        depth = 1.0 / near
-                        u, v = (
-                            int((u_0 + step * u_step) * depth),
-                            int((v_0 + step * v_step) * depth),
-                        )
-                        u, v = min(max(u, 0), columns - 1), min(max(v, 0), rows - 1)
+                        u = _texel((u_0 + step * u_step) / near, columns)
+                        v = _texel((v_0 + step * v_step) / near, rows)
                         cell = np.uintp(first + v * columns + u)
                         shade, rgb = shade_0 + step * shade_step, np.uintp(3) * at
                         colours[rgb] = texel[layer, cell, 0] * shade * red
@@ -229,6 +225,11 @@ def _pixels(a: float, b: float, c: float, first: int, end: int) -> tuple[int, in
     """First and last row or column in [first, end) between three corners."""
     low, high = max(float(first), min(a, b, c)), min(end - 1.0, max(a, b, c))
     return math.ceil(low), math.floor(high)
+
+
+@inlined
+def _texel(at: float, count: int) -> int:
+    return min(max(int(at), 0), count - 1)
 
 
 @inlined
