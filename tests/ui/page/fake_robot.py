@@ -174,6 +174,7 @@ class FakeRobot:
                 "eta_s": (self.length_m - self.s_m) / SPEED_MPS,
                 "wp_total": 2 * ROWS,
                 "wp_reached": 2 * row,
+                "leg": "row 3",
             },
             "mode": self.mode,
             "stop": self.stop,
