@@ -12,7 +12,8 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from agribot.geo import wrap_rad
-from agribot.messages import ByteArray, FloatArray, MappedPlant, PlantClass, Row, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import ByteArray, FloatArray, PlantClass, Row, TickRecord
 from agribot.row_shape import beside_row, row_length_m
 from agribot.sim.truth import Truth
 from agribot.world import Plant, WorldSpec
@@ -83,15 +84,21 @@ class Referee:
     ) -> None:
         self._source = source
         self._world = world
-        self._rows = {row.index: row for row in rows}
         self._row_errors: list[tuple[float, float]] = []
         self._estimate_errors: list[tuple[float, float, float]] = []
         self._pose_covs: list[tuple[float, ...]] = []
         self._distance_m = 0.0
         self._last_xy: tuple[float, float] | None = None
+        self._confusion = np.zeros((3, 3), dtype=np.int64)
+        self.judge_anew(rows, goals_map_m)
+
+    def judge_anew(
+        self, rows: Sequence[Row], goals_map_m: Sequence[tuple[float, float]] = ()
+    ) -> None:
+        """Another task: what was kept of the old one counts no more. Errors already made do."""
+        self._rows = {row.index: row for row in rows}
         self._goals_map_m = tuple(goals_map_m)
         self._nearest_m = [math.inf] * len(self._goals_map_m)
-        self._confusion = np.zeros((3, 3), dtype=np.int64)
         self._worst_m: dict[int, float] = {}
         self._slices: set[tuple[int, int]] = set()
 
