@@ -43,7 +43,7 @@ COMMANDS = {
     ),
     "record": (
         "agribot.commands.record",
-        "look after recordings: save one that was cut off",
+        "save a recording that was cut off; begin, end and mark those of a running robot",
         "agribot record recover runs/first/run.mcap",
     ),
     "ros2": (

@@ -40,6 +40,8 @@ class FieldConfig(Config, frozen=True):
     """Where the crop rows are, as the planter drilled them, in the map frame of `datum`.
 
     Rows are parallel; each further one lies `row_pitch_m` to the right of the row direction.
+    `row_curvature_radpm` bends them, to the left where it is positive; direction, length and
+    curvature are those of the first row, at its first plant.
     """
 
     datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)
@@ -47,6 +49,7 @@ class FieldConfig(Config, frozen=True):
     first_row_start_map_m: tuple[float, float] = (1.0, 2.0)
     row_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
     row_length_m: Positive = 10.0
+    row_curvature_radpm: Annotated[float, msgspec.Meta(ge=-0.2, le=0.2)] = 0.0
     row_pitch_m: Positive = 1.0
     row_count: Annotated[int, msgspec.Meta(ge=1, le=10000)] = 6
     plant_spacing_m: Positive | None = None  # from plant to plant in a row; None: not regular
@@ -83,8 +86,15 @@ class EstimateConfig(Config, frozen=True):
     position_walk_m_per_sqrt_m: Positive = 0.018
     mag_std_rad: Positive = 0.07  # 4 deg after calibration
     mag_bias_std_rad: Positive = 0.087  # 5 deg of hard iron
+    # Own iron of the robot, from `agribot calibrate magnetometer`; T forward and left, and (xx, xy,
+    # yy) of what makes a circle of the ellipse. What is left of it is learnt while driving.
+    mag_offset_t: tuple[float, float] = (0.0, 0.0)
+    mag_shape: tuple[float, float, float] = (1.0, 0.0, 1.0)
+    mag_learn: bool = True
     gate_sigma: Positive = 4.0
     recover_after: Count = 25  # rejected in a row before the filter opens up
+    # Of the protection level: how often the position may be farther off than it says.
+    protection_risk: Annotated[float, msgspec.Meta(gt=0, lt=0.1)] = 1e-3
     row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
     gnss_timeout_s: Positive = 10.0
     dead_reckoning_std_m: Positive = 1.0  # without GNSS, the pose is good up to this 1 sigma

@@ -7,13 +7,13 @@ there is no bus: `stack.tick` is the data flow, and topics exist only at its edg
 from __future__ import annotations
 
 from agribot.devices import BaseFix, BatterySample, BumperSample
+from agribot.mapped_plant import MappedPlant
 from agribot.messages import (
     CameraFrame,
     Estimate,
     GnssFix,
     ImuSample,
     MagSample,
-    MappedPlant,
     MissionStatus,
     Path,
     RobotCommand,

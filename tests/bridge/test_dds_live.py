@@ -93,7 +93,8 @@ def test_a_twist_of_the_peer_reaches_the_inbox_exactly(live: tuple[Robot, Talk])
         return [(h.v_mps, h.yaw_rate_radps) for h in robot.inbox.drain(1.0)[1]]
 
     assert first(driven, "a twist") == (0.25, -0.5)
-    assert robot.said == []
+    # What waited for the discovery may come in one burst, which is thinned out.
+    assert [text for text in robot.said if "faster than" not in text] == []
 
 
 def test_types_are_described_as_ros_describes_them() -> None:

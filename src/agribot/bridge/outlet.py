@@ -14,7 +14,8 @@ from agribot import topics
 from agribot.bridge.send_queue import SendQueue
 from agribot.errors import BridgeError
 from agribot.geo import Datum
-from agribot.messages import MappedPlant, Path, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import Path, TickRecord
 from agribot.robot import RobotSpec
 from agribot.ros import cdr
 from agribot.ros.camera_log import CameraLog

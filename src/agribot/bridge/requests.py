@@ -27,6 +27,9 @@ SERVICES: tuple[tuple[str, OperatorAction], ...] = (
     ("/agribot/clear_stop", "clear_stop"),
     ("/agribot/resume", "resume"),
     ("/agribot/cancel", "cancel"),
+    ("/agribot/mark", "mark"),
+    ("/agribot/start_recording", "start_recording"),
+    ("/agribot/stop_recording", "stop_recording"),
 )
 PAUSE_SERVICE = "/agribot/pause"  # true pauses, false resumes
 

@@ -32,6 +32,7 @@ SHOWN_EXTRAS = (
     "train",
     "ui",
     "gis",
+    "maps",
     "hardware",
     "ros",
     "dds",

@@ -9,7 +9,8 @@ import msgspec
 
 from agribot import __version__, topics
 from agribot.config import RunConfig, to_toml
-from agribot.messages import MappedPlant, Path, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import Path, TickRecord
 from agribot.record.parts import RecordingParts
 from agribot.record.ticks import encode_tick
 from agribot.robot import RobotSpec

@@ -7,13 +7,8 @@ from collections.abc import Sequence
 
 from agribot import topics
 from agribot.geo import Datum, MapFrame, compass_deg_from_yaw, wrap_rad
-from agribot.messages import (
-    Estimate,
-    MappedPlant,
-    MissionStatus,
-    Path,
-    TickRecord,
-)
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import Estimate, MissionStatus, Path, TickRecord
 from agribot.robot import RobotSpec
 from agribot.ros import cdr, rosmsg
 from agribot.ros.camera_log import CameraLog

@@ -79,6 +79,8 @@ class DdsNode:
 
         class Ear(Listener):
             def on_data_available(self, reader: Any) -> None:
+                if reader is None:  # it is being closed
+                    return
                 for data in _take(reader):
                     heard(data)
 

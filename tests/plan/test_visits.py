@@ -11,10 +11,8 @@ from agribot.errors import MissionError
 from agribot.messages import Estimate, GnssQuality, Goal, OperatorEvent, Path
 from agribot.operator_input import OperatorAction
 from agribot.plan.curves import Pose, Segment, sample
-from agribot.plan.errands import Errands
 from agribot.plan.mission import Mission
-
-CONFIG = MissionConfig()
+from agribot.plan.task import NewTasks, Task
 
 
 def at(t_s: float, x_m: float, y_m: float = 0.0) -> Estimate:
@@ -30,26 +28,33 @@ def ahead(estimate: Estimate, length_m: float) -> Path:
     return sample(pose, [Segment(length_m, 0.0)])
 
 
-def visiting(points: Sequence[tuple[float, float]]) -> Mission:
+def visiting(points: Sequence[tuple[float, float]], name: str) -> Task:
     def plan(estimate: Estimate) -> Path:
         if points[-1][0] < estimate.x_map_m:
             raise MissionError("behind the robot")
         return ahead(estimate, points[-1][0] - estimate.x_map_m)
 
-    return Mission(plan, (), CONFIG, points)
+    return Task(plan, waypoints=points, name=name)
+
+
+def no_plan(text: str) -> Task:
+    raise MissionError("no plan")
 
 
 class Drive:
-    """Errands over a mission of 10 m straight ahead."""
+    """A mission of 10 m straight ahead, that takes places to visit instead."""
 
     def __init__(self, *, waits: bool = False) -> None:
-        mission = Mission(lambda estimate: ahead(estimate, 10.0), (), CONFIG)
-        self.errands = Errands(mission, visiting, waits=waits)
+        task, config = (
+            Task(lambda estimate: ahead(estimate, 10.0)),
+            MissionConfig(waits_for_goals=waits),
+        )
+        self.mission = Mission(task, config, new_tasks=NewTasks(no_plan, visiting))
         self.t_s = self.x_m = 0.0
 
     def step(self, *events: OperatorEvent, seconds: float = 0.1) -> Goal:
         self.t_s += seconds
-        return self.errands.step(at(self.t_s, self.x_m), events)
+        return self.mission.step(at(self.t_s, self.x_m), events)
 
     def ask(self, action: OperatorAction, *numbers: float) -> Goal:
         return self.step(OperatorEvent(t_s=self.t_s, action=action, text="abc", numbers=numbers))
@@ -69,7 +74,6 @@ def test_without_a_visit_the_mission_is_what_it_is() -> None:
     drive.settle()
     status = drive.drive_to(10.0).status
     assert (status.state, status.task) == ("done", "")
-    assert drive.errands.goals_map_m == ()
 
 
 def test_a_visit_in_the_middle_goes_from_where_the_robot_is_and_counts_its_places() -> None:
@@ -79,7 +83,7 @@ def test_a_visit_in_the_middle_goes_from_where_the_robot_is_and_counts_its_place
     drive.ask("visit", 4.0, 0.0, 5.0, 0.0)
     status = drive.settle().status
     assert (status.state, status.task, status.waypoints_total) == ("running", "abc", 2)
-    assert drive.errands.goals_map_m == ((4.0, 0.0), (5.0, 0.0))
+    assert tuple(drive.mission.task.waypoints) == ((4.0, 0.0), (5.0, 0.0))
     assert drive.drive_to(4.2).status.waypoints_reached == 1
     status = drive.drive_to(5.0).status
     assert (status.state, status.waypoints_reached) == ("done", 2)
@@ -87,6 +91,7 @@ def test_a_visit_in_the_middle_goes_from_where_the_robot_is_and_counts_its_place
 
 def test_a_robot_that_has_ended_can_be_sent_on() -> None:
     drive = Drive()
+    drive.mission.stay_open()
     drive.settle()
     assert drive.ask("cancel").status.state == "cancelled"
     drive.ask("visit", 1.0, 0.0)
@@ -118,7 +123,7 @@ def test_a_latched_stop_holds_the_visit_until_it_is_cleared_and_resumed() -> Non
 def test_a_robot_that_waits_for_goals_begins_with_one_or_when_it_is_resumed() -> None:
     waiting, resumed = Drive(waits=True), Drive(waits=True)
     assert waiting.settle().status.state == "paused"
-    assert "wait for a goal" in waiting.settle().status.reason
+    assert "waits for a goal" in waiting.settle().status.reason
     waiting.ask("visit", 1.0, 0.0)
     assert waiting.settle().status.state == "running"
     resumed.settle()
