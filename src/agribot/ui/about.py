@@ -69,7 +69,8 @@ def about_run(
 def about_robot(address: Address, port: int, name: str) -> About:
     """Of a description alone: nothing runs."""
     config = msgspec.structs.replace(load("farm"), robot=name)
-    about = about_run(address, port, config, load_robot(name), urdf_text(name), (), Path())
+    robot, urdf, field = load_robot(name), urdf_text(name), field_of(config, ())
+    about = about_run(address, port, config, robot, urdf, field, Path())
     return msgspec.structs.replace(about, source="description")
 
 
