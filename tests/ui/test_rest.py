@@ -17,11 +17,11 @@ from shapely.geometry import Polygon
 from agribot import config
 from agribot.cli import main
 from agribot.geo import MapFrame
+from agribot.gis.mbtiles import import_mbtiles
 from agribot.session import Session
 from agribot.ui.address import Address, home
 from agribot.ui.operator_page import OperatorPage
 from agribot.ui.panels import Panels
-from agribot.ui.tiles import import_mbtiles
 from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
 
@@ -260,7 +260,10 @@ def test_agribot_map_imports_lists_and_refuses(
     (tmp_path / "x.mbtiles").write_text("none", encoding="utf-8")
     assert main(["map", "import", str(tmp_path / "x.mbtiles")]) == 2
     assert main(["map", "import", str(tmp_path / "x.tif")]) == 2
-    assert "gdal_translate" in capsys.readouterr().err
+    assert "does not exist" in capsys.readouterr().err
+    assert main(["map", "import", str(tmp_path / "x.mbtiles"), "--name", "../x"]) == 2
+    assert main(["map", "remove", "field"]) == 0
+    assert main(["map", "remove", "field"]) == 2
 
 
 def test_recordings_are_listed_with_their_result_and_can_be_downloaded(

@@ -9,6 +9,7 @@ import { el } from './dom.ts'
 import { Link } from './link.ts'
 import { PANELS_SCREEN, SCREENS } from './screens/index.ts'
 import { Banners } from './shell/banners.ts'
+import { showDescription } from './shell/description.ts'
 import { Dialogs } from './shell/dialogs.ts'
 import { login } from './shell/login.ts'
 import { Router } from './shell/router.ts'
@@ -47,6 +48,7 @@ async function openSession(): Promise<Session> {
 async function boot(): Promise<void> {
   startTheme()
   const session = await openSession()
+  if (session.source === 'description') return showDescription(session)
   const store = new Store()
   const link = new Link(store)
   const shell = el('div', { class: 'shell' })
@@ -73,6 +75,7 @@ async function boot(): Promise<void> {
   store.on('link', (linked) => {
     if (linked && !app.field) void app.loadWorld()
   })
+  store.on('field', () => void app.loadWorld())
   link.start()
   await app.loadWorld()
   await router.show()

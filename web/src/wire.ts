@@ -16,7 +16,7 @@ export interface LogEvent { t: number; level: Level; source: string; text: strin
 export interface PathData { xy: Vec2[]; row: number[] }
 export interface Mission {
   state: string; reason: string; row: number | null; rows_total: number; rows_done: number[]
-  s_m: number; length_m: number; eta_s: number | null; wp_total: number; wp_reached: number
+  s_m: number; length_m: number; eta_s: number | null; wp_total: number; wp_reached: number; leg?: string
 }
 export interface Replay { name: string; t_s: number; start_s: number; end_s: number; speed: number }
 export interface State {
@@ -31,6 +31,8 @@ export interface State {
   att?: [roll: number, pitch: number] | null
   weeds: number; rtf: number | null; xte_m: number | null; nozzles: boolean[]; sig: number[][]
   replay?: Replay | null
+  /** The folder that is being written, empty while nothing is recorded. */
+  recording?: string
 }
 
 export type ServerMessage =
@@ -45,6 +47,7 @@ export type ServerMessage =
   | { k: 'weeds'; rev: number; set: Weed[]; gone: number[] }
   | ({ k: 'event' } & LogEvent)
   | { k: 'seat'; seat: Seat; holder: string; clients: number }
+  | { k: 'field' }
   | { k: 'ack'; id: string | null; ok: boolean; reason: string }
   | { k: 'pong'; c: number }
   | { k: 'bye'; reason: string }
@@ -56,6 +59,8 @@ export type Command =
   | { k: 'goto'; x: number; y: number; yaw: number | null }
   | { k: 'pose_estimate'; x: number; y: number; yaw: number }
   | { k: 'point'; x: number; y: number }
+  | { k: 'record'; action: 'start' | 'stop' }
+  | { k: 'mark'; text: string }
   | { k: 'shape'; what: 'polygon' | 'route'; xy: Vec2[] }
 
 export type ClientMessage =
@@ -67,9 +72,8 @@ export type ClientMessage =
   | { k: 'drive'; seq: number; v: number; w: number }
   | { k: 'scale'; value: number }
   | { k: 'stop' }
-  | { k: 'mark'; text: string }
 
-const KINDS = new Set(['hello', 'snap', 's', 'traj', 'path', 'weeds', 'event', 'seat', 'ack', 'pong', 'bye'])
+const KINDS = new Set(['hello', 'snap', 's', 'traj', 'path', 'weeds', 'event', 'seat', 'field', 'ack', 'pong', 'bye'])
 
 /** The message in one text frame, or null for anything that is not one of ours. */
 export function parseMessage(text: string): ServerMessage | null {
@@ -106,13 +110,13 @@ export function parseCameraPacket(buffer: ArrayBuffer): CameraPacket | null {
 // ---- HTTP
 
 export interface Session {
-  version: string; profile: string; source: 'sim' | 'hardware' | 'replay'; role: 'operator' | 'viewer'
+  version: string; profile: string; source: 'sim' | 'hardware' | 'replay' | 'description'; role: 'operator' | 'viewer'
   needs_login: boolean; lan_url: string | null; qr_svg: string | null; camera: boolean; screens: string[]
 }
 export interface Field {
   name: string
   datum: { lat_deg: number; lon_deg: number }
-  rows: { index: number; start_map_m: Vec2; end_map_m: Vec2 }[]
+  rows: { index: number; start_map_m: Vec2; end_map_m: Vec2; points_map_m: Vec2[] }[]
   boundary_map_m: Vec2[] | null
   waypoints_map_m: Vec2[]
   start_map_m: Vec2 | null

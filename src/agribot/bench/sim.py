@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from agribot import config
+from agribot.bench.dense_field import ACROSS, FORWARD, NADIR, CameraLoop, DenseView
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
 from agribot.geo import transform
@@ -62,8 +63,8 @@ def cpu_s(work: Callable[[], object]) -> float:
     return statistics.median(spent)
 
 
-def physics_rtf() -> float:
-    physics = Physics(load_robot(), load_world("empty"), 2_000_000)
+def physics_rtf(world: str = "empty") -> float:
+    physics = Physics(load_robot(), load_world(world), 2_000_000)
     physics.command(DriveCommand(v_mps=0.4, yaw_rate_radps=0.2))
     return 1.0 / cpu_s(lambda: physics.advance(500))
 
@@ -89,6 +90,16 @@ def render_ms() -> float:
     assert camera is not None  # of our own robot
     pose = transform((1.0, 5.0, 0.0), (0.0, 0.0, math.pi / 2)) @ robot.body_from_camera()
     return 1e3 * cpu_s(lambda: renderer.render(pose, camera, noise_seed=0))
+
+
+def dense_render_ms(view: tuple[float, float], *, is_hilly: bool = False) -> float:
+    dense = DenseView(*view, is_hilly=is_hilly)
+    return 1e3 * cpu_s(dense.render)
+
+
+def camera_loop_rtf() -> float:
+    loop = CameraLoop()
+    return 1.0 / cpu_s(lambda: loop.advance(1.0))
 
 
 def network_ms() -> float:
@@ -126,7 +137,24 @@ FIGURES = {
     "import_ms": Figure("import of agribot and its messages (ms)", import_ms),
     "physics_rtf": Figure("physics alone, 2 ms steps (x real time)", physics_rtf),
     "sensors_rtf": Figure("physics and all sensors but the camera (x real time)", sensors_rtf),
+    "physics_hills_rtf": Figure(
+        "physics alone on hills, 2 ms steps (x real time)", lambda: physics_rtf("hills")
+    ),
     "render_ms": Figure("one 640x480 frame with labels (CPU ms)", render_ms),
+    "render_nadir_ms": Figure(
+        "the same over 10,816 plants, straight down (CPU ms)", lambda: dense_render_ms(NADIR)
+    ),
+    "render_45_ms": Figure("the same, 45 degrees down (CPU ms)", lambda: dense_render_ms(ACROSS)),
+    "render_forward_ms": Figure(
+        "the same, level and 28 cm over the soil (CPU ms)", lambda: dense_render_ms(FORWARD)
+    ),
+    "render_hills_ms": Figure(
+        "the same on hills, 45 degrees down (CPU ms)",
+        lambda: dense_render_ms(ACROSS, is_hilly=True),
+    ),
+    "camera_loop_rtf": Figure(
+        "physics, all sensors and the camera at 30 Hz there (x real time)", camera_loop_rtf
+    ),
     "network_ms": Figure("network on one frame (CPU ms)", network_ms),
     "mission_rtf": Figure(
         "whole robot, no camera, no recording (x real time)",

@@ -7,6 +7,7 @@ import sys
 
 import msgspec
 
+from agribot.commands.page import add_address_arguments, address_of, show
 from agribot.commands.world import print_findings
 from agribot.description.export import tree_text
 from agribot.description.loader import check_robot, load_robot, urdf_text
@@ -22,7 +23,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--check", action="store_true", help="list every fault as FILE:LINE and fail on any"
     )
+    what.add_argument(
+        "--ui", action="store_true", help="show it in 3D with a slider for each joint, until Ctrl-C"
+    )
+    add_address_arguments(parser.add_argument_group("page, with --ui"))
     parser.add_argument("--json", action="store_true", help="print what was understood as JSON")
+
+
+def _show(options: argparse.Namespace) -> int:
+    from agribot.ui.about import about_robot
+    from agribot.ui.server_process import ServerProcess
+
+    address = address_of(options)
+    server = ServerProcess(address, lambda port: about_robot(address, port, options.robot))
+    return show(server, options.robot, options)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -30,6 +44,8 @@ def run(options: argparse.Namespace) -> int:
         return print_findings(check_robot(options.robot), options.json)
     robot = load_robot(options.robot)
     sys.stderr.writelines(f"warning: {warning}\n" for warning in robot.warnings)
+    if options.ui:
+        return _show(options)
     if options.urdf:
         sys.stdout.write(urdf_text(options.robot))
     elif options.sdf:

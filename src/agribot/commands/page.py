@@ -10,11 +10,15 @@ import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from agribot.commands.stopping import stop_on_signal
+from agribot.errors import PlatformError
 from agribot.session import Session
-from agribot.ui.address import Address
+from agribot.ui.address import SELF_SIGNED, Address
 from agribot.ui.operator_page import OperatorPage
 from agribot.ui.panels import shared
+from agribot.ui.server_process import ServerProcess
 
+LOOK_S = 0.2
 IDLE_PACE = 1.0  # a robot that waits for a hand keeps the time of the clock
 
 
@@ -47,6 +51,13 @@ def add_address_arguments(group: argparse._ActionsContainer) -> None:
         metavar="NAME",
         help="a further name by which browsers call this machine",
     )
+    group.add_argument(
+        "--tls-cert",
+        default="",
+        metavar="FILE",
+        help=f"encrypt everything, with this certificate; {SELF_SIGNED}",
+    )
+    group.add_argument("--tls-key", default="", metavar="FILE", help="the certificate's key")
     group.add_argument("--open", action="store_true", help="open the page in a browser")
 
 
@@ -71,7 +82,13 @@ def opened(options: argparse.Namespace, session: Session) -> Iterator[OperatorPa
 
 
 def address_of(options: argparse.Namespace) -> Address:
-    return Address(host=options.host, port=options.port, allowed_hosts=tuple(options.allow_host))
+    return Address(
+        host=options.host,
+        port=options.port,
+        allowed_hosts=tuple(options.allow_host),
+        tls_cert=options.tls_cert,
+        tls_key=options.tls_key,
+    )
 
 
 def announce(url: str, viewer_url: str, options: argparse.Namespace) -> None:
@@ -85,6 +102,23 @@ def announce(url: str, viewer_url: str, options: argparse.Namespace) -> None:
     sys.stderr.flush()
     if options.open:
         webbrowser.open(url)
+
+
+def show(server: ServerProcess, what: str, options: argparse.Namespace) -> int:
+    """Serve a page beside which no robot runs, until somebody interrupts."""
+    server.start()
+    try:
+        server.listen(lambda _data: None, lambda: None, LOOK_S)
+        announce(server.url, server.address.viewer_url(server.port), options)
+        sys.stderr.write(f"{what}: Ctrl-C ends\n")
+        with stop_on_signal() as stop:
+            while not stop:
+                if server.has_ended.is_set():
+                    raise PlatformError("the page's server has ended by itself; see above")
+                time.sleep(LOOK_S)
+    finally:
+        server.close()
+    return 0
 
 
 def stay(session: Session, page: OperatorPage, stop: list[int]) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import time
-from typing import Any, Protocol, TypeGuard, get_args
+from typing import Any, Protocol, TypeGuard
 
 import msgspec
 
-from agribot.operator_input import OperatorAction
 from agribot.ui.channel import Channel
 from agribot.ui.hub import Hub
 
@@ -21,10 +21,8 @@ MAX_CORNERS = 500
 POSE_STD_M, POSE_STD_RAD = 0.3, 0.1  # of a place and a direction shown with a finger on a map
 STANDING_MPS = 0.02
 MISSION_ACTIONS = {"start": "resume"}  # a mission starts by itself; after a pause it resumes
-KNOWN_ACTIONS = get_args(OperatorAction)
-NOT_YET = {
-    "goto": "the robot drives rows and the waypoints of its mission, not yet to a place on demand",
-}
+PLAIN_ACTIONS = ("pause", "resume", "cancel", "skip_row", "return_home")
+RECORD_ACTIONS = {"start": "start_recording", "stop": "stop_recording"}
 
 
 class Refused(Exception):
@@ -47,6 +45,7 @@ class Commands:
         self._hub, self._page = hub, page
         self._scale = FIRST_SCALE
         self._is_driving = False
+        self._requests: set[asyncio.Task[None]] = set()
 
     def obey(self, text: str) -> None:
         """Raises: Refused: no JSON object, or not of the kinds that a page sends."""
@@ -59,12 +58,9 @@ class Commands:
         self._hub.seat.heard(self._page.session, time.monotonic())
         kind = message["k"]
         handler = getattr(self, f"_on_{kind}", None) if kind.isidentifier() else None
-        if kind in NOT_YET:
-            self._ack(message, NOT_YET[kind])
-        elif handler is None:
+        if handler is None:
             raise Refused(f"unknown kind {kind[:40]!r}")
-        else:
-            handler(message)
+        handler(message)
 
     def let_go(self) -> None:
         """The line is gone: whatever it drove stands still."""
@@ -131,15 +127,46 @@ class Commands:
     def _on_mission(self, message: dict[str, Any]) -> None:
         wanted = str(message.get("action"))
         action = MISSION_ACTIONS.get(wanted, wanted)
-        if action not in KNOWN_ACTIONS or action in {"note", "set", "pose_estimate"}:
+        if action not in PLAIN_ACTIONS:
             self._ack(message, f"this version of the mission knows no '{wanted[:40]}'")
             return
         self._operate(message, action)
 
     def _on_mark(self, message: dict[str, Any]) -> None:
-        text = str(message.get("text", "")).strip()[:MAX_TEXT]
-        self._hub.note(self._page.name, f"mark: {text}")
-        self._ack(message, "")
+        reason = self._not_operator()
+        if not reason:
+            text = str(message.get("text", "")).strip()[:MAX_TEXT]
+            self._hub.event("mark", self._page.name, text)
+        self._ack(message, reason)
+
+    def _on_record(self, message: dict[str, Any]) -> None:
+        """Begin or end a recording; nothing moves, so that no seat is needed."""
+        action = RECORD_ACTIONS.get(str(message.get("action")))
+        if action is None:
+            raise Refused(f"a recording knows {', '.join(RECORD_ACTIONS)}")
+        reason = self._not_operator()
+        if not reason:
+            self._hub.event(action, self._page.name)
+        self._ack(message, reason)
+
+    def _on_goto(self, message: dict[str, Any]) -> None:
+        """A place to drive to, as RViz's 2D Goal; answered when the mission took or refused it."""
+        place = (message.get("x"), message.get("y"), message.get("yaw"))
+        numbers = tuple(float(number) for number in place if _is_number(number))
+        if len(numbers) != len(place) - (place[2] is None):
+            raise Refused("a goal needs finite numbers x, y (m, map) and yaw (rad) or null")
+        reason = self._no_seat()
+        if reason:
+            self._ack(message, reason)
+            return
+        request = asyncio.create_task(self._request(message, "goto", numbers))
+        self._requests.add(request)
+        request.add_done_callback(self._requests.discard)
+
+    async def _request(
+        self, message: dict[str, Any], action: str, numbers: tuple[float, ...]
+    ) -> None:
+        self._ack(message, await self._hub.request(action, self._page.name, numbers=numbers))
 
     def _on_point(self, message: dict[str, Any]) -> None:
         """A place that somebody clicked: into the recording, as RViz's Publish Point."""

@@ -22,6 +22,7 @@ SIGNALS = (
     ("pos_std_m", "m"),
     ("yaw_std_rad", "rad"),
     ("battery_v", "V"),
+    ("protection_m", "m"),
 )
 SIGNALS_KEPT = 500  # ten seconds of ticks that nobody has asked for yet
 TRACE_STEP_M = 0.02
@@ -133,6 +134,7 @@ class RunView:
             estimate.pos_std_m,
             estimate.yaw_std_rad,
             self._battery.voltage_v if self._battery else None,
+            estimate.protection_m,
         )
         return [None if value is None else _short(value) for value in values]
 
@@ -155,6 +157,7 @@ class RunView:
             "eta_s": round(left_m / self._speed_mps, 1) if status.state == "running" else None,
             "wp_total": status.waypoints_total,
             "wp_reached": status.waypoints_reached,
+            "leg": status.leg,
         }
 
     def _mode(self, record: TickRecord) -> str:

@@ -30,12 +30,26 @@ class Robot(msgspec.Struct, kw_only=True):
 @contextmanager
 def robot_with_page(what: str, out_dir: Path, words: Sequence[str] = ()) -> Iterator[Robot]:
     """`what` is a profile, or a recording to be shown."""
-    command = [sys.executable, "-m", "agribot.cli", "ui", what, "--port", "0"]
+    with _serving(["ui", what, "--out", str(out_dir), *words]) as process:
+        yield Robot(process=process, address=_address(process), out_dir=out_dir)
+
+
+@contextmanager
+def described(file: Path) -> Iterator[Robot]:
+    """A description alone: `end` ends its page."""
+    with _serving(["describe", "--robot", str(file), "--ui"]) as process:
+        yield Robot(process=process, address=_address(process), out_dir=file.parent)
+
+
+@contextmanager
+def _serving(words: Sequence[str]) -> Iterator[subprocess.Popen[str]]:
     process = subprocess.Popen(
-        [*command, "--out", str(out_dir), *words], stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "agribot.cli", *words, "--port", "0"],
+        stderr=subprocess.PIPE,
+        text=True,
     )
     try:
-        yield Robot(process=process, address=_address(process), out_dir=out_dir)
+        yield process
     finally:
         process.kill()
         process.communicate()

@@ -12,7 +12,7 @@ from agribot.session import Session
 from agribot.ui.view import RunView
 from tests.ui.page.fake_robot import MISSION_STATES, FakeRobot
 
-ADDED_BY_THE_FEED = {"wall_ms", "rtf", "weeds"}
+ADDED_BY_THE_FEED = {"wall_ms", "rtf", "weeds", "recording"}
 
 
 @pytest.fixture(scope="module")

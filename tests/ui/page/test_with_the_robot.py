@@ -144,6 +144,12 @@ def test_plants_are_mapped_as_the_robot_passes_them(page: Page) -> None:
     expect(page.locator("main")).to_contain_text(re.compile(r"[1-9]\d* of [1-9]\d* plants"))
 
 
+def test_the_server_names_the_screens_that_the_page_has(page: Page) -> None:
+    shown = page.locator("nav a").evaluate_all("links => links.map((a) => a.hash.slice(2))")
+    told = page.evaluate("fetch('/api/v1/session').then((answer) => answer.json())")["screens"]
+    assert set(told) == set(SCREENS) == set(shown) & set(SCREENS)
+
+
 def test_no_request_leaves_the_robot(
     context: BrowserContext, robot: Robot, asked: list[str]
 ) -> None:

@@ -214,7 +214,7 @@ export class MapView {
   overview(): void {
     const { field, store, projection } = this.app
     const points: Vec2[] = field
-      ? [...(field.boundary_map_m ?? []), ...field.rows.flatMap((r) => [r.start_map_m, r.end_map_m]), ...field.waypoints_map_m]
+      ? [...(field.boundary_map_m ?? []), ...field.rows.flatMap((r) => r.points_map_m), ...field.waypoints_map_m]
       : []
     if (store.state?.pose) points.push([store.state.pose[0], store.state.pose[1]])
     const box = boundsOf(points, projection)

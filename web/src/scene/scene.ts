@@ -4,13 +4,15 @@ import * as THREE from 'three'
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js'
 import { STLLoader } from 'three/addons/loaders/STLLoader.js'
 import URDFLoader from 'urdf-loader'
-import type { URDFRobot } from 'urdf-loader'
+import type { URDFJoint, URDFRobot } from 'urdf-loader'
 import { colour } from '../shell/theme.ts'
 import type { Robot, State } from '../wire.ts'
 import { frustumLines } from './frustum.ts'
 
 const GROUND_M = 400
 const TEXTURE_M = 4
+
+export interface Joint { name: string; lower: number; upper: number; unit: 'rad' | 'm' }
 
 export class Scene {
   readonly renderer: THREE.WebGLRenderer
@@ -55,8 +57,8 @@ export class Scene {
     this.scene.fog = new THREE.Fog(this.scene.background, 20, 90)
   }
 
-  /** Load the robot's description and meshes; resolves with the names of its movable joints. */
-  async load(about: Robot): Promise<string[]> {
+  /** Load the robot's description and meshes; resolves with its movable joints. */
+  async load(about: Robot): Promise<Joint[]> {
     const loader = new URDFLoader()
     loader.packages = (name) => `/robot/${name}`
     loader.loadMeshCb = (path, _manager, material, done) => {
@@ -65,7 +67,7 @@ export class Scene {
     this.robot = await loader.loadAsync(about.urdf_url)
     this.body.add(this.robot)
     if (about.camera) this.frustum.add(frustumLines(about.camera, colour('focus')))
-    return Object.values(this.robot.joints).filter((joint) => joint.jointType !== 'fixed').map((joint) => joint.urdfName)
+    return Object.values(this.robot.joints).filter((joint) => joint.jointType !== 'fixed').map(movable)
   }
 
   /** Axes at every link: x red, y green, z blue. */
@@ -126,6 +128,16 @@ export class Scene {
     this.renderer.dispose()
     this.renderer.forceContextLoss()
     this.renderer.domElement.remove()
+  }
+}
+
+/** A joint with its limits; without any it turns once around. */
+function movable(joint: URDFJoint): Joint {
+  const { lower, upper } = joint.limit
+  const isLimited = joint.jointType !== 'continuous' && upper > lower
+  return {
+    name: joint.urdfName, lower: isLimited ? lower : -Math.PI, upper: isLimited ? upper : Math.PI,
+    unit: joint.jointType === 'prismatic' ? 'm' : 'rad',
   }
 }
 

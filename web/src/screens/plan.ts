@@ -143,8 +143,7 @@ class Editor {
     const text = 'The mission in the robot is replaced by this plan. It does not start to drive yet.'
     if (!(await this.app.dialogs.confirm('Use this plan?', [text], 'Use this plan'))) return
     if (await this.app.attempt(api.applyPlan(this.body()))) {
-      this.app.toasts.show('info', 'The plan is the mission now. Start it on the Drive screen.')
-      await this.app.loadWorld()
+      this.app.toasts.show('info', 'The plan is the mission now. Resume on the Drive screen begins it.')
     }
   }
 

@@ -4,7 +4,7 @@ import type { App, Screen } from '../app.ts'
 import { el, replace, setText } from '../dom.ts'
 import { words } from '../format.ts'
 import { icon } from '../icons.ts'
-import type { Scene } from '../scene/scene.ts'
+import type { Joint, Scene } from '../scene/scene.ts'
 import { onTheme } from '../shell/theme.ts'
 
 export const robot: Screen = {
@@ -20,7 +20,7 @@ export const robot: Screen = {
     }
     const scene = await makeScene(stage)
     if (!scene) return () => undefined
-    replace(view, el('h2', {}, 'View'), followButton(scene), check('Camera’s field of view', true, (on) => scene.showFrustum(on)), check('Frames of the links', false, (on) => scene.showFrames(on)))
+    replace(view, el('h2', {}, 'View'), ...(app.session.source === 'description' ? [] : [followButton(scene)]), check('Camera’s field of view', true, (on) => scene.showFrustum(on)), check('Frames of the links', false, (on) => scene.showFrames(on)))
     const undo = [onTheme(() => scene.recolour())]
     void showRobot(scene, app, joints, undo)
     return () => {
@@ -42,28 +42,38 @@ async function makeScene(stage: HTMLElement): Promise<Scene | null> {
 
 async function showRobot(scene: Scene, app: App, joints: HTMLElement, undo: (() => void)[]): Promise<void> {
   if (!app.robot) return
-  const names = await app.attempt(scene.load(app.robot))
-  if (!names) return
+  const found = await app.attempt(scene.load(app.robot))
+  if (!found) return
   const wheels = app.robot.wheel_joints
   undo.push(app.store.on('state', (state) => scene.update(state, wheels)))
-  jointPanel(scene, app, joints, names)
+  jointPanel(scene, app, joints, found)
 }
 
 /** Live joints show their angle; the others, and all of them with no live data, have a slider. */
-function jointPanel(scene: Scene, app: App, panel: HTMLElement, names: string[]): void {
+function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]): void {
   const isLive = (): boolean => Boolean(app.store.state?.joints?.length) && !app.store.stale
   const live = isLive() ? new Set(app.robot?.wheel_joints ?? []) : new Set<string>()
-  const rows = names.map((name) => {
+  const rows = found.map((joint) => {
+    const { name, lower, upper } = joint
     if (live.has(name)) {
       const angle = el('span', { class: 'value' })
       const index = app.robot?.wheel_joints.indexOf(name) ?? 0
       app.store.on('state', (state) => setText(angle, `${((((state.joints[index] ?? 0) * 180) / Math.PI) % 360).toFixed(0)}°`))
       return el('div', { class: 'label-row' }, el('span', {}, words(name)), angle)
     }
-    const slider = el('input', { type: 'range', min: -Math.PI, max: Math.PI, step: 0.01, value: 0, 'aria-label': words(name), oninput: () => scene.setJoint(name, Number(slider.value)) })
-    return el('div', { class: 'field' }, el('span', {}, words(name)), slider)
+    const at = Math.min(Math.max(0, lower), upper)
+    const place = el('span', { class: 'value' }, jointPlace(joint, at))
+    const slider = el('input', { type: 'range', min: lower, max: upper, step: (upper - lower) / 720, value: at, 'aria-label': words(name), oninput: () => {
+      scene.setJoint(name, Number(slider.value))
+      setText(place, jointPlace(joint, Number(slider.value)))
+    } })
+    return el('div', { class: 'field' }, el('div', { class: 'label-row' }, el('span', {}, words(name)), place), slider)
   })
   replace(panel, el('h2', {}, 'Joints'), ...rows)
+}
+
+function jointPlace(joint: Joint, value: number): string {
+  return joint.unit === 'm' ? `${value.toFixed(3)} m` : `${((value * 180) / Math.PI).toFixed(0)}°`
 }
 
 function followButton(scene: Scene): HTMLElement {

@@ -57,7 +57,7 @@ export class Dialogs {
     input.select()
     input.addEventListener('keydown', (event) => {
       if (event.key !== 'Enter') return
-      event.preventDefault() // or it would press the button that gets the focus back
+      event.preventDefault() // else the key presses the button that gets the focus back, too
       input.closest('.dialog')?.querySelector<HTMLElement>('footer .primary')?.click()
     })
     return (await answer) === true ? input.value.trim() || null : null

@@ -16,7 +16,7 @@ from agribot.sim.camera.arrays import (
     Targets,
     View,
 )
-from agribot.sim.camera.jit import compiled
+from agribot.sim.camera.jit import compiled, inlined
 from agribot.sim.camera.shadows import BLOCK, BLOCK_BITS
 
 TERRAIN = -2  # what `Targets.instance` holds where terrain was drawn
@@ -89,6 +89,10 @@ def light_ground(
     sun_x, sun_y, sun_z = lamp.to_sun[0], lamp.to_sun[1], lamp.to_sun[2]
     eye_x, eye_y, eye_z = view.eye[0], view.eye[1], view.eye[2]
     columns, rows = block.shape[1] * BLOCK, block.shape[0] * BLOCK
+    # Arrays are taken out of their tuples once: a call that passes a tuple counts its references.
+    height_x_m, height_y_m, height_step_m = (
+        ground.height_x_m, ground.height_y_m, ground.height_step_m,
+    )  # fmt: skip
     per_step = 1.0 / ground.shade_step_m
     for column in range(view.width):
         if layer[column] < 0:
@@ -98,7 +102,10 @@ def light_ground(
         to_x, to_y, to_z = eye_x - x, eye_y - y, eye_z
         facing, steep = sun_z, to_z
         if height.shape[0] > 0:
-            z, slope_x, slope_y = _slope(ground, height, x, y, max(0.15, 0.01 / near))
+            reach_m = max(0.15, 0.01 / near)
+            z, slope_x, slope_y = _slope(
+                height, height_x_m, height_y_m, 1.0 / height_step_m, x, y, reach_m
+            )
             to_z -= z
             level = 1.0 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
             facing = max(0.0, sun_z - slope_x * sun_x - slope_y * sun_y) * level
@@ -132,16 +139,17 @@ def lift_ground(ground: Ground, place: Doubles, layer: Ints, z: Doubles) -> None
             )  # fmt: skip
 
 
-@compiled
+@inlined
 def _slope(
-    ground: Ground, height: Singles, x: float, y: float, reach_m: float
-) -> tuple[float, float, float]:
-    """Height of the terrain and its slopes along x and y."""
-    x_m, y_m, step_m = ground.height_x_m, ground.height_y_m, ground.height_step_m
-    east = height_at(height, x_m, y_m, step_m, x + reach_m, y)
-    west = height_at(height, x_m, y_m, step_m, x - reach_m, y)
-    north = height_at(height, x_m, y_m, step_m, x, y + reach_m)
-    south = height_at(height, x_m, y_m, step_m, x, y - reach_m)
+    height: Singles, x_min_m: float, y_min_m: float, per_m: float, x: float, y: float,
+    reach_m: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Height of the terrain and its slopes along x and y; `per_m` is samples per metre."""
+    column, row, reach = (x - x_min_m) * per_m, (y - y_min_m) * per_m, reach_m * per_m
+    east = _between(height, column + reach, row)
+    west = _between(height, column - reach, row)
+    north = _between(height, column, row + reach)
+    south = _between(height, column, row - reach)
     mean = 0.25 * (east + west + north + south)
     return mean, (east - west) / (2 * reach_m), (north - south) / (2 * reach_m)
 
@@ -151,13 +159,21 @@ def height_at(
     height: Singles, x_min_m: float, y_min_m: float, step_m: float, x: float, y: float
 ) -> float:
     """Height of a terrain between its samples; outside them it goes on level."""
+    return _between(height, (x - x_min_m) / step_m, (y - y_min_m) / step_m)
+
+
+@inlined
+def _between(height: Singles, column: float, row: float) -> float:
+    """Value of a grid between its samples."""
     rows, columns = height.shape
-    column = min(max((x - x_min_m) / step_m, 0.0), columns - 1.001)
-    row = min(max((y - y_min_m) / step_m, 0.0), rows - 1.001)
+    column = min(max(column, 0.0), columns - 1.001)
+    row = min(max(row, 0.0), rows - 1.001)
     c, r = int(column), int(row)
     u, v = column - c, row - r
-    low = height[r, c] * (1.0 - u) + height[r, c + 1] * u
-    high = height[r + 1, c] * (1.0 - u) + height[r + 1, c + 1] * u
+    # Indices without a sign need no check for counting from the end.
+    at, up = (np.uintp(c), np.uintp(r)), (np.uintp(c + 1), np.uintp(r + 1))
+    low = height[at[1], at[0]] * (1.0 - u) + height[at[1], up[0]] * u
+    high = height[up[1], at[0]] * (1.0 - u) + height[up[1], up[0]] * u
     return float(low * (1.0 - v) + high * v)
 
 

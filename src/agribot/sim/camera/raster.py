@@ -29,6 +29,8 @@ from agribot.sim.camera.projection import COLUMN, DEPTH, ROW, SHADE, U, V
 
 SOIL = int(PlantClass.SOIL)
 SMALL_BOX_PX = 400  # above, looking for a free pixel costs more than drawing
+SMALL_TRIANGLE_PX = 200
+CLEARLY = 1.000001  # nearer by more than the rounding of single precision
 
 
 @compiled
@@ -50,11 +52,12 @@ def draw_band(
     inverse_depth, first_face, faces = targets.inverse_depth, forms.first_face, forms.faces
     face, near_m, width = forms.face, view.near_m, view.width
     # Arrays are taken out of their tuples once: their reference counts cost more than a triangle.
-    colour, labels, instances = targets.colour, targets.label, targets.instance
+    colours, nearness = targets.colour.reshape(-1), inverse_depth.reshape(-1)
+    labels, instances = targets.label.reshape(-1), targets.instance.reshape(-1)
     tint, layers, label, identity = things.tint, things.layer, things.label, things.id
     texel, level_first = textures.texel, textures.first
     columns, rows = textures.width, textures.height
-    _clear(first_row, last_row, inverse_depth, labels, instances)
+    _clear(first_row, last_row, inverse_depth, targets.label, targets.instance)
     corner = np.empty((4, 6))
     for k in range(seen.shape[0]):
         if box[k, 2] > last_row - 1 or box[k, 3] < first_row:
@@ -63,6 +66,8 @@ def draw_band(
             continue
         if _is_hidden(box, k, first_row, last_row, inverse_depth):
             continue
+        i = seen[k]
+        red, green, blue = tint[i, 0], tint[i, 1], tint[i, 2]
         for t in range(first_face[mesh[k]], first_face[mesh[k]] + faces[mesh[k]]):
             a, b, c = start[k] + face[t, 0], start[k] + face[t, 1], start[k] + face[t, 2]
             if min(point[a, DEPTH], point[b, DEPTH], point[c, DEPTH]) >= near_m:
@@ -70,15 +75,13 @@ def draw_band(
                 high = max(point[a, ROW], point[b, ROW], point[c, ROW])
                 if high < first_row or low > last_row - 1 or math.ceil(low) > math.floor(high):
                     continue
-                _fill(point, a, b, c, seen[k], first_row, last_row, tint, layers, label, identity,
-                      texel, level_first, columns, rows, colour, inverse_depth, labels,
-                      instances)  # fmt: skip
+                _fill(point, a, b, c, first_row, last_row, width, red, green, blue, layers[i],
+                      label[i], identity[i], texel, level_first, columns, rows, colours, nearness,
+                      labels, instances)  # fmt: skip
                 continue
             count = clip(point, a, b, c, view, corner)
             for e in range(1, count - 1):
-                _fill_cut(
-                    corner, 0, e, e + 1, seen[k], first_row, last_row, things, textures, targets
-                )
+                _fill_cut(corner, 0, e, e + 1, i, first_row, last_row, things, textures, targets)
 
 
 @compiled
@@ -157,62 +160,94 @@ def _fill_cut(
     things: Instances, textures: Pyramid, targets: Targets,
 ) -> None:  # fmt: skip
     """Draw a part of a triangle that the near plane cut; rare, so not part of the main loop."""
-    _fill(corner, a, b, c, i, first_row, last_row, things.tint, things.layer, things.label,
-          things.id, textures.texel, textures.first, textures.width, textures.height,
-          targets.colour, targets.inverse_depth, targets.label, targets.instance)  # fmt: skip
+    tint, width = things.tint, targets.label.shape[1]
+    _fill(corner, a, b, c, first_row, last_row, width, tint[i, 0], tint[i, 1], tint[i, 2],
+          things.layer[i], things.label[i], things.id[i], textures.texel, textures.first,
+          textures.width, textures.height, targets.colour.reshape(-1),
+          targets.inverse_depth.reshape(-1), targets.label.reshape(-1),
+          targets.instance.reshape(-1))  # fmt: skip
 
 
 @inlined
 def _fill(
-    point: Floats, a: int, b: int, c: int, i: int, first_row: int, last_row: int,
-    tint: Singles, layers: Longs, label: Bytes, identity: Ints, texel: Singles,
-    level_first: Longs, level_columns: Longs, level_rows: Longs, colour: Singles,
-    inverse_depth: Singles, labels: Bytes, instances: Ints,
+    point: Floats, a: int, b: int, c: int, first_row: int, last_row: int, width: int,
+    red: float, green: float, blue: float, layer: int, label: int, identity: int, texel: Singles,
+    level_first: Longs, level_columns: Longs, level_rows: Longs, colours: Singles,
+    nearness: Singles, labels: Bytes, instances: Ints,
 ) -> None:  # fmt: skip
     """Draw one triangle, with perspective-correct texture of the level that fits its size."""
     xa, xb, xc = float(point[a, COLUMN]), float(point[b, COLUMN]), float(point[c, COLUMN])
     ya, yb, yc = float(point[a, ROW]), float(point[b, ROW]), float(point[c, ROW])
-    left = math.ceil(max(0.0, min(xa, xb, xc)))
-    right = math.floor(min(inverse_depth.shape[1] - 1.0, max(xa, xb, xc)))
-    top = math.ceil(max(float(first_row), min(ya, yb, yc)))
-    bottom = math.floor(min(last_row - 1.0, max(ya, yb, yc)))
+    left, right = _pixels(xa, xb, xc, 0, width)
+    top, bottom = _pixels(ya, yb, yc, first_row, last_row)
     area = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)
     if left <= right and top <= bottom and area != 0.0:
-        per_area = 1.0 / area
         wa, wb, wc = 1.0 / point[a, DEPTH], 1.0 / point[b, DEPTH], 1.0 / point[c, DEPTH]
-        ua, ub, uc = float(point[a, U]), float(point[b, U]), float(point[c, U])
-        va, vb, vc = float(point[a, V]), float(point[b, V]), float(point[c, V])
-        covered = abs(((ub - ua) * (vc - va) - (uc - ua) * (vb - va)) * per_area)
-        level = _level(covered * level_columns[0] * level_rows[0], level_first.shape[0] - 1)
-        columns, rows, first = level_columns[level], level_rows[level], level_first[level]
-        ua, ub, uc = ua * wa * columns, ub * wb * columns, uc * wc * columns
-        va, vb, vc = va * wa * rows, vb * wb * rows, vc * wc * rows
-        sa, sb, sc = float(point[a, SHADE]), float(point[b, SHADE]), float(point[c, SHADE])
-        da, db, dc = (yb - yc) * per_area, (yc - ya) * per_area, (ya - yb) * per_area
-        ca, cb, cc = crossing(da), crossing(db), crossing(dc)
-        for row in range(top, bottom + 1):
-            start_a = ((xb - left) * (yc - row) - (xc - left) * (yb - row)) * per_area
-            start_b = ((xc - left) * (ya - row) - (xa - left) * (yc - row)) * per_area
-            low, high = span(start_a, da, ca, 0.0, float(right - left))
-            low, high = span(start_b, db, cb, low, high)
-            low, high = span(1.0 - start_a - start_b, dc, cc, low, high)
-            for step in range(math.ceil(low - 1e-6), math.floor(high + 1e-6) + 1):
-                la, lb = start_a + step * da, start_b + step * db
-                lc = 1.0 - la - lb
-                near = la * wa + lb * wb + lc * wc
-                column = left + step
-                if near > inverse_depth[row, column]:
-                    depth = 1.0 / near
-                    u = int((la * ua + lb * ub + lc * uc) * depth)
-                    v = int((la * va + lb * vb + lc * vc) * depth)
-                    cell = first + min(max(v, 0), rows - 1) * columns + min(max(u, 0), columns - 1)
-                    shade = la * sa + lb * sb + lc * sc
-                    inverse_depth[row, column] = near
-                    colour[row, column, 0] = texel[layers[i], cell, 0] * shade * tint[i, 0]
-                    colour[row, column, 1] = texel[layers[i], cell, 1] * shade * tint[i, 1]
-                    colour[row, column, 2] = texel[layers[i], cell, 2] * shade * tint[i, 2]
-                    labels[row, column] = label[i]
-                    instances[row, column] = identity[i]
+        if not _is_covered(left, right, top, bottom, width, max(wa, wb, wc), nearness):
+            per_area = 1.0 / area
+            ua, ub, uc = float(point[a, U]), float(point[b, U]), float(point[c, U])
+            va, vb, vc = float(point[a, V]), float(point[b, V]), float(point[c, V])
+            share = abs(((ub - ua) * (vc - va) - (uc - ua) * (vb - va)) * per_area)
+            level = _level(share * level_columns[0] * level_rows[0], level_first.shape[0] - 1)
+            columns, rows, first = level_columns[level], level_rows[level], level_first[level]
+            ua, ub, uc = ua * wa * columns, ub * wb * columns, uc * wc * columns
+            va, vb, vc = va * wa * rows, vb * wb * rows, vc * wc * rows
+            sa, sb, sc = float(point[a, SHADE]), float(point[b, SHADE]), float(point[c, SHADE])
+            da, db, dc = (yb - yc) * per_area, (yc - ya) * per_area, (ya - yb) * per_area
+            ca, cb, cc, wide = crossing(da), crossing(db), crossing(dc), float(right - left)
+            near_step, shade_step = da * wa + db * wb + dc * wc, da * sa + db * sb + dc * sc
+            u_step, v_step = da * ua + db * ub + dc * uc, da * va + db * vb + dc * vc
+            for row in range(top, bottom + 1):
+                start_a = ((xb - left) * (yc - row) - (xc - left) * (yb - row)) * per_area
+                start_b = ((xc - left) * (ya - row) - (xa - left) * (yc - row)) * per_area
+                start_c = 1.0 - start_a - start_b
+                low, high = inside(start_a, start_b, start_c, da, db, dc, ca, cb, cc, wide)
+                near_0, at_0 = start_a * wa + start_b * wb + start_c * wc, row * width + left
+                shade_0 = start_a * sa + start_b * sb + start_c * sc
+                u_0 = start_a * ua + start_b * ub + start_c * uc
+                v_0 = start_a * va + start_b * vb + start_c * vc
+                for step in range(low, high + 1):
+                    near = near_0 + step * near_step
+                    at = np.uintp(at_0 + step)
+                    if near > nearness[at]:
+                        u = _texel((u_0 + step * u_step) / near, columns)
+                        v = _texel((v_0 + step * v_step) / near, rows)
+                        cell = np.uintp(first + v * columns + u)
+                        shade, rgb = shade_0 + step * shade_step, np.uintp(3) * at
+                        colours[rgb] = texel[layer, cell, 0] * shade * red
+                        colours[rgb + np.uintp(1)] = texel[layer, cell, 1] * shade * green
+                        colours[rgb + np.uintp(2)] = texel[layer, cell, 2] * shade * blue
+                        nearness[at], labels[at], instances[at] = near, label, identity
+
+
+@inlined
+def _pixels(a: float, b: float, c: float, first: int, end: int) -> tuple[int, int]:
+    """First and last row or column in [first, end) between three corners."""
+    low, high = max(float(first), min(a, b, c)), min(end - 1.0, max(a, b, c))
+    return math.ceil(low), math.floor(high)
+
+
+@inlined
+def _texel(at: float, count: int) -> int:
+    return min(max(int(at), 0), count - 1)
+
+
+@inlined
+def _is_covered(
+    left: int, right: int, top: int, bottom: int, width: int, nearest: float,
+    nearness: Singles,
+) -> bool:  # fmt: skip
+    """Whether nearer things cover the whole box of a small triangle."""
+    wanted = np.float32(CLEARLY * nearest)
+    if (right - left) * (bottom - top) > SMALL_TRIANGLE_PX:
+        return False
+    for row in range(top, bottom + 1):
+        at = np.uintp(row * width + left)
+        for _ in range(left, right + 1):
+            if nearness[at] < wanted:
+                return False
+            at += np.uintp(1)
+    return True
 
 
 @inlined
@@ -231,7 +266,22 @@ def crossing(slope: float) -> float:
 
 
 @inlined
-def span(
+def inside(
+    start_a: float, start_b: float, start_c: float, da: float, db: float, dc: float,
+    ca: float, cb: float, cc: float, width: float,
+) -> tuple[int, int]:  # fmt: skip
+    """First and last step from 0 to `width` where no barycentric coordinate is negative.
+
+    They start as `start_a`, change by `da` a step and cross zero `ca` times `start_a` steps on.
+    """
+    low, high = _span(start_a, da, ca, 0.0, width)
+    low, high = _span(start_b, db, cb, low, high)
+    low, high = _span(start_c, dc, cc, low, high)
+    return math.ceil(low - 1e-6), math.floor(high + 1e-6)
+
+
+@inlined
+def _span(
     start: float, slope: float, crossing: float, low: float, high: float
 ) -> tuple[float, float]:
     """Part of [low, high] where start + slope * x is not negative; empty if high < low."""

@@ -230,7 +230,7 @@ class CameraRenderer:
         if kept is None or kept.label.shape != (height, width):
             rough = self.world.terrain is not None and name == "drawn"
             kept = self._targets[name] = Targets(
-                colour=np.empty((height, width, 3), np.float32),
+                colour=np.zeros((height, width, 3), np.float32),  # finite also where it is sky
                 inverse_depth=np.empty((height, width), np.float32),
                 label=np.empty((height, width), np.uint8),
                 instance=np.empty((height, width), np.int32),

@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from agribot.sim.camera.arrays import (
     Bytes,
@@ -23,6 +24,7 @@ from agribot.sim.camera.ground import find_ground, lift_ground, light_ground, pa
 from agribot.sim.camera.jit import compiled, inlined
 from agribot.sim.camera.robot_shadow import shade_points
 
+Counters = npt.NDArray[np.uint64]
 CURVE_STEPS = 4  # entries of the tone curve for each grey level
 
 
@@ -54,6 +56,7 @@ def cover_rows(
     place, z = np.zeros((2, view.width)), np.zeros(view.width)
     past, has_rover = np.ones(view.width, np.float32), rover.shade.shape[0] > 0
     light, texels_per_px = np.empty(view.width, np.float32), np.empty(view.width, np.float32)
+    sky, clear = np.empty(view.width), np.empty(view.width)
     texels_per_m = ground.repeat_per_m * textures.width[0]
     colour, inverse_depth = targets.colour, targets.inverse_depth
     for drawn in range(first, last):
@@ -65,7 +68,7 @@ def cover_rows(
                      texels_per_px, texels_per_m)  # fmt: skip
         paint_ground(drawn, textures, ground.repeat_per_m, place, layer, light,
                      texels_per_px, colour)  # fmt: skip
-        fade_row(drawn, view, lamp.haze_per_m, inverse_depth, colour)
+        fade_row(drawn, view, lamp.haze_per_m, inverse_depth, sky, clear, colour)
 
 
 @compiled
@@ -73,32 +76,45 @@ def develop_rows(
     first: int, last: int, fine: int, targets: Targets, sensor: Sensor, picture: Picture
 ) -> None:
     """Make the rows [first, last) of the picture from `fine` times as many drawn rows."""
+    width = picture.image.shape[1]
+    bits, value, grain = np.empty(width, np.uint64), np.empty(3 * width), np.zeros(3 * width)
+    image = picture.image.reshape(-1)
     for row in range(first, last):
         choose_row(row, fine, targets.inverse_depth, targets.label, targets.instance, picture)
-        expose_row(row, fine, targets.colour, sensor, picture.image)
+        mean_row(row, fine, targets.colour, value)
+        expose_row(sensor.gain, sensor.curve, value)
+        if sensor.noise > 0.0:
+            scatter_grain(sensor.seed + np.uint64(row * width), sensor.noise, bits, grain)
+        write_row(np.uintp(row * width * 3), value, grain, image)
 
 
 @compiled
 def fade_row(
-    row: int, view: View, haze_per_m: float, inverse_depth: Singles, colour: Singles
-) -> None:
-    """Sky where nothing is, and its colour over what is far."""
+    row: int, view: View, haze_per_m: float, inverse_depth: Singles, sky: Doubles,
+    clear: Doubles, colour: Singles,
+) -> None:  # fmt: skip
+    """Sky where nothing is, and its colour over what is far.
+
+    `sky` and `clear` are working space: how much of the zenith's colour, and of the thing's.
+    """
     turn = view.camera_from_map
     down = (row - view.cy_px) / view.focal_px
-    for column in range(view.width):
+    up_0, up_step = turn[1, 2] * down + turn[2, 2], turn[0, 2]
+    flat, width = colour.reshape(-1), view.width
+    for column in range(width):
         right = (column - view.cx_px) / view.focal_px
-        up = turn[0, 2] * right + turn[1, 2] * down + turn[2, 2]
-        sky = min(1.0, max(0.0, 2.0 * up / math.sqrt(right * right + down * down + 1.0)))
-        red, green, blue = 217.0 - 77.0 * sky, 229.0 - 50.0 * sky, 242.0 - 12.0 * sky
+        up = up_0 + up_step * right
+        sky[column] = min(1.0, max(0.0, 2.0 * up / math.sqrt(right * right + down * down + 1.0)))
         near = inverse_depth[row, column]
-        if near > 0.0:
-            clear = near / (near + haze_per_m)
-            red += (colour[row, column, 0] - red) * clear
-            green += (colour[row, column, 1] - green) * clear
-            blue += (colour[row, column, 2] - blue) * clear
-        colour[row, column, 0] = red
-        colour[row, column, 1] = green
-        colour[row, column, 2] = blue
+        clear[column] = near / (near + haze_per_m) if near > 0.0 else 0.0
+    at = np.uintp(3 * row * width)
+    for column in range(width):
+        red, green = 217.0 - 77.0 * sky[column], 229.0 - 50.0 * sky[column]
+        blue, share = 242.0 - 12.0 * sky[column], clear[column]
+        flat[at] = red + (flat[at] - red) * share
+        flat[at + np.uintp(1)] = green + (flat[at + np.uintp(1)] - green) * share
+        flat[at + np.uintp(2)] = blue + (flat[at + np.uintp(2)] - blue) * share
+        at += np.uintp(3)
 
 
 @compiled
@@ -141,32 +157,66 @@ def _most_common(
 
 
 @compiled
-def expose_row(row: int, fine: int, colour: Singles, sensor: Sensor, image: Bytes) -> None:
-    """Average the drawn pixels, apply gain, tone curve and noise, and round to 8 bits."""
-    gain, curve, noise = sensor.gain, sensor.curve, sensor.noise
-    width = image.shape[1]
+def mean_row(row: int, fine: int, colour: Singles, value: Doubles) -> None:
+    """Mean red, green, blue of the drawn pixels of each pixel, into `value` (3 * width)."""
+    if fine == 1:
+        drawn = colour.reshape(-1)
+        at = np.uintp(row * value.shape[0])
+        for k in range(value.shape[0]):
+            value[k] = drawn[at]
+            at += np.uintp(1)
+        return
     share = 1.0 / (fine * fine)
-    for column in range(width):
-        bits = _mixed_bits(sensor.seed + np.uint64(row * width + column)) if noise > 0 else 0
+    for column in range(value.shape[0] // 3):
         for k in range(3):
-            value = 0.0
+            total = 0.0
             for r in range(row * fine, (row + 1) * fine):
                 for c in range(column * fine, (column + 1) * fine):
-                    value += colour[r, c, k]
-            value *= gain[k] * share
-            if curve.shape[0] > 0:
-                value = curve[min(max(int(value * CURVE_STEPS + 0.5), 0), curve.shape[0] - 1)]
-            # The sum of three even numbers of 7 bits: mean 190.5, deviation 64.0.
-            total = (bits & 127) + ((bits >> 7) & 127) + ((bits >> 14) & 127)
-            bits >>= 21
-            value += (total - 190.5) * (noise / 64.0)
-            image[row, column, k] = np.uint8(min(255.0, max(0.0, value + 0.5)))
+                    total += colour[r, c, k]
+            value[3 * column + k] = total * share
+
+
+@compiled
+def expose_row(gain: Doubles, curve: Singles, value: Doubles) -> None:
+    """Apply gain and tone curve."""
+    red, green, blue = gain[0], gain[1], gain[2]
+    for k in range(0, value.shape[0], 3):
+        value[k] *= red
+        value[k + 1] *= green
+        value[k + 2] *= blue
+    if curve.shape[0] > 0:
+        for k in range(value.shape[0]):
+            value[k] = curve[min(max(int(value[k] * CURVE_STEPS + 0.5), 0), curve.shape[0] - 1)]
+
+
+@compiled
+def scatter_grain(seed: np.uint64, noise: float, bits: Counters, grain: Doubles) -> None:
+    """Noise of a row: for each colour the sum of three even numbers of 7 bits, mean 190.5,
+    deviation 64.0.
+    """
+    for column in range(bits.shape[0]):
+        bits[column] = _mixed_bits(seed + np.uint64(column))
+    scale, low = noise / 64.0, np.uint64(127)
+    for column in range(bits.shape[0]):
+        for k in range(3):
+            part = bits[column] >> np.uint64(21 * k)
+            total = (part & low) + ((part >> np.uint64(7)) & low) + ((part >> np.uint64(14)) & low)
+            grain[3 * column + k] = (np.int64(total) - 190.5) * scale
+
+
+@compiled
+def write_row(at: np.uintp, value: Doubles, grain: Doubles, image: Bytes) -> None:
+    """Add the noise and round to 8 bits, from index `at` of the flat image on."""
+    for k in range(value.shape[0]):
+        image[at] = np.uint8(min(255.0, max(0.0, value[k] + grain[k] + 0.5)))
+        at += np.uintp(1)
 
 
 @inlined
-def _mixed_bits(state: np.uint64) -> int:
+def _mixed_bits(state: np.uint64) -> np.uint64:
     """63 well-mixed bits of a counter. Source: Steele et al. 2014, SplitMix64."""
     z = state * np.uint64(0x9E3779B97F4A7C15)
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return int(np.int64((z ^ (z >> np.uint64(31))) >> np.uint64(1)))
+    mixed: np.uint64 = (z ^ (z >> np.uint64(31))) >> np.uint64(1)
+    return mixed

@@ -11,7 +11,7 @@ from agribot.sim.camera.arrays import Bytes, Doubles, Ground, Ints, Singles, Tar
 from agribot.sim.camera.ground import TERRAIN, height_at
 from agribot.sim.camera.jit import compiled
 from agribot.sim.camera.projection import COLUMN, DEPTH, ROW, U, V
-from agribot.sim.camera.raster import clip, crossing, span
+from agribot.sim.camera.raster import clip, crossing, inside
 
 SOIL = int(PlantClass.SOIL)
 FIRST_RING_M = 0.05
@@ -111,10 +111,9 @@ def _fill(
     for row in range(top, bottom + 1):
         start_a = ((xb - left) * (yc - row) - (xc - left) * (yb - row)) / area
         start_b = ((xc - left) * (ya - row) - (xa - left) * (yc - row)) / area
-        low, high = span(start_a, da, ca, 0.0, float(right - left))
-        low, high = span(start_b, db, cb, low, high)
-        low, high = span(1.0 - start_a - start_b, dc, cc, low, high)
-        for step in range(math.ceil(low - 1e-6), math.floor(high + 1e-6) + 1):
+        start_c = 1.0 - start_a - start_b
+        low, high = inside(start_a, start_b, start_c, da, db, dc, ca, cb, cc, float(right - left))
+        for step in range(low, high + 1):
             la, lb = start_a + step * da, start_b + step * db
             la, lb, lc = la * wa, lb * wb, (1.0 - la - lb) * wc
             near, column = la + lb + lc, left + step
