@@ -49,7 +49,7 @@ def measure(count: int, seed: int) -> dict[str, object]:
     for number in range(count):
         rng = np.random.default_rng([seed, number])
         area, width_m = random_field(rng)
-        request = PlanRequest(implement_width_m=width_m)
+        request = PlanRequest(implement_width_m=width_m, tool_x_m=robot.tool_x_m)
         shape = footprint(robot, width_m)
         try:
             plan = plan_field(area, shape, request)

@@ -21,6 +21,7 @@ LAYERS = {
     0: (
         "__init__",
         "messages",
+        "row_shape",
         "topic",
         "topics",
         "errors",
@@ -31,6 +32,7 @@ LAYERS = {
         "config_tree",
         "platform",
         "devices",
+        "mapped_plant",
         "operator_input",
         "lens",
         "arithmetic",
@@ -41,9 +43,11 @@ LAYERS = {
         "stack",
         "perception_host",
         "field_work",
+        "tasks",
         "mission_file",
         "session",
         "report_card",
+        "run_recording",
         "rerun",
         "workers",
         "nodes",
@@ -74,15 +78,20 @@ HEAVY = {
     "starlette": {"ui"},
     "uvicorn": {"ui"},
     "websockets": {"ui", "bench"},
+    "playwright": {"bench"},
     "segno": {"ui", "commands"},
     "anyio": {"ui"},
     "shapefile": {"ui"},
-    "PIL": {"description", "ros", "record", "sim", "train", "dataset", "commands", "ui"},
+    "rasterio": {"gis"},
+    "pmtiles": {"gis"},
+    "PIL": {"gis", "description", "ros", "record", "sim", "train", "dataset", "commands", "ui"},
     "ray": {"sweep"},
     "shapely": {"plan", "gis", "ui"},
     "zenoh": {"bridge"},
     "xxhash": {"bridge"},
     "foxglove": {"bridge"},
+    "cyclonedds": {"bridge"},
+    "rerun": {"record"},
 }
 # What pure decisions have no business with: clocks, threads, the outside world, hidden randomness.
 IMPURE = {
@@ -232,6 +241,7 @@ def test_every_package_that_is_imported_is_declared() -> None:
         "opencv_python_headless": "cv2",
         "eclipse_zenoh": "zenoh",
         "foxglove_sdk": "foxglove",
+        "rerun_sdk": "rerun",
         "pyshp": "shapefile",
     }
     known = {import_names.get(name, name) for name in declared}

@@ -43,7 +43,7 @@ COMMANDS = {
     ),
     "record": (
         "agribot.commands.record",
-        "look after recordings: save one that was cut off",
+        "save a recording that was cut off; begin, end and mark those of a running robot",
         "agribot record recover runs/first/run.mcap",
     ),
     "ros2": (
@@ -60,6 +60,11 @@ COMMANDS = {
         "agribot.commands.foxglove",
         "run the robot and let Foxglove watch it",
         "agribot foxglove farm",
+    ),
+    "view": (
+        "agribot.commands.view",
+        "show a recording in Rerun, RViz, QGIS or Foxglove",
+        "agribot view qgis runs/first",
     ),
     "node": (
         "agribot.commands.node",

@@ -40,6 +40,8 @@ class FieldConfig(Config, frozen=True):
     """Where the crop rows are, as the planter drilled them, in the map frame of `datum`.
 
     Rows are parallel; each further one lies `row_pitch_m` to the right of the row direction.
+    `row_curvature_radpm` bends them, to the left where it is positive; direction, length and
+    curvature are those of the first row, at its first plant.
     """
 
     datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)
@@ -47,6 +49,7 @@ class FieldConfig(Config, frozen=True):
     first_row_start_map_m: tuple[float, float] = (1.0, 2.0)
     row_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
     row_length_m: Positive = 10.0
+    row_curvature_radpm: Annotated[float, msgspec.Meta(ge=-0.2, le=0.2)] = 0.0
     row_pitch_m: Positive = 1.0
     row_count: Annotated[int, msgspec.Meta(ge=1, le=10000)] = 6
     plant_spacing_m: Positive | None = None  # from plant to plant in a row; None: not regular
@@ -66,6 +69,7 @@ class MissionConfig(Config, frozen=True):
     max_waypoint_distance_m: Positive = 1000.0
     off_path_limit_m: Positive = 0.5  # farther from the path than this, the mission fails
     resume_limit_m: Positive = 0.5  # moved farther while it stood, the robot does not go on
+    waits_for_goals: bool = False  # begins when it is resumed, visits what it is sent to, and stays
     stall_timeout_s: Positive = 60.0  # without headway for so long, the mission fails
     # Known across the row so well (1 sigma) the robot drives at full speed, so badly not at all.
     full_speed_std_m: Positive = 0.08
@@ -82,8 +86,15 @@ class EstimateConfig(Config, frozen=True):
     position_walk_m_per_sqrt_m: Positive = 0.018
     mag_std_rad: Positive = 0.07  # 4 deg after calibration
     mag_bias_std_rad: Positive = 0.087  # 5 deg of hard iron
+    # Own iron of the robot, from `agribot calibrate magnetometer`; T forward and left, and (xx, xy,
+    # yy) of what makes a circle of the ellipse. What is left of it is learnt while driving.
+    mag_offset_t: tuple[float, float] = (0.0, 0.0)
+    mag_shape: tuple[float, float, float] = (1.0, 0.0, 1.0)
+    mag_learn: bool = True
     gate_sigma: Positive = 4.0
     recover_after: Count = 25  # rejected in a row before the filter opens up
+    # Of the protection level: how often the position may be farther off than it says.
+    protection_risk: Annotated[float, msgspec.Meta(gt=0, lt=0.1)] = 1e-3
     row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
     gnss_timeout_s: Positive = 10.0
     dead_reckoning_std_m: Positive = 1.0  # without GNSS, the pose is good up to this 1 sigma
@@ -144,6 +155,16 @@ class RecordConfig(Config, frozen=True):
     min_free_mb: NonNegative = 200.0  # of the disk; below it, files go or recording ends
 
 
+class SourceConfig(Config, frozen=True):
+    """Where a sensor comes from if not from the platform: ros2:/fix, ros1:/fix; empty: its own."""
+
+    gnss: str = ""
+    imu: str = ""
+    mag: str = ""
+    wheels: str = ""
+    camera: str = ""
+
+
 class SimConfig(Config, frozen=True):
     step_s: Annotated[float, msgspec.Meta(ge=0.0005, le=0.005)] = 0.002
     sensors: str = "rtk"
@@ -180,6 +201,7 @@ class RunConfig(Config, frozen=True):
     treatment: TreatmentConfig = TreatmentConfig()
     record: RecordConfig = RecordConfig()
     sim: SimConfig = SimConfig()
+    sources: SourceConfig = SourceConfig()
 
 
 def profile_names() -> list[str]:

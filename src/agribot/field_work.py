@@ -1,4 +1,4 @@
-"""Field plans on their way into a run: made from a field, or read and certified again."""
+"""A field plan on its way into a run: made or read, and certified again."""
 
 from __future__ import annotations
 
@@ -27,19 +27,21 @@ def read_plan_text(config: RunConfig) -> str:
 
 
 def field_work(text: str, config: RunConfig, robot: RobotSpec) -> FieldWork | None:
-    """The plan in the map of the run, for this robot; None without a plan.
+    """The plan of the settings; None without one. Raises: as `work_from`."""
+    return work_from(text, Path(config.plan).name, config, robot) if text else None
+
+
+def work_from(text: str, name: str, config: RunConfig, robot: RobotSpec) -> FieldWork:
+    """A plan in the map of the run, for this robot.
 
     Raises: MissionError: not a plan, or the check refuses it for this robot, and where.
     """
-    if not text:
-        return None
-    name = Path(config.plan).name
     try:
         root = json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:
         raise MissionError(f"{name} is not valid JSON: {error}") from error
     saved = plan_from(root, name, config.field.datum)
-    shape = footprint(robot, saved.request.implement_width_m)
+    shape = footprint(robot, saved.request.implement_width_m, saved.request.tool_x_m)
     certificate = certify_plan(saved.plan, saved.area, shape, saved.request)
     if not certificate.ok:
         problem = certificate.problems[0]
@@ -59,7 +61,7 @@ def planned(
             raise MissionError(f"{robot.name} has no implement; give --implement-width M")
         width_m = robot.sprayer.nozzle_count * robot.sprayer.nozzle_spacing_m
     area, datum = read_field(field, config.field.datum)
-    request = PlanRequest(implement_width_m=width_m, headland_passes=0 if area.rows else 1)
+    request = PlanRequest(implement_width_m=width_m, tool_x_m=robot.tool_x_m)
     shape = footprint(robot, width_m)
     plan = plan_field(area, shape, request)
     return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
 from agribot.messages import FloatArray, Vec3
 
@@ -162,6 +163,17 @@ def inverse(parent_from_child: FloatArray) -> FloatArray:
     child_from_parent[:3, :3] = rotation
     child_from_parent[:3, 3] = -rotation @ parent_from_child[:3, 3]
     return child_from_parent
+
+
+def is_backwards(xy_m: FloatArray, yaw_rad: FloatArray) -> npt.NDArray[np.bool_]:
+    """Whether a body on its way through poses (N, 2) and (N,) leaves each against its heading.
+
+    Where it stands, and at the end, as it came.
+    """
+    step_m = np.diff(xy_m, axis=0)
+    ahead_m = step_m[:, 0] * np.cos(yaw_rad[:-1]) + step_m[:, 1] * np.sin(yaw_rad[:-1])
+    last = np.maximum.accumulate(np.where(ahead_m != 0.0, np.arange(len(ahead_m)), 0))
+    return np.append(ahead_m[last] < 0.0, ahead_m[last[-1]] < 0.0)
 
 
 # Columns: the optical axes (x right, y down, z forward) written in link axes (x forward).

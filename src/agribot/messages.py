@@ -157,11 +157,10 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Estimate(msgspec.Struct, frozen=True, kw_only=True):
-    """Pose of the body frame in the map, with what is known of its error.
+    """Pose of the body in the map; `pose_cov` is the 3x3 covariance of x, y and yaw by rows.
 
-    `pose_cov` is the 3x3 covariance of (x_map_m, y_map_m, yaw_map_rad), row by row.
     `ok` is False until the filter has a position and a heading, and again when inputs go
-    silent; `reason` then says why.
+    silent; `reason` then says why. `protection_m` bounds the error, faults of GNSS included.
     """
 
     t_s: float
@@ -177,6 +176,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     quality: GnssQuality
     ok: bool
     reason: str = ""
+    protection_m: float = float("inf")
 
 
 class Path(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -195,11 +195,12 @@ class Path(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
-    """A straight crop row from its first to its last plant."""
+    """A crop row from its first to its last plant: a line, or an arc (see row_shape)."""
 
     index: int
     start_map_m: tuple[float, float]
     end_map_m: tuple[float, float]
+    curvature_radpm: float = 0.0  # left positive
 
 
 MissionState = Literal["waiting", "running", "paused", "done", "cancelled", "failed"]
@@ -220,12 +221,14 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     leg: str = ""  # "row 3", "to row 4", "way home"
     distance_left_m: float = 0.0
     eta_s: float | None = None  # until the end of the path, at the planned speeds
+    refusal: str = ""  # why the last goal, visit, plan or way home was not taken
+    task: str = ""  # the name of the visit that took the place of the mission
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """What the mission wants now: follow `path` from `s_m`, at most this fast.
 
-    `path` is None until the mission has planned its way from where the robot stands.
+    `path` is None until it is planned. `tracked_x_m` ahead on the body is what stays on it.
     """
 
     path: Path | None
@@ -233,9 +236,7 @@ class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     max_speed_mps: float
     tool_on: bool
     status: MissionStatus
-
-
-# ---------------------------------------------------------------- commands
+    tracked_x_m: float = 0.0
 
 
 class DriveCommand(msgspec.Struct, frozen=True, kw_only=True):
@@ -281,19 +282,3 @@ class TickRecord(msgspec.Struct, frozen=True, kw_only=True):
     tracking: Tracking | None
     command: RobotCommand
     reason: str = ""
-
-
-class MappedPlant(msgspec.Struct, frozen=True, kw_only=True):
-    """A plant of the weed map: position, 2x2 covariance (row by row) and the evidence for it."""
-
-    id: int
-    plant: PlantClass
-    x_map_m: float
-    y_map_m: float
-    cov_m2: tuple[float, float, float, float]
-    area_m2: float
-    confidence: float
-    sightings: int
-    first_seen_s: float
-    last_seen_s: float
-    treated_s: float | None = None

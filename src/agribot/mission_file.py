@@ -7,18 +7,22 @@ import os
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Protocol
 
 import msgspec
 
 from agribot.config import RunConfig
 from agribot.errors import MissionError, RecordingError
 from agribot.messages import TickRecord
-from agribot.plan.mission import Mission
 from agribot.plan.saved_mission import SavedMission
 
 FILE_NAME = "mission.json"
 PERIOD_S = 1.0
 LEFT_STD_M = 0.1  # how well the robot knew where it was left, and rolled on since
+
+
+class Resumable(Protocol):
+    def saved(self) -> SavedMission | None: ...
 
 
 class MissionFile:
@@ -29,7 +33,7 @@ class MissionFile:
     for it gives way to a newer one.
     """
 
-    def __init__(self, folder: Path, mission: Mission) -> None:
+    def __init__(self, folder: Path, mission: Resumable) -> None:
         self._path = folder / FILE_NAME
         self._mission = mission
         self._state = ""

@@ -18,12 +18,17 @@ T = TypeVar("T")
 # "set" changes one of LIVE_SETTINGS, named in `text`, to `value`.
 # "pose_estimate" tells a standing robot in `numbers` where it is: x and y (m, map), yaw (rad),
 # and 1 sigma of the place (m) and of the yaw (rad).
+# "goto" sends the robot to the place in `numbers`: x, y (m, map) and, where it matters, yaw (rad).
+# "visit" makes places its mission, x and y (m, map) of each in `numbers`; `text` is its name.
+# "plan" gives a standing robot the field plan in `text` (GeoJSON) as its new mission.
+# "mark" marks this moment in the recording with `text`; the two of recording begin and end one.
 OperatorAction = Literal[
     "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home", "note", "set",
-    "pose_estimate",
+    "pose_estimate", "goto", "visit", "plan", "mark", "start_recording", "stop_recording",
 ]  # fmt: skip
 LIVE_SETTINGS = ("mission.speed_mps", "treatment.enabled")
 
+SENSOR_WATCH = "sensors"  # source of the notes that tell of a sensor's silence
 INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but never a stop
 
 

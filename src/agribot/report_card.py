@@ -11,7 +11,7 @@ from agribot import __version__
 from agribot.config import RunConfig
 from agribot.messages import MissionStatus, TickRecord
 from agribot.perception_host import PerceptionMeter
-from agribot.record.events import EventLog
+from agribot.record.events import EventKind, EventLog
 from agribot.record.report import (
     EstimateReport,
     IouReport,
@@ -87,6 +87,7 @@ def report_card(drive: Drive, why_ended: str = "") -> Report:
         perception=_perception(drive),
         weeds=_weeds(drive, kept),
         safety=_safety(drive.event_log),
+        marks=_told(drive.event_log, "mark"),
     )
 
 
@@ -173,10 +174,11 @@ def _weeds(drive: Drive, kept: tuple[int, ...]) -> WeedReport:
 
 
 def _safety(log: EventLog) -> SafetyReport:
-    return SafetyReport(
-        stops=tuple(SafetyEvent(t_s=e.t_s, reason=e.reason) for e in log.of_kind("stop")),
-        faults=tuple(SafetyEvent(t_s=e.t_s, reason=e.reason) for e in log.of_kind("fault")),
-    )
+    return SafetyReport(stops=_told(log, "stop"), faults=_told(log, "fault"))
+
+
+def _told(log: EventLog, kind: EventKind) -> tuple[SafetyEvent, ...]:
+    return tuple(SafetyEvent(t_s=e.t_s, reason=e.reason) for e in log.of_kind(kind))
 
 
 def _same_fields(source: msgspec.Struct, kind: type[Kind]) -> Kind:

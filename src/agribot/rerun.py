@@ -18,14 +18,17 @@ from agribot.config_tree import assign, without_none
 from agribot.description.loader import parse_robot
 from agribot.errors import EndOfRecording, RecordingError
 from agribot.field_work import field_work
-from agribot.messages import STOP, MappedPlant, PlantClass, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import STOP, PlantClass, TickRecord
 from agribot.perception_host import RecordedPerception
 from agribot.plan.saved_mission import SavedMission
 from agribot.record.mcap_file import part_number, read_attachment
 from agribot.record.replay import ReplayPlatform, read_ticks, read_urdf, recorded_scenes
 from agribot.session import GOALS_ATTACHMENT, PLAN_ATTACHMENT, SAVED_ATTACHMENT
-from agribot.stack import MapPoint, build
+from agribot.stack import build
+from agribot.tasks import MapPoint
 
+LATEST_FIRST_TICK_S = 1.0  # of a recording that began with its run
 # Settings of these groups shaped the recording itself.
 _FIXED = ("perception", "sim", "record", "platform", "world", "robot", "seed", "tick_hz")
 
@@ -87,6 +90,11 @@ def recorded_pass(path: Path) -> list[TickRecord]:
     ticks = list(read_ticks(path))
     if not ticks:
         raise RecordingError(f"{path} holds no ticks of the robot's stack; nothing to run again")
+    if ticks[0].batch.t_s > LATEST_FIRST_TICK_S:
+        raise RecordingError(
+            f"{path} was begun {ticks[0].batch.t_s:.1f} s after the robot was started; the stack "
+            "can only be run again from its start on"
+        )
     return ticks
 
 

@@ -216,6 +216,11 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
         raise DescriptionError(f"robot '{self.name}' has no link '{name}'; it has: {known}")
 
     @property
+    def tool_x_m(self) -> float:
+        """Where on the body the tool works: the boom, or the origin where there is none."""
+        return self.sprayer.x_body_m if self.sprayer else 0.0
+
+    @property
     def base_height_m(self) -> float:
         """Height of base_link over the ground when the robot stands on its wheels."""
         return self.drive.wheel_radius_m - float(self.base_from_link(WHEEL_NAMES[0])[2, 3])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
@@ -15,30 +14,32 @@ from agribot import stack as robot_stack
 from agribot.config import RunConfig
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.worlds_sdf import load_world
-from agribot.errors import MissionError, RecordingError
-from agribot.field_work import field_work, read_plan_text
-from agribot.geo import MapFrame
-from agribot.messages import ByteArray, OperatorEvent, Row, TickRecord
+from agribot.errors import RecordingError
+from agribot.field_work import field_work, read_plan_text, work_from
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import ByteArray, OperatorEvent, TickRecord
+from agribot.messages import Path as PlannedPath
 from agribot.mission_file import MissionFile
 from agribot.perception_host import PerceptionMeter
 from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import SavedMission
-from agribot.plan.waypoints import parse_waypoints
-from agribot.record.events import EventLog
-from agribot.record.recorder import RunRecorder
+from agribot.platform import Platform
+from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap
 from agribot.report_card import Clock, report_card
+from agribot.row_shape import row_length_m
+from agribot.run_recording import RunRecording
 from agribot.sim.platform import SimPlatform
 from agribot.sim.referee import Referee
-from agribot.stack import MapPoint, MaskTap, Tap
+from agribot.stack import MaskTap, Tap
+from agribot.tasks import MapPoint, read_goals, row_ends
 from agribot.weeds.map import WeedMap
 
 ENDED = ("done", "cancelled", "failed")
 COMING_TO_REST_S = 2.0
 REST_TICKS = 5  # a robot that rocks back passes through standstill
-TRUTH_PERIOD_S = 0.1  # in the recording
 GOALS_ATTACHMENT = "goals.json"
 PLAN_ATTACHMENT = "plan.geojson"
 SAVED_ATTACHMENT = "resumed.json"  # null in a run that began anew
@@ -72,28 +73,25 @@ class Session:
         self.rows = rows = rows if self.work is None else self.work.rows
         self._saved = saved
         self.rows_before = tuple(r.index for r in saved.rows if r.done) if saved else ()
-        self._shown_goals_map_m = self.goals_map_m or _row_ends(rows)
         self.platform = SimPlatform(config, self.robot, self.world)
+        self.sensed: Platform = self.platform  # with sensors from elsewhere, if any
         self.referee = Referee(self.platform, self.world, rows, self.goals_map_m)
         self._mask_taps: list[MaskTap] = [self.referee.judge_mask]
         perception = robot_stack.perceiving(config, self.robot, self._show_mask)
         self.stack = robot_stack.build(
             config, self.robot, self.goals_map_m, perception, self.work, saved
         )
+        self._task = self.stack.mission.task
         self.clock = Clock()
         self.last: TickRecord | None = None
         self._claim_out_dir()
         self.event_log = EventLog(out_dir / "events.jsonl")
         self._series = SeriesTap()
-        self._recorder = self._open_recorder() if config.record.enabled else None
-        self._has_plan = False
-        self._next_truth_s = 0.0
+        self.recording = RunRecording(self, self._attached(), self._tell)
         self._mission_file = MissionFile(out_dir, self.stack.mission)
         self.stack.taps += [self._show_truth, self.referee, self._series, self.event_log]
-        self.stack.taps.append(self._mission_file)
-        write_file(out_dir / "config.toml", settings.to_toml(config).encode())
-        if self._recorder is not None:
-            self.stack.taps.append(self._record)
+        self.stack.taps += [self._mission_file, self.recording, self._follow_task]
+        self._write_config()
 
     def __enter__(self) -> Self:
         return self
@@ -107,14 +105,20 @@ class Session:
         self.platform.close()
         self.stack.close()
         self.event_log.close()
-        if self._recorder is not None:
-            self._recorder.close()
+        self.recording.close()
         self._mission_file.close()
 
     @property
     def shown_goals_map_m(self) -> tuple[MapPoint, ...]:
         """The waypoints, or both ends of every row: what a map shows as goals."""
-        return self._shown_goals_map_m
+        return self.goals_map_m or row_ends(self.rows)
+
+    @property
+    def planned_path(self) -> PlannedPath | None:
+        return self.stack.mission.path
+
+    def plants(self) -> tuple[MappedPlant, ...]:
+        return self.weed_map.plants()
 
     @property
     def weed_map(self) -> WeedMap:
@@ -126,22 +130,14 @@ class Session:
         return urdf_text(self.config.robot)
 
     @property
-    def recording_ended_because(self) -> str:
-        """Why recording ended before the run; empty where it did not."""
-        return self._recorder.ended_because if self._recorder is not None else ""
-
-    @property
     def meter(self) -> PerceptionMeter | None:
         return self.stack.perception.meter
 
     def worked_area_m2(self, rows: tuple[int, ...]) -> float:
         """Ground of the given rows, as wide as they are apart or as the implement is."""
-        if self.work is None:
-            field = self.config.field
-            return len(rows) * field.row_length_m * field.row_pitch_m
-        wanted = [row for row in self.rows if row.index in rows]
-        length_m = sum(math.dist(row.start_map_m, row.end_map_m) for row in wanted)
-        return length_m * self.work.request.implement_width_m
+        work, field = self.work, self.config.field
+        length_m = sum(row_length_m(row) for row in self.rows if row.index in rows)
+        return length_m * (field.row_pitch_m if work is None else work.request.implement_width_m)
 
     def add_tap(self, tap: Tap) -> None:
         self.stack.taps.append(tap)
@@ -160,10 +156,12 @@ class Session:
     def idle(self) -> Iterator[TickRecord]:
         """Go on after `finish`, for as long as the caller wants: the robot can be driven by hand.
 
-        Recording and report are closed by then; events are still logged.
+        The report is made and its recording closed by then; events are still logged, another
+        recording may be begun, and the robot drives to places and takes new plans.
         """
-        over = (self._record, self._show_truth, self.referee, self._series)
+        over = (self.referee, self._series)
         self.stack.taps = [tap for tap in self.stack.taps if tap not in over]
+        self.stack.mission.stay_open()
         while True:
             yield self._tick()
 
@@ -177,18 +175,18 @@ class Session:
         self._come_to_rest()
         self.clock.stop()
         report = report_card(self, why_ended)
-        if self._recorder is not None:
-            self._recorder.attach("report.json", "application/json", to_json(report))
-            self._recorder.close()
+        self.recording.attach("report.json", "application/json", to_json(report))
+        self.recording.close()
         write_run_files(self.out_dir, report, self._data())
         return report
 
     def _tick(self) -> TickRecord:
-        self.last = self.stack.tick(self.platform)
+        self.last = self.stack.tick(self.sensed)
         return self.last
 
     def _has_ended(self) -> bool:
-        return self.last is not None and self.last.status.state in ENDED
+        waits = self.config.mission.waits_for_goals
+        return not waits and self.last is not None and self.last.status.state in ENDED
 
     def _is_time_over(self) -> bool:
         limit_s = self.config.duration_s
@@ -207,6 +205,9 @@ class Session:
             self._tick()
             still = still + 1 if abs(self.last.estimate.v_mps) <= 0.01 else 0
 
+    def _write_config(self) -> None:
+        write_file(self.out_dir / "config.toml", settings.to_toml(self.config).encode())
+
     def _claim_out_dir(self) -> None:
         try:
             self.out_dir.mkdir(parents=True, exist_ok=True)
@@ -217,30 +218,35 @@ class Session:
                 f"cannot write into {self.out_dir}: {error.strerror}; choose another --out folder"
             ) from error
 
-    def _open_recorder(self) -> RunRecorder:
-        recorder = RunRecorder(
-            self.out_dir / "run.mcap",
-            self.config,
-            self.robot,
-            self.urdf,
-            goals_map_m=self._shown_goals_map_m,
-            weed_map=self.stack.weed_map.plants,
-        )
-        goals = msgspec.json.encode(self.goals_map_m)
-        recorder.attach(GOALS_ATTACHMENT, "application/json", goals)
-        recorder.attach(SAVED_ATTACHMENT, "application/json", msgspec.json.encode(self._saved))
+    def _attached(self) -> dict[str, tuple[str, bytes]]:
+        """What a recording needs to be run again."""
+        files = {
+            GOALS_ATTACHMENT: ("application/json", msgspec.json.encode(self.goals_map_m)),
+            SAVED_ATTACHMENT: ("application/json", msgspec.json.encode(self._saved)),
+        }
         if self._plan_text:
-            recorder.attach(PLAN_ATTACHMENT, "application/geo+json", self._plan_text.encode())
-        return recorder
+            files[PLAN_ATTACHMENT] = ("application/geo+json", self._plan_text.encode())
+        return files
 
-    def _record(self, record: TickRecord) -> None:
-        recorder = self._recorder
-        assert recorder is not None
-        path = self.stack.mission.path
-        if path is not None and not self._has_plan:
-            self._has_plan = True
-            recorder.set_plan(record.batch.t_s, path, self._shown_goals_map_m)
-        recorder(record)
+    def _tell(self, t_s: float, text: str) -> None:
+        self.event_log.add(Event(t_s=t_s, kind="fault", reason=text))
+
+    def _follow_task(self, _: TickRecord) -> None:
+        """A task taken under way is judged and shown, a plan also resumed, in place of the old."""
+        task = self.stack.mission.task
+        if task is self._task:
+            return
+        self._task, self.rows, self.rows_before = task, tuple(task.rows), ()
+        self.goals_map_m = tuple(task.waypoints)
+        self.referee.judge_anew(self.rows, self.goals_map_m)
+        self.work = None
+        if not task.text:
+            return
+        self.work = work_from(task.text, "the plan", self.config, self.robot)
+        path = self.out_dir / "plan.geojson"
+        write_file(path, task.text.encode())
+        self.config = msgspec.structs.replace(self.config, plan=str(path), waypoints="")
+        self._write_config()
 
     def _show_mask(self, frame_index: int, class_id: ByteArray) -> None:
         for tap in self._mask_taps:
@@ -250,9 +256,7 @@ class Session:
         truth = self.platform.truth()
         pose = (truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
         self._series.truth(record.batch.t_s, pose)
-        if self._recorder is not None and record.batch.t_s >= self._next_truth_s:
-            self._next_truth_s = record.batch.t_s + TRUTH_PERIOD_S
-            self._recorder.truth(record.batch.t_s, pose, (truth.v_mps, truth.yaw_rate_radps))
+        self.recording.truth(record.batch.t_s, pose, (truth.v_mps, truth.yaw_rate_radps))
 
     def _data(self) -> RunData:
         return RunData(
@@ -260,41 +264,8 @@ class Session:
             series=self._series.series(),
             rows=self.rows,
             plan=self.stack.mission.path,
-            goals_map_m=self._shown_goals_map_m,
+            goals_map_m=self.shown_goals_map_m,
             plants=self.weed_map.plants(),
             events=self.event_log.events,
             world=self.world,
         )
-
-
-def read_goals(config: RunConfig) -> tuple[MapPoint, ...]:
-    """The waypoints of the settings in the map; none where the rows of the field are the task.
-
-    Raises: MissionError: the file is missing or broken, or a waypoint is too far from the field.
-    """
-    if not config.waypoints:
-        return ()
-    path = Path(config.waypoints)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise MissionError(f"cannot read waypoints from {path}: {error}; check the path") from error
-    frame = MapFrame(config.field.datum)
-    limit_m = config.mission.max_waypoint_distance_m
-    goals: list[MapPoint] = []
-    for number, (lat_deg, lon_deg) in enumerate(parse_waypoints(text, path.name), start=1):
-        east_m, north_m, _ = frame.map_from_geodetic(lat_deg, lon_deg, config.field.datum.alt_m)
-        distance_m = math.hypot(east_m, north_m)
-        if distance_m > limit_m:
-            raise MissionError(
-                f"{path.name}: waypoint {number} is {distance_m:.0f} m from the field's origin, "
-                f"farther than {limit_m:.0f} m; correct it, or raise "
-                "mission.max_waypoint_distance_m"
-            )
-        goals.append((east_m, north_m))
-    return tuple(goals)
-
-
-def _row_ends(rows: tuple[Row, ...]) -> tuple[MapPoint, ...]:
-    """Both ends of every row, the goals that a map shows for a mission over rows."""
-    return tuple(end for row in rows for end in (row.start_map_m, row.end_map_m))

@@ -12,11 +12,7 @@ from agribot.estimate.localizer import Localizer
 from agribot.messages import (
     ByteArray,
     CameraFrame,
-    Estimate,
-    FloatArray,
-    Path,
     RobotCommand,
-    Row,
     Scene,
     TickRecord,
 )
@@ -24,21 +20,17 @@ from agribot.perceive.ground import GroundLookup
 from agribot.perceive.plants import observe
 from agribot.perceive.segmenter import Segmenter
 from agribot.perception_host import NoPerception, PerceptionHost, ThreadedPerception
-from agribot.plan.boustrophedon import plan_home, plan_rows
-from agribot.plan.certify import certify
 from agribot.plan.coverage.drive import FieldWork
 from agribot.plan.mission import Mission
-from agribot.plan.rows import field_rows
-from agribot.plan.saved_mission import PoseTuple, SavedMission
-from agribot.plan.waypoints import plan_waypoints
+from agribot.plan.saved_mission import SavedMission
 from agribot.platform import Platform
 from agribot.robot import RobotSpec
+from agribot.tasks import MapPoint, task_of, tasks_under_way
 from agribot.weeds.map import WeedMap
 from agribot.weeds.treatment import Treatment
 
 Tap = Callable[[TickRecord], None]
 MaskTap = Callable[[int, ByteArray], None]
-MapPoint = tuple[float, float]
 
 
 class Stack:
@@ -115,11 +107,12 @@ def build(
     `perception` replaces the camera network, as a replay does; `saved` is a mission to go on with.
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
+    task = task_of(config, robot, waypoints_map_m, work)
     return Stack(
         localizer=Localizer(config.estimate, config.field, robot),
         perception=perceiving(config, robot) if perception is None else perception,
         weed_map=WeedMap(config.weeds),
-        mission=_mission(config, robot, waypoints_map_m, work, saved),
+        mission=Mission(task, config.mission, saved, tasks_under_way(task, config, robot)),
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
         treatment=Treatment(config.treatment, robot.sprayer),
@@ -146,57 +139,3 @@ def perceiving(
         return observe(frame, class_map, ground, settings, ready_s)
 
     return ThreadedPerception(observer, settings.latency_s)
-
-
-def _mission(
-    config: RunConfig,
-    robot: RobotSpec,
-    waypoints_map_m: tuple[MapPoint, ...],
-    work: FieldWork | None,
-    saved: SavedMission | None,
-) -> Mission:
-    if work is not None:
-        return Mission(
-            lambda estimate: work.path_from(
-                (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
-            ),
-            work.rows,
-            config.mission,
-            tool_reach_m=0.0,
-            has_crop=work.has_crop,
-            home=lambda estimate, home, ahead: work.path_home(
-                (estimate.x_map_m, estimate.y_map_m), home[:2], ahead
-            ),
-            saved=saved,
-        )
-    rows = () if waypoints_map_m else field_rows(config.field)
-    planner = _planner(config, robot, rows, waypoints_map_m)
-
-    def go_home(estimate: Estimate, home: PoseTuple, _: FloatArray) -> Path:
-        start = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
-        if not rows:
-            return plan_waypoints((home[:2],), start, robot, config.mission)
-        path = plan_home(rows, start, home, robot, config.mission)
-        certify(path, rows, robot, config.mission.plant_clearance_m)
-        return path
-
-    return Mission(planner, rows, config.mission, waypoints_map_m, home=go_home, saved=saved)
-
-
-def _planner(
-    config: RunConfig,
-    robot: RobotSpec,
-    rows: tuple[Row, ...],
-    waypoints_map_m: tuple[MapPoint, ...],
-) -> Callable[[Estimate], Path]:
-    """Plans from where the robot finds itself, and lets no path out that harms a row."""
-
-    def plan(estimate: Estimate) -> Path:
-        start = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
-        if waypoints_map_m:
-            return plan_waypoints(waypoints_map_m, start, robot, config.mission)
-        path = plan_rows(rows, start, robot, config.mission)
-        certify(path, rows, robot, config.mission.plant_clearance_m)
-        return path
-
-    return plan

@@ -7,19 +7,18 @@ there is no bus: `stack.tick` is the data flow, and topics exist only at its edg
 from __future__ import annotations
 
 from agribot.devices import BaseFix, BatterySample, BumperSample
+from agribot.mapped_plant import MappedPlant
 from agribot.messages import (
     CameraFrame,
     Estimate,
     GnssFix,
     ImuSample,
     MagSample,
-    MappedPlant,
     MissionStatus,
     Path,
     RobotCommand,
     Scene,
     TickRecord,
-    Tracking,
     WheelSample,
 )
 from agribot.topic import LATCHED, LATEST, Topic
@@ -207,11 +206,11 @@ BEARING = Topic(
 ANGLE = Topic(
     name="/agribot/angle",
     ros_type="std_msgs/msg/Float64",
-    struct=Tracking,
+    struct=Estimate,
     rate_hz=10.0,
     seed_alias="/angle",
     seed_ros_type="std_msgs/msg/Float64",
-    about="heading error against the path, degrees, counter-clockwise positive",
+    about="bearing minus heading: how far to turn left to face the next waypoint, degrees",
 )
 HEADING_RAW = Topic(
     name="/agribot/heading/raw",

@@ -27,6 +27,7 @@ from agribot.messages import (
 )
 from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
+from agribot.plan.task import Task
 from agribot.robot import RobotSpec
 
 TICK_S = TICK_STEPS * DT_S
@@ -36,7 +37,7 @@ class SingleRobot:
     def __init__(self, index: int, scenario: Scenario, robot: RobotSpec, path: Path) -> None:
         field = scenario.field()
         self.localizer = Localizer(scenario.estimate(), field, robot)
-        self.mission = Mission(lambda _: path, field_rows(field), scenario.mission())
+        self.mission = Mission(Task(lambda _: path, field_rows(field)), scenario.mission())
         self._follower = Follower(scenario.control(), robot)
         self._index, self._radius_m = index, robot.drive.wheel_radius_m
         self._frame = MapFrame(field.datum)

@@ -23,6 +23,7 @@ from agribot.messages import (
     WheelSample,
 )
 from agribot.plan.mission import Mission
+from agribot.plan.task import Task
 from agribot.plan.waypoints import plan_waypoints
 
 ROBOT = load_robot()
@@ -42,12 +43,13 @@ def final_distance_m(place: tuple[float, float], bearing_deg: float, seed: int) 
     goal_m = (6.0 * math.cos(yaw_rad), 6.0 * math.sin(yaw_rad))
     mission_config = MissionConfig()
     localizer = Localizer(EstimateConfig(), field, ROBOT)
-    mission = Mission(
+    task = Task(
         lambda e: plan_waypoints(
             (goal_m,), (e.x_map_m, e.y_map_m, e.yaw_map_rad), ROBOT, mission_config
         ),
-        (), mission_config, (goal_m,),
-    )  # fmt: skip
+        waypoints=(goal_m,),
+    )
+    mission = Mission(task, mission_config)
     follower = Follower(ControlConfig(), ROBOT)
     plant, own = Plant((seed,), Soil()), Proprioception((seed,))
     plant.x_m[:], plant.y_m[:], plant.yaw_rad[:] = 0.0, 0.0, wrap_rad(yaw_rad + 0.4)

@@ -7,12 +7,13 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
+T = TypeVar("T")
 ROOT = Path(__file__).parents[2]
 
 
@@ -28,6 +29,18 @@ def until(condition: Callable[[], bool], what: str, patience_s: float = PATIENCE
     while not condition():
         assert time.monotonic() < end_s, f"waited {patience_s:g} s in vain for {what}"
         time.sleep(0.02)
+
+
+def first(take: Callable[[], Sequence[T]], what: str, patience_s: float = 60.0) -> T:
+    """The first thing that `take` gives, however often it has to be asked."""
+    got: list[T] = []
+
+    def taken() -> bool:
+        got.extend(take())
+        return bool(got)
+
+    until(taken, what, patience_s)
+    return got[0]
 
 
 class Talk:
@@ -51,9 +64,15 @@ class Talk:
 
 @contextmanager
 def zenoh_peer(locator: str, *latched_keys: str) -> Iterator[Talk]:
-    script = str(ROOT / "tests" / "bridge" / "zenoh_peer.py")
+    with peer("zenoh_peer.py", locator, *latched_keys) as talk:
+        yield talk
+
+
+@contextmanager
+def peer(script: str, *arguments: str) -> Iterator[Talk]:
+    """A script of this folder in a process of its own, from its "ready" on."""
     with subprocess.Popen(
-        [sys.executable, script, locator, *latched_keys],
+        [sys.executable, str(ROOT / "tests" / "bridge" / script), *arguments],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

@@ -8,6 +8,7 @@ from agribot import topics
 from agribot.bridge.outlet import QUEUE_TICKS, Gateway, Outlet, Sources
 from agribot.errors import BridgeError
 from agribot.geo import Datum
+from agribot.messages import TickRecord
 from agribot.ros.camera_log import CameraLog
 from agribot.topic import Topic
 from tests.bridge.live import until
@@ -28,6 +29,9 @@ class Sink:
         self.gate.wait()
         if topic is topics.CLOCK:
             self.clocks.append(t_ns)
+
+    def step(self, _record: TickRecord) -> None:
+        pass
 
     def close(self) -> None:
         self.closed = True

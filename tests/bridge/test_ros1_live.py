@@ -10,11 +10,9 @@ import socket
 import struct
 import subprocess
 import time
-import xmlrpc.client
 from collections.abc import Iterator
 from contextlib import closing
 from itertools import count
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,12 +24,16 @@ from agribot.bridge.outlet import Outlet, Sources
 from agribot.bridge.requests import Requests
 from agribot.bridge.ros1 import tcpros
 from agribot.bridge.ros1.gateway import Ros1Gateway
+from agribot.bridge.ros1.link import Ros1Link
 from agribot.bridge.ros1.types import outputs
+from agribot.bridge.topic_source import TopicSource
 from agribot.errors import BridgeError
 from agribot.geo import Datum
 from agribot.operator_input import Inbox
 from agribot.ros.camera_log import CameraLog
-from tests.bridge.live import free_port, until
+from agribot.ros.sensor_readers import readers
+from tests.bridge.live import first, free_port, until
+from tests.bridge.ros1_system import Ros1, ask
 from tests.record import record_samples as samples
 
 pytestmark = pytest.mark.skipif(
@@ -39,60 +41,6 @@ pytestmark = pytest.mark.skipif(
 )
 
 OUT = [topic for topic in topics.TOPICS if topic.ros_type]
-
-
-def ask(uri: str, method: str, *arguments: Any) -> Any:
-    with xmlrpc.client.ServerProxy(uri) as proxy:
-        return getattr(proxy, method)("/test", *arguments)
-
-
-class Ros1:
-    def __init__(self, folder: Path) -> None:
-        port = free_port()
-        self.uri = f"http://127.0.0.1:{port}"
-        self.folder = folder
-        self.environment = {
-            "PATH": "/usr/bin:/bin",  # its tools need the system's own python
-            "HOME": str(folder),
-            "ROS_HOME": str(folder),
-            "ROS_MASTER_URI": self.uri,
-            "ROS_IP": "127.0.0.1",
-            "LC_ALL": "C.UTF-8",
-        }
-        self.processes: list[subprocess.Popen[str]] = []
-        self.core = self.start("roscore", "-p", str(port))
-        until(self.answers, "the ROS 1 master", 60.0)
-
-    def answers(self) -> bool:
-        try:
-            return bool(ask(self.uri, "getPid")[0] == 1)
-        except OSError:
-            return False
-
-    def start(self, *command: str) -> subprocess.Popen[str]:
-        process = subprocess.Popen(
-            command,
-            env=self.environment,
-            cwd=self.folder,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-            start_new_session=True,
-        )
-        self.processes.append(process)
-        return process
-
-    def close(self) -> None:
-        for process in reversed(self.processes):
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGINT)
-                try:
-                    process.wait(20)
-                except subprocess.TimeoutExpired:
-                    os.killpg(process.pid, signal.SIGKILL)
-            if process.stdout:
-                process.stdout.close()
-            process.wait()
 
 
 class Robot:
@@ -109,7 +57,7 @@ class Robot:
             Datum(lat_deg=21.161289, lon_deg=72.787022, alt_m=4.5),
             samples.URDF,
             CameraLog(robot, 10.0, 80, keeps_raw=True),
-            Sources(lambda: plan, ((1.0, 2.0),), lambda: (samples.plant(1),), None),
+            Sources(lambda: plan, lambda: ((1.0, 2.0),), lambda: (samples.plant(1),), None),
         )
         noise = np.random.default_rng(1)
         self._ticks = (samples.tick(index, noise, with_camera=True) for index in count())
@@ -258,3 +206,16 @@ def test_a_message_cut_short_and_one_that_is_no_number() -> None:
     _, (hand,) = inbox.drain(1.0)
     assert math.isnan(hand.v_mps)
     assert "not finite" in said[0]
+
+
+def test_a_sensor_may_be_a_topic_of_ros1(ros1: Ros1) -> None:
+    said: list[str] = []
+    with closing(Ros1Link("listener", said.append, ros1.uri)) as link:
+        known = readers("gnss", samples.robot())
+        source = TopicSource("gnss", "/their/fix", link, known, said.append)
+        text = "{latitude: 21.25, longitude: 72.75, altitude: 4.5}"
+        ros1.start("rostopic", "pub", "-r", "20", "/their/fix", "sensor_msgs/NavSatFix", text)
+        got: Any = first(lambda: source.take(9.0), "a fix")
+        assert (got.lat_deg, got.lon_deg, got.alt_m) == (21.25, 72.75, 4.5)
+        ros1.start("rostopic", "pub", "-r", "20", "/their/fix", "std_msgs/Float64", "1.0")
+        until(lambda: any("Float64" in text for text in said), "the refusal", 60.0)

@@ -51,6 +51,9 @@ class TickCounter:
     def publish(self, topic: Topic, _data: bytes, _t_ns: int) -> None:
         self.ticks += topic is topics.CLOCK
 
+    def step(self, _record: TickRecord) -> None:
+        pass
+
     def close(self) -> None:
         pass
 
@@ -59,7 +62,7 @@ def outlet_to(*gateways: Gateway) -> Outlet:
     robot, plan = samples.robot(), samples.plan()
     sources = Sources(
         plan=lambda: plan,
-        goals_map_m=GOALS,
+        goals_map_m=lambda: GOALS,
         weed_map=lambda: (samples.plant(1), samples.plant(2, treated_s=4.0)),
         truth=TrueState,
     )
@@ -178,8 +181,9 @@ def test_decisions_arrive_with_exact_values(
         x_m, y_m = record.estimate.x_map_m, record.estimate.y_map_m
         assert message.data == math.hypot(1.0 - x_m, 2.0 - y_m)
     for message, record in zip(messages(heard, topics.ANGLE), slow, strict=True):
-        assert record.tracking is not None
-        assert message.data == math.degrees(record.tracking.heading_error_rad)
+        x_m, y_m = record.estimate.x_map_m, record.estimate.y_map_m
+        left_rad = math.atan2(2.0 - y_m, 1.0 - x_m) - record.estimate.yaw_map_rad
+        assert message.data == pytest.approx(math.degrees(math.remainder(left_rad, math.tau)))
     for message, record in zip(messages(heard, topics.BEARING), slow, strict=True):
         x_m, y_m = record.estimate.x_map_m, record.estimate.y_map_m
         assert message.data == math.degrees(math.atan2(2.0 - y_m, 1.0 - x_m))

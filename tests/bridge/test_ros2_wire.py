@@ -11,11 +11,18 @@ import xxhash
 
 from agribot import topics
 from agribot.bridge.ros2 import wire
-from agribot.bridge.ros2.services import EVENT_INFO, service_types
+from agribot.bridge.ros2.services import EVENT_INFO, ActionText, add_action, service_types
 from agribot.ros.rosmsg import typestore
 from agribot.topic import LATCHED, LATEST, STREAM, Qos
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "ros2-services-rihs01.json"
+LOOKUP = ActionText(
+    "string target_frame\nstring source_frame\nbuiltin_interfaces/Time source_time\n"
+    "builtin_interfaces/Duration timeout\nbuiltin_interfaces/Time target_time\n"
+    "string fixed_frame\nbool advanced\n",
+    "geometry_msgs/TransformStamped transform\ntf2_msgs/TF2Error error\n",
+    "",
+)
 FIX_HASH = "RIHS01_62223ab3fe210a15976021da7afddc9e200dc9ec75231c1b6a557fc598a65404"
 NODE = wire.NodeName(domain=0, zid="aac3178e146ba6f1fc6e6a4085e77f21", name="agribot")
 
@@ -81,10 +88,11 @@ def test_a_token_that_is_no_endpoint_is_nobody(token: str) -> None:
     assert wire.read_endpoint(token) is None
 
 
-def test_hashes_of_the_services_are_those_of_ros2_jazzy() -> None:
+def test_hashes_of_services_and_actions_are_those_of_ros2_jazzy() -> None:
     golden = json.loads(GOLDEN.read_text())["hashes"]
     store = service_types()
-    assert len(golden) == 9
+    add_action(store, "tf2_msgs/action/LookupTransform", LOOKUP)
+    assert len(golden) == 53
     assert EVENT_INFO in golden
     for name, value in golden.items():
         assert store.hash_rihs01(name) == value, name

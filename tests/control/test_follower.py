@@ -5,6 +5,7 @@ import math
 import msgspec
 import numpy as np
 import pytest
+import shapely
 
 from agribot.config import ControlConfig, FieldConfig, MissionConfig, SafetyConfig
 from agribot.control.follower import Follower
@@ -21,9 +22,13 @@ from agribot.messages import (
     RobotCommand,
 )  # fmt: skip
 from agribot.plan.boustrophedon import plan_rows
+from agribot.plan.coverage.area import Leg, LegKind
+from agribot.plan.coverage.drive import drive_path
+from agribot.plan.coverage.turns import three_point_turn
 from agribot.plan.curves import Pose, Segment, sample
 from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
+from agribot.plan.task import Task
 from tests.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
 
 ROBOT = farm_robot()
@@ -41,7 +46,7 @@ class Drive:
     ) -> None:  # fmt: skip
         rows = field_rows(field)
         self.path = plan_rows(rows, start, ROBOT, MISSION)
-        self.mission = Mission(lambda _: self.path, rows, MISSION)
+        self.mission = Mission(Task(lambda _: self.path, rows), MISSION)
         self.follower = Follower(control or ControlConfig(), ROBOT)
         self.supervisor = Supervisor(SafetyConfig(), ROBOT)
         self.rover = Rover(start, soil, np.random.default_rng(seed))
@@ -259,3 +264,84 @@ def test_without_a_path_the_robot_stands() -> None:
     rover = Rover((0.0, 5.0, 0.0), Soil(), np.random.default_rng(0))
     goal = msgspec.structs.replace(goal_on(straight_north(), 0.0), path=None)
     assert Follower(ControlConfig(), ROBOT).step(rover.estimate(), goal) == (STOP, None)
+
+
+@pytest.mark.parametrize("tracked_x_m", [0.0, -0.35])
+def test_on_a_slope_the_tracked_point_is_on_the_line(tracked_x_m: float) -> None:
+    """The robot crabs by 4 degrees; what is steered is the tool, not the middle of the body."""
+    rover = Rover(
+        (0.0, 0.0, math.pi / 2), Soil(crab_rad=math.radians(4.0)), np.random.default_rng(0)
+    )
+    path = sample(Pose(0.0, 0.0, math.pi / 2), [Segment(12.0, 0.0)])
+    status = MissionStatus(state="running", reason="", row=0, rows_total=1, rows_done=(), s_m=0.0,
+                           length_m=12.0, waypoints_total=0, waypoints_reached=0)  # fmt: skip
+    follower = Follower(ControlConfig(), ROBOT)
+    told = []
+    while rover.y_m < 11.0:
+        goal = Goal(path=path, s_m=max(rover.y_m, 0.0), max_speed_mps=0.4, tool_on=True,
+                    status=status, tracked_x_m=tracked_x_m)  # fmt: skip
+        command, tracking = follower.step(rover.estimate(), goal)
+        rover.drive(command)
+        told.append(tracking.cross_track_m if tracking else math.nan)
+    tool_x_m = rover.x_m + tracked_x_m * math.cos(rover.yaw_rad)
+    assert tool_x_m == pytest.approx(0.0, abs=0.004)
+    assert told[-1] == pytest.approx(0.0, abs=0.004)
+    assert abs(rover.x_m) == pytest.approx(abs(tracked_x_m) * math.radians(4.0), abs=0.004)
+
+
+class Way:
+    """A path driven with the mission's own progress and speed; columns of `log`: x, y, yaw, v."""
+
+    def __init__(self, path: Path, soil: Soil) -> None:
+        self.rover = Rover((0.0, 0.0, 0.0), soil, np.random.default_rng(1))
+        self.mission = Mission(Task(lambda _: path), MISSION)
+        self.follower = Follower(ControlConfig(), ROBOT)
+        self.log: FloatArray = np.zeros((0, 4))
+
+    def run(self, limit_s: float = 120.0) -> MissionStatus:
+        lines, rover = [], self.rover
+        while rover.t_s < limit_s:
+            goal = self.mission.step(rover.estimate())
+            command, _ = self.follower.step(rover.estimate(), goal)
+            rover.drive(command)
+            lines.append((rover.x_m, rover.y_m, rover.yaw_rad, rover.v_mps))
+            if goal.status.state in ("done", "failed"):
+                break
+        self.log = np.array(lines)
+        return goal.status
+
+
+def leg_path(*legs: tuple[LegKind, FloatArray]) -> Path:
+    return drive_path([Leg(kind=kind, xy_map_m=xy) for kind, xy in legs], [None] * len(legs))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_three_point_turn_is_driven_forwards_back_and_forwards(seed: int) -> None:
+    way = three_point_turn(Pose(2.0, 0.0, 0.0), Pose(2.0, 0.6, math.pi), shapely.box(-9, -9, 9, 9))
+    assert way is not None
+    into, back, out = way
+    path = leg_path(
+        ("arc", np.array([(0.0, 0.0), (2.0, 0.0)])), ("arc", into), ("reverse", back),
+        ("arc", out), ("arc", np.array([(2.0, 0.6), (0.0, 0.6)])),
+    )  # fmt: skip
+    drive = Way(path, Soil.of_seed(np.random.default_rng(seed)))
+    assert drive.run().state == "done"
+    line = shapely.LineString(path.xy_map_m)
+    assert float(np.max(shapely.distance(line, shapely.points(drive.log[:, :2])))) < 0.05
+    moving = drive.log[np.abs(drive.log[:, 3]) > 0.02, 3]
+    signs = np.sign(moving)
+    assert np.count_nonzero(np.diff(signs)) == 2  # forwards, back, forwards
+    assert math.cos(drive.rover.yaw_rad) == pytest.approx(-1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("bend_deg", [15.0, 30.0, 45.0, 80.0, 150.0])
+def test_at_a_corner_of_any_angle_the_robot_turns_in_place_and_stays_on_its_line(
+    bend_deg: float,
+) -> None:
+    bend_rad = math.radians(bend_deg)
+    corner, end = (2.0, 0.0), (2.0 + 2.0 * math.cos(bend_rad), 2.0 * math.sin(bend_rad))
+    path = leg_path(("link", np.array([(0.0, 0.0), corner, end])))
+    drive = Way(path, Soil())
+    assert drive.run().state == "done"
+    line = shapely.LineString(path.xy_map_m)
+    assert float(np.max(shapely.distance(line, shapely.points(drive.log[:, :2])))) < 0.04

@@ -75,6 +75,15 @@ def test_every_annotation_is_the_plant_of_the_instance_mask(folder: Path) -> Non
         assert set(classes.tolist()) == {0 if kinds[entry["category_id"]] == "weed" else 1}
 
 
+def test_a_set_of_all_species_has_an_annotation_of_each_plant_too(tmp_path: Path) -> None:
+    folder = tmp_path / "wide"
+    assert generate(folder, 6, "--variety", "wide") == 0
+    coco = json.loads((folder / "annotations.json").read_text())
+    names = {entry["id"]: entry["name"] for entry in coco["categories"]}
+    seen = {names[entry["category_id"]] for entry in coco["annotations"]}
+    assert seen & {"carrot", "onion", "chickweed", "plantain", "charlock"}
+
+
 def test_every_plant_pixel_belongs_to_one_annotation(folder: Path) -> None:
     coco = json.loads((folder / "annotations.json").read_text())
     for index in range(6):

@@ -19,6 +19,8 @@ from agribot.description.terrain import (
 )
 from agribot.description.worlds_sdf import check_world, load_world, world_names
 from agribot.messages import DriveCommand, FloatArray, PlantClass, RobotCommand
+from agribot.plan.rows import field_rows
+from agribot.row_shape import beside_row, row_points_map_m
 from agribot.sim.platform import SimPlatform
 from agribot.world import WorldSpec
 
@@ -121,18 +123,34 @@ def test_height_maps_are_current(name: str) -> None:
     )
 
 
-def test_hills_are_gentle_and_the_rows_stand_on_them() -> None:
-    world = load_world("hills")
-    slope_deg = _slope_deg(world)
-    assert 2.0 < np.median(slope_deg) < 6.0 and slope_deg.max() < 15.0
-    assert _crops(world) == _crops(load_world("Farm"))
+def test_the_hill_falls_by_10_degrees_across_its_bent_rows_and_the_crop_stands_on_them() -> None:
+    world, field = load_world("hills"), config.load("hills").field
+    rows = field_rows(field)
     assert world.terrain is not None
+    for row in rows:
+        places, around_m = row_points_map_m(row), 0.2
+        along = np.gradient(places, axis=0)
+        along /= np.hypot(along[:, 0], along[:, 1])[:, None]
+        right = np.stack([along[:, 1], -along[:, 0]], axis=1)
+        down_m = [
+            height_at(world.terrain, *(at - around_m * side))
+            - height_at(world.terrain, *(at + around_m * side))
+            for at, side in zip(places, right, strict=True)
+        ]
+        slope_deg = np.degrees(np.arctan(np.array(down_m) / (2.0 * around_m)))
+        assert np.mean(slope_deg) == pytest.approx(10.0, abs=0.8)
+        assert slope_deg.min() > 8.5 and slope_deg.max() < 12.0
+    assert all(abs(row.curvature_radpm) > 0.02 for row in rows)
+    for x_m, y_m in _crops(world):
+        nearest = min((beside_row(row, x_m, y_m) for row in rows), key=lambda b: abs(b.left_m))
+        assert abs(nearest.left_m) < 1e-4
+        assert nearest.along_m / 2.0 == pytest.approx(round(nearest.along_m / 2.0), abs=1e-4)
     for oak in world.obstacles:
         ground_m = height_at(world.terrain, oak.x_map_m, oak.y_map_m)
         assert oak.z_map_m == pytest.approx(ground_m, abs=0.001)
 
 
-@pytest.mark.parametrize(("name", "tilt_deg"), [("volcano", (15.0, 26.0)), ("hills", (1.0, 9.0))])
+@pytest.mark.parametrize(("name", "tilt_deg"), [("volcano", (15.0, 26.0)), ("hills", (8.0, 12.0))])
 def test_the_robot_stands_and_drives_on_the_slope_it_starts_on(
     name: str, tilt_deg: tuple[float, float]
 ) -> None:
@@ -150,8 +168,3 @@ def test_the_robot_stands_and_drives_on_the_slope_it_starts_on(
     end = platform.truth()
     moved_m = np.hypot(end.x_map_m - start.x_map_m, end.y_map_m - start.y_map_m)
     assert moved_m == pytest.approx(5 * 0.4, rel=0.15)
-
-
-def test_hills_profile_drives_the_rows_of_the_farm() -> None:
-    hills, farm = config.load("hills"), config.load("farm")
-    assert hills.world == "hills" and hills.field == farm.field

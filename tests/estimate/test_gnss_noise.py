@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from agribot.estimate.gnss import fix_noise
+from agribot.estimate.gnss_noise import fix_noise
 from agribot.messages import GnssFix, GnssQuality
 from tests.estimate.noisy_rover import RTK, record, stand
 from tests.estimate.playback import error, localizer, play

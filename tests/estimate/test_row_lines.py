@@ -27,12 +27,19 @@ SEEN = RowLine(t_s=0.0, offset_m=0.0, heading_rad=0.0, offset_std_m=0.015, headi
 class Robot:
     """Stands at a place of the map with a filter that knows it only roughly."""
 
-    def __init__(self, x_m: float, y_m: float, yaw_rad: float, std_m: float = 0.05) -> None:
+    def __init__(
+        self,
+        x_m: float,
+        y_m: float,
+        yaw_rad: float,
+        std_m: float = 0.05,
+        field: FieldConfig = FIELD,
+    ) -> None:
         self.ekf = Ekf([std_m, std_m, 0.05, *[1e-3] * 6, 0.0], row_yaw_rad=0.0)
         self.ekf.x[X], self.ekf.x[Y], self.ekf.x[YAW] = x_m, y_m, yaw_rad
         self.rejected: Counter[str] = Counter()
         self._history = MotionHistory()
-        self._lines = RowLines(self.ekf, self._history, FIELD, self.rejected)
+        self._lines = RowLines(self.ekf, self._history, field, self.rejected)
         self._t_s = 0.0
 
     def see(self, **changes: float | None) -> None:
@@ -57,6 +64,35 @@ def test_a_line_puts_the_robot_beside_the_nearest_row(
         robot.see(offset_m=0.08)  # to the left of the row, as the robot faces
     assert robot.ekf.x[Y] == pytest.approx(row_y_m + side * 0.08, abs=0.015)
     assert not robot.rejected
+
+
+@pytest.mark.parametrize("back_rad", [0.0, math.pi])
+def test_lines_of_a_bent_row_put_the_robot_beside_its_arc_and_along_it(back_rad: float) -> None:
+    """Row 4 of rows about (0, 30): the robot is 4 cm left of it, 6 m along the first row."""
+    bent = msgspec.structs.replace(FIELD, row_yaw_deg=0.0, row_curvature_radpm=1.0 / 30.0)
+    turn_rad, at_ahead_m = 0.2, 1.0
+    side = math.cos(back_rad)
+    radius_m = 30.0 + 3.0 * bent.row_pitch_m - side * 0.04
+    x0, y0 = bent.first_row_start_map_m
+    true = (x0 + radius_m * math.sin(turn_rad), y0 + 30.0 - radius_m * math.cos(turn_rad))
+    ahead_rad = math.atan2(at_ahead_m, radius_m)
+    robot = Robot(true[0] + 0.06, true[1] - 0.05, turn_rad + back_rad + 0.03, field=bent)
+    ends = {"end_ahead_m": (bent.row_length_m * 33.0 / 30.0 - 33.0 * turn_rad)}
+    ends = ends if side > 0.0 else {"end_ahead_m": 33.0 * turn_rad}
+    for _ in range(80):
+        robot.see(
+            offset_m=side * (33.0 - math.hypot(radius_m, at_ahead_m)),
+            heading_rad=-side * ahead_rad,
+            at_ahead_m=at_ahead_m,
+            **ends,
+        )
+    off_m = math.hypot(robot.ekf.x[X] - x0, robot.ekf.x[Y] - y0 - 30.0) - radius_m
+    assert off_m == pytest.approx(0.0, abs=0.01)
+    along_rad = math.atan2(robot.ekf.x[X] - x0, 30.0 + y0 - robot.ekf.x[Y])
+    assert along_rad * 33.0 == pytest.approx(turn_rad * 33.0, abs=0.02)
+    assert math.remainder(robot.ekf.x[YAW] - turn_rad - back_rad, math.tau) == pytest.approx(
+        0.0, abs=0.01
+    )
 
 
 def test_the_heading_of_the_line_turns_the_robot_also_when_it_drives_back() -> None:

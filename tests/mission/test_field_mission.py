@@ -24,14 +24,17 @@ from agribot.session import Session
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)  # of the farm profile
 OUTLINE = ((-1.5, -1.5), (4.5, -1.5), (5.0, 4.5), (-1.5, 4.0))
 HOLE = ((1.4, 1.2), (2.0, 1.2), (2.0, 1.8), (1.4, 1.7))
+ROOMY = (((-2.0, -3.0), (6.0, -3.0), (6.0, 3.0), (-2.0, 3.0)),)
 EMPTY = ["perception.enabled=false", 'world="empty"', "field.start_map_m=[0,0]",
          'sim.sensors="rtk"']  # fmt: skip
 
 
-def field_file(folder: Path) -> Path:
+def field_file(
+    folder: Path, outlines: tuple[tuple[tuple[float, float], ...], ...] = (OUTLINE, HOLE)
+) -> Path:
     frame = MapFrame(DATUM)
     rings = []
-    for ring in (OUTLINE, HOLE):
+    for ring in outlines:
         places = [frame.geodetic_from_map(*point) for point in (*ring, ring[0])]
         rings.append([[lon_deg, lat_deg] for lat_deg, lon_deg, _ in places])
     path = folder / "field.geojson"
@@ -101,3 +104,25 @@ def test_called_home_it_comes_back_to_where_it_began(tmp_path: Path) -> None:
     assert (truth.x_map_m, truth.y_map_m) == pytest.approx((-2.0, 0.0), abs=0.15)
     assert report.tracking.plants_crushed == 0
     assert "returned home" in report.reason
+
+
+@pytest.mark.parametrize("style", ["pivot", "arc", "three-point"])
+def test_every_style_of_turn_is_planned_and_driven(tmp_path: Path, style: str) -> None:
+    plan = tmp_path / "plan.geojson"
+    field = str(field_file(tmp_path, ROOMY))
+    wanted = ["plan", "--field", field, "--implement-width", "0.9", "--swath-angle", "90"]
+    wanted += ["--headland-passes", "2", "--turns", style, "--out", str(plan)]
+    assert main(wanted) == 0
+    kinds = [leg.kind for leg in read_plan(plan, DATUM).plan.legs]
+    assert ("reverse" in kinds) == (style == "three-point")
+    assert ("arc" in kinds) == (style != "pivot")
+    config = load("farm", [*EMPTY, f"plan={json.dumps(str(plan))}", "record.enabled=false"])
+    speeds = []
+    with Session(config, tmp_path / "run") as session:
+        for record in session.ticks():
+            speeds.append(record.estimate.v_mps)
+        report = session.finish()
+    assert report.ok, report.reason
+    assert report.mission.rows_done == report.mission.rows_total
+    assert (min(speeds) < -0.1) == (style == "three-point")
+    assert report.tracking.xte_max_m is not None and report.tracking.xte_max_m < 0.1

@@ -15,6 +15,7 @@ from agribot.plan.certify import certify
 from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import PoseTuple, SavedMission
+from agribot.plan.task import Task
 from tests.plan.planting import FARM_START, MISSION, rover
 from tests.plan.test_mission_states import Ride
 
@@ -33,7 +34,7 @@ def home(estimate: Estimate, pose: PoseTuple, _: FloatArray) -> Path:
 
 
 def ride(saved: SavedMission | None = None) -> Ride:
-    return Ride(Mission(plan, ROWS, MISSION, home=home, saved=saved))
+    return Ride(Mission(Task(plan, ROWS, home=home), MISSION, saved))
 
 
 def row_at_m(one: Ride, row: int, part: float = 0.5) -> float:
@@ -81,7 +82,7 @@ def test_a_robot_that_was_carried_away_does_not_go_on_and_says_how_far() -> None
 
 def test_another_task_is_not_taken_for_the_saved_one() -> None:
     saved, _ = cut_off()
-    other = Ride(Mission(plan, ROWS, MISSION, [(0.0, 0.0)], saved=saved))
+    other = Ride(Mission(Task(plan, ROWS, [(0.0, 0.0)]), MISSION, saved))
     longer = msgspec.structs.replace(saved, length_m=saved.length_m + 1.0)
     again = ride(longer)
     for one in (other, again):

@@ -13,6 +13,8 @@ from agribot.plan.boustrophedon import plan_rows
 from agribot.plan.certify import certify, closest_to_crop
 from agribot.plan.curves import MIN_RADIUS_M
 from agribot.plan.rows import field_rows
+from agribot.plan.speed import speed_profile
+from agribot.row_shape import beside_row, row_length_m
 from tests.plan.planting import (
     FARM,
     FARM_START,
@@ -172,3 +174,29 @@ def test_field_without_rows_is_refused() -> None:
 def test_plan_is_the_same_every_time() -> None:
     first, second = planned(FARM, FARM_START), planned(FARM, FARM_START)
     assert np.array_equal(first.xy_map_m, second.xy_map_m)
+
+
+@pytest.mark.parametrize("bend_radpm", [0.03, -0.03, 0.1])
+def test_bent_rows_are_driven_along_their_arcs_with_the_wheels_off_the_crop(
+    bend_radpm: float,
+) -> None:
+    field = msgspec.structs.replace(FARM, row_curvature_radpm=bend_radpm)
+    rows = field_rows(field)
+    path = planned(field, FARM_START)
+    certify(path, rows, rover(), MISSION.plant_clearance_m)
+    assert rows_in_order(path) == [0, 1, 2, 3, 4, 5]
+    for row in rows:
+        on_row = path.row == row.index
+        along_m, left_m, _ = beside_row(row, *path.xy_map_m[on_row].T)
+        assert np.abs(left_m).max() < 1e-6
+        assert along_m.min() < 0.03 and along_m.max() > row_length_m(row) - 0.03
+    speed_mps = np.array(speed_profile(path, MISSION))
+    middle = (path.row == 2) & (np.abs(path.s_m - path.s_m[path.row == 2].mean()) < 2.0)
+    assert speed_mps[middle] == pytest.approx(MISSION.speed_mps)
+
+
+def test_a_straight_path_over_a_bent_row_is_refused_where_a_wheel_meets_the_crop() -> None:
+    straight = planned(FARM, FARM_START)
+    bent = field_rows(msgspec.structs.replace(FARM, row_curvature_radpm=0.03))
+    with pytest.raises(MissionError, match="row"):
+        certify(straight, bent, rover(), MISSION.plant_clearance_m)

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from agribot.devices import BaseFix, BatterySample, BumperSample
+from agribot.mapped_plant import MappedPlant
 from agribot.messages import (
     CameraFrame,
     DriveCommand,
@@ -18,7 +19,6 @@ from agribot.messages import (
     ImplementCommand,
     ImuSample,
     MagSample,
-    MappedPlant,
     MissionState,
     MissionStatus,
     OperatorEvent,

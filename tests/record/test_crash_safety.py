@@ -24,6 +24,7 @@ from agribot.record.recovery import recover
 from agribot.record.replay import read_config, read_ticks, read_weed_map
 from tests.record import record_samples as samples
 from tests.record.bag.bag_samples import write_run
+from tests.record.killed_run import kill_a_run
 
 ROOT = Path(__file__).parents[2]
 KILLS = int(os.environ.get("AGRIBOT_KILLS", "5"))
@@ -64,6 +65,16 @@ def test_a_killed_recorder_leaves_a_file_that_opens_and_lacks_at_most_a_second(
         imu = sum(1 for _ in reader.iter_decoded_messages([topics.IMU.name]))
     assert imu == 4 * len(kept)
     assert saved.messages == read_info(tmp_path / "saved.mcap").messages
+
+
+@pytest.mark.parametrize("after_s", np.random.default_rng(12).uniform(0.1, 4.0, 3).tolist())
+def test_a_whole_run_that_is_killed_leaves_files_that_open_and_lacks_at_most_a_second(
+    after_s: float, tmp_path: Path
+) -> None:
+    killed = kill_a_run(tmp_path, after_s)
+    assert killed.lost_s <= 1.0 + 0.02
+    assert killed.recovered > 0
+    assert killed.notes == ()
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,8 @@ from rosbags.highlevel import AnyReader
 from agribot import topics
 from agribot.config import RunConfig, load
 from agribot.errors import EndOfRecording, RecordingError
-from agribot.messages import MappedPlant, RobotCommand, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import RobotCommand, TickRecord
 from agribot.record.recorder import RunRecorder
 from agribot.record.replay import (
     ReplayPlatform,

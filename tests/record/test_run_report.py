@@ -54,6 +54,7 @@ CONTRACT: dict[str, Any] = {
         "treated_true", "crops_hit", "spray_area_ratio",
     ],
     "safety": ["stops", "faults"],
+    "marks": None,
 }  # fmt: skip
 NASTY = '<script>alert("x")</script> & more'
 

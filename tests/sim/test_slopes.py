@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from agribot.config import PerceptionConfig, RunConfig, SimConfig
+from agribot.estimate.slope import slide_m
 from agribot.messages import DriveCommand, FloatArray, RobotCommand
 from agribot.robot import Origin, RobotSpec, Shape
 from agribot.sim.platform import SimPlatform
@@ -137,3 +138,21 @@ def test_a_board_on_the_ground_is_a_bump_and_a_kerb_is_a_wall(
     assert pitch.max() == pytest.approx(lifted, rel=0.5)
     assert board[-1].x_map_m > 2.2
     assert kerb[-1].x_map_m == pytest.approx(1.35 - 0.342, abs=0.08)
+
+
+@pytest.mark.parametrize("yaw_deg", [90.0, -90.0])
+def test_half_a_turn_on_ten_degrees_slides_downhill_as_the_pose_filter_expects(
+    rover: RobotSpec, meadow: WorldSpec, yaw_deg: float
+) -> None:
+    """Half a turn across the slope at 0.3 m/s, begun straight; the odometry tells the arc."""
+    world = _plane(meadow, 10.0, yaw_deg)
+    truths = _drive(rover, world, 0.3, 0.2 + math.pi / 0.6, 0.6)
+    start, end = truths[10], truths[-1]
+    turned_rad = np.unwrap([truth.yaw_map_rad for truth in truths])
+    along_m = 0.3 * 0.02 * np.cos(turned_rad[10:])
+    slid_m = end.x_map_m - start.x_map_m - float(along_m.sum())
+    up_body = (0.0, -math.sin(math.radians(10.0)), math.cos(math.radians(10.0)))
+    reach_m = math.hypot(
+        *slide_m(turned_rad[-1] - turned_rad[10], up_body, rover.drive.wheelbase_m)
+    )
+    assert -slid_m == pytest.approx(reach_m, rel=0.35)

@@ -17,11 +17,11 @@ import pytest
 from agribot import config
 from agribot.cli import main
 from agribot.errors import ConfigError
-from agribot.record.report import Report, TimeReport, read_report
+from agribot.record.report import Report, TimeReport, TrackingReport, read_report
 from agribot.session import Session
 from agribot.sweep.execution import RayExecutor
 from agribot.sweep.plan import Job, plan, read_seeds
-from agribot.sweep.tables import flattened, summarise
+from agribot.sweep.tables import flattened, markdown, pooled_rms_m, summarise
 
 SHORT = ("duration_s=2", "record.enabled=false", "perception.enabled=false")
 FIXED = [word for setting in SHORT for word in ("--set", setting)]
@@ -81,6 +81,31 @@ def test_the_tables_hold_what_the_reports_say(swept: Path) -> None:
     assert summary[1]["mean"]["mission.distance_m"] == pytest.approx(statistics.mean(driven_m))
     assert summary[1]["std"]["mission.distance_m"] == pytest.approx(statistics.stdev(driven_m))
     assert "weeds.f1" not in summary[1]["mean"]
+
+
+def test_the_table_for_people_pools_the_missions_of_each_combination(swept: Path) -> None:
+    table = (swept / "summary.md").read_text().splitlines()
+    assert [line.split("|")[2].strip() for line in table[2:]] == [
+        "sim.sensors=rtk",
+        "sim.sensors=ideal",
+    ]
+    assert all("| 0 of 2 | 0 of 12 |" in line for line in table[2:])
+
+
+def test_the_error_of_a_combination_is_that_of_all_its_missions_together() -> None:
+    jobs = [Job(name=n, profile="farm", seed=0, fixed=(), settings=()) for n in "abc"]
+    empty = Report(profile="farm", seed=0, sensors="rtk", version="0", ok=True, reason="")
+    found = {
+        name: msgspec.structs.replace(
+            empty, tracking=TrackingReport(xte_rms_m=rms_m, xte_max_m=max_m, plants_crushed=1)
+        )
+        for name, rms_m, max_m in (("a", 0.01, 0.03), ("b", 0.07, 0.2))
+    }
+    (entry,) = summarise(jobs, found)
+    assert pooled_rms_m(entry) == pytest.approx(0.05)
+    (line,) = markdown([entry]).splitlines()[2:]
+    assert "| 2 of 3 |" in line  # the third gave no report
+    assert "| 5.0 cm | - | 20.0 cm | 2 |" in line
 
 
 def test_a_second_call_runs_only_what_is_missing(

@@ -11,6 +11,7 @@ from agribot.errors import AgribotError, ConfigError
 from agribot.perceive.segmenter import Segmenter
 from agribot.train.card import ModelCard
 from agribot.train.main import add_arguments, run
+from agribot.train.sources import photo_source
 from tests.train.photo_folder import photo_folder, spoil
 
 
@@ -29,7 +30,9 @@ def test_one_command_goes_from_nothing_to_weights_with_a_card(
     weights = tmp_path / "agribot-sim.onnx"
     card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
     assert (card.plan.steps, card.train_images) == (2, 4)
-    assert set(card.test) == {"random-fields", "farm"}
+    assert set(card.test) == {"random-fields", "farm", "row-crops"}
+    assert card.calibration is not None and card.calibration.images == 2
+    assert card.calibration.temperature > 0.0
     assert np.array(card.test["farm"].confusion).sum() > 100_000
     image_rgb = np.zeros((480, 640, 3), dtype=np.uint8)
     assert Segmenter(weights).segment(image_rgb).class_id.shape == (480, 640)
@@ -81,6 +84,32 @@ def test_broken_pairs_do_not_stop_a_training_but_its_status_tells(
     assert run(parsed(*words, "--steps", "1", "--size", "64x64", "--out", str(tmp_path / "o"))) == 1
     said = capsys.readouterr().err
     assert all(f"{name}:" in said for name in broken)
+
+
+@pytest.mark.slow
+def test_simulated_images_give_a_quarter_of_each_batch_of_photographs(tmp_path: Path) -> None:
+    folder = photo_folder(tmp_path / "photos", 3)
+    words: tuple[str, ...] = ("--data", "folder", "--data-dir", str(folder), "--with-sim", "2")
+    args = parsed(*words, "--out", str(tmp_path / "out"))
+    source = photo_source(args, lambda text: None)
+    images, labels = source.batches(np.random.default_rng(0))
+    again, _ = source.batches(np.random.default_rng(0))
+    assert len(images) == len(labels) == source.recipe.batch_size
+    assert bool((images == again).all())
+    alone = photo_source(
+        parsed(*words[:4], "--out", str(tmp_path / "out")), lambda text: None
+    ).batches(np.random.default_rng(0))[0]
+    drawn = len(images) // 4
+    assert len(list((tmp_path / "out" / "images" / "train-random").glob("*.image.png"))) == 2
+    # The photographs' part does not depend on the simulated one, and the rest is no photograph.
+    assert bool((images[:-drawn] == alone[:-drawn]).all())
+    assert not bool((images[-drawn:] == alone[-drawn:]).all())
+    assert "simulator" in source.about
+
+
+def test_simulated_images_are_added_to_photographs_only(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--with-sim"):
+        run(parsed("--with-sim", "5", "--out", str(tmp_path)))
 
 
 def test_two_trainings_of_one_seed_are_identical(tmp_path: Path) -> None:

@@ -17,7 +17,8 @@ pytest.importorskip("websockets")
 
 from agribot import config
 from agribot.description.loader import load_robot, urdf_text
-from agribot.ui.about import about_run
+from agribot.plan.rows import field_rows
+from agribot.ui.about import about_run, field_of
 from agribot.ui.address import Address
 from agribot.ui.hub import About
 from agribot.ui.server_process import ServerProcess
@@ -27,9 +28,9 @@ from tests.ui.client import Page
 class Robot:
     """The robot's end of the line: sends what it is told to, keeps every order it gets."""
 
-    def __init__(self, home: Path, host: str = "127.0.0.1") -> None:
+    def __init__(self, home: Path, address: Address | None = None) -> None:
         self.home = home
-        self.address = Address(host=host, port=0)
+        self.address = address or Address(port=0)
         self.server = ServerProcess(self.address, self._about)
         self.orders: list[dict[str, Any]] = []
         self._news = threading.Condition()
@@ -64,12 +65,10 @@ class Robot:
             self._news.notify_all()
 
     def _about(self, port: int) -> About:
-        settings, robot, run = (
-            config.load("farm"),
-            load_robot("agribot"),
-            self.home / "runs" / "now",
-        )
-        return about_run(self.address, port, settings, robot, urdf_text("agribot"), (), run)
+        settings, robot = config.load("farm"), load_robot("agribot")
+        field = field_of(settings, field_rows(settings.field))
+        urdf, run = urdf_text("agribot"), self.home / "runs" / "now"
+        return about_run(self.address, port, settings, robot, urdf, field, run)
 
 
 @pytest.fixture(autouse=True, scope="session")

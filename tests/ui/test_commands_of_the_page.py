@@ -111,8 +111,10 @@ def test_the_benchmark_counts_states_and_ticks() -> None:
         check=False,
         timeout=60,
     )
-    assert done.returncode == 0, done.stderr
-    none, two = json.loads(done.stdout.splitlines()[-1])["phases"]
+    assert done.returncode in {0, 1}, done.stderr  # a busy machine is slower than it should be
+    result = json.loads(done.stdout.splitlines()[-1])
+    assert result["ok"] == (done.returncode == 0) == all(one["ok"] for one in result["limits"])
+    none, two = result["phases"]
     assert none["state_hz"] is None
     assert two["state_hz"] > 5.0
     assert two["server_rss_bytes"] > 1e6

@@ -17,11 +17,11 @@ from shapely.geometry import Polygon
 from agribot import config
 from agribot.cli import main
 from agribot.geo import MapFrame
+from agribot.gis.mbtiles import import_mbtiles
 from agribot.session import Session
 from agribot.ui.address import Address, home
 from agribot.ui.operator_page import OperatorPage
 from agribot.ui.panels import Panels
-from agribot.ui.tiles import import_mbtiles
 from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
 
@@ -260,7 +260,10 @@ def test_agribot_map_imports_lists_and_refuses(
     (tmp_path / "x.mbtiles").write_text("none", encoding="utf-8")
     assert main(["map", "import", str(tmp_path / "x.mbtiles")]) == 2
     assert main(["map", "import", str(tmp_path / "x.tif")]) == 2
-    assert "gdal_translate" in capsys.readouterr().err
+    assert "does not exist" in capsys.readouterr().err
+    assert main(["map", "import", str(tmp_path / "x.mbtiles"), "--name", "../x"]) == 2
+    assert main(["map", "remove", "field"]) == 0
+    assert main(["map", "remove", "field"]) == 2
 
 
 def test_recordings_are_listed_with_their_result_and_can_be_downloaded(
@@ -345,6 +348,7 @@ def test_a_program_adds_panels_without_javascript(tmp_path: Path) -> None:
     panels.button("Beep", lambda: "beeped", needs_seat=False)
     panels.button("Break", lambda: 1 / 0, needs_seat=False)
     panels.plot("Speeds", ["v_mps"])
+    panels.listen("route", lambda stops: f"{len(stops)} stops")
     settings = config.load("farm", ["perception.enabled=false", "record.enabled=false"])
     with (
         Session(settings, tmp_path / "run") as session,
@@ -353,7 +357,7 @@ def test_a_program_adds_panels_without_javascript(tmp_path: Path) -> None:
         browser = Browser(page.server.port)
         _, listed = browser.ask("GET", "/api/v1/panels")
         assert [one["kind"] for one in listed] == [
-            "layer", "form", "image", "button", "button", "plot"
+            "layer", "form", "image", "button", "button", "plot", "listener"
         ]  # fmt: skip
         assert browser.ask("GET", "/api/v1/panels/image-sky") == (200, b"\x89PNG sky")
         assert browser.ask("GET", "/api/v1/panels/layer-hedges")[1]["features"] == []
@@ -367,4 +371,7 @@ def test_a_program_adds_panels_without_javascript(tmp_path: Path) -> None:
             wrong = browser.ask("POST", "/api/v1/panels/form-rate", {"litres_per_ha": "many"})
             assert wrong[0] == 422
             assert browser.ask("POST", "/api/v1/panels/form-rate", {"litres_per_ha": 120})[0] == 200
+            stops = {"points": [[0, 0], [1.5, 2]]}
+            heard = browser.ask("POST", "/api/v1/panels/listener-route", stops)[1]
+            assert heard["text"] == "2 stops"
     assert given == [Rate(litres_per_ha=120.0)]

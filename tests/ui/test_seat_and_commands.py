@@ -89,19 +89,62 @@ def test_speed_is_limited_by_the_scale_and_by_the_robot(robot: Robot, page: Page
 def test_marks_and_clicked_points_go_into_the_recording(robot: Robot, page: Page) -> None:
     page.send(k="mark", text="a stone")
     page.send(k="point", id=1, x=1.5, y=-2.0)
-    robot.wait_for(lambda order: order.get("text") == "mark: a stone")
+    robot.wait_for(lambda order: order.get("action") == "mark" and order["text"] == "a stone")
     robot.wait_for(lambda order: "East 1.500 m, North -2.000 m" in order.get("text", ""))
 
 
-def test_what_the_robot_cannot_do_is_refused_with_a_reason(page: Page) -> None:
+def test_a_drawn_polygon_goes_into_the_recording(robot: Robot, page: Page) -> None:
+    assert page.ask(k="shape", id=1, what="polygon", xy=[[0, 0], [2.5, 0], [2.5, -1]])["ok"]
+    robot.wait_for(
+        lambda order: (
+            "polygon (East North, m): 0.00 0.00, 2.50 0.00, 2.50 -1.00" in order.get("text", "")
+        )
+    )
+
+
+def test_an_unknown_order_is_refused_with_a_reason(page: Page) -> None:
     page.take_seat()
-    for message in ({"k": "goto", "x": 1, "y": 1}, {"k": "mission", "action": "fly"}):
-        answer = page.ask(**message, id=5)
+    for action in ("fly", "note", "plan", "goto"):
+        answer = page.ask(k="mission", action=action, id=5)
         assert not answer["ok"]
-        assert answer["reason"]
+        assert action in answer["reason"]
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"k": 3}', '{"k": "no such"}', '{"k":"drive"}'])
+@pytest.mark.parametrize(("verdict", "ok"), [("goal refused: beyond the fence", False), ("", True)])
+def test_a_goal_is_answered_with_what_the_mission_makes_of_it(
+    robot: Robot, page: Page, verdict: str, ok: bool
+) -> None:
+    goal = {"k": "goto", "x": 1.0, "y": 2.0, "yaw": 0.5}
+    assert "seat" in page.ask(id=1, **goal)["reason"]
+    page.take_seat()
+    page.send(id=2, **goal)
+    asked = robot.wait_for(lambda order: order.get("name") == "request")
+    assert asked["values"]["action"] == "goto"
+    assert asked["values"]["numbers"] == [1.0, 2.0, 0.5]
+    robot.say({"k": "reply", "number": asked["number"], "value": verdict})
+    answer = page.receive("ack")
+    assert (answer["id"], answer["ok"], answer["reason"]) == (2, ok, verdict)
+
+
+def test_a_recording_is_begun_and_ended_by_operators_without_the_seat(
+    robot: Robot, page: Page
+) -> None:
+    for action in ("start", "stop"):
+        assert page.ask(k="record", action=action, id=action)["ok"]
+        robot.wait_for(lambda order: order.get("action") == f"{action}_recording")  # noqa: B023
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{",
+        "[]",
+        '{"k": 3}',
+        '{"k": "no such"}',
+        '{"k":"drive"}',
+        '{"k":"shape","what":"route","xy":[[1]]}',
+    ],
+)
 def test_a_malformed_message_costs_the_line_and_nothing_else(robot: Robot, text: str) -> None:
     with Page(robot.port, tab="broken") as broken:
         broken.line.send(text)

@@ -6,11 +6,13 @@ import socket
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from agribot.ui.access import MAX_FAILURES, SESSION_LIFE_S, Access, Caller, Refusal
+from agribot.ui.address import Address
 from agribot.ui.answers import inside
 from agribot.ui.sockets import MAX_MESSAGES_PER_S, MAX_SOCKETS
 from tests.ui.client import Page
@@ -36,7 +38,7 @@ def ask(
 @pytest.fixture(scope="module")
 def lan_robot(tmp_path_factory: pytest.TempPathFactory, _own_home: None) -> Iterator[Robot]:
     """Served at an address that is not one of this machine alone, so that a token is needed."""
-    robot = Robot(tmp_path_factory.mktemp("lan"), host="0.0.0.0")
+    robot = Robot(tmp_path_factory.mktemp("lan"), Address(host="0.0.0.0", port=0))
     robot.start()
     yield robot
     robot.server.close()
@@ -118,10 +120,20 @@ def test_a_viewer_looks_on_and_stops_but_never_drives(lan_robot: Robot) -> None:
         answer = page.ask(k="take", id=1, force=True)
         assert not answer["ok"]
         assert "viewer" in answer["reason"]
+        orders: tuple[dict[str, Any], ...] = (
+            {"k": "goto", "x": 1.0, "y": 1.0}, {"k": "record", "action": "stop"},
+            {"k": "mark", "text": "x"}, {"k": "pose_estimate", "x": 0.0, "y": 0.0, "yaw": 0.0},
+        )  # fmt: skip
+        for number, order in enumerate(orders, start=2):
+            assert "viewer" in page.ask(id=number, **order)["reason"]
         page.send(k="stop")
         lan_robot.wait_for(lambda order: order.get("action") == "stop")
     put = ask(lan_robot, "PUT", "/api/v1/views/x", {**origin, "Cookie": cookie}, b"{}")
     assert put[0] == 403
+    for path in ("plan/apply", "recordings/start", "recordings/stop", "recordings/mark"):
+        post = ask(lan_robot, "POST", f"/api/v1/{path}", {**origin, "Cookie": cookie}, b"{}")
+        assert post[0] == 403, path
+    assert [o["action"] for o in lan_robot.of_kind("event") if o["action"] != "note"] == ["stop"]
 
 
 def test_guessing_tokens_is_cut_off_and_expired_sessions_are_strangers(

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import io
 import json
+import shutil
 import struct
 import time
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,12 +16,15 @@ from PIL import Image
 
 from agribot import config
 from agribot.messages import ByteArray
+from agribot.record.recorder import RunRecorder
 from agribot.session import Session
 from agribot.ui.camera import LADDER, QUICK_TIMES, Camera, Ladder, Picture, encode, unpacked
 from agribot.ui.channel import CHANGES_KEPT, STATES_KEPT, Channel, Client, signal_table
 from agribot.ui.feed import packed
 from agribot.ui.hub import Hub
+from agribot.ui.pictures import Pictures
 from agribot.ui.replay import Replay
+from tests.record import record_samples as samples
 from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
 
@@ -217,3 +222,65 @@ def test_nothing_can_be_commanded_in_a_replay_but_the_stop_reaches_the_robot(
             pass
     for wrong in ({"name": "../x"}, {"name": "short", "speed": 99}, {"name": "short", "t_s": "x"}):
         assert browser.ask("POST", "/api/v1/replay", wrong)[0] in {400, 404}
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording with a picture each second, and circles around what was found in it."""
+    path = tmp_path_factory.mktemp("filmed") / "run.mcap"
+    recorder = RunRecorder(path, config.load("farm"), samples.robot(), samples.URDF)
+    for record in samples.ticks(150, with_camera=True):
+        recorder(record)
+    recorder.close()
+    return path
+
+
+def test_a_recording_has_its_pictures_by_time_with_and_without_what_was_found(
+    filmed: Path,
+) -> None:
+    pictures = Pictures.load(filmed)
+    assert pictures.at(-1.0) is None
+    first, late = pictures.at(0.5), pictures.at(2.9)
+    assert first is not None and late is not None
+    assert (first[0], late[0]) == (0, 2)
+    width, height = Image.open(io.BytesIO(first[1].image)).size
+    assert (height, width, 3) == samples.frame(0, 0.0).image_rgb.shape
+    assert first[1].found and first[1].found != first[1].image
+
+
+def test_a_replay_shows_the_camera_and_live_pictures_come_back_after_it(
+    robot: Robot, filmed: Path
+) -> None:
+    (robot.home / "runs" / "filmed").mkdir(parents=True)
+    shutil.copyfile(filmed, robot.home / "runs" / "filmed" / "run.mcap")
+    browser = Browser(robot.port)
+    cookie: dict[str, Any] = {"additional_headers": {"Cookie": browser.cookie}}
+    with (
+        Page(robot.port, tab="film", **cookie) as page,
+        Page(robot.port, path="/ws/cam/main?mask=0", **cookie) as viewer,
+    ):
+        start = {"name": "filmed", "speed": 0, "t_s": 2.5}
+        assert browser.ask("POST", "/api/v1/replay", start)[0] == 200
+        while page.receive("s").get("mode") != "replay":
+            pass
+        shown = Pictures.load(filmed).at(2.5)
+        assert shown is not None
+        while (data := received(viewer, 10.0))[16:] != shown[1].image:
+            pass  # a picture of the robot that was under way
+        assert struct.unpack(">BBHId", data[:16])[3] == shown[0]
+        assert browser.ask("POST", "/api/v1/replay", {"name": None})[0] == 200
+        image, _ = picture()
+        end_s, number = time.monotonic() + 30.0, 0
+        while number != 77:
+            assert time.monotonic() < end_s, "the robot's pictures did not come back"
+            robot.server.camera_link.send_bytes(packed(0, 77, 5.0, image))
+            with contextlib.suppress(TimeoutError):
+                number = struct.unpack(">BBHId", received(viewer, 0.2)[:16])[3]
+
+
+def received(viewer: Page, timeout_s: float) -> bytes:
+    """The next picture, which is drawn at once."""
+    data = viewer.line.recv(timeout=timeout_s)
+    assert isinstance(data, bytes)
+    viewer.line.send("a")
+    return data

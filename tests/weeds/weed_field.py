@@ -9,15 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from agribot.config import WeedConfig
-from agribot.messages import (
-    Estimate,
-    FloatArray,
-    GnssQuality,
-    GroundPlant,
-    MappedPlant,
-    PlantClass,
-    Scene,
-)
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import Estimate, FloatArray, GnssQuality, GroundPlant, PlantClass, Scene
 from agribot.weeds.map import WeedMap
 
 LENGTH_M = 8.0

@@ -50,7 +50,7 @@ export function words(name: string): string {
 }
 
 const UNIT_SUFFIX = /_(mps2?|radps2?|rad|deg|hz|px|ratio|m|s|v|a)$/
-const SIGNAL_NAMES: Record<string, string> = { v: 'Speed', v_commanded: 'Speed commanded', pos_std: 'Position ±', yaw_std: 'Heading ±' }
+const SIGNAL_NAMES: Record<string, string> = { v: 'Speed', v_commanded: 'Speed commanded', pos_std: 'Position ±', yaw_std: 'Heading ±', protection: 'Protection level' }
 
 /** A name of the robot's code without its unit, as words: `yaw_rate_radps` is 'Yaw rate'. */
 export function quantity(name: string): string {

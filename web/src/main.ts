@@ -64,7 +64,7 @@ async function boot(): Promise<void> {
   const off = new Set((new URLSearchParams(location.search).get('off') ?? '').split(','))
   const app = new App(store, link, session, toasts, dialogs, off)
   const extras = await api.panels().catch(() => [])
-  const screens = extras.some((panel) => panel.kind !== 'layer') ? [...SCREENS, PANELS_SCREEN] : SCREENS
+  const screens = extras.some((panel) => panel.kind !== 'layer' && panel.kind !== 'listener') ? [...SCREENS, PANELS_SCREEN] : SCREENS
   const main = el('main', { class: 'main', id: 'main' })
   const router = new Router(app, screens, main)
   shell.append(
@@ -75,6 +75,7 @@ async function boot(): Promise<void> {
   store.on('link', (linked) => {
     if (linked && !app.field) void app.loadWorld()
   })
+  store.on('field', () => void app.loadWorld())
   link.start()
   await app.loadWorld()
   await router.show()

@@ -20,6 +20,8 @@ interface Events {
   link: boolean
   signals: SignalBuffer
   stale: boolean
+  /** Another field or task: what was read of it is out of date. */
+  field: null
 }
 
 export class Store extends Emitter<Events> {
@@ -90,6 +92,9 @@ export class Store extends Emitter<Events> {
         this.log.push(message)
         if (this.log.length > LOG_LENGTH) this.log.shift()
         this.emit('log', this.log)
+        break
+      case 'field':
+        this.emit('field', null)
         break
       case 'pong':
         this.rttMs = nowMs - message.c

@@ -16,7 +16,7 @@ export interface LogEvent { t: number; level: Level; source: string; text: strin
 export interface PathData { xy: Vec2[]; row: number[] }
 export interface Mission {
   state: string; reason: string; row: number | null; rows_total: number; rows_done: number[]
-  s_m: number; length_m: number; eta_s: number | null; wp_total: number; wp_reached: number
+  s_m: number; length_m: number; eta_s: number | null; wp_total: number; wp_reached: number; leg?: string
 }
 export interface Replay { name: string; t_s: number; start_s: number; end_s: number; speed: number }
 export interface State {
@@ -28,8 +28,11 @@ export interface State {
   mission: Mission | null
   mode: Mode; stop: string; reason: string
   battery: { v: number; pct: number | null } | null
+  att?: [roll: number, pitch: number] | null
   weeds: number; rtf: number | null; xte_m: number | null; nozzles: boolean[]; sig: number[][]
   replay?: Replay | null
+  /** The folder that is being written, empty while nothing is recorded. */
+  recording?: string
 }
 
 export type ServerMessage =
@@ -44,6 +47,7 @@ export type ServerMessage =
   | { k: 'weeds'; rev: number; set: Weed[]; gone: number[] }
   | ({ k: 'event' } & LogEvent)
   | { k: 'seat'; seat: Seat; holder: string; clients: number }
+  | { k: 'field' }
   | { k: 'ack'; id: string | null; ok: boolean; reason: string }
   | { k: 'pong'; c: number }
   | { k: 'bye'; reason: string }
@@ -55,6 +59,9 @@ export type Command =
   | { k: 'goto'; x: number; y: number; yaw: number | null }
   | { k: 'pose_estimate'; x: number; y: number; yaw: number }
   | { k: 'point'; x: number; y: number }
+  | { k: 'record'; action: 'start' | 'stop' }
+  | { k: 'mark'; text: string }
+  | { k: 'shape'; what: 'polygon' | 'route'; xy: Vec2[] }
 
 export type ClientMessage =
   | (Command & { id: string })
@@ -65,9 +72,8 @@ export type ClientMessage =
   | { k: 'drive'; seq: number; v: number; w: number }
   | { k: 'scale'; value: number }
   | { k: 'stop' }
-  | { k: 'mark'; text: string }
 
-const KINDS = new Set(['hello', 'snap', 's', 'traj', 'path', 'weeds', 'event', 'seat', 'ack', 'pong', 'bye'])
+const KINDS = new Set(['hello', 'snap', 's', 'traj', 'path', 'weeds', 'event', 'seat', 'field', 'ack', 'pong', 'bye'])
 
 /** The message in one text frame, or null for anything that is not one of ours. */
 export function parseMessage(text: string): ServerMessage | null {
@@ -110,7 +116,7 @@ export interface Session {
 export interface Field {
   name: string
   datum: { lat_deg: number; lon_deg: number }
-  rows: { index: number; start_map_m: Vec2; end_map_m: Vec2 }[]
+  rows: { index: number; start_map_m: Vec2; end_map_m: Vec2; points_map_m: Vec2[] }[]
   boundary_map_m: Vec2[] | null
   waypoints_map_m: Vec2[]
   start_map_m: Vec2 | null
@@ -141,7 +147,7 @@ export interface Health {
 }
 export interface MapSource {
   name: string; url: string; minzoom: number; maxzoom: number
-  bounds: [number, number, number, number] | null; attribution: string | null
+  bounds: [number, number, number, number] | null; attribution: string | null; format?: string
 }
 export interface PlanReply {
   ok: boolean; reasons: { text: string; at_map_m: Vec2 | null }[]
@@ -150,7 +156,10 @@ export interface PlanReply {
 export interface FormField { type?: string; default?: SettingValue; enum?: string[]; minimum?: number; maximum?: number; description?: string; title?: string }
 export interface FormSchema { $ref?: string; $defs?: Record<string, FormSchema>; properties?: Record<string, FormField>; required?: string[] }
 export interface Panel {
-  id: string; title: string; kind: 'layer' | 'plot' | 'form' | 'image' | 'button'
+  id: string; title: string; kind: 'layer' | 'plot' | 'form' | 'image' | 'button' | 'listener'
   fields?: string[]; schema?: FormSchema; refresh_s?: number; needs_seat?: boolean
-  style?: { color?: string; width_px?: number; radius_px?: number; opacity?: number }
+  /** Of a layer: which kind of display draws it, and how. */
+  type?: string; style?: Record<string, SettingValue>; draw_order?: number; visible?: boolean
+  /** Of a listener: the shapes it wants to hear of. */
+  what?: 'point' | 'polygon' | 'route'
 }

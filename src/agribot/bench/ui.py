@@ -27,6 +27,36 @@ from agribot.ui.operator_page import OperatorPage
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 WARM_UP_S = 3.0
+SETTLE_S = 20.0  # until buffers have their size
+SLOW_MPS = 0.15
+
+
+class Growth(msgspec.Struct, frozen=True, kw_only=True):
+    """Memory while one client reads everything, and of a page in Chromium where there is one.
+
+    `page_heap_growth_bytes` is what JavaScript holds after collecting its garbage.
+    """
+
+    seconds: float
+    server_growth_bytes: int
+    page_heap_growth_bytes: int | None
+
+
+class Limit(msgspec.Struct, frozen=True, kw_only=True):
+    """A figure and what it should be; a figure that nobody measured has no verdict."""
+
+    name: str
+    value: float | None
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def ok(self) -> bool:
+        if self.value is None:
+            return True
+        return (self.low is None or self.value >= self.low) and (
+            self.high is None or self.value <= self.high
+        )
 
 
 class Phase(msgspec.Struct, frozen=True, kw_only=True):
@@ -50,12 +80,15 @@ def run(
     seconds: float = 20.0,
     camera: bool = True,
     profile: str = "farm",
+    growth_s: float = 0.0,
 ) -> dict[str, Any]:
-    """Measure each number of clients for so long, in order.
+    """Measure each number of clients for so long, in order, then the growth of memory.
 
+    The robot drives slowly, so that its mission outlasts the benchmark.
     Raises: AgribotError: the profile, the page's packages or a client do not work.
     """
-    chosen = [f"perception.enabled={str(camera).lower()}", "record.enabled=false"]
+    drive = f"mission.speed_mps={SLOW_MPS if growth_s else config.load(profile).mission.speed_mps}"
+    chosen = [f"perception.enabled={str(camera).lower()}", "record.enabled=false", drive]
     settings = config.load(profile, chosen)
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -65,13 +98,68 @@ def run(
         clock = _Clock(session, 1.0 / settings.tick_hz)
         clock.drive(WARM_UP_S)
         phases = [_phase(clock, page, count, seconds) for count in clients]
-    many, none = phases[-1], phases[0]
+        growth = _growth(clock, page, growth_s) if growth_s else None
+    limits = limits_of(phases, growth)
     return {
         "benchmark": "ui",
         "camera": camera,
+        "load_average": os.getloadavg()[0],
         "phases": [msgspec.to_builtins(phase) for phase in phases],
-        "rss_growth_bytes": many.server_rss_bytes - none.server_rss_bytes,
+        "growth": msgspec.to_builtins(growth),
+        "limits": [{**msgspec.to_builtins(limit), "ok": limit.ok} for limit in limits],
+        "ok": all(limit.ok for limit in limits),
     }
+
+
+def limits_of(phases: Sequence[Phase], growth: Growth | None) -> list[Limit]:
+    """What the page may cost: of a core, of memory; and the rate at which it is told."""
+    by_clients = {phase.clients: phase for phase in phases}
+    one, many = by_clients.get(1), max(phases, key=lambda phase: phase.clients)
+    limits = []
+    if one is not None:
+        limits.append(Limit(name="server CPU, 1 client", value=one.server_cpu_ratio, high=0.15))
+        if many.clients > 1:
+            more = round(many.server_cpu_ratio - one.server_cpu_ratio, 4)
+            limits.append(Limit(name=f"more for {many.clients} clients", value=more, high=0.04))
+    for phase in phases:
+        if phase.state_hz is not None:
+            name = f"states per second, {phase.clients} clients"
+            limits.append(Limit(name=name, value=phase.state_hz, low=27.0, high=33.0))
+    if growth is not None:
+        page = growth.page_heap_growth_bytes
+        limits.append(
+            Limit(name="server growth, bytes", value=growth.server_growth_bytes, high=10e6)
+        )
+        limits.append(Limit(name="page growth, bytes", value=page, high=8e6))
+    return limits
+
+
+def _growth(clock: _Clock, page: OperatorPage, seconds: float) -> Growth:
+    pid = page.server.process.pid
+    assert pid is not None  # it runs
+    watching = _start_clients(page, 1, 0, seconds + SETTLE_S)
+    browsing = _start_browser(page, seconds)
+    clock.drive(SETTLE_S)
+    before_bytes = _rss_bytes(pid)
+    clock.drive(seconds)
+    after_bytes = _rss_bytes(pid)
+    _result_of(watching, clock)
+    try:
+        heap = _result_of(browsing, clock).get("heap_growth_bytes")
+    except PlatformError:
+        heap = None  # no browser here, as it has said itself
+    return Growth(
+        seconds=seconds, server_growth_bytes=after_bytes - before_bytes, page_heap_growth_bytes=heap
+    )
+
+
+def _start_browser(page: OperatorPage, seconds: float) -> subprocess.Popen[str]:
+    words = [page.url, str(seconds)]
+    return subprocess.Popen(
+        [sys.executable, "-m", "agribot.bench.ui_browser", *words],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
 
 
 class _Clock:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from agribot.errors import BridgeError
+from agribot.messages import TickRecord
 from agribot.ros.rosmsg import typestore
 from agribot.topic import Topic
 
@@ -61,6 +62,9 @@ class FoxgloveGateway:
             with self._lock:
                 self._latched[topic.name] = (data, t_ns)
         channel.log(data, log_time=t_ns)
+
+    def step(self, _record: TickRecord) -> None:
+        """The topics say it all."""
 
     def close(self) -> None:
         if self._open:

@@ -14,7 +14,8 @@ from agribot import topics
 from agribot.bridge.send_queue import SendQueue
 from agribot.errors import BridgeError
 from agribot.geo import Datum
-from agribot.messages import MappedPlant, Path, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import Path, TickRecord
 from agribot.robot import RobotSpec
 from agribot.ros import cdr
 from agribot.ros.camera_log import CameraLog
@@ -51,6 +52,10 @@ class Gateway(Protocol):
         """Send one CDR message. Raises: BridgeError: the gateway is closed or lost its peer."""
         ...
 
+    def step(self, record: TickRecord) -> None:
+        """After the messages of each tick of a robot, for what needs more than them."""
+        ...
+
     def close(self) -> None: ...
 
 
@@ -73,6 +78,10 @@ class Gateways:
         t_ns = nanoseconds(t_s)
         self.send(topics.CLOCK, t_ns, self._clock(t_ns), t_ns)
 
+    def step(self, record: TickRecord) -> None:
+        for gateway in self._gateways:
+            gateway.step(record)
+
     def close(self) -> None:
         for gateway in self._gateways:
             gateway.close()
@@ -82,7 +91,7 @@ class Sources(NamedTuple):
     """What the loop's thread looks at besides the record; each is quick to ask."""
 
     plan: Callable[[], Path | None]
-    goals_map_m: Sequence[MapPoint] = ()
+    goals_map_m: Callable[[], Sequence[MapPoint]] = tuple
     weed_map: Callable[[], Sequence[MappedPlant]] | None = None
     truth: Callable[[], TrueState] | None = None
 
@@ -110,7 +119,7 @@ class Outlet:
         self._gateways, self._sources = Gateways(gateways), sources
         self._feed = TopicFeed(self._gateways.send, robot, datum, urdf, camera)
         self._weeds: deque[tuple[float, Sequence[MappedPlant]]] = deque(maxlen=1)
-        self._plans: deque[tuple[float, Path]] = deque(maxlen=1)
+        self._plans: deque[tuple[float, Path, tuple[MapPoint, ...]]] = deque(maxlen=1)
         self._plan: Path | None = None
         self._next_weeds_s = self._next_truth_s = 0.0
         self._queue = SendQueue(self._step, QUEUE_TICKS)
@@ -128,7 +137,7 @@ class Outlet:
         plan = self._sources.plan()
         if plan is not None and plan is not self._plan:
             self._plan = plan
-            self._plans.append((t_s, plan))
+            self._plans.append((t_s, plan, tuple(self._sources.goals_map_m())))
         if self._sources.weed_map is not None and t_s >= self._next_weeds_s:
             self._next_weeds_s = t_s + _SLOW_PERIOD_S
             self._weeds.append((t_s, tuple(self._sources.weed_map())))
@@ -146,7 +155,7 @@ class Outlet:
     def _step(self, item: _Item) -> None:
         t_s = item.record.batch.t_s
         while self._plans:
-            self._feed.set_plan(*self._plans.popleft(), self._sources.goals_map_m)
+            self._feed.set_plan(*self._plans.popleft())
         self._feed(item.record)
         while self._weeds:
             self._feed.set_weeds(*self._weeds.popleft())
@@ -155,3 +164,4 @@ class Outlet:
             pose = (true.x_map_m, true.y_map_m, true.yaw_map_rad)
             self._feed.truth(t_s, pose, (true.v_mps, true.yaw_rate_radps))
         self._gateways.tell_time(t_s)
+        self._gateways.step(item.record)

@@ -18,7 +18,7 @@ from agribot.operator_input import Inbox, OperatorAction, OperatorEvent
 MIN_INTERVAL_S = 0.005  # of twists; a faster stream is thinned out, but for what stops
 _SAY_PERIOD_S = 5.0
 _KEPT_REASONS = 100
-_MOVING: frozenset[OperatorAction] = frozenset({"resume", "clear_stop"})
+_MOVING: frozenset[OperatorAction] = frozenset({"resume", "clear_stop", "visit", "set"})
 
 Twist = tuple[float, float, float, float, float, float]  # linear x y z, angular x y z
 
@@ -27,6 +27,9 @@ SERVICES: tuple[tuple[str, OperatorAction], ...] = (
     ("/agribot/clear_stop", "clear_stop"),
     ("/agribot/resume", "resume"),
     ("/agribot/cancel", "cancel"),
+    ("/agribot/mark", "mark"),
+    ("/agribot/start_recording", "start_recording"),
+    ("/agribot/stop_recording", "stop_recording"),
 )
 PAUSE_SERVICE = "/agribot/pause"  # true pauses, false resumes
 
@@ -81,12 +84,29 @@ class Requests:
 
     def act(self, action: OperatorAction, source: str) -> tuple[bool, str]:
         """Hand an action in. Returns whether it was, and what to tell the peer."""
+        return self._ask(OperatorEvent(t_s=0.0, action=action, source=source))
+
+    def _ask(self, event: OperatorEvent) -> tuple[bool, str]:
+        action = event.action
         if action in _MOVING and not self.allow_drive:
             text = f"'{action}' can set the robot in motion; start with --allow-drive to take it"
-            self.refuse(f"{source}: {text}")
+            self.refuse(f"{event.source}: {text}")
             return False, text
-        self._inbox.post(OperatorEvent(t_s=0.0, action=action, source=source))
+        self._inbox.post(event)
         return True, f"'{action}' handed to the robot"
+
+    def visit(self, places_map_m: tuple[float, ...], name: str, source: str) -> tuple[bool, str]:
+        """Ask the robot to drive to places, x and y of each, in place of its mission."""
+        return self._ask(
+            OperatorEvent(t_s=0.0, action="visit", source=source, text=name, numbers=places_map_m)
+        )
+
+    def change(self, setting: str, value: float, source: str) -> str:
+        """Change one of LIVE_SETTINGS; why not, or empty."""
+        done, text = self._ask(
+            OperatorEvent(t_s=0.0, action="set", source=source, text=setting, value=value)
+        )
+        return "" if done else text
 
     def refuse(self, why: str) -> None:
         """Tell the operator, with the number of times since the last telling."""

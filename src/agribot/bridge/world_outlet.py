@@ -3,21 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from agribot.bridge.outlet import QUEUE_TICKS, Gateway, Gateways
 from agribot.bridge.send_queue import SendQueue
-from agribot.messages import DriveCommand, SensorBatch
 from agribot.robot import RobotSpec
 from agribot.ros.camera_log import CameraLog
-from agribot.ros.world_feed import WorldFeed
-
-
-class _Item(NamedTuple):
-    batch: SensorBatch
-    command: DriveCommand | None
-    pose: tuple[float, float, float]
-    twist: tuple[float, float]
+from agribot.ros.world_feed import WorldFeed, WorldTick
 
 
 class WorldOutlet:
@@ -38,20 +29,13 @@ class WorldOutlet:
     def fault(self) -> str:
         return self._gateways.fault
 
-    def __call__(
-        self,
-        batch: SensorBatch,
-        command: DriveCommand | None,
-        pose: tuple[float, float, float],
-        twist: tuple[float, float],
-    ) -> None:
-        """`pose` is the true x_map_m, y_map_m, yaw_map_rad, `twist` the forward and yaw rate."""
-        self._queue.put(_Item(batch, command, pose, twist))
+    def __call__(self, tick: WorldTick) -> None:
+        self._queue.put(tick)
 
     def close(self) -> None:
         if self._queue.close():
             self._gateways.close()
 
-    def _step(self, item: _Item) -> None:
-        self._feed(*item)
-        self._gateways.tell_time(item.batch.t_s)
+    def _step(self, tick: WorldTick) -> None:
+        self._feed(tick)
+        self._gateways.tell_time(tick.batch.t_s)

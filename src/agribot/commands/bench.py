@@ -17,6 +17,11 @@ BENCHMARKS = {
         "drive ROWS-10x12 on hundreds of seeds: missions, cross-track error, crushed plants",
         "agribot bench nav --sensors m8n --seeds 1-100 --json",
     ),
+    "missions": (
+        "agribot.commands.bench_missions",
+        "whole missions in the full simulator: profiles, receivers, seeds, with pixels and network",
+        "agribot bench missions --profiles farm --seeds 1-2 --out runs/missions",
+    ),
     "perception": (
         "agribot.commands.bench_perception",
         "time every network end to end, the original's beside them",

@@ -14,6 +14,10 @@ from agribot.errors import ConfigError
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clients", default="0,1,16", metavar="N,N", help="default: 0,1,16")
     parser.add_argument("--seconds", type=float, default=20.0, metavar="S", help="for each of them")
+    parser.add_argument(
+        "--growth", type=float, default=0.0, metavar="S",
+        help="then measure for so long how much memory grows; 300 is what the limits are for",
+    )  # fmt: skip
     parser.add_argument("--no-camera", action="store_true", help="states alone")
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
@@ -27,12 +31,24 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"--clients {options.clients}: 0 to 32 each")
     if not 1.0 <= options.seconds <= 600.0:
         raise ConfigError(f"--seconds {options.seconds:g}: must be between 1 and 600")
-    result = measure(clients, options.seconds, not options.no_camera)
+    if not 0.0 <= options.growth <= 420.0:
+        raise ConfigError(f"--growth {options.growth:g}: must be between 0 and 420")
+    result = measure(clients, options.seconds, not options.no_camera, growth_s=options.growth)
     for phase in result["phases"]:
         sys.stderr.write(_line(phase))
+    sys.stderr.writelines(_verdict(limit) for limit in result["limits"])
+    sys.stderr.write(f"load average of the machine at the end: {result['load_average']:.1f}\n")
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
-    return 0
+    return 0 if result["ok"] else 1
+
+
+def _verdict(limit: dict[str, Any]) -> str:
+    value = "not measured" if limit["value"] is None else f"{limit['value']:g}"
+    ends = [f"{word} {limit[key]:g}" for key, word in (("low", "at least"), ("high", "at most"))
+            if limit[key] is not None]  # fmt: skip
+    verdict = "ok" if limit["ok"] else "TOO FAR"
+    return f"{limit['name']}: {value} ({' and '.join(ends)}) {verdict}\n"
 
 
 def _line(phase: dict[str, Any]) -> str:

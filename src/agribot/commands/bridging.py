@@ -5,20 +5,26 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+
+import msgspec
 
 from agribot import topics
 from agribot.bridge.outlet import Gateway, Outlet, Sources
 from agribot.bridge.requests import Requests
+from agribot.bridge.source_uri import places
+from agribot.config import RunConfig
 from agribot.description.loader import urdf_text
 from agribot.errors import ConfigError
 from agribot.ros.camera_log import CameraLog
 from agribot.session import Session
 from agribot.topic import Topic
 
+Setting = bool | int | float | str | tuple[float, ...]
+
 DEFAULT_IMAGE_RATE_HZ = 5.0
-BRIDGES = ("ros2", "ros1", "foxglove")
+BRIDGES = ("ros2", "dds", "ros1", "foxglove")
 _CAMERA_TOPICS = (topics.IMAGE, topics.IMAGE_RAW, topics.CAMERA_INFO, topics.OVERLAY)
 
 
@@ -26,6 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser, *, has_mind: bool = True) -> 
     """`has_mind` is False where nothing but a peer would drive, so that none needs leave to."""
     group = parser.add_argument_group("bridges (off unless asked for, on this machine only)")
     group.add_argument("--ros2", action="store_true", help="be a ROS 2 node (rmw_zenoh)")
+    group.add_argument(
+        "--dds", action="store_true", help="be a ROS 2 node on DDS (Fast DDS, Cyclone DDS)"
+    )
     group.add_argument("--ros1", action="store_true", help="be a ROS 1 node (needs a roscore)")
     add_ros1_arguments(group)
     group.add_argument("--foxglove", action="store_true", help="serve Foxglove; it only watches")
@@ -74,10 +83,16 @@ def bridges(options: argparse.Namespace, session: Session) -> Iterator[None]:
         yield
         return
     requests = Requests(session.platform.inbox, allow_drive=options.allow_drive, say=say)
-    out = out_topics(
-        options, has_camera=session.robot.camera is not None, allow_drive=options.allow_drive
+    taken = {place.topic for place in places(session.config.sources).values()}
+    has_camera = session.robot.camera is not None
+    out = [
+        topic  # what others publish for this robot, it does not say again
+        for topic in out_topics(options, has_camera=has_camera, allow_drive=options.allow_drive)
+        if not taken & {topic.name, topic.seed_alias}
+    ]
+    gateways = open_gateways(
+        options, out, urdf_text(session.config.robot), requests, flat_settings(session.config)
     )
-    gateways = open_gateways(options, out, urdf_text(session.config.robot), requests)
     try:
         outlet = _outlet(options, session, gateways)
     except BaseException:
@@ -97,20 +112,36 @@ def open_gateways(
     out: Sequence[Topic],
     urdf: str,
     requests: Requests,
-    *,
-    serves: bool = True,
+    settings: Mapping[str, Setting] | None,
 ) -> list[Gateway]:
-    """All that the options name, or none of them."""
+    """All that the options name, or none of them; without `settings` there are no services."""
     gateways: list[Gateway] = []
     try:
         for name in BRIDGES:
             if getattr(options, name):
-                gateways.append(_OPENERS[name](options, out, urdf, requests, serves))
+                gateways.append(_OPENERS[name](options, out, urdf, requests, settings))
     except BaseException:
         for gateway in gateways:
             gateway.close()
         raise
     return gateways
+
+
+def flat_settings(config: RunConfig) -> dict[str, Setting]:
+    """Every setting by its full name; lists of what are no numbers are left out."""
+    found: dict[str, Setting] = {}
+
+    def walk(value: object, name: str) -> None:
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                walk(inner, f"{name}.{key}" if name else key)
+        elif isinstance(value, bool | int | float | str):
+            found[name] = value
+        elif isinstance(value, list | tuple) and all(isinstance(n, float) for n in value):
+            found[name] = tuple(value)
+
+    walk(msgspec.to_builtins(config), "")
+    return found
 
 
 def tell_losses(dropped: int, fault: str) -> None:
@@ -130,7 +161,7 @@ def _outlet(options: argparse.Namespace, session: Session, gateways: list[Gatewa
     )
     sources = Sources(
         plan=lambda: session.stack.mission.path,
-        goals_map_m=session.shown_goals_map_m,
+        goals_map_m=lambda: session.shown_goals_map_m,
         weed_map=session.weed_map.plants,
         truth=session.platform.truth,
     )
@@ -157,17 +188,41 @@ def out_topics(options: argparse.Namespace, *, has_camera: bool, allow_drive: bo
 
 
 def _ros2(
-    options: argparse.Namespace, out: Sequence[Topic], _urdf: str, requests: Requests, serves: bool
+    options: argparse.Namespace,
+    out: Sequence[Topic],
+    _urdf: str,
+    requests: Requests,
+    settings: Mapping[str, Setting] | None,
 ) -> Gateway:
     from agribot.bridge.ros2.gateway import Ros2Gateway
-    from agribot.bridge.ros2.node import ROUTER
 
-    router = options.ros_router or ROUTER
+    router = router_from(options)
     domain = domain_from(options)
-    gateway = Ros2Gateway(requests, out, domain=domain, router=router, serves=serves)
+    gateway = Ros2Gateway(
+        requests,
+        out,
+        domain=domain,
+        router=router,
+        serves=settings is not None,
+        settings=settings,
+    )
     say(
         f"ROS 2: node /agribot as zenoh {gateway.role} at {router}; "
         "peers set RMW_IMPLEMENTATION=rmw_zenoh_cpp"
+    )
+    return gateway
+
+
+def _dds(
+    options: argparse.Namespace, out: Sequence[Topic], _urdf: str, requests: Requests, _: object
+) -> Gateway:
+    from agribot.bridge.dds.gateway import DdsGateway
+
+    domain = domain_from(options)
+    gateway = DdsGateway(requests, out, domain=domain)
+    say(
+        f"DDS: node /agribot in domain {domain}, on this machine; topics only, and peers set "
+        "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
     )
     return gateway
 
@@ -185,6 +240,12 @@ def domain_from(options: argparse.Namespace) -> int:
     return asked
 
 
+def router_from(options: argparse.Namespace) -> str:
+    from agribot.bridge.ros2.node import ROUTER
+
+    return options.ros_router or ROUTER
+
+
 def master_from(options: argparse.Namespace) -> str:
     from agribot.bridge.ros1.gateway import MASTER
 
@@ -192,7 +253,7 @@ def master_from(options: argparse.Namespace) -> str:
 
 
 def _ros1(
-    options: argparse.Namespace, out: Sequence[Topic], urdf: str, requests: Requests, _serves: bool
+    options: argparse.Namespace, out: Sequence[Topic], urdf: str, requests: Requests, _: object
 ) -> Gateway:
     from agribot.bridge.ros1.gateway import Ros1Gateway
 
@@ -203,7 +264,7 @@ def _ros1(
 
 
 def _foxglove(
-    options: argparse.Namespace, out: Sequence[Topic], _urdf: str, _requests: Requests, _: bool
+    options: argparse.Namespace, out: Sequence[Topic], _urdf: str, _requests: Requests, _: object
 ) -> Gateway:
     from agribot.bridge.foxglove_server import FoxgloveGateway
 
@@ -212,7 +273,7 @@ def _foxglove(
     return gateway
 
 
-_OPENERS = {"ros2": _ros2, "ros1": _ros1, "foxglove": _foxglove}
+_OPENERS = {"ros2": _ros2, "dds": _dds, "ros1": _ros1, "foxglove": _foxglove}
 
 
 def say(text: str) -> None:

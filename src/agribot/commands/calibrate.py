@@ -1,15 +1,34 @@
-"""`agribot calibrate drive`: measure wheel radius and effective separation by driving a figure."""
+"""`agribot calibrate`: what driving a figure tells of the drive, the compass and the antenna."""
 
 from __future__ import annotations
 
 import argparse
 import math
 import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import msgspec
 
 from agribot import config as settings
-from agribot.commands.calibration_drive import Drive, Gain, drive_figure, gain
+from agribot.commands.calibration_drive import (
+    FIGURE,
+    TURNS,
+    Drive,
+    Gain,
+    Motion,
+    drive_figure,
+    gain,
+)
+from agribot.commands.calibration_sensors import (
+    AntennaResult,
+    MagResult,
+    antenna_of_drive,
+    antenna_text,
+    magnetometer_of_drive,
+    magnetometer_of_recording,
+    magnetometer_text,
+)
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
 from agribot.estimate.drive_fit import TAPE_STD_M, DriveFit, fit_drive
@@ -34,9 +53,29 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
     told_gain: Gain
 
 
+Outcome = tuple[Calibration | MagResult | AntennaResult, str]
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     subjects = parser.add_subparsers(dest="subject", metavar="WHAT", required=True)
     drive = subjects.add_parser("drive", help="wheel radius and effective separation")
+    for parser_of in (
+        drive,
+        subjects.add_parser("magnetometer", help="the robot's own iron, hard and soft"),
+        subjects.add_parser("antenna", help="where the GNSS antenna sits"),
+    ):
+        _add_common(parser_of)
+    subjects.choices["magnetometer"].add_argument(
+        "--recording", metavar="FILE", help="of a mission that turned, instead of a drive"
+    )
+    drive.add_argument(
+        "--tape",
+        action="store_true",
+        help="measure the legs by tape (simulated: to 1 cm), where GNSS is too coarse",
+    )
+
+
+def _add_common(drive: argparse.ArgumentParser) -> None:
     drive.add_argument("--robot", default="agribot", metavar="NAME|FILE", help="to be calibrated")
     drive.add_argument(
         "--machine",
@@ -46,25 +85,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     drive.add_argument("--world", default="empty", metavar="NAME|FILE", help="needs 8 m x 8 m")
     drive.add_argument("--sensors", default="rtk", metavar="PRESET", help="default: rtk")
     drive.add_argument("--seed", type=int, default=0, metavar="N", help="of all randomness")
-    drive.add_argument(
-        "--tape",
-        action="store_true",
-        help="measure the legs by tape (simulated: to 1 cm), where GNSS is too coarse",
-    )
     drive.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
 def run(options: argparse.Namespace) -> int:
     robot = load_robot(options.robot)
     machine = load_robot(options.machine) if options.machine else robot
+    runners: dict[str, Callable[[argparse.Namespace, RobotSpec, RobotSpec], Outcome]] = {
+        "drive": _wheels, "magnetometer": _magnetometer, "antenna": _antenna,
+    }  # fmt: skip
+    result, text = runners[options.subject](options, robot, machine)
+    sys.stderr.write(text)
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(result).decode() + "\n")
+    return 0 if result.ok else 1
+
+
+def _wheels(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
     described = _drive(options, machine, robot.drive)
     told = _drive(options, machine, robot.drive.told())
     fit = fit_drive(described.batches, described.stretches)
     result = judge(robot.drive, fit, gain(described, fit), gain(told, fit))
-    sys.stderr.write(_text(robot.drive, result))
-    if options.json:
-        sys.stdout.write(msgspec.json.encode(result).decode() + "\n")
-    return 0 if result.ok else 1
+    return result, _text(robot.drive, result)
+
+
+def _magnetometer(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    if options.recording:
+        result = magnetometer_of_recording(Path(options.recording))
+    else:
+        result = magnetometer_of_drive(_drive(options, machine, robot.drive, TURNS), 0.0)
+    return result, magnetometer_text(result)
+
+
+def _antenna(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    result = antenna_of_drive(_drive(options, machine, robot.drive, TURNS), robot)
+    return result, antenna_text(result)
 
 
 def judge(drive: DriveSpec, fit: DriveFit, described: Gain, told: Gain) -> Calibration:
@@ -86,7 +141,12 @@ def judge(drive: DriveSpec, fit: DriveFit, described: Gain, told: Gain) -> Calib
     )
 
 
-def _drive(options: argparse.Namespace, machine: RobotSpec, board: DriveSpec) -> Drive:
+def _drive(
+    options: argparse.Namespace,
+    machine: RobotSpec,
+    board: DriveSpec,
+    figure: Sequence[Motion] = FIGURE,
+) -> Drive:
     """Drive the figure with a machine whose motor board believes in the geometry `board`."""
     config = settings.load(
         "farm",
@@ -105,7 +165,8 @@ def _drive(options: argparse.Namespace, machine: RobotSpec, board: DriveSpec) ->
         return truth.x_map_m + x_error_m, truth.y_map_m + y_error_m
 
     try:
-        return drive_figure(platform, board, tape if options.tape else None)
+        uses_tape = options.subject == "drive" and options.tape
+        return drive_figure(platform, board, tape if uses_tape else None, figure)
     finally:
         platform.close()
 

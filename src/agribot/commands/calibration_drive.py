@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -36,6 +36,13 @@ class Motion(NamedTuple):
         return self.yaw_rate_radps == 0.0
 
 
+# Twice around to both sides, between legs that tell the heading by GNSS.
+TURNS = (
+    Motion("leg 1, ahead", LEG_MPS, 0.0, LEG_M),
+    Motion("spin left", 0.0, SPIN_RADPS, SPIN_RAD),
+    Motion("spin right", 0.0, -SPIN_RADPS, SPIN_RAD),
+    Motion("leg 2, back", -LEG_MPS, 0.0, LEG_M),
+)
 # Turns to both sides cancel; a leg after each of them sees its angle by GNSS.
 FIGURE = (
     Motion("leg 1, ahead", LEG_MPS, 0.0, LEG_M),
@@ -65,14 +72,19 @@ class Gain(msgspec.Struct, frozen=True, kw_only=True):
 Tape = Callable[[], tuple[float, float]]
 
 
-def drive_figure(platform: Platform, drive: DriveSpec, tape: Tape | None = None) -> Drive:
-    """Drive `FIGURE` on any platform; `tape` tells a place, if somebody marks the legs' ends.
+def drive_figure(
+    platform: Platform,
+    drive: DriveSpec,
+    tape: Tape | None = None,
+    figure: Sequence[Motion] = FIGURE,
+) -> Drive:
+    """Drive a figure on any platform; `tape` tells a place, if somebody marks the legs' ends.
 
     Raises: PlatformError: a motion does not come to its end.
     """
     driven = Drive([], [])
     _hold(platform, driven, DriveCommand(), REST_S)
-    for motion in FIGURE:
+    for motion in figure:
         from_m = tape() if tape else (0.0, 0.0)
         start_s = driven.batches[-1].t_s
         _move(platform, driven, drive, motion)

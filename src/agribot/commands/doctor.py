@@ -26,12 +26,26 @@ LEAST_PYTHON = (3, 11)
 REQUIREMENT = re.compile(
     r"([A-Za-z0-9_.-]+)(?:[^;]*?>=\s*([\d.]+))?[^;]*(?:;.*extra == ['\"](\w+))?"
 )
-SHOWN_EXTRAS = ("", "sim", "train", "ui", "gis", "hardware", "ros", "foxglove", "sweep")
+SHOWN_EXTRAS = (
+    "",
+    "sim",
+    "train",
+    "ui",
+    "gis",
+    "maps",
+    "hardware",
+    "ros",
+    "dds",
+    "foxglove",
+    "view",
+    "sweep",
+)
 MODULE_OF = {
     "mujoco-core": "mujoco",
     "pillow": "PIL",
     "eclipse-zenoh": "zenoh",
     "foxglove-sdk": "foxglove",
+    "rerun-sdk": "rerun",
     "opencv-python-headless": "cv2",
     "pyshp": "shapefile",
 }

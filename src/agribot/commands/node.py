@@ -17,6 +17,7 @@ from agribot.commands.bridging import (
     add_ros2_arguments,
     domain_from,
     master_from,
+    router_from,
 )
 from agribot.commands.node_runner import NodeRunner
 from agribot.commands.stopping import stop_on_signal
@@ -143,9 +144,8 @@ def _ros1(options: argparse.Namespace, name: str) -> Link:
 
 def _ros2(options: argparse.Namespace, name: str) -> Link:
     from agribot.bridge.ros2.link import Ros2Link
-    from agribot.bridge.ros2.node import ROUTER
 
-    return Ros2Link(name, domain=domain_from(options), router=options.ros_router or ROUTER)
+    return Ros2Link(name, domain=domain_from(options), router=router_from(options))
 
 
 def _gps_converter(options: argparse.Namespace) -> Stage:

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from agribot.commands.stopping import stop_on_signal
 from agribot.errors import PlatformError
 from agribot.session import Session
-from agribot.ui.address import Address
+from agribot.ui.address import SELF_SIGNED, Address
 from agribot.ui.operator_page import OperatorPage
 from agribot.ui.panels import shared
 from agribot.ui.server_process import ServerProcess
@@ -51,6 +51,13 @@ def add_address_arguments(group: argparse._ActionsContainer) -> None:
         metavar="NAME",
         help="a further name by which browsers call this machine",
     )
+    group.add_argument(
+        "--tls-cert",
+        default="",
+        metavar="FILE",
+        help=f"encrypt everything, with this certificate; {SELF_SIGNED}",
+    )
+    group.add_argument("--tls-key", default="", metavar="FILE", help="the certificate's key")
     group.add_argument("--open", action="store_true", help="open the page in a browser")
 
 
@@ -75,7 +82,13 @@ def opened(options: argparse.Namespace, session: Session) -> Iterator[OperatorPa
 
 
 def address_of(options: argparse.Namespace) -> Address:
-    return Address(host=options.host, port=options.port, allowed_hosts=tuple(options.allow_host))
+    return Address(
+        host=options.host,
+        port=options.port,
+        allowed_hosts=tuple(options.allow_host),
+        tls_cert=options.tls_cert,
+        tls_key=options.tls_key,
+    )
 
 
 def announce(url: str, viewer_url: str, options: argparse.Namespace) -> None:

@@ -6,6 +6,7 @@ import argparse
 import math
 import sys
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 
@@ -14,12 +15,13 @@ from agribot.errors import MissionError
 from agribot.geo import MapFrame
 from agribot.gis.field_file import read_field
 from agribot.gis.plan_file import SavedPlan, plan_text, read_plan
-from agribot.plan.coverage.area import FieldArea, PlanRequest, Point, footprint
+from agribot.plan.coverage.area import FieldArea, PlanRequest, Point, TurnStyle, footprint
 from agribot.plan.coverage.planner import plan_field
 from agribot.plan.plan_certificate import Certificate, certify_plan
 from agribot.record.drawing import png
 from agribot.record.plan_figure import plan_figure
 from agribot.record.report import write_file
+from agribot.robot import RobotSpec
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,13 +30,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--field", metavar="FILE", help="boundary, obstacles, rows (GeoJSON)")
     parser.add_argument("--implement-width", type=float, metavar="M", help="width worked in a pass")
     parser.add_argument("--overlap", type=float, default=0.05, metavar="M", help="default: 0.05")
-    parser.add_argument("--headland-passes", type=int, metavar="N", help="default: 1; 0 with rows")
+    parser.add_argument("--headland-passes", type=int, metavar="N", help="default: as few as do")
+    parser.add_argument("--tool-offset", type=float, metavar="M",
+                        help="where the tool works, ahead of the robot's middle; negative behind "
+                             "(default: its boom)")  # fmt: skip
     parser.add_argument("--swath-angle", default="auto", metavar="DEG|auto",
                         help="compass direction of the swaths (default: auto)")  # fmt: skip
     parser.add_argument("--ab-line", metavar="LON,LAT,LON,LAT", help="swaths run along A to B")
     parser.add_argument("--start", metavar="LON,LAT", help="where the robot stands")
-    parser.add_argument("--turns", choices=("auto", "pivot"), default="auto",
-                        help="arcs where they fit (auto), or always in place")  # fmt: skip
+    parser.add_argument("--turns", choices=get_args(TurnStyle), default="auto",
+                        help="between swaths: arcs where they fit and are quicker (auto), in "
+                             "place, arcs or three-point turns wherever they fit")  # fmt: skip
     parser.add_argument("--margin", type=float, default=0.05, metavar="M",
                         help="from the footprint to every edge (default: 0.05)")  # fmt: skip
     parser.add_argument("--min-coverage", type=float, default=0.99, metavar="RATIO",
@@ -77,9 +83,9 @@ def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
         a_lon, a_lat, b_lon, b_lat = _numbers("--ab-line", options.ab_line, 4)
         points = (_place(a_lon, a_lat, frame), _place(b_lon, b_lat, frame))
         area = msgspec.structs.replace(area, ab_line=points)
-    request = _request(options, area, frame)
     robot = load_robot(options.robot)
-    shape = footprint(robot, request.implement_width_m)
+    request = _request(options, area, frame, robot)
+    shape = footprint(robot, request.implement_width_m, request.tool_x_m)
     plan = plan_field(area, shape, request)
     return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)
 
@@ -88,18 +94,22 @@ def _verified(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     if options.plan is None:
         raise MissionError("give the plan to verify: agribot plan verify plan.geojson")
     saved = read_plan(Path(options.plan))
-    shape = footprint(load_robot(options.robot), saved.request.implement_width_m)
+    request = saved.request
+    shape = footprint(load_robot(options.robot), request.implement_width_m, request.tool_x_m)
     return saved, certify_plan(saved.plan, saved.area, shape, saved.request)
 
 
-def _request(options: argparse.Namespace, area: FieldArea, frame: MapFrame) -> PlanRequest:
-    usual_passes = 0 if area.rows else 1
-    passes = usual_passes if options.headland_passes is None else options.headland_passes
+def _request(
+    options: argparse.Namespace, area: FieldArea, frame: MapFrame, robot: RobotSpec
+) -> PlanRequest:
+    passes = options.headland_passes
+    tool_x_m = robot.tool_x_m if options.tool_offset is None else options.tool_offset
     for name, value, low, high in (
         ("--implement-width", options.implement_width, 0.05, 50.0),
         ("--overlap", options.overlap, 0.0, 50.0),
         ("--margin", options.margin, 0.0, 10.0),
-        ("--headland-passes", passes, 0, 0 if area.rows else 50),
+        ("--headland-passes", passes or 0, 0, 0 if area.rows else 50),
+        ("--tool-offset", tool_x_m, -5.0, 5.0),
         ("--min-coverage", options.min_coverage, 0.0, 1.0),
     ):
         if not low <= value <= high:
@@ -117,6 +127,7 @@ def _request(options: argparse.Namespace, area: FieldArea, frame: MapFrame) -> P
         start_map_m=start,
         turns=options.turns,
         min_coverage_ratio=options.min_coverage,
+        tool_x_m=tool_x_m,
     )
 
 

@@ -11,8 +11,12 @@ from pathlib import Path
 
 import msgspec
 
+from agribot.config import RunConfig
+from agribot.description.loader import parse_robot
 from agribot.description.worlds_sdf import load_world
 from agribot.errors import RecordingError
+from agribot.field_work import work_from
+from agribot.messages import Row
 from agribot.plan.rows import field_rows
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.source import Bag
@@ -22,10 +26,18 @@ from agribot.record.foreign_page import write_foreign_report
 from agribot.record.mcap_file import read_attachment
 from agribot.record.mcap_records import parts_of
 from agribot.record.recorder import CONFIG_ATTACHMENT
-from agribot.record.replay import read_config, read_ticks, read_truth, read_weed_map
+from agribot.record.replay import (
+    read_config,
+    read_ticks,
+    read_truth,
+    read_urdf,
+    read_weed_map,
+)
 from agribot.record.report import Report
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap
+from agribot.session import PLAN_ATTACHMENT
+from agribot.tasks import taken_plan
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,9 +58,11 @@ def run(options: argparse.Namespace) -> int:
     except msgspec.MsgspecError as error:
         raise RecordingError(f"the report inside {options.recording} is broken: {error}") from error
     series, events = SeriesTap(), EventLog(options.out / "events.jsonl")
+    plan = read_attachment(options.recording, PLAN_ATTACHMENT).decode() if config.plan else ""
     for record in read_ticks(options.recording):
         series(record)
         events(record)
+        plan = taken_plan(record) or plan
     for t_s, x_m, y_m, yaw_rad in read_truth(options.recording):
         series.truth(t_s, (x_m, y_m, yaw_rad))
     events.close()
@@ -58,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
         RunData(
             config=config,
             series=series.series(),
-            rows=() if config.waypoints else field_rows(config.field),
+            rows=_rows(plan, config, options.recording),
             plants=read_weed_map(options.recording),
             events=events.events,
             world=load_world(config.world, seed=config.seed) if config.platform == "sim" else None,
@@ -69,6 +83,14 @@ def run(options: argparse.Namespace) -> int:
     else:
         sys.stdout.write(f"{options.out}/report.html\n")
     return 0
+
+
+def _rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
+    """Those of the task that the robot had at the end."""
+    if plan:
+        robot = parse_robot(read_urdf(recording), recording.name)
+        return work_from(plan, "the recorded plan", config, robot).rows
+    return () if config.waypoints else field_rows(config.field)
 
 
 def _file_names(bag: Bag) -> set[str]:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import argparse
 import sys
 from contextlib import ExitStack
-from datetime import UTC, datetime
 from pathlib import Path
 
 import msgspec
 
-from agribot import config as settings
-from agribot.commands import bridging
+from agribot.bridge.source_uri import places
+from agribot.commands import bridging, sensor_sources
 from agribot.commands.pacing import pace_from
 from agribot.commands.page import Pacer, add_page_arguments, opened, stay, stays_open, wants_page
 from agribot.commands.progress import Progress
+from agribot.commands.run_settings import add_setting_arguments, out_dir_of, settings_of
 from agribot.commands.stopping import stop_on_signal
+from agribot.config import RunConfig
 from agribot.description.loader import load_robot
 from agribot.errors import MissionError
 from agribot.field_work import planned
@@ -26,11 +27,7 @@ from agribot.session import Session
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "profile", nargs="?", default="farm", help="packaged profile or .toml file (default: farm)"
-    )
-    parser.add_argument("--world", metavar="NAME|FILE", help="another world than the profile's")
-    parser.add_argument("--robot", metavar="NAME|FILE", help="another robot description")
+    add_setting_arguments(parser)
     parser.add_argument("--waypoints", metavar="FILE", help="visit these places (GeoJSON or CSV)")
     parser.add_argument("--plan", metavar="FILE", help="work a field plan (agribot plan --out)")
     parser.add_argument("--field", metavar="FILE", help="plan this field (GeoJSON) and work it")
@@ -38,34 +35,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="for --field (default: the robot's boom)")  # fmt: skip
     parser.add_argument("--resume", metavar="RUNDIR", help="go on with a run that was cut off")
     parser.add_argument(
-        "--sensors", metavar="PRESET", help="legacy, seed, m8n, rtk, rtk-dual, ideal"
-    )
-    parser.add_argument("--seed", type=int, metavar="N", help="of all randomness (default: 0)")
-    parser.add_argument(
         "--speed",
         metavar="max|K",
         help="simulate as fast as possible (default), or K x real time (1 with a bridge)",
     )
-    parser.add_argument(
-        "--for", dest="duration_s", type=float, metavar="SECONDS", help="stop after"
-    )
-    parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
     parser.add_argument("--out", metavar="DIR", help="default: runs/<UTC time>-<profile>")
     parser.add_argument("--json", action="store_true", help="print the report as the last line")
     parser.add_argument(
         "--headless", action="store_true", help="no page, whatever else is asked for"
     )
     add_page_arguments(parser)
+    sensor_sources.add_arguments(parser)
     bridging.add_arguments(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    pace = pace_from(options.speed or ("1" if bridging.wanted(options) else "max"))
     config, saved = _config(options), None
+    is_live = bridging.wanted(options) or bool(places(config.sources))
+    pace = pace_from(options.speed or ("1" if is_live else "max"))
     if options.resume is not None:
         saved = read_mission(Path(options.resume))
         config = resumed(config, saved)
-    out_dir = _out_dir(options.out, config.profile)
+    out_dir = out_dir_of(options.out, Path(config.profile).stem)
     if options.field is not None:
         config = _with_field(config, options, out_dir)
     with Session(config, out_dir, saved) as session, ExitStack() as parts:
@@ -75,15 +66,16 @@ def run(options: argparse.Namespace) -> int:
         progress = Progress(session.weed_map)
         session.add_tap(progress)
         pacer = Pacer(pace, page)
-        with bridging.bridges(options, session), stop_on_signal() as stop:
+        sources = sensor_sources.sensor_sources(options, session)
+        with sources, bridging.bridges(options, session), stop_on_signal() as stop:
             for record in session.ticks():
                 if stop:
                     break
                 pacer.wait(record.batch.t_s)
             progress.close()
             report = session.finish("interrupted by the operator" if stop else "")
-            if session.recording_ended_because:
-                sys.stderr.write(f"recording ended early: {session.recording_ended_because}\n")
+            if session.recording.ended_because:
+                sys.stderr.write(f"recording ended early: {session.recording.ended_because}\n")
             sys.stderr.write(_summary(report, session.out_dir))
             was_interrupted = bool(stop)
             if page is not None and stays_open(options) and not stop:
@@ -95,9 +87,7 @@ def run(options: argparse.Namespace) -> int:
     return 0 if report.ok else 1
 
 
-def _with_field(
-    config: settings.RunConfig, options: argparse.Namespace, out_dir: Path
-) -> settings.RunConfig:
+def _with_field(config: RunConfig, options: argparse.Namespace, out_dir: Path) -> RunConfig:
     """The settings with a plan of the field, which is written beside the run's other files."""
     robot = load_robot(config.robot)
     saved, certificate = planned(Path(options.field), config, robot, options.implement_width)
@@ -109,31 +99,9 @@ def _with_field(
     return msgspec.structs.replace(config, plan=str(path))
 
 
-def _config(options: argparse.Namespace) -> settings.RunConfig:
-    named = {
-        "world": options.world,
-        "robot": options.robot,
-        "waypoints": options.waypoints,
-        "plan": options.plan,
-        "seed": options.seed,
-        "sim.sensors": options.sensors,
-        "duration_s": options.duration_s,
-    }
-    assigned = [f"{key}={_toml(value)}" for key, value in named.items() if value is not None]
-    profile = options.profile
-    if options.resume is not None:
-        profile = str(Path(options.resume) / "config.toml")
-    return settings.load(profile, [*options.set, *assigned])
-
-
-def _toml(value: str | float) -> str:
-    return msgspec.json.encode(value).decode()
-
-
-def _out_dir(wanted: str | None, profile: str) -> Path:
-    if wanted is not None:
-        return Path(wanted)
-    return Path("runs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{Path(profile).stem}"
+def _config(options: argparse.Namespace) -> RunConfig:
+    resumed_profile = None if options.resume is None else str(Path(options.resume) / "config.toml")
+    return settings_of(options, resumed_profile, after=sensor_sources.settings_of(options))
 
 
 def _summary(report: Report, out_dir: Path) -> str:

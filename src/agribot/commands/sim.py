@@ -7,14 +7,13 @@ import math
 import sys
 import time
 from collections import Counter
-from datetime import UTC, datetime
 from pathlib import Path
 
 import msgspec
 
-from agribot import config as settings
 from agribot.commands import bridging, drive_source
 from agribot.commands.pacing import pace_from, wait_until
+from agribot.commands.run_settings import add_setting_arguments, out_dir_of, settings_of
 from agribot.commands.stopping import stop_on_signal
 from agribot.commands.world_bridging import WorldTap, twist_of, world_bridges
 from agribot.description.loader import load_robot, urdf_text
@@ -24,6 +23,7 @@ from agribot.messages import RobotCommand, SensorBatch
 from agribot.record.report import TimeReport
 from agribot.record.world_recorder import WorldRecorder
 from agribot.report_card import Clock
+from agribot.ros.world_feed import WorldTick
 from agribot.sim.platform import SimPlatform
 from agribot.sim.truth import Truth
 from agribot.world import WorldSpec
@@ -52,15 +52,7 @@ class SimReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "profile", nargs="?", default="farm", help="packaged profile or .toml file (default: farm)"
-    )
-    parser.add_argument("--world", metavar="NAME|FILE", help="empty, Farm, ... or an SDF file")
-    parser.add_argument("--robot", metavar="NAME|FILE", help="another robot description")
-    parser.add_argument(
-        "--sensors", metavar="PRESET", help="legacy, seed, m8n, rtk, rtk-dual, ideal"
-    )
-    parser.add_argument("--seed", type=int, metavar="N", help="of all randomness (default: 0)")
+    add_setting_arguments(parser)
     parser.add_argument("--camera", action="store_true", help="render the robot's camera as well")
     driving = parser.add_mutually_exclusive_group()
     driving.add_argument(
@@ -80,10 +72,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--speed", default="1", metavar="max|K", help="K x real time (default: 1), or all it can"
     )
-    parser.add_argument(
-        "--for", dest="duration_s", type=float, metavar="SECONDS", help="stop after"
-    )
-    parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<UTC time>-sim")
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
     bridging.add_arguments(parser, has_mind=False)
@@ -94,7 +82,8 @@ class _World:
 
     def __init__(self, options: argparse.Namespace) -> None:
         self._started_s = time.monotonic()
-        self.config = _config(options)
+        camera = f"perception.enabled={str(options.camera).lower()}"
+        self.config = settings_of(options, before=[camera])
         self.robot = load_robot(self.config.robot)
         self.world: WorldSpec = load_world(
             self.config.world,
@@ -124,8 +113,9 @@ class _World:
         for field in batch.__struct_fields__[1:]:
             self.samples[field] += len(getattr(batch, field))
         pose = (truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
+        tick = WorldTick(batch, command, pose, (truth.v_mps, truth.yaw_rate_radps))
         for tap in self.taps:
-            tap(batch, command, pose, (truth.v_mps, truth.yaw_rate_radps))
+            tap(tick)
         return batch
 
     def close(self) -> None:
@@ -155,7 +145,7 @@ class _World:
         )
 
     def _recorder(self, wanted: Path | None) -> WorldRecorder:
-        out_dir = wanted or Path("runs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-sim"
+        out_dir = out_dir_of(wanted, "sim")
         return WorldRecorder(
             out_dir / "run.mcap", self.config, self.robot, urdf_text(self.config.robot)
         )
@@ -202,23 +192,6 @@ def _run(world: _World, source: drive_source.DriveSource, pace: float) -> tuple[
         return str(error), False
     finally:
         world.clock.stop()
-
-
-def _config(options: argparse.Namespace) -> settings.RunConfig:
-    named = {
-        "world": options.world,
-        "robot": options.robot,
-        "seed": options.seed,
-        "sim.sensors": options.sensors,
-        "duration_s": options.duration_s,
-        "perception.enabled": options.camera,
-    }
-    assigned = [
-        f"{key}={msgspec.json.encode(value).decode()}"
-        for key, value in named.items()
-        if value is not None
-    ]
-    return settings.load(options.profile, [*assigned, *options.set])
 
 
 def _source(options: argparse.Namespace) -> drive_source.DriveSource:

@@ -20,10 +20,8 @@ from agribot.sweep.execution import (
     RayExecutor,
 )
 from agribot.sweep.plan import plan, read_seeds
-from agribot.sweep.tables import SweepFolder
+from agribot.sweep.tables import SweepFolder, markdown
 from agribot.workers import usable_cpus
-
-SHOWN = ("ok", "mission.rows_done", "tracking.xte_rms_m", "tracking.plants_crushed", "weeds.f1")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,15 +49,27 @@ def run(options: argparse.Namespace) -> int:
         RayExecutor(options.ray) if options.ray else ProcessExecutor(options.workers)
     )
     path = options.out or Path("runs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-sweep"
-    folder = SweepFolder(path.resolve(), jobs)
-    errors = _drive_all(folder, executor)
-    result = folder.write_tables(errors)
-    sys.stderr.write(_text(result, path))
+    result = drive(SweepFolder(path.resolve(), jobs), executor)
     if options.json:
         sys.stdout.write(json.dumps({"folder": str(path), **result}) + "\n")
-    if result["runs_done"] + len(errors) < result["runs_total"]:
+    return status(result)
+
+
+def drive(folder: SweepFolder, executor: Executor) -> dict[str, Any]:
+    """Run what is missing, write the tables and show them; what sweep-report.json holds."""
+    errors = _drive_all(folder, executor)
+    result = folder.write_tables(errors)
+    done = f"{result['runs_ok']} of {result['runs_total']} runs good"
+    files = f"{folder.path}/runs.csv, summary.csv, summary.md, sweep-report.json"
+    sys.stderr.write(f"{done}\n\n{markdown(result['summary'])}\n{files}\n")
+    return result
+
+
+def status(result: dict[str, Any]) -> int:
+    """Of the command: 0 where every run was good."""
+    if result["runs_done"] + len(result["errors"]) < result["runs_total"]:
         sys.stderr.write(
-            "agribot sweep: interrupted; finished runs are kept, the same command runs the rest\n"
+            "agribot: interrupted; finished runs are kept, the same command runs the rest\n"
         )
         return 130
     return 0 if result["runs_ok"] == result["runs_total"] else 1
@@ -88,21 +98,3 @@ def _drive_all(folder: SweepFolder, executor: Executor) -> list[Outcome]:
                 progress(count, f"{outcome.job.name}: {state}: {outcome.report.reason}")
         progress.close()
     return errors
-
-
-def _text(result: dict[str, Any], path: Path) -> str:
-    lines = [f"{result['runs_ok']} of {result['runs_total']} runs good"]
-    for entry in result["summary"]:
-        name = " ".join(f"{key}={value}" for key, value in entry["settings"].items()) or "all"
-        numbers = (
-            f"{key} {entry['mean'][key]:.3g}{_spread(entry['std'][key])}"
-            for key in SHOWN
-            if key in entry["mean"]
-        )
-        lines.append(f"{name}: {entry['runs']} runs, {', '.join(numbers)}")
-    lines.append(f"{path}/runs.csv, summary.csv, sweep-report.json")
-    return "\n  ".join(lines) + "\n"
-
-
-def _spread(std: float | None) -> str:
-    return "" if std is None else f" ± {std:.2g}"

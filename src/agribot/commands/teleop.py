@@ -12,9 +12,9 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from agribot.commands.door import add_door_arguments, door_of
 from agribot.commands.stopping import stop_on_signal
 from agribot.errors import ConfigError, PlatformError
-from agribot.ui.address import DEFAULT_PORT, Door, read_door
 from agribot.ui.hand import HandRates, KeyHand, MouseHand, StickHand, TerminalInput, Twist
 from agribot.ui.joystick import JoystickState
 from agribot.ui.remote import Remote
@@ -33,9 +33,7 @@ Read = Callable[[float], tuple[Twist | None, bool]]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     rates = HandRates()
     parser.add_argument("device", choices=("keyboard", "mouse", "joystick"))
-    parser.add_argument("--url", metavar="WS", help="ws://HOST:PORT/ws/v1 of a robot elsewhere")
-    parser.add_argument("--token", help="of the robot at --url (default: $AGRIBOT_TOKEN)")
-    parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="of a robot on this machine")
+    add_door_arguments(parser)
     parser.add_argument("--take-over", action="store_true", help="take the seat from its holder")
     parser.add_argument("--rate", dest="rate_hz", type=float, default=20.0, metavar="HZ")
     parser.add_argument("--scale", type=float, default=1.0, help="of all speeds, 0 to 1")
@@ -52,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     rates = _rates(options)
-    door = _door(options)
+    door = door_of(options)
     opened = _joystick if options.device == "joystick" else _terminal
     with (
         opened(options, rates) as read,
@@ -107,15 +105,6 @@ def _rates(options: argparse.Namespace) -> HandRates:
         hold_s=options.hold,
         scale=options.scale,
     )
-
-
-def _door(options: argparse.Namespace) -> Door:
-    if options.url is None:
-        return read_door(options.port)
-    token = options.token or os.environ.get("AGRIBOT_TOKEN", "")
-    if not token:
-        raise ConfigError("--url needs the robot's token: give --token or set AGRIBOT_TOKEN")
-    return Door(url=options.url, token=token)
 
 
 @contextmanager

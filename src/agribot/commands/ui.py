@@ -10,11 +10,12 @@ import msgspec
 from agribot.commands import run as run_command
 from agribot.commands.page import add_address_arguments, address_of, show
 from agribot.description.loader import parse_robot
+from agribot.field_work import field_work
 from agribot.record.mcap_file import read_attachment
 from agribot.record.replay import read_config, read_urdf
-from agribot.session import GOALS_ATTACHMENT
-from agribot.stack import MapPoint
-from agribot.ui.about import about_run
+from agribot.session import GOALS_ATTACHMENT, PLAN_ATTACHMENT
+from agribot.tasks import MapPoint, task_of
+from agribot.ui.about import about_run, field_of
 from agribot.ui.hub import About
 from agribot.ui.server_process import ServerProcess
 
@@ -34,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
     parser = argparse.ArgumentParser()
     run_command.add_arguments(parser)
     simulated = parser.parse_args([options.what, "--ui", "--stay", "--speed", "1"])
-    for name in ("out", "set", "port", "host", "allow_host", "open"):
+    for name in ("out", "set", "port", "host", "allow_host", "tls_cert", "tls_key", "open"):
         setattr(simulated, name, getattr(options, name))
     return run_command.run(simulated)
 
@@ -45,9 +46,13 @@ def _replay(options: argparse.Namespace, recording: Path) -> int:
     robot = parse_robot(urdf, recording.name)
     attached = read_attachment(recording, GOALS_ATTACHMENT)
     goals = msgspec.json.decode(attached, type=tuple[MapPoint, ...])
+    plan = read_attachment(recording, PLAN_ATTACHMENT).decode() if config.plan else ""
+    work = field_work(plan, config, robot)
+    task = task_of(config, robot, goals, work)
+    field = field_of(config, task.rows, goals, work.area.boundary if work else ())
     path = str(recording.resolve())
 
     def about(port: int) -> About:
-        return about_run(address, port, config, robot, urdf, goals, recording.parent, path)
+        return about_run(address, port, config, robot, urdf, field, recording.parent, path)
 
     return show(ServerProcess(address, about), "replay", options)

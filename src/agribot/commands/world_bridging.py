@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Protocol
 
 from agribot import topics
 from agribot.bridge.requests import Requests
@@ -14,9 +13,10 @@ from agribot.bridge.world_outlet import WorldOutlet
 from agribot.commands.bridging import open_gateways, out_topics, say, tell_losses, wanted
 from agribot.config import RunConfig
 from agribot.description.loader import urdf_text
-from agribot.messages import STOP, DriveCommand, HandDrive, SensorBatch
+from agribot.messages import STOP, DriveCommand, HandDrive
 from agribot.robot import RobotSpec
 from agribot.ros.camera_log import CameraLog
+from agribot.ros.world_feed import WorldTick
 from agribot.sim.platform import SimPlatform
 
 # A compass gives a field; who turns it into a heading is somebody's node, not the world.
@@ -31,15 +31,7 @@ _OUT = {
 }  # fmt: skip
 
 
-class WorldTap(Protocol):
-    def __call__(
-        self,
-        batch: SensorBatch,
-        command: DriveCommand | None,
-        pose: tuple[float, float, float],
-        twist: tuple[float, float],
-        /,
-    ) -> None: ...
+WorldTap = Callable[[WorldTick], None]
 
 
 def twist_of(hand: Sequence[HandDrive]) -> DriveCommand | None:
@@ -75,7 +67,7 @@ def world_bridges(
         if topic.name in _OUT
     ]
     urdf = urdf_text(config.robot)
-    gateways = open_gateways(options, out, urdf, requests, serves=False)
+    gateways = open_gateways(options, out, urdf, requests, None)
     camera = CameraLog(
         robot, options.image_rate, config.record.jpeg_quality, keeps_raw=options.raw_images
     )

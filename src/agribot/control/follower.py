@@ -11,11 +11,13 @@ import math
 from bisect import bisect_right
 from typing import NamedTuple
 
+import numpy as np
+
 from agribot.arithmetic import FLOATS
 from agribot.config import ControlConfig
 from agribot.control import law
 from agribot.control.yaw_gain import YawGain
-from agribot.geo import wrap_rad
+from agribot.geo import is_backwards, wrap_rad
 from agribot.messages import STOP, DriveCommand, Estimate, Goal, Path, Tracking
 from agribot.robot import RobotSpec
 
@@ -24,12 +26,24 @@ PIVOT_LEAVE_RAD = math.radians(10.0)
 PIVOT_GAIN_PER_S = 1.5
 NOMINAL_DT_S = 0.02
 MAX_DT_S = 0.1
+CORNER_REACH_M = 0.03
+MAX_ASIDE_M = 0.05  # what a certified plan keeps off every edge
 
 
 class _Errors(NamedTuple):
     cross_track_m: float
     heading_rad: float
     curvature_radpm: float
+    is_backwards: bool = False
+    is_corner: bool = False
+
+    def steered_at(self, tracked_x_m: float, slip_rad: float) -> _Errors:
+        """As of a point ahead on the body: the robot crabs on a slope, and its line moves aside.
+
+        In a steady crab the heading is off by minus the slip, and with it the point's place.
+        """
+        aside_m = law.limited(FLOATS, tracked_x_m * slip_rad, MAX_ASIDE_M)
+        return self._replace(cross_track_m=self.cross_track_m - aside_m)
 
 
 class _Line:
@@ -42,6 +56,9 @@ class _Line:
         self._yaw: list[float] = path.yaw_map_rad.tolist()
         self._curvature: list[float] = path.curvature_radpm.tolist()
         self._s: list[float] = path.s_m.tolist()
+        self._is_backwards: list[bool] = is_backwards(path.xy_map_m, path.yaw_map_rad).tolist()
+        stands = np.diff(path.s_m) <= 0.0
+        self._corners_m: list[float] = path.s_m[1:][stands].tolist()
 
     def errors(self, s_m: float, x_m: float, y_m: float, yaw_rad: float) -> _Errors:
         """Of a pose, at the point of the path beside it; `s_m` must be within a metre of it."""
@@ -51,7 +68,15 @@ class _Line:
             index = self._index(self._s[index] + _arc_m(along_m, left_m, self._curvature[index]))
         _, left_m = self._offset(index, x_m, y_m)
         heading_rad = wrap_rad(yaw_rad - self._yaw[index])
-        return _Errors(left_m, heading_rad, self._curvature[index])
+        return _Errors(
+            left_m, heading_rad, self._curvature[index], self._is_backwards[index],
+            self._is_corner(s_m),
+        )  # fmt: skip
+
+    def _is_corner(self, s_m: float) -> bool:
+        """Just behind a place where the path turns on the spot."""
+        behind = bisect_right(self._corners_m, s_m)
+        return behind > 0 and s_m - self._corners_m[behind - 1] <= CORNER_REACH_M
 
     def _index(self, s_m: float) -> int:
         return min(max(bisect_right(self._s, s_m) - 1, 0), len(self._s) - 1)
@@ -59,7 +84,7 @@ class _Line:
     def _offset(self, index: int, x_m: float, y_m: float) -> tuple[float, float]:
         dx, dy = x_m - self._x[index], y_m - self._y[index]
         along_m, left_m = law.offset(FLOATS, dx, dy, self._yaw[index])
-        return along_m, left_m
+        return (-along_m, -left_m) if self._is_backwards[index] else (along_m, left_m)
 
 
 def _arc_m(along_m: float, left_m: float, curvature_radpm: float) -> float:
@@ -96,8 +121,9 @@ class Follower:
             self._line = _Line(goal.path)
         dt_s = self._elapsed_s(estimate.t_s) if dt_s is None else dt_s
         here = self._line.errors(goal.s_m, estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+        beside_m = here.cross_track_m + goal.tracked_x_m * math.sin(here.heading_rad)
         tracking = Tracking(
-            s_m=goal.s_m, cross_track_m=here.cross_track_m, heading_error_rad=here.heading_rad
+            s_m=goal.s_m, cross_track_m=beside_m, heading_error_rad=here.heading_rad
         )
         self._yaw_gain.learn(
             self._last.v_mps, self._last.yaw_rate_radps,
@@ -109,6 +135,7 @@ class Follower:
         wanted = STOP
         if goal.max_speed_mps > 0.0:
             ahead = self._ahead(self._line, estimate, goal.s_m)
+            ahead = ahead.steered_at(goal.tracked_x_m, estimate.slip_rad)
             wanted = self._twist(ahead, estimate, goal.max_speed_mps)
         self._last = self._ramped(wanted, dt_s)
         return self._last, tracking
@@ -130,17 +157,20 @@ class Follower:
 
     def _twist(self, ahead: _Errors, estimate: Estimate, max_speed_mps: float) -> DriveCommand:
         heading_rad = ahead.heading_rad
-        limit_rad = PIVOT_LEAVE_RAD if self._is_pivoting else PIVOT_ENTER_RAD
+        is_strict = self._is_pivoting or ahead.is_corner
+        limit_rad = PIVOT_LEAVE_RAD if is_strict else PIVOT_ENTER_RAD
         self._is_pivoting = abs(heading_rad) > limit_rad
         if self._is_pivoting:
             yaw_rate = -PIVOT_GAIN_PER_S * heading_rad
             limit = self._max_yaw_rate_radps
             return DriveCommand(v_mps=0.0, yaw_rate_radps=law.limited(FLOATS, yaw_rate, limit))
+        errors = (ahead.cross_track_m, heading_rad, ahead.curvature_radpm)
         v_mps, yaw_rate = law.steer(
-            FLOATS, ahead, estimate.slip_rad, max_speed_mps, self._yaw_gain.ratio,
+            FLOATS, errors, estimate.slip_rad, max_speed_mps, self._yaw_gain.ratio,
             self._config.length_m, self._max_yaw_rate_radps,
         )  # fmt: skip
-        return DriveCommand(v_mps=v_mps, yaw_rate_radps=yaw_rate)
+        # Backwards the same law holds: left of the way, which is right of the robot, counts.
+        return DriveCommand(v_mps=-v_mps if ahead.is_backwards else v_mps, yaw_rate_radps=yaw_rate)
 
     def _ramped(self, wanted: DriveCommand, dt_s: float) -> DriveCommand:
         drive, last = self._drive, self._last

@@ -20,7 +20,7 @@ from agribot.dataset.records import (
 )
 from agribot.errors import RecordingError
 from agribot.messages import FloatArray, PlantClass
-from agribot.sim.random_scenes import CROPS, WEEDS
+from agribot.sim.random_scenes import ALL_CROPS, ALL_WEEDS, CROPS, WEEDS
 
 POSE_COLUMNS = (
     "image", "field", "x_map_m", "y_map_m", "z_map_m", "qx", "qy", "qz", "qw", "focal_px",
@@ -30,9 +30,14 @@ PLANT_COLUMNS = (
     "image", "instance", "species", "class", "left_px", "top_px", "width_px", "height_px",
     "area_px", "x_map_m", "y_map_m", "size_m",
 )  # fmt: skip
-CATEGORIES = (
-    *(("crop", species) for species, _least_m, _most_m in CROPS),
-    *(("weed", species) for species in WEEDS),
+# Those of the standard variety first: their numbers are the same in every set.
+CATEGORIES = tuple(
+    dict.fromkeys(
+        (kind, species)
+        for crops, weeds in ((CROPS, WEEDS), (ALL_CROPS, ALL_WEEDS))
+        for kind, names in (("crop", [name for name, *_ in crops]), ("weed", weeds))
+        for species in names
+    )
 )
 
 

@@ -26,6 +26,9 @@ MAX_SAMPLES = 4097  # along one side
 # What numpy.load says of damaged files; it takes some for archives and some for Python 2's.
 NOT_NPY = (OSError, ValueError, TypeError, AttributeError, KeyError, OverflowError, SyntaxError,
            EOFError, tokenize.TokenError, zipfile.BadZipFile)  # fmt: skip
+# Where the arcs of the hills' crop rows have their centre, North and West of the heights' middle.
+HILL_TOP_XY_M = (-4.0, 3.0 - 1.0 + 1.0 / 0.03)
+SWELL_M = 0.5
 
 
 def volcano(
@@ -56,10 +59,19 @@ def volcano(
     return rise
 
 
-def hills(seed: int, samples: int = 129, top_m: float = 1.6) -> FloatArray:
-    """Long gentle swells, (samples, samples), from 0 to `top_m`."""
+def hills(
+    seed: int, samples: int = 129, size_m: float = 48.0, slope_deg: float = 10.0
+) -> FloatArray:
+    """The flank of a round hill with long gentle swells, (samples, samples), from 0 up.
+
+    Contour lines are arcs about HILL_TOP_XY_M, in the frame of the heights.
+    """
+    at_m = np.linspace(-size_m / 2.0, size_m / 2.0, samples)
+    x, y = np.meshgrid(at_m, at_m)
+    away_m = np.hypot(x - HILL_TOP_XY_M[0], y - HILL_TOP_XY_M[1])
     swell = _noise(np.random.default_rng([seed, 42]), samples, 2)
-    rise: FloatArray = (swell - swell.min()) * (top_m / float(np.ptp(swell)))
+    height = SWELL_M * (swell / float(np.ptp(swell))) - math.tan(math.radians(slope_deg)) * away_m
+    rise: FloatArray = height - height.min()
     return rise
 
 

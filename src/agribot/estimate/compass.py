@@ -10,6 +10,7 @@ from agribot.config import EstimateConfig
 from agribot.estimate.ekf import GYRO_BIAS, MAG_BIAS, YAW, Ekf
 from agribot.estimate.gate import Gate
 from agribot.estimate.history import MotionHistory
+from agribot.estimate.mag_fit import Level, MagCalibration, MagFit
 from agribot.estimate.start import StartMark
 from agribot.geo import wrap_rad
 from agribot.messages import MagSample, Vec3
@@ -23,13 +24,14 @@ BIAS_MEMORY_S = 120.0
 # Weight of a new sample in the running noise estimate, and the largest jump that counts.
 NOISE_WEIGHT = 0.1
 MAX_JUMP_RAD = 1.0
+# Heading good enough to learn iron from: the compass alone never gets there.
+REFERENCE_STD_RAD = math.radians(2.0)
+# Without iron the heading is off by how the sensor is mounted.
+MOUNT_STD_RAD = math.radians(3.0)
 
 
-def yaw_from_field(field_t: Vec3, up_body: Vec3, declination_rad: float) -> float | None:
-    """Yaw of the body in the map; None where the field has no horizontal part.
-
-    The declination is that of magnetic North, positive to the East.
-    """
+def level_field(field_t: Vec3, up_body: Vec3) -> Level | None:
+    """The horizontal field ahead and to the left of the body; None where there is none."""
     # The body's x axis laid flat, and left of it, both written in body axes.
     ux, uy, uz = up_body
     norm = math.hypot(uy, uz)
@@ -42,7 +44,20 @@ def yaw_from_field(field_t: Vec3, up_body: Vec3, declination_rad: float) -> floa
     total = math.hypot(*field_t)
     if not math.isfinite(total) or math.hypot(ahead_t, left_t) <= 1e-3 * total:
         return None
-    return wrap_rad(math.pi / 2.0 - declination_rad - math.atan2(left_t, ahead_t))
+    return ahead_t, left_t
+
+
+def yaw_from_field(field_t: Vec3, up_body: Vec3, declination_rad: float) -> float | None:
+    """Yaw of the body in the map; None where the field has no horizontal part.
+
+    The declination is that of magnetic North, positive to the East.
+    """
+    level_t = level_field(field_t, up_body)
+    return None if level_t is None else yaw_of(level_t, declination_rad)
+
+
+def yaw_of(level_t: Level, declination_rad: float) -> float:
+    return wrap_rad(math.pi / 2.0 - declination_rad - math.atan2(level_t[1], level_t[0]))
 
 
 class NoiseMeter:
@@ -91,6 +106,10 @@ class Compass:
         self._declination_rad = declination_rad
         self._bias_std_rad = config.mag_bias_std_rad
         self._noise = NoiseMeter(config.mag_std_rad)
+        self._set = MagCalibration(offset_t=config.mag_offset_t, shape=config.mag_shape)
+        self._learns = config.mag_learn
+        self._fit = MagFit()
+        self._learnt: MagCalibration | None = None
         self._gate = Gate(config.gate_sigma, config.recover_after)
         self._rejected = rejected
         self._first_sum = 0j
@@ -98,9 +117,9 @@ class Compass:
         self._last_t_s = -math.inf
 
     def update(self, sample: MagSample, up_body: Vec3) -> None:
-        yaw_rad = yaw_from_field(sample.field_t, up_body, self._declination_rad)
+        level_t = level_field(sample.field_t, up_body)
         now, then = self._history.newest, self._history.at(sample.t_s)
-        if yaw_rad is None or not math.isfinite(sample.t_s):
+        if level_t is None or not math.isfinite(sample.t_s):
             self._rejected["mag not usable"] += 1
         elif sample.t_s <= self._last_t_s:
             self._rejected["mag out of order"] += 1
@@ -108,11 +127,37 @@ class Compass:
             self._rejected["mag without odometry"] += 1
         else:
             self._last_t_s = sample.t_s
+            level_t = self._iron_free(level_t, then.yaw_rad - now.yaw_rad)
+            yaw_rad = yaw_of(level_t, self._declination_rad)
             self._noise.add(yaw_rad - then.yaw_rad)
             if self.is_ready:
                 self._correct(yaw_rad + now.yaw_rad - then.yaw_rad)
             else:
                 self._begin(yaw_rad - then.yaw_rad, now.yaw_rad)
+
+    def _iron_free(self, level_t: Level, back_rad: float) -> Level:
+        """Without the robot's own iron, as it is set and as it is learnt while others know better.
+
+        `back_rad` is how far the robot has turned since, backwards.
+        """
+        level_t = self._set.corrected(level_t)
+        if not self._learns:
+            return level_t
+        ekf = self._ekf
+        if self.is_ready and ekf.cov[YAW, YAW] < REFERENCE_STD_RAD**2:
+            north_rad = math.pi / 2.0 - self._declination_rad - (ekf.x[YAW] + back_rad)
+            if self._fit.add(level_t, north_rad):
+                self._learn()
+        return level_t if self._learnt is None else self._learnt.corrected(level_t)
+
+    def _learn(self) -> None:
+        fitted = self._fit.solved()
+        if fitted is None or fitted.complaints():
+            return
+        if self._learnt is None:  # what the bias was of is gone but for the mount
+            self._bias_std_rad = min(self._bias_std_rad, MOUNT_STD_RAD)
+            self._ekf.reset(MAG_BIAS, 0.0, self._bias_std_rad**2)
+        self._learnt = fitted.calibration
 
     def _begin(self, offset_rad: float, turned_rad: float) -> None:
         """Collect headings, each turned back to the start of the odometry; then set the yaw.
@@ -154,5 +199,6 @@ class Compass:
 
     def ageing(self, dt_s: float, turn_abs_rad: float) -> tuple[int, float, float]:
         """How the bias ages, as Ekf.relax takes it; its spread stays what the config believes."""
-        factor = math.exp(-dt_s / BIAS_MEMORY_S - turn_abs_rad / BIAS_MEMORY_RAD)
+        turned_ratio = turn_abs_rad / BIAS_MEMORY_RAD if self._learnt is None else 0.0
+        factor = math.exp(-dt_s / BIAS_MEMORY_S - turned_ratio)
         return MAG_BIAS, factor, self._bias_std_rad**2 * (1.0 - factor * factor)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from agribot.config import EstimateConfig, FieldConfig
 from agribot.estimate.contradiction import Contradiction
 from agribot.estimate.ekf import YAW, Ekf, Row, X, Y
-from agribot.estimate.field_rows import FieldRows
+from agribot.estimate.field_rows import FieldRows, RowFrame
 from agribot.estimate.history import Motion, MotionHistory
 from agribot.messages import GroundPlant, PlantClass, Scene
 
@@ -49,8 +49,7 @@ class Sighting(NamedTuple):
     """
 
     plant: GroundPlant
-    along_m: float
-    right_m: float
+    at: RowFrame
     lever_m: tuple[float, float]
     std_m: float
     variance_m2: float
@@ -143,36 +142,36 @@ class CropRows:
     ) -> Sighting:
         arm_x = view.cos * plant.x_body_m - view.sin * plant.y_body_m
         arm_y = view.sin * plant.x_body_m + view.cos * plant.y_body_m
-        along_m, right_m = self._field.along_right_m(view.x_m + arm_x, view.y_m + arm_y)
+        at = self._field.at(view.x_m + arm_x, view.y_m + arm_y)
         lever_m = (arm_x - (now.x_m - then.x_m), arm_y - (now.y_m - then.y_m))
         look_m2 = plant.std_m**2 + together * FRAME_STD_M**2
         variance_m2 = look_m2 * _repeats(LOOK_MEMORY_M, view.moved_m)
         variance_m2 += PLANTING_STD_M**2 * _repeats(PLANTING_MEMORY_M, view.moved_m)
         std_m = math.sqrt(look_m2 + PLANTING_STD_M**2)
-        return Sighting(plant, along_m, right_m, lever_m, std_m, variance_m2)
+        return Sighting(plant, at, lever_m, std_m, variance_m2)
 
     def _correct(self, seen: Sighting) -> bool:
         """Use one crop, across the row and where possible along it; False: it does not fit."""
-        field, ekf = self._field, self._ekf
-        _, row_right_m = field.row_at(seen.right_m)
-        if not -BEYOND_M <= seen.along_m <= field.length_m + BEYOND_M:
+        field, ekf, at = self._field, self._ekf, seen.at
+        _, row_right_m = field.row_at(at.right_m)
+        if not -BEYOND_M <= at.along_m <= field.length_m + BEYOND_M:
             self._rejected["crop beyond the rows"] += 1
             return False
-        across = _row(field.right, seen.lever_m)
-        off_m = row_right_m - seen.right_m
+        across = _row(at.right, seen.lever_m)
+        off_m = row_right_m - at.right_m
         across_m2 = ekf.project(across)[1]
         if across_m2 > (TELLS_APART_RATIO * field.pitch_m) ** 2:
             self._rejected["row ambiguous"] += 1
             return False
         fits = off_m * off_m <= self._gate2 * (across_m2 + seen.std_m**2)
-        along = _row(field.forward, seen.lever_m)
+        along = _row(at.forward, seen.lever_m)
         along_m2 = ekf.project(along)[1]
-        slot = field.slot_at(seen.along_m)
+        slot, ahead_m = field.slot_at(at.along_m, at.stretch), 0.0
         if slot is not None and field.spacing_m is not None:
             if along_m2 > (TELLS_APART_RATIO * field.spacing_m) ** 2:
                 slot = None
             else:
-                ahead_m = slot[1] - seen.along_m
+                ahead_m = (slot[1] - at.along_m) * at.stretch
                 fits = fits and ahead_m**2 <= self._gate2 * (along_m2 + seen.std_m**2)
         if not fits:
             self._rejected["crop off its row"] += 1
@@ -182,15 +181,15 @@ class CropRows:
         ekf.update(across, off_m, seen.variance_m2)
         if slot is not None:
             # The first correction has moved the robot a little along the row, too.
-            ekf.update(along, slot[1] - seen.along_m, seen.variance_m2)
+            ekf.update(along, ahead_m, seen.variance_m2)
         return True
 
     def _recover(self, seen: Sighting, across: Row, off_m: float) -> None:
         """When plant after plant is off by the same amount, it is the pose that is wrong."""
-        wrong_m = self._contradiction.add(seen.along_m, seen.right_m, off_m)
+        wrong_m = self._contradiction.add(seen.at.along_m, seen.at.right_m, off_m)
         if wrong_m is None:
             return
-        right_x, right_y = self._field.right
+        right_x, right_y = seen.at.right
         ekf = self._ekf
         ekf.inflate(X, (wrong_m * right_x) ** 2)
         ekf.inflate(Y, (wrong_m * right_y) ** 2)
@@ -201,12 +200,12 @@ class CropRows:
     def _correct_by_ends(self, crops: list[Sighting], scene: Scene, view: View) -> None:
         """The outermost plant of a row in view, with bare ground after it, is the row's end."""
         field, ekf = self._field, self._ekf
-        for row in sorted({field.row_at(crop.right_m)[0] for crop in crops}):
-            mine = [crop for crop in crops if field.row_at(crop.right_m)[0] == row]
+        for row in sorted({field.row_at(crop.at.right_m)[0] for crop in crops}):
+            mine = [crop for crop in crops if field.row_at(crop.at.right_m)[0] == row]
             for sign, end_m in ((1.0, field.length_m), (-1.0, 0.0)):
-                last = max(mine, key=lambda crop: sign * crop.along_m)
-                off_m = end_m - last.along_m
-                along = _row(field.forward, last.lever_m)
+                last = max(mine, key=lambda crop: sign * crop.at.along_m)
+                off_m = (end_m - last.at.along_m) * last.at.stretch
+                along = _row(last.at.forward, last.lever_m)
                 along_m2 = ekf.project(along)[1]
                 std_m = math.hypot(last.std_m, END_STD_M)
                 is_near = abs(off_m) <= BEYOND_M and off_m**2 <= self._gate2 * (along_m2 + std_m**2)
@@ -215,7 +214,7 @@ class CropRows:
 
     def _sees_beyond(self, crop: Sighting, sign: float, scene: Scene, view: View) -> bool:
         """Whether the view holds the ground at the end gap after a plant."""
-        forward_x, forward_y = self._field.forward
+        forward_x, forward_y = crop.at.forward
         gap_x, gap_y = sign * END_GAP_M * forward_x, sign * END_GAP_M * forward_y
         x_m = crop.plant.x_body_m + view.cos * gap_x + view.sin * gap_y
         y_m = crop.plant.y_body_m - view.sin * gap_x + view.cos * gap_y

@@ -35,6 +35,10 @@ class MotionNoise(msgspec.Struct, frozen=True, kw_only=True):
     yaw_rad2_per_rad: float
 
 
+# Of one step; a robot that hardly turns does not slide.
+TURN_FLOOR_RAD = 1e-6
+
+
 class Ekf:
     """States: x_map_m, y_map_m, yaw_map_rad, gyro bias (rad/s), wheel scale (share of the wheel
     speed lost), slip, GNSS bias east and north (m), magnetometer bias (rad),
@@ -62,9 +66,14 @@ class Ekf:
         return math.cos(yaw_map_rad - self.row_yaw_rad)
 
     def predict(
-        self, distance_m: float, turn_rad: float, dt_s: float, noise: MotionNoise
+        self,
+        distance_m: float,
+        turn_rad: float,
+        dt_s: float,
+        noise: MotionNoise,
+        slide_m: tuple[float, float] = (0.0, 0.0),
     ) -> tuple[float, float, float]:
-        """Move by what wheels and gyro measured over `dt_s`.
+        """Move by what wheels and gyro measured over `dt_s`, and slide forward and left as well.
 
         Returns: the step after the corrections for bias, scale and slip: x, y and yaw, map frame.
         """
@@ -74,15 +83,22 @@ class Ekf:
             FLOATS, x[YAW] + turned_rad / 2.0, self.row_yaw_rad, x[WHEEL_SCALE], x[SLIP],
             distance_m, dt_s,
         )  # fmt: skip
+        turn_abs_rad = abs(turned_rad)
+        slide_m2 = slide_m[0] ** 2 + slide_m[1] ** 2
+        if slide_m2:
+            cos, sin = math.cos(x[YAW]), math.sin(x[YAW])
+            dx_m += cos * slide_m[0] - sin * slide_m[1]
+            dy_m += sin * slide_m[0] + cos * slide_m[1]
         x[X] += dx_m
         x[Y] += dy_m
         x[YAW] = wrap_rad(x[YAW] + turned_rad)
         self._a[:] = (x_row, y_row, (0.0, -dt_s, 0.0, 0.0))
         self._propagate()
-        turn_abs_rad = abs(turned_rad)
         position_m2 = (
             noise.position_m2_per_m * abs(distance_m) + noise.position_m2_per_rad * turn_abs_rad
         )
+        if slide_m2:
+            position_m2 += slide_m2 / max(abs(turn_rad), TURN_FLOOR_RAD)
         self.inflate(X, position_m2)
         self.inflate(Y, position_m2)
         self.inflate(YAW, noise.yaw_rad2_per_s * dt_s + noise.yaw_rad2_per_rad * turn_abs_rad)

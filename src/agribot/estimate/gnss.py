@@ -6,80 +6,21 @@ import math
 import statistics
 from collections import Counter
 
-import msgspec
-
 from agribot.arithmetic import FLOATS, Arithmetic, Number
 from agribot.config import EstimateConfig
 from agribot.estimate.base_correction import BaseCorrection
 from agribot.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, Ekf, Row, X, Y
 from agribot.estimate.gate import Gate
+from agribot.estimate.gnss_noise import CORRECTED, FLOAT_MEMORY_S, FixNoise, bias_ageing, fix_noise
 from agribot.estimate.history import Motion, MotionHistory
-from agribot.estimate.models import antenna_velocity, repeats, velocity_variance
+from agribot.estimate.models import antenna_velocity, velocity_variance
 from agribot.estimate.start import StartMark
 from agribot.geo import MapFrame, rotation_from_rpy
 from agribot.messages import FloatArray, GnssFix, GnssQuality, Vec3
 
-CORRECTED = (GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT)
 # The first position is the median of this many fixes, so that no single one can spoil it.
 FIRST_FIXES = 5
-MIN_POS_STD_M = 0.005
 UNKNOWN_M2 = 1e6
-# Scatter of an uncorrected receiver around its own slow wander.
-UNCORRECTED_WHITE_M = 0.12
-# The wander: multipath and atmosphere over minutes; stays within the receiver's own sigma.
-UNCORRECTED_WALK_M_PER_SQRT_S = 0.1
-# With fixed ambiguities multipath on the carrier remains: about 1 cm over a minute.
-CORRECTED_BIAS_M, CORRECTED_WALK_M_PER_SQRT_S = 0.01, 0.0018
-# A float solution wanders this slowly, so its epochs are far from independent.
-FLOAT_MEMORY_S = 15.0
-FLOAT_STD_M = 0.3
-
-
-class FixNoise(msgspec.Struct, frozen=True, kw_only=True):
-    """What the filter believes of a fix: white variance, and spread and walk of the bias."""
-
-    variance_m2: Number
-    bias_std_m: Number
-    bias_walk_m_per_sqrt_s: float
-
-
-def noise_model(
-    m: Arithmetic,
-    pos_std_m: Number,
-    is_float: Number,
-    since_last_s: float,
-    *,
-    is_corrected: bool,
-) -> FixNoise:
-    std_m = m.most(pos_std_m, MIN_POS_STD_M)
-    if not is_corrected:
-        return FixNoise(
-            variance_m2=UNCORRECTED_WHITE_M**2,
-            bias_std_m=m.most(std_m, UNCORRECTED_WHITE_M),
-            bias_walk_m_per_sqrt_s=UNCORRECTED_WALK_M_PER_SQRT_S,
-        )
-    # The stated sigma holds the slow part too, which the bias states carry.
-    fixed_m2 = m.most(std_m**2 - CORRECTED_BIAS_M**2, std_m**2 / 4.0)
-    float_m2 = m.most(std_m, FLOAT_STD_M) ** 2 * repeats(FLOAT_MEMORY_S, since_last_s)
-    return FixNoise(
-        variance_m2=m.choose(is_float, float_m2, fixed_m2),
-        bias_std_m=CORRECTED_BIAS_M,
-        bias_walk_m_per_sqrt_s=CORRECTED_WALK_M_PER_SQRT_S,
-    )
-
-
-def fix_noise(fix: GnssFix, since_last_s: float) -> FixNoise:
-    is_float = fix.quality is GnssQuality.RTK_FLOAT
-    is_corrected = fix.quality in CORRECTED
-    return noise_model(FLOATS, fix.pos_std_m, is_float, since_last_s, is_corrected=is_corrected)
-
-
-def bias_ageing(m: Arithmetic, noise: FixNoise, dt_s: float) -> list[tuple[int, Number, Number]]:
-    """How the two bias states age, as Ekf.relax takes it."""
-    variance = noise.bias_std_m**2
-    factor = m.exp(-(noise.bias_walk_m_per_sqrt_s**2) * dt_s / (2.0 * variance))
-    growth = variance * (1.0 - factor * factor)
-    return [(GNSS_BIAS_X, factor, growth), (GNSS_BIAS_Y, factor, growth)]
 
 
 def doubts(
@@ -122,6 +63,9 @@ class Gnss:
     ) -> None:
         self.is_ready = False
         self.misplaced = ""
+        # How far off the last rejected fix was, and how far robot and receiver have jumped so far.
+        self.rejected_m, self.moved_m = 0.0, (0.0, 0.0)
+        self._receiver_m = (0.0, 0.0)
         self._start = start
         self.quality = GnssQuality.NONE
         self.last_t_s = -math.inf
@@ -174,6 +118,7 @@ class Gnss:
         is_corrected = self.quality in CORRECTED
         was, kind = (self._is_corrected, self._is_differential), (is_corrected, is_differential)
         if kind != was or not self.is_ready:
+            self._receiver_m = (0.0, 0.0)
             for state in (GNSS_BIAS_X, GNSS_BIAS_Y):
                 self._ekf.reset(state, 0.0, noise.bias_std_m**2)
         self._is_corrected, self._is_differential = kind
@@ -186,7 +131,8 @@ class Gnss:
         x = self._ekf.x
         arm_x, arm_y = _turned(lever_m, x[YAW] - (now.yaw_rad - then.yaw_rad))
         moved_x, moved_y = now.x_m - then.x_m, now.y_m - then.y_m
-        now_x, now_y = east_m - arm_x + moved_x, north_m - arm_y + moved_y
+        now_x = east_m - arm_x + moved_x - self._receiver_m[0]
+        now_y = north_m - arm_y + moved_y - self._receiver_m[1]
         if not self.is_ready:
             self._begin(now_x, now_y, fix_noise(fix, FLOAT_MEMORY_S).variance_m2, now)
             return
@@ -228,13 +174,27 @@ class Gnss:
         verdict = gate.judge(ekf.update_pair(rows, residuals, noise.variance_m2, gate.limit))
         if verdict == "reject":
             self._rejected["gnss outlier"] += 1
+            self.rejected_m = math.hypot(*residuals)
         elif verdict == "recover":
-            # With corrections the fix is right and the robot is elsewhere (carried, or slid);
-            # without them it is the fix that jumped.
-            states = (X, Y) if self._is_corrected else (GNSS_BIAS_X, GNSS_BIAS_Y)
-            for state, residual in zip(states, residuals, strict=True):
-                ekf.inflate(state, residual**2 + noise.variance_m2)
-            ekf.update_pair(rows, residuals, noise.variance_m2)
+            self._recover(rows, residuals, noise)
+
+    def _recover(
+        self, rows: tuple[Row, Row], residuals: tuple[float, float], noise: FixNoise
+    ) -> None:
+        """With corrections the fix is right and the robot is elsewhere (carried, or slid).
+
+        Without them it is the fix that jumped; the bias, which fades, must not be left with that.
+        """
+        ekf = self._ekf
+        if not self._is_corrected:
+            self._receiver_m = _sum(self._receiver_m, residuals)
+            ekf.inflate(GNSS_BIAS_X, noise.variance_m2)
+            ekf.inflate(GNSS_BIAS_Y, noise.variance_m2)
+            return
+        self.moved_m = _sum(self.moved_m, residuals)
+        for state, residual in zip((X, Y), residuals, strict=True):
+            ekf.inflate(state, residual**2 + noise.variance_m2)
+        ekf.update_pair(rows, residuals, noise.variance_m2)
 
     def _velocity(
         self,
@@ -273,6 +233,10 @@ class Gnss:
 
 def _velocity_row(by: tuple[float, ...]) -> Row:
     return (YAW, by[0]), (WHEEL_SCALE, by[1]), (SLIP, by[2])
+
+
+def _sum(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    return a[0] + b[0], a[1] + b[1]
 
 
 def _is_usable(fix: GnssFix) -> bool:

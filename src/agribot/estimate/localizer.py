@@ -13,6 +13,7 @@ from agribot.estimate.dual_heading import DualHeading
 from agribot.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, Ekf, MotionNoise, X, Y
 from agribot.estimate.gnss import Gnss
 from agribot.estimate.history import Motion, MotionHistory
+from agribot.estimate.integrity import SUSPICIOUS_REJECTIONS, Integrity
 from agribot.estimate.odometry import Odometry, Step
 from agribot.estimate.row_lines import RowLines
 from agribot.estimate.start import StartMark
@@ -36,7 +37,6 @@ BLIND_TURN_RATIO, BLIND_DISTANCE_RATIO = 0.3, 0.3
 BLIND_YAW_RAD_PER_SQRT_S = 0.05
 # Dead reckoning also counts as lost when it has lost half as much again as was known.
 LOST_RATIO = 1.5
-SUSPICIOUS_REJECTIONS = 5
 STANDING_MPS = 0.02
 
 
@@ -68,6 +68,7 @@ class Localizer:
         self._crop_rows = CropRows(self._ekf, self._history, config, field, self.rejected)
         self._row_lines = RowLines(self._ekf, self._history, field, self.rejected)
         self._heading = DualHeading(self._ekf, self._history, config, self.rejected)
+        self._integrity = Integrity(config, self._ekf, self._gnss)
         self._last_line: Motion | None = None
         self._motion = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._unaged_s = self._unaged_rad = 0.0
@@ -130,24 +131,29 @@ class Localizer:
         self._ekf.reset(X, x_m, std_m**2)
         self._ekf.reset(Y, y_m, std_m**2)
         self._ekf.reset(YAW, wrap_rad(yaw_rad), std_rad**2)
+        self._integrity.restart()
 
     def _advance(self, step: Step) -> None:
         """Predict through one step, in pieces if it is long, and let the slow errors age."""
         last = self._motion
         pieces = min(max(1, math.ceil(step.dt_s / MAX_STEP_S - 1e-6)), MAX_PIECES)
         dt_s, distance_m = step.dt_s / pieces, step.distance_m / pieces
+        slide_m = (step.slide_m[0] / pieces, step.slide_m[1] / pieces)
         bias_radps = self._ekf.x[GYRO_BIAS]
         turn_rad = bias_radps * dt_s if step.is_still or step.is_blind else 0.0
         if not step.is_still:
             turn_rad += step.turn_rad / pieces
         x_m, y_m, yaw_rad = last.x_m, last.y_m, last.yaw_rad
         for _ in range(pieces):
-            dx_m, dy_m, dyaw_rad = self._ekf.predict(distance_m, turn_rad, dt_s, self._noise)
+            dx_m, dy_m, dyaw_rad = self._ekf.predict(
+                distance_m, turn_rad, dt_s, self._noise, slide_m
+            )
             x_m, y_m, yaw_rad = x_m + dx_m, y_m + dy_m, yaw_rad + dyaw_rad
         self._motion = Motion(
             step.t_s, x_m, y_m, yaw_rad, distance_m / dt_s, (yaw_rad - last.yaw_rad) / step.dt_s
         )
         self._history.append(self._motion)
+        self._integrity.move(step.distance_m)
         if step.is_blind:
             self._doubt(step)
         if step.zero_rate is not None:
@@ -203,6 +209,7 @@ class Localizer:
             quality=self._quality(t_s),
             ok=ok,
             reason=reason,
+            protection_m=self._integrity.level_m(t_s, pos_std_m) if ok else math.inf,
         )
 
     def _quality(self, t_s: float) -> GnssQuality:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
+from agribot.estimate.slope import heading_rate_radps, seen_from_above, slide_m, turned
 from agribot.estimate.standstill import Standstill
 from agribot.messages import ImuSample, Vec3, WheelSample
 from agribot.robot import DriveSpec
@@ -26,10 +27,11 @@ MAX_AHEAD_S = 0.05
 
 
 class Step(msgspec.Struct, gc=False):
-    """Motion up to `t_s`: distance of the body's centre and turn about the vertical, uncorrected.
+    """Motion up to `t_s`: distance of the body's centre and turn as the map has them, uncorrected.
 
-    `is_blind` marks a gap without gyro, in which the turn comes from the wheels alone.
-    `zero_rate` is a mean gyro rate at standstill and its variance, when a window completed.
+    `slide_m` is how far a slope takes the turning robot forward and left, at a guess. `is_blind`
+    marks a gap without gyro, in which the turn comes from the wheels alone. `zero_rate` is a mean
+    gyro rate at standstill and its variance, when a window completed.
     """
 
     t_s: float
@@ -39,6 +41,7 @@ class Step(msgspec.Struct, gc=False):
     is_still: bool
     is_blind: bool
     zero_rate: tuple[float, float] | None
+    slide_m: tuple[float, float] = (0.0, 0.0)
 
 
 class Odometry:
@@ -57,8 +60,9 @@ class Odometry:
         self._standstill = Standstill()
         self._rate_radps: float | None = None
         self._rate_t_s = -math.inf
+        self._gyro_radps: Vec3 = (0.0, 0.0, 0.0)
         self._accel_mps2: Vec3 = (0.0, 0.0, 0.0)
-        self._average_mps2: list[float] | None = None
+        self._average_mps2: Vec3 | None = None
         self._up: Vec3 = (0.0, 0.0, 1.0)
         left_mps, right_mps = drive.wheel_speeds_radps(
             drive.max_speed_mps, drive.max_yaw_rate_radps
@@ -67,7 +71,7 @@ class Odometry:
 
     @property
     def up_body(self) -> Vec3:
-        """The vertical in body axes, from the averaged acceleration."""
+        """The vertical in body axes, from the acceleration averaged over the gyro's turns."""
         return self._up
 
     def steps(
@@ -101,7 +105,7 @@ class Odometry:
             self._queue.append(sample)
 
     def _consume(self, until_s: float) -> tuple[float | None, int]:
-        """Mean rate about the vertical of the samples up to a time, and how many they were."""
+        """Mean heading rate of the samples up to a time, and how many they were."""
         wx = wy = wz = ax = ay = az = 0.0
         count = 0
         queue = self._queue
@@ -114,8 +118,8 @@ class Odometry:
             count += 1
             self._rate_t_s = sample.t_s
         if count:
-            up = self._up
-            self._rate_radps = (wx * up[0] + wy * up[1] + wz * up[2]) / count
+            self._gyro_radps = (wx / count, wy / count, wz / count)
+            self._rate_radps = heading_rate_radps(self._gyro_radps, self._up)
             self._accel_mps2 = (ax / count, ay / count, az / count)
         elif until_s - self._rate_t_s > self._imu_timeout_s:
             self._rate_radps = None
@@ -142,8 +146,10 @@ class Odometry:
         if count:
             self._tilt(dt_s, rate_radps * distance_m / dt_s)
         zero_rate = self._standstill.update(dt_s, travels_m, rate_radps)
-        still = self._standstill.is_still
-        return Step(after.t_s, dt_s, distance_m, rate_radps * dt_s, still, False, zero_rate)
+        still, turn_rad = self._standstill.is_still, rate_radps * dt_s
+        slide = (0.0, 0.0) if still else slide_m(turn_rad, self._up, self._drive.wheelbase_m)
+        level_m = seen_from_above(distance_m, self._up)
+        return Step(after.t_s, dt_s, level_m, turn_rad, still, False, zero_rate, slide)
 
     def _angle(self, before_rad: float, after_rad: float, speed_radps: float, dt_s: float) -> float:
         """Turn of one wheel. The encoder's angle is exact over any gap, unless it restarted."""
@@ -156,16 +162,13 @@ class Odometry:
     def _tilt(self, dt_s: float, centripetal_mps2: float) -> None:
         x, y, z = self._accel_mps2
         y -= centripetal_mps2
-        average = self._average_mps2
-        if average is None:
-            average = self._average_mps2 = [x, y, z]
         part = min(dt_s / TILT_AVERAGE_S, 1.0)
-        average[0] += part * (x - average[0])
-        average[1] += part * (y - average[1])
-        average[2] += part * (z - average[2])
-        norm = math.hypot(*average)
+        ax, ay, az = turned(self._average_mps2 or (x, y, z), self._gyro_radps, dt_s)
+        ax, ay, az = ax + part * (x - ax), ay + part * (y - ay), az + part * (z - az)
+        self._average_mps2 = (ax, ay, az)
+        norm = math.hypot(ax, ay, az)
         if GRAVITY_MPS2[0] < norm < GRAVITY_MPS2[1]:
-            self._up = (average[0] / norm, average[1] / norm, average[2] / norm)
+            self._up = (ax / norm, ay / norm, az / norm)
         else:
             self._up = (0.0, 0.0, 1.0)
 

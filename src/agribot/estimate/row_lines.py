@@ -16,7 +16,7 @@ from agribot.config import FieldConfig
 from agribot.devices import RowLine
 from agribot.estimate import row_model as model
 from agribot.estimate.ekf import ROW_BIAS, YAW, Ekf, Row, X, Y
-from agribot.estimate.field_rows import FieldRows
+from agribot.estimate.field_rows import FieldRows, RowFrame
 from agribot.estimate.gate import Gate
 from agribot.estimate.history import Motion, MotionHistory
 from agribot.geo import wrap_rad
@@ -53,13 +53,15 @@ class RowLines:
         elif now is None or then is None:
             self._rejected["row line without odometry"] += 1
         else:
-            sign = self._facing(now, then)
+            frame = self._frame(now, then)
+            sign = self._facing(frame, now, then)
             self._line(line, sign, now, then)
             self._last_t_s = line.t_s
             first_m, last_m = self._ends(sign)
             for ahead_m, at_m in ((line.start_ahead_m, first_m), (line.end_ahead_m, last_m)):
                 if ahead_m is not None:
-                    self._range(at_m - sign * ahead_m, line.range_std_m, now, then)
+                    along_m = at_m - sign * ahead_m / frame.stretch
+                    self._range(along_m, line.range_std_m, now, then)
 
     @property
     def has_lines(self) -> bool:
@@ -73,8 +75,9 @@ class RowLines:
             self._rejected["row line without odometry"] += 1
             return
         yaw_rad = self._ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
-        sign = self._facing(now, then)
-        heading_rad = wrap_rad(yaw_rad - self._ekf.row_yaw_rad + (0.0 if sign > 0.0 else math.pi))
+        frame = self._frame(now, then, self._arm_m(line, now, then))
+        sign = self._facing(frame, now, then)
+        heading_rad = wrap_rad(yaw_rad - frame.yaw_rad + (0.0 if sign > 0.0 else math.pi))
         is_along = abs(heading_rad) <= MAX_HEADING_RAD
         if not is_along or abs(wrap_rad(line.heading_rad - heading_rad)) > MAX_DISAGREEMENT_RAD:
             self._rejected["row line aslant"] += 1
@@ -100,8 +103,9 @@ class RowLines:
         """The end of a row, unless it can only be a gap within it: gaps look like ends."""
         if ahead_m is None:
             return None
-        off_m = at_m - sign * ahead_m - self._place(now, then)[0]
-        along_m2 = self._ekf.project(moved_row(self._field.forward, now, then))[1]
+        frame = self._frame(now, then)
+        off_m = (at_m - sign * ahead_m / frame.stretch - frame.along_m) * frame.stretch
+        along_m2 = self._ekf.project(moved_row(frame.forward, now, then))[1]
         sigma_m = math.sqrt(along_m2 + line.range_std_m**2)
         if abs(off_m) <= max(GAP_M, model.RANGE_GATE_SIGMA * sigma_m):
             return ahead_m
@@ -127,23 +131,30 @@ class RowLines:
         self._begin(line)
         if self._offset(line, line.offset_m, sign, now, then):
             variance = model.heading_variance(FLOATS, line.heading_std_rad, since_last_s)
-            self._heading(line.heading_rad, variance, sign, now, then)
+            frame = self._frame(now, then, self._arm_m(line, now, then))
+            heading_rad = line.heading_rad + frame.yaw_rad + (0.0 if sign > 0.0 else math.pi)
+            self._heading(heading_rad, variance, now, then)
 
     def _begin(self, line: RowLine) -> None:
         if self._bias_std_m is None:
             self._bias_std_m = model.LASTING_RATIO * line.offset_std_m
             self._ekf.reset(ROW_BIAS, 0.0, self._bias_std_m**2)
 
-    def _facing(self, now: Motion, then: Motion) -> float:
+    def _facing(self, frame: RowFrame, now: Motion, then: Motion) -> float:
         yaw_rad = self._ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
-        return 1.0 if math.cos(yaw_rad - self._ekf.row_yaw_rad) >= 0.0 else -1.0
+        return 1.0 if math.cos(yaw_rad - frame.yaw_rad) >= 0.0 else -1.0
 
-    def _place(
+    def _arm_m(self, line: RowLine, now: Motion, then: Motion) -> tuple[float, float]:
+        """From the robot to the place ahead for which the line tells its offset."""
+        yaw_rad = self._ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
+        return line.at_ahead_m * math.cos(yaw_rad), line.at_ahead_m * math.sin(yaw_rad)
+
+    def _frame(
         self, now: Motion, then: Motion, arm_m: tuple[float, float] = (0.0, 0.0)
-    ) -> tuple[float, float]:
-        """Where the robot was along and right of the rows, or a point `arm_m` from it."""
+    ) -> RowFrame:
+        """Where the robot was among the rows, or a point `arm_m` from it."""
         x = self._ekf.x
-        return self._field.along_right_m(
+        return self._field.at(
             x[X] - (now.x_m - then.x_m) + arm_m[0], x[Y] - (now.y_m - then.y_m) + arm_m[1]
         )
 
@@ -152,10 +163,10 @@ class RowLines:
     ) -> bool:
         """False where the pose cannot tell which row this is."""
         ekf, field = self._ekf, self._field
-        yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
-        arm_m = (line.at_ahead_m * math.cos(yaw_rad), line.at_ahead_m * math.sin(yaw_rad))
-        _, right_m = self._place(now, then, arm_m)
-        row: Row = (*moved_row(field.right, now, then, arm_m), (ROW_BIAS, -sign))
+        arm_m = self._arm_m(line, now, then)
+        frame = self._frame(now, then, arm_m)
+        right_m = frame.right_m
+        row: Row = (*moved_row(frame.right, now, then, arm_m), (ROW_BIAS, -sign))
         across_m2 = ekf.project(row[:3])[1]
         if across_m2 > (model.TELLS_APART_RATIO * field.pitch_m) ** 2:
             self._rejected["row line ambiguous"] += 1
@@ -170,20 +181,18 @@ class RowLines:
             return False
         if verdict == "recover":
             self._rejected["row found again"] += 1
-            for state, part in ((X, field.right[0]), (Y, field.right[1])):
+            for state, part in ((X, frame.right[0]), (Y, frame.right[1])):
                 ekf.inflate(state, (part * model.RECOVERY_OFFSET_M) ** 2)
             ekf.inflate(YAW, model.RECOVERY_YAW_RAD**2)
             return False
         ekf.update(row, residual_m, variance * model.tail_factor(FLOATS, distance2))
         return True
 
-    def _heading(
-        self, heading_rad: float, variance: float, sign: float, now: Motion, then: Motion
-    ) -> None:
+    def _heading(self, heading_rad: float, variance: float, now: Motion, then: Motion) -> None:
+        """The line's direction in the map, less the angle at which the robot sees it."""
         ekf = self._ekf
-        row_yaw_rad = ekf.row_yaw_rad + (0.0 if sign > 0.0 else math.pi)
         yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
-        residual_rad = wrap_rad(heading_rad + row_yaw_rad - yaw_rad)
+        residual_rad = wrap_rad(heading_rad - yaw_rad)
         distance2 = residual_rad**2 / (float(ekf.cov[YAW, YAW]) + variance)
         verdict = self._heading_gate.judge(distance2)
         if verdict == "reject":
@@ -195,17 +204,16 @@ class RowLines:
 
     def _range(self, along_then_m: float, std_m: float, now: Motion, then: Motion) -> None:
         """Place along the row, from its first or last plant."""
-        ekf, field = self._ekf, self._field
-        along_m, _ = self._place(now, then)
-        row = moved_row(field.forward, now, then)
-        residual_m = along_then_m - along_m
+        ekf, frame = self._ekf, self._frame(now, then)
+        row = moved_row(frame.forward, now, then)
+        residual_m = (along_then_m - frame.along_m) * frame.stretch
         gate = self._range_gate
         variance = (model.RANGE_FACTOR * std_m) ** 2
         verdict = gate.judge(ekf.update(row, residual_m, variance, gate.limit))
         if verdict == "reject":
             self._rejected["row end elsewhere"] += 1
         elif verdict == "recover":
-            for state, part in ((X, field.forward[0]), (Y, field.forward[1])):
+            for state, part in ((X, frame.forward[0]), (Y, frame.forward[1])):
                 ekf.inflate(state, (part * model.RECOVERY_RANGE_M) ** 2)
             ekf.update(row, residual_m, variance)
 

@@ -10,8 +10,9 @@ from agribot import topics
 from agribot.estimate.compass_heading import CompassHeading
 from agribot.geo import compass_deg_from_yaw, wrap_rad
 from agribot.messages import ImuSample, MagSample
-from agribot.nodes.stage import Endless, Said, seconds
+from agribot.nodes.stage import Endless, Said
 from agribot.ros import rosmsg
+from agribot.ros.sensor_readers import seconds
 from agribot.topic import Topic
 
 _BEARING_TIMEOUT_S = 2.0

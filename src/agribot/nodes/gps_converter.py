@@ -9,8 +9,9 @@ from typing import Any
 from agribot import topics
 from agribot.estimate.pole_origin import PoleOrigin, is_place
 from agribot.geo import Datum, MapFrame
-from agribot.nodes.stage import Endless, Said, seconds
+from agribot.nodes.stage import Endless, Said
 from agribot.ros import rosmsg
+from agribot.ros.sensor_readers import seconds
 from agribot.topic import Topic
 
 _NO_FIX, _RTK = -1, 2  # sensor_msgs/NavSatStatus: STATUS_NO_FIX, STATUS_GBAS_FIX

@@ -55,7 +55,3 @@ class Endless:
 
     def last_words(self) -> Sequence[Said]:
         return ()
-
-
-def seconds(stamp: Any) -> float:
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)

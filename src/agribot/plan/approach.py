@@ -15,6 +15,14 @@ from agribot.plan.certify import closest_to_crop
 from agribot.plan.curves import Pose, Segment, length_m, sample
 from agribot.plan.dubins import all_words
 from agribot.robot import RobotSpec
+from agribot.row_shape import (
+    beside_row,
+    chord_yaw_rad,
+    end_yaw_rad,
+    row_length_m,
+    row_points_map_m,
+    start_yaw_rad,
+)
 
 RADIUS_M = 0.5
 _RING_MIN_M = 0.8  # half a robot and the clearance beside the outermost row
@@ -73,9 +81,9 @@ def _chain(poses: Sequence[Pose]) -> Route:
 
 def _ring(rows: Sequence[Row], margin_m: float) -> list[tuple[float, float]]:
     """Corners of the rectangle along the rows that holds all of them, counter-clockwise."""
-    yaw = row_yaw_rad(rows[0])
+    yaw = chord_yaw_rad(rows[0])
     cos, sin = math.cos(yaw), math.sin(yaw)
-    ends = np.array([point for row in rows for point in (row.start_map_m, row.end_map_m)])
+    ends = np.concatenate([row_points_map_m(row) for row in rows])
     along, left = ends @ np.array([cos, sin]), ends @ np.array([-sin, cos])
     a0, a1 = float(along.min()) - margin_m, float(along.max()) + margin_m
     l0, l1 = float(left.min()) - margin_m, float(left.max()) + margin_m
@@ -96,23 +104,11 @@ def _via_poses(ring: Sequence[tuple[float, float]], direction: int) -> list[Pose
 
 def _exits(start: Pose, rows: Sequence[Row], headland_m: float) -> list[Pose]:
     """Poses just past both ends of the row under the robot, outwards; none outside the rows."""
-    row = min(rows, key=lambda row: abs(_left_of_m(start, row)))
-    first, last = Pose(*row.start_map_m, row_yaw_rad(row)), Pose(*row.end_map_m, row_yaw_rad(row))
-    along_m = (start.x_m - first.x_m) * math.cos(first.yaw_rad)
-    along_m += (start.y_m - first.y_m) * math.sin(first.yaw_rad)
-    length = math.dist(row.start_map_m, row.end_map_m)
-    if not -headland_m <= along_m <= length + headland_m or abs(_left_of_m(start, row)) > 1.0:
+    row = min(rows, key=lambda row: abs(beside_row(row, start.x_m, start.y_m).left_m))
+    first = Pose(*row.start_map_m, start_yaw_rad(row))
+    last = Pose(*row.end_map_m, end_yaw_rad(row))
+    along_m, left_m, _ = beside_row(row, start.x_m, start.y_m)
+    if not -headland_m <= along_m <= row_length_m(row) + headland_m or abs(left_m) > 1.0:
         return []
     back = Pose(first.x_m, first.y_m, first.yaw_rad + math.pi)
     return [last.ahead(headland_m), back.ahead(headland_m)]
-
-
-def _left_of_m(start: Pose, row: Row) -> float:
-    yaw = row_yaw_rad(row)
-    dx, dy = start.x_m - row.start_map_m[0], start.y_m - row.start_map_m[1]
-    return dy * math.cos(yaw) - dx * math.sin(yaw)
-
-
-def row_yaw_rad(row: Row) -> float:
-    (x0, y0), (x1, y1) = row.start_map_m, row.end_map_m
-    return math.atan2(y1 - y0, x1 - x0)

@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
 from agribot.messages import Path, Row
-from agribot.plan.approach import approach, row_yaw_rad
+from agribot.plan.approach import approach
 from agribot.plan.curves import MIN_RADIUS_M, Pose, Segment, sample
 from agribot.plan.dubins import shortest
 from agribot.robot import RobotSpec
+from agribot.row_shape import chord_yaw_rad, end_yaw_rad, row_length_m, start_yaw_rad, turned_round
 
 MAX_TURN_RADIUS_M = 0.5  # wider pitches get a straight piece, so that the headland stays narrow
 
@@ -21,11 +24,13 @@ def plan_rows(
     start_pose: tuple[float, float, float],
     robot: RobotSpec,
     mission: MissionConfig,
+    crop: Sequence[Row] = (),
 ) -> Path:
     """Drive over every row once, neighbours in alternating direction.
 
     `start_pose` is (x_map_m, y_map_m, yaw_map_rad). Work begins at the corner of the field that
-    is reached first; the path runs `headland_m` past the last plant before each turn.
+    is reached first; the path runs `headland_m` past the last plant before each turn. The way
+    there keeps off `crop`, if more rows stand there than are driven.
     Raises: MissionError: no rows, a row without length, or no clear way from the start.
     """
     if not rows:
@@ -40,8 +45,53 @@ def plan_rows(
         for is_first_flipped in (False, True)
     ]
     entries = [_entry(order, 0, mission.headland_m) for order in orders]
-    chosen, way_in = approach(start, entries, rows, robot, mission)
+    chosen, way_in = approach(start, entries, crop or rows, robot, mission)
     return sample(start, (*way_in, *_coverage(orders[chosen], mission.headland_m)))
+
+
+def plan_without(
+    path: Path,
+    index: int,
+    skipped: int,
+    rows: Sequence[Row],
+    robot: RobotSpec,
+    mission: MissionConfig,
+) -> Path:
+    """The path as far as its next turn behind point `index`, then the rows it still works but one.
+
+    Raises: MissionError: no clear way leads around the row.
+    """
+    branch = _next_turn(path, index, skipped)
+    ahead = set(path.row[branch:].tolist()) - {-1, skipped}
+    if not ahead:
+        return _joined(path, max(branch, 1), None)
+    x_m, y_m = path.xy_map_m[branch]
+    pose = (float(x_m), float(y_m), float(path.yaw_map_rad[branch]))
+    left = [row for row in rows if row.index in ahead]
+    return _joined(path, branch, plan_rows(left, pose, robot, mission, rows))
+
+
+def _next_turn(path: Path, index: int, skipped: int) -> int:
+    """Where the straight under the robot ends; the point itself in a turn or before the row."""
+    bends = np.flatnonzero(path.curvature_radpm[index:])
+    begin = index + int(bends[0]) if len(bends) else len(path.s_m) - 1
+    row = np.flatnonzero(path.row[index:] == skipped)
+    return begin if not len(row) or begin < index + int(row[0]) else index
+
+
+def _joined(path: Path, last: int, rest: Path | None) -> Path:
+    """Up to and with point `last`, and on along another path that begins there."""
+    kept = slice(0, last + 1)
+    names = ("xy_map_m", "yaw_map_rad", "curvature_radpm", "row")
+    columns = {name: getattr(path, name)[kept] for name in names}
+    s_m = path.s_m[kept]
+    if rest is not None:
+        columns = {
+            name: np.concatenate([column[:-1], getattr(rest, name)])
+            for name, column in columns.items()
+        }
+        s_m = np.concatenate([s_m[:-1], s_m[-1] + rest.s_m])
+    return Path(**columns, s_m=s_m)
 
 
 def plan_home(
@@ -70,12 +120,8 @@ def _passes(rows: Sequence[Row], is_first_flipped: bool) -> list[Row]:
     for row in rows:
         is_flipped = is_first_flipped
         if passes:
-            is_flipped = math.cos(row_yaw_rad(row) - row_yaw_rad(passes[-1])) > 0.0
-        passes.append(
-            Row(index=row.index, start_map_m=row.end_map_m, end_map_m=row.start_map_m)
-            if is_flipped
-            else row
-        )
+            is_flipped = math.cos(chord_yaw_rad(row) - chord_yaw_rad(passes[-1])) > 0.0
+        passes.append(turned_round(row) if is_flipped else row)
     return passes
 
 
@@ -85,10 +131,11 @@ def _coverage(passes: Sequence[Row], headland_m: float) -> list[Segment]:
         entry, leave = _entry(passes, number, headland_m), _leave(passes, number, headland_m)
         first_plant_m = math.dist((entry.x_m, entry.y_m), row.start_map_m)
         last_plant_m = math.dist((leave.x_m, leave.y_m), row.end_map_m)
-        row_m = math.dist(row.start_map_m, row.end_map_m)
         pieces += (
-            Segment(first_plant_m, 0.0), Segment(row_m, 0.0, row.index), Segment(last_plant_m, 0.0),
-        )  # fmt: skip
+            Segment(first_plant_m, 0.0),
+            Segment(row_length_m(row), row.curvature_radpm, row.index),
+            Segment(last_plant_m, 0.0),
+        )
         if number + 1 < len(passes):
             pieces += _turn(leave, _entry(passes, number + 1, headland_m))
     return pieces
@@ -107,7 +154,7 @@ def _turn(leave: Pose, entry: Pose) -> tuple[Segment, ...]:
 def _entry(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
     """Before the first plant; rows that end unevenly wait for the longer neighbour."""
     row = passes[number]
-    start = Pose(*row.start_map_m, row_yaw_rad(row))
+    start = Pose(*row.start_map_m, start_yaw_rad(row))
     extra_m = 0.0
     if number > 0:
         extra_m = max(0.0, -_along_m(start, passes[number - 1].end_map_m))
@@ -116,7 +163,7 @@ def _entry(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
 
 def _leave(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
     row = passes[number]
-    end = Pose(*row.end_map_m, row_yaw_rad(row))
+    end = Pose(*row.end_map_m, end_yaw_rad(row))
     extra_m = 0.0
     if number + 1 < len(passes):
         extra_m = max(0.0, _along_m(end, passes[number + 1].start_map_m))

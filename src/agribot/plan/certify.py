@@ -11,6 +11,7 @@ from agribot.errors import MissionError
 from agribot.messages import WHEEL_NAMES, FloatArray, Path, Row
 from agribot.plan.curves import MIN_RADIUS_M
 from agribot.robot import RobotSpec
+from agribot.row_shape import row_points_map_m
 
 MAX_SPACING_M = 0.05
 REACH_M = 2.0  # crop farther from a wheel than this cannot matter
@@ -61,10 +62,13 @@ def closest_to_crop(
     path: Path, robot: RobotSpec, rows: Sequence[Row], plants_xy: FloatArray | None = None
 ) -> Closest:
     if plants_xy is None:
-        starts = np.array([row.start_map_m for row in rows]).reshape(-1, 2)
-        ends = np.array([row.end_map_m for row in rows]).reshape(-1, 2)
+        lines = [row_points_map_m(row) for row in rows]
+        starts = np.concatenate([np.empty((0, 2)), *(line[:-1] for line in lines)])
+        ends = np.concatenate([np.empty((0, 2)), *(line[1:] for line in lines)])
+        owner = np.repeat(np.arange(len(rows)), [len(line) - 1 for line in lines])
     else:
         starts = ends = np.asarray(plants_xy, dtype=np.float64).reshape(-1, 2)
+        owner = np.arange(len(starts))
     low_m, high_m = np.minimum(starts, ends) - REACH_M, np.maximum(starts, ends) + REACH_M
     wheels = wheel_tracks_map_m(path, robot)
     best = Closest(np.inf, "", -1, -1)
@@ -79,7 +83,7 @@ def closest_to_crop(
         clearance_m = float(distance_m[at, crop]) - robot.drive.wheel_width_m / 2.0
         if clearance_m < min(best.clearance_m, REACH_M):
             point, wheel = divmod(int(at), len(WHEEL_NAMES))
-            best = Closest(clearance_m, WHEEL_NAMES[wheel], first + point, int(crops[crop]))
+            best = Closest(clearance_m, WHEEL_NAMES[wheel], first + point, int(owner[crops[crop]]))
     return best
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 
 import msgspec
 
 from agribot.config import MissionConfig
-from agribot.messages import Estimate, MissionState, Path, Row
+from agribot.errors import MissionError
+from agribot.messages import Estimate, MissionState, Path
 from agribot.plan.route import Route
 from agribot.plan.row_log import RowLog
 from agribot.plan.saved_mission import (
@@ -18,29 +18,22 @@ from agribot.plan.saved_mission import (
     check_same_task,
     task_name,
 )
-
-Planner = Callable[[Estimate], Path]
+from agribot.plan.task import Place, Task
 
 
 class Job:
     """Rows and waypoints to be worked along one path, which is planned when work begins."""
 
     def __init__(
-        self,
-        plan: Planner,
-        rows: Sequence[Row],
-        config: MissionConfig,
-        waypoints: Sequence[tuple[float, float]],
-        tool_reach_m: float,
-        saved: SavedMission | None,
+        self, task: Task, config: MissionConfig, saved: SavedMission | None = None
     ) -> None:
-        self._plan = plan
+        self.task = task
         self._config = config
-        self._waypoints = tuple(waypoints)
-        self._tool_reach_m = tool_reach_m
+        self._waypoints = tuple(task.waypoints)
         self._saved = saved
-        self._task = ""
-        self.rows = RowLog(row.index for row in rows)
+        self._name = ""
+        self._detours: tuple[tuple[int, int], ...] = ()
+        self.rows = RowLog(row.index for row in task.rows)
         self.route: Route | None = None
         self.planned_from: PoseTuple = (math.nan, math.nan, math.nan)
 
@@ -60,12 +53,15 @@ class Job:
             estimate = msgspec.structs.replace(
                 estimate, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad
             )
-        path = self._plan(estimate)
-        route = Route(path, self.rows.indices, self._config, self._waypoints, self._tool_reach_m)
+        path = self.task.plan(estimate)
+        self._name = task_name(self.rows.indices, self._waypoints, path)
+        self._detours = saved.detours if saved else ()
+        for index, row in self._detours:
+            path = self.task.around(path, index, row) if self.task.around else path
+        route = self._route(path)
         self.planned_from = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
-        self._task = task_name(self.rows.indices, self._waypoints, path)
         if saved is not None:
-            check_same_task(saved, self._task, route.progress.length_m)
+            check_same_task(saved, self._name, route.progress.length_m)
             route.go_on(saved.s_m, saved.waypoints_reached)
             self.rows.restore(saved.rows, saved.row, saved.s_m)
         self.route = route
@@ -80,7 +76,7 @@ class Job:
         if route is None:
             return None
         return SavedMission(
-            task=self._task,
+            task=self._name,
             state=state,
             t_s=last.t_s,
             planned_from=self.planned_from,
@@ -90,6 +86,7 @@ class Job:
             row=self.rows.here,
             rows=self.rows.results,
             waypoints_reached=route.visits.reached,
+            detours=self._detours,
         )
 
     def work(self, estimate: Estimate) -> None:
@@ -100,10 +97,53 @@ class Job:
         self.rows.work(self.route.row_here, beside_m, progress.s_m, estimate.t_s)
         self.route.visits.update(progress.s_m, estimate.x_map_m, estimate.y_map_m)
 
+    @property
+    def place_to_go_on(self) -> Place:
+        """Where the robot, after a drive elsewhere, gets back to its route.
+
+        In crop that is straight before the row under it: rows are only entered at their ends.
+        """
+        assert self.route is not None
+        index = self.route.before_row if self.task.has_crop else self.route.progress.index
+        x_m, y_m = self.route.path.xy_map_m[index]
+        return float(x_m), float(y_m), float(self.route.path.yaw_map_rad[index])
+
+    def go_on(self) -> None:
+        """The robot is at `place_to_go_on`."""
+        assert self.route is not None
+        if self.task.has_crop:
+            back_m = float(self.route.path.s_m[self.route.before_row])
+            self.rows.leave()
+            self.route.go_on(min(back_m, self.route.progress.s_m), self.route.visits.reached)
+
     def skip_row(self) -> None:
-        """The row under the robot, else the next one: it is passed with the tool off."""
-        if self.route is not None:
-            self.rows.skip(self.rows.here if self.rows.here >= 0 else self.route.next_row)
+        """The row under the robot: it is passed with the tool off. Called again, the next one.
+
+        That one is left out of the way, where a clear way leads around it.
+        """
+        route = self.route
+        if route is None:
+            return
+        here = self.rows.here
+        row = here if self.is_wanted(here) else route.next_row
+        self.rows.skip(row)
+        if row in (-1, here) or self.task.around is None:
+            return
+        index = route.progress.index
+        try:
+            path = self.task.around(route.path, index, row)
+        except MissionError:
+            return  # it is passed with the tool off
+        self._detours += ((index, row),)
+        self.route = self._route(path)
+        self.route.go_on(route.progress.s_m, route.visits.reached)
+
+    def is_wanted(self, row: int) -> bool:
+        """Whether the tool is to work this row; -1 is none."""
+        return row >= 0 and not self.rows.is_skipped(row)
+
+    def _route(self, path: Path) -> Route:
+        return Route(path, self.rows.indices, self._config, self._waypoints, self.task.tool)
 
     def finish(self, t_s: float) -> tuple[MissionState, str]:
         """How the job ended at the end of its route, and why."""

@@ -17,10 +17,9 @@ from agribot.messages import FloatArray
 from agribot.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, PlanRequest, Point
 from agribot.plan.curves import MIN_RADIUS_M
 from agribot.plan.plan_ground import covered_ground, reachable
-from agribot.plan.plan_sweep import footprints, tight_bends, wheel_traces
+from agribot.plan.plan_sweep import footprints, swept_line, tight_bends, wheel_traces
 
 if TYPE_CHECKING:
-    import shapely
     from shapely.geometry.base import BaseGeometry
 
 JOINT_M = 1e-3  # legs meet this closely; a plan file keeps a tenth of a millimetre
@@ -103,6 +102,23 @@ def certify_plan(
     )
 
 
+def check_ways(
+    legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest, start: Point
+) -> list[Problem]:
+    """Of ways without work: edges, holes, wheels on crop. The ground under the robot is forgiven:
+    it stands there already, and must be able to leave.
+    """
+    import shapely
+
+    field = shapely.Polygon(area.boundary, area.holes).union(
+        shapely.Point(start).buffer(2.0 * shape.turn_radius_m)
+    )
+    _, _, edges = _edges(legs, field, shape)
+    _, rows = _rows(legs, area, shape, request)
+    away_m = 2.0 * shape.turn_radius_m
+    return [*edges, *(p for p in rows if math.dist((p.east_m, p.north_m), start) > away_m)]
+
+
 def _refused(problems: list[Problem]) -> Certificate:
     """Of a plan that is no way at all."""
     return Certificate(
@@ -152,7 +168,7 @@ def _bends(legs: tuple[Leg, ...]) -> tuple[list[Problem], float]:
 
 
 def _edges(
-    legs: tuple[Leg, ...], field: shapely.Polygon, shape: Footprint
+    legs: tuple[Leg, ...], field: BaseGeometry, shape: Footprint
 ) -> tuple[float, float, list[Problem]]:
     """Smallest clearance of the footprint, length of way outside the field, and where.
 
@@ -171,11 +187,8 @@ def _edges(
     clearance_m = float(away_m[is_clear].min(initial=math.inf))
     found, outside_m = [], 0.0
     for number in np.flatnonzero(~is_clear):
-        before = legs[number - 1].xy_map_m if number else None
-        after = legs[number + 1].xy_map_m if number + 1 < len(legs) else None
-        boxes = np.asarray(
-            shapely.polygons(footprints(legs[number].xy_map_m, shape, before, after))
-        )
+        xy, before, after = swept_line(legs, int(number))
+        boxes = np.asarray(shapely.polygons(footprints(xy, shape, before, after)))
         is_out = ~np.asarray(shapely.covers(field, boxes))
         if not is_out.any():
             clearance_m = min(clearance_m, float(np.min(shapely.distance(edge, boxes))))
@@ -205,8 +218,8 @@ def _rows(
     shapely.prepare(rows)
     smallest_m, found = math.inf, []
     for number, leg in enumerate(legs):
-        after = legs[number + 1].xy_map_m if number + 1 < len(legs) else None
-        traces = np.asarray(shapely.linestrings(wheel_traces(leg.xy_map_m, shape, after)))
+        xy, before, after = swept_line(legs, number)
+        traces = np.asarray(shapely.linestrings(wheel_traces(xy, shape, before, after)))
         away_m = np.asarray(shapely.distance(rows, traces)) - shape.wheel_half_width_m
         at = int(np.argmin(away_m))
         smallest_m = min(smallest_m, float(away_m[at]))
@@ -246,7 +259,7 @@ def _pivots(legs: tuple[Leg, ...]) -> int:
     count, course = 0, None
     for leg in legs:
         steps = np.diff(leg.xy_map_m, axis=0)
-        yaw = np.arctan2(steps[:, 1], steps[:, 0])
+        yaw = np.arctan2(steps[:, 1], steps[:, 0]) + leg.is_reverse * math.pi
         if course is not None:
             count += abs(math.remainder(float(yaw[0]) - course, math.tau)) > math.radians(10.0)
         if leg.kind == "link":

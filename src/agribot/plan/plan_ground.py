@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from agribot.messages import FloatArray
 from agribot.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, PlanRequest
+from agribot.plan.plan_sweep import tool_line
 
 if TYPE_CHECKING:
     import shapely
@@ -19,8 +21,9 @@ def reachable(
     """Ground that the tool can pass: beside every straight stretch that the robot can drive.
 
     It can drive where it keeps the margin and can turn in place, so that it also gets away
-    again; of several separate grounds the one counts on which the work takes place. In a field
-    of rows the target is the strips along the rows.
+    again; of several separate grounds the one counts on which the work takes place. A tool that
+    is off the middle passes the ends of a stretch in one direction only: beside the edge they do
+    not count. In a field of rows the target is the strips along the rows.
     """
     import shapely
 
@@ -43,9 +46,18 @@ def reachable(
     ]
     corners = [shapely.get_coordinates(ring) for ring in rings]
     edges = np.concatenate([np.stack([xy[:-1], xy[1:]], axis=1) for xy in corners])
-    lines = np.asarray(shapely.linestrings(edges))
+    lines = np.asarray(shapely.linestrings(_shortened(edges, abs(request.tool_x_m))))
     beside = np.asarray(shapely.buffer(lines, half_m, cap_style="flat"))
     return shapely.union_all([standing, *beside]).intersection(field)
+
+
+def _shortened(edges: FloatArray, by_m: float) -> FloatArray:
+    """Lines (N, 2, 2) without so much of both ends; those that are all ends are left out."""
+    along = edges[:, 1] - edges[:, 0]
+    length_m = np.hypot(*along.T)
+    kept = length_m > 2.0 * by_m
+    cut = along[kept] * (by_m / length_m[kept])[:, None]
+    return np.stack([edges[kept, 0] + cut, edges[kept, 1] - cut], axis=1)
 
 
 def covered_ground(
@@ -54,7 +66,8 @@ def covered_ground(
     """The ground that the tool passed, and how much of it was passed more than once."""
     import shapely
 
-    lines = np.array([shapely.LineString(leg.xy_map_m) for leg in legs if leg.tool_on])
+    passed = [tool_line(leg.xy_map_m, request.tool_x_m) for leg in legs if leg.tool_on]
+    lines = np.array([shapely.LineString(xy) for xy in passed])
     if not len(lines):
         return shapely.Polygon(), 0.0
     half_m = request.implement_width_m / 2.0

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
 from agribot.messages import FloatArray
-from agribot.plan.coverage.area import Footprint
+from agribot.plan.coverage.area import Footprint, Leg
 
 TURN_STEP_RAD = math.radians(2.0)
 BEND_REACH_M = 0.06
@@ -24,17 +25,37 @@ def footprints(
     starts, ends = xy[:-1], xy[1:]
     yaw = _courses(xy)
     straight = _boxes(starts, yaw, shape, np.hypot(*(ends - starts).T))
-    courses = [*([] if before is None else [_courses(before)[-1]]), *yaw]
-    courses += [] if after is None else [_courses(after)[0]]
-    places = xy if before is not None else xy[1:]
     boxes = [straight]
-    for place, old, new in zip(places, courses, courses[1:], strict=False):
-        turned = _turn_steps(float(old), float(new))
+    for place, old, new in _turns(xy, yaw, before, after):
+        turned = _turn_steps(old, new)
         boxes.append(_boxes(np.broadcast_to(place, (len(turned), 2)), turned, shape))
     return np.concatenate(boxes)
 
 
-def wheel_traces(xy: FloatArray, shape: Footprint, after: FloatArray | None) -> FloatArray:
+def swept_line(
+    legs: tuple[Leg, ...], number: int
+) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
+    """A leg's line as the robot looks along it, and how it looks before and behind that line.
+
+    Backwards it sweeps what it would sweep forwards from the other end.
+    """
+    leg = legs[number]
+    before = _looks(legs[number - 1], -1) if number else None
+    after = _looks(legs[number + 1], 0) if number + 1 < len(legs) else None
+    if leg.is_reverse:
+        return leg.xy_map_m[::-1], after, before
+    return leg.xy_map_m, before, after
+
+
+def _looks(leg: Leg, end: int) -> FloatArray:
+    """Two points along which the robot looks at the first (0) or last (-1) point of a leg."""
+    xy = leg.xy_map_m[-2:] if end else leg.xy_map_m[:2]
+    return xy[::-1] if leg.is_reverse else xy
+
+
+def wheel_traces(
+    xy: FloatArray, shape: Footprint, before: FloatArray | None, after: FloatArray | None
+) -> FloatArray:
     """Lines (N, 2, 2) that the wheel centres draw: along the pieces and through the turns."""
     wheels = np.array(shape.wheel_xy_body_m)
     yaw = _courses(xy)
@@ -42,12 +63,20 @@ def wheel_traces(xy: FloatArray, shape: Footprint, after: FloatArray | None) -> 
     offset = np.einsum("nij,wj->nwi", rotation, wheels)
     straight = np.stack([xy[:-1, None] + offset, xy[1:, None] + offset], axis=2)
     traces = [straight.reshape(-1, 2, 2)]
-    courses = [*yaw, *([] if after is None else [_courses(after)[0]])]
-    for place, old, new in zip(xy[1:], courses, courses[1:], strict=False):
-        turned = _turn_steps(float(old), float(new))
+    for place, old, new in _turns(xy, yaw, before, after):
+        turned = _turn_steps(old, new)
         spots = place + np.einsum("nij,wj->nwi", _rotations(turned), wheels)
         traces.append(np.stack([spots[:-1], spots[1:]], axis=2).reshape(-1, 2, 2))
     return np.concatenate(traces)
+
+
+def tool_line(xy: FloatArray, tool_x_m: float) -> FloatArray:
+    """The line that a point of the body ahead of its origin draws, (N, 2); it swings in bends."""
+    if tool_x_m == 0.0:
+        return xy
+    yaw = _courses(xy)
+    shift = tool_x_m * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
+    return np.stack([xy[:-1] + shift, xy[1:] + shift], axis=1).reshape(-1, 2)
 
 
 def tight_bends(xy: FloatArray) -> FloatArray:
@@ -58,6 +87,17 @@ def tight_bends(xy: FloatArray) -> FloatArray:
     turned = np.abs(np.angle(np.exp(1j * np.diff(_courses(xy)))))
     reach_m = np.clip(np.hypot(*np.diff(xy, axis=0).T), 1e-6, BEND_REACH_M)
     return np.asarray(2.0 * turned / (reach_m[:-1] + reach_m[1:]))
+
+
+def _turns(
+    xy: FloatArray, yaw: FloatArray, before: FloatArray | None, after: FloatArray | None
+) -> Iterator[tuple[FloatArray, float, float]]:
+    """Where the robot turns in place, from which course to which."""
+    courses = [*([] if before is None else [_courses(before)[-1]]), *yaw]
+    courses += [] if after is None else [_courses(after)[0]]
+    places = xy if before is not None else xy[1:]
+    for place, old, new in zip(places, courses, courses[1:], strict=False):
+        yield place, float(old), float(new)
 
 
 def _turn_steps(old_rad: float, new_rad: float) -> FloatArray:

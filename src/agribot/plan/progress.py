@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 
+import numpy as np
+
+from agribot.geo import is_backwards
 from agribot.messages import Path
 from agribot.plan.speed import pivots
 
@@ -23,8 +26,9 @@ class Progress:
     def __init__(self, path: Path) -> None:
         self._x: list[float] = path.xy_map_m[:, 0].tolist()
         self._y: list[float] = path.xy_map_m[:, 1].tolist()
-        self._cos: list[float] = [math.cos(yaw) for yaw in path.yaw_map_rad]
-        self._sin: list[float] = [math.sin(yaw) for yaw in path.yaw_map_rad]
+        course_rad = path.yaw_map_rad + np.pi * is_backwards(path.xy_map_m, path.yaw_map_rad)
+        self._cos: list[float] = [math.cos(yaw) for yaw in course_rad]
+        self._sin: list[float] = [math.sin(yaw) for yaw in course_rad]
         self._s: list[float] = path.s_m.tolist()
         self.length_m = self._s[-1]
         self._pivots = pivots(path)
@@ -39,7 +43,7 @@ class Progress:
         self.index = max(bisect_right(self._s, self.s_m) - 1, 0)
 
     def advance(self, x_map_m: float, y_map_m: float) -> None:
-        """Follow the robot forwards; `cross_track_m` is positive to the left of the path."""
+        """Follow the robot forwards; `cross_track_m` is positive to the left of the way."""
         index, best = self.index, self._square_m2(self.index, x_map_m, y_map_m)
         for ahead in range(index + 1, min(index + _AHEAD, len(self._x))):
             square = self._square_m2(ahead, x_map_m, y_map_m)

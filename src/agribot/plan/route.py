@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
 
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
@@ -12,8 +14,24 @@ from agribot.plan.progress import Progress
 from agribot.plan.speed import speed_profile, time_left_s
 from agribot.plan.visits import Visits
 
-# The tool sits up to this far from the body's origin, and must work to the last plant.
+# The tool works up to this far past the last plant, and the robot is careful as far from it.
 TOOL_REACH_M = 0.6
+STRAIGHT_RAD = 1e-6  # from point to point
+
+
+class Tool(NamedTuple):
+    """Where on the body the tool works, how far past the ends of a row, and what is steered.
+
+    `tracked_x_m` is the point of the body that is to stay on the path while the tool works. A
+    field plan has the way to the tool in it already: it takes `x_m` and `reach_m` as zero.
+    """
+
+    x_m: float = 0.0
+    reach_m: float = TOOL_REACH_M
+    tracked_x_m: float = 0.0
+
+
+AT_ORIGIN = Tool()
 
 
 class Route:
@@ -25,9 +43,12 @@ class Route:
         known_rows: Sequence[int],
         config: MissionConfig,
         waypoints: Sequence[tuple[float, float]],
-        tool_reach_m: float = TOOL_REACH_M,
+        tool: Tool = AT_ORIGIN,
     ) -> None:
-        """Raises: MissionError: the path misses a waypoint or works an unknown row."""
+        """The tool works while its own place on the body is near a row.
+
+        Raises: MissionError: the path misses a waypoint or works an unknown row.
+        """
         self.path = path
         self.row: list[int] = path.row.tolist()
         self.planned_rows = sorted(set(self.row) - {-1})
@@ -40,7 +61,8 @@ class Route:
         self._time_left_s = time_left_s(path, self._speed_mps)
         self._yaw_map_rad: list[float] = path.yaw_map_rad.tolist()
         self._next_row = _next_rows(self.row)
-        self._tool = _tool_points(self.row, path.s_m.tolist(), tool_reach_m)
+        self._beside = _near_rows(path, tool.reach_m, 0.0)
+        self._tool = _near_rows(path, tool.reach_m, tool.x_m)
 
     def change_speed(self, config: MissionConfig) -> None:
         self._speed_mps = speed_profile(self.path, config)
@@ -71,6 +93,24 @@ class Route:
         return self.path.xy_map_m[first:last]
 
     @property
+    def before_row(self) -> int:
+        """Where the straight piece before the row under the robot begins; between rows: here."""
+        index = self.progress.index
+        if self.row[index] < 0:
+            return index
+        row, yaw_rad = self.row[index], self._yaw_map_rad
+        while (
+            index > 0
+            and self.row[index - 1] in (row, -1)
+            and (
+                self.row[index - 1] == row
+                or abs(yaw_rad[index - 1] - yaw_rad[index]) < STRAIGHT_RAD
+            )
+        ):
+            index -= 1
+        return index
+
+    @property
     def place(self) -> tuple[float, float]:
         """Of the path, where the robot is to be."""
         x_m, y_m = self.path.xy_map_m[self.progress.index]
@@ -86,7 +126,12 @@ class Route:
         self.visits.restore(reached)
 
     @property
-    def tool_on(self) -> bool:
+    def is_beside_row(self) -> bool:
+        return self._beside[self.progress.index] >= 0
+
+    @property
+    def tool_row(self) -> int:
+        """The row that the tool is to work here, or -1."""
         return self._tool[self.progress.index]
 
 
@@ -100,14 +145,20 @@ def _next_rows(row: Sequence[int]) -> list[int]:
     return result
 
 
-def _tool_points(row: Sequence[int], s_m: Sequence[float], reach_m: float) -> list[bool]:
-    """Where the tool may work: in the rows and within its reach of their ends."""
-    is_on = [index >= 0 for index in row]
-    for order in (range(len(row)), range(len(row) - 1, -1, -1)):
-        last_in_row_m = math.inf
-        for point in order:
-            if row[point] >= 0:
-                last_in_row_m = s_m[point]
-            elif abs(s_m[point] - last_in_row_m) <= reach_m:
-                is_on[point] = True
-    return is_on
+def _near_rows(path: Path, reach_m: float, ahead_m: float) -> list[int]:
+    """For each point, the row that a place `ahead_m` on the body is in or within reach of, or -1.
+
+    Where the robot turns between rows, none is.
+    """
+    near = path.row.copy() if ahead_m == 0.0 else np.full(len(path.row), -1)
+    edges = np.flatnonzero(np.diff(path.row)) + 1
+    for run in np.split(np.arange(len(path.row)), edges):
+        row = int(path.row[run[0]])
+        if row < 0:
+            continue
+        first_m, last_m = path.s_m[run[[0, -1]]] - ahead_m
+        within = (path.s_m >= first_m - reach_m) & (path.s_m <= last_m + reach_m)
+        near[within & (near < 0)] = row
+    near[(path.row < 0) & (path.curvature_radpm != 0.0)] = -1
+    found: list[int] = near.tolist()
+    return found

@@ -68,6 +68,10 @@ class RowLog:
                 self._change(row, worked_m=s_m - self._entered_m, max_cross_track_m=worst_m)
         self.here = row
 
+    def leave(self) -> None:
+        """The row under the robot is not finished; it will be entered again."""
+        self.here = -1
+
     def skip(self, row: int) -> None:
         if row in self._results and not self._results[row].done:
             self._change(row, skipped=True)

@@ -20,7 +20,8 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     """Progress as rows and metres of rows, and the pose in which the robot was last.
 
     `planned_from` is the pose from which the path was planned: from it the same path is planned
-    again. `task` tells one task from another.
+    again. `detours` are the points of the path from which a row was left out, and the rows.
+    `task` tells one task from another.
     """
 
     task: str
@@ -33,6 +34,7 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     row: int
     rows: tuple[RowResult, ...]
     waypoints_reached: tuple[bool, ...] = ()
+    detours: tuple[tuple[int, int], ...] = ()
     format: int = 1
 
 

@@ -7,11 +7,13 @@ import math
 import numpy as np
 
 from agribot.config import MissionConfig
+from agribot.geo import is_backwards
 from agribot.messages import Path
 
 TURN_YAW_RATE_RADPS = 0.6  # keeps the inner wheels of a tight turn rolling forwards
 RAMP_MPS2 = 0.3  # gentle for the soil, and far below what the drive can brake
 CREEP_MPS = 0.05  # the end of the path must be reached, not approached for ever
+MAX_ROW_CURVATURE_RADPM = 0.25  # what bends more is a turn
 _SETTLED_BEFORE_M = 0.1  # the drive lags: be slow already where the turn begins
 
 
@@ -26,18 +28,19 @@ def time_left_s(path: Path, speed_mps: list[float]) -> list[float]:
 
 
 def pivots(path: Path) -> list[int]:
-    """Points at which the robot turns in place: the next one is the same place, another course."""
+    """Points at which the robot turns in place, or back: the next one is the same place."""
     stands: list[int] = np.flatnonzero(np.diff(path.s_m) <= 0.0).tolist()
     return stands
 
 
 def speed_profile(path: Path, config: MissionConfig) -> list[float]:
-    """Speed limit at each point in m/s: slower in turns, ramped to a creep at the end."""
+    """Speed limit at each point in m/s: slower in turns and backwards, ramped to the end."""
     curvature = np.abs(path.curvature_radpm)
     ahead = np.searchsorted(path.s_m, path.s_m + _SETTLED_BEFORE_M)
-    bend_after = np.concatenate([[0], np.cumsum(curvature > 0.0)])
+    bend_after = np.concatenate([[0], np.cumsum(curvature > MAX_ROW_CURVATURE_RADPM)])
     is_turn = bend_after[np.minimum(ahead + 1, len(curvature))] > bend_after[:-1]
     in_turn = np.minimum(config.turn_speed_mps, TURN_YAW_RATE_RADPS / np.maximum(curvature, 1e-9))
+    is_turn |= is_backwards(path.xy_map_m, path.yaw_map_rad)
     cap = np.where(is_turn, np.minimum(config.speed_mps, in_turn), config.speed_mps)
     limits: list[float] = cap.tolist()
     limits[-1] = CREEP_MPS

@@ -10,8 +10,11 @@ import msgspec
 
 from agribot.errors import RecordingError
 from agribot.messages import STOP, OperatorEvent, TickRecord
+from agribot.operator_input import SENSOR_WATCH
 
-EventKind = Literal["mission", "operator", "ready", "fault", "stop", "hold", "limit", "clear"]
+EventKind = Literal[
+    "mission", "operator", "mark", "ready", "fault", "stop", "hold", "limit", "clear"
+]
 
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
@@ -19,9 +22,10 @@ _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 class Event(msgspec.Struct, frozen=True, kw_only=True):
     """One change.
 
-    mission   the mission's state or its reason changed
+    mission   the mission's state or its reason changed, or it refused something
     operator  somebody pressed something
-    ready     the estimate became usable; fault: it stopped being so
+    mark      somebody marked the moment
+    ready     the estimate became usable; fault: it stopped being so, or a sensor fell silent
     stop      the supervisor stopped a moving robot; hold: it keeps a standing one standing
     limit     the supervisor let it move, but less than asked
     clear     the supervisor has no objection any more
@@ -30,6 +34,76 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     t_s: float
     kind: EventKind
     reason: str
+
+
+class EventSieve:
+    """Finds what changed: call it with every TickRecord."""
+
+    def __init__(self) -> None:
+        self._found: list[Event] = []
+        self._mission = ("", "", "")
+        self._objection = ""
+        self._estimate_ok = False
+        self._moving = False
+        self._driver = ""
+
+    def __call__(self, record: TickRecord) -> list[Event]:
+        self._found = []
+        t_s = record.batch.t_s
+        for press in record.batch.events:
+            self._note_press(press)
+        self._note_hand(t_s, record)
+        self._note_estimate(t_s, record)
+        self._note_mission(t_s, record)
+        self._note_supervisor(t_s, record)
+        self._moving = record.command.drive != STOP
+        return self._found
+
+    def _note_press(self, press: OperatorEvent) -> None:
+        if press.source == SENSOR_WATCH:
+            self._add(press.t_s, "fault" if press.value else "clear", press.text)
+            return
+        kind: EventKind = "mark" if press.action == "mark" else "operator"
+        self._add(press.t_s, kind, f"{_what(press)} ({press.source})")
+
+    def _note_hand(self, t_s: float, record: TickRecord) -> None:
+        """Who drives by hand; a stick that is let go is no event of its own."""
+        for request in record.batch.hand:
+            if request.source != self._driver and (request.v_mps or request.yaw_rate_radps):
+                self._driver = request.source
+                self._add(t_s, "operator", f"drives by hand ({request.source})")
+
+    def _note_estimate(self, t_s: float, record: TickRecord) -> None:
+        ok = record.estimate.ok
+        if ok != self._estimate_ok:
+            self._estimate_ok = ok
+            ready = f"position known to {record.estimate.pos_std_m:.3f} m"
+            self._add(t_s, "ready" if ok else "fault", ready if ok else record.estimate.reason)
+
+    def _note_mission(self, t_s: float, record: TickRecord) -> None:
+        status = record.status
+        now = (status.state, _without_numbers(status.reason), status.refusal)
+        before, self._mission = self._mission, now
+        if now[:2] != before[:2]:
+            reason = f"{status.state}: {status.reason}" if status.reason else status.state
+            self._add(t_s, "mission", reason)
+        if status.refusal and status.refusal not in (before[2], status.reason):
+            self._add(t_s, "mission", status.refusal)
+
+    def _note_supervisor(self, t_s: float, record: TickRecord) -> None:
+        objection = _without_numbers(record.reason)
+        if objection == self._objection:
+            return
+        self._objection = objection
+        if not objection:
+            self._add(t_s, "clear", "")
+        elif record.command.drive != STOP:
+            self._add(t_s, "limit", record.reason)
+        else:
+            self._add(t_s, "stop" if self._moving else "hold", record.reason)
+
+    def _add(self, t_s: float, kind: EventKind, reason: str) -> None:
+        self._found.append(Event(t_s=t_s, kind=kind, reason=reason))
 
 
 class EventLog:
@@ -41,11 +115,7 @@ class EventLog:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._events: list[Event] = []
-        self._mission = ("", "")
-        self._objection = ""
-        self._estimate_ok = False
-        self._moving = False
-        self._driver = ""
+        self._sieve = EventSieve()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("wb")
@@ -64,61 +134,21 @@ class EventLog:
         return tuple(event for event in self._events if event.kind == kind)
 
     def __call__(self, record: TickRecord) -> None:
-        t_s = record.batch.t_s
-        for press in record.batch.events:
-            self._add(press.t_s, "operator", f"{_what(press)} ({press.source})")
-        self._note_hand(t_s, record)
-        self._note_estimate(t_s, record)
-        self._note_mission(t_s, record)
-        self._note_supervisor(t_s, record)
-        self._moving = record.command.drive != STOP
+        for event in self._sieve(record):
+            self.add(event)
 
-    def close(self) -> None:
-        """Safe to call twice."""
-        self._file.close()
-
-    def _note_hand(self, t_s: float, record: TickRecord) -> None:
-        """Who drives by hand; a stick that is let go is no event of its own."""
-        for request in record.batch.hand:
-            if request.source != self._driver and (request.v_mps or request.yaw_rate_radps):
-                self._driver = request.source
-                self._add(t_s, "operator", f"drives by hand ({request.source})")
-
-    def _note_estimate(self, t_s: float, record: TickRecord) -> None:
-        ok = record.estimate.ok
-        if ok != self._estimate_ok:
-            self._estimate_ok = ok
-            ready = f"position known to {record.estimate.pos_std_m:.3f} m"
-            self._add(t_s, "ready" if ok else "fault", ready if ok else record.estimate.reason)
-
-    def _note_mission(self, t_s: float, record: TickRecord) -> None:
-        status = record.status
-        now = (status.state, _without_numbers(status.reason))
-        if now != self._mission:
-            self._mission = now
-            reason = f"{status.state}: {status.reason}" if status.reason else status.state
-            self._add(t_s, "mission", reason)
-
-    def _note_supervisor(self, t_s: float, record: TickRecord) -> None:
-        objection = _without_numbers(record.reason)
-        if objection == self._objection:
-            return
-        self._objection = objection
-        if not objection:
-            self._add(t_s, "clear", "")
-        elif record.command.drive != STOP:
-            self._add(t_s, "limit", record.reason)
-        else:
-            self._add(t_s, "stop" if self._moving else "hold", record.reason)
-
-    def _add(self, t_s: float, kind: EventKind, reason: str) -> None:
-        event = Event(t_s=t_s, kind=kind, reason=reason)
+    def add(self, event: Event) -> None:
+        """One that no tick tells of, such as a recording that could not be begun."""
         self._events.append(event)
         try:
             self._file.write(msgspec.json.encode(event) + b"\n")
             self._file.flush()
         except OSError as error:
             raise self._failure(error) from error
+
+    def close(self) -> None:
+        """Safe to call twice."""
+        self._file.close()
 
     def _failure(self, error: OSError) -> RecordingError:
         return RecordingError(
@@ -143,6 +173,8 @@ def _what(press: OperatorEvent) -> str:
         return f"sets {press.text} = {press.value:g}"
     if press.numbers:
         return f"{press.action} {', '.join(f'{number:.3f}' for number in press.numbers)}"
+    if press.action == "mark":
+        return press.text or "marked"
     return press.text if press.action == "note" else press.action
 
 

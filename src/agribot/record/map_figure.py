@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from agribot.messages import FloatArray, PlantClass
 from agribot.record.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, every, new_figure
 from agribot.record.series import RunData
+from agribot.row_shape import row_points_map_m, start_yaw_rad
 
 _MARGIN_M = 0.8
 _LONGER_SIDE_IN = 11.0
@@ -69,14 +70,13 @@ def _layout(aspect: float) -> tuple[Figure, Axes, tuple[float, float]]:
 
 def _draw_field(axes: Axes, data: RunData) -> None:
     for row in data.rows:
-        (x0, y0), (x1, y1) = row.start_map_m, row.end_map_m
+        (x0, y0), yaw_rad = row.start_map_m, start_yaw_rad(row)
         label = "crop row" if row is data.rows[0] else None
         axes.plot(
-            (x0, x1), (y0, y1), color=GREY, alpha=0.25, linewidth=9,
+            *row_points_map_m(row).T, color=GREY, alpha=0.25, linewidth=9,
             solid_capstyle="round", label=label, zorder=1,
         )  # fmt: skip
-        length_m = math.hypot(x1 - x0, y1 - y0) or 1.0
-        ux, uy = (x1 - x0) / length_m, (y1 - y0) / length_m
+        ux, uy = math.cos(yaw_rad), math.sin(yaw_rad)
         beside = (x0 + 0.4 * ux - 0.25 * uy, y0 + 0.4 * uy + 0.25 * ux)
         axes.annotate(f"{row.index + 1}", beside, ha="center", va="center", color=GREY, fontsize=14)
     if data.world is not None:
@@ -171,7 +171,7 @@ def _known(data: RunData) -> FloatArray:
 
 def _extent_m(data: RunData) -> tuple[float, float, float, float]:
     """x_min, x_max, y_min, y_max of all that is drawn, with a margin."""
-    places = [row.start_map_m for row in data.rows] + [row.end_map_m for row in data.rows]
+    places = [point for row in data.rows for point in row_points_map_m(row).tolist()]
     places += [*data.goals_map_m, *((p.x_map_m, p.y_map_m) for p in data.plants)]
     parts = [np.array(places, dtype=float).reshape(-1, 2), _known(data)]
     if data.plan is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from mcap.records import Attachment, Channel, Header, Message, Metadata
 from mcap.writer import CompressionType, Writer
 
 from agribot.errors import RecordingError
+from agribot.record.background_file import BackgroundFile
 from agribot.record.mcap_records import McapRecords, parts_of
 from agribot.ros.rosmsg import typestore
 from agribot.topic import Qos, Topic
@@ -22,6 +22,7 @@ MSGPACK_SCHEMA = "agribot.TickRecord"
 class McapFile:
     """Writes topics of the table, chunked and LZ4-compressed; `flush` closes a chunk.
 
+    A thread of its own brings the chunks to the disk.
     Raises: RecordingError: the file cannot be created or written.
     """
 
@@ -31,10 +32,11 @@ class McapFile:
         self._schemas: dict[str, int] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("wb")
+            self._file = BackgroundFile(path)
         except OSError as error:
             raise _refusal("create", path, error) from error
-        self._writer = Writer(self._file, compression=CompressionType.LZ4)
+        stream: Any = self._file
+        self._writer = Writer(stream, compression=CompressionType.LZ4)
         self._writer.start(profile="ros2", library=LIBRARY)
 
     @property
@@ -43,8 +45,8 @@ class McapFile:
 
     @property
     def size_bytes(self) -> int:
-        """What reached the file; a chunk in progress does not count yet."""
-        return 0 if self._file.closed else self._file.tell()
+        """What went to the file; a chunk in progress does not count yet."""
+        return self._file.tell()
 
     def write(self, topic: Topic, log_ns: int, data: bytes, publish_ns: int) -> None:
         channel = self._channels.get(topic.name)
@@ -71,11 +73,19 @@ class McapFile:
         except OSError as error:
             raise self._failure("write", error) from error
 
-    def close(self) -> None:
+    def end(self) -> None:
+        """Write the index, without waiting for the disk; `close` waits."""
         if self._file.closed:
             return
         try:
             self._writer.finish()  # type: ignore[no-untyped-call]
+            self._file.end()
+        except OSError as error:
+            raise self._failure("finish", error) from error
+
+    def close(self) -> None:
+        self.end()
+        try:
             self._file.close()
         except OSError as error:
             raise self._failure("finish", error) from error
@@ -97,8 +107,7 @@ class McapFile:
 
     def _failure(self, verb: str, error: OSError) -> RecordingError:
         """Gives the file up: what reached the disk before stays readable."""
-        with contextlib.suppress(OSError):
-            self._file.close()
+        self._file.end()
         return _refusal(verb, self.path, error)
 
 

@@ -7,7 +7,8 @@ from importlib import resources
 from pathlib import Path
 
 from agribot.config import to_toml
-from agribot.messages import MappedPlant, PlantClass
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import PlantClass
 from agribot.record import plots
 from agribot.record.drawing import svg
 from agribot.record.map_figure import map_figure

@@ -39,6 +39,7 @@ class RecordingParts:
         for stale in parts_of(path)[1:]:  # of an earlier run in the same folder
             stale.unlink(missing_ok=True)
         self._file = McapFile(path)
+        self._ending: list[McapFile] = []  # parts on their way to the disk
 
     @property
     def closed(self) -> bool:
@@ -73,11 +74,14 @@ class RecordingParts:
         self._make_room()
 
     def close(self) -> None:
-        self._file.close()
+        for file in (*self._ending, self._file):
+            file.close()
+        self._ending.clear()
 
     def _next_part(self) -> None:
-        self._file.close()
-        self._finished_bytes[self._number] = part_path(self.path, self._number).stat().st_size
+        self._file.end()
+        self._ending.append(self._file)
+        self._finished_bytes[self._number] = self._file.size_bytes
         self._number += 1
         self._file = McapFile(part_path(self.path, self._number))
         for name, values in self._descriptions:

@@ -14,12 +14,14 @@ from matplotlib.path import Path as Outline
 from agribot.messages import FloatArray
 from agribot.plan.coverage.area import FieldArea, FieldPlan, Leg, PlanRequest
 from agribot.plan.plan_certificate import Certificate
+from agribot.plan.plan_sweep import tool_line
 from agribot.record.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure
 
-_COLOURS = {"swath": GREEN, "row": GREEN, "headland": BLUE, "link": ORANGE, "arc": ORANGE}
+_COLOURS = {"swath": GREEN, "row": GREEN, "headland": BLUE, "link": ORANGE, "arc": ORANGE,
+            "reverse": INK}  # fmt: skip
 _NAMES = {
     "swath": "swath", "row": "crop row", "headland": "headland pass", "link": "way, tool off",
-    "arc": "turn, tool off",
+    "arc": "turn, tool off", "reverse": "backwards, tool off",
 }  # fmt: skip
 _LONGER_SIDE_IN = 9.0
 _BAND_ALPHA = 0.22
@@ -69,7 +71,8 @@ def _draw_legs(axes: Axes, plan: FieldPlan, request: PlanRequest) -> None:
         lines = [leg.xy_map_m for leg in legs]
         if legs[0].tool_on:
             axes.add_collection(PolyCollection(
-                _bands(lines, request.implement_width_m / 2.0), facecolors=_COLOURS[kind],
+                _bands([tool_line(xy, request.tool_x_m) for xy in lines],
+                       request.implement_width_m / 2.0), facecolors=_COLOURS[kind],
                 edgecolors="none", alpha=_BAND_ALPHA, zorder=2))  # fmt: skip
         axes.add_collection(LineCollection(
             lines, colors=_COLOURS[kind], linewidths=1.1, label=_NAMES[kind],

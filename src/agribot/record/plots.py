@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,6 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from agribot.messages import FloatArray, PlantClass, Row
 from agribot.record.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, every, new_figure, thin
 from agribot.record.series import RunData, RunSeries
+from agribot.row_shape import beside_row, row_length_m
 
 _HEIGHT_IN = 2.9
 _WIDE_IN, _HALF_IN = 11.0, 5.4  # as cards of the page, so that text is equally large
@@ -110,15 +109,10 @@ def true_cross_track_m(series: RunSeries, rows: tuple[Row, ...]) -> FloatArray:
     x_m, y_m = _true_at(series, 1), _true_at(series, 2)
     facing = np.radians(90.0 - series.compass_deg)
     for row in rows:
-        (x0, y0), (x1, y1) = row.start_map_m, row.end_map_m
-        length_m = math.hypot(x1 - x0, y1 - y0)
-        if not length_m:
-            continue
-        ux, uy = (x1 - x0) / length_m, (y1 - y0) / length_m
-        along_m = (x_m - x0) * ux + (y_m - y0) * uy
-        here = (series.row == row.index) & (along_m >= 0.0) & (along_m <= length_m)
-        left_of_row_m = ux * (y_m - y0) - uy * (x_m - x0)
-        direction = np.sign(np.cos(facing) * ux + np.sin(facing) * uy)
+        along_m, left_of_row_m, row_yaw_rad = beside_row(row, x_m, y_m)
+        inside = (along_m >= 0.0) & (along_m <= row_length_m(row))
+        here = (series.row == row.index) & inside
+        direction = np.sign(np.cos(facing - row_yaw_rad))
         result[here] = (direction * left_of_row_m)[here]
     return result
 

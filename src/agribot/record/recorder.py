@@ -9,7 +9,8 @@ import msgspec
 
 from agribot import __version__, topics
 from agribot.config import RunConfig, to_toml
-from agribot.messages import MappedPlant, Path, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import Path, TickRecord
 from agribot.record.parts import RecordingParts
 from agribot.record.ticks import encode_tick
 from agribot.robot import RobotSpec
@@ -22,6 +23,7 @@ URDF_ATTACHMENT = "robot.urdf"
 WEED_MAP_ATTACHMENT = "weed_map.json"
 
 _SECOND_NS = 1_000_000_000
+FLUSH_NS = 500_000_000  # half of what may be lost; the disk may take the other half
 
 
 class RunRecorder:
@@ -45,7 +47,7 @@ class RunRecorder:
         self._robot, self._config, self._urdf = robot, config, urdf
         self._weed_map = weed_map
         self._now_s = 0.0
-        self._next_second_ns = 0
+        self._next_second_ns = self._next_flush_ns = 0
         camera = CameraLog(robot, config.record.image_rate_hz, config.record.jpeg_quality)
         self._feed = TopicFeed(self._file.write, robot, config.field.datum, urdf, camera)
         self._feed.set_plan(0.0, plan, goals_map_m)
@@ -59,6 +61,8 @@ class RunRecorder:
         if now_ns >= self._next_second_ns:
             self._next_second_ns = now_ns + _SECOND_NS
             self._write_weeds()
+        if now_ns >= self._next_flush_ns:
+            self._next_flush_ns = now_ns + FLUSH_NS
             self._file.flush()
 
     @property

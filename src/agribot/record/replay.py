@@ -12,7 +12,8 @@ import numpy as np
 from agribot import topics
 from agribot.config import RunConfig
 from agribot.errors import EndOfRecording, RecordingError
-from agribot.messages import FloatArray, MappedPlant, RobotCommand, Scene, SensorBatch, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import FloatArray, RobotCommand, Scene, SensorBatch, TickRecord
 from agribot.record.mcap_file import read_attachment, read_messages
 from agribot.record.recorder import CONFIG_ATTACHMENT, URDF_ATTACHMENT, WEED_MAP_ATTACHMENT
 from agribot.record.ticks import decode_tick

@@ -103,6 +103,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     perception: PerceptionReport = PerceptionReport()
     weeds: WeedReport = WeedReport()
     safety: SafetyReport = SafetyReport()
+    marks: tuple[SafetyEvent, ...] = ()
 
 
 def to_json(report: Report) -> bytes:

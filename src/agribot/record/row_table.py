@@ -7,9 +7,11 @@ import math
 import msgspec
 import numpy as np
 
-from agribot.messages import MappedPlant, PlantClass, Row
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import PlantClass, Row
 from agribot.record.plots import true_cross_track_m
 from agribot.record.series import RunData
+from agribot.row_shape import beside_row, row_length_m
 
 
 class RowSummary(msgspec.Struct, frozen=True, kw_only=True):
@@ -61,9 +63,6 @@ def nearest_row(plant: MappedPlant, rows: tuple[Row, ...]) -> int:
 
 
 def _distance_m(x_m: float, y_m: float, row: Row) -> float:
-    (x0, y0), (x1, y1) = row.start_map_m, row.end_map_m
-    dx, dy = x1 - x0, y1 - y0
-    length2 = dx * dx + dy * dy
-    share = ((x_m - x0) * dx + (y_m - y0) * dy) / length2 if length2 else 0.0
-    share = min(max(share, 0.0), 1.0)
-    return math.hypot(x_m - x0 - share * dx, y_m - y0 - share * dy)
+    along_m, left_m, _ = beside_row(row, x_m, y_m)
+    beyond_m = max(-along_m, along_m - row_length_m(row), 0.0)
+    return math.hypot(beyond_m, left_m)

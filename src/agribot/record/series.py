@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from agribot.config import RunConfig
 from agribot.geo import compass_deg_from_yaw
-from agribot.messages import FloatArray, MappedPlant, Path, Row, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import FloatArray, Path, Row, TickRecord
 from agribot.record.events import Event
 from agribot.world import WorldSpec
 

@@ -6,15 +6,12 @@ from pathlib import Path
 
 from agribot import __version__
 from agribot.config import RunConfig, to_toml
-from agribot.messages import DriveCommand, SensorBatch
 from agribot.record.parts import RecordingParts
-from agribot.record.recorder import CONFIG_ATTACHMENT, URDF_ATTACHMENT
+from agribot.record.recorder import CONFIG_ATTACHMENT, FLUSH_NS, URDF_ATTACHMENT
 from agribot.robot import RobotSpec
 from agribot.ros import rosmsg
 from agribot.ros.camera_log import CameraLog
-from agribot.ros.world_feed import WorldFeed
-
-_SECOND_NS = 1_000_000_000
+from agribot.ros.world_feed import WorldFeed, WorldTick
 
 
 class WorldRecorder:
@@ -28,24 +25,17 @@ class WorldRecorder:
         self._file = RecordingParts(path, config.record)
         camera = CameraLog(robot, config.record.image_rate_hz, config.record.jpeg_quality)
         self._feed = WorldFeed(self._file.write, robot, urdf, camera)
-        self._next_second_ns = 0
+        self._next_flush_ns = 0
         words = {"version": __version__, "profile": config.profile, "seed": str(config.seed)}
         self._file.describe("agribot", {**words, "robot": robot.name, "world": config.world})
         self._file.attach(CONFIG_ATTACHMENT, "application/toml", to_toml(config).encode())
         self._file.attach(URDF_ATTACHMENT, "application/xml", urdf.encode())
 
-    def __call__(
-        self,
-        batch: SensorBatch,
-        command: DriveCommand | None,
-        pose: tuple[float, float, float],
-        twist: tuple[float, float],
-    ) -> None:
-        """`pose` is the true x_map_m, y_map_m, yaw_map_rad, `twist` the forward and yaw rate."""
-        self._feed(batch, command, pose, twist)
-        now_ns = rosmsg.nanoseconds(batch.t_s)
-        if now_ns >= self._next_second_ns:
-            self._next_second_ns = now_ns + _SECOND_NS
+    def __call__(self, tick: WorldTick) -> None:
+        self._feed(tick)
+        now_ns = rosmsg.nanoseconds(tick.batch.t_s)
+        if now_ns >= self._next_flush_ns:
+            self._next_flush_ns = now_ns + FLUSH_NS
             self._file.flush()
 
     def close(self) -> None:

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from agribot.messages import MappedPlant, PlantClass
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import PlantClass
 from agribot.ros import rosmsg
 
 Rgba = tuple[float, float, float, float]

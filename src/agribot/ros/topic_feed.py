@@ -6,14 +6,9 @@ import math
 from collections.abc import Sequence
 
 from agribot import topics
-from agribot.geo import Datum, MapFrame, compass_deg_from_yaw
-from agribot.messages import (
-    Estimate,
-    MappedPlant,
-    MissionStatus,
-    Path,
-    TickRecord,
-)
+from agribot.geo import Datum, MapFrame, compass_deg_from_yaw, wrap_rad
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import Estimate, MissionStatus, Path, TickRecord
 from agribot.robot import RobotSpec
 from agribot.ros import cdr, rosmsg
 from agribot.ros.camera_log import CameraLog
@@ -117,8 +112,6 @@ class TopicFeed:
         estimate = record.estimate
         self._write_ros(topics.POSE, rosmsg.pose_stamped(estimate), estimate.t_s)
         self._write_number(topics.HEADING_FILTERED, compass_deg_from_yaw(estimate.yaw_map_rad))
-        if record.tracking is not None:
-            self._write_number(topics.ANGLE, math.degrees(record.tracking.heading_error_rad))
         if self._goals_map_m:
             self._next_goal(estimate, record.status)
         if record.batch.wheels:
@@ -129,7 +122,10 @@ class TopicFeed:
         x_m, y_m = self._goals_map_m[index]
         dx_m, dy_m = x_m - estimate.x_map_m, y_m - estimate.y_map_m
         self._write_number(topics.DISTANCE, math.hypot(dx_m, dy_m))
-        self._write_number(topics.BEARING, math.degrees(math.atan2(dy_m, dx_m)))
+        bearing_rad = math.atan2(dy_m, dx_m)
+        self._write_number(topics.BEARING, math.degrees(bearing_rad))
+        left_rad = wrap_rad(bearing_rad - estimate.yaw_map_rad)
+        self._write_number(topics.ANGLE, math.degrees(left_rad))
 
     def _mission(self, status: MissionStatus) -> None:
         before, now_s = self._status, self._now_ns / _SECOND_NS

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from agribot import topics
 from agribot.messages import DriveCommand, SensorBatch
 from agribot.robot import RobotSpec
@@ -12,6 +14,15 @@ from agribot.ros.sensor_topics import SLOW_NS, SensorTopics, Write
 from agribot.ros.transforms import static_transforms
 
 _NOWHERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+class WorldTick(NamedTuple):
+    """What one tick of the world gave, and the true motion of the robot in it."""
+
+    batch: SensorBatch
+    command: DriveCommand | None
+    pose: tuple[float, float, float]  # x_map_m, y_map_m, yaw_map_rad
+    twist: tuple[float, float]  # v_mps, yaw_rate_radps
 
 
 class WorldFeed:
@@ -28,29 +39,22 @@ class WorldFeed:
         self._next_slow_ns = 0
         self._started = False
 
-    def __call__(
-        self,
-        batch: SensorBatch,
-        command: DriveCommand | None,
-        pose: tuple[float, float, float],
-        twist: tuple[float, float],
-    ) -> None:
-        """`pose` is the true x_map_m, y_map_m, yaw_map_rad, `twist` the forward and yaw rate."""
-        now_ns = rosmsg.nanoseconds(batch.t_s)
+    def __call__(self, tick: WorldTick) -> None:
+        now_ns = rosmsg.nanoseconds(tick.batch.t_s)
         if not self._started:
             self._start(now_ns)
-        self._sensors(now_ns, batch)
-        if command is not None:
-            data = self._twist(command.v_mps, command.yaw_rate_radps)
+        self._sensors(now_ns, tick.batch)
+        if tick.command is not None:
+            data = self._twist(tick.command.v_mps, tick.command.yaw_rate_radps)
             self._write(topics.CMD_VEL, now_ns, data, now_ns)
-        truth = self._truth.pack(now_ns, pose, (0.0,) * 9, twist)
+        truth = self._truth.pack(now_ns, tick.pose, (0.0,) * 9, tick.twist)
         self._write(topics.GROUND_TRUTH, now_ns, truth, now_ns)
-        x_m, y_m, yaw_rad = pose
+        x_m, y_m, yaw_rad = tick.pose
         body = (x_m, y_m, 0.0, *quaternion_from_yaw(yaw_rad))
         self._write(topics.TF, now_ns, self._tf(now_ns, (_NOWHERE, body)), now_ns)
-        if now_ns >= self._next_slow_ns and batch.wheels:
+        if now_ns >= self._next_slow_ns and tick.batch.wheels:
             self._next_slow_ns = now_ns + SLOW_NS
-            self._sensors.wheel_transforms(now_ns, batch.wheels[-1])
+            self._sensors.wheel_transforms(now_ns, tick.batch.wheels[-1])
 
     def _start(self, now_ns: int) -> None:
         self._started = True

@@ -38,14 +38,14 @@ def random_field(rng: np.random.Generator, *, is_wide: bool = False) -> WorldSpe
     return WorldSpec(
         name="random field",
         datum=DATUM,
-        light=_random_light(rng),
+        light=random_light(rng),
         ground=_random_ground(rng),
         plants=(
             *_random_rows(rng, *((ALL_CROPS, ALL_CROP_SHARE) if is_wide else (CROPS, CROP_SHARE))),
             *_random_weeds(rng, ALL_WEEDS if is_wide else WEEDS),
         ),
         obstacles=_random_obstacles(rng),
-        soil=_random_soil(rng) if is_wide else Soil(),
+        soil=random_soil(rng) if is_wide else Soil(),
     )
 
 
@@ -90,7 +90,7 @@ def random_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
     return camera, link @ LINK_FROM_OPTICAL
 
 
-def _random_soil(rng: np.random.Generator) -> Soil:
+def random_soil(rng: np.random.Generator) -> Soil:
     """Each of its litters on about every other field."""
     residue, stones, wet = np.maximum(0.0, rng.uniform(-0.8, 1.0, 3)).tolist()
     return Soil(residue_ratio=residue, stones_ratio=stones, wet_ratio=0.7 * wet)
@@ -147,7 +147,7 @@ def _plant(
     )
 
 
-def _random_light(rng: np.random.Generator) -> Light:
+def random_light(rng: np.random.Generator) -> Light:
     height_rad, turn_rad = math.radians(rng.uniform(18.0, 80.0)), rng.uniform(-math.pi, math.pi)
     overcast = rng.random() < 0.3
     return Light(

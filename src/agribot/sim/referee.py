@@ -12,7 +12,9 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from agribot.geo import wrap_rad
-from agribot.messages import ByteArray, FloatArray, MappedPlant, PlantClass, Row, TickRecord
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import ByteArray, FloatArray, PlantClass, Row, TickRecord
+from agribot.row_shape import beside_row, row_length_m
 from agribot.sim.truth import Truth
 from agribot.world import Plant, WorldSpec
 
@@ -82,15 +84,21 @@ class Referee:
     ) -> None:
         self._source = source
         self._world = world
-        self._rows = {row.index: row for row in rows}
         self._row_errors: list[tuple[float, float]] = []
         self._estimate_errors: list[tuple[float, float, float]] = []
         self._pose_covs: list[tuple[float, ...]] = []
         self._distance_m = 0.0
         self._last_xy: tuple[float, float] | None = None
+        self._confusion = np.zeros((3, 3), dtype=np.int64)
+        self.judge_anew(rows, goals_map_m)
+
+    def judge_anew(
+        self, rows: Sequence[Row], goals_map_m: Sequence[tuple[float, float]] = ()
+    ) -> None:
+        """Another task: what was kept of the old one counts no more. Errors already made do."""
+        self._rows = {row.index: row for row in rows}
         self._goals_map_m = tuple(goals_map_m)
         self._nearest_m = [math.inf] * len(self._goals_map_m)
-        self._confusion = np.zeros((3, 3), dtype=np.int64)
         self._worst_m: dict[int, float] = {}
         self._slices: set[tuple[int, int]] = set()
 
@@ -137,7 +145,7 @@ class Referee:
 
     def coverage_ratio(self) -> float:
         """Share of all row length that was truly driven within KEPT_ROW_M."""
-        total = sum(math.ceil(_length_m(row) / SLICE_M) for row in self._rows.values())
+        total = sum(math.ceil(row_length_m(row) / SLICE_M) for row in self._rows.values())
         return len(self._slices) / total if total else 0.0
 
     def iou(self) -> dict[str, float | None]:
@@ -204,19 +212,16 @@ class Referee:
         )
 
     def _judge_row(self, row: Row, x_m: float, y_m: float, yaw_rad: float) -> None:
-        (x0, y0), (x1, y1) = row.start_map_m, row.end_map_m
-        row_yaw = math.atan2(y1 - y0, x1 - x0)
-        along_m = (x_m - x0) * math.cos(row_yaw) + (y_m - y0) * math.sin(row_yaw)
-        if not 0.0 <= along_m <= math.hypot(x1 - x0, y1 - y0):
+        along_m, across_m, row_yaw_rad = map(float, beside_row(row, x_m, y_m))
+        if not 0.0 <= along_m <= row_length_m(row):
             return
-        across_m = -(x_m - x0) * math.sin(row_yaw) + (y_m - y0) * math.cos(row_yaw)
-        heading = wrap_rad(yaw_rad - row_yaw)
+        heading = wrap_rad(yaw_rad - row_yaw_rad)
         if abs(heading) > math.pi / 2:  # driven against the row's direction
             heading = wrap_rad(heading - math.pi)
         self._row_errors.append((across_m, heading))
         self._worst_m[row.index] = max(self._worst_m.get(row.index, 0.0), abs(across_m))
         if abs(across_m) <= KEPT_ROW_M:
-            last = math.ceil(_length_m(row) / SLICE_M) - 1
+            last = math.ceil(row_length_m(row) / SLICE_M) - 1
             self._slices.add((row.index, min(int(along_m / SLICE_M), last)))
 
     def _judge_estimate(self, record: TickRecord, x_m: float, y_m: float, yaw_rad: float) -> None:
@@ -232,30 +237,20 @@ class Referee:
         rows = [self._rows[index] for index in sorted(self._rows)]
         if len(rows) < 2:
             return 1.0
-        (x0, y0), (x1, y1) = rows[0].start_map_m, rows[0].end_map_m
-        (xn, yn) = rows[1].start_map_m
-        cross = (x1 - x0) * (yn - y0) - (y1 - y0) * (xn - x0)
-        return abs(cross) / math.hypot(x1 - x0, y1 - y0)
+        return abs(float(beside_row(rows[0], *rows[1].start_map_m).left_m))
 
     def _sprayed(self, plant: PlantClass) -> int:
         return sum(self._world.plants[index].plant == plant for index in self._source.sprayed)
 
     def _spray_ratio(self, strips: Sequence[Row], pitch_m: float) -> float | None:
-        area_m2 = sum(_length_m(row) * pitch_m for row in strips)
+        area_m2 = sum(row_length_m(row) * pitch_m for row in strips)
         return self._source.sprayed_area_m2 / area_m2 if area_m2 else None
-
-
-def _length_m(row: Row) -> float:
-    return math.dist(row.start_map_m, row.end_map_m)
 
 
 def _in_strips(x_m: float, y_m: float, rows: Sequence[Row], pitch_m: float) -> bool:
     for row in rows:
-        (x0, y0), (x1, y1) = row.start_map_m, row.end_map_m
-        length_m = _length_m(row)
-        along_m = ((x_m - x0) * (x1 - x0) + (y_m - y0) * (y1 - y0)) / length_m
-        across_m = ((x_m - x0) * (y1 - y0) - (y_m - y0) * (x1 - x0)) / length_m
-        if 0.0 <= along_m <= length_m and abs(across_m) <= pitch_m / 2:
+        along_m, across_m, _ = beside_row(row, x_m, y_m)
+        if 0.0 <= along_m <= row_length_m(row) and abs(across_m) <= pitch_m / 2:
             return True
     return False
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import os
 import statistics
 from collections.abc import Iterable, Sequence
@@ -69,7 +70,7 @@ class SweepFolder:
             ) from error
 
     def write_tables(self, errors: Sequence[Outcome]) -> dict[str, Any]:
-        """Write runs.csv, summary.csv and sweep-report.json; return what the last one holds."""
+        """Write runs.csv, summary.csv, summary.md and sweep-report.json; return the latter."""
         reports = self.finished()
         rows = [_row(job, reports[job.name]) for job in self.jobs if job.name in reports]
         failed = {outcome.job.name: outcome.error for outcome in errors}
@@ -86,6 +87,7 @@ class SweepFolder:
             _write(self.path / "summary.csv", _csv(_flat_summary(summary)))
             report_json = msgspec.json.format(_json({**result, "runs": rows}), indent=1)
             _write(self.path / "sweep-report.json", report_json)
+            _write(self.path / "summary.md", markdown(summary).encode())
         except OSError as error:
             raise RecordingError(
                 f"cannot write into {self.path}: {error.strerror or error}; make room and run the "
@@ -98,14 +100,15 @@ class SweepFolder:
 
 
 def summarise(jobs: Sequence[Job], reports: dict[str, Report]) -> list[dict[str, Any]]:
-    """Mean and sample standard deviation over the seeds of each combination of settings.
+    """Mean, sample standard deviation and largest value over the seeds of each combination.
 
     A key that is null in some runs is averaged over the others, of which `count` tells; true
     counts as 1. The standard deviation of a single value is null.
     """
     summary = []
-    for settings in dict.fromkeys(job.settings for job in jobs):
-        of_these = [j for j in jobs if j.settings == settings and j.name in reports]
+    for profile, settings in dict.fromkeys((job.profile, job.settings) for job in jobs):
+        every = [job for job in jobs if (job.profile, job.settings) == (profile, settings)]
+        of_these = [job for job in every if job.name in reports]
         flat = [flattened(reports[job.name]) for job in of_these]
         columns: dict[str, list[float]] = {}
         for values in flat:
@@ -113,16 +116,61 @@ def summarise(jobs: Sequence[Job], reports: dict[str, Report]) -> list[dict[str,
                 if isinstance(value, bool | int | float) and key != "seed":
                     columns.setdefault(key, []).append(float(value))
         summary.append({
+            "profile": profile,
             "settings": dict(_split(setting) for setting in settings),
+            "seeds": len(every),
             "runs": len(of_these),
             "mean": {key: statistics.fmean(values) for key, values in columns.items()},
             "std": {
                 key: statistics.stdev(values) if len(values) > 1 else None
                 for key, values in columns.items()
             },
+            "max": {key: max(values) for key, values in columns.items()},
             "count": {key: len(values) for key, values in columns.items()},
         })  # fmt: skip
     return summary
+
+
+def markdown(summary: Iterable[dict[str, Any]]) -> str:
+    """How the missions of each combination went, one line each; "-" where nothing was measured.
+
+    RMS is over all missions together, p95 their mean, max the worst instant of all.
+    """
+    lines = [
+        "| profile | settings | good | rows | XTE RMS | p95 | max | crushed | h/ha |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for entry in summary:
+        runs, mean = entry["runs"], entry["mean"]
+        done, total = (
+            round(runs * mean.get(key, 0.0)) for key in ("mission.rows_done", "mission.rows_total")
+        )
+        cells = (
+            entry["profile"],
+            " ".join(f"{key}={value}" for key, value in entry["settings"].items()) or "-",
+            f"{round(runs * mean.get('ok', 0.0))} of {entry['seeds']}",
+            f"{done} of {total}",
+            _shown(pooled_rms_m(entry), 100.0, " cm"),
+            _shown(mean.get("tracking.xte_p95_m"), 100.0, " cm"),
+            _shown(entry["max"].get("tracking.xte_max_m"), 100.0, " cm"),
+            f"{round(runs * mean.get('tracking.plants_crushed', 0.0))}",
+            _shown(mean.get("mission.h_per_ha"), 1.0, ""),
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def pooled_rms_m(entry: dict[str, Any]) -> float | None:
+    """Cross-track RMS over all missions of a combination; None where none was measured."""
+    mean_m, std_m = (entry[what].get("tracking.xte_rms_m") for what in ("mean", "std"))
+    if mean_m is None:
+        return None
+    count = entry["count"]["tracking.xte_rms_m"]
+    return math.sqrt(mean_m**2 + (std_m or 0.0) ** 2 * (count - 1) / count)
+
+
+def _shown(value: float | None, scale: float, unit: str) -> str:
+    return "-" if value is None else f"{scale * value:.1f}{unit}"
 
 
 def flattened(report: Report) -> dict[str, Value]:
@@ -148,9 +196,11 @@ def _row(job: Job, report: Report) -> dict[str, Value]:
 def _flat_summary(summary: Iterable[dict[str, Any]]) -> list[dict[str, Value]]:
     rows = []
     for entry in summary:
-        row: dict[str, Value] = {**entry["settings"], "runs": entry["runs"]}
+        row: dict[str, Value] = {
+            "profile": entry["profile"], **entry["settings"], "runs": entry["runs"],
+        }  # fmt: skip
         for key in entry["mean"]:
-            row |= {f"{key} {what}": entry[what][key] for what in ("mean", "std", "count")}
+            row |= {f"{key} {what}": entry[what][key] for what in ("mean", "std", "max", "count")}
         rows.append(row)
     return rows
 

@@ -62,7 +62,7 @@ def _window(label: ByteArray, size_px: int, rng: np.random.Generator) -> tuple[s
 def _recoloured(image: Tensor, rng: np.random.Generator) -> Tensor:
     """Exposure, contrast, white balance, gamma, blur and noise of another camera or hour."""
     gain = torch.from_numpy(rng.uniform(0.85, 1.18) * rng.uniform(0.95, 1.05, (3, 1, 1)))
-    image = (image * gain).clamp(0.0, 255.0)
+    image = (image * gain.to(torch.float32)).clamp(0.0, 255.0)
     image = 255.0 * (image / 255.0) ** rng.uniform(0.85, 1.18)
     grey = image.mean(dim=0, keepdim=True)
     image = grey + (image - grey) * rng.uniform(0.85, 1.15)
@@ -72,7 +72,7 @@ def _recoloured(image: Tensor, rng: np.random.Generator) -> Tensor:
         image = _blurred(image, rng.uniform(0.3, BLUR_SIGMA_PX))
     noise_std = rng.uniform(0.0, 4.0)
     noise = torch.from_numpy(rng.standard_normal(image.shape, dtype=np.float32))
-    return (image + noise_std * noise).clamp(0.0, 255.0).to(torch.float32)
+    return (image + noise_std * noise).clamp(0.0, 255.0)
 
 
 def _blurred(image: Tensor, sigma_px: float) -> Tensor:

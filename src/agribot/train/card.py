@@ -14,6 +14,7 @@ import numpy as np
 from agribot.errors import ConfigError
 from agribot.messages import PlantClass
 from agribot.perceive.segmenter import Segmenter
+from agribot.train.calibration import Calibration
 from agribot.train.evaluate import CLASS_NAMES, Scores
 from agribot.train.fit import TrainingPlan
 
@@ -52,6 +53,7 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
     test: dict[str, Scores]
     limits: str = SIM_LIMITS
     chosen_blind: bool = True  # no setting, such as the input size, was chosen by the test sets
+    calibration: Calibration | None = None  # None: confidences are the softmax of the logits
     held_out: HeldOut | None = None  # where nothing is left to judge these very weights on
 
     def write(self, onnx_path: Path) -> None:
@@ -77,6 +79,7 @@ crop ({int(PlantClass.CROP)}) or soil ({int(PlantClass.SOIL)}).
 - Network resolution: {self.input_width_px} x {self.input_height_px}; the graph takes uint8 images \
 of any size
 - Speed: {self.cpu_ms_per_frame:.1f} ms CPU time per frame ({self.cpu_ms_conditions})
+- Confidence: {self._sureness()}
 
 {self._origin()}
 
@@ -84,6 +87,16 @@ of any size
 
 Limits: {self.limits}
 """
+
+    def _sureness(self) -> str:
+        found = self.calibration
+        if found is None:
+            return "softmax of the logits, no temperature"
+        return (
+            f"softmax of the logits over the temperature {found.temperature:g}, found on "
+            f"{found.images} images set aside; expected calibration error on the test images "
+            f"{found.error_before:.4f} without it, {found.error_after:.4f} with it"
+        )
 
     def _origin(self) -> str:
         """Where the scores come from."""

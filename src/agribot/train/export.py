@@ -25,27 +25,42 @@ Features = Callable[[Tensor], Tensor]
 
 
 class DeployedNet(nn.Module):
-    """(1, H, W, 3) uint8 to class (h, w) uint8 and confidence (h, w) uint8, 255 = certain."""
+    """(1, H, W, 3) uint8 to class (h, w) uint8 and confidence (h, w) uint8, 255 = certain.
+
+    `temperature` divides the logits of the confidence; see `agribot.train.calibration`.
+    """
 
     def __init__(
-        self, network: nn.Module, height_px: int, width_px: int, features: Features = centred_rgb
+        self,
+        network: nn.Module,
+        height_px: int,
+        width_px: int,
+        features: Features = centred_rgb,
+        temperature: float = 1.0,
     ) -> None:
         super().__init__()
         self.network = network
         self.features = features
         self.size_px = (height_px, width_px)
+        self.temperature = temperature
 
-    def forward(self, image_rgb: Tensor) -> tuple[Tensor, Tensor]:
+    def logits(self, image_rgb: Tensor) -> Tensor:
+        """(1, H, W, 3) uint8 to (1, 3, h, w)."""
         x = image_rgb.permute(0, 3, 1, 2).to(torch.float32)
         x = functional.interpolate(x, size=self.size_px, mode="bilinear", align_corners=False)
-        logits = self.network(self.features(x))
+        logits: Tensor = self.network(self.features(x))
         if logits.shape[-1] != self.size_px[1]:
             logits = functional.interpolate(
                 logits, scale_factor=2.0, mode="bilinear", align_corners=False
             )
+        return logits
+
+    def forward(self, image_rgb: Tensor) -> tuple[Tensor, Tensor]:
+        logits = self.logits(image_rgb)
         # The softmax of the winning class; the Softmax operator over channels costs 4 ms more.
         best = logits.amax(dim=1, keepdim=True)
-        confidence = 255.0 / (logits - best).exp().sum(dim=1)
+        below = logits - best if self.temperature == 1.0 else (logits - best) / self.temperature
+        confidence = 255.0 / below.exp().sum(dim=1)
         return logits.argmax(dim=1)[0].to(torch.uint8), confidence[0].round().to(torch.uint8)
 
 
@@ -56,13 +71,14 @@ def export_onnx(
     width_px: int = INPUT_WIDTH_PX,
     antialias: bool = False,
     features: Features = centred_rgb,
+    temperature: float = 1.0,
 ) -> None:
     """Write the deployable graph; batch norms are folded into the convolutions by the exporter.
 
     `antialias` widens the filter of the input's resize with its reduction: for photographs that
     are much larger than the network's input.
     """
-    deployed = DeployedNet(network, height_px, width_px, features).eval()
+    deployed = DeployedNet(network, height_px, width_px, features, temperature).eval()
     example = torch.zeros((1, 480, 640, 3), dtype=torch.uint8)
     with warnings.catch_warnings():
         warnings.simplefilter(
@@ -78,21 +94,21 @@ def export_onnx(
             dynamic_axes={"image_rgb": {1: "height_px", 2: "width_px"}},
             dynamo=False,
         )
-    _describe(path, height_px, width_px, antialias)
+    _describe(path, (height_px, width_px), antialias, temperature)
 
 
-def _describe(path: Path, height_px: int, width_px: int, antialias: bool) -> None:
-    """Write the output size, which the exporter leaves open, and the meaning of the classes."""
+def _describe(path: Path, size_px: tuple[int, int], antialias: bool, temperature: float) -> None:
+    """Write the output size, which the exporter leaves open, the classes and the temperature."""
     import onnx
 
     model = onnx.load(str(path))
     for output in model.graph.output:
         rows, columns = output.type.tensor_type.shape.dim
-        rows.dim_value, columns.dim_value = height_px, width_px
+        rows.dim_value, columns.dim_value = size_px
     if antialias:  # the exporter knows the operator but not this attribute of it
         resize = next(node for node in model.graph.node if node.op_type == "Resize")
         resize.attribute.append(onnx.helper.make_attribute("antialias", 1))
-    classes = model.metadata_props.add()
-    classes.key, classes.value = "classes", ",".join(CLASS_NAMES)
+    about = {"classes": ",".join(CLASS_NAMES), "temperature": f"{temperature:g}"}
+    onnx.helper.set_model_props(model, about)
     onnx.checker.check_model(model)
     onnx.save(model, str(path))

@@ -19,6 +19,8 @@ from torch import Tensor, nn
 from agribot.errors import AgribotError
 from agribot.train.architectures import architecture
 from agribot.train.losses import CLASS_WEIGHTS, OVERLAP_LOSSES, segmentation_loss
+from agribot.train.processes import Crew
+from agribot.train.start import start_from
 
 # Random batch of images (N, 3, S, S) float32 in 0..255 and labels (N, S, S) int64.
 BatchSource = Callable[[np.random.Generator], tuple[Tensor, Tensor]]
@@ -46,6 +48,8 @@ class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
     model: str = "agribot-sim"
     class_weights: tuple[float, float, float] = CLASS_WEIGHTS
     overlap_loss: str = "dice"
+    processes: int = 1  # that train together, each with a batch of its own
+    start: str = ""  # weights to begin with: name and start of the SHA-256
     data: str = ""  # which photographs: another fold must not go on in the same folder
 
     def rate_at(self, step: int) -> float:
@@ -58,12 +62,20 @@ class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
 class Trainer:
     """Holds the network, its moving average and the optimiser between steps.
 
-    Every step draws its batch from a generator of (seed, step): a training that was killed
-    goes on from its checkpoint as if nothing had happened.
+    Every step draws its batch from a generator of (seed, step, rank of the process): a training
+    that was killed goes on from its checkpoint as if nothing had happened.
     """
 
-    def __init__(self, plan: TrainingPlan, batches: BatchSource, folder: Path) -> None:
+    def __init__(
+        self,
+        plan: TrainingPlan,
+        batches: BatchSource,
+        folder: Path,
+        crew: Crew | None = None,
+        start: Path | None = None,
+    ) -> None:
         self.plan = plan
+        self._crew = crew or Crew()
         self.step = 0
         self._batches = batches
         self._folder = folder
@@ -72,8 +84,12 @@ class Trainer:
         torch.manual_seed(plan.seed)
         self._features = architecture(plan.model).features
         self.network = architecture(plan.model).build()
-        self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network.to(self._crew.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        if start is not None:
+            images, _ = batches(np.random.default_rng([plan.seed, 0]))
+            start_from(start, self.network, self._features(images.to(self._crew.device)))
         self.average = copy.deepcopy(self.network).eval()
+        self._together = self._crew.together(self.network)
         self._optimiser = torch.optim.AdamW(
             _parameter_groups(self.network, plan.weight_decay), plan.learning_rate
         )
@@ -83,13 +99,14 @@ class Trainer:
         self._folder.mkdir(parents=True, exist_ok=True)
         self._resume(progress)
         zero_s = time.process_time() - self.cpu_s
-        self.network.train()
+        self._together.train()
         while self.step < self.plan.steps:
             loss = self.advance()
             self.cpu_s = time.process_time() - zero_s
             self._note(loss)
             if self.step % self.plan.checkpoint_every == 0 or self.step == self.plan.steps:
-                self._save()
+                if self._crew.leads:
+                    self._save()
                 recent = [row["loss"] for row in self._rows[-50:]]
                 progress(
                     f"step {self.step}/{self.plan.steps}  loss {sum(recent) / len(recent):.4f}  "
@@ -103,11 +120,13 @@ class Trainer:
         for group in self._optimiser.param_groups:
             group["lr"] = rate
         # Whatever torch draws in a step, such as dropout, is the step's own after a restart too.
-        torch.manual_seed(self.plan.seed * 1_000_003 + self.step)
-        images, labels = self._batches(np.random.default_rng([self.plan.seed, self.step]))
-        x = self._features(images).contiguous(memory_format=torch.channels_last)
-        with torch.autocast("cpu", torch.bfloat16, enabled=self.plan.bf16):
-            logits = self.network(x)
+        rank, device = self._crew.rank, torch.device(self._crew.device)
+        torch.manual_seed(self.plan.seed * 1_000_003 + self.step + rank * 1_000_000_007)
+        images, labels = self._batches(np.random.default_rng([self.plan.seed, self.step, rank]))
+        labels = labels.to(device)
+        x = self._features(images.to(device)).contiguous(memory_format=torch.channels_last)
+        with torch.autocast(device.type, torch.bfloat16, enabled=self.plan.bf16):
+            logits = self._together(x)
         loss = segmentation_loss(
             logits.float(),
             labels,
@@ -182,13 +201,15 @@ def load_checkpoint(folder: Path) -> dict[str, Any] | None:
     path = folder / CHECKPOINT
     if not path.is_file():
         return None
-    state: dict[str, Any] = torch.load(path, weights_only=True)
+    state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
     return state
 
 
-def steps_within(minutes: float, batches: BatchSource, plan: TrainingPlan, folder: Path) -> int:
+def steps_within(
+    minutes: float, batches: BatchSource, plan: TrainingPlan, folder: Path, crew: Crew | None = None
+) -> int:
     """How many steps fit into `minutes` of CPU time, from a few trial steps."""
-    trial = Trainer(plan, batches, folder)
+    trial = Trainer(plan, batches, folder, crew)
     trial.network.train()
     trial.advance()
     started_s = time.process_time()

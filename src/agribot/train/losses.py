@@ -47,7 +47,7 @@ def lovasz_softmax(logits: Tensor, target: Tensor, most_px: int = 65_536) -> Ten
     guess = logits.softmax(dim=1).permute(0, 2, 3, 1)[counted]
     truth = target[counted]
     if len(truth) > most_px:
-        chosen = torch.randint(0, len(truth), (most_px,))
+        chosen = torch.randint(0, len(truth), (most_px,)).to(truth.device)
         guess, truth = guess[chosen], truth[chosen]
     losses = []
     for kind in range(CLASS_COUNT):
@@ -70,7 +70,7 @@ def weighted_cross_entropy(
 
     PyTorch's own divides by the sum of the weights instead, which the batch decides.
     """
-    weights = torch.tensor(class_weights)
+    weights = torch.tensor(class_weights, device=logits.device)
     total = functional.cross_entropy(logits, target, weights, ignore_index=IGNORED, reduction="sum")
     return total / (target != IGNORED).sum().clamp(min=1)
 
@@ -103,7 +103,7 @@ def segmentation_loss(
         logits = functional.interpolate(logits, size, mode="bilinear", align_corners=False)
     if overlap is None:
         return weighted_cross_entropy(logits, target, class_weights)
-    weights = torch.tensor(class_weights)
+    weights = torch.tensor(class_weights, device=logits.device)
     entropy = functional.cross_entropy(logits, target, weights, ignore_index=IGNORED)
     return entropy + overlap(logits, target)
 

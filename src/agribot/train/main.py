@@ -21,40 +21,74 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="sim",
         help="where images come from: drawn by the simulator, or the layout of --data-dir",
     )
-    parser.add_argument("--data-dir", type=Path, help="folder of photographs and masks")
     parser.add_argument("--model", help="network (default: agribot-sim for sim, else agribot-s)")
     parser.add_argument(
-        "--loss",
-        choices=("lovasz", "dice", "iou", "none"),
-        default="lovasz",
-        help="photographs: added to the cross-entropy (none: the original's loss alone)",
+        "--start",
+        metavar="MODEL",
+        help="begin with these weights of the same network, a name or an .onnx file",
     )
-    parser.add_argument("--folds", type=int, default=5, help="parts for cross-validation")
-    parser.add_argument("--fold", type=int, help="part to hold out and judge on (default: none)")
-    parser.add_argument("--size", default="512x384", help="input of the exported network, WxH px")
-    parser.add_argument(
-        "--train-width",
-        type=int,
-        default=512,
-        help="px over which a photograph is seen in training",
-    )
-    parser.add_argument("--images", type=int, default=1500, help="sim: training images to draw")
-    parser.add_argument("--test-images", type=int, default=120, help="sim: images per test set")
     budget = parser.add_mutually_exclusive_group()
     budget.add_argument("--minutes", type=float, default=20.0, help="CPU time of the training")
     budget.add_argument("--steps", type=int, help="optimiser steps, for an exact repetition")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int, default=1, help="CPU threads; part of the result")
+    parser.add_argument(
+        "--device", choices=("auto", "cpu", "cuda"), default="auto", help="auto: a GPU if any"
+    )
     parser.add_argument("--name", help="name of the weights (default: that of the network)")
     parser.add_argument(
+        "--out", type=Path, required=True, help="folder for checkpoint, log, weights and card"
+    )
+    _add_drawn(parser.add_argument_group("drawn images"))
+    _add_photographs(parser.add_argument_group("photographs"))
+
+
+def _add_drawn(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--variety",
+        choices=("standard", "wide"),
+        default="standard",
+        help="wide: all species, and soil with residue, stones and wet patches",
+    )
+    group.add_argument("--images", type=int, default=1500, help="to train on")
+    group.add_argument(
+        "--row-images",
+        type=int,
+        default=0,
+        metavar="N",
+        help="as many of them from the robot's camera along rows",
+    )
+    group.add_argument("--test-images", type=int, default=120, help="of each test set")
+    group.add_argument("--cache", type=Path, help="where they lie (default: OUT/images)")
+
+
+def _add_photographs(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--data-dir", type=Path, help="folder of photographs and masks")
+    group.add_argument(
+        "--loss",
+        choices=("lovasz", "dice", "iou", "none"),
+        default="lovasz",
+        help="added to the cross-entropy (none: the original's loss alone)",
+    )
+    group.add_argument("--folds", type=int, default=5, help="parts for cross-validation")
+    group.add_argument("--fold", type=int, help="part to hold out and judge on (default: none)")
+    group.add_argument("--size", default="512x384", help="input of the exported network, WxH px")
+    group.add_argument(
+        "--train-width", type=int, default=512, help="px over which a photograph is trained on"
+    )
+    group.add_argument("--crop-px", type=int, default=320, help="width of the crops trained on")
+    group.add_argument(
+        "--with-sim",
+        type=int,
+        default=0,
+        metavar="N",
+        help="a quarter of every batch from N drawn images",
+    )
+    group.add_argument(
         "--scores-from",
         type=Path,
         metavar="CARD.json",
         help="without --fold: card of the same recipe with a fold held out, to state its scores",
-    )
-    parser.add_argument("--cache", type=Path, help="sim: folder of drawn images (OUT/images)")
-    parser.add_argument(
-        "--out", type=Path, required=True, help="folder for checkpoint, log, weights and card"
     )
 
 
@@ -66,23 +100,46 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
     import torch
 
+    from agribot.train.processes import join, part
+
+    torch.set_num_threads(args.threads)
+    crew = join(args.device)
+    try:
+        source = crew.leader_first(lambda: _source(args))
+        plan = _plan(args, source, crew)
+        return _train(args, source, plan, crew)
+    finally:
+        part()
+
+
+def _train(args: argparse.Namespace, source: Any, plan: Any, crew: Any) -> int:
     from agribot.train.architectures import architecture
     from agribot.train.card import read_held_out
     from agribot.train.export import export_onnx
     from agribot.train.figures import write_curves
     from agribot.train.fit import LOG, Trainer
 
-    torch.set_num_threads(args.threads)
-    source = _source(args)
-    plan = _plan(args, source)
     held_out = read_held_out(args.scores_from, plan) if args.scores_from else None
-    trainer = Trainer(plan, source.batches, args.out)
-    network = trainer.run(_progress)
+    trainer = Trainer(plan, source.batches, args.out, crew, args.start)
+    network = trainer.run(_progress if crew.leads else lambda text: None).cpu()
+    if not crew.leads:
+        return 0
     onnx_path = args.out / f"{args.name}.onnx"
-    height_px, width_px = source.input_size_px
     features = architecture(args.model).features
-    export_onnx(network, onnx_path, height_px, width_px, source.antialias, features)
-    card = msgspec.structs.replace(_judge(args, trainer, onnx_path, source), held_out=held_out)
+    calibration = _calibrated(network, features, source)
+    height_px, width_px = source.input_size_px
+    export_onnx(
+        network,
+        onnx_path,
+        height_px,
+        width_px,
+        antialias=source.antialias,
+        features=features,
+        temperature=calibration.temperature if calibration else 1.0,
+    )
+    card = msgspec.structs.replace(
+        _judge(args, trainer, onnx_path, source), held_out=held_out, calibration=calibration
+    )
     card.write(onnx_path)
     write_curves(args.out / LOG, args.out / "training.png")
     _progress(card.markdown())
@@ -90,10 +147,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    for option in ("images", "test_images", "threads", "train_width"):
+    for option in ("images", "test_images", "threads", "train_width", "crop_px"):
         if getattr(args, option) < 1:
             flag = option.replace("_", "-")
             raise ConfigError(f"--{flag} is {getattr(args, option)}; it must be at least 1")
+    _check_drawn(args)
     if args.steps is not None and args.steps < 1:
         raise ConfigError(f"--steps is {args.steps}; it must be at least 1")
     if args.minutes <= 0.0:
@@ -111,6 +169,20 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigError("--scores-from is for photographs without --fold: this training has none")
     args.model = args.model or ("agribot-sim" if args.data == "sim" else "agribot-s")
     args.name = args.name or args.model
+    if args.start:
+        from agribot.perceive.segmenter import model_path
+
+        args.start = model_path(args.start)
+
+
+def _check_drawn(args: argparse.Namespace) -> None:
+    if args.with_sim < 0 or (args.with_sim and args.data == "sim"):
+        raise ConfigError(
+            f"--with-sim {args.with_sim}: a number of images to add to photographs; leave it out "
+            "with --data sim"
+        )
+    if not 0 <= args.row_images <= args.images:
+        raise ConfigError(f"--row-images {args.row_images}: must be from 0 to --images")
 
 
 def _progress(text: str) -> None:
@@ -128,10 +200,15 @@ def _source(args: argparse.Namespace) -> Any:
     return photo_source(args, _progress)
 
 
-def _plan(args: argparse.Namespace, source: Any) -> Any:
-    """The plan of a training under way in the folder, else a new one."""
+def _plan(args: argparse.Namespace, source: Any, crew: Any) -> Any:
+    """The plan of a training under way in the folder, else a new one.
+
+    Raises: ConfigError: processes that measure how many steps fit in would not agree.
+    """
     from agribot.train.fit import TrainingPlan, load_checkpoint, steps_within
 
+    if crew.size > 1 and args.steps is None:
+        raise ConfigError(f"{crew.size} processes train together: give --steps, not --minutes")
     state = load_checkpoint(args.out)
     if state is not None and args.steps is None:
         plan = msgspec.convert(state["plan"], TrainingPlan)
@@ -143,12 +220,40 @@ def _plan(args: argparse.Namespace, source: Any) -> Any:
             data=source.recipe.data,
         )
     plan = msgspec.structs.replace(
-        source.recipe, steps=args.steps or 1000, seed=args.seed, model=args.model
+        source.recipe,
+        steps=args.steps or 1000,
+        seed=args.seed,
+        model=args.model,
+        processes=crew.size,
     )
+    if args.start:
+        from agribot.train.start import LEARNING_RATE
+
+        plan = msgspec.structs.replace(plan, learning_rate=LEARNING_RATE, start=_told(args.start))
     if args.steps is None:
-        steps = steps_within(args.minutes, source.batches, plan, args.out)
+        steps = steps_within(args.minutes, source.batches, plan, args.out, crew)
         plan = msgspec.structs.replace(plan, steps=steps)
     return plan
+
+
+def _told(path: Path) -> str:
+    from agribot.train.card import sha256
+
+    return f"{path.stem} {sha256(path)[:16]}"
+
+
+def _calibrated(network: Any, features: Any, source: Any) -> Any:
+    if source.aside is None:
+        return None
+    import itertools
+
+    from agribot.train.calibration import calibrate
+    from agribot.train.export import DeployedNet
+
+    height_px, width_px = source.input_size_px
+    deployed = DeployedNet(network, height_px, width_px, features).eval()
+    tests = itertools.chain.from_iterable(pairs() for pairs in source.tests.values())
+    return calibrate(deployed.logits, source.aside(), tests)
 
 
 def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any) -> Any:
@@ -172,6 +277,7 @@ def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any)
         chosen_blind=args.data == "sim",
         command=f"{source.command} --steps {trainer.plan.steps} --seed {args.seed} "
         f"--threads {args.threads} --name {args.name} "
+        + (f"--start {args.start.name} " if args.start else "")
         + ("--scores-from CARD.json " if args.scores_from else "")
         + "--out OUT",
         plan=trainer.plan,

@@ -9,8 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from agribot.messages import ByteArray, FloatArray
-from agribot.robot import CameraSpec
+from agribot.messages import ByteArray
 from agribot.sim.camera.renderer import CameraRenderer, Rendering
 from agribot.sim.random_scenes import random_field, random_look, random_view
 from agribot.train.data import LabelledImage
@@ -21,25 +20,20 @@ VIEWS_PER_SCENE = 2
 LABEL_RANGE_M = 3.0
 
 
-def draw_random_field(rng: np.random.Generator, views: int) -> Iterator[LabelledImage]:
-    """Views of one random field from random camera poses."""
-    renderer = CameraRenderer(random_field(rng), appearance=random_look(rng), threads=1)
+def draw_random_field(
+    rng: np.random.Generator, views: int, *, is_wide: bool = False
+) -> Iterator[LabelledImage]:
+    """Views of one random field from random camera poses; `is_wide`: of any species and soil."""
+    renderer = CameraRenderer(
+        random_field(rng, is_wide=is_wide), appearance=random_look(rng), threads=1
+    )
     for _ in range(views):
         camera, map_from_camera = random_view(rng)
-        yield _labelled(renderer, map_from_camera, camera, rng)
-
-
-def _labelled(
-    renderer: CameraRenderer,
-    map_from_camera: FloatArray,
-    camera: CameraSpec,
-    rng: np.random.Generator,
-) -> LabelledImage:
-    fine = 2 if rng.random() < 0.25 else 1
-    drawn = renderer.render(
-        map_from_camera, camera, noise_seed=int(rng.integers(2**31)), supersample=fine
-    )
-    return drawn.image_rgb, label_of(drawn)
+        fine = 2 if rng.random() < 0.25 else 1
+        drawn = renderer.render(
+            map_from_camera, camera, noise_seed=int(rng.integers(2**31)), supersample=fine
+        )
+        yield drawn.image_rgb, label_of(drawn)
 
 
 def label_of(drawn: Rendering) -> ByteArray:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 from collections.abc import Callable, Iterable
 from functools import partial
 
 import msgspec
 import numpy as np
+import torch
 from torch import Tensor
 
 from agribot.errors import ConfigError
@@ -16,7 +18,7 @@ from agribot.train.augment import augmented_batch
 from agribot.train.card import LICENSE, SIM_LIMITS
 from agribot.train.data import DataSet, LabelledImage
 from agribot.train.export import INPUT_HEIGHT_PX, INPUT_WIDTH_PX
-from agribot.train.farm import draw_farm
+from agribot.train.farm import draw_farm, draw_row_crop
 from agribot.train.fit import BatchSource, Progress, TrainingPlan
 from agribot.train.photo_batches import PhotoBatches
 from agribot.train.photographs import KINDS, Pair, find_pairs, fold_of, read_pairs
@@ -28,11 +30,15 @@ STRIDE_PX = 32
 
 
 class Source(msgspec.Struct, frozen=True, kw_only=True):
-    """`tests` holds sets that no training image is in; `problems` what could not be read."""
+    """`tests` holds sets that no training image is in; `problems` what could not be read.
+
+    `aside` are images for nothing but the temperature of the confidence; None: leave it as it is.
+    """
 
     batches: BatchSource
     recipe: TrainingPlan
     tests: dict[str, Callable[[], Iterable[LabelledImage]]]
+    aside: Callable[[], Iterable[LabelledImage]] | None = None
     train_images: int
     input_size_px: tuple[int, int]  # height, width
     antialias: bool
@@ -44,12 +50,46 @@ class Source(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def simulated_source(args: argparse.Namespace, progress: Progress) -> Source:
-    """The training set and the held-out sets, drawn as far as they were missing."""
-    folder = args.cache or args.out / "images"
+    """The training sets and the held-out sets, drawn as far as they were missing."""
+    on_mast, on_robot = args.images - args.row_images, args.row_images
+    sets = _drawn_sets(args, on_mast, on_robot, progress)
+    images, labels = _in_memory(
+        itertools.chain(
+            sets.pop("train-random").read(on_mast), sets.pop("train-rows").read(on_robot)
+        )
+    )
+    aside = sets.pop("aside")
+    recipe = TrainingPlan(steps=1, data=f"sim --variety {args.variety}")
+    return Source(
+        aside=partial(aside.read, args.test_images),
+        batches=_view_batches(images, labels, recipe),
+        recipe=recipe,
+        tests={name: partial(one.read, args.test_images) for name, one in sets.items()},
+        train_images=args.images,
+        input_size_px=(INPUT_HEIGHT_PX, INPUT_WIDTH_PX),
+        antialias=False,
+        about=f"{SIM_TEXT}; no photograph was used",
+        license=LICENSE,
+        limits=SIM_LIMITS,
+        command=f"agribot train --data sim --variety {args.variety} --images {args.images} "
+        f"--row-images {args.row_images} --test-images {args.test_images}",
+    )
+
+
+def _drawn_sets(
+    args: argparse.Namespace, on_mast: int, on_robot: int, progress: Progress
+) -> dict[str, DataSet]:
+    is_wide = args.variety == "wide"
+    folder = (args.cache or args.out / "images") / ("wide" if is_wide else "")
+    on_any = partial(draw_random_field, is_wide=is_wide)
+    on_rows = partial(draw_row_crop, is_wide=is_wide)
     wanted = (
-        ("train", 0, draw_random_field, args.images),
-        ("random-fields", 101, draw_random_field, args.test_images),
+        ("train-random", 0, on_any, on_mast),
+        ("train-rows", 1, on_rows, on_robot),
+        ("random-fields", 101, on_any, args.test_images),
         ("farm", 102, draw_farm, args.test_images),
+        ("row-crops", 103, on_rows, args.test_images),
+        ("aside", 104, on_any, args.test_images),
     )
     sets = {}
     for name, stream, drawer, count in wanted:
@@ -61,20 +101,7 @@ def simulated_source(args: argparse.Namespace, progress: Progress) -> Source:
             views_per_scene=VIEWS_PER_SCENE,
         )
         sets[name].draw(count, drawer, progress)
-    images, labels = _in_memory(sets.pop("train").read(args.images))
-    recipe = TrainingPlan(steps=1)
-    return Source(
-        batches=_view_batches(images, labels, recipe),
-        recipe=recipe,
-        tests={name: partial(one.read, args.test_images) for name, one in sets.items()},
-        train_images=args.images,
-        input_size_px=(INPUT_HEIGHT_PX, INPUT_WIDTH_PX),
-        antialias=False,
-        about=SIM_TEXT,
-        license=LICENSE,
-        limits=SIM_LIMITS,
-        command=f"agribot train --data sim --images {args.images} --test-images {args.test_images}",
-    )
+    return sets
 
 
 def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
@@ -83,6 +110,8 @@ def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
     Raises: ConfigError: no pairs, or an option out of range.
     """
     height_px, width_px = read_size(args.size)
+    if args.crop_px % STRIDE_PX:
+        raise ConfigError(f"--crop-px {args.crop_px}: must be a multiple of {STRIDE_PX} pixels")
     pairs, problems = find_pairs(args.data_dir, args.data)
     held: list[Pair] = []
     if args.fold is not None:
@@ -98,15 +127,16 @@ def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
     if not read:
         raise ConfigError(f"{args.data_dir}: no pair can be read; the first problem: {problems[0]}")
     fold = "" if args.fold is None else f" --folds {args.folds} --fold {args.fold}"
+    with_sim = f" --with-sim {args.with_sim}" if args.with_sim else ""
     recipe = TrainingPlan(
         steps=1,
+        crop_px=args.crop_px,
         class_weights=PHOTO_WEIGHTS,
         overlap_loss=args.loss,
-        data=f"{args.data}{fold} --train-width {args.train_width}",
+        data=f"{args.data}{fold} --train-width {args.train_width}{with_sim}",
     )
-    scale = args.train_width / float(np.median([label.shape[1] for _, label in read]))
     return Source(
-        batches=PhotoBatches(read, scale, recipe.batch_size, recipe.crop_px),
+        batches=_photo_batches(args, read, recipe, progress),
         recipe=recipe,
         tests={f"fold {args.fold} of {args.folds}": partial(read_pairs, held, args.data, note)}
         if held
@@ -114,14 +144,46 @@ def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
         train_images=len(read),
         input_size_px=(height_px, width_px),
         antialias=True,
-        about=KINDS[args.data].about,
+        about=KINDS[args.data].about
+        + (f", and {args.with_sim} {SIM_TEXT}" if args.with_sim else ""),
         license=KINDS[args.data].license,
         limits="judged on pictures of the same camera and field as it was trained on; other crops, "
         "soils and cameras were not measured.",
         command=f"agribot train --data {args.data} --data-dir DIR --model {args.model} "
-        f"--loss {args.loss} --train-width {args.train_width} --size {args.size}{fold}",
+        f"--loss {args.loss} --train-width {args.train_width} --size {args.size} "
+        f"--crop-px {args.crop_px}{fold}{with_sim}",
         problems=tuple(problems),
     )
+
+
+def _photo_batches(
+    args: argparse.Namespace, read: list[LabelledImage], recipe: TrainingPlan, progress: Progress
+) -> BatchSource:
+    """Crops of the photographs; with simulated images these give a quarter of every batch."""
+    aside = recipe.batch_size // 4 if args.with_sim else 0
+
+    def scale(images: list[LabelledImage]) -> float:
+        return float(args.train_width / np.median([label.shape[1] for _, label in images]))
+
+    photos = PhotoBatches(read, scale(read), recipe.batch_size - aside, recipe.crop_px)
+    if not aside:
+        return photos
+    drawn = DataSet(
+        folder=args.cache or args.out / "images",
+        name="train-random",
+        stream=0,
+        seed=args.seed,
+        views_per_scene=VIEWS_PER_SCENE,
+    )
+    drawn.draw(args.with_sim, draw_random_field, progress)
+    images = list(drawn.read(args.with_sim))
+    simulated = PhotoBatches(images, scale(images), aside, recipe.crop_px)
+
+    def mixed(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+        parts = photos(rng), simulated(rng)
+        return torch.cat([image for image, _ in parts]), torch.cat([label for _, label in parts])
+
+    return mixed
 
 
 def read_size(text: str) -> tuple[int, int]:
@@ -161,6 +223,7 @@ def _view_batches(
 
 
 SIM_TEXT = (
-    "images of AGRIBOT's own simulator: procedural crop fields with weeds in random soil, light, "
-    "growth stage, density and camera pose, labelled by the renderer; no photograph was used"
+    "images of AGRIBOT's own simulator: procedural fields of several crops and weeds in random "
+    "soil, light, growth stage and density, one half from random camera poses, the other from the "
+    "robot's own camera, labelled by the renderer"
 )

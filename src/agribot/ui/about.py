@@ -14,8 +14,8 @@ from agribot.config import RunConfig, load
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.package import package_folder, packaged_or_file, robot_files
 from agribot.messages import WHEEL_NAMES, Row
-from agribot.plan.rows import field_rows
 from agribot.robot import RobotSpec
+from agribot.row_shape import row_points_map_m
 from agribot.ui.address import Address
 from agribot.ui.hub import About
 from agribot.ui.settings import described
@@ -33,13 +33,12 @@ def about_run(
     config: RunConfig,
     robot: RobotSpec,
     urdf: str,
-    goals_map_m: Sequence[Point],
+    field: dict[str, Any],
     run_dir: Path,
     recording: str = "",
 ) -> About:
     """All of it; `recording` is set where no robot runs and a recording is shown instead."""
     shown_urdf, meshes = urdf_for_page(urdf, config.robot)
-    rows = () if goals_map_m else field_rows(config.field)
     return About(
         host=address.host,
         port=port,
@@ -48,7 +47,7 @@ def about_run(
         viewer_token=address.viewer_token,
         profile=config.profile,
         source="replay" if recording else config.platform,
-        field=field_of(config, rows, goals_map_m),
+        field=field,
         robot=robot_of(robot, config),
         urdf=shown_urdf,
         meshes=meshes,
@@ -62,28 +61,39 @@ def about_run(
         robot_spec=robot,
         recording=recording,
         lan_url=address.lan_url(port),
+        tls_cert=address.tls_cert,
+        tls_key=address.tls_key,
     )
 
 
 def about_robot(address: Address, port: int, name: str) -> About:
     """Of a description alone: nothing runs."""
     config = msgspec.structs.replace(load("farm"), robot=name)
-    about = about_run(address, port, config, load_robot(name), urdf_text(name), (), Path())
+    robot, urdf, field = load_robot(name), urdf_text(name), field_of(config, ())
+    about = about_run(address, port, config, robot, urdf, field, Path())
     return msgspec.structs.replace(about, source="description")
 
 
 def field_of(
-    config: RunConfig, rows: Sequence[Row], goals_map_m: Sequence[Point]
+    config: RunConfig,
+    rows: Sequence[Row],
+    goals_map_m: Sequence[Point] = (),
+    boundary_map_m: Sequence[Point] = (),
 ) -> dict[str, Any]:
+    """What the map shows of the ground: the task of a run, in the map of its datum."""
     datum = config.field.datum
     return {
         "name": config.world,
         "datum": {"lat_deg": datum.lat_deg, "lon_deg": datum.lon_deg},
-        "rows": [msgspec.to_builtins(row) for row in rows],
-        "boundary_map_m": None,
+        "rows": [_row_of(row) for row in rows],
+        "boundary_map_m": [list(corner) for corner in boundary_map_m] or None,
         "waypoints_map_m": [list(goal) for goal in goals_map_m],
         "start_map_m": config.field.start_map_m,
     }
+
+
+def _row_of(row: Row) -> dict[str, Any]:
+    return {**msgspec.to_builtins(row), "points_map_m": row_points_map_m(row).tolist()}
 
 
 def robot_of(robot: RobotSpec, config: RunConfig) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from agribot.ui.channel import signal_table
 from agribot.ui.hub import Hub
 
 SCREENS = (
-    "run", "plan", "teleop", "robot", "camera", "plots", "weeds", "recordings", "settings",
+    "drive", "teleop", "camera", "weeds", "plan", "plots", "robot", "recordings", "settings",
     "health",
 )  # fmt: skip
 CLASS_NAMES = ("weed", "crop", "soil")

@@ -48,8 +48,9 @@ class Access:
         viewer_token: str,
         *,
         is_local: bool,
+        is_encrypted: bool = False,
     ) -> None:
-        self.is_local = is_local
+        self.is_local, self.is_encrypted = is_local, is_encrypted
         self.cookie = f"agribot_{port}"
         self._hosts = {f"{name}:{port}".lower() for name in (*LOCAL_NAMES, *names)}
         if port in {80, 443}:

@@ -6,6 +6,7 @@ import contextlib
 import os
 import secrets
 import socket
+import ssl
 from pathlib import Path
 
 import msgspec
@@ -17,6 +18,10 @@ PORTS_TRIED = 20
 SEND_BUFFER_BYTES = 64 * 1024  # for one page; what waits in it is old by the time it is read
 BACKLOG = 64
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
+SELF_SIGNED = (
+    "make both with openssl req -x509 -newkey rsa:2048 -nodes -days 800 -keyout robot.key "
+    "-out robot.crt -subj /CN=robot -addext subjectAltName=DNS:robot.local,IP:192.168.1.7"
+)
 
 
 class Address(msgspec.Struct, kw_only=True):
@@ -27,6 +32,26 @@ class Address(msgspec.Struct, kw_only=True):
     allowed_hosts: tuple[str, ...] = ()
     operator_token: str = msgspec.field(default_factory=lambda: secrets.token_urlsafe(18))
     viewer_token: str = msgspec.field(default_factory=lambda: secrets.token_urlsafe(18))
+    tls_cert: str = ""  # PEM files; with them everything is encrypted
+    tls_key: str = ""
+
+    @property
+    def is_encrypted(self) -> bool:
+        return bool(self.tls_cert)
+
+    def check_tls(self) -> None:
+        """Raises: ConfigError: one file of the two, or files that do not fit each other."""
+        if not (self.tls_cert or self.tls_key):
+            return
+        if not (self.tls_cert and self.tls_key):
+            raise ConfigError(f"--tls-cert and --tls-key belong together; {SELF_SIGNED}")
+        try:
+            ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(self.tls_cert, self.tls_key)
+        except (OSError, ssl.SSLError) as error:
+            raise ConfigError(
+                f"{self.tls_cert} and {self.tls_key} are no certificate and its key: {error}; "
+                f"{SELF_SIGNED}"
+            ) from error
 
     @property
     def is_local(self) -> bool:
@@ -48,7 +73,7 @@ class Address(msgspec.Struct, kw_only=True):
     def url(self, port: int) -> str:
         """The address to open: on the network it carries the token."""
         if self.is_local:
-            return f"http://127.0.0.1:{port}/"
+            return f"{self._scheme}://127.0.0.1:{port}/"
         return self.lan_url(port)
 
     def lan_url(self, port: int) -> str:
@@ -56,7 +81,11 @@ class Address(msgspec.Struct, kw_only=True):
         if self.is_local:
             return ""
         name = lan_address() if self.host in {"0.0.0.0", "::"} else self.host
-        return f"http://{name}:{port}/?token={self.operator_token}"
+        return f"{self._scheme}://{name}:{port}/?token={self.operator_token}"
+
+    @property
+    def _scheme(self) -> str:
+        return "https" if self.is_encrypted else "http"
 
     def viewer_url(self, port: int) -> str:
         return self.lan_url(port).replace(self.operator_token, self.viewer_token)
@@ -66,7 +95,9 @@ class Address(msgspec.Struct, kw_only=True):
         path = door_file(port)
         path.parent.mkdir(parents=True, exist_ok=True)
         host = "127.0.0.1" if self.is_local or self.host == "0.0.0.0" else self.host
-        door = Door(url=f"ws://{host}:{port}/ws/v1", token=self.operator_token)
+        scheme = "wss" if self.is_encrypted else "ws"
+        cert = str(Path(self.tls_cert).resolve()) if self.is_encrypted else ""
+        door = Door(url=f"{scheme}://{host}:{port}/ws/v1", token=self.operator_token, cert=cert)
         path.unlink(missing_ok=True)
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(handle, "wb") as file:
@@ -78,8 +109,11 @@ class Address(msgspec.Struct, kw_only=True):
 
 
 class Door(msgspec.Struct, frozen=True, kw_only=True):
+    """`cert` is the certificate to be trusted, where it is not one that all machines trust."""
+
     url: str
     token: str
+    cert: str = ""
 
 
 def home() -> Path:

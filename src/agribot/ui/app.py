@@ -135,5 +135,8 @@ async def page_file(request: Request) -> Response:
 
 
 def _with_cookie(answer: Response, access: Access, session: str) -> Response:
-    answer.set_cookie(access.cookie, session, httponly=True, samesite="strict", path="/")
+    answer.set_cookie(
+        access.cookie, session, httponly=True, samesite="strict", path="/",
+        secure=access.is_encrypted,
+    )  # fmt: skip
     return answer

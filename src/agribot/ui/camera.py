@@ -25,6 +25,8 @@ from agribot.ui.hub import Hub
 MAX_VIEWERS = 32
 CREDITS = 2
 LADDER = ((1.0, 75), (0.75, 60), (0.5, 55), (0.35, 45))  # size ratio, JPEG quality
+LOOK_AGAIN_S = 0.5  # whether this browser began to replay a recording
+REPLAY_LOOK_S = 0.05
 SLOW_S, QUICK_S, QUICK_TIMES = 0.25, 0.12, 60
 HEAD = struct.Struct(">BBHId")
 _PALETTE = (220, 40, 40, 40, 180, 60, 120, 90, 60)  # weed, crop, soil
@@ -135,11 +137,14 @@ def encode(picture: Picture, level: int) -> bytes:
 
 
 class Viewer:
-    def __init__(self, camera: Camera, socket: WebSocket, *, with_mask: bool) -> None:
-        self._camera, self._socket, self._with_mask = camera, socket, with_mask
+    def __init__(self, hub: Hub, camera: Camera, socket: WebSocket, *, with_mask: bool) -> None:
+        self._hub, self._camera, self._socket = hub, camera, socket
+        self._browser: str = socket.scope["agribot.caller"].session
+        self._with_mask = with_mask
         self._credits = asyncio.Semaphore(CREDITS)
         self._sent_s: deque[float] = deque()
         self._ladder = Ladder()
+        self._shown: tuple[str | None, int] = (None, -1)  # recording or None, number
 
     async def serve(self) -> None:
         self._camera.enter(id(self), with_mask=self._with_mask)
@@ -160,19 +165,43 @@ class Viewer:
             self._credits.release()
 
     async def _send_all(self) -> None:
-        shown = masked = -1
+        masked = -1
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while True:
                 await self._credits.acquire()
-                picture = await self._camera.after(0, shown)
-                shown = picture.index
-                data = await self._camera.encoded(picture, self._ladder.level)
+                data = await self._next()
                 self._sent_s.append(time.monotonic())
                 await self._socket.send_bytes(data)
-                mask = self._camera.newest(1) if self._with_mask else None
+                mask = self._camera.newest(1) if self._with_mask and self._is_live else None
                 if mask is not None and mask.index != masked:
                     masked = mask.index
                     await self._socket.send_bytes(await self._camera.encoded(mask, 0))
+
+    @property
+    def _is_live(self) -> bool:
+        return self._shown[0] is None
+
+    async def _next(self) -> bytes:
+        """The next picture of what this browser looks at: the robot, or a recording.
+
+        Recorded pictures are few, and sent as they are.
+        """
+        while True:
+            replay = self._hub.replay_of(self._browser)
+            if replay is None:
+                with contextlib.suppress(TimeoutError):
+                    before = self._shown[1] if self._is_live else -1
+                    picture = await asyncio.wait_for(self._camera.after(0, before), LOOK_AGAIN_S)
+                    self._shown = (None, picture.index)
+                    return await self._camera.encoded(picture, self._ladder.level)
+                continue
+            found = replay.picture()
+            if found is not None and self._shown != (replay.name, found[0]):
+                number, shot = found
+                self._shown = (replay.name, number)
+                jpeg = shot.found if self._with_mask and shot.found else shot.image
+                return HEAD.pack(0, 0, 0, number, time.time() * 1e3) + jpeg
+            await asyncio.sleep(REPLAY_LOOK_S)
 
 
 async def camera_socket(socket: WebSocket) -> None:
@@ -181,4 +210,5 @@ async def camera_socket(socket: WebSocket) -> None:
         await socket.close(1013)
         return
     await socket.accept()
-    await Viewer(camera, socket, with_mask=socket.query_params.get("mask") == "1").serve()
+    with_mask = socket.query_params.get("mask") == "1"
+    await Viewer(socket.app.state.hub, camera, socket, with_mask=with_mask).serve()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import time
-from typing import Any, Protocol, TypeGuard, get_args
+from typing import Any, Protocol, TypeGuard
 
 import msgspec
 
-from agribot.operator_input import OperatorAction
 from agribot.ui.channel import Channel
 from agribot.ui.hub import Hub
 
@@ -16,13 +16,13 @@ MAX_NAME = 40
 MAX_TEXT = 500
 SCALES = (0.2, 0.5, 0.8, 1.0)
 FIRST_SCALE = 0.5
+SHAPES = ("polygon", "route")
+MAX_CORNERS = 500
 POSE_STD_M, POSE_STD_RAD = 0.3, 0.1  # of a place and a direction shown with a finger on a map
 STANDING_MPS = 0.02
 MISSION_ACTIONS = {"start": "resume"}  # a mission starts by itself; after a pause it resumes
-KNOWN_ACTIONS = get_args(OperatorAction)
-NOT_YET = {
-    "goto": "the robot drives rows and the waypoints of its mission, not yet to a place on demand",
-}
+PLAIN_ACTIONS = ("pause", "resume", "cancel", "skip_row", "return_home")
+RECORD_ACTIONS = {"start": "start_recording", "stop": "stop_recording"}
 
 
 class Refused(Exception):
@@ -45,6 +45,7 @@ class Commands:
         self._hub, self._page = hub, page
         self._scale = FIRST_SCALE
         self._is_driving = False
+        self._requests: set[asyncio.Task[None]] = set()
 
     def obey(self, text: str) -> None:
         """Raises: Refused: no JSON object, or not of the kinds that a page sends."""
@@ -57,12 +58,9 @@ class Commands:
         self._hub.seat.heard(self._page.session, time.monotonic())
         kind = message["k"]
         handler = getattr(self, f"_on_{kind}", None) if kind.isidentifier() else None
-        if kind in NOT_YET:
-            self._ack(message, NOT_YET[kind])
-        elif handler is None:
+        if handler is None:
             raise Refused(f"unknown kind {kind[:40]!r}")
-        else:
-            handler(message)
+        handler(message)
 
     def let_go(self) -> None:
         """The line is gone: whatever it drove stands still."""
@@ -129,15 +127,46 @@ class Commands:
     def _on_mission(self, message: dict[str, Any]) -> None:
         wanted = str(message.get("action"))
         action = MISSION_ACTIONS.get(wanted, wanted)
-        if action not in KNOWN_ACTIONS or action in {"note", "set", "pose_estimate"}:
+        if action not in PLAIN_ACTIONS:
             self._ack(message, f"this version of the mission knows no '{wanted[:40]}'")
             return
         self._operate(message, action)
 
     def _on_mark(self, message: dict[str, Any]) -> None:
-        text = str(message.get("text", "")).strip()[:MAX_TEXT]
-        self._hub.note(self._page.name, f"mark: {text}")
-        self._ack(message, "")
+        reason = self._not_operator()
+        if not reason:
+            text = str(message.get("text", "")).strip()[:MAX_TEXT]
+            self._hub.event("mark", self._page.name, text)
+        self._ack(message, reason)
+
+    def _on_record(self, message: dict[str, Any]) -> None:
+        """Begin or end a recording; nothing moves, so that no seat is needed."""
+        action = RECORD_ACTIONS.get(str(message.get("action")))
+        if action is None:
+            raise Refused(f"a recording knows {', '.join(RECORD_ACTIONS)}")
+        reason = self._not_operator()
+        if not reason:
+            self._hub.event(action, self._page.name)
+        self._ack(message, reason)
+
+    def _on_goto(self, message: dict[str, Any]) -> None:
+        """A place to drive to, as RViz's 2D Goal; answered when the mission took or refused it."""
+        place = (message.get("x"), message.get("y"), message.get("yaw"))
+        numbers = tuple(float(number) for number in place if _is_number(number))
+        if len(numbers) != len(place) - (place[2] is None):
+            raise Refused("a goal needs finite numbers x, y (m, map) and yaw (rad) or null")
+        reason = self._no_seat()
+        if reason:
+            self._ack(message, reason)
+            return
+        request = asyncio.create_task(self._request(message, "goto", numbers))
+        self._requests.add(request)
+        request.add_done_callback(self._requests.discard)
+
+    async def _request(
+        self, message: dict[str, Any], action: str, numbers: tuple[float, ...]
+    ) -> None:
+        self._ack(message, await self._hub.request(action, self._page.name, numbers=numbers))
 
     def _on_point(self, message: dict[str, Any]) -> None:
         """A place that somebody clicked: into the recording, as RViz's Publish Point."""
@@ -145,6 +174,15 @@ class Commands:
         if not _is_number(x_m) or not _is_number(y_m):
             raise Refused("a point needs finite numbers x and y (m, map)")
         self._hub.note(self._page.name, f"point: East {x_m:.3f} m, North {y_m:.3f} m")
+        self._ack(message, "")
+
+    def _on_shape(self, message: dict[str, Any]) -> None:
+        """A polygon or route that somebody drew: into the recording."""
+        what, corners = message.get("what"), message.get("xy")
+        if what not in SHAPES or not _is_line(corners):
+            raise Refused(f"a shape is one of {SHAPES} with up to {MAX_CORNERS} corners [x, y] (m)")
+        places = ", ".join(f"{x_m:.2f} {y_m:.2f}" for x_m, y_m in corners)
+        self._hub.note(self._page.name, f"{what} (East North, m): {places}")
         self._ack(message, "")
 
     def _on_pose_estimate(self, message: dict[str, Any]) -> None:
@@ -200,6 +238,14 @@ class Commands:
 
 def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_line(corners: object) -> TypeGuard[list[list[float]]]:
+    return (
+        isinstance(corners, list)
+        and 0 < len(corners) <= MAX_CORNERS
+        and all(isinstance(p, list) and len(p) == 2 and all(map(_is_number, p)) for p in corners)
+    )
 
 
 def _clamped(value: float, limit: float) -> float:

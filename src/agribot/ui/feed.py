@@ -41,6 +41,8 @@ class Source(Protocol):
 
     def events_since(self, index: int) -> list[Event]: ...
 
+    def recording(self) -> str: ...
+
 
 class Feed:
     """`send` takes one encoded message and may block; it raises OSError once nobody listens."""
@@ -90,6 +92,7 @@ class Feed:
                 state["wall_ms"] = round(self._tick_wall_s * 1e3, 1)
                 state["rtf"] = self._pace.ratio(state["t"], time.monotonic())
                 state["weeds"] = self._changes.weed_count
+                state["recording"] = self._source.recording()
                 self._put(state)
         self._tell_trace()
         if number % SLOW_EVERY == 0:

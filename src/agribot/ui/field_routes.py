@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from collections.abc import Awaitable, Callable
 from email import message_from_bytes
-from typing import Any
 
 import anyio
 import anyio.to_process
@@ -21,32 +20,35 @@ from agribot.ui.answers import (
     name_of,
     need_operator,
     need_seat,
-    refused,
 )
 from agribot.ui.field_check import check_field, datum_of
 from agribot.ui.field_files import read_field_file
 from agribot.ui.hub import Hub
-from agribot.ui.planning import Wanted, make_plan
+from agribot.ui.planning import Made, Wanted, make_plan
 from agribot.ui.store import Store
 
 PLAN_TIMEOUT_S = 60.0
+Route = tuple[str, str, Callable[[Request], Awaitable[Response]]]  # method, path, what answers
 
 
-def _fields(hub: Hub) -> Store:
-    return Store(hub.home / "fields", ".geojson")
+def _fields(request: Request) -> Store:
+    return Store(request.app.state.hub.home / "fields", ".geojson")
 
 
-def _views(hub: Hub) -> Store:
-    return Store(hub.home / "views", ".json")
+def _views(request: Request) -> Store:
+    return Store(request.app.state.hub.home / "views", ".json")
 
 
-async def list_fields(request: Request) -> Response:
-    return json_answer(_fields(request.app.state.hub).names())
+def _reading(path: str, store: Callable[[Request], Store], media_type: str) -> tuple[Route, ...]:
+    """What is the same for everything that is kept by name: the names, and one document."""
 
+    async def names(request: Request) -> Response:
+        return json_answer(store(request).names())
 
-async def get_field(request: Request) -> Response:
-    data = _fields(request.app.state.hub).read(request.path_params["name"])
-    return Response(data, media_type="application/geo+json")
+    async def document(request: Request) -> Response:
+        return Response(store(request).read(request.path_params["name"]), media_type=media_type)
+
+    return ("GET", path, names), ("GET", f"{path}/{{name}}", document)
 
 
 async def put_field(request: Request) -> Response:
@@ -59,7 +61,7 @@ async def put_field(request: Request) -> Response:
     if not verdict["ok"]:
         first = verdict["reasons"][0]["text"]
         return json_answer({"error": f"field '{name}' is not stored: {first}", **verdict}, 422)
-    _fields(hub).write(name, collection)
+    _fields(request).write(name, collection)
     hub.note(name_of(request), f"stores field '{name}'")
     return json_answer(verdict)
 
@@ -67,7 +69,7 @@ async def put_field(request: Request) -> Response:
 async def delete_field(request: Request) -> Response:
     need_operator(request)
     hub: Hub = request.app.state.hub
-    _fields(hub).delete(request.path_params["name"])
+    _fields(request).delete(request.path_params["name"])
     hub.note(name_of(request), f"deletes field '{request.path_params['name']}'")
     return Response(status_code=204)
 
@@ -95,30 +97,26 @@ def _first_file(content_type: str, data: bytes) -> tuple[str, bytes]:
 async def check_plan(request: Request) -> Response:
     """Plan and certificate to look at; nothing moves."""
     need_operator(request)
-    answer, _ = await _plan(request)
-    return json_answer(answer)
+    return json_answer((await _plan(request)).answer)
 
 
 async def apply_plan(request: Request) -> Response:
-    """Keeps a good plan as a file; a mission that runs is never exchanged under way."""
+    """A good plan becomes the mission of a robot that stands; it does not set off by itself."""
     need_seat(request)
     hub: Hub = request.app.state.hub
-    answer, text = await _plan(request)
-    if not answer["ok"]:
-        first = answer["reasons"][0]["text"]
-        return json_answer({"error": f"the plan is not used: {first}", **answer}, 422)
-    path = hub.home / "plans" / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}.geojson"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    hub.note(name_of(request), f"keeps a plan as {path}")
-    return refused(
-        501,
-        f"a running mission cannot take a new plan; this one is kept as {path}: start it with "
-        f"'agribot run {hub.about.profile} --ui --set plan={path}'",
-    )
+    made = await _plan(request)
+    if made.field is None:
+        first = made.answer["reasons"][0]["text"]
+        return json_answer({"error": f"the plan is not used: {first}", **made.answer}, 422)
+    refusal = await hub.request("plan", name_of(request), made.text)
+    if refusal:
+        raise Unusable(409, refusal)
+    hub.about.field = made.field
+    hub.tell_all({"k": "field"})
+    return json_answer(made.answer)
 
 
-async def _plan(request: Request) -> tuple[dict[str, Any], str]:
+async def _plan(request: Request) -> Made:
     hub: Hub = request.app.state.hub
     try:
         wanted = msgspec.convert(await json_body(request), Wanted)
@@ -135,30 +133,19 @@ async def _plan(request: Request) -> tuple[dict[str, Any], str]:
         raise Unusable(504, f"no plan within {limit_s:g} s; give a simpler field") from error
 
 
-async def list_views(request: Request) -> Response:
-    return json_answer(_views(request.app.state.hub).names())
-
-
-async def get_view(request: Request) -> Response:
-    data = _views(request.app.state.hub).read(request.path_params["name"])
-    return Response(data, media_type="application/json")
-
-
 async def put_view(request: Request) -> Response:
     need_operator(request)
-    _views(request.app.state.hub).write(request.path_params["name"], await json_body(request))
+    _views(request).write(request.path_params["name"], await json_body(request))
     return Response(status_code=204)
 
 
-ROUTES = (
-    ("GET", "/api/v1/fields", list_fields),
+ROUTES: tuple[Route, ...] = (
+    *_reading("/api/v1/fields", _fields, "application/geo+json"),
     ("POST", "/api/v1/fields/import", import_field),
-    ("GET", "/api/v1/fields/{name}", get_field),
     ("PUT", "/api/v1/fields/{name}", put_field),
     ("DELETE", "/api/v1/fields/{name}", delete_field),
     ("POST", "/api/v1/plan", check_plan),
     ("POST", "/api/v1/plan/apply", apply_plan),
-    ("GET", "/api/v1/views", list_views),
-    ("GET", "/api/v1/views/{name}", get_view),
+    *_reading("/api/v1/views", _views, "application/json"),
     ("PUT", "/api/v1/views/{name}", put_view),
 )

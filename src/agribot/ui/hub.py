@@ -47,6 +47,8 @@ class About(msgspec.Struct, kw_only=True):
     robot_spec: RobotSpec
     recording: str = ""
     lan_url: str = ""
+    tls_cert: str = ""
+    tls_key: str = ""
 
 
 class Hub:
@@ -65,8 +67,9 @@ class Hub:
         self.started_s = time.monotonic()
         is_local = about.host in {"127.0.0.1", "localhost", "::1"}
         self.access = Access(
-            about.names, about.port, about.operator_token, about.viewer_token, is_local=is_local
-        )
+            about.names, about.port, about.operator_token, about.viewer_token,
+            is_local=is_local, is_encrypted=bool(about.tls_cert),
+        )  # fmt: skip
         self._to_robot = to_robot
         self._noted_s: deque[float] = deque(maxlen=NOTES_PER_MINUTE)
 
@@ -148,6 +151,22 @@ class Hub:
     ) -> None:
         order = {"action": action, "source": source, "text": text, "value": value}
         self.order({"c": "event", **order, "numbers": numbers})
+
+    async def request(
+        self, action: str, source: str, text: str = "", numbers: tuple[float, ...] = ()
+    ) -> str:
+        """An event that the mission may refuse: why, or nothing where it was taken."""
+        order = {"action": action, "source": source, "text": text, "value": 0.0}
+        try:
+            return str(await self.ask("request", {**order, "numbers": numbers}) or "")
+        except TimeoutError:
+            return "the robot's program did not answer within 10 s"
+        except LookupError as error:
+            return str(error)
+
+    def tell_all(self, message: dict[str, Any]) -> None:
+        for socket in self.sockets:
+            socket.tell(message)
 
     def note(self, source: str, text: str) -> None:
         """Who did what, into the recording; a flood of them is cut."""

@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import base64
+from pathlib import Path
 from typing import Any
 
+import anyio
 import anyio.to_thread
 from starlette.requests import Request
 from starlette.responses import Response
 
 from agribot.errors import ConfigError
+from agribot.gis.map_import import fetched_tile
+from agribot.gis.mbtiles import (
+    TileWriter,
+    described_map,
+    is_address,
+    live_template,
+    map_files,
+    media_type,
+    tile,
+)
+from agribot.gis.tile_grid import Tile
 from agribot.ui.answers import (
     Unusable,
     json_answer,
@@ -20,8 +33,8 @@ from agribot.ui.answers import (
     refused,
 )
 from agribot.ui.hub import Hub
-from agribot.ui.tiles import described_map, map_files, media_type, tile
 
+FETCHES = anyio.CapacityLimiter(6)
 NO_TILE = Response(status_code=204, headers={"cache-control": "max-age=3600"})
 
 
@@ -42,11 +55,28 @@ async def map_tile(request: Request) -> Response:
     path = map_files(hub.home / "maps").get(where["name"])
     if path is None:
         return refused(404, f"no map '{where['name'][:80]}'")
-    data = await anyio.to_thread.run_sync(tile, path, where["z"], where["x"], where["y"])
+    address = Tile(where["z"], where["x"], where["y"])
+    data = await anyio.to_thread.run_sync(tile, path, *address)
+    if data is None and is_address(*address):
+        data = await anyio.to_thread.run_sync(_fetched, path, address, limiter=FETCHES)
     if data is None:
         return NO_TILE
     headers = {"cache-control": "max-age=86400"}
     return Response(data, media_type=media_type(data), headers=headers)
+
+
+def _fetched(path: Path, address: Tile) -> bytes | None:
+    """From the server behind a live map, kept for the next time; None where there is none."""
+    template = live_template(path)
+    if not template:
+        return None
+    try:
+        data = fetched_tile(template, address)
+    except (OSError, ValueError):
+        return None  # no network on the field: the map shows what was looked at before
+    with TileWriter(path, {}) as writer:
+        writer.put(*address, data)
+    return data
 
 
 async def list_panels(request: Request) -> Response:

@@ -16,12 +16,13 @@ from agribot.messages import OperatorEvent, TickRecord
 from agribot.messages import Path as PlannedPath
 from agribot.record.events import Event
 from agribot.session import Session
-from agribot.ui.about import about_run
+from agribot.ui.about import about_run, field_of
 from agribot.ui.address import Address
 from agribot.ui.feed import CameraFeed, Feed
 from agribot.ui.hub import About
 from agribot.ui.panels import Panels
 from agribot.ui.server_process import READY_TIMEOUT_S, ServerProcess
+from agribot.ui.verdicts import Verdicts
 from agribot.ui.view import RunView
 from agribot.weeds.track import Track
 
@@ -42,6 +43,7 @@ class OperatorPage:
         self._timeout_s = session.config.safety.hand_timeout_s
         self._pauses_when_lost = session.config.safety.on_operator_lost == "pause"
         self._panels = panels or Panels()
+        self._verdicts = Verdicts(self._inbox)
         self.address = address or Address()
         self.server = ServerProcess(self.address, self._about)
         self._link = self.server.link
@@ -83,6 +85,7 @@ class OperatorPage:
     def __call__(self, record: TickRecord) -> None:
         self._feed(record)
         self._camera(record)
+        self._verdicts(record)
 
     @property
     def is_alive(self) -> bool:
@@ -118,9 +121,7 @@ class OperatorPage:
         if kind == "drive":
             self._hand(float(order["v"]), float(order["w"]), str(order["by"]))
         elif kind == "event":
-            said = {name: order[name] for name in ("action", "source", "text", "value", "numbers")}
-            event = msgspec.convert({"t_s": 0.0, **said}, OperatorEvent)
-            self._inbox.post(event)
+            self._inbox.post(_event(order))
         elif kind == "watch":
             self._camera.is_watched = bool(order["camera"])
             self._camera.is_mask_watched = bool(order["mask"])
@@ -149,10 +150,16 @@ class OperatorPage:
         self._inbox.post(OperatorEvent(t_s=0.0, action="note", source=who, text="operator lost"))
 
     def _answer(self, order: dict[str, Any]) -> None:
-        """What the server asks of the program: panels. Errors of their code become answers."""
+        """What the server asks of mission and panels. Errors of their code become answers."""
         reply: dict[str, Any] = {"k": "reply", "number": order["number"]}
         try:
-            reply["value"] = self._panels.answer(order["name"], order["values"])
+            name, values = order["name"], order["values"]
+            is_request = name == "request"
+            reply["value"] = (
+                self._verdicts.ask(_event(values))
+                if is_request
+                else self._panels.answer(name, values)
+            )
             data = msgspec.json.encode(reply)
         except Exception as error:  # noqa: BLE001  (somebody else's code; its page shows the text)
             data = msgspec.json.encode(
@@ -162,10 +169,10 @@ class OperatorPage:
             self._send(data)
 
     def _about(self, port: int) -> About:
-        session = self._session
-        goals = session.goals_map_m
-        config, robot, urdf = session.config, session.robot, session.urdf
-        return about_run(self.address, port, config, robot, urdf, goals, session.out_dir)
+        run = self._session
+        boundary = run.work.area.boundary if run.work else ()
+        field = field_of(run.config, run.rows, run.goals_map_m, boundary)
+        return about_run(self.address, port, run.config, run.robot, run.urdf, field, run.out_dir)
 
 
 class SessionSource:
@@ -182,3 +189,11 @@ class SessionSource:
 
     def events_since(self, index: int) -> list[Event]:
         return self._session.event_log.since(index)
+
+    def recording(self) -> str:
+        return self._session.recording.name
+
+
+def _event(order: dict[str, Any]) -> OperatorEvent:
+    said = {name: order[name] for name in ("action", "source", "text", "value", "numbers")}
+    return msgspec.convert({"t_s": 0.0, **said}, OperatorEvent)

@@ -9,7 +9,7 @@ import base64
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -41,13 +41,23 @@ class Panels:
         geojson: GeoJson | Callable[[], GeoJson],
         style: dict[str, Any] | None = None,
         refresh_s: float = 1.0,
+        *,
+        type: str = "geojson",
+        draw_order: int | None = None,
+        visible: bool = True,
     ) -> None:
         """Draw GeoJSON (longitude, latitude) on the map; a function is asked again and again.
 
-        `style` may hold color, width_px, radius_px and opacity.
+        `style` may hold color, width_px, radius_px and opacity. With another `type`, such as
+        laserscan, marker or occupancy_grid, `geojson` is a ROS message as a dict, and `style`
+        holds the options of that display. `draw_order` 0 is the top. A layer that is given again
+        under its name replaces the one before.
         """
         read = geojson if callable(geojson) else lambda: geojson
-        shown = {"style": style or {}, "refresh_s": refresh_s}
+        shown: dict[str, Any] = {"style": style or {}, "refresh_s": refresh_s, "type": type}
+        shown["visible"] = visible
+        if draw_order is not None:
+            shown["draw_order"] = draw_order
         self._add(Panel(id=_id("layer", name), kind="layer", title=name, shown=shown, read=read))
 
     def plot(self, title: str, fields: list[str]) -> None:
@@ -82,6 +92,25 @@ class Panels:
             title=title,
             shown={"needs_seat": needs_seat},
             submit=lambda _values: on_click(),
+        )
+        self._add(panel)
+
+    def listen(
+        self,
+        what: Literal["point", "polygon", "route"],
+        on_points: Callable[[list[list[float]]], object],
+        title: str = "",
+    ) -> None:
+        """`on_points` gets what the operator draws with the map's tools: [x, y] in the map, m.
+
+        A route begins where the robot is. Text that the function returns is shown.
+        """
+        panel = Panel(
+            id=_id("listener", title or what),
+            kind="listener",
+            title=title or what,
+            shown={"what": what},
+            submit=lambda values: on_points(msgspec.convert(values["points"], list[list[float]])),
         )
         self._add(panel)
 
@@ -124,4 +153,4 @@ def _readable(data: Any) -> Any:
 # The panels of a program that has only one page, which is nearly every program.
 shared = Panels()
 layer, plot, form = shared.layer, shared.plot, shared.form
-image, button = shared.image, shared.button
+image, button, listen = shared.image, shared.button, shared.listen

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -15,9 +15,11 @@ from agribot.gis.geojson import features
 from agribot.gis.plan_file import SavedPlan, plan_text
 from agribot.messages import FloatArray
 from agribot.plan.coverage.area import PlanRequest, footprint
+from agribot.plan.coverage.drive import FieldWork
 from agribot.plan.coverage.planner import plan_field
 from agribot.plan.plan_certificate import certify_plan
 from agribot.robot import RobotSpec
+from agribot.ui.about import field_of
 
 SHOWN_STEP_M = 0.2
 
@@ -33,26 +35,33 @@ class Wanted(msgspec.Struct, kw_only=True, forbid_unknown_fields=False):
     swath_yaw_deg: float | None = None
 
 
-def make_plan(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> tuple[dict[str, Any], str]:
-    """The answer for the page, and the text of the plan's file ("" where there is none)."""
+class Made(NamedTuple):
+    """`answer` is for the page, `text` the file of a certified plan, `field` what a map shows."""
+
+    answer: dict[str, Any]
+    text: str = ""
+    field: dict[str, Any] | None = None
+
+
+def make_plan(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> Made:
     try:
         return _planned(wanted, config, robot)
     except MissionError as error:
         reasons = [{"text": str(error), "at_map_m": None}]
-        return {"ok": False, "reasons": reasons, "path": [], "certificate": None}, ""
+        return Made({"ok": False, "reasons": reasons, "path": [], "certificate": None})
 
 
-def _planned(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> tuple[dict[str, Any], str]:
+def _planned(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> Made:
     found = [f for f in features(wanted.field, "the field") if f.kind in {*KINDS, ""}]
     area, datum = field_from(found, "the field", config.field.datum)
-    passes = (0 if area.rows else 1) if wanted.headland_passes is None else wanted.headland_passes
     yaw_deg = wanted.swath_yaw_deg
     request = PlanRequest(
         implement_width_m=_width_m(wanted, robot),
         overlap_m=wanted.overlap_m,
         margin_m=wanted.margin_m,
-        headland_passes=passes,
+        headland_passes=wanted.headland_passes,
         swath_yaw_rad=None if yaw_deg is None else math.radians(yaw_deg),
+        tool_x_m=robot.tool_x_m,
     )
     shape = footprint(robot, request.implement_width_m)
     plan = plan_field(area, shape, request)
@@ -75,7 +84,11 @@ def _planned(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> tuple[dict[
         "path": [point for leg in plan.legs for point in _shown(leg.xy_map_m, frame)],
         "certificate": msgspec.to_builtins(certificate),
     }
-    return answer, plan_text(SavedPlan(plan, area, request, datum), certificate)
+    if not certificate.ok:
+        return Made(answer)
+    rows = FieldWork(plan, area, shape, request).rows
+    text = plan_text(SavedPlan(plan, area, request, datum), certificate)
+    return Made(answer, text, field_of(config, rows, boundary_map_m=area.boundary))
 
 
 def _width_m(wanted: Wanted, robot: RobotSpec) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bisect
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +12,16 @@ import msgspec
 
 from agribot import topics
 from agribot.errors import RecordingError
-from agribot.messages import MappedPlant
-from agribot.record.events import Event, read_events
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import TickRecord
+from agribot.record.events import Event, EventSieve
 from agribot.record.mcap_file import read_messages
 from agribot.record.replay import read_config, read_ticks, read_weed_map
 from agribot.record.weeds import position_std_m
 from agribot.ros.rosmsg import typestore
 from agribot.ui.channel import Channel, signal_table
 from agribot.ui.feed import event_message
+from agribot.ui.pictures import Pictures, Shot
 from agribot.ui.view import RunView
 
 MIN_SPEED, MAX_SPEED = 0.1, 10.0
@@ -47,6 +50,7 @@ class Replay(Channel):
         plants: tuple[MappedPlant, ...],
         events: list[Event],
         path: dict[str, Any] | None,
+        pictures: Pictures,
     ) -> None:
         super().__init__("replay", signal_table())
         self.name, self.speed = name, 1.0
@@ -54,6 +58,7 @@ class Replay(Channel):
         self._times = [moment.t_s for moment in moments]
         self._plants, self._recorded = plants, events
         self._whole_path = path
+        self._pictures = pictures
         self._index = -1
         self._now_s = moments[0].t_s
         self._wall_s: float | None = None
@@ -67,19 +72,21 @@ class Replay(Channel):
 
         Raises: RecordingError: no recording, or nothing in it.
         """
-        view = RunView(read_config(path))
-        moments = _moments(path, view)
+        view, sieve, events = RunView(read_config(path)), EventSieve(), list[Event]()
+
+        def look(record: TickRecord) -> None:
+            view(record)
+            events.extend(sieve(record))
+
+        moments = _moments(path, view, look)
         if not moments:
             raise RecordingError(f"{path} holds no ticks; the run ended before it began")
         try:
             plants = read_weed_map(path)
         except RecordingError:
             plants = ()  # a run that was cut off has none
-        try:
-            events = list(read_events(path.with_name("events.jsonl")))
-        except RecordingError:
-            events = []
-        return cls(name, moments, view.trace_map_m, plants, events, _path(path))
+        pictures = Pictures.load(path)
+        return cls(name, moments, view.trace_map_m, plants, events, _path(path), pictures)
 
     def described(self) -> dict[str, Any]:
         return {
@@ -90,6 +97,10 @@ class Replay(Channel):
             "end_s": self._times[-1],
             "speed": self.speed,
         }
+
+    def picture(self) -> tuple[int, Shot] | None:
+        """What the camera saw last, and its number; None before its first picture."""
+        return self._pictures.at(self._now_s)
 
     def seek(self, t_s: float) -> None:
         """Go to a time; pages get everything up to it afresh."""
@@ -154,11 +165,11 @@ class Replay(Channel):
         self.publish_change(msgspec.json.encode(message).decode())
 
 
-def _moments(path: Path, view: RunView) -> list[Moment]:
+def _moments(path: Path, view: RunView, look: Callable[[TickRecord], None]) -> list[Moment]:
     moments: list[Moment] = []
     every = STATE_EVERY
     for number, record in enumerate(read_ticks(path)):
-        view(record)
+        look(record)
         if number % every:
             continue
         moments.append(_moment(view))

@@ -38,7 +38,8 @@ async def recordings(request: Request) -> Response:
     folder = Path(hub.about.runs_dir)
     listed = await anyio.to_thread.run_sync(_listed, folder)
     free = shutil.disk_usage(folder if folder.is_dir() else Path("/")).free
-    shown = {"disk_free_bytes": free, "current": hub.about.current or None, "recordings": listed}
+    current = hub.live.newest().get("recording", hub.about.current)
+    shown = {"disk_free_bytes": free, "current": current or None, "recordings": listed}
     return json_answer(shown)
 
 
@@ -86,7 +87,23 @@ async def mark(request: Request) -> Response:
     need_operator(request)
     hub: Hub = request.app.state.hub
     text = str((await json_body(request)).get("text", "")).strip()[:500]
-    hub.note(name_of(request), f"mark: {text}")
+    hub.event("mark", name_of(request), text)
+    return Response(status_code=204)
+
+
+async def start_recording(request: Request) -> Response:
+    """The state tells in which folder."""
+    return _record(request, "start_recording")
+
+
+async def stop_recording(request: Request) -> Response:
+    return _record(request, "stop_recording")
+
+
+def _record(request: Request, action: str) -> Response:
+    need_operator(request)
+    hub: Hub = request.app.state.hub
+    hub.event(action, name_of(request))
     return Response(status_code=204)
 
 
@@ -162,6 +179,8 @@ async def change_settings(request: Request) -> Response:
 ROUTES = (
     ("GET", "/api/v1/recordings", recordings),
     ("POST", "/api/v1/recordings/mark", mark),
+    ("POST", "/api/v1/recordings/start", start_recording),
+    ("POST", "/api/v1/recordings/stop", stop_recording),
     ("GET", "/api/v1/recordings/{run}/{file:path}", recording_file),
     ("POST", "/api/v1/replay", replay),
     ("GET", "/api/v1/settings", settings),

@@ -117,6 +117,8 @@ async def _serve(
         access_log=False,
         server_header=False,
         timeout_graceful_shutdown=2,
+        ssl_certfile=about.tls_cert or None,
+        ssl_keyfile=about.tls_key or None,
     )
     server = QuietServer(config)
     asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, lambda: _end(hub, server))

@@ -25,6 +25,7 @@ class ServerProcess:
 
     def __init__(self, address: Address, about: Callable[[int], About]) -> None:
         check_packages()
+        address.check_tls()
         from agribot.ui.server import main
 
         self.address = address

@@ -8,7 +8,7 @@ from typing import Any
 
 from agribot.config import RunConfig
 from agribot.devices import BatterySample
-from agribot.messages import GnssFix, OperatorEvent, SensorBatch, TickRecord
+from agribot.messages import GnssFix, OperatorEvent, SensorBatch, TickRecord, Vec3
 from agribot.weeds.track import Track
 
 # Name and unit of every signal that a plot can show; `RunView` gives one sample for each tick.
@@ -22,9 +22,11 @@ SIGNALS = (
     ("pos_std_m", "m"),
     ("yaw_std_rad", "rad"),
     ("battery_v", "V"),
+    ("protection_m", "m"),
 )
 SIGNALS_KEPT = 500  # ten seconds of ticks that nobody has asked for yet
 TRACE_STEP_M = 0.02
+TILT_SHARE = 0.02  # of each new sample of the accelerometer: half a second at 100 Hz
 _FINAL = {"done": "done", "cancelled": "done", "failed": "done"}
 
 Point = list[float]
@@ -45,6 +47,7 @@ class RunView:
         self._gnss: GnssFix | None = None
         self._battery: BatterySample | None = None
         self._joints = [0.0] * 4
+        self._up_mps2: Vec3 | None = None
         self._hand_s = -math.inf
 
     def __call__(self, record: TickRecord) -> None:
@@ -78,6 +81,7 @@ class RunView:
             "vel": [_short(estimate.v_mps), _short(estimate.yaw_rate_radps)],
             "cmd": [_short(command.drive.v_mps), _short(command.drive.yaw_rate_radps)],
             "joints": self._joints,
+            "att": _tilt(self._up_mps2),
             "gnss": _gnss(self._gnss),
             "mission": self._mission(record),
             "mode": self._mode(record),
@@ -96,6 +100,11 @@ class RunView:
             self._battery = batch.battery[-1]
         if batch.wheels:
             self._joints = [round(angle, 3) for angle in batch.wheels[-1].angle_rad]
+        for sample in batch.imu:
+            known = self._up_mps2 or sample.accel_mps2
+            pairs = zip(known, sample.accel_mps2, strict=True)
+            x, y, z = (old + TILT_SHARE * (new - old) for old, new in pairs)
+            self._up_mps2 = (x, y, z)
 
     def _latch(self, event: OperatorEvent) -> None:
         if event.action == "stop":
@@ -125,6 +134,7 @@ class RunView:
             estimate.pos_std_m,
             estimate.yaw_std_rad,
             self._battery.voltage_v if self._battery else None,
+            estimate.protection_m,
         )
         return [None if value is None else _short(value) for value in values]
 
@@ -147,6 +157,7 @@ class RunView:
             "eta_s": round(left_m / self._speed_mps, 1) if status.state == "running" else None,
             "wp_total": status.waypoints_total,
             "wp_reached": status.waypoints_reached,
+            "leg": status.leg,
         }
 
     def _mode(self, record: TickRecord) -> str:
@@ -179,6 +190,14 @@ def weed_row(track: Track) -> list[Any]:
 def _short(value: float) -> float | None:
     """Five decimals are enough to look at; a number that is none is left out."""
     return round(value, 5) if math.isfinite(value) else None
+
+
+def _tilt(up_mps2: Vec3 | None) -> list[float | None] | None:
+    """Roll and pitch (rad) from the specific force; fair while the robot drives evenly."""
+    if up_mps2 is None:
+        return None
+    x, y, z = up_mps2
+    return [_short(math.atan2(y, z)), _short(math.atan2(-x, math.hypot(y, z)))]
 
 
 def _gnss(fix: GnssFix | None) -> dict[str, Any] | None:

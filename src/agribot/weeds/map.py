@@ -7,7 +7,8 @@ from collections import deque
 from collections.abc import Iterator
 
 from agribot.config import WeedConfig
-from agribot.messages import Estimate, MappedPlant, PlantClass, Scene
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import Estimate, PlantClass, Scene
 from agribot.weeds.cells import CellIndex
 from agribot.weeds.poses import PoseAt, PoseHistory
 from agribot.weeds.track import GONE_LOGIT, Sighting, Track, new_track, sighting

@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from agribot.messages import GroundPlant, MappedPlant, PlantClass
+from agribot.mapped_plant import MappedPlant
+from agribot.messages import GroundPlant, PlantClass
 from agribot.weeds.poses import PoseAt
 
 SHARED_STD_M = 0.01  # camera mount and flat-ground error that no sighting averages out

@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 from tests.ui.page.fake_server import PAGE, FakeServer, serving
 
 GL_ARGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0  # the machine may be busy
 POLL_S = 0.05
 WITHOUT_GL = "off=map,scene"
 SCREENS = [
@@ -28,6 +28,13 @@ SCREENS = [
     "settings",
     "health",
 ]
+# A gamepad as the browser gives one; tests press and push what they like.
+PLUG_IN = """
+  window.__pad = {id: 'Test pad (standard)', connected: true, mapping: 'standard',
+    axes: [0, 0, 0, 0], buttons: Array.from({length: 17}, () => ({pressed: false, value: 0}))}
+  navigator.getGamepads = () => [window.__pad]
+"""
+LEFT_SHOULDER = "window.__pad.buttons[4].pressed = %s"
 
 
 @pytest.fixture(scope="package")

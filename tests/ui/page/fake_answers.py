@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
 from typing import Any
+
+from PIL import Image
 
 from agribot import config
 from agribot.ui.settings import described
@@ -130,6 +133,12 @@ FIXED: dict[str, Any] = {
         "log": [],
     },
 }
+
+
+TILE_RGB = (30, 200, 220)
+_file = io.BytesIO()
+Image.new("RGB", (256, 256), TILE_RGB).save(_file, "PNG")
+TILE = _file.getvalue()
 
 
 def plan() -> dict[str, Any]:

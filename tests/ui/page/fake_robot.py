@@ -31,6 +31,7 @@ def field() -> Message:
             "index": i,
             "start_map_m": [0.0, i * ROW_SPACING_M],
             "end_map_m": [ROW_LENGTH_M, i * ROW_SPACING_M],
+            "points_map_m": [[0.0, i * ROW_SPACING_M], [ROW_LENGTH_M, i * ROW_SPACING_M]],
         }
         for i in range(ROWS)
     ]
@@ -160,6 +161,7 @@ class FakeRobot:
             "vel": [speed, 0.0],
             "cmd": [speed, 0.0],
             "joints": [self.s_m / 0.15] * 4,
+            "att": [0.02, -0.03],
             "gnss": {"lat": DATUM["lat_deg"], "lon": DATUM["lon_deg"], "q": 4, "std": 0.014},
             "mission": {
                 "state": MISSION_STATES[self.mode],
@@ -172,6 +174,7 @@ class FakeRobot:
                 "eta_s": (self.length_m - self.s_m) / SPEED_MPS,
                 "wp_total": 2 * ROWS,
                 "wp_reached": 2 * row,
+                "leg": "row 3",
             },
             "mode": self.mode,
             "stop": self.stop,
@@ -181,6 +184,7 @@ class FakeRobot:
             "rtf": 1.0,
             "xte_m": 0.021,
             "nozzles": [False, True, False],
+            "recording": "2026-05-03-171500-farm",
             "sig": [signals],
         }
 

@@ -48,6 +48,7 @@ class FakeServer:
         self.silent = False
         self.address = ""
         self.written: dict[str, Any] = {}
+        self.answers: dict[str, Any] = dict(fake_answers.FIXED)
         self.requests: list[str] = []
 
     def app(self) -> Starlette:
@@ -65,6 +66,7 @@ class FakeServer:
             ),
             WebSocketRoute("/ws/v1", self._state_socket),
             WebSocketRoute("/ws/cam/main", self._camera_socket),
+            Route("/tiles/farm/{z:int}/{x:int}/{y:int}", self._tile),
             Route("/robot/robot.urdf", self._urdf),
             Mount("/robot/meshes", StaticFiles(directory=SOURCE / "description" / "meshes")),
             Mount("/", StaticFiles(directory=PAGE, html=True)),
@@ -140,7 +142,7 @@ class FakeServer:
         async def answer(request: Request) -> Response:
             if request.method == "PATCH":
                 return await self._write(request)
-            return JSONResponse(field() if name == "field" else fake_answers.FIXED[name])
+            return JSONResponse(field() if name == "field" else self.answers[name])
 
         return answer
 
@@ -154,11 +156,16 @@ class FakeServer:
         body = await request.body()
         data = json.loads(body) if body else None
         self.written[path] = data
+        if path.startswith("panels/"):
+            return JSONResponse({"text": "heard"})
         if path == "plan":
             return JSONResponse(fake_answers.plan())
         if path == "settings":
             return JSONResponse({"applied": data, "refused": {}})
         return Response(status_code=204)
+
+    async def _tile(self, _: Request) -> Response:
+        return Response(fake_answers.TILE, media_type="image/png")
 
     async def _urdf(self, _: Request) -> Response:
         text = (SOURCE / "description" / "urdf" / "agribot.urdf").read_text()

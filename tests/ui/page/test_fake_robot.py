@@ -12,7 +12,7 @@ from agribot.session import Session
 from agribot.ui.view import RunView
 from tests.ui.page.fake_robot import MISSION_STATES, FakeRobot
 
-ADDED_BY_THE_FEED = {"wall_ms", "rtf", "weeds"}
+ADDED_BY_THE_FEED = {"wall_ms", "rtf", "weeds", "recording"}
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +33,10 @@ def test_its_state_has_the_fields_of_a_real_one(real_state: dict[str, Any]) -> N
     assert set(made) == set(real_state) | ADDED_BY_THE_FEED
     for part in ("mission", "gnss", "battery"):
         assert set(made[part]) == set(real_state[part])
+
+
+def test_the_tilt_of_a_robot_on_the_flat_farm_is_small(real_state: dict[str, Any]) -> None:
+    assert max(abs(angle_rad) for angle_rad in real_state["att"]) < 0.06
 
 
 def test_its_mission_has_states_that_a_mission_can_have() -> None:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import pytest
 from playwright.sync_api import Page, expect
 
 from tests.ui.page.conftest import (
+    LEFT_SHOULDER,
+    PLUG_IN,
     SCREENS,
     OpenPage,
     drag_pad,
@@ -32,6 +37,16 @@ def commands(server: FakeServer, kind: str) -> list[dict[str, object]]:
     return [message for message in server.robot.commands if message["k"] == kind]
 
 
+@contextmanager
+def a_dialog(page: Page) -> Iterator[None]:
+    """The dialog that every screen has: the operator's seat, at the top."""
+    page.locator(".operator").click()
+    expect(page.get_by_role("dialog")).to_be_visible()
+    yield
+    page.get_by_role("button", name="Close").click()
+    expect(page.get_by_role("dialog")).to_have_count(0)
+
+
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_stop_is_whole_and_uncovered_on_every_screen(
     open_page: OpenPage, width: int, height: int
@@ -45,6 +60,8 @@ def test_stop_is_whole_and_uncovered_on_every_screen(
             "document.documentElement.scrollWidth > innerWidth || "
             "document.querySelector('.statusbar').scrollWidth > innerWidth"
         ), f"{screen} is wider than {width}"
+        with a_dialog(page):
+            assert page.evaluate(STOP_FREE), f"a dialog on {screen} at {width}×{height}"
 
 
 def test_stop_works_above_a_dialog_without_the_seat(
@@ -158,6 +175,44 @@ def test_keys_drive_while_held_and_steer(open_page: OpenPage, server: FakeServer
     wait_for(lambda: ends_with_zero(server), "a zero at the end")
     sequence = [drive["seq"] for drive in commands(server, "drive")]
     assert sequence == sorted(set(map(int, map(str, sequence))))
+
+
+def test_a_gamepad_drives_only_while_its_shoulder_button_is_held(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = armed(open_page, server)
+    page.evaluate(PLUG_IN)
+    expect(page.get_by_text("Gamepad: Test pad")).to_be_visible()
+    page.evaluate("window.__pad.axes[1] = -1; window.__pad.axes[2] = -1")
+    sent = server.robot.n
+    wait_for(lambda: server.robot.n > sent + 6, "six more ticks")
+    assert commands(server, "drive") == []
+    page.evaluate(LEFT_SHOULDER % "true")
+    wait_for(lambda: any(d["v"] and d["w"] for d in commands(server, "drive")), "a command")
+    drive = commands(server, "drive")[-1]
+    assert float(str(drive["v"])) == pytest.approx(1.0)
+    assert float(str(drive["w"])) == pytest.approx(1.2)
+    page.evaluate(LEFT_SHOULDER % "false")
+    wait_for(lambda: ends_with_zero(server), "a zero when the button is let go")
+    page.evaluate(LEFT_SHOULDER % "true")
+    wait_for(lambda: not ends_with_zero(server), "to drive again")
+    page.evaluate("navigator.getGamepads = () => [null]")
+    wait_for(lambda: ends_with_zero(server), "a zero when the gamepad is gone")
+
+
+def test_a_gamepad_held_while_arming_must_be_let_go_first(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    server.robot.mode = "paused"
+    page = open_page("teleop")
+    take_control(page)
+    page.evaluate(PLUG_IN + "window.__pad.axes[1] = -1;" + LEFT_SHOULDER % "true")
+    expect(page.get_by_text("Gamepad: Test pad")).to_be_visible()
+    page.get_by_role("button", name="Drive by hand", exact=True).click()
+    expect(page.locator(".pad.armed")).to_be_visible()
+    sent = server.robot.n
+    wait_for(lambda: server.robot.n > sent + 6, "six more ticks")
+    assert commands(server, "drive") == []
 
 
 def test_driving_by_hand_asks_before_it_interrupts_a_mission(

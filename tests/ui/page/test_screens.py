@@ -14,6 +14,11 @@ from tests.ui.page.test_safety import commands
 
 AXE = Path(__file__).parents[3] / "web" / "node_modules" / "axe-core" / "axe.min.js"
 SERIOUS = {"serious", "critical"}
+# A dialog of each kind: text and name, list of screens and pages, a question, a line of text.
+DIALOGS = {
+    "drive": ("Operator Nobody", "Viewers 1"),
+    "recordings": ("Mark this moment",),
+}
 
 
 def violations(page: Page, enhanced: bool) -> list[str]:
@@ -36,6 +41,12 @@ def test_no_screen_has_a_serious_finding_of_axe(open_page: OpenPage, theme: str)
         show(page, screen)
         until(page, "document.querySelector('.screen').childElementCount > 0")
         found += [f"{screen}: {each}" for each in violations(page, enhanced=theme == "sun")]
+        for name in DIALOGS.get(screen, ()):
+            page.get_by_role("button", name=name, exact=True).first.click()
+            expect(page.get_by_role("dialog")).to_be_visible()
+            inside = violations(page, enhanced=theme == "sun")
+            found += [f"{name} on {screen}: {each}" for each in inside]
+            page.get_by_role("button", name="Close").click()
     assert found == []
 
 

@@ -7,7 +7,7 @@ recording end it, and so stand last.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -15,7 +15,16 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from agribot.messages import WHEEL_NAMES, TickRecord
 from agribot.record.replay import read_ticks
-from tests.ui.page.conftest import SCREENS, WITHOUT_GL, drag_pad, show, take_control, until
+from tests.ui.page.conftest import (
+    LEFT_SHOULDER,
+    PLUG_IN,
+    SCREENS,
+    WITHOUT_GL,
+    drag_pad,
+    show,
+    take_control,
+    until,
+)
 from tests.ui.page.robots import Robot, robot_with_page
 
 SETTINGS = ["--set", "perception.camera_rate_hz=2", "--set", "seed=1"]
@@ -25,6 +34,7 @@ STANDS_WITHIN_S = 0.5
 PRESSES = 4
 HANG = "() => { const end = performance.now() + 1500; while (performance.now() < end); }"
 STATE = "window.__agribot.state()"
+WAYS = ("release", "blur", "hung tab", "cut link", "gamepad gone")
 IS_STILL = f"Math.abs({STATE}.vel[0]) < 0.02"
 
 
@@ -134,6 +144,12 @@ def test_plants_are_mapped_as_the_robot_passes_them(page: Page) -> None:
     expect(page.locator("main")).to_contain_text(re.compile(r"[1-9]\d* of [1-9]\d* plants"))
 
 
+def test_the_server_names_the_screens_that_the_page_has(page: Page) -> None:
+    shown = page.locator("nav a").evaluate_all("links => links.map((a) => a.hash.slice(2))")
+    told = page.evaluate("fetch('/api/v1/session').then((answer) => answer.json())")["screens"]
+    assert set(told) == set(SCREENS) == set(shown) & set(SCREENS)
+
+
 def test_no_request_leaves_the_robot(
     context: BrowserContext, robot: Robot, asked: list[str]
 ) -> None:
@@ -153,13 +169,13 @@ class HandDriven(dict[str, float]):
 
 @pytest.fixture(scope="module")
 def hand_driven(page: Page, context: BrowserContext) -> HandDriven:
-    """Drives by hand on the pad and takes the hand off it in four ways."""
+    """Drives by hand on the pad and takes the hand off it in five ways."""
     began = HandDriven()
     on_its_mission(page)
-    for let_go in ("release", "blur", "hung tab", "cut link"):
+    for let_go in WAYS:
         in_charge(page, "teleop")
         began[let_go] = page.evaluate(f"{STATE}.t")
-        _drive_on_the_pad(page)
+        _drive(page, push_gamepad if let_go == "gamepad gone" else drag_pad)
         _take_hand_off(page, context, let_go)
         until(page, IS_STILL)
         page.mouse.up()
@@ -167,13 +183,19 @@ def hand_driven(page: Page, context: BrowserContext) -> HandDriven:
     return began
 
 
-def _drive_on_the_pad(page: Page) -> None:
+def push_gamepad(page: Page) -> None:
+    page.evaluate(PLUG_IN + "window.__pad.axes[1] = -1;" + LEFT_SHOULDER % "false")
+    expect(page.get_by_text("Gamepad: Test pad")).to_be_visible()
+    page.evaluate(LEFT_SHOULDER % "true")
+
+
+def _drive(page: Page, push: Callable[[Page], None]) -> None:
     """Press again where a page that stuttered let go by itself, as a person would."""
     for _ in range(PRESSES):
         if not page.locator(".pad.armed").is_visible():
             _arm(page)
         pressed_s = page.evaluate(f"{STATE}.t")
-        drag_pad(page)
+        push(page)
         try:
             until(page, f"{STATE}.mode === 'teleop' && {STATE}.t > {pressed_s} + 1.5", 5.0)
         except AssertionError:
@@ -194,6 +216,8 @@ def _arm(page: Page) -> None:
 def _take_hand_off(page: Page, context: BrowserContext, how: str) -> None:
     if how == "release":
         page.mouse.up()
+    elif how == "gamepad gone":
+        page.evaluate("navigator.getGamepads = () => [null]")
     elif how == "blur":
         page.evaluate("window.dispatchEvent(new Event('blur'))")
     elif how == "hung tab":
@@ -224,7 +248,7 @@ def wheel_mps(tick: TickRecord) -> float:
     return WHEEL_RADIUS_M * sum(speeds) / len(WHEEL_NAMES)
 
 
-@pytest.mark.parametrize("let_go", ["release", "blur", "hung tab", "cut link"])
+@pytest.mark.parametrize("let_go", WAYS)
 def test_the_wheels_stand_soon_after_the_last_request_of_a_hand(
     ticks: list[TickRecord], hand_driven: HandDriven, let_go: str
 ) -> None:

@@ -12,6 +12,7 @@ export const CLASSES = [
 ] as const
 
 const RATE_WINDOW = 30
+const MASK_LASTS = 5 // pictures
 
 export class CameraPicture {
   readonly node: HTMLElement
@@ -22,6 +23,7 @@ export class CameraPicture {
   shown = new Set<number>([0, 1])
   private readonly stream: CameraStream
   private lastMask: ImageData | null = null
+  private withoutMask = 0
   private arrivals: number[] = []
   private ageMs = NaN
   private size = ''
@@ -76,6 +78,7 @@ export class CameraPicture {
     this.level = packet.level
     this.size = `${bitmap.width}×${bitmap.height}`
     if (this.frozen) return
+    if (++this.withoutMask > MASK_LASTS) this.forgetMask() // a recording has none
     fit(this.image, bitmap)
     this.image.getContext('2d')?.drawImage(bitmap, 0, 0)
   }
@@ -85,10 +88,16 @@ export class CameraPicture {
     fit(this.mask, bitmap)
     const pen = this.mask.getContext('2d', { willReadFrequently: true })
     if (!pen) return
+    this.withoutMask = 0
     pen.clearRect(0, 0, bitmap.width, bitmap.height)
     pen.drawImage(bitmap, 0, 0)
     this.lastMask = pen.getImageData(0, 0, bitmap.width, bitmap.height)
     this.paintMask()
+  }
+
+  private forgetMask(): void {
+    this.lastMask = null
+    this.mask.getContext('2d')?.clearRect(0, 0, this.mask.width, this.mask.height)
   }
 
   private paintMask(): void {

@@ -3,6 +3,7 @@
 import { api } from '../api.ts'
 import type { App } from '../app.ts'
 import { download, el, setText } from '../dom.ts'
+import { addDisplay, editGroup } from '../displays/dialog.ts'
 import type { IconName } from '../icons.ts'
 import { icon } from '../icons.ts'
 import type { LayerGroup } from './layers.ts'
@@ -17,56 +18,117 @@ function mapButton(name: IconName, title: string, action: () => void): HTMLButto
 /** Which tools a screen offers; all by default. */
 export function mapControls(view: MapView, app: App, tools: ToolId[] = TOOLS.map((t) => t.id)): { node: HTMLElement; done: () => void } {
   const follow = mapButton('follow', 'Follow the robot', () => view.setFollow(!view.follow))
-  const layers = layerPanel(view)
+  const film = filmButton(view, app)
   const layersButton = mapButton('layers', 'Layers and views', () => {
     layers.hidden = !layers.hidden
     layersButton.setAttribute('aria-expanded', String(!layers.hidden))
   })
   layersButton.setAttribute('aria-expanded', 'false')
-  const hint = el('output', { class: 'map-hint select-all', hidden: true })
+  const hint = hintLine(view)
   const bar = toolBar(view, tools, hint)
+  const layers = layerPanel(view, bar.choose)
   view.onFollow = () => follow.setAttribute('aria-pressed', String(view.follow))
   view.onFollow()
   const node = el('div', { class: 'map-controls' },
     el('div', { class: 'map-stack' },
-      mapButton('plus', 'Zoom in', () => view.map.zoomIn()), mapButton('minus', 'Zoom out', () => view.map.zoomOut()),
+      mapButton('plus', 'Zoom in', () => view.zoomBy(1)), mapButton('minus', 'Zoom out', () => view.zoomBy(-1)),
       follow, mapButton('fit', 'Whole field', () => view.overview()), layersButton,
-      mapButton('image', 'Save a picture of the map', () => void savePicture(view, app))),
-    bar, layers, hint)
+      mapButton('image', 'Save a picture of the map', () => void savePicture(view, app)), film),
+    bar.node, hint.node, layers)
   return { node, done: () => view.tools.choose('pan') }
 }
 
-function toolBar(view: MapView, wanted: ToolId[], hint: HTMLElement): HTMLElement {
+interface Hint { node: HTMLElement; show: (text: string) => void }
+
+/** What the tool says, and a button that copies what it has read. */
+function hintLine(view: MapView): Hint {
+  const text = el('output', { class: 'select-all' })
+  const copy = el('button', { type: 'button', class: 'icon-button quiet', 'aria-label': 'Copy the position', onclick: () => void copyText(view) }, icon('copy', 20))
+  const node = el('div', { class: 'map-hint', hidden: true }, text, copy)
+  const show = (words: string): void => {
+    setText(text, words)
+    node.hidden = !words
+    copy.hidden = !view.tools.copied
+  }
+  return { node, show }
+}
+
+async function copyText({ tools, app }: MapView): Promise<void> {
+  try {
+    await navigator.clipboard.writeText(tools.copied) // only where the page came by https or from this machine
+  } catch {
+    const area = el('textarea', { class: 'visually-hidden' }, tools.copied)
+    document.body.append(area)
+    area.select()
+    document.execCommand('copy')
+    area.remove()
+  }
+  app.toasts.show('info', `Copied: ${tools.copied}`)
+}
+
+function toolBar(view: MapView, wanted: ToolId[], hint: Hint): { node: HTMLElement; choose: (id: ToolId) => void } {
   const buttons = TOOLS.filter((tool) => wanted.includes(tool.id)).map((tool) => {
     const button = mapButton(tool.icon, tool.title, () => choose(view.tools.tool === tool.id ? 'pan' : tool.id))
     button.dataset.tool = tool.id
     return button
   })
+  const open = mapButton('tools', 'Map tools', () => {
+    setOpen(node.dataset.open !== 'true')
+  })
+  open.classList.add('tools-toggle')
+  const node = el('div', { class: 'map-tools', role: 'toolbar', 'aria-label': 'Map tools' }, open, ...buttons)
+  const setOpen = (isOpen: boolean): void => {
+    node.dataset.open = String(isOpen)
+    open.setAttribute('aria-expanded', String(isOpen))
+  }
   const choose = (id: ToolId): void => {
     view.tools.choose(id)
+    const chosen = TOOLS.find((tool) => tool.id === id)
     for (const button of buttons) button.setAttribute('aria-pressed', String(button.dataset.tool === id))
+    open.replaceChildren(icon(chosen?.icon ?? 'tools'))
+    open.setAttribute('aria-pressed', String(chosen !== undefined))
+    setOpen(false)
   }
-  view.tools.onText = (text) => {
-    setText(hint, text)
-    hint.hidden = !text
-  }
+  view.tools.onText = hint.show
   choose('pan')
-  return el('div', { class: 'map-tools', role: 'toolbar', 'aria-label': 'Map tools' }, ...buttons)
+  return { node, choose }
+}
+
+function stamp(): string {
+  return new Date().toISOString().slice(0, 19).replace(/:/g, '')
+}
+
+function filmButton(view: MapView, app: App): HTMLElement {
+  const button = mapButton('video', 'Record a video of the map', () => void toggle())
+  const show = (): void => button.setAttribute('aria-pressed', String(view.capture.isRecording))
+  const toggle = async (): Promise<void> => {
+    if (!view.capture.isRecording) {
+      if (view.capture.start()) app.toasts.show('info', 'Filming the map. Press again to end and save.')
+      else app.toasts.show('warn', 'This browser cannot record a video.')
+    } else {
+      const film = await view.capture.stop()
+      if (film) download(`map-${stamp()}.${film.suffix}`, film.film)
+    }
+    show()
+  }
+  show()
+  return button
 }
 
 async function savePicture(view: MapView, app: App): Promise<void> {
-  const picture = await view.screenshot()
-  if (picture) download(`map-${new Date().toISOString().slice(0, 19).replace(/:/g, '')}.png`, picture)
+  const picture = await view.capture.picture()
+  if (picture) download(`map-${stamp()}.png`, picture)
   else app.toasts.show('warn', 'The browser could not make the picture.')
 }
 
-function layerPanel(view: MapView): HTMLElement {
+function layerPanel(view: MapView, useTool: (id: ToolId) => void): HTMLElement {
   const list = el('div', { class: 'layer-list' })
   const fill = (): void => list.replaceChildren(...view.groups.map((group) => layerRow(view, group)))
   view.ready(fill)
   view.onGroups = fill
+  const add = el('button', { type: 'button', class: 'button', onclick: () => void addDisplay(view, useTool) }, icon('plus', 20), 'Add display')
   return el('div', { class: 'map-panel card', hidden: true, role: 'group', 'aria-label': 'Layers' },
-    el('h2', {}, 'Layers'), list, viewButtons(view, fill))
+    el('div', { class: 'title-row' }, el('h2', {}, 'Layers'), add), list, viewButtons(view, fill))
 }
 
 function layerRow(view: MapView, group: LayerGroup): HTMLElement {
@@ -80,7 +142,8 @@ function layerRow(view: MapView, group: LayerGroup): HTMLElement {
       view.applyGroup(group)
     } })
   if (group.id === 'robot') opacity.style.visibility = 'hidden'
-  return el('div', { class: 'layer-row' }, el('label', { class: 'check' }, show, el('span', {}, group.title)), opacity)
+  const edit = el('button', { type: 'button', class: 'icon-button', 'aria-label': `Change ${group.title}`, onclick: () => void editGroup(view, group) }, icon('settings', 20))
+  return el('div', { class: 'layer-row' }, el('label', { class: 'check' }, show, el('span', {}, group.title)), opacity, edit)
 }
 
 function viewButtons(view: MapView, refresh: () => void): HTMLElement {

@@ -32,8 +32,8 @@ export function fieldFeatures(field: Field, projection: Projection): { boundary:
     ? [{ type: 'Feature', properties: {}, geometry: { type: 'Polygon', coordinates: [project(projection, [...ring, ring[0]])] } }]
     : []
   const rows = field.rows.flatMap((row) => [
-    line(project(projection, [row.start_map_m, row.end_map_m]), { index: row.index }),
-    point(projection.toLonLat(...before(row.start_map_m, row.end_map_m)), { label: String(row.index + 1) }),
+    line(project(projection, row.points_map_m), { index: row.index }),
+    point(projection.toLonLat(...before(row.points_map_m[0], row.points_map_m[1])), { label: String(row.index + 1) }),
   ])
   return { boundary: collection(boundary), rows: collection(rows) }
 }

@@ -7,6 +7,7 @@ import type { Palette } from './palette.ts'
 /** The accuracy of a GeoJSON source comes from its deepest tile: 18 would round to 11 mm, 22 to 0.7 mm. */
 const SOURCE_MAXZOOM = 22
 
+/** `layers` from bottom to top. */
 export interface LayerGroup { id: string; title: string; layers: string[]; visible: boolean; opacity: number }
 
 /** What can be shown and hidden, from top to bottom. */
@@ -20,7 +21,7 @@ export function layerGroups(): LayerGroup[] {
     group('weeds', 'Weeds', ['weeds']),
     group('density', 'Weed density', ['density'], false),
     group('rows', 'Crop rows', ['rows', 'row-labels']),
-    group('boundary', 'Field boundary', ['boundary', 'boundary-fill']),
+    group('boundary', 'Field boundary', ['boundary-fill', 'boundary']),
     group('grid', 'Metric grid', ['grid-1', 'grid-10']),
   ]
 }

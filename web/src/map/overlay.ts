@@ -5,6 +5,7 @@ import type { App } from '../app.ts'
 import { placeOutline } from '../geo.ts'
 import type { Vec2 } from '../wire.ts'
 import type { Palette } from './palette.ts'
+import type { Surface } from '../displays/instruments.ts'
 import type { Sketch } from './tools.ts'
 
 const FALLBACK_OUTLINE: Vec2[] = [[0.4, 0.3], [0.4, -0.3], [-0.4, -0.3], [-0.4, 0.3]]
@@ -19,6 +20,8 @@ export class Overlay {
   showRobot = true
   tail: Vec2[] = []
   sketch: Sketch | null = null
+  /** Instruments and pictures of displays. */
+  paint: (surface: Surface) => void = () => undefined
 
   constructor(private readonly map: MapLibre, private readonly app: App, colours: Palette) {
     this.colours = colours
@@ -59,7 +62,13 @@ export class Overlay {
       this.drawTail(pen)
       this.drawRobot(pen)
     }
+    this.paint(this.surface(pen, box.clientWidth, box.clientHeight))
     if (this.sketch) this.drawSketch(pen, this.sketch)
+  }
+
+  private surface(pen: CanvasRenderingContext2D, width: number, height: number): Surface {
+    const [[x0, y0], [x1, y1]] = [this.at([0, 0]), this.at([1, 0])]
+    return { pen, width, height, at: (x, y) => this.at([x, y]), pxPerM: Math.hypot(x1 - x0, y1 - y0), bearing: (this.map.getBearing() * Math.PI) / 180 }
   }
 
   private polyline(pen: CanvasRenderingContext2D, points: Vec2[], close = false): void {
@@ -132,6 +141,16 @@ export class Overlay {
 
   private drawSketch(pen: CanvasRenderingContext2D, sketch: Sketch): void {
     const { tool, halo } = this.colours
+    if (sketch.area.length > 2) {
+      this.polyline(pen, sketch.area, true)
+      pen.globalAlpha = 0.2
+      pen.fillStyle = tool
+      pen.fill()
+      pen.globalAlpha = 1
+      pen.strokeStyle = tool
+      pen.lineWidth = 3
+      pen.stroke()
+    }
     if (sketch.points.length > 1) {
       for (const [colour, width] of [[halo, 6], [tool, 3]] as const) {
         this.polyline(pen, sketch.points)

@@ -1,15 +1,18 @@
 /** The map's tools: measure, read a position, RViz's pose estimate, goal and point. */
 
 import type { Map as MapLibre, MapMouseEvent } from 'maplibre-gl'
+import { api } from '../api.ts'
 import type { App } from '../app.ts'
 import { areaM2, compassText, distanceM, lengthM } from '../geo.ts'
 import { area, metres } from '../format.ts'
 import type { IconName } from '../icons.ts'
-import type { Vec2 } from '../wire.ts'
+import type { Command, Vec2 } from '../wire.ts'
 
-export type ToolId = 'pan' | 'measure' | 'coordinates' | 'goal' | 'pose' | 'point'
+export type ToolId = 'pan' | 'measure' | 'coordinates' | 'goal' | 'pose' | 'point' | 'polygon' | 'route'
 export interface Sketch {
   points: Vec2[]
+  /** The polygon that was finished last; it stays until another is drawn. */
+  area: Vec2[]
   arrow: { from: Vec2; yaw: number | null } | null
   labels: { at: Vec2; text: string }[]
 }
@@ -21,15 +24,20 @@ export const TOOLS: ToolInfo[] = [
   { id: 'goal', title: 'Drive to a place', icon: 'goal', hint: 'Tap the goal, or press and drag to set the heading too.', commands: true },
   { id: 'pose', title: 'Correct the robot’s pose', icon: 'pose', hint: 'Press where the robot is, drag to where it looks.', commands: true },
   { id: 'point', title: 'Publish a point', icon: 'point', hint: 'Tap a point to send it to the programs that listen.', commands: true },
+  { id: 'polygon', title: 'Draw a polygon', icon: 'polygon', hint: 'Tap the corners; tap the first one again to finish.', commands: true },
+  { id: 'route', title: 'Plan a route', icon: 'line', hint: 'Tap the stops of a route from the robot; tap the last one again to finish.', commands: true },
 ]
 
+const TOOLS_BY_ID = Object.fromEntries(TOOLS.map((tool) => [tool.id, tool]))
 const DRAG_PX = 12
 
 export class MapTools {
   tool: ToolId = 'pan'
-  readonly sketch: Sketch = { points: [], arrow: null, labels: [] }
+  readonly sketch: Sketch = { points: [], area: [], arrow: null, labels: [] }
   onChange: () => void = () => undefined
   onText: (text: string) => void = () => undefined
+  /** What a tool has read, for the clipboard. */
+  copied = ''
   private pressed: { at: Vec2; px: Vec2 } | null = null
 
   constructor(private readonly map: MapLibre, private readonly app: App) {
@@ -55,6 +63,7 @@ export class MapTools {
     this.sketch.points = []
     this.sketch.labels = []
     this.sketch.arrow = null
+    this.copied = ''
     this.onChange()
   }
 
@@ -65,7 +74,49 @@ export class MapTools {
     else if (this.tool === 'point') {
       this.sketch.points = [p]
       this.onChange()
-      void this.app.command({ k: 'point', x: p[0], y: p[1] }, `Point sent: ${metres(p[0])} east, ${metres(p[1])} north.`)
+      void this.publish('point', [p], `Point sent: ${p[0].toFixed(2)} m east, ${p[1].toFixed(2)} m north.`)
+    } else if (this.tool === 'polygon') this.corner(p)
+    else if (this.tool === 'route') this.stop(p)
+  }
+
+  private isNear(a: Vec2, b: Vec2): boolean {
+    const [pa, pb] = [a, b].map((p) => this.map.project(this.app.projection.toLonLat(...p)))
+    return Math.hypot(pa.x - pb.x, pa.y - pb.y) < DRAG_PX
+  }
+
+  private corner(p: Vec2): void {
+    const { points } = this.sketch
+    if (points.length > 2 && this.isNear(p, points[0])) {
+      this.sketch.area = points.slice()
+      this.sketch.points = []
+      void this.publish('polygon', this.sketch.area, `Polygon of ${area(areaM2(this.sketch.area))} sent.`)
+    } else points.push(p)
+    this.onText(points.length > 2 ? `${points.length} corners · ${area(areaM2(points))}` : TOOLS_BY_ID.polygon.hint)
+    this.onChange()
+  }
+
+  private stop(p: Vec2): void {
+    const { points } = this.sketch
+    const pose = this.app.store.state?.pose
+    if (!points.length && pose) points.push([pose[0], pose[1]])
+    if (points.length > 1 && this.isNear(p, points[points.length - 1])) {
+      void this.publish('route', points, `Route of ${metres(lengthM(points))} sent.`)
+      return
+    }
+    points.push(p)
+    this.onText(`${points.length - 1} stops · ${metres(lengthM(points))}`)
+    this.onChange()
+  }
+
+  /** Into the recording, and to the programs that listen for it; what they answer is shown. */
+  private async publish(what: 'point' | 'polygon' | 'route', xy: Vec2[], done: string): Promise<void> {
+    const command: Command = what === 'point' ? { k: 'point', x: xy[0][0], y: xy[0][1] } : { k: 'shape', what, xy }
+    if (!(await this.app.command(command, done))) return
+    const listeners = ((await this.app.attempt(api.panels())) ?? []).filter((panel) => panel.kind === 'listener' && panel.what === what)
+    for (const { id } of listeners) {
+      const response = await this.app.attempt(api.submitPanel(id, { points: xy }))
+      const answer = response && ((await response.json()) as { text?: string })
+      if (answer?.text) this.app.toasts.show('info', answer.text)
     }
   }
 
@@ -81,7 +132,8 @@ export class MapTools {
   private read(p: Vec2, event: MapMouseEvent): void {
     this.sketch.points = [p]
     const { lat, lng } = event.lngLat
-    this.onText(`E ${p[0].toFixed(3)} m  N ${p[1].toFixed(3)} m · ${lat.toFixed(8)}, ${lng.toFixed(8)}`)
+    this.copied = `${lat.toFixed(8)}, ${lng.toFixed(8)}`
+    this.onText(`E ${p[0].toFixed(3)} m  N ${p[1].toFixed(3)} m · ${this.copied}`)
     this.onChange()
   }
 

@@ -4,17 +4,19 @@ import * as maplibregl from 'maplibre-gl'
 import type { GeoJSONSource, Map as MapLibre } from 'maplibre-gl'
 import 'maplibre-gl/dist/maplibre-gl.css'
 import workerUrl from 'maplibre-gl/dist/maplibre-gl-worker.mjs?worker&url'
-import { api } from '../api.ts'
 import type { App } from '../app.ts'
 import { onTheme } from '../shell/theme.ts'
-import type { MapSource, Vec2 } from '../wire.ts'
+import { Displays } from '../displays/displays.ts'
+import { Display } from '../displays/display.ts'
+import type { DisplayConfig } from '../displays/display.ts'
+import type { Vec2 } from '../wire.ts'
 import { boundsOf } from './features.ts'
 import type { Features } from './features.ts'
 import { addLayers, applyGroup, baseOpacities, layerGroups, opacitiesOf, recolour } from './layers.ts'
 import type { LayerGroup, SourceId } from './layers.ts'
 import { LiveData } from './live.ts'
+import { Capture } from './capture.ts'
 import { Overlay } from './overlay.ts'
-import { addPanelLayers } from './panel-layers.ts'
 import { palette } from './palette.ts'
 import { serveLabels, soilTexture } from './texture.ts'
 import { MapTools } from './tools.ts'
@@ -25,10 +27,14 @@ const MAX_ZOOM = 24
 /** How far from the middle the followed robot may go, as a share of the map's size. */
 const KEEP_WITHIN = 0.36
 const VIEW_KEY = 'map-view'
+const NARROW_PX = 500
+
+type Box = [west: number, south: number, east: number, north: number]
 
 export interface SavedView {
   center?: Vec2; zoom?: number; bearing?: number; follow?: boolean
   layers?: { id: string; visible: boolean; opacity: number }[]
+  displays?: DisplayConfig[]
 }
 
 export class MapView {
@@ -36,6 +42,8 @@ export class MapView {
   readonly map: MapLibre
   readonly overlay: Overlay
   readonly tools: MapTools
+  readonly capture: Capture
+  readonly displays: Displays
   groups: LayerGroup[] = layerGroups()
   follow = true
   onFollow: () => void = () => undefined
@@ -43,6 +51,7 @@ export class MapView {
   private base = new Map<string, unknown>()
   private loaded = false
   private seen = false
+  private fitted: Box | null = null
   private readonly whenLoaded: (() => void)[] = []
 
   constructor(readonly app: App) {
@@ -56,13 +65,22 @@ export class MapView {
     this.map.addControl(new maplibregl.ScaleControl({ maxWidth: 120, unit: 'metric' }), 'bottom-left')
     this.overlay = new Overlay(this.map, app, colours)
     this.node.append(this.overlay.canvas)
+    this.capture = new Capture(this.map, this.overlay.canvas)
     this.tools = new MapTools(this.map, app)
     this.overlay.sketch = this.tools.sketch
+    this.displays = new Displays(this)
+    this.overlay.paint = (surface) => this.displays.paint(surface)
     this.tools.onChange = () => this.overlay.request()
     serveLabels(this.map)
     this.map.on('load', () => this.load())
     this.map.on('dragstart', () => this.setFollow(false))
+    this.map.on('movestart', ({ originalEvent }) => {
+      if (originalEvent) this.fitted = null
+    })
     this.map.on('moveend', () => this.remember())
+    this.map.on('resize', () => {
+      if (this.fitted) this.fit(this.fitted, 0)
+    })
     onTheme(() => this.retheme())
     if (window.__agribot) window.__agribot.map = this.map
   }
@@ -92,7 +110,7 @@ export class MapView {
     new LiveData(this, this.app)
     this.app.onField(() => this.firstView())
     this.app.store.on('state', () => this.track())
-    void this.addTileMaps().then(() => addPanelLayers(this))
+    void this.displays.start().then(() => this.restoreLayers(this.saved()))
     for (const work of this.whenLoaded) work()
   }
 
@@ -106,26 +124,48 @@ export class MapView {
     }
   }
 
-  private async addTileMaps(): Promise<void> {
-    const maps = await api.maps().catch((): MapSource[] => [])
-    for (const source of maps) {
-      const id = `tiles-${source.name}`
-      this.map.addSource(id, {
-        type: 'raster', tiles: [new URL(source.url, location.origin).href.replace(/%7B/g, '{').replace(/%7D/g, '}')], tileSize: 256,
-        minzoom: source.minzoom, maxzoom: source.maxzoom, ...(source.bounds ? { bounds: source.bounds } : {}),
-      })
-      this.map.addLayer({ id, type: 'raster', source: id }, 'grid-1')
-      this.addGroup({ id, title: source.name, layers: [id], visible: true, opacity: 1 })
-    }
-  }
-
   /** A further entry of the layer list, shown as it was left. */
   addGroup(group: LayerGroup): void {
-    for (const id of group.layers) for (const [name, value] of opacitiesOf(this.map, id)) this.base.set(name, value)
-    this.groups.push(group)
-    const saved = this.saved()?.layers?.find((layer) => layer.id === group.id)
-    if (saved) this.applyGroup(Object.assign(group, saved))
+    if (group instanceof Display && group.type.kind === 'tiles') this.groups.push(group)
+    else this.groups.unshift(group)
+    this.adopt(group)
     this.onGroups()
+  }
+
+  /** Remember what the layers of a group look like untouched, and show them as they were left. */
+  adopt(group: LayerGroup): void {
+    for (const id of group.layers) for (const [name, value] of opacitiesOf(this.map, id)) this.base.set(name, value)
+    const saved = this.saved()?.layers?.find((layer) => layer.id === group.id)
+    if (saved) Object.assign(group, { visible: saved.visible, opacity: saved.opacity })
+    this.applyGroup(group)
+  }
+
+  removeGroup(group: LayerGroup): void {
+    this.groups = this.groups.filter((other) => other !== group)
+    this.onGroups()
+    this.remember()
+  }
+
+  /** Give a group another place in the list, which is the order of drawing. */
+  moveGroup(group: LayerGroup, to: number): void {
+    const others = this.groups.filter((other) => other !== group)
+    others.splice(Math.max(0, to), 0, group)
+    this.setOrder(others)
+    this.onGroups()
+    this.remember()
+  }
+
+  private setOrder(groups: LayerGroup[]): void {
+    this.groups = groups
+    const own = new Set(groups.flatMap((group) => group.layers))
+    const above = this.map.getStyle().layers.find(({ id }) => !own.has(id) && id !== 'background' && id !== 'soil')?.id // a drawing tool's
+    for (const group of [...groups].reverse()) for (const id of group.layers) if (this.map.getLayer(id)) this.map.moveLayer(id, above)
+  }
+
+  /** The layer that a picture of this group has to lie below. */
+  layerAbove(group: LayerGroup): string | undefined {
+    const higher = this.groups.slice(0, Math.max(0, this.groups.indexOf(group))).reverse()
+    return higher.flatMap(({ layers }) => layers).find((id) => this.map.getLayer(id))
   }
 
   private retheme(): void {
@@ -134,6 +174,7 @@ export class MapView {
     this.ready(() => {
       recolour(this.map, colours)
       this.addTexture()
+      for (const display of this.displays.all) display.retheme()
     })
     this.overlay.request()
   }
@@ -161,20 +202,38 @@ export class MapView {
     const at = this.app.projection.toLonLat(pose[0], pose[1])
     const { x, y } = this.map.project(at)
     const { clientWidth: w, clientHeight: h } = this.node
-    if (Math.abs(x - w / 2) > w * KEEP_WITHIN || Math.abs(y - h / 2) > h * KEEP_WITHIN) this.map.easeTo({ center: at, duration: 600 })
+    const canvas = this.map.getCanvas()
+    if (canvas.clientWidth !== w || canvas.clientHeight !== h) return // the map does not know its new size yet
+    const within = this.fitted ? 0.5 : KEEP_WITHIN // the whole field is in view: do not move it without need
+    if (Math.abs(x - w / 2) <= w * within && Math.abs(y - h / 2) <= h * within) return
+    this.fitted = null
+    this.map.easeTo({ center: at, duration: 600 })
   }
 
   /** The whole field and everything driven. */
   overview(): void {
     const { field, store, projection } = this.app
     const points: Vec2[] = field
-      ? [...(field.boundary_map_m ?? []), ...field.rows.flatMap((r) => [r.start_map_m, r.end_map_m]), ...field.waypoints_map_m]
+      ? [...(field.boundary_map_m ?? []), ...field.rows.flatMap((r) => r.points_map_m), ...field.waypoints_map_m]
       : []
     if (store.state?.pose) points.push([store.state.pose[0], store.state.pose[1]])
     const box = boundsOf(points, projection)
     if (!box) return
     this.setFollow(false)
-    this.map.fitBounds(box, { padding: 56, maxZoom: 21, duration: 400 })
+    this.fit(box, 400)
+  }
+
+  zoomBy(levels: number): void {
+    this.fitted = null
+    this.map.easeTo({ zoom: this.map.getZoom() + levels })
+  }
+
+  /** The field clear of the buttons; it stays so in a screen of another shape until the operator moves the map. */
+  private fit(box: Box, durationMs: number): void {
+    const isNarrow = this.node.clientWidth < NARROW_PX
+    const padding = { top: isNarrow ? 20 : 40, bottom: 40, left: isNarrow ? 20 : 72, right: isNarrow ? 68 : 72 }
+    this.map.fitBounds(box, { padding, maxZoom: 21, duration: durationMs })
+    this.fitted = box
   }
 
   private firstView(): void {
@@ -193,11 +252,12 @@ export class MapView {
     const { lng, lat } = this.map.getCenter()
     return {
       center: this.app.projection.toMap(lng, lat), zoom: this.map.getZoom(), bearing: this.map.getBearing(), follow: this.follow,
-      layers: this.groups.map(({ id, visible, opacity }) => ({ id, visible, opacity })),
+      layers: this.groups.map(({ id, visible, opacity }) => ({ id, visible, opacity })), displays: this.displays.saved(),
     }
   }
 
   show(view: SavedView): void {
+    this.fitted = null
     const center = view.center ? this.app.projection.toLonLat(...view.center) : this.map.getCenter()
     this.map.jumpTo({ center, zoom: view.zoom ?? this.map.getZoom(), bearing: view.bearing ?? 0 })
     this.follow = view.follow ?? false
@@ -206,15 +266,21 @@ export class MapView {
   }
 
   private restoreLayers(view: SavedView | null): void {
+    if (view?.displays) this.displays.restore(view.displays)
+    const order = new Map(view?.layers?.map(({ id }, i) => [id, i]))
+    const place = (group: LayerGroup): number => order.get(group.id) ?? (group instanceof Display && group.type.kind === 'tiles' ? Infinity : -1)
+    const wanted = [...this.groups].sort((a, b) => place(a) - place(b) || 0)
+    if (order.size && wanted.some((group, i) => group !== this.groups[i])) this.setOrder(wanted)
     for (const saved of view?.layers ?? []) {
       const group = this.groups.find((g) => g.id === saved.id)
-      if (group) this.applyGroup(Object.assign(group, saved))
+      if (group) this.applyGroup(Object.assign(group, { visible: saved.visible, opacity: saved.opacity }))
     }
     for (const group of this.groups) if (!group.visible) this.applyGroup(group)
+    this.onGroups()
   }
 
-  private remember(): void {
-    if (this.seen) localStorage.setItem(this.viewKey, JSON.stringify(this.current()))
+  remember(): void {
+    if (this.seen && this.displays.started) localStorage.setItem(this.viewKey, JSON.stringify(this.current()))
   }
 
   private saved(): SavedView | null {
@@ -224,22 +290,5 @@ export class MapView {
 
   private get viewKey(): string {
     return `${VIEW_KEY}:${this.app.field?.name ?? ''}`
-  }
-
-  /** The map and what is drawn over it as a picture. */
-  screenshot(): Promise<Blob | null> {
-    return new Promise((resolve) => {
-      this.map.once('render', () => {
-        const gl = this.map.getCanvas()
-        const picture = document.createElement('canvas')
-        picture.width = gl.width
-        picture.height = gl.height
-        const pen = picture.getContext('2d')
-        pen?.drawImage(gl, 0, 0)
-        pen?.drawImage(this.overlay.canvas, 0, 0, gl.width, gl.height)
-        picture.toBlob(resolve, 'image/png')
-      })
-      this.map.triggerRepaint()
-    })
   }
 }

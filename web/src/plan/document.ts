@@ -84,7 +84,7 @@ export class PlanDocument {
 /** The field the robot works on now: its boundary and rows, or its goals where it has no rows. */
 export function shapesOf(field: Field): Shape[] {
   const boundary: Shape[] = field.boundary_map_m?.length ? [{ id: 'boundary', kind: 'boundary', points: field.boundary_map_m }] : []
-  const rows = field.rows.map((row): Shape => ({ id: `row-${row.index}`, kind: 'row', points: [row.start_map_m, row.end_map_m] }))
+  const rows = field.rows.map((row): Shape => ({ id: `row-${row.index}`, kind: 'row', points: row.points_map_m }))
   const goals = rows.length ? [] : field.waypoints_map_m.map((p, i): Shape => ({ id: `goal-${i}`, kind: 'waypoint', points: [p] }))
   return [...boundary, ...rows, ...goals]
 }

@@ -54,7 +54,7 @@ function progress(app: App, facts: Facts): HTMLElement {
     const share = mission && mission.length_m > 0 ? Math.min(1, mission.s_m / mission.length_m) : 0
     bar.value = share
     setText(text, mission ? `${(share * 100).toFixed(0)} %` : NONE)
-    setText(reason, app.store.state?.reason || mission?.reason || '')
+    setText(reason, app.store.state?.reason || mission?.reason || legText(mission?.leg))
   })
   return el('div', { class: 'progress' }, el('h2', {}, 'Mission'), el('div', { class: 'progress-line' }, bar, text), reason)
 }
@@ -113,6 +113,11 @@ class Facts {
 
 function absolute(value: number | null | undefined): number | null {
   return value === null || value === undefined ? null : Math.abs(value)
+}
+
+/** Where on its way the robot is, as a sentence begins. */
+function legText(leg: string | undefined): string {
+  return leg ? leg[0].toUpperCase() + leg.slice(1) : ''
 }
 
 function nozzleText(nozzles: boolean[] | undefined): string {

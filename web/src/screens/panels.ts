@@ -17,7 +17,7 @@ export const panels: Screen = {
     const column = el('div', { class: 'panel-grid' })
     host.append(column)
     const found = (await app.attempt(api.panels())) ?? []
-    const undo = found.filter((panel) => panel.kind !== 'layer').map((panel) => {
+    const undo = found.filter((panel) => panel.kind !== 'layer' && panel.kind !== 'listener').map((panel) => {
       const card = el('section', { class: 'card stack' }, el('h2', {}, panel.title))
       column.append(card)
       return fill(card, panel, app)

@@ -3,7 +3,7 @@
 import { api } from '../api.ts'
 import type { App, Screen } from '../app.ts'
 import { el, replace } from '../dom.ts'
-import { area, duration, metres, words } from '../format.ts'
+import { area, duration, metres } from '../format.ts'
 import { areaM2, lengthM } from '../geo.ts'
 import { icon } from '../icons.ts'
 import type { IconName } from '../icons.ts'
@@ -20,6 +20,10 @@ import type { PlanReply } from '../wire.ts'
 const TOOLS: [Kind, string, IconName][] = [
   ['boundary', 'Boundary', 'polygon'], ['obstacle', 'Obstacle', 'cancel'], ['row', 'Row', 'line'], ['ab_line', 'A–B line', 'measure'], ['waypoint', 'Goals', 'pin'],
 ]
+
+const NAMES: Record<Kind, [one: string, many: string]> = {
+  boundary: ['boundary', 'boundaries'], obstacle: ['obstacle', 'obstacles'], row: ['row', 'rows'], ab_line: ['A–B line', 'A–B lines'], waypoint: ['goal', 'goals'],
+}
 
 const kept = new PlanDocument() // survives going to another screen and back
 
@@ -139,8 +143,7 @@ class Editor {
     const text = 'The mission in the robot is replaced by this plan. It does not start to drive yet.'
     if (!(await this.app.dialogs.confirm('Use this plan?', [text], 'Use this plan'))) return
     if (await this.app.attempt(api.applyPlan(this.body()))) {
-      this.app.toasts.show('info', 'The plan is the mission now. Start it on the Drive screen.')
-      await this.app.loadWorld()
+      this.app.toasts.show('info', 'The plan is the mission now. Resume on the Drive screen begins it.')
     }
   }
 
@@ -164,7 +167,7 @@ function describe(): string {
     if (SHAPE_OF[kind] === 'polygon') inside += (kind === 'boundary' ? 1 : -1) * areaM2(points)
   }
   const rows = kept.shapes.filter((s) => s.kind === 'row').reduce((sum, s) => sum + lengthM(s.points), 0)
-  const parts = [...counts].map(([kind, n]) => `${n} ${words(kind).toLowerCase()}`)
+  const parts = [...counts].map(([kind, n]) => `${n} ${n === 1 ? NAMES[kind][0] : NAMES[kind][1]}`)
   return `${parts.join(', ')}${inside > 0 ? ` · ${area(inside)}` : ''}${rows > 0 ? ` · rows ${metres(rows)}` : ''}`
 }
 

@@ -16,8 +16,9 @@ export const recordings: Screen = {
     const list = el('div', { class: 'card table-card' }, el('p', { class: 'empty' }, 'Reading the list…'))
     const summary = el('p', { class: 'muted' })
     const replay = new ReplayBar(app)
+    const toggle = recordButton(app)
     host.append(el('div', { class: 'column' },
-      el('div', { class: 'card row-card' }, el('div', {}, el('h2', {}, 'Recordings'), summary), markButton(app)), replay.node, list))
+      el('div', { class: 'card row-card' }, el('div', {}, el('h2', {}, 'Recordings'), summary), el('div', { class: 'button-row' }, toggle.node, markButton(app))), replay.node, list))
     const refresh = async (): Promise<void> => {
       const found = await app.attempt(api.recordings())
       if (!found) return
@@ -26,9 +27,11 @@ export const recordings: Screen = {
       replace(list, table(found, replay))
     }
     const timer = setInterval(() => void refresh(), REFRESH_MS)
+    toggle.onChange = () => void refresh()
     await refresh()
     return () => {
       clearInterval(timer)
+      toggle.close()
       replay.close()
     }
   },
@@ -40,7 +43,28 @@ function markButton(app: App): HTMLElement {
 
 async function mark(app: App): Promise<void> {
   const text = await app.dialogs.prompt('Mark this moment', 'What happened')
-  if (text && app.link.send({ k: 'mark', text })) app.toasts.show('info', 'Marked in the recording.')
+  if (text) await app.command({ k: 'mark', text }, 'Marked in the recording.')
+}
+
+interface RecordButton { node: HTMLElement; onChange: () => void; close: () => void }
+
+/** Begins a recording, or ends the one that is being written. */
+function recordButton(app: App): RecordButton {
+  const label = el('span')
+  const node = el('button', { type: 'button', class: 'button', onclick: () => void app.command({ k: 'record', action: now ? 'stop' : 'start' }) }, icon('record', 20), label)
+  const made: RecordButton = { node, onChange: () => undefined, close: () => undefined }
+  let now: string | undefined
+  const update = (): void => {
+    const recording = app.store.state?.recording
+    node.hidden = recording === undefined
+    if (recording === now && label.textContent) return
+    now = recording
+    label.textContent = now ? 'End the recording' : 'Record'
+    made.onChange()
+  }
+  update()
+  made.close = app.store.on('state', update)
+  return made
 }
 
 function table(found: Recordings, replay: ReplayBar): HTMLElement {
@@ -54,7 +78,7 @@ function row(recording: Recording, current: boolean, replay: ReplayBar): HTMLEle
   const play = el('button', { type: 'button', class: 'button', disabled: current, onclick: () => void replay.open(recording) }, icon('play', 20), 'Replay')
   const when = new Date(recording.utc)
   return el('tr', { class: current ? 'current' : '' },
-    el('td', {}, el('strong', {}, recording.name), el('div', { class: 'muted small' }, `${Number.isNaN(when.getTime()) ? recording.utc : when.toLocaleString()}${recording.profile ? ` · ${recording.profile}` : ''}`)),
+    el('td', {}, el('strong', {}, recording.name), el('div', { class: 'muted small' }, `${Number.isNaN(when.getTime()) ? recording.utc : when.toLocaleString(undefined, { dateStyle: 'medium', timeStyle: 'short' })}${recording.profile ? ` · ${recording.profile}` : ''}`)),
     el('td', {}, duration(recording.duration_s)), el('td', {}, bytes(recording.size_bytes)),
     el('td', {}, result(recording, current)), el('td', {}, fileLinks(recording)), el('td', { class: 'number' }, play))
 }

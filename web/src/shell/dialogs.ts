@@ -56,7 +56,9 @@ export class Dialogs {
     const answer = this.ask(title, [body], [{ label: 'Cancel', value: false }, { label: yes, value: true, kind: 'primary' }])
     input.select()
     input.addEventListener('keydown', (event) => {
-      if (event.key === 'Enter') input.closest('.dialog')?.querySelector<HTMLElement>('footer .primary')?.click()
+      if (event.key !== 'Enter') return
+      event.preventDefault() // else the key presses the button that gets the focus back, too
+      input.closest('.dialog')?.querySelector<HTMLElement>('footer .primary')?.click()
     })
     return (await answer) === true ? input.value.trim() || null : null
   }

@@ -113,6 +113,6 @@ def route_limits(route: Route, path: Path) -> tuple[FloatArray, np.ndarray]:
     for index in range(len(path.s_m)):
         route.progress.index = index
         speed.append(route.max_speed_mps)
-        tool.append(route.tool_on)
+        tool.append(route.tool_row >= 0)
     route.progress.index = 0
     return np.array(speed), np.array(tool)

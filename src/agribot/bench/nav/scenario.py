@@ -129,7 +129,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
         )  # fmt: skip
 
     def estimate(self) -> EstimateConfig:
-        return EstimateConfig()
+        return EstimateConfig(mag_learn=False)  # its compass tells angles, no fields
 
     def control(self) -> ControlConfig:
         return ControlConfig()

@@ -35,6 +35,7 @@ class Line(msgspec.Struct, frozen=True, kw_only=True):
     nees_lateral: float | None
     nees_pose: float | None
     failed_seeds: tuple[int, ...]
+    worst_seed: int  # the mission of `xte_max_m`
 
 
 def line(name: str, outcomes: Sequence[Outcome]) -> Line:
@@ -62,6 +63,7 @@ def line(name: str, outcomes: Sequence[Outcome]) -> Line:
         nees_lateral=float(np.mean(nees)) if nees else None,
         nees_pose=float(np.mean(pose)) if pose else None,
         failed_seeds=tuple(o.seed for o in outcomes if not o.success)[:20],
+        worst_seed=outcomes[int(worst.argmax())].seed,
     )
 
 

@@ -10,6 +10,7 @@ from agribot.bridge.ros1.hearing import Hearing
 from agribot.bridge.ros1.node import Node, Publication
 from agribot.bridge.ros1.types import Convert, outputs, read_twist
 from agribot.errors import BridgeError
+from agribot.messages import TickRecord
 from agribot.topic import Topic
 
 MASTER = "http://127.0.0.1:11311"
@@ -51,6 +52,9 @@ class Ros1Gateway:
             if publication.is_wanted:
                 publication.put(convert(data))
 
+    def step(self, _record: TickRecord) -> None:
+        """The topics say it all."""
+
     def close(self) -> None:
         if self._hearing is not None:
             self._hearing.close()
@@ -65,7 +69,7 @@ class Ros1Gateway:
             for o in outputs(topic)
         ]
 
-    def _twist(self, data: bytes, source: str) -> None:
+    def _twist(self, data: bytes, source: str, _ros_type: str) -> None:
         twist = read_twist(data)
         if twist is None:
             self._requests.refuse(f"{source}: {len(data)} bytes are no geometry_msgs/Twist")

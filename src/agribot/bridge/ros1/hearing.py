@@ -17,12 +17,15 @@ from agribot.errors import BridgeError
 _RETRY_S = 0.5
 _ANSWER_S = 5.0
 
-Heard = Callable[[bytes, str], None]  # the message, and "ROS 1 node /name"
+Heard = Callable[[bytes, str, str], None]  # the message, "ROS 1 node /name", and its type
+ANY = "*"
 Refused = Callable[[str], None]
 
 
 class Hearing:
     """Calls `heard` from the thread of a connection; `refused` is told why a publisher is not.
+
+    With the type `ANY` it hears whatever is published there.
 
     Raises: BridgeError: the master does not answer.
     """
@@ -68,15 +71,17 @@ class Hearing:
             if "error" in answer:
                 raise BridgeError(answer["error"])
             source = f"ROS 1 node {answer.get('callerid', uri)}"
+            ros_type = "/msg/".join(answer.get("type", "").split("/"))
+            limit = tcpros.MAX_SENSOR_BYTES if self._ros_type == ANY else tcpros.MAX_MESSAGE_BYTES
             sock.settimeout(None)
             while uri in self._links and not self._stopped.is_set():
-                self._heard(tcpros.receive_frame(sock, tcpros.MAX_MESSAGE_BYTES), source)
+                self._heard(tcpros.receive_frame(sock, limit), source, ros_type)
 
     def _wish(self) -> dict[str, str]:
         return {
             "callerid": self._node.name,
             "topic": self._name,
             "type": ros1_name(self._ros_type),
-            "md5sum": definition(self._ros_type)[1],
+            "md5sum": ANY if self._ros_type == ANY else definition(self._ros_type)[1],
             "tcp_nodelay": "1",
         }

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from agribot.bridge.ros1.gateway import MASTER
-from agribot.bridge.ros1.hearing import Hearing
+from agribot.bridge.ros1.hearing import ANY, Hearing
 from agribot.bridge.ros1.node import Node, Publication
-from agribot.bridge.ros1.types import Convert, inlet, outputs
+from agribot.bridge.ros1.types import Convert, inlet, outputs, ros1_name, ros1_types
 from agribot.errors import BridgeError
 from agribot.topic import Topic
 
@@ -27,7 +28,7 @@ class Ros1Link:
     def hear(self, topic: Topic, heard: Callable[[bytes], None]) -> None:
         name, ros_type, convert = inlet(topic)
 
-        def arrived(data: bytes, source: str) -> None:
+        def arrived(data: bytes, source: str, _ros_type: str) -> None:
             try:
                 cdr = convert(data)
             except BridgeError as error:
@@ -36,6 +37,18 @@ class Ros1Link:
                 heard(cdr)
 
         self._hearings.append(Hearing(self._node, name, ros_type, arrived, self._refused))
+
+    def hear_any(self, name: str, heard: Callable[[str, bytes], None]) -> None:
+        def arrived(data: bytes, _source: str, ros_type: str) -> None:
+            heard(ros_type, data)
+
+        self._hearings.append(Hearing(self._node, name, ANY, arrived, self._refused))
+
+    def decode(self, ros_type: str, data: bytes) -> Any:
+        try:
+            return ros1_types().deserialize_ros1(data, ros_type)
+        except Exception as error:  # rosbags raises what its generated code happens to raise
+            raise BridgeError(f"{len(data)} bytes are no {ros1_name(ros_type)}") from error
 
     def advertise(self, topic: Topic) -> None:
         self._outputs[topic.name] = [

@@ -14,7 +14,8 @@ from collections.abc import Mapping
 from agribot.errors import BridgeError
 
 MAX_HEADER_BYTES = 1_000_000
-MAX_MESSAGE_BYTES = 1_000_000  # no message that we hear is anywhere near
+MAX_MESSAGE_BYTES = 1_000_000  # no command that we hear is anywhere near
+MAX_SENSOR_BYTES = 64_000_000  # nor any image
 _LENGTH = struct.Struct("<I")
 
 

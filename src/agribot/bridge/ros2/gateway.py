@@ -7,28 +7,33 @@ the node joins it.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from agribot import topics
 from agribot.bridge.requests import PAUSE_SERVICE, SERVICES, Requests, read_twist_cdr
 from agribot.bridge.ros2 import wire
+from agribot.bridge.ros2.goals import GoalServer
 from agribot.bridge.ros2.node import ROUTER, Ros2Node
+from agribot.bridge.ros2.parameters import ParameterServer, Value
 from agribot.bridge.ros2.services import service_types
+from agribot.bridge.ros2.serving import Answer, Reply, Server
 from agribot.errors import BridgeError
+from agribot.messages import TickRecord
+from agribot.operator_input import LIVE_SETTINGS, OperatorAction
 from agribot.topic import Qos, Topic
 
 if TYPE_CHECKING:
     import zenoh
 
 NODE = "agribot"
-_SERVICE_QOS = Qos()
 _COMMAND_QOS = Qos()
 
 
 class Ros2Gateway:
-    """Publishes `out`; hears cmd_vel (with `requests.allow_drive`) and, if it `serves`, services.
+    """Publishes `out`; hears cmd_vel (with `requests.allow_drive`).
+
+    If it `serves`, there are services, goals to visit, and `settings` as parameters.
 
     Raises: BridgeError: zenoh is not installed, or neither role of the endpoint can be had.
     """
@@ -42,6 +47,7 @@ class Ros2Gateway:
         router: str = ROUTER,
         listen: bool = True,
         serves: bool = True,
+        settings: Mapping[str, Value] | None = None,
     ) -> None:
         self._requests = requests
         self._node = Ros2Node(NODE, domain, router, listen=listen)
@@ -50,15 +56,16 @@ class Ros2Gateway:
         self._watch_publishers()
         if requests.allow_drive:
             self._hear_twists()
-        for name, action in SERVICES if serves else ():
-            self._serve(name, "std_srvs/srv/Trigger", self._trigger(action))
-        if serves:
-            self._serve(PAUSE_SERVICE, "std_srvs/srv/SetBool", self._pause)
+        self._goals = self._serve(settings or {}) if serves else None
 
     def publish(self, topic: Topic, data: bytes, _t_ns: int) -> None:
         writer = self._writers.get(topic.name)
         if writer is not None:
             writer(data)
+
+    def step(self, record: TickRecord) -> None:
+        if self._goals is not None:
+            self._goals.step(record)
 
     def close(self) -> None:
         self._node.close()
@@ -102,32 +109,24 @@ class Ros2Gateway:
         watch = self._node.session.liveliness().declare_subscriber(key, appeared, history=True)
         self._node.keep(watch)
 
-    def _serve(self, name: str, ros_type: str, answer: Callable[[bytes], tuple[bool, str]]) -> None:
+    def _trigger(self, action: OperatorAction) -> Answer:
+        return lambda _request, reply: reply(*self._requests.act(action, "ROS 2"))
+
+    def _pause(self, request: Any, reply: Reply) -> None:
+        reply(*self._requests.act("pause" if request.data else "resume", "ROS 2"))
+
+    def _serve(self, settings: Mapping[str, Value]) -> GoalServer:
+        server = Server(self._node, self._requests.refuse)
         types = service_types()
-        type_hash = types.hash_rihs01(ros_type)
-        key = wire.topic_key(self._node.domain, name, ros_type, type_hash)
-        response_type = f"{ros_type}_Response"
-
-        def asked(query: zenoh.Query) -> None:
-            with query:
-                attachment = query.attachment
-                request = wire.read_attachment(attachment.to_bytes()) if attachment else None
-                if request is None or query.payload is None:
-                    self._requests.refuse(f"ROS 2: {name} was asked by something that is no client")
-                    return
-                done, text = answer(query.payload.to_bytes())
-                response = types.types[response_type](done, text)
-                reply = bytes(types.serialize_cdr(response, response_type))
-                mark = wire.pack_attachment(request.sequence, time.time_ns(), request.gid)
-                query.reply(query.key_expr, reply, attachment=mark)
-
-        self._node.keep(self._node.session.declare_queryable(key, asked, complete=True))
-        self._node.announce("SS", name, ros_type, type_hash, _SERVICE_QOS)
-
-    def _trigger(self, action: Any) -> Callable[[bytes], tuple[bool, str]]:
-        return lambda _request: self._requests.act(action, "ROS 2")
-
-    def _pause(self, request: bytes) -> tuple[bool, str]:
-        if len(request) < 5:
-            return False, f"{len(request)} bytes are no SetBool request"
-        return self._requests.act("pause" if request[4] else "resume", "ROS 2")
+        for name, action in SERVICES:
+            server.serve(types, name, "std_srvs/srv/Trigger", self._trigger(action))
+        none = (False, "these bytes are no SetBool request")
+        server.serve(types, PAUSE_SERVICE, "std_srvs/srv/SetBool", self._pause, none)
+        ParameterServer(
+            server,
+            NODE,
+            {"use_sim_time": True, **settings},
+            frozenset(LIVE_SETTINGS),
+            lambda name, value: self._requests.change(name, value, "ROS 2"),
+        )
+        return GoalServer(self._node, self._requests)

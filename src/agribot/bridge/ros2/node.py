@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from rosbags.typesys.store import Typestore
+
 from agribot.bridge.ros2 import wire
 from agribot.errors import BridgeError
 from agribot.ros.rosmsg import typestore
@@ -46,9 +48,12 @@ class Ros2Node:
         self._token(token)
         return token
 
-    def writer(self, topic: Topic) -> Writer:
-        publisher = _declare(self.session, self._key(topic), topic.qos)
-        token = self.announce("MP", topic.name, topic.ros_type, _hash_of(topic), topic.qos)
+    def writer(self, topic: Topic, types: Typestore | None = None) -> Writer:
+        """`types` knows the topic's type where the usual ones do not."""
+        type_hash = (types or typestore()).hash_rihs01(topic.ros_type)
+        key = wire.topic_key(self.domain, topic.name, topic.ros_type, type_hash)
+        publisher = _declare(self.session, key, topic.qos)
+        token = self.announce("MP", topic.name, topic.ros_type, type_hash, topic.qos)
         return Writer(publisher, wire.gid_of(token))
 
     def hear(self, topic: Topic, heard: Callable[[bytes], None], qos: Qos) -> None:
@@ -59,6 +64,17 @@ class Ros2Node:
 
         self.keep(_subscribe(self.session, self._key(topic), qos, arrived))
         self.announce("MS", topic.name, topic.ros_type, _hash_of(topic), qos)
+
+    def hear_any(self, name: str, heard: Callable[[str, str, bytes], None]) -> None:
+        """`heard` gets type, type hash and CDR of whatever is said on a topic of this name."""
+
+        def arrived(sample: zenoh.Sample) -> None:
+            found = wire.read_topic_key(str(sample.key_expr))
+            if found is not None:
+                heard(*found, sample.payload.to_bytes())
+
+        key = f"{self.domain}/{name.strip('/')}/*/*"
+        self.keep(self.session.declare_subscriber(key, arrived))
 
     def close(self) -> None:
         if not self.session.is_closed():

@@ -71,6 +71,15 @@ def dds_type(ros_type: str) -> str:
     return f"{package}::{kind}::dds_::{name}_"
 
 
+def read_topic_key(key: str) -> tuple[str, str] | None:
+    """ROS type and type hash of a topic's key; None where it is none."""
+    *_, name, type_hash = key.split("/")
+    parts = name.split("::")
+    if len(parts) != 4 or parts[2] != "dds_":
+        return None
+    return f"{parts[0]}/{parts[1]}/{parts[3].removesuffix('_')}", type_hash
+
+
 def topic_key(domain: int, name: str, ros_type: str, type_hash: str) -> str:
     return f"{domain}/{name.strip('/')}/{dds_type(ros_type)}/{type_hash}"
 

@@ -12,15 +12,8 @@ from agribot.config import EstimateConfig
 from agribot.estimate.batch.ekf import BatchEkf, BatchRow, Mask
 from agribot.estimate.batch.motion import BatchGate, BatchHistory, BatchMotion
 from agribot.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, X, Y
-from agribot.estimate.gnss import (
-    FIRST_FIXES,
-    FLOAT_MEMORY_S,
-    UNKNOWN_M2,
-    FixNoise,
-    bias_ageing,
-    doubts,
-    noise_model,
-)
+from agribot.estimate.gnss import FIRST_FIXES, UNKNOWN_M2, doubts
+from agribot.estimate.gnss_noise import FLOAT_MEMORY_S, FixNoise, bias_ageing, noise_model
 from agribot.estimate.models import antenna_velocity, velocity_variance
 from agribot.estimate.start import StartMark
 from agribot.messages import FloatArray
@@ -65,6 +58,7 @@ class BatchGnss:
         self._first: list[Pair] = []
         self._noise: FixNoise | None = None
         self._last_t_s = -math.inf
+        self._receiver_m = np.zeros((2, count))
 
     def update(self, fix: BatchFix) -> None:
         now, then = self._history.newest, self._history.at(fix.t_s)
@@ -97,7 +91,8 @@ class BatchGnss:
         arm_x = cos * self._lever_m[0] - sin * self._lever_m[1]
         arm_y = sin * self._lever_m[0] + cos * self._lever_m[1]
         moved_x, moved_y = now.x_m - then.x_m, now.y_m - then.y_m
-        now_x, now_y = fix.east_m - arm_x + moved_x, fix.north_m - arm_y + moved_y
+        now_x = fix.east_m - arm_x + moved_x - self._receiver_m[0]
+        now_y = fix.north_m - arm_y + moved_y - self._receiver_m[1]
         if not self.is_ready:
             first_m2 = self._noise_of(fix, FLOAT_MEMORY_S).variance_m2
             self._begin(now_x, now_y, first_m2, fix.is_float, now)
@@ -147,11 +142,16 @@ class BatchGnss:
     ) -> None:
         gate, ekf = self._position_gate, self._ekf
         _, recovers = gate.judge(ekf.update_pair(rows, residuals, noise.variance_m2, gate.limit))
-        if recovers.any():
-            states = (X, Y) if self._is_corrected else (GNSS_BIAS_X, GNSS_BIAS_Y)
-            for state, residual in zip(states, residuals, strict=True):
-                ekf.inflate(state, recovers * (residual**2 + noise.variance_m2))
-            ekf.update_pair(rows, residuals, noise.variance_m2, mask=recovers)
+        if not recovers.any():
+            return
+        if not self._is_corrected:
+            self._receiver_m += recovers * np.stack(residuals)
+            ekf.inflate(GNSS_BIAS_X, recovers * noise.variance_m2)
+            ekf.inflate(GNSS_BIAS_Y, recovers * noise.variance_m2)
+            return
+        for state, residual in zip((X, Y), residuals, strict=True):
+            ekf.inflate(state, recovers * (residual**2 + noise.variance_m2))
+        ekf.update_pair(rows, residuals, noise.variance_m2, mask=recovers)
 
     def _velocity(
         self, fix: BatchFix, since_last_s: float, now: BatchMotion, then: BatchMotion

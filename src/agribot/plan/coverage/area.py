@@ -13,7 +13,8 @@ from agribot.robot import RobotSpec
 
 Point = tuple[float, float]
 Line = tuple[Point, ...]
-LegKind = Literal["swath", "headland", "row", "link", "arc"]
+LegKind = Literal["swath", "headland", "row", "link", "arc", "reverse"]
+TurnStyle = Literal["auto", "pivot", "arc", "three-point"]
 WORKING: tuple[LegKind, ...] = ("swath", "headland", "row")
 
 
@@ -58,7 +59,8 @@ class Leg(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """A stretch of the way: points (N, 2) in driving order, at least two.
 
     The robot turns in place between legs and at the corners of a `link`; along all other kinds
-    it bends no tighter than the drive can. `row` numbers the working legs, -1 elsewhere.
+    it bends no tighter than the drive can. A `reverse` leg is driven backwards. `row` numbers the
+    working legs, -1 elsewhere.
     """
 
     kind: LegKind
@@ -70,6 +72,10 @@ class Leg(msgspec.Struct, frozen=True, kw_only=True, eq=False):
         return self.kind in WORKING
 
     @property
+    def is_reverse(self) -> bool:
+        return self.kind == "reverse"
+
+    @property
     def length_m(self) -> float:
         return float(np.sum(np.hypot(*np.diff(self.xy_map_m, axis=0).T)))
 
@@ -77,22 +83,33 @@ class Leg(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
     """How a field is to be worked.
 
-    `swath_yaw_rad` None: searched for. `start` None: wherever the work begins best.
+    `headland_passes` None: as few as do, none with crop rows. `swath_yaw_rad` None: searched
+    for. `start` None: wherever the work begins best.
     """
 
     implement_width_m: float
     overlap_m: float = 0.05  # what neighbouring swaths share, for the error of the steering
     margin_m: float = 0.05  # from the footprint to everything that is forbidden
-    headland_passes: int = 1
+    headland_passes: int | None = None
     swath_yaw_rad: float | None = None
     start_map_m: Point | None = None
-    turns: Literal["auto", "pivot"] = "auto"
+    turns: TurnStyle = "auto"
     plant_clearance_m: float = 0.1
     min_coverage_ratio: float = 0.99
+    tool_x_m: float = 0.0  # where on the body the tool works; negative behind the origin
 
     @property
     def spacing_m(self) -> float:
         return self.implement_width_m - self.overlap_m
+
+    def passes(self, has_rows: bool) -> int:
+        """Headland passes: so many that a swath can be left until its tool has worked it."""
+        if self.headland_passes is not None:
+            return self.headland_passes
+        if has_rows:
+            return 0
+        depth_m = abs(self.tool_x_m) - self.overlap_m / 2.0
+        return max(1, math.ceil(depth_m / self.spacing_m + 0.5 - 1e-9))
 
 
 class FieldPlan(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -103,8 +120,14 @@ class FieldPlan(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     warnings: tuple[str, ...] = ()
 
 
-def footprint(robot: RobotSpec, implement_width_m: float) -> Footprint:
-    """From the collision shapes and wheels of the description and the width of the implement."""
+def footprint(
+    robot: RobotSpec, implement_width_m: float, tool_x_m: float | None = None
+) -> Footprint:
+    """From the collision shapes and wheels of the description and the width of the implement.
+
+    The implement works at `tool_x_m`; without it, where the robot's own boom is.
+    """
+    tool_x_m = robot.tool_x_m if tool_x_m is None else tool_x_m
     corners = [np.array([[0.0, 0.0, 0.0]])]
     for link in robot.links:
         for shape in link.collisions:
@@ -117,8 +140,8 @@ def footprint(robot: RobotSpec, implement_width_m: float) -> Footprint:
         float(np.abs(points[:, 1]).max()), float(np.abs(wheels[:, 1]).max()) + half_wheel_m
     )
     return Footprint(
-        front_m=max(float(points[:, 0].max()), float(wheels[:, 0].max()) + radius_m),
-        rear_m=max(float(-points[:, 0].min()), float(-wheels[:, 0].min()) + radius_m),
+        front_m=max(float(points[:, 0].max()), float(wheels[:, 0].max()) + radius_m, tool_x_m),
+        rear_m=max(float(-points[:, 0].min()), float(-wheels[:, 0].min()) + radius_m, -tool_x_m),
         half_width_m=max(across_m, implement_width_m / 2.0),
         wheel_xy_body_m=tuple((float(x), float(y)) for x, y in wheels),
         wheel_half_width_m=half_wheel_m,

@@ -12,10 +12,13 @@ from agribot.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, Pla
 from agribot.plan.coverage.free_space import FreeSpace
 from agribot.plan.coverage.ways import Ways
 from agribot.plan.curves import SPACING_M, path_from_table
+from agribot.plan.plan_certificate import check_ways
+from agribot.plan.task import Place
 
 STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
 MAX_LENGTH_M = 20_000.0
 MAX_OUTSIDE_M = 50.0
+RUN_IN_M = 0.2  # straight to a place at which the robot is to look somewhere
 
 
 class FieldWork:
@@ -63,16 +66,63 @@ class FieldWork:
             raise MissionError("the robot is at home already")
         return drive_path(legs, [None] * len(legs))
 
-    def _way(self, start: Point, goal: Point) -> list[Leg]:
-        """Inside the field, around what is in the way.
+    def path_to(self, start: Point, goal: Place) -> Path:
+        """Around every obstacle to a place on which the robot can turn in place.
 
-        A place outside, or closer to an edge than the robot can turn, is left or reached by the
-        straight line to the nearest ground on which it can.
+        Raises: MissionError: the place is outside, in an obstacle, on crop or too near to them.
         """
         import shapely
 
-        if math.dist(start, goal) < SPACING_M:
-            return []
+        x_m, y_m, yaw_rad = goal
+        place = (x_m, y_m)
+        space = self._space()
+        if not space.drivable.covers(shapely.Point(place)):
+            raise MissionError(f"East {x_m:.2f} m, North {y_m:.2f} m {self._what_is_at(place)}")
+        before = place
+        if yaw_rad is not None:  # the robot turns there and drives the rest as it is to look
+            before = (x_m - RUN_IN_M * math.cos(yaw_rad), y_m - RUN_IN_M * math.sin(yaw_rad))
+            if not space.drivable.covers(shapely.LineString((before, place))):
+                raise MissionError(
+                    f"there is no room to look that way at East {x_m:.2f} m, North {y_m:.2f} m; "
+                    "choose another heading, or none"
+                )
+        legs = self._way(start, before)
+        if before != place:
+            legs.append(Leg(kind="link", xy_map_m=np.array([before, place])))
+        return self._checked(legs, start)
+
+    def path_back(self, start: Point, goal: Place) -> Path:
+        """To a place of the plan itself, which may be nearer to an edge than the robot can turn.
+
+        Raises: MissionError: no such way keeps the robot inside the field and off the crop.
+        """
+        return self._checked(self._way(start, goal[:2]), start)
+
+    def _checked(self, legs: list[Leg], start: Point) -> Path:
+        if not legs:
+            raise MissionError("the robot is there already")
+        problems = check_ways(tuple(legs), self.area, self._shape, self.request, start)
+        if problems:
+            raise MissionError(f"the way there is refused: {problems[0].message}")
+        return drive_path(legs, [None] * len(legs))
+
+    def _what_is_at(self, place: Point) -> str:
+        """Why a robot cannot turn at a place."""
+        import shapely
+
+        here = shapely.Point(place)
+        if not shapely.Polygon(self.area.boundary).covers(here):
+            return "lies beyond the boundary of the field"
+        if any(shapely.Polygon(hole).covers(here) for hole in self.area.holes):
+            return "lies in an obstacle"
+        rows = [shapely.LineString(row) for row in self.area.rows]
+        if rows and shapely.MultiLineString(rows).distance(here) < self._row_clearance_m:
+            return "lies in the crop rows"
+        return "is too near to an edge or an obstacle for the robot to turn there"
+
+    def _space(self) -> FreeSpace:
+        import shapely
+
         space = FreeSpace(self.area, self._shape, self.request)
         if self.area.rows:
             space.remove(
@@ -80,6 +130,17 @@ class FieldWork:
                     [shapely.LineString(r).buffer(self._row_clearance_m) for r in self.area.rows]
                 )
             )
+        return space
+
+    def _way(self, start: Point, goal: Point) -> list[Leg]:
+        """Inside the field, around what is in the way.
+
+        A place outside, or closer to an edge than the robot can turn, is left or reached by the
+        straight line to the nearest ground on which it can.
+        """
+        if math.dist(start, goal) < SPACING_M:
+            return []
+        space = self._space()
         inner = [space.nearest(place) for place in (start, goal)]
         for place, near in zip((start, goal), inner, strict=True):
             if math.dist(place, near) > MAX_OUTSIDE_M:
@@ -134,17 +195,18 @@ def _bulge_m(xy: FloatArray) -> float:
 
 
 def drive_path(legs: list[Leg], rows: list[list[int] | None]) -> Path:
-    """Points 2 cm apart. Where the robot turns in place the same point stands twice."""
+    """Points 2 cm apart; where the robot turns in place, or back, the same point stands twice."""
     blocks, done_m = [], 0.0
     for leg, numbers in zip(legs, rows, strict=True):
         pieces = _broken(leg) if leg.kind == "link" else [leg.xy_map_m]
         for xy in pieces:
-            block = _block(xy, done_m, numbers or [-1] * (len(xy) - 1))
+            block = _block(xy, done_m, numbers or [-1] * (len(xy) - 1), leg.is_reverse)
             done_m = float(block[-1, 5])
             blocks.append(block)
     table = np.concatenate(blocks)
     same = (np.diff(table[:, 5]) <= 0.0) & (_turned_rad(table[:, 2]) < 1e-3)
     table = table[np.concatenate([[True], ~same])]
+    table[:, 2] += np.pi * table[:, 6]  # backwards the robot looks against its course
     return path_from_table(table)
 
 
@@ -156,8 +218,8 @@ def _turned_rad(yaw: FloatArray) -> FloatArray:
     return np.asarray(np.abs(np.angle(np.exp(1j * np.diff(yaw)))))
 
 
-def _block(xy: FloatArray, done_m: float, rows: list[int]) -> FloatArray:
-    """Columns x, y, yaw, curvature, row, s along a line without corners.
+def _block(xy: FloatArray, done_m: float, rows: list[int], is_reverse: bool) -> FloatArray:
+    """Columns x, y, course, curvature, row, s, is_reverse along a line without corners.
 
     The course at a bend is the mean of the two pieces; along a piece it goes over from one end
     to the other, as on the arc that the pieces are chords of.
@@ -170,11 +232,12 @@ def _block(xy: FloatArray, done_m: float, rows: list[int]) -> FloatArray:
     for k in range(len(step)):
         count = max(1, math.ceil(length_m[k] / SPACING_M - 1e-9))
         ratio = np.arange(count + (k == len(step) - 1)) / count
-        table = np.empty((len(ratio), 6))
+        table = np.empty((len(ratio), 7))
         table[:, :2] = xy[k] + ratio[:, None] * step[k]
         table[:, 2] = at_ends[k] + ratio * (at_ends[k + 1] - at_ends[k])
         table[:, 3] = (at_ends[k + 1] - at_ends[k]) / length_m[k]
         table[:, 4] = rows[k]
         table[:, 5] = done_m + float(length_m[:k].sum()) + ratio * length_m[k]
+        table[:, 6] = is_reverse
         blocks.append(table)
     return np.concatenate(blocks)

@@ -9,11 +9,20 @@ import msgspec
 import numpy as np
 
 from agribot.errors import MissionError
-from agribot.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, PlanRequest, Point
+from agribot.plan.coverage.area import (
+    FieldArea,
+    FieldPlan,
+    Footprint,
+    Leg,
+    LegKind,
+    PlanRequest,
+    Point,
+    TurnStyle,
+)
 from agribot.plan.coverage.free_space import FreeSpace, polygons
-from agribot.plan.coverage.swaths import cells, rotated, search_yaw_rad, swaths_over
+from agribot.plan.coverage.swaths import cells, rotated, search_yaw_rad, swaths_over, with_room
 from agribot.plan.coverage.tasks import Task, cell_task, in_order, ring_tasks, row_task
-from agribot.plan.coverage.turns import arc_turn, yaw_rad
+from agribot.plan.coverage.turns import arc_turn, three_point_turn, yaw_rad
 from agribot.plan.coverage.ways import Ways
 from agribot.plan.curves import Pose
 
@@ -71,7 +80,7 @@ def _area_tasks(
     inner: BaseGeometry = space.region
     half_m = request.implement_width_m / 2.0
     slivers = []
-    for number in range(request.headland_passes):
+    for number in range(request.passes(has_rows=False)):
         edge = FreeSpace.inset(space.region, number * request.spacing_m)
         if not polygons(edge):
             break
@@ -92,7 +101,10 @@ def _area_tasks(
             f"{len(swaths)} swaths are more than the limit of {MAX_SWATHS}; "
             "split the field or use a wider implement"
         )
-    return swath_yaw_rad, rings + [cell_task(cell, swath_yaw_rad) for cell in cells(swaths)]
+    tool_x_m = request.tool_x_m
+    swaths = with_room(swaths, space.drivable, swath_yaw_rad, abs(tool_x_m))
+    found = [cell_task(cell, swath_yaw_rad, tool_x_m) for cell in cells(swaths)]
+    return swath_yaw_rad, rings + found
 
 
 def _direction(
@@ -156,13 +168,21 @@ def _turn(
     start, end = _point(leg, -1), _point(after, 0)
     if math.dist(start, end) < 1e-6:
         return []
-    if request.turns == "auto":
-        from_pose = Pose(*start, yaw_rad(leg.xy_map_m[-2], leg.xy_map_m[-1]))
-        to_pose = Pose(*end, yaw_rad(after.xy_map_m[0], after.xy_map_m[1]))
-        points = arc_turn(from_pose, to_pose, drivable)
-        if points is not None:
-            return [Leg(kind="arc", xy_map_m=points)]
-    return _link(start, end, ways)
+    from_pose = Pose(*start, yaw_rad(leg.xy_map_m[-2], leg.xy_map_m[-1]))
+    to_pose = Pose(*end, yaw_rad(after.xy_map_m[0], after.xy_map_m[1]))
+    return _curved(from_pose, to_pose, request.turns, drivable) or _link(start, end, ways)
+
+
+def _curved(start: Pose, end: Pose, style: TurnStyle, drivable: BaseGeometry) -> list[Leg]:
+    """The turn in the wanted style; nothing where the robot has to turn in place."""
+    if style == "pivot":
+        return []
+    three = three_point_turn(start, end, drivable) if style == "three-point" else None
+    if three is not None:
+        kinds: tuple[LegKind, ...] = ("arc", "reverse", "arc")
+        return [Leg(kind=kind, xy_map_m=xy) for kind, xy in zip(kinds, three, strict=True)]
+    points = arc_turn(start, end, drivable, is_wanted=style != "auto")
+    return [] if points is None else [Leg(kind="arc", xy_map_m=points)]
 
 
 def _link(start: Point, end: Point, ways: Ways) -> list[Leg]:

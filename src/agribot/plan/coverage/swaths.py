@@ -14,15 +14,21 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 ANGLE_STEP_DEG = 1.0
+SHORTEST_M = 0.01
 
 
 class Swath(NamedTuple):
-    """In the swath frame: line number, distance across, and from where to where along."""
+    """In the swath frame: line number, distance across, and from where to where along.
+
+    `before_m` and `after_m` are how far the robot can drive on straight beyond both ends.
+    """
 
     line: int
     v_m: float
     start_m: float
     end_m: float
+    before_m: float = 0.0
+    after_m: float = 0.0
 
 
 def search_yaw_rad(work: BaseGeometry, spacing_m: float) -> float:
@@ -121,11 +127,11 @@ def _spans(shape: BaseGeometry) -> list[tuple[float, float]]:
 def _clipped(
     wanted: Sequence[tuple[float, float]], free: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Parts of the wanted spans that are free; nothing shorter than a centimetre."""
+    """Parts of the wanted spans that are free, unless very short."""
     return [
         (max(a, c), min(b, d))
         for a, b in wanted for c, d in free
-        if min(b, d) - max(a, c) > 0.01
+        if min(b, d) - max(a, c) > SHORTEST_M
     ]  # fmt: skip
 
 
@@ -154,6 +160,41 @@ def cells(swaths: Sequence[Swath]) -> list[list[Swath]]:
                 found.append(grown[-1])
         open_cells = grown
     return found
+
+
+def with_room(
+    swaths: Sequence[Swath], drivable: BaseGeometry, yaw_rad: float, reach_m: float
+) -> list[Swath]:
+    """The swaths with what is open beyond their ends, up to `reach_m`."""
+    import shapely
+
+    if reach_m <= 0.0 or not swaths:
+        return list(swaths)
+    ends = np.array(
+        [[[(s.start_m, s.v_m), (s.start_m - reach_m, s.v_m)],
+          [(s.end_m, s.v_m), (s.end_m + reach_m, s.v_m)]] for s in swaths]
+    )  # fmt: skip
+    rays = rotated(ends.reshape(-1, 2), yaw_rad).reshape(-1, 2, 2)
+    lines = np.asarray(shapely.linestrings(rays))
+    closed = shapely.difference(lines, drivable)
+    room_m = np.asarray(shapely.distance(closed, shapely.points(rays[:, 0])))
+    room_m[np.isnan(room_m)] = reach_m  # nothing is closed
+    return [
+        swath._replace(before_m=float(before_m), after_m=float(after_m))
+        for swath, (before_m, after_m) in zip(swaths, room_m.reshape(-1, 2), strict=True)
+    ]
+
+
+def driven(swath: Swath, tool_x_m: float) -> tuple[float, float]:
+    """From where to where the robot drives along a swath, upwards, so that the tool works it.
+
+    It goes beyond the swath where the tool is behind, as far as there is room, and begins later.
+    """
+    start_m = swath.start_m - min(tool_x_m, swath.before_m)
+    end_m = swath.end_m - max(tool_x_m, -swath.after_m)
+    if end_m - start_m < SHORTEST_M:
+        return swath.start_m, swath.end_m
+    return start_m, end_m
 
 
 def _meet(one: Swath, other: Swath) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from agribot.errors import MissionError
 from agribot.messages import FloatArray
 from agribot.plan.coverage.area import Leg, LegKind, Line, Point
-from agribot.plan.coverage.swaths import Swath, rotated
+from agribot.plan.coverage.swaths import Swath, driven, rotated
 from agribot.plan.coverage.turns import smooth_pieces
 
 if TYPE_CHECKING:
@@ -25,21 +25,28 @@ RING_STARTS = 8
 ROUTED_CANDIDATES = 4
 
 
-def cell_task(cell: Sequence[Swath], yaw_rad: float) -> Task:
+def cell_task(cell: Sequence[Swath], yaw_rad: float, tool_x_m: float) -> Task:
     """Up and down through a cell, begun at any of its four corners."""
     variants = []
     for ordered in (cell, cell[::-1]):
         for first_flipped in (False, True):
             ends = np.array(
                 [
-                    [(s.end_m, s.v_m), (s.start_m, s.v_m)]
-                    if (number % 2 == 0) == first_flipped
-                    else [(s.start_m, s.v_m), (s.end_m, s.v_m)]
-                    for number, s in enumerate(ordered)
+                    _ends(swath, (number % 2 == 0) == first_flipped, tool_x_m)
+                    for number, swath in enumerate(ordered)
                 ]
             )
             variants.append(list(rotated(ends.reshape(-1, 2), yaw_rad).reshape(-1, 2, 2)))
     return "swath", variants
+
+
+def _ends(swath: Swath, is_flipped: bool, tool_x_m: float) -> list[Point]:
+    """Where the robot drives along a swath, in the swath frame and in driving order."""
+    if is_flipped:
+        end_m, start_m = driven(swath, -tool_x_m)
+    else:
+        start_m, end_m = driven(swath, tool_x_m)
+    return [(start_m, swath.v_m), (end_m, swath.v_m)]
 
 
 def ring_tasks(region: BaseGeometry) -> list[Task]:

@@ -11,7 +11,7 @@ import numpy as np
 from agribot.messages import FloatArray
 from agribot.plan.coverage.area import Point
 from agribot.plan.coverage.free_space import ROUNDING_M
-from agribot.plan.curves import MIN_RADIUS_M, Pose, Segment, length_m
+from agribot.plan.curves import MIN_RADIUS_M, Pose, Segment, end_pose, length_m
 from agribot.plan.dubins import shortest
 
 if TYPE_CHECKING:
@@ -21,6 +21,8 @@ ARC_STEP_M = 0.05
 SAME_PLACE_M = 5e-3  # a step shorter than this has no direction to speak of
 MAX_ARC_RADIUS_M = 0.5
 MAX_ROUNDING_RADIUS_M = 5.0
+MAX_SKEW_RAD = 1e-3
+SHORTEST_BACK_M = 0.05
 MAX_TURN_RAD = 1.5 * math.pi  # more is a loop, and looks lost
 # A turn in place costs its angle at this rate, stopping and starting, and the straight between.
 PIVOT_RATE_RADPS = 0.6
@@ -36,23 +38,59 @@ def bend_rad(before: FloatArray, at: FloatArray, after: FloatArray) -> float:
     return math.remainder(yaw_rad(at, after) - yaw_rad(before, at), math.tau)
 
 
-def arc_turn(start: Pose, end: Pose, drivable: BaseGeometry) -> FloatArray | None:
-    """Points of the turn from one pose to another, if it is open and quicker than pivoting."""
+def arc_turn(
+    start: Pose, end: Pose, drivable: BaseGeometry, *, is_wanted: bool
+) -> FloatArray | None:
+    """Points of the turn from one pose to another, if it is open and wanted or quicker."""
     import shapely
 
-    across_m = abs(
-        (end.y_m - start.y_m) * math.cos(start.yaw_rad)
-        - (end.x_m - start.x_m) * math.sin(start.yaw_rad)
-    )
-    radius_m = min(max(across_m / 2.0, MIN_RADIUS_M * 1.001), MAX_ARC_RADIUS_M)
+    _, left_m = _from(start, end)
+    radius_m = min(max(abs(left_m) / 2.0, MIN_RADIUS_M * 1.001), MAX_ARC_RADIUS_M)
     segments = shortest(start, end, radius_m)
     turned_rad = sum(segment.length_m * abs(segment.curvature_radpm) for segment in segments)
-    if turned_rad > MAX_TURN_RAD or length_m(segments) / TURN_SPEED_MPS > _pivot_s(start, end):
+    is_slow = length_m(segments) / TURN_SPEED_MPS > _pivot_s(start, end)
+    if not is_wanted and (turned_rad > MAX_TURN_RAD or is_slow):
         return None
     points = sampled(start, segments)
     if len(points) < 2 or not drivable.covers(shapely.LineString(points)):
         return None
     return points
+
+
+def three_point_turn(
+    start: Pose, end: Pose, drivable: BaseGeometry
+) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """A quarter circle ahead, straight back, a quarter circle ahead; None where it is not open.
+
+    It turns between opposite courses that are closer than two radii, and goes no deeper into the
+    headland than one.
+    """
+    import shapely
+
+    ahead_m, left_m = _from(start, end)
+    back_m = 2.0 * MAX_ARC_RADIUS_M - abs(left_m)
+    skew_rad = math.remainder(end.yaw_rad - start.yaw_rad - math.pi, math.tau)
+    if abs(skew_rad) > MAX_SKEW_RAD or back_m < SHORTEST_BACK_M:
+        return None
+    quarter = Segment(
+        math.pi / 2.0 * MAX_ARC_RADIUS_M, math.copysign(1.0 / MAX_ARC_RADIUS_M, left_m)
+    )
+    into = (Segment(max(ahead_m, 0.0), 0.0), quarter)
+    turned = end_pose(start, into)
+    backed = turned.ahead(-back_m)
+    back = np.array([turned[:2], backed[:2]])
+    out = sampled(backed, (quarter, Segment(max(-ahead_m, 0.0), 0.0)))
+    out[-1] = end[:2]
+    way = (sampled(start, into), back, out)
+    is_open = drivable.covers(shapely.MultiLineString(way))
+    return way if is_open else None
+
+
+def _from(start: Pose, end: Pose) -> tuple[float, float]:
+    """How far a place is ahead and to the left of a pose."""
+    dx, dy = end.x_m - start.x_m, end.y_m - start.y_m
+    cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
+    return cos * dx + sin * dy, cos * dy - sin * dx
 
 
 def _pivot_s(start: Pose, end: Pose) -> float:

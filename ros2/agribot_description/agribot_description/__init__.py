@@ -1,0 +1,1 @@
+"""Launch files, RViz view and description of AGRIBOT for ROS 2."""

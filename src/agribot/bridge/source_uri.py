@@ -1,0 +1,39 @@
+"""Where a sensor comes from, in words: ros2:/fix, ros1:/imu/data, ros2://HOST:PORT/fix."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+from urllib.parse import urlsplit
+
+import msgspec
+
+from agribot.config import SourceConfig
+from agribot.errors import ConfigError
+
+Network = Literal["ros2", "ros1"]
+_NETWORKS: dict[str, Network] = {"ros2": "ros2", "ros1": "ros1"}
+
+
+class Place(NamedTuple):
+    """`at` is HOST:PORT of the router or master, empty for the usual one."""
+
+    network: Network
+    at: str
+    topic: str
+
+
+def places(sources: SourceConfig) -> dict[str, Place]:
+    """Sensor -> topic, of those that come from elsewhere.
+
+    Raises: ConfigError: a URI that means nothing.
+    """
+    wanted = msgspec.structs.asdict(sources)
+    return {sensor: _place(sensor, uri) for sensor, uri in wanted.items() if uri}
+
+
+def _place(sensor: str, uri: str) -> Place:
+    parts = urlsplit(uri)
+    if parts.scheme not in _NETWORKS or not parts.path.strip("/"):
+        known = " or ".join(f"{sensor}={network}:/topic" for network in _NETWORKS)
+        raise ConfigError(f"--source {sensor}={uri}: write {known}, or leave the sensor out")
+    return Place(_NETWORKS[parts.scheme], parts.netloc, "/" + parts.path.strip("/"))

@@ -1,0 +1,86 @@
+"""A sensor of the robot that is somebody else's topic."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, Protocol
+
+import msgspec
+
+from agribot.errors import BridgeError
+from agribot.platform import Sensor
+from agribot.ros.sensor_readers import Read, Sample, seconds
+from agribot.ros.stamp_clock import StampClock
+
+QUEUE_MESSAGES = 1000  # between two ticks; a flood loses its oldest
+
+
+class Ear(Protocol):
+    """A network on which a topic can be heard without knowing its type beforehand."""
+
+    def hear_any(self, name: str, heard: Callable[[str, bytes], None]) -> None:
+        """`heard` gets the message type and its bytes, in a thread of the network."""
+        ...
+
+    def decode(self, ros_type: str, data: bytes) -> Any:
+        """Raises: BridgeError: these bytes are no such message."""
+        ...
+
+
+class _Arrival(NamedTuple):
+    stamp_s: float
+    arrived_s: float  # by the monotonic clock
+    sample: Sample
+
+
+class TopicSource:
+    """Messages are read in the network's thread and taken, with their time, in the loop's.
+
+    `name` is the topic's; `refuse` hears what is not taken and why.
+    Raises: BridgeError: the network cannot be reached.
+    """
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        name: str,
+        ear: Ear,
+        readers: Mapping[str, Read],
+        refuse: Callable[[str], None],
+    ) -> None:
+        self.sensor, self.name = sensor, name
+        self._ear, self._readers, self._refuse = ear, readers, refuse
+        self._arrived: deque[_Arrival] = deque(maxlen=QUEUE_MESSAGES)
+        self._clock = StampClock()
+        self._last_s = -1.0
+        ear.hear_any(name, self._hear)
+
+    def take(self, t_s: float) -> tuple[Sample, ...]:
+        """Later ones of the same or an earlier capture time than one before are left out."""
+        now_s, taken = time.monotonic(), []
+        while self._arrived:
+            stamp_s, arrived_s, sample = self._arrived.popleft()
+            at_s = self._clock.t_s(stamp_s, t_s - (now_s - arrived_s))
+            if at_s > self._last_s:
+                self._last_s = at_s
+                taken.append(msgspec.structs.replace(sample, t_s=at_s))
+        return tuple(taken)
+
+    def close(self) -> None:
+        """What the ear has declared goes with it."""
+
+    def _hear(self, ros_type: str, data: bytes) -> None:
+        arrived_s = time.monotonic()
+        read = self._readers.get(ros_type)
+        try:
+            if read is None:
+                raise BridgeError(f"{ros_type} is none of {', '.join(self._readers)}")
+            message = self._ear.decode(ros_type, data)
+            sample = read(message, 0.0)
+        except BridgeError as error:
+            self._refuse(f"{self.sensor} from {self.name}: {error}")
+            return
+        if sample is not None:
+            self._arrived.append(_Arrival(seconds(message.header.stamp), arrived_s, sample))

@@ -1,0 +1,118 @@
+"""`agribot calibrate magnetometer` and `antenna`: what a turn on the spot tells of the sensors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from agribot.commands.calibration_drive import Drive
+from agribot.config import RunConfig
+from agribot.errors import MissionError
+from agribot.estimate.antenna_fit import AntennaFit, fit_antenna
+from agribot.estimate.compass import level_field
+from agribot.estimate.drive_log import DriveLog
+from agribot.estimate.mag_fit import MagFit, MagFitted
+from agribot.messages import SensorBatch, Vec3
+from agribot.record.replay import read_config, read_ticks
+from agribot.robot import RobotSpec
+
+GRAVITY_SHARE = 0.02  # of the accelerometer in the direction of up, per reading
+
+
+class MagResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What --json prints; `settings` are for `agribot run --set`."""
+
+    ok: bool
+    reasons: tuple[str, ...]
+    fit: MagFitted
+    settings: tuple[str, ...]
+
+
+class AntennaResult(msgspec.Struct, frozen=True, kw_only=True):
+    ok: bool
+    reasons: tuple[str, ...]
+    fit: AntennaFit
+    described_x_m: float
+    described_y_m: float
+
+
+def magnetometer_of_drive(driven: Drive, declination_rad: float) -> MagResult:
+    """Headings by the gyro from where the drive began: the ellipse needs no more."""
+    log = DriveLog(driven.batches, driven.stretches)
+    start_s = driven.stretches[0].start_s
+    headings = ((batch, log.turned_rad(start_s, batch.t_s)) for batch in driven.batches)
+    return _magnetometer(headings, declination_rad)
+
+
+def magnetometer_of_recording(path: Path) -> MagResult:
+    """Headings as the robot believed them; a mission that turned on headlands has enough."""
+    config: RunConfig = read_config(path)
+    headings = (
+        (tick.batch, tick.estimate.yaw_map_rad) for tick in read_ticks(path) if tick.estimate.ok
+    )
+    return _magnetometer(headings, math.radians(config.field.declination_deg))
+
+
+def _magnetometer(
+    headings: Iterable[tuple[SensorBatch, float]], declination_rad: float
+) -> MagResult:
+    fit, up = MagFit(), np.array([0.0, 0.0, 1.0])
+    for batch, yaw_rad in headings:
+        for imu in batch.imu:
+            up = (1.0 - GRAVITY_SHARE) * up + GRAVITY_SHARE * np.array(imu.accel_mps2) / 9.81
+        x, y, z = (up / np.linalg.norm(up)).tolist()
+        up_body: Vec3 = (x, y, z)
+        for sample in batch.mag:
+            level_t = level_field(sample.field_t, up_body)
+            if level_t is not None:
+                fit.add(level_t, math.pi / 2.0 - declination_rad - yaw_rad)
+    fitted = fit.solved()
+    if fitted is None:
+        raise MissionError(
+            f"{fit.count} readings in {fit.sectors} of 36 directions do not show an ellipse; turn "
+            "the robot a full circle"
+        )
+    iron, reasons = fitted.calibration, fitted.complaints()
+    offset = ",".join(f"{value:.3e}" for value in iron.offset_t)
+    shape = ",".join(f"{value:.4f}" for value in iron.shape)
+    settings = (f"estimate.mag_offset_t=[{offset}]", f"estimate.mag_shape=[{shape}]")
+    return MagResult(ok=not reasons, reasons=reasons, fit=fitted, settings=settings)
+
+
+def antenna_of_drive(driven: Drive, robot: RobotSpec) -> AntennaResult:
+    fit = fit_antenna(DriveLog(driven.batches, driven.stretches), driven.stretches)
+    x_m, y_m, _ = robot.body_from_link(robot.gnss.link)[:3, 3].tolist()
+    reasons = fit.complaints()
+    return AntennaResult(
+        ok=not reasons, reasons=reasons, fit=fit, described_x_m=x_m, described_y_m=y_m
+    )
+
+
+def magnetometer_text(result: MagResult) -> str:
+    fit = result.fit
+    lines = [
+        f"field {fit.field_t * 1e6:.1f} uT, hard iron "
+        f"{math.hypot(*fit.calibration.offset_t) / fit.field_t:.1%} of it, ellipse "
+        f"{fit.calibration.shape}",
+        f"headings good to {math.degrees(fit.std_rad):.2f} degrees, single readings scatter by "
+        f"{math.degrees(fit.scatter_rad):.2f}, {fit.sectors} of 36 directions seen",
+    ]
+    if result.ok:
+        lines += ["to use it:", *(f"  --set '{setting}'" for setting in result.settings)]
+    return "\n".join([*lines, *(f"do not use it: {reason}" for reason in result.reasons)]) + "\n"
+
+
+def antenna_text(result: AntennaResult) -> str:
+    fit = result.fit
+    lines = [
+        f"antenna {fit.x_m:+.3f} m ahead and {fit.y_m:+.3f} m left of the turning centre, "
+        f"+-{fit.std_m:.3f} m, from {fit.fixes} fixes that scatter by {fit.scatter_m:.3f} m",
+        f"described: {result.described_x_m:+.3f} m ahead, {result.described_y_m:+.3f} m left",
+    ]
+    if result.ok:
+        lines.append("to use it, set the origin of the antenna's joint in the robot's xacro files")
+    return "\n".join([*lines, *(f"do not use it: {reason}" for reason in result.reasons)]) + "\n"

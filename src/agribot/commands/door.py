@@ -1,0 +1,28 @@
+"""Which running robot a command speaks to."""
+
+from __future__ import annotations
+
+import argparse
+import os
+
+from agribot.errors import ConfigError
+from agribot.ui.address import DEFAULT_PORT, Door, read_door
+
+
+def add_door_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--url", metavar="WS", help="ws://HOST:PORT/ws/v1 of a robot elsewhere; wss:// with TLS"
+    )
+    parser.add_argument("--token", help="of the robot at --url (default: $AGRIBOT_TOKEN)")
+    parser.add_argument("--cert", default="", metavar="FILE", help="its self-signed certificate")
+    parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="of a robot on this machine")
+
+
+def door_of(options: argparse.Namespace) -> Door:
+    """Raises: ConfigError: no robot with a page on this machine, or no token for another one."""
+    if options.url is None:
+        return read_door(options.port)
+    token = options.token or os.environ.get("AGRIBOT_TOKEN", "")
+    if not token:
+        raise ConfigError("--url needs the robot's token: give --token or set AGRIBOT_TOKEN")
+    return Door(url=options.url, token=token, cert=options.cert)

@@ -1,0 +1,66 @@
+"""The settings of a run as options: what `agribot run` and `agribot sim` have in common."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+
+from agribot import config
+from agribot.config import RunConfig
+
+# Option and the setting that it is short for.
+_SHORT_FOR = {
+    "world": "world",
+    "robot": "robot",
+    "waypoints": "waypoints",
+    "plan": "plan",
+    "seed": "seed",
+    "sensors": "sim.sensors",
+    "duration_s": "duration_s",
+}
+
+
+def add_setting_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "profile", nargs="?", default="farm", help="packaged profile or .toml file (default: farm)"
+    )
+    parser.add_argument("--world", metavar="NAME|FILE", help="empty, Farm, ... or an SDF file")
+    parser.add_argument("--robot", metavar="NAME|FILE", help="another robot description")
+    parser.add_argument(
+        "--sensors", metavar="PRESET", help="legacy, seed, m8n, rtk, rtk-dual, ideal"
+    )
+    parser.add_argument("--seed", type=int, metavar="N", help="of all randomness (default: 0)")
+    parser.add_argument(
+        "--for", dest="duration_s", type=float, metavar="SECONDS", help="stop after"
+    )
+    parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
+
+
+def settings_of(
+    options: argparse.Namespace,
+    profile: str | None = None,
+    before: Sequence[str] = (),
+    after: Sequence[str] = (),
+) -> RunConfig:
+    """An option of its own counts more than `--set`; `before` counts least and `after` most.
+
+    Raises: ConfigError: a setting that does not exist or does not fit.
+    """
+    named = {setting: getattr(options, name, None) for name, setting in _SHORT_FOR.items()}
+    assigned = [
+        f"{setting}={msgspec.json.encode(value).decode()}"
+        for setting, value in named.items()
+        if value is not None
+    ]
+    return config.load(profile or options.profile, [*before, *options.set, *assigned, *after])
+
+
+def out_dir_of(wanted: str | Path | None, kind: str) -> Path:
+    """The folder of a run: the one that was asked for, or a new one named by the time."""
+    if wanted is not None:
+        return Path(wanted)
+    return Path("runs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{kind}"

@@ -1,0 +1,97 @@
+"""Sensors of a run that come from somebody else's topics: `--source gnss=ros2:/fix`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Protocol
+
+import msgspec
+
+from agribot.bridge.requests import Requests
+from agribot.bridge.source_uri import Network, places
+from agribot.bridge.topic_source import Ear, TopicSource
+from agribot.commands.bridging import domain_from, master_from, router_from, say
+from agribot.config import SourceConfig
+from agribot.errors import ConfigError
+from agribot.platform import MixedPlatform, Sensor
+from agribot.ros.sensor_readers import readers
+from agribot.session import Session
+
+_SENSOR_OF: dict[str, Sensor] = {"camera": "frames"}
+_NODE = "agribot_sensors"
+
+
+class _Link(Ear, Protocol):
+    def close(self) -> None: ...
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    names = ", ".join(SourceConfig.__struct_fields__)
+    parser.add_argument(
+        "--source",
+        action="append",
+        default=[],
+        metavar="SENSOR=URI",
+        help=f"take a sensor ({names}) from a topic: gnss=ros2:/fix, imu=ros1:/imu/data; "
+        "ros2://HOST:PORT/fix and ros1://HOST:PORT/fix name router or master",
+    )
+
+
+def settings_of(options: argparse.Namespace) -> list[str]:
+    """The options as settings of the run.
+
+    Raises: ConfigError: not SENSOR=URI.
+    """
+    for text in options.source:
+        if "=" not in text:
+            raise ConfigError(f"--source {text}: write it as SENSOR=URI, like gnss=ros2:/fix")
+    return [
+        f"sources.{sensor}={msgspec.json.encode(uri).decode()}"
+        for sensor, _, uri in (text.partition("=") for text in options.source)
+    ]
+
+
+@contextmanager
+def sensor_sources(options: argparse.Namespace, session: Session) -> Iterator[None]:
+    """Let the session sense what its settings take from topics.
+
+    Raises: AgribotError: a URI that means nothing, or a network that cannot be reached.
+    """
+    wanted = places(session.config.sources)
+    refuse = Requests(session.platform.inbox, say=say).refuse
+    links: dict[tuple[str, str], _Link] = {}
+    with ExitStack() as opened:
+        sources = []
+        for name, place in wanted.items():
+            if place[:2] not in links:
+                link = _OPENERS[place.network](place.at, options, refuse)
+                opened.callback(link.close)
+                links[place[:2]] = link
+            sensor = _SENSOR_OF.get(name) or msgspec.convert(name, Sensor)
+            known = readers(sensor, session.robot)
+            source = TopicSource(sensor, place.topic, links[place[:2]], known, refuse)
+            sources.append(source)
+        if sources:
+            session.sensed = MixedPlatform(session.platform, sources)
+        yield
+
+
+def _ros2(at: str, options: argparse.Namespace, _refuse: Callable[[str], None]) -> _Link:
+    from agribot.bridge.ros2.link import Ros2Link
+
+    router = f"tcp/{at}" if at else router_from(options)
+    return Ros2Link(_NODE, domain=domain_from(options), router=router, listen=not at)
+
+
+def _ros1(at: str, options: argparse.Namespace, refuse: Callable[[str], None]) -> _Link:
+    from agribot.bridge.ros1.link import Ros1Link
+
+    return Ros1Link(_NODE, refuse, f"http://{at}" if at else master_from(options))
+
+
+_OPENERS: dict[Network, Callable[[str, argparse.Namespace, Callable[[str], None]], _Link]] = {
+    "ros2": _ros2,
+    "ros1": _ros1,
+}

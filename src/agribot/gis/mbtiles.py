@@ -1,0 +1,146 @@
+"""Offline map tiles: MBTiles files in one folder, read and written with nothing but SQLite."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from agribot.errors import ConfigError
+
+_MEDIA = ((b"\x89PNG", "image/png"), (b"\xff\xd8", "image/jpeg"), (b"RIFF", "image/webp"))
+MAX_ZOOM = 24
+LIVE = "agribot_live"  # metadata: address template of a server that is asked for missing tiles
+PATIENCE_S = 10.0  # while another thread writes into the same file
+
+
+def map_files(folder: Path) -> dict[str, Path]:
+    return {path.stem: path for path in sorted(folder.glob("*.mbtiles"))}
+
+
+def described_map(path: Path) -> dict[str, Any]:
+    """Name, zooms, bounds (west, south, east, north) and attribution.
+
+    Raises: ConfigError: no MBTiles file, or an empty one that no server fills.
+    """
+    try:
+        with closing(_opened(path)) as database:
+            known = dict(database.execute("SELECT name, value FROM metadata").fetchall())
+            low, high, count = database.execute(
+                "SELECT min(zoom_level), max(zoom_level), count(*) FROM tiles"
+            ).fetchone()
+    except sqlite3.Error as error:
+        raise ConfigError(f"{path} is no MBTiles file: {error}") from error
+    is_live = LIVE in known
+    if not count and not is_live:
+        raise ConfigError(f"{path} holds no tiles")
+    bounds = known.get("bounds")
+    return {
+        "name": path.stem,
+        "minzoom": int(known["minzoom"]) if is_live else low,
+        "maxzoom": int(known["maxzoom"]) if is_live else high,
+        "tiles": count,
+        "bounds": [float(edge) for edge in bounds.split(",")] if bounds else None,
+        "attribution": known.get("attribution", ""),
+        "format": known.get("format", ""),
+        "live": is_live,
+    }
+
+
+def tile(path: Path, z: int, x: int, y: int) -> bytes | None:
+    """The tile by its XYZ address; MBTiles count rows from the south."""
+    if not is_address(z, x, y):
+        return None
+    with closing(_opened(path)) as database:
+        found = database.execute(
+            "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?",
+            (z, x, 2**z - 1 - y),
+        ).fetchone()
+    return None if found is None else bytes(found[0])
+
+
+def is_address(z: int, x: int, y: int) -> bool:
+    return 0 <= z <= MAX_ZOOM and 0 <= x < 2**z and 0 <= y < 2**z
+
+
+def live_template(path: Path) -> str:
+    """Where missing tiles come from; empty for a map that is complete."""
+    with closing(_opened(path)) as database:
+        found = database.execute("SELECT value FROM metadata WHERE name = ?", (LIVE,)).fetchone()
+    return str(found[0]) if found else ""
+
+
+def media_type(data: bytes) -> str:
+    return next((name for head, name in _MEDIA if data.startswith(head)), "application/x-protobuf")
+
+
+def is_picture(data: bytes) -> bool:
+    return any(data.startswith(head) for head, _ in _MEDIA)
+
+
+def import_mbtiles(source: Path, folder: Path, name: str) -> dict[str, Any]:
+    """Copy a file into the folder once it is known to be good.
+
+    Raises: ConfigError: not readable, no MBTiles file, or without tiles.
+    """
+    if not source.is_file():
+        raise ConfigError(f"map file {source} does not exist; check the path")
+    described_map(source)
+    folder.mkdir(parents=True, exist_ok=True)
+    target = folder / f"{name}.mbtiles"
+    half = target.with_suffix(".writing")
+    shutil.copyfile(source, half)
+    half.replace(target)
+    return described_map(target)
+
+
+class TileWriter:
+    """Puts tiles into a file; what is there stays, so that an import that broke off goes on.
+
+    Raises: ConfigError: the file cannot be written, or is no MBTiles file.
+    """
+
+    def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._database = sqlite3.connect(path, timeout=PATIENCE_S)
+            self._database.executescript(
+                "CREATE TABLE IF NOT EXISTS metadata (name TEXT PRIMARY KEY, value TEXT);"
+                "CREATE TABLE IF NOT EXISTS tiles (zoom_level INTEGER, tile_column INTEGER,"
+                " tile_row INTEGER, tile_data BLOB,"
+                " PRIMARY KEY (zoom_level, tile_column, tile_row));"
+            )
+            rows = list(metadata.items())
+            self._database.executemany("INSERT OR REPLACE INTO metadata VALUES (?, ?)", rows)
+            self._database.commit()
+        except (OSError, sqlite3.Error) as error:
+            raise ConfigError(f"cannot write the map {path}: {error}") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._database.commit()
+        self._database.close()
+
+    def has(self, z: int, x: int, y: int) -> bool:
+        query = "SELECT 1 FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
+        return self._database.execute(query, (z, x, 2**z - 1 - y)).fetchone() is not None
+
+    def put(self, z: int, x: int, y: int, data: bytes) -> None:
+        row = (z, x, 2**z - 1 - y, data)
+        self._database.execute("INSERT OR REPLACE INTO tiles VALUES (?, ?, ?, ?)", row)
+
+
+def _opened(path: Path) -> sqlite3.Connection:
+    """Read-only, one connection for each request: SQLite's are not shared between threads."""
+    return sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=PATIENCE_S)

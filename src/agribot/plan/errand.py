@@ -1,0 +1,90 @@
+"""A drive beside the work: home, to a place on demand, or back to where the work stopped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+from agribot.config import MissionConfig
+from agribot.errors import MissionError
+from agribot.messages import Estimate, OperatorEvent, Path
+from agribot.plan.job import Job
+from agribot.plan.route import Route
+from agribot.plan.task import Place
+
+STANDING_MPS = 0.02
+STOPPING = "stops first"  # the leg until the robot stands and its errand is planned
+
+
+class Errand(NamedTuple):
+    """Where to, who asked for it, and how to plan it from where the robot stands."""
+
+    to: Literal["home", "goal", "work"]
+    source: str
+    plan: Callable[[Estimate], Path]
+
+    @property
+    def leg(self) -> str:
+        return {"home": "way home", "goal": "to the goal", "work": "back to the work"}[self.to]
+
+    @property
+    def refusal(self) -> str:
+        return {
+            "home": "cannot return home", "goal": "goal refused", "work": "cannot go back to work",
+        }[self.to]  # fmt: skip
+
+
+class Errands:
+    """The one errand there may be, and its route once it has begun."""
+
+    def __init__(self) -> None:
+        self.asked: Errand | None = None  # it is planned as soon as the robot stands
+        self.current: Errand | None = None
+        self.route: Route | None = None
+        self.is_away = False  # the robot was driven elsewhere since the work stopped
+
+    def ask(self, errand: Errand) -> None:
+        self.end()
+        self.asked = errand
+
+    def begin(self, errand: Errand, estimate: Estimate, config: MissionConfig) -> None:
+        """Raises: MissionError: there is no way that may be driven."""
+        route = Route(errand.plan(estimate), (), config, ())
+        self.asked, self.current, self.route, self.is_away = None, errand, route, True
+
+    def end(self) -> None:
+        self.asked = self.current = self.route = None
+
+    @property
+    def leg(self) -> str:
+        return STOPPING if self.asked else self.current.leg if self.current else ""
+
+
+def home_errand(job: Job, source: str) -> Errand:
+    """Raises: MissionError: nobody knows where home is."""
+    route, plan_home = job.route, job.task.home
+    if route is None or plan_home is None:
+        raise MissionError("nothing was planned yet")
+    ahead = route.row_ahead if job.task.has_crop else route.path.xy_map_m[:0]
+    return Errand("home", source, lambda here: plan_home(here, job.planned_from, ahead))
+
+
+def goal_errand(job: Job, event: OperatorEvent) -> Errand:
+    """Raises: MissionError: no place, or a task that knows no ways."""
+    numbers = event.numbers
+    if len(numbers) not in (2, 3) or not all(math.isfinite(number) for number in numbers):
+        raise MissionError("a goal is two or three finite numbers: x and y (m, map), yaw (rad)")
+    goal: Place = (numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else None)
+    plan = job.task.go_to
+    if plan is None:
+        raise MissionError("this mission drives its own path only")
+    return Errand("goal", event.source, lambda here: plan(here, goal))
+
+
+def work_errand(job: Job) -> Errand:
+    """Raises: MissionError: a task that knows no ways."""
+    plan, place = job.task.back, job.place_to_go_on
+    if plan is None:
+        raise MissionError("this mission drives its own path only")
+    return Errand("work", "the mission", lambda here: plan(here, place))

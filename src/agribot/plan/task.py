@@ -1,0 +1,63 @@
+"""What a mission works at, and how it finds its ways: all of it can be exchanged at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from agribot.errors import MissionError
+from agribot.messages import Estimate, FloatArray, OperatorEvent, Path, Row
+from agribot.plan.route import AT_ORIGIN, Tool
+from agribot.plan.saved_mission import PoseTuple
+
+Place = tuple[float, float, float | None]  # x and y in the map, and where to look at the end
+
+Planner = Callable[[Estimate], Path]
+# The way from where the robot is to its home pose, first along the rest of the row under it (N, 2).
+HomePlanner = Callable[[Estimate, PoseTuple, FloatArray], Path]
+# The path up to one of its points, and from there over the rows that it still works but one.
+Detour = Callable[[Path, int, int], Path]
+PlacePlanner = Callable[[Estimate, Place], Path]
+
+
+class Task(NamedTuple):
+    """`plan` is asked once, from where the robot stands when its estimate has settled.
+
+    `waypoints` are places in the map that the planned path visits, in its order. Where there
+    is crop, the robot slows down as it knows less well where the rows are. `home`, `go_to` and
+    `back` plan the ways home, to any place, and back to a place of the path; `around` leaves a
+    skipped row out of the path, without it the row is passed with the tool off. All planners
+    raise a MissionError that says why they find no way. `text` is the field plan that the task
+    was made of, `name` that of a visit.
+    """
+
+    plan: Planner
+    rows: Sequence[Row] = ()
+    waypoints: Sequence[tuple[float, float]] = ()
+    tool: Tool = AT_ORIGIN
+    has_crop: bool = True
+    home: HomePlanner | None = None
+    go_to: PlacePlanner | None = None
+    back: PlacePlanner | None = None
+    around: Detour | None = None
+    text: str = ""
+    name: str = ""
+
+
+class NewTasks(NamedTuple):
+    """Tasks that come in under way: of the text of a field plan, of places and their name.
+
+    Raises: MissionError: it is no plan, or one that must not be driven.
+    """
+
+    of_plan: Callable[[str], Task]
+    of_places: Callable[[Sequence[tuple[float, float]], str], Task]
+
+    def of(self, event: OperatorEvent) -> Task:
+        """A plan, or a visit of places."""
+        if event.action == "plan":
+            return self.of_plan(event.text)
+        xs_m, ys_m = event.numbers[::2], event.numbers[1::2]
+        if not xs_m or len(xs_m) != len(ys_m):
+            raise MissionError("it names no places: x and y (m, map) of each")
+        return self.of_places(tuple(zip(xs_m, ys_m, strict=True)), event.text or "visit")

@@ -1,0 +1,93 @@
+"""A file that a thread writes: a slow disk holds up the recording, not the robot."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from pathlib import Path
+
+WAITING_BYTES = 256_000_000  # minutes of a stalled disk; more is a fault
+
+
+class BackgroundFile:
+    """What a writer needs of a file: `write`, `tell`, `flush`, `close`.
+
+    An error of the disk comes with the next call. Bytes reach the disk in their order.
+    Raises: OSError: the file cannot be created or written, or the disk has stalled for too long.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("wb", buffering=0)
+        self._waiting: deque[bytes] = deque()
+        self._wake = threading.Condition()
+        self._waiting_bytes = self._size = 0
+        self._is_closing = False
+        self._failure: OSError | None = None
+        self._thread = threading.Thread(target=self._work, name="recording", daemon=True)
+        self._thread.start()
+
+    @property
+    def closed(self) -> bool:
+        return self._is_closing
+
+    def tell(self) -> int:
+        """Where the next byte goes, whether those before are on the disk yet or not."""
+        return self._size
+
+    def write(self, data: bytes | bytearray | memoryview) -> int:
+        self._complain()
+        if self._waiting_bytes > WAITING_BYTES:
+            raise OSError("the disk has not taken anything for too long")
+        copied = bytes(data)
+        with self._wake:
+            self._waiting.append(copied)
+            self._waiting_bytes += len(copied)
+            self._wake.notify()
+        self._size += len(copied)
+        return len(copied)
+
+    def flush(self) -> None:
+        """The thread is at it already."""
+        self._complain()
+
+    def end(self) -> None:
+        """Nothing more is to come; the thread closes the file when it has written the rest."""
+        with self._wake:
+            self._is_closing = True
+            self._wake.notify()
+
+    def close(self) -> None:
+        """Wait until everything is written. Safe to call twice."""
+        self.end()
+        self._thread.join()
+        self._complain()
+
+    def _complain(self) -> None:
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+
+    def _work(self) -> None:
+        with self._file:
+            self._write_what_comes()
+
+    def _write_what_comes(self) -> None:
+        while True:
+            with self._wake:
+                while not (self._waiting or self._is_closing):
+                    self._wake.wait()
+                if not self._waiting:
+                    return
+                data = self._waiting.popleft()
+            try:
+                self._write_all(data)
+            except OSError as error:
+                self._failure = error
+                return
+            with self._wake:
+                self._waiting_bytes -= len(data)
+
+    def _write_all(self, data: bytes) -> None:
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self._file.write(rest) :]

@@ -1,0 +1,149 @@
+"""A recording in Rerun's terms: map, pictures, curves and a place on Earth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from agribot import topics
+from agribot.errors import ConfigError
+from agribot.messages import MissionStatus
+from agribot.record.bag.opening import open_bag
+
+_NAME = "agribot"
+_TIMELINE = "robot_time"
+_NUMBERS = (
+    topics.DISTANCE, topics.BEARING, topics.ANGLE, topics.HEADING_RAW, topics.HEADING_FILTERED,
+)  # fmt: skip
+_GREEN, _BLUE, _WHITE = (20, 190, 60), (30, 140, 255), (230, 230, 230)
+_LINE_M, _GOAL_M = 0.02, 0.12
+Show = Callable[[Any], None]
+
+
+def write_rerun(recording: Path, target: Path | None) -> int:
+    """Into an .rrd file, or with None into the viewer, which is started; how many messages.
+
+    Raises: ConfigError: rerun-sdk is not installed. RecordingError: nothing that can be read.
+    """
+    try:
+        import rerun
+    except ImportError as error:
+        raise ConfigError(
+            "agribot view rerun needs rerun-sdk: pip install 'agribot[view]'"
+        ) from error
+    stream: Any = rerun.RecordingStream(_NAME)
+    if target is None:
+        stream.spawn()
+    else:
+        stream.save(str(target))
+    shower, count = _Shower(rerun, stream), 0
+    with open_bag(recording) as bag:
+        known = {t.name for t in bag.topics if t.name in shower.shows and bag.knows(t)}
+        for message in bag.messages(frozenset(known)) if known else ():
+            stream.set_time(_TIMELINE, duration=message.log_ns * 1e-9)
+            shower.shows[message.topic.name](bag.value(message))
+            count += 1
+    shower.finish()
+    stream.disconnect()  # writes the end of the file
+    return count
+
+
+class _Shower:
+    """What each topic looks like; the tracks are drawn when all is known."""
+
+    def __init__(self, rerun: Any, stream: Any) -> None:
+        self._rerun, self._stream = rerun, stream
+        self._tracks: dict[str, list[tuple[float, float, float]]] = {}
+        self._state = ""
+        self.shows: dict[str, Show] = {
+            topics.ODOMETRY.name: self._estimate,
+            topics.GROUND_TRUTH.name: self._truth,
+            topics.PATH.name: self._plan,
+            topics.GOALS.name: self._goals,
+            topics.WEEDS.name: self._weeds,
+            topics.IMAGE.name: lambda m: self._picture("camera/image", m),
+            topics.OVERLAY.name: lambda m: self._picture("camera/network", m),
+            topics.FIX.name: self._fix,
+            topics.CMD_VEL.name: self._command,
+            topics.STATUS.name: self._status,
+        }
+        for topic in _NUMBERS:
+            self.shows[topic.name] = self._number(topic.name.removeprefix("/agribot/"))
+
+    def finish(self) -> None:
+        for name, points in self._tracks.items():
+            colour = _WHITE if name == "truth" else _GREEN
+            self._lines(f"map/{name}", [points], colour)
+
+    def _log(self, path: str, what: Any, *, static: bool = False) -> None:
+        self._stream.log(path, what, static=static)
+
+    def _curve(self, path: str, value: float) -> None:
+        if math.isfinite(value):
+            self._log(path, self._rerun.Scalars(value))
+
+    def _lines(self, path: str, lines: Any, colour: tuple[int, int, int]) -> None:
+        shape = self._rerun.LineStrips3D(lines, colors=[colour], radii=[_LINE_M])
+        self._log(path, shape, static=True)
+
+    def _number(self, name: str) -> Show:
+        return lambda message: self._curve(f"curves/{name}", float(message.data))
+
+    def _estimate(self, message: Any) -> None:
+        place, turn = message.pose.pose.position, message.pose.pose.orientation
+        self._tracks.setdefault("estimate", []).append((place.x, place.y, 0.0))
+        rerun = self._rerun
+        pose = rerun.Transform3D(
+            translation=(place.x, place.y, place.z),
+            quaternion=rerun.Quaternion(xyzw=(turn.x, turn.y, turn.z, turn.w)),
+        )
+        self._log("map/robot", pose)
+        self._log("map/robot", rerun.Arrows3D(vectors=[(0.5, 0, 0)], radii=[0.05]), static=True)
+        std_m = math.sqrt(max(message.pose.covariance[0], message.pose.covariance[7], 0.0))
+        self._curve("curves/position_std_m", std_m)
+        self._curve("curves/speed_mps", float(message.twist.twist.linear.x))
+
+    def _truth(self, message: Any) -> None:
+        place = message.pose.pose.position
+        self._tracks.setdefault("truth", []).append((place.x, place.y, 0.0))
+
+    def _plan(self, message: Any) -> None:
+        places = [stamped.pose.position for stamped in message.poses]
+        self._lines("map/plan", [[(p.x, p.y, 0.0) for p in places]], _BLUE)
+
+    def _goals(self, message: Any) -> None:
+        places = [(pose.position.x, pose.position.y, 0.0) for pose in message.poses]
+        points = self._rerun.Points3D(places, colors=[_GREEN], radii=[_GOAL_M])
+        self._log("map/goals", points, static=True)
+
+    def _weeds(self, message: Any) -> None:
+        for marker in message.markers:
+            places = [(p.x, p.y, p.z) for p in marker.points]
+            colour = tuple(round(255 * c) for c in (marker.color.r, marker.color.g, marker.color.b))
+            points = self._rerun.Points3D(places, colors=[colour], radii=[marker.scale.x / 2.0])
+            self._log(f"map/plants/{marker.ns}", points)
+
+    def _picture(self, path: str, message: Any) -> None:
+        data = np.asarray(message.data).tobytes()
+        self._log(path, self._rerun.EncodedImage(contents=data, media_type="image/jpeg"))
+
+    def _fix(self, message: Any) -> None:
+        self._log(
+            "earth/fix", self._rerun.GeoPoints(lat_lon=[(message.latitude, message.longitude)])
+        )
+
+    def _command(self, message: Any) -> None:
+        self._curve("curves/commanded_mps", float(message.linear.x))
+        self._curve("curves/commanded_radps", float(message.angular.z))
+
+    def _status(self, message: Any) -> None:
+        status = msgspec.json.decode(message.data, type=MissionStatus)
+        state = ": ".join(filter(None, (status.state, status.leg, status.reason)))
+        if state != self._state:
+            self._state = state
+            self._log("mission", self._rerun.TextLog(state))

@@ -1,0 +1,25 @@
+"""ROS 2 counts the old type `char` as uint8, in hashes and on the wire; rosbags 0.11 does not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rosbags.interfaces import Nodetype
+from rosbags.typesys.store import Typestore
+
+
+def mend_char(store: Typestore) -> None:
+    for name, (constants, fields) in list(store.fielddefs.items()):
+        mended: list[Any] = [(field, _mended(kind)) for field, kind in fields]
+        if mended != list(fields):
+            store.fielddefs[name] = (constants, mended)
+
+
+def _mended(kind: Any) -> Any:
+    node, detail = kind
+    if node == Nodetype.BASE:
+        return (node, ("uint8", detail[1])) if detail[0] == "char" else kind
+    if node == Nodetype.NAME:
+        return kind
+    inner, count = detail
+    return (node, (_mended(inner), count))

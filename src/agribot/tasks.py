@@ -1,0 +1,151 @@
+"""The task of a mission, made of the settings or of a field plan: no path without its check."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path as FilePath
+
+from agribot.config import RunConfig
+from agribot.errors import MissionError
+from agribot.field_work import work_from
+from agribot.geo import MapFrame
+from agribot.messages import Estimate, FloatArray, Path, Row, TickRecord
+from agribot.plan.boustrophedon import plan_home, plan_rows, plan_without
+from agribot.plan.certify import certify
+from agribot.plan.coverage.drive import FieldWork
+from agribot.plan.goal_way import fence_around, plan_to_place
+from agribot.plan.route import Tool
+from agribot.plan.rows import field_rows
+from agribot.plan.saved_mission import PoseTuple
+from agribot.plan.task import NewTasks, Place, Task
+from agribot.plan.waypoints import parse_waypoints, plan_waypoints
+from agribot.robot import RobotSpec
+
+MapPoint = tuple[float, float]
+
+
+def task_of(
+    config: RunConfig,
+    robot: RobotSpec,
+    waypoints_map_m: tuple[MapPoint, ...] = (),
+    work: FieldWork | None = None,
+) -> Task:
+    """The rows of the field, or what stands in for them: waypoints or the work of a plan."""
+    if work is not None:
+        return _work_task(work)
+    rows = () if waypoints_map_m else field_rows(config.field)
+    mission = config.mission
+
+    def plan(estimate: Estimate) -> Path:
+        if waypoints_map_m:
+            return plan_waypoints(waypoints_map_m, _pose(estimate), robot, mission)
+        path = plan_rows(rows, _pose(estimate), robot, mission)
+        certify(path, rows, robot, mission.plant_clearance_m)
+        return path
+
+    def go_home(estimate: Estimate, home: PoseTuple, _: FloatArray) -> Path:
+        if not rows:
+            return plan_waypoints((home[:2],), _pose(estimate), robot, mission)
+        path = plan_home(rows, _pose(estimate), home, robot, mission)
+        certify(path, rows, robot, mission.plant_clearance_m)
+        return path
+
+    def around(path: Path, index: int, skipped: int) -> Path:
+        path = plan_without(path, index, skipped, rows, robot, mission)
+        certify(path, rows, robot, mission.plant_clearance_m)
+        return path
+
+    go_to = _place_planner(config, robot, rows, waypoints_map_m)
+    tool = Tool(x_m=robot.tool_x_m)
+    return Task(
+        plan, rows, waypoints_map_m, tool, home=go_home, go_to=go_to, back=go_to, around=around
+    )
+
+
+def tasks_under_way(task: Task, config: RunConfig, robot: RobotSpec) -> NewTasks:
+    """What may take the place of a task: a field plan, or places among the same crop rows."""
+    rows = task.rows if task.has_crop else ()
+
+    def of_plan(text: str) -> Task:
+        return _work_task(work_from(text, "the plan", config, robot))._replace(text=text)
+
+    def of_places(places_map_m: Sequence[MapPoint], name: str) -> Task:
+        def plan(estimate: Estimate) -> Path:
+            path = plan_waypoints(places_map_m, _pose(estimate), robot, config.mission)
+            if rows:
+                certify(path, rows, robot, config.mission.plant_clearance_m)
+            return path
+
+        return Task(plan, waypoints=places_map_m, name=name)
+
+    return NewTasks(of_plan, of_places)
+
+
+def taken_plan(record: TickRecord) -> str:
+    """The text of the field plan that the mission took in this tick; empty where it took none."""
+    sent = [event.text for event in record.batch.events if event.action == "plan"]
+    return sent[-1] if sent and not record.status.refusal else ""
+
+
+def _work_task(work: FieldWork) -> Task:
+    return Task(
+        lambda estimate: work.path_from(_pose(estimate)),
+        work.rows,
+        tool=Tool(reach_m=0.0, tracked_x_m=0.0 if work.has_crop else work.request.tool_x_m),
+        has_crop=work.has_crop,
+        home=lambda here, home, ahead: work.path_home(_pose(here)[:2], home[:2], ahead),
+        go_to=lambda here, goal: work.path_to(_pose(here)[:2], goal),
+        back=lambda here, goal: work.path_back(_pose(here)[:2], goal),
+    )
+
+
+def _place_planner(
+    config: RunConfig, robot: RobotSpec, rows: tuple[Row, ...], waypoints: tuple[MapPoint, ...]
+) -> Callable[[Estimate, Place], Path]:
+    """Inside a fence around rows, waypoints and the robot, as wide as the supervisor's."""
+    places = [*waypoints, *(end for row in rows for end in (row.start_map_m, row.end_map_m))]
+
+    def plan(estimate: Estimate, goal: Place) -> Path:
+        pose = _pose(estimate)
+        fence = fence_around([*places, pose[:2]], config.safety.geofence_margin_m)
+        return plan_to_place(goal, pose, rows, fence, robot, config.mission)
+
+    return plan
+
+
+def _pose(estimate: Estimate) -> PoseTuple:
+    return estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad
+
+
+def read_goals(config: RunConfig) -> tuple[MapPoint, ...]:
+    """The waypoints of the settings in the map; none where the rows of the field are the task.
+
+    Raises: MissionError: the file is missing or broken, or a waypoint is too far from the field.
+    """
+    if not config.waypoints:
+        return ()
+    path = FilePath(config.waypoints)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MissionError(f"cannot read waypoints from {path}: {error}; check the path") from error
+    frame = MapFrame(config.field.datum)
+    limit_m = config.mission.max_waypoint_distance_m
+    goals: list[MapPoint] = []
+    for number, (lat_deg, lon_deg) in enumerate(parse_waypoints(text, path.name), start=1):
+        east_m, north_m, _ = frame.map_from_geodetic(lat_deg, lon_deg, config.field.datum.alt_m)
+        distance_m = math.hypot(east_m, north_m)
+        if distance_m > limit_m:
+            raise MissionError(
+                f"{path.name}: waypoint {number} is {distance_m:.0f} m from the field's origin, "
+                f"farther than {limit_m:.0f} m; correct it, or raise "
+                "mission.max_waypoint_distance_m"
+            )
+        goals.append((east_m, north_m))
+    return tuple(goals)
+
+
+def row_ends(rows: Sequence[Row]) -> tuple[MapPoint, ...]:
+    """Both ends of every row, the goals that a map shows for a mission over rows."""
+    return tuple(end for row in rows for end in (row.start_map_m, row.end_map_m))

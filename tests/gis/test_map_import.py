@@ -1,0 +1,227 @@
+"""Maps of other formats become tiles that lie where they belong."""
+
+from __future__ import annotations
+
+import io
+import json
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from agribot.cli import main
+from agribot.errors import ConfigError
+from agribot.geo import Datum, MapFrame
+from agribot.gis.map_import import check_template
+from agribot.gis.mbtiles import described_map, tile
+from agribot.gis.tile_grid import Bounds, Tile, bounds_from, tile_at, tile_count, tiles_in
+
+DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)
+UTM = "EPSG:32643"
+RED, GREEN = (220, 30, 30), (40, 160, 60)
+
+
+@pytest.fixture(autouse=True)
+def maps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path / "home"))
+    return tmp_path / "home" / "maps"
+
+
+def place(east_m: float, north_m: float) -> tuple[float, float]:
+    lat_deg, lon_deg, _ = MapFrame(DATUM).geodetic_from_map(east_m, north_m)
+    return lat_deg, lon_deg
+
+
+def colour_at(path: Path, east_m: float, north_m: float) -> tuple[int, ...]:
+    """Of the finest tile that covers a place of the field."""
+    lat_deg, lon_deg = place(east_m, north_m)
+    z = described_map(path)["maxzoom"]
+    whole = 2**30
+    fine = tile_at(lat_deg, lon_deg, 30)
+    address = tile_at(lat_deg, lon_deg, z)
+    data = tile(path, *address)
+    if data is None:
+        return ()
+    px = (
+        int((fine.x / whole * 2**z - address.x) * 256),
+        int((fine.y / whole * 2**z - address.y) * 256),
+    )
+    found = Image.open(io.BytesIO(data)).convert("RGBA").getpixel(px)
+    assert isinstance(found, tuple)
+    return found
+
+
+@pytest.fixture
+def ortho(tmp_path: Path) -> Path:
+    """10 cm pixels in UTM, green, with a red square of 4 m around a place of the field."""
+    rasterio = pytest.importorskip("rasterio")
+    from rasterio.warp import transform
+
+    lat_deg, lon_deg = place(10.0, 20.0)
+    (east_m,), (north_m,) = transform("EPSG:4326", UTM, [lon_deg], [lat_deg])
+    pixels = np.empty((3, 400, 400), dtype=np.uint8)
+    pixels[:] = np.array(GREEN, dtype=np.uint8)[:, None, None]
+    pixels[:, 180:220, 180:220] = np.array(RED, dtype=np.uint8)[:, None, None]
+    path = tmp_path / "ortho.tif"
+    with rasterio.open(
+        path, "w", driver="GTiff", width=400, height=400, count=3, dtype="uint8", crs=UTM,
+        transform=rasterio.Affine(0.1, 0.0, east_m - 20.0, 0.0, -0.1, north_m + 20.0),
+    ) as raster:  # fmt: skip
+        raster.write(pixels)
+    return path
+
+
+def near(colour: tuple[int, ...], wanted: tuple[int, int, int]) -> bool:
+    return len(colour) == 4 and max(abs(a - b) for a, b in zip(colour, wanted, strict=False)) < 40
+
+
+def test_a_geotiff_lies_where_it_was_taken(
+    ortho: Path, maps: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["map", "--json", "import", str(ortho)]) == 0
+    (shown,) = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert (shown["name"], shown["format"]) == ("ortho", "webp")
+    assert shown["maxzoom"] == 21, "7 cm pixels at this latitude"
+    path = maps / "ortho.mbtiles"
+    for east_m, north_m, colour in (
+        (10.0, 20.0, RED), (11.7, 18.3, RED), (12.4, 20.0, GREEN), (10.0, 22.4, GREEN),
+        (-5.0, 35.0, GREEN),
+    ):  # fmt: skip
+        assert near(colour_at(path, east_m, north_m), colour), (east_m, north_m)
+    assert colour_at(path, 40.0, 20.0)[3:] in {(), (0,)}, "nothing beyond the picture"
+    coarse = tile_at(*place(10.0, 20.0), shown["minzoom"])
+    assert tile(path, *coarse) is not None, "the whole picture at a glance"
+
+
+def test_a_picture_without_a_place_is_refused(
+    tmp_path: Path, maps: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("rasterio")
+    Image.new("RGB", (8, 8)).save(tmp_path / "plain.tif")
+    (tmp_path / "text.tif").write_text("no raster")
+    assert main(["map", "import", str(tmp_path / "plain.tif")]) == 2
+    assert "does not say where it lies" in capsys.readouterr().err
+    assert main(["map", "import", str(tmp_path / "text.tif")]) == 2
+    assert not list(maps.glob("*"))
+
+
+def png(colour: tuple[int, int, int]) -> bytes:
+    buffer = io.BytesIO()
+    Image.new("RGB", (256, 256), colour).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def test_a_pmtiles_archive_keeps_its_tiles(tmp_path: Path, maps: Path) -> None:
+    pytest.importorskip("pmtiles")
+    from pmtiles.tile import Compression, TileType, zxy_to_tileid
+    from pmtiles.writer import Writer
+
+    source = tmp_path / "farm.pmtiles"
+    addresses = [(14, 11504, 7203), (15, 23008, 14406), (15, 23009, 14407)]
+    with source.open("wb") as file:
+        writer = Writer(file)
+        for number, address in enumerate(addresses):
+            writer.write_tile(zxy_to_tileid(*address), png((number, 0, 0)))
+        edges = {"min_lon_e7": 727800000, "min_lat_e7": 211600000,
+                 "max_lon_e7": 727900000, "max_lat_e7": 211700000}  # fmt: skip
+        header = {"tile_type": TileType.PNG, "tile_compression": Compression.NONE, **edges,
+                  "center_zoom": 14, "center_lon_e7": 0, "center_lat_e7": 0}  # fmt: skip
+        writer.finalize(header, {})
+    assert main(["map", "import", str(source)]) == 0
+    for number, address in enumerate(addresses):
+        assert tile(maps / "farm.mbtiles", *address) == png((number, 0, 0))
+    assert described_map(maps / "farm.mbtiles")["bounds"] == pytest.approx(
+        [72.78, 21.16, 72.79, 21.17]
+    )
+    source.write_bytes(b"none")
+    assert main(["map", "import", str(source)]) == 2
+
+
+class TileServer(ThreadingHTTPServer):
+    """Gives a tile of one colour for every address but one."""
+
+    daemon_threads = True
+    asked: list[str]
+
+
+class _Answer(BaseHTTPRequestHandler):
+    def do_GET(self) -> None:
+        assert isinstance(self.server, TileServer)
+        self.server.asked.append(self.path)
+        is_missing = self.path.endswith("/14406.png")
+        self.send_response(404 if is_missing else 200)
+        self.end_headers()
+        self.wfile.write(b"" if is_missing else png(RED))
+
+    def log_message(self, format: str, *args: object) -> None:
+        """The test reads `asked` instead."""
+
+
+@pytest.fixture
+def server() -> Iterator[tuple[TileServer, str]]:
+    with TileServer(("127.0.0.1", 0), _Answer) as server:
+        server.asked = []
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server, f"http://127.0.0.1:{server.server_address[1]}/{{z}}/{{x}}/{{y}}.png"
+        server.shutdown()
+        thread.join()
+
+
+def test_a_region_is_fetched_once_and_what_was_missing_again(
+    server: tuple[TileServer, str], maps: Path
+) -> None:
+    tiles, url = server
+    region = ["--bbox", "72.785,21.160,72.790,21.163", "--zoom", "14-15", "--name", "aerial"]
+    assert main(["map", "import", url, *region]) == 0
+    wanted = tile_count(Bounds(72.785, 21.160, 72.790, 21.163), 14, 15)
+    assert len(tiles.asked) == len(set(tiles.asked)) == wanted
+    missing = [path for path in tiles.asked if path.endswith("/14406.png")]
+    assert described_map(maps / "aerial.mbtiles")["tiles"] == wanted - len(missing)
+    tiles.asked.clear()
+    assert main(["map", "import", url, *region]) == 0
+    assert sorted(tiles.asked) == sorted(missing)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--name", "a"],
+        ["--name", "a", "--bbox", "72,21,73"],
+        ["--name", "a", "--bbox", "73,21,72,22"],
+        ["--name", "a", "--bbox=-180,-80,180,80", "--zoom", "0-20"],
+        ["--name", "a", "--bbox", "72,21,72.1,21.1", "--zoom", "nine"],
+        ["--name", "a", "--bbox", "72,21,72.1,21.1", "--zoom", "12-9"],
+        ["--bbox", "72,21,72.1,21.1"],
+        ["--name", "../../x", "--bbox", "72,21,72.1,21.1"],
+    ],
+)
+def test_a_region_that_cannot_be_meant_is_refused_before_anything_is_asked(
+    server: tuple[TileServer, str], words: list[str]
+) -> None:
+    assert main(["map", "import", server[1], *words]) == 2
+    assert server[0].asked == []
+
+
+@pytest.mark.parametrize(
+    "template",
+    ["file:///etc/passwd", "http://x/{z}/{x}", "http://x/{z}/{x}/{y}/{key}", "http://x/{0}", "x"],
+)
+def test_only_addresses_of_tile_servers_are_taken(template: str) -> None:
+    with pytest.raises(ConfigError, match="no address of a tile server"):
+        check_template(template)
+
+
+def test_the_grid_covers_a_region_without_gaps() -> None:
+    bounds = bounds_from("72.78,21.15,72.80,21.17")
+    tiles = list(tiles_in(bounds, 14, 16))
+    assert len(tiles) == len(set(tiles)) == tile_count(bounds, 14, 16)
+    for lat_deg, lon_deg in ((21.15, 72.78), (21.16, 72.79), (21.17, 72.80)):
+        assert tile_at(lat_deg, lon_deg, 16) in tiles
+    left, bottom, right, top = Tile(1, 1, 0).edges_m()
+    assert (left, bottom) == pytest.approx((0.0, 0.0))
+    assert right == top == pytest.approx(20037508.342789244)

@@ -1,0 +1,139 @@
+"""Places to visit take the place of the mission, wherever it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from agribot.config import MissionConfig
+from agribot.errors import MissionError
+from agribot.messages import Estimate, GnssQuality, Goal, OperatorEvent, Path
+from agribot.operator_input import OperatorAction
+from agribot.plan.curves import Pose, Segment, sample
+from agribot.plan.mission import Mission
+from agribot.plan.task import NewTasks, Task
+
+
+def at(t_s: float, x_m: float, y_m: float = 0.0) -> Estimate:
+    return Estimate(
+        t_s=t_s, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=0.0, v_mps=0.0, yaw_rate_radps=0.0,
+        slip_rad=0.0, pose_cov=(0.0,) * 9, pos_std_m=0.01, yaw_std_rad=0.01,
+        quality=GnssQuality.RTK_FIXED, ok=True,
+    )  # fmt: skip
+
+
+def ahead(estimate: Estimate, length_m: float) -> Path:
+    pose = Pose(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+    return sample(pose, [Segment(length_m, 0.0)])
+
+
+def visiting(points: Sequence[tuple[float, float]], name: str) -> Task:
+    def plan(estimate: Estimate) -> Path:
+        if points[-1][0] < estimate.x_map_m:
+            raise MissionError("behind the robot")
+        return ahead(estimate, points[-1][0] - estimate.x_map_m)
+
+    return Task(plan, waypoints=points, name=name)
+
+
+def no_plan(text: str) -> Task:
+    raise MissionError("no plan")
+
+
+class Drive:
+    """A mission of 10 m straight ahead, that takes places to visit instead."""
+
+    def __init__(self, *, waits: bool = False) -> None:
+        task, config = (
+            Task(lambda estimate: ahead(estimate, 10.0)),
+            MissionConfig(waits_for_goals=waits),
+        )
+        self.mission = Mission(task, config, new_tasks=NewTasks(no_plan, visiting))
+        self.t_s = self.x_m = 0.0
+
+    def step(self, *events: OperatorEvent, seconds: float = 0.1) -> Goal:
+        self.t_s += seconds
+        return self.mission.step(at(self.t_s, self.x_m), events)
+
+    def ask(self, action: OperatorAction, *numbers: float) -> Goal:
+        return self.step(OperatorEvent(t_s=self.t_s, action=action, text="abc", numbers=numbers))
+
+    def settle(self) -> Goal:
+        return [self.step() for _ in range(15)][-1]
+
+    def drive_to(self, x_m: float) -> Goal:
+        for place_m in np.arange(self.x_m, x_m + 0.011, 0.02).tolist():
+            self.x_m = place_m
+            goal = self.step(seconds=0.05)
+        return goal
+
+
+def test_without_a_visit_the_mission_is_what_it_is() -> None:
+    drive = Drive()
+    drive.settle()
+    status = drive.drive_to(10.0).status
+    assert (status.state, status.task) == ("done", "")
+
+
+def test_a_visit_in_the_middle_goes_from_where_the_robot_is_and_counts_its_places() -> None:
+    drive = Drive()
+    drive.settle()
+    drive.drive_to(3.0)
+    drive.ask("visit", 4.0, 0.0, 5.0, 0.0)
+    status = drive.settle().status
+    assert (status.state, status.task, status.waypoints_total) == ("running", "abc", 2)
+    assert tuple(drive.mission.task.waypoints) == ((4.0, 0.0), (5.0, 0.0))
+    assert drive.drive_to(4.2).status.waypoints_reached == 1
+    status = drive.drive_to(5.0).status
+    assert (status.state, status.waypoints_reached) == ("done", 2)
+
+
+def test_a_robot_that_has_ended_can_be_sent_on() -> None:
+    drive = Drive()
+    drive.mission.stay_open()
+    drive.settle()
+    assert drive.ask("cancel").status.state == "cancelled"
+    drive.ask("visit", 1.0, 0.0)
+    assert drive.settle().status.state == "running"
+
+
+def test_a_visit_that_cannot_be_planned_fails_in_the_planners_words() -> None:
+    drive = Drive()
+    drive.settle()
+    drive.ask("visit", -5.0, 0.0)
+    status = drive.settle().status
+    assert (status.state, status.reason) == ("failed", "behind the robot")
+
+
+def test_a_latched_stop_holds_the_visit_until_it_is_cleared_and_resumed() -> None:
+    drive = Drive()
+    drive.settle()
+    drive.ask("stop")
+    drive.ask("visit", 1.0, 0.0)
+    assert drive.settle().status.state == "paused"
+    drive.ask("resume")
+    assert drive.settle().status.state == "paused"
+    drive.ask("clear_stop")
+    drive.ask("resume")
+    status = drive.settle().status
+    assert (status.state, status.task) == ("running", "abc")
+
+
+def test_a_robot_that_waits_for_goals_begins_with_one_or_when_it_is_resumed() -> None:
+    waiting, resumed = Drive(waits=True), Drive(waits=True)
+    assert waiting.settle().status.state == "paused"
+    assert "waits for a goal" in waiting.settle().status.reason
+    waiting.ask("visit", 1.0, 0.0)
+    assert waiting.settle().status.state == "running"
+    resumed.settle()
+    resumed.ask("resume")
+    assert resumed.settle().status.state == "running"
+
+
+def test_a_visit_to_nowhere_changes_nothing() -> None:
+    drive = Drive()
+    drive.settle()
+    drive.ask("visit")
+    status = drive.settle().status
+    assert (status.state, status.task) == ("running", "")

@@ -1,0 +1,81 @@
+"""A disk that stalls or fails, and a robot that does not notice before it must."""
+
+from __future__ import annotations
+
+import os
+import threading
+from pathlib import Path
+
+import pytest
+
+from agribot.config import load
+from agribot.errors import RecordingError
+from agribot.record import background_file
+from agribot.record.background_file import BackgroundFile
+from agribot.record.recorder import RunRecorder
+from agribot.record.replay import read_ticks
+from tests.record import record_samples as samples
+
+
+def test_what_is_written_is_in_the_file_in_its_order(tmp_path: Path) -> None:
+    file = BackgroundFile(tmp_path / "a")
+    parts = [bytes([index % 256]) * (index % 97) for index in range(2000)]
+    for index, part in enumerate(parts):
+        assert file.tell() == sum(map(len, parts[:index]))
+        file.write(part)
+    file.close()
+    file.close()
+    assert (tmp_path / "a").read_bytes() == b"".join(parts)
+
+
+def test_a_stalled_disk_holds_up_the_recording_and_not_the_loop(tmp_path: Path) -> None:
+    """The file is a pipe that nobody reads: it takes 64 KiB and then nothing."""
+    pipe = tmp_path / "run.mcap"
+    os.mkfifo(pipe)
+    taken = bytearray()
+    may_read = threading.Event()
+
+    def read_late() -> None:
+        with pipe.open("rb") as source:
+            may_read.wait(120.0)
+            taken.extend(source.read())
+
+    reader = threading.Thread(target=read_late, daemon=True)
+    reader.start()
+    recorder = RunRecorder(pipe, load("farm"), samples.robot(), samples.URDF, samples.plan())
+    records = samples.ticks(2000, seed=1)
+    for record in records:
+        recorder(record)  # would stand still here for ever
+    may_read.set()
+    recorder.close()
+    reader.join(120.0)
+    assert len(taken) > 300_000
+    whole = tmp_path / "whole.mcap"
+    whole.write_bytes(taken)
+    assert list(read_ticks(whole)) == records
+
+
+def test_a_disk_that_stalls_for_good_ends_the_recording_with_its_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(background_file, "WAITING_BYTES", 50_000)
+    pipe = tmp_path / "run.mcap"
+    os.mkfifo(pipe)
+    source = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        recorder = RunRecorder(pipe, load("farm"), samples.robot(), samples.URDF, samples.plan())
+        with pytest.raises(RecordingError, match="has not taken anything for too long"):
+            for record in samples.ticks(3000, seed=1):
+                recorder(record)
+    finally:
+        os.close(source)
+
+
+def test_a_full_disk_is_told_with_the_next_call() -> None:
+    if not Path("/dev/full").exists():
+        return
+    file = BackgroundFile(Path("/dev/full"))
+    with pytest.raises(OSError, match="No space left"):
+        for _ in range(100_000):
+            file.write(b"x" * 1000)
+    file.close()

@@ -1,0 +1,98 @@
+"""Turning on the spot shows the robot's iron and where its antenna sits."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from agribot import cli
+from agribot.commands.calibration_drive import TURNS, Drive, drive_figure
+from agribot.commands.calibration_sensors import antenna_of_drive, magnetometer_of_drive
+from agribot.config import PerceptionConfig, RunConfig, SimConfig, load
+from agribot.errors import MissionError
+from agribot.estimate.compass import yaw_of
+from agribot.estimate.drive_log import DriveLog
+from agribot.estimate.mag_fit import Level, MagCalibration
+from agribot.messages import FloatArray
+from agribot.robot import RobotSpec
+from agribot.session import Session
+from agribot.sim.platform import SimPlatform
+from agribot.world import WorldSpec
+
+
+def turned(rover: RobotSpec, world: WorldSpec, sensors: str, seed: int) -> Drive:
+    config = RunConfig(
+        seed=seed, perception=PerceptionConfig(enabled=False), sim=SimConfig(sensors=sensors)
+    )
+    return drive_figure(SimPlatform(config, rover, world), rover.drive, figure=TURNS)
+
+
+def scatter_rad(driven: Drive, calibration: MagCalibration) -> float:
+    """Of the compass against the gyro over all readings, without what is common to all."""
+    log = DriveLog(driven.batches, driven.stretches)
+    errors: list[float] = []
+    for batch in driven.batches:
+        for sample in batch.mag:
+            level: Level = calibration.corrected(sample.field_t[:2])
+            turned_rad = log.turned_rad(driven.stretches[0].start_s, sample.t_s)
+            errors.append(yaw_of(level, 0.0) - turned_rad)
+    unit: FloatArray = np.exp(1j * np.array(errors))
+    around = np.angle(unit / np.mean(unit))
+    return float(np.sqrt(np.mean(around**2)))
+
+
+def test_the_iron_of_four_robots_is_found_and_taken_off(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    before, after = [], []
+    for seed in range(4):
+        driven = turned(rover, meadow, "m8n", seed)
+        result = magnetometer_of_drive(driven, 0.0)
+        assert result.ok, result.reasons
+        assert result.fit.sectors == 36
+        before.append(scatter_rad(driven, MagCalibration()))
+        after.append(scatter_rad(driven, result.fit.calibration))
+    assert all(late < early for early, late in zip(before, after, strict=True))
+    assert np.mean(after) < 0.75 * np.mean(before)  # the noise and the motors' field remain
+
+
+def test_the_antenna_is_found_where_it_was_mounted(rover: RobotSpec, meadow: WorldSpec) -> None:
+    for seed in range(3):
+        result = antenna_of_drive(turned(rover, meadow, "rtk", seed), rover)
+        assert result.ok, result.reasons
+        assert (result.fit.x_m, result.fit.y_m) == pytest.approx(
+            (result.described_x_m, result.described_y_m), abs=0.01
+        )
+
+
+def test_without_corrections_or_turns_it_says_what_is_missing(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    driven = turned(rover, meadow, "m8n", 0)
+    assert "receiver with corrections" in antenna_of_drive(driven, rover).reasons[0]
+    legs = [stretch for stretch in driven.stretches if stretch.is_leg]
+    with pytest.raises(MissionError, match="turn a full circle"):
+        antenna_of_drive(Drive(driven.batches, legs), rover)
+    still = [msgspec.structs.replace(batch, mag=()) for batch in driven.batches]
+    with pytest.raises(MissionError, match="turn the robot a full circle"):
+        magnetometer_of_drive(Drive(still, driven.stretches), 0.0)
+
+
+def test_the_recording_of_a_mission_serves_as_well(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = load("farm", ["perception.enabled=false", "duration_s=75", 'sim.sensors="rtk"'])
+    with Session(config, tmp_path) as session:
+        for _ in session.ticks():
+            pass
+        session.finish()
+    recording = str(tmp_path / "run.mcap")
+    code = cli.main(["calibrate", "magnetometer", "--recording", recording, "--json"])
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert code == (0 if result["ok"] else 1)
+    assert result["fit"]["field_t"] == pytest.approx(3.8e-5, rel=0.15)
+    assert result["settings"][0].startswith("estimate.mag_offset_t=[")

@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agribot.errors import ConfigError
+from agribot.messages import PlantClass
+from agribot.sim.random_scenes import CROPS, WEEDS
+from agribot.train.farm import draw_row_crop, random_plan
+from agribot.train.main import run
+from tests.train.test_train_command import parsed
+
+
+def test_one_seed_gives_the_same_views_of_the_same_rows() -> None:
+    one, other = (list(draw_row_crop(np.random.default_rng(4), 2)) for _ in range(2))
+    for (image, label), (image_again, label_again) in zip(one, other, strict=True):
+        assert np.array_equal(image, image_again)
+        assert np.array_equal(label, label_again)
+    assert not np.array_equal(one[0][0], one[1][0])
+
+
+def test_a_robot_on_a_row_sees_its_crop_in_the_middle_of_the_picture() -> None:
+    middles, sides = [], []
+    for seed in range(6):
+        for _, label in draw_row_crop(np.random.default_rng([6, seed]), 2):
+            crop = label == PlantClass.CROP
+            middles.append(crop[:, 240:400].mean())
+            sides.append((crop[:, 80:240].mean() + crop[:, 400:560].mean()) / 2.0)
+    assert np.mean(middles) > 1.2 * np.mean(sides)
+
+
+def test_plans_vary_and_keep_to_the_species_of_their_variety() -> None:
+    rng = np.random.default_rng(0)
+    plans = [random_plan(rng) for _ in range(60)]
+    assert {plan.crop.species for plan in plans} == {name for name, *_ in CROPS}
+    assert {name for plan in plans for name in plan.weeds.species} == set(WEEDS)
+    spacings_m = [plan.crop.spacing_m for plan in plans]
+    assert min(spacings_m) < 0.2 and max(spacings_m) > 1.5
+    wide = {random_plan(rng, is_wide=True).crop.species for _ in range(60)}
+    assert {"carrot", "onion"} <= wide
+
+
+def test_more_row_images_than_images_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--row-images"):
+        run(parsed("--images", "4", "--row-images", "5", "--out", str(tmp_path)))

@@ -1,0 +1,53 @@
+"""Started by torchrun, or alone: trains a small network on the same images in each case.
+
+`python -m tests.train.trained_together OUT.pt`: with several processes each takes its share of
+every batch, alone it takes them all.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from agribot.train.architectures import ARCHITECTURES, Architecture
+from agribot.train.features import centred_rgb
+from agribot.train.fit import Trainer, TrainingPlan
+from agribot.train.processes import join, part
+from tests.train.drawn_images import batch_of_four
+
+IMAGES, STEPS = 4, 12
+
+
+def plain() -> nn.Module:
+    """Without normalisation, whose statistics would be those of each process's own images."""
+    return nn.Sequential(nn.Conv2d(3, 8, 3, padding=1), nn.ReLU(), nn.Conv2d(8, 3, 1))
+
+
+def main(out: Path) -> None:
+    torch.set_num_threads(1)
+    ARCHITECTURES["plain"] = Architecture(plain, centred_rgb, "of this test")
+    crew = join("cpu")
+    step = 0
+
+    def share(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+        nonlocal step
+        images, labels = batch_of_four(np.random.default_rng(step))
+        step += 1
+        own = slice(crew.rank, None, crew.size)
+        return images[own], labels[own]
+
+    plan = TrainingPlan(
+        steps=STEPS, bf16=False, model="plain", overlap_loss="none", processes=crew.size
+    )
+    trainer = Trainer(plan, share, out.parent / f"{out.stem}-training", crew)
+    average = trainer.run(lambda text: None).state_dict()
+    torch.save(average, out.with_name(f"{out.stem}-{crew.rank}.pt"))
+    part()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

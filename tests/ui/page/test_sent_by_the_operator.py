@@ -1,0 +1,120 @@
+"""What an operator sends from the page to the simulated robot: places, plans, recordings.
+
+One robot serves all tests of this file, in their order.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from agribot import config
+from agribot.geo import MapFrame
+from tests.ui.page.conftest import show, take_control, until, wait_for
+from tests.ui.page.robots import Robot, robot_with_page
+
+SETTINGS = ["--set", "perception.enabled=false", "--set", "seed=1"]
+STATE = "window.__agribot.state()"
+FIELD = Path(__file__).parents[3] / "examples" / "field.geojson"
+PATIENCE_S = 60.0
+GOAL = (-1.0, 4.0)
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    out_dir = tmp_path_factory.mktemp("runs") / "run"
+    with robot_with_page("farm", out_dir, SETTINGS) as robot:
+        yield robot
+
+
+@pytest.fixture(scope="module")
+def page(browser: Browser, robot: Robot) -> Iterator[Page]:
+    context = browser.new_context(viewport={"width": 1280, "height": 800}, locale="en")
+    page = context.new_page()
+    page.goto(f"{robot.address}/?off=scene,camera#/drive")
+    until(page, "window.__agribot?.ready && window.__agribot.map?.loaded()", PATIENCE_S)
+    take_control(page)
+    yield page
+    context.close()
+
+
+def at(page: Page, east_m: float, north_m: float) -> tuple[float, float]:
+    """Bring a place of the map into view; its pixel on the screen."""
+    frame = MapFrame(config.load("farm").field.datum)
+    lat_deg, lon_deg, _ = frame.geodetic_from_map(east_m, north_m)
+    page.evaluate(f"void window.__agribot.map.jumpTo({{center: [{lon_deg}, {lat_deg}], zoom: 20}})")
+    box = page.locator(".map").bounding_box()
+    assert box
+    px = page.evaluate(f"window.__agribot.map.project([{lon_deg}, {lat_deg}])")
+    return box["x"] + px["x"], box["y"] + px["y"]
+
+
+def tap(page: Page, east_m: float, north_m: float) -> None:
+    page.mouse.click(*at(page, east_m, north_m))
+
+
+def test_a_place_beyond_the_fence_is_refused_with_the_reason(page: Page) -> None:
+    until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1", PATIENCE_S)
+    page.get_by_role("button", name="Drive to a place").click()
+    tap(page, 60.0, 0.0)
+    expect(page.locator(".toast", has_text="beyond the fence")).to_be_visible(timeout=20_000)
+
+
+def test_the_robot_drives_to_the_place_that_was_tapped_and_waits(page: Page) -> None:
+    tap(page, *GOAL)
+    until(page, f"{STATE}.mission.leg === 'to the goal'", PATIENCE_S)
+    until(page, f"{STATE}.mission.reason.includes('at the goal')", PATIENCE_S)
+    until(page, f"Math.abs({STATE}.vel[0]) < 0.01", PATIENCE_S)
+    x_m, y_m, _ = page.evaluate(f"{STATE}.pose")
+    assert (x_m, y_m) == pytest.approx(GOAL, abs=0.3)  # as near as a finger on the map
+    expect(page.locator(".reason")).to_contain_text("resume goes on with the mission")
+
+
+def test_a_standing_robot_believes_the_pose_that_was_drawn_and_then_its_sensors(page: Page) -> None:
+    before = page.evaluate(f"{STATE}.std[0]")
+    assert before < 0.05
+    x, y = at(page, *GOAL)
+    page.get_by_role("button", name="Correct the robot’s pose").click()
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 80, steps=3)
+    page.mouse.up()
+    expect(page.locator(".toast", has_text="Pose corrected")).to_be_visible(timeout=20_000)
+    until(page, f"{STATE}.std[0] < 0.05 && Math.abs({STATE}.vel[0]) < 0.01", PATIENCE_S)
+
+
+def test_a_checked_plan_becomes_the_mission(page: Page, robot: Robot) -> None:
+    show(page, "plan")
+    page.get_by_label("Field file").set_input_files(FIELD)
+    page.get_by_role("button", name="Check plan").click()
+    expect(page.locator(".tag.good")).to_be_visible(timeout=60_000)
+    page.get_by_role("button", name="Use this plan").click()
+    page.get_by_role("dialog").get_by_role("button", name="Use this plan").click()
+    until(page, f"{STATE}.mission.reason.includes('new plan')", PATIENCE_S)
+    assert page.evaluate(f"{STATE}.mission.rows_total") > 6
+    show(page, "drive")
+    page.locator("[data-action=resume]").click()
+    until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1", PATIENCE_S)
+    wait_for((robot.out_dir / "plan.geojson").is_file, "the plan beside the run")
+
+
+def test_a_recording_is_ended_marked_and_begun_again(page: Page, robot: Robot) -> None:
+    show(page, "recordings")
+    page.get_by_role("button", name="Mark this moment").click()
+    page.get_by_label("What happened").fill("a stone")
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="End the recording").click()
+    until(page, f"{STATE}.recording === ''", PATIENCE_S)
+    expect(page.locator("main")).to_contain_text("Nothing is being recorded")
+    page.get_by_role("button", name="Record", exact=True).click()
+    until(page, f"{STATE}.recording === 'run-2'", PATIENCE_S)
+    expect(page.locator("main")).to_contain_text("Recording now: run-2")
+    assert (robot.out_dir.with_name("run-2") / "run.mcap").is_file()
+    lines = (robot.out_dir / "events.jsonl").read_text().splitlines()
+    told = [json.loads(line)["reason"] for line in lines]
+    for asked in ("a stone", "goto ", "pose_estimate ", "plan (", "stop_recording"):
+        assert any(reason.startswith(asked) for reason in told), asked

@@ -1,0 +1,86 @@
+"""Everything encrypted, with a certificate of the robot's own."""
+
+from __future__ import annotations
+
+import shutil
+import ssl
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.error import URLError
+from urllib.request import urlopen
+
+import pytest
+from websockets.sync.client import connect
+
+from agribot.cli import main
+from agribot.errors import ConfigError
+from agribot.ui.address import Address, read_door
+from agribot.ui.remote import Remote
+from tests.ui.conftest import Robot
+
+pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl program")
+
+
+def certificate(folder: Path, name: str) -> tuple[str, str]:
+    cert, key = folder / f"{name}.crt", folder / f"{name}.key"
+    words = ["req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=robot"]
+    names = ["-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1"]
+    files = ["-keyout", str(key), "-out", str(cert)]
+    subprocess.run(["openssl", *words, *names, *files], check=True, capture_output=True, timeout=60)
+    return str(cert), str(key)
+
+
+@pytest.fixture(scope="module")
+def encrypted(tmp_path_factory: pytest.TempPathFactory, _own_home: None) -> Iterator[Robot]:
+    home = tmp_path_factory.mktemp("tls")
+    cert, key = certificate(home, "robot")
+    robot = Robot(home, Address(port=0, tls_cert=cert, tls_key=key))
+    robot.start()
+    yield robot
+    robot.server.close()
+
+
+@pytest.fixture
+def trust(encrypted: Robot) -> ssl.SSLContext:
+    return ssl.create_default_context(cafile=encrypted.address.tls_cert)
+
+
+def test_the_page_comes_over_https_alone_and_its_cookie_stays_there(
+    encrypted: Robot, trust: ssl.SSLContext
+) -> None:
+    assert encrypted.server.url.startswith("https://")
+    with urlopen(encrypted.server.url, context=trust) as answer:
+        assert answer.status == 200
+        assert "Secure" in answer.headers["set-cookie"]
+    with pytest.raises(URLError, match="CERTIFICATE_VERIFY_FAILED"):
+        urlopen(encrypted.server.url, context=ssl.create_default_context())
+    with pytest.raises(OSError):
+        urlopen(encrypted.server.url.replace("https:", "http:"), timeout=5.0)
+
+
+def test_states_and_orders_are_encrypted_too(encrypted: Robot, trust: ssl.SSLContext) -> None:
+    port = encrypted.port
+    origin = {"Origin": f"https://127.0.0.1:{port}"}
+    url = f"wss://127.0.0.1:{port}/ws/v1"
+    with connect(url, ssl=trust, additional_headers=origin, proxy=None) as line:
+        assert '"hello"' in str(line.recv(timeout=10.0))
+    door = read_door(port)
+    assert door.url.startswith("wss://")
+    with Remote(door, "a program") as robot:
+        robot.take_seat(force=True)
+        robot.drive(0.1, 0.0)
+        encrypted.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.1)
+
+
+def test_files_that_do_not_fit_are_refused_before_anything_moves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cert, _ = certificate(tmp_path, "one")
+    _, other_key = certificate(tmp_path, "other")
+    for words in (["--tls-cert", cert], ["--tls-cert", cert, "--tls-key", other_key],
+                  ["--tls-cert", str(tmp_path / "none"), "--tls-key", other_key]):  # fmt: skip
+        assert main(["run", "farm", "--ui", "--out", str(tmp_path / "run"), *words]) == 2
+        assert "openssl req -x509" in capsys.readouterr().err
+    with pytest.raises(ConfigError, match="belong together"):
+        Address(tls_key=other_key).check_tls()
