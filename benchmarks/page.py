@@ -50,7 +50,7 @@ def measure(weeds: int, pan_s: float, watch_s: float) -> dict[str, Any]:
         until(page, "window.__agribot.map?.getLayer('weeds')", READY_S)
         time.sleep(5.0)
         tools = page.context.new_cdp_session(page)
-        tools.send("Performance.enable")
+        tools.send("Performance.enable", {"timeDomain": "threadTicks"})
         found = {"weeds": weeds, **_pan(page, tools, pan_s)}
         page.evaluate("location.hash = '#/drive'")
         time.sleep(5.0)
@@ -61,19 +61,24 @@ def measure(weeds: int, pan_s: float, watch_s: float) -> dict[str, Any]:
 
 
 def _pan(page: Page, tools: CDPSession, seconds: float) -> dict[str, Any]:
-    busy_s = _busy_s(tools)
+    began_s = _busy_s(tools)
+    time.sleep(seconds)
+    still_s = _busy_s(tools) - began_s
+    began_s = _busy_s(tools)
     frames_ms = sorted(page.evaluate(PAN, seconds))
-    busy_s = _busy_s(tools) - busy_s
+    busy_s = _busy_s(tools) - began_s
     return {
         "frames": len(frames_ms),
         "frame_p50_ms": round(frames_ms[len(frames_ms) // 2], 1),
         "frame_p95_ms": round(frames_ms[int(0.95 * len(frames_ms))], 1),
-        "main_thread_ms_per_frame": round(1e3 * busy_s / len(frames_ms), 2),
+        "main_thread_standing_ratio": round(still_s / seconds, 3),
+        "main_thread_panning_ratio": round(busy_s / seconds, 3),
+        "main_thread_ms_per_frame": round(1e3 * max(0.0, busy_s - still_s) / len(frames_ms), 2),
     }
 
 
 def _busy_s(tools: CDPSession) -> float:
-    """How long the page's main thread has worked so far."""
+    """CPU time of the page's main thread so far."""
     metrics = tools.send("Performance.getMetrics")["metrics"]
     return float(next(one["value"] for one in metrics if one["name"] == "TaskDuration"))
 

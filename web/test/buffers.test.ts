@@ -1,6 +1,6 @@
 import assert from 'node:assert/strict'
 import { test } from 'node:test'
-import { KEEP_S, SignalBuffer, toCsv } from '../src/plots/buffer.ts'
+import { KEEP_S, SignalBuffer, toCsv, valueRange } from '../src/plots/buffer.ts'
 import { Trajectory } from '../src/trajectory.ts'
 
 test('the window holds the samples of its length, up to its end', () => {
@@ -41,4 +41,10 @@ test('a gap in the trajectory is not joined by a line', () => {
   trajectory.extend(9, [[9, 0], [10, 0]])
   assert.equal(trajectory.pieces.length, 2)
   assert.equal(trajectory.next, 11)
+})
+
+test('a signal that stands still lies in the middle of its axis, a moving one has some room', () => {
+  assert.deepEqual(valueRange(null, 0, 0), [-0.1, 0.1])
+  assert.deepEqual(valueRange(null, 20, 20), [18, 22])
+  assert.deepEqual(valueRange(null, 0, 100), [-8, 108])
 })

@@ -15,6 +15,7 @@ from tests.ui.page.fake_server import PAGE, FakeServer, serving
 GL_ARGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PATIENCE_S = 60.0  # the machine may be busy
 POLL_S = 0.05
+expect.set_options(timeout=1000 * PATIENCE_S)
 WITHOUT_GL = "off=map,scene"
 SCREENS = [
     "drive",

@@ -9,6 +9,7 @@ import io
 import json
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,8 @@ def page(browser: Browser, server: FakeServer) -> Iterator[Page]:
     take_control(page)
     lat_deg, lon_deg = messages.lat_lon(12.0, -9.0)
     page.get_by_role("button", name="Follow the robot").click()
+    page.get_by_role("button", name="Zoom in").click()  # the field need not stay in view
+    until(page, f"!{MAP}.isMoving()")
     page.evaluate(f"{MAP}.jumpTo({{center: [{lon_deg}, {lat_deg}], zoom: 20.5}})")
     yield page
     context.close()
@@ -251,8 +254,12 @@ def tap(page: Page, *places: tuple[float, float]) -> None:
         page.mouse.click(box["x"] + x, box["y"] + y)
 
 
-def use_tool(page: Page, title: str) -> None:
-    page.get_by_role("button", name=title).click()
+@contextmanager
+def tool(page: Page, title: str) -> Iterator[None]:
+    button = page.get_by_role("button", name=title)
+    button.click()
+    yield
+    button.click()
 
 
 def told(server: FakeServer, kind: str) -> list[dict[str, Any]]:
@@ -261,67 +268,72 @@ def told(server: FakeServer, kind: str) -> list[dict[str, Any]]:
 
 def test_a_picked_coordinate_is_shown_and_copied(page: Page) -> None:
     """P2."""
-    use_tool(page, "Read position")
-    tap(page, (20.0, -15.0))
-    hint = page.locator(".map-hint")
-    expect(hint).to_contain_text(re.compile(r"E (19|20)\.\d{3} m  N -1[45]"))
-    page.get_by_role("button", name="Copy the position").click()
-    lat_deg, lon_deg = messages.lat_lon(20.0, -15.0)
-    words = page.locator(".toast", has_text="Copied").last.inner_text().split("Copied: ")[1]
-    copied = [float(word) for word in words.split(", ")]
-    assert copied == pytest.approx([lat_deg, lon_deg], abs=1e-6)
-    use_tool(page, "Read position")
+    with tool(page, "Read position"):
+        tap(page, (20.0, -15.0))
+        hint = page.locator(".map-hint")
+        expect(hint).to_contain_text(re.compile(r"E (19|20)\.\d{3} m  N -1[45]"))
+        page.evaluate("navigator.clipboard.writeText = async text => { window.__copied = text }")
+        page.get_by_role("button", name="Copy the position").click()
+        lat_deg, lon_deg = messages.lat_lon(20.0, -15.0)
+        copied = [float(word) for word in until(page, "window.__copied").split(", ")]
+        assert copied == pytest.approx([lat_deg, lon_deg], abs=1e-6)
+
+
+def test_the_place_under_the_mouse_is_shown(page: Page) -> None:
+    box = page.locator(".map").bounding_box()
+    assert box
+    x, y = pixel_of(page, 22.0, -16.0)
+    page.mouse.move(box["x"] + x, box["y"] + y)
+    expect(page.locator(".map-cursor")).to_contain_text(re.compile(r"E 2[12]\.\d\d  N -1[56]\."))
 
 
 def test_measuring_adds_up_and_gives_the_area(page: Page) -> None:
     """P11: 4 m and 3 m are 7 m around 6 square metres."""
-    use_tool(page, "Measure")
-    tap(page, (16.0, -14.0), (20.0, -14.0), (20.0, -17.0))
-    expect(page.locator(".map-hint")).to_contain_text("Total 7.0 m")
-    expect(page.locator(".map-hint")).to_contain_text("6.0 m²")
-    use_tool(page, "Measure")
+    with tool(page, "Measure"):
+        tap(page, (16.0, -14.0), (20.0, -14.0), (20.0, -17.0))
+        expect(page.locator(".map-hint")).to_contain_text("Total 7.0 m")
+        expect(page.locator(".map-hint")).to_contain_text("6.0 m²")
 
 
 def test_a_drawn_polygon_is_sent_and_stays(page: Page, server: FakeServer) -> None:
     """P4: to the recording, and to the program that listens."""
     corners = [(16.0, -14.0), (20.0, -14.0), (20.0, -17.0)]
-    use_tool(page, "Draw a polygon")
-    tap(page, *corners, corners[0])
-    shape = wait_for(lambda: told(server, "shape"), "a polygon")[-1]
-    assert shape["what"] == "polygon"
-    for sent, meant in zip(shape["xy"], corners, strict=True):
-        assert sent == pytest.approx(meant, abs=0.06)
-    wait_for(lambda: "panels/listener-polygon" in server.written, "the listener's answer")
-    assert server.written["panels/listener-polygon"] == {"points": shape["xy"]}
-    use_tool(page, "Draw a polygon")
+    with tool(page, "Draw a polygon"):
+        tap(page, *corners, corners[0])
+        shape = wait_for(lambda: told(server, "shape"), "a polygon")[-1]
+        assert shape["what"] == "polygon"
+        for sent, meant in zip(shape["xy"], corners, strict=True):
+            assert sent == pytest.approx(meant, abs=0.06)
+        wait_for(lambda: "panels/listener-polygon" in server.written, "the listener's answer")
+        assert server.written["panels/listener-polygon"] == {"points": shape["xy"]}
     red, green, blue = (177, 18, 138)
     wait_rgb(page, pixel_of(page, 18.0, -14.0), (red, green, blue))
 
 
 def test_a_route_begins_at_the_robot_and_is_sent(page: Page, server: FakeServer) -> None:
     """P17."""
-    use_tool(page, "Plan a route")
-    tap(page, (10.0, -14.0), (12.0, -14.0))
-    expect(page.locator(".map-hint")).to_contain_text("2 stops")
-    tap(page, (12.0, -14.0))
-    sent = wait_for(lambda: [s for s in told(server, "shape") if s["what"] == "route"], "a route")
-    x_m, y_m, _ = server.robot.pose()
-    assert sent[0]["xy"][0] == pytest.approx([x_m, y_m], abs=0.01)
-    assert sent[0]["xy"][2] == pytest.approx([12.0, -14.0], abs=0.06)
-    use_tool(page, "Plan a route")
+    with tool(page, "Plan a route"):
+        tap(page, (10.0, -14.0), (12.0, -14.0))
+        expect(page.locator(".map-hint")).to_contain_text("2 stops")
+        tap(page, (12.0, -14.0))
+        sent = wait_for(
+            lambda: [s for s in told(server, "shape") if s["what"] == "route"], "a route"
+        )
+        x_m, y_m, _ = server.robot.pose()
+        assert sent[0]["xy"][0] == pytest.approx([x_m, y_m], abs=0.01)
+        assert sent[0]["xy"][2] == pytest.approx([12.0, -14.0], abs=0.06)
 
 
 def test_a_published_point_and_a_goal_are_sent(page: Page, server: FakeServer) -> None:
     """P18 and P12."""
-    use_tool(page, "Publish a point")
-    tap(page, (26.0, -13.0))
-    point = wait_for(lambda: told(server, "point"), "a point")[0]
-    assert [point["x"], point["y"]] == pytest.approx([26.0, -13.0], abs=0.06)
-    use_tool(page, "Drive to a place")
-    tap(page, (26.0, -14.0))
-    goal = wait_for(lambda: told(server, "goto"), "a goal")[0]
-    assert [goal["x"], goal["y"]] == pytest.approx([26.0, -14.0], abs=0.06)
-    use_tool(page, "Drive to a place")
+    with tool(page, "Publish a point"):
+        tap(page, (26.0, -13.0))
+        point = wait_for(lambda: told(server, "point"), "a point")[0]
+        assert [point["x"], point["y"]] == pytest.approx([26.0, -13.0], abs=0.06)
+    with tool(page, "Drive to a place"):
+        tap(page, (26.0, -14.0))
+        goal = wait_for(lambda: told(server, "goto"), "a goal")[0]
+        assert [goal["x"], goal["y"]] == pytest.approx([26.0, -14.0], abs=0.06)
 
 
 def add_display(page: Page, kind: str, title: str, **options: str) -> None:
@@ -383,7 +395,8 @@ def test_a_picture_of_the_map_shows_what_the_screen_shows(page: Page) -> None:
 
 def test_a_video_of_the_map_plays(page: Page, tmp_path: Path) -> None:
     page.get_by_role("button", name="Record a video of the map").click()
-    until(page, "new Promise(done => setTimeout(() => done(true), 1500))")
+    page.evaluate(f"window.__drawn = 0; {MAP}.on('render', () => window.__drawn++)")
+    until(page, "window.__drawn > 40")
     with page.expect_download() as file:
         page.get_by_role("button", name="Record a video of the map").click()
     assert file.value.suggested_filename.endswith(".webm")

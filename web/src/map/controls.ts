@@ -1,5 +1,6 @@
 /** The buttons on the map: zoom, follow, overview, layers, tools, picture, saved views. */
 
+import type { MapMouseEvent } from 'maplibre-gl'
 import { api } from '../api.ts'
 import type { App } from '../app.ts'
 import { download, el, setText } from '../dom.ts'
@@ -19,6 +20,7 @@ function mapButton(name: IconName, title: string, action: () => void): HTMLButto
 export function mapControls(view: MapView, app: App, tools: ToolId[] = TOOLS.map((t) => t.id)): { node: HTMLElement; done: () => void } {
   const follow = mapButton('follow', 'Follow the robot', () => view.setFollow(!view.follow))
   const film = filmButton(view, app)
+  const cursor = cursorLine(view)
   const layersButton = mapButton('layers', 'Layers and views', () => {
     layers.hidden = !layers.hidden
     layersButton.setAttribute('aria-expanded', String(!layers.hidden))
@@ -34,8 +36,25 @@ export function mapControls(view: MapView, app: App, tools: ToolId[] = TOOLS.map
       mapButton('plus', 'Zoom in', () => view.zoomBy(1)), mapButton('minus', 'Zoom out', () => view.zoomBy(-1)),
       follow, mapButton('fit', 'Whole field', () => view.overview()), layersButton,
       mapButton('image', 'Save a picture of the map', () => void savePicture(view, app)), film),
-    bar.node, hint.node, layers)
-  return { node, done: () => view.tools.choose('pan') }
+    bar.node, cursor.node, hint.node, layers)
+  const done = (): void => {
+    cursor.done()
+    view.tools.choose('pan')
+  }
+  return { node, done }
+}
+
+/** Where the mouse is, in the map and on the earth; a finger has the tool for that. */
+function cursorLine({ map, app }: MapView): { node: HTMLElement; done: () => void } {
+  const node = el('div', { class: 'map-cursor', 'aria-hidden': 'true' })
+  const move = ({ lngLat: { lng, lat } }: MapMouseEvent): void => {
+    const [x, y] = app.projection.toMap(lng, lat)
+    setText(node, `E ${x.toFixed(2)}  N ${y.toFixed(2)} m · ${lat.toFixed(7)}, ${lng.toFixed(7)}`)
+  }
+  const leave = (): void => setText(node, '')
+  map.on('mousemove', move)
+  map.on('mouseout', leave)
+  return { node, done: () => map.off('mousemove', move).off('mouseout', leave) }
 }
 
 interface Hint { node: HTMLElement; show: (text: string) => void }

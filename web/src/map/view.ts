@@ -232,7 +232,7 @@ export class MapView {
   private fit(box: Box, durationMs: number): void {
     const isNarrow = this.node.clientWidth < NARROW_PX
     const padding = { top: isNarrow ? 20 : 40, bottom: 40, left: isNarrow ? 20 : 72, right: isNarrow ? 68 : 72 }
-    this.map.fitBounds(box, { padding, maxZoom: 21, duration: durationMs })
+    this.map.fitBounds(box, { padding, maxZoom: 21, bearing: 0, duration: durationMs })
     this.fitted = box
   }
 

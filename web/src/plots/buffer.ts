@@ -87,3 +87,10 @@ export function toCsv(header: string[], columns: (number | null)[][]): string {
   for (let i = 0; i < columns[0].length; i++) rows.push(columns.map((c) => c[i] ?? '').join(','))
   return rows.join('\n') + '\n'
 }
+
+/** All values with some room; a signal that stands still lies in the middle. */
+export function valueRange(_: unknown, low: number | null, high: number | null): [number, number] {
+  if (low === null || high === null) return [-1, 1]
+  const room = high - low > 1e-6 ? 0.08 * (high - low) : Math.max(0.1, 0.1 * Math.abs(high))
+  return [low - room, high + room]
+}

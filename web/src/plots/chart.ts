@@ -5,6 +5,7 @@ import 'uplot/dist/uPlot.min.css'
 import { el } from '../dom.ts'
 import { colour, onTheme } from '../shell/theme.ts'
 import type { SignalBuffer } from './buffer.ts'
+import { valueRange } from './buffer.ts'
 
 export class Chart {
   private readonly box: HTMLElement
@@ -28,7 +29,7 @@ export class Chart {
     const series = this.labels.map((label, i): uPlot.Series => ({ label, stroke: colour(`series-${this.indices[i] % 6}`), width: 2, points: { show: false } }))
     this.plot = new uPlot({
       width: Math.max(100, this.plotBox.clientWidth), height: Math.max(80, this.plotBox.clientHeight), legend: { show: false },
-      scales: { x: { time: false } }, cursor: { sync: this.sync }, axes: [{ ...axis, values: (_, ticks) => ticks.map((t) => `${t} s`) }, { ...axis, size: 56 }],
+      scales: { x: { time: false }, y: { range: valueRange } }, cursor: { sync: this.sync }, axes: [{ ...axis, values: (_, ticks) => ticks.map((t) => `${t} s`) }, { ...axis, size: 56 }],
       series: [{}, ...series], hooks: { setCursor: [(plot) => this.showCursor(plot)] },
     }, [[], ...this.labels.map(() => [])], this.plotBox)
   }
