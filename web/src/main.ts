@@ -45,6 +45,16 @@ async function openSession(): Promise<Session> {
   }
 }
 
+/** What the mission refuses only after a while, such as a goal for which the robot had to stop first. */
+function tellRefusals(store: Store, toasts: Toasts): void {
+  let told: string | undefined
+  store.on('state', (state) => {
+    const refusal = state.mission?.refusal ?? ''
+    if (refusal && told !== undefined && refusal !== told) toasts.show('warn', refusal)
+    told = refusal
+  })
+}
+
 async function boot(): Promise<void> {
   startTheme()
   const session = await openSession()
@@ -76,6 +86,7 @@ async function boot(): Promise<void> {
     if (linked && !app.field) void app.loadWorld()
   })
   store.on('field', () => void app.loadWorld())
+  tellRefusals(store, toasts)
   link.start()
   await app.loadWorld()
   await router.show()

@@ -16,7 +16,7 @@ export interface LogEvent { t: number; level: Level; source: string; text: strin
 export interface PathData { xy: Vec2[]; row: number[] }
 export interface Mission {
   state: string; reason: string; row: number | null; rows_total: number; rows_done: number[]
-  s_m: number; length_m: number; eta_s: number | null; wp_total: number; wp_reached: number; leg?: string
+  s_m: number; length_m: number; eta_s: number | null; wp_total: number; wp_reached: number; leg?: string; refusal?: string
 }
 export interface Replay { name: string; t_s: number; start_s: number; end_s: number; speed: number }
 export interface State {

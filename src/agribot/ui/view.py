@@ -158,6 +158,7 @@ class RunView:
             "wp_total": status.waypoints_total,
             "wp_reached": status.waypoints_reached,
             "leg": status.leg,
+            "refusal": status.refusal,
         }
 
     def _mode(self, record: TickRecord) -> str:

@@ -175,6 +175,7 @@ class FakeRobot:
                 "wp_total": 2 * ROWS,
                 "wp_reached": 2 * row,
                 "leg": "row 3",
+                "refusal": "",
             },
             "mode": self.mode,
             "stop": self.stop,

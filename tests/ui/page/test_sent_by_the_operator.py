@@ -6,6 +6,7 @@ One robot serves all tests of this file, in their order.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -57,6 +58,15 @@ def tap(page: Page, east_m: float, north_m: float) -> None:
     page.mouse.click(*at(page, east_m, north_m))
 
 
+def draw_north(page: Page, east_m: float, north_m: float) -> None:
+    """Press at a place and drag to the north, for a tool that takes a heading as well."""
+    x, y = at(page, east_m, north_m)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 80, steps=3)
+    page.mouse.up()
+
+
 def test_a_place_beyond_the_fence_is_refused_with_the_reason(page: Page) -> None:
     until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1", PATIENCE_S)
     page.get_by_role("button", name="Drive to a place").click()
@@ -64,25 +74,22 @@ def test_a_place_beyond_the_fence_is_refused_with_the_reason(page: Page) -> None
     expect(page.locator(".toast", has_text="beyond the fence")).to_be_visible(timeout=60_000)
 
 
-def test_the_robot_drives_to_the_place_that_was_tapped_and_waits(page: Page) -> None:
-    tap(page, *GOAL)
+def test_the_robot_drives_to_the_place_that_was_drawn_and_waits(page: Page) -> None:
+    draw_north(page, *GOAL)
     until(page, f"{STATE}.mission.leg === 'to the goal'", PATIENCE_S)
     until(page, f"{STATE}.mission.reason.includes('at the goal')", PATIENCE_S)
     until(page, f"Math.abs({STATE}.vel[0]) < 0.01", PATIENCE_S)
-    x_m, y_m, _ = page.evaluate(f"{STATE}.pose")
+    x_m, y_m, yaw_rad = page.evaluate(f"{STATE}.pose")
     assert (x_m, y_m) == pytest.approx(GOAL, abs=0.3)  # as near as a finger on the map
+    assert math.cos(yaw_rad - math.pi / 2) > 0.98
     expect(page.locator(".reason")).to_contain_text("resume goes on with the mission")
 
 
 def test_a_standing_robot_believes_the_pose_that_was_drawn_and_then_its_sensors(page: Page) -> None:
     before = page.evaluate(f"{STATE}.std[0]")
     assert before < 0.05
-    x, y = at(page, *GOAL)
     page.get_by_role("button", name="Correct the robot’s pose").click()
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x, y - 80, steps=3)
-    page.mouse.up()
+    draw_north(page, *page.evaluate(f"{STATE}.pose.slice(0, 2)"))
     expect(page.locator(".toast", has_text="Pose corrected")).to_be_visible(timeout=60_000)
     until(page, f"{STATE}.std[0] < 0.05 && Math.abs({STATE}.vel[0]) < 0.01", PATIENCE_S)
 

@@ -20,7 +20,9 @@ export class Toasts {
     this.box.showPopover()
   }
 
+  /** What is still to be read is not said twice. */
   show(level: Level, text: string): void {
+    if ([...this.box.children].some((toast) => toast.textContent === text)) return
     const close = el('button', { type: 'button', class: 'icon-button quiet', 'aria-label': 'Dismiss' }, icon('cancel', 18))
     const toast = el('div', { class: `toast ${level}` }, icon(level === 'info' ? 'check' : 'warning', 20), el('span', {}, text), close)
     close.addEventListener('click', () => toast.remove())
