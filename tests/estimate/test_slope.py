@@ -8,8 +8,12 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from agribot.config import EstimateConfig, FieldConfig, MissionConfig
+from agribot.estimate.crop_rows import CropRows
+from agribot.estimate.ekf import YAW, Ekf, X, Y
+from agribot.estimate.history import Motion, MotionHistory
 from agribot.estimate.odometry import Odometry
-from agribot.messages import FloatArray, ImuSample, WheelSample
+from agribot.messages import FloatArray, GroundPlant, ImuSample, PlantClass, Scene, WheelSample
 from tests.estimate.paper_robot import robot
 
 DT_S, RATE_RADPS, GRAVITY_MPS2 = 0.01, 0.6, 9.8
@@ -74,7 +78,33 @@ def test_the_tilt_does_not_lag_behind_a_turn() -> None:
 def test_a_robot_that_turns_on_a_slope_is_expected_to_slide_downhill_and_on_the_level_not() -> None:
     _, level_m, _ = _turn(0.0, RATE_RADPS, math.pi)
     assert not level_m.any()
-    _, slid_m, _ = _turn(10.0, -RATE_RADPS, math.pi)
-    # The simulator's rover slides by 0.34 to 0.38 m: see tests/sim/test_slopes.py.
-    assert slid_m[0] == pytest.approx(0.36 * DRIVE.wheelbase_m / 0.5038, abs=0.04)
-    assert abs(slid_m[1]) < 0.03
+    # The simulator's rover slides by 0.34 to 0.38 m, and outwards if it faces downhill on the way:
+    # see tests/sim/test_slopes.py.
+    scale = DRIVE.wheelbase_m / 0.5038
+    for rate_radps, outwards_m in ((-RATE_RADPS, 0.18), (RATE_RADPS, -0.18)):
+        _, slid_m, _ = _turn(10.0, rate_radps, math.pi)
+        assert slid_m[0] == pytest.approx(0.36 * scale, abs=0.04)
+        assert slid_m[1] == pytest.approx(outwards_m * scale, abs=0.03)
+
+
+@pytest.mark.parametrize("std_m", [0.2, MissionConfig().max_row_std_m - 0.01])
+def test_a_robot_that_may_still_drive_still_uses_the_crop(std_m: float) -> None:
+    """Whoever drives without looking only loses the row the more, after a turn on a slope say."""
+    ekf = Ekf([std_m, std_m, 0.02, *[1e-3] * 6, 0.0], row_yaw_rad=math.pi / 2.0)
+    field = FieldConfig(plant_spacing_m=2.0)
+    ekf.x[X], ekf.x[Y], ekf.x[YAW] = 3.0 + 0.1, 4.0, math.pi / 2.0
+    history, rejected = MotionHistory(), Counter[str]()
+    crop = CropRows(ekf, history, EstimateConfig(), field, rejected)
+    for index in range(20):
+        t_s, ahead_m = 0.1 * index, 0.04 * index
+        history.append(Motion(t_s, 0.0, ahead_m, 0.0, 0.4, 0.0))
+        ekf.x[Y] = 4.0 + ahead_m
+        # The third row lies 10 cm to the left of where the robot believes to be, and is under it.
+        plant = GroundPlant(
+            x_body_m=2.0 - ahead_m, y_body_m=0.0, plant=PlantClass.CROP, area_m2=0.05,
+            confidence=0.9, std_m=0.03,
+        )  # fmt: skip
+        crop.see(Scene(t_s=t_s, ready_s=t_s, frame_index=index, plants=(plant,), view_body_m=()))
+    assert not rejected["row ambiguous"]
+    assert ekf.x[X] == pytest.approx(3.0, abs=0.03)
+    assert math.sqrt(ekf.cov[X, X]) < 0.5 * std_m

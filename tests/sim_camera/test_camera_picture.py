@@ -20,6 +20,7 @@ from tests.sim_camera.camera_scenes import (
     obstacle,
     plant,
     pose,
+    rays,
     world,
 )
 
@@ -50,6 +51,31 @@ def test_soil_in_the_shadow_of_a_plant_is_darker() -> None:
     # The sun is in the East, which is up in this picture: the shadow lies on the other side.
     rows = np.nonzero(soil)[0][ratio < 0.6]
     assert rows.mean() > CAMERA.height_px / 2 + 5
+
+
+def test_under_clouds_a_shadow_is_below_its_thing_and_has_no_edge() -> None:
+    view = pose(-1.0, 0.0, 1.0, down_deg=45.0)  # the ball does not hide the soil below it
+    ball = obstacle("sphere", (0.12, 0.12, 0.12), 0.0, 0.0, 0.4)
+
+    def shadow(light: Light) -> tuple[float, float]:
+        """Metres from below the ball to the middle of the shadow; how much of it is half-dark."""
+        bare = CameraRenderer(world(light=light)).render(view, CAMERA, noise_seed=None)
+        drawn = CameraRenderer(world(obstacles=(ball,), light=light)).render(
+            view, CAMERA, noise_seed=None
+        )
+        is_soil = drawn.depth_m > bare.depth_m - 0.01
+        dark = np.where(is_soil, 1.0 - brightness(drawn) / brightness(bare), 0.0)
+        place_m = (view[:3, 3] + rays(view, CAMERA) * bare.depth_m[..., None])[..., :2]
+        strong = dark > 0.05 * dark.max()
+        middle_m = np.average(place_m[strong], axis=0, weights=dark[strong])
+        half = (dark > 0.2 * dark.max()) & (dark < 0.8 * dark.max())
+        return float(np.hypot(*middle_m)), half.sum() / strong.sum()
+
+    clear_m, clear_edge = shadow(Light(to_sun=(0.7, 0.0, 0.7), diffuse=0.8, ambient=0.5))
+    cloudy_m, cloudy_edge = shadow(Light(to_sun=(0.7, 0.0, 0.7), diffuse=0.1, ambient=0.9))
+    assert clear_m == pytest.approx(0.4, abs=0.05)
+    assert cloudy_m < 0.15
+    assert cloudy_edge > 2.0 * clear_edge
 
 
 def test_a_post_shades_the_plant_behind_it() -> None:

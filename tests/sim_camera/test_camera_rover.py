@@ -81,6 +81,22 @@ def test_its_shadow_lies_on_the_ground_away_from_the_sun(ball: RobotSpec) -> Non
     assert area_m2 == pytest.approx(math.pi * BALL_RADIUS_M**2 / sun[2], rel=0.1)
 
 
+def test_under_clouds_its_shadow_is_wide_soft_and_nearly_below_it(ball: RobotSpec) -> None:
+    clouds = Light(to_sun=SUN.to_sun, diffuse=0.0, ambient=1.0)
+    renderer = CameraRenderer(world(light=clouds), ball)
+    bare = renderer.render(ABOVE, CAMERA, noise_seed=None)
+    drawn = renderer.render(ABOVE, CAMERA, noise_seed=None, map_from_body=BODY)
+    is_soil = drawn.depth_m > 1.99
+    dark = np.where(is_soil, 1.0 - brightness(drawn) / brightness(bare), 0.0)
+    shaded = dark > 0.02
+    radius_m = np.sqrt(shaded.sum() / math.pi) * 2.0 / CAMERA.focal_px
+    assert radius_m > BALL_RADIUS_M
+    assert dark.max() < 0.3  # the sky reaches below it
+    place_m = _ground_points(ABOVE, 0.0)[shaded]
+    centre = (BODY @ np.append(BALL_M, 1.0))[:2]
+    assert np.hypot(*(place_m[:, :2].mean(axis=0) - centre)) < 0.1
+
+
 def test_the_shadow_follows_a_slope(ball: RobotSpec) -> None:
     x_m = np.arange(-6.0, 6.01, 0.5)
     slope = HeightField(

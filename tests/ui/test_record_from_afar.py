@@ -8,6 +8,7 @@ import threading
 import pytest
 
 from agribot.cli import main
+from agribot.ui import remote
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot
 
@@ -39,7 +40,9 @@ def test_a_recording_is_begun_ended_and_marked_from_a_terminal(
     action: str,
     recording: str,
     capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(remote, "ANSWER_S", 60.0)
     thread = answering(robot, action, recording)
     assert main(["record", *words, "--port", str(robot.port), "--json"]) == 0
     thread.join()

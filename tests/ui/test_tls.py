@@ -15,6 +15,7 @@ from websockets.sync.client import connect
 
 from agribot.cli import main
 from agribot.errors import ConfigError
+from agribot.ui import remote
 from agribot.ui.address import Address, read_door
 from agribot.ui.remote import Remote
 from tests.ui.conftest import Robot
@@ -59,18 +60,21 @@ def test_the_page_comes_over_https_alone_and_its_cookie_stays_there(
         urlopen(encrypted.server.url.replace("https:", "http:"), timeout=5.0)
 
 
-def test_states_and_orders_are_encrypted_too(encrypted: Robot, trust: ssl.SSLContext) -> None:
+def test_states_and_orders_are_encrypted_too(
+    encrypted: Robot, trust: ssl.SSLContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(remote, "ANSWER_S", 60.0)
     port = encrypted.port
     origin = {"Origin": f"https://127.0.0.1:{port}"}
     url = f"wss://127.0.0.1:{port}/ws/v1"
     with connect(url, ssl=trust, additional_headers=origin, proxy=None) as line:
-        assert '"hello"' in str(line.recv(timeout=10.0))
+        assert '"hello"' in str(line.recv(timeout=60.0))
     door = read_door(port)
     assert door.url.startswith("wss://")
     with Remote(door, "a program") as robot:
         robot.take_seat(force=True)
         robot.drive(0.1, 0.0)
-        encrypted.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.1)
+        encrypted.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.1, 60.0)
 
 
 def test_files_that_do_not_fit_are_refused_before_anything_moves(

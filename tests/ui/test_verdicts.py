@@ -39,7 +39,10 @@ def asked(action: str, legs: list[str], refusal: str) -> str:
 
 
 @pytest.mark.parametrize("refusal", ["", "goal refused: beyond the fence"])
-def test_the_answer_comes_when_the_robot_stands_and_has_planned(refusal: str) -> None:
+def test_the_answer_comes_when_the_robot_stands_and_has_planned(
+    refusal: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(verdicts, "PATIENCE_S", 60.0)
     assert asked("goto", [STOPPING] * 20 + ["to the goal"], refusal) == refusal
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.description.package import ROOT
+from agribot.description.pictures import read_grey
 from agribot.errors import DescriptionError
 from agribot.geo import Datum
 from agribot.world import Obstacle, WorldSpec
@@ -54,8 +55,6 @@ def load_ros_map(path: Path) -> RosMap:
 
     Raises: DescriptionError: a file or key is missing, or a value makes no sense.
     """
-    from PIL import Image, UnidentifiedImageError
-
     keys = _keys(path)
     origin = _numbers(keys, "origin", path)
     (resolution_m,) = _numbers(keys, "resolution", path)
@@ -65,19 +64,11 @@ def load_ros_map(path: Path) -> RosMap:
             "turned, with three numbers and cells larger than 0, are read"
         )
     picture = path.parent / keys.get("image", "")
-    try:
-        with Image.open(picture) as image:
-            shades = np.flipud(np.asarray(image.convert("L"), dtype=np.float64))
-    except (OSError, UnidentifiedImageError) as error:
-        raise DescriptionError(
-            f"{path.name}: image '{keys.get('image', '')}' cannot be read: {error}"
-        ) from error
-    if max(shades.shape) > MAX_CELLS:
-        raise DescriptionError(
-            f"{picture.name} has {shades.shape} cells; at most {MAX_CELLS} a side"
-        )
+    if not picture.is_file():
+        raise DescriptionError(f"{path.name}: image '{keys.get('image', '')}' cannot be read")
+    shades = read_grey(picture, MAX_CELLS)
     occupied, free = (_numbers(keys, k, path)[0] for k in ("occupied_thresh", "free_thresh"))
-    darkness = shades / 255.0 if _numbers(keys, "negate", path)[0] else 1.0 - shades / 255.0
+    darkness = shades if _numbers(keys, "negate", path)[0] else 1.0 - shades
     cells = np.full(shades.shape, UNKNOWN, dtype=np.int8)
     cells[darkness > occupied], cells[darkness < free] = OCCUPIED, FREE
     place = _numbers(keys, "datum", path) if "datum" in keys else ()

@@ -8,22 +8,27 @@ from __future__ import annotations
 
 import io
 import math
+import tokenize
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from agribot.description.package import ROOT
+from agribot.description.pictures import FULL_SCALE, read_grey
 from agribot.errors import DescriptionError
 from agribot.geo import inverse
 from agribot.messages import FloatArray
 from agribot.world import HeightField
 
-FULL_SCALE = 65535  # of a 16-bit height map
 MAX_SAMPLES = 4097  # along one side
 # Where the arcs of the hills' crop rows have their centre, North and West of the heights' middle.
 HILL_TOP_XY_M = (-4.0, 3.0 - 1.0 + 1.0 / 0.03)
 SWELL_M = 0.5
+# What numpy.load says of damaged files; it takes some for archives and some for Python 2's.
+NOT_NPY = (OSError, ValueError, TypeError, AttributeError, KeyError, OverflowError, SyntaxError,
+           EOFError, tokenize.TokenError, zipfile.BadZipFile)  # fmt: skip
 
 
 def volcano(
@@ -86,12 +91,9 @@ def load_heights(path: Path) -> FloatArray:
     """A height map as ratios 0 to 1 of its full scale, rows from South to North.
 
     Pictures have North at the top; .npy files hold metres, rows to the North, and stay metres.
-    Raises: DescriptionError: not a picture that can be read, or too large.
+    Raises: DescriptionError: nothing that can be read, not finite, or too large.
     """
-    if path.suffix == ".npy":
-        heights: FloatArray = np.asarray(np.load(path, allow_pickle=False), dtype=np.float64)
-    else:
-        heights = _picture(path)
+    heights = _samples(path) if path.suffix == ".npy" else read_grey(path, MAX_SAMPLES)
     if heights.ndim != 2 or not 2 <= min(heights.shape) <= max(heights.shape) <= MAX_SAMPLES:
         raise DescriptionError(
             f"{path.name} has {heights.shape} samples; a height map needs 2 x 2 to "
@@ -100,17 +102,15 @@ def load_heights(path: Path) -> FloatArray:
     return heights
 
 
-def _picture(path: Path) -> FloatArray:
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(path) as image:
-            wide = image.mode.startswith("I")
-            grey = np.asarray(image if wide else image.convert("L"), dtype=np.float64)
-    except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-        raise DescriptionError(f"{path.name} is no picture that can be read: {error}") from error
-    flipped: FloatArray = np.flipud(grey) / (FULL_SCALE if wide else 255)
-    return flipped
+def _samples(path: Path) -> FloatArray:
+    try:  # mapped, so that a wrong size in the file's head does not fill the memory
+        heights = np.load(path, mmap_mode="r", allow_pickle=False)
+        if heights.size > MAX_SAMPLES**2 or not np.isfinite(heights).all():
+            raise ValueError(f"{heights.shape} samples, or some that are not finite")
+        metres: FloatArray = np.asarray(heights, dtype=np.float64)
+    except NOT_NPY as error:
+        raise DescriptionError(f"{path.name} holds no heights: {error}") from error
+    return metres
 
 
 def png_bytes(heights_m: FloatArray) -> bytes:

@@ -17,6 +17,7 @@ from agribot.estimate.contradiction import Contradiction
 from agribot.estimate.ekf import YAW, Ekf, Row, X, Y
 from agribot.estimate.field_rows import FieldRows, RowFrame
 from agribot.estimate.history import Motion, MotionHistory
+from agribot.estimate.row_model import TELLS_APART_RATIO as TELLS_ROWS_APART_RATIO
 from agribot.messages import GroundPlant, PlantClass, Scene
 
 # A drill sets plants about this far off their line, and off their place in it.
@@ -27,8 +28,8 @@ FRAME_STD_M = 0.015
 # robot moves, how far the plant stands off its place not before the plant has passed by.
 LOOK_MEMORY_M, PLANTING_MEMORY_M = 0.05, 0.4
 MIN_MOVED_M = 0.005
-# The pose can tell rows, or plants of a row, apart up to this share of their distance, 1 sigma.
-TELLS_APART_RATIO = 0.2
+# The pose can tell plants of a row apart up to this share of their distance, 1 sigma.
+TELLS_PLANTS_APART_RATIO = 0.2
 # Fragments of weeds taken for crop are smaller than the crop of the field by far.
 MIN_SIZE_RATIO, SIZE_WEIGHT = 0.2, 0.1
 # What is too small counts a little all the same, so that a few giants cannot shut out the crop.
@@ -160,7 +161,7 @@ class CropRows:
         across = _row(at.right, seen.lever_m)
         off_m = row_right_m - at.right_m
         across_m2 = ekf.project(across)[1]
-        if across_m2 > (TELLS_APART_RATIO * field.pitch_m) ** 2:
+        if across_m2 > (TELLS_ROWS_APART_RATIO * field.pitch_m) ** 2:
             self._rejected["row ambiguous"] += 1
             return False
         fits = off_m * off_m <= self._gate2 * (across_m2 + seen.std_m**2)
@@ -168,7 +169,7 @@ class CropRows:
         along_m2 = ekf.project(along)[1]
         slot, ahead_m = field.slot_at(at.along_m, at.stretch), 0.0
         if slot is not None and field.spacing_m is not None:
-            if along_m2 > (TELLS_APART_RATIO * field.spacing_m) ** 2:
+            if along_m2 > (TELLS_PLANTS_APART_RATIO * field.spacing_m) ** 2:
                 slot = None
             else:
                 ahead_m = (slot[1] - at.along_m) * at.stretch

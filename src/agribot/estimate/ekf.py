@@ -14,6 +14,7 @@ import numpy as np
 
 from agribot.arithmetic import FLOATS
 from agribot.estimate.models import motion, pair_distance2
+from agribot.estimate.slope import SLIDE_STD_RATIO
 from agribot.geo import wrap_rad
 from agribot.messages import FloatArray
 
@@ -98,7 +99,7 @@ class Ekf:
             noise.position_m2_per_m * abs(distance_m) + noise.position_m2_per_rad * turn_abs_rad
         )
         if slide_m2:
-            position_m2 += slide_m2 / max(abs(turn_rad), TURN_FLOOR_RAD)
+            position_m2 += SLIDE_STD_RATIO**2 * slide_m2 / max(abs(turn_rad), TURN_FLOOR_RAD)
         self.inflate(X, position_m2)
         self.inflate(Y, position_m2)
         self.inflate(YAW, noise.yaw_rad2_per_s * dt_s + noise.yaw_rad2_per_rad * turn_abs_rad)

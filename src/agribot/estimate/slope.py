@@ -11,8 +11,12 @@ LEAST_LEVEL_RATIO = 0.1
 # Less tilt than this is as likely the bias of the IMU or the crumbs under a wheel.
 LEVEL_SINE = math.sin(math.radians(2.0))
 # Wheels that are dragged sideways by a turn hold no side force, so that the robot gives way
-# downhill: per radian of turn and unit of slope, in wheelbases. The grip of soils differs.
-SLIDE_WHEELBASES = 1.3
+# downhill by so much per radian of turn and unit of slope. And the axle that carries more holds
+# better: the robot turns about a point so far towards it per unit of slope. Both in wheelbases and
+# as measured in the simulator, at any speed and rate; the grip of soils differs.
+SLIDE_WHEELBASES, CENTRE_WHEELBASES = 1.3, 1.3
+# 1 sigma of what is expected, for a radian.
+SLIDE_STD_RATIO = 0.5
 
 
 def heading_rate_radps(gyro_radps: Vec3, up_body: Vec3) -> float:
@@ -27,12 +31,12 @@ def seen_from_above(distance_m: float, up_body: Vec3) -> float:
 
 
 def slide_m(turn_rad: float, up_body: Vec3, wheelbase_m: float) -> tuple[float, float]:
-    """Downhill, forward and left of the body, while it turns; about half as much is its sigma."""
+    """How far a slope takes a robot forward and to its left while it turns."""
     x, y, _ = up_body
     if x * x + y * y < LEVEL_SINE * LEVEL_SINE:
         return 0.0, 0.0
     reach_m = SLIDE_WHEELBASES * wheelbase_m * abs(turn_rad)
-    return -reach_m * x, -reach_m * y
+    return -reach_m * x, -reach_m * y + CENTRE_WHEELBASES * wheelbase_m * turn_rad * x
 
 
 def turned(vector: Vec3, gyro_radps: Vec3, dt_s: float) -> Vec3:

@@ -42,7 +42,7 @@ class BackgroundFile:
         with self._wake:
             self._waiting.append(copied)
             self._waiting_bytes += len(copied)
-            self._wake.notify()
+            self._wake.notify_all()
         self._size += len(copied)
         return len(copied)
 
@@ -50,11 +50,18 @@ class BackgroundFile:
         """The thread is at it already."""
         self._complain()
 
+    def drain(self) -> None:
+        """Wait until everything so far is written, or cannot be."""
+        with self._wake:
+            while self._waiting_bytes and self._thread.is_alive():
+                self._wake.wait(0.1)
+        self._complain()
+
     def end(self) -> None:
         """Nothing more is to come; the thread closes the file when it has written the rest."""
         with self._wake:
             self._is_closing = True
-            self._wake.notify()
+            self._wake.notify_all()
 
     def close(self) -> None:
         """Wait until everything is written. Safe to call twice."""
@@ -86,6 +93,7 @@ class BackgroundFile:
                 return
             with self._wake:
                 self._waiting_bytes -= len(data)
+                self._wake.notify_all()
 
     def _write_all(self, data: bytes) -> None:
         rest = memoryview(data)

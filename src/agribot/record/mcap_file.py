@@ -73,6 +73,14 @@ class McapFile:
         except OSError as error:
             raise self._failure("write", error) from error
 
+    def drain(self) -> None:
+        """Close the chunk and wait for the disk, for whoever has the time."""
+        self.flush()
+        try:
+            self._file.drain()
+        except OSError as error:
+            raise self._failure("write", error) from error
+
     def end(self) -> None:
         """Write the index, without waiting for the disk; `close` waits."""
         if self._file.closed:

@@ -7,6 +7,7 @@ and the latched topics, so that it can be read alone.
 from __future__ import annotations
 
 import shutil
+import time
 from pathlib import Path
 
 from agribot.config import RecordConfig
@@ -15,6 +16,7 @@ from agribot.record.mcap_records import part_path, parts_of
 from agribot.topic import Topic
 
 _MB = 1_000_000
+_LIVE_RATIO = 0.9  # of the clock's pace; a simulation that runs ahead of it can wait
 
 
 class RecordingParts:
@@ -35,7 +37,8 @@ class RecordingParts:
         self._latched: dict[str, tuple[Topic, bytes]] = {}
         self._has_messages = False
         self._finished_bytes: dict[int, int] = {}
-        self._now_ns = 0
+        self._now_ns = self._flushed_ns = 0
+        self._flushed_wall_s = 0.0
         for stale in parts_of(path)[1:]:  # of an earlier run in the same folder
             stale.unlink(missing_ok=True)
         self._file = McapFile(path)
@@ -66,12 +69,23 @@ class RecordingParts:
         self._file.describe(name, values)
 
     def flush(self) -> None:
+        """Waits for the disk only where time passes faster than on the clock."""
         if self.ended_because:
             return
-        self._file.flush()
+        wall_s, passed_s = time.monotonic(), (self._now_ns - self._flushed_ns) * 1e-9
+        is_live = wall_s - self._flushed_wall_s >= _LIVE_RATIO * passed_s
+        self._flushed_ns, self._flushed_wall_s = self._now_ns, wall_s
+        if is_live:
+            self._file.flush()
+        else:
+            self._file.drain()
         if 0 < self._limits.max_file_mb * _MB <= self._file.size_bytes:
             self._next_part()
         self._make_room()
+
+    def drain(self) -> None:
+        """Wait for the disk; before the robot moves there is time."""
+        self._file.drain()
 
     def close(self) -> None:
         for file in (*self._ending, self._file):

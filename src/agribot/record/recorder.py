@@ -109,7 +109,7 @@ class RunRecorder:
         toml = to_toml(self._config).encode()
         self._file.attach(CONFIG_ATTACHMENT, "application/toml", toml)
         self._file.attach(URDF_ATTACHMENT, "application/xml", self._urdf.encode())
-        self._file.flush()
+        self._file.drain()
 
     def _write_weeds(self) -> None:
         if self._weed_map is not None:

@@ -30,6 +30,7 @@ class WorldRecorder:
         self._file.describe("agribot", {**words, "robot": robot.name, "world": config.world})
         self._file.attach(CONFIG_ATTACHMENT, "application/toml", to_toml(config).encode())
         self._file.attach(URDF_ATTACHMENT, "application/xml", urdf.encode())
+        self._file.drain()
 
     def __call__(self, tick: WorldTick) -> None:
         self._feed(tick)

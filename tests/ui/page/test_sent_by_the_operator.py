@@ -61,7 +61,7 @@ def test_a_place_beyond_the_fence_is_refused_with_the_reason(page: Page) -> None
     until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1", PATIENCE_S)
     page.get_by_role("button", name="Drive to a place").click()
     tap(page, 60.0, 0.0)
-    expect(page.locator(".toast", has_text="beyond the fence")).to_be_visible(timeout=20_000)
+    expect(page.locator(".toast", has_text="beyond the fence")).to_be_visible(timeout=60_000)
 
 
 def test_the_robot_drives_to_the_place_that_was_tapped_and_waits(page: Page) -> None:
@@ -83,7 +83,7 @@ def test_a_standing_robot_believes_the_pose_that_was_drawn_and_then_its_sensors(
     page.mouse.down()
     page.mouse.move(x, y - 80, steps=3)
     page.mouse.up()
-    expect(page.locator(".toast", has_text="Pose corrected")).to_be_visible(timeout=20_000)
+    expect(page.locator(".toast", has_text="Pose corrected")).to_be_visible(timeout=60_000)
     until(page, f"{STATE}.std[0] < 0.05 && Math.abs({STATE}.vel[0]) < 0.01", PATIENCE_S)
 
 

@@ -39,7 +39,7 @@ from agribot.sim.camera.scene import (
     plant_instances,
 )
 from agribot.sim.camera.shading import CURVE_STEPS, Picture, Sensor, cover_rows, develop_rows
-from agribot.sim.camera.shadows import bake_shadows, shadow_slope
+from agribot.sim.camera.shadows import bake_shadows, directness, shadow_slope
 from agribot.sim.camera.stl import packaged_mesh
 from agribot.sim.camera.terrain import draw_terrain, terrain_points
 from agribot.world import WorldSpec
@@ -98,7 +98,10 @@ class CameraRenderer:
         rover_forms = [] if self._rover is None else self._rover.forms
         self._forms = packed_forms(plant_forms + obstacle_forms + rover_forms)
         base_m = (ground_heights(world, obstacles.position), plants.position[:, 2].copy())
-        shadow = bake_shadows(self._forms, obstacles, plants, base_m, to_sun, shadow_resolution_m)
+        self._direct = directness(world.light.diffuse)
+        shadow = bake_shadows(
+            self._forms, obstacles, plants, base_m, to_sun, shadow_resolution_m, self._direct
+        )
         self._things = joined(plants, obstacles)
         self._first_part = len(self._things.form)
         if self._rover is not None:
@@ -176,9 +179,11 @@ class CameraRenderer:
         if self._first_part == len(self._things.form):  # a robot without visuals
             return no_robot_shade()
         place(self._things, self._first_part, self._rover.poses(map_from_body, wheel_angles_rad))
-        slope = shadow_slope(self._lamp.to_sun)
+        slope = shadow_slope(self._lamp.to_sun, self._direct)
         level_m = float(map_from_body[2, 3])
-        return cast_robot_shade(self._forms, self._things, self._first_part, level_m, slope)
+        return cast_robot_shade(
+            self._forms, self._things, self._first_part, level_m, slope, self._direct
+        )
 
     def _draw(
         self, view: View, targets: Targets, shade: RobotShade, detail: float, run: Run

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy import ndimage
 
 from agribot.sim.camera.arrays import Bytes, Doubles, Forms, Instances, RobotShade, Singles
 from agribot.sim.camera.jit import compiled
@@ -17,6 +18,7 @@ STEP_M = 0.01
 MAX_TEXELS = 600  # along a side; the step grows when the shadow is longer
 MARGIN = 3
 LIT = 255
+OVERCAST_BLUR_M = 0.06  # deviation of the blur where no light is direct
 NOTHING = -10.0  # metres: lower than any part of the robot
 
 
@@ -26,24 +28,31 @@ def no_robot_shade() -> RobotShade:
 
 
 def cast_robot_shade(
-    forms: Forms, things: Instances, first: int, level_m: float, slope: Doubles
-) -> RobotShade:
+    forms: Forms, things: Instances, first: int, level_m: float, slope: Doubles,
+    direct: float = 1.0,
+) -> RobotShade:  # fmt: skip
     """Shadow of the things from index `first` on, on the level `level_m` (map z).
 
-    `slope` (2,) is how far, east and north, a shadow moves for a metre of height.
+    `slope` (2,) is how far, east and north, a shadow moves for a metre of height. The less of
+    the light is `direct`, the softer the edges.
     """
     faces = int(forms.faces[things.form[first:]].sum())
     corner = np.empty((faces, 3, 3))
     box = _cast(forms, things, first, level_m, slope, corner)
     extent_m = max(box[1] - box[0], box[3] - box[2])
     step_m = max(STEP_M, extent_m / (MAX_TEXELS - 2 * MARGIN - 1))
-    x_m, y_m = box[0] - MARGIN * step_m, box[2] - MARGIN * step_m
-    columns = int((box[1] - x_m) / step_m) + MARGIN + 1
-    rows = int((box[3] - y_m) / step_m) + MARGIN + 1
+    margin = MARGIN + math.ceil(3.0 * (1.0 - direct) * OVERCAST_BLUR_M / step_m)
+    x_m, y_m = box[0] - margin * step_m, box[2] - margin * step_m
+    columns = int((box[1] - x_m) / step_m) + margin + 1
+    rows = int((box[3] - y_m) / step_m) + margin + 1
     top = np.full((rows, columns), NOTHING, np.float32)
     _cover(corner, x_m, y_m, step_m, top)
     shade, soft_top = np.empty((rows, columns), np.uint8), np.empty((rows, columns), np.float32)
     _soften(top, shade, soft_top)
+    if direct < 1.0:
+        blur = (1.0 - direct) * OVERCAST_BLUR_M / step_m
+        shade = ndimage.gaussian_filter(shade, blur, mode="nearest")
+        soft_top = ndimage.maximum_filter(soft_top, 2 * (margin - MARGIN) + 1)
     return RobotShade(shade, soft_top, level_m, x_m, y_m, step_m, slope)
 
 

@@ -19,6 +19,9 @@ MAX_BLOCKS = 4096  # 64 MiB
 LOWEST_SUN = 0.2  # sine of the elevation: longer shadows are cut to this
 SHADOW_LOD = 1
 LIT = 255
+CLEAR_DIFFUSE = 0.5  # direct light from which on shadows are as sharp as they get
+OVERCAST_PASSES = 12  # more of the 3 x 3 mean where no light is direct: a blur of about 3 cm
+OVERCAST_MARGIN_M = 0.1
 
 
 class ShadowMap(NamedTuple):
@@ -38,13 +41,14 @@ def bake_shadows(
     base_m: tuple[Doubles, Doubles],
     to_sun: Doubles,
     step_m: float,
+    direct: float = 1.0,
 ) -> ShadowMap:
     """Draw the shadows of obstacles and plants that stand on ground of height `base_m`.
 
     Plants in the shade of an obstacle get that noted in `plants.sun`. A step too fine for the
-    memory is doubled until it fits.
+    memory is doubled until it fits. The less of the light is `direct`, the softer they are.
     """
-    slope = shadow_slope(to_sun)
+    slope = shadow_slope(to_sun, direct)
     groups = [
         (things, base, _boxes(forms, things, base, slope))
         for things, base in zip((obstacles, plants), base_m, strict=True)
@@ -55,6 +59,7 @@ def bake_shadows(
             np.empty((0, BLOCK, BLOCK), np.uint8), np.empty((0, 0), np.int32), 0.0, 0.0, step_m
         )
     boxes = np.concatenate([box for _things, _base, box in groups])
+    boxes += (1.0 - direct) * OVERCAST_MARGIN_M * np.array([-1.0, 1.0, -1.0, 1.0])
     x_m, y_m = float(boxes[:, 0].min()), float(boxes[:, 2].min())
     block = _numbered(boxes, x_m, y_m, step_m)
     while block.max() >= MAX_BLOCKS:
@@ -65,12 +70,22 @@ def bake_shadows(
         if things is plants:
             _note_shade(plants, shade, block, x_m, y_m, step_m)
         _bake(forms, things, base, slope, shade, block, x_m, y_m, step_m)
-    return ShadowMap(_softened(shade, block), block, x_m, y_m, step_m)
+    for _ in range(1 + round((1.0 - direct) * OVERCAST_PASSES)):
+        shade = _softened(shade, block)
+    return ShadowMap(shade, block, x_m, y_m, step_m)
 
 
-def shadow_slope(to_sun: Doubles) -> Doubles:
-    """How far a shadow moves, east and north (2,), for a metre of height."""
-    slope: Doubles = -to_sun[:2] / max(float(to_sun[2]), LOWEST_SUN)
+def directness(diffuse: float) -> float:
+    """1 under a clear sky, 0 where all light comes from the clouds."""
+    return min(1.0, diffuse / CLEAR_DIFFUSE)
+
+
+def shadow_slope(to_sun: Doubles, direct: float = 1.0) -> Doubles:
+    """How far a shadow moves, east and north (2,), for a metre of height.
+
+    The less of the light is `direct`, the nearer to the foot of a thing its shadow stays.
+    """
+    slope: Doubles = -direct * to_sun[:2] / max(float(to_sun[2]), LOWEST_SUN)
     return slope
 
 

@@ -12,6 +12,7 @@ from agribot.messages import FloatArray
 
 HEADER_BYTES, COUNT_BYTES = 80, 4
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
+FARTHEST = 1e6  # in the file's unit, often millimetres
 OWN_PACKAGE = "package://agribot_description/"
 
 
@@ -29,7 +30,7 @@ def packaged_mesh(name: str) -> Path:
 def read_stl(path: Path) -> FloatArray:
     """Triangles (n, 3, 3), counter-clockwise seen from outside.
 
-    Raises: DescriptionError: no such file, or it is not binary STL.
+    Raises: DescriptionError: no such file, or it is not binary STL, or nothing of a robot's size.
     """
     try:
         data = path.read_bytes()
@@ -45,4 +46,10 @@ def read_stl(path: Path) -> FloatArray:
             f"the mesh {path} has {len(data)} bytes, a binary STL of {max(count, 0)} triangles "
             f"has {max(wanted, start)}; convert it to binary STL"
         )
-    return np.frombuffer(data, TRIANGLE, offset=start)["corners"].astype(float)
+    corners: FloatArray = np.frombuffer(data, TRIANGLE, offset=start)["corners"].astype(float)
+    if not count or not np.abs(corners).max() <= FARTHEST:
+        raise DescriptionError(
+            f"the mesh {path} has {count} triangles, whose corners must be numbers up to "
+            f"{FARTHEST:g}; export it again"
+        )
+    return corners
