@@ -147,7 +147,7 @@ export interface Health {
 }
 export interface MapSource {
   name: string; url: string; minzoom: number; maxzoom: number
-  bounds: [number, number, number, number] | null; attribution: string | null; format?: string
+  bounds: [number, number, number, number] | null; attribution: string | null
 }
 export interface PlanReply {
   ok: boolean; reasons: { text: string; at_map_m: Vec2 | null }[]

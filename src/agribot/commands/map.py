@@ -26,9 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     take = actions.add_parser(
         "import",
-        help="take in a GeoTIFF, MBTiles or PMTiles file, or a region of a tile server",
-        description="Take in a GeoTIFF, MBTiles or PMTiles file, or tiles of a server. Mind what "
-        "the server's owner allows: many forbid to fetch whole regions.",
+        help="take in a GeoTIFF, MBTiles, PMTiles or .geo file, or a region of a tile server",
+        description="Take in a GeoTIFF, MBTiles, PMTiles or mapviz .geo file, or tiles of a "
+        "server. Mind what the server's owner allows: many forbid to fetch whole regions.",
         epilog="examples: agribot map import ortho.tif; agribot map import "
         "'https://tiles.example/{z}/{x}/{y}.png' --name aerial --bbox 72.78,21.16,72.79,21.17 "
         "--zoom 15-20",
@@ -81,10 +81,12 @@ def _import(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
         return import_mbtiles(source, folder, name)
     if suffix == ".pmtiles":
         return _made(source, target, map_import.import_pmtiles)
+    if suffix == ".geo":
+        return _made(source, target, map_import.import_geo)
     if suffix in _RASTERS:
         return _made(source, target, map_import.import_geotiff)
     raise ConfigError(
-        f"{source.name}: only .mbtiles, .pmtiles, {', '.join(_RASTERS)} and URLs with "
+        f"{source.name}: only .mbtiles, .pmtiles, .geo, {', '.join(_RASTERS)} and URLs with "
         "{z}, {x} and {y} can be imported"
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import itertools
 import math
+import tempfile
 import urllib.request
 import warnings
 from collections.abc import Callable, Iterator
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from agribot.errors import ConfigError
+from agribot.gis.geo_pyramid import read_geo, write_vrt
 from agribot.gis.mbtiles import LIVE, MAX_ZOOM, TileWriter, is_picture
 from agribot.gis.tile_grid import HALF_M, TILE_PX, Bounds, Tile, tile_count, tiles_in
 
@@ -93,6 +95,17 @@ def _bytes(bands: Any) -> Any:
         return bands
     top = float(np.iinfo(bands.dtype).max) if bands.dtype.kind in "ui" else 1.0
     return np.clip(bands / top * 255.0, 0.0, 255.0).astype(np.uint8)
+
+
+def import_geo(source: Path, target: Path, report: Report) -> None:
+    """Mapviz's multi-resolution image.
+
+    Raises: ConfigError: not such a file, a tile is missing, or it is turned.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        picture = Path(folder) / f"{source.stem}.vrt"
+        write_vrt(read_geo(source), picture)
+        import_geotiff(picture, target, report)
 
 
 def import_pmtiles(source: Path, target: Path, report: Report) -> None:

@@ -40,8 +40,8 @@ def server() -> Iterator[FakeServer]:
     east, north = reversed(messages.lat_lon(-4.0, -4.0))
     east_2, north_2 = reversed(messages.lat_lon(32.0, -22.0))
     fake.answers["maps"] = [
-        {**TILES, "name": "aerial", "bounds": [west, south, east, north], "format": "png"},
-        {**TILES, "name": "pyramid", "bounds": [east, south, east_2, north_2], "format": "geo"},
+        {**TILES, "name": "aerial", "bounds": [west, south, east, north]},
+        {**TILES, "name": "pyramid", "bounds": [east, south, east_2, north_2]},
     ]
     for kind, (message, _) in messages.MESSAGES.items():
         fake.written[f"panels/layer-{kind}"] = message
@@ -378,6 +378,23 @@ def test_a_display_is_added_changed_moved_saved_and_loaded(page: Page, server: F
     wait_for(lambda: page.evaluate(f"{track}.length"), "its track")
     assert page.evaluate(f"{track}[0].properties.color") == "#00ffff"
     assert not page.evaluate(above)
+    page.get_by_role("button", name="Layers and views").click()
+
+
+def test_an_imported_pyramid_is_a_display_of_its_own(page: Page) -> None:
+    """P27: the tiles of the map that was chosen."""
+    page.get_by_role("button", name="Layers and views").click()
+    page.get_by_role("button", name="Add display").click()
+    dialog = page.get_by_role("dialog", name="Add a display")
+    dialog.get_by_role("combobox").first.select_option(label="Multi-resolution image")
+    dialog.get_by_role("combobox").nth(1).select_option(label="pyramid")
+    dialog.get_by_label("Name").fill("My pyramid")
+    dialog.get_by_role("button", name="Add", exact=True).click()
+    kind = f"{MAP}.getStyle().layers.find(layer => layer.id.startsWith('display-') && "
+    source = until(page, kind + "layer.type === 'raster')?.source")
+    assert page.evaluate(f"{MAP}.getSource('{source}').tiles[0]").endswith(
+        "/tiles/farm/{z}/{x}/{y}"
+    )
     page.get_by_role("button", name="Layers and views").click()
 
 

@@ -27,9 +27,7 @@ export class Displays {
   /** The robot's maps and the layers of programs; programs may add some later. */
   async start(): Promise<void> {
     this.maps = await api.maps().catch((): MapSource[] => [])
-    for (const { name, format } of this.maps) {
-      this.add({ id: `tiles-${name}`, type: format === 'geo' ? 'multires_image' : 'tile_map', title: name, source: name, options: {} }, false)
-    }
+    for (const { name } of this.maps) this.add({ id: `tiles-${name}`, type: 'tile_map', title: name, source: name, options: {} }, false)
     await this.syncPanels()
     this.started = true
     setInterval(() => {

@@ -206,21 +206,26 @@ export class MapView {
     if (canvas.clientWidth !== w || canvas.clientHeight !== h) return // the map does not know its new size yet
     const within = this.fitted ? 0.5 : KEEP_WITHIN // the whole field is in view: do not move it without need
     if (Math.abs(x - w / 2) <= w * within && Math.abs(y - h / 2) <= h * within) return
-    this.fitted = null
-    this.map.easeTo({ center: at, duration: 600 })
+    const box = this.fitted && this.wholeField()
+    if (box) this.fit(box, 600)
+    else this.map.easeTo({ center: at, duration: 600 })
   }
 
-  /** The whole field and everything driven. */
+  /** The whole field, north up. */
   overview(): void {
+    const box = this.wholeField()
+    if (!box) return
+    this.setFollow(false)
+    this.fit(box, 400)
+  }
+
+  private wholeField(): Box | null {
     const { field, store, projection } = this.app
     const points: Vec2[] = field
       ? [...(field.boundary_map_m ?? []), ...field.rows.flatMap((r) => r.points_map_m), ...field.waypoints_map_m]
       : []
     if (store.state?.pose) points.push([store.state.pose[0], store.state.pose[1]])
-    const box = boundsOf(points, projection)
-    if (!box) return
-    this.setFollow(false)
-    this.fit(box, 400)
+    return boundsOf(points, projection)
   }
 
   zoomBy(levels: number): void {
