@@ -6,7 +6,7 @@ import type { LaserScan, PointCloud2, PointField } from './messages.ts'
 import { bytesOf, frameOf, placed } from './messages.ts'
 import type { Option } from './options.ts'
 import { amount, choice, colour, flag, number, words } from './options.ts'
-import type { Setting } from './types.ts'
+import type { Setting } from './setting.ts'
 
 const MOST_POINTS = 20_000
 

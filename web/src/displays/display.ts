@@ -10,7 +10,8 @@ import type { Options } from './options.ts'
 import { filled } from './options.ts'
 import { lookLayers } from './look-layers.ts'
 import type { Source } from './sources.ts'
-import type { DisplayType, Setting } from './types.ts'
+import type { Setting } from './setting.ts'
+import type { DisplayType } from './types.ts'
 
 const REDRAW_MS = 100
 

@@ -6,7 +6,7 @@ import { anglesOf, frameOf, within } from './messages.ts'
 import type { FramePose } from './messages.ts'
 import type { Option, Options } from './options.ts'
 import { amount, choice, colour, flag, number, words } from './options.ts'
-import type { Setting } from './types.ts'
+import type { Setting } from './setting.ts'
 
 export interface Surface { pen: CanvasRenderingContext2D; width: number; height: number; at: (x: number, y: number) => [number, number]; pxPerM: number; bearing: number }
 export interface Box { x: number; y: number; w: number; h: number }

@@ -5,7 +5,7 @@ import type { Vec2 } from '../wire.ts'
 import type { Drawing, Look } from './drawing.ts'
 import type { Colour, FramePose, Marker, MarkerArray } from './messages.ts'
 import { frameOf, placed, within } from './messages.ts'
-import type { Setting } from './types.ts'
+import type { Setting } from './setting.ts'
 
 const DELETE = 2
 const DELETE_ALL = 3

@@ -6,7 +6,7 @@ import type { CompressedImage, FramePose, Image, OccupancyGrid, OccupancyGridUpd
 import { bytesOf, frameOf, within } from './messages.ts'
 import type { Option } from './options.ts'
 import { choice, words } from './options.ts'
-import type { Setting } from './types.ts'
+import type { Setting } from './setting.ts'
 
 /** A picture and where its corners lie in the map: upper left, upper right, lower right, lower left. */
 export interface Laid { image: HTMLCanvasElement; corners: [Vec2, Vec2, Vec2, Vec2] }

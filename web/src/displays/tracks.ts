@@ -6,7 +6,7 @@ import type { FramePose, GpsFix, NavSatFix, Odometry, PoseStamped, RosPath, Rout
 import { frameOf, placed, within } from './messages.ts'
 import type { Option, Options } from './options.ts'
 import { amount, choice, colour, flag, number, words } from './options.ts'
-import type { Setting } from './types.ts'
+import type { Setting } from './setting.ts'
 
 const SIGMAS_95 = 2.4477
 

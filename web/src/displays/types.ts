@@ -1,7 +1,6 @@
 /** The kinds of display that the map knows, one row each: what they read, what can be set, how they are drawn. */
 
 import type { Feature, FeatureCollection } from 'geojson'
-import type { Projection } from '../geo.ts'
 import type { ToolId } from '../map/tools.ts'
 import { CLOUD_OPTIONS, drawSpots, foldCloud, foldScan, SCAN_OPTIONS } from './clouds.ts'
 import type { Drawing } from './drawing.ts'
@@ -11,17 +10,14 @@ import {
 } from './instruments.ts'
 import type { Surface } from './instruments.ts'
 import { drawMarkers, foldMarkers } from './markers.ts'
-import type { FramePose } from './messages.ts'
-import type { Option, Options } from './options.ts'
+import type { Option } from './options.ts'
 import { amount, choice, colour, number, words } from './options.ts'
 import { foldGrid, GRID_OPTIONS, layGrid, layTexture } from './pictures.ts'
 import type { Laid } from './pictures.ts'
+import type { Setting } from './setting.ts'
 import {
   drawFrame, drawPath, drawRoute, drawTrack, foldFix, foldFrame, foldOdometry, foldPose, FRAME_OPTIONS, ODOMETRY_OPTIONS, PATH_OPTIONS, TRACK_OPTIONS,
 } from './tracks.ts'
-
-/** Everything besides the messages that a drawing depends on. */
-export interface Setting { options: Options; robot: FramePose; projection: Projection }
 
 /** What a display remembers of the messages so far is made by `fold`; without it, that is the newest message. */
 type Fold = (state: any, message: any, setting: Setting) => unknown // eslint-disable-line @typescript-eslint/no-explicit-any
