@@ -112,7 +112,9 @@ def has_rgb(page: Page, x_m: float, y_m: float, rgb: tuple[int, int, int]) -> bo
 def test_fixes_are_tracks_of_arrows_and_points(page: Page) -> None:
     """P6 and P13; a GPSFix heads east where its track says 90 degrees."""
     assert wait_drawn(page, "gps", 0.0, -7.0)[0]["color"] == "#c40000"
-    assert "fill" in {shape["part"] for shape in drawn(page, "gps", 0.8, -7.0)}
+    wait_for(
+        lambda: "fill" in {shape["part"] for shape in drawn(page, "gps", 0.8, -7.0)}, "an arrow"
+    )
     assert not drawn(page, "gps", -0.8, -7.0)
     point = wait_drawn(page, "navsat", 8.0, -7.0)[0]
     assert (point["part"], point["color"]) == ("point", "#008000")
@@ -392,9 +394,8 @@ def test_an_imported_pyramid_is_a_display_of_its_own(page: Page) -> None:
     dialog.get_by_role("button", name="Add", exact=True).click()
     kind = f"{MAP}.getStyle().layers.find(layer => layer.id.startsWith('display-') && "
     source = until(page, kind + "layer.type === 'raster')?.source")
-    assert page.evaluate(f"{MAP}.getSource('{source}').tiles[0]").endswith(
-        "/tiles/farm/{z}/{x}/{y}"
-    )
+    tiles = until(page, f"{MAP}.getSource('{source}').tiles?.[0]")  # the map reads them in time
+    assert tiles.endswith("/tiles/farm/{z}/{x}/{y}")
     page.get_by_role("button", name="Layers and views").click()
 
 

@@ -21,7 +21,14 @@ DIALOGS = {
 }
 
 
+# Colours are judged when none of them is on its way to another theme any more.
+COME_TO_REST = """document.getAnimations().every(
+    each => each.effect?.getComputedTiming().iterations === Infinity
+        || each.playState !== 'running')"""
+
+
 def violations(page: Page, enhanced: bool) -> list[str]:
+    until(page, COME_TO_REST)
     rules = {"color-contrast-enhanced": {"enabled": enhanced}, "region": {"enabled": False}}
     found = page.evaluate(f"axe.run(document, {{rules: {json.dumps(rules)}}})")
     return [
