@@ -39,6 +39,10 @@ def page(browser: Browser, robot: Robot) -> Iterator[Page]:
     page.goto(f"{robot.address}/?off=scene,camera#/drive")
     until(page, "window.__agribot?.ready && window.__agribot.map?.loaded()", PATIENCE_S)
     take_control(page)
+    # The map is to stay where a test puts it: it neither follows nor keeps the field in view.
+    page.get_by_role("button", name="Follow the robot").click()
+    page.get_by_role("button", name="Zoom in").click()
+    until(page, "!window.__agribot.map.isMoving()")
     yield page
     context.close()
 
