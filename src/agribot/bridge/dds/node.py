@@ -5,6 +5,7 @@ Source: the design of rmw_dds_common and of rmw_cyclonedds_cpp and rmw_fastrtps_
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from importlib import metadata
 from typing import Any
@@ -171,6 +172,7 @@ def _take(reader: Any) -> list[bytes]:
         taken += [data for data, info in samples if info.valid_data]
 
 
+@functools.cache  # asked for every message that arrives
 def _major() -> int:
     return int(metadata.version("cyclonedds").partition(".")[0])
 
