@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from agribot import topics
 from agribot.bridge.send_queue import SendQueue
@@ -28,6 +28,7 @@ _SLOW_PERIOD_S = 1.0  # of the weed map
 _TRUTH_PERIOD_S = 0.1
 
 MapPoint = tuple[float, float]
+T = TypeVar("T")
 
 
 class TrueState(Protocol):
@@ -87,6 +88,30 @@ class Gateways:
             gateway.close()
 
 
+class QueuedGateways(Generic[T]):
+    """Gateways that a thread of their own feeds: `_step` gets what was put into `_queue`."""
+
+    def __init__(self, gateways: Sequence[Gateway]) -> None:
+        self._gateways = Gateways(gateways)
+        self._queue: SendQueue[T] = SendQueue(self._step, QUEUE_TICKS)
+
+    @property
+    def dropped(self) -> int:
+        return self._queue.dropped
+
+    @property
+    def fault(self) -> str:
+        return self._gateways.fault
+
+    def close(self) -> None:
+        """Send what is queued, within a moment, and close the gateways. Safe to call twice."""
+        if self._queue.close():
+            self._gateways.close()
+
+    def _step(self, item: T) -> None:
+        raise NotImplementedError
+
+
 class Sources(NamedTuple):
     """What the loop's thread looks at besides the record; each is quick to ask."""
 
@@ -101,7 +126,7 @@ class _Item(NamedTuple):
     truth: TrueState | None
 
 
-class Outlet:
+class Outlet(QueuedGateways[_Item]):
     """Call it with every TickRecord; close it when the run is over.
 
     `dropped` counts ticks that found the queue full, `fault` names the last failure of a gateway.
@@ -116,21 +141,13 @@ class Outlet:
         camera: CameraLog,
         sources: Sources,
     ) -> None:
-        self._gateways, self._sources = Gateways(gateways), sources
+        super().__init__(gateways)
+        self._sources = sources
         self._feed = TopicFeed(self._gateways.send, robot, datum, urdf, camera)
         self._weeds: deque[tuple[float, Sequence[MappedPlant]]] = deque(maxlen=1)
         self._plans: deque[tuple[float, Path, tuple[MapPoint, ...]]] = deque(maxlen=1)
         self._plan: Path | None = None
         self._next_weeds_s = self._next_truth_s = 0.0
-        self._queue = SendQueue(self._step, QUEUE_TICKS)
-
-    @property
-    def dropped(self) -> int:
-        return self._queue.dropped
-
-    @property
-    def fault(self) -> str:
-        return self._gateways.fault
 
     def __call__(self, record: TickRecord) -> None:
         t_s = record.batch.t_s
@@ -146,11 +163,6 @@ class Outlet:
             self._next_truth_s = t_s + _TRUTH_PERIOD_S
             truth = self._sources.truth()
         self._queue.put(_Item(record, truth))
-
-    def close(self) -> None:
-        """Send what is queued, within a moment, and close the gateways. Safe to call twice."""
-        if self._queue.close():
-            self._gateways.close()
 
     def _step(self, item: _Item) -> None:
         t_s = item.record.batch.t_s
