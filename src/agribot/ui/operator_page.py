@@ -6,7 +6,6 @@ import contextlib
 import math
 import threading
 import time
-from types import TracebackType
 from typing import Any, Self
 
 import msgspec
@@ -74,12 +73,7 @@ class OperatorPage:
         self._camera.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __call__(self, record: TickRecord) -> None:
