@@ -14,7 +14,7 @@ from agribot.config import RunConfig
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.worlds_sdf import load_world
 from agribot.errors import RecordingError
-from agribot.field_work import field_work, read_plan_text, work_from
+from agribot.field_work import field_work, read_plan_text
 from agribot.mapped_plant import MappedPlant
 from agribot.messages import ByteArray, OperatorEvent, TickRecord
 from agribot.messages import Path as PlannedPath
@@ -233,10 +233,9 @@ class Session:
         self._task, self.rows, self.rows_before = task, tuple(task.rows), ()
         self.goals_map_m = tuple(task.waypoints)
         self.referee.judge_anew(self.rows, self.goals_map_m)
-        self.work = None
-        if not task.text:
+        self.work = task.work
+        if self.work is None:
             return
-        self.work = work_from(task.text, "the plan", self.config, self.robot)
         path = self.out_dir / "plan.geojson"
         write_file(path, task.text.encode())
         self.config = msgspec.structs.replace(self.config, plan=str(path), waypoints="")

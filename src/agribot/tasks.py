@@ -14,11 +14,12 @@ from agribot.messages import Estimate, FloatArray, Path, Row, TickRecord
 from agribot.plan.boustrophedon import plan_home, plan_rows, plan_without
 from agribot.plan.certify import certify
 from agribot.plan.coverage.drive import FieldWork
+from agribot.plan.curves import Place
 from agribot.plan.goal_way import fence_around, plan_to_place
 from agribot.plan.route import Tool
 from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import PoseTuple
-from agribot.plan.task import NewTasks, Place, Task
+from agribot.plan.task import NewTasks, Task
 from agribot.plan.waypoints import parse_waypoints, plan_waypoints
 from agribot.robot import RobotSpec
 
@@ -97,6 +98,7 @@ def _work_task(work: FieldWork) -> Task:
         home=lambda here, home, ahead: work.path_home(_pose(here)[:2], home[:2], ahead),
         go_to=lambda here, goal: work.path_to(_pose(here)[:2], goal),
         back=lambda here, goal: work.path_back(_pose(here)[:2], goal),
+        work=work,
     )
 
 
@@ -104,7 +106,7 @@ def _place_planner(
     config: RunConfig, robot: RobotSpec, rows: tuple[Row, ...], waypoints: tuple[MapPoint, ...]
 ) -> Callable[[Estimate, Place], Path]:
     """Inside a fence around rows, waypoints and the robot, as wide as the supervisor's."""
-    places = [*waypoints, *(end for row in rows for end in (row.start_map_m, row.end_map_m))]
+    places = [*waypoints, *row_ends(rows)]
 
     def plan(estimate: Estimate, goal: Place) -> Path:
         pose = _pose(estimate)

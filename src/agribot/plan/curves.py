@@ -17,6 +17,8 @@ SHORTEST_M = 1e-6  # shorter segments are rounding residues of the geometry
 # Tighter than this a skid-steer rover digs with its inner wheels instead of rolling.
 MIN_RADIUS_M = 0.3
 
+Place = tuple[float, float, float | None]  # x and y in the map, and where to look at the end
+
 
 class Pose(NamedTuple):
     """Of the body frame in the map."""

@@ -9,9 +9,9 @@ from typing import Literal, NamedTuple
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
 from agribot.messages import Estimate, OperatorEvent, Path
+from agribot.plan.curves import Place
 from agribot.plan.job import Job
 from agribot.plan.route import Route
-from agribot.plan.task import Place
 
 STANDING_MPS = 0.02
 STOPPING = "stops first"  # the leg until the robot stands and its errand is planned

@@ -10,9 +10,8 @@ from agribot.errors import MissionError
 from agribot.messages import Path, Row
 from agribot.plan.approach import RADIUS_M, approach
 from agribot.plan.certify import certify, closest_to_crop
-from agribot.plan.curves import SPACING_M, Pose, Segment, sample
+from agribot.plan.curves import SPACING_M, Place, Pose, Segment, sample
 from agribot.plan.dubins import shortest
-from agribot.plan.task import Place
 from agribot.plan.waypoints import plan_waypoints
 from agribot.robot import RobotSpec
 from agribot.row_shape import chord_yaw_rad, row_points_map_m

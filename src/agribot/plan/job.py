@@ -9,6 +9,7 @@ import msgspec
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
 from agribot.messages import Estimate, MissionState, Path
+from agribot.plan.curves import Place
 from agribot.plan.route import Route
 from agribot.plan.row_log import RowLog
 from agribot.plan.saved_mission import (
@@ -18,7 +19,7 @@ from agribot.plan.saved_mission import (
     check_same_task,
     task_name,
 )
-from agribot.plan.task import Place, Task
+from agribot.plan.task import Task
 
 
 class Job:

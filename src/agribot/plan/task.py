@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 from agribot.errors import MissionError
 from agribot.messages import Estimate, FloatArray, OperatorEvent, Path, Row
+from agribot.plan.coverage.drive import FieldWork
+from agribot.plan.curves import Place
 from agribot.plan.route import AT_ORIGIN, Tool
 from agribot.plan.saved_mission import PoseTuple
-
-Place = tuple[float, float, float | None]  # x and y in the map, and where to look at the end
 
 Planner = Callable[[Estimate], Path]
 # The way from where the robot is to its home pose, first along the rest of the row under it (N, 2).
@@ -27,8 +27,8 @@ class Task(NamedTuple):
     is crop, the robot slows down as it knows less well where the rows are. `home`, `go_to` and
     `back` plan the ways home, to any place, and back to a place of the path; `around` leaves a
     skipped row out of the path, without it the row is passed with the tool off. All planners
-    raise a MissionError that says why they find no way. `text` is the field plan that the task
-    was made of, `name` that of a visit.
+    raise a MissionError that says why they find no way. `work` is the field plan that the task
+    was made of, `text` what it was read from under way, `name` that of a visit.
     """
 
     plan: Planner
@@ -40,6 +40,7 @@ class Task(NamedTuple):
     go_to: PlacePlanner | None = None
     back: PlacePlanner | None = None
     around: Detour | None = None
+    work: FieldWork | None = None
     text: str = ""
     name: str = ""
 

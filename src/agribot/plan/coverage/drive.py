@@ -11,9 +11,8 @@ from agribot.messages import FloatArray, Path, Row
 from agribot.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, PlanRequest, Point
 from agribot.plan.coverage.free_space import FreeSpace
 from agribot.plan.coverage.ways import Ways
-from agribot.plan.curves import SPACING_M, path_from_table
+from agribot.plan.curves import SPACING_M, Place, path_from_table
 from agribot.plan.plan_certificate import check_ways
-from agribot.plan.task import Place
 
 STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
 MAX_LENGTH_M = 20_000.0
