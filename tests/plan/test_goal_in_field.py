@@ -11,7 +11,7 @@ import shapely
 from agribot.errors import MissionError
 from agribot.plan.coverage.area import FieldArea, PlanRequest
 from agribot.plan.coverage.drive import FieldWork
-from agribot.plan.task import Place
+from agribot.plan.curves import Place
 from tests.plan.fields import REQUEST, ROW_REQUEST, ROWS, SHAPE, WITH_HOLE, certified
 
 HALF_TURN_M = SHAPE.turn_radius_m

@@ -14,10 +14,11 @@ from agribot.errors import MissionError
 from agribot.messages import Estimate, Goal, OperatorEvent, Path
 from agribot.plan.boustrophedon import plan_home, plan_rows
 from agribot.plan.certify import certify
+from agribot.plan.curves import Place
 from agribot.plan.goal_way import fence_around, plan_to_place
 from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
-from agribot.plan.task import NewTasks, Place, Task
+from agribot.plan.task import NewTasks, Task
 from tests.plan.planting import MISSION, at, point_at, rover
 from tests.plan.test_mission_states import Ride
 

@@ -99,6 +99,13 @@ def wait_for(ask: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) 
     raise AssertionError(f"in {patience_s:.0f} s there was never: {what}")
 
 
+def hold_map_still(page: Page) -> None:
+    """From now on the map neither follows the robot nor keeps the whole field in view."""
+    page.get_by_role("button", name="Follow the robot").click()
+    page.get_by_role("button", name="Zoom in").click()
+    until(page, "!window.__agribot.map.isMoving()")
+
+
 def show(page: Page, screen: str) -> None:
     page.evaluate(f"location.hash = '#/{screen}'")
     until(page, f"window.__agribot.screen === '{screen}'")

@@ -21,7 +21,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from tests.ui.page import display_messages as messages
 from tests.ui.page import fake_answers
-from tests.ui.page.conftest import take_control, until, wait_for
+from tests.ui.page.conftest import hold_map_still, take_control, until, wait_for
 from tests.ui.page.fake_server import FakeServer, serving
 from tests.ui.page.test_safety import STOP_FREE
 from tests.ui.page.test_screens import AXE, violations
@@ -57,9 +57,7 @@ def page(browser: Browser, server: FakeServer) -> Iterator[Page]:
     until(page, f"window.__agribot?.ready && {MAP}?.getLayer('layer-tf_frame-fill')")
     take_control(page)
     lat_deg, lon_deg = messages.lat_lon(12.0, -9.0)
-    page.get_by_role("button", name="Follow the robot").click()
-    page.get_by_role("button", name="Zoom in").click()  # the field need not stay in view
-    until(page, f"!{MAP}.isMoving()")
+    hold_map_still(page)
     page.evaluate(f"{MAP}.jumpTo({{center: [{lon_deg}, {lat_deg}], zoom: 20.5}})")
     yield page
     context.close()

@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from agribot import config
 from agribot.geo import MapFrame
-from tests.ui.page.conftest import show, take_control, until, wait_for
+from tests.ui.page.conftest import hold_map_still, show, take_control, until, wait_for
 from tests.ui.page.robots import Robot, robot_with_page
 
 SETTINGS = ["--set", "perception.enabled=false", "--set", "seed=1"]
@@ -39,10 +39,7 @@ def page(browser: Browser, robot: Robot) -> Iterator[Page]:
     page.goto(f"{robot.address}/?off=scene,camera#/drive")
     until(page, "window.__agribot?.ready && window.__agribot.map?.loaded()", PATIENCE_S)
     take_control(page)
-    # The map is to stay where a test puts it: it neither follows nor keeps the field in view.
-    page.get_by_role("button", name="Follow the robot").click()
-    page.get_by_role("button", name="Zoom in").click()
-    until(page, "!window.__agribot.map.isMoving()")
+    hold_map_still(page)
     yield page
     context.close()
 
