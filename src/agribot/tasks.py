@@ -57,11 +57,18 @@ def task_of(
         certify(path, rows, robot, mission.plant_clearance_m)
         return path
 
+    def rest(estimate: Estimate, indices: Sequence[int]) -> Path:
+        left = [row for row in rows if row.index in indices]
+        path = plan_rows(left, _pose(estimate), robot, mission, rows)
+        certify(path, rows, robot, mission.plant_clearance_m)
+        return path
+
     go_to = _place_planner(config, robot, rows, waypoints_map_m)
     tool = Tool(x_m=robot.tool_x_m)
     return Task(
-        plan, rows, waypoints_map_m, tool, home=go_home, go_to=go_to, back=go_to, around=around
-    )
+        plan, rows, waypoints_map_m, tool, home=go_home, go_to=go_to, back=go_to, around=around,
+        rest=None if waypoints_map_m else rest,
+    )  # fmt: skip
 
 
 def tasks_under_way(task: Task, config: RunConfig, robot: RobotSpec) -> NewTasks:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 import pytest
 
 from agribot.config import FieldConfig
-from agribot.messages import Estimate, FloatArray, Path
+from agribot.messages import Estimate, FloatArray, Goal, Path
 from agribot.plan.boustrophedon import plan_home, plan_rows
 from agribot.plan.certify import certify
 from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import PoseTuple, SavedMission
 from agribot.plan.task import Task
+from agribot.row_shape import beside_row
 from tests.plan.planting import FARM_START, MISSION, rover
 from tests.plan.test_mission_states import Ride
 
@@ -182,3 +184,97 @@ def test_an_outage_of_the_position_loses_nothing() -> None:
     back = one.be_at(x_m, y_m)
     assert back.status.state == "running"
     assert back.s_m == pytest.approx(s_m, abs=0.05)
+
+
+def from_the_far_side(estimate: Estimate) -> Path:
+    """The same rows the other way round: the last one first."""
+    x_m, y_m = ROWS[-1].end_map_m
+    return plan_rows(ROWS, (x_m + 1.0, y_m + 1.0, -math.pi / 2), rover(), MISSION)
+
+
+def rest(estimate: Estimate, indices: Sequence[int]) -> Path:
+    left = [row for row in ROWS if row.index in indices]
+    start = (estimate.x_map_m, estimate.y_map_m, math.pi / 2)
+    return plan_rows(left, start, rover(), MISSION, ROWS)
+
+
+def worked(goals: Sequence[Goal], one: Ride) -> FloatArray:
+    """Places at which the tool worked, (N, 2)."""
+    return np.array([one.place(goal.s_m) for goal in goals if goal.tool_on]).reshape(-1, 2)
+
+
+def along_rows_m(places: FloatArray) -> list[FloatArray]:
+    """Of each row, how far along it the tool worked."""
+    found = []
+    for row in ROWS:
+        beside = beside_row(row, places[:, 0], places[:, 1])
+        along = np.asarray(beside.along_m)[np.abs(np.asarray(beside.left_m)) < 0.1]
+        found.append(along[(along >= 0.0) & (along <= 4.0)])
+    return found
+
+
+@pytest.mark.parametrize("has_rest", [True, False])
+@pytest.mark.parametrize("part", [0.2, 0.31, 0.52, 0.77, 0.9])
+def test_killed_anywhere_and_planned_anew_every_row_is_worked_and_none_twice(
+    part: float, has_rest: bool
+) -> None:
+    """Without a planner of the rest, the whole new path is driven with the tool off meanwhile."""
+    first = ride()
+    first.settle()
+    length_m = float(first.mission.path.s_m[-1])  # type: ignore[union-attr]
+    before = worked(first.along(0.0, part * length_m), first)
+    saved = first.mission.saved()
+    assert saved is not None
+    saved = msgspec.json.decode(msgspec.json.encode(saved), type=SavedMission)
+    task = Task(from_the_far_side, ROWS, rest=rest if has_rest else None)
+    again = Ride(Mission(task, MISSION, saved))
+    again.start = saved.pose[:2]
+    status = again.settle().status
+    assert status.state == "running", status.reason
+    assert set(status.rows_done) == {row.index for row in saved.rows if row.done}
+    path = again.mission.path
+    assert path is not None
+    if has_rest:
+        assert not set(status.rows_done) & set(path.row.tolist())
+    goals = again.along(0.0, float(path.s_m[-1]) + 0.02)
+    assert goals[-1].status.state == "done"
+    assert sorted(goals[-1].status.rows_done) == [0, 1, 2]
+    after = worked(goals, again)
+    for old, new in zip(along_rows_m(before), along_rows_m(after), strict=True):
+        once = np.sort(np.concatenate([old, new]))
+        assert once[0] < 0.1 and once[-1] > 3.9
+        assert np.diff(once).max() < 0.1
+        if len(old):
+            twice = new[(new > old.min()) & (new < old.max())]
+            assert len(twice) == 0 or np.ptp(twice) < 0.15
+
+
+def test_rows_that_were_all_worked_are_not_worked_again_under_another_plan() -> None:
+    one = ride()
+    one.settle()
+    one.along(0.0, row_at_m(one, 2, 1.0) + 0.7)
+    saved = one.mission.saved()
+    assert saved is not None
+    again = Ride(Mission(Task(from_the_far_side, ROWS, rest=rest), MISSION, saved))
+    again.start = saved.pose[:2]
+    status = again.settle().status
+    assert (status.state, status.reason) == (
+        "failed",
+        "every row was worked before; there is nothing to resume",
+    )
+
+
+def test_what_was_worked_on_another_field_does_not_count() -> None:
+    saved, _ = cut_off()
+    elsewhere = field_rows(
+        FieldConfig(row_count=3, row_length_m=4.0, first_row_start_map_m=(40.0, 0.0))
+    )
+
+    def plan_there(estimate: Estimate) -> Path:
+        return plan_rows(elsewhere, (38.0, 0.0, math.pi / 2), rover(), MISSION)
+
+    again = Ride(Mission(Task(plan_there, elsewhere), MISSION, saved))
+    again.start = saved.pose[:2]
+    status = again.settle().status
+    assert status.state == "failed"
+    assert "the saved mission is another one" in status.reason

@@ -9,6 +9,7 @@ import msgspec
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
 from agribot.messages import Estimate, MissionState, Path
+from agribot.plan.covered import CoveredRows
 from agribot.plan.curves import Place
 from agribot.plan.route import Route
 from agribot.plan.row_log import RowLog
@@ -35,6 +36,8 @@ class Job:
         self._name = ""
         self._detours: tuple[tuple[int, int], ...] = ()
         self.rows = RowLog(row.index for row in task.rows)
+        self._covered = CoveredRows(task.rows)
+        self._tool_m = (math.nan, math.nan)
         self.route: Route | None = None
         self.planned_from: PoseTuple = (math.nan, math.nan, math.nan)
 
@@ -48,24 +51,47 @@ class Job:
         Raises: MissionError: no path, the robot was carried away, or the task is another one.
         """
         saved = self._saved
-        if saved is not None:
-            check_not_carried_away(estimate, saved.pose[:2], self._config.resume_limit_m)
-            x_m, y_m, yaw_rad = saved.planned_from
-            estimate = msgspec.structs.replace(
-                estimate, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad
-            )
-        path = self.task.plan(estimate)
-        self._name = task_name(self.rows.indices, self._waypoints, path)
-        self._detours = saved.detours if saved else ()
-        for index, row in self._detours:
-            path = self.task.around(path, index, row) if self.task.around else path
-        route = self._route(path)
-        self.planned_from = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
-        if saved is not None:
+        if saved is None:
+            self._set_out(estimate, self.task.plan(estimate))
+            return
+        check_not_carried_away(estimate, saved.pose[:2], self._config.resume_limit_m)
+        x_m, y_m, yaw_rad = saved.planned_from
+        then = msgspec.structs.replace(estimate, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad)
+        path = self.task.plan(then)
+        is_same_rows = self._covered.restore(saved.covered)
+        if is_same_rows and task_name(self.rows.indices, self._waypoints, path) != saved.task:
+            self._work_the_rest(estimate)
+            return
+        route = self._set_out(then, path, saved.detours)
+        try:
             check_same_task(saved, self._name, route.progress.length_m)
-            route.go_on(saved.s_m, saved.waypoints_reached)
-            self.rows.restore(saved.rows, saved.row, saved.s_m)
-        self.route = route
+        except MissionError:
+            self.route = None
+            raise
+        route.go_on(saved.s_m, saved.waypoints_reached)
+        self.rows.restore(saved.rows, saved.row, saved.s_m)
+
+    def _work_the_rest(self, estimate: Estimate) -> None:
+        """Another path over rows of which some were worked: begin with it where the robot is."""
+        for index in self.rows.indices:
+            if self._covered.is_complete(index):
+                self.rows.take_as_done(index)
+        left = self.rows.open_rows(self.rows.indices)
+        if not left:
+            raise MissionError("every row was worked before; there is nothing to resume")
+        rest = self.task.rest
+        self._set_out(estimate, rest(estimate, left) if rest else self.task.plan(estimate))
+
+    def _set_out(
+        self, estimate: Estimate, path: Path, detours: tuple[tuple[int, int], ...] = ()
+    ) -> Route:
+        self._name = task_name(self.rows.indices, self._waypoints, path)
+        self._detours = detours
+        for index, row in detours:
+            path = self.task.around(path, index, row) if self.task.around else path
+        self.planned_from = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+        self.route = route = self._route(path)
+        return route
 
     def change_speed(self, config: MissionConfig) -> None:
         self._config = config
@@ -88,6 +114,7 @@ class Job:
             rows=self.rows.results,
             waypoints_reached=route.visits.reached,
             detours=self._detours,
+            covered=self._covered.stretches,
         )
 
     def work(self, estimate: Estimate) -> None:
@@ -96,7 +123,18 @@ class Job:
         progress = self.route.progress
         beside_m = abs(progress.cross_track_m)
         self.rows.work(self.route.row_here, beside_m, progress.s_m, estimate.t_s)
+        self._cover(self.route.tool_row, estimate)
         self.route.visits.update(progress.s_m, estimate.x_map_m, estimate.y_map_m)
+
+    def _cover(self, row: int, estimate: Estimate) -> None:
+        ahead_m, yaw_rad = self.task.tool.x_m, estimate.yaw_map_rad
+        x_m = estimate.x_map_m + ahead_m * math.cos(yaw_rad)
+        y_m = estimate.y_map_m + ahead_m * math.sin(yaw_rad)
+        self._tool_m = (x_m, y_m)
+        if self.is_wanted(row):
+            self._covered.work(row, x_m, y_m)
+        else:
+            self._covered.leave()
 
     @property
     def place_to_go_on(self) -> Place:
@@ -126,7 +164,7 @@ class Job:
         if route is None:
             return
         here = self.rows.here
-        row = here if self.is_wanted(here) else route.next_row
+        row = here if here >= 0 and not self.rows.is_skipped(here) else route.next_row
         self.rows.skip(row)
         if row in (-1, here) or self.task.around is None:
             return
@@ -140,8 +178,10 @@ class Job:
         self.route.go_on(route.progress.s_m, route.visits.reached)
 
     def is_wanted(self, row: int) -> bool:
-        """Whether the tool is to work this row; -1 is none."""
-        return row >= 0 and not self.rows.is_skipped(row)
+        """Whether the tool is to work this row here; -1 is none."""
+        if row < 0 or self.rows.is_skipped(row):
+            return False
+        return not self._covered.was_worked(row, *self._tool_m)
 
     def _route(self, path: Path) -> Route:
         return Route(path, self.rows.indices, self._config, self._waypoints, self.task.tool)

@@ -56,8 +56,9 @@ class RowLog:
     def work(self, row: int, beside_m: float, s_m: float, t_s: float) -> None:
         """The robot is in a row, or in none (-1), at `s_m` along its path."""
         if row != self.here and self.here >= 0 and not self._results[self.here].skipped:
+            if not self._results[self.here].done:
+                self.done += (self.here,)
             self._change(self.here, finished_s=t_s, done=True)
-            self.done += (self.here,)
         if row >= 0:
             before = self._results[row]
             if row != self.here:
@@ -67,6 +68,11 @@ class RowLog:
                 worst_m = max(before.max_cross_track_m, beside_m)
                 self._change(row, worked_m=s_m - self._entered_m, max_cross_track_m=worst_m)
         self.here = row
+
+    def take_as_done(self, row: int) -> None:
+        """An earlier mission has worked it whole."""
+        self._change(row, done=True)
+        self.done += (row,)
 
     def leave(self) -> None:
         """The row under the robot is not finished; it will be entered again."""

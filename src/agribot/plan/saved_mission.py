@@ -10,6 +10,7 @@ import msgspec
 
 from agribot.errors import MissionError
 from agribot.messages import Estimate, MissionState, Path
+from agribot.plan.covered import Stretch
 from agribot.plan.row_log import RowResult
 
 PoseTuple = tuple[float, float, float]
@@ -17,7 +18,10 @@ LENGTH_TOLERANCE_M = 0.01
 
 
 class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
-    """Progress as rows and metres of rows, and the pose in which the robot was last.
+    """Progress as rows, and the pose in which the robot was last.
+
+    `covered` is what of the rows was worked, in the map: with it the mission goes on also under
+    another plan over the same rows.
 
     `planned_from` is the pose from which the path was planned: from it the same path is planned
     again. `detours` are the points of the path from which a row was left out, and the rows.
@@ -35,6 +39,7 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     rows: tuple[RowResult, ...]
     waypoints_reached: tuple[bool, ...] = ()
     detours: tuple[tuple[int, int], ...] = ()
+    covered: tuple[Stretch, ...] = ()
     format: int = 1
 
 

@@ -17,6 +17,8 @@ Planner = Callable[[Estimate], Path]
 HomePlanner = Callable[[Estimate, PoseTuple, FloatArray], Path]
 # The path up to one of its points, and from there over the rows that it still works but one.
 Detour = Callable[[Path, int, int], Path]
+# From where the robot stands over these rows only, by number.
+RestPlanner = Callable[[Estimate, Sequence[int]], Path]
 PlacePlanner = Callable[[Estimate, Place], Path]
 
 
@@ -26,7 +28,8 @@ class Task(NamedTuple):
     `waypoints` are places in the map that the planned path visits, in its order. Where there
     is crop, the robot slows down as it knows less well where the rows are. `home`, `go_to` and
     `back` plan the ways home, to any place, and back to a place of the path; `around` leaves a
-    skipped row out of the path, without it the row is passed with the tool off. All planners
+    skipped row out of the path, without it the row is passed with the tool off; `rest` plans over
+    the rows that an interrupted mission has not worked yet. All planners
     raise a MissionError that says why they find no way. `work` is the field plan that the task
     was made of, `text` what it was read from under way, `name` that of a visit.
     """
@@ -40,6 +43,7 @@ class Task(NamedTuple):
     go_to: PlacePlanner | None = None
     back: PlacePlanner | None = None
     around: Detour | None = None
+    rest: RestPlanner | None = None
     work: FieldWork | None = None
     text: str = ""
     name: str = ""
