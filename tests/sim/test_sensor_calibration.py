@@ -96,3 +96,17 @@ def test_the_recording_of_a_mission_serves_as_well(
     assert code == (0 if result["ok"] else 1)
     assert result["fit"]["field_t"] == pytest.approx(3.8e-5, rel=0.15)
     assert result["settings"][0].startswith("estimate.mag_offset_t=[")
+
+
+def test_a_drive_without_pictures_shows_nothing_of_the_camera(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = load("farm", ["perception.enabled=false", "duration_s=3", 'sim.sensors="rtk"'])
+    with Session(config, tmp_path) as session:
+        for _ in session.ticks():
+            pass
+        session.finish()
+    for subject in ("camera", "row-view"):
+        code = cli.main(["calibrate", subject, "--recording", str(tmp_path / "run.mcap")])
+        assert code == 2
+        assert "0 pictures" in capsys.readouterr().err

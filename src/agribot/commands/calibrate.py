@@ -1,4 +1,4 @@
-"""`agribot calibrate`: what driving a figure tells of the drive, the compass and the antenna."""
+"""`agribot calibrate`: what a drive tells of wheels, compass, antenna and camera."""
 
 from __future__ import annotations
 
@@ -11,6 +11,17 @@ from pathlib import Path
 import msgspec
 
 from agribot import config as settings
+from agribot.commands.calibration_camera import (
+    CameraResult,
+    RowViewResult,
+    Seen,
+    camera_of,
+    camera_text,
+    row_view_of,
+    row_view_text,
+    seen_in_drive,
+    seen_in_recording,
+)
 from agribot.commands.calibration_drive import (
     FIGURE,
     TURNS,
@@ -53,7 +64,7 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
     told_gain: Gain
 
 
-Outcome = tuple[Calibration | MagResult | AntennaResult, str]
+Outcome = tuple[Calibration | MagResult | AntennaResult | CameraResult | RowViewResult, str]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,9 +76,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         subjects.add_parser("antenna", help="where the GNSS antenna sits"),
     ):
         _add_common(parser_of)
-    subjects.choices["magnetometer"].add_argument(
-        "--recording", metavar="FILE", help="of a mission that turned, instead of a drive"
-    )
+    camera = subjects.add_parser("camera", help="pitch, yaw, roll and height of its mount")
+    row_view = subjects.add_parser("row-view", help="whether rows are seen where they stand")
+    for parser_of, profile in ((camera, "farm"), (row_view, "rows-10x12")):
+        _add_robot(parser_of)
+        parser_of.add_argument(
+            "--profile", default=profile, metavar="NAME|FILE",
+            help="whose mission is driven for a while (default: %(default)s)",
+        )  # fmt: skip
+    for name in ("magnetometer", "camera", "row-view"):
+        subjects.choices[name].add_argument(
+            "--recording", metavar="FILE", help="of a mission that turned, instead of a drive"
+        )
     drive.add_argument(
         "--tape",
         action="store_true",
@@ -76,13 +96,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_common(drive: argparse.ArgumentParser) -> None:
+    drive.add_argument("--world", default="empty", metavar="NAME|FILE", help="needs 8 m x 8 m")
+    _add_robot(drive)
+
+
+def _add_robot(drive: argparse.ArgumentParser) -> None:
     drive.add_argument("--robot", default="agribot", metavar="NAME|FILE", help="to be calibrated")
     drive.add_argument(
         "--machine",
         metavar="NAME|FILE",
         help="build the simulated machine from this description instead, to see an error found",
     )
-    drive.add_argument("--world", default="empty", metavar="NAME|FILE", help="needs 8 m x 8 m")
     drive.add_argument("--sensors", default="rtk", metavar="PRESET", help="default: rtk")
     drive.add_argument("--seed", type=int, default=0, metavar="N", help="of all randomness")
     drive.add_argument("--json", action="store_true", help="print the result as the last line")
@@ -93,6 +117,7 @@ def run(options: argparse.Namespace) -> int:
     machine = load_robot(options.machine) if options.machine else robot
     runners: dict[str, Callable[[argparse.Namespace, RobotSpec, RobotSpec], Outcome]] = {
         "drive": _wheels, "magnetometer": _magnetometer, "antenna": _antenna,
+        "camera": _camera, "row-view": _row_view,
     }  # fmt: skip
     result, text = runners[options.subject](options, robot, machine)
     sys.stderr.write(text)
@@ -120,6 +145,22 @@ def _magnetometer(options: argparse.Namespace, robot: RobotSpec, machine: RobotS
 def _antenna(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
     result = antenna_of_drive(_drive(options, machine, robot.drive, TURNS), robot)
     return result, antenna_text(result)
+
+
+def _camera(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    result = camera_of(_seen(options, robot, machine))
+    return result, camera_text(result)
+
+
+def _row_view(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    result = row_view_of(_seen(options, robot, machine))
+    return result, row_view_text(result)
+
+
+def _seen(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Seen:
+    if options.recording:
+        return seen_in_recording(Path(options.recording))
+    return seen_in_drive(robot, machine, options.profile, options.sensors, options.seed)
 
 
 def judge(drive: DriveSpec, fit: DriveFit, described: Gain, told: Gain) -> Calibration:
