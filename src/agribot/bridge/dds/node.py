@@ -26,9 +26,10 @@ _ANY_STATE = 127
 _TAKEN_AT_ONCE = 32
 _BLOCKING_MS = 100
 # Nothing leaves this machine by itself; with small fragments Fast DDS would lose images. Who comes
-# late is told too: by default Cyclone speaks every 30 s, and no more where nobody answered at first.
+# late is told too: Cyclone alone speaks every 30 s, and no more where nobody answered at first.
 _LOCAL = """<CycloneDDS><Domain><General>
-<Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces><AllowMulticast>false</AllowMulticast>
+<Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>
+<AllowMulticast>false</AllowMulticast>
 <FragmentSize>63000B</FragmentSize><MaxMessageSize>65500B</MaxMessageSize></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex>
 <MaxAutoParticipantIndex>60</MaxAutoParticipantIndex><SPDPInterval>2s</SPDPInterval>{keep}
