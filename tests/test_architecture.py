@@ -41,6 +41,7 @@ LAYERS = {
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),
     3: (
         "stack",
+        "calibration",
         "perception_host",
         "field_work",
         "tasks",
