@@ -43,6 +43,7 @@ LAYERS = {
         "stack",
         "calibration",
         "perception_host",
+        "planning_host",
         "field_work",
         "tasks",
         "mission_file",

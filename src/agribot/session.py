@@ -82,7 +82,8 @@ class Session:
         self.stack = robot_stack.build(
             config, self.robot, self.goals_map_m, perception, self.work, saved
         )
-        self._task = self.stack.mission.task
+        is_visit = saved is not None and bool(saved.visit_name)
+        self._task = None if is_visit else self.stack.mission.task
         self.clock = Clock()
         self.last: TickRecord | None = None
         self._claim_out_dir()

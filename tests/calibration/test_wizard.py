@@ -134,10 +134,11 @@ def test_whatever_else_is_asked_of_the_robot_ends_it_at_once(bench: Bench, actio
 
 
 def test_a_hand_and_the_loss_of_the_operator_end_it(bench: Bench) -> None:
-    for take in (
+    takes: tuple[Callable[[], None], ...] = (
         lambda: bench.session.platform.inbox.drive(0.1, 0.0, "Bert"),
         lambda: bench.wizard.interrupt("loss of the page"),
-    ):
+    )
+    for take in takes:
         bench.stand_ready()
         bench.tick_until(lambda record: abs(record.estimate.v_mps) < 0.01)
         assert bench.do("start", "motors")["refusal"] == ""

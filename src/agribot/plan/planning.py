@@ -76,6 +76,7 @@ class PlanningDesk:
         else:
             then(found)
 
-    def drop(self) -> None:
-        """Something else is wanted now; the answer is not waited for."""
-        self._then = None
+    def drop(self) -> bool:
+        """Something else is wanted now; whether an answer was waited for."""
+        was_busy, self._then = self.is_busy, None
+        return was_busy
