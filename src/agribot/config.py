@@ -108,6 +108,14 @@ class ControlConfig(Config, frozen=True):
     max_yaw_rate_radps: Positive = 1.0
 
 
+class CalibrationConfig(Config, frozen=True):
+    """What `agribot calibrate` measured of this very robot; None: as its description says."""
+
+    wheel_radius_m: Positive | None = None  # rolling, under load
+    yaw_multiplier: Positive | None = None  # effective separation over the track
+    antenna_m: tuple[float, float] | None = None  # of GNSS, forward and left of the turning centre
+
+
 class SafetyConfig(Config, frozen=True):
     """Limits of the supervisor, the last gate before the motors."""
 
@@ -194,6 +202,7 @@ class RunConfig(Config, frozen=True):
     field: FieldConfig = FieldConfig()
     mission: MissionConfig = MissionConfig()
     estimate: EstimateConfig = EstimateConfig()
+    calibration: CalibrationConfig = CalibrationConfig()
     control: ControlConfig = ControlConfig()
     safety: SafetyConfig = SafetyConfig()
     perception: PerceptionConfig = PerceptionConfig()

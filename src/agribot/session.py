@@ -10,6 +10,7 @@ import msgspec
 
 from agribot import config as settings
 from agribot import stack as robot_stack
+from agribot.calibration.believed import calibrated
 from agribot.config import RunConfig
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.worlds_sdf import load_world
@@ -57,7 +58,8 @@ class Session:
         """
         self.config = config
         self.out_dir = out_dir
-        self.robot = load_robot(config.robot)
+        described = load_robot(config.robot)
+        self.robot = calibrated(described, config.calibration)
         self.goals_map_m = read_goals(config)
         self._plan_text = read_plan_text(config)
         self.work = field_work(self._plan_text, config, self.robot)
@@ -72,7 +74,7 @@ class Session:
         self.rows = rows = rows if self.work is None else self.work.rows
         self._saved = saved
         self.rows_before = tuple(r.index for r in saved.rows if r.done) if saved else ()
-        self.platform = SimPlatform(config, self.robot, self.world)
+        self.platform = SimPlatform(config, described, self.world, board=self.robot.drive)
         self.sensed: Platform = self.platform  # with sensors from elsewhere, if any
         self.referee = Referee(self.platform, self.world, rows, self.goals_map_m)
         self._mask_taps: list[MaskTap] = [self.referee.judge_mask]
@@ -80,7 +82,8 @@ class Session:
         self.stack = robot_stack.build(
             config, self.robot, self.goals_map_m, perception, self.work, saved
         )
-        self._task = self.stack.mission.task
+        is_visit = saved is not None and bool(saved.visit_name)
+        self._task = None if is_visit else self.stack.mission.task
         self.clock = Clock()
         self.last: TickRecord | None = None
         self._claim_out_dir()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import msgspec
 
@@ -23,12 +24,28 @@ from agribot.plan.saved_mission import (
 from agribot.plan.task import Task
 
 
+class Planned(NamedTuple):
+    """The route of a job, the name of its task, and the pose from which it was planned.
+
+    `covered` is what an earlier mission worked, `done` which rows need no more work under another
+    path than that mission's; None where it goes on in its own.
+    """
+
+    route: Route
+    name: str
+    planned_from: PoseTuple
+    covered: CoveredRows
+    done: tuple[int, ...] | None = None
+
+
 class Job:
     """Rows and waypoints to be worked along one path, which is planned when work begins."""
 
     def __init__(
         self, task: Task, config: MissionConfig, saved: SavedMission | None = None
     ) -> None:
+        """`saved` is one that was cut off; where it had no path yet, it begins anew."""
+        saved = saved if saved is not None and saved.planned_from is not None else None
         self.task = task
         self._config = config
         self._waypoints = tuple(task.waypoints)
@@ -45,76 +62,83 @@ class Job:
     def waypoints_reached(self) -> tuple[bool, ...]:
         return self.route.visits.reached if self.route else (False,) * len(self._waypoints)
 
-    def begin(self, estimate: Estimate) -> None:
-        """Plan from here; after an interruption, the same path as then, and go on in it.
+    def plan(self, estimate: Estimate) -> Planned:
+        """From here; after an interruption, the same path as then, to go on in it.
 
         Raises: MissionError: no path, the robot was carried away, or the task is another one.
         """
         saved = self._saved
-        if saved is None:
-            self._set_out(estimate, self.task.plan(estimate))
-            return
+        covered = CoveredRows(self.task.rows)
+        if saved is None or saved.planned_from is None:
+            return self._planned(estimate, self.task.plan(estimate), covered)
         check_not_carried_away(estimate, saved.pose[:2], self._config.resume_limit_m)
         x_m, y_m, yaw_rad = saved.planned_from
         then = msgspec.structs.replace(estimate, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad)
         path = self.task.plan(then)
-        is_same_rows = self._covered.restore(saved.covered)
-        if is_same_rows and task_name(self.rows.indices, self._waypoints, path) != saved.task:
-            self._work_the_rest(estimate)
-            return
-        route = self._set_out(then, path, saved.detours)
-        try:
-            check_same_task(saved, self._name, route.progress.length_m)
-        except MissionError:
-            self.route = None
-            raise
-        route.go_on(saved.s_m, saved.waypoints_reached)
-        self.rows.restore(saved.rows, saved.row, saved.s_m)
+        is_same_ground = covered.restore(saved.covered)
+        if is_same_ground and task_name(self.rows.indices, self._waypoints, path) != saved.task:
+            return self._planned_rest(estimate, covered)
+        planned = self._planned(then, path, covered, saved.detours)
+        check_same_task(saved, planned.name, planned.route.progress.length_m)
+        planned.route.go_on(saved.s_m, saved.waypoints_reached)
+        return planned
 
-    def _work_the_rest(self, estimate: Estimate) -> None:
+    def _planned_rest(self, estimate: Estimate, covered: CoveredRows) -> Planned:
         """Another path over rows of which some were worked: begin with it where the robot is."""
-        for index in self.rows.indices:
-            if self._covered.is_complete(index):
-                self.rows.take_as_done(index)
-        left = self.rows.open_rows(self.rows.indices)
+        done = tuple(index for index in self.rows.indices if covered.is_complete(index))
+        left = [index for index in self.rows.indices if index not in done]
         if not left:
             raise MissionError("every row was worked before; there is nothing to resume")
         rest = self.task.rest
-        self._set_out(estimate, rest(estimate, left) if rest else self.task.plan(estimate))
+        path = rest(estimate, left) if rest else self.task.plan(estimate)
+        return self._planned(estimate, path, covered)._replace(done=done)
 
-    def _set_out(
-        self, estimate: Estimate, path: Path, detours: tuple[tuple[int, int], ...] = ()
-    ) -> Route:
-        self._name = task_name(self.rows.indices, self._waypoints, path)
-        self._detours = detours
+    def _planned(
+        self,
+        estimate: Estimate,
+        path: Path,
+        covered: CoveredRows,
+        detours: tuple[tuple[int, int], ...] = (),
+    ) -> Planned:
+        name = task_name(self.rows.indices, self._waypoints, path)
         for index, row in detours:
             path = self.task.around(path, index, row) if self.task.around else path
-        self.planned_from = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
-        self.route = route = self._route(path)
-        return route
+        pose = estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad
+        return Planned(self._route(path), name, pose, covered)
+
+    def begin(self, planned: Planned) -> None:
+        """Work along what `plan` found."""
+        saved = self._saved
+        self.route, self._name, self.planned_from, self._covered, done = planned
+        if done is not None:
+            for index in done:
+                self.rows.take_as_done(index)
+        elif saved is not None:
+            self._detours = saved.detours
+            self.rows.restore(saved.rows, saved.row, saved.s_m)
 
     def change_speed(self, config: MissionConfig) -> None:
         self._config = config
         if self.route is not None:
             self.route.change_speed(config)
 
-    def saved(self, state: MissionState, last: Estimate) -> SavedMission | None:
+    def saved(self, state: MissionState, last: Estimate) -> SavedMission:
         route = self.route
-        if route is None:
-            return None
         return SavedMission(
             task=self._name,
             state=state,
             t_s=last.t_s,
-            planned_from=self.planned_from,
+            planned_from=self.planned_from if route else None,
             pose=(last.x_map_m, last.y_map_m, last.yaw_map_rad),
-            length_m=route.progress.length_m,
-            s_m=route.progress.s_m,
+            length_m=route.progress.length_m if route else 0.0,
+            s_m=route.progress.s_m if route else 0.0,
             row=self.rows.here,
             rows=self.rows.results,
-            waypoints_reached=route.visits.reached,
+            waypoints_reached=self.waypoints_reached,
             detours=self._detours,
             covered=self._covered.stretches,
+            visit=self._waypoints if self.task.name else (),
+            visit_name=self.task.name,
         )
 
     def work(self, estimate: Estimate) -> None:
