@@ -84,6 +84,7 @@ HEAVY = {
     "segno": {"ui", "commands"},
     "anyio": {"ui"},
     "shapefile": {"ui"},
+    "ruamel": {"ui"},
     "rasterio": {"gis"},
     "pmtiles": {"gis"},
     "PIL": {"gis", "description", "ros", "record", "sim", "train", "dataset", "commands", "ui"},

@@ -8,6 +8,7 @@ import { addDisplay, editGroup } from '../displays/dialog.ts'
 import type { IconName } from '../icons.ts'
 import { icon } from '../icons.ts'
 import type { LayerGroup } from './layers.ts'
+import { mapvizButtons } from './mapviz.ts'
 import { TOOLS } from './tools.ts'
 import type { ToolId } from './tools.ts'
 import type { SavedView, MapView } from './view.ts'
@@ -184,5 +185,6 @@ function viewButtons(view: MapView, refresh: () => void): HTMLElement {
   }
   return el('div', { class: 'button-row' },
     el('button', { type: 'button', class: 'button', onclick: () => void save() }, icon('save', 20), 'Save view'),
-    el('button', { type: 'button', class: 'button', onclick: () => void load() }, 'Open view'))
+    el('button', { type: 'button', class: 'button', onclick: () => void load() }, 'Open view'),
+    ...mapvizButtons(view, refresh))
 }
