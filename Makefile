@@ -45,5 +45,5 @@ $(VENV)/.run: $(VENV)/bin/python pyproject.toml $(PAGE)
 # The exact torch is the one whose wheel is a CPU build on the machines that run these tests;
 # training elsewhere takes any version that pyproject.toml allows.
 $(VENV)/.dev: $(VENV)/bin/python pyproject.toml $(PAGE)
-	$(BIN)/python -m pip install --quiet 'torch==2.13.0' --editable '.[sim,ui,train,ros,dds,foxglove,maps,view,dev]'
+	$(BIN)/python -m pip install --quiet 'torch==2.13.0' --editable '.[sim,ui,train,ros,dds,foxglove,maps,view,sweep,dev]'
 	@touch $@

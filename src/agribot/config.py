@@ -80,7 +80,7 @@ class EstimateConfig(Config, frozen=True):
     """Beliefs of the filter about its sensors; 1 sigma, densities per square root of second."""
 
     gyro_bias_std_radps: Positive = 0.0035  # 0.2 deg/s: MEMS turn-on bias
-    gyro_walk_rad_per_sqrt_s: Positive = 0.0008  # 0.05 deg
+    gyro_walk_rad_per_sqrt_s: Positive = 0.0004  # 0.02 deg: data sheets say 0.01
     wheel_scale_std_ratio: Positive = 0.04
     slip_std_rad: Positive = 0.026  # 1.5 deg of crabbing across a slope
     position_walk_m_per_sqrt_m: Positive = 0.018

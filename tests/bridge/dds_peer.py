@@ -69,6 +69,18 @@ class Fix(IdlStruct, typename=MSG.format("sensor_msgs", "NavSatFix")):
 
 @final
 @dataclass
+class Image(IdlStruct, typename=MSG.format("sensor_msgs", "Image")):
+    header: Header
+    height: uint32
+    width: uint32
+    encoding: str
+    is_bigendian: uint8
+    step: uint32
+    data: sequence[uint8]
+
+
+@final
+@dataclass
 class String(IdlStruct, typename=MSG.format("std_msgs", "String")):
     data: str
 
@@ -129,6 +141,7 @@ class Peer:
         self.domain = Domain(domain, LOCAL)
         self.participant = DomainParticipant(domain)
         self.fix = self.reader("rt/agribot/fix", Fix, VOLATILE)
+        self.image = self.reader("rt/agribot/camera/image_raw", Image, VOLATILE)
         self.description = self.reader("rt/robot_description", String, LATCHED)
         self.nodes = self.reader("ros_discovery_info", Entities, LATCHED)
         twist = Topic(self.participant, "rt/agribot/cmd_vel", Twist, qos=VOLATILE)
@@ -144,6 +157,13 @@ class Peer:
             [m.header.stamp.sec, m.header.stamp.nanosec, m.header.frame_id, m.latitude,
              m.longitude, list(m.position_covariance)]
             for m in self.fix.take(100)
+        ]  # fmt: skip
+
+    def images(self) -> list[Any]:
+        return [
+            [m.height, m.width, m.encoding, len(m.data),
+             sum((k % 251 + 1) * byte for k, byte in enumerate(m.data))]
+            for m in self.image.take(10)
         ]  # fmt: skip
 
     def descriptions(self) -> list[str]:

@@ -71,8 +71,15 @@ def zenoh_peer(locator: str, *latched_keys: str) -> Iterator[Talk]:
 @contextmanager
 def peer(script: str, *arguments: str) -> Iterator[Talk]:
     """A script of this folder in a process of its own, from its "ready" on."""
+    with program(sys.executable, str(ROOT / "tests" / "bridge" / script), *arguments) as talk:
+        yield talk
+
+
+@contextmanager
+def program(*command: str) -> Iterator[Talk]:
+    """A process that says "ready" and then answers line by line."""
     with subprocess.Popen(
-        [sys.executable, str(ROOT / "tests" / "bridge" / script), *arguments],
+        command,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

@@ -1,13 +1,20 @@
-"""A run on DDS: another process, with types of its own, hears it and may drive it."""
+"""A run on DDS: another process, with types of its own, hears it and may drive it.
+
+That is a program on Cyclone DDS, and one on Fast DDS, which shares no code with ours, as ROS 2
+sets it up unasked, with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST and with ROS_LOCALHOST_ONLY=1.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+import shutil
+import subprocess
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from agribot import topics
@@ -17,7 +24,7 @@ from agribot.bridge.requests import Requests
 from agribot.messages import GnssFix, GnssQuality
 from agribot.operator_input import Inbox
 from agribot.ros import rosmsg
-from tests.bridge.live import Talk, first, peer, until
+from tests.bridge.live import Talk, first, peer, program, until
 
 pytest.importorskip("cyclonedds", reason="has no wheel for Linux on ARM")
 
@@ -38,10 +45,28 @@ class Robot:
 
 
 @pytest.fixture(scope="module")
-def live() -> Iterator[tuple[Robot, Talk]]:
-    domain = 20 + os.getpid() % 80  # not that of another test run on this machine
-    with closing(Robot(domain)) as robot, peer("dds_peer.py", str(domain)) as talk:
-        yield robot, talk
+def fastdds_peer(tmp_path_factory: pytest.TempPathFactory) -> str:
+    if shutil.which("g++") is None or not Path("/usr/include/fastdds").is_dir():
+        pytest.skip("needs the apt packages g++ and libfastrtps-dev")
+    made = tmp_path_factory.mktemp("fastdds") / "peer"
+    source = Path(__file__).with_name("fastdds_peer.cpp")
+    libraries = ("-lfastrtps", "-lfastcdr")
+    subprocess.run(["g++", "-std=c++17", str(source), "-o", str(made), *libraries], check=True)
+    return str(made)
+
+
+@pytest.fixture(scope="module", params=["cyclone", "subnet", "localhost", "localhost-only"])
+def live(request: pytest.FixtureRequest) -> Iterator[tuple[Robot, Talk]]:
+    # Not that of another test run on this machine, nor that of the peer before.
+    domain = 20 + os.getpid() % 20 + 20 * request.param_index
+    with closing(Robot(domain)) as robot:
+        if request.param == "cyclone":
+            other = peer("dds_peer.py", str(domain))
+        else:
+            made: str = request.getfixturevalue("fastdds_peer")
+            other = program(made, str(domain), request.param)
+        with other as talk:
+            yield robot, talk
 
 
 def test_a_late_peer_gets_the_description_and_sees_the_node(live: tuple[Robot, Talk]) -> None:
@@ -72,6 +97,22 @@ def test_a_fix_arrives_exactly_in_the_peers_own_type(live: tuple[Robot, Talk]) -
     covariance = [4.0, 0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 16.0]
     got = first(said_and_heard, "a fix")
     assert got == [12, 250_000_000, "gps_link", 21.5, -72.25, covariance]
+
+
+def test_an_image_arrives_whole(live: tuple[Robot, Talk]) -> None:
+    """0.9 MB in 15 fragments."""
+    robot, talk = live
+    pixels = np.random.default_rng(1).integers(0, 256, (480, 640, 3), np.uint8)
+    data = rosmsg.to_cdr(rosmsg.image(1.0, pixels))
+    weights = np.arange(pixels.size) % 251 + 1
+
+    def said_and_heard() -> list[object]:
+        robot.gateway.publish(topics.IMAGE_RAW, data, 0)
+        heard: list[object] = talk("images")
+        return heard
+
+    got = first(said_and_heard, "an image")
+    assert got == [480, 640, "rgb8", pixels.size, int((weights * pixels.ravel()).sum())]
 
 
 def test_every_topic_is_announced_with_the_hash_that_ros_prints(live: tuple[Robot, Talk]) -> None:

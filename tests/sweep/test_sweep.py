@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
+import socket
 import statistics
+import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,12 +21,13 @@ from agribot.cli import main
 from agribot.errors import ConfigError
 from agribot.record.report import Report, TimeReport, TrackingReport, read_report
 from agribot.session import Session
-from agribot.sweep.execution import RayExecutor
+from agribot.sweep.execution import Assignment, Outcome, RayExecutor
 from agribot.sweep.plan import Job, plan, read_seeds
 from agribot.sweep.tables import flattened, markdown, pooled_rms_m, summarise
 
 SHORT = ("duration_s=2", "record.enabled=false", "perception.enabled=false")
 FIXED = [word for setting in SHORT for word in ("--set", setting)]
+PATIENCE_S = 300.0
 VARIED = ["--vary", "sim.sensors=rtk,ideal", "--seeds", "1-2"]
 
 
@@ -192,42 +195,86 @@ def test_without_ray_the_option_says_what_to_install(
     assert "agribot[sweep]" in capsys.readouterr().err
 
 
-class RayInThisProcess:
-    """Does what a Ray cluster does as far as a sweep can tell, one task after another."""
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[str]:
+    """Address of two nodes with one CPU each."""
+    pytest.importorskip("ray")
+    with subprocess.Popen(
+        [sys.executable, "-m", "tests.sweep.ray_cluster"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdin is not None and process.stdout is not None
+        yield process.stdout.readline().strip()
+        process.stdin.close()
+
+
+def sweep_on(cluster: str, out: Path, *words: str) -> dict[str, Any]:
+    """The command in a process of its own, as Ray wants it: what it printed."""
+    command = [sys.executable, "-m", "agribot.cli", "sweep", "farm", *FIXED, *words]
+    done = subprocess.run(
+        [*command, "--ray", cluster, "--out", str(out), "--json"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE_S,
+    )
+    assert done.returncode == 1, done.stderr  # too short to be good
+    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return result
+
+
+def test_two_nodes_of_a_cluster_give_the_results_of_this_machine(
+    swept: Path, cluster: str, tmp_path: Path
+) -> None:
+    result = sweep_on(cluster, tmp_path / "out", *VARIED)
+    assert result["runs_done"] == 4
+    here, there = reports(swept), reports(tmp_path / "out")
+    assert {name: without_times(report) for name, report in there.items()} == {
+        name: without_times(report) for name, report in here.items()
+    }
+
+
+class RayThatLosesANode(SimpleNamespace):
+    """One task after another in this process; that of seed 2 runs out of memory."""
 
     def __init__(self) -> None:
-        self.address = ""
+        exceptions = SimpleNamespace(RayError=MemoryError)
+        super().__init__(exceptions=exceptions, init=lambda address: None)
 
-    def init(self, address: str) -> None:
-        self.address = address
-
-    def remote(self, function: Callable[..., Any]) -> SimpleNamespace:
-        return SimpleNamespace(remote=lambda *given: (function, given))
+    def remote(self, function: Callable[..., Outcome]) -> SimpleNamespace:
+        return SimpleNamespace(remote=lambda assignment: (function, assignment))
 
     def wait(self, tasks: list[Any], num_returns: int, timeout: float) -> tuple[Any, Any]:
         assert timeout > 0
         return tasks[:num_returns], tasks[num_returns:]
 
-    def get(self, task: tuple[Callable[..., Any], tuple[Any, ...]]) -> Any:
-        return task[0](*task[1])
+    def get(self, task: tuple[Callable[..., Outcome], Assignment]) -> Outcome:
+        if task[1].job.seed == 2:
+            raise MemoryError("Task was killed\nthe node was low on memory")
+        return Outcome(job=task[1].job)
 
 
-def test_a_cluster_gives_the_results_of_this_machine(
-    swept: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+def test_a_node_that_fails_costs_its_run_alone(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    ray = RayInThisProcess()
-    monkeypatch.setitem(sys.modules, "ray", ray)
-    words = ["--seeds", "1", "--set", "sim.sensors=rtk", "--ray", "head:6379"]
-    assert main(["sweep", "farm", *FIXED, *words, "--out", str(tmp_path / "out")]) == 1
-    assert ray.address == "head:6379"
-    (report,) = reports(tmp_path / "out").values()
-    assert without_times(report) == without_times(next(iter(reports(swept).values())))
+    monkeypatch.setitem(sys.modules, "ray", RayThatLosesANode())
+    jobs = plan("farm", (1, 2, 3), (), ())
+    assignments = [Assignment(job=job, out_dir=tmp_path) for job in jobs]
+    outcomes = list(RayExecutor("auto").run(assignments, lambda: False))
+    assert [outcome.job for outcome in outcomes] == list(jobs)
+    assert [outcome.error for outcome in outcomes] == [
+        "",
+        "its node failed: the node was low on memory",
+        "",
+    ]
 
 
-def test_a_cluster_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(address: str) -> None:
-        raise ConnectionError("nobody there")
-
-    monkeypatch.setitem(sys.modules, "ray", SimpleNamespace(init=refuse))
-    with pytest.raises(ConfigError, match="head:6379"):
-        RayExecutor("head:6379")
+def test_a_cluster_that_does_not_answer_is_named() -> None:
+    pytest.importorskip("ray")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+        with pytest.raises(ConfigError, match=f"{address}.*ray start --head"):
+            RayExecutor(address)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,6 +16,7 @@ from agribot.workers import Stop, results
 
 INTERRUPTED = "interrupted by the operator"
 RAY_POLL_S = 0.5
+RAY_ANSWERS_WITHIN_S = 5.0
 
 
 class Assignment(msgspec.Struct, frozen=True, kw_only=True):
@@ -64,14 +66,15 @@ class ProcessExecutor:
 
 
 class RayExecutor:
-    """A Ray cluster; the folders of the runs must lie where every node can write them."""
+    """A Ray cluster with agribot on every node; all of them write the folders of the runs."""
 
     def __init__(self, address: str) -> None:
         """Raises: ConfigError: ray is not installed or the cluster does not answer."""
         self._ray = _import_ray()
         try:
+            _expect_answer(address)
             self._ray.init(address=address)
-        except (ConnectionError, RuntimeError, ValueError) as error:
+        except (OSError, RuntimeError, ValueError) as error:
             raise ConfigError(
                 f"no Ray cluster answers at {address}: {error}; start one with `ray start --head` "
                 "and give its address, or leave out --ray"
@@ -79,15 +82,32 @@ class RayExecutor:
 
     def run(self, assignments: Sequence[Assignment], stop: Stop) -> Iterator[Outcome]:
         remote = self._ray.remote(_drive_to_the_end)
-        running = [remote.remote(assignment) for assignment in assignments]
+        running = {remote.remote(assignment): assignment.job for assignment in assignments}
         while running:
             if stop():
                 for reference in running:
                     self._ray.cancel(reference)
                 return
-            done, running = self._ray.wait(running, num_returns=1, timeout=RAY_POLL_S)
+            done, _ = self._ray.wait(list(running), num_returns=1, timeout=RAY_POLL_S)
             for reference in done:
-                yield self._ray.get(reference)
+                yield self._outcome(reference, running.pop(reference))
+
+    def _outcome(self, reference: Any, job: Job) -> Outcome:
+        try:
+            outcome: Outcome = self._ray.get(reference)
+        except self._ray.exceptions.RayError as error:  # the node, its memory or its installation
+            return Outcome(job=job, error=f"its node failed: {str(error).splitlines()[-1]}")
+        return outcome
+
+
+def _expect_answer(address: str) -> None:
+    """Ray itself tries for minutes, and ends the process when it gives up.
+
+    Raises: OSError: nothing listens at HOST:PORT; other addresses are left to Ray.
+    """
+    host, _, port = address.rpartition(":")
+    if host and "/" not in address and port.isdigit():
+        socket.create_connection((host, int(port)), RAY_ANSWERS_WITHIN_S).close()
 
 
 def _drive_to_the_end(assignment: Assignment) -> Outcome:

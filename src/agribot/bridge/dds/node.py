@@ -6,6 +6,7 @@ Source: the design of rmw_dds_common and of rmw_cyclonedds_cpp and rmw_fastrtps_
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable
 from importlib import metadata
 from typing import Any
@@ -24,13 +25,16 @@ _DISCOVERY = Topic(
 _ANY_STATE = 127
 _TAKEN_AT_ONCE = 32
 _BLOCKING_MS = 100
-# Nothing leaves this machine by itself; with small fragments Fast DDS would lose images.
+# Nothing leaves this machine by itself; with small fragments Fast DDS would lose images. Who comes
+# late is told too: Cyclone alone speaks every 30 s, and no more where nobody answered at first.
 _LOCAL = """<CycloneDDS><Domain><General>
-<Interfaces><NetworkInterface name="lo"/></Interfaces><AllowMulticast>false</AllowMulticast>
+<Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>
+<AllowMulticast>false</AllowMulticast>
 <FragmentSize>63000B</FragmentSize><MaxMessageSize>65500B</MaxMessageSize></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex>
-<MaxAutoParticipantIndex>60</MaxAutoParticipantIndex>
+<MaxAutoParticipantIndex>60</MaxAutoParticipantIndex><SPDPInterval>2s</SPDPInterval>{keep}
 <Peers><Peer Address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
+_KEEP_PEERS = "<InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay>"  # from version 11 on
 
 
 class DdsNode:
@@ -126,11 +130,14 @@ class DdsNode:
 
 
 def _domain(make: Any, domain: int) -> Any:
-    """Settings hold for the first to join a domain in this process."""
+    """Settings hold for the first to join a domain in this process; a user's own go first."""
     from cyclonedds.core import DDSException
 
+    if os.environ.get("CYCLONEDDS_URI"):
+        return None  # Cyclone reads it itself
+
     try:
-        return make(domain, _LOCAL)
+        return make(domain, _LOCAL.format(keep=_KEEP_PEERS if _major() >= 11 else ""))
     except DDSException:
         return None
 
