@@ -13,6 +13,7 @@ import shutil
 import sys
 import tempfile
 import time
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from PIL import Image
@@ -30,11 +31,19 @@ LAYOUTS = {
     "phone": ((390, 844), 6, 270),
 }
 README_PX = (1440, 900)
+# A camera that leaves a small machine some time for its browser.
+SETTINGS = ["--set", "seed=1", "--set", "perception.camera_rate_hz=4"]
 README_FROM = 0.6  # of the mission
 GAP_PX, GAP_RGB = 10, (128, 128, 128)
 PATIENCE_S = 900.0
-SETTLING_S = 2.0  # a map without a graphics card
+LOADING_S, SETTLING_S = 4.0, 1.5  # a map without a graphics card
 STATE = "window.__agribot.state()"
+READY = (
+    "[...document.querySelectorAll('.banner.bad')].every(each => !each.offsetParent)",
+    "!document.querySelector('.screen .map') || window.__agribot.map?.areTilesLoaded()",
+    """[...document.querySelectorAll('.picture-label')]
+        .every(each => !each.offsetParent || /ms/.test(each.textContent))""",
+)
 
 
 def opened(page: Page, address: str, theme: str, size: tuple[int, int]) -> None:
@@ -47,6 +56,10 @@ def opened(page: Page, address: str, theme: str, size: tuple[int, int]) -> None:
 
 
 def picture(page: Page) -> Image.Image:
+    """Once everything on the screen has been there; a busy machine may lose some of it again."""
+    for what in READY:
+        with suppress(AssertionError):
+            until(page, what, LOADING_S)
     time.sleep(SETTLING_S)
     return Image.open(io.BytesIO(page.screenshot())).convert("RGB")
 
@@ -57,6 +70,7 @@ def pictures(page: Page) -> list[Image.Image]:
     for screen in SCREENS:
         show(page, screen)
         found.append(picture(page))
+        sys.stderr.write(f"{screen}\n")
     show(page, "drive")
     page.get_by_role("button", name="Layers and views").click()
     found.append(picture(page))
@@ -78,38 +92,53 @@ def sheet(made: list[Image.Image], columns: int, width_px: int) -> Image.Image:
     return whole
 
 
+def sheets(page: Page, address: str, layouts: list[str], out: Path, single: Path | None) -> None:
+    for layout in layouts:
+        size, columns, width_px = LAYOUTS[layout]
+        for theme in THEMES:
+            opened(page, address, theme, size)
+            made = pictures(page)
+            name = f"page-{layout}-{theme}"
+            sheet(made, columns, width_px).save(out / f"{name}.webp", quality=62, method=6)
+            sys.stderr.write(f"{out / name}.webp\n")
+            if single:
+                single.mkdir(parents=True, exist_ok=True)
+                for number, one in enumerate(made):
+                    one.save(single / f"{name}-{number:02}.png")
+
+
+def on_the_mission(page: Page, address: str) -> Image.Image:
+    """Of the page beside the robot at work; until then on a screen that costs little."""
+    opened(page, address, "light", README_PX)
+    page.get_by_role("button", name="Take control").first.click()
+    show(page, "health")
+    mission = f"{STATE}.mission"
+    until(page, f"{mission}.s_m > {README_FROM} * {mission}.length_m", PATIENCE_S)
+    show(page, "drive")
+    return picture(page)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs/images"))
     parser.add_argument("--single", type=Path, help="every picture by itself as well, as PNG")
+    parser.add_argument("--layout", action="append", choices=LAYOUTS, help="this one alone")
+    parser.add_argument("--at", help="address of a robot that is there already: the sheets alone")
     options = parser.parse_args()
-    out_dir = Path(tempfile.mkdtemp()) / "today-farm"
-    with (
-        robot_with_page("farm", out_dir, ["--set", "seed=1"]) as robot,
-        sync_playwright() as playwright,
-    ):
+    with ExitStack() as parts:
         chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+        playwright = parts.enter_context(sync_playwright())
         browser = playwright.chromium.launch(executable_path=chromium, args=GL_ARGS)
         page = browser.new_page(locale="en", reduced_motion="reduce")
         page.set_default_timeout(1000 * PATIENCE_S)
-        opened(page, robot.address, "light", README_PX)
-        page.get_by_role("button", name="Take control").first.click()
-        mission = f"{STATE}.mission"
-        until(page, f"{mission}.s_m > {README_FROM} * {mission}.length_m", PATIENCE_S)
-        picture(page).save(options.out / "page.webp", quality=82, method=6)
-        for layout, (size, columns, width_px) in LAYOUTS.items():
-            for theme in THEMES:
-                opened(page, robot.address, theme, size)
-                made = pictures(page)
-                name = f"page-{layout}-{theme}"
-                sheet(made, columns, width_px).save(
-                    options.out / f"{name}.webp", quality=62, method=6
-                )
-                sys.stderr.write(f"{options.out / name}.webp\n")
-                if options.single:
-                    options.single.mkdir(parents=True, exist_ok=True)
-                    for number, one in enumerate(made):
-                        one.save(options.single / f"{name}-{number:02}.png")
+        address = options.at
+        if address is None:
+            out_dir = Path(tempfile.mkdtemp()) / "today-farm"
+            robot = parts.enter_context(robot_with_page("farm", out_dir, SETTINGS, pace=2.0))
+            address = robot.address
+            made = on_the_mission(page, address)
+            made.save(options.out / "page.webp", quality=82, method=6)
+        sheets(page, address, options.layout or list(LAYOUTS), options.out, options.single)
         browser.close()
     return 0
 

@@ -183,8 +183,8 @@ function viewButtons(view: MapView, refresh: () => void): HTMLElement {
     view.show(saved as SavedView)
     refresh()
   }
-  return el('div', { class: 'button-row' },
+  return el('div', { class: 'pair-grid' },
     el('button', { type: 'button', class: 'button', onclick: () => void save() }, icon('save', 20), 'Save view'),
-    el('button', { type: 'button', class: 'button', onclick: () => void load() }, 'Open view'),
+    el('button', { type: 'button', class: 'button', onclick: () => void load() }, icon('plan', 20), 'Open view'),
     ...mapvizButtons(view, refresh))
 }
