@@ -41,7 +41,9 @@ LAYERS = {
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),
     3: (
         "stack",
+        "calibration",
         "perception_host",
+        "planning_host",
         "field_work",
         "tasks",
         "mission_file",

@@ -80,7 +80,7 @@ class EstimateConfig(Config, frozen=True):
     """Beliefs of the filter about its sensors; 1 sigma, densities per square root of second."""
 
     gyro_bias_std_radps: Positive = 0.0035  # 0.2 deg/s: MEMS turn-on bias
-    gyro_walk_rad_per_sqrt_s: Positive = 0.0008  # 0.05 deg
+    gyro_walk_rad_per_sqrt_s: Positive = 0.0004  # 0.02 deg: data sheets say 0.01
     wheel_scale_std_ratio: Positive = 0.04
     slip_std_rad: Positive = 0.026  # 1.5 deg of crabbing across a slope
     position_walk_m_per_sqrt_m: Positive = 0.018
@@ -106,6 +106,14 @@ class ControlConfig(Config, frozen=True):
     length_m: Positive = 0.4  # distance in which an error of the path is taken out
     delay_s: NonNegative = 0.2  # actuator lag and dead time that the follower looks ahead
     max_yaw_rate_radps: Positive = 1.0
+
+
+class CalibrationConfig(Config, frozen=True):
+    """What `agribot calibrate` measured of this very robot; None: as its description says."""
+
+    wheel_radius_m: Positive | None = None  # rolling, under load
+    yaw_multiplier: Positive | None = None  # effective separation over the track
+    antenna_m: tuple[float, float] | None = None  # of GNSS, forward and left of the turning centre
 
 
 class SafetyConfig(Config, frozen=True):
@@ -194,6 +202,7 @@ class RunConfig(Config, frozen=True):
     field: FieldConfig = FieldConfig()
     mission: MissionConfig = MissionConfig()
     estimate: EstimateConfig = EstimateConfig()
+    calibration: CalibrationConfig = CalibrationConfig()
     control: ControlConfig = ControlConfig()
     safety: SafetyConfig = SafetyConfig()
     perception: PerceptionConfig = PerceptionConfig()

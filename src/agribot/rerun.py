@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from agribot.calibration.believed import calibrated
 from agribot.config import RunConfig, from_tree
 from agribot.config_tree import assign, without_none
 from agribot.description.loader import parse_robot
@@ -100,7 +101,7 @@ def recorded_pass(path: Path) -> list[TickRecord]:
 
 def rerun(path: Path, config: RunConfig) -> tuple[list[TickRecord], tuple[MappedPlant, ...]]:
     """Every tick of the stack on the recorded batches and scenes, and its weed map at the end."""
-    robot = parse_robot(read_urdf(path), "recorded robot")
+    robot = calibrated(parse_robot(read_urdf(path), "recorded robot"), config.calibration)
     goals = read_attachment(path, GOALS_ATTACHMENT)
     goals_map_m = msgspec.json.decode(goals, type=tuple[MapPoint, ...])
     text = read_attachment(path, PLAN_ATTACHMENT).decode() if config.plan else ""

@@ -10,6 +10,7 @@ import msgspec
 
 from agribot import config as settings
 from agribot import stack as robot_stack
+from agribot.calibration.believed import calibrated
 from agribot.config import RunConfig
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.worlds_sdf import load_world
@@ -57,7 +58,9 @@ class Session:
         """
         self.config = config
         self.out_dir = out_dir
-        self.robot = load_robot(config.robot)
+        described = load_robot(config.robot)
+        self.robot = calibrated(described, config.calibration)
+        goals_map_m = read_goals(config)
         self._plan_text = read_plan_text(config)
         self.world = load_world(
             config.world, seed=config.seed, weed_density_per_m2=config.sim.weed_density_per_m2
@@ -68,15 +71,14 @@ class Session:
             )
         self._saved = saved
         self.rows_before = tuple(r.index for r in saved.rows if r.done) if saved else ()
-        self.platform = SimPlatform(config, self.robot, self.world)
+        self.platform = SimPlatform(config, described, self.world, board=self.robot.drive)
         self.sensed: Platform = self.platform  # with sensors from elsewhere, if any
         self._mask_taps: list[MaskTap] = []
         perception = robot_stack.perceiving(config, self.robot, self._show_mask)
         work = field_work(self._plan_text, config, self.robot)
-        self.stack = robot_stack.build(
-            config, self.robot, read_goals(config), perception, work, saved
-        )
-        self._task = self.task
+        self.stack = robot_stack.build(config, self.robot, goals_map_m, perception, work, saved)
+        is_visit = saved is not None and bool(saved.visit_name)
+        self._task = None if is_visit else self.task
         self.referee = Referee(self.platform, self.world, self.rows, self.goals_map_m)
         self._mask_taps.append(self.referee.judge_mask)
         self.clock = Clock()
@@ -84,7 +86,7 @@ class Session:
         self._claim_out_dir()
         self.event_log = EventLog(out_dir / "events.jsonl")
         self._series = SeriesTap()
-        self.recording = RunRecording(self, self._attached(), self._tell)
+        self.recording = RunRecording(self, self._attached(goals_map_m), self._tell)
         self._mission_file = MissionFile(out_dir, self.stack.mission)
         self.stack.taps += [self._show_truth, self.referee, self._series, self.event_log]
         self.stack.taps += [self._mission_file, self.recording, self._follow_task]
@@ -224,10 +226,10 @@ class Session:
                 f"cannot write into {self.out_dir}: {error.strerror}; choose another --out folder"
             ) from error
 
-    def _attached(self) -> dict[str, tuple[str, bytes]]:
+    def _attached(self, goals_map_m: tuple[MapPoint, ...]) -> dict[str, tuple[str, bytes]]:
         """What a recording needs to be run again."""
         files = {
-            GOALS_ATTACHMENT: ("application/json", msgspec.json.encode(self.goals_map_m)),
+            GOALS_ATTACHMENT: ("application/json", msgspec.json.encode(goals_map_m)),
             SAVED_ATTACHMENT: ("application/json", msgspec.json.encode(self._saved)),
         }
         if self._plan_text:

@@ -23,6 +23,7 @@ from agribot.perception_host import NoPerception, PerceptionHost, ThreadedPercep
 from agribot.plan.coverage.drive import FieldWork
 from agribot.plan.mission import Mission
 from agribot.plan.saved_mission import SavedMission
+from agribot.planning_host import ThreadedPlanning
 from agribot.platform import Platform
 from agribot.robot import RobotSpec
 from agribot.tasks import MapPoint, task_of, tasks_under_way
@@ -46,6 +47,7 @@ class Stack:
         hand: HandControl,
         treatment: Treatment,
         supervisor: Supervisor,
+        planning: ThreadedPlanning,
     ) -> None:
         self.localizer = localizer
         self.perception = perception
@@ -55,6 +57,7 @@ class Stack:
         self.hand = hand
         self.treatment = treatment
         self.supervisor = supervisor
+        self._planning = planning
         self.taps: list[Tap] = []
 
     def tick(self, platform: Platform) -> TickRecord:
@@ -91,6 +94,7 @@ class Stack:
 
     def close(self) -> None:
         self.perception.close()
+        self._planning.close()
 
 
 def build(
@@ -107,16 +111,19 @@ def build(
     `perception` replaces the camera network, as a replay does; `saved` is a mission to go on with.
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
-    task = task_of(config, robot, waypoints_map_m, work)
+    task, planning = task_of(config, robot, waypoints_map_m, work), ThreadedPlanning()
     return Stack(
         localizer=Localizer(config.estimate, config.field, robot),
         perception=perceiving(config, robot) if perception is None else perception,
         weed_map=WeedMap(config.weeds),
-        mission=Mission(task, config.mission, saved, tasks_under_way(task, config, robot)),
+        mission=Mission(
+            task, config.mission, saved, tasks_under_way(task, config, robot), planning
+        ),
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
         treatment=Treatment(config.treatment, robot.sprayer),
         supervisor=Supervisor(config.safety, robot),
+        planning=planning,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 
@@ -14,10 +15,22 @@ from agribot.bench.nav.original import OriginalController
 from agribot.bench.nav.plant import Plant
 from agribot.bench.nav.receivers import Receivers
 from agribot.bench.nav.row_camera import RowCamera
-from agribot.bench.nav.scenario import DT_S, RECEIVERS, ROWS, Soil, Vision, scenario
+from agribot.bench.nav.scenario import (
+    DT_S,
+    RECEIVERS,
+    ROWS,
+    TICK_STEPS,
+    Receiver,
+    Soil,
+    Vision,
+    scenario,
+)
 from agribot.cli import main
 from agribot.description.loader import load_robot
 
+# 95 % band of the mean of 50 squared normal errors of a pose: chi2(150) / 50.
+POSE_BAND = 2.36, 3.72
+FOUR_ROWS_S = 80.0
 FIRM = Soil(
     slip_max_ratio=0.0, slip_std_ratio=0.0, yaw_gain_std_ratio=0.0, yaw_gain_walk_ratio=0.0,
     yaw_rate_std_radps=0.0, slope_max_rad=0.0, lateral_std_mps=0.0, turn_centre_std_m=0.0,
@@ -121,6 +134,23 @@ def test_the_filter_knows_how_wrong_it_is_across_the_row() -> None:
     assert all(outcome.success and outcome.crushed == 0 for outcome in outcomes)
     # 95 % band of the mean of 50 squared normal numbers.
     assert 0.65 < np.mean([outcome.nees or 0.0 for outcome in outcomes]) < 1.42
+    assert POSE_BAND[0] < np.mean([outcome.nees_pose or 0.0 for outcome in outcomes]) < POSE_BAND[1]
+
+
+@pytest.mark.parametrize(
+    ("receiver", "vision"),
+    [("hector", True), ("rtk", True), ("rtk", False), ("rtk-dual", True)],
+)
+def test_the_errors_of_the_pose_are_as_large_as_the_filter_says(
+    receiver: Receiver, vision: bool
+) -> None:
+    """Over the first four rows; m8n drives the whole field above."""
+    what = scenario(receiver, vision=vision, speed_mps=0.8, variant="nominal")
+    ticks = itertools.count()
+    last = round(FOUR_ROWS_S / (TICK_STEPS * DT_S))
+    outcomes = run_missions(range(300, 350), what, load_robot(), stop=lambda: next(ticks) >= last)
+    assert all(outcome.time_s == pytest.approx(FOUR_ROWS_S, abs=0.1) for outcome in outcomes)
+    assert POSE_BAND[0] < np.mean([outcome.nees_pose or 0.0 for outcome in outcomes]) < POSE_BAND[1]
 
 
 def test_a_speed_that_no_robot_drives_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,6 +11,7 @@ from agribot.estimate.ekf import (
     GNSS_BIAS_X,
     GNSS_BIAS_Y,
     GYRO_BIAS,
+    GYRO_SCALE,
     MAG_BIAS,
     SLIP,
     STATES,
@@ -26,10 +27,10 @@ from agribot.estimate.gate import Gate
 from agribot.messages import FloatArray
 
 NO_NOISE = MotionNoise(
-    position_m2_per_m=0.0, position_m2_per_rad=0.0, yaw_rad2_per_s=0.0, yaw_rad2_per_rad=0.0
+    along_m2_per_m=0.0, across_m2_per_m=0.0, position_m2_per_rad=0.0, yaw_rad2_per_s=0.0
 )
 SOME_NOISE = MotionNoise(
-    position_m2_per_m=1e-3, position_m2_per_rad=2e-3, yaw_rad2_per_s=1e-5, yaw_rad2_per_rad=1e-4
+    along_m2_per_m=1e-3, across_m2_per_m=3e-3, position_m2_per_rad=2e-3, yaw_rad2_per_s=1e-5
 )
 
 
@@ -49,7 +50,7 @@ def dense(row: Row) -> FloatArray:
     return h
 
 
-STATE = [3.0, -2.0, 0.7, 0.01, 0.04, 0.03, 0.5, -0.4, 0.1, 0.02]
+STATE = [3.0, -2.0, 0.7, 0.01, 0.04, 0.03, 0.02, 0.5, -0.4, 0.1, 0.02]
 
 
 def test_prediction_equals_numerical_jacobian_times_covariance() -> None:
@@ -115,7 +116,7 @@ def test_gated_update_leaves_the_filter_untouched() -> None:
 
 def test_covariance_stays_positive_after_thousands_of_mixed_steps() -> None:
     rng = np.random.default_rng(5)
-    ekf = Ekf([1e3, 1e3, 3.0, 0.01, 0.03, 0.03, 1.0, 1.0, 0.1, 0.01], row_yaw_rad=0.0)
+    ekf = Ekf([1e3, 1e3, 3.0, 0.01, 0.03, 0.03, 0.01, 1.0, 1.0, 0.1, 0.01], row_yaw_rad=0.0)
     for k in range(3000):
         ekf.predict(0.004, float(rng.normal(0.0, 0.01)), 0.01, SOME_NOISE)
         if k % 10 == 0:
@@ -136,6 +137,32 @@ def test_process_noise_does_not_depend_on_the_rate() -> None:
     # Along the way exactly; across it the yaw noise adds up as a sum instead of an integral.
     np.testing.assert_allclose(grown[0][[0, 2]], grown[1][[0, 2]], rtol=1e-9)
     np.testing.assert_allclose(grown[0][1], grown[1][1], rtol=0.02)
+
+
+def test_a_robot_is_pushed_aside_more_than_its_wheels_miscount() -> None:
+    ekf = Ekf([0.0] * STATES, row_yaw_rad=0.0)
+    ekf.x[YAW] = 0.7
+    for _ in range(100):
+        ekf.predict(0.04, 0.0, 0.1, SOME_NOISE)
+    body_from_map = np.array([[math.cos(0.7), math.sin(0.7)], [-math.sin(0.7), math.cos(0.7)]])
+    ekf_m2 = body_from_map @ ekf.cov[:2, :2] @ body_from_map.T
+    assert ekf_m2[0, 0] == pytest.approx(4.0 * SOME_NOISE.along_m2_per_m)
+    assert ekf_m2[1, 1] > 4.0 * SOME_NOISE.across_m2_per_m
+    assert ekf_m2[0, 1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_turn_that_is_seen_from_outside_shows_how_far_off_the_gyro_counts() -> None:
+    """Two percent too much, with one percent expected; turns to and fro alone show nothing."""
+    ekf = Ekf([0.0] * 6 + [0.01] + [0.0] * 4, row_yaw_rad=0.0)
+    for turn_rad in (0.3, -0.3) * 20:
+        ekf.predict(0.0, 1.02 * turn_rad, 1.0, NO_NOISE)
+    assert ekf.cov[YAW, YAW] == pytest.approx(0.0, abs=1e-12)
+    for _ in range(10):
+        ekf.predict(0.0, 1.02 * 0.3, 1.0, NO_NOISE)
+    assert math.sqrt(ekf.cov[YAW, YAW]) == pytest.approx(0.03, rel=0.1)
+    ekf.update(((YAW, 1.0),), 3.0 - ekf.x[YAW], 1e-6)
+    assert ekf.x[GYRO_SCALE] == pytest.approx(0.02, abs=0.001)
+    assert ekf.predict(0.0, 1.02, 1.0, NO_NOISE)[2] == pytest.approx(1.0, abs=0.002)
 
 
 def test_slip_pushes_to_the_same_side_of_the_field_in_both_directions_and_in_reverse() -> None:

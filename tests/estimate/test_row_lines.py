@@ -35,7 +35,7 @@ class Robot:
         std_m: float = 0.05,
         field: FieldConfig = FIELD,
     ) -> None:
-        self.ekf = Ekf([std_m, std_m, 0.05, *[1e-3] * 6, 0.0], row_yaw_rad=0.0)
+        self.ekf = Ekf([std_m, std_m, 0.05, *[1e-3] * 7, 0.0], row_yaw_rad=0.0)
         self.ekf.x[X], self.ekf.x[Y], self.ekf.x[YAW] = x_m, y_m, yaw_rad
         self.rejected: Counter[str] = Counter()
         self._history = MotionHistory()

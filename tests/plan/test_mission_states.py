@@ -9,7 +9,8 @@ from agribot.config import FieldConfig
 from agribot.errors import MissionError
 from agribot.messages import Estimate, Goal, Path
 from agribot.plan.boustrophedon import plan_rows
-from agribot.plan.mission import SETTLE_S, Mission
+from agribot.plan.driving import SETTLE_S
+from agribot.plan.mission import Mission
 from agribot.plan.rows import field_rows
 from agribot.plan.task import Task
 from agribot.plan.waypoints import plan_waypoints

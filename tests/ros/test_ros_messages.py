@@ -20,6 +20,7 @@ from agribot.messages import (
     ImuSample,
     MagSample,
     MissionStatus,
+    Path,
     PlantClass,
     WheelSample,
 )
@@ -130,6 +131,14 @@ def test_pose_path_and_goals_keep_their_places() -> None:
     poses = _read_back(rosmsg.path(0.0, plan)).poses
     assert len(poses) == pytest.approx(len(plan.s_m) / 5, abs=2)
     assert (poses[-1].pose.position.x, poses[-1].pose.position.y) == tuple(plan.xy_map_m[-1])
+    s_m = np.arange(0.0, 1000.0, 0.02)
+    nothing = np.zeros(len(s_m))
+    long = Path(
+        xy_map_m=np.column_stack([s_m, nothing]), yaw_map_rad=nothing, curvature_radpm=nothing,
+        s_m=s_m, row=nothing.astype(int),
+    )  # fmt: skip
+    ends = [pose.pose.position.x for pose in _read_back(rosmsg.path(0.0, long)).poses]
+    assert ends == [0.0, s_m[-1]]
     goals = _read_back(rosmsg.goals(0.0, [(1.0, 2.0), (1.0, 12.0)])).poses
     assert [(g.position.x, g.position.y) for g in goals] == [(1.0, 2.0), (1.0, 12.0)]
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from agribot import cli, description
-from agribot.commands.calibration_drive import FIGURE, Drive, drive_figure, gain
+from agribot.calibration.figure import FIGURE, Drive, drive_figure, gain
 from agribot.config import PerceptionConfig, RunConfig, SimConfig
 from agribot.errors import MissionError, PlatformError
 from agribot.estimate.drive_fit import fit_drive

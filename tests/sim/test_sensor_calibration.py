@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from agribot import cli
-from agribot.commands.calibration_drive import TURNS, Drive, drive_figure
-from agribot.commands.calibration_sensors import antenna_of_drive, magnetometer_of_drive
+from agribot.calibration.figure import TURNS, Drive, drive_figure
+from agribot.calibration.sensors import antenna_of_drive, magnetometer_of_drive
 from agribot.config import PerceptionConfig, RunConfig, SimConfig, load
 from agribot.errors import MissionError
 from agribot.estimate.compass import yaw_of

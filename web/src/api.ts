@@ -2,7 +2,7 @@
 
 import type { FeatureCollection } from 'geojson'
 import type {
-  Field, Health, MapSource, Panel, PlanReply, Recordings, Robot, Session, Settings, SettingsReply, SettingValue,
+  Calibrations, Field, Health, MapSource, Panel, PlanReply, Recordings, Robot, Session, Settings, SettingsReply, SettingValue,
 } from './wire.ts'
 
 export class ApiError extends Error {
@@ -62,6 +62,9 @@ export const api = {
 
   settings: () => get<Settings>('/api/v1/settings'),
   changeSettings: (changes: Record<string, SettingValue>) => ask<SettingsReply>('PATCH', '/api/v1/settings', changes),
+
+  calibrations: () => get<Calibrations>('/api/v1/calibrations'),
+  calibrate: (what: 'start' | 'cancel' | 'accept' | 'undo', body: object = {}) => ask<Calibrations>('POST', `/api/v1/calibrations/${what}`, body),
 
   fields: () => get<string[]>('/api/v1/fields'),
   loadField: (id: string) => get<FeatureCollection>(`/api/v1/fields/${name(id)}`),

@@ -33,6 +33,12 @@ export interface State {
   replay?: Replay | null
   /** The folder that is being written, empty while nothing is recorded. */
   recording?: string
+  /** A calibration that is under way or has ended and is not put aside yet. */
+  calibration?: Calibrating | null
+}
+
+export interface Calibrating {
+  kind: string; phase: 'driving' | 'computing' | 'found' | 'failed'; motion: string; share: number; reason: string
 }
 
 export type ServerMessage =
@@ -139,6 +145,13 @@ export interface Setting {
 }
 export interface Settings { groups: { name: string; keys: Setting[] }[] }
 export interface SettingsReply { applied: Record<string, SettingValue>; refused: Record<string, string> }
+export interface CalibrationKind { name: string; title: string; about: string; space_m: number; duration_s: number }
+export interface CalibrationChange { label: string; unit: string; before: number | null; after: number; std: number | null }
+export interface CalibrationFound { ok: boolean; reasons: string[]; changes: CalibrationChange[]; settings: string[] }
+export interface Calibrations {
+  kinds: CalibrationKind[]; now: Calibrating | null; found: CalibrationFound | null
+  file: string; settings: string[]; broken: string; can_undo: boolean
+}
 export interface HealthCheck { name: string; state: 'ok' | 'warn' | 'fault'; value: string | number | null; text: string; advice: string }
 export interface Health {
   checks: HealthCheck[]

@@ -11,16 +11,8 @@ from pathlib import Path
 import msgspec
 
 from agribot import config as settings
-from agribot.commands.calibration_drive import (
-    FIGURE,
-    TURNS,
-    Drive,
-    Gain,
-    Motion,
-    drive_figure,
-    gain,
-)
-from agribot.commands.calibration_sensors import (
+from agribot.calibration.figure import FIGURE, TURNS, Drive, Motion, drive_figure, gain
+from agribot.calibration.sensors import (
     AntennaResult,
     MagResult,
     antenna_of_drive,
@@ -29,31 +21,15 @@ from agribot.commands.calibration_sensors import (
     magnetometer_of_recording,
     magnetometer_text,
 )
+from agribot.calibration.wheels import WheelsResult, judge, wheels_text
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
-from agribot.estimate.drive_fit import TAPE_STD_M, DriveFit, fit_drive
+from agribot.estimate.drive_fit import TAPE_STD_M, fit_drive
 from agribot.robot import DriveSpec, RobotSpec
 from agribot.sim.platform import SimPlatform
 from agribot.sim.random_streams import stream
 
-
-class Calibration(msgspec.Struct, frozen=True, kw_only=True):
-    """The result as printed by --json; `*_off_ratio` is fitted over described, minus one."""
-
-    ok: bool
-    reasons: tuple[str, ...]
-    fit: DriveFit
-    yaw_multiplier: float
-    yaw_multiplier_std: float
-    described_wheel_radius_m: float
-    described_yaw_multiplier: float
-    wheel_radius_off_ratio: float
-    yaw_multiplier_off_ratio: float
-    described_gain: Gain
-    told_gain: Gain
-
-
-Outcome = tuple[Calibration | MagResult | AntennaResult, str]
+Outcome = tuple[WheelsResult | MagResult | AntennaResult, str]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -106,7 +82,7 @@ def _wheels(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -
     told = _drive(options, machine, robot.drive.told())
     fit = fit_drive(described.batches, described.stretches)
     result = judge(robot.drive, fit, gain(described, fit), gain(told, fit))
-    return result, _text(robot.drive, result)
+    return result, wheels_text(robot.drive, result)
 
 
 def _magnetometer(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
@@ -120,25 +96,6 @@ def _magnetometer(options: argparse.Namespace, robot: RobotSpec, machine: RobotS
 def _antenna(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
     result = antenna_of_drive(_drive(options, machine, robot.drive, TURNS), robot)
     return result, antenna_text(result)
-
-
-def judge(drive: DriveSpec, fit: DriveFit, described: Gain, told: Gain) -> Calibration:
-    """What the fit says about the description."""
-    multiplier = fit.separation_m / drive.track_m
-    reasons = fit.complaints()
-    return Calibration(
-        ok=not reasons,
-        reasons=reasons,
-        fit=fit,
-        yaw_multiplier=multiplier,
-        yaw_multiplier_std=fit.separation_std_m / drive.track_m,
-        described_wheel_radius_m=drive.wheel_radius_m,
-        described_yaw_multiplier=drive.yaw_multiplier,
-        wheel_radius_off_ratio=fit.wheel_radius_m / drive.wheel_radius_m - 1.0,
-        yaw_multiplier_off_ratio=multiplier / drive.yaw_multiplier - 1.0,
-        described_gain=described,
-        told_gain=told,
-    )
 
 
 def _drive(
@@ -173,38 +130,3 @@ def _drive(
 
 def _toml(value: str | int) -> str:
     return msgspec.json.encode(value).decode()
-
-
-def _text(drive: DriveSpec, result: Calibration) -> str:
-    fit = result.fit
-    lines = [
-        "                 fitted     1 sigma   described  off by",
-        _line("wheel radius", fit.wheel_radius_m, fit.wheel_radius_std_m, drive.wheel_radius_m),
-        _line(
-            "separation", fit.separation_m, fit.separation_std_m, drive.effective_separation_m
-        ),
-        _line(
-            "yaw multiplier", result.yaw_multiplier, result.yaw_multiplier_std,
-            drive.yaw_multiplier,
-        ),
-        _line("gyro scale", fit.gyro_scale, fit.gyro_scale_std, 1.0),
-        f"reached / commanded, as described: speed {result.described_gain.speed:.3f}, "
-        f"yaw rate {result.described_gain.yaw_rate:.3f}",
-        f"reached / commanded, as told:      speed {result.told_gain.speed:.3f}, "
-        f"yaw rate {result.told_gain.yaw_rate:.3f}",
-    ]  # fmt: skip
-    if result.ok:
-        lines += [
-            "to use them, set in the xacro files of the robot:",
-            f'  <xacro:property name="wheel_radius" value="{fit.wheel_radius_m:.4f}"/>',
-            f'  <xacro:property name="yaw_multiplier" value="{result.yaw_multiplier:.3f}"/>',
-        ]
-    else:
-        lines += [f"do not use them: {reason}" for reason in result.reasons]
-    return "\n".join(lines) + "\n"
-
-
-def _line(name: str, value: float, std: float, described: float) -> str:
-    return (
-        f"{name:15} {value:8.4f}  +-{std:8.4f}  {described:8.4f}  {value / described - 1.0:+7.1%}"
-    )

@@ -37,7 +37,7 @@ from agribot.record.report import Report
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap
 from agribot.session import PLAN_ATTACHMENT
-from agribot.tasks import taken_plan
+from agribot.tasks import TakenPlans
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,11 +58,12 @@ def run(options: argparse.Namespace) -> int:
     except msgspec.MsgspecError as error:
         raise RecordingError(f"the report inside {options.recording} is broken: {error}") from error
     series, events = SeriesTap(), EventLog(options.out / "events.jsonl")
+    plans = TakenPlans()
     plan = read_attachment(options.recording, PLAN_ATTACHMENT).decode() if config.plan else ""
     for record in read_ticks(options.recording):
         series(record)
         events(record)
-        plan = taken_plan(record) or plan
+        plan = plans.taken(record) or plan
     for t_s, x_m, y_m, yaw_rad in read_truth(options.recording):
         series.truth(t_s, (x_m, y_m, yaw_rad))
     events.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,7 +11,9 @@ from pathlib import Path
 import msgspec
 
 from agribot import config
+from agribot.calibration.robot_file import RobotFile
 from agribot.config import RunConfig
+from agribot.ui.address import home
 
 # Option and the setting that it is short for.
 _SHORT_FOR = {
@@ -48,6 +51,8 @@ def settings_of(
 ) -> RunConfig:
     """An option of its own counts more than `--set`; `before` counts least and `after` most.
 
+    What was measured of the robot comes from its own file, but not into a run that goes on.
+
     Raises: ConfigError: a setting that does not exist or does not fit.
     """
     named = {setting: getattr(options, name, None) for name, setting in _SHORT_FOR.items()}
@@ -56,7 +61,14 @@ def settings_of(
         for setting, value in named.items()
         if value is not None
     ]
-    return config.load(profile or options.profile, [*before, *options.set, *assigned, *after])
+    wanted = [*before, *options.set, *assigned, *after]
+    if profile is not None:
+        return config.load(profile, wanted)
+    own = RobotFile(home(), config.load(options.profile, wanted).robot)
+    measured = own.settings()
+    if measured:
+        sys.stderr.write(f"measured of this robot, from {own.path}: {', '.join(measured)}\n")
+    return config.load(options.profile, [*before, *measured, *options.set, *assigned, *after])
 
 
 def out_dir_of(wanted: str | Path | None, kind: str) -> Path:

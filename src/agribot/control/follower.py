@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from agribot.config import ControlConfig
 from agribot.control import law
 from agribot.control.yaw_gain import YawGain
 from agribot.geo import is_backwards, wrap_rad
-from agribot.messages import STOP, DriveCommand, Estimate, Goal, Path, Tracking
+from agribot.messages import STOP, DriveCommand, Estimate, FloatArray, Goal, Path, Tracking
 from agribot.robot import RobotSpec
 
 PIVOT_ENTER_RAD = math.radians(50.0)
@@ -47,16 +48,20 @@ class _Errors(NamedTuple):
 
 
 class _Line:
-    """A path as plain floats: indexing an array costs more than the control law."""
+    """A path as plain floats: indexing an array costs more than the control law.
+
+    A view gives them one by one; lists of a long path would take longer to make than a tick.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._x: list[float] = path.xy_map_m[:, 0].tolist()
-        self._y: list[float] = path.xy_map_m[:, 1].tolist()
-        self._yaw: list[float] = path.yaw_map_rad.tolist()
-        self._curvature: list[float] = path.curvature_radpm.tolist()
-        self._s: list[float] = path.s_m.tolist()
-        self._is_backwards: list[bool] = is_backwards(path.xy_map_m, path.yaw_map_rad).tolist()
+        self._x = _floats(path.xy_map_m[:, 0])
+        self._y = _floats(path.xy_map_m[:, 1])
+        self._yaw = _floats(path.yaw_map_rad)
+        self._curvature = _floats(path.curvature_radpm)
+        self._s = _floats(path.s_m)
+        backwards = is_backwards(path.xy_map_m, path.yaw_map_rad)
+        self._is_backwards = cast(Sequence[bool], backwards.data)
         stands = np.diff(path.s_m) <= 0.0
         self._corners_m: list[float] = path.s_m[1:][stands].tolist()
 
@@ -85,6 +90,10 @@ class _Line:
         dx, dy = x_m - self._x[index], y_m - self._y[index]
         along_m, left_m = law.offset(FLOATS, dx, dy, self._yaw[index])
         return (-along_m, -left_m) if self._is_backwards[index] else (along_m, left_m)
+
+
+def _floats(values: FloatArray) -> Sequence[float]:
+    return cast(Sequence[float], values.data)
 
 
 def _arc_m(along_m: float, left_m: float, curvature_radpm: float) -> float:

@@ -10,6 +10,8 @@ MAX_FREQUENCY_RADPS = 2.0  # the delay of the drive allows no faster poles
 MAX_ERROR_M = 0.4  # farther off, the approach angle stays the same
 
 USUAL_ERROR_M = 0.04  # no reason to slow down
+# Beyond it the robot slows down and comes back in a shorter distance, up to so much shorter.
+SLOWING_M, HASTE_M, MAX_HASTE = 0.3, 0.1, 1.6
 
 
 def offset(m: Arithmetic, dx_m: Number, dy_m: Number, yaw_rad: Number) -> tuple[Number, Number]:
@@ -40,9 +42,12 @@ def ahead(
 
 def caution(m: Arithmetic, cross_track_m: Number, heading_rad: Number) -> Number:
     """Part of the speed that is left when the robot is beside its line or looks elsewhere."""
-    beside_m = m.most(abs(cross_track_m) - USUAL_ERROR_M, 0.0)
-    beside = m.most(0.25, 1.0 - beside_m / 0.6)
+    beside = m.most(0.25, 1.0 - _unusual_m(m, cross_track_m) / SLOWING_M)
     return beside * m.most(0.15, m.cos(m.least(1.2 * abs(heading_rad), 1.5)))
+
+
+def _unusual_m(m: Arithmetic, cross_track_m: Number) -> Number:
+    return m.most(abs(cross_track_m) - USUAL_ERROR_M, 0.0)
 
 
 def steer(
@@ -60,8 +65,11 @@ def steer(
     """
     cross_track_m, heading_rad, curvature_radpm = errors
     v_mps = max_speed_mps * caution(m, cross_track_m, heading_rad)
-    frequency = m.least(m.most(v_mps / length_m, MIN_FREQUENCY_RADPS), MAX_FREQUENCY_RADPS)
-    error_m = m.least(m.most(cross_track_m, -MAX_ERROR_M), MAX_ERROR_M)
+    haste = m.least(1.0 + _unusual_m(m, cross_track_m) / HASTE_M, MAX_HASTE)
+    frequency = haste * v_mps / length_m
+    frequency = m.least(m.most(frequency, MIN_FREQUENCY_RADPS), MAX_FREQUENCY_RADPS)
+    # The approach angle of an error that is clipped stays the same.
+    error_m = limited(m, cross_track_m, MAX_ERROR_M / haste)
     stretch = m.most(0.3, 1.0 - curvature_radpm * error_m)
     yaw_rate = curvature_radpm * v_mps * m.cos(heading_rad) / stretch
     yaw_rate = yaw_rate - 2.0 * DAMPING * frequency * (heading_rad + slip_rad)
@@ -72,7 +80,7 @@ def steer(
     return v_mps, limited(m, yaw_rate, max_yaw_rate_radps)
 
 
-def limited(m: Arithmetic, value: Number, limit: float) -> Number:
+def limited(m: Arithmetic, value: Number, limit: Number) -> Number:
     return m.least(m.most(value, -limit), limit)
 
 

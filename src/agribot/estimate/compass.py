@@ -19,6 +19,8 @@ from agribot.messages import MagSample, Vec3
 FIRST_SAMPLES = 8
 # Hard iron turns with the robot: after about a radian the old bias says little about the new.
 BIAS_MEMORY_RAD = 1.0
+# Once that is learnt, the mount's share stays; what the fit and the motors leave over turns.
+LEARNT_MEMORY_RAD = 10.0
 # Soft iron, motor currents and things beside the track change it in place.
 BIAS_MEMORY_S = 120.0
 # Weight of a new sample in the running noise estimate, and the largest jump that counts.
@@ -26,6 +28,8 @@ NOISE_WEIGHT = 0.1
 MAX_JUMP_RAD = 1.0
 # Heading good enough to learn iron from: the compass alone never gets there.
 REFERENCE_STD_RAD = math.radians(2.0)
+# On a slope the field's vertical part and the iron's come in as well, and the ellipse is none.
+LEVEL_COSINE = math.cos(math.radians(4.0))
 # Without iron the heading is off by how the sensor is mounted.
 MOUNT_STD_RAD = math.radians(3.0)
 
@@ -127,7 +131,8 @@ class Compass:
             self._rejected["mag without odometry"] += 1
         else:
             self._last_t_s = sample.t_s
-            level_t = self._iron_free(level_t, then.yaw_rad - now.yaw_rad)
+            is_level = up_body[2] > LEVEL_COSINE
+            level_t = self._iron_free(level_t, then.yaw_rad - now.yaw_rad, is_level=is_level)
             yaw_rad = yaw_of(level_t, self._declination_rad)
             self._noise.add(yaw_rad - then.yaw_rad)
             if self.is_ready:
@@ -135,7 +140,7 @@ class Compass:
             else:
                 self._begin(yaw_rad - then.yaw_rad, now.yaw_rad)
 
-    def _iron_free(self, level_t: Level, back_rad: float) -> Level:
+    def _iron_free(self, level_t: Level, back_rad: float, *, is_level: bool) -> Level:
         """Without the robot's own iron, as it is set and as it is learnt while others know better.
 
         `back_rad` is how far the robot has turned since, backwards.
@@ -144,7 +149,7 @@ class Compass:
         if not self._learns:
             return level_t
         ekf = self._ekf
-        if self.is_ready and ekf.cov[YAW, YAW] < REFERENCE_STD_RAD**2:
+        if is_level and self.is_ready and ekf.cov[YAW, YAW] < REFERENCE_STD_RAD**2:
             north_rad = math.pi / 2.0 - self._declination_rad - (ekf.x[YAW] + back_rad)
             if self._fit.add(level_t, north_rad):
                 self._learn()
@@ -199,6 +204,6 @@ class Compass:
 
     def ageing(self, dt_s: float, turn_abs_rad: float) -> tuple[int, float, float]:
         """How the bias ages, as Ekf.relax takes it; its spread stays what the config believes."""
-        turned_ratio = turn_abs_rad / BIAS_MEMORY_RAD if self._learnt is None else 0.0
-        factor = math.exp(-dt_s / BIAS_MEMORY_S - turned_ratio)
+        memory_rad = BIAS_MEMORY_RAD if self._learnt is None else LEARNT_MEMORY_RAD
+        factor = math.exp(-dt_s / BIAS_MEMORY_S - turn_abs_rad / memory_rad)
         return MAG_BIAS, factor, self._bias_std_rad**2 * (1.0 - factor * factor)

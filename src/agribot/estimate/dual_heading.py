@@ -13,7 +13,7 @@ from agribot.estimate.history import MotionHistory
 from agribot.geo import wrap_rad
 
 # Multipath bends the baseline for some seconds; the receiver's sigma tells of single epochs.
-STD_FACTOR = 1.25
+STD_FACTOR = 1.1
 
 
 class DualHeading:

@@ -1,4 +1,4 @@
-"""Extended Kalman filter of the pose and of seven slow sensor errors, in plain NumPy.
+"""Extended Kalman filter of the pose and of eight slow errors, in plain NumPy.
 
 The state is a list of floats and the covariance one array that is only ever changed in place:
 at 100 predictions a second the arithmetic is free and the Python around it is the cost.
@@ -13,27 +13,31 @@ import msgspec
 import numpy as np
 
 from agribot.arithmetic import FLOATS
-from agribot.estimate.models import motion, pair_distance2
+from agribot.estimate.models import motion, pair_distance2, walk_across
 from agribot.estimate.slope import SLIDE_STD_RATIO
 from agribot.geo import wrap_rad
 from agribot.messages import FloatArray
 
-STATES = 10
-X, Y, YAW, GYRO_BIAS, WHEEL_SCALE, SLIP, GNSS_BIAS_X, GNSS_BIAS_Y, MAG_BIAS, ROW_BIAS = range(
-    STATES
-)
+STATES = 11
+(
+    X, Y, YAW, GYRO_BIAS, WHEEL_SCALE, SLIP, GYRO_SCALE,
+    GNSS_BIAS_X, GNSS_BIAS_Y, MAG_BIAS, ROW_BIAS,
+) = range(STATES)  # fmt: skip
 
 # One row of the measurement matrix, without its zeros: (state, coefficient) pairs.
 Row = tuple[tuple[int, float], ...]
 
 
 class MotionNoise(msgspec.Struct, frozen=True, kw_only=True):
-    """Variance that motion adds, per metre, radian and second, so that the rate cannot matter."""
+    """Variance that motion adds, per metre, radian and second, so that the rate cannot matter.
 
-    position_m2_per_m: float
+    Wheels roll along but are pushed aside: the walk across the way is the larger one.
+    """
+
+    along_m2_per_m: float
+    across_m2_per_m: float
     position_m2_per_rad: float
     yaw_rad2_per_s: float
-    yaw_rad2_per_rad: float
 
 
 # Of one step; a robot that hardly turns does not slide.
@@ -42,8 +46,8 @@ TURN_FLOOR_RAD = 1e-6
 
 class Ekf:
     """States: x_map_m, y_map_m, yaw_map_rad, gyro bias (rad/s), wheel scale (share of the wheel
-    speed lost), slip, GNSS bias east and north (m), magnetometer bias (rad),
-    offset of the row sensor (m, to the left of the robot).
+    speed lost), slip, gyro scale (share that it tells too much), GNSS bias east and north (m),
+    magnetometer bias (rad), offset of the row sensor (m, to the left of the robot).
 
     Slip belongs to the slope, so its sign is kept in the map and not in the body: driving along
     the rows in either direction the robot crabs to the same side of the field. In the body it is
@@ -54,10 +58,10 @@ class Ekf:
         self.x = [0.0] * STATES
         self.cov = np.diag(np.square(np.asarray(std, dtype=np.float64)))
         self.row_yaw_rad = row_yaw_rad
-        # F = I + A, and A has only rows 0-2 and columns 2-5.
-        self._a = np.zeros((3, 4))
-        self._top, self._middle = self.cov[:3], self.cov[2:6]
-        self._top_middle, self._top_right = self.cov[:3, 2:6], self.cov[:3, 3:]
+        # F = I + A, and A has only rows 0-2 and columns 2-6.
+        self._a = np.zeros((3, 5))
+        self._top, self._middle = self.cov[:3], self.cov[2:7]
+        self._top_middle, self._top_right = self.cov[:3, 2:7], self.cov[:3, 3:]
         self._corner, self._bottom_left = self.cov[:3, :3], self.cov[3:, :3]
         self._fp, self._fpa = np.empty((3, STATES)), np.empty((3, 3))
         self._outer = np.empty((STATES, STATES))
@@ -79,12 +83,15 @@ class Ekf:
         Returns: the step after the corrections for bias, scale and slip: x, y and yaw, map frame.
         """
         x = self.x
-        turned_rad = turn_rad - x[GYRO_BIAS] * dt_s
+        told_rad, turn_s = turn_rad - x[GYRO_BIAS] * dt_s, (1.0 - x[GYRO_SCALE]) * dt_s
+        turned_rad = told_rad - x[GYRO_SCALE] * told_rad
         dx_m, dy_m, (x_row, y_row) = motion(
             FLOATS, x[YAW] + turned_rad / 2.0, self.row_yaw_rad, x[WHEEL_SCALE], x[SLIP],
-            distance_m, dt_s,
+            distance_m, told_rad, turn_s,
         )  # fmt: skip
-        turn_abs_rad = abs(turned_rad)
+        xx_m2, yy_m2, xy_m2 = walk_across(
+            dx_m, dy_m, distance_m, noise.across_m2_per_m - noise.along_m2_per_m
+        )
         slide_m2 = slide_m[0] ** 2 + slide_m[1] ** 2
         if slide_m2:
             cos, sin = math.cos(x[YAW]), math.sin(x[YAW])
@@ -93,16 +100,17 @@ class Ekf:
         x[X] += dx_m
         x[Y] += dy_m
         x[YAW] = wrap_rad(x[YAW] + turned_rad)
-        self._a[:] = (x_row, y_row, (0.0, -dt_s, 0.0, 0.0))
+        self._a[:] = (x_row, y_row, (0.0, -turn_s, 0.0, 0.0, -told_rad))
         self._propagate()
-        position_m2 = (
-            noise.position_m2_per_m * abs(distance_m) + noise.position_m2_per_rad * turn_abs_rad
-        )
+        position_m2 = noise.along_m2_per_m * abs(distance_m)
+        position_m2 += noise.position_m2_per_rad * abs(turned_rad)
         if slide_m2:
             position_m2 += SLIDE_STD_RATIO**2 * slide_m2 / max(abs(turn_rad), TURN_FLOOR_RAD)
-        self.inflate(X, position_m2)
-        self.inflate(Y, position_m2)
-        self.inflate(YAW, noise.yaw_rad2_per_s * dt_s + noise.yaw_rad2_per_rad * turn_abs_rad)
+        self.inflate(X, position_m2 + xx_m2)
+        self.inflate(Y, position_m2 + yy_m2)
+        self.cov[X, Y] += xy_m2
+        self.cov[Y, X] += xy_m2
+        self.inflate(YAW, noise.yaw_rad2_per_s * dt_s)
         return dx_m, dy_m, turned_rad
 
     def _propagate(self) -> None:

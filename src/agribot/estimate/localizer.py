@@ -7,10 +7,11 @@ from collections import Counter
 
 from agribot.config import EstimateConfig, FieldConfig
 from agribot.devices import RowLine
+from agribot.estimate.beliefs import first_std, motion_noise, slow_ageing
 from agribot.estimate.compass import Compass
 from agribot.estimate.crop_rows import MIN_MOVED_M, CropRows
 from agribot.estimate.dual_heading import DualHeading
-from agribot.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, Ekf, MotionNoise, X, Y
+from agribot.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, Ekf, X, Y
 from agribot.estimate.gnss import Gnss
 from agribot.estimate.history import Motion, MotionHistory
 from agribot.estimate.integrity import SUSPICIOUS_REJECTIONS, Integrity
@@ -21,13 +22,6 @@ from agribot.geo import MapFrame, wrap_rad
 from agribot.messages import Estimate, GnssQuality, Scene, SensorBatch
 from agribot.robot import RobotSpec
 
-# A skidding robot does not turn exactly about its centre; the ground moves that point about.
-TURN_CENTRE_M_PER_SQRT_RAD = 0.03
-# MEMS gyros are good to about 1 % of the rate: a half turn then ends 1.8 degrees off, 1 sigma.
-GYRO_SCALE_RAD_PER_SQRT_RAD = 0.01 * math.sqrt(math.pi)
-GYRO_BIAS_WALK_RADPS_PER_SQRT_S = 7e-5
-# The grip of the wheels changes with every patch of soil, the slope under the robot slowly.
-WHEEL_SCALE_MEMORY_S, SLIP_MEMORY_S = 30.0, 200.0
 # Slow errors are aged together, not at every wheel reading.
 AGEING_PERIOD_S = 0.1
 # Longer gaps are walked through in pieces, so that a turn inside one stays an arc.
@@ -260,38 +254,6 @@ class Localizer:
 def is_pose(numbers: tuple[float, ...]) -> bool:
     """x, y, yaw and two sigmas above zero, as a person states them."""
     return len(numbers) == 5 and math.isfinite(sum(numbers)) and min(numbers[3:]) > 0.0
-
-
-def first_std(config: EstimateConfig) -> tuple[float, ...]:
-    """1 sigma of each state before the first measurement."""
-    return (
-        1e3, 1e3, math.pi, config.gyro_bias_std_radps, config.wheel_scale_std_ratio,
-        config.slip_std_rad, 1.0, 1.0, config.mag_bias_std_rad, 0.0,
-    )  # fmt: skip
-
-
-def motion_noise(config: EstimateConfig) -> MotionNoise:
-    return MotionNoise(
-        position_m2_per_m=config.position_walk_m_per_sqrt_m**2,
-        position_m2_per_rad=TURN_CENTRE_M_PER_SQRT_RAD**2,
-        yaw_rad2_per_s=config.gyro_walk_rad_per_sqrt_s**2,
-        yaw_rad2_per_rad=GYRO_SCALE_RAD_PER_SQRT_RAD**2,
-    )
-
-
-def slow_ageing(config: EstimateConfig, age_s: float) -> tuple[tuple[int, float, float], ...]:
-    """Ageing of gyro bias, wheel scale and slip, as Ekf.relax takes it."""
-    return (
-        (GYRO_BIAS, 1.0, GYRO_BIAS_WALK_RADPS_PER_SQRT_S**2 * age_s),
-        _fading(WHEEL_SCALE, config.wheel_scale_std_ratio, age_s / WHEEL_SCALE_MEMORY_S),
-        _fading(SLIP, config.slip_std_rad, age_s / SLIP_MEMORY_S),
-    )
-
-
-def _fading(state: int, std: float, part: float) -> tuple[int, float, float]:
-    """Ageing of an error that keeps its spread and forgets its value after `part` = 1."""
-    factor = math.exp(-part)
-    return state, factor, std**2 * (1.0 - factor * factor)
 
 
 def _silent(sensor: str, silent_s: float, timeout_s: float, check: str) -> str:

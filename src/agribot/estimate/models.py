@@ -7,6 +7,8 @@ from agribot.arithmetic import Arithmetic, Number
 # Receivers state their velocity noise too well, and wheels do not tell all of the motion.
 VELOCITY_FACTOR = 1.4
 VELOCITY_FLOOR_MPS = 0.02
+# Far less than any step of the wheels.
+NO_STEP_M2 = 1e-18
 # Skidding moves the centre of the turn off the middle, for as long as the turn lasts.
 TURN_CENTRE_STD_M, TURN_MEMORY_S = 0.03, 2.0
 
@@ -18,11 +20,14 @@ def motion(
     wheel_scale: Number,
     slip: Number,
     distance_m: Number,
-    dt_s: float,
+    turn_rad: Number,
+    turn_s: Number,
 ) -> tuple[Number, Number, tuple[tuple[Number, ...], tuple[Number, ...]]]:
     """A step of the body's centre in the map while its yaw was `middle_rad` on average.
 
-    Returns: dx, dy, and their derivatives by yaw, gyro bias, wheel scale and slip.
+    `turn_rad` is the step's turn as the gyro tells it without its bias, and `turn_s` minus the
+    derivative of the true turn by the bias.
+    Returns: dx, dy, and their derivatives by yaw, gyro bias, wheel scale, slip and gyro scale.
     """
     cos, sin = m.cos(middle_rad), m.sin(middle_rad)
     kept_ratio = 1.0 - wheel_scale
@@ -34,11 +39,19 @@ def motion(
     raw_y_m = distance_m * sin + left_m * cos
     dx_m, dy_m = kept_ratio * raw_x_m, kept_ratio * raw_y_m
     x_yaw, y_yaw = kept_ratio * lost_m * sin - dy_m, dx_m - kept_ratio * lost_m * cos
-    half_s, kept_slip_m = dt_s / 2.0, kept_ratio * slip_m
+    half_s, half_rad, kept_slip_m = turn_s / 2.0, turn_rad / 2.0, kept_ratio * slip_m
     return dx_m, dy_m, (
-        (x_yaw, -x_yaw * half_s, -raw_x_m, -kept_slip_m * sin),
-        (y_yaw, -y_yaw * half_s, -raw_y_m, kept_slip_m * cos),
+        (x_yaw, -x_yaw * half_s, -raw_x_m, -kept_slip_m * sin, -x_yaw * half_rad),
+        (y_yaw, -y_yaw * half_s, -raw_y_m, kept_slip_m * cos, -y_yaw * half_rad),
     )  # fmt: skip
+
+
+def walk_across(
+    dx_m: Number, dy_m: Number, distance_m: Number, noise_m2_per_m: float
+) -> tuple[Number, Number, Number]:
+    """Covariance xx, yy, xy that a walk to the side adds on a step."""
+    share = noise_m2_per_m * abs(distance_m) / (dx_m * dx_m + dy_m * dy_m + NO_STEP_M2)
+    return share * dy_m * dy_m, share * dx_m * dx_m, -share * dx_m * dy_m
 
 
 def antenna_velocity(

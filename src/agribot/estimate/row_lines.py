@@ -208,7 +208,7 @@ class RowLines:
         row = moved_row(frame.forward, now, then)
         residual_m = (along_then_m - frame.along_m) * frame.stretch
         gate = self._range_gate
-        variance = (model.RANGE_FACTOR * std_m) ** 2
+        variance = std_m**2
         verdict = gate.judge(ekf.update(row, residual_m, variance, gate.limit))
         if verdict == "reject":
             self._rejected["row end elsewhere"] += 1

@@ -9,7 +9,7 @@ from agribot.arithmetic import Arithmetic, Number
 # A line that stays off by part of its noise for some seconds: leaves lean, light falls sideways.
 LASTING_RATIO, LASTING_MEMORY_S = 0.75, 2.0
 # Its direction stays off as well; that has no state and counts for all the frames it spoils.
-HEADING_LASTING_RAD = math.radians(0.2)
+HEADING_LASTING_RAD = math.radians(0.3)
 OFFSET_FLOOR_M = 0.006
 # Degrees of freedom of Student's t: what a gate lets in may still be an outlier.
 TAIL_DEGREES = 4.0
@@ -19,7 +19,6 @@ TELLS_APART_RATIO = 0.25
 GATE_SIGMA, RECOVER_AFTER = 3.5, 6
 RECOVERY_OFFSET_M, RECOVERY_YAW_RAD = 0.15, math.radians(3.0)
 RANGE_GATE_SIGMA, RANGE_RECOVER_AFTER = 3.0, 3
-RANGE_FACTOR = 1.1
 RECOVERY_RANGE_M = 0.5
 
 

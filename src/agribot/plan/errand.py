@@ -12,8 +12,10 @@ from agribot.messages import Estimate, OperatorEvent, Path
 from agribot.plan.curves import Place
 from agribot.plan.job import Job
 from agribot.plan.route import Route
+from agribot.plan.saved_mission import SavedErrand
 
 STANDING_MPS = 0.02
+CHECKING = "checks the plan"  # the leg while a field plan is judged
 STOPPING = "stops first"  # the leg until the robot stands and its errand is planned
 
 
@@ -23,6 +25,7 @@ class Errand(NamedTuple):
     to: Literal["home", "goal", "work"]
     source: str
     plan: Callable[[Estimate], Path]
+    goal: tuple[float, ...] = ()
 
     @property
     def leg(self) -> str:
@@ -34,6 +37,10 @@ class Errand(NamedTuple):
             "home": "cannot return home", "goal": "goal refused", "work": "cannot go back to work",
         }[self.to]  # fmt: skip
 
+    def route(self, estimate: Estimate, config: MissionConfig) -> Route:
+        """Raises: MissionError: there is no way that may be driven."""
+        return Route(self.plan(estimate), (), config, ())
+
 
 class Errands:
     """The one errand there may be, and its route once it has begun."""
@@ -43,18 +50,23 @@ class Errands:
         self.current: Errand | None = None
         self.route: Route | None = None
         self.is_away = False  # the robot was driven elsewhere since the work stopped
+        self.cut_off: Errand | None = None  # of an earlier run: goes on only when it is resumed
 
     def ask(self, errand: Errand) -> None:
         self.end()
         self.asked = errand
 
-    def begin(self, errand: Errand, estimate: Estimate, config: MissionConfig) -> None:
-        """Raises: MissionError: there is no way that may be driven."""
-        route = Route(errand.plan(estimate), (), config, ())
-        self.asked, self.current, self.route, self.is_away = None, errand, route, True
+    def begin(self, errand: Errand, route: Route) -> None:
+        self.end()
+        self.current, self.route, self.is_away = errand, route, True
 
     def end(self) -> None:
-        self.asked = self.current = self.route = None
+        self.asked = self.current = self.route = self.cut_off = None
+
+    def saved(self) -> SavedErrand | None:
+        """Asked for or under way, or still waiting for the answer of an operator."""
+        errand = self.asked or self.current or self.cut_off
+        return SavedErrand(to=errand.to, source=errand.source, goal=errand.goal) if errand else None
 
     @property
     def leg(self) -> str:
@@ -79,7 +91,18 @@ def goal_errand(job: Job, event: OperatorEvent) -> Errand:
     plan = job.task.go_to
     if plan is None:
         raise MissionError("this mission drives its own path only")
-    return Errand("goal", event.source, lambda here: plan(here, goal))
+    return Errand("goal", event.source, lambda here: plan(here, goal), numbers)
+
+
+def restored_errand(saved: SavedErrand, job: Job) -> Errand:
+    """Raises: MissionError: as those that make it."""
+    if saved.to == "home":
+        return home_errand(job, saved.source)
+    if saved.to == "work":
+        return work_errand(job)
+    return goal_errand(
+        job, OperatorEvent(t_s=0.0, action="goto", source=saved.source, numbers=saved.goal)
+    )
 
 
 def work_errand(job: Job) -> Errand:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import msgspec
 
@@ -22,12 +23,22 @@ from agribot.plan.saved_mission import (
 from agribot.plan.task import Task
 
 
+class Planned(NamedTuple):
+    """The route of a job, the name of its task, and the pose from which it was planned."""
+
+    route: Route
+    name: str
+    planned_from: PoseTuple
+
+
 class Job:
     """Rows and waypoints to be worked along one path, which is planned when work begins."""
 
     def __init__(
         self, task: Task, config: MissionConfig, saved: SavedMission | None = None
     ) -> None:
+        """`saved` is one that was cut off; where it had no path yet, it begins anew."""
+        saved = saved if saved is not None and saved.planned_from is not None else None
         self.task = task
         self._config = config
         self._waypoints = tuple(task.waypoints)
@@ -42,52 +53,57 @@ class Job:
     def waypoints_reached(self) -> tuple[bool, ...]:
         return self.route.visits.reached if self.route else (False,) * len(self._waypoints)
 
-    def begin(self, estimate: Estimate) -> None:
-        """Plan from here; after an interruption, the same path as then, and go on in it.
+    def plan(self, estimate: Estimate) -> Planned:
+        """From here; after an interruption, the same path as then, to go on in it.
 
         Raises: MissionError: no path, the robot was carried away, or the task is another one.
         """
         saved = self._saved
-        if saved is not None:
+        if saved is not None and saved.planned_from is not None:
             check_not_carried_away(estimate, saved.pose[:2], self._config.resume_limit_m)
             x_m, y_m, yaw_rad = saved.planned_from
             estimate = msgspec.structs.replace(
                 estimate, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad
             )
         path = self.task.plan(estimate)
-        self._name = task_name(self.rows.indices, self._waypoints, path)
-        self._detours = saved.detours if saved else ()
-        for index, row in self._detours:
+        name = task_name(self.rows.indices, self._waypoints, path)
+        for index, row in saved.detours if saved else ():
             path = self.task.around(path, index, row) if self.task.around else path
         route = self._route(path)
-        self.planned_from = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
         if saved is not None:
-            check_same_task(saved, self._name, route.progress.length_m)
+            check_same_task(saved, name, route.progress.length_m)
             route.go_on(saved.s_m, saved.waypoints_reached)
+        return Planned(route, name, (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad))
+
+    def begin(self, planned: Planned) -> None:
+        """Work along what `plan` found."""
+        saved = self._saved
+        self.route, self._name, self.planned_from = planned
+        if saved is not None:
+            self._detours = saved.detours
             self.rows.restore(saved.rows, saved.row, saved.s_m)
-        self.route = route
 
     def change_speed(self, config: MissionConfig) -> None:
         self._config = config
         if self.route is not None:
             self.route.change_speed(config)
 
-    def saved(self, state: MissionState, last: Estimate) -> SavedMission | None:
+    def saved(self, state: MissionState, last: Estimate) -> SavedMission:
         route = self.route
-        if route is None:
-            return None
         return SavedMission(
             task=self._name,
             state=state,
             t_s=last.t_s,
-            planned_from=self.planned_from,
+            planned_from=self.planned_from if route else None,
             pose=(last.x_map_m, last.y_map_m, last.yaw_map_rad),
-            length_m=route.progress.length_m,
-            s_m=route.progress.s_m,
+            length_m=route.progress.length_m if route else 0.0,
+            s_m=route.progress.s_m if route else 0.0,
             row=self.rows.here,
             rows=self.rows.results,
-            waypoints_reached=route.visits.reached,
+            waypoints_reached=self.waypoints_reached,
             detours=self._detours,
+            visit=self._waypoints if self.task.name else (),
+            visit_name=self.task.name,
         )
 
     def work(self, estimate: Estimate) -> None:

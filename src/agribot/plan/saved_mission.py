@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 import msgspec
 
@@ -16,18 +17,28 @@ PoseTuple = tuple[float, float, float]
 LENGTH_TOLERANCE_M = 0.01
 
 
+class SavedErrand(msgspec.Struct, frozen=True, kw_only=True):
+    """A drive beside the work that was under way; `goal` is that of a place, as it was asked."""
+
+    to: Literal["home", "goal", "work"]
+    source: str
+    goal: tuple[float, ...] = ()
+
+
 class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     """Progress as rows and metres of rows, and the pose in which the robot was last.
 
     `planned_from` is the pose from which the path was planned: from it the same path is planned
-    again. `detours` are the points of the path from which a row was left out, and the rows.
-    `task` tells one task from another.
+    again; None where none was yet. `detours` are the points of the path from which a row was left
+    out, and the rows. `task` tells one task from another. `is_away` says that the robot was driven
+    elsewhere since the work stopped; `visit` are the places of a visit that took the place of the
+    mission, which `visit_name` names.
     """
 
     task: str
     state: MissionState
     t_s: float
-    planned_from: PoseTuple
+    planned_from: PoseTuple | None
     pose: PoseTuple
     length_m: float
     s_m: float
@@ -35,6 +46,10 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     rows: tuple[RowResult, ...]
     waypoints_reached: tuple[bool, ...] = ()
     detours: tuple[tuple[int, int], ...] = ()
+    errand: SavedErrand | None = None
+    is_away: bool = False
+    visit: tuple[tuple[float, float], ...] = ()
+    visit_name: str = ""
     format: int = 1
 
 

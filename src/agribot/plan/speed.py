@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from agribot.config import MissionConfig
@@ -42,15 +40,12 @@ def speed_profile(path: Path, config: MissionConfig) -> list[float]:
     in_turn = np.minimum(config.turn_speed_mps, TURN_YAW_RATE_RADPS / np.maximum(curvature, 1e-9))
     is_turn |= is_backwards(path.xy_map_m, path.yaw_map_rad)
     cap = np.where(is_turn, np.minimum(config.speed_mps, in_turn), config.speed_mps)
-    limits: list[float] = cap.tolist()
-    limits[-1] = CREEP_MPS
-    for index in pivots(path):
-        limits[index] = limits[index + 1] = CREEP_MPS
-    s_m: list[float] = path.s_m.tolist()
-    for index in range(len(limits) - 2, -1, -1):
-        gained = 2.0 * RAMP_MPS2 * (s_m[index + 1] - s_m[index])
-        limits[index] = min(limits[index], math.sqrt(limits[index + 1] ** 2 + gained))
-    for index in range(1, len(limits)):
-        gained = 2.0 * RAMP_MPS2 * (s_m[index] - s_m[index - 1])
-        limits[index] = min(limits[index], math.sqrt(limits[index - 1] ** 2 + gained))
+    stands = np.array([len(cap) - 1, *pivots(path), *(index + 1 for index in pivots(path))])
+    cap[stands] = CREEP_MPS
+    # The square of the speed may grow by so much per metre, away from every slower place.
+    gained = 2.0 * RAMP_MPS2 * path.s_m
+    square = cap**2 + gained
+    square = np.minimum.accumulate(square[::-1])[::-1] - 2.0 * gained
+    square = np.minimum.accumulate(square) + gained
+    limits: list[float] = np.where(square < cap**2 - 1e-9, np.sqrt(square), cap).tolist()
     return limits

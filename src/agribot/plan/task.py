@@ -28,7 +28,9 @@ class Task(NamedTuple):
     `back` plan the ways home, to any place, and back to a place of the path; `around` leaves a
     skipped row out of the path, without it the row is passed with the tool off. All planners
     raise a MissionError that says why they find no way. `work` is the field plan that the task
-    was made of, `text` what it was read from under way, `name` that of a visit.
+    was made of, `text` what it was read from under way, `name` that of a visit. `planning_s` is
+    given to the planner of its path, `errand_planning_s` to those of other ways, off the control
+    loop; none where they take less than a tick.
     """
 
     plan: Planner
@@ -43,16 +45,22 @@ class Task(NamedTuple):
     work: FieldWork | None = None
     text: str = ""
     name: str = ""
+    planning_s: float = 0.0
+    errand_planning_s: float = 0.0
 
 
 class NewTasks(NamedTuple):
     """Tasks that come in under way: of the text of a field plan, of places and their name.
+
+    `checking_s` is given to the check of a field plan, off the control loop.
 
     Raises: MissionError: it is no plan, or one that must not be driven.
     """
 
     of_plan: Callable[[str], Task]
     of_places: Callable[[Sequence[tuple[float, float]], str], Task]
+
+    checking_s: float = 0.0
 
     def of(self, event: OperatorEvent) -> Task:
         """A plan, or a visit of places."""

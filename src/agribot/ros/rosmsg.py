@@ -45,6 +45,8 @@ _NAVSAT_STATUS = {
     GnssQuality.RTK_FLOAT: 2,
 }
 _PATH_STEP_M = 0.1
+_PATH_POINTS = 5000  # more take longer than a tick to write
+_STRAIGHT_RAD = 1e-4  # from point to point
 
 
 @functools.cache
@@ -208,9 +210,14 @@ def pose_stamped(estimate: Estimate) -> Any:
 
 
 def path(t_s: float, planned: Path) -> Any:
-    """Every 10 cm: a display needs no 2 cm spacing."""
-    step = max(1, round(_PATH_STEP_M / max(float(np.median(np.diff(planned.s_m))), 1e-6)))
-    picked = sorted({*range(0, len(planned.s_m), step), len(planned.s_m) - 1})
+    """Every 10 cm: a display needs no 2 cm spacing. Of a long one, straights by their ends."""
+    last = len(planned.s_m) - 1
+    some_steps_m = np.diff(planned.s_m)[:: 1 + last // _PATH_POINTS]
+    step = max(1, round(_PATH_STEP_M / max(float(np.median(some_steps_m)), 1e-6)))
+    picked = np.append(np.arange(0, last, step), last)
+    if len(picked) > _PATH_POINTS:
+        turned = np.abs(np.diff(planned.yaw_map_rad[picked])) > _STRAIGHT_RAD
+        picked = picked[np.concatenate([[True], turned]) | np.concatenate([turned, [True]])]
     head = header(t_s, MAP_FRAME)
     places = np.column_stack([planned.xy_map_m, planned.yaw_map_rad])[picked].tolist()
     poses = [make("geometry_msgs/msg/PoseStamped", head, pose2(x, y, yaw)) for x, y, yaw in places]

@@ -91,7 +91,7 @@ class Commands:
 
     def _on_release(self, message: dict[str, Any]) -> None:
         if self._hub.seat.release(self._page.session):
-            self.let_go()
+            self._drive(0.0, 0.0)  # a calibration ends as well
             self._hub.note(self._page.name, "leaves the operator's seat")
         self._ack(message, "")
         self._hub.tell_seat()

@@ -43,6 +43,8 @@ class Source(Protocol):
 
     def recording(self) -> str: ...
 
+    def calibration(self) -> Message | None: ...
+
 
 class Feed:
     """`send` takes one encoded message and may block; it raises OSError once nobody listens."""
@@ -93,6 +95,7 @@ class Feed:
                 state["rtf"] = self._pace.ratio(state["t"], time.monotonic())
                 state["weeds"] = self._changes.weed_count
                 state["recording"] = self._source.recording()
+                state["calibration"] = self._source.calibration()
                 self._put(state)
         self._tell_trace()
         if number % SLOW_EVERY == 0:

@@ -10,6 +10,8 @@ from typing import Any, Self
 
 import msgspec
 
+from agribot.calibration.robot_file import RobotFile
+from agribot.calibration.wizard import Wizard
 from agribot.errors import ConfigError
 from agribot.messages import OperatorEvent, TickRecord
 from agribot.messages import Path as PlannedPath
@@ -48,7 +50,9 @@ class OperatorPage:
         self._link = self.server.link
         self._lock = threading.Lock()
         self._view = RunView(session.config)
-        self._feed = Feed(self._view, SessionSource(session), self._send)
+        file = RobotFile(self.address.home, session.config.robot)
+        self._wizard = Wizard(self._inbox, session.robot, session.config, file)
+        self._feed = Feed(self._view, SessionSource(session, self._wizard), self._send)
         self._camera = CameraFeed(self.server.camera_link)
         self._ready, self._closed = threading.Event(), threading.Event()
         self._hand_wall_s = -math.inf
@@ -77,6 +81,7 @@ class OperatorPage:
         self.close()
 
     def __call__(self, record: TickRecord) -> None:
+        self._wizard(record)
         self._feed(record)
         self._camera(record)
         self._verdicts(record)
@@ -127,6 +132,7 @@ class OperatorPage:
             self._ready.set()
 
     def _hand(self, v_mps: float, yaw_rate_radps: float, by: str) -> None:
+        self._wizard.interrupt(by)
         self._inbox.drive(v_mps, yaw_rate_radps, by)
         self._is_hand_moving = bool(v_mps or yaw_rate_radps)
         if self._is_hand_moving:
@@ -147,13 +153,7 @@ class OperatorPage:
         """What the server asks of mission and panels. Errors of their code become answers."""
         reply: dict[str, Any] = {"k": "reply", "number": order["number"]}
         try:
-            name, values = order["name"], order["values"]
-            is_request = name == "request"
-            reply["value"] = (
-                self._verdicts.ask(_event(values))
-                if is_request
-                else self._panels.answer(name, values)
-            )
+            reply["value"] = self._answered(order["name"], order["values"])
             data = msgspec.json.encode(reply)
         except Exception as error:  # noqa: BLE001  (somebody else's code; its page shows the text)
             data = msgspec.json.encode(
@@ -161,6 +161,13 @@ class OperatorPage:
             )
         with contextlib.suppress(OSError):
             self._send(data)
+
+    def _answered(self, name: str, values: Any) -> Any:
+        if name == "request":
+            return self._verdicts.ask(_event(values))
+        if name == "calibration":
+            return self._wizard.answer(values)
+        return self._panels.answer(name, values)
 
     def _about(self, port: int) -> About:
         run = self._session
@@ -172,8 +179,8 @@ class OperatorPage:
 class SessionSource:
     """The parts of a session that the feed looks at from its own thread."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self, session: Session, wizard: Wizard) -> None:
+        self._session, self._wizard = session, wizard
 
     def path(self) -> PlannedPath | None:
         return self._session.stack.mission.path
@@ -186,6 +193,9 @@ class SessionSource:
 
     def recording(self) -> str:
         return self._session.recording.name
+
+    def calibration(self) -> dict[str, Any] | None:
+        return self._wizard.shown()
 
 
 def _event(order: dict[str, Any]) -> OperatorEvent:

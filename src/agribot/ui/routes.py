@@ -9,16 +9,31 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from agribot.errors import AgribotError
-from agribot.ui import about_routes, field_routes, health_routes, map_routes, run_routes
+from agribot.ui import (
+    about_routes,
+    calibration_routes,
+    field_routes,
+    health_routes,
+    map_routes,
+    run_routes,
+)
 from agribot.ui.answers import Unusable, refused
 
+PARTS = (
+    about_routes,
+    run_routes,
+    field_routes,
+    map_routes,
+    health_routes,
+    calibration_routes,
+)
 Endpoint = Callable[[Request], Awaitable[Response]]
 
 
 def api_routes() -> list[Route]:
     return [
         Route(path, _polite(endpoint), methods=[method])
-        for part in (about_routes, run_routes, field_routes, map_routes, health_routes)
+        for part in PARTS
         for method, path, endpoint in part.ROUTES
     ]
 

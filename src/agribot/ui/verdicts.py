@@ -8,7 +8,7 @@ import msgspec
 
 from agribot.messages import OperatorEvent, TickRecord
 from agribot.operator_input import Inbox
-from agribot.plan.errand import STOPPING
+from agribot.plan.errand import CHECKING, STOPPING
 
 PATIENCE_S = 4.0  # the page itself waits a little longer
 
@@ -32,7 +32,7 @@ class Verdicts:
         for asked in tuple(self._asked):  # other threads add to it and take from it
             told = (msgspec.structs.replace(event, t_s=0.0) for event in record.batch.events)
             asked.is_heard = asked.is_heard or asked.event in told
-            if asked.is_heard and record.status.leg != STOPPING:
+            if asked.is_heard and record.status.leg not in (CHECKING, STOPPING):
                 asked.refusal = record.status.refusal
                 asked.is_settled.set()
 

@@ -8,6 +8,7 @@ from typing import Any
 from PIL import Image
 
 from agribot import config
+from agribot.calibration.kinds import KINDS
 from agribot.ui.settings import described
 
 
@@ -102,6 +103,24 @@ FIXED: dict[str, Any] = {
                 "files": ["run.mcap"],
             },
         ],
+    },
+    "calibrations": {
+        "kinds": [
+            {
+                "name": kind.name,
+                "title": kind.title,
+                "about": kind.about,
+                "space_m": kind.space_m,
+                "duration_s": round(kind.duration_s),
+            }
+            for kind in KINDS.values()
+        ],
+        "now": None,
+        "found": None,
+        "file": "robots/agribot.toml",
+        "settings": ["calibration.wheel_radius_m=0.08912", "calibration.yaw_multiplier=1.4135"],
+        "broken": "",
+        "can_undo": True,
     },
     "settings": {"groups": described(config.load("farm"))},
     "health": {

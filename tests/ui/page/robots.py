@@ -28,9 +28,12 @@ class Robot(msgspec.Struct, kw_only=True):
 
 
 @contextmanager
-def robot_with_page(what: str, out_dir: Path, words: Sequence[str] = ()) -> Iterator[Robot]:
-    """`what` is a profile, or a recording to be shown."""
-    with _serving(["ui", what, "--out", str(out_dir), *words]) as process:
+def robot_with_page(
+    what: str, out_dir: Path, words: Sequence[str] = (), pace: float = 1.0
+) -> Iterator[Robot]:
+    """`what` is a profile, or a recording to be shown; `pace` is simulated over real time."""
+    command = ["ui", what] if pace == 1.0 else ["run", what, "--ui", "--stay", f"--speed={pace}"]
+    with _serving([*command, "--out", str(out_dir), *words]) as process:
         yield Robot(process=process, address=_address(process), out_dir=out_dir)
 
 

@@ -5,24 +5,26 @@ import type { App, Screen } from '../app.ts'
 import { el, replace } from '../dom.ts'
 import { quantity, words } from '../format.ts'
 import { setTheme, theme, THEME_NAMES, THEMES } from '../shell/theme.ts'
+import { CalibrationCard } from './calibration.ts'
 import type { Setting, Settings, SettingValue } from '../wire.ts'
 
 export const settings: Screen = {
   id: 'settings', title: 'Settings', icon: 'settings',
   async mount(host, app) {
-    const column = el('div', { class: 'column' }, pageCard(), el('p', { class: 'empty' }, 'Reading the settings…'))
+    const calibration = new CalibrationCard(app)
+    const column = el('div', { class: 'column' }, pageCard(), calibration.node, el('p', { class: 'empty' }, 'Reading the settings…'))
     host.append(column)
-    const found = await app.attempt(api.settings())
-    if (!found) return () => undefined
+    const [found] = await Promise.all([app.attempt(api.settings()), calibration.look()])
+    if (!found) return () => calibration.close()
     const groups = el('div', { class: 'column' })
     const show = (all: boolean): void => {
       replace(groups, ...found.groups.map((group) => groupCard(group, all, app)))
       if (!groups.childElementCount) groups.append(el('p', { class: 'card empty' }, 'No setting of this robot may change while it runs.'))
     }
     const all = el('input', { type: 'checkbox', onchange: () => show(all.checked) })
-    replace(column, pageCard(), el('label', { class: 'check' }, all, 'Show also what is fixed while the robot runs'), groups)
+    replace(column, pageCard(), calibration.node, el('label', { class: 'check' }, all, 'Show also what is fixed while the robot runs'), groups)
     show(false)
-    return () => undefined
+    return () => calibration.close()
   },
 }
 

@@ -11,7 +11,7 @@ from agribot.estimate.batch.localizer import BatchEstimate
 from agribot.messages import FloatArray, Path
 from agribot.plan.boustrophedon import plan_rows
 from agribot.plan.caution import caution_ratio
-from agribot.plan.mission import END_TOLERANCE_M, SETTLE_S
+from agribot.plan.driving import END_TOLERANCE_M, SETTLE_S
 from agribot.plan.route import Route
 from agribot.plan.rows import field_rows
 from agribot.robot import RobotSpec

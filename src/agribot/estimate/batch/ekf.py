@@ -9,8 +9,18 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.arithmetic import ARRAYS
-from agribot.estimate.ekf import GYRO_BIAS, SLIP, STATES, WHEEL_SCALE, YAW, MotionNoise, X, Y
-from agribot.estimate.models import motion, pair_distance2
+from agribot.estimate.ekf import (
+    GYRO_BIAS,
+    GYRO_SCALE,
+    SLIP,
+    STATES,
+    WHEEL_SCALE,
+    YAW,
+    MotionNoise,
+    X,
+    Y,
+)
+from agribot.estimate.models import motion, pair_distance2, walk_across
 from agribot.messages import FloatArray
 
 Mask = npt.NDArray[np.bool_]
@@ -37,10 +47,11 @@ class BatchEkf:
         self, distance_m: FloatArray, turn_rad: FloatArray, dt_s: float, noise: MotionNoise
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         x, cov = self.x, self.cov
-        turned_rad = turn_rad - x[GYRO_BIAS] * dt_s
+        told_rad, turn_s = turn_rad - x[GYRO_BIAS] * dt_s, (1.0 - x[GYRO_SCALE]) * dt_s
+        turned_rad = told_rad - x[GYRO_SCALE] * told_rad
         dx_m, dy_m, (x_row, y_row) = motion(
             ARRAYS, x[YAW] + turned_rad / 2.0, self.row_yaw_rad, x[WHEEL_SCALE], x[SLIP],
-            distance_m, dt_s,
+            distance_m, told_rad, turn_s,
         )  # fmt: skip
         x[X] += dx_m
         x[Y] += dy_m
@@ -48,25 +59,28 @@ class BatchEkf:
         top = np.empty((3, *cov.shape[1:]))
         for state, row in enumerate((x_row, y_row)):
             top[state] = row[0] * cov[YAW]
-            for offset in (1, 2, 3):
+            for offset in (1, 2, 3, 4):
                 top[state] += row[offset] * cov[YAW + offset]
-        top[YAW] = -dt_s * cov[GYRO_BIAS]
+        top[YAW] = -turn_s * cov[GYRO_BIAS] - told_rad * cov[GYRO_SCALE]
         cov[:3] += top
         corner = np.empty((3, 3, cov.shape[2]))
         for state, row in enumerate((x_row, y_row)):
             corner[:, state] = row[0] * cov[:3, YAW]
-            for offset in (1, 2, 3):
+            for offset in (1, 2, 3, 4):
                 corner[:, state] += row[offset] * cov[:3, YAW + offset]
-        corner[:, YAW] = -dt_s * cov[:3, GYRO_BIAS]
+        corner[:, YAW] = -turn_s * cov[:3, GYRO_BIAS] - told_rad * cov[:3, GYRO_SCALE]
         cov[:3, :3] += corner
         cov[3:, :3] = cov[:3, 3:].transpose(1, 0, 2)
-        turn_abs_rad = abs(turned_rad)
-        position_m2 = (
-            noise.position_m2_per_m * abs(distance_m) + noise.position_m2_per_rad * turn_abs_rad
+        xx_m2, yy_m2, xy_m2 = walk_across(
+            dx_m, dy_m, distance_m, noise.across_m2_per_m - noise.along_m2_per_m
         )
-        self.inflate(X, position_m2)
-        self.inflate(Y, position_m2)
-        self.inflate(YAW, noise.yaw_rad2_per_s * dt_s + noise.yaw_rad2_per_rad * turn_abs_rad)
+        position_m2 = noise.along_m2_per_m * abs(distance_m)
+        position_m2 += noise.position_m2_per_rad * abs(turned_rad)
+        self.inflate(X, position_m2 + xx_m2)
+        self.inflate(Y, position_m2 + yy_m2)
+        cov[X, Y] += xy_m2
+        cov[Y, X] += xy_m2
+        self.inflate(YAW, noise.yaw_rad2_per_s * dt_s)
         return dx_m, dy_m, turned_rad
 
     def relax(self, changes: Sequence[tuple[int, float | FloatArray, float | FloatArray]]) -> None:

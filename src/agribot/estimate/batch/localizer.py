@@ -15,9 +15,10 @@ from agribot.estimate.batch.ekf import BatchEkf
 from agribot.estimate.batch.gnss import BatchFix, BatchGnss
 from agribot.estimate.batch.motion import BatchGate, BatchHistory, BatchMotion, BatchStandstill
 from agribot.estimate.batch.row_lines import BatchLine, BatchRowLines
+from agribot.estimate.beliefs import first_std, motion_noise, slow_ageing
 from agribot.estimate.dual_heading import STD_FACTOR
 from agribot.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, X, Y
-from agribot.estimate.localizer import AGEING_PERIOD_S, first_std, motion_noise, slow_ageing
+from agribot.estimate.localizer import AGEING_PERIOD_S
 from agribot.estimate.start import StartMark
 from agribot.messages import FloatArray
 from agribot.robot import RobotSpec

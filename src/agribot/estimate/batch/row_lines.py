@@ -143,7 +143,7 @@ class BatchRowLines:
         along_m, _ = self._place(now, then)
         row = moved_row(field.forward, now, then)
         residual_m = along_then_m - along_m
-        variance = (model.RANGE_FACTOR * std_m) ** 2
+        variance = std_m**2
         distance2 = ekf.update(row, residual_m, variance, gate.limit, seen)
         _, recovers = gate.judge(distance2, seen)
         if recovers.any():

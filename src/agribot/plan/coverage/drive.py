@@ -36,6 +36,7 @@ class FieldWork:
         self.area, self.request = area, request
         self._shape = shape
         self._legs = plan.legs
+        self.length_m = length_m
         self.rows, self._row_of_piece = _stretches(plan.legs)
 
     @property

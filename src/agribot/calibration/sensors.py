@@ -1,4 +1,4 @@
-"""`agribot calibrate magnetometer` and `antenna`: what a turn on the spot tells of the sensors."""
+"""What a turn on the spot tells of the magnetometer and the GNSS antenna."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from agribot.commands.calibration_drive import Drive
+from agribot.calibration.figure import Drive
 from agribot.config import RunConfig
 from agribot.errors import MissionError
 from agribot.estimate.antenna_fit import AntennaFit, fit_antenna
-from agribot.estimate.compass import level_field
+from agribot.estimate.compass import level_field, yaw_of
 from agribot.estimate.drive_log import DriveLog
-from agribot.estimate.mag_fit import MagFit, MagFitted
+from agribot.estimate.mag_fit import MagCalibration, MagFit, MagFitted
 from agribot.messages import SensorBatch, Vec3
 from agribot.record.replay import read_config, read_ticks
 from agribot.robot import RobotSpec
@@ -38,6 +38,7 @@ class AntennaResult(msgspec.Struct, frozen=True, kw_only=True):
     fit: AntennaFit
     described_x_m: float
     described_y_m: float
+    settings: tuple[str, ...]
 
 
 def magnetometer_of_drive(driven: Drive, declination_rad: float) -> MagResult:
@@ -83,12 +84,30 @@ def _magnetometer(
     return MagResult(ok=not reasons, reasons=reasons, fit=fitted, settings=settings)
 
 
+def compass_scatter_rad(driven: Drive, iron: MagCalibration) -> float:
+    """Of single readings against the gyro, 1 sigma, without what is common to all of them."""
+    log, start_s = DriveLog(driven.batches, driven.stretches), driven.stretches[0].start_s
+    apart_rad = [
+        yaw_of(iron.corrected(sample.field_t[:2]), 0.0) - log.turned_rad(start_s, sample.t_s)
+        for batch in driven.batches
+        for sample in batch.mag
+    ]
+    unit = np.exp(1j * np.array(apart_rad))
+    around_rad = np.angle(unit / np.mean(unit))
+    return float(np.sqrt(np.mean(around_rad**2)))
+
+
 def antenna_of_drive(driven: Drive, robot: RobotSpec) -> AntennaResult:
     fit = fit_antenna(DriveLog(driven.batches, driven.stretches), driven.stretches)
     x_m, y_m, _ = robot.body_from_link(robot.gnss.link)[:3, 3].tolist()
     reasons = fit.complaints()
     return AntennaResult(
-        ok=not reasons, reasons=reasons, fit=fit, described_x_m=x_m, described_y_m=y_m
+        ok=not reasons,
+        reasons=reasons,
+        fit=fit,
+        described_x_m=x_m,
+        described_y_m=y_m,
+        settings=(f"calibration.antenna_m=[{fit.x_m:.4f},{fit.y_m:.4f}]",),
     )
 
 
@@ -114,5 +133,6 @@ def antenna_text(result: AntennaResult) -> str:
         f"described: {result.described_x_m:+.3f} m ahead, {result.described_y_m:+.3f} m left",
     ]
     if result.ok:
-        lines.append("to use it, set the origin of the antenna's joint in the robot's xacro files")
+        lines += ["to use it:", *(f"  --set '{setting}'" for setting in result.settings)]
+        lines.append("or set the origin of the antenna's joint in the robot's xacro files")
     return "\n".join([*lines, *(f"do not use it: {reason}" for reason in result.reasons)]) + "\n"

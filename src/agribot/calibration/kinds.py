@@ -1,0 +1,179 @@
+"""THE table of calibrations: what each one does, the figure it drives, and what it finds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from agribot.calibration.figure import FIGURE, REST_S, TEST_RUN, TURNS, Drive, Motion
+from agribot.calibration.sensors import antenna_of_drive, compass_scatter_rad, magnetometer_of_drive
+from agribot.config import RunConfig
+from agribot.estimate.drive_fit import fit_drive
+from agribot.estimate.drive_log import DriveLog
+from agribot.estimate.mag_fit import MagCalibration
+from agribot.messages import WHEEL_NAMES
+from agribot.robot import RobotSpec
+
+WHEEL_TOLERANCE_RATIO = 0.1  # of a wheel's speed against the commanded one
+
+
+class Change(msgspec.Struct, frozen=True, kw_only=True):
+    """One number before and after, as a person reads it; None: not known."""
+
+    label: str
+    unit: str
+    before: float | None
+    after: float
+    std: float | None = None
+
+
+class Found(msgspec.Struct, frozen=True, kw_only=True):
+    """`settings` are of the form a.b=c; none where there is nothing to take over.
+
+    `reasons` say why the result must not be used; empty where `ok`.
+    """
+
+    ok: bool
+    reasons: tuple[str, ...]
+    changes: tuple[Change, ...]
+    settings: tuple[str, ...] = ()
+
+
+class Kind(NamedTuple):
+    """`space_m` is the side of the free square that the figure needs, the robot in its middle."""
+
+    name: str
+    title: str
+    about: str
+    figure: Sequence[Motion]
+    space_m: float
+    find: Callable[[Drive, RobotSpec, RunConfig], Found]
+
+    @property
+    def duration_s(self) -> float:
+        rests = len(self.figure) + 1
+        return sum(motion.duration_s for motion in self.figure) + rests * REST_S
+
+
+def _wheels(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
+    fit, drive = fit_drive(driven.batches, driven.stretches), robot.drive
+    multiplier, multiplier_std = (
+        value / drive.track_m for value in (fit.separation_m, fit.separation_std_m)
+    )
+    reasons = fit.complaints()
+    return Found(
+        ok=not reasons,
+        reasons=reasons,
+        changes=(
+            Change(label="Wheel radius", unit="m", before=drive.wheel_radius_m,
+                   after=fit.wheel_radius_m, std=fit.wheel_radius_std_m),
+            Change(label="Effective separation", unit="m", before=drive.effective_separation_m,
+                   after=fit.separation_m, std=fit.separation_std_m),
+            Change(label="Yaw multiplier", unit="", before=drive.yaw_multiplier,
+                   after=multiplier, std=multiplier_std),
+            Change(label="Gyro scale, for information", unit="", before=1.0,
+                   after=fit.gyro_scale, std=fit.gyro_scale_std),
+        ),
+        settings=(
+            f"calibration.wheel_radius_m={fit.wheel_radius_m:.5f}",
+            f"calibration.yaw_multiplier={multiplier:.4f}",
+        ),
+    )  # fmt: skip
+
+
+def _magnetometer(driven: Drive, _: RobotSpec, config: RunConfig) -> Found:
+    result, believed = magnetometer_of_drive(driven, 0.0), config.estimate
+    fitted = result.fit.calibration
+    used = MagCalibration(offset_t=believed.mag_offset_t, shape=believed.mag_shape)
+    before_deg, after_deg = (
+        math.degrees(compass_scatter_rad(driven, iron)) for iron in (used, fitted)
+    )
+    offsets = [
+        Change(label=f"Hard iron {side}", unit="uT", before=before_t * 1e6, after=after_t * 1e6)
+        for side, before_t, after_t in zip(
+            ("ahead", "left"), used.offset_t, fitted.offset_t, strict=True
+        )
+    ]
+    scatter = Change(
+        label="Heading against the gyro, 1 sigma", unit="deg", before=before_deg, after=after_deg
+    )
+    seen = Change(label="Directions seen, of 36", unit="", before=None, after=result.fit.sectors)
+    return Found(
+        ok=result.ok,
+        reasons=result.reasons,
+        changes=(scatter, *offsets, seen),
+        settings=result.settings,
+    )
+
+
+def _antenna(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
+    result = antenna_of_drive(driven, robot)
+    fit = result.fit
+    return Found(
+        ok=result.ok,
+        reasons=result.reasons,
+        changes=(
+            Change(label="Ahead of the turning centre", unit="m", before=result.described_x_m,
+                   after=fit.x_m, std=fit.std_m),
+            Change(label="Left of the turning centre", unit="m", before=result.described_y_m,
+                   after=fit.y_m, std=fit.std_m),
+        ),
+        settings=result.settings,
+    )  # fmt: skip
+
+
+def _motors(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
+    """Every wheel over the middle half of each leg, against what was commanded."""
+    log, ratios = DriveLog(driven.batches, driven.stretches), []
+    for motion, stretch in zip(TEST_RUN, driven.stretches, strict=True):
+        quarter_s = (stretch.end_s - stretch.start_s) / 4.0
+        rolled_rad = log.wheels_rad(stretch.start_s + quarter_s, stretch.end_s - quarter_s)
+        commanded_rad = motion.v_mps / robot.drive.wheel_radius_m * 2.0 * quarter_s
+        ratios.append(rolled_rad / commanded_rad)
+    reached = np.array(ratios)  # (legs, wheels)
+    worst = reached[np.abs(reached - 1.0).argmax(axis=0), range(len(WHEEL_NAMES))]
+    names = [_spoken(name) for name in WHEEL_NAMES]
+    reasons = tuple(
+        f"the {name} wheel reached {ratio:.0%} of the speed commanded, not within "
+        f"{WHEEL_TOLERANCE_RATIO:.0%} of it; check motor, driver, encoder and their cables"
+        for name, ratio in zip(names, worst.tolist(), strict=True)
+        if not abs(ratio - 1.0) <= WHEEL_TOLERANCE_RATIO
+    )
+    changes = tuple(
+        Change(label=f"{name.capitalize()}, reached of commanded", unit="%", before=100.0,
+               after=100.0 * ratio)
+        for name, ratio in zip(names, worst.tolist(), strict=True)
+    )  # fmt: skip
+    return Found(ok=not reasons, reasons=reasons, changes=changes)
+
+
+def _spoken(wheel: str) -> str:
+    side, _, end = wheel.partition("_wheel_")
+    return f"{'front' if end == 'F' else 'rear'} {side}"
+
+
+KINDS = {
+    kind.name: kind
+    for kind in (
+        Kind("drive", "Wheels and turning",
+             "Drives five straight legs of 4 m, two turns on the spot and two circles, and fits "
+             "wheel radius and effective separation to GNSS and gyro.",
+             FIGURE, 10.0, _wheels),
+        Kind("magnetometer", "Compass",
+             "Drives 4 m ahead, turns twice round to both sides and drives back; takes the "
+             "robot's own iron out of the compass.",
+             TURNS, 10.0, _magnetometer),
+        Kind("antenna", "GNSS antenna",
+             "Drives 4 m ahead, turns twice round to both sides and drives back; finds where the "
+             "antenna sits. Needs a receiver with corrections.",
+             TURNS, 10.0, _antenna),
+        Kind("motors", "Motors",
+             "Runs all wheels ahead and back for 1 m, with the robot jacked up or on free ground, "
+             "and compares each with what was commanded. Changes nothing.",
+             TEST_RUN, 4.0, _motors),
+    )
+}  # fmt: skip

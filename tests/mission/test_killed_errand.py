@@ -1,0 +1,56 @@
+"""kill -9 on the way to a place: the next run knows it, asks, gets there and finishes the work."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from agribot import config
+from agribot.messages import OperatorEvent, TickRecord
+from agribot.mission_file import read_mission, resumed
+from agribot.session import Session
+from tests.mission.killed_errand import GOAL
+
+ROOT = Path(__file__).parents[2]
+
+
+def kill_on_the_way(out: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}"}
+    command = [sys.executable, "-m", "tests.mission.killed_errand", str(out)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, cwd=ROOT) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            leg, _, s_m = line.decode().strip().rpartition(" ")
+            # A state is on the disk at least once a second; here it drives 0.3 m in one.
+            if leg == "to the goal" and float(s_m) > 0.8:
+                process.send_signal(signal.SIGKILL)
+                break
+        process.stdout.read()
+    assert process.returncode == -signal.SIGKILL
+
+
+def test_a_run_that_was_killed_on_its_way_to_a_place_asks_and_goes_on(tmp_path: Path) -> None:
+    kill_on_the_way(tmp_path / "first")
+    saved = read_mission(tmp_path / "first")
+    assert saved.errand is not None and saved.errand.goal == GOAL
+    settings = resumed(config.load(str(tmp_path / "first" / "config.toml")), saved)
+    seen: list[str] = []
+    at_goal: TickRecord | None = None
+    with Session(settings, tmp_path / "again", saved) as session:
+        for record in session.ticks():
+            status = record.status
+            waits = status.state == "paused" and "resume goes on" in status.reason
+            stands = abs(record.estimate.v_mps) < 0.02
+            if waits and stands and (not seen or seen[-1] != status.reason):
+                seen.append(status.reason)
+                at_goal = record if "at the goal" in status.reason else at_goal
+                session.platform.post(OperatorEvent(t_s=0.0, action="resume", source="Bea"))
+        session.finish()
+    assert "was cut off: to the goal, as Ada asked" in seen[0]
+    assert at_goal is not None
+    there = at_goal.estimate
+    assert abs(there.x_map_m - GOAL[0]) < 0.15 and abs(there.y_map_m - GOAL[1]) < 0.15
+    assert record.status.state == "done" and record.status.rows_done == (0,)

@@ -1,0 +1,140 @@
+"""Calibrating from the page: the real server, the simulated robot, its settings on the disk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.ui.page.conftest import WITHOUT_GL, show, take_control, until, wait_for
+from tests.ui.page.robots import Robot, robot_with_page
+
+WORDS = [
+    'world="empty"', "field.start_map_m=[0.0,0.0]", "field.start_yaw_deg=90.0",
+    "mission.waits_for_goals=true", "perception.enabled=false",
+]  # fmt: skip
+STATE = "window.__agribot.state()"
+PHASE = f"{STATE}?.calibration?.phase"
+IS_STILL = f"Math.abs({STATE}.vel[0]) < 0.02"
+POST = """([what, body]) => fetch('/api/v1/calibrations/' + what,
+    {method: 'POST', body: JSON.stringify(body)})
+    .then(async answer => [answer.status, (await answer.json()).error])
+"""
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Nothing that is taken over here counts in other tests."""
+    folder = tmp_path_factory.mktemp("home")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("AGRIBOT_HOME", str(folder))
+        yield folder
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory, home: Path) -> Iterator[Robot]:
+    words = [word for setting in WORDS for word in ("--set", setting)]
+    with robot_with_page("farm", tmp_path_factory.mktemp("runs") / "run", words, 6.0) as robot:
+        yield robot
+
+
+@pytest.fixture
+def page(browser: Browser, robot: Robot) -> Iterator[Page]:
+    context = browser.new_context(viewport={"width": 1280, "height": 800}, locale="en")
+    page = opened(context.new_page(), robot)
+    take_control(page)
+    if page.evaluate(f"{STATE}.stop"):
+        page.get_by_role("button", name="Release stop").click()
+        until(page, f"!{STATE}.stop")
+    yield page
+    context.close()
+
+
+def opened(page: Page, robot: Robot) -> Page:
+    page.goto(f"{robot.address}/?{WITHOUT_GL}#/settings")
+    until(page, f"window.__agribot?.ready && {STATE}")
+    return page
+
+
+def start(page: Page, title: str) -> None:
+    page.get_by_role("button", name=f"Calibrate: {title}").click()
+    expect(page.get_by_role("dialog")).to_contain_text("STOP, Cancel")
+    page.get_by_role("button", name="Drive now").click()
+    until(page, f"{PHASE} === 'driving'")
+
+
+def test_the_compass_is_measured_taken_over_and_taken_back(page: Page, home: Path) -> None:
+    start(page, "Compass")
+    card = page.locator(".calibration")
+    until(page, f"{STATE}.calibration.share > 0.1")
+    assert page.evaluate("document.querySelector('.calibration progress').value") > 0.05
+    until(page, f"{STATE}.calibration.motion === 'spin left'")
+    until(page, f"{PHASE} === 'found'")
+    expect(card.locator("table")).to_contain_text("Hard iron ahead (µT)")
+    expect(card.locator("table")).to_contain_text("36")
+    kept = home / "robots" / "agribot.toml"
+    assert not kept.exists()  # nothing counts before it is taken over
+    card.get_by_role("button", name="Use these values").click()
+    expect(card).to_contain_text("estimate.mag_offset_t")
+    assert "mag_shape" in kept.read_text()
+    card.get_by_role("button", name="Undo the newest").click()
+    expect(card).to_contain_text("Nothing was measured")
+    assert not kept.exists()
+
+
+def test_stop_ends_it_at_once(page: Page) -> None:
+    start(page, "Motors")
+    until(page, f"{STATE}.cmd[0] > 0.2")
+    page.locator("#stop").click()
+    until(page, f"{STATE}.cmd[0] === 0 && {IS_STILL}")
+    expect(page.locator(".calibration")).to_contain_text("not finished: ended by 'stop'")
+    page.get_by_role("button", name="Release stop").click()
+    until(page, f"!{STATE}.stop")
+    assert page.evaluate(IS_STILL)
+
+
+def test_cancel_brings_the_robot_to_rest_and_changes_nothing(page: Page, home: Path) -> None:
+    start(page, "Wheels and turning")
+    until(page, f"{STATE}.cmd[0] > 0.3")
+    page.get_by_role("button", name="Cancel").click()
+    until(page, f"{PHASE} === 'failed' && {STATE}.cmd[0] === 0 && {IS_STILL}")
+    expect(page.locator(".calibration")).to_contain_text("cancelled by")
+    assert not (home / "robots").exists() or not list((home / "robots").glob("*.toml"))
+
+
+@pytest.mark.parametrize("how", ["another takes the seat", "the operator is gone"])
+def test_without_its_operator_the_robot_does_not_go_on(
+    page: Page, robot: Robot, browser: Browser, how: str
+) -> None:
+    start(page, "Wheels and turning")
+    until(page, f"{STATE}.cmd[0] > 0.3")
+    context = browser.new_context(locale="en")
+    other = opened(context.new_page(), robot)
+    if how == "the operator is gone":
+        page.context.close()
+    else:
+        other.get_by_role("button", name="Operator").click()
+        other.get_by_role("dialog").get_by_role("button", name="Take over").click()
+    until(other, f"{PHASE} === 'failed' && {STATE}.cmd[0] === 0 && {IS_STILL}")
+    expect(other.locator(".calibration")).to_contain_text("took the robot")
+    context.close()
+
+
+def test_only_the_operator_may_start_one_and_only_while_nothing_else_drives(page: Page) -> None:
+    assert page.evaluate(POST, ["start", {"kind": "tyres"}])[0] == 409
+    show(page, "drive")
+    page.locator("[data-action=resume]").click()
+    until(page, f"{STATE}.mode === 'mission'")
+    status, reason = page.evaluate(POST, ["start", {"kind": "motors"}])
+    assert status == 409 and "pause its mission first" in reason
+    page.locator("[data-action=pause]").click()
+    until(page, f"{STATE}.mode === 'paused' && {IS_STILL}")
+    show(page, "settings")
+    page.get_by_role("button", name="Operator").click()
+    page.get_by_role("button", name="Hand over").click()
+    expect(page.get_by_role("button", name="Calibrate: Motors")).to_be_disabled()
+    status, reason = page.evaluate(POST, ["start", {"kind": "motors"}])
+    assert status == 409 and "seat" in reason
+    wait_for(lambda: page.evaluate(IS_STILL), "a robot at rest")

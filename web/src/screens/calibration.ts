@@ -1,0 +1,155 @@
+/** Calibrations in four steps: what will happen, the drive, old and new values, taking them over. */
+
+import { api } from '../api.ts'
+import type { App } from '../app.ts'
+import { el, replace } from '../dom.ts'
+import { duration, fixed, words } from '../format.ts'
+import { icon } from '../icons.ts'
+import { seatButton } from '../shell/seat.ts'
+import type { Calibrating, CalibrationChange, CalibrationFound, CalibrationKind, Calibrations } from '../wire.ts'
+
+const DIGITS: Record<string, number> = { m: 4, uT: 2, deg: 2, '%': 0, '': 3 }
+
+export class CalibrationCard {
+  readonly node = el('section', { class: 'card stack calibration', 'aria-label': 'Calibration' })
+  private readonly body = el('div', { class: 'stack-tight wide', 'aria-live': 'polite' })
+  private readonly bar = el('progress', { max: 1, 'aria-label': 'Progress of the calibration' })
+  private readonly step = el('p', { class: 'muted' })
+  private known: Calibrations | null = null
+  private shown = ''
+  private readonly undo: (() => void)[]
+
+  constructor(private readonly app: App) {
+    const seat = seatButton(app)
+    this.node.append(el('div', { class: 'card-head' }, el('h2', {}, 'Calibration'), seat.node), this.body)
+    this.undo = [app.store.on('state', () => this.follow()), app.store.on('seat', () => this.draw()), seat.done]
+  }
+
+  close(): void {
+    for (const undo of this.undo) undo()
+  }
+
+  /** Hidden where no robot runs that could be calibrated. */
+  async look(): Promise<void> {
+    const source = this.app.session.source
+    this.node.hidden = source === 'replay' || source === 'description'
+    if (!this.node.hidden) await this.take(api.calibrations())
+  }
+
+  private async take(work: Promise<Calibrations>): Promise<boolean> {
+    const found = await this.app.attempt(work)
+    if (!found) return false
+    this.known = found
+    this.shown = stage(found.now)
+    this.draw()
+    return true
+  }
+
+  /** The newest state: another stage is asked for and drawn anew, progress within one only moves. */
+  private follow(): void {
+    if (!this.known) return
+    const now = this.app.store.state?.calibration ?? null
+    if (stage(now) !== this.shown) {
+      this.shown = stage(now)
+      void this.take(api.calibrations())
+    } else if (now?.phase === 'driving') this.progress(now)
+  }
+
+  private progress(now: Calibrating): void {
+    this.bar.value = now.share
+    const text = `${Math.round(now.share * 100)} % · ${now.motion || 'at rest'}`
+    if (this.step.textContent !== text) this.step.textContent = text
+  }
+
+  private draw(): void {
+    const { known } = this
+    if (!known) return
+    const now = known.now
+    if (now && (now.phase === 'driving' || now.phase === 'computing')) replace(this.body, ...this.underWay(now))
+    else if (now?.phase === 'found' && known.found) replace(this.body, ...this.result(now, known.found))
+    else replace(this.body, ...this.choice(known, now))
+  }
+
+  private underWay(now: Calibrating): HTMLElement[] {
+    if (now.phase === 'driving') this.progress(now)
+    else this.step.textContent = 'Working it out…'
+    const cancel = el('button', { type: 'button', class: 'button danger', onclick: () => void this.take(api.calibrate('cancel')) }, icon('cancel', 20), 'Cancel')
+    return [
+      el('h3', {}, this.title(now.kind)), el('p', {}, 'Keep an eye on the robot: STOP, Cancel or a hand on the stick ends it at once.'),
+      ...(now.phase === 'driving' ? [this.bar, this.step, cancel] : [this.step]),
+    ]
+  }
+
+  private result(now: Calibrating, found: CalibrationFound): HTMLElement[] {
+    const mine = this.app.store.seat === 'you'
+    const leave = el('button', { type: 'button', class: 'button', onclick: () => void this.take(api.calibrate('cancel')) }, found.settings.length && found.ok ? 'Leave as it was' : 'Close')
+    const accept = el('button', { type: 'button', class: 'button primary', disabled: !mine, onclick: () => void this.accept() }, icon('check', 20), 'Use these values')
+    const verdict = found.ok
+      ? found.settings.length ? 'Good. It counts from the next start of the robot.' : 'All as it should be.'
+      : 'Do not use it:'
+    return [
+      el('h3', {}, this.title(now.kind)), el('p', { class: found.ok ? '' : 'form-error' }, verdict),
+      ...found.reasons.map((reason) => el('p', { class: 'form-error' }, words(reason))),
+      el('div', { class: 'table-scroll' }, table(found.changes)),
+      el('div', { class: 'button-row' }, found.ok && found.settings.length > 0 && accept, leave),
+      ...(mine || !found.ok ? [] : [el('p', { class: 'small muted' }, "Using them needs the operator's seat.")]),
+    ]
+  }
+
+  private choice(known: Calibrations, now: Calibrating | null): HTMLElement[] {
+    const measured = known.settings.length
+      ? el('p', { class: 'small' }, `Measured of this robot: ${known.settings.join(', ')}`)
+      : el('p', { class: 'small muted' }, 'Nothing was measured of this robot yet: it is as its description says.')
+    const back = el('button', { type: 'button', class: 'button', disabled: this.app.store.seat !== 'you', onclick: () => void this.goBack() }, 'Undo the newest')
+    return [
+      ...(now?.phase === 'failed' ? [el('p', { class: 'form-error', role: 'alert' }, `${this.title(now.kind)} not finished: ${now.reason}.`)] : []),
+      ...(known.broken ? [el('p', { class: 'form-error' }, known.broken)] : []),
+      el('div', { class: 'calibration-kinds' }, ...known.kinds.map((kind) => this.kind(kind))),
+      measured, ...(known.can_undo ? [back] : []),
+    ]
+  }
+
+  private kind(kind: CalibrationKind): HTMLElement {
+    const start = el('button', { type: 'button', class: 'button', disabled: this.app.store.seat !== 'you', onclick: () => void this.start(kind), 'aria-label': `Calibrate: ${kind.title}` }, 'Calibrate')
+    return el('div', { class: 'calibration-kind' },
+      el('div', {}, el('h3', {}, kind.title), el('p', { class: 'small muted' }, kind.about)), start)
+  }
+
+  private async start(kind: CalibrationKind): Promise<void> {
+    const side = fixed(kind.space_m, 0, 'm')
+    const go = await this.app.dialogs.confirm(kind.title, [
+      el('p', {}, kind.about),
+      el('p', {}, `The robot drives by itself for about ${duration(kind.duration_s)} min. It needs ${side} × ${side} of firm, level, free ground around it.`),
+      el('p', {}, 'STOP, Cancel, a hand on the stick and the loss of your link end it at once. Nothing changes before you take the result over.'),
+    ], 'Drive now')
+    if (go) await this.take(api.calibrate('start', { kind: kind.name }))
+  }
+
+  private async accept(): Promise<void> {
+    if (await this.take(api.calibrate('accept'))) this.app.toasts.show('info', "In the robot's settings; it counts from the next start.")
+  }
+
+  private async goBack(): Promise<void> {
+    if (await this.take(api.calibrate('undo'))) this.app.toasts.show('info', 'As it was before the newest calibration; it counts from the next start.')
+  }
+
+  private title(name: string): string {
+    return this.known?.kinds.find((kind) => kind.name === name)?.title ?? name
+  }
+}
+
+function stage(now: Calibrating | null): string {
+  return now ? `${now.kind} ${now.phase} ${now.reason}` : ''
+}
+
+function table(changes: CalibrationChange[]): HTMLElement {
+  const heads = ['Before', 'Now', '± 1 σ'].map((name) => el('th', { class: 'number' }, name))
+  return el('table', {},
+    el('thead', {}, el('tr', {}, el('th', {}, 'Value'), ...heads)),
+    el('tbody', {}, ...changes.map((change) => {
+      const digits = DIGITS[change.unit] ?? 3
+      const value = (number: number | null): HTMLElement => el('td', { class: 'number mono' }, fixed(number, Number.isInteger(number) && change.unit === '' ? 0 : digits))
+      const unit = change.unit === 'uT' ? 'µT' : change.unit === 'deg' ? '°' : change.unit
+      return el('tr', {}, el('td', {}, unit ? `${change.label} (${unit})` : change.label), value(change.before), value(change.after), value(change.std))
+    })))
+}
