@@ -84,6 +84,7 @@ HEAVY = {
     "segno": {"ui", "commands"},
     "anyio": {"ui"},
     "shapefile": {"ui"},
+    "ruamel": {"ui"},
     "rasterio": {"gis"},
     "pmtiles": {"gis"},
     "PIL": {"gis", "description", "ros", "record", "sim", "train", "dataset", "commands", "ui"},
@@ -245,6 +246,7 @@ def test_every_package_that_is_imported_is_declared() -> None:
         "foxglove_sdk": "foxglove",
         "rerun_sdk": "rerun",
         "pyshp": "shapefile",
+        "ruamel.yaml": "ruamel",
     }
     known = {import_names.get(name, name) for name in declared}
     known |= {"llvmlite"} if "numba" in known else set()  # comes with numba, always

@@ -2,7 +2,7 @@
 
 import type { FeatureCollection } from 'geojson'
 import type {
-  Calibrations, Field, Health, MapSource, Panel, PlanReply, Recordings, Robot, Session, Settings, SettingsReply, SettingValue,
+  Calibrations, Field, Health, ImportedView, MapSource, Panel, PlanReply, Recordings, Robot, Session, Settings, SettingsReply, SettingValue,
 } from './wire.ts'
 
 export class ApiError extends Error {
@@ -80,6 +80,10 @@ export const api = {
   views: () => get<string[]>('/api/v1/views'),
   loadView: (id: string) => get<Record<string, unknown>>(`/api/v1/views/${name(id)}`),
   saveView: (id: string, view: object) => write('PUT', `/api/v1/views/${name(id)}`, view),
+
+  importView: async (file: File): Promise<ImportedView> =>
+    (await request('/api/v1/views/import', { method: 'POST', body: file })).json() as Promise<ImportedView>,
+  exportView: async (displays: object[]): Promise<string> => (await write('POST', '/api/v1/views/export', { displays })).text(),
 
   panels: () => get<Panel[]>('/api/v1/panels'),
   panelData: (id: string) => request(`/api/v1/panels/${name(id)}`),

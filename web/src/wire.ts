@@ -162,6 +162,11 @@ export interface MapSource {
   name: string; url: string; minzoom: number; maxzoom: number
   bounds: [number, number, number, number] | null; attribution: string | null
 }
+/** A configuration of mapviz: displays from the lowest to the topmost, and what has no counterpart. */
+export interface ImportedView {
+  displays: { type: string; title: string; source: string; options: Record<string, SettingValue>; visible: boolean; opacity: number }[]
+  left_out: { name: string; why: string }[]
+}
 export interface PlanReply {
   ok: boolean; reasons: { text: string; at_map_m: Vec2 | null }[]
   length_m: number; area_m2: number; time_s: number; path: Vec2[]

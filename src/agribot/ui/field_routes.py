@@ -24,6 +24,7 @@ from agribot.ui.answers import (
 from agribot.ui.field_check import check_field, datum_of
 from agribot.ui.field_files import read_field_file
 from agribot.ui.hub import Hub
+from agribot.ui.mapviz_config import config_of, displays_of
 from agribot.ui.planning import Made, Wanted, make_plan
 from agribot.ui.store import Store
 
@@ -139,6 +140,19 @@ async def put_view(request: Request) -> Response:
     return Response(status_code=204)
 
 
+async def import_view(request: Request) -> Response:
+    """A configuration of mapviz as the body; nothing is stored."""
+    return json_answer(displays_of(await body(request)))
+
+
+async def export_view(request: Request) -> Response:
+    """The displays of a view as a configuration of mapviz."""
+    displays = (await json_body(request)).get("displays")
+    if not isinstance(displays, list):
+        raise Unusable(400, 'send {"displays": [...]}')
+    return Response(config_of(displays), media_type="application/yaml")
+
+
 ROUTES: tuple[Route, ...] = (
     *_reading("/api/v1/fields", _fields, "application/geo+json"),
     ("POST", "/api/v1/fields/import", import_field),
@@ -148,4 +162,6 @@ ROUTES: tuple[Route, ...] = (
     ("POST", "/api/v1/plan/apply", apply_plan),
     *_reading("/api/v1/views", _views, "application/json"),
     ("PUT", "/api/v1/views/{name}", put_view),
+    ("POST", "/api/v1/views/import", import_view),
+    ("POST", "/api/v1/views/export", export_view),
 )

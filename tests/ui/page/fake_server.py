@@ -25,6 +25,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 import agribot
+from agribot.ui.mapviz_config import config_of, displays_of
 from tests.ui.page import fake_answers
 from tests.ui.page.fake_robot import FakeRobot, camera_packets, field
 
@@ -59,6 +60,8 @@ class FakeServer:
         answers = [Route(f"/api/v1/{name}", self._fixed(name)) for name in fake_answers.FIXED]
         return [
             *answers,
+            Route("/api/v1/views/import", _import_view, methods=["POST"]),
+            Route("/api/v1/views/export", _export_view, methods=["POST"]),
             Route(
                 "/api/v1/{path:path}",
                 self._write,
@@ -172,6 +175,14 @@ class FakeServer:
         return Response(
             text.replace("package://agribot_description/", ""), media_type="application/xml"
         )
+
+
+async def _import_view(request: Request) -> Response:
+    return JSONResponse(displays_of(await request.body()))
+
+
+async def _export_view(request: Request) -> Response:
+    return Response(config_of((await request.json())["displays"]))
 
 
 async def _with_policy(request: Request, call_next: RequestResponseEndpoint) -> Response:

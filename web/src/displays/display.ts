@@ -33,7 +33,7 @@ export class Display implements LayerGroup {
   private unsubscribe: () => void = () => undefined
 
   constructor(
-    private readonly view: MapView, readonly type: DisplayType, private readonly source: Source | null, readonly config: DisplayConfig,
+    private readonly view: MapView, readonly type: DisplayType, source: Source | null, readonly config: DisplayConfig,
     /** Added by the operator, who may remove it; the others come from the robot. */
     readonly removable: boolean,
   ) {
@@ -123,7 +123,7 @@ export class Display implements LayerGroup {
   private draw(): void {
     if (this.type.kind === 'shapes') {
       const drawing = new Drawing(this.view.app.projection)
-      if (this.state !== undefined || this.source === null) this.type.draw(this.state, drawing, this.setting)
+      if (this.state !== undefined || this.type.needsNoSource) this.type.draw(this.state, drawing, this.setting)
       this.view.map.getSource<GeoJSONSource>(this.id)?.setData(collection(drawing.features))
     } else if (this.type.kind === 'laid' && this.state !== undefined) void this.lay()
   }

@@ -8,6 +8,7 @@ import { addDisplay, editGroup } from '../displays/dialog.ts'
 import type { IconName } from '../icons.ts'
 import { icon } from '../icons.ts'
 import type { LayerGroup } from './layers.ts'
+import { mapvizButtons } from './mapviz.ts'
 import { TOOLS } from './tools.ts'
 import type { ToolId } from './tools.ts'
 import type { SavedView, MapView } from './view.ts'
@@ -182,7 +183,8 @@ function viewButtons(view: MapView, refresh: () => void): HTMLElement {
     view.show(saved as SavedView)
     refresh()
   }
-  return el('div', { class: 'button-row' },
+  return el('div', { class: 'pair-grid' },
     el('button', { type: 'button', class: 'button', onclick: () => void save() }, icon('save', 20), 'Save view'),
-    el('button', { type: 'button', class: 'button', onclick: () => void load() }, 'Open view'))
+    el('button', { type: 'button', class: 'button', onclick: () => void load() }, icon('plan', 20), 'Open view'),
+    ...mapvizButtons(view, refresh))
 }

@@ -80,11 +80,11 @@ class Facts {
     this.row('Off the path', () => metres(absolute(state()?.xte_m)))
     this.row('Position ±', () => metres(state()?.std?.[0]))
     this.row('Weeds', () => String(state()?.weeds ?? app.store.weeds.size))
-    this.row('Nozzles', () => nozzleText(state()?.nozzles))
+    this.row('Nozzles', () => nozzleText(state()?.nozzles), 'nozzles')
   }
 
-  private row(name: string, text: () => string): void {
-    const value = el('dd', {}, NONE)
+  private row(name: string, text: () => string, kind = ''): void {
+    const value = el('dd', { class: kind }, NONE)
     this.node.append(el('div', {}, el('dt', {}, name), value))
     this.rows.push([value, text])
   }

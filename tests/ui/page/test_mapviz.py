@@ -1,0 +1,44 @@
+"""A configuration of mapviz opened on the map, and the map written as one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from playwright.sync_api import expect
+
+from agribot.ui.mapviz_config import displays_of
+from tests.ui.page.conftest import OpenPage, until
+
+FARM = Path(__file__).parents[1] / "data" / "farm.mvc"
+
+
+def test_the_displays_of_mapviz_are_drawn_and_what_is_left_out_is_named(
+    open_page: OpenPage,
+) -> None:
+    page = open_page(query="off=scene,camera")
+    page.get_by_role("button", name="Layers and views").click()
+    page.get_by_label("Mapviz configuration").set_input_files(FARM)
+    told = page.get_by_role("dialog", name="From mapviz")
+    expect(told).to_contain_text("7 displays read")
+    expect(told).to_contain_text("house made: there is no display")
+    expect(told).to_contain_text("satellite: the map 'Stamen (terrain)' is not on this robot")
+    expect(told).to_contain_text("trajectory: shows GNSS receiver in place of /agribot/fix")
+    expect(told).to_contain_text("lidar: nothing gives /scan now")
+    page.get_by_role("button", name="Done").click()
+    rows = page.locator(".layer-row")
+    expect(rows.filter(has_text="filtered")).to_have_count(1)
+    expect(page.get_by_role("checkbox", name="goals", exact=True)).not_to_be_checked()
+    blue = (
+        "window.__agribot.map.getStyle().layers.map(l => l.source)"
+        ".filter(s => /^display-/.test(s)).map(s => window.__agribot.map.querySourceFeatures(s))"
+        ".flat().some(f => f.properties.color === '#0000ff')"
+    )
+    until(page, blue)
+    with page.expect_download() as saved:
+        page.get_by_role("button", name="To mapviz").click()
+    written = displays_of(Path(saved.value.path()).read_bytes())["displays"]
+    named = {display["title"]: display for display in written}
+    assert list(named)[-1] == "filtered", "the topmost is last, as in the file"
+    assert named["trajectory"]["options"]["color"] == "#0000ff"
+    assert named["grid"]["options"]["columns"] == 8
+    assert not named["goals"]["visible"]

@@ -1,0 +1,66 @@
+/** Configurations of mapviz in and out: the displays of the map with their topics and looks. */
+
+import { api } from '../api.ts'
+import { typeOf } from '../displays/types.ts'
+import { Display } from '../displays/display.ts'
+import { download, el } from '../dom.ts'
+import { icon } from '../icons.ts'
+import type { ImportedView } from '../wire.ts'
+import type { MapView } from './view.ts'
+
+export function mapvizButtons(view: MapView, refresh: () => void): HTMLElement[] {
+  const { app } = view
+  const file = el('input', { type: 'file', accept: '.mvc,.yaml,.yml', class: 'visually-hidden', 'aria-label': 'Mapviz configuration', tabindex: -1, onchange: () => void read() })
+  const read = async (): Promise<void> => {
+    const chosen = file.files?.[0]
+    const found = chosen && (await app.attempt(api.importView(chosen)))
+    file.value = ''
+    if (!found) return
+    const leftOut = addAll(view, found)
+    refresh()
+    await app.dialogs.ask('From mapviz', report(found.displays.length, leftOut), [{ label: 'Done', value: true, kind: 'primary' }])
+  }
+  const write = async (): Promise<void> => {
+    const text = await app.attempt(api.exportView(shown(view)))
+    if (text) download('view.mvc', text)
+  }
+  return [
+    el('button', { type: 'button', class: 'button', onclick: () => file.click() }, icon('upload', 20), 'From mapviz'),
+    el('button', { type: 'button', class: 'button', onclick: () => void write() }, icon('download', 20), 'To mapviz'), file,
+  ]
+}
+
+/** What could not be shown, with the reason. The topmost comes last, and so lies above the others. */
+function addAll(view: MapView, found: ImportedView): ImportedView['left_out'] {
+  const leftOut = [...found.left_out]
+  for (const { type, title, source, options, visible, opacity } of found.displays) {
+    const kind = typeOf(type)
+    const sources = kind ? view.displays.sources(kind) : []
+    const named = sources.find(({ id, title: name }) => id === source || name === source)
+    // The robot's own data are the same, whatever the topic was called; a map has to be the one that is named.
+    const chosen = named ?? (kind?.kind === 'tiles' ? undefined : sources[0])
+    if (kind?.kind === 'tiles' && !chosen) {
+      leftOut.push({ name: title, why: `the map '${source || title}' is not on this robot; bring it with agribot map import` })
+      continue
+    }
+    const display = view.displays.make(type, title, chosen?.id ?? source, options)
+    if (!display) leftOut.push({ name: title, why: 'it could not be added' })
+    else {
+      Object.assign(display, { visible, opacity })
+      view.applyGroup(display)
+      if (!named && source) leftOut.push({ name: title, why: chosen ? `shows ${chosen.title} in place of ${source}` : `nothing gives ${source} now` })
+    }
+  }
+  view.remember()
+  return leftOut
+}
+
+function shown(view: MapView): object[] {
+  return view.groups.filter((group): group is Display => group instanceof Display).reverse()
+    .map((display) => ({ ...display.saved(), visible: display.visible, opacity: display.opacity }))
+}
+
+function report(count: number, leftOut: ImportedView['left_out']): (Node | string)[] {
+  const lines = leftOut.map(({ name, why }) => el('li', {}, el('strong', {}, name), `: ${why}`))
+  return [el('p', {}, `${count} ${count === 1 ? 'display' : 'displays'} read.`), ...(lines.length ? [el('ul', { class: 'left-out' }, ...lines)] : [])]
+}
