@@ -28,11 +28,12 @@ def test_networks_are_timed_from_the_command_line(capsys: pytest.CaptureFixture[
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("perception --networks nobody", "nobody"),
+        ("perception --networks nobody", "--networks nobody: not known; there are"),
         ("perception --size 100x64", "32"),
         ("perception --frames 0", "--frames 0"),
-        ("sim --only speed", "speed"),
-        ("closed-loop --fields tulips", "tulips"),
+        ("sim --only speed", "--only speed: not known; there are"),
+        ("missions --profiles farm,moon", "--profiles moon: not known; there are farm"),
+        ("closed-loop --fields tulips", "--fields tulips: not known; there are"),
         ("closed-loop --lights disco", "disco"),
         ("closed-loop --heights tall", "tall"),
         ("closed-loop --heights 9", "0.2 to 3"),

@@ -12,11 +12,14 @@ from rosbags import rosbag1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import get_types_from_msg
 
+from agribot import topics
 from agribot.cli import main
 from agribot.errors import RecordingError
 from agribot.record.bag.convert import convert
 from agribot.record.bag.definitions import new_ros1_store
 from agribot.record.bag.info import read_info
+from agribot.record.mcap_file import McapFile
+from agribot.ros import rosmsg
 from tests.record.bag import bag_samples as samples
 
 
@@ -194,3 +197,15 @@ def test_mcap_without_index_or_chunks_is_read(
     convert(path, tmp_path / "out.bag")
     numbers = [value["data"] for _, value in samples.values(tmp_path / "out.bag")["/number"]]
     assert numbers == [float(i) for i in range(20)]
+
+
+@pytest.mark.slow
+def test_a_million_messages_are_counted_and_converted(tmp_path: Path) -> None:
+    count, data = 1_000_000, rosmsg.to_cdr(rosmsg.float64(1.5))
+    file = McapFile(tmp_path / "many.mcap")
+    for number in range(count):
+        file.write(topics.DISTANCE, number, data, number)
+    file.close()
+    assert read_info(tmp_path / "many.mcap").messages == count
+    assert convert(tmp_path / "many.mcap", tmp_path / "many.bag").messages_out == count
+    assert read_info(tmp_path / "many.bag").messages == count
