@@ -17,12 +17,12 @@ from agribot.description.worlds_sdf import load_world
 from agribot.errors import RecordingError
 from agribot.field_work import field_work, read_plan_text
 from agribot.mapped_plant import MappedPlant
-from agribot.messages import ByteArray, OperatorEvent, TickRecord
+from agribot.messages import ByteArray, OperatorEvent, Row, TickRecord
 from agribot.messages import Path as PlannedPath
 from agribot.mission_file import MissionFile
 from agribot.perception_host import PerceptionMeter
-from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import SavedMission
+from agribot.plan.task import Task
 from agribot.platform import Platform
 from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
@@ -60,9 +60,8 @@ class Session:
         self.out_dir = out_dir
         described = load_robot(config.robot)
         self.robot = calibrated(described, config.calibration)
-        self.goals_map_m = read_goals(config)
+        goals_map_m = read_goals(config)
         self._plan_text = read_plan_text(config)
-        self.work = field_work(self._plan_text, config, self.robot)
         self.world = load_world(
             config.world, seed=config.seed, weed_density_per_m2=config.sim.weed_density_per_m2
         )
@@ -70,26 +69,24 @@ class Session:
             self.world = msgspec.structs.replace(
                 self.world, spawn_xy_map_m=saved.pose[:2], spawn_yaw_map_rad=saved.pose[2]
             )
-        rows = () if self.goals_map_m else field_rows(config.field)
-        self.rows = rows = rows if self.work is None else self.work.rows
         self._saved = saved
         self.rows_before = tuple(r.index for r in saved.rows if r.done) if saved else ()
         self.platform = SimPlatform(config, described, self.world, board=self.robot.drive)
         self.sensed: Platform = self.platform  # with sensors from elsewhere, if any
-        self.referee = Referee(self.platform, self.world, rows, self.goals_map_m)
-        self._mask_taps: list[MaskTap] = [self.referee.judge_mask]
+        self._mask_taps: list[MaskTap] = []
         perception = robot_stack.perceiving(config, self.robot, self._show_mask)
-        self.stack = robot_stack.build(
-            config, self.robot, self.goals_map_m, perception, self.work, saved
-        )
+        work = field_work(self._plan_text, config, self.robot)
+        self.stack = robot_stack.build(config, self.robot, goals_map_m, perception, work, saved)
         is_visit = saved is not None and bool(saved.visit_name)
-        self._task = None if is_visit else self.stack.mission.task
+        self._task = None if is_visit else self.task
+        self.referee = Referee(self.platform, self.world, self.rows, self.goals_map_m)
+        self._mask_taps.append(self.referee.judge_mask)
         self.clock = Clock()
         self.last: TickRecord | None = None
         self._claim_out_dir()
         self.event_log = EventLog(out_dir / "events.jsonl")
         self._series = SeriesTap()
-        self.recording = RunRecording(self, self._attached(), self._tell)
+        self.recording = RunRecording(self, self._attached(goals_map_m), self._tell)
         self._mission_file = MissionFile(out_dir, self.stack.mission)
         self.stack.taps += [self._show_truth, self.referee, self._series, self.event_log]
         self.stack.taps += [self._mission_file, self.recording, self._follow_task]
@@ -104,6 +101,20 @@ class Session:
         self.event_log.close()
         self.recording.close()
         self._mission_file.close()
+
+    @property
+    def task(self) -> Task:
+        return self.stack.mission.task
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """Of the task: crop rows, or the swaths of a field plan."""
+        return tuple(self.task.rows)
+
+    @property
+    def goals_map_m(self) -> tuple[MapPoint, ...]:
+        """Of the task: the waypoints, none where it is rows."""
+        return tuple(self.task.waypoints)
 
     @property
     def shown_goals_map_m(self) -> tuple[MapPoint, ...]:
@@ -132,7 +143,7 @@ class Session:
 
     def worked_area_m2(self, rows: tuple[int, ...]) -> float:
         """Ground of the given rows, as wide as they are apart or as the implement is."""
-        work, field = self.work, self.config.field
+        work, field = self.task.work, self.config.field
         length_m = sum(row_length_m(row) for row in self.rows if row.index in rows)
         return length_m * (field.row_pitch_m if work is None else work.request.implement_width_m)
 
@@ -215,10 +226,10 @@ class Session:
                 f"cannot write into {self.out_dir}: {error.strerror}; choose another --out folder"
             ) from error
 
-    def _attached(self) -> dict[str, tuple[str, bytes]]:
+    def _attached(self, goals_map_m: tuple[MapPoint, ...]) -> dict[str, tuple[str, bytes]]:
         """What a recording needs to be run again."""
         files = {
-            GOALS_ATTACHMENT: ("application/json", msgspec.json.encode(self.goals_map_m)),
+            GOALS_ATTACHMENT: ("application/json", msgspec.json.encode(goals_map_m)),
             SAVED_ATTACHMENT: ("application/json", msgspec.json.encode(self._saved)),
         }
         if self._plan_text:
@@ -230,14 +241,12 @@ class Session:
 
     def _follow_task(self, _: TickRecord) -> None:
         """A task taken under way is judged and shown, a plan also resumed, in place of the old."""
-        task = self.stack.mission.task
+        task = self.task
         if task is self._task:
             return
-        self._task, self.rows, self.rows_before = task, tuple(task.rows), ()
-        self.goals_map_m = tuple(task.waypoints)
+        self._task, self.rows_before = task, ()
         self.referee.judge_anew(self.rows, self.goals_map_m)
-        self.work = task.work
-        if self.work is None:
+        if task.work is None:
             return
         path = self.out_dir / "plan.geojson"
         write_file(path, task.text.encode())

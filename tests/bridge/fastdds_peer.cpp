@@ -49,7 +49,9 @@ struct RawType : TopicDataType {
     payload->encapsulation = CDR_LE;
     return true;
   }
+  // A sample that its writer replaced before all its fragments were here comes empty: a flood's.
   bool deserialize(SerializedPayload_t* payload, void* data) override {
+    if (payload->length < 4) return false;
     static_cast<Bytes*>(data)->assign(payload->data, payload->data + payload->length);
     return true;
   }

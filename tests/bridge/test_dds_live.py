@@ -55,10 +55,13 @@ def fastdds_peer(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(made)
 
 
-@pytest.fixture(scope="module", params=["cyclone", "subnet", "localhost", "localhost-only"])
+PEERS = ["cyclone", "subnet", "localhost", "localhost-only"]
+
+
+@pytest.fixture(scope="module", params=PEERS)
 def live(request: pytest.FixtureRequest) -> Iterator[tuple[Robot, Talk]]:
     # Not that of another test run on this machine, nor that of the peer before.
-    domain = 20 + os.getpid() % 20 + 20 * request.param_index
+    domain = 20 + os.getpid() % 20 + 20 * PEERS.index(request.param)
     with closing(Robot(domain)) as robot:
         if request.param == "cyclone":
             other = peer("dds_peer.py", str(domain))

@@ -1,7 +1,8 @@
 """Against a ROS 2 that is installed, with its own command line; skips where there is none.
 
-Run it with the environment of that ROS 2 sourced. `ros2` on rmw_zenoh_cpp is tried where that is
-installed, and on the default DDS where this machine has the cyclonedds wheel.
+Run it with the environment of that ROS 2 sourced, and with PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 where
+pytest stumbles over the plugins of ROS. Each middleware that is installed is tried; those on DDS
+where this machine has the cyclonedds wheel.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ pytestmark = [
     pytest.mark.elsewhere,
     pytest.mark.skipif(shutil.which("ros2") is None, reason="needs an installed ROS 2"),
 ]
-DOMAIN = "73"
+DOMAIN = {"zenoh": "73", "fastrtps": "74", "cyclonedds": "75"}
+DISTRIBUTION = os.environ.get("ROS_DISTRO", "")
+FIRST_START_S = 180.0  # compiles the simulator
 NO_DAEMON = ("--no-daemon", "--spin-time", "3")
 
 
@@ -35,13 +38,15 @@ class Ros2:
 
     def __init__(self, middleware: str) -> None:
         self.middleware = middleware
+        # What is printed must be there when a command that never ends is interrupted.
         self.environment = {
-            **os.environ, "ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            **os.environ, "ROS_DOMAIN_ID": DOMAIN[middleware], "PYTHONUNBUFFERED": "1",
+            "RMW_IMPLEMENTATION": f"rmw_{middleware}_cpp",
         }  # fmt: skip
-        if middleware == "zenoh":
-            self.environment["RMW_IMPLEMENTATION"] = "rmw_zenoh_cpp"
+        if DISTRIBUTION == "humble":
+            self.environment["ROS_LOCALHOST_ONLY"] = "1"
         else:
-            self.environment.pop("RMW_IMPLEMENTATION", None)
+            self.environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
     def __call__(self, *words: str, timeout_s: float = 60.0) -> str:
         """What it prints, also when it never ends by itself and is interrupted."""
@@ -62,6 +67,9 @@ class Ros2:
     def has(self, package: str) -> bool:
         return "not found" not in self("pkg", "prefix", package).lower()
 
+    def echo(self, topic: str, *words: str) -> str:
+        return self("topic", "echo", "--once", topic, *words, *NO_DAEMON)
+
     @contextmanager
     def robot(self, out_dir: Path) -> Iterator[None]:
         """Waits for goals at real time and may be driven."""
@@ -73,7 +81,11 @@ class Ros2:
             [*command, "--out", str(out_dir)], env=self.environment, start_new_session=True
         ) as process:
             try:
-                until(lambda: "/agribot/fix" in self("topic", "list", *NO_DAEMON), "the robot")
+                until(
+                    lambda: "/agribot/fix" in self("topic", "list", *NO_DAEMON),
+                    "the robot",
+                    FIRST_START_S,
+                )
                 yield
             finally:
                 with suppress(ProcessLookupError):
@@ -81,14 +93,14 @@ class Ros2:
                 process.wait(60.0)
 
 
-@pytest.fixture(scope="module", params=["zenoh", "dds"])
+@pytest.fixture(scope="module", params=list(DOMAIN))
 def ros2(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Ros2]:
     ros = Ros2(request.param)
-    if ros.middleware == "zenoh" and not ros.has("rmw_zenoh_cpp"):
-        pytest.skip("needs rmw_zenoh_cpp")
-    if ros.middleware == "dds" and find_spec("cyclonedds") is None:
+    if not ros.has(f"rmw_{ros.middleware}_cpp"):
+        pytest.skip(f"needs rmw_{ros.middleware}_cpp")
+    if ros.middleware != "zenoh" and find_spec("cyclonedds") is None:
         pytest.skip("needs the cyclonedds wheel")
     with ros.robot(tmp_path_factory.mktemp("run")):
         yield ros
@@ -104,16 +116,17 @@ def test_topic_list_shows_every_topic_with_its_type(ros2: Ros2) -> None:
 
 def test_topic_info_knows_the_type_hash(ros2: Ros2) -> None:
     info = ros2("topic", "info", "-v", "/agribot/fix", *NO_DAEMON)
-    assert "RIHS01_62223ab3" in info
     assert "Node name: agribot" in info
+    if DISTRIBUTION != "humble":  # which prints no hashes
+        assert "RIHS01_62223ab3" in info
 
 
 def test_topic_echo_prints_fixes_and_the_latched_description(ros2: Ros2) -> None:
-    fix = ros2("topic", "echo", "--once", "/agribot/fix")
+    fix = ros2.echo("/agribot/fix")
     (latitude,) = re.findall(r"^latitude: ([-\d.]+)", fix, re.MULTILINE)
     assert abs(float(latitude) - 21.1613) < 0.001
     options = ("--qos-durability", "transient_local", "--qos-reliability", "reliable")
-    assert "<robot" in ros2("topic", "echo", "--once", "/robot_description", *options)
+    assert "<robot" in ros2.echo("/robot_description", *options)
 
 
 def test_topic_hz_measures_the_imus_rate(ros2: Ros2) -> None:
@@ -128,7 +141,7 @@ def test_the_frame_tree_leads_from_the_map_to_the_camera(ros2: Ros2) -> None:
 
 def test_topic_pub_drives_the_robot(ros2: Ros2) -> None:
     def north_m() -> float:
-        said = ros2("topic", "echo", "--once", "/ground_truth/odometry", "--field", "pose.pose")
+        said = ros2.echo("/ground_truth/odometry", "--field", "pose.pose")
         return float(re.findall(r"y: ([-\d.e]+)", said)[0])
 
     before_m = north_m()
@@ -140,8 +153,8 @@ def test_topic_pub_drives_the_robot(ros2: Ros2) -> None:
 
 
 def test_a_goal_is_driven(ros2: Ros2) -> None:
-    if ros2.middleware != "zenoh" or not ros2.has("nav2_msgs"):
-        pytest.skip("needs nav2_msgs and rmw_zenoh_cpp")
+    if ros2.middleware != "zenoh" or DISTRIBUTION != "jazzy" or not ros2.has("nav2_msgs"):
+        pytest.skip("needs rmw_zenoh_cpp and the nav2_msgs of Jazzy: the goal's type has changed")
     goal = "{poses: [{header: {frame_id: map}, pose: {position: {x: -3.0, y: 3.0}}}]}"
     kind = "nav2_msgs/action/NavigateThroughPoses"
     said = ros2("action", "send_goal", "--feedback", "/navigate_through_poses", kind, goal,

@@ -42,6 +42,7 @@ def test_rerun_gets_tracks_plan_pictures_curves_and_a_place_on_earth(
     printed = subprocess.run(
         [RERUN, "rrd", "print", target], check=True, timeout=120, capture_output=True, text=True
     ).stdout
+    assert "ContainerBlueprint:" in printed  # which says what is shown where
     found = set(re.findall(r"/[a-z_]+(?:/[a-z_]+)*", printed))
     assert {
         "/map/estimate", "/map/plan", "/map/robot", "/camera/image", "/earth/fix",

@@ -7,6 +7,7 @@ import json
 import sys
 
 from agribot.bench import closed_loop
+from agribot.commands.word_list import words_of
 from agribot.errors import ConfigError
 from agribot.sweep.plan import read_seeds
 
@@ -38,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Status 1 where the beet field was driven and the network fell short of what it must hold."""
-    fields = _known(options.fields, closed_loop.FIELDS, "fields")
-    lights = _known(options.lights, tuple(closed_loop.LIGHTS), "lights")
+    fields = words_of("--fields", options.fields, closed_loop.FIELDS)
+    lights = words_of("--lights", options.lights, closed_loop.LIGHTS)
     try:
         ratios = [float(word) for word in options.heights.split(",")]
     except ValueError as error:
@@ -54,14 +55,6 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     return 0 if closed_loop.holds(result) else 1
-
-
-def _known(text: str, known: tuple[str, ...], option: str) -> list[str]:
-    words = list(dict.fromkeys(word.strip() for word in text.split(",")))
-    for word in words:
-        if word not in known:
-            raise ConfigError(f"--{option} {word}: there are {', '.join(known)}")
-    return words
 
 
 def _say(text: str) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from agribot.bench import missions
 from agribot.commands.sweep import drive, status
+from agribot.commands.word_list import words_of
 from agribot.errors import ConfigError
 from agribot.sweep.execution import ProcessExecutor
 from agribot.sweep.plan import read_seeds
@@ -37,10 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Status 1 where a mission failed or the cross-track error is larger than it must be."""
-    profiles = [word.strip() for word in options.profiles.split(",")]
-    unknown = [word for word in profiles if word not in PROFILES]
-    if unknown:
-        raise ConfigError(f"--profiles {unknown[0]}: known are {', '.join(PROFILES)}")
+    profiles = words_of("--profiles", options.profiles, PROFILES)
     if not 1 <= options.workers <= 1024:
         raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
     wanted = missions.jobs(profiles, read_seeds(options.seeds) if options.seeds else None)

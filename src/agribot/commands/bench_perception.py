@@ -9,6 +9,7 @@ import sys
 from agribot.bench.perception import HEIGHT_PX, NETWORKS, WIDTH_PX, table
 from agribot.bench.perception import run as measure
 from agribot.commands.networks import STRIDE_PX, read_size
+from agribot.commands.word_list import words_of
 from agribot.errors import ConfigError
 
 
@@ -23,10 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    networks = tuple(options.networks.split(",")) if options.networks else NETWORKS
-    for name in networks:
-        if name not in NETWORKS:
-            raise ConfigError(f"--networks {name}: there are {', '.join(NETWORKS)}")
+    networks = words_of("--networks", options.networks, NETWORKS)
     for option, most in (("threads", 256), ("frames", 10_000)):
         if not 1 <= getattr(options, option) <= most:
             value = getattr(options, option)

@@ -8,7 +8,7 @@ import sys
 
 from agribot.bench.sim import FIGURES
 from agribot.bench.sim import run as measure
-from agribot.errors import ConfigError
+from agribot.commands.word_list import words_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,11 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    names = options.only.split(",") if options.only else []
-    for name in names:
-        if name not in FIGURES:
-            raise ConfigError(f"--only {name}: no such figure; there are {', '.join(FIGURES)}")
-    result = measure(names, _say)
+    result = measure(words_of("--only", options.only, FIGURES), _say)
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     return 0

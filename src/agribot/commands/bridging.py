@@ -221,8 +221,8 @@ def _dds(
     domain = domain_from(options)
     gateway = DdsGateway(requests, out, domain=domain)
     say(
-        f"DDS: node /agribot in domain {domain}, on this machine; topics only, and peers set "
-        "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
+        f"DDS: node /agribot in domain {domain}, on this machine, where peers set "
+        "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST; topics only"
     )
     return gateway
 

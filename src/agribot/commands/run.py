@@ -115,7 +115,7 @@ def _summary(report: Report, out_dir: Path) -> str:
     lines.append(f"{done}, plants crushed {tracking.plants_crushed}/{tracking.plants_total}")
     if weeds.mapped is not None:
         lines.append(
-            f"weeds mapped {weeds.mapped}, true ones {weeds.truth}: "
+            f"weeds mapped along the rows {weeds.mapped}, true ones {weeds.truth}: "
             f"precision {_number(weeds.precision)}, recall {_number(weeds.recall)}, "
             f"treated {weeds.treated}"
         )

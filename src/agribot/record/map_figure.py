@@ -187,7 +187,7 @@ def _subtitle(data: RunData) -> str:
     weeds = [p for p in data.plants if p.plant == PlantClass.WEED]
     treated = sum(p.treated_s is not None for p in weeds)
     metres = float(data.series.distance_m[-1]) if len(data.series.distance_m) else 0.0
-    return f"{metres:.0f} m driven, {len(weeds)} weeds mapped, {treated} treated"
+    return f"{metres:.0f} m driven, {len(weeds)} weeds on the map, {treated} treated"
 
 
 def _scale_bar(axes: Axes, x_min: float, y_min: float, width_m: float) -> None:

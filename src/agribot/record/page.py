@@ -126,7 +126,7 @@ def _weeds_section(plants: tuple[MappedPlant, ...]) -> str:
         ]
         for weed in weeds
     ]
-    return "<h2>Weeds</h2>\n" + _folded(f"{len(weeds)} mapped weeds", _table(heads, body), body)
+    return "<h2>Weeds</h2>\n" + _folded(f"{len(weeds)} weeds on the map", _table(heads, body), body)
 
 
 def _events_section(data: RunData) -> str:

@@ -22,6 +22,7 @@ _NUMBERS = (
 )  # fmt: skip
 _GREEN, _BLUE, _WHITE = (20, 190, 60), (30, 140, 255), (230, 230, 230)
 _LINE_M, _GOAL_M = 0.02, 0.12
+_UNKNOWN_M = 100.0  # no place yet
 Show = Callable[[Any], None]
 
 
@@ -41,6 +42,7 @@ def write_rerun(recording: Path, target: Path | None) -> int:
         stream.spawn()
     else:
         stream.save(str(target))
+    stream.send_blueprint(_layout(rerun.blueprint))
     shower, count = _Shower(rerun, stream), 0
     with open_bag(recording) as bag:
         known = {t.name for t in bag.topics if t.name in shower.shows and bag.knows(t)}
@@ -51,6 +53,39 @@ def write_rerun(recording: Path, target: Path | None) -> int:
     shower.finish()
     stream.disconnect()  # writes the end of the file
     return count
+
+
+def _layout(views: Any) -> Any:
+    """Map and camera above, curves that belong together below."""
+
+    def curves(name: str, *topics_of_it: str) -> Any:
+        contents = [f"/curves/{topic}" for topic in topics_of_it]
+        return views.TimeSeriesView(origin="/curves", name=name, contents=contents)
+
+    pictures = views.Vertical(
+        views.Spatial2DView(origin="/camera/image", name="camera"),
+        views.Tabs(
+            views.Spatial2DView(origin="/camera/network", name="what the network sees"),
+            views.MapView(origin="/earth", name="on Earth"),
+            views.TextLogView(origin="/mission", name="mission"),
+        ),
+    )
+    plots = views.Horizontal(
+        curves("speed, m/s", "speed_mps", "commanded_mps"),
+        curves("turn rate, rad/s", "commanded_radps"),
+        curves("heading, deg", "heading/raw", "heading/filtered"),
+        curves("to the goal, m", "distance"),
+    )
+    above = views.Horizontal(
+        views.Spatial3DView(origin="/map", name="map"), pictures, column_shares=[3, 2]
+    )
+    return views.Blueprint(
+        views.Vertical(above, plots, row_shares=[3, 1]),
+        views.BlueprintPanel(state="collapsed"),
+        views.SelectionPanel(state="collapsed"),
+        views.TimePanel(state="collapsed"),
+        auto_views=False,
+    )
 
 
 class _Shower:
@@ -96,6 +131,9 @@ class _Shower:
 
     def _estimate(self, message: Any) -> None:
         place, turn = message.pose.pose.position, message.pose.pose.orientation
+        std_m = math.sqrt(max(message.pose.covariance[0], message.pose.covariance[7], 0.0))
+        if std_m > _UNKNOWN_M:
+            return
         self._tracks.setdefault("estimate", []).append((place.x, place.y, 0.0))
         rerun = self._rerun
         pose = rerun.Transform3D(
@@ -104,7 +142,6 @@ class _Shower:
         )
         self._log("map/robot", pose)
         self._log("map/robot", rerun.Arrows3D(vectors=[(0.5, 0, 0)], radii=[0.05]), static=True)
-        std_m = math.sqrt(max(message.pose.covariance[0], message.pose.covariance[7], 0.0))
         self._curve("curves/position_std_m", std_m)
         self._curve("curves/speed_mps", float(message.twist.twist.linear.x))
 

@@ -60,7 +60,7 @@ def _weeds(report: Report) -> list[Tile]:
         return []
     truth = f"of {weeds.truth} true ones" if weeds.truth is not None else ""
     return [
-        ("Weeds mapped", _count(weeds.mapped), truth),
+        ("Weeds mapped along the rows", _count(weeds.mapped), truth),
         (
             "Precision / recall",
             f"{number(weeds.precision, 2)} / {number(weeds.recall, 2)}",

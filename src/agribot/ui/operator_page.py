@@ -171,7 +171,7 @@ class OperatorPage:
 
     def _about(self, port: int) -> About:
         run = self._session
-        boundary = run.work.area.boundary if run.work else ()
+        boundary = run.task.work.area.boundary if run.task.work else ()
         field = field_of(run.config, run.rows, run.goals_map_m, boundary)
         return about_run(self.address, port, run.config, run.robot, run.urdf, field, run.out_dir)
 
