@@ -36,7 +36,7 @@ SETTINGS = ["--set", "seed=1", "--set", "perception.camera_rate_hz=4"]
 README_FROM = 0.6  # of the mission
 GAP_PX, GAP_RGB = 10, (128, 128, 128)
 PATIENCE_S = 900.0
-LOADING_S, SETTLING_S = 4.0, 1.5  # a map without a graphics card
+LOADING_S, SETTLING_S = 30.0, 3.0  # a map without a graphics card
 STATE = "window.__agribot.state()"
 READY = (
     "[...document.querySelectorAll('.banner.bad')].every(each => !each.offsetParent)",

@@ -4,7 +4,6 @@ import { api } from '../api.ts'
 import { typeOf } from '../displays/types.ts'
 import { Display } from '../displays/display.ts'
 import { download, el } from '../dom.ts'
-import { icon } from '../icons.ts'
 import type { ImportedView } from '../wire.ts'
 import type { MapView } from './view.ts'
 
@@ -25,8 +24,8 @@ export function mapvizButtons(view: MapView, refresh: () => void): HTMLElement[]
     if (text) download('view.mvc', text)
   }
   return [
-    el('button', { type: 'button', class: 'button', onclick: () => file.click() }, icon('upload', 20), 'From mapviz'),
-    el('button', { type: 'button', class: 'button', onclick: () => void write() }, icon('download', 20), 'To mapviz'), file,
+    el('button', { type: 'button', class: 'button', onclick: () => file.click() }, 'From mapviz'),
+    el('button', { type: 'button', class: 'button', onclick: () => void write() }, 'To mapviz'), file,
   ]
 }
 

@@ -6,7 +6,7 @@ import type { App } from '../app.ts'
 import { download, el } from '../dom.ts'
 import { icon } from '../icons.ts'
 
-export const IMPORT_TYPES = '.geojson,.json,.gpkg,.kml,.kmz,.shp,.zip,.gpx,.xml,.csv'
+export const IMPORT_TYPES = '.geojson,.json,.gpkg,.kml,.kmz,.zip' // what the server reads
 
 interface Document {
   content: () => FeatureCollection
