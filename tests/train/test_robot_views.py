@@ -1,14 +1,16 @@
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from agribot.description.field_generator import generate_field
 from agribot.errors import ConfigError
 from agribot.messages import PlantClass
 from agribot.sim.random_scenes import CROPS, WEEDS
-from agribot.train.farm import draw_row_crop, random_plan
+from agribot.train.farm import draw_row_crop, draw_turn, random_plan, turn_pose
 from agribot.train.main import run
 from tests.train.test_train_command import parsed
 
@@ -31,6 +33,25 @@ def test_a_robot_on_a_row_sees_its_crop_in_the_middle_of_the_picture() -> None:
     assert np.mean(middles) > 1.2 * np.mean(sides)
 
 
+def test_robots_that_turn_look_anywhere_with_crop_in_reach() -> None:
+    rng = np.random.default_rng(3)
+    world = generate_field(random_plan(rng), 5)
+    crops_m = np.array([(p.x_map_m, p.y_map_m) for p in world.plants if p.plant == PlantClass.CROP])
+    poses = [turn_pose(rng, world) for _ in range(400)]
+    headings = np.array([math.atan2(pose[1, 0], pose[0, 0]) for pose in poses])
+    quarters, _ = np.histogram(headings, 4, (-math.pi, math.pi))
+    assert quarters.min() > 60
+    for pose in poses:
+        assert np.hypot(*(crops_m - pose[:2, 3]).T).min() < 2.5
+
+
+def test_one_seed_gives_the_same_views_of_the_same_turn() -> None:
+    one, other = (list(draw_turn(np.random.default_rng(4), 2)) for _ in range(2))
+    for (image, label), (image_again, label_again) in zip(one, other, strict=True):
+        assert np.array_equal(image, image_again)
+        assert np.array_equal(label, label_again)
+
+
 def test_plans_vary_and_keep_to_the_species_of_their_variety() -> None:
     rng = np.random.default_rng(0)
     plans = [random_plan(rng) for _ in range(60)]
@@ -42,6 +63,12 @@ def test_plans_vary_and_keep_to_the_species_of_their_variety() -> None:
     assert {"carrot", "onion"} <= wide
 
 
-def test_more_row_images_than_images_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="--row-images"):
-        run(parsed("--images", "4", "--row-images", "5", "--out", str(tmp_path)))
+@pytest.mark.parametrize(
+    "words",
+    [("--row-images", "5"), ("--turn-images", "-1"), ("--row-images", "3", "--turn-images", "2")],
+)
+def test_more_images_of_the_robot_than_images_are_refused(
+    words: tuple[str, ...], tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigError, match=words[0]):
+        run(parsed("--images", "4", *words, "--out", str(tmp_path)))

@@ -30,7 +30,7 @@ def test_one_command_goes_from_nothing_to_weights_with_a_card(
     weights = tmp_path / "agribot-sim.onnx"
     card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
     assert (card.plan.steps, card.train_images) == (2, 4)
-    assert set(card.test) == {"random-fields", "farm", "row-crops"}
+    assert set(card.test) == {"random-fields", "farm", "row-crops", "turns"}
     assert card.calibration is not None and card.calibration.images == 2
     assert card.calibration.temperature > 0.0
     assert np.array(card.test["farm"].confusion).sum() > 100_000

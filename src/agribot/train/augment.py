@@ -13,7 +13,7 @@ from agribot.train.losses import IGNORED
 # Around the scale at which the network sees a camera image (512 of 640 pixels).
 SCALE_RATIO = (0.6, 1.3)
 BLUR_SIGMA_PX = 1.2
-WINDOW_TRIES = 4
+WINDOW_TRIES = 2
 
 
 def augmented_batch(

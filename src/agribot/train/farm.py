@@ -34,7 +34,7 @@ from agribot.sim.random_scenes import (
 )
 from agribot.train.data import LabelledImage
 from agribot.train.simulated import label_of
-from agribot.world import Soil, WorldSpec
+from agribot.world import Plant, Soil, WorldSpec
 
 
 def draw_farm(rng: np.random.Generator, views: int) -> Iterator[LabelledImage]:
@@ -48,6 +48,20 @@ def draw_row_crop(
     rng: np.random.Generator, views: int, *, is_wide: bool = False
 ) -> Iterator[LabelledImage]:
     """Views from a robot along the rows of a generated field of any growth and weediness."""
+    world, look, row_yaw_rad = _random_rows(rng, is_wide=is_wide)
+    return _driven(world, look, row_yaw_rad, rng, views)
+
+
+def draw_turn(
+    rng: np.random.Generator, views: int, *, is_wide: bool = False
+) -> Iterator[LabelledImage]:
+    """Views from a robot that turns beside such rows, or comes to them: from any side."""
+    world, look, _ = _random_rows(rng, is_wide=is_wide)
+    return _driven(world, look, None, rng, views)
+
+
+def _random_rows(rng: np.random.Generator, *, is_wide: bool) -> tuple[WorldSpec, Appearance, float]:
+    """A field, its look, and the direction of its rows."""
     plan = random_plan(rng, is_wide=is_wide)
     world = msgspec.structs.replace(
         generate_field(plan, int(rng.integers(2**31))),
@@ -55,7 +69,7 @@ def draw_row_crop(
         soil=random_soil(rng) if is_wide else Soil(),
     )
     look = random_look(rng) if rng.random() < 0.5 else Appearance()
-    return _driven(world, look, math.radians(plan.rows.yaw_deg), rng, views)
+    return world, look, math.radians(plan.rows.yaw_deg)
 
 
 def random_plan(rng: np.random.Generator, *, is_wide: bool = False) -> FieldPlan:
@@ -87,14 +101,21 @@ def random_plan(rng: np.random.Generator, *, is_wide: bool = False) -> FieldPlan
 
 
 def _driven(
-    world: WorldSpec, look: Appearance, row_yaw_rad: float, rng: np.random.Generator, views: int
+    world: WorldSpec,
+    look: Appearance,
+    row_yaw_rad: float | None,
+    rng: np.random.Generator,
+    views: int,
 ) -> Iterator[LabelledImage]:
+    """Along rows of this direction, or anyhow."""
     robot = load_robot()
     body_from_camera, camera = robot.body_from_camera(), robot.camera
     assert camera is not None  # body_from_camera() has looked
     renderer = CameraRenderer(world, robot, appearance=look, threads=1)
     for _ in range(views):
-        map_from_body = row_pose(rng, world, row_yaw_rad)
+        map_from_body = (
+            turn_pose(rng, world) if row_yaw_rad is None else row_pose(rng, world, row_yaw_rad)
+        )
         drawn = renderer.render(
             map_from_body @ body_from_camera,
             camera,
@@ -109,10 +130,23 @@ def row_pose(
     rng: np.random.Generator, world: WorldSpec, row_yaw_rad: float = math.pi / 2.0
 ) -> FloatArray:
     """`map_from_body` on a crop row, up to 2 m before a plant, a little off the row."""
-    crops = [plant for plant in world.plants if plant.plant == PlantClass.CROP]
-    plant = crops[int(rng.integers(len(crops)))]
+    plant = _some_crop(rng, world)
     yaw_rad = row_yaw_rad + rng.choice([0.0, math.pi]) + rng.normal(0.0, 0.06)
     before_m, aside_m = rng.uniform(0.2, 2.0), rng.normal(0.0, 0.06)
     x_m = plant.x_map_m - before_m * math.cos(yaw_rad) - aside_m * math.sin(yaw_rad)
     y_m = plant.y_map_m - before_m * math.sin(yaw_rad) + aside_m * math.cos(yaw_rad)
     return transform((x_m, y_m, 0.0), (0.0, 0.0, yaw_rad))
+
+
+def turn_pose(rng: np.random.Generator, world: WorldSpec) -> FloatArray:
+    """`map_from_body` with a plant within 2.5 m, ahead or to the side."""
+    plant, yaw_rad = _some_crop(rng, world), rng.uniform(-math.pi, math.pi)
+    away_m, bearing_rad = rng.uniform(0.5, 2.5), yaw_rad + rng.normal(0.0, 0.5)
+    x_m = plant.x_map_m - away_m * math.cos(bearing_rad)
+    y_m = plant.y_map_m - away_m * math.sin(bearing_rad)
+    return transform((x_m, y_m, 0.0), (0.0, 0.0, yaw_rad))
+
+
+def _some_crop(rng: np.random.Generator, world: WorldSpec) -> Plant:
+    crops = [plant for plant in world.plants if plant.plant == PlantClass.CROP]
+    return crops[int(rng.integers(len(crops)))]

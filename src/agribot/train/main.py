@@ -50,13 +50,18 @@ def _add_drawn(group: argparse._ArgumentGroup) -> None:
         default="standard",
         help="wide: all species, and soil with residue, stones and wet patches",
     )
-    group.add_argument("--images", type=int, default=1500, help="to train on")
+    group.add_argument("--images", type=int, default=2000, help="to train on")
     group.add_argument(
         "--row-images",
         type=int,
-        default=0,
         metavar="N",
-        help="as many of them from the robot's camera along rows",
+        help="as many of them from the robot's camera along rows (default: half)",
+    )
+    group.add_argument(
+        "--turn-images",
+        type=int,
+        metavar="N",
+        help="as many of them from the robot's camera in turns beside rows (default: 1 of 6)",
     )
     group.add_argument("--test-images", type=int, default=120, help="of each test set")
     group.add_argument("--cache", type=Path, help="where they lie (default: OUT/images)")
@@ -181,8 +186,19 @@ def _check_drawn(args: argparse.Namespace) -> None:
             f"--with-sim {args.with_sim}: a number of images to add to photographs; leave it out "
             "with --data sim"
         )
-    if not 0 <= args.row_images <= args.images:
-        raise ConfigError(f"--row-images {args.row_images}: must be from 0 to --images")
+    if args.row_images is None:
+        args.row_images = args.images // 2
+    if args.turn_images is None:
+        args.turn_images = args.images // 6
+    for option in ("row_images", "turn_images"):
+        if not 0 <= (count := getattr(args, option)) <= args.images:
+            flag = option.replace("_", "-")
+            raise ConfigError(f"--{flag} {count}: must be from 0 to --images")
+    if (on_robot := args.row_images + args.turn_images) > args.images:
+        raise ConfigError(
+            f"--row-images and --turn-images ask for {on_robot} of the {args.images} of --images; "
+            "give more images, or fewer of these"
+        )
 
 
 def _progress(text: str) -> None:

@@ -18,7 +18,7 @@ from agribot.train.augment import augmented_batch
 from agribot.train.card import LICENSE, SIM_LIMITS
 from agribot.train.data import DataSet, LabelledImage
 from agribot.train.export import INPUT_HEIGHT_PX, INPUT_WIDTH_PX
-from agribot.train.farm import draw_farm, draw_row_crop
+from agribot.train.farm import draw_farm, draw_row_crop, draw_turn
 from agribot.train.fit import BatchSource, Progress, TrainingPlan
 from agribot.train.photo_batches import PhotoBatches
 from agribot.train.photographs import KINDS, Pair, find_pairs, fold_of, read_pairs
@@ -51,17 +51,19 @@ class Source(msgspec.Struct, frozen=True, kw_only=True):
 
 def simulated_source(args: argparse.Namespace, progress: Progress) -> Source:
     """The training sets and the held-out sets, drawn as far as they were missing."""
-    on_mast, on_robot = args.images - args.row_images, args.row_images
-    sets = _drawn_sets(args, on_mast, on_robot, progress)
+    counts = {
+        "train-random": args.images - args.row_images - args.turn_images,
+        "train-rows": args.row_images,
+        "train-turns": args.turn_images,
+    }
+    sets = _drawn_sets(args, counts, progress)
     images, labels = _in_memory(
-        itertools.chain(
-            sets.pop("train-random").read(on_mast), sets.pop("train-rows").read(on_robot)
-        )
+        itertools.chain.from_iterable(sets.pop(name).read(count) for name, count in counts.items())
     )
-    aside = sets.pop("aside")
+    aside = sets.pop("aside-random"), sets.pop("aside-rows")
     recipe = TrainingPlan(steps=1, data=f"sim --variety {args.variety}")
     return Source(
-        aside=partial(aside.read, args.test_images),
+        aside=lambda: itertools.chain.from_iterable(s.read(args.test_images // 2) for s in aside),
         batches=_view_batches(images, labels, recipe),
         recipe=recipe,
         tests={name: partial(one.read, args.test_images) for name, one in sets.items()},
@@ -72,24 +74,29 @@ def simulated_source(args: argparse.Namespace, progress: Progress) -> Source:
         license=LICENSE,
         limits=SIM_LIMITS,
         command=f"agribot train --data sim --variety {args.variety} --images {args.images} "
-        f"--row-images {args.row_images} --test-images {args.test_images}",
+        f"--row-images {args.row_images} --turn-images {args.turn_images} "
+        f"--test-images {args.test_images}",
     )
 
 
 def _drawn_sets(
-    args: argparse.Namespace, on_mast: int, on_robot: int, progress: Progress
+    args: argparse.Namespace, counts: dict[str, int], progress: Progress
 ) -> dict[str, DataSet]:
     is_wide = args.variety == "wide"
     folder = (args.cache or args.out / "images") / ("wide" if is_wide else "")
     on_any = partial(draw_random_field, is_wide=is_wide)
     on_rows = partial(draw_row_crop, is_wide=is_wide)
+    in_turns = partial(draw_turn, is_wide=is_wide)
     wanted = (
-        ("train-random", 0, on_any, on_mast),
-        ("train-rows", 1, on_rows, on_robot),
+        ("train-random", 0, on_any, counts["train-random"]),
+        ("train-rows", 1, on_rows, counts["train-rows"]),
+        ("train-turns", 2, in_turns, counts["train-turns"]),
         ("random-fields", 101, on_any, args.test_images),
         ("farm", 102, draw_farm, args.test_images),
         ("row-crops", 103, on_rows, args.test_images),
-        ("aside", 104, on_any, args.test_images),
+        ("turns", 106, in_turns, args.test_images),
+        ("aside-random", 104, on_any, args.test_images // 2),
+        ("aside-rows", 105, on_rows, args.test_images // 2),
     )
     sets = {}
     for name, stream, drawer, count in wanted:
@@ -224,6 +231,6 @@ def _view_batches(
 
 SIM_TEXT = (
     "images of AGRIBOT's own simulator: procedural fields of several crops and weeds in random "
-    "soil, light, growth stage and density, one half from random camera poses, the other from the "
-    "robot's own camera, labelled by the renderer"
+    "soil, light, growth stage and density, some from random camera poses, the others from the "
+    "robot's own camera along and beside rows, labelled by the renderer"
 )
