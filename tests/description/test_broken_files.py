@@ -168,3 +168,12 @@ def test_a_robot_without_mass_rate_or_place_is_refused(
     assert count > 0
     with pytest.raises(DescriptionError):
         read_robot(tmp_path, text)
+
+
+def test_a_body_that_was_left_without_its_mass_is_refused_though_its_camera_has_one(
+    tmp_path: Path,
+) -> None:
+    text, count = re.subn(r'<mass value="3\.4672"', '<mass value="0"', urdf_text())
+    assert count == 1
+    with pytest.raises(DescriptionError, match=r"base_link.*0\.001 kg.*at least 0\.08"):
+        read_robot(tmp_path, text)

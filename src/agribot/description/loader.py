@@ -98,6 +98,10 @@ def _read(root: ET.Element, source: Source, path: Path) -> RobotSpec:
     )
 
 
+# Of the wheels together: what is lighter was forgotten, and no physics can stand on it.
+MIN_BODY_RATIO = 0.05
+
+
 def _check_masses(links: Sequence[Link], source: Source) -> None:
     """Every wheel and the rest of the robot need a mass, and none may be negative."""
     wheels = {link.name: link.mass_kg for link in links if link.name in WHEEL_NAMES}
@@ -107,6 +111,13 @@ def _check_masses(links: Sequence[Link], source: Source) -> None:
             raise source.fail(
                 f"link '{name}'", f"a mass of {mass_kg:g} kg; give its <inertial> one above 0"
             )
+    body_kg, wheels_kg = bodies["base_link"], sum(wheels.values())
+    if body_kg < MIN_BODY_RATIO * wheels_kg:
+        raise source.fail(
+            "link 'base_link'",
+            f"{body_kg:g} kg with all that it carries, between wheels of {wheels_kg:g} kg; give "
+            f"its <inertial> at least {MIN_BODY_RATIO * wheels_kg:g} kg",
+        )
 
 
 def _robot_path(name_or_path: str) -> Path:
