@@ -137,7 +137,7 @@ class PerceptionConfig(Config, frozen=True):
     camera_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=60)] = 10.0
     latency_s: Annotated[float, msgspec.Meta(gt=0, le=5)] = 0.2
     min_plant_area_m2: NonNegative = 2e-4
-    min_confidence: Ratio = 0.5
+    min_confidence: Ratio = 0.6
     max_range_m: Positive = 1.6  # pixel footprint beyond it is too long for a position
     threads: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1
 
