@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
+from agribot.dataset.check import check
+from agribot.dataset.layouts import find_layout
 from agribot.messages import WHEEL_NAMES, TickRecord
 from agribot.record.replay import read_ticks
 from tests.ui.page.conftest import (
@@ -142,6 +144,18 @@ def test_plants_are_mapped_as_the_robot_passes_them(page: Page) -> None:
     until(page, "window.__agribot.counters.weeds >= 3", patience_s=60.0)
     show(page, "weeds")
     expect(page.locator("main")).to_contain_text(re.compile(r"[1-9]\d* of [1-9]\d* plants"))
+
+
+def test_the_operator_keeps_a_frame_that_teaches_networks(page: Page, robot: Robot) -> None:
+    in_charge(page)
+    show(page, "camera")
+    page.get_by_role("button", name="Keep for training").click()
+    toast = page.locator(".toast.info", has_text="Kept images/")
+    expect(toast).to_contain_text("frames there: 1.")
+    folder = robot.out_dir.parent / "frames"
+    expect(toast).to_contain_text(str(folder))
+    found = check(find_layout(folder), lambda _: None)
+    assert (found.ok, found.pairs, found.sizes) == (True, 1, {"640x480": 1})
 
 
 def test_the_server_names_the_screens_that_the_page_has(page: Page) -> None:
