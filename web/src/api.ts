@@ -60,6 +60,11 @@ export const api = {
   replay: (recording: string | null, speed: number, tS: number) =>
     write('POST', '/api/v1/replay', { name: recording, speed, t_s: tS }),
 
+  /** A small picture of a weed, and when it was taken. */
+  weedPicture: async (id: number): Promise<{ picture: Blob; takenS: number }> => {
+    const response = await request(`/api/v1/weeds/${id}/picture`)
+    return { picture: await response.blob(), takenS: Number(response.headers.get('x-captured-s')) }
+  },
   keepFrame: () => ask<KeptFrame>('POST', '/api/v1/frames', {}),
 
   settings: () => get<Settings>('/api/v1/settings'),

@@ -44,6 +44,14 @@ class RecentFrames:
             index = max(self._frames.keys() & self._masks.keys(), default=None)
             return None if index is None else Shot(*self._frames[index], self._masks[index])
 
+    def of(self, index: int) -> Shot | None:
+        """A frame and its mask, as long as it is kept."""
+        with self._lock:
+            known = self._frames.get(index), self._masks.get(index)
+            if known[0] is None or known[1] is None:
+                return None
+            return Shot(*known[0], known[1])
+
 
 def _forget_old(kept: dict[int, Any]) -> None:
     while len(kept) > KEPT:
