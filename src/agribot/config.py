@@ -161,6 +161,7 @@ class RecordConfig(Config, frozen=True):
     max_file_mb: NonNegative = 0.0  # a new file begins at this size; 0: one file
     max_total_mb: NonNegative = 0.0  # above it, the oldest files go; 0: no limit
     min_free_mb: NonNegative = 200.0  # of the disk; below it, files go or recording ends
+    frames_dir: str = ""  # of the frames that an operator keeps; empty: `frames` beside the run
 
 
 class SourceConfig(Config, frozen=True):

@@ -2,7 +2,7 @@
 
 import type { FeatureCollection } from 'geojson'
 import type {
-  Calibrations, Field, Health, ImportedView, MapSource, Panel, PlanReply, Recordings, Robot, Session, Settings, SettingsReply, SettingValue,
+  Calibrations, Field, Health, ImportedView, KeptFrame, MapSource, Panel, PlanReply, Recordings, Robot, Session, Settings, SettingsReply, SettingValue,
 } from './wire.ts'
 
 export class ApiError extends Error {
@@ -59,6 +59,13 @@ export const api = {
   recordings: () => get<Recordings>('/api/v1/recordings'),
   replay: (recording: string | null, speed: number, tS: number) =>
     write('POST', '/api/v1/replay', { name: recording, speed, t_s: tS }),
+
+  /** A small picture of a weed, and when it was taken. */
+  weedPicture: async (id: number): Promise<{ picture: Blob; takenS: number }> => {
+    const response = await request(`/api/v1/weeds/${id}/picture`)
+    return { picture: await response.blob(), takenS: Number(response.headers.get('x-captured-s')) }
+  },
+  keepFrame: () => ask<KeptFrame>('POST', '/api/v1/frames', {}),
 
   settings: () => get<Settings>('/api/v1/settings'),
   changeSettings: (changes: Record<string, SettingValue>) => ask<SettingsReply>('PATCH', '/api/v1/settings', changes),

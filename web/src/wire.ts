@@ -137,6 +137,9 @@ export interface Recording {
   name: string; utc: string; size_bytes: number; duration_s: number | null; profile: string | null
   ok: boolean | null; reason: string; files: string[]
 }
+/** A frame kept on the robot for training, and how many lie there. */
+export interface KeptFrame { folder: string; image: string; count: number }
+
 export interface Recordings { disk_free_bytes: number; current: string | null; recordings: Recording[] }
 export type SettingValue = number | boolean | string
 export interface Setting {

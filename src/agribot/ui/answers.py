@@ -96,6 +96,24 @@ def need_operator(request: Request) -> None:
         raise Unusable(403, "you are logged in as a viewer, who may look on and stop the robot")
 
 
+async def asked_of_robot(request: Request, name: str, values: Any) -> dict[str, Any]:
+    """What the robot's program answers, less `refusal`.
+
+    Raises: Unusable: it does not answer, cannot, or says in `refusal` why it does not want to.
+    """
+    hub: Hub = request.app.state.hub
+    try:
+        reply: dict[str, Any] = await hub.ask(name, values)
+    except TimeoutError as error:
+        raise Unusable(504, "the robot's program did not answer within 10 s") from error
+    except LookupError as error:
+        raise Unusable(502, str(error)) from error
+    refusal = reply.pop("refusal", "")
+    if refusal:
+        raise Unusable(409, refusal)
+    return reply
+
+
 def channel_of(request: Request) -> Channel:
     """What the caller's pages look at: the robot, or the recording that is replayed there."""
     hub: Hub = request.app.state.hub

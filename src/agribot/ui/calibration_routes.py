@@ -5,7 +5,15 @@ from __future__ import annotations
 from starlette.requests import Request
 from starlette.responses import Response
 
-from agribot.ui.answers import Unusable, json_answer, json_body, name_of, need_operator, need_seat
+from agribot.ui.answers import (
+    Unusable,
+    asked_of_robot,
+    json_answer,
+    json_body,
+    name_of,
+    need_operator,
+    need_seat,
+)
 from agribot.ui.hub import Hub
 
 WITHOUT_ROBOT = ("replay", "description")
@@ -43,16 +51,7 @@ async def _asked(request: Request, what: str, kind: str = "") -> Response:
     if hub.live.source in WITHOUT_ROBOT:
         raise Unusable(409, "no robot runs here; nothing can be calibrated")
     values = {"do": what, "kind": kind, "by": name_of(request)}
-    try:
-        reply = await hub.ask("calibration", values)
-    except TimeoutError as error:
-        raise Unusable(504, "the robot's program did not answer within 10 s") from error
-    except LookupError as error:
-        raise Unusable(502, str(error)) from error
-    refusal = reply.pop("refusal")
-    if refusal:
-        raise Unusable(409, refusal)
-    return json_answer(reply)
+    return json_answer(await asked_of_robot(request, "calibration", values))
 
 
 ROUTES = (

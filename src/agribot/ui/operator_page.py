@@ -12,7 +12,7 @@ import msgspec
 
 from agribot.calibration.robot_file import RobotFile
 from agribot.calibration.wizard import Wizard
-from agribot.errors import ConfigError
+from agribot.errors import ConfigError, RecordingError
 from agribot.messages import OperatorEvent, TickRecord
 from agribot.messages import Path as PlannedPath
 from agribot.record.events import Event
@@ -22,6 +22,9 @@ from agribot.ui.address import Address
 from agribot.ui.feed import CameraFeed, Feed
 from agribot.ui.hub import About
 from agribot.ui.panels import Panels
+from agribot.ui.plant_pictures import PlantPictures
+from agribot.ui.recent_frames import RecentFrames
+from agribot.ui.saved_frames import SavedFrames
 from agribot.ui.server_process import READY_TIMEOUT_S, ServerProcess
 from agribot.ui.verdicts import Verdicts
 from agribot.ui.view import RunView
@@ -54,6 +57,10 @@ class OperatorPage:
         self._wizard = Wizard(self._inbox, session.robot, session.config, file)
         self._feed = Feed(self._view, SessionSource(session, self._wizard), self._send)
         self._camera = CameraFeed(self.server.camera_link)
+        self._frames = RecentFrames()
+        reach_m = session.config.weeds.merge_radius_m
+        self._plants = PlantPictures(session.robot, self._frames, reach_m)
+        self._saved_frames = SavedFrames(session.config, session.out_dir)
         self._ready, self._closed = threading.Event(), threading.Event()
         self._hand_wall_s = -math.inf
         self._is_hand_moving = False
@@ -73,8 +80,10 @@ class OperatorPage:
             )
         self._session.add_tap(self)
         self._session.add_mask_tap(self._camera.mask)
+        self._session.add_mask_tap(self._frames.mask)
         self._feed.start()
         self._camera.start()
+        self._plants.start()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -84,6 +93,8 @@ class OperatorPage:
         self._wizard(record)
         self._feed(record)
         self._camera(record)
+        self._frames(record)
+        self._plants(record)
         self._verdicts(record)
 
     @property
@@ -98,6 +109,7 @@ class OperatorPage:
     def close(self) -> None:
         """Tell the pages that it is over and end the server. Safe to call twice."""
         self._closed.set()
+        self._plants.close()
         if self._ready.is_set() and not (self._feed.close() and self._camera.close()):
             self.server.process.kill()  # it takes nothing any more, not even a goodbye
         self.server.close()
@@ -167,7 +179,21 @@ class OperatorPage:
             return self._verdicts.ask(_event(values))
         if name == "calibration":
             return self._wizard.answer(values)
+        if name == "save_frame":
+            return self._save_frame()
+        if name == "plant_picture":
+            picture = self._plants.near(float(values[0]), float(values[1]))
+            return {} if picture is None else {"jpeg": picture.jpeg, "t_s": picture.t_s}
         return self._panels.answer(name, values)
+
+    def _save_frame(self) -> dict[str, Any]:
+        shot = self._frames.newest()
+        if shot is None:
+            return {"refusal": "no frame yet that the network has seen; is the camera on?"}
+        try:
+            return self._saved_frames.save(shot)
+        except RecordingError as error:
+            return {"refusal": str(error)}
 
     def _about(self, port: int) -> About:
         run = self._session

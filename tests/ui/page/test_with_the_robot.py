@@ -9,10 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from statistics import median
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
+from agribot.dataset.check import check
+from agribot.dataset.layouts import find_layout
 from agribot.messages import WHEEL_NAMES, TickRecord
 from agribot.record.replay import read_ticks
 from tests.ui.page.conftest import (
@@ -24,6 +27,7 @@ from tests.ui.page.conftest import (
     show,
     take_control,
     until,
+    wait_for,
 )
 from tests.ui.page.robots import Robot, robot_with_page
 
@@ -36,6 +40,27 @@ HANG = "() => { const end = performance.now() + 1500; while (performance.now() <
 STATE = "window.__agribot.state()"
 WAYS = ("release", "blur", "hung tab", "cut link", "gamepad gone")
 IS_STILL = f"Math.abs({STATE}.vel[0]) < 0.02"
+
+# How green a weed's picture is, 2 G - R - B, in its middle and in its corners.
+GREENS = """() => {
+  const picture = document.querySelector('.weed-picture img')
+  if (!picture?.naturalWidth) return [null, null]
+  const canvas = document.createElement('canvas')
+  const side = canvas.width = canvas.height = picture.naturalWidth
+  const pen = canvas.getContext('2d')
+  pen.drawImage(picture, 0, 0)
+  const part = Math.round(side / 5)
+  const green = (x, y) => {
+    const {data} = pen.getImageData(x, y, part, part)
+    let sum = 0
+    for (let i = 0; i < data.length; i += 4) sum += 2 * data[i + 1] - data[i] - data[i + 2]
+    return sum / (data.length / 4)
+  }
+  const end = side - part, middle = Math.round(side / 2 - part / 2)
+  const corners = [green(0, 0), green(end, 0), green(0, end), green(end, end)].sort((a, b) => a - b)
+  return [green(middle, middle), (corners[1] + corners[2]) / 2]
+}"""
+WEED_GREEN = 20.0
 
 
 @pytest.fixture(scope="module")
@@ -142,6 +167,43 @@ def test_plants_are_mapped_as_the_robot_passes_them(page: Page) -> None:
     until(page, "window.__agribot.counters.weeds >= 3", patience_s=60.0)
     show(page, "weeds")
     expect(page.locator("main")).to_contain_text(re.compile(r"[1-9]\d* of [1-9]\d* plants"))
+
+
+def test_a_weed_is_shown_as_the_camera_saw_it(page: Page) -> None:
+    on_its_mission(page)
+    show(page, "weeds")
+    page.get_by_label("Crop", exact=True).uncheck()
+    picture = page.get_by_role("img", name=re.compile(r"Weed \d+ in the camera"))
+    expect(page.locator(".count")).to_contain_text(re.compile(r"^[1-9]\d* of"))
+
+    looks: dict[str, list[float]] = {}
+
+    def has_looked_at_some() -> bool:
+        page.get_by_role("button", name="Plant before").click()
+        page.locator(".weed-picture figcaption").wait_for()
+        if picture.count():
+            wait_for(lambda: page.evaluate(GREENS)[0] is not None, "the picture itself")
+            looks[picture.get_attribute("alt") or ""] = page.evaluate(GREENS)
+        return len(looks) >= 3 and picture.count() > 0
+
+    wait_for(has_looked_at_some, "pictures of three weeds")
+    middles, corners = zip(*looks.values(), strict=True)
+    assert median(middles) > WEED_GREEN > median(corners), looks
+    details = page.locator(".details").first
+    for fact in ("Weed", "Picture from", "Confidence", "East, north"):
+        expect(details).to_contain_text(fact)
+
+
+def test_the_operator_keeps_a_frame_that_teaches_networks(page: Page, robot: Robot) -> None:
+    in_charge(page)
+    show(page, "camera")
+    page.get_by_role("button", name="Keep for training").click()
+    toast = page.locator(".toast.info", has_text="Kept images/")
+    expect(toast).to_contain_text("frames there: 1.")
+    folder = robot.out_dir.parent / "frames"
+    expect(toast).to_contain_text(str(folder))
+    found = check(find_layout(folder), lambda _: None)
+    assert (found.ok, found.pairs, found.sizes) == (True, 1, {"640x480": 1})
 
 
 def test_the_server_names_the_screens_that_the_page_has(page: Page) -> None:

@@ -1,6 +1,7 @@
 /** The camera, large, with what the network sees laid over it. */
 
-import type { Screen } from '../app.ts'
+import { api } from '../api.ts'
+import type { App, Screen } from '../app.ts'
 import { CameraPicture, CLASSES } from '../camera/picture.ts'
 import { download, el, setText } from '../dom.ts'
 import { icon } from '../icons.ts'
@@ -21,17 +22,28 @@ export const camera: Screen = {
     const save = el('button', { type: 'button', class: 'button', onclick: () => {
       picture.image.toBlob((blob) => blob && download(`camera-${Date.now()}.png`, blob), 'image/png')
     } }, icon('download', 20), 'Save picture')
+    const keep = keepButton(app)
     const frame = el('div', { class: 'card camera-frame' }, picture.node, label)
     host.append(frame, el('div', { class: 'card camera-tools' },
-      el('h2', {}, 'Overlay'), overlaySlider(picture), classToggles(picture), el('div', { class: 'button-row' }, freeze, save)))
+      el('h2', {}, 'Overlay'), overlaySlider(picture), classToggles(picture), el('div', { class: 'button-row' }, freeze, save, keep)))
     const timer = setInterval(() => {
       setText(label, (picture.frozen ? 'Frozen · ' : '') + picture.label(performance.now()))
+      keep.disabled = !app.mayCommand || picture.frozen // the robot keeps its newest frame, not the one that is shown
     }, 250)
     return () => {
       clearInterval(timer)
       picture.close()
     }
   },
+}
+
+function keepButton(app: App): HTMLButtonElement {
+  return el('button', { type: 'button', class: 'button', disabled: true, title: "Keeps the camera's newest frame with the network's mask on the robot; needs the operator's seat", onclick: () => void keepFrame(app) }, icon('save', 20), 'Keep for training')
+}
+
+async function keepFrame(app: App): Promise<void> {
+  const kept = await app.attempt(api.keepFrame())
+  if (kept) app.toasts.show('info', `Kept ${kept.image} in ${kept.folder}; frames there: ${kept.count}.`)
 }
 
 function overlaySlider(picture: CameraPicture): HTMLElement {

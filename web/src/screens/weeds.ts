@@ -1,6 +1,7 @@
 /** The weed map: filter, density, one weed's details, files for other programs. */
 
 import type { FilterSpecification, MapMouseEvent } from 'maplibre-gl'
+import { api, message } from '../api.ts'
 import type { App, Screen } from '../app.ts'
 import { el, replace, setText } from '../dom.ts'
 import { area, duration, fixed, metres, NONE } from '../format.ts'
@@ -21,13 +22,14 @@ export const weeds: Screen = {
     const filter: WeedFilter = { weeds: true, crop: true, treated: true, open: true, confidence: 0, sinceS: null }
     const mapHost = el('div', { class: 'map-host card' })
     const count = el('p', { class: 'count' })
-    const details = el('div', { class: 'card details' }, el('h2', {}, 'Details'), el('p', { class: 'muted' }, 'Tap a plant on the map.'))
+    const details = el('div', { class: 'details' }, el('h2', {}, 'Details'), el('p', { class: 'muted' }, 'Tap a plant on the map, or go through them here.'))
     let view: MapView | null = null
     const apply = (): void => {
       showCount(count, app, filter)
       view?.ready(() => view?.map.setFilter('weeds', mapFilter(filter)))
     }
-    host.append(mapHost, el('div', { class: 'side' }, filterCard(app, filter, count, apply), details, exportCard()))
+    host.append(mapHost, el('div', { class: 'side' }, filterCard(app, filter, count, apply),
+      el('div', { class: 'card' }, stepButtons(app, filter, details), details), exportCard()))
     const timer = setInterval(() => showCount(count, app, filter), COUNT_EVERY_MS)
     view = await openMap(mapHost, app)
     apply()
@@ -104,6 +106,34 @@ function pick(view: MapView, app: App, details: HTMLElement): () => void {
   return () => view.map.off('click', click)
 }
 
+/** From plant to plant in the order of the map, beginning with the newest: what a map does for those who can tap it. */
+function stepButtons(app: App, filter: WeedFilter, details: HTMLElement): HTMLElement {
+  let shown: number | null = null
+  const step = (by: 1 | -1): void => {
+    const ids = [...app.store.weeds.values()].filter((weed) => passes(weed, filter)).map(([id]) => id).sort((a, b) => a - b)
+    const from = shown ?? Infinity
+    const next = by > 0 ? ids.find((id) => id > from) ?? ids[0] : ids.filter((id) => id < from).pop() ?? ids[ids.length - 1]
+    const weed = next === undefined ? undefined : app.store.weeds.get(next)
+    if (!weed) return
+    shown = weed[0]
+    showWeed(details, weed, app)
+  }
+  return el('div', { class: 'button-row steps' },
+    el('button', { type: 'button', class: 'button', onclick: () => step(-1) }, 'Plant before'),
+    el('button', { type: 'button', class: 'button', onclick: () => step(1) }, 'Plant after'))
+}
+
+/** Comes in when the robot has answered; without one the robot's reason stands there. */
+function weedPicture(id: number): HTMLElement {
+  const figure = el('figure', { class: 'weed-picture' })
+  api.weedPicture(id).then(({ picture, takenS }) => {
+    const url = URL.createObjectURL(picture)
+    replace(figure, el('img', { src: url, alt: `Weed ${id} in the camera`, onload: () => URL.revokeObjectURL(url) }),
+      el('figcaption', { class: 'muted' }, `Picture from ${duration(takenS)}`))
+  }).catch((error: unknown) => replace(figure, el('figcaption', { class: 'muted' }, message(error))))
+  return figure
+}
+
 function showWeed(node: HTMLElement, weed: Weed, app: App): void {
   const [id, cls, x, y, stdM, confidence, areaM2, sightings, firstS, lastS, treatedS] = weed
   const [lon, lat] = app.projection.toLonLat(x, y)
@@ -112,7 +142,7 @@ function showWeed(node: HTMLElement, weed: Weed, app: App): void {
     ['First seen', duration(firstS)], ['Last seen', duration(lastS)], ['Treated', treatedS === null ? NONE : duration(treatedS)],
     ['East, north', `${fixed(x, 2)}, ${fixed(y, 2)} m`],
   ]
-  replace(node, el('h2', {}, `${cls === 0 ? 'Weed' : 'Crop plant'} ${id}`),
+  replace(node, el('h2', {}, `${cls === 0 ? 'Weed' : 'Crop plant'} ${id}`), cls === 0 && weedPicture(id),
     el('dl', { class: 'facts plain' }, ...rows.map(([name, text]) => el('div', {}, el('dt', {}, name), el('dd', {}, text)))),
     el('p', { class: 'mono select-all' }, `${lat.toFixed(8)}, ${lon.toFixed(8)}`))
 }
