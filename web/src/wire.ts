@@ -145,7 +145,7 @@ export interface Setting {
 }
 export interface Settings { groups: { name: string; keys: Setting[] }[] }
 export interface SettingsReply { applied: Record<string, SettingValue>; refused: Record<string, string> }
-export interface CalibrationKind { name: string; title: string; about: string; space_m: number; duration_s: number }
+export interface CalibrationKind { name: string; title: string; about: string; ground: string; duration_s: number }
 export interface CalibrationChange { label: string; unit: string; before: number | null; after: number; std: number | null }
 export interface CalibrationFound { ok: boolean; reasons: string[]; changes: CalibrationChange[]; settings: string[] }
 export interface Calibrations {

@@ -9,12 +9,14 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from agribot.calibration.figure import FIGURE, REST_S, TEST_RUN, TURNS, Drive, Motion
+from agribot.calibration.camera import camera_of, row_view_of, seen_in_figure
+from agribot.calibration.figure import ALONG_ROW, FIGURE, REST_S, TEST_RUN, TURNS, Drive, Motion
 from agribot.calibration.sensors import antenna_of_drive, compass_scatter_rad, magnetometer_of_drive
 from agribot.config import RunConfig
 from agribot.estimate.drive_fit import fit_drive
 from agribot.estimate.drive_log import DriveLog
 from agribot.estimate.mag_fit import MagCalibration
+from agribot.geo import rpy_from_rotation
 from agribot.messages import WHEEL_NAMES
 from agribot.robot import RobotSpec
 
@@ -52,6 +54,15 @@ class Kind(NamedTuple):
     figure: Sequence[Motion]
     space_m: float
     find: Callable[[Drive, RobotSpec, RunConfig], Found]
+    needs_pictures: bool = False  # of plants: the square is a field, with a row under the robot
+
+    @property
+    def ground(self) -> str:
+        """What it needs, as a person reads it."""
+        square = f"{self.space_m:g} m × {self.space_m:g} m of firm, level"
+        if self.needs_pictures:
+            return f"{square} field around it, and a crop row between its wheels and ahead"
+        return f"{square}, free ground around it"
 
     @property
     def duration_s(self) -> float:
@@ -126,6 +137,61 @@ def _antenna(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
     )  # fmt: skip
 
 
+def _camera(driven: Drive, robot: RobotSpec, config: RunConfig) -> Found:
+    result = camera_of(seen_in_figure(driven, robot, config))
+    fit, link = result.fit, robot.camera.link if robot.camera else ""
+    before_rad = rpy_from_rotation(robot.base_from_link(link)[:3, :3])
+    height_m = float(robot.body_from_link(link)[2, 3])
+    turned = [
+        Change(
+            label=label,
+            unit="deg",
+            before=math.degrees(was_rad),
+            after=math.degrees(rad),
+            std=math.degrees(std_rad),
+        )
+        for label, was_rad, rad, std_rad in zip(
+            ("Rolled right", "Pitched down", "Turned left"),
+            before_rad,
+            result.camera_rpy_rad,
+            (fit.roll_std_rad, fit.pitch_std_rad, fit.yaw_std_rad),
+            strict=True,
+        )
+    ]
+    return Found(
+        ok=result.ok,
+        reasons=result.reasons,
+        changes=(
+            *turned,
+            Change(label="Height over the ground", unit="m", before=height_m,
+                   after=height_m + fit.height_m, std=fit.height_std_m),
+            Change(label="Plants seem to move by", unit="m", before=fit.scatter_before_m,
+                   after=fit.scatter_m),
+            Change(label="Plants followed", unit="", before=None, after=fit.tracks),
+        ),
+        settings=result.settings,
+    )  # fmt: skip
+
+
+def _row_view(driven: Drive, robot: RobotSpec, config: RunConfig) -> Found:
+    """Against where the rows are: none of it is to be taken over."""
+    result = row_view_of(seen_in_figure(driven, robot, config))
+    fit = result.fit
+    return Found(
+        ok=result.ok,
+        reasons=result.reasons,
+        changes=(
+            Change(label="Rows seen aside by", unit="m", before=None, after=fit.offset_bias_m,
+                   std=fit.offset_bias_std_m),
+            Change(label="Rows seen turned by", unit="deg", before=None,
+                   after=math.degrees(fit.heading_bias_rad),
+                   std=math.degrees(fit.heading_bias_std_rad)),
+            Change(label="Pictures with a row", unit="%", before=None,
+                   after=100.0 * fit.lines / fit.pictures),
+        ),
+    )  # fmt: skip
+
+
 def _motors(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
     """Every wheel over the middle half of each leg, against what was commanded."""
     log, ratios = DriveLog(driven.batches, driven.stretches), []
@@ -171,6 +237,15 @@ KINDS = {
              "Drives 4 m ahead, turns twice round to both sides and drives back; finds where the "
              "antenna sits. Needs a receiver with corrections.",
              TURNS, 10.0, _antenna),
+        Kind("camera", "Camera's mount",
+             "Drives 8 m along a crop row and back, with the row between its wheels; finds pitch, "
+             "yaw, roll and height of the camera from plants that it sees again. Needs a receiver "
+             "with corrections.",
+             ALONG_ROW, 16.0, _camera, needs_pictures=True),
+        Kind("row-view", "Rows in the picture",
+             "Drives 8 m along a dense row of the field and back, and compares where the camera "
+             "sees the row with where it is. Needs a receiver with corrections. Changes nothing.",
+             ALONG_ROW, 16.0, _row_view, needs_pictures=True),
         Kind("motors", "Motors",
              "Runs all wheels ahead and back for 1 m, with the robot jacked up or on free ground, "
              "and compares each with what was commanded. Changes nothing.",

@@ -57,6 +57,7 @@ class Wizard:
             if self._phase == "driving" and (objection := self._objection(record)):
                 self._fail(objection)
             if self._phase == "driving":
+                self._drive.driven.scenes.extend(record.scenes)
                 self._drive_on(record.batch)
 
     def interrupt(self, by: str) -> None:
@@ -109,7 +110,7 @@ class Wizard:
         return {
             "kinds": [
                 {"name": kind.name, "title": kind.title, "about": kind.about,
-                 "space_m": kind.space_m, "duration_s": round(kind.duration_s)}
+                 "ground": kind.ground, "duration_s": round(kind.duration_s)}
                 for kind in KINDS.values()
             ],
             "now": self.shown(),
@@ -133,6 +134,8 @@ class Wizard:
             raise MissionError(f"stopped by {self._stopped_by}; release the stop first")
         if record.status.state in BUSY or abs(record.estimate.v_mps) > STANDING_MPS:
             raise MissionError("the robot is at work; pause its mission first")
+        if kind.needs_pictures and not (self._config.perception.enabled and self._robot.camera):
+            raise MissionError("nothing is seen here; start with perception.enabled and a camera")
         self._kind, self._found, self._reason = kind, None, ""
         self._drive = FigureDrive(self._robot.drive, kind.figure)
         self._source = f"calibration of {by}"

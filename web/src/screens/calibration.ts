@@ -116,10 +116,9 @@ export class CalibrationCard {
   }
 
   private async start(kind: CalibrationKind): Promise<void> {
-    const side = fixed(kind.space_m, 0, 'm')
     const go = await this.app.dialogs.confirm(kind.title, [
       el('p', {}, kind.about),
-      el('p', {}, `The robot drives by itself for about ${duration(kind.duration_s)} min. It needs ${side} × ${side} of firm, level, free ground around it.`),
+      el('p', {}, `The robot drives by itself for about ${duration(kind.duration_s)} min. It needs ${kind.ground}.`),
       el('p', {}, 'STOP, Cancel, a hand on the stick and the loss of your link end it at once. Nothing changes before you take the result over.'),
     ], 'Drive now')
     if (go) await this.take(api.calibrate('start', { kind: kind.name }))
