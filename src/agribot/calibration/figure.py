@@ -74,6 +74,21 @@ ALONG_ROW = (
 )
 
 
+# The same with the nose swung to both sides: plants that cross the picture show a roll. What the
+# swings overshoot cancels, as every other one begins to the other side.
+def _swing(first: str, second: str, yaw_rate_radps: float) -> tuple[Motion, ...]:
+    return (
+        Motion("along the row", LEG_MPS, 0.0, 1.3),
+        Motion(f"swing {first}", ARC_MPS, yaw_rate_radps, 0.3),
+        Motion(f"swing {second}", ARC_MPS, -yaw_rate_radps, 0.6),
+        Motion("swing back", ARC_MPS, yaw_rate_radps, 0.3),
+    )
+
+
+_SWINGS = (*_swing("left", "right", ARC_RADPS), *_swing("right", "left", -ARC_RADPS))
+SWINGING = (*_SWINGS, *_SWINGS, Motion("back", -LEG_MPS, 0.0, 8.7))
+
+
 class Drive(NamedTuple):
     """`scenes` are what the camera saw under way, where somebody adds them."""
 
