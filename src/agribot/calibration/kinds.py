@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from agribot.calibration.camera import camera_of, row_view_of, seen_in_figure
-from agribot.calibration.figure import ALONG_ROW, FIGURE, REST_S, TEST_RUN, TURNS, Drive, Motion
-from agribot.calibration.sensors import antenna_of_drive, compass_scatter_rad, magnetometer_of_drive
+from agribot.calibration.figure import (
+    ALONG_ROW,
+    FIGURE,
+    REST_S,
+    SWINGING,
+    TEST_RUN,
+    TURNS,
+    Drive,
+    Motion,
+)
+from agribot.calibration.sensors import antenna_of_drive, compass_errors, magnetometer_of_drive
 from agribot.config import RunConfig
 from agribot.estimate.drive_fit import fit_drive
 from agribot.estimate.drive_log import DriveLog
@@ -21,6 +30,9 @@ from agribot.messages import WHEEL_NAMES
 from agribot.robot import RobotSpec
 
 WHEEL_TOLERANCE_RATIO = 0.1  # of a wheel's speed against the commanded one
+
+
+ByDirection = tuple[float | None, ...]
 
 
 class Change(msgspec.Struct, frozen=True, kw_only=True):
@@ -36,13 +48,15 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
 class Found(msgspec.Struct, frozen=True, kw_only=True):
     """`settings` are of the form a.b=c; none where there is nothing to take over.
 
-    `reasons` say why the result must not be used; empty where `ok`.
+    `reasons` say why the result must not be used; empty where `ok`. `errors_deg` are those of the
+    heading in 36 directions before and after, of a compass only.
     """
 
     ok: bool
     reasons: tuple[str, ...]
     changes: tuple[Change, ...]
     settings: tuple[str, ...] = ()
+    errors_deg: tuple[ByDirection, ByDirection] | None = None
 
 
 class Kind(NamedTuple):
@@ -55,6 +69,7 @@ class Kind(NamedTuple):
     space_m: float
     find: Callable[[Drive, RobotSpec, RunConfig], Found]
     needs_pictures: bool = False  # of plants: the square is a field, with a row under the robot
+    shows_directions: bool = False  # that the compass has seen
 
     @property
     def ground(self) -> str:
@@ -100,9 +115,7 @@ def _magnetometer(driven: Drive, _: RobotSpec, config: RunConfig) -> Found:
     result, believed = magnetometer_of_drive(driven, 0.0), config.estimate
     fitted = result.fit.calibration
     used = MagCalibration(offset_t=believed.mag_offset_t, shape=believed.mag_shape)
-    before_deg, after_deg = (
-        math.degrees(compass_scatter_rad(driven, iron)) for iron in (used, fitted)
-    )
+    before, after = (compass_errors(driven, iron) for iron in (used, fitted))
     offsets = [
         Change(label=f"Hard iron {side}", unit="uT", before=before_t * 1e6, after=after_t * 1e6)
         for side, before_t, after_t in zip(
@@ -110,15 +123,21 @@ def _magnetometer(driven: Drive, _: RobotSpec, config: RunConfig) -> Found:
         )
     ]
     scatter = Change(
-        label="Heading against the gyro, 1 sigma", unit="deg", before=before_deg, after=after_deg
-    )
+        label="Heading against the gyro, 1 sigma", unit="deg",
+        before=math.degrees(before.scatter_rad), after=math.degrees(after.scatter_rad),
+    )  # fmt: skip
     seen = Change(label="Directions seen, of 36", unit="", before=None, after=result.fit.sectors)
     return Found(
         ok=result.ok,
         reasons=result.reasons,
         changes=(scatter, *offsets, seen),
         settings=result.settings,
+        errors_deg=(_degrees(before.by_direction()), _degrees(after.by_direction())),
     )
+
+
+def _degrees(angles_rad: Iterable[float | None]) -> ByDirection:
+    return tuple(None if rad is None else math.degrees(rad) for rad in angles_rad)
 
 
 def _antenna(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
@@ -232,16 +251,16 @@ KINDS = {
         Kind("magnetometer", "Compass",
              "Drives 4 m ahead, turns twice round to both sides and drives back; takes the "
              "robot's own iron out of the compass.",
-             TURNS, 10.0, _magnetometer),
+             TURNS, 10.0, _magnetometer, shows_directions=True),
         Kind("antenna", "GNSS antenna",
              "Drives 4 m ahead, turns twice round to both sides and drives back; finds where the "
              "antenna sits. Needs a receiver with corrections.",
              TURNS, 10.0, _antenna),
         Kind("camera", "Camera's mount",
-             "Drives 8 m along a crop row and back, with the row between its wheels; finds pitch, "
-             "yaw, roll and height of the camera from plants that it sees again. Needs a receiver "
-             "with corrections.",
-             ALONG_ROW, 16.0, _camera, needs_pictures=True),
+             "Drives 9 m along a crop row, swinging its nose to both sides, and back; finds "
+             "pitch, yaw, roll and height of the camera from plants that it sees again. Needs a "
+             "receiver with corrections.",
+             SWINGING, 18.0, _camera, needs_pictures=True),
         Kind("row-view", "Rows in the picture",
              "Drives 8 m along a dense row of the field and back, and compares where the camera "
              "sees the row with where it is. Needs a receiver with corrections. Changes nothing.",
