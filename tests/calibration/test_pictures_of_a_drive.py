@@ -41,7 +41,9 @@ class SeeingBench(Bench):
         self._real = load_robot().body_from_camera()
         self._believed = session.robot.body_from_camera()
         self._aside_m, self._next_s, self._rng = line_aside_m, 0.0, rng
-        sees = config.load("farm", [*SETTINGS, *FIELD, *settings, "perception.enabled=true"])
+        elsewhere = ("field.start_map_m=[-9.0,5.0]", "field.start_yaw_deg=0.0")  # long ago
+        words = [*SETTINGS, *FIELD, *settings, *elsewhere, "perception.enabled=true"]
+        sees = config.load("farm", words)
         session.stack.taps.remove(self.wizard)
         self.wizard = Wizard(session.platform.inbox, session.robot, sees, self.file)
         session.add_tap(lambda record: self.wizard(self._with_picture(record)))
