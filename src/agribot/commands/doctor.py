@@ -48,6 +48,7 @@ MODULE_OF = {
     "rerun-sdk": "rerun",
     "opencv-python-headless": "cv2",
     "pyshp": "shapefile",
+    "ruamel-yaml": "ruamel.yaml",
 }
 SELF_CHECK_S = 1.0
 

@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 
 from agribot.errors import ConfigError
+from agribot.train.drawn_options import add_drawn_options, check_drawn_options
 
 DATA_CHOICES = ("sim", "cwfid", "bonn", "phenobench", "folder")
 
@@ -39,32 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, required=True, help="folder for checkpoint, log, weights and card"
     )
-    _add_drawn(parser.add_argument_group("drawn images"))
+    add_drawn_options(parser.add_argument_group("drawn images"))
     _add_photographs(parser.add_argument_group("photographs"))
-
-
-def _add_drawn(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--variety",
-        choices=("standard", "wide"),
-        default="standard",
-        help="wide: all species, and soil with residue, stones and wet patches",
-    )
-    group.add_argument("--images", type=int, default=2000, help="to train on")
-    group.add_argument(
-        "--row-images",
-        type=int,
-        metavar="N",
-        help="as many of them from the robot's camera along rows (default: half)",
-    )
-    group.add_argument(
-        "--turn-images",
-        type=int,
-        metavar="N",
-        help="as many of them from the robot's camera in turns beside rows (default: 1 of 6)",
-    )
-    group.add_argument("--test-images", type=int, default=120, help="of each test set")
-    group.add_argument("--cache", type=Path, help="where they lie (default: OUT/images)")
 
 
 def _add_photographs(group: argparse._ArgumentGroup) -> None:
@@ -156,7 +133,7 @@ def _check(args: argparse.Namespace) -> None:
         if getattr(args, option) < 1:
             flag = option.replace("_", "-")
             raise ConfigError(f"--{flag} is {getattr(args, option)}; it must be at least 1")
-    _check_drawn(args)
+    check_drawn_options(args)
     if args.steps is not None and args.steps < 1:
         raise ConfigError(f"--steps is {args.steps}; it must be at least 1")
     if args.minutes <= 0.0:
@@ -178,27 +155,6 @@ def _check(args: argparse.Namespace) -> None:
         from agribot.perceive.segmenter import model_path
 
         args.start = model_path(args.start)
-
-
-def _check_drawn(args: argparse.Namespace) -> None:
-    if args.with_sim < 0 or (args.with_sim and args.data == "sim"):
-        raise ConfigError(
-            f"--with-sim {args.with_sim}: a number of images to add to photographs; leave it out "
-            "with --data sim"
-        )
-    if args.row_images is None:
-        args.row_images = args.images // 2
-    if args.turn_images is None:
-        args.turn_images = args.images // 6
-    for option in ("row_images", "turn_images"):
-        if not 0 <= (count := getattr(args, option)) <= args.images:
-            flag = option.replace("_", "-")
-            raise ConfigError(f"--{flag} {count}: must be from 0 to --images")
-    if (on_robot := args.row_images + args.turn_images) > args.images:
-        raise ConfigError(
-            f"--row-images and --turn-images ask for {on_robot} of the {args.images} of --images; "
-            "give more images, or fewer of these"
-        )
 
 
 def _progress(text: str) -> None:
