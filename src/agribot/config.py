@@ -114,6 +114,8 @@ class CalibrationConfig(Config, frozen=True):
     wheel_radius_m: Positive | None = None  # rolling, under load
     yaw_multiplier: Positive | None = None  # effective separation over the track
     antenna_m: tuple[float, float] | None = None  # of GNSS, forward and left of the turning centre
+    camera_height_m: Positive | None = None  # over the ground
+    camera_rpy_rad: tuple[float, float, float] | None = None  # of the camera's link in base_link
 
 
 class SafetyConfig(Config, frozen=True):

@@ -149,6 +149,16 @@ def rotation_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Floa
     )
 
 
+def rpy_from_rotation(rotation: FloatArray) -> Vec3:
+    """Fixed-axis roll, pitch, yaw; inverse of `rotation_from_rpy` for |pitch| < 90 degrees."""
+    sin_pitch = max(-1.0, min(1.0, -float(rotation[2, 0])))
+    return (
+        math.atan2(rotation[2, 1], rotation[2, 2]),
+        math.asin(sin_pitch),
+        math.atan2(rotation[1, 0], rotation[0, 0]),
+    )
+
+
 def transform(xyz_m: Vec3, rpy_rad: Vec3 = (0.0, 0.0, 0.0)) -> FloatArray:
     """Homogeneous (4, 4) matrix `parent_from_child` of a URDF origin."""
     parent_from_child = np.eye(4)

@@ -76,10 +76,10 @@ def test_without_corrections_or_turns_it_says_what_is_missing(
     assert "receiver with corrections" in antenna_of_drive(driven, rover).reasons[0]
     legs = [stretch for stretch in driven.stretches if stretch.is_leg]
     with pytest.raises(MissionError, match="turn a full circle"):
-        antenna_of_drive(Drive(driven.batches, legs), rover)
+        antenna_of_drive(driven._replace(stretches=legs), rover)
     still = [msgspec.structs.replace(batch, mag=()) for batch in driven.batches]
     with pytest.raises(MissionError, match="turn the robot a full circle"):
-        magnetometer_of_drive(Drive(still, driven.stretches), 0.0)
+        magnetometer_of_drive(driven._replace(batches=still), 0.0)
 
 
 def test_the_recording_of_a_mission_serves_as_well(

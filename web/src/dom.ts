@@ -17,6 +17,16 @@ export function el<K extends keyof HTMLElementTagNameMap>(
   return node
 }
 
+/** An element of a picture. */
+export function svg<K extends keyof SVGElementTagNameMap>(
+  tag: K, attributes: Record<string, string | number> = {}, ...children: Child[]
+): SVGElementTagNameMap[K] {
+  const node = document.createElementNS('http://www.w3.org/2000/svg', tag)
+  for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, String(value))
+  append(node, children)
+  return node
+}
+
 export function append(node: Element, children: Child[]): void {
   for (const child of children) if (child) node.append(child)
 }

@@ -1,5 +1,7 @@
 /** The page's icons: 24 px line drawings, inline, so that no font and no request is needed. */
 
+import { svg } from './dom.ts'
+
 const PATHS = {
   drive: 'M12 3 19 21l-7-4-7 4Z',
   plan: 'M4 7l6-3 5 3 5-3v13l-5 3-5-3-6 3ZM10 4v13M15 7v13',
@@ -63,16 +65,8 @@ const PATHS = {
 export type IconName = keyof typeof PATHS
 
 export function icon(name: IconName, size = 24): SVGSVGElement {
-  const ns = 'http://www.w3.org/2000/svg'
-  const svg = document.createElementNS(ns, 'svg')
-  const attributes = {
-    viewBox: '0 0 24 24', width: String(size), height: String(size), fill: 'none', stroke: 'currentColor',
+  return svg('svg', {
+    class: 'icon', viewBox: '0 0 24 24', width: size, height: size, fill: 'none', stroke: 'currentColor',
     'stroke-width': name === 'more' ? '3' : '1.8', 'stroke-linecap': 'round', 'stroke-linejoin': 'round', 'aria-hidden': 'true',
-  }
-  for (const [key, value] of Object.entries(attributes)) svg.setAttribute(key, value)
-  svg.classList.add('icon')
-  const path = document.createElementNS(ns, 'path')
-  path.setAttribute('d', PATHS[name])
-  svg.append(path)
-  return svg
+  }, svg('path', { d: PATHS[name] }))
 }

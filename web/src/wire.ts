@@ -39,6 +39,8 @@ export interface State {
 
 export interface Calibrating {
   kind: string; phase: 'driving' | 'computing' | 'found' | 'failed'; motion: string; share: number; reason: string
+  /** Of the compass: which directions it has seen so far. */
+  directions: boolean[] | null
 }
 
 export type ServerMessage =
@@ -148,9 +150,10 @@ export interface Setting {
 }
 export interface Settings { groups: { name: string; keys: Setting[] }[] }
 export interface SettingsReply { applied: Record<string, SettingValue>; refused: Record<string, string> }
-export interface CalibrationKind { name: string; title: string; about: string; space_m: number; duration_s: number }
+export interface CalibrationKind { name: string; title: string; about: string; ground: string; duration_s: number }
 export interface CalibrationChange { label: string; unit: string; before: number | null; after: number; std: number | null }
-export interface CalibrationFound { ok: boolean; reasons: string[]; changes: CalibrationChange[]; settings: string[] }
+export interface CalibrationFound { ok: boolean; reasons: string[]; changes: CalibrationChange[]; settings: string[]; errors_deg: [ByDirection, ByDirection] | null }
+export type ByDirection = (number | null)[]
 export interface Calibrations {
   kinds: CalibrationKind[]; now: Calibrating | null; found: CalibrationFound | null
   file: string; settings: string[]; broken: string; can_undo: boolean

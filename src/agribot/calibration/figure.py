@@ -11,7 +11,7 @@ import msgspec
 from agribot.errors import PlatformError
 from agribot.estimate.drive_fit import DriveFit
 from agribot.estimate.drive_log import DriveLog, Stretch
-from agribot.messages import DriveCommand, RobotCommand, SensorBatch
+from agribot.messages import DriveCommand, RobotCommand, Scene, SensorBatch
 from agribot.platform import Platform
 from agribot.robot import DriveSpec
 
@@ -67,9 +67,34 @@ TEST_RUN = (
 )
 
 
+# Along a crop row and back to where it began.
+ALONG_ROW = (
+    Motion("along the row", LEG_MPS, 0.0, 8.0),
+    Motion("back", -LEG_MPS, 0.0, 8.0),
+)
+
+
+# The same with the nose swung to both sides: plants that cross the picture show a roll. What the
+# swings overshoot cancels, as every other one begins to the other side.
+def _swing(first: str, second: str, yaw_rate_radps: float) -> tuple[Motion, ...]:
+    return (
+        Motion("along the row", LEG_MPS, 0.0, 1.3),
+        Motion(f"swing {first}", ARC_MPS, yaw_rate_radps, 0.3),
+        Motion(f"swing {second}", ARC_MPS, -yaw_rate_radps, 0.6),
+        Motion("swing back", ARC_MPS, yaw_rate_radps, 0.3),
+    )
+
+
+_SWINGS = (*_swing("left", "right", ARC_RADPS), *_swing("right", "left", -ARC_RADPS))
+SWINGING = (*_SWINGS, *_SWINGS, Motion("back", -LEG_MPS, 0.0, 8.7))
+
+
 class Drive(NamedTuple):
+    """`scenes` are what the camera saw under way, where somebody adds them."""
+
     batches: list[SensorBatch]
     stretches: list[Stretch]
+    scenes: list[Scene]
 
 
 class Gain(msgspec.Struct, frozen=True, kw_only=True):
@@ -91,7 +116,7 @@ class FigureDrive:
     def __init__(
         self, drive: DriveSpec, figure: Sequence[Motion] = FIGURE, tape: Tape | None = None
     ) -> None:
-        self.driven = Drive([], [])
+        self.driven = Drive([], [], [])
         self.motion: Motion | None = None
         self.travelled = 0.0  # of the motion, in its unit
         self._drive, self._figure, self._tape = drive, figure, tape

@@ -3,22 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
-from agribot.calibration.figure import FIGURE, REST_S, TEST_RUN, TURNS, Drive, Motion
-from agribot.calibration.sensors import antenna_of_drive, compass_scatter_rad, magnetometer_of_drive
+from agribot.calibration.camera import camera_of, row_view_of, seen_in_figure
+from agribot.calibration.figure import (
+    ALONG_ROW,
+    FIGURE,
+    REST_S,
+    SWINGING,
+    TEST_RUN,
+    TURNS,
+    Drive,
+    Motion,
+)
+from agribot.calibration.sensors import antenna_of_drive, compass_errors, magnetometer_of_drive
 from agribot.config import RunConfig
 from agribot.estimate.drive_fit import fit_drive
 from agribot.estimate.drive_log import DriveLog
 from agribot.estimate.mag_fit import MagCalibration
+from agribot.geo import rpy_from_rotation
 from agribot.messages import WHEEL_NAMES
 from agribot.robot import RobotSpec
 
 WHEEL_TOLERANCE_RATIO = 0.1  # of a wheel's speed against the commanded one
+
+
+ByDirection = tuple[float | None, ...]
 
 
 class Change(msgspec.Struct, frozen=True, kw_only=True):
@@ -34,13 +48,15 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
 class Found(msgspec.Struct, frozen=True, kw_only=True):
     """`settings` are of the form a.b=c; none where there is nothing to take over.
 
-    `reasons` say why the result must not be used; empty where `ok`.
+    `reasons` say why the result must not be used; empty where `ok`. `errors_deg` are those of the
+    heading in 36 directions before and after, of a compass only.
     """
 
     ok: bool
     reasons: tuple[str, ...]
     changes: tuple[Change, ...]
     settings: tuple[str, ...] = ()
+    errors_deg: tuple[ByDirection, ByDirection] | None = None
 
 
 class Kind(NamedTuple):
@@ -52,6 +68,16 @@ class Kind(NamedTuple):
     figure: Sequence[Motion]
     space_m: float
     find: Callable[[Drive, RobotSpec, RunConfig], Found]
+    needs_pictures: bool = False  # of plants: the square is a field, with a row under the robot
+    shows_directions: bool = False  # that the compass has seen
+
+    @property
+    def ground(self) -> str:
+        """What it needs, as a person reads it."""
+        square = f"{self.space_m:g} m × {self.space_m:g} m of firm, level"
+        if self.needs_pictures:
+            return f"{square} field around it, and a crop row between its wheels and ahead"
+        return f"{square}, free ground around it"
 
     @property
     def duration_s(self) -> float:
@@ -89,9 +115,7 @@ def _magnetometer(driven: Drive, _: RobotSpec, config: RunConfig) -> Found:
     result, believed = magnetometer_of_drive(driven, 0.0), config.estimate
     fitted = result.fit.calibration
     used = MagCalibration(offset_t=believed.mag_offset_t, shape=believed.mag_shape)
-    before_deg, after_deg = (
-        math.degrees(compass_scatter_rad(driven, iron)) for iron in (used, fitted)
-    )
+    before, after = (compass_errors(driven, iron) for iron in (used, fitted))
     offsets = [
         Change(label=f"Hard iron {side}", unit="uT", before=before_t * 1e6, after=after_t * 1e6)
         for side, before_t, after_t in zip(
@@ -99,15 +123,21 @@ def _magnetometer(driven: Drive, _: RobotSpec, config: RunConfig) -> Found:
         )
     ]
     scatter = Change(
-        label="Heading against the gyro, 1 sigma", unit="deg", before=before_deg, after=after_deg
-    )
+        label="Heading against the gyro, 1 sigma", unit="deg",
+        before=math.degrees(before.scatter_rad), after=math.degrees(after.scatter_rad),
+    )  # fmt: skip
     seen = Change(label="Directions seen, of 36", unit="", before=None, after=result.fit.sectors)
     return Found(
         ok=result.ok,
         reasons=result.reasons,
         changes=(scatter, *offsets, seen),
         settings=result.settings,
+        errors_deg=(_degrees(before.by_direction()), _degrees(after.by_direction())),
     )
+
+
+def _degrees(angles_rad: Iterable[float | None]) -> ByDirection:
+    return tuple(None if rad is None else math.degrees(rad) for rad in angles_rad)
 
 
 def _antenna(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
@@ -123,6 +153,61 @@ def _antenna(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
                    after=fit.y_m, std=fit.std_m),
         ),
         settings=result.settings,
+    )  # fmt: skip
+
+
+def _camera(driven: Drive, robot: RobotSpec, config: RunConfig) -> Found:
+    result = camera_of(seen_in_figure(driven, robot, config))
+    fit, link = result.fit, robot.camera.link if robot.camera else ""
+    before_rad = rpy_from_rotation(robot.base_from_link(link)[:3, :3])
+    height_m = float(robot.body_from_link(link)[2, 3])
+    turned = [
+        Change(
+            label=label,
+            unit="deg",
+            before=math.degrees(was_rad),
+            after=math.degrees(rad),
+            std=math.degrees(std_rad),
+        )
+        for label, was_rad, rad, std_rad in zip(
+            ("Rolled right", "Pitched down", "Turned left"),
+            before_rad,
+            result.camera_rpy_rad,
+            (fit.roll_std_rad, fit.pitch_std_rad, fit.yaw_std_rad),
+            strict=True,
+        )
+    ]
+    return Found(
+        ok=result.ok,
+        reasons=result.reasons,
+        changes=(
+            *turned,
+            Change(label="Height over the ground", unit="m", before=height_m,
+                   after=height_m + fit.height_m, std=fit.height_std_m),
+            Change(label="Plants seem to move by", unit="m", before=fit.scatter_before_m,
+                   after=fit.scatter_m),
+            Change(label="Plants followed", unit="", before=None, after=fit.tracks),
+        ),
+        settings=result.settings,
+    )  # fmt: skip
+
+
+def _row_view(driven: Drive, robot: RobotSpec, config: RunConfig) -> Found:
+    """Against where the rows are: none of it is to be taken over."""
+    result = row_view_of(seen_in_figure(driven, robot, config))
+    fit = result.fit
+    return Found(
+        ok=result.ok,
+        reasons=result.reasons,
+        changes=(
+            Change(label="Rows seen aside by", unit="m", before=None, after=fit.offset_bias_m,
+                   std=fit.offset_bias_std_m),
+            Change(label="Rows seen turned by", unit="deg", before=None,
+                   after=math.degrees(fit.heading_bias_rad),
+                   std=math.degrees(fit.heading_bias_std_rad)),
+            Change(label="Pictures with a row", unit="%", before=None,
+                   after=100.0 * fit.lines / fit.pictures),
+        ),
     )  # fmt: skip
 
 
@@ -166,11 +251,20 @@ KINDS = {
         Kind("magnetometer", "Compass",
              "Drives 4 m ahead, turns twice round to both sides and drives back; takes the "
              "robot's own iron out of the compass.",
-             TURNS, 10.0, _magnetometer),
+             TURNS, 10.0, _magnetometer, shows_directions=True),
         Kind("antenna", "GNSS antenna",
              "Drives 4 m ahead, turns twice round to both sides and drives back; finds where the "
              "antenna sits. Needs a receiver with corrections.",
              TURNS, 10.0, _antenna),
+        Kind("camera", "Camera's mount",
+             "Drives 9 m along a crop row, swinging its nose to both sides, and back; finds "
+             "pitch, yaw, roll and height of the camera from plants that it sees again. Needs a "
+             "receiver with corrections.",
+             SWINGING, 18.0, _camera, needs_pictures=True),
+        Kind("row-view", "Rows in the picture",
+             "Drives 8 m along a dense row of the field and back, and compares where the camera "
+             "sees the row with where it is. Needs a receiver with corrections. Changes nothing.",
+             ALONG_ROW, 16.0, _row_view, needs_pictures=True),
         Kind("motors", "Motors",
              "Runs all wheels ahead and back for 1 m, with the robot jacked up or on free ground, "
              "and compares each with what was commanded. Changes nothing.",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -15,8 +16,8 @@ from agribot.errors import MissionError
 from agribot.estimate.antenna_fit import AntennaFit, fit_antenna
 from agribot.estimate.compass import level_field, yaw_of
 from agribot.estimate.drive_log import DriveLog
-from agribot.estimate.mag_fit import MagCalibration, MagFit, MagFitted
-from agribot.messages import SensorBatch, Vec3
+from agribot.estimate.mag_fit import SECTORS, MagCalibration, MagFit, MagFitted, sector_of
+from agribot.messages import FloatArray, SensorBatch, Vec3
 from agribot.record.replay import read_config, read_ticks
 from agribot.robot import RobotSpec
 
@@ -84,17 +85,32 @@ def _magnetometer(
     return MagResult(ok=not reasons, reasons=reasons, fit=fitted, settings=settings)
 
 
-def compass_scatter_rad(driven: Drive, iron: MagCalibration) -> float:
-    """Of single readings against the gyro, 1 sigma, without what is common to all of them."""
+class CompassErrors(NamedTuple):
+    """Of single readings against the gyro, (N,), without what is common to all of them."""
+
+    turned_rad: FloatArray
+    error_rad: FloatArray
+
+    @property
+    def scatter_rad(self) -> float:
+        """1 sigma."""
+        return float(np.sqrt(np.mean(self.error_rad**2)))
+
+    def by_direction(self) -> tuple[float | None, ...]:
+        """Mean error in each of the directions, radians; None where there was no reading."""
+        sectors = np.array([sector_of(math.pi / 2.0 - yaw_rad) for yaw_rad in self.turned_rad])
+        means = (self.error_rad[sectors == index] for index in range(SECTORS))
+        return tuple(float(of.mean()) if len(of) else None for of in means)
+
+
+def compass_errors(driven: Drive, iron: MagCalibration) -> CompassErrors:
     log, start_s = DriveLog(driven.batches, driven.stretches), driven.stretches[0].start_s
-    apart_rad = [
-        yaw_of(iron.corrected(sample.field_t[:2]), 0.0) - log.turned_rad(start_s, sample.t_s)
-        for batch in driven.batches
-        for sample in batch.mag
-    ]
-    unit = np.exp(1j * np.array(apart_rad))
-    around_rad = np.angle(unit / np.mean(unit))
-    return float(np.sqrt(np.mean(around_rad**2)))
+    samples = [sample for batch in driven.batches for sample in batch.mag]
+    turned_rad = np.array([log.turned_rad(start_s, sample.t_s) for sample in samples])
+    seen_rad = [yaw_of(iron.corrected(sample.field_t[:2]), 0.0) for sample in samples]
+    unit = np.exp(1j * (np.array(seen_rad) - turned_rad))
+    error_rad: FloatArray = np.angle(unit / np.mean(unit))
+    return CompassErrors(turned_rad, error_rad)
 
 
 def antenna_of_drive(driven: Drive, robot: RobotSpec) -> AntennaResult:

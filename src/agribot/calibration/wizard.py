@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 
+from agribot.calibration.coverage import Coverage
 from agribot.calibration.figure import FigureDrive
 from agribot.calibration.kinds import KINDS, Found, Kind
 from agribot.calibration.robot_file import RobotFile
@@ -40,7 +41,7 @@ class Wizard:
         self._record: TickRecord | None = None
         self._stopped_by = ""
         self._kind: Kind | None = None
-        self._drive = FigureDrive(robot.drive)
+        self._drive, self._coverage = FigureDrive(robot.drive), Coverage()
         self._found: Found | None = None
         self._phase, self._reason, self._source = "idle", "", ""
         self._start_map_m = (math.nan, math.nan)
@@ -57,6 +58,7 @@ class Wizard:
             if self._phase == "driving" and (objection := self._objection(record)):
                 self._fail(objection)
             if self._phase == "driving":
+                self._drive.driven.scenes.extend(record.scenes)
                 self._drive_on(record.batch)
 
     def interrupt(self, by: str) -> None:
@@ -77,6 +79,7 @@ class Wizard:
             "motion": motion.name if motion else "",
             "share": round(self._drive.share, 3),
             "reason": self._reason,
+            "directions": self._coverage.seen if kind.shows_directions else None,
         }
 
     def answer(self, values: dict[str, Any]) -> dict[str, Any]:
@@ -109,7 +112,7 @@ class Wizard:
         return {
             "kinds": [
                 {"name": kind.name, "title": kind.title, "about": kind.about,
-                 "space_m": kind.space_m, "duration_s": round(kind.duration_s)}
+                 "ground": kind.ground, "duration_s": round(kind.duration_s)}
                 for kind in KINDS.values()
             ],
             "now": self.shown(),
@@ -133,8 +136,10 @@ class Wizard:
             raise MissionError(f"stopped by {self._stopped_by}; release the stop first")
         if record.status.state in BUSY or abs(record.estimate.v_mps) > STANDING_MPS:
             raise MissionError("the robot is at work; pause its mission first")
+        if kind.needs_pictures and not (self._config.perception.enabled and self._robot.camera):
+            raise MissionError("nothing is seen here; start with perception.enabled and a camera")
         self._kind, self._found, self._reason = kind, None, ""
-        self._drive = FigureDrive(self._robot.drive, kind.figure)
+        self._drive, self._coverage = FigureDrive(self._robot.drive, kind.figure), Coverage()
         self._source = f"calibration of {by}"
         estimate = record.estimate
         self._start_map_m = (
@@ -185,6 +190,7 @@ class Wizard:
 
     def _drive_on(self, batch: SensorBatch) -> None:
         seen = msgspec.structs.replace(batch, frames=(), events=(), hand=())
+        self._coverage.add(batch)
         try:
             command = self._drive.step(seen)
         except AgribotError as error:

@@ -11,6 +11,16 @@ from pathlib import Path
 import msgspec
 
 from agribot import config as settings
+from agribot.calibration.camera import (
+    CameraResult,
+    RowViewResult,
+    Seen,
+    camera_of,
+    camera_text,
+    row_view_of,
+    row_view_text,
+    seen_in_recording,
+)
 from agribot.calibration.figure import FIGURE, TURNS, Drive, Motion, drive_figure, gain
 from agribot.calibration.sensors import (
     AntennaResult,
@@ -22,17 +32,7 @@ from agribot.calibration.sensors import (
     magnetometer_text,
 )
 from agribot.calibration.wheels import WheelsResult, judge, wheels_text
-from agribot.commands.calibration_camera import (
-    CameraResult,
-    RowViewResult,
-    Seen,
-    camera_of,
-    camera_text,
-    row_view_of,
-    row_view_text,
-    seen_in_drive,
-    seen_in_recording,
-)
+from agribot.commands.calibration_camera import seen_in_drive, toml
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
 from agribot.estimate.drive_fit import TAPE_STD_M, fit_drive
@@ -150,8 +150,8 @@ def _drive(
         "farm",
         [
             "perception.enabled=false",
-            f"sim.sensors={_toml(options.sensors)}",
-            f"seed={_toml(options.seed)}",
+            f"sim.sensors={toml(options.sensors)}",
+            f"seed={toml(options.seed)}",
         ],
     )
     platform = SimPlatform(config, machine, load_world(options.world), board=board)
@@ -167,7 +167,3 @@ def _drive(
         return drive_figure(platform, board, tape if uses_tape else None, figure)
     finally:
         platform.close()
-
-
-def _toml(value: str | int) -> str:
-    return msgspec.json.encode(value).decode()

@@ -1,81 +1,27 @@
-"""`agribot calibrate camera` and `row-view`: what pictures of a drive tell of the mount."""
+"""A simulated drive for `agribot calibrate camera` and `row-view`."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Sequence
-from pathlib import Path
-from typing import NamedTuple
+from collections.abc import Iterable
 
 import msgspec
-import numpy as np
 
 from agribot import config as settings
-from agribot.config import RunConfig
-from agribot.description.loader import parse_robot
+from agribot.calibration.camera import Seen, seen_in
 from agribot.description.worlds_sdf import load_world
-from agribot.errors import MissionError
-from agribot.estimate.localizer import Localizer
-from agribot.estimate.row_view import Glance, RowViewFit, fit_row_view
-from agribot.geo import rotation_from_rpy
-from agribot.messages import Scene, SensorBatch, Vec3
-from agribot.perceive.mount_fit import Look, MountFit, fit_mount
-from agribot.record.replay import read_config, read_ticks, read_urdf
+from agribot.messages import Scene, SensorBatch
 from agribot.robot import RobotSpec
 from agribot.sim.platform import SimPlatform
 from agribot.stack import build
 
 DRIVE_S = 75.0
-# After it began, the filter needs so long to know its heading from the drive.
-SETTLE_S = 5.0
-
-
-class CameraResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What --json prints; `camera_xyz_m` and `camera_rpy_rad` are of the camera in base_link."""
-
-    ok: bool
-    reasons: tuple[str, ...]
-    fit: MountFit
-    camera_xyz_m: Vec3
-    camera_rpy_rad: Vec3
-
-
-class RowViewResult(msgspec.Struct, frozen=True, kw_only=True):
-    ok: bool
-    reasons: tuple[str, ...]
-    fit: RowViewFit
-
-
-class Seen(NamedTuple):
-    """What the camera saw, and where the robot was then as its other sensors tell."""
-
-    robot: RobotSpec
-    config: RunConfig
-    scenes: list[Scene]
-    track: np.ndarray[tuple[int, ...], np.dtype[np.float64]]  # (N, 6): t, x, y, yaw, their stds
-
-    def pose(self, t_s: float) -> tuple[float, float, float]:
-        t, x, y, yaw = self.track[:, :4].T
-        return float(np.interp(t_s, t, x)), float(np.interp(t_s, t, y)), float(
-            np.interp(t_s, t, yaw)
-        )  # fmt: skip
-
-    @property
-    def settled(self) -> list[Scene]:
-        from_s = float(self.track[0, 0]) + SETTLE_S
-        return [scene for scene in self.scenes if scene.t_s >= from_s]
-
-
-def seen_in_recording(path: Path) -> Seen:
-    robot, config = parse_robot(read_urdf(path), "recorded robot"), read_config(path)
-    return _seen(robot, config, ((tick.batch, tick.scenes) for tick in read_ticks(path)))
 
 
 def seen_in_drive(
     robot: RobotSpec, machine: RobotSpec, profile: str, sensors: str, seed: int
 ) -> Seen:
     """The first minutes of a profile's mission, with the camera as the machine has it."""
-    names = (f"sim.sensors={_toml(sensors)}", f"seed={_toml(seed)}")
+    names = (f"sim.sensors={toml(sensors)}", f"seed={toml(seed)}")
     config = settings.load(profile, names)
     world = load_world(config.world, seed=seed)
     platform, stack = SimPlatform(config, machine, world, board=robot.drive), build(config, robot)
@@ -88,118 +34,11 @@ def seen_in_drive(
                 return
 
     try:
-        return _seen(robot, config, ticks())
+        return seen_in(ticks(), robot, config)
     finally:
         platform.close()
         stack.close()
 
 
-def _seen(
-    robot: RobotSpec,
-    config: RunConfig,
-    ticks: Iterable[tuple[SensorBatch, tuple[Scene, ...]]],
-) -> Seen:
-    """The poses are those of a filter that sees no pictures: they must not prove themselves."""
-    localizer = Localizer(config.estimate, config.field, robot)
-    scenes: list[Scene] = []
-    track = []
-    for batch, seen in ticks:
-        scenes += seen
-        e = localizer.update(batch)
-        if e.ok:
-            track.append((e.t_s, e.x_map_m, e.y_map_m, e.yaw_map_rad, e.pos_std_m, e.yaw_std_rad))
-    if len(track) < 2 or not scenes:
-        raise MissionError(
-            f"{len(scenes)} pictures and {len(track)} poses: the drive shows nothing of the "
-            "camera; record a mission with perception.enabled and GNSS"
-        )
-    table = np.array(track)
-    table[:, 3] = np.unwrap(table[:, 3])
-    return Seen(robot, config, sorted(scenes, key=lambda scene: scene.t_s), table)
-
-
-def camera_of(seen: Seen) -> CameraResult:
-    """Raises: MissionError: no plant was followed; DescriptionError: a robot without camera."""
-    robot = seen.robot
-    looks = [Look(s.t_s, seen.pose(s.t_s), s.plants) for s in seen.settled if s.plants]
-    fit = fit_mount(looks, robot.body_from_camera())
-    if fit is None or robot.camera is None:
-        raise MissionError(
-            f"no plant was followed through {len(looks)} pictures; drive along a row in daylight"
-        )
-    base_from_link = robot.base_from_link(robot.camera.link)
-    turned = rotation_from_rpy(fit.roll_rad, fit.pitch_rad, fit.yaw_rad) @ base_from_link[:3, :3]
-    x_m, y_m, z_m = base_from_link[:3, 3].tolist()
-    reasons = fit.complaints()
-    return CameraResult(
-        ok=not reasons, reasons=reasons, fit=fit, camera_xyz_m=(x_m, y_m, z_m + fit.height_m),
-        camera_rpy_rad=(
-            math.atan2(turned[2, 1], turned[2, 2]),
-            -math.asin(max(-1.0, min(1.0, float(turned[2, 0])))),
-            math.atan2(turned[1, 0], turned[0, 0]),
-        ),
-    )  # fmt: skip
-
-
-def row_view_of(seen: Seen) -> RowViewResult:
-    """Raises: MissionError: no picture within a row showed its line."""
-    t_s, pos_std_m, yaw_std_rad = seen.track[:, 0], seen.track[:, 4], seen.track[:, 5]
-    glances = [
-        Glance(
-            seen.pose(s.t_s), s.row_line, float(np.interp(s.t_s, t_s, pos_std_m)),
-            float(np.interp(s.t_s, t_s, yaw_std_rad)),
-        )
-        for s in seen.settled
-    ]  # fmt: skip
-    fit = fit_row_view(glances, seen.config.field)
-    reasons = fit.complaints()
-    return RowViewResult(ok=not reasons, reasons=reasons, fit=fit)
-
-
-def camera_text(result: CameraResult) -> str:
-    fit = result.fit
-    lines = [
-        f"against its description the camera is {name} by {value:+.2f} +- {std:.2f} {unit}"
-        for name, value, std, unit in (
-            ("pitched down", math.degrees(fit.pitch_rad), math.degrees(fit.pitch_std_rad), "deg"),
-            ("turned left", math.degrees(fit.yaw_rad), math.degrees(fit.yaw_std_rad), "deg"),
-            ("rolled right", math.degrees(fit.roll_rad), math.degrees(fit.roll_std_rad), "deg"),
-            ("raised", 100.0 * fit.height_m, 100.0 * fit.height_std_m, "cm"),
-        )
-    ]
-    lines.append(
-        f"{fit.tracks} plants in {fit.looks} sights keep their places to {100 * fit.scatter_m:.1f} "
-        f"cm, as described to {100 * fit.scatter_before_m:.1f} cm"
-    )
-    if result.ok:
-        lines += [
-            "to use it, set in the xacro files of the robot:",
-            f'  <xacro:arg name="camera_xyz" default="{_three(result.camera_xyz_m)}"/>',
-            f'  <xacro:arg name="camera_rpy" default="{_three(result.camera_rpy_rad)}"/>',
-        ]
-    return "\n".join([*lines, *(f"do not use it: {reason}" for reason in result.reasons)]) + "\n"
-
-
-def row_view_text(result: RowViewResult) -> str:
-    fit = result.fit
-    lines = [
-        f"rows seen in {fit.lines} of {fit.pictures} pictures taken inside rows",
-        f"offset: {100 * fit.offset_bias_m:+.1f} +- {100 * fit.offset_bias_std_m:.1f} cm on "
-        f"average, scatter {100 * fit.offset_scatter_m:.1f} cm, stated "
-        f"{100 * fit.offset_stated_m:.1f} cm",
-        f"heading: {math.degrees(fit.heading_bias_rad):+.2f} +- "
-        f"{math.degrees(fit.heading_bias_std_rad):.2f} degrees on average, scatter "
-        f"{math.degrees(fit.heading_scatter_rad):.2f}, stated "
-        f"{math.degrees(fit.heading_stated_rad):.2f}",
-    ]
-    if result.ok:
-        lines.append("the rows stand where the camera sees them")
-    return "\n".join([*lines, *(f"not good: {reason}" for reason in result.reasons)]) + "\n"
-
-
-def _three(values: Sequence[float]) -> str:
-    return " ".join(f"{value:.4f}" for value in values)
-
-
-def _toml(value: str | int) -> str:
+def toml(value: str | int) -> str:
     return msgspec.json.encode(value).decode()

@@ -62,6 +62,11 @@ class MagFitted(msgspec.Struct, frozen=True, kw_only=True):
         return tuple(found)
 
 
+def sector_of(north_rad: float) -> int:
+    """Which of the directions a bearing of magnetic North from the nose falls into."""
+    return math.floor(north_rad / math.tau * SECTORS) % SECTORS
+
+
 class MagFit:
     """Adds up readings; of each direction only so many, so that standing does not outweigh."""
 
@@ -81,7 +86,7 @@ class MagFit:
 
     def add(self, level_t: Level, north_rad: float) -> bool:
         """A levelled reading where magnetic North was at `north_rad`; False if not needed."""
-        sector = math.floor(north_rad / math.tau * SECTORS) % SECTORS
+        sector = sector_of(north_rad)
         if self._counts[sector] >= PER_SECTOR:
             return False
         self._counts[sector] += 1

@@ -110,7 +110,7 @@ FIXED: dict[str, Any] = {
                 "name": kind.name,
                 "title": kind.title,
                 "about": kind.about,
-                "space_m": kind.space_m,
+                "ground": kind.ground,
                 "duration_s": round(kind.duration_s),
             }
             for kind in KINDS.values()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,6 +19,11 @@ WORDS = [
 STATE = "window.__agribot.state()"
 PHASE = f"{STATE}?.calibration?.phase"
 IS_STILL = f"Math.abs({STATE}.vel[0]) < 0.02"
+WEDGES = "document.querySelectorAll('.coverage-ring .seen').length"
+FITS = """['.coverage-ring', '.error-plot'].every(name => {
+    const box = document.querySelector(name).getBoundingClientRect()
+    return box.width > 100 && box.left >= 0 && box.right <= innerWidth
+})"""
 POST = """([what, body]) => fetch('/api/v1/calibrations/' + what,
     {method: 'POST', body: JSON.stringify(body)})
     .then(async answer => [answer.status, (await answer.json()).error])
@@ -70,8 +76,18 @@ def test_the_compass_is_measured_taken_over_and_taken_back(page: Page, home: Pat
     card = page.locator(".calibration")
     until(page, f"{STATE}.calibration.share > 0.1")
     assert page.evaluate("document.querySelector('.calibration progress').value") > 0.05
+    ring = page.locator(".coverage-ring")
+    expect(ring).to_have_attribute("aria-label", re.compile(r"^[1-6] of 36 directions seen$"))
     until(page, f"{STATE}.calibration.motion === 'spin left'")
+    until(page, f"{PHASE} === 'driving' && {WEDGES} > 9 && {WEDGES} < 36")  # fills under way
     until(page, f"{PHASE} === 'found'")
+    expect(ring).to_have_attribute("aria-label", "36 of 36 directions seen")
+    plot = page.locator(".error-plot")
+    expect(plot).to_have_attribute("aria-label", re.compile(r"by direction: up to [\d.]+° before"))
+    assert plot.locator(".after").get_attribute("points").count(",") == 36  # type: ignore[union-attr]
+    page.set_viewport_size({"width": 360, "height": 740})
+    assert page.evaluate(FITS)
+    page.set_viewport_size({"width": 1280, "height": 800})
     expect(card.locator("table")).to_contain_text("Hard iron ahead (µT)")
     expect(card.locator("table")).to_contain_text("36")
     kept = home / "robots" / "agribot.toml"

@@ -6,6 +6,7 @@ import { el, replace } from '../dom.ts'
 import { duration, fixed, words } from '../format.ts'
 import { icon } from '../icons.ts'
 import { seatButton } from '../shell/seat.ts'
+import { CoverageRing, errorPlot } from './compass.ts'
 import type { Calibrating, CalibrationChange, CalibrationFound, CalibrationKind, Calibrations } from '../wire.ts'
 
 const DIGITS: Record<string, number> = { m: 4, uT: 2, deg: 2, '%': 0, '': 3 }
@@ -15,6 +16,7 @@ export class CalibrationCard {
   private readonly body = el('div', { class: 'stack-tight wide', 'aria-live': 'polite' })
   private readonly bar = el('progress', { max: 1, 'aria-label': 'Progress of the calibration' })
   private readonly step = el('p', { class: 'muted' })
+  private readonly ring = new CoverageRing()
   private known: Calibrations | null = null
   private shown = ''
   private readonly undo: (() => void)[]
@@ -57,6 +59,7 @@ export class CalibrationCard {
 
   private progress(now: Calibrating): void {
     this.bar.value = now.share
+    this.ring.show(now.directions)
     const text = `${Math.round(now.share * 100)} % · ${now.motion || 'at rest'}`
     if (this.step.textContent !== text) this.step.textContent = text
   }
@@ -70,12 +73,14 @@ export class CalibrationCard {
     else replace(this.body, ...this.choice(known, now))
   }
 
-  private underWay(now: Calibrating): HTMLElement[] {
+  private underWay(now: Calibrating): Element[] {
     if (now.phase === 'driving') this.progress(now)
     else this.step.textContent = 'Working it out…'
+    this.ring.show(now.directions)
     const cancel = el('button', { type: 'button', class: 'button danger', onclick: () => void this.take(api.calibrate('cancel')) }, icon('cancel', 20), 'Cancel')
     return [
       el('h3', {}, this.title(now.kind)), el('p', {}, 'Keep an eye on the robot: STOP, Cancel or a hand on the stick ends it at once.'),
+      ...(now.directions ? [this.ring.node] : []),
       ...(now.phase === 'driving' ? [this.bar, this.step, cancel] : [this.step]),
     ]
   }
@@ -87,9 +92,11 @@ export class CalibrationCard {
     const verdict = found.ok
       ? found.settings.length ? 'Good. It counts from the next start of the robot.' : 'All as it should be.'
       : 'Do not use it:'
+    this.ring.show(now.directions)
     return [
       el('h3', {}, this.title(now.kind)), el('p', { class: found.ok ? '' : 'form-error' }, verdict),
       ...found.reasons.map((reason) => el('p', { class: 'form-error' }, words(reason))),
+      el('div', { class: 'calibration-pictures' }, now.directions && this.ring.node, found.errors_deg && errorPlot(...found.errors_deg)),
       el('div', { class: 'table-scroll' }, table(found.changes)),
       el('div', { class: 'button-row' }, found.ok && found.settings.length > 0 && accept, leave),
       ...(mine || !found.ok ? [] : [el('p', { class: 'small muted' }, "Using them needs the operator's seat.")]),
@@ -116,10 +123,9 @@ export class CalibrationCard {
   }
 
   private async start(kind: CalibrationKind): Promise<void> {
-    const side = fixed(kind.space_m, 0, 'm')
     const go = await this.app.dialogs.confirm(kind.title, [
       el('p', {}, kind.about),
-      el('p', {}, `The robot drives by itself for about ${duration(kind.duration_s)} min. It needs ${side} × ${side} of firm, level, free ground around it.`),
+      el('p', {}, `The robot drives by itself for about ${duration(kind.duration_s)} min. It needs ${kind.ground}.`),
       el('p', {}, 'STOP, Cancel, a hand on the stick and the loss of your link end it at once. Nothing changes before you take the result over.'),
     ], 'Drive now')
     if (go) await this.take(api.calibrate('start', { kind: kind.name }))
