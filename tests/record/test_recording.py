@@ -19,6 +19,7 @@ from agribot.config import RunConfig, load
 from agribot.errors import EndOfRecording, RecordingError
 from agribot.mapped_plant import MappedPlant
 from agribot.messages import RobotCommand, TickRecord
+from agribot.record.mcap_file import McapFile
 from agribot.record.recorder import RunRecorder
 from agribot.record.replay import (
     ReplayPlatform,
@@ -269,6 +270,13 @@ def test_a_full_disk_is_reported_as_such() -> None:
     with pytest.raises(RecordingError, match="No space left"):
         recorder = RunRecorder(Path("/dev/full"), CONFIG, samples.robot(), samples.URDF)
     assert recorder is None
+
+
+def test_whatever_is_written_first_to_a_full_disk_is_refused_in_words() -> None:
+    file = McapFile(Path("/dev/full"))
+    with pytest.raises(RecordingError, match="No space left"):
+        for _ in range(10_000):  # the disk answers a little later
+            file.describe("agribot", {"seed": "1" * 1_000})
 
 
 def test_a_missing_or_foreign_file_is_refused(tmp_path: Path) -> None:

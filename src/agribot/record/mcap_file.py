@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -52,51 +53,40 @@ class McapFile:
         channel = self._channels.get(topic.name)
         if channel is None:
             channel = self._channels[topic.name] = self._register(topic)
-        try:
+        with self._giving_up("write"):
             self._writer.add_message(channel, log_ns, data, max(publish_ns, 0))
-        except OSError as error:
-            raise self._failure("write", error) from error
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        try:
+        with self._giving_up("write"):
             self._writer.add_attachment(0, 0, name, media_type, data)
-        except OSError as error:
-            raise self._failure("write", error) from error
 
     def describe(self, name: str, values: dict[str, str]) -> None:
         """A metadata record: a few words that tools show without opening a message."""
-        self._writer.add_metadata(name, values)
+        with self._giving_up("write"):
+            self._writer.add_metadata(name, values)
 
     def flush(self) -> None:
-        try:
+        with self._giving_up("write"):
             self._writer.flush()  # type: ignore[no-untyped-call]
-        except OSError as error:
-            raise self._failure("write", error) from error
 
     def drain(self) -> None:
         """Close the chunk and wait for the disk, for whoever has the time."""
         self.flush()
-        try:
+        with self._giving_up("write"):
             self._file.drain()
-        except OSError as error:
-            raise self._failure("write", error) from error
 
     def end(self) -> None:
         """Write the index, without waiting for the disk; `close` waits."""
         if self._file.closed:
             return
-        try:
+        with self._giving_up("finish"):
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.end()
-        except OSError as error:
-            raise self._failure("finish", error) from error
 
     def close(self) -> None:
         self.end()
-        try:
+        with self._giving_up("finish"):
             self._file.close()
-        except OSError as error:
-            raise self._failure("finish", error) from error
 
     def _register(self, topic: Topic) -> int:
         if not topic.ros_type:
@@ -113,10 +103,14 @@ class McapFile:
         }
         return int(self._writer.register_channel(topic.name, "cdr", schema, metadata))
 
-    def _failure(self, verb: str, error: OSError) -> RecordingError:
-        """Gives the file up: what reached the disk before stays readable."""
-        self._file.end()
-        return _refusal(verb, self.path, error)
+    @contextmanager
+    def _giving_up(self, verb: str) -> Iterator[None]:
+        """A file that fails is given up: what reached the disk before stays readable."""
+        try:
+            yield
+        except OSError as error:
+            self._file.end()
+            raise _refusal(verb, self.path, error) from error
 
 
 def _refusal(verb: str, path: Path, error: OSError) -> RecordingError:
