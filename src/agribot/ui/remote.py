@@ -15,6 +15,7 @@ from agribot.errors import PlatformError
 from agribot.ui.address import Door
 
 ANSWER_S = 5.0
+OPEN_TIMEOUT_S = 30.0  # a small computer at its limit takes its time, most of all with TLS
 
 
 class Remote:
@@ -41,6 +42,7 @@ class Remote:
                     additional_headers=headers,
                     compression=None,
                     proxy=None,
+                    open_timeout=OPEN_TIMEOUT_S,
                     ssl=_trusting(self._door),
                 )
             )
