@@ -83,7 +83,7 @@ HEAVY = {
     "playwright": {"bench"},
     "segno": {"ui", "commands"},
     "anyio": {"ui"},
-    "shapefile": {"ui"},
+    "shapefile": {"gis"},
     "ruamel": {"ui"},
     "rasterio": {"gis"},
     "pmtiles": {"gis"},

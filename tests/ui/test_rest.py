@@ -197,6 +197,21 @@ def test_field_files_of_other_programs_keep_every_vertex(browser: Browser, tmp_p
         assert corners == {(lon, lat) for lon, lat in RING}, name
 
 
+def test_a_field_is_exported_in_the_format_that_is_asked_for(browser: Browser) -> None:
+    for ending, start in (
+        (".gpkg", b"SQLite format 3"),
+        (".isoxml.zip", b"PK"),
+        (".gpx", b"<?xml"),
+    ):
+        path = f"/api/v1/fields/export?format={ending}"
+        status, data = browser.ask("POST", path, field(RING))
+        assert (status, data[: len(start)]) == (200, start)
+        name = f"/api/v1/fields/import?filename=back{ending}"
+        assert browser.ask("POST", name, data)[1]["features"][0]["properties"]["kind"] == "boundary"
+    assert browser.ask("POST", "/api/v1/fields/export?format=.dwg", field(RING))[0] == 422
+    assert browser.ask("POST", "/api/v1/fields/export?format=.gpx", {"type": "?"})[0] == 422
+
+
 @pytest.mark.parametrize(
     ("name", "data"),
     [

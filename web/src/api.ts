@@ -81,6 +81,7 @@ export const api = {
     const path = `/api/v1/fields/import?filename=${name(file.name)}`
     return (await request(path, { method: 'POST', body: file })).json() as Promise<FeatureCollection>
   },
+  exportField: async (ending: string, field: FeatureCollection): Promise<Blob> => (await write('POST', `/api/v1/fields/export?format=${ending}`, field)).blob(),
   plan: (body: Record<string, unknown>) => ask<PlanReply>('POST', '/api/v1/plan', body),
   applyPlan: (body: Record<string, unknown>) => write('POST', '/api/v1/plan/apply', body),
 

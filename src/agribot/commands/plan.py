@@ -14,6 +14,7 @@ from agribot.description.loader import load_robot
 from agribot.errors import MissionError
 from agribot.geo import MapFrame
 from agribot.gis.field_file import read_field
+from agribot.gis.formats.table import WRITERS, read_other, write_field_file
 from agribot.gis.plan_file import SavedPlan, plan_text, read_plan
 from agribot.plan.coverage.area import FieldArea, PlanRequest, Point, TurnStyle, footprint
 from agribot.plan.coverage.planner import plan_field
@@ -25,9 +26,13 @@ from agribot.robot import RobotSpec
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("action", nargs="?", choices=("verify",), help="check a plan that exists")
-    parser.add_argument("plan", nargs="?", metavar="PLAN", help="the plan to verify (GeoJSON)")
-    parser.add_argument("--field", metavar="FILE", help="boundary, obstacles, rows (GeoJSON)")
+    parser.add_argument("action", nargs="?", choices=("verify", "convert"),
+                        help="check a plan; write a field in another format")  # fmt: skip
+    parser.add_argument("file", nargs="?", metavar="FILE",
+                        help="the plan to verify (GeoJSON), or the field to convert")  # fmt: skip
+    parser.add_argument("--field", metavar="FILE",
+                        help="boundary, obstacles, rows: GeoJSON, GeoPackage, KML, KMZ, GPX, "
+                             "zipped Shapefile or ISOXML")  # fmt: skip
     parser.add_argument("--implement-width", type=float, metavar="M", help="width worked in a pass")
     parser.add_argument("--overlap", type=float, default=0.05, metavar="M", help="default: 0.05")
     parser.add_argument("--headland-passes", type=int, metavar="N", help="default: as few as do")
@@ -46,12 +51,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--min-coverage", type=float, default=0.99, metavar="RATIO",
                         help="of the reachable ground (default: 0.99)")  # fmt: skip
     parser.add_argument("--robot", default="agribot", metavar="NAME|FILE")
-    parser.add_argument("--out", metavar="FILE", help="write the plan (GeoJSON)")
+    endings = ", ".join(WRITERS)
+    parser.add_argument(
+        "--out", metavar="FILE", help=f"write the plan (GeoJSON), or the field to {endings}"
+    )
     parser.add_argument("--png", metavar="FILE", help="draw the plan")
     parser.add_argument("--json", action="store_true", help="print the certificate")
 
 
 def run(options: argparse.Namespace) -> int:
+    if options.action == "convert":
+        return _convert(options)
     if options.action == "verify":
         saved, certificate = _verified(options)
     else:
@@ -70,6 +80,21 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         sys.stdout.write(msgspec.json.encode(certificate).decode() + "\n")
     return 0 if certificate.ok else 1
+
+
+def _convert(options: argparse.Namespace) -> int:
+    if options.file is None or options.out is None:
+        raise MissionError("give both files: agribot plan convert field.kml --out field.gpkg")
+    out = Path(options.out)
+    endings = (ending for ending in WRITERS if out.name.lower().endswith(ending))
+    field = read_other(Path(options.file))
+    write_file(out, write_field_file(next(endings, out.suffix), field))
+    features = len(field["features"])
+    sys.stderr.write(f"{out}: {features} features\n")
+    if options.json:
+        sys.stdout.write(msgspec.json.encode({"path": str(out), "features": features}).decode())
+        sys.stdout.write("\n")
+    return 0
 
 
 def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
@@ -91,9 +116,9 @@ def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
 
 
 def _verified(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
-    if options.plan is None:
+    if options.file is None:
         raise MissionError("give the plan to verify: agribot plan verify plan.geojson")
-    saved = read_plan(Path(options.plan))
+    saved = read_plan(Path(options.file))
     request = saved.request
     shape = footprint(load_robot(options.robot), request.implement_width_m, request.tool_x_m)
     return saved, certify_plan(saved.plan, saved.area, shape, saved.request)

@@ -1,4 +1,4 @@
-"""A field in GeoJSON: boundary, obstacles, crop rows, AB line and waypoints, made sure of."""
+"""A field from a file: boundary, obstacles, crop rows, AB line and waypoints, made sure of."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 from agribot.errors import MissionError
 from agribot.geo import Datum, MapFrame
-from agribot.gis.geojson import Feature, LonLat, features, read_json
+from agribot.gis.formats.table import READERS, read_other
+from agribot.gis.geojson import KINDS, Feature, LonLat, features, read_json
 from agribot.plan.coverage.area import FieldArea, Line, Point
 
 if TYPE_CHECKING:
     import shapely
     from shapely.geometry.base import BaseGeometry
 
-KINDS = ("boundary", "obstacle", "row", "ab_line", "waypoint")
 MAX_EXTENT_M = 20_000.0
 MAX_OFFSET_M = 20_000.0  # a local map is flat only near its origin
 MIN_LINE_M = 0.1
@@ -27,10 +27,13 @@ MIN_LINE_M = 0.1
 def read_field(path: Path, datum: Datum | None = None) -> tuple[FieldArea, Datum]:
     """The field in the map of `datum`; without one, its first corner becomes the origin.
 
+    GeoJSON, or a file of `agribot.gis.formats`, told by its ending.
     Polygons without `kind` are the boundary (the first) and obstacles, lines are rows.
     Raises: MissionError: what is wrong with the field, and where.
     """
-    return field_from(features(read_json(path), path.name), path.name, datum)
+    other = path.suffix.lower() in READERS.keys() - {".geojson", ".json"}
+    root = read_other(path) if other else read_json(path)
+    return field_from(features(root, path.name), path.name, datum)
 
 
 def field_from(

@@ -6,11 +6,17 @@ import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from agribot.errors import MissionError
 
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
 LonLat = tuple[float, float]
+Geometry = dict[str, Any]
+Found = Iterator[tuple[Geometry, dict[str, Any]]]  # geometry and properties of each feature
+KINDS = ("boundary", "obstacle", "row", "ab_line", "waypoint")
 MAX_POINTS = 20_000
 
 
@@ -22,6 +28,28 @@ class Feature(NamedTuple):
     geometry: str
     parts: list[list[LonLat]]
     properties: dict[str, Any]
+
+    @property
+    def name(self) -> str:
+        """Empty without one."""
+        return str(self.properties.get("name") or "")
+
+    def coordinates(self) -> Any:
+        """As GeoJSON nests them."""
+        if self.geometry == "Polygon":
+            return self.parts
+        return self.parts[0] if self.geometry == "LineString" else self.parts[0][0]
+
+    def shape(self) -> BaseGeometry:
+        """Longitude and latitude, degrees."""
+        from shapely.geometry import shape
+
+        return shape({"type": self.geometry, "coordinates": self.coordinates()})
+
+
+def closed(ring: list[LonLat]) -> list[LonLat]:
+    """With its first position once more at the end, as GeoJSON wants it."""
+    return ring if ring[:1] == ring[-1:] else [*ring, ring[0]]
 
 
 def read_json(path: Path) -> Any:
@@ -73,7 +101,7 @@ def _parts(geometry: dict[str, Any], where: str) -> list[list[LonLat]]:
         name, coordinates = "Polygon", coordinates[0]
         geometry["type"] = "Polygon"
     if name == "Point":
-        return [[_position(coordinates, where)]]
+        return [[checked_position(coordinates, where)]]
     if name == "LineString":
         return [_positions(coordinates, where)]
     if name == "Polygon" and isinstance(coordinates, list) and coordinates:
@@ -90,12 +118,14 @@ def _positions(coordinates: object, where: str) -> list[LonLat]:
     if not isinstance(coordinates, list) or not coordinates:
         raise MissionError(f"{where}: 'coordinates' must be a list of [lon, lat]")
     return [
-        _position(item, f"{where} position {number}") for number, item in enumerate(coordinates)
+        checked_position(item, f"{where} position {number}")
+        for number, item in enumerate(coordinates)
     ]
 
 
-def _position(position: object, where: str) -> LonLat:
-    if not isinstance(position, list) or len(position) < 2:
+def checked_position(position: object, where: str) -> LonLat:
+    """Raises: MissionError: no longitude and latitude in degrees."""
+    if not isinstance(position, list | tuple) or len(position) < 2:
         raise MissionError(f"{where}: {position!r} is not [lon, lat]")
     lon_deg, lat_deg = (_degrees(value, where) for value in position[:2])
     if abs(lat_deg) > 90.0 >= abs(lon_deg):

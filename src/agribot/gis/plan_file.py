@@ -12,8 +12,8 @@ import numpy as np
 
 from agribot.errors import MissionError
 from agribot.geo import Datum, MapFrame
-from agribot.gis.field_file import KINDS, field_from
-from agribot.gis.geojson import features, read_json
+from agribot.gis.field_file import field_from
+from agribot.gis.geojson import KINDS, features, read_json
 from agribot.messages import FloatArray
 from agribot.plan.coverage.area import FieldArea, FieldPlan, Leg, LegKind, Line, PlanRequest
 from agribot.plan.plan_certificate import Certificate

@@ -12,6 +12,8 @@ import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
 
+from agribot.errors import AgribotError
+from agribot.gis.formats.table import read_field_file, write_field_file
 from agribot.ui.answers import (
     Unusable,
     body,
@@ -22,7 +24,6 @@ from agribot.ui.answers import (
     need_seat,
 )
 from agribot.ui.field_check import check_field, datum_of
-from agribot.ui.field_files import read_field_file
 from agribot.ui.hub import Hub
 from agribot.ui.mapviz_config import config_of, displays_of
 from agribot.ui.planning import Made, Wanted, make_plan
@@ -82,7 +83,20 @@ async def import_field(request: Request) -> Response:
     content_type = request.headers.get("content-type", "")
     if content_type.startswith("multipart/form-data"):
         name, data = _first_file(content_type, data)
-    return json_answer(await anyio.to_thread.run_sync(read_field_file, name, data))
+    try:
+        return json_answer(await anyio.to_thread.run_sync(read_field_file, name, data))
+    except AgribotError as error:
+        raise Unusable(422, str(error)) from error
+
+
+async def export_field(request: Request) -> Response:
+    """A FeatureCollection as the body, `?format=` as an ending such as `.gpkg`."""
+    collection, suffix = await json_body(request), request.query_params.get("format", "")
+    try:
+        data = await anyio.to_thread.run_sync(write_field_file, suffix, collection)
+    except AgribotError as error:
+        raise Unusable(422, str(error)) from error
+    return Response(data, media_type="application/octet-stream")
 
 
 def _first_file(content_type: str, data: bytes) -> tuple[str, bytes]:
@@ -156,6 +170,7 @@ async def export_view(request: Request) -> Response:
 ROUTES: tuple[Route, ...] = (
     *_reading("/api/v1/fields", _fields, "application/geo+json"),
     ("POST", "/api/v1/fields/import", import_field),
+    ("POST", "/api/v1/fields/export", export_field),
     ("PUT", "/api/v1/fields/{name}", put_field),
     ("DELETE", "/api/v1/fields/{name}", delete_field),
     ("POST", "/api/v1/plan", check_plan),

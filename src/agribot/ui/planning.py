@@ -10,8 +10,8 @@ import msgspec
 from agribot.config import RunConfig
 from agribot.errors import MissionError
 from agribot.geo import MapFrame
-from agribot.gis.field_file import KINDS, field_from
-from agribot.gis.geojson import features
+from agribot.gis.field_file import field_from
+from agribot.gis.geojson import KINDS, features
 from agribot.gis.plan_file import SavedPlan, plan_text
 from agribot.messages import FloatArray
 from agribot.plan.coverage.area import PlanRequest, footprint

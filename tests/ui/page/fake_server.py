@@ -25,6 +25,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 import agribot
+from agribot.gis.formats.table import read_field_file, write_field_file
 from agribot.ui.mapviz_config import config_of, displays_of
 from tests.ui.page import fake_answers
 from tests.ui.page.fake_robot import FakeRobot, camera_packets, field
@@ -60,6 +61,8 @@ class FakeServer:
         answers = [Route(f"/api/v1/{name}", self._fixed(name)) for name in fake_answers.FIXED]
         return [
             *answers,
+            Route("/api/v1/fields/import", _import_field, methods=["POST"]),
+            Route("/api/v1/fields/export", _export_field, methods=["POST"]),
             Route("/api/v1/views/import", _import_view, methods=["POST"]),
             Route("/api/v1/views/export", _export_view, methods=["POST"]),
             Route(
@@ -175,6 +178,14 @@ class FakeServer:
         return Response(
             text.replace("package://agribot_description/", ""), media_type="application/xml"
         )
+
+
+async def _import_field(request: Request) -> Response:
+    return JSONResponse(read_field_file(request.query_params["filename"], await request.body()))
+
+
+async def _export_field(request: Request) -> Response:
+    return Response(write_field_file(request.query_params["format"], await request.json()))
 
 
 async def _import_view(request: Request) -> Response:

@@ -6,7 +6,10 @@ import type { App } from '../app.ts'
 import { download, el } from '../dom.ts'
 import { icon } from '../icons.ts'
 
-export const IMPORT_TYPES = '.geojson,.json,.gpkg,.kml,.kmz,.zip' // what the server reads
+export const IMPORT_TYPES = '.geojson,.json,.gpkg,.kml,.kmz,.gpx,.zip' // what the server reads
+const EXPORTS = [
+  ['ISOXML', '.isoxml.zip'], ['GPX', '.gpx'], ['Shapefile', '.shp.zip'], ['KMZ', '.kmz'], ['KML', '.kml'], ['GeoPackage', '.gpkg'], ['GeoJSON', '.geojson'],
+] as const
 
 interface Document {
   content: () => FeatureCollection
@@ -27,7 +30,14 @@ export function fileCard(app: App, document: Document): HTMLElement {
   return el('div', { class: 'card stack' }, el('h2', {}, 'Field'), el('div', { class: 'pair-grid' },
     button('plan', 'Open', () => void open(app, document)), button('save', 'Save', () => void save(app, document)),
     button('upload', 'Import', () => file.click()),
-    button('download', 'Export', () => download('field.geojson', JSON.stringify(document.content(), null, 1)))), file)
+    button('download', 'Export', () => void exportTo(app, document))), file)
+}
+
+async function exportTo(app: App, document: Document): Promise<void> {
+  const about = 'A file for this device, in WGS 84. ISOXML is for tractor terminals and farm software.'
+  const ending = await app.dialogs.ask('Export the field', [about], EXPORTS.map(([label, value]) => ({ label, value })))
+  const file = ending && (await app.attempt(api.exportField(ending, document.content())))
+  if (file) download(`field${ending}`, file)
 }
 
 async function open(app: App, document: Document): Promise<void> {

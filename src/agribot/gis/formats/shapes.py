@@ -1,0 +1,74 @@
+"""Shapefiles in a ZIP archive, one for each of areas, lines and points."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+from agribot.errors import ConfigError
+from agribot.gis.formats.untrusted import packed, unpacked
+from agribot.gis.geojson import Feature, Found
+
+_LAYERS = {"Polygon": "areas", "LineString": "lines", "Point": "points"}
+_WGS84 = (
+    'GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],'
+    'PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]]'
+)
+
+
+def read_shapefiles(data: bytes) -> Found:
+    shapefile = _library()
+    files = {name.lower(): part for name, part in unpacked(data, ".shp", ".dbf", ".prj").items()}
+    layers = [name.removesuffix(".shp") for name in files if name.endswith(".shp")]
+    if not layers:
+        raise ValueError("no .shp file inside")
+    for layer in layers:
+        if files.get(f"{layer}.prj", b"").startswith(b"PROJCS"):
+            raise ValueError("coordinates are projected; convert them to WGS-84 (EPSG:4326) first")
+        parts = {"shp": io.BytesIO(files[f"{layer}.shp"])}
+        if f"{layer}.dbf" in files:
+            parts["dbf"] = io.BytesIO(files[f"{layer}.dbf"])
+        with shapefile.Reader(**parts) as reader:
+            for record in reader.iterShapeRecords():
+                told = record.record.as_dict() if record.record else {}
+                plain = {k: v for k, v in told.items() if isinstance(v, str | int | float) and v}
+                if record.shape.shapeType != shapefile.NULL:
+                    yield dict(record.shape.__geo_interface__), plain
+
+
+def write_shapefiles(features: Sequence[Feature]) -> bytes:
+    files: dict[str, bytes] = {}
+    for geometry, layer in _LAYERS.items():
+        found = [feature for feature in features if feature.geometry == geometry]
+        if found:
+            files |= _layer(geometry, layer, found)
+    return packed(files)
+
+
+def _layer(geometry: str, layer: str, features: Sequence[Feature]) -> dict[str, bytes]:
+    shapefile = _library()
+    parts = {suffix: io.BytesIO() for suffix in ("shp", "shx", "dbf")}
+    kinds = {
+        "Polygon": shapefile.POLYGON, "LineString": shapefile.POLYLINE, "Point": shapefile.POINT,
+    }  # fmt: skip
+    with shapefile.Writer(**parts, shapeType=kinds[geometry]) as writer:
+        writer.field("kind", "C", 20)
+        writer.field("name", "C", 80)
+        for feature in features:
+            if geometry == "Point":
+                writer.point(*feature.parts[0][0])
+            else:
+                writer.shape({"type": geometry, "coordinates": feature.coordinates()})
+            writer.record(feature.kind, feature.name)
+        writer.close()
+    written = {f"{layer}.{suffix}": part.getvalue() for suffix, part in parts.items()}
+    return written | {f"{layer}.prj": _WGS84.encode(), f"{layer}.cpg": b"UTF-8"}
+
+
+def _library() -> Any:
+    try:
+        import shapefile
+    except ImportError as error:
+        raise ConfigError("Shapefiles need pyshp; pip install 'agribot[ui]'") from error
+    return shapefile

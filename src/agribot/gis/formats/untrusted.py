@@ -1,0 +1,101 @@
+"""Files from anywhere: XML and archives that cost no more than they say."""
+
+from __future__ import annotations
+
+import io
+import xml.etree.ElementTree as ET
+import zipfile
+from collections.abc import Iterator
+from typing import Any, NoReturn
+from xml.parsers import expat
+
+MAX_FILE_BYTES = 100_000_000
+MAX_MEMBERS = 10_000
+MAX_ELEMENTS = 1_000_000
+MAX_DEPTH = 100
+
+
+def xml_tree(data: bytes) -> ET.Element:
+    """Raises: ValueError: no XML, with entities of its own, or endless."""
+    _Bounds().check(data)
+    return ET.fromstring(data)
+
+
+class _Bounds:
+    """A first pass that builds nothing: entities are refused before any of them is expanded."""
+
+    def __init__(self) -> None:
+        self._depth = self._elements = 0
+
+    def check(self, data: bytes) -> None:
+        parser = expat.ParserCreate()
+        parser.StartDoctypeDeclHandler = _refuse
+        parser.StartElementHandler = self._begin
+        parser.EndElementHandler = self._end
+        try:
+            parser.Parse(data, True)
+        except expat.ExpatError as error:
+            raise ValueError(f"not XML: {error}") from error
+
+    def _begin(self, _name: str, _attributes: Any) -> None:
+        self._depth += 1
+        self._elements += 1
+        if self._depth > MAX_DEPTH or self._elements > MAX_ELEMENTS:
+            raise ValueError(
+                f"more than {MAX_ELEMENTS} elements, or more than {MAX_DEPTH} inside each other"
+            )
+
+    def _end(self, _name: str) -> None:
+        self._depth -= 1
+
+
+def _refuse(*_: object) -> NoReturn:
+    raise ValueError("document type declarations are not accepted")
+
+
+def tag(element: ET.Element) -> str:
+    """Without its namespace."""
+    return element.tag.rpartition("}")[2]
+
+
+def text_of(element: ET.Element, name: str) -> str:
+    """Of the child of this name; empty where there is none."""
+    return next(((e.text or "").strip() for e in element if tag(e) == name), "")
+
+
+def xml_bytes(root: ET.Element) -> bytes:
+    ET.indent(root)
+    return bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
+
+
+def member_names(data: bytes) -> list[str]:
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        return archive.namelist()
+
+
+def unpacked(data: bytes, *suffixes: str) -> dict[str, bytes]:
+    """The files in a ZIP archive whose names end so, in memory: nothing is written anywhere.
+
+    Raises: ValueError: more than anybody's field; zipfile.BadZipFile: no archive.
+    """
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        return {e.filename: archive.read(e) for e in _wanted(archive, suffixes)}
+
+
+def _wanted(archive: zipfile.ZipFile, suffixes: tuple[str, ...]) -> Iterator[zipfile.ZipInfo]:
+    entries = archive.infolist()
+    if len(entries) > MAX_MEMBERS:
+        raise ValueError(f"{len(entries)} files inside, more than {MAX_MEMBERS}")
+    found = [e for e in entries if e.filename.lower().endswith(suffixes)]
+    size = sum(e.file_size for e in found)
+    if size > MAX_FILE_BYTES:
+        raise ValueError(f"unpacks to {size} bytes, more than {MAX_FILE_BYTES}")
+    yield from found
+
+
+def packed(files: dict[str, bytes]) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return buffer.getvalue()
