@@ -10,6 +10,7 @@ export interface Hooks {
   readonly screen: string
   readonly ready: boolean
   map: unknown
+  scene: (() => unknown) | null
 }
 
 declare global {
@@ -29,5 +30,6 @@ export function installHooks(app: App, router: Router): void {
       return app.store.state !== null && app.field !== null
     },
     map: null,
+    scene: null,
   }
 }

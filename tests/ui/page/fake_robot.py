@@ -71,6 +71,7 @@ class FakeRobot:
         self.s_m = 0.0
         self.mode = "mission"
         self.stop = ""
+        self.replay: Message | None = None
         self.trajectory: list[list[float]] = []
         self.commands: list[Message] = []
         self.path = path()
@@ -187,6 +188,7 @@ class FakeRobot:
             "nozzles": [False, True, False],
             "recording": "2026-05-03-171500-farm",
             "sig": [signals],
+            **({"replay": self.replay} if self.replay else {}),
         }
 
     def snapshot(self) -> Message:

@@ -14,6 +14,11 @@ const TEXTURE_M = 4
 
 export interface Joint { name: string; lower: number; upper: number; unit: 'rad' | 'm' }
 
+export interface SceneShown {
+  pose: [x: number, y: number, yaw: number]; eye: number[]; pictures: number; triangles: number
+  joints: Record<string, number>; axes: number[][]; camera: boolean
+}
+
 export class Scene {
   readonly renderer: THREE.WebGLRenderer
   robot: URDFRobot | null = null
@@ -23,7 +28,7 @@ export class Scene {
   private readonly orbit: OrbitControls
   private readonly body = new THREE.Group()
   private readonly frustum = new THREE.Group()
-  private readonly axes = new THREE.Group()
+  private axes: THREE.AxesHelper[] = []
   private readonly ground: THREE.Mesh
   private readonly resize: ResizeObserver
   private frame = 0
@@ -44,7 +49,7 @@ export class Scene {
     const sun = new THREE.DirectionalLight('#fff6e0', 2.2)
     sun.position.set(4, -3, 8)
     this.scene.add(new THREE.HemisphereLight('#ffffff', '#8a7b60', 1.9), sun, this.ground, this.body)
-    this.body.add(this.frustum, this.axes)
+    this.body.add(this.frustum)
     this.recolour()
     this.resize = new ResizeObserver(() => this.fit())
     this.resize.observe(host)
@@ -70,15 +75,15 @@ export class Scene {
     return Object.values(this.robot.joints).filter((joint) => joint.jointType !== 'fixed').map(movable)
   }
 
-  /** Axes at every link: x red, y green, z blue. */
+  /** Axes at every link, moving with it: x red, y green, z blue. */
   showFrames(show: boolean): void {
-    this.axes.clear()
+    for (const axes of this.axes) axes.removeFromParent()
+    this.axes = []
     if (!show || !this.robot) return
     for (const link of Object.values(this.robot.links)) {
       const axes = new THREE.AxesHelper(0.18)
-      axes.position.copy(this.body.worldToLocal(link.getWorldPosition(new THREE.Vector3())))
-      axes.quaternion.copy(this.body.getWorldQuaternion(new THREE.Quaternion()).invert().multiply(link.getWorldQuaternion(new THREE.Quaternion())))
-      this.axes.add(axes)
+      link.add(axes)
+      this.axes.push(axes)
     }
   }
 
@@ -105,6 +110,21 @@ export class Scene {
     }
     this.lastAt.copy(moved)
     this.ground.position.set(Math.round(x / TEXTURE_M) * TEXTURE_M, Math.round(y / TEXTURE_M) * TEXTURE_M, 0)
+  }
+
+  /** What is shown, for tests: pictures of a scene differ from one graphics card to the next. */
+  shown(): SceneShown {
+    const { x, y } = this.body.position
+    const meshes: THREE.Mesh[] = []
+    this.robot?.traverse((part) => {
+      if (part instanceof THREE.Mesh && part.geometry instanceof THREE.BufferGeometry) meshes.push(part)
+    })
+    return {
+      pose: [x, y, this.body.rotation.z], eye: this.eye.position.toArray(), pictures: this.renderer.info.render.frame,
+      triangles: meshes.reduce((sum, mesh) => sum + (mesh.geometry.getAttribute('position')?.count ?? 0) / 3, 0),
+      joints: Object.fromEntries(Object.values(this.robot?.joints ?? {}).map((joint) => [joint.urdfName, Number(joint.jointValue[0] ?? 0)])),
+      axes: this.axes.map((axes) => axes.getWorldPosition(new THREE.Vector3()).toArray()), camera: this.frustum.visible && this.frustum.children.length > 0,
+    }
   }
 
   private fit(): void {

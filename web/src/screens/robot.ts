@@ -21,10 +21,12 @@ export const robot: Screen = {
     const scene = await makeScene(stage)
     if (!scene) return () => undefined
     replace(view, el('h2', {}, 'View'), ...(app.session.source === 'description' ? [] : [followButton(scene)]), check('Camera’s field of view', true, (on) => scene.showFrustum(on)), check('Frames of the links', false, (on) => scene.showFrames(on)))
+    if (window.__agribot) window.__agribot.scene = () => scene.shown()
     const undo = [onTheme(() => scene.recolour())]
     void showRobot(scene, app, joints, undo)
     return () => {
       for (const work of undo) work()
+      if (window.__agribot) window.__agribot.scene = null
       scene.close()
     }
   },
@@ -43,14 +45,15 @@ async function makeScene(stage: HTMLElement): Promise<Scene | null> {
 async function showRobot(scene: Scene, app: App, joints: HTMLElement, undo: (() => void)[]): Promise<void> {
   if (!app.robot) return
   const found = await app.attempt(scene.load(app.robot))
-  if (!found) return
+  if (!found || !joints.isConnected) return // or the screen was left meanwhile
   const wheels = app.robot.wheel_joints
   undo.push(app.store.on('state', (state) => scene.update(state, wheels)))
-  jointPanel(scene, app, joints, found)
+  undo.push(...jointPanel(scene, app, joints, found))
 }
 
-/** Live joints show their angle; the others, and all of them with no live data, have a slider. */
-function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]): void {
+/** Live joints show their angle; the others, and all of them with no live data, have a slider. Returns how to end it. */
+function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]): (() => void)[] {
+  const undo: (() => void)[] = []
   const isLive = (): boolean => Boolean(app.store.state?.joints?.length) && !app.store.stale
   const live = isLive() ? new Set(app.robot?.wheel_joints ?? []) : new Set<string>()
   const rows = found.map((joint) => {
@@ -58,7 +61,7 @@ function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]):
     if (live.has(name)) {
       const angle = el('span', { class: 'value' })
       const index = app.robot?.wheel_joints.indexOf(name) ?? 0
-      app.store.on('state', (state) => setText(angle, `${((((state.joints[index] ?? 0) * 180) / Math.PI) % 360).toFixed(0)}°`))
+      undo.push(app.store.on('state', (state) => setText(angle, `${((((state.joints[index] ?? 0) * 180) / Math.PI) % 360).toFixed(0)}°`)))
       return el('div', { class: 'label-row' }, el('span', {}, words(name)), angle)
     }
     const at = Math.min(Math.max(0, lower), upper)
@@ -70,6 +73,7 @@ function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]):
     return el('div', { class: 'field' }, el('div', { class: 'label-row' }, el('span', {}, words(name)), place), slider)
   })
   replace(panel, el('h2', {}, 'Joints'), ...rows)
+  return undo
 }
 
 function jointPlace(joint: Joint, value: number): string {
