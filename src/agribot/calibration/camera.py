@@ -20,12 +20,14 @@ from agribot.estimate.localizer import Localizer
 from agribot.estimate.row_view import Glance, RowViewFit, fit_row_view
 from agribot.geo import rotation_from_rpy, rpy_from_rotation
 from agribot.messages import Scene, SensorBatch, Vec3
-from agribot.perceive.mount_fit import Look, MountFit, fit_mount
+from agribot.perceive.mount_fit import Look, MountFit, fit_mount, follow
 from agribot.record.replay import read_config, read_ticks, read_urdf
 from agribot.robot import RobotSpec
 
 # After it began, the filter needs so long to know its heading from the drive.
 SETTLE_S = 5.0
+# By how much a plant that is seen whole and alone differs in size from its usual one, at most.
+STEADY_RATIO = 0.15
 
 
 class CameraResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -110,7 +112,7 @@ def seen_in(
 def camera_of(seen: Seen) -> CameraResult:
     """Raises: MissionError: no plant was followed; DescriptionError: a robot without camera."""
     robot = seen.robot
-    looks = [Look(s.t_s, seen.pose(s.t_s), s.plants) for s in seen.settled if s.plants]
+    looks = steady([Look(s.t_s, seen.pose(s.t_s), s.plants) for s in seen.settled if s.plants])
     fit = fit_mount(looks, robot.body_from_camera())
     if fit is None or robot.camera is None:
         raise MissionError(
@@ -129,6 +131,28 @@ def camera_of(seen: Seen) -> CameraResult:
             f"calibration.camera_rpy_rad=[{','.join(f'{value:.5f}' for value in rpy_rad)}]",
         ),
     )  # fmt: skip
+
+
+def steady(looks: Sequence[Look]) -> list[Look]:
+    """Without the sights of a plant that is not as large as otherwise.
+
+    Its leaves touch those of another there, or the edge of the picture cuts it: what is seen is
+    not its middle.
+    """
+    usual_m2: dict[int, float] = {}
+    for track in follow(looks):
+        median_m2 = float(np.median([sight.plant.area_m2 for sight in track]))
+        usual_m2 |= {id(sight.plant): median_m2 for sight in track}
+    return [
+        look._replace(
+            plants=tuple(
+                plant
+                for plant in look.plants
+                if abs(plant.area_m2 / usual_m2.get(id(plant), math.inf) - 1.0) <= STEADY_RATIO
+            )
+        )
+        for look in looks
+    ]
 
 
 def row_view_of(seen: Seen) -> RowViewResult:

@@ -86,7 +86,9 @@ def _swing(first: str, second: str, yaw_rate_radps: float) -> tuple[Motion, ...]
 
 
 _SWINGS = (*_swing("left", "right", ARC_RADPS), *_swing("right", "left", -ARC_RADPS))
-SWINGING = (*_SWINGS, *_SWINGS, Motion("back", -LEG_MPS, 0.0, 8.7))
+_BACK = Motion("back", -LEG_MPS, 0.0, 8.7)
+# Twice, as few plants of a dense row are seen whole and alone.
+SWINGING = (*_SWINGS, *_SWINGS, _BACK, *_SWINGS, *_SWINGS, _BACK)
 
 
 class Drive(NamedTuple):

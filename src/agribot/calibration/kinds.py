@@ -257,7 +257,7 @@ KINDS = {
              "antenna sits. Needs a receiver with corrections.",
              TURNS, 10.0, _antenna),
         Kind("camera", "Camera's mount",
-             "Drives 9 m along a crop row, swinging its nose to both sides, and back; finds "
+             "Drives 9 m along a crop row, swinging its nose to both sides, and back, twice; finds "
              "pitch, yaw, roll and height of the camera from plants that it sees again. Needs a "
              "receiver with corrections.",
              SWINGING, 18.0, _camera, needs_pictures=True),

@@ -20,9 +20,9 @@ from agribot.config import RunConfig
 from agribot.errors import AgribotError, MissionError
 from agribot.messages import STOP, OperatorEvent, SensorBatch, TickRecord
 from agribot.operator_input import Inbox
+from agribot.plan.errand import STANDING_MPS
 from agribot.robot import RobotSpec
 
-STANDING_MPS = 0.02
 BUSY = ("running", "waiting")  # states of a mission that sets off by itself
 HARMLESS = ("note", "mark", "set", "start_recording", "stop_recording")
 HELD_LIMIT_S = 1.0  # the supervisor may hold the robot so long before the drive is given up

@@ -96,6 +96,12 @@ def need_operator(request: Request) -> None:
         raise Unusable(403, "you are logged in as a viewer, who may look on and stop the robot")
 
 
+def is_robot_shown(request: Request) -> bool:
+    """Whether the caller's pages look at a robot that runs, not at a recording or a description."""
+    hub: Hub = request.app.state.hub
+    return channel_of(request) is hub.live and hub.has_robot
+
+
 async def asked_of_robot(request: Request, name: str, values: Any) -> dict[str, Any]:
     """What the robot's program answers, less `refusal`.
 

@@ -16,8 +16,6 @@ from agribot.ui.answers import (
 )
 from agribot.ui.hub import Hub
 
-WITHOUT_ROBOT = ("replay", "description")
-
 
 async def calibrations(request: Request) -> Response:
     return await _asked(request, "look")
@@ -48,7 +46,7 @@ async def undo(request: Request) -> Response:
 async def _asked(request: Request, what: str, kind: str = "") -> Response:
     """Raises: Unusable: no robot is there, or it refuses."""
     hub: Hub = request.app.state.hub
-    if hub.live.source in WITHOUT_ROBOT:
+    if not hub.has_robot:
         raise Unusable(409, "no robot runs here; nothing can be calibrated")
     values = {"do": what, "kind": kind, "by": name_of(request)}
     return json_answer(await asked_of_robot(request, "calibration", values))

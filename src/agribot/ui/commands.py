@@ -9,6 +9,7 @@ from typing import Any, Protocol, TypeGuard
 
 import msgspec
 
+from agribot.plan.errand import STANDING_MPS
 from agribot.ui.channel import Channel
 from agribot.ui.hub import Hub
 
@@ -19,7 +20,6 @@ FIRST_SCALE = 0.5
 SHAPES = ("polygon", "route")
 MAX_CORNERS = 500
 POSE_STD_M, POSE_STD_RAD = 0.3, 0.1  # of a place and a direction shown with a finger on a map
-STANDING_MPS = 0.02
 MISSION_ACTIONS = {"start": "resume"}  # a mission starts by itself; after a pause it resumes
 PLAIN_ACTIONS = ("pause", "resume", "cancel", "skip_row", "return_home")
 RECORD_ACTIONS = {"start": "start_recording", "stop": "stop_recording"}

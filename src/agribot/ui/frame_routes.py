@@ -10,21 +10,19 @@ from starlette.responses import Response
 from agribot.ui.answers import (
     Unusable,
     asked_of_robot,
-    channel_of,
+    is_robot_shown,
     json_answer,
     name_of,
     need_seat,
 )
 from agribot.ui.hub import Hub
 
-WITHOUT_ROBOT = ("replay", "description")
-
 
 async def save_frame(request: Request) -> Response:
     """The newest frame with the network's mask, into a folder that trains networks."""
     need_seat(request)
     hub: Hub = request.app.state.hub
-    if not _is_robot_shown(request):
+    if not is_robot_shown(request):
         raise Unusable(409, "no robot is shown whose camera could be kept")
     saved = await asked_of_robot(request, "save_frame", None)
     hub.note(name_of(request), f"keeps a frame: {saved['image']}")
@@ -35,7 +33,7 @@ async def weed_picture(request: Request) -> Response:
     """A JPEG of a weed as the camera saw it best; `x-captured-s` says when."""
     hub: Hub = request.app.state.hub
     row = hub.live.weeds.get(request.path_params["id"])
-    if row is None or not _is_robot_shown(request):
+    if row is None or not is_robot_shown(request):
         raise Unusable(404, "there are pictures of the weeds of the running robot only")
     found = await asked_of_robot(request, "plant_picture", [row[2], row[3]])
     if not found:
@@ -44,11 +42,6 @@ async def weed_picture(request: Request) -> Response:
         )
     headers = {"cache-control": "no-store", "x-captured-s": f"{found['t_s']:.2f}"}
     return Response(base64.b64decode(found["jpeg"]), media_type="image/jpeg", headers=headers)
-
-
-def _is_robot_shown(request: Request) -> bool:
-    hub: Hub = request.app.state.hub
-    return channel_of(request) is hub.live and hub.live.source not in WITHOUT_ROBOT
 
 
 ROUTES = (

@@ -73,6 +73,11 @@ class Hub:
         self._to_robot = to_robot
         self._noted_s: deque[float] = deque(maxlen=NOTES_PER_MINUTE)
 
+    @property
+    def has_robot(self) -> bool:
+        """Not where a recording or a description alone is served."""
+        return self.live.source not in ("replay", "description")
+
     def channel_of(self, session: str) -> Channel:
         """The stream that a page looks at: the live one, unless its browser replays a recording."""
         return self.replay_of(session.partition("/")[0]) or self.live

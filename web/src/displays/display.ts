@@ -1,6 +1,7 @@
 /** One display on the map: hears its source, remembers what its type wants, and draws it. */
 
 import type { GeoJSONSource, ImageSource } from 'maplibre-gl'
+import { SOURCE_MAXZOOM } from '../map/layers.ts'
 import type { LayerGroup } from '../map/layers.ts'
 import type { MapView } from '../map/view.ts'
 import { collection, EMPTY } from '../map/features.ts'
@@ -101,7 +102,7 @@ export class Display implements LayerGroup {
   private addLayers(): void {
     if (this.type.kind === 'shapes') {
       // Without simplification: it swallows squares of a hand's width.
-      this.view.map.addSource(this.id, { type: 'geojson', data: EMPTY, maxzoom: 22, tolerance: 0 })
+      this.view.map.addSource(this.id, { type: 'geojson', data: EMPTY, maxzoom: SOURCE_MAXZOOM, tolerance: 0 })
       for (const layer of lookLayers(this.id, this.view.app.projection.latDeg)) this.view.map.addLayer(layer)
       this.layers = lookLayers(this.id, this.view.app.projection.latDeg).map((layer) => layer.id)
     } else if (this.type.kind === 'laid') this.layers = [`${this.id}-picture`]

@@ -5,7 +5,7 @@ import { EMPTY } from './features.ts'
 import type { Palette } from './palette.ts'
 
 /** The accuracy of a GeoJSON source comes from its deepest tile: 18 would round to 11 mm, 22 to 0.7 mm. */
-const SOURCE_MAXZOOM = 22
+export const SOURCE_MAXZOOM = 22
 
 /** `layers` from bottom to top. */
 export interface LayerGroup { id: string; title: string; layers: string[]; visible: boolean; opacity: number }

@@ -7,6 +7,8 @@ import type { GeoJSONStoreFeatures } from 'terra-draw'
 import { TerraDrawMapLibreGLAdapter } from 'terra-draw-maplibre-gl-adapter'
 import type { Feature, Geometry } from 'geojson'
 import { el } from '../dom.ts'
+import { EMPTY } from '../map/features.ts'
+import { SOURCE_MAXZOOM } from '../map/layers.ts'
 import type { MapView } from '../map/view.ts'
 import { colour } from '../shell/theme.ts'
 import type { PlanReply, Vec2 } from '../wire.ts'
@@ -44,7 +46,7 @@ export class Drawing {
     this.draw.on('finish', (id, context) => this.finished(String(id), context.action))
     this.draw.on('select', (id) => this.onSelect(String(id)))
     this.draw.on('deselect', () => this.onSelect(null))
-    view.map.addSource(PATH, { type: 'geojson', data: { type: 'FeatureCollection', features: [] } })
+    view.map.addSource(PATH, { type: 'geojson', data: EMPTY, maxzoom: SOURCE_MAXZOOM })
     view.map.addLayer({ id: PATH, type: 'line', source: PATH, paint: { 'line-color': colour('map-trajectory'), 'line-width': 3, 'line-dasharray': [2, 1.5] } })
     this.load()
   }

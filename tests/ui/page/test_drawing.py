@@ -1,0 +1,187 @@
+"""Drawing a field on the map: every tool, in numbers too, back and forth, and nothing kept unasked.
+
+One page draws; the tests follow each other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.ui.page.conftest import hold_map_still, until, wait_for
+from tests.ui.page.fake_server import FakeServer, serving
+from tests.ui.page.test_plan import drawn, lonlat
+
+# Data may be old for a time on a busy machine: the banner would move the map under the pointer.
+STEADY = ".banners { display: none }"
+NEAR_M = 0.06  # as near as a pixel of the map
+BESIDE = (10.0, -14.0)  # ground without anything
+AREA = [(6.0, -18.0), (14.0, -18.0), (14.0, -11.0), (6.0, -11.0)]
+POND = [(12.0, -13.0), (13.0, -13.0), (13.0, -12.0)]
+ROW = [(8.0, -17.0), (8.0, -12.0)]
+AB = [(10.0, -17.0), (11.0, -12.0)]
+GOALS = [(7.0, -16.0), (7.0, -13.0)]
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[FakeServer]:
+    fake = FakeServer(weeds=0)
+    with serving(fake) as fake.address:
+        yield fake
+
+
+@pytest.fixture(scope="module")
+def asked() -> list[str]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def page(browser: Browser, server: FakeServer, asked: list[str]) -> Iterator[Page]:
+    context = browser.new_context(viewport={"width": 1280, "height": 900}, locale="en")
+    context.on("request", lambda request: asked.append(request.url))
+    page = context.new_page()
+    page.goto(f"{server.address}/?off=scene,camera#/plan")
+    until(page, "window.__agribot?.ready && window.__agribot.map?.getLayer('plan-path')")
+    hold_map_still(page)
+    [[lon_deg, lat_deg]] = lonlat([BESIDE])
+    jump = f"void window.__agribot.map.jumpTo({{center: [{lon_deg}, {lat_deg}], zoom: 20.5}})"
+    page.evaluate(jump)
+    page.add_style_tag(content=STEADY)
+    yield page
+    context.close()
+
+
+def tap(page: Page, *places: tuple[float, float]) -> None:
+    for lon_deg, lat_deg in lonlat(list(places)):
+        x, y = page.evaluate(
+            "([lon, lat]) => { const at = window.__agribot.map.project([lon, lat]);"
+            "const box = document.querySelector('.map').getBoundingClientRect();"
+            "return [box.x + at.x, box.y + at.y] }",
+            [lon_deg, lat_deg],
+        )
+        page.mouse.move(x, y)
+        page.mouse.click(x, y)
+
+
+def choose(page: Page, tool: str) -> None:
+    page.locator(".tool-grid").get_by_role("button", name=tool, exact=True).click()
+
+
+def sent(page: Page, server: FakeServer) -> list[dict[str, Any]]:
+    """The features that the page asks the robot to plan on."""
+    server.written.pop("plan", None)
+    page.get_by_role("button", name="Check plan").click()
+    plan = wait_for(lambda: server.written.get("plan"), "a plan to check")
+    return list(plan["field"]["features"])
+
+
+def points(features: list[dict[str, Any]], kind: str) -> list[list[tuple[float, float]]]:
+    """Of every shape of this kind, in the map."""
+    return [
+        drawn({"features": [feature]})[kind]
+        for feature in features
+        if feature["properties"]["kind"] == kind
+    ]
+
+
+def is_near(found: list[tuple[float, float]], wanted: list[tuple[float, float]]) -> bool:
+    return len(found) == len(wanted) and all(
+        point == pytest.approx(place, abs=NEAR_M)
+        for point, place in zip(found, wanted, strict=True)
+    )
+
+
+def test_each_tool_draws_where_the_map_was_tapped(page: Page, server: FakeServer) -> None:
+    for tool, places in (("Boundary", AREA), ("Obstacle", POND)):
+        choose(page, tool)
+        tap(page, *places, places[0])
+        expect(page.locator(f"[data-kind={tool.lower()}]")).to_have_attribute(
+            "aria-pressed", "false"
+        )
+    for tool, places in (("Row", ROW), ("A–B line", AB)):
+        choose(page, tool)
+        tap(page, *places, places[-1])
+    choose(page, "Goals")
+    tap(page, *GOALS)
+    choose(page, "Goals")
+    expect(page.locator(".side")).to_contain_text("1 obstacle")
+    features = sent(page, server)
+    for kind, places in (("boundary", AREA), ("obstacle", POND), ("row", ROW), ("ab_line", AB)):
+        assert is_near(points(features, kind)[-1], places), kind
+    assert [is_near(p, [g]) for p, g in zip(points(features, "waypoint"), GOALS, strict=True)] == [
+        True, True,
+    ]  # fmt: skip
+
+
+def test_the_last_step_is_taken_back_and_done_again(page: Page, server: FakeServer) -> None:
+    side = page.locator(".side")
+    expect(side).to_contain_text("2 goals")
+    page.get_by_role("button", name="Undo").click()
+    expect(side).to_contain_text("1 goal ")
+    page.get_by_role("button", name="Redo").click()
+    expect(side).to_contain_text("2 goals")
+    expect(page.get_by_role("button", name="Redo")).to_be_disabled()
+
+
+def test_a_corner_is_moved_in_numbers_to_the_centimetre(page: Page, server: FakeServer) -> None:
+    tap(page, (12.7, -12.8))  # in the pond
+    expect(page.locator(".side h2", has_text="Obstacle")).to_be_visible()
+    expect(page.locator(".side")).to_contain_text("m²")
+    corner = page.get_by_label("Point 1, east, metres")
+    corner.fill("11.250")
+    corner.press("Enter")
+    page.get_by_label("Point 1, north, metres").press("Enter")
+    moved = wait_for(lambda: points(sent(page, server), "obstacle"), "the obstacle")[0]
+    assert moved[0][0] == pytest.approx(11.25, abs=1e-3)
+    assert moved[0][1] == pytest.approx(POND[0][1], abs=NEAR_M)
+
+
+def test_goals_change_places_and_a_shape_is_deleted(page: Page, server: FakeServer) -> None:
+    tap(page, GOALS[0])
+    page.get_by_role("button", name="Later").click()
+    first, second = points(sent(page, server), "waypoint")
+    assert is_near(first, [GOALS[1]])
+    assert is_near(second, [GOALS[0]])
+    tap(page, (12.7, -12.7))
+    page.get_by_role("button", name="Delete").click()
+    expect(page.locator(".side")).not_to_contain_text("obstacle")
+    assert points(sent(page, server), "obstacle") == []
+
+
+def test_a_boundary_is_recorded_by_driving_along_it(page: Page, server: FakeServer) -> None:
+    before = len(points(sent(page, server), "boundary"))
+    choose(page, "By driving")
+    x_m, y_m, _ = server.robot.pose()
+    pose = "window.__agribot.state().pose"
+    until(page, f"Math.hypot({pose}[0] - {x_m}, {pose}[1] - {y_m}) > 3")
+    choose(page, "By driving")
+    found = points(sent(page, server), "boundary")
+    assert len(found) == before + 1
+    assert len(found[-1]) >= 5
+    steps_m = [math.dist(a, b) for a, b in pairwise(found[-1])]
+    assert min(steps_m) >= 0.49
+    assert max(steps_m) < 1.5
+
+
+def test_nothing_was_kept_or_asked_elsewhere_meanwhile(
+    page: Page, server: FakeServer, asked: list[str]
+) -> None:
+    """What is drawn touches no saved field, and drawing needs nobody but the robot."""
+    assert [each for each in server.requests if each.startswith(("PUT", "DELETE"))] == []
+    assert [url for url in asked if not url.startswith((server.address, "data:", "blob:"))] == []
+
+
+def test_small_distances_are_not_rounded_away(page: Page) -> None:
+    """A source that stops at zoom 18, as usual, rounds places to 11 mm."""
+    sources = page.evaluate("window.__agribot.map.getStyle().sources")
+    zooms = {
+        name: each.get("maxzoom") for name, each in sources.items() if each["type"] == "geojson"
+    }
+    own = {name: zoom for name, zoom in zooms.items() if not name.startswith("td-")}
+    assert len(own) > 8
+    assert {name for name, zoom in own.items() if zoom != 22} == set()
