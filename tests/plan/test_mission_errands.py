@@ -184,6 +184,33 @@ def test_a_second_goal_replaces_the_first_and_home_replaces_both() -> None:
     assert drive.be_at(*drive.place(0.0), "return_home").status.leg == "way home"
 
 
+def test_the_way_home_is_planned_from_where_the_robot_comes_to_rest() -> None:
+    drive = Drive()
+    where = drive.into_row(0)
+    home = OperatorEvent(t_s=0.0, action="return_home", source="Ada")
+    stopping = drive.ask(*where, home, v_mps=0.4)
+    assert (stopping.max_speed_mps, stopping.status.leg) == (0.0, "stops first")
+    assert "Ada" in stopping.status.reason
+    again = drive.be_at(*where, "return_home")
+    assert (again.status.state, again.status.leg) == ("running", "way home")
+    assert again.path is not None
+    end = drive.along(0.0, float(again.path.s_m[-1]) + 0.02)[-1].status
+    assert (end.state, end.reason) == ("cancelled", "returned home, called by Ada")
+
+
+def test_a_mission_that_has_ended_and_stays_open_comes_home_as_it_ended() -> None:
+    drive = Drive()
+    where = drive.into_row(0)
+    drive.be_at(*where, "cancel")
+    assert drive.be_at(*where, "return_home").max_speed_mps == 0.0
+    drive.mission.stay_open()
+    home = drive.be_at(*where, "return_home")
+    assert home.status.leg == "way home"
+    assert home.path is not None
+    ended = drive.along(0.0, float(home.path.s_m[-1]) + 0.02)[-1].status
+    assert (ended.state, ended.reason) == ("cancelled", "cancelled by operator")
+
+
 def test_a_mission_that_has_ended_drives_to_places_only_where_it_stays_open() -> None:
     drive = Drive()
     place = drive.place(0.0)

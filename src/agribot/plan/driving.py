@@ -234,7 +234,8 @@ class Driving:
             self._end(*self._job.finish(estimate.t_s))
             return
         if errand.to == "home":
-            self._end("cancelled", f"returned home, called by {errand.source}")
+            called = f"returned home, called by {errand.source}"
+            self._end(*(self._ended or ("cancelled", called)))
             return
         self._errands.end()
         if errand.to == "work":

@@ -11,13 +11,13 @@ from agribot.errors import MissionError
 from agribot.messages import Estimate, Goal, OperatorEvent
 from agribot.plan.account import FINAL
 from agribot.plan.driving import Driving
-from agribot.plan.errand import STANDING_MPS, Errands, goal_errand, home_errand, work_errand
+from agribot.plan.errand import STANDING_MPS, Errand, Errands, goal_errand, home_errand, work_errand
 from agribot.plan.job import Job
 from agribot.plan.saved_mission import check_not_carried_away
 from agribot.plan.task import Task
 
 # Heard after the end by a mission that stays open.
-AFTER_THE_END = ("goto", "visit", "plan", "stop", "clear_stop")
+AFTER_THE_END = ("goto", "return_home", "visit", "plan", "stop", "clear_stop")
 
 
 class Mission(Driving):
@@ -84,27 +84,30 @@ class Mission(Driving):
         self._run_on("running" if way else "waiting")
 
     def _turn_home(self, source: str) -> None:
-        current = self._errands.current
-        if self._last is None or (current is not None and current.to == "home"):
+        errands = self._errands
+        wanted = errands.current if self._state == "running" else errands.asked
+        if wanted is not None and wanted.to == "home":
             return
         try:
             errand = home_errand(self._job, source)
-            self._errands.begin(errand, errand.route(self._last, self._config))
         except MissionError as error:
             self._refusal = f"cannot return home: {error}"
         else:
-            self._run_on("running")
+            self._stop_for(errand, f"stops to return home, as {source} wants")
 
     def _turn_to_goal(self, event: OperatorEvent) -> None:
-        """Stop first: the way there is planned from where the robot comes to rest."""
         try:
             errand = goal_errand(self._job, event)
         except MissionError as error:
             self._refusal = f"goal refused: {error}"
-            return
+        else:
+            self._stop_for(errand, f"stops for a goal of {event.source}")
+
+    def _stop_for(self, errand: Errand, reason: str) -> None:
+        """The way is planned from where the robot comes to rest."""
         if self._state in FINAL:
             self._ended = (self._state, self._reason)
-        self._state, self._reason = "paused", f"stops for a goal of {event.source}"
+        self._state, self._reason = "paused", reason
         self._drop()
         self._refusal = ""
         self._errands.ask(errand)
