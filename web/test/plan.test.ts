@@ -53,3 +53,17 @@ test('goals change places without moving the other shapes', () => {
   document.reorder('1', -1)
   assert.deepEqual(document.shapes.map((s) => s.id), ['1', 'a', '3', '2'])
 })
+
+test('rows are repeated at their spacing, to the left of their direction', () => {
+  const document = new PlanDocument()
+  document.start([{ id: 'r', kind: 'row', points: [[0, 0], [0, 5], [0, 10]] }])
+  document.repeat('r', 2, 0.75)
+  assert.deepEqual(document.shapes.map((s) => s.points[0]), [[0, 0], [-0.75, 0], [-1.5, 0]])
+  assert.deepEqual(document.shapes[2].points[2], [-1.5, 10])
+  document.repeat('r', 1, -0.5)
+  assert.deepEqual(document.shapes[3].points[0], [0.5, 0])
+  for (const [count, spacing] of [[0, 1], [501, 1], [2, 0], [2, NaN], [NaN, 1]]) document.repeat('r', count, spacing)
+  assert.equal(document.shapes.length, 4)
+  document.undo()
+  assert.equal(document.shapes.length, 3)
+})

@@ -141,6 +141,20 @@ def test_a_corner_is_moved_in_numbers_to_the_centimetre(page: Page, server: Fake
     assert moved[0][1] == pytest.approx(POND[0][1], abs=NEAR_M)
 
 
+def test_a_field_of_rows_is_made_from_its_first(page: Page, server: FakeServer) -> None:
+    before = len(points(sent(page, server), "row"))
+    tap(page, (8.0, -15.0))
+    page.get_by_label("More rows").fill("2")
+    page.get_by_label("To the left, m").fill("-1.5")
+    page.get_by_role("button", name="Add rows").click()
+    rows = points(sent(page, server), "row")
+    assert len(rows) == before + 2
+    for row, east_m in zip(rows[-2:], (9.5, 11.0), strict=True):
+        assert is_near(row, [(east_m, ROW[0][1]), (east_m, ROW[1][1])])
+    page.get_by_role("button", name="Undo").click()
+    assert len(points(sent(page, server), "row")) == before
+
+
 def test_goals_change_places_and_a_shape_is_deleted(page: Page, server: FakeServer) -> None:
     tap(page, GOALS[0])
     page.get_by_role("button", name="Later").click()

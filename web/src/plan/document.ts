@@ -10,6 +10,8 @@ export type ShapeType = 'polygon' | 'line' | 'point'
 export interface Shape { id: string; kind: Kind; points: Vec2[] }
 
 const HISTORY = 100
+const MAX_REPEATED = 500
+const MIN_SPACING_M = 0.05
 /** Decimals of a degree: 0.1 mm. */
 const DEGREE_DECIMALS = 9
 
@@ -56,6 +58,20 @@ export class PlanDocument {
     const other = waypoints[from + by]
     if (from < 0 || !other) return
     this.change(this.shapes.map((s) => (s.id === id ? other : s.id === other.id ? waypoints[from] : s)))
+  }
+
+  /** More rows like this one, each `spacingM` further to the left of its direction; negative ones to the right. */
+  repeat(id: string, count: number, spacingM: number): void {
+    const row = this.shapes.find((s) => s.id === id)
+    if (!row || !(count >= 1 && count <= MAX_REPEATED) || !Number.isFinite(spacingM) || Math.abs(spacingM) < MIN_SPACING_M) return
+    const [[x0, y0], [x1, y1]] = [row.points[0], row.points[row.points.length - 1]]
+    const length = Math.hypot(x1 - x0, y1 - y0)
+    if (!length) return
+    const left: Vec2 = [(-(y1 - y0) / length) * spacingM, ((x1 - x0) / length) * spacingM]
+    const copies = Array.from({ length: Math.floor(count) }, (_, i): Shape => ({
+      id: `${id}-${i + 1}`, kind: row.kind, points: row.points.map(([x, y]): Vec2 => [x + (i + 1) * left[0], y + (i + 1) * left[1]]),
+    }))
+    this.change([...this.shapes, ...copies])
   }
 
   undo(): void {

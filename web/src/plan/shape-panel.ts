@@ -9,7 +9,7 @@ import { SHAPE_OF } from './document.ts'
 
 type Step = (work: () => void) => void
 
-export function shapePanel(shape: Shape, document: PlanDocument, step: Step): Node[] {
+export function shapePanel(shape: Shape, document: PlanDocument, step: Step): (Node | false)[] {
   const type = SHAPE_OF[shape.kind]
   const size = type === 'polygon' ? area(areaM2(shape.points)) : type === 'line' ? metres(lengthM(shape.points)) : ''
   const remove = el('button', { type: 'button', class: 'button danger', onclick: () => step(() => document.remove(shape.id)) }, icon('trash', 20), 'Delete')
@@ -18,8 +18,19 @@ export function shapePanel(shape: Shape, document: PlanDocument, step: Step): No
     : []
   return [
     el('div', { class: 'title-row' }, el('h2', {}, words(shape.kind)), el('span', { class: 'muted' }, size)),
-    vertexTable(shape, document, step), el('div', { class: 'button-row' }, ...order, remove),
+    vertexTable(shape, document, step), shape.kind === 'row' && repeater(shape, document, step), el('div', { class: 'button-row' }, ...order, remove),
   ]
+}
+
+/** A field of rows from its first one: how many more, and how far apart. */
+function repeater(shape: Shape, document: PlanDocument, step: Step): HTMLElement {
+  const count = el('input', { type: 'number', class: 'field-input', value: 5, min: 1, max: 500, step: 1 })
+  const spacing = el('input', { type: 'number', class: 'field-input', value: 0.75, step: 0.05 })
+  const add = el('button', { type: 'button', class: 'button', onclick: () => step(() => document.repeat(shape.id, Number(count.value), Number(spacing.value))) }, icon('plus', 20), 'Add rows')
+  return el('div', { class: 'stack-tight' },
+    el('div', { class: 'pair-grid' },
+      el('label', { class: 'field' }, el('span', {}, 'More rows'), count),
+      el('label', { class: 'field' }, el('span', {}, 'To the left, m'), spacing)), el('div', { class: 'button-row' }, add))
 }
 
 function vertexTable(shape: Shape, document: PlanDocument, step: Step): HTMLElement {
