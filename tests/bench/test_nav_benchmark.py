@@ -139,7 +139,7 @@ def test_the_filter_knows_how_wrong_it_is_across_the_row() -> None:
 
 @pytest.mark.parametrize(
     ("receiver", "vision"),
-    [("hector", True), ("rtk", True), ("rtk", False), ("rtk-dual", True)],
+    [("legacy", True), ("hector", True), ("rtk", True), ("rtk", False), ("rtk-dual", True)],
 )
 def test_the_errors_of_the_pose_are_as_large_as_the_filter_says(
     receiver: Receiver, vision: bool

@@ -260,8 +260,28 @@ def test_rows_that_were_all_worked_are_not_worked_again_under_another_plan() -> 
     status = again.settle().status
     assert (status.state, status.reason) == (
         "failed",
-        "every row was worked before; there is nothing to resume",
+        "every row was worked or skipped before; nothing is left to resume",
     )
+
+
+@pytest.mark.parametrize("has_rest", [True, False])
+def test_rows_that_were_skipped_stay_so_under_another_plan(has_rest: bool) -> None:
+    one = ride()
+    one.settle()
+    s_m = row_at_m(one, 1)
+    one.along(0.0, s_m)
+    one.be_at(*one.place(s_m), "skip_row")
+    saved = msgspec.json.decode(msgspec.json.encode(one.mission.saved()), type=SavedMission)
+    task = Task(from_the_far_side, ROWS, rest=rest if has_rest else None)
+    again = Ride(Mission(task, MISSION, saved))
+    again.start = saved.pose[:2]
+    assert again.settle().status.rows_done == (0,)
+    path = again.mission.path
+    assert path is not None
+    goals = again.along(0.0, float(path.s_m[-1]) + 0.02)
+    assert goals[-1].status.rows_done == (0, 2)
+    assert "rows [1] were skipped" in goals[-1].status.reason
+    assert [len(along) > 0 for along in along_rows_m(worked(goals, again))] == [False, False, True]
 
 
 def test_what_was_worked_on_another_field_does_not_count() -> None:

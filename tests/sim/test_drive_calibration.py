@@ -202,4 +202,4 @@ def test_command_exits_with_one_where_the_sensors_are_too_coarse(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert cli.main(["calibrate", "drive", "--sensors", "seed"]) == 1
-    assert "do not use them" in capsys.readouterr().err
+    assert "do not use it" in capsys.readouterr().err

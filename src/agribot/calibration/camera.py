@@ -13,6 +13,7 @@ import numpy as np
 
 from agribot.calibration.believed import calibrated
 from agribot.calibration.figure import Drive
+from agribot.calibration.verdict import verdict_lines
 from agribot.config import RunConfig
 from agribot.description.loader import parse_robot
 from agribot.errors import MissionError
@@ -185,15 +186,13 @@ def camera_text(result: CameraResult) -> str:
         f"{fit.tracks} plants in {fit.looks} sights keep their places to {100 * fit.scatter_m:.1f} "
         f"cm, as described to {100 * fit.scatter_before_m:.1f} cm"
     )
-    if result.ok:
-        lines += [
-            "to use it:",
-            *(f"  --set '{setting}'" for setting in result.settings),
-            "or set in the xacro files of the robot:",
-            f'  <xacro:arg name="camera_xyz" default="{_three(result.camera_xyz_m)}"/>',
-            f'  <xacro:arg name="camera_rpy" default="{_three(result.camera_rpy_rad)}"/>',
-        ]
-    return "\n".join([*lines, *(f"do not use it: {reason}" for reason in result.reasons)]) + "\n"
+    described = (
+        "or set in the xacro files of the robot:",
+        f'  <xacro:arg name="camera_xyz" default="{_three(result.camera_xyz_m)}"/>',
+        f'  <xacro:arg name="camera_rpy" default="{_three(result.camera_rpy_rad)}"/>',
+    )
+    lines += verdict_lines(result.settings, result.reasons, described)
+    return "\n".join(lines) + "\n"
 
 
 def row_view_text(result: RowViewResult) -> str:

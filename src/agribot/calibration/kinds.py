@@ -21,6 +21,7 @@ from agribot.calibration.figure import (
     Motion,
 )
 from agribot.calibration.sensors import antenna_of_drive, compass_errors, magnetometer_of_drive
+from agribot.calibration.wheels import wheel_settings, yaw_multiplier
 from agribot.config import RunConfig
 from agribot.estimate.drive_fit import fit_drive
 from agribot.estimate.drive_log import DriveLog
@@ -87,9 +88,7 @@ class Kind(NamedTuple):
 
 def _wheels(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
     fit, drive = fit_drive(driven.batches, driven.stretches), robot.drive
-    multiplier, multiplier_std = (
-        value / drive.track_m for value in (fit.separation_m, fit.separation_std_m)
-    )
+    multiplier, multiplier_std = yaw_multiplier(drive, fit)
     reasons = fit.complaints()
     return Found(
         ok=not reasons,
@@ -104,10 +103,7 @@ def _wheels(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
             Change(label="Gyro scale, for information", unit="", before=1.0,
                    after=fit.gyro_scale, std=fit.gyro_scale_std),
         ),
-        settings=(
-            f"calibration.wheel_radius_m={fit.wheel_radius_m:.5f}",
-            f"calibration.yaw_multiplier={multiplier:.4f}",
-        ),
+        settings=wheel_settings(drive, fit),
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from agribot.calibration.figure import Drive
+from agribot.calibration.verdict import verdict_lines
 from agribot.config import RunConfig
 from agribot.errors import MissionError
 from agribot.estimate.antenna_fit import AntennaFit, fit_antenna
@@ -136,9 +137,7 @@ def magnetometer_text(result: MagResult) -> str:
         f"headings good to {math.degrees(fit.std_rad):.2f} degrees, single readings scatter by "
         f"{math.degrees(fit.scatter_rad):.2f}, {fit.sectors} of 36 directions seen",
     ]
-    if result.ok:
-        lines += ["to use it:", *(f"  --set '{setting}'" for setting in result.settings)]
-    return "\n".join([*lines, *(f"do not use it: {reason}" for reason in result.reasons)]) + "\n"
+    return "\n".join([*lines, *verdict_lines(result.settings, result.reasons)]) + "\n"
 
 
 def antenna_text(result: AntennaResult) -> str:
@@ -148,7 +147,6 @@ def antenna_text(result: AntennaResult) -> str:
         f"+-{fit.std_m:.3f} m, from {fit.fixes} fixes that scatter by {fit.scatter_m:.3f} m",
         f"described: {result.described_x_m:+.3f} m ahead, {result.described_y_m:+.3f} m left",
     ]
-    if result.ok:
-        lines += ["to use it:", *(f"  --set '{setting}'" for setting in result.settings)]
-        lines.append("or set the origin of the antenna's joint in the robot's xacro files")
-    return "\n".join([*lines, *(f"do not use it: {reason}" for reason in result.reasons)]) + "\n"
+    described = ("or set the origin of the antenna's joint in the robot's xacro files",)
+    lines += verdict_lines(result.settings, result.reasons, described)
+    return "\n".join(lines) + "\n"

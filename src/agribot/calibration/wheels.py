@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from agribot.calibration.figure import Gain
+from agribot.calibration.verdict import verdict_lines
 from agribot.estimate.drive_fit import DriveFit
 from agribot.robot import DriveSpec
 
@@ -29,26 +30,36 @@ class WheelsResult(msgspec.Struct, frozen=True, kw_only=True):
     settings: tuple[str, ...]
 
 
+def yaw_multiplier(drive: DriveSpec, fit: DriveFit) -> tuple[float, float]:
+    """The effective separation over the track, and its sigma."""
+    return fit.separation_m / drive.track_m, fit.separation_std_m / drive.track_m
+
+
+def wheel_settings(drive: DriveSpec, fit: DriveFit) -> tuple[str, ...]:
+    multiplier, _ = yaw_multiplier(drive, fit)
+    return (
+        f"calibration.wheel_radius_m={fit.wheel_radius_m:.5f}",
+        f"calibration.yaw_multiplier={multiplier:.4f}",
+    )
+
+
 def judge(drive: DriveSpec, fit: DriveFit, described: Gain, told: Gain) -> WheelsResult:
     """What the fit says about the description."""
-    multiplier = fit.separation_m / drive.track_m
+    multiplier, multiplier_std = yaw_multiplier(drive, fit)
     reasons = fit.complaints()
     return WheelsResult(
         ok=not reasons,
         reasons=reasons,
         fit=fit,
         yaw_multiplier=multiplier,
-        yaw_multiplier_std=fit.separation_std_m / drive.track_m,
+        yaw_multiplier_std=multiplier_std,
         described_wheel_radius_m=drive.wheel_radius_m,
         described_yaw_multiplier=drive.yaw_multiplier,
         wheel_radius_off_ratio=fit.wheel_radius_m / drive.wheel_radius_m - 1.0,
         yaw_multiplier_off_ratio=multiplier / drive.yaw_multiplier - 1.0,
         described_gain=described,
         told_gain=told,
-        settings=(
-            f"calibration.wheel_radius_m={fit.wheel_radius_m:.5f}",
-            f"calibration.yaw_multiplier={multiplier:.4f}",
-        ),
+        settings=wheel_settings(drive, fit),
     )
 
 
@@ -70,16 +81,12 @@ def wheels_text(drive: DriveSpec, result: WheelsResult) -> str:
         f"reached / commanded, as told:      speed {result.told_gain.speed:.3f}, "
         f"yaw rate {result.told_gain.yaw_rate:.3f}",
     ]  # fmt: skip
-    if result.ok:
-        lines += [
-            "to use them:",
-            *(f"  --set '{setting}'" for setting in result.settings),
-            "or set in the xacro files of the robot:",
-            f'  <xacro:property name="wheel_radius" value="{fit.wheel_radius_m:.4f}"/>',
-            f'  <xacro:property name="yaw_multiplier" value="{result.yaw_multiplier:.3f}"/>',
-        ]
-    else:
-        lines += [f"do not use them: {reason}" for reason in result.reasons]
+    described = (
+        "or set in the xacro files of the robot:",
+        f'  <xacro:property name="wheel_radius" value="{fit.wheel_radius_m:.4f}"/>',
+        f'  <xacro:property name="yaw_multiplier" value="{result.yaw_multiplier:.3f}"/>',
+    )
+    lines += verdict_lines(result.settings, result.reasons, described)
     return "\n".join(lines) + "\n"
 
 

@@ -26,7 +26,7 @@ MAX_SPEED_MPS = 1.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", default="20000-20499", metavar="LIST", help="such as 1-100")
     parser.add_argument(
-        "--sensors", choices=("hector", "m8n", "rtk", "rtk-dual"),
+        "--sensors", choices=("legacy", "hector", "m8n", "rtk", "rtk-dual"),
         help="one receiver (default: the published table)",
     )  # fmt: skip
     parser.add_argument("--variant", choices=("nominal", "hard"), default="nominal")

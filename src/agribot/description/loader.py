@@ -18,6 +18,9 @@ from agribot.errors import DescriptionError
 from agribot.messages import WHEEL_NAMES
 from agribot.robot import Link, RobotSpec
 
+# Of the wheels together: what is lighter was forgotten, and no physics can stand on it.
+MIN_BODY_RATIO = 0.05
+
 
 def load_robot(
     name_or_path: str = "agribot", mappings: Mapping[str, str] | None = None
@@ -96,10 +99,6 @@ def _read(root: ET.Element, source: Source, path: Path) -> RobotSpec:
         sprayer=devices.read_sprayer(root, source),
         warnings=source.warnings(),
     )
-
-
-# Of the wheels together: what is lighter was forgotten, and no physics can stand on it.
-MIN_BODY_RATIO = 0.05
 
 
 def _check_masses(links: Sequence[Link], source: Source) -> None:

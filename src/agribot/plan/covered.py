@@ -88,8 +88,10 @@ class CoveredRows:
             reached_m = max(reached_m, piece.last_m)
         return missing_m + max(row_length_m(self._rows[index]) - reached_m, 0.0)
 
-    def is_complete(self, index: int) -> bool:
-        return self.missing_m(index) <= MISSING_M
+    @property
+    def complete(self) -> tuple[int, ...]:
+        """The rows that are worked from end to end."""
+        return tuple(index for index in self._rows if self.missing_m(index) <= MISSING_M)
 
     def was_worked(self, index: int, x_m: float, y_m: float) -> bool:
         """By an earlier mission, at the place of the row beside this one."""
@@ -103,6 +105,10 @@ class CoveredRows:
             if is_behind and (along_m <= last_m - OVERLAP_M or last_m >= whole_m):
                 return True
         return False
+
+
+def whole_row(row: Row) -> Stretch:
+    return Stretch(*row.start_map_m, *row.end_map_m)
 
 
 def _along_m(row: Row, x_m: float, y_m: float) -> float:

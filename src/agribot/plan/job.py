@@ -10,7 +10,7 @@ import msgspec
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
 from agribot.messages import Estimate, MissionState, Path
-from agribot.plan.covered import CoveredRows
+from agribot.plan.covered import CoveredRows, whole_row
 from agribot.plan.curves import Place
 from agribot.plan.route import Route
 from agribot.plan.row_log import RowLog
@@ -27,8 +27,9 @@ from agribot.plan.task import Task
 class Planned(NamedTuple):
     """The route of a job, the name of its task, and the pose from which it was planned.
 
-    `covered` is what an earlier mission worked, `done` which rows need no more work under another
-    path than that mission's; None where it goes on in its own.
+    `covered` is what an earlier mission worked. Under another path than that mission's, `done` are
+    the rows that need no more work and `skipped` those it was to leave out; where it goes on in
+    its own path, `done` is None.
     """
 
     route: Route
@@ -36,6 +37,7 @@ class Planned(NamedTuple):
     planned_from: PoseTuple
     covered: CoveredRows
     done: tuple[int, ...] | None = None
+    skipped: tuple[int, ...] = ()
 
 
 class Job:
@@ -75,23 +77,26 @@ class Job:
         x_m, y_m, yaw_rad = saved.planned_from
         then = msgspec.structs.replace(estimate, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad)
         path = self.task.plan(then)
-        is_same_ground = covered.restore(saved.covered)
+        skipped = CoveredRows(self.task.rows)
+        is_same_ground = covered.restore(saved.covered) | skipped.restore(saved.skipped)
         if is_same_ground and task_name(self.rows.indices, self._waypoints, path) != saved.task:
-            return self._planned_rest(estimate, covered)
+            return self._planned_rest(estimate, covered, skipped.complete)
         planned = self._planned(then, path, covered, saved.detours)
         check_same_task(saved, planned.name, planned.route.progress.length_m)
         planned.route.go_on(saved.s_m, saved.waypoints_reached)
         return planned
 
-    def _planned_rest(self, estimate: Estimate, covered: CoveredRows) -> Planned:
+    def _planned_rest(
+        self, estimate: Estimate, covered: CoveredRows, skipped: tuple[int, ...]
+    ) -> Planned:
         """Another path over rows of which some were worked: begin with it where the robot is."""
-        done = tuple(index for index in self.rows.indices if covered.is_complete(index))
-        left = [index for index in self.rows.indices if index not in done]
+        done = covered.complete
+        left = [index for index in self.rows.indices if index not in done + skipped]
         if not left:
-            raise MissionError("every row was worked before; there is nothing to resume")
+            raise MissionError("every row was worked or skipped before; nothing is left to resume")
         rest = self.task.rest
         path = rest(estimate, left) if rest else self.task.plan(estimate)
-        return self._planned(estimate, path, covered)._replace(done=done)
+        return self._planned(estimate, path, covered)._replace(done=done, skipped=skipped)
 
     def _planned(
         self,
@@ -109,10 +114,12 @@ class Job:
     def begin(self, planned: Planned) -> None:
         """Work along what `plan` found."""
         saved = self._saved
-        self.route, self._name, self.planned_from, self._covered, done = planned
+        self.route, self._name, self.planned_from, self._covered, done, skipped = planned
         if done is not None:
             for index in done:
                 self.rows.take_as_done(index)
+            for index in skipped:
+                self.rows.skip(index)
         elif saved is not None:
             self._detours = saved.detours
             self.rows.restore(saved.rows, saved.row, saved.s_m)
@@ -137,6 +144,9 @@ class Job:
             waypoints_reached=self.waypoints_reached,
             detours=self._detours,
             covered=self._covered.stretches,
+            skipped=tuple(
+                whole_row(row) for row in self.task.rows if self.rows.is_skipped(row.index)
+            ),
             visit=self._waypoints if self.task.name else (),
             visit_name=self.task.name,
         )

@@ -29,8 +29,8 @@ class SavedErrand(msgspec.Struct, frozen=True, kw_only=True):
 class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     """Progress as rows, and the pose in which the robot was last.
 
-    `covered` is what of the rows was worked, in the map: with it the mission goes on also under
-    another plan over the same rows.
+    `covered` is what of the rows was worked, in the map, and `skipped` the rows that were left
+    out: with them the mission goes on also under another plan over the same rows.
 
     `planned_from` is the pose from which the path was planned: from it the same path is planned
     again; None where none was yet. `detours` are the points of the path from which a row was left
@@ -51,6 +51,7 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     waypoints_reached: tuple[bool, ...] = ()
     detours: tuple[tuple[int, int], ...] = ()
     covered: tuple[Stretch, ...] = ()
+    skipped: tuple[Stretch, ...] = ()
     errand: SavedErrand | None = None
     is_away: bool = False
     visit: tuple[tuple[float, float], ...] = ()

@@ -40,8 +40,8 @@ def speed_profile(path: Path, config: MissionConfig) -> list[float]:
     in_turn = np.minimum(config.turn_speed_mps, TURN_YAW_RATE_RADPS / np.maximum(curvature, 1e-9))
     is_turn |= is_backwards(path.xy_map_m, path.yaw_map_rad)
     cap = np.where(is_turn, np.minimum(config.speed_mps, in_turn), config.speed_mps)
-    stands = np.array([len(cap) - 1, *pivots(path), *(index + 1 for index in pivots(path))])
-    cap[stands] = CREEP_MPS
+    stands = np.array(pivots(path), dtype=np.int64)
+    cap[np.concatenate([stands, stands + 1, [-1]])] = CREEP_MPS
     # The square of the speed may grow by so much per metre, away from every slower place.
     gained = 2.0 * RAMP_MPS2 * path.s_m
     square = cap**2 + gained

@@ -51,7 +51,7 @@ class Sensors:
         x_m, y_m, _ = robot.body_from_link(robot.gnss.link)[:3, 3].tolist()
         self._gnss, self._vision = gnss, vision
         self._own = Proprioception(seeds)
-        self._compasses = Compasses(seeds, is_hector=scenario.receiver == "hector")
+        self._compasses = Compasses(seeds, is_hector=scenario.gnss.hector_drift_m > 0.0)
         self._receivers = Receivers(seeds, gnss, (x_m, y_m))
         self._camera = None if vision is None else RowCamera(seeds, vision)
         self._arrivals = Arrivals()

@@ -34,6 +34,7 @@ class Receivers:
 
     def sample(self, t_s: float, plant: Plant) -> tuple[BatchFix, BatchHeading | None]:
         gnss, normal = self._gnss, self._draws.normals()
+        stated_mps = gnss.velocity_stated_mps
         dt_s = gnss.period_steps * DT_S
         self._wander(dt_s, normal)
         is_float = np.zeros_like(plant.x_m, dtype=bool)
@@ -52,7 +53,7 @@ class Receivers:
             is_float=is_float,
             east_mps=cos * ahead_mps - sin * left_mps + gnss.velocity_std_mps * normal[6],
             north_mps=sin * ahead_mps + cos * left_mps + gnss.velocity_std_mps * normal[7],
-            velocity_std_mps=gnss.velocity_std_mps,
+            velocity_std_mps=gnss.velocity_std_mps if stated_mps is None else stated_mps,
         )
         if gnss.heading_std_rad is None:
             return fix, None

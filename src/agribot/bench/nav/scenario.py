@@ -16,7 +16,7 @@ from agribot.config import (
 )
 from agribot.geo import Datum
 
-Receiver = Literal["hector", "m8n", "rtk", "rtk-dual"]
+Receiver = Literal["legacy", "hector", "m8n", "rtk", "rtk-dual"]
 Variant = Literal["nominal", "hard"]
 
 DT_S = 0.01
@@ -72,6 +72,7 @@ class Gnss(msgspec.Struct, frozen=True, kw_only=True):
     stated_m: float
     is_corrected: bool = False
     hector_drift_m: float = 0.0  # of hector_gazebo's integrator instead of the wanders
+    velocity_stated_mps: float | None = None  # where it is not that of its noise
     heading_std_rad: float | None = None
 
 
@@ -90,6 +91,10 @@ RECEIVERS: dict[Receiver, Gnss] = {
     ),
 }  # fmt: skip
 _RTK = RECEIVERS["rtk"]
+# What the original simulation ran with: its tags for noise were misspelt, the drift remained.
+RECEIVERS["legacy"] = msgspec.structs.replace(
+    RECEIVERS["hector"], white_m=0.0, velocity_std_mps=0.0, velocity_stated_mps=0.01
+)
 RECEIVERS["rtk-dual"] = msgspec.structs.replace(_RTK, heading_std_rad=math.radians(0.4))
 
 

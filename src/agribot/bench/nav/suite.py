@@ -39,6 +39,7 @@ PUBLISHED: tuple[tuple[Receiver, bool, Variant], ...] = (
     ("rtk", True, "nominal"),
     ("rtk-dual", True, "nominal"),
     ("hector", True, "nominal"),
+    ("legacy", True, "nominal"),
     ("m8n", True, "hard"),
     ("hector", True, "hard"),
     ("rtk", True, "hard"),

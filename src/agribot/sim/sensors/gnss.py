@@ -14,7 +14,7 @@ from agribot.sim.sensors.tuning import Tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 
 # No receiver claims a better velocity, whatever the error model says.
-BEST_VELOCITY_STD_MPS = 0.02
+BEST_VELOCITY_STD_MPS = 0.01
 
 
 class Antenna:
