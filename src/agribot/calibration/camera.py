@@ -66,6 +66,11 @@ class Seen(NamedTuple):
         )  # fmt: skip
 
     @property
+    def heading_std_rad(self) -> float:
+        """Where it was known best."""
+        return float(np.quantile(self.track[:, 5], 0.1))
+
+    @property
     def settled(self) -> list[Scene]:
         from_s = float(self.track[0, 0]) + SETTLE_S
         return [scene for scene in self.scenes if scene.t_s >= from_s]
@@ -110,8 +115,12 @@ def seen_in(
     return Seen(robot, config, sorted(scenes, key=lambda scene: scene.t_s), table)
 
 
-def camera_of(seen: Seen) -> CameraResult:
-    """Raises: MissionError: no plant was followed; DescriptionError: a robot without camera."""
+def camera_of(seen: Seen, *, one_way: bool = False) -> CameraResult:
+    """`one_way`: the robot looked into one direction all the time, and by what its own heading
+    errs there, the camera seems to be turned. Over both directions of rows it cancels.
+
+    Raises: MissionError: no plant was followed; DescriptionError: a robot without camera.
+    """
     robot = seen.robot
     looks = steady([Look(s.t_s, seen.pose(s.t_s), s.plants) for s in seen.settled if s.plants])
     fit = fit_mount(looks, robot.body_from_camera())
@@ -119,6 +128,8 @@ def camera_of(seen: Seen) -> CameraResult:
         raise MissionError(
             f"no plant was followed through {len(looks)} pictures; drive along a row in daylight"
         )
+    yaw_std_rad = math.hypot(fit.yaw_std_rad, seen.heading_std_rad if one_way else 0.0)
+    fit = msgspec.structs.replace(fit, yaw_std_rad=yaw_std_rad)
     base_from_link = robot.base_from_link(robot.camera.link)
     turned = rotation_from_rpy(fit.roll_rad, fit.pitch_rad, fit.yaw_rad) @ base_from_link[:3, :3]
     x_m, y_m, z_m = base_from_link[:3, 3].tolist()

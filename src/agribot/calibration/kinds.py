@@ -153,7 +153,7 @@ def _antenna(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
 
 
 def _camera(driven: Drive, robot: RobotSpec, config: RunConfig) -> Found:
-    result = camera_of(seen_in_figure(driven, robot, config))
+    result = camera_of(seen_in_figure(driven, robot, config), one_way=True)
     fit, link = result.fit, robot.camera.link if robot.camera else ""
     before_rad = rpy_from_rotation(robot.base_from_link(link)[:3, :3])
     height_m = float(robot.body_from_link(link)[2, 3])
