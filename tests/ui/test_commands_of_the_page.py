@@ -83,8 +83,8 @@ def test_a_recording_is_shown_without_a_robot(
         with Page(int(found[1])) as page:
             assert page.receive("s", timeout_s=20.0)["mode"] == "replay"
             assert not page.ask(k="take", id=1)["ok"]
-        process.send_signal(signal.SIGINT)
-        assert process.wait(20.0) == 0
+            process.send_signal(signal.SIGTERM)  # with its lines open
+            assert process.wait(20.0) == 0
     finally:
         process.kill()
         process.communicate()

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import io
 import json
+import math
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import Page, expect
 
+from agribot.geo import Datum, MapFrame
 from tests.ui.page.conftest import SCREENS, OpenPage, show, take_control, until, wait_for
+from tests.ui.page.fake_robot import DATUM, field
 from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.test_safety import commands
 
+BLUE, GREEN = (31, 95, 224), (23, 145, 63)  # of the light theme
+NEAR_RGB = 60
 AXE = Path(__file__).parents[3] / "web" / "node_modules" / "axe-core" / "axe.min.js"
 SERIOUS = {"serious", "critical"}
 # A dialog of each kind: text and name, list of screens and pages, a question, a line of text.
@@ -70,6 +78,38 @@ def test_the_map_draws_the_field_the_weeds_and_the_track(
     until(page, drawn % "trajectory" + " >= 1")
     hidden = "window.__agribot.map.getLayoutProperty('density', 'visibility')"
     assert page.evaluate(hidden) == "none"
+
+
+def test_the_trace_is_blue_and_runs_through_every_place_and_goals_are_green(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page(query="off=scene,camera")
+    until(page, "window.__agribot.counters.traj > 250")
+    server.robot.mode = "paused"
+    driven = list(server.robot.trajectory)
+    until(page, f"window.__agribot.counters.traj >= {len(driven)}")
+    frame = MapFrame(Datum(lat_deg=DATUM["lat_deg"], lon_deg=DATUM["lon_deg"]))
+    robot_xy, goals = server.robot.pose()[:2], field()["waypoints_map_m"]
+    covered = (robot_xy, *goals, (-1.0, 0.0))  # there stands the number of the row
+    clear = [xy for xy in driven if min(math.dist(xy, at) for at in covered) > 1.0]
+    assert len(clear) > 50
+    picture = np.zeros((1, 1, 3), dtype=int)
+
+    def seen(xy: list[float], rgb: tuple[int, int, int]) -> bool:
+        """A pixel of this colour there, or next to it."""
+        lat_deg, lon_deg, _ = frame.geodetic_from_map(*xy)
+        at = page.evaluate(f"window.__agribot.map.project([{lon_deg}, {lat_deg}])")
+        x, y = round(at["x"]), round(at["y"])
+        near = picture[y - 1 : y + 2, x - 1 : x + 2].reshape(-1, 3)
+        return bool((np.abs(near - rgb).max(axis=1) < NEAR_RGB).any())
+
+    def drawn() -> bool:
+        nonlocal picture
+        picture = np.asarray(Image.open(io.BytesIO(page.locator(".map").screenshot())))[..., :3]
+        picture = picture.astype(int)
+        return all(seen(xy, BLUE) for xy in clear[::6]) and all(seen(xy, GREEN) for xy in goals[2:])
+
+    wait_for(drawn, "a blue trace through every place, and green goals")
 
 
 def test_the_camera_draws_pictures_and_says_how_old_they_are(open_page: OpenPage) -> None:
