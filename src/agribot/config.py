@@ -53,6 +53,8 @@ class FieldConfig(Config, frozen=True):
     row_pitch_m: Positive = 1.0
     row_count: Annotated[int, msgspec.Meta(ge=1, le=10000)] = 6
     plant_spacing_m: Positive | None = None  # from plant to plant in a row; None: not regular
+    # East, North and radius of what stands in the way: the pole of a base station, a well.
+    obstacles_map_m: tuple[tuple[float, float, NonNegative], ...] = ()
     # The mark on which the robot is put down before a run, and how well; None: anywhere.
     start_map_m: tuple[float, float] | None = None
     start_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] | None = None
@@ -65,6 +67,7 @@ class MissionConfig(Config, frozen=True):
     turn_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 0.3
     headland_m: Positive = 1.0  # straight run past the last plant before turning
     plant_clearance_m: NonNegative = 0.15  # wheel edge to plant stem, in plan
+    obstacle_clearance_m: NonNegative = 0.3  # from the robot's body to field.obstacles_map_m
     waypoint_radius_m: Positive = 0.15
     max_waypoint_distance_m: Positive = 1000.0
     off_path_limit_m: Positive = 0.5  # farther from the path than this, the mission fails

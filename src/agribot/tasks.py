@@ -17,6 +17,7 @@ from agribot.plan.coverage.drive import FieldWork
 from agribot.plan.curves import Place
 from agribot.plan.errand import CHECKING
 from agribot.plan.goal_way import fence_around, plan_to_place
+from agribot.plan.obstacles import Obstacles, obstacles_for
 from agribot.plan.route import Tool
 from agribot.plan.rows import field_rows
 from agribot.plan.saved_mission import PoseTuple
@@ -41,32 +42,29 @@ def task_of(
     if work is not None:
         return _work_task(work)
     rows = () if waypoints_map_m else field_rows(config.field)
-    mission = config.mission
+    mission, obstacles = config.mission, _obstacles(config, robot)
+
+    def check(path: Path) -> Path:
+        certify(path, rows, robot, mission.plant_clearance_m)
+        obstacles.check(path)
+        return path
 
     def plan(estimate: Estimate) -> Path:
         if waypoints_map_m:
             return plan_waypoints(waypoints_map_m, _pose(estimate), robot, mission)
-        path = plan_rows(rows, _pose(estimate), robot, mission)
-        certify(path, rows, robot, mission.plant_clearance_m)
-        return path
+        return check(plan_rows(rows, _pose(estimate), robot, mission, (), obstacles))
 
     def go_home(estimate: Estimate, home: PoseTuple, _: FloatArray) -> Path:
         if not rows:
             return plan_waypoints((home[:2],), _pose(estimate), robot, mission)
-        path = plan_home(rows, _pose(estimate), home, robot, mission)
-        certify(path, rows, robot, mission.plant_clearance_m)
-        return path
+        return check(plan_home(rows, _pose(estimate), home, robot, mission, obstacles))
 
     def around(path: Path, index: int, skipped: int) -> Path:
-        path = plan_without(path, index, skipped, rows, robot, mission)
-        certify(path, rows, robot, mission.plant_clearance_m)
-        return path
+        return check(plan_without(path, index, skipped, rows, robot, mission, obstacles))
 
     def rest(estimate: Estimate, indices: Sequence[int]) -> Path:
         left = [row for row in rows if row.index in indices]
-        path = plan_rows(left, _pose(estimate), robot, mission, rows)
-        certify(path, rows, robot, mission.plant_clearance_m)
-        return path
+        return check(plan_rows(left, _pose(estimate), robot, mission, rows, obstacles))
 
     go_to = _place_planner(config, robot, rows, waypoints_map_m)
     tool = Tool(x_m=robot.tool_x_m)
@@ -130,14 +128,19 @@ def _place_planner(
     config: RunConfig, robot: RobotSpec, rows: tuple[Row, ...], waypoints: tuple[MapPoint, ...]
 ) -> Callable[[Estimate, Place], Path]:
     """Inside a fence around rows, waypoints and the robot, as wide as the supervisor's."""
-    places = [*waypoints, *row_ends(rows)]
+    places, obstacles = [*waypoints, *row_ends(rows)], _obstacles(config, robot)
 
     def plan(estimate: Estimate, goal: Place) -> Path:
         pose = _pose(estimate)
         fence = fence_around([*places, pose[:2]], config.safety.geofence_margin_m)
-        return plan_to_place(goal, pose, rows, fence, robot, config.mission)
+        return plan_to_place(goal, pose, rows, fence, robot, config.mission, obstacles)
 
     return plan
+
+
+def _obstacles(config: RunConfig, robot: RobotSpec) -> Obstacles:
+    clearance_m = config.mission.obstacle_clearance_m
+    return obstacles_for(config.field.obstacles_map_m, clearance_m, robot)
 
 
 def _pose(estimate: Estimate) -> PoseTuple:

@@ -29,18 +29,23 @@ def doubts(
     expected_mps: tuple[Number, Number],
     yaw_rad: Number,
     lasted_s: float,
+    *,
+    is_corrected: bool,
 ) -> tuple[tuple[int, Number], ...]:
-    """How far to open up for wheels that spin free (wrong ahead), and a wrong heading (aside)."""
+    """How far to open up for wheels that spin free (wrong ahead), and a wrong heading (aside).
+
+    The bias of a receiver without corrections has meanwhile taken up what the wheels only claimed.
+    """
     cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
     ahead_mps = cos * residuals[0] + sin * residuals[1]
     aside_mps = cos * residuals[1] - sin * residuals[0]
     speed_mps = m.most(m.sqrt(expected_mps[0] ** 2 + expected_mps[1] ** 2), 0.05)
     wrong_m = m.sqrt(residuals[0] ** 2 + residuals[1] ** 2) * lasted_s
+    places = (X, Y) if is_corrected else (X, Y, GNSS_BIAS_X, GNSS_BIAS_Y)
     return (
         (WHEEL_SCALE, m.least(abs(ahead_mps) / speed_mps, 1.0)),
         (YAW, m.least(abs(aside_mps) / speed_mps, 1.0)),
-        (X, wrong_m),
-        (Y, wrong_m),
+        *((state, wrong_m) for state in places),
     )
 
 
@@ -225,8 +230,11 @@ class Gnss:
             self._rejected["velocity outlier"] += 1
         elif verdict == "recover":
             lasted_s = since_last_s * self._spin_after
-            expected_mps = (east_mps, north_mps)
-            for state, doubt in doubts(FLOATS, residuals, expected_mps, yaw_rad, lasted_s):
+            opened = doubts(
+                FLOATS, residuals, (east_mps, north_mps), yaw_rad, lasted_s,
+                is_corrected=self._is_corrected,
+            )  # fmt: skip
+            for state, doubt in opened:
                 ekf.inflate(state, doubt**2)
             ekf.update_pair(rows, residuals, variance)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from agribot.messages import Row
 from agribot.plan.certify import closest_to_crop
 from agribot.plan.curves import Pose, Segment, length_m, sample
 from agribot.plan.dubins import all_words
+from agribot.plan.obstacles import NONE as NO_OBSTACLES
+from agribot.plan.obstacles import Obstacles
 from agribot.robot import RobotSpec
 from agribot.row_shape import (
     beside_row,
@@ -35,34 +37,39 @@ Route = tuple[Segment, ...]
 
 def approach(
     start: Pose, entries: Sequence[Pose], rows: Sequence[Row], robot: RobotSpec,
-    mission: MissionConfig,
+    mission: MissionConfig, obstacles: Obstacles = NO_OBSTACLES,
 ) -> tuple[int, Route]:  # fmt: skip
     """Index of the entry that is reached first, and the shortest clear way to it.
 
-    Raises: MissionError: the robot stands where it cannot leave without crushing crop.
+    Raises: MissionError: the robot stands where it cannot leave without crushing crop, or without
+        touching an obstacle.
     """
     ways = [
         (length_m(route), index, route)
         for index, entry in enumerate(entries)
-        for route in _routes(start, entry, rows, mission.headland_m)
+        for route in _routes(start, entry, rows, mission.headland_m, obstacles)
     ]
     for _, index, route in sorted(ways, key=lambda way: way[:2]):
         if length_m(route) < 1e-6:
             return index, ()
-        closest = closest_to_crop(sample(start, route), robot, rows)
-        if closest.clearance_m >= mission.plant_clearance_m:
+        path = sample(start, route)
+        closest = closest_to_crop(path, robot, rows)
+        if closest.clearance_m >= mission.plant_clearance_m and obstacles.are_clear_of(path):
             return index, route
+    beside = f" and {obstacles.clearance_m:.2f} m off obstacles" if obstacles.circles else ""
     raise MissionError(
         f"no way from East {start.x_m:.2f} m, North {start.y_m:.2f} m to the field keeps "
-        f"{mission.plant_clearance_m:.2f} m off the crop; put the robot on the headland"
+        f"{mission.plant_clearance_m:.2f} m off the crop{beside}; put the robot on the headland"
     )
 
 
-def _routes(start: Pose, entry: Pose, rows: Sequence[Row], headland_m: float) -> Iterator[Route]:
+def _routes(
+    start: Pose, entry: Pose, rows: Sequence[Row], headland_m: float, obstacles: Obstacles
+) -> Iterator[Route]:
     yield from all_words(start, entry, RADIUS_M)[:_WORDS_WHEN_DIRECT]
-    ring = _ring(rows, max(headland_m, _RING_MIN_M))
+    rings = [_ring(rows, max(headland_m, _RING_MIN_M)), *obstacles.rings()]
     exits = _exits(start, rows, headland_m)
-    for direction in (1, -1):
+    for ring, direction in product(rings, (1, -1)):
         corners = _via_poses(ring, direction)
         for prefix in ((), *((pose,) for pose in exits)):
             yield _chain((start, *prefix, entry))

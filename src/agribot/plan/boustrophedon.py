@@ -13,6 +13,8 @@ from agribot.messages import Path, Row
 from agribot.plan.approach import approach
 from agribot.plan.curves import MIN_RADIUS_M, Pose, Segment, sample
 from agribot.plan.dubins import shortest
+from agribot.plan.obstacles import NONE as NO_OBSTACLES
+from agribot.plan.obstacles import Obstacles
 from agribot.robot import RobotSpec
 from agribot.row_shape import chord_yaw_rad, end_yaw_rad, row_length_m, start_yaw_rad, turned_round
 
@@ -25,6 +27,7 @@ def plan_rows(
     robot: RobotSpec,
     mission: MissionConfig,
     crop: Sequence[Row] = (),
+    obstacles: Obstacles = NO_OBSTACLES,
 ) -> Path:
     """Drive over every row once, neighbours in alternating direction.
 
@@ -45,7 +48,7 @@ def plan_rows(
         for is_first_flipped in (False, True)
     ]
     entries = [_entry(order, 0, mission.headland_m) for order in orders]
-    chosen, way_in = approach(start, entries, crop or rows, robot, mission)
+    chosen, way_in = approach(start, entries, crop or rows, robot, mission, obstacles)
     return sample(start, (*way_in, *_coverage(orders[chosen], mission.headland_m)))
 
 
@@ -56,6 +59,7 @@ def plan_without(
     rows: Sequence[Row],
     robot: RobotSpec,
     mission: MissionConfig,
+    obstacles: Obstacles = NO_OBSTACLES,
 ) -> Path:
     """The path as far as its next turn behind point `index`, then the rows it still works but one.
 
@@ -68,7 +72,7 @@ def plan_without(
     x_m, y_m = path.xy_map_m[branch]
     pose = (float(x_m), float(y_m), float(path.yaw_map_rad[branch]))
     left = [row for row in rows if row.index in ahead]
-    return _joined(path, branch, plan_rows(left, pose, robot, mission, rows))
+    return _joined(path, branch, plan_rows(left, pose, robot, mission, rows, obstacles))
 
 
 def _next_turn(path: Path, index: int, skipped: int) -> int:
@@ -100,13 +104,14 @@ def plan_home(
     home_pose: tuple[float, float, float],
     robot: RobotSpec,
     mission: MissionConfig,
+    obstacles: Obstacles = NO_OBSTACLES,
 ) -> Path:
     """Around the rows to a place, and look there as `home_pose` says.
 
     Raises: MissionError: no such way is clear of the crop.
     """
     start = Pose(*start_pose)
-    _, way = approach(start, [Pose(*home_pose)], rows, robot, mission)
+    _, way = approach(start, [Pose(*home_pose)], rows, robot, mission, obstacles)
     return sample(start, way)
 
 

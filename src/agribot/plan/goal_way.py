@@ -12,6 +12,8 @@ from agribot.plan.approach import RADIUS_M, approach
 from agribot.plan.certify import certify, closest_to_crop
 from agribot.plan.curves import SPACING_M, Place, Pose, Segment, sample
 from agribot.plan.dubins import shortest
+from agribot.plan.obstacles import NONE as NO_OBSTACLES
+from agribot.plan.obstacles import Obstacles
 from agribot.plan.waypoints import plan_waypoints
 from agribot.robot import RobotSpec
 from agribot.row_shape import chord_yaw_rad, row_points_map_m
@@ -28,6 +30,7 @@ def plan_to_place(
     fence: Rectangle,
     robot: RobotSpec,
     mission: MissionConfig,
+    obstacles: Obstacles = NO_OBSTACLES,
 ) -> Path:
     """From where the robot stands; without a yaw in the goal it ends as it comes.
 
@@ -56,9 +59,10 @@ def plan_to_place(
     straights_m = [_way_out_m(pose, rows) for pose in free]
     entries = [pose.ahead(-back_m) for pose, back_m in zip(free, straights_m, strict=True)]
     try:
-        chosen, way = approach(start, entries, rows, robot, mission)
+        chosen, way = approach(start, entries, rows, robot, mission, obstacles)
         path = sample(start, (*way, Segment(straights_m[chosen], 0.0)))
         certify(path, rows, robot, mission.plant_clearance_m)
+        obstacles.check(path)
     except MissionError as error:
         raise MissionError(
             f"no way to East {x_m:.2f} m, North {y_m:.2f} m keeps off the crop rows ({error})"

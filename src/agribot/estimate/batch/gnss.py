@@ -168,8 +168,9 @@ class BatchGnss:
         _, recovers = gate.judge(ekf.update_pair(rows, residuals, variance, gate.limit))
         if recovers.any():
             opened = doubts(
-                ARRAYS, residuals, (east_mps, north_mps), yaw_rad, since_last_s * self._spin_after
-            )
+                ARRAYS, residuals, (east_mps, north_mps), yaw_rad, since_last_s * self._spin_after,
+                is_corrected=self._is_corrected,
+            )  # fmt: skip
             for state, doubt in opened:
                 ekf.inflate(state, recovers * doubt**2)
             ekf.update_pair(rows, residuals, variance, mask=recovers)
