@@ -14,6 +14,7 @@ from agribot.estimate.gate import Gate
 from agribot.estimate.gnss_noise import CORRECTED, FLOAT_MEMORY_S, FixNoise, bias_ageing, fix_noise
 from agribot.estimate.history import Motion, MotionHistory
 from agribot.estimate.models import antenna_velocity, velocity_variance
+from agribot.estimate.spin_watch import SpinWatch
 from agribot.estimate.start import StartMark
 from agribot.geo import MapFrame, rotation_from_rpy
 from agribot.messages import FloatArray, GnssFix, GnssQuality, Vec3
@@ -21,6 +22,18 @@ from agribot.messages import FloatArray, GnssFix, GnssQuality, Vec3
 # The first position is the median of this many fixes, so that no single one can spoil it.
 FIRST_FIXES = 5
 UNKNOWN_M2 = 1e6
+
+
+def ahead(
+    m: Arithmetic,
+    expected_mps: tuple[Number, Number],
+    residuals: tuple[Number, Number],
+    yaw_rad: Number,
+) -> tuple[Number, Number]:
+    """The parts along the robot of a velocity and of what was measured beside it."""
+    cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
+    claimed_mps = cos * expected_mps[0] + sin * expected_mps[1]
+    return claimed_mps, cos * residuals[0] + sin * residuals[1]
 
 
 def doubts(
@@ -36,9 +49,8 @@ def doubts(
 
     The bias of a receiver without corrections has meanwhile taken up what the wheels only claimed.
     """
-    cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
-    ahead_mps = cos * residuals[0] + sin * residuals[1]
-    aside_mps = cos * residuals[1] - sin * residuals[0]
+    _, ahead_mps = ahead(m, expected_mps, residuals, yaw_rad)
+    aside_mps = m.cos(yaw_rad) * residuals[1] - m.sin(yaw_rad) * residuals[0]
     speed_mps = m.most(m.sqrt(expected_mps[0] ** 2 + expected_mps[1] ** 2), 0.05)
     wrong_m = m.sqrt(residuals[0] ** 2 + residuals[1] ** 2) * lasted_s
     places = (X, Y) if is_corrected else (X, Y, GNSS_BIAS_X, GNSS_BIAS_Y)
@@ -83,6 +95,7 @@ class Gnss:
         # Spinning wheels falsify the position with every metre, so they are admitted sooner.
         self._spin_after = max(2, config.recover_after // 3)
         self._velocity_gate = Gate(config.gate_sigma, self._spin_after)
+        self._spin_watch = SpinWatch(FLOATS, self._spin_after)
         self._first: list[tuple[float, float]] = []
         self._noise: FixNoise | None = None
         self._is_corrected = self._is_differential = False
@@ -226,9 +239,11 @@ class Gnss:
         verdict = self._velocity_gate.judge(
             ekf.update_pair(rows, residuals, variance, self._velocity_gate.limit)
         )
-        if verdict == "reject":
-            self._rejected["velocity outlier"] += 1
-        elif verdict == "recover":
+        spins = self._spin_watch.is_spinning(
+            *ahead(FLOATS, (east_mps, north_mps), residuals, yaw_rad), math.sqrt(variance)
+        )
+        if verdict == "recover" or spins:
+            self._rejected["wheels spin"] += int(spins)
             lasted_s = since_last_s * self._spin_after
             opened = doubts(
                 FLOATS, residuals, (east_mps, north_mps), yaw_rad, lasted_s,
@@ -237,6 +252,8 @@ class Gnss:
             for state, doubt in opened:
                 ekf.inflate(state, doubt**2)
             ekf.update_pair(rows, residuals, variance)
+        elif verdict == "reject":
+            self._rejected["velocity outlier"] += 1
 
 
 def _velocity_row(by: tuple[float, ...]) -> Row:
