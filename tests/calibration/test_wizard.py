@@ -27,6 +27,7 @@ SETTINGS = (
     "sim.sensors=rtk",
     "field.start_map_m=[0.0,0.0]",
     "field.start_yaw_deg=90.0",
+    "field.obstacles_map_m=[]",
 )
 
 
