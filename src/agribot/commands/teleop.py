@@ -11,13 +11,24 @@ import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from agribot.commands.door import add_door_arguments, door_of
 from agribot.commands.stopping import stop_on_signal
 from agribot.errors import ConfigError, PlatformError
-from agribot.ui.hand import HandRates, KeyHand, MouseHand, StickHand, TerminalInput, Twist
+from agribot.ui.hand import (
+    STOP,
+    HandRates,
+    KeyHand,
+    MouseHand,
+    StickHand,
+    TerminalInput,
+    Twist,
+    Wish,
+)
 from agribot.ui.joystick import JoystickState
 from agribot.ui.remote import Remote
+from agribot.ui.stick_table import TableHand, read_table
 
 MOUSE_ON, MOUSE_OFF = "\x1b[?1002h\x1b[?1006h", "\x1b[?1006l\x1b[?1002l"
 HELP = {
@@ -25,9 +36,9 @@ HELP = {
     "mouse": "press, drag up to drive and sideways to turn, let go to stand; space stops, q quits",
     "joystick": "hold the dead-man button and move the stick; Ctrl-C quits",
 }
+DEADMAN, AXES = 4, "1,0"
 
-# One look at the device: the twist now, or None to quit; True with it for an emergency stop.
-Read = Callable[[float], tuple[Twist | None, bool]]
+Read = Callable[[float], Wish]  # one look at the device, as long as a period
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,9 +54,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--hold", type=float, default=rates.hold_s, metavar="S", help="of a key")
     stick = parser.add_argument_group("joystick")
     stick.add_argument("--joy", default="/dev/input/js0", metavar="DEVICE")
-    stick.add_argument("--deadman", type=int, default=4, metavar="BUTTON")
-    stick.add_argument("--axes", default="1,0", metavar="FORWARD,LEFT")
+    stick.add_argument("--deadman", type=int, metavar="BUTTON", help=f"{DEADMAN} unless told")
+    stick.add_argument("--axes", metavar="FORWARD,LEFT", help=f"{AXES} unless told")
     stick.add_argument("--dead-zone", type=float, default=0.1)
+    stick.add_argument(
+        "--config",
+        metavar="TELEOP_YAML",
+        help="joy_teleop's table of axes and buttons, in place of --deadman, --axes and the rates",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -67,13 +83,15 @@ def run(options: argparse.Namespace) -> int:
 def _drive(robot: Remote, read: Read, rate_hz: float, stop: list[int]) -> None:
     """A request at every period, also at rest, so that the robot knows that somebody is there."""
     while not stop:
-        twist, is_stop = read(1.0 / rate_hz)
-        if is_stop:
-            robot.send(k="stop")
+        twist, requests = read(1.0 / rate_hz)
+        for request in requests:
+            robot.request(*request)
         if twist is None:
             return
         robot.drive(*twist)
         robot.listen()
+        for verdict in robot.verdicts():
+            sys.stderr.write(f"\r{verdict}\x1b[K\r\n")
         _show(robot, twist)
 
 
@@ -86,6 +104,10 @@ def _show(robot: Remote, twist: Twist) -> None:
 
 
 def _rates(options: argparse.Namespace) -> HandRates:
+    if options.config is not None and options.device != "joystick":
+        raise ConfigError(f"--config is for a joystick, not for {options.device}")
+    if not 0.0 <= options.dead_zone < 1.0:
+        raise ConfigError(f"--dead-zone {options.dead_zone:g}: must be at least 0 and below 1")
     numbers = {
         "--scale": (options.scale, 1.0),
         "--forward": (options.forward, 2.0),
@@ -116,20 +138,20 @@ def _terminal(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
     words, keys, mouse = TerminalInput(), KeyHand(rates), MouseHand(rates)
     is_mouse = options.device == "mouse"
 
-    def read(timeout_s: float) -> tuple[Twist | None, bool]:
+    def read(timeout_s: float) -> Wish:
         is_stop, end_s = False, time.monotonic() + timeout_s
         while select.select([handle], [], [], max(0.0, end_s - time.monotonic()))[0]:
             try:
                 data = os.read(handle, 1024)
             except OSError:
-                return None, is_stop  # the terminal was closed
+                return _wish(None, is_stop)  # the terminal was closed
             for word, column, row in words.feed(data):
                 if word == "quit":
-                    return None, is_stop
+                    return _wish(None, is_stop)
                 is_stop |= word == "stop"
                 keys.press(word, time.monotonic())
                 mouse.move("release" if word == "stop" else word, column, row)
-        return (mouse.twist() if is_mouse else keys.twist(time.monotonic())), is_stop
+        return _wish(mouse.twist() if is_mouse else keys.twist(time.monotonic()), is_stop)
 
     before = termios.tcgetattr(handle)
     tty.setcbreak(handle)
@@ -142,22 +164,23 @@ def _terminal(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
         termios.tcsetattr(handle, termios.TCSADRAIN, before)
 
 
+def _wish(twist: Twist | None, is_stop: bool) -> Wish:
+    return Wish(twist, (STOP,) if is_stop else ())
+
+
 @contextmanager
 def _joystick(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
     """Raises: ConfigError: no such device. PlatformError: it was pulled out."""
+    hand = _stick_hand(options, rates)
     try:
-        forward_axis, left_axis = (int(axis) for axis in options.axes.split(","))
         handle = os.open(options.joy, os.O_RDONLY | os.O_NONBLOCK)
-    except ValueError as error:
-        raise ConfigError(f"--axes {options.axes}: write two numbers, as in 1,0") from error
     except OSError as error:
         raise ConfigError(
             f"cannot open joystick {options.joy}: {error.strerror}; plug it in or choose --joy"
         ) from error
     state = JoystickState()
-    hand = StickHand(rates, options.deadman, forward_axis, left_axis, options.dead_zone)
 
-    def read(timeout_s: float) -> tuple[Twist | None, bool]:
+    def read(timeout_s: float) -> Wish:
         end_s = time.monotonic() + timeout_s
         while select.select([handle], [], [], max(0.0, end_s - time.monotonic()))[0]:
             try:
@@ -169,9 +192,24 @@ def _joystick(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
             if not data:
                 raise PlatformError(f"joystick {options.joy} is gone")
             state.feed(data)
-        return hand.twist(state), False
+        return hand.wish(state)
 
     try:
         yield read
     finally:
         os.close(handle)
+
+
+def _stick_hand(options: argparse.Namespace, rates: HandRates) -> StickHand | TableHand:
+    """Raises: ConfigError: the table or the axes make no sense."""
+    if options.config is not None:
+        if options.deadman is not None or options.axes is not None:
+            raise ConfigError("--config has buttons and axes of its own: drop --deadman and --axes")
+        return read_table(Path(options.config), options.scale, options.dead_zone)
+    axes = options.axes or AXES
+    try:
+        forward_axis, left_axis = (int(axis) for axis in axes.split(","))
+    except ValueError as error:
+        raise ConfigError(f"--axes {axes}: write two numbers, as in {AXES}") from error
+    deadman = DEADMAN if options.deadman is None else options.deadman
+    return StickHand(rates, deadman, forward_axis, left_axis, options.dead_zone)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -10,6 +11,23 @@ from agribot.ui.joystick import JoystickState
 
 Twist = tuple[float, float]
 STILL: Twist = (0.0, 0.0)
+
+
+class Request(NamedTuple):
+    """What a hand asks for beside driving: a message to the robot, and what to call it."""
+
+    name: str
+    message: dict[str, Any]
+
+
+class Wish(NamedTuple):
+    """Of one look at a device; no twist: the hand has quit."""
+
+    twist: Twist | None
+    requests: tuple[Request, ...] = ()
+
+
+STOP = Request("stop", {"k": "stop"})
 
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 _WORDS = re.compile(r"\x1b\[<(\d+);(\d+);(\d+)([Mm])|\x1b[\[O]([ABCD])|([\s\S])")
@@ -125,6 +143,9 @@ class StickHand:
             return STILL
         forward, left = (-stick.axis(axis, self._dead_zone) for axis in self._axes)
         return self._rates.twist(forward, left)
+
+    def wish(self, stick: JoystickState) -> Wish:
+        return Wish(self.twist(stick))
 
 
 def _limited(value: float) -> float:

@@ -15,6 +15,7 @@ class JoystickState:
     def __init__(self) -> None:
         self.axes: dict[int, float] = {}
         self.buttons: dict[int, bool] = {}
+        self._presses: set[int] = set()
         self._rest = b""
 
     def feed(self, data: bytes) -> None:
@@ -26,6 +27,13 @@ class JoystickState:
                 self.axes[number] = max(value / _FULL, -1.0)
             elif kind & ~_INIT == _BUTTON:
                 self.buttons[number] = bool(value)
+                if value and not kind & _INIT:  # held since before we looked is no press
+                    self._presses.add(number)
+
+    def taken_presses(self) -> set[int]:
+        """The buttons that went down since the last call, let go again or not."""
+        presses, self._presses = self._presses, set()
+        return presses
 
     def axis(self, number: int, dead_zone: float) -> float:
         """In [-1, 1]; zero inside the dead zone and rising from zero at its edge."""

@@ -28,6 +28,8 @@ class Remote:
         self._sent = self._asked = 0
         self.state: dict[str, Any] = {}
         self.has_seat = False
+        self._pending: dict[str, str] = {}
+        self._verdicts: list[str] = []
 
     def __enter__(self) -> Self:
         from websockets.exceptions import WebSocketException
@@ -74,6 +76,18 @@ class Remote:
         answer = self._awaited(lambda heard: heard["k"] == "ack" and heard["id"] == id)
         return "" if answer["ok"] else str(answer["reason"])
 
+    def request(self, name: str, message: dict[str, Any]) -> None:
+        """Send it and go on; `verdicts` says later what became of it."""
+        self._asked += 1
+        id = f"ask-{self._asked}"
+        self._pending[id] = name
+        self.send(**message, id=id)
+
+    def verdicts(self) -> list[str]:
+        """Of the requests answered since the last call, one line each."""
+        verdicts, self._verdicts = self._verdicts, []
+        return verdicts
+
     def until(self, is_it: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
         """The first state for which `is_it` holds."""
         return self._awaited(lambda heard: heard["k"] == "s" and is_it(heard))
@@ -116,6 +130,9 @@ class Remote:
             self.state = message
         elif message["k"] == "seat" and self.has_seat and message["seat"] != "you":
             raise PlatformError(f"{message['holder'] or 'somebody else'} has taken the seat")
+        elif message["k"] == "ack" and message["id"] in self._pending:
+            name = self._pending.pop(message["id"])
+            self._verdicts.append(f"{name}: {'done' if message['ok'] else message['reason']}")
         elif message["k"] == "bye":
             raise PlatformError(f"the robot says goodbye: {message['reason']}")
         return message

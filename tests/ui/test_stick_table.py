@@ -1,0 +1,168 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from agribot.errors import ConfigError
+from agribot.ui.commands import MISSION_ACTIONS, PLAIN_ACTIONS, RECORD_ACTIONS
+from agribot.ui.hand import STILL
+from agribot.ui.joystick import JoystickState
+from agribot.ui.stick_table import REQUESTS, TableHand, read_table
+from tests.ui.conftest import Robot
+from tests.ui.test_teleop import event, teleop
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "teleop.yaml"
+BUTTON, AXIS, AT_START = 0x01, 0x02, 0x80
+FORWARD = event(-32767, AXIS, 1)
+
+
+def press(number: int) -> bytes:
+    return event(1, BUTTON, number)
+
+
+def let_go(number: int) -> bytes:
+    return event(0, BUTTON, number)
+
+
+def table(folder: Path, text: str) -> TableHand:
+    path = folder / "teleop.yaml"
+    path.write_text(text, encoding="utf-8")
+    return read_table(path, 1.0, 0.1)
+
+
+def velocity(rest: str) -> str:
+    return f"teleop:\n  walk:\n    type: topic\n    topic_name: cmd_vel\n{rest}"
+
+
+def test_each_velocity_drives_only_while_its_own_dead_man_buttons_are_held() -> None:
+    hand, stick = read_table(EXAMPLE, 1.0, 0.1), JoystickState()
+    stick.feed(FORWARD + event(-32767, AXIS, 0))
+    assert hand.wish(stick).twist == STILL
+    stick.feed(press(4))
+    assert hand.wish(stick).twist == (0.4, 0.6)
+    stick.feed(press(5))
+    assert hand.wish(stick).twist == (0.8, 1.0)
+    stick.feed(let_go(4))
+    assert hand.wish(stick).twist == (0.1, 0.0)
+    stick.feed(let_go(5))
+    assert hand.wish(stick).twist == STILL
+
+
+def test_scale_and_offset_act_on_axes_and_buttons_and_the_option_on_all(tmp_path: Path) -> None:
+    text = velocity(
+        "    deadman_buttons: [7]\n    axis_mappings:\n"
+        "      - {axis: 3, target: linear.x, scale: -0.5, offset: 0.25}\n"
+        "      - {button: 2, target: angular.z, scale: 0.75, offset: -0.25}\n"
+    )
+    table(tmp_path, text)
+    hand, stick = read_table(tmp_path / "teleop.yaml", 0.5, 0.1), JoystickState()
+    stick.feed(press(7))
+    assert hand.wish(stick).twist == (0.125, -0.125)
+    stick.feed(event(-32767, AXIS, 3) + press(2))
+    assert hand.wish(stick).twist == (-0.125, 0.25)
+
+
+def test_a_request_is_made_once_when_its_last_button_goes_down() -> None:
+    hand, stick = read_table(EXAMPLE, 1.0, 0.1), JoystickState()
+    stick.feed(press(3))
+    assert hand.wish(stick).requests == ()
+    stick.feed(press(4))
+    (asked,) = hand.wish(stick).requests
+    assert (asked.name, asked.message) == ("resume", {"k": "mission", "action": "resume"})
+    assert hand.wish(stick).requests == ()
+    stick.feed(let_go(3))
+    assert hand.wish(stick).requests == ()
+
+
+def test_a_tap_between_two_looks_counts_and_a_button_held_from_the_start_does_not() -> None:
+    hand, stick = read_table(EXAMPLE, 1.0, 0.1), JoystickState()
+    stick.feed(event(1, BUTTON | AT_START, 0))
+    assert hand.wish(stick).requests == ()
+    stick.feed(press(1) + let_go(1))
+    assert [asked.message for asked in hand.wish(stick).requests] == [{"k": "stop"}]
+
+
+def test_the_table_knows_every_request_that_the_page_may_make() -> None:
+    missions = {m["action"] for m in REQUESTS.values() if m["k"] == "mission"}
+    assert missions == {*PLAIN_ACTIONS, *MISSION_ACTIONS}
+    assert {m["action"] for m in REQUESTS.values() if m["k"] == "record"} == {*RECORD_ACTIONS}
+
+
+REFUSED = {
+    "{}": "no table 'teleop'",
+    "teleop: [": "not valid YAML",
+    "teleop: {a: {type: topic}}\njoy: 1": "unknown 'joy'",
+    "teleop: {a: {type: dance}}": "teleop.a.type: invalid value 'dance'",
+    "teleop: {a: {type: action, action_name: pause, buttons: []}}": "teleop.a.buttons: ",
+    "teleop: {a: {type: action, action_name: wave, buttons: [1]}}": "action_name = 'wave': known",
+    "teleop: {a: {type: action, action_name: goto, buttons: [1], action_goal: {x: 1}}}": "`y`",
+    "teleop: {a: {type: action, action_name: pause, buttons: [1], action_goal: {x: 1}}}": "`x`",
+    "teleop: {a: {type: service, service_name: mark, buttons: [1], wait: 2}}": "`wait`",
+    velocity("    message_value: [{target: linear.x, value: 0.1}]"): "deadman_buttons",
+    velocity(
+        "    deadman_buttons: []\n    message_value: [{target: linear.x, value: 0.1}]"
+    ): "dead",
+    velocity(
+        "    deadman_buttons: [-1]\n    message_value: [{target: linear.x, value: 1}]"
+    ): ">= 0",
+    velocity("    deadman_buttons: [4]"): "either axis_mappings or message_value",
+    velocity("    deadman_buttons: [4]\n    axis_mappings: [{target: linear.x}]"): "axis or button",
+    velocity("    deadman_buttons: [4]\n    axis_mappings: [{axis: 1, target: linear.y}]"): (
+        "target 'linear.y'; known are linear.x and angular.z"
+    ),
+    velocity(
+        "    deadman_buttons: [4]\n    axis_mappings: [{axis: 1, target: linear.x, gain: 2}]"
+    ): ("axis_mappings[0]: object contains unknown field `gain`"),
+    velocity("    deadman_buttons: [4]\n    message_value: [{target: linear.x, value: 2.5}]"): (
+        "linear.x up to 2.5; at most 2"
+    ),
+    velocity("    deadman_buttons: [4]\n    message_value: [{target: linear.x, value: .nan}]"): (
+        "write a finite number"
+    ),
+    velocity(
+        "    deadman_buttons: [4]\n"
+        "    message_value: [{target: linear.x, value: 1}, {target: linear.x, value: 1}]"
+    ): "written twice",
+    "teleop: {a: {type: topic, topic_name: arm, deadman_buttons: [4]}}": "topic_name = 'arm'",
+}
+
+
+@pytest.mark.parametrize("text", REFUSED)
+def test_a_table_that_means_nothing_to_this_robot_is_refused_by_its_key(
+    text: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigError) as refusal:
+        table(tmp_path, text)
+    assert REFUSED[text] in str(refusal.value)
+    assert "teleop.yaml" in str(refusal.value)
+
+
+def test_a_gamepad_with_a_table_drives_and_asks_a_real_server(robot: Robot, tmp_path: Path) -> None:
+    device = tmp_path / "js0"
+    os.mkfifo(device)
+    stick = os.open(device, os.O_RDWR)
+    process = teleop(robot, "joystick", "--joy", str(device), "--config", str(EXAMPLE))
+    try:
+        robot.wait_for(lambda order: order["c"] == "drive", 60.0)
+        os.write(stick, FORWARD)
+        os.write(stick, press(4))
+        driven = robot.wait_for(lambda order: order["c"] == "drive" and order["v"] > 0.0, 60.0)
+        assert driven["v"] == pytest.approx(0.4)
+        os.write(stick, press(2))
+        robot.wait_for(lambda order: order.get("action") == "skip_row", 60.0)
+        os.write(stick, press(9))
+        mark = robot.wait_for(lambda order: order.get("action") == "mark", 60.0)
+        assert (mark["text"], mark["source"]) == ("seen from the gamepad", "teleop joystick")
+        os.write(stick, let_go(4) + press(0) + press(1))
+        robot.wait_for(lambda order: order.get("action") == "pause", 60.0)
+        robot.wait_for(lambda order: order.get("action") == "stop", 60.0)
+        os.close(stick)
+        _, errors = process.communicate(timeout=60.0)
+        assert process.returncode == 2
+        assert "skip_row: done" in errors
+        robot.wait_for(lambda _: robot.of_kind("drive")[-1]["v"] == 0.0)
+    finally:
+        process.kill()
+        process.communicate()
