@@ -45,6 +45,7 @@ class FieldConfig(Config, frozen=True):
     """
 
     datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)
+    datum_source: str = ""  # what `--origin` took the datum from; a simulated world goes there
     declination_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)] = 0.0
     first_row_start_map_m: tuple[float, float] = (1.0, 2.0)
     row_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0

@@ -13,7 +13,7 @@ from agribot import stack as robot_stack
 from agribot.calibration.believed import calibrated
 from agribot.config import RunConfig
 from agribot.description.loader import load_robot, urdf_text
-from agribot.description.worlds_sdf import load_world
+from agribot.description.worlds_sdf import world_of_run
 from agribot.errors import RecordingError
 from agribot.field_work import field_work, read_plan_text
 from agribot.mapped_plant import MappedPlant
@@ -62,9 +62,7 @@ class Session:
         self.robot = calibrated(described, config.calibration)
         goals_map_m = read_goals(config)
         self._plan_text = read_plan_text(config)
-        self.world = load_world(
-            config.world, seed=config.seed, weed_density_per_m2=config.sim.weed_density_per_m2
-        )
+        self.world = world_of_run(config)
         if saved is not None:
             self.world = msgspec.structs.replace(
                 self.world, spawn_xy_map_m=saved.pose[:2], spawn_yaw_map_rad=saved.pose[2]

@@ -124,6 +124,7 @@ export interface Session {
 export interface Field {
   name: string
   datum: { lat_deg: number; lon_deg: number }
+  datum_source?: string
   rows: { index: number; start_map_m: Vec2; end_map_m: Vec2; points_map_m: Vec2[] }[]
   boundary_map_m: Vec2[] | null
   waypoints_map_m: Vec2[]

@@ -28,12 +28,16 @@ def places(sources: SourceConfig) -> dict[str, Place]:
     Raises: ConfigError: a URI that means nothing.
     """
     wanted = msgspec.structs.asdict(sources)
-    return {sensor: _place(sensor, uri) for sensor, uri in wanted.items() if uri}
+    return {name: read_uri("--source", uri, f"{name}=") for name, uri in wanted.items() if uri}
 
 
-def _place(sensor: str, uri: str) -> Place:
+def read_uri(option: str, uri: str, name: str = "") -> Place:
+    """What `option` names, after `name` if it has one.
+
+    Raises: ConfigError: a URI that means nothing.
+    """
     parts = urlsplit(uri)
     if parts.scheme not in _NETWORKS or not parts.path.strip("/"):
-        known = " or ".join(f"{sensor}={network}:/topic" for network in _NETWORKS)
-        raise ConfigError(f"--source {sensor}={uri}: write {known}, or leave the sensor out")
+        known = " or ".join(f"{name}{network}:/topic" for network in _NETWORKS)
+        raise ConfigError(f"{option} {name}{uri}: write {known}, or leave it out")
     return Place(_NETWORKS[parts.scheme], parts.netloc, "/" + parts.path.strip("/"))

@@ -12,7 +12,9 @@ import msgspec
 
 from agribot import config
 from agribot.calibration.robot_file import RobotFile
+from agribot.commands.origin import HELP, with_origin
 from agribot.config import RunConfig
+from agribot.errors import ConfigError
 from agribot.ui.address import home
 
 # Option and the setting that it is short for.
@@ -40,6 +42,7 @@ def add_setting_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--for", dest="duration_s", type=float, metavar="SECONDS", help="stop after"
     )
+    parser.add_argument("--origin", metavar="ORIGIN", help=HELP)
     parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
 
 
@@ -63,12 +66,15 @@ def settings_of(
     ]
     wanted = [*before, *options.set, *assigned, *after]
     if profile is not None:
+        if options.origin is not None:
+            raise ConfigError("--origin: a run that goes on keeps its map; begin another for it")
         return config.load(profile, wanted)
     own = RobotFile(home(), config.load(options.profile, wanted).robot)
     measured = own.settings()
     if measured:
         sys.stderr.write(f"measured of this robot, from {own.path}: {', '.join(measured)}\n")
-    return config.load(options.profile, [*before, *measured, *options.set, *assigned, *after])
+    wanted = [*before, *measured, *options.set, *assigned, *after]
+    return with_origin(config.load(options.profile, wanted), options)
 
 
 def out_dir_of(wanted: str | Path | None, kind: str) -> Path:

@@ -10,7 +10,7 @@ from typing import Protocol
 import msgspec
 
 from agribot.bridge.requests import Requests
-from agribot.bridge.source_uri import Network, places
+from agribot.bridge.source_uri import Network, Place, places
 from agribot.bridge.topic_source import Ear, TopicSource
 from agribot.commands.bridging import domain_from, master_from, router_from, say
 from agribot.config import SourceConfig
@@ -23,7 +23,7 @@ _SENSOR_OF: dict[str, Sensor] = {"camera": "frames"}
 _NODE = "agribot_sensors"
 
 
-class _Link(Ear, Protocol):
+class SourceLink(Ear, Protocol):
     def close(self) -> None: ...
 
 
@@ -61,12 +61,12 @@ def sensor_sources(options: argparse.Namespace, session: Session) -> Iterator[No
     """
     wanted = places(session.config.sources)
     refuse = Requests(session.platform.inbox, say=say).refuse
-    links: dict[tuple[str, str], _Link] = {}
+    links: dict[tuple[str, str], SourceLink] = {}
     with ExitStack() as opened:
         sources = []
         for name, place in wanted.items():
             if place[:2] not in links:
-                link = _OPENERS[place.network](place.at, options, refuse)
+                link = opened_link(place, options, refuse)
                 opened.callback(link.close)
                 links[place[:2]] = link
             sensor = _SENSOR_OF.get(name) or msgspec.convert(name, Sensor)
@@ -78,20 +78,27 @@ def sensor_sources(options: argparse.Namespace, session: Session) -> Iterator[No
         yield
 
 
-def _ros2(at: str, options: argparse.Namespace, _refuse: Callable[[str], None]) -> _Link:
+def opened_link(
+    place: Place, options: argparse.Namespace, refuse: Callable[[str], None]
+) -> SourceLink:
+    """Raises: BridgeError: the network cannot be reached."""
+    return _OPENERS[place.network](place.at, options, refuse)
+
+
+def _ros2(at: str, options: argparse.Namespace, _refuse: Callable[[str], None]) -> SourceLink:
     from agribot.bridge.ros2.link import Ros2Link
 
     router = f"tcp/{at}" if at else router_from(options)
     return Ros2Link(_NODE, domain=domain_from(options), router=router, listen=not at)
 
 
-def _ros1(at: str, options: argparse.Namespace, refuse: Callable[[str], None]) -> _Link:
+def _ros1(at: str, options: argparse.Namespace, refuse: Callable[[str], None]) -> SourceLink:
     from agribot.bridge.ros1.link import Ros1Link
 
     return Ros1Link(_NODE, refuse, f"http://{at}" if at else master_from(options))
 
 
-_OPENERS: dict[Network, Callable[[str, argparse.Namespace, Callable[[str], None]], _Link]] = {
+_OPENERS: dict[Network, Callable[[str, argparse.Namespace, Callable[[str], None]], SourceLink]] = {
     "ros2": _ros2,
     "ros1": _ros1,
 }

@@ -17,7 +17,7 @@ from agribot.commands.run_settings import add_setting_arguments, out_dir_of, set
 from agribot.commands.stopping import stop_on_signal
 from agribot.commands.world_bridging import WorldTap, twist_of, world_bridges
 from agribot.description.loader import load_robot, urdf_text
-from agribot.description.worlds_sdf import load_world
+from agribot.description.worlds_sdf import world_of_run
 from agribot.errors import PlatformError
 from agribot.messages import RobotCommand, SensorBatch
 from agribot.record.report import TimeReport
@@ -85,11 +85,7 @@ class _World:
         camera = f"perception.enabled={str(options.camera).lower()}"
         self.config = settings_of(options, before=[camera])
         self.robot = load_robot(self.config.robot)
-        self.world: WorldSpec = load_world(
-            self.config.world,
-            seed=self.config.seed,
-            weed_density_per_m2=self.config.sim.weed_density_per_m2,
-        )
+        self.world: WorldSpec = world_of_run(self.config)
         self.platform = SimPlatform(self.config, self.robot, self.world)
         self.recorder = self._recorder(options.out) if self.config.record.enabled else None
         self.taps: list[WorldTap] = [] if self.recorder is None else [self.recorder]

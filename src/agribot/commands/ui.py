@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 
 from agribot.commands import run as run_command
+from agribot.commands.origin import HELP
 from agribot.commands.page import add_address_arguments, address_of, show
 from agribot.description.loader import parse_robot
 from agribot.field_work import field_work
@@ -25,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "what", nargs="?", default="farm", help="a profile to simulate, or a run.mcap to replay"
     )
     parser.add_argument("--out", metavar="DIR", help="of a simulated run")
+    parser.add_argument("--origin", metavar="ORIGIN", help=HELP)
     parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
     add_address_arguments(parser)
 
@@ -35,7 +37,17 @@ def run(options: argparse.Namespace) -> int:
     parser = argparse.ArgumentParser()
     run_command.add_arguments(parser)
     simulated = parser.parse_args([options.what, "--ui", "--stay", "--speed", "1"])
-    for name in ("out", "set", "port", "host", "allow_host", "tls_cert", "tls_key", "open"):
+    for name in (
+        "out",
+        "origin",
+        "set",
+        "port",
+        "host",
+        "allow_host",
+        "tls_cert",
+        "tls_key",
+        "open",
+    ):
         setattr(simulated, name, getattr(options, name))
     return run_command.run(simulated)
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
+from agribot.config import RunConfig
 from agribot.description.elements import Finding, Source
 from agribot.description.markup import place_of, read_xml
 from agribot.description.package import packaged_or_file, world_files
@@ -40,6 +42,15 @@ def load_world(
     """
     path = _world_path(name_or_path)
     return _WorldReader(path, Source(path.name)).read(seed, weed_density_per_m2)
+
+
+def world_of_run(config: RunConfig) -> WorldSpec:
+    """The world of the settings, at their datum where that was chosen for the run."""
+    density_per_m2 = config.sim.weed_density_per_m2
+    world = load_world(config.world, seed=config.seed, weed_density_per_m2=density_per_m2)
+    if not config.field.datum_source:
+        return world
+    return msgspec.structs.replace(world, datum=config.field.datum)
 
 
 def check_world(name_or_path: str) -> tuple[Finding, ...]:

@@ -85,6 +85,7 @@ def field_of(
     return {
         "name": config.world,
         "datum": {"lat_deg": datum.lat_deg, "lon_deg": datum.lon_deg},
+        "datum_source": config.field.datum_source,
         "rows": [_row_of(row) for row in rows],
         "boundary_map_m": [list(corner) for corner in boundary_map_m] or None,
         "waypoints_map_m": [list(goal) for goal in goals_map_m],
