@@ -4,7 +4,7 @@ import type { Vec2 } from './wire.ts'
 
 const WGS84_A_M = 6378137
 const WGS84_E2 = 6.69437999014e-3
-const RAD = Math.PI / 180
+export const RAD = Math.PI / 180
 
 export class Projection {
   readonly lonDeg: number

@@ -39,6 +39,7 @@ def field() -> Message:
     return {
         "name": "farm",
         "datum": DATUM,
+        "datum_source": "home",
         "rows": rows,
         "boundary_map_m": [
             [-3, -3],

@@ -5,26 +5,41 @@ import type { Map as MapLibre } from 'maplibre-gl'
 const VIDEO_FPS = 15
 const VIDEO_TYPES = ['video/webm;codecs=vp9', 'video/webm;codecs=vp8', 'video/webm', 'video/mp4']
 
+export const CAPTURE_SIZES = {
+  window: 'As large as the window',
+  '480p': '480p (640 × 480)',
+  '720p': '720p (1280 × 720)',
+}
+export type CaptureSize = keyof typeof CAPTURE_SIZES
+const SIZES_PX: Partial<Record<CaptureSize, [width: number, height: number]>> = { '480p': [640, 480], '720p': [1280, 720] }
+
 export class Capture {
+  /** Of pictures and of the next video; of another shape than the window, its middle fills them. */
+  size: CaptureSize = 'window'
   private readonly canvas = document.createElement('canvas')
   private recorder: MediaRecorder | null = null
   private readonly copy = (): void => this.compose()
   private parts: Blob[] = []
   private timer = 0
+  /** The size at which a film was begun: it has one. */
+  private filmed: CaptureSize | null = null
 
   constructor(private readonly map: MapLibre, private readonly overlay: HTMLCanvasElement) {}
 
   /** The GL canvas can only be read while it is being drawn. */
   private compose(): void {
     const gl = this.map.getCanvas()
-    const [w, h] = [gl.width & ~1, gl.height & ~1] // video codecs want even sizes
+    const [across, down] = [gl.width & ~1, gl.height & ~1] // video codecs want even sizes
+    const [w, h] = SIZES_PX[this.filmed ?? this.size] ?? [across, down]
+    const scale = Math.max(w / across, h / down)
+    const place = [(w - scale * across) / 2, (h - scale * down) / 2, scale * gl.width, scale * gl.height] as const
     if (this.canvas.width !== w || this.canvas.height !== h) {
       this.canvas.width = w
       this.canvas.height = h
     }
     const pen = this.canvas.getContext('2d')
-    pen?.drawImage(gl, 0, 0)
-    pen?.drawImage(this.overlay, 0, 0, gl.width, gl.height)
+    pen?.drawImage(gl, ...place)
+    pen?.drawImage(this.overlay, ...place)
   }
 
   picture(): Promise<Blob | null> {
@@ -45,6 +60,7 @@ export class Capture {
   start(): boolean {
     const type = typeof MediaRecorder === 'undefined' ? undefined : VIDEO_TYPES.find((name) => MediaRecorder.isTypeSupported(name))
     if (!type || this.recorder) return false
+    this.filmed = this.size
     this.compose()
     this.map.on('render', this.copy)
     this.timer = window.setInterval(() => this.map.triggerRepaint(), 1000 / VIDEO_FPS)
@@ -65,6 +81,7 @@ export class Capture {
       clearInterval(this.timer)
       this.map.off('render', this.copy)
       this.recorder = null
+      this.filmed = null
     })
   }
 }

@@ -12,6 +12,8 @@ import { mapvizButtons } from './mapviz.ts'
 import { TOOLS } from './tools.ts'
 import type { ToolId } from './tools.ts'
 import type { SavedView, MapView } from './view.ts'
+import { viewSettings } from './view-settings.ts'
+import type { ViewSettings } from './view-settings.ts'
 
 function mapButton(name: IconName, title: string, action: () => void): HTMLButtonElement {
   return el('button', { type: 'button', class: 'map-button', title, 'aria-label': title, onclick: action }, icon(name))
@@ -19,7 +21,7 @@ function mapButton(name: IconName, title: string, action: () => void): HTMLButto
 
 /** Which tools a screen offers; all by default. */
 export function mapControls(view: MapView, app: App, tools: ToolId[] = TOOLS.map((t) => t.id)): { node: HTMLElement; done: () => void } {
-  const follow = mapButton('follow', 'Follow the robot', () => view.setFollow(!view.follow))
+  const follow = mapButton('follow', 'Follow the robot', () => view.tracking.toggle())
   const film = filmButton(view, app)
   const cursor = cursorLine(view)
   const layersButton = mapButton('layers', 'Layers and views', () => {
@@ -29,9 +31,13 @@ export function mapControls(view: MapView, app: App, tools: ToolId[] = TOOLS.map
   layersButton.setAttribute('aria-expanded', 'false')
   const hint = hintLine(view)
   const bar = toolBar(view, tools, hint)
-  const layers = layerPanel(view, bar.choose)
-  view.onFollow = () => follow.setAttribute('aria-pressed', String(view.follow))
-  view.onFollow()
+  const settings = viewSettings(view)
+  const layers = layerPanel(view, bar.choose, settings)
+  view.tracking.onTarget = () => {
+    follow.setAttribute('aria-pressed', String(view.tracking.target !== 'map'))
+    settings.refresh()
+  }
+  view.tracking.onTarget()
   const node = el('div', { class: 'map-controls' },
     el('div', { class: 'map-stack' },
       mapButton('plus', 'Zoom in', () => view.zoomBy(1)), mapButton('minus', 'Zoom out', () => view.zoomBy(-1)),
@@ -40,6 +46,7 @@ export function mapControls(view: MapView, app: App, tools: ToolId[] = TOOLS.map
     bar.node, cursor.node, hint.node, layers)
   const done = (): void => {
     cursor.done()
+    settings.done()
     view.tools.choose('pan')
   }
   return { node, done }
@@ -141,14 +148,14 @@ async function savePicture(view: MapView, app: App): Promise<void> {
   else app.toasts.show('warn', 'The browser could not make the picture.')
 }
 
-function layerPanel(view: MapView, useTool: (id: ToolId) => void): HTMLElement {
+function layerPanel(view: MapView, useTool: (id: ToolId) => void, settings: ViewSettings): HTMLElement {
   const list = el('div', { class: 'layer-list' })
   const fill = (): void => list.replaceChildren(...view.groups.map((group) => layerRow(view, group)))
   view.ready(fill)
   view.onGroups = fill
   const add = el('button', { type: 'button', class: 'button', onclick: () => void addDisplay(view, useTool) }, icon('plus', 20), 'Add display')
   return el('div', { class: 'map-panel card', hidden: true, role: 'group', 'aria-label': 'Layers' },
-    el('div', { class: 'title-row' }, el('h2', {}, 'Layers'), add), list, viewButtons(view, fill))
+    el('div', { class: 'title-row' }, el('h2', {}, 'Layers'), add), list, settings.node, viewButtons(view, fill))
 }
 
 function layerRow(view: MapView, group: LayerGroup): HTMLElement {

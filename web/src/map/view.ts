@@ -16,23 +16,24 @@ import { addLayers, applyGroup, baseOpacities, layerGroups, opacitiesOf, recolou
 import type { LayerGroup, SourceId } from './layers.ts'
 import { LiveData } from './live.ts'
 import { Capture } from './capture.ts'
+import type { CaptureSize } from './capture.ts'
 import { Overlay } from './overlay.ts'
 import { palette } from './palette.ts'
 import { serveLabels, soilTexture } from './texture.ts'
 import { MapTools } from './tools.ts'
+import { Tracking } from './tracking.ts'
+import type { Target } from './tracking.ts'
 
 maplibregl.setWorkerUrl(workerUrl)
 
 const MAX_ZOOM = 24
-/** How far from the middle the followed robot may go, as a share of the map's size. */
-const KEEP_WITHIN = 0.36
 const VIEW_KEY = 'map-view'
 const NARROW_PX = 500
 
 type Box = [west: number, south: number, east: number, north: number]
 
 export interface SavedView {
-  center?: Vec2; zoom?: number; bearing?: number; follow?: boolean
+  center?: Vec2; zoom?: number; bearing?: number; follow?: boolean; target?: Target; turn?: number; capture?: CaptureSize
   layers?: { id: string; visible: boolean; opacity: number }[]
   displays?: DisplayConfig[]
 }
@@ -45,13 +46,13 @@ export class MapView {
   readonly capture: Capture
   readonly displays: Displays
   groups: LayerGroup[] = layerGroups()
-  follow = true
-  onFollow: () => void = () => undefined
+  readonly tracking = new Tracking(this)
+  /** The part of the earth that stays in view until somebody moves the map. */
+  fitted: Box | null = null
   onGroups: () => void = () => undefined
   private base = new Map<string, unknown>()
   private loaded = false
   private seen = false
-  private fitted: Box | null = null
   private readonly whenLoaded: (() => void)[] = []
 
   constructor(readonly app: App) {
@@ -73,11 +74,13 @@ export class MapView {
     this.tools.onChange = () => this.overlay.request()
     serveLabels(this.map)
     this.map.on('load', () => this.load())
-    this.map.on('dragstart', () => this.setFollow(false))
+    this.map.on('dragstart', () => this.tracking.choose('map'))
     this.map.on('movestart', ({ originalEvent }) => {
       if (originalEvent) this.fitted = null
     })
-    this.map.on('moveend', () => this.remember())
+    this.map.on('moveend', () => {
+      if (!this.tracking.isMoving) this.remember()
+    })
     this.map.on('resize', () => {
       if (this.fitted) this.fit(this.fitted, 0)
     })
@@ -109,7 +112,10 @@ export class MapView {
     this.loaded = true
     new LiveData(this, this.app)
     this.app.onField(() => this.firstView())
-    this.app.store.on('state', () => this.track())
+    this.app.store.on('state', () => {
+      this.overlay.request()
+      this.tracking.follow()
+    })
     void this.displays.start().then(() => this.restoreLayers(this.saved()))
     for (const work of this.whenLoaded) work()
   }
@@ -186,36 +192,18 @@ export class MapView {
     this.remember()
   }
 
-  setFollow(follow: boolean): void {
-    if (this.follow === follow) return
-    this.follow = follow
-    this.onFollow()
-    if (follow) this.track()
-    this.remember()
-  }
-
-  /** Keep the robot in the middle part of the map, moving only when it leaves it. */
-  private track(): void {
-    this.overlay.request()
-    const pose = this.app.store.state?.pose
-    if (!pose || !this.follow || this.map.isMoving() || !this.node.isConnected) return
-    const at = this.app.projection.toLonLat(pose[0], pose[1])
-    const { x, y } = this.map.project(at)
-    const { clientWidth: w, clientHeight: h } = this.node
-    const canvas = this.map.getCanvas()
-    if (canvas.clientWidth !== w || canvas.clientHeight !== h) return // the map does not know its new size yet
-    const within = this.fitted ? 0.5 : KEEP_WITHIN // the whole field is in view: do not move it without need
-    if (Math.abs(x - w / 2) <= w * within && Math.abs(y - h / 2) <= h * within) return
+  /** Bring all of the field into view again, if that is what is shown. */
+  refit(): boolean {
     const box = this.fitted && this.wholeField()
     if (box) this.fit(box, 600)
-    else this.map.easeTo({ center: at, duration: 600 })
+    return box !== null
   }
 
   /** The whole field, north up. */
   overview(): void {
     const box = this.wholeField()
     if (!box) return
-    this.setFollow(false)
+    this.tracking.choose('map')
     this.fit(box, 400)
   }
 
@@ -249,14 +237,15 @@ export class MapView {
     else {
       this.map.jumpTo({ center: this.app.projection.toLonLat(0, 0) })
       this.overview()
-      this.setFollow(true)
+      this.tracking.choose('near')
     }
   }
 
   current(): SavedView {
     const { lng, lat } = this.map.getCenter()
     return {
-      center: this.app.projection.toMap(lng, lat), zoom: this.map.getZoom(), bearing: this.map.getBearing(), follow: this.follow,
+      center: this.app.projection.toMap(lng, lat), zoom: this.map.getZoom(), bearing: this.map.getBearing(),
+      target: this.tracking.target, turn: this.tracking.turnDeg, capture: this.capture.size,
       layers: this.groups.map(({ id, visible, opacity }) => ({ id, visible, opacity })), displays: this.displays.saved(),
     }
   }
@@ -265,8 +254,8 @@ export class MapView {
     this.fitted = null
     const center = view.center ? this.app.projection.toLonLat(...view.center) : this.map.getCenter()
     this.map.jumpTo({ center, zoom: view.zoom ?? this.map.getZoom(), bearing: view.bearing ?? 0 })
-    this.follow = view.follow ?? false
-    this.onFollow()
+    this.capture.size = view.capture ?? 'window'
+    this.tracking.set(view.target ?? (view.follow ? 'near' : 'map'), view.turn ?? 0)
     this.restoreLayers(view)
   }
 

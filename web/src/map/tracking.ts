@@ -1,0 +1,89 @@
+/** What the map stays on, as mapviz's target frame: the ground, or the robot in one of three ways. */
+
+import { RAD } from '../geo.ts'
+import type { MapView } from './view.ts'
+
+export const TARGETS = {
+  map: 'The map',
+  near: 'Robot, kept in view',
+  position: 'Robot, in the middle',
+  heading: 'Robot, heading up',
+}
+export type Target = keyof typeof TARGETS
+
+/** How far from the middle the followed robot may go, as a share of the map's size. */
+const KEEP_WITHIN = 0.36
+const NEAR_PX = 0.5
+const NEAR_DEG = 0.2
+
+export class Tracking {
+  target: Target = 'near'
+  /** What is up in the map besides the robot's heading, degrees clockwise. */
+  turnDeg = 0
+  onTarget: () => void = () => undefined
+  /** The map moves by itself: nobody has chosen another view. */
+  isMoving = false
+  private onRobot: Target = 'near'
+
+  constructor(private readonly view: MapView) {}
+
+  choose(target: Target): void {
+    if (this.target === target) return
+    this.set(target)
+    this.follow()
+    this.view.remember()
+  }
+
+  /** Between the map and the robot as it was last followed. */
+  toggle(): void {
+    this.choose(this.target === 'map' ? this.onRobot : 'map')
+  }
+
+  /** Without moving the map. */
+  set(target: Target, turnDeg = this.turnDeg): void {
+    this.target = target
+    this.turnDeg = turnDeg
+    if (target !== 'map') this.onRobot = target
+    if (target === 'position' || target === 'heading') this.view.fitted = null
+    this.onTarget()
+  }
+
+  /** A quarter of a turn clockwise. */
+  turn(): void {
+    const { view } = this
+    view.fitted = null
+    if (this.target === 'heading') {
+      this.turnDeg = (this.turnDeg + 90) % 360
+      this.follow()
+      view.remember()
+    } else view.map.easeTo({ bearing: view.map.getBearing() + 90 })
+  }
+
+  /** Go after the robot; where it is only kept in view, when it leaves the middle part of the map. */
+  follow(): void {
+    const { view, target } = this
+    const pose = view.app.store.state?.pose
+    if (!pose || target === 'map' || view.map.isMoving() || !view.node.isConnected) return
+    const at = view.app.projection.toLonLat(pose[0], pose[1])
+    const { x, y } = view.map.project(at)
+    const { clientWidth: w, clientHeight: h } = view.node
+    const canvas = view.map.getCanvas()
+    if (canvas.clientWidth !== w || canvas.clientHeight !== h) return // the map does not know its new size yet
+    const [dx, dy] = [Math.abs(x - w / 2), Math.abs(y - h / 2)]
+    if (target !== 'near') {
+      const bearing = target === 'heading' ? 90 - pose[2] / RAD + this.turnDeg : view.map.getBearing()
+      const off = Math.abs(((bearing - view.map.getBearing() + 540) % 360) - 180)
+      if (dx > NEAR_PX || dy > NEAR_PX || off > NEAR_DEG) this.jump(at, bearing)
+      return
+    }
+    const within = view.fitted ? 0.5 : KEEP_WITHIN // the whole field is in view: do not move it without need
+    if (dx <= w * within && dy <= h * within) return
+    if (!view.refit()) view.map.easeTo({ center: at, duration: 600 })
+  }
+
+  private jump(center: [number, number], bearing: number): void {
+    this.isMoving = true
+    this.view.map.jumpTo({ center, bearing })
+    this.isMoving = false
+  }
+}
