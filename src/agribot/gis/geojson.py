@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -45,6 +45,14 @@ class Feature(NamedTuple):
         from shapely.geometry import shape
 
         return shape({"type": self.geometry, "coordinates": self.coordinates()})
+
+
+def layers_of(features: Sequence[Feature]) -> Iterator[tuple[str, str, list[Feature]]]:
+    """Geometry, name and features of each layer, for formats whose layers hold one geometry."""
+    for geometry, name in (("Polygon", "areas"), ("LineString", "lines"), ("Point", "points")):
+        found = [feature for feature in features if feature.geometry == geometry]
+        if found:
+            yield geometry, name, found
 
 
 def closed(ring: list[LonLat]) -> list[LonLat]:

@@ -6,7 +6,7 @@ import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
 
-from agribot.gis.geojson import Feature, Found
+from agribot.gis.geojson import Feature, Found, layers_of
 
 _WGS84_SRS = 4326
 _UNDEFINED_SRS = {0, -1}
@@ -14,7 +14,6 @@ _APPLICATION_ID = int.from_bytes(b"GPKG", "big")
 _VERSION = 10300
 _MAX_STEPS = 50_000_000  # of SQLite's virtual machine: a view may be a program that never ends
 _STEPS_AT_ONCE = 1_000_000
-_LAYERS = {"Polygon": "areas", "LineString": "lines", "Point": "points"}
 
 # Clause 1.1.2 and table 1 of the standard, and the definition of WGS 84 by EPSG.
 _TABLES = """
@@ -85,10 +84,8 @@ def write_geopackage(features: Sequence[Feature]) -> bytes:
         database.executescript(_TABLES)
         database.execute(f"PRAGMA application_id = {_APPLICATION_ID}")
         database.execute(f"PRAGMA user_version = {_VERSION}")
-        for geometry, layer in _LAYERS.items():
-            found = [feature for feature in features if feature.geometry == geometry]
-            if found:
-                _write_layer(database, geometry, layer, found)
+        for geometry, layer, found in layers_of(features):
+            _write_layer(database, geometry, layer, found)
         database.commit()
         return database.serialize()
 

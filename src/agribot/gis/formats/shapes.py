@@ -8,9 +8,8 @@ from typing import Any
 
 from agribot.errors import ConfigError
 from agribot.gis.formats.untrusted import packed, unpacked
-from agribot.gis.geojson import Feature, Found
+from agribot.gis.geojson import Feature, Found, layers_of
 
-_LAYERS = {"Polygon": "areas", "LineString": "lines", "Point": "points"}
 _WGS84 = (
     'GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],'
     'PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]]'
@@ -39,10 +38,8 @@ def read_shapefiles(data: bytes) -> Found:
 
 def write_shapefiles(features: Sequence[Feature]) -> bytes:
     files: dict[str, bytes] = {}
-    for geometry, layer in _LAYERS.items():
-        found = [feature for feature in features if feature.geometry == geometry]
-        if found:
-            files |= _layer(geometry, layer, found)
+    for geometry, layer, found in layers_of(features):
+        files |= _layer(geometry, layer, found)
     return packed(files)
 
 
