@@ -24,16 +24,12 @@ FIRST_FIXES = 5
 UNKNOWN_M2 = 1e6
 
 
-def ahead(
-    m: Arithmetic,
-    expected_mps: tuple[Number, Number],
-    residuals: tuple[Number, Number],
-    yaw_rad: Number,
+def ahead_and_aside(
+    m: Arithmetic, vector: tuple[Number, Number], yaw_rad: Number
 ) -> tuple[Number, Number]:
-    """The parts along the robot of a velocity and of what was measured beside it."""
+    """The parts along and to the left of the robot of a vector in the map."""
     cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
-    claimed_mps = cos * expected_mps[0] + sin * expected_mps[1]
-    return claimed_mps, cos * residuals[0] + sin * residuals[1]
+    return cos * vector[0] + sin * vector[1], cos * vector[1] - sin * vector[0]
 
 
 def doubts(
@@ -49,8 +45,7 @@ def doubts(
 
     The bias of a receiver without corrections has meanwhile taken up what the wheels only claimed.
     """
-    _, ahead_mps = ahead(m, expected_mps, residuals, yaw_rad)
-    aside_mps = m.cos(yaw_rad) * residuals[1] - m.sin(yaw_rad) * residuals[0]
+    ahead_mps, aside_mps = ahead_and_aside(m, residuals, yaw_rad)
     speed_mps = m.most(m.sqrt(expected_mps[0] ** 2 + expected_mps[1] ** 2), 0.05)
     wrong_m = m.sqrt(residuals[0] ** 2 + residuals[1] ** 2) * lasted_s
     places = (X, Y) if is_corrected else (X, Y, GNSS_BIAS_X, GNSS_BIAS_Y)
@@ -239,11 +234,12 @@ class Gnss:
         verdict = self._velocity_gate.judge(
             ekf.update_pair(rows, residuals, variance, self._velocity_gate.limit)
         )
-        spins = self._spin_watch.is_spinning(
-            *ahead(FLOATS, (east_mps, north_mps), residuals, yaw_rad), math.sqrt(variance)
-        )
+        claimed_mps, _ = ahead_and_aside(FLOATS, (east_mps, north_mps), yaw_rad)
+        missing_mps, _ = ahead_and_aside(FLOATS, residuals, yaw_rad)
+        spins = self._spin_watch.is_spinning(claimed_mps, missing_mps, math.sqrt(variance))
+        if spins:
+            self._rejected["wheels spin"] += 1
         if verdict == "recover" or spins:
-            self._rejected["wheels spin"] += int(spins)
             lasted_s = since_last_s * self._spin_after
             opened = doubts(
                 FLOATS, residuals, (east_mps, north_mps), yaw_rad, lasted_s,

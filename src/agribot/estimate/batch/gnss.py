@@ -12,7 +12,7 @@ from agribot.config import EstimateConfig
 from agribot.estimate.batch.ekf import BatchEkf, BatchRow, Mask
 from agribot.estimate.batch.motion import BatchGate, BatchHistory, BatchMotion
 from agribot.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, X, Y
-from agribot.estimate.gnss import FIRST_FIXES, UNKNOWN_M2, ahead, doubts
+from agribot.estimate.gnss import FIRST_FIXES, UNKNOWN_M2, ahead_and_aside, doubts
 from agribot.estimate.gnss_noise import FLOAT_MEMORY_S, FixNoise, bias_ageing, noise_model
 from agribot.estimate.models import antenna_velocity, velocity_variance
 from agribot.estimate.spin_watch import SpinWatch
@@ -168,9 +168,9 @@ class BatchGnss:
         residuals = (fix.east_mps - east_mps, fix.north_mps - north_mps)
         variance = velocity_variance(fix.velocity_std_mps, then.yaw_rate_radps, since_last_s)
         _, recovers = gate.judge(ekf.update_pair(rows, residuals, variance, gate.limit))
-        recovers |= self._spin_watch.is_spinning(
-            *ahead(ARRAYS, (east_mps, north_mps), residuals, yaw_rad), np.sqrt(variance)
-        )
+        claimed_mps, _ = ahead_and_aside(ARRAYS, (east_mps, north_mps), yaw_rad)
+        missing_mps, _ = ahead_and_aside(ARRAYS, residuals, yaw_rad)
+        recovers |= self._spin_watch.is_spinning(claimed_mps, missing_mps, np.sqrt(variance))
         if recovers.any():
             opened = doubts(
                 ARRAYS, residuals, (east_mps, north_mps), yaw_rad, since_last_s * self._spin_after,
