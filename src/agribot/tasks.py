@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 
-from agribot.config import RunConfig
+from agribot.config import MissionConfig, RunConfig
 from agribot.errors import MissionError
 from agribot.field_work import work_from
 from agribot.geo import MapFrame
@@ -43,20 +43,16 @@ def task_of(
         return _work_task(work)
     rows = () if waypoints_map_m else field_rows(config.field)
     mission, obstacles = config.mission, _obstacles(config, robot)
-
-    def check(path: Path) -> Path:
-        certify(path, rows, robot, mission.plant_clearance_m)
-        obstacles.check(path)
-        return path
+    check = _checks(rows, robot, mission, obstacles)
 
     def plan(estimate: Estimate) -> Path:
         if waypoints_map_m:
-            return plan_waypoints(waypoints_map_m, _pose(estimate), robot, mission)
+            return check(plan_waypoints(waypoints_map_m, _pose(estimate), robot, mission))
         return check(plan_rows(rows, _pose(estimate), robot, mission, (), obstacles))
 
     def go_home(estimate: Estimate, home: PoseTuple, _: FloatArray) -> Path:
         if not rows:
-            return plan_waypoints((home[:2],), _pose(estimate), robot, mission)
+            return check(plan_waypoints((home[:2],), _pose(estimate), robot, mission))
         return check(plan_home(rows, _pose(estimate), home, robot, mission, obstacles))
 
     def around(path: Path, index: int, skipped: int) -> Path:
@@ -66,7 +62,7 @@ def task_of(
         left = [row for row in rows if row.index in indices]
         return check(plan_rows(left, _pose(estimate), robot, mission, rows, obstacles))
 
-    go_to = _place_planner(config, robot, rows, waypoints_map_m)
+    go_to = _place_planner(config, robot, rows, waypoints_map_m, obstacles)
     tool = Tool(x_m=robot.tool_x_m)
     return Task(
         plan, rows, waypoints_map_m, tool, home=go_home, go_to=go_to, back=go_to, around=around,
@@ -77,16 +73,14 @@ def task_of(
 def tasks_under_way(task: Task, config: RunConfig, robot: RobotSpec) -> NewTasks:
     """What may take the place of a task: a field plan, or places among the same crop rows."""
     rows = task.rows if task.has_crop else ()
+    check = _checks(rows, robot, config.mission, _obstacles(config, robot))
 
     def of_plan(text: str) -> Task:
         return _work_task(work_from(text, "the plan", config, robot))._replace(text=text)
 
     def of_places(places_map_m: Sequence[MapPoint], name: str) -> Task:
         def plan(estimate: Estimate) -> Path:
-            path = plan_waypoints(places_map_m, _pose(estimate), robot, config.mission)
-            if rows:
-                certify(path, rows, robot, config.mission.plant_clearance_m)
-            return path
+            return check(plan_waypoints(places_map_m, _pose(estimate), robot, config.mission))
 
         return Task(plan, waypoints=places_map_m, name=name)
 
@@ -125,10 +119,14 @@ def _work_task(work: FieldWork) -> Task:
 
 
 def _place_planner(
-    config: RunConfig, robot: RobotSpec, rows: tuple[Row, ...], waypoints: tuple[MapPoint, ...]
+    config: RunConfig,
+    robot: RobotSpec,
+    rows: tuple[Row, ...],
+    waypoints: tuple[MapPoint, ...],
+    obstacles: Obstacles,
 ) -> Callable[[Estimate, Place], Path]:
     """Inside a fence around rows, waypoints and the robot, as wide as the supervisor's."""
-    places, obstacles = [*waypoints, *row_ends(rows)], _obstacles(config, robot)
+    places = [*waypoints, *row_ends(rows)]
 
     def plan(estimate: Estimate, goal: Place) -> Path:
         pose = _pose(estimate)
@@ -136,6 +134,20 @@ def _place_planner(
         return plan_to_place(goal, pose, rows, fence, robot, config.mission, obstacles)
 
     return plan
+
+
+def _checks(
+    rows: Sequence[Row], robot: RobotSpec, mission: MissionConfig, obstacles: Obstacles
+) -> Callable[[Path], Path]:
+    """Gives back a path that keeps off the crop and off what stands in the field."""
+
+    def check(path: Path) -> Path:
+        if rows:
+            certify(path, rows, robot, mission.plant_clearance_m)
+        obstacles.check(path)
+        return path
+
+    return check
 
 
 def _obstacles(config: RunConfig, robot: RobotSpec) -> Obstacles:

@@ -17,7 +17,7 @@ from agribot.plan.curves import Pose, Segment, sample
 from agribot.plan.goal_way import plan_to_place
 from agribot.plan.obstacles import Obstacles, obstacles_for
 from agribot.plan.rows import field_rows
-from agribot.tasks import task_of
+from agribot.tasks import task_of, tasks_under_way
 from tests.plan.planting import FARM, FARM_START, MISSION, at, rover
 
 CLEARANCE_M = 0.3
@@ -91,6 +91,16 @@ def test_a_post_on_a_row_refuses_the_mission_with_its_place() -> None:
     farm = config.load("farm", ["field.obstacles_map_m=[[3.0,7.0,0.1]]"])
     with pytest.raises(MissionError, match=r"obstacle at East 3.00 m, North 7.00 m"):
         task_of(farm, load_robot()).plan(at_start())
+
+
+def test_waypoints_past_a_post_are_refused_with_its_place() -> None:
+    field = msgspec.structs.replace(FARM, obstacles_map_m=((2.0, 0.3, 0.1),))
+    settings = config.RunConfig(field=field, mission=MISSION)
+    listed = task_of(settings, load_robot(), waypoints_map_m=((4.0, 0.0),))
+    visit = tasks_under_way(listed, settings, load_robot()).of_places(((4.0, 0.0),), "visit")
+    for task in (listed, visit):
+        with pytest.raises(MissionError, match=r"obstacle at East 2\.00 m, North 0\.30 m"):
+            task.plan(at(0.0, 0.0, 0.0))
 
 
 def test_ways_home_and_to_places_lead_around_too() -> None:

@@ -14,8 +14,7 @@ from agribot.messages import Row
 from agribot.plan.certify import closest_to_crop
 from agribot.plan.curves import Pose, Segment, length_m, sample
 from agribot.plan.dubins import all_words
-from agribot.plan.obstacles import NONE as NO_OBSTACLES
-from agribot.plan.obstacles import Obstacles
+from agribot.plan.obstacles import NO_OBSTACLES, Obstacles
 from agribot.robot import RobotSpec
 from agribot.row_shape import (
     beside_row,
@@ -68,15 +67,15 @@ def _routes(
 ) -> Iterator[Route]:
     yield from all_words(start, entry, RADIUS_M)[:_WORDS_WHEN_DIRECT]
     rings = [_ring(rows, max(headland_m, _RING_MIN_M)), *obstacles.rings()]
-    exits = _exits(start, rows, headland_m)
+    prefixes = [(start,), *((start, way_out) for way_out in _exits(start, rows, headland_m))]
+    for prefix in prefixes:
+        yield _chain((*prefix, entry))
     for ring, direction in product(rings, (1, -1)):
         corners = _via_poses(ring, direction)
-        for prefix in ((), *((pose,) for pose in exits)):
-            yield _chain((start, *prefix, entry))
-            for first in range(4):
-                vias = [corners[(first + direction * step) % 4] for step in range(_MAX_VIAS)]
-                for count in range(1, _MAX_VIAS + 1):
-                    yield _chain((start, *prefix, *vias[:count], entry))
+        for prefix, first in product(prefixes, range(4)):
+            vias = [corners[(first + direction * step) % 4] for step in range(_MAX_VIAS)]
+            for count in range(1, _MAX_VIAS + 1):
+                yield _chain((*prefix, *vias[:count], entry))
 
 
 def _chain(poses: Sequence[Pose]) -> Route:

@@ -13,8 +13,7 @@ from agribot.messages import Path, Row
 from agribot.plan.approach import approach
 from agribot.plan.curves import MIN_RADIUS_M, Pose, Segment, sample
 from agribot.plan.dubins import shortest
-from agribot.plan.obstacles import NONE as NO_OBSTACLES
-from agribot.plan.obstacles import Obstacles
+from agribot.plan.obstacles import NO_OBSTACLES, Obstacles
 from agribot.robot import RobotSpec
 from agribot.row_shape import chord_yaw_rad, end_yaw_rad, row_length_m, start_yaw_rad, turned_round
 

@@ -12,8 +12,7 @@ from agribot.plan.approach import RADIUS_M, approach
 from agribot.plan.certify import certify, closest_to_crop
 from agribot.plan.curves import SPACING_M, Place, Pose, Segment, sample
 from agribot.plan.dubins import shortest
-from agribot.plan.obstacles import NONE as NO_OBSTACLES
-from agribot.plan.obstacles import Obstacles
+from agribot.plan.obstacles import NO_OBSTACLES, Obstacles
 from agribot.plan.waypoints import plan_waypoints
 from agribot.robot import RobotSpec
 from agribot.row_shape import chord_yaw_rad, row_points_map_m

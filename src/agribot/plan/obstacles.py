@@ -13,6 +13,8 @@ from agribot.messages import Path
 from agribot.plan.coverage.area import Footprint, footprint
 from agribot.robot import RobotSpec
 
+_BEYOND_M = 0.05  # of a way around, beyond the clearance: curves cut its corners
+
 
 class Obstacle(NamedTuple):
     x_m: float
@@ -47,7 +49,7 @@ class Obstacles(NamedTuple):
         """Corners of a square around each, counter-clockwise, whose sides the robot can drive."""
         found = []
         for x_m, y_m, radius_m in self.circles:
-            half_m = radius_m + self.clearance_m + self.body.half_width_m + 0.05
+            half_m = radius_m + self.clearance_m + self.body.half_width_m + _BEYOND_M
             signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
             found.append([(x_m + half_m * east, y_m + half_m * north) for east, north in signs])
         return found
@@ -67,7 +69,7 @@ class Obstacles(NamedTuple):
         return float(away_m[point, index]), int(point), int(index)
 
 
-NONE = Obstacles()
+NO_OBSTACLES = Obstacles()
 
 
 def obstacles_for(
