@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from matplotlib.patches import Circle
 from PIL import Image
 
 from agribot.config import load
@@ -177,6 +178,19 @@ def test_the_map_is_1200_pixels_wide_and_shows_path_and_weeds() -> None:
     blue = (pixels[..., 2] > 190) & (pixels[..., 0] < 90)
     assert red.sum() > 100
     assert blue.sum() > 500
+
+
+def test_what_stands_in_the_field_is_a_circle_on_the_map() -> None:
+    data = _data()
+    field = msgspec.structs.replace(data.config.field, obstacles_map_m=((-4.0, 2.0, 0.3),))
+    config = msgspec.structs.replace(data.config, field=field)
+    figure = map_figure(msgspec.structs.replace(data, config=config))
+    (axes,) = figure.axes
+    (post,) = axes.patches
+    assert isinstance(post, Circle)
+    assert tuple(np.ravel(post.get_center())) == (-4.0, 2.0)
+    assert post.get_radius() == 0.3
+    assert axes.get_xlim()[0] < -4.3
 
 
 def test_both_axes_of_the_map_have_the_same_scale() -> None:

@@ -127,6 +127,7 @@ export interface Field {
   datum_source?: string
   rows: { index: number; start_map_m: Vec2; end_map_m: Vec2; points_map_m: Vec2[] }[]
   boundary_map_m: Vec2[] | null
+  obstacles_map_m?: Vec2[][]
   waypoints_map_m: Vec2[]
   start_map_m: Vec2 | null
 }

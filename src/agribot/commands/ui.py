@@ -61,7 +61,7 @@ def _replay(options: argparse.Namespace, recording: Path) -> int:
     plan = read_attachment(recording, PLAN_ATTACHMENT).decode() if config.plan else ""
     work = field_work(plan, config, robot)
     task = task_of(config, robot, goals, work)
-    field = field_of(config, task.rows, goals, work.area.boundary if work else ())
+    field = field_of(config, task.rows, goals, work.area if work else None)
     path = str(recording.resolve())
 
     def about(port: int) -> About:

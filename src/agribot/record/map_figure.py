@@ -7,6 +7,7 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
 from agribot.messages import FloatArray, PlantClass
 from agribot.record.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, every, new_figure
@@ -79,6 +80,11 @@ def _draw_field(axes: Axes, data: RunData) -> None:
         ux, uy = math.cos(yaw_rad), math.sin(yaw_rad)
         beside = (x0 + 0.4 * ux - 0.25 * uy, y0 + 0.4 * uy + 0.25 * ux)
         axes.annotate(f"{row.index + 1}", beside, ha="center", va="center", color=GREY, fontsize=14)
+    for number, (x_m, y_m, radius_m) in enumerate(data.config.field.obstacles_map_m):
+        label = None if number else "obstacle"
+        axes.add_patch(
+            Circle((x_m, y_m), radius_m, facecolor=INK, edgecolor=INK, label=label, zorder=6)
+        )
     if data.world is not None:
         _draw_truth(axes, data)
 
@@ -173,6 +179,7 @@ def _extent_m(data: RunData) -> tuple[float, float, float, float]:
     """x_min, x_max, y_min, y_max of all that is drawn, with a margin."""
     places = [point for row in data.rows for point in row_points_map_m(row).tolist()]
     places += [*data.goals_map_m, *((p.x_map_m, p.y_map_m) for p in data.plants)]
+    places += [(x_m, y_m) for x_m, y_m, _ in data.config.field.obstacles_map_m]
     parts = [np.array(places, dtype=float).reshape(-1, 2), _known(data)]
     if data.plan is not None:
         parts.append(data.plan.xy_map_m)

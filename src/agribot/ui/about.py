@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from agribot.config import RunConfig, load
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.package import package_folder, packaged_or_file, robot_files
 from agribot.messages import WHEEL_NAMES, Row
+from agribot.plan.coverage.area import FieldArea
 from agribot.robot import RobotSpec
 from agribot.row_shape import row_points_map_m
 from agribot.ui.address import Address
@@ -22,6 +24,7 @@ from agribot.ui.settings import described
 
 _MESH = re.compile(r'(<mesh\b[^>]*?filename=")([^"]+)(")')
 PAGE_DIR = Path(__file__).parent / "page"
+_CORNERS = 24  # of a circle on the map
 MESH_SUFFIXES = {".stl", ".dae", ".obj", ".glb", ".gltf"}
 
 Point = tuple[float, float]
@@ -78,19 +81,30 @@ def field_of(
     config: RunConfig,
     rows: Sequence[Row],
     goals_map_m: Sequence[Point] = (),
-    boundary_map_m: Sequence[Point] = (),
+    area: FieldArea | None = None,
 ) -> dict[str, Any]:
-    """What the map shows of the ground: the task of a run, in the map of its datum."""
-    datum = config.field.datum
+    """What the map shows of the ground: the task of a run, in the map of its datum.
+
+    `area` is that of a field plan; what stands in the field is drawn with its holes.
+    """
+    datum, boundary = config.field.datum, area.boundary if area else ()
+    obstacles = [*(area.holes if area else ()), *map(_round, config.field.obstacles_map_m)]
     return {
         "name": config.world,
         "datum": {"lat_deg": datum.lat_deg, "lon_deg": datum.lon_deg},
         "datum_source": config.field.datum_source,
         "rows": [_row_of(row) for row in rows],
-        "boundary_map_m": [list(corner) for corner in boundary_map_m] or None,
+        "boundary_map_m": [list(corner) for corner in boundary] or None,
+        "obstacles_map_m": [[list(corner) for corner in ring] for ring in obstacles],
         "waypoints_map_m": [list(goal) for goal in goals_map_m],
         "start_map_m": config.field.start_map_m,
     }
+
+
+def _round(circle: tuple[float, float, float]) -> Sequence[Point]:
+    x_m, y_m, radius_m = circle
+    angles = [math.tau * k / _CORNERS for k in range(_CORNERS)]
+    return [(x_m + radius_m * math.cos(a), y_m + radius_m * math.sin(a)) for a in angles]
 
 
 def _row_of(row: Row) -> dict[str, Any]:

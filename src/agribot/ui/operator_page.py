@@ -197,8 +197,8 @@ class OperatorPage:
 
     def _about(self, port: int) -> About:
         run = self._session
-        boundary = run.task.work.area.boundary if run.task.work else ()
-        field = field_of(run.config, run.rows, run.goals_map_m, boundary)
+        area = run.task.work.area if run.task.work else None
+        field = field_of(run.config, run.rows, run.goals_map_m, area)
         return about_run(self.address, port, run.config, run.robot, run.urdf, field, run.out_dir)
 
 

@@ -88,7 +88,7 @@ def _planned(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> Made:
         return Made(answer)
     rows = FieldWork(plan, area, shape, request).rows
     text = plan_text(SavedPlan(plan, area, request, datum), certificate)
-    return Made(answer, text, field_of(config, rows, boundary_map_m=area.boundary))
+    return Made(answer, text, field_of(config, rows, area=area))
 
 
 def _width_m(wanted: Wanted, robot: RobotSpec) -> float:

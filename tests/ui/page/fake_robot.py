@@ -47,6 +47,7 @@ def field() -> Message:
             [ROW_LENGTH_M + 3, top + 3],
             [-3, top + 3],
         ],
+        "obstacles_map_m": [[[-1.6, 1.8], [-1.2, 1.8], [-1.2, 2.2], [-1.6, 2.2]]],
         "waypoints_map_m": [
             point for row in rows for point in (row["start_map_m"], row["end_map_m"])
         ],

@@ -72,6 +72,7 @@ def test_the_map_draws_the_field_the_weeds_and_the_track(
     drawn = "window.__agribot.map?.queryRenderedFeatures({layers: ['%s']}).length"
     until(page, drawn % "rows" + " >= 6")
     until(page, drawn % "waypoints" + " >= 12")
+    until(page, drawn % "obstacles-fill" + " >= 1")
     weeds = "new Set(window.__agribot.map.queryRenderedFeatures({layers: ['weeds']})"
     most = 0.9 * len(server.robot.weeds)
     until(page, f"{weeds}.map(f => f.properties.id)).size > {most}")

@@ -26,16 +26,15 @@ export function project(projection: Projection, points: Vec2[]): Position[] {
   return points.map(([x, y]) => projection.toLonLat(x, y))
 }
 
-export function fieldFeatures(field: Field, projection: Projection): { boundary: Features; rows: Features } {
-  const ring = field.boundary_map_m
-  const boundary: Feature[] = ring?.length
-    ? [{ type: 'Feature', properties: {}, geometry: { type: 'Polygon', coordinates: [project(projection, [...ring, ring[0]])] } }]
-    : []
+export function fieldFeatures(field: Field, projection: Projection): { boundary: Features; obstacles: Features; rows: Features } {
+  const area = (ring: Vec2[]): Feature =>
+    ({ type: 'Feature', properties: {}, geometry: { type: 'Polygon', coordinates: [project(projection, [...ring, ring[0]])] } })
+  const boundary = field.boundary_map_m?.length ? [area(field.boundary_map_m)] : []
   const rows = field.rows.flatMap((row) => [
     line(project(projection, row.points_map_m), { index: row.index }),
     point(projection.toLonLat(...before(row.points_map_m[0], row.points_map_m[1])), { label: String(row.index + 1) }),
   ])
-  return { boundary: collection(boundary), rows: collection(rows) }
+  return { boundary: collection(boundary), obstacles: collection((field.obstacles_map_m ?? []).map(area)), rows: collection(rows) }
 }
 
 /** A little before the start of a row, where its number does not cover anything. */

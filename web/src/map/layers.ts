@@ -21,12 +21,13 @@ export function layerGroups(): LayerGroup[] {
     group('weeds', 'Weeds', ['weeds']),
     group('density', 'Weed density', ['density'], false),
     group('rows', 'Crop rows', ['rows', 'row-labels']),
+    group('obstacles', 'Obstacles', ['obstacles-fill', 'obstacles']),
     group('boundary', 'Field boundary', ['boundary-fill', 'boundary']),
     group('grid', 'Metric grid', ['grid-1', 'grid-10']),
   ]
 }
 
-export const SOURCES = ['grid-1', 'grid-10', 'boundary', 'rows', 'density', 'weeds', 'path', 'trajectory', 'waypoints'] as const
+export const SOURCES = ['grid-1', 'grid-10', 'boundary', 'obstacles', 'rows', 'density', 'weeds', 'path', 'trajectory', 'waypoints'] as const
 export type SourceId = (typeof SOURCES)[number]
 
 const OPACITY: Record<string, string[]> = {
@@ -45,6 +46,8 @@ function fieldLayers(c: Palette): AddLayerObject[] {
     { id: 'grid-10', type: 'line', source: 'grid-10', minzoom: 14, paint: { 'line-color': c.grid, 'line-width': byZoom(14, 0.6, 22, 2.4) } },
     { id: 'boundary-fill', type: 'fill', source: 'boundary', paint: { 'fill-color': c.boundary, 'fill-opacity': 0.07 } },
     { id: 'boundary', type: 'line', source: 'boundary', paint: { 'line-color': c.boundary, 'line-width': 2 } },
+    { id: 'obstacles-fill', type: 'fill', source: 'obstacles', paint: { 'fill-color': c.weed, 'fill-opacity': 0.35 } },
+    { id: 'obstacles', type: 'line', source: 'obstacles', paint: { 'line-color': c.weed, 'line-width': 2 } },
     { id: 'density', type: 'fill', source: 'density', paint: {
       'fill-color': c.weed, 'fill-opacity': ['interpolate', ['linear'], ['get', 'per_m2'], 0, 0.08, 4, 0.75] } },
     { id: 'rows', type: 'line', source: 'rows', layout: { 'line-cap': 'round' },

@@ -32,8 +32,9 @@ export class LiveData {
   private drawField(): void {
     const { field, projection } = this.app
     if (!field) return
-    const { boundary, rows } = fieldFeatures(field, projection)
+    const { boundary, obstacles, rows } = fieldFeatures(field, projection)
     this.view.setData('boundary', boundary)
+    this.view.setData('obstacles', obstacles)
     this.view.setData('rows', rows)
     const centre = field.rows[0]?.start_map_m ?? [0, 0]
     this.view.setData('grid-1', gridFeatures(projection, centre, 1, 120))
