@@ -29,6 +29,7 @@ PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 WARM_UP_S = 3.0
 SETTLE_S = 20.0  # until buffers have their size
 SLOW_MPS = 0.15
+GOOD_MBIT_PER_S, GOOD_AGE_S = 10.0, 0.25
 
 
 class Growth(msgspec.Struct, frozen=True, kw_only=True):
@@ -40,6 +41,16 @@ class Growth(msgspec.Struct, frozen=True, kw_only=True):
     seconds: float
     server_growth_bytes: int
     page_heap_growth_bytes: int | None
+
+
+class Link(msgspec.Struct, frozen=True, kw_only=True):
+    """How old states and pictures are where one page sees the robot over a slow line."""
+
+    mbit_per_s: float
+    state_hz: float
+    state_age_p95_s: float
+    camera_hz: float
+    camera_age_p95_s: float
 
 
 class Limit(msgspec.Struct, frozen=True, kw_only=True):
@@ -81,8 +92,9 @@ def run(
     camera: bool = True,
     profile: str = "farm",
     growth_s: float = 0.0,
+    links_mbit_per_s: Sequence[float] = (),
 ) -> dict[str, Any]:
-    """Measure each number of clients for so long, in order, then the growth of memory.
+    """Measure each number of clients for so long, in order, then slow lines, then memory's growth.
 
     The robot drives slowly, so that its mission outlasts the benchmark.
     Raises: AgribotError: the profile, the page's packages or a client do not work.
@@ -98,13 +110,15 @@ def run(
         clock = _Clock(session, 1.0 / settings.tick_hz)
         clock.drive(WARM_UP_S)
         phases = [_phase(clock, page, count, seconds) for count in clients]
+        links = [_link(clock, page, mbit_per_s, seconds) for mbit_per_s in links_mbit_per_s]
         growth = _growth(clock, page, growth_s) if growth_s else None
-    limits = limits_of(phases, growth)
+    limits = [*limits_of(phases, growth), *ages_wanted(links)]
     return {
         "benchmark": "ui",
         "camera": camera,
         "load_average": os.getloadavg()[0],
         "phases": [msgspec.to_builtins(phase) for phase in phases],
+        "links": [msgspec.to_builtins(link) for link in links],
         "growth": msgspec.to_builtins(growth),
         "limits": [{**msgspec.to_builtins(limit), "ok": limit.ok} for limit in limits],
         "ok": all(limit.ok for limit in limits),
@@ -134,6 +148,24 @@ def limits_of(phases: Sequence[Phase], growth: Growth | None) -> list[Limit]:
     return limits
 
 
+def ages_wanted(links: Sequence[Link]) -> list[Limit]:
+    """A picture may be 0.25 s old where a good radio carries it, and twice that over a bad one."""
+    return [
+        Limit(
+            name=f"age of pictures over {link.mbit_per_s:g} Mbit/s, p95, s",
+            value=link.camera_age_p95_s,
+            high=GOOD_AGE_S if link.mbit_per_s >= GOOD_MBIT_PER_S else 2.0 * GOOD_AGE_S,
+        )
+        for link in links
+    ]
+
+
+def _link(clock: _Clock, page: OperatorPage, mbit_per_s: float, seconds: float) -> Link:
+    words = [str(page.server.port), page.address.operator_token, str(mbit_per_s), str(seconds)]
+    seen = _result_of(_start("agribot.bench.ui_link", words), clock)
+    return Link(mbit_per_s=mbit_per_s, **seen)
+
+
 def _growth(clock: _Clock, page: OperatorPage, seconds: float) -> Growth:
     pid = page.server.process.pid
     assert pid is not None  # it runs
@@ -154,11 +186,12 @@ def _growth(clock: _Clock, page: OperatorPage, seconds: float) -> Growth:
 
 
 def _start_browser(page: OperatorPage, seconds: float) -> subprocess.Popen[str]:
-    words = [page.url, str(seconds)]
+    return _start("agribot.bench.ui_browser", [page.url, str(seconds)])
+
+
+def _start(module: str, words: Sequence[str]) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "agribot.bench.ui_browser", *words],
-        stdout=subprocess.PIPE,
-        text=True,
+        [sys.executable, "-m", module, *words], stdout=subprocess.PIPE, text=True
     )
 
 
@@ -221,11 +254,7 @@ def _start_clients(
     page: OperatorPage, clients: int, stalled: int, seconds: float
 ) -> subprocess.Popen[str]:
     words = [str(page.server.port), page.address.operator_token, str(clients), str(stalled)]
-    return subprocess.Popen(
-        [sys.executable, "-m", "agribot.bench.ui_clients", *words, str(seconds)],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    return _start("agribot.bench.ui_clients", [*words, str(seconds)])
 
 
 def _result_of(watching: subprocess.Popen[str] | None, clock: _Clock) -> dict[str, Any]:
