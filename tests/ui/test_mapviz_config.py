@@ -76,6 +76,23 @@ def test_out_and_in_again_it_is_the_same() -> None:
     assert tree["displays"][1]["config"]["draw_style"] == "lines"
 
 
+@pytest.mark.parametrize(
+    ("lines", "target", "turn"),
+    [
+        ("target_frame: <none>\nrotate_90: true", "map", 0),
+        ("target_frame: map\nrotate_90: true", "map", 90),
+        ("target_frame: /robot/base_link\nfix_orientation: true", "position", 0),
+        ("target_frame: base_link\nfix_orientation: true\nrotate_90: true", "position", 90),
+        ("target_frame: base_link\nrotate_90: true", "heading", 0),
+        ("target_frame: base_link", "heading", 270),
+    ],
+)
+def test_what_the_map_stays_on_is_kept_in_and_out(lines: str, target: str, turn: int) -> None:
+    view = displays_of(f"{lines}\ndisplays: []".encode())["view"]
+    assert view == {"target": target, "turn": turn}
+    assert displays_of(config_of([], view))["view"] == view
+
+
 def test_every_kind_of_the_page_has_a_row_or_is_a_tool() -> None:
     types = Path(__file__).parents[2] / "web" / "src" / "displays" / "types.ts"
     text = types.read_text()

@@ -91,7 +91,7 @@ export const api = {
 
   importView: async (file: File): Promise<ImportedView> =>
     (await request('/api/v1/views/import', { method: 'POST', body: file })).json() as Promise<ImportedView>,
-  exportView: async (displays: object[]): Promise<string> => (await write('POST', '/api/v1/views/export', { displays })).text(),
+  exportView: async (displays: object[], view: object): Promise<string> => (await write('POST', '/api/v1/views/export', { displays, view })).text(),
 
   panels: () => get<Panel[]>('/api/v1/panels'),
   panelData: (id: string) => request(`/api/v1/panels/${name(id)}`),

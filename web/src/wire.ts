@@ -174,6 +174,7 @@ export interface MapSource {
 export interface ImportedView {
   displays: { type: string; title: string; source: string; options: Record<string, SettingValue>; visible: boolean; opacity: number }[]
   left_out: { name: string; why: string }[]
+  view: { target: 'map' | 'position' | 'heading'; turn: number }
 }
 export interface PlanReply {
   ok: boolean; reasons: { text: string; at_map_m: Vec2 | null }[]

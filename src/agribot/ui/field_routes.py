@@ -160,11 +160,12 @@ async def import_view(request: Request) -> Response:
 
 
 async def export_view(request: Request) -> Response:
-    """The displays of a view as a configuration of mapviz."""
-    displays = (await json_body(request)).get("displays")
-    if not isinstance(displays, list):
-        raise Unusable(400, 'send {"displays": [...]}')
-    return Response(config_of(displays), media_type="application/yaml")
+    """The displays of a view, and what it stays on, as a configuration of mapviz."""
+    told = await json_body(request)
+    displays, view = told.get("displays"), told.get("view", {})
+    if not isinstance(displays, list) or not isinstance(view, dict):
+        raise Unusable(400, 'send {"displays": [...], "view": {"target": ..., "turn": ...}}')
+    return Response(config_of(displays, view), media_type="application/yaml")
 
 
 ROUTES: tuple[Route, ...] = (

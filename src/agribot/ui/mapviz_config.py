@@ -15,6 +15,9 @@ from agribot.ui.answers import Unusable
 PREFIX = "mapviz_plugins/"
 MAX_BYTES = 1_000_000
 MAX_DISPLAYS = 200
+ROBOT_FRAMES = {"base_link", "base_footprint"}
+# Of our quarter turns, the one that mapviz calls unturned: its target's x axis points right.
+_AHEAD_TO_THE_RIGHT = 270
 UNLIMITED = 20_000  # places kept where mapviz keeps all of them
 
 Convert = Callable[[Any], Any]
@@ -132,10 +135,33 @@ def displays_of(data: bytes) -> dict[str, Any]:
         raise Unusable(422, "no configuration of mapviz: it has no list 'displays'")
     if len(listed) > MAX_DISPLAYS:
         raise Unusable(422, f"{len(listed)} displays; at most {MAX_DISPLAYS} are taken")
-    found: dict[str, Any] = {"displays": [], "left_out": []}
+    found: dict[str, Any] = {"displays": [], "left_out": [], "view": _view_of(tree)}
     for entry in listed:
         _take(entry, found)
     return found
+
+
+def _view_of(tree: dict[str, Any]) -> dict[str, Any]:
+    """What our map stays on, and how it is turned, degrees clockwise."""
+    frame = str(tree.get("target_frame", "<none>")).rpartition("/")[2]
+    is_turned = tree.get("rotate_90") is True
+    if frame not in ROBOT_FRAMES:
+        return {"target": "map", "turn": 90 if is_turned and frame != "<none>" else 0}
+    if tree.get("fix_orientation") is True:
+        return {"target": "position", "turn": 90 if is_turned else 0}
+    return {"target": "heading", "turn": 0 if is_turned else _AHEAD_TO_THE_RIGHT}
+
+
+def _told_of(view: dict[str, Any]) -> dict[str, Any]:
+    """The same in mapviz's words, which have no other turns."""
+    target, turn = view.get("target", "map"), view.get("turn", 0)
+    with_heading = target == "heading"
+    is_turned = turn != _AHEAD_TO_THE_RIGHT if with_heading else turn == 90
+    return {
+        "target_frame": "base_link" if target != "map" else "map" if is_turned else "<none>",
+        "fix_orientation": not with_heading,
+        "rotate_90": is_turned,
+    }
 
 
 def _take(entry: dict[str, Any], found: dict[str, Any]) -> None:
@@ -177,8 +203,10 @@ def _display(type_: str, name: str, config: Any) -> tuple[dict[str, Any], list[s
     }, odd
 
 
-def config_of(displays: list[dict[str, Any]]) -> bytes:
+def config_of(displays: list[dict[str, Any]], view: dict[str, Any] | None = None) -> bytes:
     """The displays, from the lowest to the topmost, as mapviz opens them; ours alone are left out.
+
+    `view` is the target and the turn of the map, as `displays_of` gives them.
 
     Raises: Unusable: they are no displays.
     """
@@ -203,7 +231,7 @@ def config_of(displays: list[dict[str, Any]]) -> bytes:
     except (KeyError, TypeError, ValueError) as error:
         raise Unusable(400, f"these are no displays of a view: {error}") from error
     tree = {
-        "fixed_frame": "map", "target_frame": "<none>", "use_latest_transforms": True,
+        "fixed_frame": "map", **_told_of(view or {}), "use_latest_transforms": True,
         "show_displays": True, "displays": listed,
     }  # fmt: skip
     text = io.BytesIO()

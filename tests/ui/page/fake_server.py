@@ -193,7 +193,8 @@ async def _import_view(request: Request) -> Response:
 
 
 async def _export_view(request: Request) -> Response:
-    return Response(config_of((await request.json())["displays"]))
+    told = await request.json()
+    return Response(config_of(told["displays"], told["view"]))
 
 
 async def _with_policy(request: Request, call_next: RequestResponseEndpoint) -> Response:

@@ -34,9 +34,17 @@ def test_the_displays_of_mapviz_are_drawn_and_what_is_left_out_is_named(
         ".flat().some(f => f.properties.color === '#0000ff')"
     )
     until(page, blue)
+    expect(page.get_by_label("Target frame")).to_have_value("heading")
+    heading_right = (
+        "Math.abs(((90 - window.__agribot.state().pose[2] * 180 / Math.PI + 270"
+        " - window.__agribot.map.getBearing()) % 360 + 540) % 360 - 180) < 2"
+    )
+    until(page, heading_right)
     with page.expect_download() as saved:
         page.get_by_role("button", name="To mapviz").click()
-    written = displays_of(Path(saved.value.path()).read_bytes())["displays"]
+    found = displays_of(Path(saved.value.path()).read_bytes())
+    assert found["view"] == {"target": "heading", "turn": 270}, "as in the file"
+    written = found["displays"]
     named = {display["title"]: display for display in written}
     assert list(named)[-1] == "filtered", "the topmost is last, as in the file"
     assert named["trajectory"]["options"]["color"] == "#0000ff"

@@ -1,4 +1,4 @@
-/** Configurations of mapviz in and out: the displays of the map with their topics and looks. */
+/** Configurations of mapviz in and out: the displays of the map with their topics and looks, and what it stays on. */
 
 import { api } from '../api.ts'
 import { typeOf } from '../displays/types.ts'
@@ -16,11 +16,12 @@ export function mapvizButtons(view: MapView, refresh: () => void): HTMLElement[]
     file.value = ''
     if (!found) return
     const leftOut = addAll(view, found)
+    view.tracking.take(found.view.target, found.view.turn)
     refresh()
     await app.dialogs.ask('From mapviz', report(found.displays.length, leftOut), [{ label: 'Done', value: true, kind: 'primary' }])
   }
   const write = async (): Promise<void> => {
-    const text = await app.attempt(api.exportView(shown(view)))
+    const text = await app.attempt(api.exportView(shown(view), view.tracking.told()))
     if (text) download('view.mvc', text)
   }
   return [

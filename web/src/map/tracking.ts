@@ -48,6 +48,20 @@ export class Tracking {
     this.onTarget()
   }
 
+  /** Target and turn as another program has them: without the heading, the turn is that of the map. */
+  take(target: Target, turnDeg: number): void {
+    const { view } = this
+    this.set(target, target === 'heading' ? turnDeg : 0)
+    if (target !== 'heading') view.map.jumpTo({ bearing: turnDeg })
+    this.follow()
+    view.remember()
+  }
+
+  told(): { target: Target; turn: number } {
+    const bearing = (Math.round(this.view.map.getBearing() / 90) * 90 + 360) % 360
+    return { target: this.target, turn: this.target === 'heading' ? this.turnDeg : bearing }
+  }
+
   /** A quarter of a turn clockwise. */
   turn(): void {
     const { view } = this
