@@ -12,15 +12,25 @@ import sys
 import time
 from collections.abc import Sequence
 
+from websockets.asyncio.client import connect
+
+
+def page_line(port: int, token: str, path: str, through: int | None = None) -> connect:
+    """A socket of the page's server at `port`; `through` is where to reach it, if elsewhere."""
+    return connect(
+        f"ws://127.0.0.1:{port}{path}",
+        additional_headers={"Authorization": f"Bearer {token}"},
+        compression=None,
+        proxy=None,
+        host="127.0.0.1",
+        port=through or port,
+    )
+
 
 async def _watch(port: int, token: str, path: str, seconds: float, *, acks: bool) -> float:
     """Messages of the wanted kind per second."""
-    from websockets.asyncio.client import connect
-
-    headers = {"Authorization": f"Bearer {token}"}
-    url = f"ws://127.0.0.1:{port}{path}"
     count = 0
-    async with connect(url, additional_headers=headers, compression=None, proxy=None) as line:
+    async with page_line(port, token, path) as line:
         from_s = time.monotonic()
         while time.monotonic() - from_s < seconds:
             with contextlib.suppress(TimeoutError):

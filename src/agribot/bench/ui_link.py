@@ -11,16 +11,17 @@ import asyncio
 import contextlib
 import json
 import socket as socket_library
-import struct
 import sys
 import time
 from collections.abc import AsyncIterator, Sequence
+
+from agribot.bench.ui_clients import page_line
+from agribot.ui.camera import HEAD
 
 DELAY_S = 0.02  # each way
 PIECE_BYTES = 1460  # of a TCP segment over Ethernet
 LINE_BYTES = 16_384  # that wait in the radio before it takes no more
 SETTLE_S = 8.0
-HEAD = struct.Struct(">BBHId")  # of a picture, as in agribot.ui.camera
 
 
 class Line:
@@ -87,15 +88,9 @@ async def _arrive(
 
 async def _watch(address: tuple[int, int], token: str, path: str, seconds: float) -> list[float]:
     """Ages in ms of what came once it has settled: pictures, or states."""
-    from websockets.asyncio.client import connect
-
     port, through = address
     ages_ms: list[float] = []
-    headers = {"Authorization": f"Bearer {token}"}
-    async with connect(
-        f"ws://127.0.0.1:{port}{path}", additional_headers=headers, compression=None, proxy=None,
-        host="127.0.0.1", port=through,
-    ) as line:  # fmt: skip
+    async with page_line(port, token, path, through) as line:
         from_s = time.monotonic()
         while (passed_s := time.monotonic() - from_s) < seconds + SETTLE_S:
             message = await asyncio.wait_for(line.recv(), 10.0)
