@@ -13,7 +13,7 @@ import msgspec
 
 from agribot.config import RunConfig
 from agribot.description.loader import parse_robot
-from agribot.description.worlds_sdf import load_world
+from agribot.description.worlds_sdf import world_of_run
 from agribot.errors import RecordingError
 from agribot.field_work import work_from
 from agribot.messages import Row
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
             rows=_rows(plan, config, options.recording),
             plants=read_weed_map(options.recording),
             events=events.events,
-            world=load_world(config.world, seed=config.seed) if config.platform == "sim" else None,
+            world=world_of_run(config) if config.platform == "sim" else None,
         ),
     )
     if options.json:
