@@ -63,6 +63,10 @@ class Peer:
         with self.lock:
             return {"heard": self.heard, "latched": self.latched, "tokens": self.tokens}
 
+    def count(self, key: str) -> int:
+        with self.lock:
+            return len(self.heard.get(key, []))
+
     def put(self, key: str, payload: str, mark: str, times: int = 1, rate_hz: float = 0.0) -> int:
         publisher = self.session.declare_publisher(key)
         started_s = time.monotonic()
