@@ -26,6 +26,7 @@ LAYERS = {
         "topics",
         "errors",
         "geo",
+        "growing_table",
         "robot",
         "world",
         "config",

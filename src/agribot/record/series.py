@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import msgspec
 import numpy as np
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from agribot.config import RunConfig
 from agribot.geo import compass_deg_from_yaw
+from agribot.growing_table import GrowingTable
 from agribot.mapped_plant import MappedPlant
 from agribot.messages import FloatArray, Path, Row, TickRecord
 from agribot.record.events import Event
@@ -62,10 +63,10 @@ class SeriesTap:
     """Collects the series while the robot runs."""
 
     def __init__(self) -> None:
-        self._ticks: list[tuple[float, ...]] = []
-        self._raw: list[tuple[float, float]] = []
-        self._course: list[tuple[float, float]] = []
-        self._truth: list[tuple[float, float, float, float]] = []
+        self._ticks = GrowingTable(9)
+        self._raw = GrowingTable(2)
+        self._course = GrowingTable(2)
+        self._truth = GrowingTable(4)
 
     def __call__(self, record: TickRecord) -> None:
         estimate, tracking = record.estimate, record.tracking
@@ -98,7 +99,7 @@ class SeriesTap:
         self._truth.append((t_s, *pose))
 
     def series(self) -> RunSeries:
-        ticks = _table(self._ticks, 9)
+        ticks = self._ticks.array()
         return RunSeries(
             t_s=ticks[:, 0],
             x_map_m=ticks[:, 1],
@@ -110,9 +111,9 @@ class SeriesTap:
             cross_track_m=ticks[:, 7],
             row=ticks[:, 8].astype(np.int64),
             distance_m=_driven_m(ticks[:, 0], ticks[:, 4]),
-            raw_compass=_table(self._raw, 2),
-            course_compass=_table(self._course, 2),
-            truth=_table(self._truth, 4),
+            raw_compass=self._raw.array(),
+            course_compass=self._course.array(),
+            truth=self._truth.array(),
         )
 
 
@@ -123,10 +124,6 @@ def collect(records: Iterable[TickRecord], truth: FloatArray | None = None) -> R
         tap(record)
     series = tap.series()
     return series if truth is None else msgspec.structs.replace(series, truth=truth)
-
-
-def _table(rows: Sequence[tuple[float, ...]], columns: int) -> FloatArray:
-    return np.array(rows, dtype=float).reshape(-1, columns)
 
 
 def _driven_m(t_s: FloatArray, speed_mps: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from agribot.geo import wrap_rad
+from agribot.growing_table import GrowingTable
 from agribot.mapped_plant import MappedPlant
 from agribot.messages import ByteArray, FloatArray, PlantClass, Row, TickRecord
 from agribot.row_shape import beside_row, row_length_m
@@ -84,9 +85,9 @@ class Referee:
     ) -> None:
         self._source = source
         self._world = world
-        self._row_errors: list[tuple[float, float]] = []
-        self._estimate_errors: list[tuple[float, float, float]] = []
-        self._pose_covs: list[tuple[float, ...]] = []
+        self._row_errors = GrowingTable(2)  # across_m, heading_rad
+        self._estimate_errors = GrowingTable(3)  # x_m, y_m, yaw_rad
+        self._pose_covs = GrowingTable(9)
         self._distance_m = 0.0
         self._last_xy: tuple[float, float] | None = None
         self._confusion = np.zeros((3, 3), dtype=np.int64)
@@ -158,7 +159,7 @@ class Referee:
         }
 
     def tracking(self) -> TrackingScore:
-        errors = np.array(self._row_errors, dtype=float).reshape(-1, 2)
+        errors = self._row_errors.array()
         crops = [p for p in self._world.plants if p.plant == PlantClass.CROP]
         known = errors.shape[0] > 0
         across = np.abs(errors[:, 0])
@@ -175,8 +176,8 @@ class Referee:
     def estimate(self) -> EstimateScore:
         if not self._estimate_errors:
             return EstimateScore(pos_rms_m=None, yaw_rms_rad=None, nees_mean=None)
-        error = np.array(self._estimate_errors)
-        cov = np.array(self._pose_covs).reshape(-1, 3, 3)
+        error = self._estimate_errors.array()
+        cov = self._pose_covs.array().reshape(-1, 3, 3)
         nees = np.einsum("ni,ni->n", error, np.linalg.solve(cov, error[..., None])[..., 0])
         return EstimateScore(
             pos_rms_m=float(np.sqrt((error[:, :2] ** 2).sum(axis=1).mean())),
