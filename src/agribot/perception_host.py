@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Protocol
 
 from agribot.messages import CameraFrame, Scene, SensorBatch
@@ -55,6 +55,10 @@ class PerceptionHost(Protocol):
 
     def step(self, batch: SensorBatch) -> tuple[Scene, ...]: ...
 
+    def settle(self) -> None:
+        """Wait until every frame taken so far has been looked at."""
+        ...
+
     def close(self) -> None: ...
 
 
@@ -65,6 +69,9 @@ class NoPerception:
 
     def step(self, batch: SensorBatch) -> tuple[Scene, ...]:
         return ()
+
+    def settle(self) -> None:
+        pass
 
     def close(self) -> None:
         pass
@@ -89,6 +96,9 @@ class ThreadedPerception:
             scenes.append(self._pending.popleft()[1].result())
         return tuple(scenes)
 
+    def settle(self) -> None:
+        wait([future for _, future in self._pending])
+
     def close(self) -> None:
         self._worker.shutdown(wait=True, cancel_futures=True)
 
@@ -103,6 +113,9 @@ class RecordedPerception:
 
     def step(self, batch: SensorBatch) -> tuple[Scene, ...]:
         return next(self._scenes, ())
+
+    def settle(self) -> None:
+        pass
 
     def close(self) -> None:
         pass
