@@ -136,6 +136,16 @@ def estimate(t_s: float, noise: np.random.Generator | None = None) -> Estimate:
     )  # fmt: skip
 
 
+def unplaced(record: TickRecord) -> TickRecord:
+    """The same before the first fix: at the origin, to a kilometre."""
+    cov = (1e6, 0.0, 0.0, 0.0, 1e6, 0.0, 0.0, 0.0, 10.0)
+    nowhere = msgspec.structs.replace(
+        record.estimate, ok=False, x_map_m=0.0, y_map_m=0.0, yaw_map_rad=0.0, pose_cov=cov,
+        pos_std_m=1e3, yaw_std_rad=math.sqrt(10.0),
+    )  # fmt: skip
+    return msgspec.structs.replace(record, estimate=nowhere)
+
+
 def tick(index: int, noise: np.random.Generator, with_camera: bool = False) -> TickRecord:
     """50 Hz ticks with 200 Hz IMU, 100 Hz wheels, 20 Hz magnetometer, 10 Hz GNSS and camera."""
     t_s = (index + 1) * 0.02

@@ -48,6 +48,20 @@ def test_values_of_a_foreign_bag_are_those_that_were_driven(tmp_path: Path) -> N
     assert tracks[topics.ODOMETRY.name][-1] == pytest.approx([1.0, 2.0 + 0.4 * 3.0], abs=0.1)
 
 
+def test_odometry_before_its_first_fix_is_no_part_of_the_track(tmp_path: Path) -> None:
+    samples.write_run(tmp_path / "run.mcap", unplaced=50)
+    convert(
+        tmp_path / "run.mcap", tmp_path / "a.bag", ConvertOptions(topics=(topics.ODOMETRY.name,))
+    )
+    data = read_foreign(tmp_path / "a.bag")
+    (track,) = data.tracks
+    assert track.points[0] == pytest.approx([1.0, 2.0 + 0.4 * 1.0], abs=0.1)
+    (driven,) = (line for line in data.distance if line.label.startswith("driven"))
+    assert driven.points[-1, 1] < 5.0
+    (heading,) = data.heading_filtered
+    assert all(abs(math.remainder(value, 360.0)) < 5.0 for value in heading.points[:, 1])
+
+
 def test_a_run_that_was_killed_still_gets_a_report(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -20,6 +20,8 @@ from agribot.record.bag.utm import ODOMETRY
 _NUMBER = "std_msgs/msg/Float64"
 _RAW_NAMES = ("/agribot/heading/raw", "Rawheading")
 _FILTERED_NAMES = ("/agribot/heading/filtered", "Filteredheading")
+# An odometry that states worse is one that does not know yet where it is.
+_UNKNOWN_POS_STD_M, _UNKNOWN_YAW_STD_RAD = 100.0, math.pi / 2
 _DISTANCE_NAMES = ("/agribot/distance", "distance")
 
 
@@ -133,7 +135,7 @@ def _rules(topic: BagTopic, collector: _Collector) -> None:
     elif kind == ODOMETRY:
         collector.want(topic, "track", name, _place_of_odometry)
         collector.want(topic, "timed track", name, _timed_place_of_odometry)
-        collector.want(topic, "filtered", name, lambda m: _compass(m.pose.pose.orientation))
+        collector.want(topic, "filtered", name, _compass_of_odometry)
         collector.want(topic, "speed", name, lambda m: _finite(m.twist.twist.linear.x))
     else:
         _heading_and_speed_rules(topic, collector)
@@ -173,13 +175,23 @@ class _Places:
         return None if place is None else (_stamp_s(fix), *place)
 
 
-def _place_of_odometry(message: Any) -> tuple[float, float]:
+def _place_of_odometry(message: Any) -> tuple[float, float] | None:
+    x_m2, y_m2 = message.pose.covariance[0], message.pose.covariance[7]
+    if max(x_m2, y_m2) > _UNKNOWN_POS_STD_M**2:
+        return None
     position = message.pose.pose.position
     return position.x, position.y
 
 
-def _timed_place_of_odometry(message: Any) -> tuple[float, ...]:
-    return (_stamp_s(message), *_place_of_odometry(message))
+def _timed_place_of_odometry(message: Any) -> tuple[float, ...] | None:
+    place = _place_of_odometry(message)
+    return None if place is None else (_stamp_s(message), *place)
+
+
+def _compass_of_odometry(message: Any) -> float | None:
+    if message.pose.covariance[35] > _UNKNOWN_YAW_STD_RAD**2:
+        return None
+    return _compass(message.pose.pose.orientation)
 
 
 def _stamp_s(message: Any) -> float:

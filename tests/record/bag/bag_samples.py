@@ -23,15 +23,18 @@ STEP_NS = 100_000_000
 START_NS = 1_700_000_000 * 1_000_000_000
 
 
-def write_run(path: Path, count: int = 150) -> None:
-    """A closed recording of ours, with camera, truth, weed map and a file inside."""
+def write_run(path: Path, count: int = 150, unplaced: int = 0) -> None:
+    """A closed recording of ours, with camera, truth, weed map and a file inside.
+
+    For the first `unplaced` ticks the robot does not know yet where it is.
+    """
     config = load("farm", ["seed=7", "record.image_rate_hz=2.0"])
     recorder = RunRecorder(
         path, config, samples.robot(), samples.URDF, samples.plan(), GOALS,
         lambda: (samples.plant(1), samples.plant(2, treated_s=4.0)),
     )  # fmt: skip
-    for record in samples.ticks(count, seed=3, with_camera=True):
-        recorder(record)
+    for index, record in enumerate(samples.ticks(count, seed=3, with_camera=True)):
+        recorder(record if index >= unplaced else samples.unplaced(record))
         recorder.truth(record.batch.t_s, (1.0, 2.0, math.pi / 2), (0.4, 0.0))
     recorder.attach("goals.json", "application/json", b"[]")
     recorder.close()
