@@ -57,6 +57,8 @@ def test_odometry_before_its_first_fix_is_no_part_of_the_track(tmp_path: Path) -
     (track,) = data.tracks
     assert track.points[0] == pytest.approx([1.0, 2.0 + 0.4 * 1.0], abs=0.1)
     (driven,) = (line for line in data.distance if line.label.startswith("driven"))
+    assert driven.points[0] == pytest.approx([1.0, 0.0], abs=0.05)
+    assert driven.points[-1, 0] == pytest.approx(3.0, abs=0.05)
     assert driven.points[-1, 1] < 5.0
     (heading,) = data.heading_filtered
     assert all(abs(math.remainder(value, 360.0)) < 5.0 for value in heading.points[:, 1])

@@ -84,17 +84,17 @@ def read_foreign(path: Path) -> ForeignData:
             for plot, label, extract in collector.rules.get(message.topic.id, ()):
                 found = extract(value)
                 if found is not None:
-                    row = (t_s, found) if isinstance(found, float) else found
+                    row = (t_s, found) if isinstance(found, float) else (t_s, *found)
                     collector.rows.setdefault((plot, label), []).append(row)
         return _data(bag, collector, (end_ns - start_ns) * 1e-9)
 
 
 def _data(bag: Bag, collector: _Collector, duration_s: float) -> ForeignData:
     plots = {name: collector.lines(name) for name in ("raw", "filtered", "distance", "speed")}
-    tracks = collector.lines("track")
+    timed = collector.lines("track")
+    tracks = tuple(Line(label=line.label, points=line.points[:, 1:]) for line in timed)
     plots["distance"] += tuple(
-        Line(label=f"driven, by {line.label}", points=_driven(line.points))
-        for line in collector.lines("timed track")
+        Line(label=f"driven, by {line.label}", points=_driven(line.points)) for line in timed
     )
     wishes = {
         "raw": "raw heading: no Float64 called Rawheading and no magnetometer",
@@ -127,14 +127,11 @@ def _rules(topic: BagTopic, collector: _Collector) -> None:
             if any(name.lower().strip("/").endswith(n.lower().strip("/")) for n in names):
                 collector.want(topic, plot, name, lambda message: _finite(message.data))
     elif kind in (NAVSATFIX, *GPSFIXES):
-        place = _Places()
-        collector.want(topic, "track", name, place)
-        collector.want(topic, "timed track", name, place.timed)
+        collector.want(topic, "track", name, _Places())
         if kind in GPSFIXES:
             collector.want(topic, "speed", name, lambda message: _finite(message.speed))
     elif kind == ODOMETRY:
         collector.want(topic, "track", name, _place_of_odometry)
-        collector.want(topic, "timed track", name, _timed_place_of_odometry)
         collector.want(topic, "filtered", name, _compass_of_odometry)
         collector.want(topic, "speed", name, lambda m: _finite(m.twist.twist.linear.x))
     else:
@@ -170,10 +167,6 @@ class _Places:
         east_m, north_m, _ = self._frame.map_from_geodetic(fix.latitude, fix.longitude, alt_m)
         return east_m, north_m
 
-    def timed(self, fix: Any) -> tuple[float, ...] | None:
-        place = self(fix)
-        return None if place is None else (_stamp_s(fix), *place)
-
 
 def _place_of_odometry(message: Any) -> tuple[float, float] | None:
     x_m2, y_m2 = message.pose.covariance[0], message.pose.covariance[7]
@@ -183,24 +176,16 @@ def _place_of_odometry(message: Any) -> tuple[float, float] | None:
     return position.x, position.y
 
 
-def _timed_place_of_odometry(message: Any) -> tuple[float, ...] | None:
-    place = _place_of_odometry(message)
-    return None if place is None else (_stamp_s(message), *place)
-
-
 def _compass_of_odometry(message: Any) -> float | None:
     if message.pose.covariance[35] > _UNKNOWN_YAW_STD_RAD**2:
         return None
     return _compass(message.pose.pose.orientation)
 
 
-def _stamp_s(message: Any) -> float:
-    return float(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
-
-
 def _driven(timed: FloatArray) -> FloatArray:
+    """(N, 3) of seconds and place to (N, 2) of seconds and metres driven since the first."""
     steps_m = np.hypot(*np.diff(timed[:, 1:3], axis=0, prepend=timed[:1, 1:3]).T)
-    return np.column_stack([timed[:, 0] - timed[0, 0], np.cumsum(steps_m)])
+    return np.column_stack([timed[:, 0], np.cumsum(steps_m)])
 
 
 def _finite(value: float) -> float | None:
