@@ -112,7 +112,7 @@ def _page(recording: Path, data: ForeignData, figures: dict[str, Figure | None])
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{name}</title>\n<style>\n{css}</style>\n</head>\n<body>\n<main>\n"
-        f'<header><p class="eyebrow">Recording without settings of a run</p>\n<h1>{name}</h1>\n'
+        f'<header><p class="eyebrow">Recording without the report of a run</p>\n<h1>{name}</h1>\n'
         f"<p>{data.messages} messages in {data.duration_s:.1f} s</p></header>\n"
         f"{missing}\n{cards}</main>\n</body>\n</html>\n"
     )
