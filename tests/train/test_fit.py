@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import shutil
 from pathlib import Path
 
 import msgspec
@@ -11,7 +12,7 @@ import torch
 from torch import Tensor
 
 from agribot.errors import AgribotError
-from agribot.train.fit import LOG, Trainer, TrainingPlan
+from agribot.train.fit import CHECKPOINT, LOG, Trainer, TrainingPlan
 from tests.train.drawn_images import batch_of_four
 
 PLAN = TrainingPlan(steps=30, batch_size=4, crop_px=64, bf16=False, checkpoint_every=10)
@@ -74,6 +75,15 @@ def test_a_finished_training_is_not_repeated(
     folder, whole = uninterrupted
     again = Trainer(PLAN, no_batches, folder).run(quiet).state_dict()
     assert all(torch.equal(again[name], whole[name]) for name in whole)
+
+
+def test_a_log_that_was_lost_is_written_anew_from_the_checkpoint(
+    uninterrupted: tuple[Path, dict[str, Tensor]], tmp_path: Path
+) -> None:
+    folder, _ = uninterrupted
+    shutil.copy(folder / CHECKPOINT, tmp_path)
+    Trainer(PLAN, batch_of_four, tmp_path).run(quiet)
+    assert losses(tmp_path) == losses(folder)
 
 
 def test_a_folder_of_another_plan_is_refused(

@@ -194,6 +194,7 @@ class Trainer:
         self._optimiser.load_state_dict(state["optimiser"])
         self._rows = state["rows"]
         self.cpu_s = state["cpu_s"]
+        _replace(self._folder / LOG, self._write_log)  # it may be gone, or ahead of the checkpoint
         progress(f"going on from step {self.step} of {self._folder / CHECKPOINT}")
 
 
