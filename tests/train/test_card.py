@@ -17,7 +17,7 @@ FOLD = "fold 0 of 5"
 @pytest.fixture(scope="module")
 def judged() -> ModelCard:
     """A card of a training that held a fold out."""
-    data = model_path("cwfid").with_suffix(".json").read_bytes()
+    data = model_path("cwfid-s").with_suffix(".json").read_bytes()
     card = msgspec.json.decode(data, type=ModelCard)
     test = card.test if card.held_out is None else card.held_out.test
     plan = msgspec.structs.replace(card.plan, steps=300, data="cwfid --folds 5 --fold 0")

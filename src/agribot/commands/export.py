@@ -17,7 +17,6 @@ import numpy as np
 from agribot.errors import AgribotError, ConfigError
 from agribot.messages import ByteArray
 
-CALIBRATION_IMAGES = 32
 SPEED_FRAMES = 15
 
 
@@ -82,11 +81,12 @@ def _convert(args: argparse.Namespace, source: Path, before: Any, problems: list
 
 def _pictures(folder: Path, problems: list[str]) -> Iterator[ByteArray]:
     from agribot.dataset.pictures import SUFFIXES, read_picture
+    from agribot.train.precision import some_of
 
     if not folder.is_dir():
         raise ConfigError(f"--calibrate {folder} is no folder; check the path")
     files = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES)
-    for file in files[:: max(1, len(files) // CALIBRATION_IMAGES)][:CALIBRATION_IMAGES]:
+    for file in some_of(files):
         try:
             yield read_picture(file)
         except AgribotError as error:

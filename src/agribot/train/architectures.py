@@ -9,34 +9,36 @@ from typing import NamedTuple
 from torch import Tensor, nn
 
 from agribot.errors import ConfigError
+from agribot.train.efficientnet import STAGES, STAGES_TO_STRIDE_16
 from agribot.train.features import centred_rgb, ten_channels, unit_rgb
-from agribot.train.network import CropWeedNet
+from agribot.train.network import CropWeedNet, LiteNet, load_encoder
 from agribot.train.originals import OriginalBonnet, OriginalUNet
 
 
 class Architecture(NamedTuple):
-    """`features` turns an image (N, 3, H, W) in 0..255 into the input of what `build` builds."""
+    """`features` turns an image (N, 3, H, W) in 0..255 into the input of what `build` builds.
+
+    `load_imagenet` gives the network what an encoder of its kind learned on ImageNet.
+    """
 
     build: Callable[[], nn.Module]
     features: Callable[[Tensor], Tensor]
     about: str
+    load_imagenet: Callable[[nn.Module], None] | None = None
 
 
 ARCHITECTURES = {
     "agribot-s": Architecture(
-        partial(CropWeedNet, widths=(16, 32, 64, 96, 128)),
+        partial(LiteNet, stages=STAGES_TO_STRIDE_16, decoder=(16, 24, 40)),
         centred_rgb,
-        "residual U-Net for the robot",
+        "U-Net with the first half of an encoder that knows ImageNet, for the robot",
+        load_encoder,
     ),
     "agribot-m": Architecture(
-        partial(
-            CropWeedNet,
-            widths=(24, 48, 96, 160, 192),
-            blocks=(1, 2, 3, 3),
-            decoder=(24, 32, 48, 96),
-        ),
+        partial(LiteNet, stages=len(STAGES), decoder=(16, 32, 48, 96)),
         centred_rgb,
-        "residual U-Net, wider and deeper, for accuracy",
+        "the same with the whole encoder, for accuracy",
+        load_encoder,
     ),
     "agribot-sim": Architecture(
         CropWeedNet, centred_rgb, "residual U-Net of the default weights, the smallest"

@@ -15,8 +15,10 @@ from agribot.errors import ConfigError
 from agribot.messages import PlantClass
 from agribot.perceive.segmenter import Segmenter
 from agribot.train.calibration import Calibration
+from agribot.train.efficientnet import PACKAGE, VERSION
 from agribot.train.evaluate import CLASS_NAMES, Scores
 from agribot.train.fit import TrainingPlan
+from agribot.train.start import IMAGENET
 
 LICENSE = "Apache-2.0"
 SIM_LIMITS = (
@@ -53,6 +55,7 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
     test: dict[str, Scores]
     limits: str = SIM_LIMITS
     chosen_blind: bool = True  # no setting, such as the input size, was chosen by the test sets
+    precision: str = "fp32"  # of the numbers in the file
     calibration: Calibration | None = None  # None: confidences are the softmax of the logits
     held_out: HeldOut | None = None  # where nothing is left to judge these very weights on
 
@@ -74,8 +77,10 @@ crop ({int(PlantClass.CROP)}) or soil ({int(PlantClass.SOIL)}).
 - Data: {self.data}
 - Training images: {self.train_images}
 - Command: `{self.command}`
+- Begun with: {self._beginning()}
 - Optimiser steps: {self.plan.steps}, seed {self.plan.seed}, {self.training_cpu_min:.1f} CPU-minutes
-- Parameters: {self.parameters:,}; file {self.file_bytes / 1e6:.2f} MB, SHA-256 `{self.sha256}`
+- Parameters: {self.parameters:,}; file {self.file_bytes / 1e6:.2f} MB in {self.precision}, \
+SHA-256 `{self.sha256}`
 - Network resolution: {self.input_width_px} x {self.input_height_px}; the graph takes uint8 images \
 of any size
 - Speed: {self.cpu_ms_per_frame:.1f} ms CPU time per frame ({self.cpu_ms_conditions})
@@ -87,6 +92,12 @@ of any size
 
 Limits: {self.limits}
 """
+
+    def _beginning(self) -> str:
+        start = self.plan.start
+        if start == IMAGENET:
+            return f"an encoder with the ImageNet weights of {PACKAGE} {VERSION} (Apache-2.0)"
+        return f"the weights of {start}" if start else "random weights"
 
     def _sureness(self) -> str:
         found = self.calibration

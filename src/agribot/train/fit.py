@@ -20,7 +20,7 @@ from agribot.errors import AgribotError
 from agribot.train.architectures import architecture
 from agribot.train.losses import CLASS_WEIGHTS, OVERLAP_LOSSES, segmentation_loss
 from agribot.train.processes import Crew
-from agribot.train.start import start_from
+from agribot.train.start import IMAGENET, load_imagenet, start_from
 
 # Random batch of images (N, 3, S, S) float32 in 0..255 and labels (N, S, S) int64.
 BatchSource = Callable[[np.random.Generator], tuple[Tensor, Tensor]]
@@ -49,7 +49,7 @@ class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
     class_weights: tuple[float, float, float] = CLASS_WEIGHTS
     overlap_loss: str = "dice"
     processes: int = 1  # that train together, each with a batch of its own
-    start: str = ""  # weights to begin with: name and start of the SHA-256
+    start: str = ""  # weights to begin with: name and start of the SHA-256, or imagenet
     data: str = ""  # which photographs: another fold must not go on in the same folder
 
     def rate_at(self, step: int) -> float:
@@ -84,6 +84,8 @@ class Trainer:
         torch.manual_seed(plan.seed)
         self._features = architecture(plan.model).features
         self.network = architecture(plan.model).build()
+        if plan.start == IMAGENET:
+            load_imagenet(plan.model, self.network)
         self.network.to(self._crew.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         if start is not None:
             images, _ = batches(np.random.default_rng([plan.seed, 0]))

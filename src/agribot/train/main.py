@@ -26,7 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--start",
         metavar="MODEL",
-        help="begin with these weights of the same network, a name or an .onnx file",
+        help="begin with these weights of the same network, a name or an .onnx file; imagenet: "
+        "an encoder that has learned there (the default of agribot-s and agribot-m); random",
     )
     budget = parser.add_mutually_exclusive_group()
     budget.add_argument("--minutes", type=float, default=20.0, help="CPU time of the training")
@@ -36,6 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--device", choices=("auto", "cpu", "cuda"), default="auto", help="auto: a GPU if any"
     )
+    parser.add_argument(
+        "--precision", choices=("fp32", "int8"), default="fp32",
+        help="numbers of the file that is written; int8 keeps NAME-fp32.onnx beside it",
+    )  # fmt: skip
     parser.add_argument("--name", help="name of the weights (default: that of the network)")
     parser.add_argument(
         "--out", type=Path, required=True, help="folder for checkpoint, log, weights and card"
@@ -100,6 +105,7 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, crew: Any) -> int:
     from agribot.train.export import export_onnx
     from agribot.train.figures import write_curves
     from agribot.train.fit import LOG, Trainer
+    from agribot.train.precision import some_of, to_int8
 
     held_out = read_held_out(args.scores_from, plan) if args.scores_from else None
     trainer = Trainer(plan, source.batches, args.out, crew, args.start)
@@ -110,15 +116,19 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, crew: Any) -> int:
     features = architecture(args.model).features
     calibration = _calibrated(network, features, source)
     height_px, width_px = source.input_size_px
+    is_small = args.precision == "int8"
+    plain_path = args.out / f"{args.name}-fp32.onnx" if is_small else onnx_path
     export_onnx(
         network,
-        onnx_path,
+        plain_path,
         height_px,
         width_px,
         antialias=source.antialias,
         features=features,
         temperature=calibration.temperature if calibration else 1.0,
     )
+    if is_small:
+        to_int8(plain_path, onnx_path, some_of(source.pictures))
     card = msgspec.structs.replace(
         _judge(args, trainer, onnx_path, source), held_out=held_out, calibration=calibration
     )
@@ -151,10 +161,20 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigError("--scores-from is for photographs without --fold: this training has none")
     args.model = args.model or ("agribot-sim" if args.data == "sim" else "agribot-s")
     args.name = args.name or args.model
-    if args.start:
-        from agribot.perceive.segmenter import model_path
+    _check_start(args)
 
-        args.start = model_path(args.start)
+
+def _check_start(args: argparse.Namespace) -> None:
+    """Of `args.start`, make a path, or nothing where the plan says how to begin."""
+    from agribot.perceive.segmenter import model_path
+    from agribot.train.architectures import architecture
+    from agribot.train.start import IMAGENET, RANDOM
+
+    usual = IMAGENET if architecture(args.model).load_imagenet else RANDOM
+    wanted = args.start or usual
+    args.is_imagenet = wanted == IMAGENET
+    args.start_option = "" if wanted == usual else f"--start {Path(wanted).name} "
+    args.start = None if wanted in {IMAGENET, RANDOM} else model_path(wanted)
 
 
 def _progress(text: str) -> None:
@@ -198,14 +218,23 @@ def _plan(args: argparse.Namespace, source: Any, crew: Any) -> Any:
         model=args.model,
         processes=crew.size,
     )
-    if args.start:
-        from agribot.train.start import LEARNING_RATE
-
-        plan = msgspec.structs.replace(plan, learning_rate=LEARNING_RATE, start=_told(args.start))
+    plan = _begun(plan, args)
     if args.steps is None:
         steps = steps_within(args.minutes, source.batches, plan, args.out, crew)
         plan = msgspec.structs.replace(plan, steps=steps)
     return plan
+
+
+def _begun(plan: Any, args: argparse.Namespace) -> Any:
+    from agribot.train.start import IMAGENET, IMAGENET_LEARNING_RATE, LEARNING_RATE
+
+    if args.is_imagenet:
+        start, rate = IMAGENET, IMAGENET_LEARNING_RATE
+    elif args.start:
+        start, rate = _told(args.start), LEARNING_RATE
+    else:
+        return plan
+    return msgspec.structs.replace(plan, learning_rate=rate, start=start)
 
 
 def _told(path: Path) -> str:
@@ -249,11 +278,13 @@ def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any)
         chosen_blind=args.data == "sim",
         command=f"{source.command} --steps {trainer.plan.steps} --seed {args.seed} "
         f"--threads {args.threads} --name {args.name} "
-        + (f"--start {args.start.name} " if args.start else "")
+        + args.start_option
+        + ("--precision int8 " if args.precision == "int8" else "")
         + ("--scores-from CARD.json " if args.scores_from else "")
         + "--out OUT",
         plan=trainer.plan,
         train_images=source.train_images,
+        precision=args.precision,
         parameters=parameter_count(trainer.network),
         input_height_px=segmenter.map_shape[0],
         input_width_px=segmenter.map_shape[1],

@@ -7,10 +7,13 @@ them. Source: He et al. 2016 (residual blocks), Ronneberger et al. 2015 (U-Net).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from torch import Tensor, nn
 from torch.nn import functional
 
 from agribot.messages import PlantClass
+from agribot.train.efficientnet import LiteEncoder, load_imagenet
 
 CLASS_COUNT = len(PlantClass)
 # Smallest multiple of pixels that all strides divide.
@@ -65,6 +68,28 @@ class DecoderStage(nn.Module):
         return merged
 
 
+class Decoder(nn.Module):
+    """Features at strides of 2, 4, 8 and so on, (N, C, H, W) each, to class logits at stride 2.
+
+    `channels` are those of the features, `widths` those of each stage, both from stride 2 on.
+    """
+
+    def __init__(self, channels: Sequence[int], widths: Sequence[int]) -> None:
+        super().__init__()
+        deep = (*widths[1:], channels[-1])
+        self.stages = nn.ModuleList(
+            DecoderStage(deep[i], channels[i], widths[i]) for i in reversed(range(len(widths)))
+        )
+        self.head = nn.Conv2d(widths[0], CLASS_COUNT, 1)
+
+    def forward(self, features: list[Tensor]) -> Tensor:
+        *skips, x = features
+        for stage in self.stages:
+            x = stage(x, skips.pop())
+        logits: Tensor = self.head(x)
+        return logits
+
+
 class CropWeedNet(nn.Module):
     """Image to class logits, in the class order of `PlantClass`.
 
@@ -83,22 +108,33 @@ class CropWeedNet(nn.Module):
         self.encoder = nn.ModuleList(
             EncoderStage(widths[i], widths[i + 1], blocks[i]) for i in range(4)
         )
-        deep = (*decoder[1:], widths[4])
-        self.decoder = nn.ModuleList(
-            DecoderStage(deep[i], widths[i], decoder[i]) for i in reversed(range(4))
-        )
-        self.head = nn.Conv2d(decoder[0], CLASS_COUNT, 1)
+        self.decoder = Decoder(widths, decoder)
 
     def forward(self, x: Tensor) -> Tensor:
-        x = functional.relu(self.stem(x), inplace=True)
-        skips = []
+        features = [functional.relu(self.stem(x), inplace=True)]
         for stage in self.encoder:
-            skips.append(x)
-            x = stage(x)
-        for stage in self.decoder:
-            x = stage(x, skips.pop())
-        logits: Tensor = self.head(x)
+            features.append(stage(features[-1]))
+        logits: Tensor = self.decoder(features)
         return logits
+
+
+class LiteNet(nn.Module):
+    """As `CropWeedNet`, with an encoder of `agribot.train.efficientnet` of so many stages."""
+
+    def __init__(self, stages: int, decoder: Sequence[int]) -> None:
+        super().__init__()
+        self.encoder = LiteEncoder(stages)
+        self.decoder = Decoder(self.encoder.channels, decoder)
+
+    def forward(self, x: Tensor) -> Tensor:
+        logits: Tensor = self.decoder(self.encoder(x))
+        return logits
+
+
+def load_encoder(network: nn.Module) -> None:
+    """Raises: ConfigError: the package with the weights of ImageNet is not installed."""
+    assert isinstance(network, LiteNet)
+    load_imagenet(network.encoder)
 
 
 def parameter_count(network: nn.Module) -> int:

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from agribot.errors import PerceptionError
 from agribot.messages import ByteArray
+
+CALIBRATION_IMAGES = 32
+
+T = TypeVar("T")
+
+
+def some_of(pictures: Sequence[T]) -> Sequence[T]:
+    """As many as the ranges of 8-bit numbers need, from the whole of a list."""
+    return pictures[:: max(1, len(pictures) // CALIBRATION_IMAGES)][:CALIBRATION_IMAGES]
 
 
 def to_int8(source: Path, target: Path, pictures: Iterable[ByteArray]) -> None:
@@ -37,7 +47,7 @@ def to_int8(source: Path, target: Path, pictures: Iterable[ByteArray]) -> None:
             per_channel=True,
             activation_type=QuantType.QUInt8,
             weight_type=QuantType.QInt8,
-            op_types_to_quantize=["Conv", "Add", "Relu"],
+            op_types_to_quantize=["Conv", "Add", "Relu", "Clip"],
         )
 
 

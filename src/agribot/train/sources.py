@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -39,6 +40,7 @@ class Source(msgspec.Struct, frozen=True, kw_only=True):
     recipe: TrainingPlan
     tests: dict[str, Callable[[], Iterable[LabelledImage]]]
     aside: Callable[[], Iterable[LabelledImage]] | None = None
+    pictures: Sequence[ByteArray]  # that were trained on
     train_images: int
     input_size_px: tuple[int, int]  # height, width
     antialias: bool
@@ -65,6 +67,7 @@ def simulated_source(args: argparse.Namespace, progress: Progress) -> Source:
     return Source(
         aside=lambda: itertools.chain.from_iterable(s.read(args.test_images // 2) for s in aside),
         batches=_view_batches(images, labels, recipe),
+        pictures=images,
         recipe=recipe,
         tests={name: partial(one.read, args.test_images) for name, one in sets.items()},
         train_images=args.images,
@@ -133,17 +136,17 @@ def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
     read = list(read_pairs(pairs, args.data, note))
     if not read:
         raise ConfigError(f"{args.data_dir}: no pair can be read; the first problem: {problems[0]}")
-    fold = "" if args.fold is None else f" --folds {args.folds} --fold {args.fold}"
-    with_sim = f" --with-sim {args.with_sim}" if args.with_sim else ""
+    options = _data_options(args)
     recipe = TrainingPlan(
         steps=1,
         crop_px=args.crop_px,
         class_weights=PHOTO_WEIGHTS,
         overlap_loss=args.loss,
-        data=f"{args.data}{fold} --train-width {args.train_width}{with_sim}",
+        data=f"{args.data}{options.fold} --train-width {args.train_width}{options.with_sim}",
     )
     return Source(
         batches=_photo_batches(args, read, recipe, progress),
+        pictures=[image_rgb for image_rgb, _ in read],
         recipe=recipe,
         tests={f"fold {args.fold} of {args.folds}": partial(read_pairs, held, args.data, note)}
         if held
@@ -158,8 +161,22 @@ def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
         "soils and cameras were not measured.",
         command=f"agribot train --data {args.data} --data-dir DIR --model {args.model} "
         f"--loss {args.loss} --train-width {args.train_width} --size {args.size} "
-        f"--crop-px {args.crop_px}{fold}{with_sim}",
+        f"--crop-px {args.crop_px}{options.fold}{options.with_sim}",
         problems=tuple(problems),
+    )
+
+
+class _DataOptions(NamedTuple):
+    """Options as they stand in a command, each with a space before it, or nothing."""
+
+    fold: str
+    with_sim: str
+
+
+def _data_options(args: argparse.Namespace) -> _DataOptions:
+    return _DataOptions(
+        fold="" if args.fold is None else f" --folds {args.folds} --fold {args.fold}",
+        with_sim=f" --with-sim {args.with_sim}" if args.with_sim else "",
     )
 
 

@@ -1,4 +1,4 @@
-"""Begin a training with the weights of an exported file instead of random ones."""
+"""Begin a training with weights that have learned already: of a file, or of ImageNet."""
 
 from __future__ import annotations
 
@@ -9,9 +9,20 @@ from torch import Tensor, nn
 
 from agribot.errors import ConfigError
 from agribot.perceive.segmenter import Segmenter
+from agribot.train.architectures import ARCHITECTURES, architecture
 
-# Of a network that has learned already, a third of the usual top rate.
-LEARNING_RATE = 1e-3
+IMAGENET, RANDOM = "imagenet", "random"
+# Top rates of a network that has learned already, and of one whose encoder has.
+LEARNING_RATE, IMAGENET_LEARNING_RATE = 1e-3, 1.5e-3
+
+
+def load_imagenet(model: str, network: nn.Module) -> None:
+    """Raises: ConfigError: no weights of ImageNet for networks of this name, or not installed."""
+    load = architecture(model).load_imagenet
+    if load is None:
+        known = [name for name, one in ARCHITECTURES.items() if one.load_imagenet]
+        raise ConfigError(f"--start {IMAGENET}: not for {model}, only for {', '.join(known)}")
+    load(network)
 
 
 def start_from(path: Path, network: nn.Module, x: Tensor) -> None:
