@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import onnx
 import torch
 from torch.nn import functional
 
@@ -11,6 +12,7 @@ from agribot.train.export import export_onnx
 from agribot.train.features import centred_rgb
 from agribot.train.losses import dice_loss, segmentation_loss
 from agribot.train.network import CropWeedNet, parameter_count
+from agribot.train.precision import to_int8
 from tests.train.drawn_images import drawn_image
 
 
@@ -29,6 +31,22 @@ def test_the_exported_file_answers_as_the_network_does(tmp_path: Path) -> None:
         best = logits.softmax(dim=1).amax(dim=1)[0].numpy()
     assert (class_map.class_id == logits.argmax(dim=1)[0].numpy()).mean() > 0.999
     np.testing.assert_allclose(class_map.confidence / 255.0, best, atol=0.01)
+
+
+def test_eight_bits_change_the_network_but_not_how_probabilities_are_told(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    image_rgb = np.random.default_rng(0).integers(0, 256, (96, 128, 3), dtype=np.uint8)
+    export_onnx(CropWeedNet().eval(), tmp_path / "whole.onnx", 96, 128)
+    to_int8(tmp_path / "whole.onnx", tmp_path / "small.onnx", [image_rgb])
+    whole = Segmenter(tmp_path / "whole.onnx").segment(image_rgb)
+    small = Segmenter(tmp_path / "small.onnx").segment(image_rgb)
+    assert small.confidence.min() >= 85  # a third of 255: the least that a winner can have
+    assert np.abs(small.confidence.astype(int) - whole.confidence).mean() < 5.0
+    network = onnx.load(str(tmp_path / "small.onnx")).graph.node
+    quantised = {node.input[0] for node in network if node.op_type == "QuantizeLinear"}
+    assert len(quantised) > 10
+    around = {name for name in quantised if name.startswith("/") and "/network/" not in name}
+    assert len(around) == 1, around  # what goes in
 
 
 def test_the_network_is_small_enough_to_ship() -> None:

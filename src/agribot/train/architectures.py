@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from agribot.errors import ConfigError
 from agribot.train.efficientnet import STAGES, STAGES_TO_STRIDE_16
 from agribot.train.features import centred_rgb, ten_channels, unit_rgb
-from agribot.train.network import CropWeedNet, LiteNet, load_encoder
+from agribot.train.network import CropWeedNet, LiteNet, PlainBlock, load_encoder
 from agribot.train.originals import OriginalBonnet, OriginalUNet
 
 
@@ -29,7 +29,7 @@ class Architecture(NamedTuple):
 
 ARCHITECTURES = {
     "agribot-s": Architecture(
-        partial(LiteNet, stages=STAGES_TO_STRIDE_16, decoder=(16, 24, 40)),
+        partial(LiteNet, stages=STAGES_TO_STRIDE_16, decoder=(16, 32, 48), block=PlainBlock),
         centred_rgb,
         "U-Net with the first half of an encoder that knows ImageNet, for the robot",
         load_encoder,

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from agribot.messages import PlantClass
 from agribot.train.evaluate import CLASS_NAMES
 from agribot.train.features import centred_rgb
 
@@ -56,12 +57,15 @@ class DeployedNet(nn.Module):
         return logits
 
     def forward(self, image_rgb: Tensor) -> tuple[Tensor, Tensor]:
-        logits = self.logits(image_rgb)
-        # The softmax of the winning class; the Softmax operator over channels costs 4 ms more.
-        best = logits.amax(dim=1, keepdim=True)
-        below = logits - best if self.temperature == 1.0 else (logits - best) / self.temperature
-        confidence = 255.0 / below.exp().sum(dim=1)
-        return logits.argmax(dim=1)[0].to(torch.uint8), confidence[0].round().to(torch.uint8)
+        # Class by class, as the operators ArgMax and Softmax over three channels cost 3 ms more.
+        weed, crop, soil = torch.split(self.logits(image_rgb)[0], 1)
+        plant = torch.maximum(weed, crop)
+        best = torch.maximum(plant, soil)
+        shares = [((logit - best) / self.temperature).exp() for logit in (weed, crop, soil)]
+        confidence = 255.0 / (shares[0] + shares[1] + shares[2])
+        is_crop = (crop > weed).to(torch.uint8) * int(PlantClass.CROP)
+        class_id = is_crop.masked_fill(soil > plant, int(PlantClass.SOIL))
+        return class_id[0], confidence[0].round().to(torch.uint8)
 
 
 def export_onnx(

@@ -7,7 +7,7 @@ them. Source: He et al. 2016 (residual blocks), Ronneberger et al. 2015 (U-Net).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from torch import Tensor, nn
 from torch.nn import functional
@@ -40,6 +40,20 @@ class ResidualBlock(nn.Module):
         return functional.relu(x + inner, inplace=True)
 
 
+class PlainBlock(nn.Module):
+    """One convolution: half the time of a residual block."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.only = _conv(channels, channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return functional.relu(self.only(x), inplace=True)
+
+
+Block = Callable[[int], nn.Module]  # of so many channels
+
+
 class EncoderStage(nn.Module):
     """Halve the resolution, then `blocks` residual blocks."""
 
@@ -56,11 +70,11 @@ class EncoderStage(nn.Module):
 class DecoderStage(nn.Module):
     """Double the resolution and add the encoder's features of that size."""
 
-    def __init__(self, channels_in: int, skip: int, channels_out: int) -> None:
+    def __init__(self, channels_in: int, skip: int, channels_out: int, block: Block) -> None:
         super().__init__()
         self.reduce = _conv(channels_in, channels_out, kernel=1)
         self.lateral = _conv(skip, channels_out, kernel=1)
-        self.block = ResidualBlock(channels_out)
+        self.block = block(channels_out)
 
     def forward(self, x: Tensor, skip: Tensor) -> Tensor:
         up = functional.interpolate(self.reduce(x), scale_factor=2.0, mode="nearest")
@@ -74,11 +88,14 @@ class Decoder(nn.Module):
     `channels` are those of the features, `widths` those of each stage, both from stride 2 on.
     """
 
-    def __init__(self, channels: Sequence[int], widths: Sequence[int]) -> None:
+    def __init__(
+        self, channels: Sequence[int], widths: Sequence[int], block: Block = ResidualBlock
+    ) -> None:
         super().__init__()
         deep = (*widths[1:], channels[-1])
         self.stages = nn.ModuleList(
-            DecoderStage(deep[i], channels[i], widths[i]) for i in reversed(range(len(widths)))
+            DecoderStage(deep[i], channels[i], widths[i], block)
+            for i in reversed(range(len(widths)))
         )
         self.head = nn.Conv2d(widths[0], CLASS_COUNT, 1)
 
@@ -121,10 +138,10 @@ class CropWeedNet(nn.Module):
 class LiteNet(nn.Module):
     """As `CropWeedNet`, with an encoder of `agribot.train.efficientnet` of so many stages."""
 
-    def __init__(self, stages: int, decoder: Sequence[int]) -> None:
+    def __init__(self, stages: int, decoder: Sequence[int], block: Block = ResidualBlock) -> None:
         super().__init__()
         self.encoder = LiteEncoder(stages)
-        self.decoder = Decoder(self.encoder.channels, decoder)
+        self.decoder = Decoder(self.encoder.channels, decoder, block)
 
     def forward(self, x: Tensor) -> Tensor:
         logits: Tensor = self.decoder(self.encoder(x))

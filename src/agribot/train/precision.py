@@ -23,8 +23,9 @@ def some_of(pictures: Sequence[T]) -> Sequence[T]:
 def to_int8(source: Path, target: Path, pictures: Iterable[ByteArray]) -> None:
     """Quantise convolutions and what lies between them; ranges come from the pictures.
 
-    The first and the last layers stay as they are: colours in and probabilities out.
+    What stands around the network stays as it is: colours in, classes and probabilities out.
     """
+    import onnx
     from onnxruntime.quantization import QuantFormat, QuantType, quantize_static
     from onnxruntime.quantization.calibrate import CalibrationDataReader
     from onnxruntime.quantization.shape_inference import quant_pre_process
@@ -48,6 +49,11 @@ def to_int8(source: Path, target: Path, pictures: Iterable[ByteArray]) -> None:
             activation_type=QuantType.QUInt8,
             weight_type=QuantType.QInt8,
             op_types_to_quantize=["Conv", "Add", "Relu", "Clip"],
+            nodes_to_exclude=[
+                node.name
+                for node in onnx.load(str(prepared)).graph.node
+                if not node.name.startswith("/network/")
+            ],
         )
 
 
