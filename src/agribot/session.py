@@ -180,7 +180,7 @@ class Session:
             why_ended = f"stopped after {self.config.duration_s:g} s, as asked"
         self._come_to_rest()
         self.clock.stop()
-        self.stack.perception.settle()  # the last frame counts in every run, or in none
+        self.stack.perception.settle()  # the last frame counts in every run
         report = report_card(self, why_ended)
         self.recording.attach("report.json", "application/json", to_json(report))
         self.recording.close()

@@ -57,14 +57,14 @@ class DeployedNet(nn.Module):
         return logits
 
     def forward(self, image_rgb: Tensor) -> tuple[Tensor, Tensor]:
-        # Class by class, as the operators ArgMax and Softmax over three channels cost 3 ms more.
+        # Class by class: the operators that reduce over three channels cost 1 ms more in all.
         weed, crop, soil = torch.split(self.logits(image_rgb)[0], 1)
         plant = torch.maximum(weed, crop)
         best = torch.maximum(plant, soil)
         shares = [((logit - best) / self.temperature).exp() for logit in (weed, crop, soil)]
         confidence = 255.0 / (shares[0] + shares[1] + shares[2])
-        is_crop = (crop > weed).to(torch.uint8) * int(PlantClass.CROP)
-        class_id = is_crop.masked_fill(soil > plant, int(PlantClass.SOIL))
+        plant_id = (crop > weed).to(torch.uint8) * int(PlantClass.CROP)  # else 0, a weed
+        class_id = plant_id.masked_fill(soil > plant, int(PlantClass.SOIL))
         return class_id[0], confidence[0].round().to(torch.uint8)
 
 
