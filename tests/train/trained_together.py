@@ -1,7 +1,7 @@
 """Started by torchrun, or alone: trains a small network on the same images in each case.
 
 `python -m tests.train.trained_together OUT.pt`: with several processes each takes its share of
-every batch, alone it takes them all.
+every batch, alone it takes them all. Fails where a thread of the others' meeting outlives it.
 """
 
 from __future__ import annotations
@@ -47,6 +47,14 @@ def main(out: Path) -> None:
     average = trainer.run(lambda text: None).state_dict()
     torch.save(average, out.with_name(f"{out.stem}-{crew.rank}.pt"))
     part()
+    left = sorted(name for name in thread_names() if "gloo" in name)
+    if left:
+        sys.exit(f"the meeting is over, its threads go on: {', '.join(left)}")
+
+
+def thread_names() -> list[str]:
+    """Of this process, those of libraries too."""
+    return [(task / "comm").read_text().strip() for task in Path("/proc/self/task").iterdir()]
 
 
 if __name__ == "__main__":

@@ -114,6 +114,7 @@ class Trainer:
                     f"step {self.step}/{self.plan.steps}  loss {sum(recent) / len(recent):.4f}  "
                     f"{self.cpu_s / 60.0:.1f} CPU-min"
                 )
+        self._together = self.network  # lets go of the other processes
         return self.average
 
     def advance(self) -> float:

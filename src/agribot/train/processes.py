@@ -6,6 +6,7 @@ their gradients are averaged in every step, so that N processes see N times the 
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Callable
 from datetime import timedelta
@@ -13,6 +14,10 @@ from typing import TypeVar
 
 import msgspec
 import torch
+
+# Its functions take the group of the moment they are defined as a default, and PyTorch imports
+# them with the first network trained together: without this line that group is never let go.
+import torch.distributed.nn
 from torch import distributed, nn
 
 from agribot.errors import ConfigError
@@ -73,6 +78,11 @@ def join(device: str = "auto") -> Crew:
 
 
 def part() -> None:
-    """Leave the other processes in good order."""
+    """Leave the other processes in good order, once nothing trains together any more.
+
+    The group's threads end with the last that holds it. One that still runs while Python shuts
+    down, and lets go of a tensor then, aborts the process.
+    """
     if distributed.is_initialized():
+        gc.collect()
         distributed.destroy_process_group()
