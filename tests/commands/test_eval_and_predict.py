@@ -18,7 +18,7 @@ from tests.train.photo_folder import photo_folder, spoil
 
 EVAL_KEYS = {
     "dataset", "images", "height_px", "width_px", "model", "iou", "miou", "precision", "recall",
-    "f1", "confusion", "params", "fps_cpu",
+    "f1", "boundary_f1", "confusion", "params", "fps_cpu",
 }  # fmt: skip
 
 

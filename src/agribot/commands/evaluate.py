@@ -41,8 +41,8 @@ def run(args: argparse.Namespace) -> int:
 
     Raises: ConfigError: nothing to judge, or an option out of range.
     """
-    from agribot.commands.networks import card_of, open_network, read_size
-    from agribot.train.judgement import Judgement, table
+    from agribot.commands.networks import open_network, read_size
+    from agribot.train.judgement import Judgement
     from agribot.train.photographs import find_pairs, fold_of
 
     folder = args.folder or args.data_dir
@@ -59,13 +59,38 @@ def run(args: argparse.Namespace) -> int:
     cpu_s = _judge(judgement, segmenter, pairs, args.data, tile_px, problems)
     if not judgement.images:
         raise ConfigError(f"{folder}: no pair can be read; the first problem: {problems[0]}")
-    result = judgement.scores
-    _say(table(result))
+    _say_scores(judgement)
+    summary = _summary(args, folder, judgement, segmenter.map_shape)
+    summary["fps_cpu"] = 1.0 / float(np.median(cpu_s))
+    if args.out:
+        _write(args.out, summary, judgement, problems)
+    if args.json:
+        sys.stdout.write(json.dumps(summary) + "\n")
+    return 1 if problems else 0
+
+
+def _say_scores(judgement: Any) -> None:
+    from agribot.train.judgement import table
+
+    _say(table(judgement.scores))
+    outlines = ", ".join(
+        f"{name} {'-' if value is None else f'{value:.3f}'}"
+        for name, value in judgement.boundary_f1.items()
+    )
+    _say(f"boundary F1: {outlines}")
     for name, found in judgement.plants.items():
         total = found.right + found.confused + found.missed
         _say(f"{name} plants: {found.right} of {total} right, {found.missed} not seen")
-    height_px, width_px = segmenter.map_shape
-    summary = {
+
+
+def _summary(
+    args: argparse.Namespace, folder: Path, judgement: Any, map_shape: tuple[int, int]
+) -> dict[str, Any]:
+    from agribot.commands.networks import card_of
+
+    result = judgement.scores
+    height_px, width_px = map_shape
+    return {
         "dataset": args.data if args.data != "folder" else folder.resolve().name,
         "images": result.images,
         "height_px": height_px,
@@ -76,15 +101,10 @@ def run(args: argparse.Namespace) -> int:
         "precision": result.precision,
         "recall": result.recall,
         "f1": result.f1,
+        "boundary_f1": judgement.boundary_f1,
         "confusion": result.confusion,
         "params": card_of(args.model).get("parameters"),
-        "fps_cpu": 1.0 / float(np.median(cpu_s)),
     }
-    if args.out:
-        _write(args.out, summary, judgement, problems)
-    if args.json:
-        sys.stdout.write(json.dumps(summary) + "\n")
-    return 1 if problems else 0
 
 
 def _judge(

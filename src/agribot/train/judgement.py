@@ -9,10 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.messages import ByteArray, PlantClass
+from agribot.perceive.boundaries import boundary_counts, boundary_f1
 from agribot.perceive.instances import PlantRecall, plant_recall
 from agribot.perceive.pictures import PictureClasses
 from agribot.train.evaluate import (
     CLASS_NAMES,
+    ByClass,
     Confusion,
     Scores,
     confusion_matrix,
@@ -69,12 +71,14 @@ class Judgement:
         # For each class: pixels by its probability, of which another (0) or the class itself (1).
         self._by_share: npt.NDArray[np.int64] = np.zeros((size, 256, 2), dtype=np.int64)
         self._recall = {name: np.zeros(3, dtype=np.int64) for name in ("weed", "crop")}
+        self._outlines: npt.NDArray[np.int64] = np.zeros((size, 4), dtype=np.int64)
 
     def add(
         self, name: str, image_rgb: ByteArray, truth: ByteArray, guess: PictureClasses
     ) -> ImageScore:
         confusion = confusion_matrix(truth, guess.class_id)
         self.confusion += confusion
+        self._outlines += boundary_counts(truth, guess.class_id)
         one = scores(confusion, 1)
         score = ImageScore(name=name, miou=one.miou, iou=one.iou)
         self.images.append(score)
@@ -91,6 +95,11 @@ class Judgement:
     @property
     def scores(self) -> Scores:
         return scores(self.confusion, len(self.images))
+
+    @property
+    def boundary_f1(self) -> ByClass:
+        """Of the outlines of all images together, by the name of the class."""
+        return dict(zip(CLASS_NAMES, boundary_f1(self._outlines), strict=True))
 
     @property
     def plants(self) -> dict[str, PlantRecall]:
