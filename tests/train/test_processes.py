@@ -12,7 +12,7 @@ from torch import Tensor
 from agribot.errors import ConfigError
 from agribot.train.main import run
 from agribot.train.processes import Crew, join
-from tests.train.test_train_command import parsed
+from tests.train.command_line import parsed
 
 ROOT = Path(__file__).parents[2]
 

@@ -12,7 +12,7 @@ from agribot.messages import PlantClass
 from agribot.sim.random_scenes import CROPS, WEEDS
 from agribot.train.farm import draw_row_crop, draw_turn, random_plan, turn_pose
 from agribot.train.main import run
-from tests.train.test_train_command import parsed
+from tests.train.command_line import parsed
 
 
 def test_one_seed_gives_the_same_views_of_the_same_rows() -> None:

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import msgspec
@@ -10,15 +9,10 @@ import pytest
 from agribot.errors import AgribotError, ConfigError
 from agribot.perceive.segmenter import Segmenter
 from agribot.train.card import ModelCard
-from agribot.train.main import add_arguments, run
+from agribot.train.main import run
 from agribot.train.sources import photo_source
+from tests.train.command_line import parsed
 from tests.train.photo_folder import photo_folder, spoil
-
-
-def parsed(*words: str) -> argparse.Namespace:
-    parser = argparse.ArgumentParser()
-    add_arguments(parser)
-    return parser.parse_args(words)
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ import msgspec
 
 from agribot.errors import ConfigError
 from agribot.train.drawn_options import add_drawn_options, check_drawn_options
+from agribot.train.recipe_options import add_recipe_options, begun, check_recipe_options
 
 DATA_CHOICES = ("sim", "cwfid", "bonn", "phenobench", "folder")
 
@@ -23,12 +24,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where images come from: drawn by the simulator, or the layout of --data-dir",
     )
     parser.add_argument("--model", help="network (default: agribot-sim for sim, else agribot-s)")
-    parser.add_argument(
-        "--start",
-        metavar="MODEL",
-        help="begin with these weights of the same network, a name or an .onnx file; imagenet: "
-        "an encoder that has learned there (the default of agribot-s and agribot-m); random",
-    )
     budget = parser.add_mutually_exclusive_group()
     budget.add_argument("--minutes", type=float, default=20.0, help="CPU time of the training")
     budget.add_argument("--steps", type=int, help="optimiser steps, for an exact repetition")
@@ -45,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, required=True, help="folder for checkpoint, log, weights and card"
     )
+    add_recipe_options(parser.add_argument_group("how it learns"))
     add_drawn_options(parser.add_argument_group("drawn images"))
     _add_photographs(parser.add_argument_group("photographs"))
 
@@ -161,20 +157,7 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigError("--scores-from is for photographs without --fold: this training has none")
     args.model = args.model or ("agribot-sim" if args.data == "sim" else "agribot-s")
     args.name = args.name or args.model
-    _check_start(args)
-
-
-def _check_start(args: argparse.Namespace) -> None:
-    """Of `args.start`, make a path, or nothing where the plan says how to begin."""
-    from agribot.perceive.segmenter import model_path
-    from agribot.train.architectures import architecture
-    from agribot.train.start import IMAGENET, RANDOM
-
-    usual = IMAGENET if architecture(args.model).load_imagenet else RANDOM
-    wanted = args.start or usual
-    args.is_imagenet = wanted == IMAGENET
-    args.start_option = "" if wanted == usual else f"--start {Path(wanted).name} "
-    args.start = None if wanted in {IMAGENET, RANDOM} else model_path(wanted)
+    check_recipe_options(args)
 
 
 def _progress(text: str) -> None:
@@ -210,6 +193,7 @@ def _plan(args: argparse.Namespace, source: Any, crew: Any) -> Any:
             model=args.model,
             overlap_loss=source.recipe.overlap_loss,
             data=source.recipe.data,
+            **args.asked,
         )
     plan = msgspec.structs.replace(
         source.recipe,
@@ -218,29 +202,11 @@ def _plan(args: argparse.Namespace, source: Any, crew: Any) -> Any:
         model=args.model,
         processes=crew.size,
     )
-    plan = _begun(plan, args)
+    plan = begun(plan, args)
     if args.steps is None:
         steps = steps_within(args.minutes, source.batches, plan, args.out, crew)
         plan = msgspec.structs.replace(plan, steps=steps)
     return plan
-
-
-def _begun(plan: Any, args: argparse.Namespace) -> Any:
-    from agribot.train.start import IMAGENET, IMAGENET_LEARNING_RATE, LEARNING_RATE
-
-    if args.is_imagenet:
-        start, rate = IMAGENET, IMAGENET_LEARNING_RATE
-    elif args.start:
-        start, rate = _told(args.start), LEARNING_RATE
-    else:
-        return plan
-    return msgspec.structs.replace(plan, learning_rate=rate, start=start)
-
-
-def _told(path: Path) -> str:
-    from agribot.train.card import sha256
-
-    return f"{path.stem} {sha256(path)[:16]}"
 
 
 def _calibrated(network: Any, features: Any, source: Any) -> Any:
@@ -278,7 +244,7 @@ def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any)
         chosen_blind=args.data == "sim",
         command=f"{source.command} --steps {trainer.plan.steps} --seed {args.seed} "
         f"--threads {args.threads} --name {args.name} "
-        + args.start_option
+        + args.recipe_words
         + ("--precision int8 " if args.precision == "int8" else "")
         + ("--scores-from CARD.json " if args.scores_from else "")
         + "--out OUT",
