@@ -31,7 +31,7 @@ def until(condition: Callable[[], bool], what: str, patience_s: float = PATIENCE
         time.sleep(0.02)
 
 
-def first(take: Callable[[], Sequence[T]], what: str, patience_s: float = 60.0) -> T:
+def first(take: Callable[[], Sequence[T]], what: str, patience_s: float = PATIENCE_S) -> T:
     """The first thing that `take` gives, however often it has to be asked."""
     got: list[T] = []
 

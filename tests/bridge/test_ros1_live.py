@@ -32,7 +32,7 @@ from agribot.geo import Datum
 from agribot.operator_input import Inbox
 from agribot.ros.camera_log import CameraLog
 from agribot.ros.sensor_readers import readers
-from tests.bridge.live import first, free_port, until
+from tests.bridge.live import PATIENCE_S, first, free_port, until
 from tests.bridge.ros1_system import Ros1, ask
 from tests.record import record_samples as samples
 
@@ -168,7 +168,7 @@ def test_a_wrong_md5_sum_is_refused_with_both_sums(ros1: Ros1, robot: Robot) -> 
 
 def test_a_peer_that_sends_rubbish_harms_nobody(ros1: Ros1, robot: Robot) -> None:
     for rubbish in (b"", b"\xff\xff\xff\xff", struct.pack("<I", 8) + b"\xff" * 8, b"GET / HTTP"):
-        with socket.create_connection(_tcpros_address(ros1), timeout=5.0) as sock:
+        with socket.create_connection(_tcpros_address(ros1), timeout=PATIENCE_S) as sock:
             sock.sendall(rubbish)
     answer = _shake_hands(ros1, robot, {"topic": "/agribot/fix", "md5sum": "*"})
     assert answer["type"] == "sensor_msgs/NavSatFix"
@@ -182,7 +182,7 @@ def _tcpros_address(ros1: Ros1) -> tuple[str, int]:
 
 def _shake_hands(ros1: Ros1, robot: Robot, wish: dict[str, str]) -> dict[str, str]:
     robot.drive_on()
-    with socket.create_connection(_tcpros_address(ros1), timeout=5.0) as sock:
+    with socket.create_connection(_tcpros_address(ros1), timeout=PATIENCE_S) as sock:
         sock.sendall(tcpros.pack_header({"callerid": "/test", **wish}))
         return tcpros.read_header(tcpros.receive_frame(sock, tcpros.MAX_HEADER_BYTES))
 

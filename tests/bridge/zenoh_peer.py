@@ -82,7 +82,7 @@ class Peer:
 
     def call(self, key: str, payload: str, mark: str) -> list[list[str]]:
         replies = self.session.get(
-            key, payload=bytes.fromhex(payload), attachment=bytes.fromhex(mark), timeout=5.0
+            key, payload=bytes.fromhex(payload), attachment=bytes.fromhex(mark), timeout=60.0
         )
         answered = []
         for reply in replies:

@@ -11,6 +11,8 @@ from urllib.request import Request, urlopen
 
 from websockets.sync.client import ClientConnection, connect
 
+PATIENCE_S = 60.0  # only absence fails, never slowness
+
 
 class Page:
     def __init__(self, port: int, tab: str = "one", **options: Any) -> None:
@@ -36,7 +38,7 @@ class Page:
     def send(self, **message: Any) -> None:
         self.line.send(json.dumps(message))
 
-    def receive(self, kind: str, timeout_s: float = 5.0) -> dict[str, Any]:
+    def receive(self, kind: str, timeout_s: float = PATIENCE_S) -> dict[str, Any]:
         """The next message of this kind."""
         end_s = time.monotonic() + timeout_s
         while True:

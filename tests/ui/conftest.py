@@ -22,7 +22,7 @@ from agribot.ui.about import about_run, field_of
 from agribot.ui.address import Address
 from agribot.ui.hub import About
 from agribot.ui.server_process import ServerProcess
-from tests.ui.client import Page
+from tests.ui.client import PATIENCE_S, Page
 
 
 class Robot:
@@ -47,7 +47,7 @@ class Robot:
     def say(self, message: dict[str, Any]) -> None:
         self.server.link.send_bytes(msgspec.json.encode(message))
 
-    def wait_for(self, is_it: Any, timeout_s: float = 10.0) -> dict[str, Any]:
+    def wait_for(self, is_it: Any, timeout_s: float = PATIENCE_S) -> dict[str, Any]:
         """The first order for which `is_it` holds; fails when none comes."""
         with self._news:
             found = self._news.wait_for(

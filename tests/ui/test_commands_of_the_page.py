@@ -81,7 +81,7 @@ def test_a_recording_is_shown_without_a_robot(
         browser = Browser(int(found[1]))
         assert browser.ask("GET", "/api/v1/session")[1]["source"] == "replay"
         with Page(int(found[1])) as page:
-            assert page.receive("s", timeout_s=20.0)["mode"] == "replay"
+            assert page.receive("s")["mode"] == "replay"
             assert not page.ask(k="take", id=1)["ok"]
             process.send_signal(signal.SIGTERM)  # with its lines open
             assert process.wait(20.0) == 0

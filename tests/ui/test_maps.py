@@ -10,7 +10,7 @@ from agribot.cli import main
 from agribot.gis.mbtiles import described_map
 from agribot.ui.address import home
 from tests.gis.test_map_import import RED, TileServer, png, server
-from tests.ui.client import Browser
+from tests.ui.client import PATIENCE_S, Browser
 from tests.ui.conftest import Robot
 
 __all__ = ["server"]
@@ -53,7 +53,7 @@ def test_a_live_map_fetches_a_tile_once_and_works_without_its_server_afterwards(
     ],
 )
 def test_nothing_but_tiles_of_known_maps_is_served(robot: Robot, path: str) -> None:
-    line = HTTPConnection("127.0.0.1", robot.port, timeout=10.0)
+    line = HTTPConnection("127.0.0.1", robot.port, timeout=PATIENCE_S)
     line.request("GET", path)
     answer = line.getresponse()
     data = answer.read()

@@ -15,14 +15,14 @@ from agribot.ui.access import MAX_FAILURES, SESSION_LIFE_S, Access, Caller, Refu
 from agribot.ui.address import Address
 from agribot.ui.answers import inside
 from agribot.ui.sockets import MAX_MESSAGES_PER_S, MAX_SOCKETS
-from tests.ui.client import Page
+from tests.ui.client import PATIENCE_S, Page
 from tests.ui.conftest import Robot
 
 
 def ask(
     robot: Robot, method: str, path: str, headers: dict[str, str], body: bytes | None = None
 ) -> tuple[int, bytes, dict[str, str]]:
-    line = http.client.HTTPConnection("127.0.0.1", robot.port, timeout=10)
+    line = http.client.HTTPConnection("127.0.0.1", robot.port, timeout=PATIENCE_S)
     try:
         line.putrequest(method, path, skip_host="Host" in headers)
         for name, value in headers.items():
@@ -252,7 +252,7 @@ def test_more_pages_than_allowed_are_turned_away(robot: Robot) -> None:
 
 def upgraded(port: int) -> socket.socket:
     """A WebSocket that is opened and then left alone."""
-    line = socket.create_connection(("127.0.0.1", port), timeout=5.0)
+    line = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S)
     line.sendall(
         f"GET /ws/v1?tab={id(line)} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n"
         f"Origin: http://127.0.0.1:{port}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"

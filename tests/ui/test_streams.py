@@ -25,7 +25,7 @@ from agribot.ui.hub import Hub
 from agribot.ui.pictures import Pictures
 from agribot.ui.replay import Replay
 from tests.record import record_samples as samples
-from tests.ui.client import Browser, Page
+from tests.ui.client import PATIENCE_S, Browser, Page
 from tests.ui.conftest import Robot
 
 
@@ -125,22 +125,25 @@ def test_the_camera_runs_only_while_somebody_looks_and_waits_for_credits(robot: 
     image, mask = picture()
     with Page(robot.port, path="/ws/cam/main?mask=1") as viewer:
         robot.wait_for(lambda order: order["c"] == "watch" and order["camera"] and order["mask"])
-        got = []
-        for index in range(1, 4):
+
+        def send(index: int) -> None:
             robot.server.camera_link.send_bytes(packed(1, index, 5.0, mask))
             robot.server.camera_link.send_bytes(packed(0, index, 5.0, image))
-            time.sleep(0.1)
+
+        def kind_and_index(timeout_s: float = PATIENCE_S) -> tuple[int, int]:
+            data = viewer.line.recv(timeout=timeout_s)
+            assert isinstance(data, bytes)
+            kind, _, _, index, _ = struct.unpack(">BBHId", data[:16])
+            return kind, index
+
+        for index in (1, 2):  # two credits, two pictures
+            send(index)
+            assert [kind_and_index(), kind_and_index()] == [(0, index), (1, index)]
+        send(3)
         with pytest.raises(TimeoutError):
-            while True:
-                data = viewer.line.recv(timeout=0.5)
-                assert isinstance(data, bytes)
-                got.append(struct.unpack(">BBHId", data[:16]))
-        assert [head[3] for head in got if head[0] == 0] == [1, 2], "two credits, two pictures"
-        assert {head[0] for head in got} == {0, 1}
+            kind_and_index(timeout_s=0.5)
         viewer.line.send("a")
-        newest = viewer.line.recv(timeout=2.0)
-        assert isinstance(newest, bytes)
-        assert struct.unpack(">BBHId", newest[:16])[3] == 3
+        assert kind_and_index() == (0, 3)
     robot.wait_for(lambda order: order["c"] == "watch" and not order["camera"])
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from agribot.ui.hand import STILL, HandRates, KeyHand, MouseHand, StickHand, TerminalInput
 from agribot.ui.joystick import JoystickState
-from tests.ui.client import Page
+from tests.ui.client import PATIENCE_S, Page
 from tests.ui.conftest import Robot
 
 
@@ -110,7 +110,7 @@ def test_keys_in_a_terminal_reach_the_robot(robot: Robot) -> None:
         os.write(ours, b" ")
         robot.wait_for(lambda order: order.get("action") == "stop")
         os.write(ours, b"q")
-        assert process.wait(10.0) == 0
+        assert process.wait(PATIENCE_S) == 0
         assert robot.of_kind("drive")[-1]["v"] == 0.0
     finally:
         process.kill()
@@ -129,10 +129,10 @@ def test_a_joystick_that_is_pulled_out_stops_the_robot(robot: Robot, tmp_path: P
         os.write(stick, event(-32767, 0x02, 1) + event(1, 0x01, 4))
         robot.wait_for(lambda order: order["c"] == "drive" and order["v"] > 0.0)
         os.close(stick)
-        _, errors = process.communicate(timeout=10.0)
+        _, errors = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 2
         assert "gone" in errors
-        deadline_s = time.monotonic() + 2.0
+        deadline_s = time.monotonic() + PATIENCE_S
         while robot.of_kind("drive")[-1]["v"] != 0.0 and time.monotonic() < deadline_s:
             time.sleep(0.02)
         assert robot.of_kind("drive")[-1]["v"] == 0.0
@@ -145,7 +145,7 @@ def test_teleop_says_who_has_the_seat_and_where_no_robot_is(robot: Robot, page: 
     page.take_seat()
     ours, theirs = pty.openpty()
     process = teleop(robot, "keyboard", stdin=theirs)
-    _, errors = process.communicate(timeout=20.0)
+    _, errors = process.communicate(timeout=PATIENCE_S)
     os.close(ours)
     os.close(theirs)
     assert process.returncode == 2
