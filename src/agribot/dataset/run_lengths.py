@@ -17,6 +17,8 @@ def instance_run_lengths(instance: Ints) -> dict[int, str]:
     value = line[first]
     order = np.argsort(value, kind="stable")
     order = order[value[order] > 0]
+    if not order.size:
+        return {}  # np.split makes one part of nothing
     names, starts = np.unique(value[order], return_index=True)
     codes = {}
     for name, runs in zip(names.tolist(), np.split(order, starts[1:]), strict=True):
