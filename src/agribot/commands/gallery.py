@@ -12,11 +12,12 @@ import numpy as np
 from agribot.description.field_generator import generate_field
 from agribot.description.field_plan import CropPlan, FieldPlan, RowsPlan, SoilPlan, WeedsPlan
 from agribot.description.loader import load_robot
+from agribot.description.terrain import height_at
 from agribot.description.worlds_sdf import load_world
 from agribot.geo import LINK_FROM_OPTICAL, transform
 from agribot.messages import ByteArray, FloatArray, PlantClass
 from agribot.robot import CameraSpec
-from agribot.world import Light, WorldSpec
+from agribot.world import HeightField, Light, WorldSpec
 
 if TYPE_CHECKING:
     from agribot.sim.camera import Rendering
@@ -40,10 +41,11 @@ class View(NamedTuple):
     yaw_deg: float
     hfov_deg: float = 62.0
 
-    def pose(self) -> FloatArray:
+    def pose(self, land: HeightField | None) -> FloatArray:
         """`map_from_camera`, (4, 4)."""
+        ground_m = 0.0 if land is None else height_at(land, self.x_m, self.y_m)
         angles = (0.0, math.radians(self.down_deg), math.radians(self.yaw_deg))
-        return transform((self.x_m, self.y_m, self.up_m), angles) @ LINK_FROM_OPTICAL
+        return transform((self.x_m, self.y_m, ground_m + self.up_m), angles) @ LINK_FROM_OPTICAL
 
     def camera(self) -> CameraSpec:
         return CameraSpec(
@@ -87,8 +89,8 @@ def _drawn(tile: Tile) -> ByteArray:
         x_m, y_m, yaw_rad = tile.rover
         body = transform((x_m, y_m, 0.0), (0.0, 0.0, yaw_rad))
     seen = CameraRenderer(tile.world, robot).render(
-        tile.view.pose(), tile.view.camera(), noise_seed=1, supersample=2, map_from_body=body,
-        wheel_angles_rad=None if body is None else (0.3, 0.1, 0.4, 0.2),
+        tile.view.pose(tile.world.terrain), tile.view.camera(), noise_seed=1, supersample=2,
+        map_from_body=body, wheel_angles_rad=None if body is None else (0.3, 0.1, 0.4, 0.2),
     )  # fmt: skip
     return {"image": _image, "labels": _labels, "depth": _depth}[tile.show](seen)
 
@@ -177,7 +179,7 @@ def _tiles() -> list[Tile]:
              _field("lettuce", 0.17, 0.28, 0.45, OVERCAST, weeds=("thistle", "amaranth", "grass")),
              nadir),
         Tile("carrots between straw residue, noon",
-             _field("carrot", 0.19, 0.09, 0.5, NOON, residue_ratio=0.8),
+             _field("carrot", 0.13, 0.10, 0.5, NOON, residue_ratio=0.8),
              View(0.25, 0.6, 0.75, 36.0, 90.0)),
         Tile("onions on wet, stony soil with wheel tracks",
              _field("onion", 0.28, 0.1, 0.5, MORNING, stones_ratio=0.7, wet_ratio=0.5,
