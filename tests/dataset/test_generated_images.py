@@ -17,6 +17,7 @@ import pytest
 from PIL import Image
 
 from agribot.cli import main
+from agribot.dataset.run_lengths import instance_run_lengths
 
 SMALL = ("--width", "96", "--height", "72", "--views", "2", "--seed", "5")
 
@@ -81,7 +82,27 @@ def test_a_set_of_all_species_has_an_annotation_of_each_plant_too(tmp_path: Path
     coco = json.loads((folder / "annotations.json").read_text())
     names = {entry["id"]: entry["name"] for entry in coco["categories"]}
     seen = {names[entry["category_id"]] for entry in coco["annotations"]}
-    assert seen & {"carrot", "onion", "chickweed", "plantain", "charlock"}
+    assert seen & {"carrot", "onion", "chickweed", "plantain", "charlock", "chamomile"}
+
+
+def test_seedlings_are_seen_in_red_and_infrared_from_above(tmp_path: Path) -> None:
+    folder = tmp_path / "seedlings"
+    assert generate(folder, 8, "--variety", "seedlings", "--seed", "1") == 0
+    with (folder / "plants.csv").open() as file:
+        assert {"carrot", "chamomile"} <= {plant["species"] for plant in csv.DictReader(file)}
+    leaf, soil = [], []
+    for path in sorted((folder / "images").glob("*.png")):
+        image, mask = read(folder, f"images/{path.name}"), read(folder, f"masks/{path.name}")
+        assert np.array_equal(image[..., 0], image[..., 2]), "two bands, red shown twice"
+        ratio = (image[..., 1] + 1.0) / (image[..., 0] + 1.0)
+        leaf.append(ratio[mask != 2])
+        soil.append(ratio[mask == 2])
+    assert np.median(np.concatenate(leaf)) > 2.0
+    assert 0.8 < np.median(np.concatenate(soil)) < 1.3
+
+
+def test_a_picture_without_plants_has_no_run_lengths() -> None:
+    assert instance_run_lengths(np.zeros((4, 6), dtype=np.int32)) == {}
 
 
 def test_every_plant_pixel_belongs_to_one_annotation(folder: Path) -> None:

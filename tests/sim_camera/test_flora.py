@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from agribot.messages import PlantClass
-from agribot.sim.flora.mesh import Mesh
+from agribot.sim.flora.fronds import carrot
+from agribot.sim.flora.mesh import Leaves, Mesh
 from agribot.sim.flora.species import LODS, SPECIES, STAGES, nearest_stage, plant_lods, plant_mesh
 from agribot.sim.flora.texture import leaf_atlas, tileable_noise
 
@@ -24,6 +25,7 @@ def test_there_are_crops_and_weeds() -> None:
     assert crops == {"sugar_beet", "maize", "lettuce", "carrot", "onion"}
     assert set(SPECIES) - crops == {
         "grass", "goosefoot", "thistle", "amaranth", "chickweed", "plantain", "charlock",
+        "chamomile",
     }  # fmt: skip
 
 
@@ -71,6 +73,26 @@ def test_grown_plants_have_more_leaves_than_seedlings() -> None:
         young = np.mean([len(plant_mesh(species, k, 3, STAGES[0]).faces) for k in range(8)])
         grown = np.mean([len(plant_mesh(species, k, 3, STAGES[-1]).faces) for k in range(8)])
         assert grown > 1.5 * young, species
+
+
+def test_only_a_young_carrot_has_its_two_long_seed_leaves() -> None:
+    def kinds(stage: float) -> list[Leaves]:
+        return carrot(np.random.default_rng(3), stage)
+
+    young, grown = kinds(STAGES[0]), kinds(STAGES[-1])
+    longest_frond = young[0].length.max()
+    seed_leaves = [kind for kind in young if len(kind.length) == 2 and kind is young[-1]]
+    assert seed_leaves and (seed_leaves[0].length > 0.8 * longest_frond).all()
+    assert {len(kind.length) for kind in grown} == {len(grown[0].length)}, "fronds and their parts"
+
+
+def test_chamomile_covers_less_of_its_outline_than_carrot() -> None:
+    def cover(species: str) -> float:
+        """Leaf area from near over that of the outlines."""
+        near, far = plant_mesh(species, 1, 0, 0.6), plant_mesh(species, 1, 3, 0.6)
+        return _leaf_area(near) / _leaf_area(far)
+
+    assert cover("chamomile") < cover("carrot")
 
 
 def test_height_tells_the_growth_stage() -> None:

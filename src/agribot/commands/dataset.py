@@ -41,9 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     generate.add_argument("--format", choices=("png", "jpg"), default="png", help="of the images")
     generate.add_argument(
         "--variety",
-        choices=("standard", "wide"),
+        choices=("standard", "wide", "seedlings"),
         default="standard",
-        help="wide: all species, and soil with residue, stones and wet patches",
+        help="wide: all species, and soil with residue, stones and wet patches; seedlings: young "
+        "carrots and weeds close from above, in red and near infrared",
     )
     generate.add_argument("--colour", action="store_true", help="red, green and blue masks as well")
     generate.add_argument(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -27,18 +29,47 @@ from agribot.dataset.run_lengths import instance_run_lengths
 from agribot.errors import RecordingError
 from agribot.messages import ByteArray, FloatArray, PlantClass
 from agribot.robot import CameraSpec
+from agribot.sim.camera.appearance import Appearance
 from agribot.sim.camera.renderer import CameraRenderer, Rendering
 from agribot.sim.random_scenes import random_field, random_look, random_view
+from agribot.sim.seedling_scenes import (
+    overhead_view,
+    random_seedlings,
+    red_infrared,
+    red_infrared_look,
+)
 from agribot.workers import Stop
-from agribot.world import Plant
+from agribot.world import Plant, WorldSpec
 
 # Keeps these fields apart from the ones that networks are trained and judged on.
 STREAM = 211
+DEVELOPED = 1_000_003  # no view of a field has this number
+Developer = Callable[[ByteArray, np.random.Generator], ByteArray]
 Pixels = ByteArray | npt.NDArray[np.uint16]
 MOST_INSTANCES = 65535
 MOST_DEPTH_MM = 65535
 JPEG_QUALITY = 95
 PALETTE = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], np.uint8)  # weed, crop, soil
+
+
+def _as_it_is(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray:
+    return image_rgb
+
+
+class Scenes(NamedTuple):
+    """How the pictures of a variety come about; `developed` turns the colours into its bands."""
+
+    field: Callable[[np.random.Generator], WorldSpec]
+    look: Callable[[np.random.Generator], Appearance]
+    view: Callable[[np.random.Generator], tuple[CameraSpec, FloatArray]]
+    developed: Developer = _as_it_is
+
+
+SCENES = {
+    "standard": Scenes(random_field, random_look, random_view),
+    "wide": Scenes(partial(random_field, is_wide=True), random_look, random_view),
+    "seedlings": Scenes(random_seedlings, red_infrared_look, overhead_view, red_infrared),
+}
 
 
 class FieldJob(msgspec.Struct, frozen=True, kw_only=True):
@@ -69,13 +100,14 @@ def draw_field(job: FieldJob, stop: Stop) -> int:
     """
     recipe, drawn = job.recipe, 0
     rng = np.random.default_rng([recipe.seed, STREAM, job.field])
-    world = random_field(rng, is_wide=recipe.variety == "wide")
+    scenes = SCENES[recipe.variety]
+    world = scenes.field(rng)
     if len(world.plants) > MOST_INSTANCES:
         raise RecordingError(
             f"field {job.field} has {len(world.plants)} plants, more than the {MOST_INSTANCES} "
             "that an instance mask can hold"
         )
-    renderer = CameraRenderer(world, appearance=random_look(rng), threads=1)
+    renderer = CameraRenderer(world, appearance=scenes.look(rng), threads=1)
     for index in job.indices:
         if stop():
             break
@@ -101,7 +133,7 @@ def view_of(recipe: Recipe, index: int) -> tuple[CameraSpec, FloatArray, int]:
     field, view = divmod(index, recipe.views_per_field)
     # A seed list that ends in 0 would be the field's own: numpy fills short lists with zeros.
     rng = np.random.default_rng([recipe.seed, STREAM, field, view + 1])
-    camera, map_from_camera = random_view(rng)
+    camera, map_from_camera = SCENES[recipe.variety].view(rng)
     camera = msgspec.structs.replace(camera, width_px=recipe.width_px, height_px=recipe.height_px)
     return camera, map_from_camera, int(rng.integers(2**31))
 
@@ -152,10 +184,12 @@ def _seen(instance: npt.NDArray[np.int32], plants: Sequence[Plant]) -> tuple[See
 
 
 def _write_image(folder: Path, recipe: Recipe, index: int, picture: Rendering) -> None:
+    rng = np.random.default_rng([recipe.seed, STREAM, index, DEVELOPED])
+    image_rgb = SCENES[recipe.variety].developed(picture.image_rgb, rng)
     if recipe.format == "jpg":
-        image = _packed(picture.image_rgb, "JPEG", quality=JPEG_QUALITY)
+        image = _packed(image_rgb, "JPEG", quality=JPEG_QUALITY)
     else:
-        image = _packed(picture.image_rgb, "PNG", compress_level=1)
+        image = _packed(image_rgb, "PNG", compress_level=1)
     write(folder / image_name(recipe, index), image)
     name = f"{stem(index)}.png"
     labels: dict[str, Pixels] = {

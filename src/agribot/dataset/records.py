@@ -32,7 +32,7 @@ class Recipe(msgspec.Struct, frozen=True, kw_only=True):
     views_per_field: int = 8
     format: Literal["png", "jpg"] = "png"
     colour_masks: bool = False
-    variety: Literal["standard", "wide"] = "standard"
+    variety: Literal["standard", "wide", "seedlings"] = "standard"
     version: str = __version__
 
 

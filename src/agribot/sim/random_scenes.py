@@ -25,7 +25,7 @@ CROP_SHARE = (0.5, 0.25, 0.25)
 WEEDS = ("grass", "goosefoot", "thistle", "amaranth")
 ALL_CROPS = (*CROPS, ("carrot", 0.05, 0.22), ("onion", 0.08, 0.32))
 ALL_CROP_SHARE = (0.3, 0.15, 0.15, 0.2, 0.2)
-ALL_WEEDS = (*WEEDS, "chickweed", "plantain", "charlock")
+ALL_WEEDS = (*WEEDS, "chickweed", "plantain", "charlock", "chamomile")
 WEED_HEIGHT_M = (0.025, 0.17)
 
 
@@ -112,7 +112,7 @@ def _random_rows(
             if rng.random() >= gaps:
                 place_m = rng.normal((x_m, y_m), jitter_m)
                 size_m = float(np.clip(stage_m * rng.normal(1.0, 0.15), least_m, most_m))
-                plants.append(_plant(rng, species, PlantClass.CROP, place_m, size_m))
+                plants.append(planted(rng, species, PlantClass.CROP, place_m, size_m))
     return plants
 
 
@@ -129,11 +129,11 @@ def _random_weeds(rng: np.random.Generator, species: tuple[str, ...]) -> list[Pl
         if rng.random() < 0.4:
             place_m = rng.normal(patches_m[rng.integers(len(patches_m))], 0.3)
         size_m = float(np.clip(median_m * rng.lognormal(0.0, 0.45), *WEED_HEIGHT_M))
-        plants.append(_plant(rng, str(rng.choice(kinds)), PlantClass.WEED, place_m, size_m))
+        plants.append(planted(rng, str(rng.choice(kinds)), PlantClass.WEED, place_m, size_m))
     return plants
 
 
-def _plant(
+def planted(
     rng: np.random.Generator, species: str, plant: PlantClass, place_m: FloatArray, size_m: float
 ) -> Plant:
     return Plant(
@@ -163,15 +163,15 @@ def random_light(rng: np.random.Generator) -> Light:
 
 def _random_ground(rng: np.random.Generator) -> tuple[GroundTile, ...]:
     """Soil, and now and then something else beside it that is no weed."""
-    tiles = [_tile("soil", -60.0, 60.0)]
+    tiles = [ground_tile("soil", -60.0, 60.0)]
     if rng.random() < 0.4:
         edge_m = rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 2.0)
         surface = str(rng.choice(["grass", "pavement", "gravel"], p=[0.6, 0.2, 0.2]))
-        tiles.append(_tile(surface, *((edge_m, 60.0) if edge_m > 0 else (-60.0, edge_m))))
+        tiles.append(ground_tile(surface, *((edge_m, 60.0) if edge_m > 0 else (-60.0, edge_m))))
     return tuple(tiles)
 
 
-def _tile(surface: str, y_min_m: float, y_max_m: float) -> GroundTile:
+def ground_tile(surface: str, y_min_m: float, y_max_m: float) -> GroundTile:
     return GroundTile(
         surface=surface, x_min_m=-60.0, x_max_m=60.0, y_min_m=float(y_min_m), y_max_m=float(y_max_m)
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from agribot.messages import FloatArray
 from agribot.sim.flora.habit import leaf_count, leaves, spiral, stalk
-from agribot.sim.flora.mesh import Leaves, on_midrib
+from agribot.sim.flora.mesh import Leaves
 
 
 def _beet_blade(b: FloatArray) -> FloatArray:
@@ -23,12 +23,6 @@ def _lettuce_blade(b: FloatArray) -> FloatArray:
 
 def _maize_blade(b: FloatArray) -> FloatArray:
     return np.clip((1 - b) ** 0.55 * np.minimum(1, 0.55 + 3 * b), 0, 1)
-
-
-def _carrot_blade(b: FloatArray) -> FloatArray:
-    """Feathery: leaflets as teeth almost to the rib, shorter towards the tip."""
-    outline = np.minimum(b / 0.22, (1.03 - b) / 0.81)
-    return np.clip(outline * (0.62 + 0.46 * np.cos(2 * np.pi * 6.6 * b)), 0, 1.1)
 
 
 def _onion_blade(b: FloatArray) -> FloatArray:
@@ -70,32 +64,6 @@ def maize(rng: np.random.Generator, stage: float) -> list[Leaves]:
         base_z=stem * place * 0.9,
     )  # fmt: skip
     return [blades, stalk(rng, stem, 0.05)]
-
-
-def carrot(rng: np.random.Generator, stage: float) -> list[Leaves]:
-    """Fronds with side fronds in pairs."""
-    count = leaf_count(rng, stage, 3, 9)
-    age = np.arange(count) / count
-    length = (0.7 + 0.3 * stage) * (1 - 0.35 * age)
-    fronds = leaves(
-        rng, spiral(rng, count), length=length, width=0.27 * length, pitch_deg=48 + 32 * age,
-        curl=(0.3, 1.0), profile=_carrot_blade, petiole=0.38, fold=0.35, wave=0.25, twist=0.15,
-        tone=0.9 + 0.2 * age,
-    )  # fmt: skip
-    return [fronds, *(_side_fronds(rng, fronds, along) for along in (0.40, 0.54, 0.68, 0.82))]
-
-
-def _side_fronds(rng: np.random.Generator, fronds: Leaves, along: float) -> Leaves:
-    """A pair on each frond, at a share of its length."""
-    base, rise_rad = on_midrib(fronds, along)
-    sides = [fronds.yaw_rad + turn * rng.uniform(0.8, 1.1, len(base)) for turn in (-1, 1)]
-    length = np.tile((0.46 - 0.36 * along) * fronds.length, 2)
-    pair = leaves(
-        rng, np.concatenate(sides), length=length, width=0.4 * length,
-        pitch_deg=np.tile(np.degrees(0.75 * rise_rad), 2), curl=(0.2, 0.8),
-        profile=_carrot_blade, fold=0.3, tone=np.tile(fronds.tone, 2),
-    )  # fmt: skip
-    return pair._replace(base=np.tile(base, (2, 1)))
 
 
 def onion(rng: np.random.Generator, stage: float) -> list[Leaves]:

@@ -21,7 +21,8 @@ class Species(NamedTuple):
     `habit` grows the leaves for a random generator and a stage in (0, 1], `leaf_rgb`,
     `rib_rgb` and `stalk_rgb` colour its cell of the leaf atlas, `veins` is the number of
     lateral veins (0: parallel ones, as grasses have), `nominal_size_m` the height of a plant
-    of stage 1 and `wear` the contrast of the blotches on its leaves.
+    of stage 1, `wear` the contrast of the blotches on its leaves. The first kind of leaves is
+    what is drawn from afar; of a compound leaf it is an outline that is not drawn from near.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Species(NamedTuple):
     veins: int
     wear: float
     cell: int
+    is_compound: bool = False
 
 
 def stem_blade(b: FloatArray) -> FloatArray:

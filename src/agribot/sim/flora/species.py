@@ -12,6 +12,7 @@ import numpy as np
 from agribot.errors import DescriptionError
 from agribot.messages import PlantClass
 from agribot.sim.flora import crops, weeds
+from agribot.sim.flora.fronds import carrot, chamomile
 from agribot.sim.flora.habit import Species, stem_blade
 from agribot.sim.flora.mesh import (
     Leaves,
@@ -42,8 +43,8 @@ _ALL = (
             (134, 150, 104), 6, 0.12, 5),
     Species("amaranth", PlantClass.WEED, 0.15, weeds.amaranth, 6, (80, 122, 54), (132, 150, 98),
             (148, 96, 82), 9, 0.12, 6),
-    Species("carrot", PlantClass.CROP, 0.20, crops.carrot, 15, (74, 134, 52), (118, 164, 84),
-            (120, 158, 84), 0, 0.10, 7),
+    Species("carrot", PlantClass.CROP, 0.20, carrot, 3, (74, 134, 52), (118, 164, 84),
+            (120, 158, 84), 0, 0.10, 7, is_compound=True),
     Species("onion", PlantClass.CROP, 0.30, crops.onion, 6, (86, 134, 84), (112, 156, 108),
             (150, 182, 128), 0, 0.06, 8),
     Species("chickweed", PlantClass.WEED, 0.08, weeds.chickweed, 5, (98, 148, 62),
@@ -52,6 +53,8 @@ _ALL = (
             (128, 164, 92), (142, 150, 96), 0, 0.12, 10),
     Species("charlock", PlantClass.WEED, 0.15, weeds.charlock, 12, (96, 140, 54),
             (146, 176, 100), (132, 152, 92), 6, 0.13, 11),
+    Species("chamomile", PlantClass.WEED, 0.15, chamomile, 3, (90, 140, 62), (122, 164, 88),
+            (124, 158, 88), 0, 0.10, 12, is_compound=True),
 )  # fmt: skip
 SPECIES: dict[str, Species] = {kind.name: kind for kind in _ALL}
 
@@ -102,7 +105,8 @@ def plant_lods(species: str, seed_variant: int, stage: float) -> tuple[Mesh, ...
     kind = species_named(species)
     rng = np.random.default_rng([kind.cell, seed_variant, round(stage * 1000)])
     leaves = kind.habit(rng, stage)
-    levels = [_level(leaves, kind.segments, lod) for lod in range(LODS)]
+    near = leaves[1:] if kind.is_compound else leaves
+    levels = [_level(near if lod < 3 else leaves, kind.segments, lod) for lod in range(LODS)]
     factor = 1.0 / levels[0].height_m
     return tuple(_with_occlusion(level.scaled(factor)) for level in levels)
 

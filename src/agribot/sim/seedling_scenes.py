@@ -1,0 +1,134 @@
+"""Seedlings close from above, as a camera for red and near infrared sees them.
+
+Young carrots stand in a row with weeds among them, of which chamomile looks most like them. The
+camera looks straight down on a stretch of about two hand-widths. Its picture shows red as red
+and blue, and near infrared as green, as that of the Crop/Weed Field Image Dataset does: soil is
+grey there, and leaves are green, because they reflect far more of the infrared than of the red.
+"""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+
+from agribot.geo import LINK_FROM_OPTICAL, transform
+from agribot.messages import ByteArray, FloatArray, PlantClass
+from agribot.robot import CameraSpec
+from agribot.sim.camera.appearance import Appearance
+from agribot.sim.random_scenes import (
+    ALL_WEEDS,
+    DATUM,
+    ground_tile,
+    planted,
+    random_light,
+    random_look,
+    random_soil,
+)
+from agribot.world import Light, Plant, Soil, WorldSpec
+
+HALF_M = 0.3
+LOOKALIKE = "chamomile"
+OTHER_WEEDS = tuple(name for name in ALL_WEEDS if name != LOOKALIKE)
+CARROT_HEIGHT_M = (0.010, 0.032)
+WEED_HEIGHT_M = (0.004, 0.045)
+
+
+def random_seedlings(rng: np.random.Generator) -> WorldSpec:
+    """A stretch of a row along x through the origin."""
+    light = random_light(rng)
+    if rng.random() < 0.7:  # shaded, as such cameras often are
+        light = Light(
+            to_sun=light.to_sun, diffuse=rng.uniform(0.1, 0.35), ambient=rng.uniform(0.65, 0.95)
+        )
+    return WorldSpec(
+        name="seedlings",
+        datum=DATUM,
+        light=light,
+        ground=(ground_tile("soil", -60.0, 60.0),),
+        plants=(*_carrots(rng), *_weeds(rng)),
+        obstacles=(),
+        soil=random_soil(rng) if rng.random() < 0.15 else Soil(),
+    )
+
+
+def red_infrared_look(rng: np.random.Generator) -> Appearance:
+    """The red of brown soil and green leaves is dimmed, green stands for the near infrared.
+
+    From so near, soil is rough: its clods are small in the texture and stand out.
+    """
+    soil = rng.uniform(0.6, 1.4)
+    leaf_red, leaf_infrared = 0.62 * rng.uniform(0.85, 1.2), 1.15 * rng.uniform(0.85, 1.15)
+    return msgspec.structs.replace(
+        random_look(rng),
+        soil_tint=(0.66 * soil, 0.85 * soil * rng.uniform(0.95, 1.1), 0.85 * soil),
+        soil_contrast=rng.uniform(1.0, 2.6),
+        soil_scale=math.exp(rng.uniform(math.log(0.1), math.log(0.8))),
+        leaf_gain=(leaf_red, leaf_infrared, 1.0),
+        white_balance=(1.0, 1.0, 1.0),
+    )
+
+
+def red_infrared(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray:
+    """The bands of such a camera, (H, W, 3) as it is; the third channel repeats the first.
+
+    Light that is scattered fills the shadows more in the infrared than in the red, so that dark
+    soil is greenish and bright soil violet: on the soil of that data set's pictures the infrared
+    is about 0.7 times the red plus 24 grey levels, with grain of its own.
+    """
+    both = image_rgb.astype(np.float32)
+    both[..., 1] = both[..., 1] * rng.uniform(0.65, 0.95) + rng.uniform(5.0, 28.0)
+    height, width = both.shape[:2]
+    for coarse in (2, 8, 32):
+        grain = rng.normal(0.0, rng.uniform(0.0, 5.0), (height // coarse + 2, width // coarse + 2))
+        spread = np.kron(grain, np.ones((coarse, coarse)))[:height, :width]
+        both[..., 0] += spread
+        both[..., 1] -= 0.5 * spread
+    both[..., 2] = both[..., 0]
+    return np.clip(both.round(), 0, 255).astype(np.uint8)
+
+
+def overhead_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
+    """A camera and `map_from_camera`, straight down on 0.13 to 0.24 m."""
+    width_m, height_m = rng.uniform(0.13, 0.24), rng.uniform(0.4, 0.6)
+    camera = CameraSpec(
+        link="camera_link",
+        width_px=648,
+        height_px=484,
+        hfov_rad=2.0 * math.atan(0.5 * width_m / height_m),
+        rate_hz=10.0,
+        noise_std=rng.uniform(0.0, 0.015),
+        clip_near_m=0.02,
+        clip_far_m=100.0,
+    )
+    position_m = (rng.uniform(-0.1, 0.1), rng.uniform(-0.04, 0.04), height_m)
+    tilt_rad = 0.5 * math.pi + rng.normal(0.0, 0.05)
+    link = transform(position_m, (rng.normal(0.0, 0.03), tilt_rad, rng.uniform(-math.pi, math.pi)))
+    return camera, link @ LINK_FROM_OPTICAL
+
+
+def _carrots(rng: np.random.Generator) -> list[Plant]:
+    height_m, spacing_m = rng.uniform(*CARROT_HEIGHT_M), rng.uniform(0.02, 0.07)
+    plants = []
+    for x_m in np.arange(-HALF_M, HALF_M, spacing_m):
+        if rng.random() < 0.8:
+            place_m = rng.normal((x_m, 0.0), 0.012)
+            size_m = height_m * rng.lognormal(0.0, 0.25)
+            plants.append(planted(rng, "carrot", PlantClass.CROP, place_m, size_m))
+    return plants
+
+
+def _weeds(rng: np.random.Generator) -> list[Plant]:
+    kinds = rng.choice(OTHER_WEEDS, size=int(rng.integers(1, 3)), replace=False).tolist()
+    if rng.random() < 0.75:
+        kinds.append(LOOKALIKE)
+    density_per_m2 = math.exp(rng.uniform(math.log(40.0), math.log(250.0)))
+    median_m = rng.uniform(0.008, 0.026)
+    plants = []
+    for _ in range(int(rng.poisson(density_per_m2 * (2.0 * HALF_M) ** 2))):
+        place_m = rng.uniform(-HALF_M, HALF_M, 2)
+        size_m = float(np.clip(median_m * rng.lognormal(0.0, 0.5), *WEED_HEIGHT_M))
+        species = kinds[rng.integers(len(kinds))]
+        plants.append(planted(rng, species, PlantClass.WEED, place_m, size_m))
+    return plants
