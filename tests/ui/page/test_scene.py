@@ -49,7 +49,7 @@ def test_the_described_robot_stands_where_it_is_and_its_wheels_turn(
     wheel = "base_link_to_left_wheel_F_joint"
     rolled_m = WHEEL_PITCH_RAD * (after["joints"][wheel] - before["joints"][wheel])
     assert rolled_m == pytest.approx(after["pose"][0] - before["pose"][0], abs=NEAR_M)
-    assert after["pictures"] > before["pictures"]
+    wait_for(lambda: shown(page)["pictures"] > before["pictures"], "another picture")
     assert page.evaluate("document.querySelector('.stage canvas').width") > 300
 
 
