@@ -5,19 +5,22 @@ from __future__ import annotations
 import shutil
 import ssl
 import subprocess
+import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from urllib.error import URLError
 from urllib.request import urlopen
 
 import pytest
-from websockets.sync.client import connect
 
 from agribot.cli import main
 from agribot.errors import ConfigError
 from agribot.ui import remote
 from agribot.ui.address import Address, read_door
+from agribot.ui.line import Line
 from agribot.ui.remote import Remote
+from tests.ui.client import PATIENCE_S
 from tests.ui.conftest import Robot
 
 pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl program")
@@ -57,24 +60,51 @@ def test_the_page_comes_over_https_alone_and_its_cookie_stays_there(
     with pytest.raises(URLError, match="CERTIFICATE_VERIFY_FAILED"):
         urlopen(encrypted.server.url, context=ssl.create_default_context())
     with pytest.raises(OSError):
-        urlopen(encrypted.server.url.replace("https:", "http:"), timeout=60.0)
+        urlopen(encrypted.server.url.replace("https:", "http:"), timeout=PATIENCE_S)
 
 
 def test_states_and_orders_are_encrypted_too(
     encrypted: Robot, trust: ssl.SSLContext, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(remote, "ANSWER_S", 60.0)
+    monkeypatch.setattr(remote, "ANSWER_S", PATIENCE_S)
     port = encrypted.port
     origin = {"Origin": f"https://127.0.0.1:{port}"}
     url = f"wss://127.0.0.1:{port}/ws/v1"
-    with connect(url, ssl=trust, additional_headers=origin, proxy=None) as line:
-        assert '"hello"' in str(line.recv(timeout=60.0))
+    with Line(url, origin, trust, PATIENCE_S) as line:
+        assert '"hello"' in str(line.receive(PATIENCE_S))
     door = read_door(port)
     assert door.url.startswith("wss://")
     with Remote(door, "a program") as robot:
         robot.take_seat(force=True)
         robot.drive(0.1, 0.0)
-        encrypted.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.1, 60.0)
+        encrypted.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.1)
+
+
+def test_one_thread_alone_reads_and_writes_an_encrypted_line(
+    encrypted: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    threads: dict[str, set[int]] = {"reads": set(), "writes": set()}
+
+    def watched(kind: type, name: str, what: str) -> None:
+        plain = getattr(kind, name)
+
+        def call(self: Any, *values: Any) -> Any:
+            threads[what].add(threading.get_ident())
+            return plain(self, *values)
+
+        monkeypatch.setattr(kind, name, call)
+
+    for kind in (ssl.SSLObject, ssl.SSLSocket):
+        watched(kind, "read", "reads")
+        watched(kind, "write", "writes")
+    watched(ssl.SSLSocket, "send", "writes")
+    monkeypatch.setattr(remote, "ANSWER_S", PATIENCE_S)
+    with Remote(read_door(encrypted.port), "a program") as robot:
+        robot.take_seat(force=True)
+        robot.drive(0.2, 0.0)
+        encrypted.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.2)
+    assert len(threads["reads"]) == 1
+    assert threads["writes"] == threads["reads"], "OpenSSL allows no second thread"
 
 
 def test_files_that_do_not_fit_are_refused_before_anything_moves(

@@ -13,6 +13,7 @@ import msgspec
 
 from agribot.errors import PlatformError
 from agribot.ui.address import Door
+from agribot.ui.line import Line
 
 ANSWER_S = 5.0
 OPEN_TIMEOUT_S = 30.0  # a small computer at its limit takes its time, most of all with TLS
@@ -24,7 +25,7 @@ class Remote:
     def __init__(self, door: Door, name: str) -> None:
         self._door, self._name = door, name
         self._stack = ExitStack()
-        self._line: Any = None
+        self._line: Line
         self._sent = self._asked = 0
         self.state: dict[str, Any] = {}
         self.has_seat = False
@@ -32,23 +33,12 @@ class Remote:
         self._verdicts: list[str] = []
 
     def __enter__(self) -> Self:
-        from websockets.exceptions import WebSocketException
-        from websockets.sync.client import connect
-
         headers = {"Authorization": f"Bearer {self._door.token}"}
         url = f"{self._door.url}?tab=teleop-{time.time_ns()}"
+        line = Line(url, headers, _trusting(self._door), OPEN_TIMEOUT_S)
         try:
-            self._line = self._stack.enter_context(
-                connect(
-                    url,
-                    additional_headers=headers,
-                    compression=None,
-                    proxy=None,
-                    open_timeout=OPEN_TIMEOUT_S,
-                    ssl=_trusting(self._door),
-                )
-            )
-        except (OSError, WebSocketException) as error:
+            self._line = self._stack.enter_context(line)
+        except OSError as error:
             raise PlatformError(
                 f"no robot answers at {self._door.url}: {error}; start one with 'agribot run --ui'"
             ) from error
@@ -105,11 +95,9 @@ class Remote:
         self.send(k="drive", seq=self._sent, v=v_mps, w=yaw_rate_radps)
 
     def send(self, **message: Any) -> None:
-        from websockets.exceptions import WebSocketException
-
         try:
             self._line.send(msgspec.json.encode(message).decode())
-        except (OSError, WebSocketException) as error:
+        except OSError as error:
             raise PlatformError(f"the line to the robot is cut: {error}") from error
 
     def listen(self) -> None:
@@ -118,14 +106,13 @@ class Remote:
             pass
 
     def _receive(self, timeout_s: float) -> dict[str, Any] | None:
-        from websockets.exceptions import WebSocketException
-
         try:
-            message: dict[str, Any] = msgspec.json.decode(self._line.recv(timeout=timeout_s))
-        except TimeoutError:
-            return None
-        except (OSError, WebSocketException) as error:
+            data = self._line.receive(timeout_s)
+        except OSError as error:
             raise PlatformError(f"the line to the robot is cut: {error}") from error
+        if data is None:
+            return None
+        message: dict[str, Any] = msgspec.json.decode(data)
         if message["k"] == "s":
             self.state = message
         elif message["k"] == "seat" and self.has_seat and message["seat"] != "you":
