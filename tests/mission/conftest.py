@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
@@ -28,7 +29,7 @@ def run_session(profile: str, settings: list[str], out_dir: str) -> Report:
 def farm_runs(tmp_path_factory: pytest.TempPathFactory) -> dict[int, tuple[Path, Report]]:
     """`agribot run farm --sensors rtk --seed S` with camera and network, for five seeds."""
     root = tmp_path_factory.mktemp("farm")
-    with ProcessPoolExecutor(max_workers=2) as pool:
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
         running = {
             seed: pool.submit(
                 run_session,

@@ -22,7 +22,7 @@ from agribot.session import Session
 from agribot.ui.address import Address, home
 from agribot.ui.operator_page import OperatorPage
 from agribot.ui.panels import Panels
-from tests.ui.client import Browser, Page
+from tests.ui.client import PATIENCE_S, Browser, Page
 from tests.ui.conftest import Robot
 
 RING = [
@@ -78,7 +78,7 @@ def test_the_session_says_what_this_page_may_do(browser: Browser) -> None:
 def test_the_weed_map_downloads_as_geojson_and_csv(robot: Robot, browser: Browser) -> None:
     weed = [1, 0, 3.0, 4.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, 5.5]
     robot.say({"k": "weeds", "rev": 1, "set": [weed], "gone": []})
-    deadline_s = time.monotonic() + 5.0
+    deadline_s = time.monotonic() + PATIENCE_S
     features: list[Any] = []
     while not features and time.monotonic() < deadline_s:
         features = browser.ask("GET", "/api/v1/weeds.geojson")[1]["features"]
@@ -329,7 +329,7 @@ def test_health_names_the_slow_sensor_and_what_to_do(robot: Robot, browser: Brow
         robot.say(
             {"k": "counts", "wall_s": second, "t": second, "cpu_s": 0.1 * second, "topics": topics}
         )
-    deadline_s = time.monotonic() + 5.0
+    deadline_s = time.monotonic() + PATIENCE_S
     slow: list[Any] = []
     while not slow and time.monotonic() < deadline_s:
         _, health = browser.ask("GET", "/api/v1/health")
