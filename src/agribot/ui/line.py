@@ -38,14 +38,14 @@ class Line:
 
         with ExitStack() as stack:
             self._portal = stack.enter_context(start_blocking_portal())
-            opened = connect(
-                self._url,
-                compression=None,
-                proxy=None,
-                close_timeout=CLOSE_TIMEOUT_S,
-                **self._options,
-            )
             try:
+                opened = connect(
+                    self._url,
+                    compression=None,
+                    proxy=None,
+                    close_timeout=CLOSE_TIMEOUT_S,
+                    **self._options,
+                )
                 self._socket = stack.enter_context(self._portal.wrap_async_context_manager(opened))
             except WebSocketException as error:
                 raise ConnectionError(str(error)) from error

@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import msgspec
 
-from agribot.errors import PlatformError
+from agribot.errors import ConfigError, PlatformError
 from agribot.ui.address import Door
 from agribot.ui.line import Line
 
@@ -20,7 +20,9 @@ OPEN_TIMEOUT_S = 30.0  # a small computer at its limit takes its time, most of a
 
 
 class Remote:
-    """Raises: PlatformError: the robot does not answer, or refuses; the text says why."""
+    """Raises: PlatformError: the robot does not answer, or refuses; the text says why.
+    ConfigError: the certificate cannot be read.
+    """
 
     def __init__(self, door: Door, name: str) -> None:
         self._door, self._name = door, name
@@ -129,6 +131,9 @@ def _trusting(door: Door) -> ssl.SSLContext | None:
     """What the robot shows itself is trusted under any name: its file was read on this machine."""
     if not door.url.startswith("wss:"):
         return None
-    context = ssl.create_default_context(cafile=door.cert or None)
+    try:
+        context = ssl.create_default_context(cafile=door.cert or None)
+    except OSError as error:  # an SSLError is one
+        raise ConfigError(f"{door.cert} is no certificate in PEM: {error}") from error
     context.check_hostname = not door.cert
     return context
