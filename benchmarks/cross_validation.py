@@ -32,11 +32,11 @@ class Recipe(NamedTuple):
     loss: str
 
 
-# The original's networks with the original's loss; its U-Net looked at 128 px. Its Bonnet sees 1.2
+# The original's networks with the original's loss; its U-Net looked at 128 px. Its Bonnet sees 2.4
 # times the pixels of 600 batches of four whole pictures, which the original's own training counts.
 RECIPES = {
     "original-unet": Recipe("128x96", 128, 96, 3500, "none"),
-    "original-bonnet": Recipe("512x384", 512, 256, 1100, "none"),
+    "original-bonnet": Recipe("512x384", 512, 256, 2200, "none"),
     "agribot-s": Recipe("512x384", 512, 320, 2200, "lovasz"),
     "agribot-m": Recipe("1024x768", 640, 320, 2500, "lovasz"),
 }
