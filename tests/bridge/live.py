@@ -6,13 +6,13 @@ import json
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-PATIENCE_S = 60.0
+from tests.waiting import PATIENCE_S, wait_for
+
 T = TypeVar("T")
 ROOT = Path(__file__).parents[2]
 
@@ -23,24 +23,9 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def until(condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
-    """Wait for something another process does; only its absence fails, never its slowness."""
-    end_s = time.monotonic() + patience_s
-    while not condition():
-        assert time.monotonic() < end_s, f"waited {patience_s:g} s in vain for {what}"
-        time.sleep(0.02)
-
-
 def first(take: Callable[[], Sequence[T]], what: str, patience_s: float = PATIENCE_S) -> T:
     """The first thing that `take` gives, however often it has to be asked."""
-    got: list[T] = []
-
-    def taken() -> bool:
-        got.extend(take())
-        return bool(got)
-
-    until(taken, what, patience_s)
-    return got[0]
+    return wait_for(take, what, patience_s)[0]
 
 
 class Talk:

@@ -9,7 +9,8 @@ import xmlrpc.client
 from pathlib import Path
 from typing import Any
 
-from tests.bridge.live import free_port, until
+from tests.bridge.live import free_port
+from tests.waiting import wait_for
 
 
 def ask(uri: str, method: str, *arguments: Any) -> Any:
@@ -32,7 +33,7 @@ class Ros1:
         }
         self.processes: list[subprocess.Popen[str]] = []
         self.core = self.start("roscore", "-p", str(port))
-        until(self.answers, "the ROS 1 master", 60.0)
+        wait_for(self.answers, "the ROS 1 master", 60.0)
 
     def publishers(self) -> dict[str, list[str]]:
         """Topic -> nodes."""

@@ -24,7 +24,8 @@ from agribot.bridge.requests import Requests
 from agribot.messages import GnssFix, GnssQuality
 from agribot.operator_input import Inbox
 from agribot.ros import rosmsg
-from tests.bridge.live import Talk, first, peer, program, until
+from tests.bridge.live import Talk, first, peer, program
+from tests.waiting import wait_for
 
 pytest.importorskip("cyclonedds", reason="has no wheel for Linux on ARM")
 
@@ -81,7 +82,7 @@ def test_a_late_peer_gets_the_description_and_sees_the_node(live: tuple[Robot, T
         nodes.extend(talk("node_names"))
         return ["agribot", 1, len(OUT)] in nodes
 
-    until(is_known, "the node with all its endpoints")
+    wait_for(is_known, "the node with all its endpoints")
 
 
 def test_a_fix_arrives_exactly_in_the_peers_own_type(live: tuple[Robot, Talk]) -> None:
@@ -121,7 +122,7 @@ def test_an_image_arrives_whole(live: tuple[Robot, Talk]) -> None:
 def test_every_topic_is_announced_with_the_hash_that_ros_prints(live: tuple[Robot, Talk]) -> None:
     _, talk = live
     golden = json.loads(GOLDEN.read_text())["hashes"]
-    until(lambda: {f"rt{t.name}" for t in OUT} <= set(talk("hashes")), "all topics")
+    wait_for(lambda: {f"rt{t.name}" for t in OUT} <= set(talk("hashes")), "all topics")
     hashes = talk("hashes")
     compared = [topic for topic in OUT if topic.ros_type in golden]
     assert len(compared) > 20

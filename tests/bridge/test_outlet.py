@@ -11,8 +11,8 @@ from agribot.geo import Datum
 from agribot.messages import TickRecord
 from agribot.ros.camera_log import CameraLog
 from agribot.topic import Topic
-from tests.bridge.live import until
 from tests.record import record_samples as samples
+from tests.waiting import wait_for
 
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022, alt_m=4.5)
 
@@ -52,7 +52,7 @@ def test_a_stalled_gateway_loses_the_oldest_ticks_and_blocks_nobody() -> None:
         outlet(record)  # returns although the gate is shut, or this test never ends
     assert outlet.dropped >= 200 - QUEUE_TICKS - 1
     sink.gate.set()
-    until(lambda: len(sink.clocks) >= QUEUE_TICKS, "the newest ticks")
+    wait_for(lambda: len(sink.clocks) >= QUEUE_TICKS, "the newest ticks")
     outlet.close()
     newest = [round(record.batch.t_s * 1e9) for record in records[-QUEUE_TICKS:]]
     assert sink.clocks[-QUEUE_TICKS:] == newest

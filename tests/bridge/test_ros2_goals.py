@@ -20,7 +20,8 @@ from agribot.bridge.ros2.services import NAVIGATE, NAVIGATE_RESULTS, service_typ
 from agribot.commands import bridging
 from agribot.ros import rosmsg
 from agribot.session import Session
-from tests.bridge.live import Talk, free_port, until, zenoh_peer
+from tests.bridge.live import Talk, free_port, zenoh_peer
+from tests.waiting import wait_for
 
 MARK = wire.pack_attachment(1, 0, bytes(range(16))).hex()
 TYPES = service_types()
@@ -134,7 +135,7 @@ def test_a_goal_is_driven_told_of_and_succeeds(client: Client) -> None:
     x_m, y_m = client.map_from
     places = [(x_m - 1.0, y_m + 1.0), (x_m - 1.0, y_m + 3.0)]
     assert client.send(1, *places)
-    until(lambda: client.states()[-1:] == [SUCCEEDED], "the goal's end")
+    wait_for(lambda: client.states()[-1:] == [SUCCEEDED], "the goal's end")
     assert client.states()[-3:] == [1, 2, SUCCEEDED]
     result = client.result(1)
     assert (result.status, result.result.error_code) == (SUCCEEDED, 0)
@@ -155,20 +156,20 @@ def test_a_result_that_is_asked_for_early_comes_with_the_end_and_cancel_stops(
 ) -> None:
     x_m, y_m = client.map_from
     assert client.send(2, (x_m - 4.0, y_m - 6.0))
-    until(lambda: client.states()[-1:] == [2], "the goal to be driven")
+    wait_for(lambda: client.states()[-1:] == [2], "the goal to be driven")
     answer = client.cancel(2)
     assert answer.return_code == 0
     assert [goal.goal_id.uuid[0] for goal in answer.goals_canceling] == [2]
     assert client.result(2).status == CANCELED
     assert client.cancel(2).return_code == 3  # it is over
     assert client.cancel(77).return_code == 2  # nobody knows it
-    until(lambda: abs(client.session.platform.truth().v_mps) < 0.01, "the robot to stand")
+    wait_for(lambda: abs(client.session.platform.truth().v_mps) < 0.01, "the robot to stand")
 
 
 def test_a_new_goal_takes_the_place_of_the_one_before(client: Client) -> None:
     x_m, y_m = client.map_from
     assert client.send(3, (x_m - 4.0, y_m - 6.0))
-    until(lambda: client.states()[-1:] == [2], "the first goal to be driven")
+    wait_for(lambda: client.states()[-1:] == [2], "the first goal to be driven")
     assert client.send(4, (x_m - 1.0, y_m - 1.0))
     replaced = client.result(3)
     assert replaced.status == ABORTED

@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 
 from agribot import topics
-from tests.bridge.live import until
+from tests.waiting import wait_for
 
 pytestmark = [
     pytest.mark.elsewhere,
@@ -81,7 +81,7 @@ class Ros2:
             [*command, "--out", str(out_dir)], env=self.environment, start_new_session=True
         ) as process:
             try:
-                until(
+                wait_for(
                     lambda: "/agribot/fix" in self("topic", "list", *NO_DAEMON),
                     "the robot",
                     FIRST_START_S,

@@ -26,8 +26,9 @@ from agribot.operator_input import Inbox
 from agribot.ros.camera_log import CameraLog
 from agribot.ros.rosmsg import typestore
 from agribot.topic import STREAM, Topic
-from tests.bridge.live import Talk, free_port, until, zenoh_peer
+from tests.bridge.live import Talk, free_port, zenoh_peer
 from tests.record import record_samples as samples
+from tests.waiting import wait_for
 
 OUT = [topic for topic in topics.TOPICS if topic.ros_type]
 LATCHED = [topic for topic in OUT if topic.qos.latched]
@@ -91,14 +92,14 @@ def heard(records: list[TickRecord]) -> dict[str, Any]:
     outlet = outlet_to(Ros2Gateway(Requests(Inbox()), OUT, router=locator), counter)
     for record in records[:10]:
         outlet(record)
-    until(lambda: counter.ticks == 10, "the first ticks")
+    wait_for(lambda: counter.ticks == 10, "the first ticks")
     with closing(outlet), zenoh_peer(locator, *map(key_of, LATCHED)) as peer:
-        until(lambda: len(peer("dump")["latched"]) == len(LATCHED), "the latched topics")
-        until(lambda: len(peer("dump")["tokens"]) >= len(OUT) + 6, "all tokens")
+        wait_for(lambda: len(peer("dump")["latched"]) == len(LATCHED), "the latched topics")
+        wait_for(lambda: len(peer("dump")["tokens"]) >= len(OUT) + 6, "all tokens")
         clock = key_of(topics.CLOCK)
         for count, record in enumerate(records[10:], start=1):
             outlet(record)
-            until(partial(has_heard, peer, clock, count), f"tick {count} of 50")
+            wait_for(partial(has_heard, peer, clock, count), f"tick {count} of 50")
         found: dict[str, Any] = peer("dump")
     assert outlet.dropped == 0
     assert outlet.fault == ""
@@ -294,7 +295,7 @@ def next_drive(robot: Robot) -> tuple[float, float]:
         got.extend([drive] if drive else [])
         return bool(got)
 
-    until(arrived, "a twist")
+    wait_for(arrived, "a twist")
     return got[0]
 
 
@@ -312,7 +313,7 @@ def test_a_twist_that_is_no_number_reaches_the_supervisor_as_such(drivable: Robo
 def test_bytes_that_are_no_twist_are_refused_with_their_length(drivable: Robot) -> None:
     for broken in (b"", b"\0\1\0\0", twist(0.5, 0.0)[:-3], twist(0.5, 0.0) + b"\0" * 8):
         drivable.send(broken)
-    until(lambda: sum("no geometry_msgs/Twist" in t for t in drivable.said) == 4, "the refusals")
+    wait_for(lambda: sum("no geometry_msgs/Twist" in t for t in drivable.said) == 4, "the refusals")
     assert newest(drivable) is None
     drivable.send(twist(0.25, 0.0))
     assert next_drive(drivable) == (0.25, 0.0)
@@ -320,9 +321,9 @@ def test_bytes_that_are_no_twist_are_refused_with_their_length(drivable: Robot) 
 
 def test_a_flood_is_thinned_out_and_named(drivable: Robot) -> None:
     drivable.send(twist(0.4, 0.0), times=5000, rate_hz=10_000.0)
-    until(lambda: any("faster than 200 Hz" in text for text in drivable.said), "the refusal")
+    wait_for(lambda: any("faster than 200 Hz" in text for text in drivable.said), "the refusal")
     drivable.send(twist(0.0, 0.0))  # the last word is to stop, and no flood drowns it
-    until(lambda: newest(drivable) == (0.0, 0.0), "the stop")
+    wait_for(lambda: newest(drivable) == (0.0, 0.0), "the stop")
     assert len(drivable.inbox.drain(2.0)[1]) == 0
 
 
@@ -332,7 +333,7 @@ def test_a_publisher_of_another_type_is_named(drivable: Robot) -> None:
         1, "MP", "/agribot/cmd_vel", "geometry_msgs/msg/TwistStamped", "RIHS01_00", STREAM
     )
     drivable.talk("announce", token)
-    until(lambda: any("TwistStamped_" in text for text in drivable.said), "the warning")
+    wait_for(lambda: any("TwistStamped_" in text for text in drivable.said), "the warning")
     assert any("node teleop" in text for text in drivable.said)
 
 

@@ -20,8 +20,9 @@ from PIL import Image
 
 from agribot import topics
 from agribot.bridge.ros1.types import outputs
-from tests.bridge.live import ROOT, free_port, until
+from tests.bridge.live import ROOT, free_port
 from tests.bridge.ros1_system import Ros1, ask
+from tests.waiting import wait_for
 
 ROS1, ROS2 = ROOT / "ros1" / "agribot_description", ROOT / "ros2" / "agribot_description"
 LAUNCH_FILES = sorted(path.name for path in (ROS1 / "launch").glob("*.launch"))
@@ -135,8 +136,8 @@ def test_roslaunch_understands_every_launch_file_and_finds_what_it_starts(
 @needs_ros1
 def test_the_description_alone_gives_the_model_and_its_frames(ros1: Ros1) -> None:
     process = ros1.start("roslaunch", "agribot_description", "agribot_description.launch")
-    until(lambda: "/robot_state_publisher" in ros1.publishers().get("/tf", []), "frames", 120.0)
-    until(lambda: "/joint_states" in ros1.publishers(), "joint states", 120.0)
+    wait_for(lambda: "/robot_state_publisher" in ros1.publishers().get("/tf", []), "frames", 120.0)
+    wait_for(lambda: "/joint_states" in ros1.publishers(), "joint states", 120.0)
     model = ask(ros1.uri, "getParam", "/robot_description")[2]
     assert "package://agribot_description/meshes/wheel.stl" in model
     ros1.stop(process)
@@ -154,7 +155,7 @@ def test_rviz_shows_the_farm(ros1: Ros1, tmp_path: Path) -> None:
     display = ros1.start(
         "Xvfb", f":{number}", "-screen", "0", "1280x900x24", "-fbdir", str(tmp_path)
     )
-    until(screen.exists, "the screen")
+    wait_for(screen.exists, "the screen")
     options = f"--out {tmp_path / 'run'} --speed 2 --set record.enabled=false"
     launched = ros1.start(
         "roslaunch", "agribot_description", "agribot.launch", f"options:={options}"
@@ -165,8 +166,8 @@ def test_rviz_shows_the_farm(ros1: Ros1, tmp_path: Path) -> None:
         heard = ros1.subscribers()
         return all(any("rviz" in node for node in heard.get(name, [])) for name in wanted)
 
-    until(is_watched, f"rviz to listen to {wanted}", 240.0)
-    until(lambda: shows_the_farm(view_of(screen)), "robot, plan and goals in the view", 240.0)
+    wait_for(is_watched, f"rviz to listen to {wanted}", 240.0)
+    wait_for(lambda: shows_the_farm(view_of(screen)), "robot, plan and goals in the view", 240.0)
     Image.fromarray(pixels_of(screen)).save(tmp_path / "rviz.png")
     ros1.stop(launched)
     ros1.stop(display)

@@ -26,7 +26,8 @@ from agribot.ros import rosmsg
 from agribot.ros.rosmsg import typestore
 from agribot.ros.sensor_readers import readers
 from agribot.session import Session
-from tests.bridge.live import Talk, first, free_port, until, zenoh_peer
+from tests.bridge.live import Talk, first, free_port, zenoh_peer
+from tests.waiting import wait_for
 
 MARK = wire.pack_attachment(1, 0, b"g" * 16).hex()
 
@@ -100,14 +101,16 @@ def test_fixes_of_another_process_arrive_exactly_and_what_is_none_is_refused_by_
             assert (got.lat_deg, got.lon_deg, got.alt_m) == (21.25, 72.75, 4.5)
             assert (got.t_s, got.quality) == (50.0, GnssQuality.RTK_FIXED)
             publish(talk, "/fix", fix(95.0, 72.75, 50.1))
-            until(lambda: any("no place on Earth" in text for text in said), "the refusal")
+            wait_for(lambda: any("no place on Earth" in text for text in said), "the refusal")
             publish(talk, "/fix", rosmsg.float64(1.0))
-            until(lambda: any("std_msgs/msg/Float64 is none of" in text for text in said), "that")
+            wait_for(
+                lambda: any("std_msgs/msg/Float64 is none of" in text for text in said), "that"
+            )
             key = wire.topic_key(0, "/fix", "sensor_msgs/msg/NavSatFix", "RIHS01_00")
             talk("put", key, rosmsg.to_cdr(fix(1.0, 1.0, 1.0)).hex(), MARK)
-            until(lambda: any("of ROS 2 Jazzy" in text for text in said), "the other definition")
+            wait_for(lambda: any("of ROS 2 Jazzy" in text for text in said), "the other definition")
             talk("put", key_of("/fix", "sensor_msgs/msg/NavSatFix"), "00010000", MARK)
-            until(lambda: any("4 bytes are no" in text for text in said), "the stub")
+            wait_for(lambda: any("4 bytes are no" in text for text in said), "the stub")
     assert source.take(60.0) == ()
 
 

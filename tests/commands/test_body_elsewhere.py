@@ -11,7 +11,8 @@ from pathlib import Path
 
 from agribot.cli import main
 from agribot.record.replay import read_ticks
-from tests.bridge.live import ROOT, free_port, until, zenoh_peer
+from tests.bridge.live import ROOT, free_port, zenoh_peer
+from tests.waiting import wait_for
 
 SENSORS = {
     "imu": "/agribot/imu",
@@ -31,7 +32,7 @@ def test_a_mission_drives_the_robot_of_another_process(tmp_path: Path) -> None:
         body, stdout=subprocess.PIPE, text=True, cwd=ROOT, env={"PYTHONPATH": str(ROOT / "src")}
     ) as process:
         with zenoh_peer(router) as talk:
-            until(lambda: bool(talk("dump")["heard"]), "the world in the other process")
+            wait_for(lambda: bool(talk("dump")["heard"]), "the world in the other process")
         sources = [f"--source={sensor}=ros2:{topic}" for sensor, topic in SENSORS.items()]
         main(
             ["run", "farm", "--ros2", "--ros-router", router, *sources, "--for", "12",

@@ -19,8 +19,9 @@ from agribot.bridge.ros2 import wire
 from agribot.cli import main
 from agribot.commands.view import view_file
 from agribot.ros.rosmsg import typestore
-from tests.bridge.live import free_port, until, zenoh_peer
+from tests.bridge.live import free_port, zenoh_peer
 from tests.record.bag.bag_samples import write_run
+from tests.waiting import wait_for
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
 RERUN = Path(sysconfig.get_path("scripts")) / "rerun"
@@ -121,10 +122,10 @@ class _Player:
         if self._calls == 1:
             self._peer = zenoh_peer(self._locator)
             self.talk = self._peer.__enter__()
-            until(lambda: len(self.talk("dump")["tokens"]) > 10, "the player's topics")
+            wait_for(lambda: len(self.talk("dump")["tokens"]) > 10, "the player's topics")
         if self._calls == 1000:
-            until(lambda: len(self.heard(self._clock)) > 10, "the clock")
-            until(lambda: len(self.heard(self._key)) > 2, "the fixes")
+            wait_for(lambda: len(self.heard(self._clock)) > 10, "the clock")
+            wait_for(lambda: len(self.heard(self._key)) > 2, "the fixes")
             fix: Any = JAZZY.deserialize_cdr(self.heard(self._key)[0], topics.FIX.ros_type)
             assert fix.latitude == pytest.approx(21.1613, abs=1e-3)
             times_s = [struct.unpack_from("<iI", data, 4) for data in self.heard(self._clock)]

@@ -11,7 +11,7 @@ from urllib.request import Request, urlopen
 
 from websockets.sync.client import ClientConnection, connect
 
-PATIENCE_S = 60.0  # only absence fails, never slowness
+from tests.waiting import PATIENCE_S
 
 
 class Page:

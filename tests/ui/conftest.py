@@ -22,7 +22,8 @@ from agribot.ui.about import about_run, field_of
 from agribot.ui.address import Address
 from agribot.ui.hub import About
 from agribot.ui.server_process import ServerProcess
-from tests.ui.client import PATIENCE_S, Page
+from tests.ui.client import Page
+from tests.waiting import PATIENCE_S
 
 
 class Robot:

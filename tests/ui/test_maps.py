@@ -10,8 +10,9 @@ from agribot.cli import main
 from agribot.gis.mbtiles import described_map
 from agribot.ui.address import home
 from tests.gis.test_map_import import RED, TileServer, png, server
-from tests.ui.client import PATIENCE_S, Browser
+from tests.ui.client import Browser
 from tests.ui.conftest import Robot
+from tests.waiting import PATIENCE_S
 
 __all__ = ["server"]
 

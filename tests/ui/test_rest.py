@@ -3,7 +3,6 @@ from __future__ import annotations
 import io
 import json
 import sqlite3
-import time
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -22,8 +21,9 @@ from agribot.session import Session
 from agribot.ui.address import Address, home
 from agribot.ui.operator_page import OperatorPage
 from agribot.ui.panels import Panels
-from tests.ui.client import PATIENCE_S, Browser, Page
+from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
+from tests.waiting import wait_for
 
 RING = [
     [72.787, 21.161],
@@ -78,10 +78,9 @@ def test_the_session_says_what_this_page_may_do(browser: Browser) -> None:
 def test_the_weed_map_downloads_as_geojson_and_csv(robot: Robot, browser: Browser) -> None:
     weed = [1, 0, 3.0, 4.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, 5.5]
     robot.say({"k": "weeds", "rev": 1, "set": [weed], "gone": []})
-    deadline_s = time.monotonic() + PATIENCE_S
-    features: list[Any] = []
-    while not features and time.monotonic() < deadline_s:
-        features = browser.ask("GET", "/api/v1/weeds.geojson")[1]["features"]
+    features = wait_for(
+        lambda: browser.ask("GET", "/api/v1/weeds.geojson")[1]["features"], "the weed"
+    )
     lon_deg, lat_deg = features[0]["geometry"]["coordinates"]
     frame = MapFrame(config.load("farm").field.datum)
     assert frame.map_from_geodetic(lat_deg, lon_deg, 0.0)[:2] == pytest.approx((3.0, 4.0), abs=1e-3)
@@ -329,11 +328,13 @@ def test_health_names_the_slow_sensor_and_what_to_do(robot: Robot, browser: Brow
         robot.say(
             {"k": "counts", "wall_s": second, "t": second, "cpu_s": 0.1 * second, "topics": topics}
         )
-    deadline_s = time.monotonic() + PATIENCE_S
-    slow: list[Any] = []
-    while not slow and time.monotonic() < deadline_s:
-        _, health = browser.ask("GET", "/api/v1/health")
+
+    def health_with_gnss() -> Any:
+        health = browser.ask("GET", "/api/v1/health")[1]
         slow = [check for check in health["checks"] if check["name"] == "gnss"]
+        return slow and (health, slow)
+
+    health, slow = wait_for(health_with_gnss, "the GNSS receiver's health")
     assert slow[0]["state"] == "fault"
     assert slow[0]["advice"]
     assert health["memory_bytes"] > 1e6

@@ -15,8 +15,9 @@ from agribot.ui.access import MAX_FAILURES, SESSION_LIFE_S, Access, Caller, Refu
 from agribot.ui.address import Address
 from agribot.ui.answers import inside
 from agribot.ui.sockets import MAX_MESSAGES_PER_S, MAX_SOCKETS
-from tests.ui.client import PATIENCE_S, Page
+from tests.ui.client import Page
 from tests.ui.conftest import Robot
+from tests.waiting import PATIENCE_S
 
 
 def ask(

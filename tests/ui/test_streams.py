@@ -25,8 +25,9 @@ from agribot.ui.hub import Hub
 from agribot.ui.pictures import Pictures
 from agribot.ui.replay import Replay
 from tests.record import record_samples as samples
-from tests.ui.client import PATIENCE_S, Browser, Page
+from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
+from tests.waiting import PATIENCE_S
 
 
 def state(number: int) -> dict[str, object]:

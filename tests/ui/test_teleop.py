@@ -5,15 +5,15 @@ import pty
 import struct
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from agribot.ui.hand import STILL, HandRates, KeyHand, MouseHand, StickHand, TerminalInput
 from agribot.ui.joystick import JoystickState
-from tests.ui.client import PATIENCE_S, Page
+from tests.ui.client import Page
 from tests.ui.conftest import Robot
+from tests.waiting import PATIENCE_S, wait_for
 
 
 def event(value: int, kind: int, number: int) -> bytes:
@@ -132,9 +132,7 @@ def test_a_joystick_that_is_pulled_out_stops_the_robot(robot: Robot, tmp_path: P
         _, errors = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 2
         assert "gone" in errors
-        deadline_s = time.monotonic() + PATIENCE_S
-        while robot.of_kind("drive")[-1]["v"] != 0.0 and time.monotonic() < deadline_s:
-            time.sleep(0.02)
+        wait_for(lambda: robot.of_kind("drive")[-1]["v"] == 0.0, "the robot to stand")
         assert robot.of_kind("drive")[-1]["v"] == 0.0
     finally:
         process.kill()

@@ -20,8 +20,8 @@ from agribot.ui import remote
 from agribot.ui.address import Address, read_door
 from agribot.ui.line import Line
 from agribot.ui.remote import Remote
-from tests.ui.client import PATIENCE_S
 from tests.ui.conftest import Robot
+from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl program")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -11,10 +10,9 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 from tests.ui.page.fake_server import PAGE, FakeServer, serving
+from tests.waiting import PATIENCE_S, wait_for
 
 GL_ARGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-PATIENCE_S = 60.0  # the machine may be busy
-POLL_S = 0.05
 expect.set_options(timeout=1000 * PATIENCE_S)
 WITHOUT_GL = "off=map,scene"
 SCREENS = [
@@ -87,16 +85,6 @@ def open_page(context: BrowserContext, server: FakeServer) -> OpenPage:
 def until(page: Page, expression: str, patience_s: float = PATIENCE_S) -> Any:
     """The first true value of an expression; polled from here, for the page forbids eval."""
     return wait_for(lambda: page.evaluate(expression), expression, patience_s)
-
-
-def wait_for(ask: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
-    deadline_s = time.monotonic() + patience_s
-    while time.monotonic() < deadline_s:
-        value = ask()
-        if value:
-            return value
-        time.sleep(POLL_S)
-    raise AssertionError(f"in {patience_s:.0f} s there was never: {what}")
 
 
 def hold_map_still(page: Page) -> None:

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.ui.page.conftest import WITHOUT_GL, show, take_control, until, wait_for
+from tests.ui.page.conftest import WITHOUT_GL, show, take_control, until
 from tests.ui.page.robots import Robot, robot_with_page
+from tests.waiting import wait_for
 
 WORDS = [
     'world="empty"', "field.start_map_m=[0.0,0.0]", "field.start_yaw_deg=90.0",

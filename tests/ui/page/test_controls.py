@@ -17,10 +17,10 @@ from tests.ui.page.conftest import (
     show,
     take_control,
     until,
-    wait_for,
 )
 from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.test_safety import armed, commands
+from tests.waiting import wait_for
 
 MAP_ONLY = "off=scene,camera"
 # What can be worked with on a screen, in the order of the page; hidden and disabled ones left out.

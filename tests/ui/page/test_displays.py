@@ -21,10 +21,11 @@ from playwright.sync_api import Browser, Page, expect
 
 from tests.ui.page import display_messages as messages
 from tests.ui.page import fake_answers
-from tests.ui.page.conftest import hold_map_still, take_control, until, wait_for
+from tests.ui.page.conftest import hold_map_still, take_control, until
 from tests.ui.page.fake_server import FakeServer, serving
 from tests.ui.page.test_safety import STOP_FREE
 from tests.ui.page.test_screens import AXE, violations
+from tests.waiting import wait_for
 
 TILES = {"url": "/tiles/farm/{z}/{x}/{y}", "minzoom": 0, "maxzoom": 22, "attribution": ""}
 NEAR_RGB = 40

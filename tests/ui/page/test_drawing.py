@@ -13,9 +13,10 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.ui.page.conftest import hold_map_still, until, wait_for
+from tests.ui.page.conftest import hold_map_still, until
 from tests.ui.page.fake_server import FakeServer, serving
 from tests.ui.page.test_plan import drawn, lonlat
+from tests.waiting import wait_for
 
 # Data may be old for a time on a busy machine: the banner would move the map under the pointer.
 STEADY = ".banners { display: none }"

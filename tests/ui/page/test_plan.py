@@ -11,9 +11,10 @@ from playwright.sync_api import Page, expect
 
 from agribot.geo import Datum, MapFrame
 from agribot.gis.formats.table import WRITERS, read_field_file, write_field_file
-from tests.ui.page.conftest import OpenPage, wait_for
+from tests.ui.page.conftest import OpenPage
 from tests.ui.page.fake_robot import DATUM
 from tests.ui.page.fake_server import FakeServer
+from tests.waiting import wait_for
 
 FRAME = MapFrame(Datum(lat_deg=DATUM["lat_deg"], lon_deg=DATUM["lon_deg"]))
 CENTIMETRE_M = 0.01

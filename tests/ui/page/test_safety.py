@@ -17,9 +17,9 @@ from tests.ui.page.conftest import (
     show,
     take_control,
     until,
-    wait_for,
 )
 from tests.ui.page.fake_server import FakeServer
+from tests.waiting import wait_for
 
 SIZES = [(320, 568), (390, 844), (820, 1180), (1024, 600), (1920, 1080)]
 STOP_FREE = """() => {

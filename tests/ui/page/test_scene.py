@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.ui.page.conftest import OpenPage, show, until, wait_for
+from tests.ui.page.conftest import OpenPage, show, until
 from tests.ui.page.fake_server import SOURCE, FakeServer
+from tests.waiting import wait_for
 
 SCENE = "window.__agribot.scene()"
 LINKS = 12

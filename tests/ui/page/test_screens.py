@@ -13,10 +13,11 @@ from PIL import Image
 from playwright.sync_api import Page, expect
 
 from agribot.geo import Datum, MapFrame
-from tests.ui.page.conftest import SCREENS, OpenPage, show, take_control, until, wait_for
+from tests.ui.page.conftest import SCREENS, OpenPage, show, take_control, until
 from tests.ui.page.fake_robot import DATUM, field
 from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.test_safety import commands
+from tests.waiting import wait_for
 
 BLUE, GREEN = (31, 95, 224), (23, 145, 63)  # of the light theme
 NEAR_RGB = 60

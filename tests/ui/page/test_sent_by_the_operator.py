@@ -15,13 +15,13 @@ from playwright.sync_api import Browser, Page, expect
 
 from agribot import config
 from agribot.geo import MapFrame
-from tests.ui.page.conftest import hold_map_still, show, take_control, until, wait_for
+from tests.ui.page.conftest import hold_map_still, show, take_control, until
 from tests.ui.page.robots import Robot, robot_with_page
+from tests.waiting import wait_for
 
 SETTINGS = ["--set", "perception.enabled=false", "--set", "seed=1"]
 STATE = "window.__agribot.state()"
 FIELD = Path(__file__).parents[3] / "examples" / "field.geojson"
-PATIENCE_S = 60.0
 GOAL = (-1.0, 4.0)
 
 
@@ -37,7 +37,7 @@ def page(browser: Browser, robot: Robot) -> Iterator[Page]:
     context = browser.new_context(viewport={"width": 1280, "height": 800}, locale="en")
     page = context.new_page()
     page.goto(f"{robot.address}/?off=scene,camera#/drive")
-    until(page, "window.__agribot?.ready && window.__agribot.map?.loaded()", PATIENCE_S)
+    until(page, "window.__agribot?.ready && window.__agribot.map?.loaded()")
     take_control(page)
     hold_map_still(page)
     yield page
@@ -69,7 +69,7 @@ def draw_north(page: Page, east_m: float, north_m: float) -> None:
 
 
 def test_a_place_beyond_the_fence_is_refused_with_the_reason(page: Page) -> None:
-    until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1", PATIENCE_S)
+    until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1")
     page.get_by_role("button", name="Drive to a place").click()
     tap(page, 60.0, 0.0)
     expect(page.locator(".toast", has_text="beyond the fence")).to_be_visible(timeout=60_000)
@@ -77,9 +77,9 @@ def test_a_place_beyond_the_fence_is_refused_with_the_reason(page: Page) -> None
 
 def test_the_robot_drives_to_the_place_that_was_drawn_and_waits(page: Page) -> None:
     draw_north(page, *GOAL)
-    until(page, f"{STATE}.mission.leg === 'to the goal'", PATIENCE_S)
-    until(page, f"{STATE}.mission.reason.includes('at the goal')", PATIENCE_S)
-    until(page, f"Math.abs({STATE}.vel[0]) < 0.01", PATIENCE_S)
+    until(page, f"{STATE}.mission.leg === 'to the goal'")
+    until(page, f"{STATE}.mission.reason.includes('at the goal')")
+    until(page, f"Math.abs({STATE}.vel[0]) < 0.01")
     x_m, y_m, yaw_rad = page.evaluate(f"{STATE}.pose")
     assert (x_m, y_m) == pytest.approx(GOAL, abs=0.3)  # as near as a finger on the map
     assert math.cos(yaw_rad - math.pi / 2) > 0.98
@@ -92,7 +92,7 @@ def test_a_standing_robot_believes_the_pose_that_was_drawn_and_then_its_sensors(
     page.get_by_role("button", name="Correct the robot’s pose").click()
     draw_north(page, *page.evaluate(f"{STATE}.pose.slice(0, 2)"))
     expect(page.locator(".toast", has_text="Pose corrected")).to_be_visible(timeout=60_000)
-    until(page, f"{STATE}.std[0] < 0.05 && Math.abs({STATE}.vel[0]) < 0.01", PATIENCE_S)
+    until(page, f"{STATE}.std[0] < 0.05 && Math.abs({STATE}.vel[0]) < 0.01")
 
 
 def test_a_checked_plan_becomes_the_mission(page: Page, robot: Robot) -> None:
@@ -102,11 +102,11 @@ def test_a_checked_plan_becomes_the_mission(page: Page, robot: Robot) -> None:
     expect(page.locator(".tag.good")).to_be_visible(timeout=60_000)
     page.get_by_role("button", name="Use this plan").click()
     page.get_by_role("dialog").get_by_role("button", name="Use this plan").click()
-    until(page, f"{STATE}.mission.reason.includes('new plan')", PATIENCE_S)
+    until(page, f"{STATE}.mission.reason.includes('new plan')")
     assert page.evaluate(f"{STATE}.mission.rows_total") > 6
     show(page, "drive")
     page.locator("[data-action=resume]").click()
-    until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1", PATIENCE_S)
+    until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1")
     wait_for((robot.out_dir / "plan.geojson").is_file, "the plan beside the run")
 
 
@@ -116,10 +116,10 @@ def test_a_recording_is_ended_marked_and_begun_again(page: Page, robot: Robot) -
     page.get_by_label("What happened").fill("a stone")
     page.keyboard.press("Enter")
     page.get_by_role("button", name="End the recording").click()
-    until(page, f"{STATE}.recording === ''", PATIENCE_S)
+    until(page, f"{STATE}.recording === ''")
     expect(page.locator("main")).to_contain_text("Nothing is being recorded")
     page.get_by_role("button", name="Record", exact=True).click()
-    until(page, f"{STATE}.recording === 'run-2'", PATIENCE_S)
+    until(page, f"{STATE}.recording === 'run-2'")
     expect(page.locator("main")).to_contain_text("Recording now: run-2")
     assert (robot.out_dir.with_name("run-2") / "run.mcap").is_file()
     lines = (robot.out_dir / "events.jsonl").read_text().splitlines()

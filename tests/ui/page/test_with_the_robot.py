@@ -27,9 +27,9 @@ from tests.ui.page.conftest import (
     show,
     take_control,
     until,
-    wait_for,
 )
 from tests.ui.page.robots import Robot, robot_with_page
+from tests.waiting import wait_for
 
 SETTINGS = ["--set", "perception.camera_rate_hz=2", "--set", "seed=1"]
 WHEEL_RADIUS_M = 0.15
