@@ -5,22 +5,16 @@ BIN := $(VENV)/bin
 # Installing builds the operator's page from these.
 PAGE := hatch_build.py $(shell find web -name node_modules -prune -o -name .test-build -prune -o -type f -print)
 
-# A worker for every core, but no more than memory has room for; a file's tests stay together.
-PYTEST := $(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile
-
 .PHONY: run test check format lint types clean
 
 run: $(VENV)/.run
 	$(BIN)/agribot run farm --ui --speed 1
 
+# A worker for every core, but no more than memory has room for; a file's tests stay together.
 test: $(VENV)/.dev
-	$(PYTEST)
+	$(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile
 
-check: $(VENV)/.dev
-	$(BIN)/ruff format --check .
-	$(BIN)/ruff check .
-	$(BIN)/mypy
-	$(PYTEST)
+check: lint types test
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .
