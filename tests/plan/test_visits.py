@@ -44,12 +44,14 @@ def no_plan(text: str) -> Task:
 class Drive:
     """A mission of 10 m straight ahead, that takes places to visit instead."""
 
-    def __init__(self, *, waits: bool = False) -> None:
-        task, config = (
-            Task(lambda estimate: ahead(estimate, 10.0)),
-            MissionConfig(waits_for_goals=waits),
-        )
-        self.mission = Mission(task, config, new_tasks=NewTasks(no_plan, visiting))
+    def __init__(self, *, waits: bool = False, only_from_m: float = 0.0) -> None:
+        def plan(estimate: Estimate) -> Path:
+            if estimate.x_map_m < only_from_m:
+                raise MissionError("put the robot elsewhere")
+            return ahead(estimate, 10.0)
+
+        config = MissionConfig(waits_for_goals=waits)
+        self.mission = Mission(Task(plan), config, new_tasks=NewTasks(no_plan, visiting))
         self.t_s = self.x_m = 0.0
 
     def step(self, *events: OperatorEvent, seconds: float = 0.1) -> Goal:
@@ -137,3 +139,30 @@ def test_a_visit_to_nowhere_changes_nothing() -> None:
     drive.ask("visit")
     status = drive.settle().status
     assert (status.state, status.task) == ("running", "")
+
+
+def test_a_mission_resumed_where_no_way_begins_waits_to_be_resumed_elsewhere() -> None:
+    drive = Drive(waits=True, only_from_m=2.0)
+    drive.settle()
+    drive.ask("resume")
+    status = drive.settle().status
+    assert status.state == "paused"
+    assert status.reason == status.refusal == "not resumed: put the robot elsewhere"
+    drive.drive_to(2.5)  # by hand
+    drive.ask("resume")
+    status = drive.settle().status
+    assert (status.state, status.refusal) == ("running", "")
+
+
+def test_a_mission_that_begins_by_itself_where_no_way_begins_fails() -> None:
+    status = Drive(only_from_m=2.0).settle().status
+    assert (status.state, status.reason) == ("failed", "put the robot elsewhere")
+
+
+def test_a_visit_that_was_held_and_cannot_be_planned_fails_for_its_sender_waits() -> None:
+    drive = Drive(waits=True)
+    drive.ask("stop")
+    drive.ask("visit", -5.0, 0.0)
+    drive.ask("clear_stop")
+    drive.ask("resume")
+    assert drive.settle().status.state == "failed"

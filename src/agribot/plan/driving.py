@@ -60,6 +60,7 @@ class Driving:
         self._ended: tuple[MissionState, str] | None = None
         self._stays_open = config.waits_for_goals
         self._is_stopped = self._is_checking = False
+        self._is_resumed = False  # somebody bade the work begin, and is there to hear a refusal
         self._ok_since_s: float | None = None
         if self._cut_off is not None and self._cut_off.planned_from is None:
             self._wait_for_an_answer(self._cut_off)
@@ -186,7 +187,10 @@ class Driving:
             self._reason = "waiting for the estimate to settle"
 
     def _start(self, estimate: Estimate) -> None:
-        """Plan from here; a refused plan ends it all."""
+        """Plan from here. A refused plan ends a mission that begins by itself, and a visit.
+
+        Whoever resumes a mission can drive the robot to a better place and resume it again.
+        """
         job = self._job
 
         def begin(planned: Planned) -> None:
@@ -198,7 +202,11 @@ class Driving:
                 self._wait_for_an_answer(self._cut_off)
 
         def fail(error: MissionError) -> None:
-            self._end("failed", str(error))
+            if self._is_resumed and not job.task.name:
+                self._pause(f"not resumed: {error}")
+                self._refusal = f"not resumed: {error}"
+            else:
+                self._end("failed", str(error))
 
         work = partial(job.plan, estimate)
         self._desk.ask(estimate.t_s, work, self.task.planning_s, begin, fail)

@@ -81,6 +81,7 @@ class Mission(Driving):
         except MissionError as error:
             self._reason = f"not resumed: {error}"
             return
+        self._is_resumed = True
         self._run_on("running" if way else "waiting")
 
     def _turn_home(self, source: str) -> None:

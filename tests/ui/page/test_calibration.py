@@ -13,8 +13,10 @@ from tests.ui.page.conftest import WITHOUT_GL, show, take_control, until
 from tests.ui.page.robots import Robot, robot_with_page
 from tests.waiting import wait_for
 
+# The rows lie so far away that a way leads to them from wherever a drive has been ended.
 WORDS = [
     'world="empty"', "field.start_map_m=[0.0,0.0]", "field.start_yaw_deg=90.0",
+    "field.first_row_start_map_m=[30.0,2.0]", "field.obstacles_map_m=[]",
     "mission.waits_for_goals=true", "perception.enabled=false",
 ]  # fmt: skip
 STATE = "window.__agribot.state()"
