@@ -18,8 +18,8 @@ from agribot.plan.planning import PlanningDesk
 from agribot.planning_host import ThreadedPlanning
 from agribot.rerun import difference, recorded_pass, rerun
 from agribot.session import Session
+from tests.waiting import PATIENCE_S
 
-PATIENCE_S = 60.0
 SETTINGS = [
     'world="empty"', "perception.enabled=false", "field.start_map_m=[0.0,0.0]",
     "field.start_yaw_deg=90.0", "mission.waits_for_goals=true", "duration_s=14.0",

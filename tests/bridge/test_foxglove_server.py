@@ -15,9 +15,9 @@ from agribot import topics
 from agribot.bridge.foxglove_server import FoxgloveGateway
 from agribot.errors import BridgeError
 from agribot.ros import rosmsg
+from tests.waiting import PATIENCE_S
 
 OUT = [topic for topic in topics.TOPICS if topic.ros_type]
-PATIENCE_S = 20.0
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,8 +17,8 @@ from agribot.description.loader import load_robot
 from agribot.messages import STOP, OperatorEvent, TickRecord
 from agribot.rerun import difference, recorded_pass, rerun
 from agribot.session import Session
+from tests.waiting import wait_for
 
-PATIENCE_S = 60.0
 SETTINGS = (
     'world="empty"',
     "perception.enabled=false",
@@ -71,9 +70,7 @@ class Bench:
         return self.wait_for_result()
 
     def wait_for_result(self) -> dict[str, Any]:
-        deadline_s = time.monotonic() + PATIENCE_S
-        while self.phase() == "computing" and time.monotonic() < deadline_s:
-            time.sleep(0.01)
+        wait_for(lambda: self.phase() != "computing", "the result")
         return self.do("look")
 
 

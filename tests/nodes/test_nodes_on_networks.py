@@ -18,12 +18,11 @@ import pytest
 
 from agribot.geo import Datum, MapFrame
 from tests.bridge.live import free_port
-from tests.waiting import wait_for
+from tests.waiting import PATIENCE_S, wait_for
 
 NODES = ("gps-converter", "data-manipulation", "autonomous-drive")
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)
 GOAL_MAP_M = (4.0, -2.0)
-PATIENCE_S = 180.0
 
 
 @contextmanager
@@ -56,7 +55,7 @@ def reach_the_goal(out: Path, network: Sequence[str]) -> dict[str, Any]:
             action_out = out / "action"
             action_out.mkdir()
             with program(action_out, *words) as action:
-                wait_for(lambda: action.poll() is not None, "the action to end", PATIENCE_S)
+                wait_for(lambda: action.poll() is not None, "the action to end")
                 errors = "".join(p.read_text() for p in sorted(out.rglob("*.err")))
                 assert action.returncode == 0, errors
             assert drive.poll() is None

@@ -15,7 +15,6 @@ from agribot.record.recovery import recover
 from agribot.record.replay import read_ticks
 
 ROOT = Path(__file__).parents[2]
-PATIENCE_S = 120.0
 
 
 class Killed(NamedTuple):

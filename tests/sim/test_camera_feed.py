@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -18,8 +21,31 @@ from agribot.sim.platform import SimPlatform
 from agribot.sim.random_streams import stream
 from agribot.sim.state import HISTORY_COLUMNS
 from agribot.world import Light, Plant, WorldSpec
+from tests.waiting import PATIENCE_S
 
 MAST_M, TILT_RAD = 0.5, math.radians(40.0)
+
+# Says which of the renderer's loops were still compiled, or loaded, for the first frames of a run.
+COMPILED_LATE = """
+import sys
+from pathlib import Path
+from numba.core.dispatcher import Dispatcher
+from agribot import config
+from agribot.session import Session
+
+def compiled():
+    modules = [m for name, m in sys.modules.items() if name.startswith("agribot.sim.camera")]
+    loops = {loop for m in modules for loop in vars(m).values() if isinstance(loop, Dispatcher)}
+    return {(loop.__name__, len(loop.signatures)) for loop in loops}
+
+with Session(config.load("farm", ["record.enabled=false"]), Path(sys.argv[1])) as session:
+    before, frames = compiled(), 0
+    for record in session.ticks():
+        frames += len(record.batch.frames)
+        if frames == 2:
+            break
+    print(sum(count for _, count in before) > 5, compiled() - before)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -186,3 +212,9 @@ def test_frames_come_at_the_configured_rate(seeing: RobotSpec, garden: WorldSpec
     assert indices == list(range(14))
     assert np.array(times) - np.arange(1, 15) / 7.0 == pytest.approx(np.full(14, 1e-3), abs=1e-3)
     assert platform.truth_mask(13) is not None
+
+
+def test_nothing_is_left_to_compile_when_a_run_begins(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", COMPILED_LATE, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S)
+    assert done.stdout.strip() == "True set()"

@@ -11,6 +11,7 @@ import pytest
 
 from agribot.cli import main
 from tests.ui.client import Browser, Page
+from tests.waiting import PATIENCE_S
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "03_panels_of_your_own.py"
 AGRIBOT = (sys.executable, "-m", "agribot.cli")
@@ -23,7 +24,9 @@ def run_in_a_script(
 ) -> tuple[Path, subprocess.CompletedProcess[str]]:
     out = tmp_path_factory.mktemp("runs") / "run"
     words = ["--ui", "--port", "0", "--for", "4", "--out", str(out)]
-    done = subprocess.run([*RUN, *words], capture_output=True, text=True, check=False, timeout=90)
+    done = subprocess.run(
+        [*RUN, *words], capture_output=True, text=True, check=False, timeout=PATIENCE_S
+    )
     return out, done
 
 
@@ -97,7 +100,11 @@ def test_a_port_that_is_taken_is_said_before_anything_moves(tmp_path: Path) -> N
 
 def test_the_example_adds_its_panels() -> None:
     done = subprocess.run(
-        [sys.executable, str(EXAMPLE)], capture_output=True, text=True, check=False, timeout=60
+        [sys.executable, str(EXAMPLE)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE_S,
     )
     assert done.returncode == 0, done.stderr
     assert "1 marks" in done.stdout
@@ -109,7 +116,7 @@ def test_the_benchmark_counts_states_and_ticks() -> None:
         capture_output=True,
         text=True,
         check=False,
-        timeout=60,
+        timeout=PATIENCE_S,
     )
     assert done.returncode in {0, 1}, done.stderr  # a busy machine is slower than it should be
     result = json.loads(done.stdout.splitlines()[-1])

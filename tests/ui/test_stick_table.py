@@ -12,6 +12,7 @@ from agribot.ui.joystick import JoystickState
 from agribot.ui.stick_table import REQUESTS, TableHand, read_table
 from tests.ui.conftest import Robot
 from tests.ui.test_teleop import event, teleop
+from tests.waiting import PATIENCE_S
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "teleop.yaml"
 BUTTON, AXIS, AT_START = 0x01, 0x02, 0x80
@@ -159,7 +160,7 @@ def test_a_gamepad_with_a_table_drives_and_asks_a_real_server(robot: Robot, tmp_
         robot.wait_for(lambda order: order.get("action") == "pause", 60.0)
         robot.wait_for(lambda order: order.get("action") == "stop", 60.0)
         os.close(stick)
-        _, errors = process.communicate(timeout=60.0)
+        _, errors = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 2
         assert "skip_row: done" in errors
         robot.wait_for(lambda _: robot.of_kind("drive")[-1]["v"] == 0.0)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TextIO
 
 from agribot.messages import TickRecord
@@ -11,6 +14,19 @@ from agribot.weeds.map import WeedMap
 BAR_WIDTH = 24
 BAR_EVERY_S = 0.5  # simulated
 LINE_EVERY_S = 20.0
+UNEXPLAINED_S = 3.0  # people wait so long without wondering
+
+
+@contextmanager
+def explained(text: str, after_s: float = UNEXPLAINED_S) -> Iterator[None]:
+    """What takes longer than this says on stderr what it is."""
+    timer = threading.Timer(after_s, sys.stderr.write, [f"{text}\n"])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 class Progress:

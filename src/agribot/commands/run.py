@@ -13,7 +13,7 @@ from agribot.bridge.source_uri import places
 from agribot.commands import bridging, sensor_sources
 from agribot.commands.pacing import pace_from
 from agribot.commands.page import Pacer, add_page_arguments, opened, stay, stays_open, wants_page
-from agribot.commands.progress import Progress
+from agribot.commands.progress import Progress, explained
 from agribot.commands.run_settings import add_setting_arguments, out_dir_of, settings_of
 from agribot.commands.stopping import stop_on_signal
 from agribot.config import RunConfig
@@ -24,6 +24,11 @@ from agribot.gis.plan_file import plan_text
 from agribot.mission_file import read_mission, resumed
 from agribot.record.report import Report, write_file
 from agribot.session import Session
+
+STARTING = (
+    "starting the simulator; the first start on a machine compiles it, which takes about half a "
+    "minute"
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,7 +64,9 @@ def run(options: argparse.Namespace) -> int:
     out_dir = out_dir_of(options.out, Path(config.profile).stem)
     if options.field is not None:
         config = _with_field(config, options, out_dir)
-    with Session(config, out_dir, saved) as session, ExitStack() as parts:
+    with explained(STARTING):
+        made = Session(config, out_dir, saved)
+    with made as session, ExitStack() as parts:
         odd = (*session.robot.warnings, *session.world.warnings)
         sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
         page = parts.enter_context(opened(options, session)) if wants_page(options) else None

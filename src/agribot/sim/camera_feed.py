@@ -18,7 +18,7 @@ from agribot.sim.state import WHEEL_ANGLE
 from agribot.world import WorldSpec
 
 if TYPE_CHECKING:
-    from agribot.sim.camera import CameraRenderer
+    from agribot.sim.camera import CameraRenderer, Rendering
 
 KEPT_MASKS = 20
 _LOG = logging.getLogger(__name__)
@@ -27,7 +27,8 @@ _LOG = logging.getLogger(__name__)
 class CameraFeed:
     """`noise` is the stream of the per-frame noise seeds, or None for clean images.
 
-    With `has_body` the robot itself and its shadow are in the picture.
+    With `has_body` the robot itself and its shadow are in the picture. The renderer is compiled
+    when this returns: the first picture takes no longer than any other.
     """
 
     def __init__(
@@ -50,24 +51,30 @@ class CameraFeed:
         self._noise = noise
         self._index = 0
         self._masks: OrderedDict[int, ByteArray] = OrderedDict()
+        self._draw(transform((0.0, 0.0, robot.base_height_m)), None if noise is None else 0, None)
 
     def sample(self, t_s: float, row: FloatArray) -> CameraFrame:
         """Render the view from one row of the physics history."""
-        base, body = map_from_base(row), self._base_from_body
         seed = None if self._noise is None else int(self._noise.integers(2**31))
-        picture = self._renderer.render(
-            base @ self._base_from_camera,
-            self._camera,
-            noise_seed=seed,
-            map_from_body=None if body is None else base @ body,
-            wheel_angles_rad=None if body is None else row[WHEEL_ANGLE].tolist(),
-        )
+        picture = self._draw(map_from_base(row), seed, row[WHEEL_ANGLE].tolist())
         frame = CameraFrame(t_s=t_s, index=self._index, image_rgb=picture.image_rgb)
         self._masks[self._index] = picture.class_id
         if len(self._masks) > KEPT_MASKS:
             self._masks.popitem(last=False)
         self._index += 1
         return frame
+
+    def _draw(
+        self, base: FloatArray, noise_seed: int | None, wheel_angles_rad: list[float] | None
+    ) -> Rendering:
+        body = self._base_from_body
+        return self._renderer.render(
+            base @ self._base_from_camera,
+            self._camera,
+            noise_seed=noise_seed,
+            map_from_body=None if body is None else base @ body,
+            wheel_angles_rad=None if body is None else wheel_angles_rad,
+        )
 
     def truth_mask(self, frame_index: int) -> ByteArray | None:
         """True class ids of a recent frame, (height, width); None when it is too old."""

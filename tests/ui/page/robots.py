@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-END_TIMEOUT_S = 30.0
+from tests.waiting import PATIENCE_S
 
 
 class Robot(msgspec.Struct, kw_only=True):
@@ -23,7 +23,7 @@ class Robot(msgspec.Struct, kw_only=True):
     def end(self) -> int:
         """Interrupt it as Ctrl-C does; its exit status."""
         self.process.send_signal(signal.SIGINT)
-        self.process.communicate(timeout=END_TIMEOUT_S)
+        self.process.communicate(timeout=PATIENCE_S)
         return self.process.returncode
 
 

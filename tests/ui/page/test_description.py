@@ -32,7 +32,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 def page(browser: Browser, robot: Robot) -> Page:
     page = browser.new_page(viewport={"width": 1280, "height": 800}, locale="en")
     page.goto(robot.address)
-    expect(page.get_by_role("slider").first).to_be_visible(timeout=60_000)
+    expect(page.get_by_role("slider").first).to_be_visible()
     return page
 
 

@@ -72,7 +72,7 @@ def test_a_place_beyond_the_fence_is_refused_with_the_reason(page: Page) -> None
     until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1")
     page.get_by_role("button", name="Drive to a place").click()
     tap(page, 60.0, 0.0)
-    expect(page.locator(".toast", has_text="beyond the fence")).to_be_visible(timeout=60_000)
+    expect(page.locator(".toast", has_text="beyond the fence")).to_be_visible()
 
 
 def test_the_robot_drives_to_the_place_that_was_drawn_and_waits(page: Page) -> None:
@@ -91,7 +91,7 @@ def test_a_standing_robot_believes_the_pose_that_was_drawn_and_then_its_sensors(
     assert before < 0.05
     page.get_by_role("button", name="Correct the robot’s pose").click()
     draw_north(page, *page.evaluate(f"{STATE}.pose.slice(0, 2)"))
-    expect(page.locator(".toast", has_text="Pose corrected")).to_be_visible(timeout=60_000)
+    expect(page.locator(".toast", has_text="Pose corrected")).to_be_visible()
     until(page, f"{STATE}.std[0] < 0.05 && Math.abs({STATE}.vel[0]) < 0.01")
 
 
@@ -99,7 +99,7 @@ def test_a_checked_plan_becomes_the_mission(page: Page, robot: Robot) -> None:
     show(page, "plan")
     page.get_by_label("Field file").set_input_files(FIELD)
     page.get_by_role("button", name="Check plan").click()
-    expect(page.locator(".tag.good")).to_be_visible(timeout=60_000)
+    expect(page.locator(".tag.good")).to_be_visible()
     page.get_by_role("button", name="Use this plan").click()
     page.get_by_role("dialog").get_by_role("button", name="Use this plan").click()
     until(page, f"{STATE}.mission.reason.includes('new plan')")

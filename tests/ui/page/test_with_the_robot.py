@@ -164,7 +164,7 @@ def test_a_changed_speed_slows_the_mission(page: Page) -> None:
 
 def test_plants_are_mapped_as_the_robot_passes_them(page: Page) -> None:
     on_its_mission(page)
-    until(page, "window.__agribot.counters.weeds >= 3", patience_s=60.0)
+    until(page, "window.__agribot.counters.weeds >= 3")
     show(page, "weeds")
     expect(page.locator("main")).to_contain_text(re.compile(r"[1-9]\d* of [1-9]\d* plants"))
 
