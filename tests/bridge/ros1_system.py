@@ -33,7 +33,7 @@ class Ros1:
         }
         self.processes: list[subprocess.Popen[str]] = []
         self.core = self.start("roscore", "-p", str(port))
-        wait_for(self.answers, "the ROS 1 master", 60.0)
+        wait_for(self.answers, "the ROS 1 master")
 
     def publishers(self) -> dict[str, list[str]]:
         """Topic -> nodes."""

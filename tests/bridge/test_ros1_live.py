@@ -85,7 +85,7 @@ def robot(ros1: Ros1) -> Iterator[Robot]:
 
 
 def _driving_until(robot: Robot, process: subprocess.Popen[str], what: str) -> str:
-    wait_for(lambda: robot.drive_on() and process.poll() is not None, what, 60.0)
+    wait_for(lambda: robot.drive_on() and process.poll() is not None, what)
     assert process.stdout is not None
     return process.stdout.read()
 
@@ -95,13 +95,13 @@ def test_rosbag_records_every_topic_with_the_values_sent(ros1: Ros1, robot: Robo
     bag = ros1.folder / "run.bag"
     recorder = ros1.start("rosbag", "record", "-O", str(bag), *names)
 
-    wait_for(lambda: robot.drive_on() and not robot.gateway.unheard, "rosbag to listen", 60.0)
+    wait_for(lambda: robot.drive_on() and not robot.gateway.unheard, "rosbag to listen")
     for _ in range(80):
         robot.drive_on()
     os.killpg(recorder.pid, signal.SIGINT)
-    recorder.wait(60)
+    recorder.wait(PATIENCE_S)
     # The wrapper may end before the recorder proper has closed its file and renamed it.
-    wait_for(bag.exists, "rosbag to close its file", 60.0)
+    wait_for(bag.exists, "rosbag to close its file")
     with AnyReader([bag]) as reader:
         found = {c.topic: c.msgtype for c in reader.connections}
         missing = {name for name in names if name not in found}
@@ -154,7 +154,7 @@ def test_rostopic_pub_drives_the_robot(ros1: Ros1, robot: Robot) -> None:
         got.extend((h.v_mps, h.yaw_rate_radps, h.source) for h in robot.inbox.drain(1.0)[1])
         return len(got) >= 3
 
-    wait_for(heard, "twists from rostopic", 60.0)
+    wait_for(heard, "twists from rostopic")
     os.killpg(pub.pid, signal.SIGINT)
     assert {(v, w) for v, w, _ in got} == {(0.3, -0.2)}
     assert got[0][2].startswith("ROS 1 node /rostopic")
@@ -219,4 +219,4 @@ def test_a_sensor_may_be_a_topic_of_ros1(ros1: Ros1) -> None:
         got: Any = first(lambda: source.take(9.0), "a fix")
         assert (got.lat_deg, got.lon_deg, got.alt_m) == (21.25, 72.75, 4.5)
         ros1.start("rostopic", "pub", "-r", "20", "/their/fix", "std_msgs/Float64", "1.0")
-        wait_for(lambda: any("Float64" in text for text in said), "the refusal", 60.0)
+        wait_for(lambda: any("Float64" in text for text in said), "the refusal")

@@ -21,7 +21,7 @@ from agribot.commands import bridging
 from agribot.ros import rosmsg
 from agribot.session import Session
 from tests.bridge.live import Talk, free_port, zenoh_peer
-from tests.waiting import wait_for
+from tests.waiting import PATIENCE_S, wait_for
 
 MARK = wire.pack_attachment(1, 0, bytes(range(16))).hex()
 TYPES = service_types()
@@ -122,7 +122,7 @@ def robot(out_dir: Path, *arguments: str) -> Iterator[Client]:
                 yield Client(talk, session)
             finally:
                 over.set()
-                driver.join(60.0)
+                driver.join(PATIENCE_S)
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,7 @@ from agribot.errors import ConfigError
 from agribot.messages import DriveCommand, SensorBatch
 from agribot.record.replay import read_truth
 from agribot.sim.platform import SimPlatform
+from tests.waiting import PATIENCE_S
 
 
 def simulate(
@@ -121,12 +122,12 @@ def test_a_robot_that_overturns_ends_the_run_with_status_one_and_a_reason(
 def test_live_lines_keep_the_newest_and_report_a_typing_error() -> None:
     complaints = io.StringIO()
     live = Live(io.StringIO("0.1 0\n\nfast\n0.4 -0.2\n"), complaints)
-    live._thread.join(5.0)
+    live._thread.join(PATIENCE_S)
     assert live.at(0.02) == DriveCommand(v_mps=0.4, yaw_rate_radps=-0.2)
     assert live.at(0.04) is None
     assert "passed over 'fast'" in complaints.getvalue()
     holding = Live(io.StringIO("0.1 0\n"), complaints, hold=True)
-    holding._thread.join(5.0)
+    holding._thread.join(PATIENCE_S)
     assert holding.at(0.02) == holding.at(9.0) == DriveCommand(v_mps=0.1)
 
 

@@ -62,7 +62,7 @@ def test_a_robot_that_stays_is_driven_by_hand_after_its_mission(tmp_path: Path) 
             assert state["mode"] == "teleop"
             process.send_signal(signal.SIGINT)
             assert page.receive("bye")["reason"]
-        assert process.wait(20.0) == 1
+        assert process.wait(PATIENCE_S) == 1
     finally:
         process.kill()
         process.communicate()
@@ -87,7 +87,7 @@ def test_a_recording_is_shown_without_a_robot(
             assert page.receive("s")["mode"] == "replay"
             assert not page.ask(k="take", id=1)["ok"]
             process.send_signal(signal.SIGTERM)  # with its lines open
-            assert process.wait(20.0) == 0
+            assert process.wait(PATIENCE_S) == 0
     finally:
         process.kill()
         process.communicate()

@@ -21,7 +21,7 @@ def answering(robot: Robot, action: str, recording: str) -> threading.Thread:
     """The robot's end: tells of the recording once it was asked for."""
 
     def run() -> None:
-        robot.wait_for(lambda order: order.get("action") == action, 60.0)
+        robot.wait_for(lambda order: order.get("action") == action)
         state = {"k": "s", "n": 1, "t": 1.0, "mode": "mission", "recording": recording}
         robot.say(state)
 

@@ -141,7 +141,7 @@ def answered(robot: Robot, browser: Browser, value: dict[str, Any]) -> tuple[int
     """Ask for a frame; the robot's program answers with `value`."""
 
     def run() -> None:
-        asked = robot.wait_for(lambda order: order.get("name") == "save_frame", 60.0)
+        asked = robot.wait_for(lambda order: order.get("name") == "save_frame")
         robot.say({"k": "reply", "number": asked["number"], "value": value})
 
     thread = threading.Thread(target=run)

