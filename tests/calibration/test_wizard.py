@@ -145,18 +145,18 @@ def test_whatever_else_is_asked_of_the_robot_ends_it_at_once(bench: Bench, actio
 
 
 def test_a_hand_and_the_loss_of_the_operator_end_it(bench: Bench) -> None:
-    takes: tuple[Callable[[], None], ...] = (
-        lambda: bench.session.platform.inbox.drive(0.1, 0.0, "Bert"),
-        lambda: bench.wizard.interrupt("loss of the page"),
-    )
-    for take in takes:
+    takes: dict[str, Callable[[], None]] = {
+        "Bert took the robot": lambda: bench.session.platform.inbox.drive(0.1, 0.0, "Bert"),
+        "Ann is not heard": lambda: bench.wizard.interrupt("Ann is not heard any more"),
+    }
+    for reason, take in takes.items():
         bench.stand_ready()
         bench.tick_until(lambda record: abs(record.estimate.v_mps) < 0.01)
         assert bench.do("start", "motors")["refusal"] == ""
         bench.tick_until(lambda record: record.command.drive.v_mps > 0.2)
         take()
         bench.tick_until(lambda _: bench.phase() == "failed")
-        assert "took the robot" in bench.do("look")["now"]["reason"]
+        assert reason in bench.do("look")["now"]["reason"]
 
 
 def test_it_is_refused_while_a_mission_runs_or_a_stop_holds(bench: Bench) -> None:

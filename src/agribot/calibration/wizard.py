@@ -54,18 +54,18 @@ class Wizard:
                 self._listen(event)
             hand = record.batch.hand
             if hand and hand[-1].source != self._source:
-                self.interrupt(hand[-1].source)
+                self.interrupt(f"{hand[-1].source} took the robot")
             if self._phase == "driving" and (objection := self._objection(record)):
                 self._fail(objection)
             if self._phase == "driving":
                 self._drive.driven.scenes.extend(record.scenes)
                 self._drive_on(record.batch)
 
-    def interrupt(self, by: str) -> None:
+    def interrupt(self, why: str) -> None:
         """Somebody else drives, or nobody watches any more: the robot is not ours."""
         with self._lock:
             if self._phase == "driving":
-                self._fail(f"{by} took the robot")
+                self._fail(why)
 
     def shown(self) -> dict[str, Any] | None:
         """How far it is, for every state that a page gets; None while nothing is going on."""

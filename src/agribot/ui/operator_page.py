@@ -144,7 +144,7 @@ class OperatorPage:
             self._ready.set()
 
     def _hand(self, v_mps: float, yaw_rate_radps: float, by: str) -> None:
-        self._wizard.interrupt(by)
+        self._wizard.interrupt(f"{by} took the robot")
         self._inbox.drive(v_mps, yaw_rate_radps, by)
         self._is_hand_moving = bool(v_mps or yaw_rate_radps)
         if self._is_hand_moving:
@@ -156,6 +156,7 @@ class OperatorPage:
             self._hand(0.0, 0.0, "page, silent")
 
     def _operator_lost(self, who: str) -> None:
+        self._wizard.interrupt(f"{who} is not heard any more")
         self._hand(0.0, 0.0, who)
         if self._pauses_when_lost:
             self._inbox.post(OperatorEvent(t_s=0.0, action="pause", source=f"loss of {who}"))

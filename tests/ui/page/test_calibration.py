@@ -20,8 +20,15 @@ WORDS = [
     "mission.waits_for_goals=true", "perception.enabled=false",
 ]  # fmt: skip
 STATE = "window.__agribot.state()"
-PHASE = f"{STATE}?.calibration?.phase"
+CALIBRATION = f"{STATE}?.calibration"
+PHASE = f"{CALIBRATION}?.phase"
+IS_OVER = f"!['driving', 'computing'].includes({PHASE})"
+ATTEMPTS = 8
 IS_STILL = f"Math.abs({STATE}.vel[0]) < 0.02"
+FEW_SEEN = (
+    "/^[1-6] of 36 directions seen$/.test("
+    "document.querySelector('.coverage-ring')?.getAttribute('aria-label'))"
+)
 WEDGES = "document.querySelectorAll('.coverage-ring .seen').length"
 FITS = """['.coverage-ring', '.error-plot'].every(name => {
     const box = document.querySelector(name).getBoundingClientRect()
@@ -67,23 +74,37 @@ def opened(page: Page, robot: Robot) -> Page:
     return page
 
 
-def start(page: Page, title: str) -> None:
-    page.get_by_role("button", name=f"Calibrate: {title}").click()
-    expect(page.get_by_role("dialog")).to_contain_text("STOP, Cancel")
-    page.get_by_role("button", name="Drive now").click()
-    until(page, f"{PHASE} === 'driving'")
+def drive(page: Page, title: str, *sights: str) -> None:
+    """Until each sight was seen, one after the other.
+
+    Begun again, as by a person, where the page stuttered: its robot does not go on without an
+    operator, and a sight may be over before it is shown.
+    """
+    left = list(sights)
+    for _ in range(ATTEMPTS):
+        page.evaluate(POST, ["cancel", {}])  # forgets how the one before ended
+        until(page, f"!{PHASE} && {IS_STILL}")
+        page.get_by_role("button", name=f"Calibrate: {title}").click()
+        expect(page.get_by_role("dialog")).to_contain_text("STOP, Cancel")
+        page.get_by_role("button", name="Drive now").click()
+        until(page, PHASE)
+        while left and until(page, f"{left[0]} ? 'seen' : {IS_OVER} && 'over'") == "seen":
+            left.pop(0)
+        if not left:
+            return
+    raise AssertionError(f"{left[0]}; at last {page.evaluate(CALIBRATION)}")
 
 
 def test_the_compass_is_measured_taken_over_and_taken_back(page: Page, home: Path) -> None:
-    start(page, "Compass")
-    card = page.locator(".calibration")
-    until(page, f"{STATE}.calibration.share > 0.1")
-    assert page.evaluate("document.querySelector('.calibration progress').value") > 0.05
-    ring = page.locator(".coverage-ring")
-    expect(ring).to_have_attribute("aria-label", re.compile(r"^[1-6] of 36 directions seen$"))
-    until(page, f"{STATE}.calibration.motion === 'spin left'")
-    until(page, f"{PHASE} === 'driving' && {WEDGES} > 9 && {WEDGES} < 36")  # fills under way
-    until(page, f"{PHASE} === 'found'")
+    drive(
+        page,
+        "Compass",
+        f"document.querySelector('.calibration progress')?.value > 0.05 && {FEW_SEEN}",
+        f"{CALIBRATION}?.motion === 'spin left'",
+        f"{PHASE} === 'driving' && {WEDGES} > 9 && {WEDGES} < 36",  # fills under way
+        f"{PHASE} === 'found'",
+    )
+    card, ring = page.locator(".calibration"), page.locator(".coverage-ring")
     expect(ring).to_have_attribute("aria-label", "36 of 36 directions seen")
     plot = page.locator(".error-plot")
     expect(plot).to_have_attribute("aria-label", re.compile(r"by direction: up to [\d.]+° before"))
@@ -104,8 +125,7 @@ def test_the_compass_is_measured_taken_over_and_taken_back(page: Page, home: Pat
 
 
 def test_stop_ends_it_at_once(page: Page) -> None:
-    start(page, "Motors")
-    until(page, f"{STATE}.cmd[0] > 0.2")
+    drive(page, "Motors", f"{STATE}.cmd[0] > 0.2")
     page.locator("#stop").click()
     until(page, f"{STATE}.cmd[0] === 0 && {IS_STILL}")
     expect(page.locator(".calibration")).to_contain_text("not finished: ended by 'stop'")
@@ -115,8 +135,7 @@ def test_stop_ends_it_at_once(page: Page) -> None:
 
 
 def test_cancel_brings_the_robot_to_rest_and_changes_nothing(page: Page, home: Path) -> None:
-    start(page, "Wheels and turning")
-    until(page, f"{STATE}.cmd[0] > 0.3")
+    drive(page, "Wheels and turning", f"{STATE}.cmd[0] > 0.3")
     page.get_by_role("button", name="Cancel").click()
     until(page, f"{PHASE} === 'failed' && {STATE}.cmd[0] === 0 && {IS_STILL}")
     expect(page.locator(".calibration")).to_contain_text("cancelled by")
@@ -127,8 +146,7 @@ def test_cancel_brings_the_robot_to_rest_and_changes_nothing(page: Page, home: P
 def test_without_its_operator_the_robot_does_not_go_on(
     page: Page, robot: Robot, browser: Browser, how: str
 ) -> None:
-    start(page, "Wheels and turning")
-    until(page, f"{STATE}.cmd[0] > 0.3")
+    drive(page, "Wheels and turning", f"{STATE}.cmd[0] > 0.3")
     context = browser.new_context(locale="en")
     other = opened(context.new_page(), robot)
     if how == "the operator is gone":
@@ -137,7 +155,9 @@ def test_without_its_operator_the_robot_does_not_go_on(
         other.get_by_role("button", name="Operator").click()
         other.get_by_role("dialog").get_by_role("button", name="Take over").click()
     until(other, f"{PHASE} === 'failed' && {STATE}.cmd[0] === 0 && {IS_STILL}")
-    expect(other.locator(".calibration")).to_contain_text("took the robot")
+    expect(other.locator(".calibration")).to_contain_text(
+        re.compile(r"(took the robot|is not heard any more)\.")
+    )
     context.close()
 
 
