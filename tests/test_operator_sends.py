@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Callable
@@ -131,3 +132,20 @@ def test_another_plan_replaces_the_mission_and_is_judged_in_its_place(tmp_path: 
     assert main(["report", str(out / "run.mcap"), "-o", str(out / "again")]) == 0
     assert table_rows(out / "again") == table_rows(out) == len(session.rows)
     assert main(["replay", str(out / "run.mcap")]) == 0
+
+
+def test_a_robot_that_has_done_its_work_does_it_once_more(tmp_path: Path) -> None:
+    settings = config.load("farm", [*SETTINGS, "duration_s=110"])
+    with Session(settings, tmp_path / "run") as session:
+        for _ in session.ticks():
+            pass
+        report = session.finish()
+        session.platform.inbox.post(OperatorEvent(t_s=0.0, action="start", source="Ada"))
+        again = [next(record for record in session.idle() if record.status.state == "running")]
+        again += itertools.takewhile(lambda record: not is_done(record), session.idle())
+        truth = session.platform.truth()
+    assert report.ok, report.reason
+    assert again[0].status.rows_done == ()
+    assert again[-1].status.rows_done == (0,)
+    x_m, y_m = session.rows[0].start_map_m  # there it began the first time
+    assert math.dist((truth.x_map_m, truth.y_map_m), (x_m, y_m)) < 1.5

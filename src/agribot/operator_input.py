@@ -14,6 +14,7 @@ import msgspec
 
 T = TypeVar("T")
 
+# "start" begins a mission that has ended once more; one that is paused it resumes.
 # A note changes nothing: it is what a person or a page wants to have in the recording.
 # "set" changes one of LIVE_SETTINGS, named in `text`, to `value`.
 # "pose_estimate" tells a standing robot in `numbers` where it is: x and y (m, map), yaw (rad),
@@ -23,8 +24,8 @@ T = TypeVar("T")
 # "plan" gives a standing robot the field plan in `text` (GeoJSON) as its new mission.
 # "mark" marks this moment in the recording with `text`; the two of recording begin and end one.
 OperatorAction = Literal[
-    "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home", "note", "set",
-    "pose_estimate", "goto", "visit", "plan", "mark", "start_recording", "stop_recording",
+    "start", "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home", "note",
+    "set", "pose_estimate", "goto", "visit", "plan", "mark", "start_recording", "stop_recording",
 ]  # fmt: skip
 LIVE_SETTINGS = ("mission.speed_mps", "treatment.enabled")
 

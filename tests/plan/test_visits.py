@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pytest
 
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
@@ -46,10 +47,11 @@ class Drive:
 
     def __init__(self, *, waits: bool = False, only_from_m: float = 0.0) -> None:
         def plan(estimate: Estimate) -> Path:
-            if estimate.x_map_m < only_from_m:
+            if estimate.x_map_m < self.only_from_m:
                 raise MissionError("put the robot elsewhere")
             return ahead(estimate, 10.0)
 
+        self.only_from_m = only_from_m
         config = MissionConfig(waits_for_goals=waits)
         self.mission = Mission(Task(plan), config, new_tasks=NewTasks(no_plan, visiting))
         self.t_s = self.x_m = 0.0
@@ -97,6 +99,38 @@ def test_a_robot_that_has_ended_can_be_sent_on() -> None:
     drive.settle()
     assert drive.ask("cancel").status.state == "cancelled"
     drive.ask("visit", 1.0, 0.0)
+    assert drive.settle().status.state == "running"
+
+
+def test_a_mission_that_has_ended_begins_once_more_from_where_the_robot_stands() -> None:
+    drive = Drive()
+    drive.mission.stay_open()
+    drive.settle()
+    assert drive.drive_to(10.0).status.state == "done"
+    drive.ask("resume")  # of what has ended, nothing is left to resume
+    assert drive.settle().status.state == "done"
+    drive.ask("start")
+    status = drive.settle().status
+    assert (status.state, status.s_m) == ("running", 0.0)
+    assert status.length_m == pytest.approx(10.0)
+    assert drive.drive_to(20.0).status.state == "done"
+
+
+def test_a_start_without_a_way_waits_for_a_better_place_and_one_under_a_stop_for_its_end() -> None:
+    drive = Drive()
+    drive.mission.stay_open()
+    drive.settle()
+    drive.ask("cancel")
+    drive.ask("stop")
+    drive.ask("start")
+    assert drive.settle().status.state == "cancelled"
+    drive.ask("clear_stop")
+    drive.only_from_m = 1.0
+    drive.ask("start")
+    status = drive.settle().status
+    assert (status.state, status.reason) == ("paused", "not resumed: put the robot elsewhere")
+    drive.x_m = 1.0
+    drive.ask("start")
     assert drive.settle().status.state == "running"
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from agribot.errors import ConfigError
-from agribot.ui.commands import MISSION_ACTIONS, PLAIN_ACTIONS, RECORD_ACTIONS
+from agribot.ui.commands import MISSION_ACTIONS, RECORD_ACTIONS
 from agribot.ui.hand import STILL
 from agribot.ui.joystick import JoystickState
 from agribot.ui.stick_table import REQUESTS, TableHand, read_table
@@ -87,7 +87,7 @@ def test_a_tap_between_two_looks_counts_and_a_button_held_from_the_start_does_no
 
 def test_the_table_knows_every_request_that_the_page_may_make() -> None:
     missions = {m["action"] for m in REQUESTS.values() if m["k"] == "mission"}
-    assert missions == {*PLAIN_ACTIONS, *MISSION_ACTIONS}
+    assert missions == {*MISSION_ACTIONS}
     assert {m["action"] for m in REQUESTS.values() if m["k"] == "record"} == {*RECORD_ACTIONS}
 
 

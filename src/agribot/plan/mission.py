@@ -17,7 +17,7 @@ from agribot.plan.saved_mission import check_not_carried_away
 from agribot.plan.task import Task
 
 # Heard after the end by a mission that stays open.
-AFTER_THE_END = ("goto", "return_home", "visit", "plan", "stop", "clear_stop")
+AFTER_THE_END = ("start", "goto", "return_home", "visit", "plan", "stop", "clear_stop")
 
 
 class Mission(Driving):
@@ -58,8 +58,10 @@ class Mission(Driving):
                 self._refusal = "goal refused: the robot is stopped; clear the stop first"
         elif event.action == "pause":
             self._pause(f"paused by {event.source}")
-        elif event.action == "resume" and self._state == "paused":
+        elif event.action in ("start", "resume") and self._state == "paused":
             self._resume()
+        elif event.action == "start" and self._state in FINAL:
+            self._begin_anew()
         elif event.action == "return_home":
             self._turn_home(event.source)
         elif event.action == "goto":
@@ -83,6 +85,13 @@ class Mission(Driving):
             return
         self._is_resumed = True
         self._run_on("running" if way else "waiting")
+
+    def _begin_anew(self) -> None:
+        """The whole task once more, planned from where the robot stands."""
+        self._job, self._errands = Job(self.task, self._config), Errands()
+        self._ended, self._ok_since_s = None, None
+        self._is_resumed = True
+        self._run_on("waiting")
 
     def _turn_home(self, source: str) -> None:
         errands = self._errands

@@ -20,8 +20,7 @@ FIRST_SCALE = 0.5
 SHAPES = ("polygon", "route")
 MAX_CORNERS = 500
 POSE_STD_M, POSE_STD_RAD = 0.3, 0.1  # of a place and a direction shown with a finger on a map
-MISSION_ACTIONS = {"start": "resume"}  # a mission starts by itself; after a pause it resumes
-PLAIN_ACTIONS = ("pause", "resume", "cancel", "skip_row", "return_home")
+MISSION_ACTIONS = ("start", "pause", "resume", "cancel", "skip_row", "return_home")
 RECORD_ACTIONS = {"start": "start_recording", "stop": "stop_recording"}
 
 
@@ -125,10 +124,9 @@ class Commands:
         self._operate(message, "clear_stop")
 
     def _on_mission(self, message: dict[str, Any]) -> None:
-        wanted = str(message.get("action"))
-        action = MISSION_ACTIONS.get(wanted, wanted)
-        if action not in PLAIN_ACTIONS:
-            self._ack(message, f"this version of the mission knows no '{wanted[:40]}'")
+        action = str(message.get("action"))
+        if action not in MISSION_ACTIONS:
+            self._ack(message, f"this version of the mission knows no '{action[:40]}'")
             return
         self._operate(message, action)
 

@@ -22,6 +22,7 @@ MISSION_STATES = {
     "stopped": "paused",
     "teleop": "paused",
     "waiting": "waiting",
+    "done": "done",
 }
 
 
@@ -142,7 +143,7 @@ class FakeRobot:
                 "pause": "paused",
                 "resume": "mission",
                 "start": "mission",
-                "cancel": "waiting",
+                "cancel": "done",
             }
             self.mode = modes.get(message["action"], self.mode)
         return (

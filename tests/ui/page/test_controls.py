@@ -89,7 +89,7 @@ def test_everything_that_can_be_worked_is_reached_by_the_tab_key(
         assert left_out == [], screen
 
 
-def test_the_mission_begins_skips_and_goes_home_only_when_asked_twice(
+def test_the_mission_skips_goes_home_and_begins_once_more_only_when_asked_twice(
     open_page: OpenPage, server: FakeServer
 ) -> None:
     page = open_page()
@@ -98,14 +98,14 @@ def test_the_mission_begins_skips_and_goes_home_only_when_asked_twice(
     page.locator("[data-action=return_home]").click()
     page.get_by_role("dialog").get_by_role("button", name="Return home").click()
     wait_for(lambda: len(commands(server, "mission")) == 2, "both commands")
-    server.robot.mode = "waiting"
+    server.robot.mode = "done"
     page.locator("[data-action=start]").click()
-    asked = page.get_by_role("dialog", name="Start?")
-    expect(asked).to_contain_text(re.compile(r"\d+(\.\d+)? m, about \d+:\d\d min, 6 rows"))
+    asked = page.get_by_role("dialog", name="Start again?")
+    expect(asked).to_contain_text(re.compile(r"once more, from where it stands: 6 rows\."))
     asked.get_by_role("button", name="Cancel").click()
     assert len(commands(server, "mission")) == 2
     page.locator("[data-action=start]").click()
-    asked.get_by_role("button", name="Start").click()
+    asked.get_by_role("button", name="Start again").click()
     wait_for(lambda: len(commands(server, "mission")) == 3, "the start")
     sent = [command["action"] for command in commands(server, "mission")]
     assert sent == ["skip_row", "return_home", "start"]

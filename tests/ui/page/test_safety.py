@@ -261,4 +261,4 @@ def test_the_mission_buttons_send_what_they_say(open_page: OpenPage, server: Fak
     wait_for(lambda: len(commands(server, "mission")) == 3, "three mission commands")
     sent = [command["action"] for command in commands(server, "mission")]
     assert sent == ["pause", "resume", "cancel"]
-    expect(page.locator(".mode")).to_have_text("Waiting")
+    expect(page.locator(".mode")).to_have_text("Done")

@@ -2,7 +2,6 @@
 
 import type { App } from '../app.ts'
 import { el } from '../dom.ts'
-import { duration, metres } from '../format.ts'
 import type { IconName } from '../icons.ts'
 import { icon } from '../icons.ts'
 import { seatButton } from '../shell/seat.ts'
@@ -11,7 +10,7 @@ import type { MissionAction, Mode } from '../wire.ts'
 interface Action { action: MissionAction; label: string; icon: IconName; in: Mode[]; kind?: 'primary' | 'danger'; ask?: boolean }
 
 const ACTIONS: Action[] = [
-  { action: 'start', label: 'Start', icon: 'play', in: ['waiting', 'done'], kind: 'primary', ask: true },
+  { action: 'start', label: 'Start again', icon: 'play', in: ['done'], kind: 'primary', ask: true },
   { action: 'pause', label: 'Pause', icon: 'pause', in: ['mission'], kind: 'primary' },
   { action: 'resume', label: 'Resume', icon: 'play', in: ['paused', 'teleop'], kind: 'primary' },
   { action: 'skip_row', label: 'Skip row', icon: 'skip', in: ['mission', 'paused'] },
@@ -47,12 +46,14 @@ export class MissionButtons {
   }
 
   private confirmed(action: Action): Promise<boolean> {
-    const mission = this.app.store.state?.mission
+    const state = this.app.store.state
+    const count = state?.mission?.rows_total ?? 0
+    const rows = count ? `: ${count} ${count === 1 ? 'row' : 'rows'}` : ''
     const body = action.action === 'cancel'
       ? 'The robot stops where it is and the mission ends. The recording is kept.'
       : action.action === 'return_home'
         ? 'The robot leaves its mission and drives back to where it started.'
-        : `The robot starts to drive by itself: ${metres(mission?.length_m)}, about ${duration(mission?.eta_s)} min, ${mission?.rows_total ?? 0} rows. Make sure nobody is in its way.`
+        : `The robot does its whole mission once more, from where it stands${rows}. Make sure nobody is in its way.${state?.recording ? '' : ' Nothing is recorded now; begin a recording first where you want one.'}`
     return this.app.dialogs.confirm(`${action.label}?`, [body], action.label, action.kind ?? 'primary')
   }
 }
