@@ -1,8 +1,9 @@
-"""A run that is sent to a place and says in every tick where it is; somebody kills it there."""
+"""A run that is sent to a place and dies on its way there, as by kill -9."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -20,7 +21,9 @@ def main() -> None:
             if round(record.batch.t_s, 2) == 7.0:
                 event = OperatorEvent(t_s=0.0, action="goto", source="Ada", numbers=GOAL)
                 session.platform.post(event)
-            os.write(1, f"{record.status.leg} {record.status.s_m:.2f}\n".encode())
+            # A state is on the disk at least once a second; here it drives 0.3 m in one.
+            if record.status.leg == "to the goal" and record.status.s_m > 0.8:
+                os.kill(os.getpid(), signal.SIGKILL)
 
 
 if __name__ == "__main__":
