@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+from playwright.sync_api import TimeoutError as NotThere
 
 from tests.ui.page.fake_server import PAGE, FakeServer, serving
 from tests.waiting import PATIENCE_S, wait_for
@@ -15,6 +16,7 @@ from tests.waiting import PATIENCE_S, wait_for
 GL_ARGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 expect.set_options(timeout=1000 * PATIENCE_S)
 WITHOUT_GL = "off=map,scene"
+PRESSES, PRESS_S = 18, 10.0
 SCREENS = [
     "drive",
     "teleop",
@@ -33,6 +35,7 @@ PLUG_IN = """
     axes: [0, 0, 0, 0], buttons: Array.from({length: 17}, () => ({pressed: false, value: 0}))}
   navigator.getGamepads = () => [window.__pad]
 """
+UNPLUG = "navigator.getGamepads = () => [null]"
 LEFT_SHOULDER = "window.__pad.buttons[4].pressed = %s"
 
 
@@ -111,3 +114,45 @@ def drag_pad(page: Page) -> None:
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x, y - 60)
+
+
+def let_go_of_pad(page: Page) -> None:
+    page.mouse.up()
+
+
+def arm(page: Page) -> None:
+    """However often it takes: a page whose data grew old meanwhile is not armed."""
+
+    def is_armed() -> bool:
+        if page.locator(".pad.armed").is_visible():
+            return True
+        try:
+            page.get_by_role("button", name="Drive by hand", exact=True).click(timeout=2000)
+            ask = page.get_by_role("dialog", name="Interrupt the mission?")
+            if ask.is_visible():
+                ask.get_by_role("button", name="Drive by hand").click()
+            page.locator(".pad.armed").wait_for(timeout=2000)
+        except NotThere:
+            return False
+        return True
+
+    wait_for(is_armed, "a pad that drives")
+
+
+def hold(
+    page: Page,
+    drives: Callable[[], object],
+    press: Callable[[Page], None] = drag_pad,
+    let_go: Callable[[Page], None] = let_go_of_pad,
+) -> None:
+    """Press until it drives; again where a page that stuttered let go, as a person would."""
+    for _ in range(PRESSES):
+        arm(page)
+        press(page)
+        try:
+            wait_for(drives, "the drive by hand", PRESS_S)
+        except AssertionError:
+            let_go(page)
+        else:
+            return
+    raise AssertionError(f"the robot did not drive by hand in {PRESSES} presses")

@@ -13,7 +13,7 @@ from tests.ui.page.conftest import (
     SCREENS,
     WITHOUT_GL,
     OpenPage,
-    drag_pad,
+    hold,
     show,
     take_control,
     until,
@@ -121,8 +121,7 @@ def test_the_chosen_speed_limit_is_sent_and_kept(
     wait_for(
         lambda: commands(server, "scale")[-1]["value"] == pytest.approx(percent / 100), "its value"
     )
-    drag_pad(page)
-    wait_for(lambda: commands(server, "drive"), "a drive")
+    hold(page, lambda: commands(server, "drive"))
     page.mouse.up()
     page.reload()
     chosen = page.locator(".segment[aria-pressed=true]")

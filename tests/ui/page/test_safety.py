@@ -12,8 +12,11 @@ from tests.ui.page.conftest import (
     LEFT_SHOULDER,
     PLUG_IN,
     SCREENS,
+    UNPLUG,
     OpenPage,
+    arm,
     drag_pad,
+    hold,
     show,
     take_control,
     until,
@@ -125,14 +128,18 @@ def armed(open_page: OpenPage, server: FakeServer) -> Page:
     server.robot.mode = "paused"
     page = open_page("teleop")
     take_control(page)
-    page.get_by_role("button", name="Drive by hand", exact=True).click()
-    expect(page.locator(".pad.armed")).to_be_visible()
+    arm(page)
     return page
 
 
 def drives_within(server: FakeServer, limits_mps: list[float]) -> int:
     low, high = limits_mps
     return sum(low < float(str(drive["v"])) < high for drive in commands(server, "drive"))
+
+
+def turning(server: FakeServer) -> list[dict[str, object]]:
+    """The drives that go ahead and turn."""
+    return [drive for drive in commands(server, "drive") if drive["v"] and drive["w"]]
 
 
 def ends_with_zero(server: FakeServer) -> bool:
@@ -145,9 +152,7 @@ def test_whatever_takes_the_hand_off_the_pad_stops_the_robot(
     open_page: OpenPage, server: FakeServer, let_go: str
 ) -> None:
     page = armed(open_page, server)
-    drag_pad(page)
-    forward = [0.1, 2.0]
-    wait_for(lambda: drives_within(server, forward) >= 3, "three commands to drive forward")
+    hold(page, lambda: drives_within(server, [0.1, 2.0]) >= 3)
     if let_go == "release":
         page.mouse.up()
     elif let_go == "blur":
@@ -164,14 +169,20 @@ def test_whatever_takes_the_hand_off_the_pad_stops_the_robot(
 
 def test_keys_drive_while_held_and_steer(open_page: OpenPage, server: FakeServer) -> None:
     page = armed(open_page, server)
-    page.keyboard.down("w")
-    page.keyboard.down("a")
-    wait_for(lambda: any(d["w"] for d in commands(server, "drive")), "a turning command")
-    drive = commands(server, "drive")[-1]
+
+    def press(page: Page) -> None:
+        page.keyboard.down("w")
+        page.keyboard.down("a")
+
+    def let_go(page: Page) -> None:
+        page.keyboard.up("a")
+        page.keyboard.up("w")
+
+    hold(page, lambda: turning(server), press, let_go)
+    drive = turning(server)[-1]
     assert float(str(drive["v"])) > 0
     assert float(str(drive["w"])) > 0
-    page.keyboard.up("a")
-    page.keyboard.up("w")
+    let_go(page)
     wait_for(lambda: ends_with_zero(server), "a zero at the end")
     sequence = [drive["seq"] for drive in commands(server, "drive")]
     assert sequence == sorted(set(map(int, map(str, sequence))))
@@ -187,16 +198,21 @@ def test_a_gamepad_drives_only_while_its_shoulder_button_is_held(
     sent = server.robot.n
     wait_for(lambda: server.robot.n > sent + 6, "six more ticks")
     assert commands(server, "drive") == []
-    page.evaluate(LEFT_SHOULDER % "true")
-    wait_for(lambda: any(d["v"] and d["w"] for d in commands(server, "drive")), "a command")
-    drive = commands(server, "drive")[-1]
+
+    def press(page: Page) -> None:
+        page.evaluate(LEFT_SHOULDER % "true")
+
+    def let_go(page: Page) -> None:
+        page.evaluate(LEFT_SHOULDER % "false")
+
+    hold(page, lambda: turning(server), press, let_go)
+    drive = turning(server)[-1]
     assert float(str(drive["v"])) == pytest.approx(1.0)
     assert float(str(drive["w"])) == pytest.approx(1.2)
-    page.evaluate(LEFT_SHOULDER % "false")
+    let_go(page)
     wait_for(lambda: ends_with_zero(server), "a zero when the button is let go")
-    page.evaluate(LEFT_SHOULDER % "true")
-    wait_for(lambda: not ends_with_zero(server), "to drive again")
-    page.evaluate("navigator.getGamepads = () => [null]")
+    hold(page, lambda: not ends_with_zero(server), press, let_go)
+    page.evaluate(UNPLUG)
     wait_for(lambda: ends_with_zero(server), "a zero when the gamepad is gone")
 
 

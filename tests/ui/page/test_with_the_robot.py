@@ -22,8 +22,10 @@ from tests.ui.page.conftest import (
     LEFT_SHOULDER,
     PLUG_IN,
     SCREENS,
+    UNPLUG,
     WITHOUT_GL,
     drag_pad,
+    hold,
     show,
     take_control,
     until,
@@ -35,11 +37,8 @@ SETTINGS = ["--set", "perception.camera_rate_hz=2", "--set", "seed=1"]
 WHEEL_RADIUS_M = 0.15
 STANDING_MPS = 0.03
 STANDS_WITHIN_S = 0.5
-PRESSES = 18
-PRESS_S = 10.0
 HANG = "() => { const end = performance.now() + 1500; while (performance.now() < end); }"
 STATE = "window.__agribot.state()"
-UNPLUG = "navigator.getGamepads = () => [null]"
 WAYS = ("release", "blur", "hung tab", "cut link", "gamepad gone")
 IS_STILL = f"Math.abs({STATE}.vel[0]) < 0.02"
 BY_HAND = f"{STATE}.mode === 'teleop'"
@@ -240,7 +239,8 @@ def hand_driven(page: Page, context: BrowserContext) -> HandDriven:
     for let_go in WAYS:
         in_charge(page, "teleop")
         began[let_go] = page.evaluate(f"{STATE}.t")
-        _drive(page, push_gamepad if let_go == "gamepad gone" else drag_pad)
+        press = push_gamepad if let_go == "gamepad gone" else drag_pad
+        hold(page, drives_by_hand(page), press)
         _take_hand_off(page, context, let_go)
         until(page, IS_STILL)
         page.mouse.up()
@@ -257,28 +257,17 @@ def push_gamepad(page: Page) -> None:
     page.evaluate(LEFT_SHOULDER % "true")
 
 
-def _drive(page: Page, push: Callable[[Page], None]) -> None:
-    """Press again where a page that stuttered let go by itself, as a person would."""
-    for _ in range(PRESSES):
-        if not page.locator(".pad.armed").is_visible():
-            _arm(page)
-        push(page)
-        try:
-            since_s = until(page, f"{BY_HAND} && {STATE}.t", PRESS_S)
-            until(page, f"{BY_HAND} && {STATE}.t > {since_s} + 1 && {STATE}.vel[0] > 0.1", PRESS_S)
-        except AssertionError:
-            page.mouse.up()
-        else:
-            return
-    raise AssertionError(f"the robot did not drive by hand in {PRESSES} presses")
+def drives_by_hand(page: Page) -> Callable[[], object]:
+    """Whether it still does a second after it began; a mission's last motion is over by then."""
+    began_s: list[float] = []
 
+    def drives() -> object:
+        if not began_s:
+            began_s.extend(page.evaluate(f"{BY_HAND} ? [{STATE}.t] : []"))
+            return False
+        return page.evaluate(f"{BY_HAND} && {STATE}.t > {began_s[0]} + 1 && {STATE}.vel[0] > 0.1")
 
-def _arm(page: Page) -> None:
-    page.get_by_role("button", name="Drive by hand", exact=True).click()
-    ask = page.get_by_role("dialog", name="Interrupt the mission?")
-    if ask.is_visible():
-        ask.get_by_role("button", name="Drive by hand").click()
-    expect(page.locator(".pad.armed")).to_be_visible()
+    return drives
 
 
 def _take_hand_off(page: Page, context: BrowserContext, how: str) -> None:
