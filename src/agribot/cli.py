@@ -12,7 +12,6 @@ import sys
 from collections.abc import Sequence
 
 from agribot import __version__
-from agribot.errors import AgribotError
 
 # name -> (module, one line of help, an example)
 COMMANDS = {
@@ -160,7 +159,23 @@ COMMANDS = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; whatever ends it early is told in one line, with status 2."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    wanted = next((word for word in arguments if not word.startswith("-")), "")
+    program = f"agribot {wanted}" if wanted in COMMANDS else "agribot"
+    try:
+        return _run(arguments, wanted)
+    except KeyboardInterrupt:
+        print(f"{program}: interrupted", file=sys.stderr)
+        return 130
+    except Exception as error:  # noqa: BLE001  the one place where errors become words
+        from agribot.commands.refusals import refuse
+
+        refuse(program, error)
+        return 2
+
+
+def _run(arguments: list[str], wanted: str) -> int:
     parser = argparse.ArgumentParser(
         prog="agribot",
         description="An autonomous field robot that weeds.",
@@ -168,7 +183,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--version", action="version", version=f"agribot {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    wanted = next((word for word in arguments if not word.startswith("-")), None)
     for name, (module_name, help_line, example) in COMMANDS.items():
         command = commands.add_parser(
             name,
@@ -179,15 +193,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if name == wanted:  # only the wanted command is imported: --help stays quick
             importlib.import_module(module_name).add_arguments(command)
     options = parser.parse_args(arguments)
-    module = importlib.import_module(COMMANDS[options.command][0])
-    try:
-        return int(module.run(options))
-    except AgribotError as error:
-        print(f"agribot {options.command}: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"agribot {options.command}: interrupted", file=sys.stderr)
-        return 130
+    return int(importlib.import_module(COMMANDS[options.command][0]).run(options))
 
 
 if __name__ == "__main__":

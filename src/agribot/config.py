@@ -6,7 +6,6 @@ error that names the file, the key and the nearest known one.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
@@ -20,6 +19,8 @@ from agribot.config_tree import (
     check_finite,
     check_keys,
     did_you_mean,
+    parse_toml,
+    read_toml,
     with_value,
     without_none,
 )
@@ -30,6 +31,7 @@ Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 Ratio = Annotated[float, msgspec.Meta(ge=0, le=1)]
 Count = Annotated[int, msgspec.Meta(ge=1)]
+PlatformKind = Literal["sim"]  # what a robot's sensors and motors can be
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -130,11 +132,24 @@ class SafetyConfig(Config, frozen=True):
     max_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 1.0
     max_yaw_rate_radps: Positive = 1.2
     max_tilt_rad: Positive = 0.6
-    geofence_margin_m: Positive = 5.0
+    geofence_margin_m: Positive = 5.0  # around the path, where no boundary of a field is known
+    # So far the robot, as it believes to stand, may get over a field's boundary: a plan keeps 5 cm
+    # off it, and the robot its way to 4 cm where it turns. So far, if it is off by so many sigmas.
+    fence_tolerance_m: NonNegative = 0.1
+    fence_unsure_m: NonNegative = 0.3
+    fence_sigma: NonNegative = 2.0
     hand_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.2  # of a request to drive
     # Whoever had the seat of the page is gone, or its server is: the mission goes on or pauses.
     on_operator_lost: Literal["continue", "pause"] = "continue"
-    sensor_timeout_s: Positive = 0.3  # wheels or IMU silent for longer stop the robot
+    # Wheels or IMU silent for longer stop the robot; so late the wheels may follow a command.
+    sensor_timeout_s: Positive = 0.3
+    # Of the battery's charge: with less than the first the robot goes home, with less than the
+    # second it stands. Where it tells its voltage only, that of the pack counts; 0: not known.
+    low_charge_ratio: Ratio = 0.2
+    empty_charge_ratio: Ratio = 0.08
+    low_battery_v: NonNegative = 0.0
+    empty_battery_v: NonNegative = 0.0
+    clock_jump_s: Positive = 1.0  # between two ticks; the motor board has stopped by then
 
 
 class PerceptionConfig(Config, frozen=True):
@@ -181,6 +196,7 @@ class SourceConfig(Config, frozen=True):
 
 
 class SimConfig(Config, frozen=True):
+    # Physics: in steps of 8 ms the packaged robot's tyres, stiff against roll, would shake it.
     step_s: Annotated[float, msgspec.Meta(ge=0.0005, le=0.005)] = 0.002
     sensors: str = "rtk"
     weed_density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
@@ -198,8 +214,8 @@ class RunConfig(Config, frozen=True):
     """All settings of one run; `config.toml` of the output folder holds them resolved."""
 
     profile: str = "farm"
-    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
-    platform: str = "sim"
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0  # what TOML and JSON readers take
+    platform: PlatformKind = "sim"
     world: str = "Farm"
     robot: str = "agribot"
     waypoints: str = ""
@@ -248,21 +264,14 @@ def _read_profile(profile: str) -> tuple[str, dict[str, Any]]:
     if path.suffix == ".toml":
         if not path.is_file():
             raise ConfigError(f"profile file {profile} does not exist; check the path")
-        return profile, _parse(path.read_text(encoding="utf-8"), profile)
+        return profile, read_toml(path)
     if profile not in profile_names():
         raise ConfigError(
             f"unknown profile '{profile}'{did_you_mean(profile, profile_names())}; "
             f"known: {', '.join(profile_names())}, or a path to a .toml file"
         )
     text = (resources.files("agribot") / "profiles" / f"{profile}.toml").read_text("utf-8")
-    return f"{profile}.toml", _parse(text, f"{profile}.toml")
-
-
-def _parse(text: str, source: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{source} is not valid TOML: {error}") from error
+    return f"{profile}.toml", parse_toml(text, f"{profile}.toml")
 
 
 def from_tree(tree: dict[str, Any], source: str) -> RunConfig:

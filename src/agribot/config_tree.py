@@ -7,7 +7,8 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
 
 import msgspec
 
@@ -31,8 +32,29 @@ def assign(tree: dict[str, Any], setting: str) -> None:
 def _value(text: str) -> object:
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Raises: ConfigError: no such file, or not TOML in UTF-8."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}; check the path") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path} is not text in UTF-8 ({error}); save it as UTF-8") from error
+    return parse_toml(text, str(path))
+
+
+def parse_toml(text: str, source: str) -> dict[str, Any]:
+    """Raises: ConfigError: not TOML; names the source."""
+    try:
+        return tomllib.loads(text)
+    except RecursionError as error:
+        raise ConfigError(f"{source} is not valid TOML: nested too deeply") from error
+    except ValueError as error:  # also a number of thousands of digits
+        raise ConfigError(f"{source} is not valid TOML: {error}") from error
 
 
 def with_value(message: str, tree: dict[str, Any]) -> str:
@@ -68,6 +90,11 @@ def check_keys(tree: Mapping[str, Any], struct: type[msgspec.Struct], source: st
                 f"known here: {', '.join(known)}"
             )
         kind = known[key]
+        if get_origin(kind) is Literal and value not in get_args(kind):
+            raise ConfigError(
+                f"{source}: {where} = {value!r}{did_you_mean(str(value), list(get_args(kind)))}; "
+                f"known: {', '.join(get_args(kind))}"
+            )
         if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
             check_keys(value, kind, source, where)
 

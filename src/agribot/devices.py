@@ -74,3 +74,20 @@ class RowLine(msgspec.Struct, frozen=True, kw_only=True):
     end_ahead_m: float | None = None
     range_std_m: float = 0.1
     at_ahead_m: float = 0.0
+
+
+class CropCover(msgspec.Struct, frozen=True, kw_only=True):
+    """Where leaves of crop stand over the ground, as one frame shows it; nothing may spray there.
+
+    Square cells of the body frame, row by row from the corner at (`x_body_m`, `y_body_m`): columns
+    run to the left (y), rows forwards (x). `crop` and `seen` hold a bit for each cell, the highest
+    bit of a byte first, whether it shows crop, and whether the picture shows it at all.
+    """
+
+    x_body_m: float
+    y_body_m: float
+    cell_m: float
+    rows: int
+    columns: int
+    crop: bytes
+    seen: bytes

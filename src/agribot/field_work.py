@@ -38,7 +38,7 @@ def work_from(text: str, name: str, config: RunConfig, robot: RobotSpec) -> Fiel
     """
     try:
         root = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # also a number of thousands of digits
         raise MissionError(f"{name} is not valid JSON: {error}") from error
     saved = plan_from(root, name, config.field.datum)
     shape = footprint(robot, saved.request.implement_width_m, saved.request.tool_x_m)

@@ -135,6 +135,12 @@ class AlvinXY:
         return self.datum.lat_deg + y_m / self._m_per_deg_lat, math.remainder(lon_deg, 360.0)
 
 
+def std_along_m(cov_m2: Vec3, direction: tuple[float, float]) -> float:
+    """Give 1 sigma of a position along a unit vector; `cov_m2` is its covariance xx, xy and yy."""
+    (xx, xy, yy), (dx, dy) = cov_m2, direction
+    return math.sqrt(max(xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy, 0.0))
+
+
 def rotation_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> FloatArray:
     """Rotation matrix (3, 3) of URDF's fixed-axis roll, pitch, yaw: Rz @ Ry @ Rx."""
     cr, sr = math.cos(roll_rad), math.sin(roll_rad)

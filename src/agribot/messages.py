@@ -17,7 +17,15 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from agribot.devices import BaseFix, BatterySample, BumperSample, GnssHeading, RowLine
+from agribot.devices import (
+    BaseFix,
+    BatterySample,
+    BumperSample,
+    CropCover,
+    GnssHeading,
+    RowLine,
+)  # fmt: skip
+from agribot.field_bounds import FieldBounds
 from agribot.operator_input import HandDrive, OperatorAction, OperatorEvent
 
 __all__ = ["HandDrive", "OperatorAction", "OperatorEvent"]
@@ -151,6 +159,8 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     view_body_m: tuple[tuple[float, float], ...]
     class_ratio: Vec3 = (0.0, 0.0, 0.0)
     row_line: RowLine | None = None
+    crop_cover: CropCover | None = None  # None: of a camera, or a recording, that tells none
+    picture_crc32: int = 0  # of the picture's bytes; 0 where nobody worked it out
 
 
 # ---------------------------------------------------------------- estimate, mission
@@ -160,7 +170,9 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     """Pose of the body in the map; `pose_cov` is the 3x3 covariance of x, y and yaw by rows.
 
     `ok` is False until the filter has a position and a heading, and again when inputs go
-    silent; `reason` then says why. `protection_m` bounds the error, faults of GNSS included.
+    silent; `reason` then says why, or what is wrong with a sensor that the pose does without.
+    `protection_m` bounds the error, faults of GNSS included, `across_protection_m` that to the
+    side of where the robot heads. `contradiction` tells of sensors between which a person decides.
     """
 
     t_s: float
@@ -177,6 +189,9 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     ok: bool
     reason: str = ""
     protection_m: float = float("inf")
+    row_seen: bool | None = None  # crop, where the robot's row is to be; None: no camera looks
+    across_protection_m: float = float("inf")
+    contradiction: str = ""
 
 
 class Path(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -223,6 +238,11 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     eta_s: float | None = None  # until the end of the path, at the planned speeds
     refusal: str = ""  # why the last goal, visit, plan or way home was not taken
     task: str = ""  # the name of the visit that took the place of the mission
+    goal_map_m: tuple[float, float] | None = None  # where the robot is bound for on its path
+    rows_unproven: tuple[int, ...] = ()  # driven without evidence that it was this row: not done
+    stopped: str = ""  # why it stands until a person clears the stop
+    held: str = ""  # why it paused by itself; a person has to look, and to resume it
+    warning: str = ""  # what calls it home, such as a low battery
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -237,6 +257,7 @@ class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     tool_on: bool
     status: MissionStatus
     tracked_x_m: float = 0.0
+    bounds: FieldBounds | None = None  # of the field that must not be left
 
 
 class DriveCommand(msgspec.Struct, frozen=True, kw_only=True):

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 import os
 from collections import deque
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
 import msgspec
 
 from agribot.config import RunConfig
-from agribot.errors import MissionError, RecordingError
+from agribot.errors import MissionError
 from agribot.messages import TickRecord
 from agribot.plan.saved_mission import SavedMission
 
@@ -22,68 +24,83 @@ LEFT_STD_M = 0.1  # how well the robot knew where it was left, and rolled on sin
 
 
 class Resumable(Protocol):
-    def saved(self) -> SavedMission | None: ...
+    def saved(self) -> msgspec.Struct | None: ...
 
 
 class MissionFile:
-    """A tap that writes the mission once a second, and whenever its state changes.
+    """A tap that writes the mission, or what else must outlive a crash, once a second.
+
+    It does so, too, whenever the mission's state changes.
 
     Every write replaces the whole file at once: whoever reads it sees the old or the new state.
     A thread writes, so that a slow disk does not hold up the control loop; a state that waits
-    for it gives way to a newer one.
+    for it gives way to a newer one. `say` hears, with the time, of a disk that begins to fail.
     """
 
-    def __init__(self, folder: Path, mission: Resumable) -> None:
-        self._path = folder / FILE_NAME
-        self._mission = mission
-        self._state = ""
-        self._next_s = 0.0
+    def __init__(
+        self,
+        folder: Path,
+        mission: Resumable,
+        say: Callable[[float, str], None],
+        name: str = FILE_NAME,
+    ) -> None:
+        self._path = folder / name
+        self._mission, self._say = mission, say
+        self._state = ("", "")
+        self._next_s = self._now_s = 0.0
         self._newest: deque[bytes] = deque(maxlen=1)
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="mission-file")
-        self._failure: RecordingError | None = None
+        self._failure = self._told = ""
 
     def __call__(self, record: TickRecord) -> None:
-        """Raises: RecordingError: an earlier write failed."""
+        self._now_s = record.batch.t_s
         self._complain()
-        if record.status.state == self._state and record.batch.t_s < self._next_s:
+        state = record.status.state, record.status.stopped
+        if state == self._state and record.batch.t_s < self._next_s:
             return
-        self._state, self._next_s = record.status.state, record.batch.t_s + PERIOD_S
+        self._state, self._next_s = state, record.batch.t_s + PERIOD_S
+        self.write()
+
+    def write(self) -> None:
+        """Have the state of now written, whenever the thread comes to it."""
         saved = self._mission.saved()
         if saved is not None:
             self._newest.append(msgspec.json.encode(saved))
             self._writer.submit(self._write_newest)
 
     def close(self) -> None:
-        """Wait for the last write. Safe to call twice. Raises: RecordingError: a write failed."""
+        """Wait for the last write. Safe to call twice."""
         self._writer.shutdown()
         self._complain()
 
     def _complain(self) -> None:
-        failure, self._failure = self._failure, None
-        if failure is not None:
-            raise failure
+        failure = self._failure
+        if failure and not self._told:
+            self._say(self._now_s, failure)
+        self._told = failure
 
     def _write_newest(self) -> None:
         try:
             self._replace(self._newest.popleft())
         except IndexError:
             pass  # a write before this one took it along
-        except RecordingError as error:
-            self._failure = error
+        except OSError as error:
+            with suppress(OSError):
+                self._path.with_suffix(".new").unlink()
+            self._failure = (
+                f"cannot write {self._path}: {error.strerror or error}; make room on the disk: a "
+                "run that goes on after a crash goes on from an older state"
+            )
+        else:
+            self._failure = ""
 
     def _replace(self, content: bytes) -> None:
         fresh = self._path.with_suffix(".new")
-        try:
-            with fresh.open("wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            fresh.replace(self._path)
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write {self._path}: {error.strerror}; free some space or choose another "
-                "--out folder"
-            ) from error
+        with fresh.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        fresh.replace(self._path)
 
 
 def resumed(config: RunConfig, saved: SavedMission) -> RunConfig:
@@ -108,7 +125,7 @@ def read_mission(folder: Path) -> SavedMission:
         raise MissionError(
             f"cannot read {path}: {error.strerror}; give the folder of a run that was cut off"
         ) from error
-    except (msgspec.DecodeError, msgspec.ValidationError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise MissionError(f"{path} is broken: {error}; start a new mission") from error
     if saved.state == "done":
         raise MissionError(f"the mission in {folder} is done; there is nothing to resume")

@@ -22,30 +22,30 @@ class PerceptionMeter:
     """What the network costs: CPU time of its thread and wall time, per frame."""
 
     def __init__(self) -> None:
-        self._cpu_s = 0.0
-        self._latencies_s: list[float] = []
+        self.cpu_s = 0.0
+        self.latencies_s: list[float] = []  # of every frame; it only grows
 
     def watch(self, observe: Observer) -> Observer:
         def watched(frame: CameraFrame, ready_s: float) -> Scene:
             started_s, cpu_started_s = time.monotonic(), time.thread_time()
             scene = observe(frame, ready_s)
-            self._cpu_s += time.thread_time() - cpu_started_s
-            self._latencies_s.append(time.monotonic() - started_s)
+            self.cpu_s += time.thread_time() - cpu_started_s
+            self.latencies_s.append(time.monotonic() - started_s)
             return scene
 
         return watched
 
     @property
     def frames(self) -> int:
-        return len(self._latencies_s)
+        return len(self.latencies_s)
 
     @property
     def frames_per_cpu_s(self) -> float | None:
-        return self.frames / self._cpu_s if self._cpu_s else None
+        return self.frames / self.cpu_s if self.cpu_s else None
 
     @property
     def latency_p95_s(self) -> float | None:
-        ordered = sorted(self._latencies_s)
+        ordered = sorted(self.latencies_s)
         return ordered[int(0.95 * (len(ordered) - 1))] if ordered else None
 
 

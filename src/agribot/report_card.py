@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import time
-from typing import Protocol, TypeVar
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import msgspec
 
 from agribot import __version__
 from agribot.config import RunConfig
 from agribot.messages import MissionStatus, TickRecord
-from agribot.perception_host import PerceptionMeter
-from agribot.record.events import EventKind, EventLog
+from agribot.record.events import Event, EventKind, EventLog
 from agribot.record.report import (
     EstimateReport,
     IouReport,
+    JobReport,
     MissionReport,
     PerceptionReport,
     Report,
@@ -24,27 +24,13 @@ from agribot.record.report import (
     TrackingReport,
     WeedReport,
 )
-from agribot.sim.referee import Referee
 from agribot.weeds.map import WeedMap
+from agribot.whole_job import JobSoFar, WholeJob
+
+if TYPE_CHECKING:
+    from agribot.sim.referee import Referee
 
 Kind = TypeVar("Kind", bound=msgspec.Struct)
-
-
-class Clock:
-    """Wall and CPU time of this process while a run drives."""
-
-    def __init__(self) -> None:
-        self._started: tuple[float, float] | None = None
-        self.wall_s = self.cpu_s = 0.0
-
-    def start(self) -> None:
-        self._started = (time.monotonic(), time.process_time())
-
-    def stop(self) -> None:
-        if self._started is not None:
-            self.wall_s += time.monotonic() - self._started[0]
-            self.cpu_s += time.process_time() - self._started[1]
-            self._started = None
 
 
 class Drive(Protocol):
@@ -53,12 +39,10 @@ class Drive(Protocol):
     config: RunConfig
     last: TickRecord | None
     referee: Referee
-    clock: Clock
+    job: WholeJob
     event_log: EventLog
-    rows_before: tuple[int, ...]  # done before this run took over
+    rows_before: tuple[int, ...]  # done in earlier runs of which nothing else is known
 
-    @property
-    def meter(self) -> PerceptionMeter | None: ...
     @property
     def weed_map(self) -> WeedMap: ...
     def worked_area_m2(self, rows: tuple[int, ...]) -> float: ...
@@ -66,10 +50,11 @@ class Drive(Protocol):
 
 def report_card(drive: Drive, why_ended: str = "") -> Report:
     """`why_ended` names an end from outside: an interruption or the end of the time allowed."""
-    config, referee = drive.config, drive.referee
+    config, referee, job = drive.config, drive.referee, drive.job.saved()
     status = drive.last.status if drive.last is not None else None
     kept = (*drive.rows_before, *referee.rows_kept(status.rows_done if status else ()))
-    mission = _mission(drive, status, kept)
+    mission = _mission(drive, job, status, kept)
+    events = drive.job.events(drive.event_log.events)
     tracking = referee.tracking()
     ok = bool(mission.success) and tracking.plants_crushed == 0 and not why_ended
     return Report(
@@ -78,17 +63,27 @@ def report_card(drive: Drive, why_ended: str = "") -> Report:
         sensors=config.sim.sensors,
         version=__version__,
         ok=ok,
-        reason=why_ended
-        or _reason(status, mission, tracking.plants_crushed) + _objection(drive.event_log, status),
-        time=_time(drive),
+        reason=(
+            why_ended
+            or _reason(status, mission, tracking.plants_crushed)
+            + _objection(drive.event_log, status)
+        )
+        + _lacking(job),
+        time=_time(job),
         mission=mission,
         tracking=_same_fields(tracking, TrackingReport),
         estimate=_same_fields(referee.estimate(), EstimateReport),
-        perception=_perception(drive),
-        weeds=_weeds(drive, kept),
-        safety=_safety(drive.event_log),
-        marks=_told(drive.event_log, "mark"),
+        perception=_perception(drive, job),
+        weeds=_weeds(drive, job, kept),
+        safety=SafetyReport(stops=_told(events, "stop"), faults=_told(events, "fault")),
+        marks=_told(events, "mark"),
+        job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,
     )
+
+
+def _lacking(job: JobSoFar) -> str:
+    """What nobody knows of the runs before this one."""
+    return f"; of the job's earlier runs the report lacks {'; '.join(job.lacks)}" * bool(job.lacks)
 
 
 def _reason(status: MissionStatus | None, mission: MissionReport, crushed: int) -> str:
@@ -115,7 +110,9 @@ def _objection(log: EventLog, status: MissionStatus | None) -> str:
     return f"; held by the supervisor: {held[0].reason}" if held and held[0].reason else ""
 
 
-def _mission(drive: Drive, status: MissionStatus | None, kept: tuple[int, ...]) -> MissionReport:
+def _mission(
+    drive: Drive, job: JobSoFar, status: MissionStatus | None, kept: tuple[int, ...]
+) -> MissionReport:
     """What was asked and what was truly done; rows and waypoints exclude each other."""
     if status is None:
         return MissionReport(success=False)
@@ -129,56 +126,49 @@ def _mission(drive: Drive, status: MissionStatus | None, kept: tuple[int, ...]) 
             distance_m=distance_m,
         )
     area_m2 = drive.worked_area_m2(kept)
-    sim_s = drive.last.batch.t_s if drive.last is not None else 0.0
     return MissionReport(
         success=status.state == "done" and len(kept) == status.rows_total,
         rows_total=status.rows_total,
         rows_done=len(kept),
         distance_m=distance_m,
         area_m2=area_m2,
-        h_per_ha=sim_s / 3600.0 / (area_m2 / 1e4) if area_m2 else None,
+        h_per_ha=job.sim_s / 3600.0 / (area_m2 / 1e4) if area_m2 else None,
         coverage_ratio=drive.referee.coverage_ratio(),
+        rows_unproven=tuple(sorted(row + 1 for row in status.rows_unproven)),
     )
 
 
-def _time(drive: Drive) -> TimeReport:
-    sim_s = drive.last.batch.t_s if drive.last is not None else 0.0
-    clock = drive.clock
+def _time(job: JobSoFar) -> TimeReport:
     return TimeReport(
-        sim_s=sim_s,
-        wall_s=clock.wall_s,
-        cpu_s=clock.cpu_s,
-        rtf_cpu=sim_s / clock.cpu_s if clock.cpu_s else None,
+        sim_s=job.sim_s,
+        wall_s=job.wall_s,
+        cpu_s=job.cpu_s,
+        rtf_cpu=job.sim_s / job.cpu_s if job.cpu_s else None,
     )
 
 
-def _perception(drive: Drive) -> PerceptionReport:
-    meter = drive.meter
-    if meter is None or not meter.frames:
+def _perception(drive: Drive, job: JobSoFar) -> PerceptionReport:
+    if not job.frames:
         return PerceptionReport()
     iou = drive.referee.iou()
     known = [value for value in iou.values() if value is not None]
     return PerceptionReport(
-        frames=meter.frames,
-        fps_cpu=meter.frames_per_cpu_s,
-        latency_p95_s=meter.latency_p95_s,
+        frames=job.frames,
+        fps_cpu=job.frames / job.frames_cpu_s if job.frames_cpu_s else None,
+        latency_p95_s=job.latency_s.percentile(95.0),
         iou=IouReport(**iou),
         miou=sum(known) / len(known) if known else None,
     )
 
 
-def _weeds(drive: Drive, kept: tuple[int, ...]) -> WeedReport:
-    if drive.meter is None or not drive.referee.has_rows:
+def _weeds(drive: Drive, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
+    if not job.frames or not drive.referee.has_rows:
         return WeedReport()
     return _same_fields(drive.referee.weeds(drive.weed_map.weeds(), kept), WeedReport)
 
 
-def _safety(log: EventLog) -> SafetyReport:
-    return SafetyReport(stops=_told(log, "stop"), faults=_told(log, "fault"))
-
-
-def _told(log: EventLog, kind: EventKind) -> tuple[SafetyEvent, ...]:
-    return tuple(SafetyEvent(t_s=e.t_s, reason=e.reason) for e in log.of_kind(kind))
+def _told(events: Sequence[Event], kind: EventKind) -> tuple[SafetyEvent, ...]:
+    return tuple(SafetyEvent(t_s=e.t_s, reason=e.reason) for e in events if e.kind == kind)
 
 
 def _same_fields(source: msgspec.Struct, kind: type[Kind]) -> Kind:

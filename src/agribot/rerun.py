@@ -25,9 +25,15 @@ from agribot.perception_host import RecordedPerception
 from agribot.plan.saved_mission import SavedMission
 from agribot.record.mcap_file import part_number, read_attachment
 from agribot.record.replay import ReplayPlatform, read_ticks, read_urdf, recorded_scenes
-from agribot.session import GOALS_ATTACHMENT, PLAN_ATTACHMENT, SAVED_ATTACHMENT
+from agribot.run_recording import (
+    EARLIER_ATTACHMENT,
+    GOALS_ATTACHMENT,
+    PLAN_ATTACHMENT,
+    SAVED_ATTACHMENT,
+)
 from agribot.stack import build
 from agribot.tasks import MapPoint
+from agribot.weeds.track import Track
 
 LATEST_FIRST_TICK_S = 1.0  # of a recording that began with its run
 # Settings of these groups shaped the recording itself.
@@ -110,18 +116,30 @@ def rerun(path: Path, config: RunConfig) -> tuple[list[TickRecord], tuple[Mapped
     resumed = read_attachment(path, SAVED_ATTACHMENT)
     saved = msgspec.json.decode(resumed, type=SavedMission | None)
     stack = build(config, robot, goals_map_m, perception, work, saved)
+    stack.weed_map.restore(_earlier_plants(path))
     ticks: list[TickRecord] = []
     stack.taps.append(ticks.append)
     platform = ReplayPlatform(path)
     try:
         while True:
             stack.tick(platform)
+            # Wheels did as they were told then, whatever other settings tell them now.
+            stack.supervisor.sent = platform.recorded_drive()
     except EndOfRecording:
         pass
     finally:
         platform.close()
         stack.close()
     return ticks, stack.weed_map.plants()
+
+
+def _earlier_plants(path: Path) -> tuple[Track, ...]:
+    """The weed map that the run began with; recordings of older versions have none."""
+    try:
+        plants = read_attachment(path, EARLIER_ATTACHMENT)
+    except RecordingError:
+        return ()
+    return msgspec.json.decode(plants, type=tuple[Track, ...])
 
 
 def outcome(ticks: Sequence[TickRecord], plants: Sequence[MappedPlant]) -> Outcome:

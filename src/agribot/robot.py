@@ -66,13 +66,18 @@ class Joint(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TyreSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """Tyre on soil. `friction_*` is already the smaller of wheel and ground, as ODE takes it."""
+    """Tyre on soil. `friction_*` is already the smaller of wheel and ground, as ODE takes it.
+
+    While the wheel rolls on by `relaxation_length_m`, its contact patch is renewed: at rest the
+    bristles are a spring, on the move slip s is a force of stiffness * length * s up to friction.
+    """
 
     friction_longitudinal_ratio: float = 1.0
     friction_lateral_ratio: float = 1.0
     normal_stiffness_npm: float = 1e4
-    normal_damping_ratio: float = 0.7
+    normal_damping_ratio: float = 0.4
     bristle_stiffness_npm: float = 5e3
+    relaxation_length_m: float = 0.03
     rolling_resistance_ratio: float = 0.03
 
 
@@ -105,9 +110,9 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     servo_gain_nmspr: float
     rate_hz: float
     # Speed controller of a wheel that is driven by torque: Nm per rad/s, rad and rad/s^2.
-    pid_p_nmspr: float = 4.0
-    pid_i_nmprad: float = 20.0
-    pid_d_nms2prad: float = 0.01
+    pid_p_nmspr: float = 0.3
+    pid_i_nmprad: float = 3.0
+    pid_d_nms2prad: float = 0.0005
     # What the motor itself gives before the gear, and what the gear leaves of it.
     motor_torque_nm: float = math.inf
     gear_efficiency_ratio: float = 1.0

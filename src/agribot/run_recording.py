@@ -6,14 +6,22 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Protocol
 
+import msgspec
+
 from agribot.config import RunConfig
 from agribot.errors import RecordingError
 from agribot.mapped_plant import MappedPlant
 from agribot.messages import Path, TickRecord
+from agribot.plan.saved_mission import SavedMission
 from agribot.record.recorder import RunRecorder
 from agribot.robot import RobotSpec
+from agribot.weeds.track import Track
 
 FILE_NAME = "run.mcap"
+GOALS_ATTACHMENT = "goals.json"
+PLAN_ATTACHMENT = "plan.geojson"
+SAVED_ATTACHMENT = "resumed.json"  # null in a run that began anew
+EARLIER_ATTACHMENT = "earlier_plants.json"  # of the weed map that a run took over
 TRUTH_PERIOD_S = 0.1
 Pose = tuple[float, float, float]
 
@@ -38,7 +46,8 @@ class RunRecording:
     """A tap. The recording in the folder of the run begins with it and can be run again.
 
     One that begins later shows what happened from then on. It lies in a folder of its own beside
-    that of the run: `first`, `first-2`, `first-3`. `say` hears when one cannot be made.
+    that of the run: `first`, `first-2`, `first-3`. `say` hears when one cannot be made, and when
+    one ends early because of the disk.
     """
 
     def __init__(
@@ -54,7 +63,7 @@ class RunRecording:
         self._run, self._files, self._say = run, files, say
         self._urdf = run.urdf  # made once: it takes longer than a tick
         self._path: Path | None = None
-        self._next_truth_s = 0.0
+        self._next_truth_s = self._now_s = 0.0
         self._ended_because = ""
         self.folder: FilePath | None = None
         self._recorder: RunRecorder | None = None
@@ -68,14 +77,15 @@ class RunRecording:
         if self._recorder is not None:
             self._follow_path(record.batch.t_s, self._recorder)
             self._recorder(record)
+            self._now_s = record.batch.t_s
+            self._tell_its_end(self._recorder)
         if any(event.action == "stop_recording" for event in record.batch.events):
             self.close()
 
     @property
     def ended_because(self) -> str:
         """Why the last recording ended before it was told to; empty where it did not."""
-        now = self._recorder.ended_because if self._recorder is not None else ""
-        return now or self._ended_because
+        return self._ended_because
 
     @property
     def name(self) -> str:
@@ -95,9 +105,16 @@ class RunRecording:
     def close(self) -> None:
         """Safe to call twice."""
         if self._recorder is not None:
-            self._ended_because = self._recorder.ended_because
             self._recorder.close()
+            self._tell_its_end(self._recorder)
         self._recorder = None
+
+    def _tell_its_end(self, recorder: RunRecorder) -> None:
+        if recorder.ended_because and not self._ended_because:
+            self._ended_because = recorder.ended_because
+            self._say(
+                self._now_s, f"recording ended early: {self._ended_because}; the robot drives on"
+            )
 
     def _start(self, t_s: float) -> None:
         if self._recorder is not None and not self._recorder.ended_because:
@@ -124,6 +141,23 @@ class RunRecording:
         if path is not None and path is not self._path:
             self._path = path
             recorder.set_plan(t_s, path, self._run.shown_goals_map_m)
+
+
+def files_to_run_again(
+    goals_map_m: Sequence[tuple[float, float]],
+    saved: SavedMission | None,
+    earlier_plants: Sequence[Track],
+    plan_text: str,
+) -> dict[str, tuple[str, bytes]]:
+    """What a recording needs besides its ticks, by name and with its media type."""
+    files = {
+        GOALS_ATTACHMENT: ("application/json", msgspec.json.encode(tuple(goals_map_m))),
+        SAVED_ATTACHMENT: ("application/json", msgspec.json.encode(saved)),
+        EARLIER_ATTACHMENT: ("application/json", msgspec.json.encode(tuple(earlier_plants))),
+    }
+    if plan_text:
+        files[PLAN_ATTACHMENT] = ("application/geo+json", plan_text.encode())
+    return files
 
 
 def _free_folder(out_dir: FilePath) -> FilePath:

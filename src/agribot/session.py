@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Self
 
@@ -10,6 +10,7 @@ import msgspec
 
 from agribot import config as settings
 from agribot import stack as robot_stack
+from agribot import whole_job
 from agribot.calibration.believed import calibrated
 from agribot.config import RunConfig
 from agribot.description.loader import load_robot, urdf_text
@@ -28,21 +29,20 @@ from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap
-from agribot.report_card import Clock, report_card
+from agribot.report_card import report_card
 from agribot.row_shape import row_length_m
-from agribot.run_recording import RunRecording
-from agribot.sim.platform import SimPlatform
-from agribot.sim.referee import Referee
+from agribot.run_clock import Clock
+from agribot.run_folder import RunFolder
+from agribot.run_recording import RunRecording, files_to_run_again
 from agribot.stack import MaskTap, Tap
 from agribot.tasks import MapPoint, read_goals, row_ends
+from agribot.unattended import Unattended
 from agribot.weeds.map import WeedMap
+from agribot.whole_job import JobSoFar, WholeJob
 
 ENDED = ("done", "cancelled", "failed")
 COMING_TO_REST_S = 2.0
 REST_TICKS = 5  # a robot that rocks back passes through standstill
-GOALS_ATTACHMENT = "goals.json"
-PLAN_ATTACHMENT = "plan.geojson"
-SAVED_ATTACHMENT = "resumed.json"  # null in a run that began anew
 
 
 class Session:
@@ -51,11 +51,23 @@ class Session:
     Use it as a context: `ticks()` drives, `finish()` writes the files of the run.
     """
 
-    def __init__(self, config: RunConfig, out_dir: Path, saved: SavedMission | None = None) -> None:
+    def __init__(
+        self,
+        config: RunConfig,
+        out_dir: Path,
+        saved: SavedMission | None = None,
+        earlier: JobSoFar = whole_job.NOTHING,
+    ) -> None:
         """`saved` is a mission to go on with; the simulated robot stands where it was left.
 
-        Raises: AgribotError: something in the settings or on the disk does not fit.
+        `earlier` is what the runs before did of the job; the report then tells of all of it.
+
+        Raises: AgribotError: something in the settings or on the disk does not fit, or the folder
+            holds a run.
         """
+        from agribot.sim.platform import SimPlatform
+        from agribot.sim.referee import Referee
+
         self.config = config
         self.out_dir = out_dir
         described = load_robot(config.robot)
@@ -67,27 +79,41 @@ class Session:
             self.world = msgspec.structs.replace(
                 self.world, spawn_xy_map_m=saved.pose[:2], spawn_yaw_map_rad=saved.pose[2]
             )
-        self._saved = saved
-        self.rows_before = tuple(r.index for r in saved.rows if r.done) if saved else ()
         self.platform = SimPlatform(config, described, self.world, board=self.robot.drive)
         self.sensed: Platform = self.platform  # with sensors from elsewhere, if any
         self._mask_taps: list[MaskTap] = []
         perception = robot_stack.perceiving(config, self.robot, self._show_mask)
         work = field_work(self._plan_text, config, self.robot)
         self.stack = robot_stack.build(config, self.robot, goals_map_m, perception, work, saved)
-        is_visit = saved is not None and bool(saved.visit_name)
-        self._task = None if is_visit else self.task
+        self._task = self.task
+        self.rows_before = whole_job.rows_only_believed(saved, earlier)
         self.referee = Referee(self.platform, self.world, self.rows, self.goals_map_m)
         self._mask_taps.append(self.referee.judge_mask)
         self.clock = Clock()
+        self.job = WholeJob(
+            self,
+            whole_job.UNKNOWN if saved is not None and earlier is whole_job.NOTHING else earlier,
+        )
         self.last: TickRecord | None = None
-        self._claim_out_dir()
-        self.event_log = EventLog(out_dir / "events.jsonl")
+        self.trouble_taps: list[Callable[[str], None]] = []
+        self.is_written = True  # every file of the run's end could be written
+        files = files_to_run_again(
+            goals_map_m, saved, whole_job.plants_before(earlier), self._plan_text
+        )
+        self._open_files(files)
+
+    def _open_files(self, recorded_files: Mapping[str, tuple[str, bytes]]) -> None:
+        out_dir = self.out_dir
+        self._folder = RunFolder(out_dir)
+        self.event_log = EventLog(out_dir / "events.jsonl", self._say)
         self._series = SeriesTap()
-        self.recording = RunRecording(self, self._attached(goals_map_m), self._tell)
-        self._mission_file = MissionFile(out_dir, self.stack.mission)
+        self.recording = RunRecording(self, recorded_files, self._tell)
+        self._mission_file = MissionFile(out_dir, self.stack.mission, self._tell)
         self.stack.taps += [self._show_truth, self.referee, self._series, self.event_log]
-        self.stack.taps += [self._mission_file, self.recording, self._follow_task]
+        self._job_file = MissionFile(out_dir, self.job, self._tell, whole_job.FILE_NAME)
+        self.unattended = Unattended(self.config.mission.stall_timeout_s)
+        self.stack.taps += [self._mission_file, self.job, self._job_file]
+        self.stack.taps += [self.recording, self._follow_task, self.unattended]
         self._write_config()
 
     def __enter__(self) -> Self:
@@ -96,9 +122,14 @@ class Session:
     def __exit__(self, *_: object) -> None:
         self.platform.close()
         self.stack.close()
-        self.event_log.close()
         self.recording.close()
         self._mission_file.close()
+        self._job_file.close()
+        self.event_log.close()
+        if self.last is None:
+            self._folder.give_back()
+        else:
+            self._folder.close()
 
     @property
     def task(self) -> Task:
@@ -153,9 +184,9 @@ class Session:
         self._mask_taps.append(tap)
 
     def ticks(self) -> Iterator[TickRecord]:
-        """Drive until the mission ends or the time allowed is over."""
+        """Drive until the mission ends, the time allowed is over, or nobody clears a stop."""
         self.clock.start()
-        while not self._has_ended() and not self._is_time_over():
+        while not (self._has_ended() or self._is_time_over() or self.unattended.why_ended):
             yield self._tick()
         self.clock.stop()
 
@@ -165,7 +196,7 @@ class Session:
         The report is made and its recording closed by then; events are still logged, another
         recording may be begun, and the robot drives to places and takes new plans.
         """
-        over = (self.referee, self._series)
+        over = (self.referee, self._series, self.job, self._job_file)
         self.stack.taps = [tap for tap in self.stack.taps if tap not in over]
         self.stack.mission.stay_open()
         while True:
@@ -177,14 +208,21 @@ class Session:
         `why_ended` names an end from outside, such as an interruption.
         """
         if not self._has_ended() and not why_ended and self.last is not None:
-            why_ended = f"stopped after {self.config.duration_s:g} s, as asked"
+            as_asked = f"stopped after {self.config.duration_s or 0.0:g} s, as asked"
+            why_ended = self.unattended.why_ended or as_asked
         self._come_to_rest()
         self.clock.stop()
         self.stack.perception.settle()  # the last frame counts in every run
+        self._job_file.write()
+        data = self._data()
         report = report_card(self, why_ended)
         self.recording.attach("report.json", "application/json", to_json(report))
         self.recording.close()
-        write_run_files(self.out_dir, report, self._data())
+        try:
+            write_run_files(self.out_dir, report, data)
+        except RecordingError as error:
+            self._tell(self.last.batch.t_s if self.last is not None else 0.0, str(error))
+            self.is_written = False
         return report
 
     def _tick(self) -> TickRecord:
@@ -215,30 +253,16 @@ class Session:
     def _write_config(self) -> None:
         write_file(self.out_dir / "config.toml", settings.to_toml(self.config).encode())
 
-    def _claim_out_dir(self) -> None:
-        try:
-            self.out_dir.mkdir(parents=True, exist_ok=True)
-            probe = self.out_dir / "events.jsonl"
-            probe.touch()
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write into {self.out_dir}: {error.strerror}; choose another --out folder"
-            ) from error
-
-    def _attached(self, goals_map_m: tuple[MapPoint, ...]) -> dict[str, tuple[str, bytes]]:
-        """What a recording needs to be run again."""
-        files = {
-            GOALS_ATTACHMENT: ("application/json", msgspec.json.encode(goals_map_m)),
-            SAVED_ATTACHMENT: ("application/json", msgspec.json.encode(self._saved)),
-        }
-        if self._plan_text:
-            files[PLAN_ATTACHMENT] = ("application/geo+json", self._plan_text.encode())
-        return files
-
     def _tell(self, t_s: float, text: str) -> None:
+        """What goes wrong beside the drive: it goes on, and everybody hears of it at once."""
+        self._say(text)
         self.event_log.add(Event(t_s=t_s, kind="fault", reason=text))
 
-    def _follow_task(self, _: TickRecord) -> None:
+    def _say(self, text: str) -> None:
+        for hear in self.trouble_taps:
+            hear(text)
+
+    def _follow_task(self, record: TickRecord) -> None:
         """A task taken under way is judged and shown, a plan also resumed, in place of the old."""
         task = self.task
         if task is self._task:
@@ -248,9 +272,12 @@ class Session:
         if task.work is None:
             return
         path = self.out_dir / "plan.geojson"
-        write_file(path, task.text.encode())
         self.config = msgspec.structs.replace(self.config, plan=str(path), waypoints="")
-        self._write_config()
+        try:
+            write_file(path, task.text.encode())
+            self._write_config()
+        except RecordingError as error:
+            self._tell(record.batch.t_s, str(error))
 
     def _show_mask(self, frame_index: int, class_id: ByteArray) -> None:
         for tap in self._mask_taps:
@@ -265,11 +292,11 @@ class Session:
     def _data(self) -> RunData:
         return RunData(
             config=self.config,
-            series=self._series.series(),
+            series=self.job.series(self._series.series()),
             rows=self.rows,
             plan=self.stack.mission.path,
             goals_map_m=self.shown_goals_map_m,
-            plants=self.weed_map.plants(),
-            events=self.event_log.events,
+            plants=self.job.plants(self.weed_map.plants()),
+            events=self.job.events(self.event_log.events),
             world=self.world,
         )

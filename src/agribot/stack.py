@@ -9,6 +9,7 @@ from agribot.control.follower import Follower
 from agribot.control.hand_drive import HandControl
 from agribot.control.supervise import Supervisor
 from agribot.estimate.localizer import Localizer
+from agribot.latch import Latch
 from agribot.messages import (
     ByteArray,
     CameraFrame,
@@ -66,10 +67,13 @@ class Stack:
         self.weed_map.track_pose(estimate)
         scenes = self.perception.step(batch)
         for scene in scenes:
+            if self.localizer.is_stale(scene):
+                continue
             self.weed_map.add(scene)
             self.localizer.see(scene)
         takeover = self.hand.listen(batch)
         self.treatment.listen(batch.events)
+        self.mission.heed(self.supervisor.warning)
         goal = self.mission.step(estimate, (*batch.events, *takeover))
         drive, tracking = self.follower.step(estimate, goal)
         drive, is_by_hand = self.hand.arbitrate(drive, goal.status)
@@ -112,17 +116,18 @@ def build(
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
     task, planning = task_of(config, robot, waypoints_map_m, work), ThreadedPlanning()
+    latch = Latch()
     return Stack(
         localizer=Localizer(config.estimate, config.field, robot),
         perception=perceiving(config, robot) if perception is None else perception,
         weed_map=WeedMap(config.weeds),
         mission=Mission(
-            task, config.mission, saved, tasks_under_way(task, config, robot), planning
+            task, config.mission, saved, tasks_under_way(task, config, robot), planning, latch
         ),
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
         treatment=Treatment(config.treatment, robot.sprayer),
-        supervisor=Supervisor(config.safety, robot),
+        supervisor=Supervisor(config.safety, robot, latch),
         planning=planning,
     )
 

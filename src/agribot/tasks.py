@@ -12,6 +12,7 @@ from agribot.field_work import work_from
 from agribot.geo import MapFrame
 from agribot.messages import Estimate, FloatArray, Path, Row, TickRecord
 from agribot.plan.boustrophedon import plan_home, plan_rows, plan_without
+from agribot.plan.caution import protection_limit_m
 from agribot.plan.certify import certify
 from agribot.plan.coverage.drive import FieldWork
 from agribot.plan.curves import Place
@@ -40,7 +41,7 @@ def task_of(
 ) -> Task:
     """The rows of the field, or what stands in for them: waypoints or the work of a plan."""
     if work is not None:
-        return _work_task(work)
+        return _work_task(work, robot)
     rows = () if waypoints_map_m else field_rows(config.field)
     mission, obstacles = config.mission, _obstacles(config, robot)
     check = _checks(rows, robot, mission, obstacles)
@@ -66,7 +67,7 @@ def task_of(
     tool = Tool(x_m=robot.tool_x_m)
     return Task(
         plan, rows, waypoints_map_m, tool, home=go_home, go_to=go_to, back=go_to, around=around,
-        rest=None if waypoints_map_m else rest,
+        rest=None if waypoints_map_m else rest, clearance_m=_clearance_m(config, robot),
     )  # fmt: skip
 
 
@@ -76,7 +77,8 @@ def tasks_under_way(task: Task, config: RunConfig, robot: RobotSpec) -> NewTasks
     check = _checks(rows, robot, config.mission, _obstacles(config, robot))
 
     def of_plan(text: str) -> Task:
-        return _work_task(work_from(text, "the plan", config, robot))._replace(text=text)
+        taken = work_from(text, "the plan", config, robot)
+        return _work_task(taken, robot)._replace(text=text)
 
     def of_places(places_map_m: Sequence[MapPoint], name: str) -> Task:
         def plan(estimate: Estimate) -> Path:
@@ -103,7 +105,7 @@ class TakenPlans:
         return "" if record.status.refusal else text
 
 
-def _work_task(work: FieldWork) -> Task:
+def _work_task(work: FieldWork, robot: RobotSpec) -> Task:
     return Task(
         lambda estimate: work.path_from(_pose(estimate)),
         work.rows,
@@ -115,7 +117,13 @@ def _work_task(work: FieldWork) -> Task:
         work=work,
         planning_s=CHECKING_S + work.length_m / PLANNED_MPS,
         errand_planning_s=CHECKING_S,
+        clearance_m=protection_limit_m(robot.drive) if work.has_crop else math.inf,
     )
+
+
+def _clearance_m(config: RunConfig, robot: RobotSpec) -> float:
+    field = config.field
+    return protection_limit_m(robot.drive, field.row_pitch_m if field.row_count > 1 else math.inf)
 
 
 def _place_planner(

@@ -168,7 +168,7 @@ GOAL_FIX = Topic(
     qos=LATCHED,
     seed_alias="/goal_GPS",
     seed_ros_type="sensor_msgs/msg/NavSatFix",
-    about="the next waypoint as latitude and longitude",
+    about="where the robot is bound for (waypoint, row end, goal), latitude and longitude",
 )
 WEEDS = Topic(
     name="/agribot/weeds",
@@ -192,7 +192,7 @@ DISTANCE = Topic(
     rate_hz=10.0,
     seed_alias="/distance",
     seed_ros_type="std_msgs/msg/Float64",
-    about="straight distance to the next waypoint, m",
+    about="straight distance to where the robot is bound for, m",
 )
 BEARING = Topic(
     name="/agribot/bearing",
@@ -201,7 +201,7 @@ BEARING = Topic(
     rate_hz=10.0,
     seed_alias="/angleOG",
     seed_ros_type="std_msgs/msg/Float64",
-    about="direction to the next waypoint, degrees counter-clockwise from East",
+    about="direction to where it is bound for, degrees counter-clockwise from East",
 )
 ANGLE = Topic(
     name="/agribot/angle",
@@ -210,7 +210,7 @@ ANGLE = Topic(
     rate_hz=10.0,
     seed_alias="/angle",
     seed_ros_type="std_msgs/msg/Float64",
-    about="bearing minus heading: how far to turn left to face the next waypoint, degrees",
+    about="bearing minus heading: how far to turn left to face that place, degrees",
 )
 HEADING_RAW = Topic(
     name="/agribot/heading/raw",

@@ -51,6 +51,16 @@ class GroundTile(msgspec.Struct, frozen=True, kw_only=True):
     y_max_m: float
 
 
+class GripPatch(msgspec.Struct, frozen=True, kw_only=True):
+    """An axis-aligned rectangle of ground with a friction of its own; later ones win."""
+
+    friction_ratio: float
+    x_min_m: float
+    y_min_m: float
+    x_max_m: float
+    y_max_m: float
+
+
 class Light(msgspec.Struct, frozen=True, kw_only=True):
     """The sun: the unit vector points from the ground to the sun, map frame."""
 
@@ -87,7 +97,8 @@ class WorldSpec(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     spawn_yaw_map_rad: float = 0.0
     gravity_mps2: float = 9.8
     field_enu_t: Vec3 = (0.0, 3.8e-5, -2.3e-5)  # about what a compass meets at 21 N, 73 E
-    friction_ratio: float = 1.0
+    friction_ratio: float = 1.0  # of the ground wherever no patch lies
+    grip: tuple[GripPatch, ...] = ()
     light: Light = Light()
     ground: tuple[GroundTile, ...] = ()
     soil: Soil = Soil()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 from collections.abc import Iterator
 from contextlib import closing
@@ -24,10 +23,11 @@ from agribot.bridge.requests import Requests
 from agribot.messages import GnssFix, GnssQuality
 from agribot.operator_input import Inbox
 from agribot.ros import rosmsg
+from tests import machine
 from tests.bridge.live import Talk, first, peer, program
 from tests.waiting import wait_for
 
-pytest.importorskip("cyclonedds", reason="has no wheel for Linux on ARM")
+pytest.importorskip("cyclonedds", reason="cyclonedds has no wheel for this machine")
 
 OUT = [topic for topic in topics.TOPICS if topic.ros_type and topic is not topics.CMD_VEL]
 GOLDEN = Path(__file__).parents[1] / "golden" / "ros2-jazzy-rihs01.json"
@@ -47,8 +47,8 @@ class Robot:
 
 @pytest.fixture(scope="module")
 def fastdds_peer(tmp_path_factory: pytest.TempPathFactory) -> str:
-    if shutil.which("g++") is None or not Path("/usr/include/fastdds").is_dir():
-        pytest.skip("needs the apt packages g++ and libfastrtps-dev")
+    if machine.find("g++") is None or not Path("/usr/include/fastdds").is_dir():
+        pytest.skip(machine.missing("g++"))
     made = tmp_path_factory.mktemp("fastdds") / "peer"
     source = Path(__file__).with_name("fastdds_peer.cpp")
     libraries = ("-lfastrtps", "-lfastcdr")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import shutil
 import signal
 import socket
 import struct
@@ -32,14 +31,13 @@ from agribot.geo import Datum
 from agribot.operator_input import Inbox
 from agribot.ros.camera_log import CameraLog
 from agribot.ros.sensor_readers import readers
+from tests import machine
 from tests.bridge.live import first, free_port
 from tests.bridge.ros1_system import Ros1, ask
 from tests.record import record_samples as samples
 from tests.waiting import PATIENCE_S, wait_for
 
-pytestmark = pytest.mark.skipif(
-    shutil.which("roscore") is None, reason="needs Debian's ROS 1: see apt-packages.txt"
-)
+pytestmark = machine.needs("roscore")
 
 OUT = [topic for topic in topics.TOPICS if topic.ros_type]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import re
-import shutil
 import struct
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from PIL import Image
 
 from agribot import topics
 from agribot.bridge.ros1.types import outputs
+from tests import machine
 from tests.bridge.live import ROOT, free_port
 from tests.bridge.ros1_system import Ros1, ask
 from tests.waiting import wait_for
@@ -29,12 +29,9 @@ LAUNCH_FILES = sorted(path.name for path in (ROS1 / "launch").glob("*.launch"))
 DESCRIPTION = ROOT / "src" / "agribot" / "description"
 TOOLS = {"/initialpose", "/clicked_point", "/goal_pose", "/move_base_simple/goal"}  # they publish
 
-needs_ros1 = pytest.mark.skipif(
-    shutil.which("roslaunch") is None, reason="needs Debian's ROS 1: see apt-packages.txt"
-)
+needs_ros1 = machine.needs("roslaunch")
 needs_rviz = pytest.mark.skipif(
-    shutil.which("rviz") is None or shutil.which("Xvfb") is None,
-    reason="needs rviz and xvfb: see apt-packages.txt",
+    machine.find("rviz") is None or machine.find("Xvfb") is None, reason=machine.missing("rviz")
 )
 
 

@@ -36,7 +36,8 @@ def test_a_mission_drives_the_robot_of_another_process(tmp_path: Path) -> None:
         sources = [f"--source={sensor}=ros2:{topic}" for sensor, topic in SENSORS.items()]
         main(
             ["run", "farm", "--ros2", "--ros-router", router, *sources, "--for", "12",
-             "--set", "perception.enabled=false", "--out", str(tmp_path / "mind")]
+             "--set", "perception.enabled=false", "--set", "safety.sensor_timeout_s=3",
+             "--out", str(tmp_path / "mind")]
         )  # fmt: skip
         process.send_signal(signal.SIGINT)
         assert process.stdout is not None

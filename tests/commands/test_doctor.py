@@ -89,3 +89,24 @@ def test_without_the_simulator_the_drive_is_left_out() -> None:
     finding = doctor.self_check([absent])
     assert finding.state == "missing"
     assert "numba" in finding.detail
+
+
+def test_every_finding_is_told_as_soon_as_it_is_known(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said: dict[str, str] = {}
+
+    def look(name: str) -> list[doctor.Finding]:
+        said[name] = capsys.readouterr().err
+        return [doctor.Finding(what=name, state="ok", detail="")]
+
+    for name in ("packages", "caches", "weights"):
+        monkeypatch.setattr(doctor, name, lambda name=name: look(name))
+    monkeypatch.setattr(doctor, "self_check", lambda _: look("drive")[0])
+    assert main(["doctor"]) == 0
+    assert "usable CPUs" in said["packages"]
+    assert "python" in said["packages"]
+    assert "packages" in said["caches"]
+    assert "weights" in said["drive"]
+    assert doctor.DRIVING in said["drive"]
+    assert capsys.readouterr().err.splitlines()[-1] == "OK"

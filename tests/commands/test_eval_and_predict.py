@@ -52,6 +52,32 @@ def test_eval_reports_one_pooled_confusion_matrix(
     assert result["miou"] == pytest.approx(float((hits / union).mean()))
 
 
+def test_eval_prints_its_table_where_a_shell_can_catch_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 2)
+    assert main(["eval", str(folder), "--data", "cwfid"]) == 0
+    printed = capsys.readouterr()
+    assert [line.split()[0] for line in printed.out.splitlines()[1:5]] == [
+        "weed", "crop", "soil", "mIoU",
+    ]  # fmt: skip
+    assert "over 2 images" in printed.out
+    assert "000_image.png: mIoU" in printed.err
+
+
+def test_eval_reads_masks_whose_values_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 2)
+    assert main(["eval", str(folder), "--data", "cwfid", "--json"]) == 0
+    expected = result_of(capsys)
+    for path in (folder / "annotations").iterdir():
+        red, green, _ = np.moveaxis(np.asarray(Image.open(path)), -1, 0)
+        Image.fromarray(np.where(red > 0, 2, np.where(green > 0, 1, 0)).astype(np.uint8)).save(path)
+    assert main(["eval", str(folder), "--ids", "0=soil,1=crop,2=weed", "--json"]) == 0
+    assert result_of(capsys)["confusion"] == expected["confusion"]
+
+
 def test_eval_judges_the_rest_names_broken_files_and_ends_with_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -59,7 +85,7 @@ def test_eval_judges_the_rest_names_broken_files_and_ends_with_one(
     broken = spoil(folder)
     assert main(["eval", str(folder), "--json", "--out", str(tmp_path / "judged")]) == 1
     printed = capsys.readouterr()
-    assert json.loads(printed.out)["images"] == 2
+    assert json.loads(printed.out.splitlines()[-1])["images"] == 2
     assert all(f"{name}:" in printed.err for name in broken)
     details = json.loads((tmp_path / "judged" / "eval.json").read_text(encoding="utf-8"))
     assert len(details["problems"]) == len(broken)

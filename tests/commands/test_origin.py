@@ -18,7 +18,7 @@ from agribot.messages import GnssFix, GnssQuality
 from agribot.record.replay import read_config, read_ticks
 from agribot.ros import rosmsg
 from agribot.ros.rosmsg import typestore
-from agribot.ui.about import field_of
+from agribot.ui.ground import field_of
 from tests.bridge.live import free_port, zenoh_peer
 
 HOME = Datum(lat_deg=48.125, lon_deg=11.5, alt_m=510.0)

@@ -83,6 +83,8 @@ class Rover:
         self._rng = rng
         self._wheels_v = self._wheels_w = self._shake = 0.0
         self._queue: deque[DriveCommand] = deque([STOP] * DEAD_TICKS, maxlen=DEAD_TICKS)
+        self._right_rad = self._left_rad = 0.0
+        self._drive = farm_robot().drive
 
     def drive(self, command: DriveCommand) -> None:
         """One tick under a command."""
@@ -104,6 +106,13 @@ class Rover:
         self.y_m += self.v_mps * TICK_S * math.sin(course_rad)
         self.yaw_rad = math.remainder(self.yaw_rad + self.yaw_rate_radps * TICK_S, math.tau)
         self.t_s += TICK_S
+        self.turn_wheels(DriveCommand(v_mps=self._wheels_v, yaw_rate_radps=self._wheels_w))
+
+    def turn_wheels(self, twist: DriveCommand) -> None:
+        """For one tick, as a twist has them turn, whether the robot gets on or not."""
+        left, right = self._drive.wheel_speeds_radps(twist.v_mps, twist.yaw_rate_radps)
+        self._left_rad += left * TICK_S
+        self._right_rad += right * TICK_S
 
     def estimate(self) -> Estimate:
         return Estimate(
@@ -114,8 +123,12 @@ class Rover:
         )  # fmt: skip
 
     def batch(self) -> SensorBatch:
-        wheel = WheelSample(t_s=self.t_s, angle_rad=(0.0,) * 4, speed_radps=(0.0,) * 4)
-        imu = ImuSample(t_s=self.t_s, gyro_radps=(0.0, 0.0, 0.0), accel_mps2=(0.0, 0.0, 9.8))
+        right, left = self._right_rad, self._left_rad
+        angles = (right, left, right, left)
+        wheel = WheelSample(t_s=self.t_s, angle_rad=angles, speed_radps=(0.0,) * 4)
+        hum_radps = 1e-4 * math.sin(1e3 * self.t_s)  # no gyro says the same twice
+        gyro_radps = (hum_radps, 0.0, self.yaw_rate_radps)
+        imu = ImuSample(t_s=self.t_s, gyro_radps=gyro_radps, accel_mps2=(0.0, 0.0, 9.8))
         return SensorBatch(t_s=self.t_s, wheels=(wheel,), imu=(imu,))
 
 

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agribot.config import SafetyConfig
-from agribot.control.supervise import Fence, Supervisor
+from agribot.control.fence import PathFence
+from agribot.control.supervise import Supervisor
 from agribot.messages import (
     STOP,
     DriveCommand,
@@ -56,14 +57,20 @@ class Gate:
         batch = batch or self.rover.batch()
         events = tuple(OperatorEvent(t_s=batch.t_s, action=action) for action in actions)
         batch = msgspec.structs.replace(batch, events=events)
-        command = RobotCommand(t_s=batch.t_s, drive=drive, implement=OPEN)
-        return self.supervisor.check(
+        command = self.command(drive)
+        sent, reason = self.supervisor.check(
             command,
             estimate or self.rover.estimate(),
             batch,
             goal(state),
             is_by_hand=is_by_hand,
         )
+        self.rover.turn_wheels(sent.drive)
+        self.rover.yaw_rate_radps = sent.drive.yaw_rate_radps
+        return sent, reason
+
+    def command(self, drive: DriveCommand) -> RobotCommand:
+        return RobotCommand(t_s=self.rover.t_s, drive=drive, implement=OPEN)
 
     def lost_estimate(self) -> Estimate:
         return msgspec.structs.replace(self.rover.estimate(), ok=False, reason="no GNSS fix")
@@ -103,6 +110,7 @@ def test_a_good_command_passes_unchanged() -> None:
         ({"ok": False, "reason": "no fix yet"}, ("no position", "no fix yet")),
         ({"pos_std_m": 3.2}, ("position uncertain", "3.20 m > 3.00 m")),
         ({"pos_std_m": math.nan}, ("position uncertain",)),
+        ({"contradiction": "GNSS jumped by 0.40 m"}, ("GNSS jumped by 0.40 m",)),
         ({"yaw_std_rad": 0.7}, ("heading uncertain", "0.70 rad > 0.60 rad")),
         ({"x_map_m": math.nan}, ("not finite",)),
         ({"yaw_map_rad": math.inf}, ("not finite",)),
@@ -139,7 +147,9 @@ def test_limits_slow_the_robot_along_the_same_curve() -> None:
 
 
 @pytest.mark.parametrize(("sensor", "name"), [("wheels", "wheel encoders"), ("imu", "IMU")])
-def test_silence_of_a_sensor_is_a_fault_and_its_return_ends_it(sensor: str, name: str) -> None:
+def test_a_sensor_that_falls_silent_stops_the_robot_until_a_person_clears_it(
+    sensor: str, name: str
+) -> None:
     gate = Gate().cruise()
     stopped_after_s = None
     for tick in range(1, 30):
@@ -152,7 +162,9 @@ def test_silence_of_a_sensor_is_a_fault_and_its_return_ends_it(sensor: str, name
     assert stopped_after_s == pytest.approx(0.3, abs=0.021)
     assert f"{name} silent for" in reason
     assert "> 0.30 s" in reason
-    sent, reason = gate.send()
+    for _ in range(100):  # it speaks again
+        assert_stopped(*gate.send(), name, "clear the stop")
+    sent, reason = gate.send(actions=("clear_stop",))
     assert reason == ""
     assert 0.0 < sent.drive.v_mps < FORWARD.v_mps
 
@@ -162,6 +174,7 @@ def test_a_sensor_that_never_spoke_is_a_fault_from_the_first_tick(sensor: str) -
     gate = Gate()
     batch = msgspec.structs.replace(gate.rover.batch(), **{sensor: ()})
     assert_stopped(*gate.send(batch=batch), "not reported yet")
+    assert gate.send()[1] == "", "nothing was stopped, so that nobody needs to clear it"
 
 
 def tilted_batch(gate: Gate, accel_mps2: tuple[float, float, float]) -> SensorBatch:
@@ -196,10 +209,11 @@ def test_a_single_knock_is_not_a_tilt() -> None:
     assert (sent.drive, reason) == (FORWARD, "")
 
 
-def test_an_imu_that_reports_no_number_is_a_fault_and_recovers() -> None:
+def test_an_imu_that_reports_no_number_stops_the_robot_until_a_person_clears_it() -> None:
     gate = Gate().cruise()
     assert_stopped(*gate.send(batch=tilted_batch(gate, (math.nan, 0.0, 9.8))), "IMU")
-    assert gate.send()[1] == ""
+    assert_stopped(*gate.send(), "IMU", "clear the stop")
+    assert gate.send(actions=("clear_stop",))[1] == ""
 
 
 def test_a_stop_of_the_operator_holds_until_it_is_cleared() -> None:
@@ -255,8 +269,8 @@ def test_fence_of_a_path_is_its_box_and_a_margin() -> None:
         xy_map_m=np.array([[0.0, 1.0], [4.0, -2.0]]), yaw_map_rad=np.zeros(2),
         curvature_radpm=np.zeros(2), row=np.zeros(2, dtype=np.int64), s_m=np.array([0.0, 5.0]),
     )  # fmt: skip
-    fence = Fence.around(path, 3.0)
-    assert fence == Fence(-3.0, -5.0, 7.0, 4.0)
+    fence = PathFence.around(path, 3.0)
+    assert fence == PathFence(-3.0, -5.0, 7.0, 4.0)
     assert fence.holds(7.0, 4.0)
     assert not fence.holds(7.1, 0.0)
     assert not fence.holds(math.nan, 0.0)

@@ -54,6 +54,73 @@ def test_a_good_set_is_good_and_its_pixels_are_counted(
     )
 
 
+def add_field_pair(folder: Path, name: str, values: tuple[int, int, int]) -> None:
+    """A green weed and a green crop plant on brown soil; `values` of weed, crop and soil."""
+    image = np.full((80, 120, 3), (120, 90, 60))
+    mask = np.full((80, 120), values[2])
+    for value, columns in ((values[0], slice(10, 30)), (values[1], slice(50, 90))):
+        image[20:60, columns] = (60, 140, 50)
+        mask[20:60, columns] = value
+    save(folder / "images" / f"{name}_image.png", image)
+    save(folder / "masks" / f"{name}_mask.png", mask)
+
+
+@pytest.mark.parametrize(
+    ("values", "ids", "reason"),
+    [
+        ((2, 1, 0), "0=soil,1=crop,2=weed", "weed covers 75.0% of the pixels"),
+        ((0, 2, 1), "0=weed,1=soil,2=crop", "called soil is greener"),
+    ],
+)
+def test_ids_that_look_swapped_are_doubted_until_somebody_says_what_they_mean(
+    values: tuple[int, int, int],
+    ids: str,
+    reason: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    add_field_pair(tmp_path, "a", values)
+    status, report = checked(tmp_path, capsys)
+    assert (status, report["ok"]) == (1, False)
+    ((kind, detail),) = ((p["kind"], p["detail"]) for p in report["problems"])
+    assert kind == "classes look swapped"
+    assert reason in detail
+    assert "--ids 0=soil,1=crop,2=weed" in detail
+    status, report = checked(tmp_path, capsys, "--ids", ids)
+    assert (status, report["ok"]) == (0, True)
+    assert report["pixel_ratio"] == pytest.approx({"weed": 1 / 12, "crop": 2 / 12, "soil": 9 / 12})
+
+
+def test_a_field_full_of_weeds_passes_once_its_ids_are_confirmed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save(tmp_path / "images" / "a.png", np.full((8, 8, 3), (60, 140, 50)))
+    save(tmp_path / "masks" / "a.png", np.zeros((8, 8)))
+    assert checked(tmp_path, capsys)[0] == 1
+    assert checked(tmp_path, capsys, "--ids", "0=weed,1=crop,2=soil")[0] == 0
+
+
+@pytest.mark.parametrize("ids", ["0=soil,1=maize", "x=soil", "0=soil,0=crop", "300=soil", ""])
+def test_ids_that_name_no_class_are_refused_in_one_line(
+    ids: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add_pair(tmp_path, "a")
+    assert main(["dataset", "check", str(tmp_path), "--ids", ids]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert f"--ids {ids}: " in line
+
+
+def test_pictures_saved_as_webp_are_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    add_pair(tmp_path, "a")
+    path = tmp_path / "images" / "a_image.png"
+    Image.open(path).save(path.with_suffix(".webp"), lossless=True)
+    path.unlink()
+    status, report = checked(tmp_path, capsys)
+    assert (status, report["pairs"]) == (0, 1)
+
+
 def test_every_kind_of_damage_is_named_with_its_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

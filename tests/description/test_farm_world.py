@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 import subprocess
 from collections import Counter
 from pathlib import Path
@@ -18,6 +17,7 @@ from agribot.description.worlds_sdf import load_world, world_names
 from agribot.messages import FloatArray, PlantClass
 from agribot.robot import Shape
 from agribot.world import Obstacle, Plant, WorldSpec
+from tests import machine
 
 HEADLAND_M = 1.8
 CLEAR_M = 1.5
@@ -236,8 +236,7 @@ def test_package_knows_no_other_machine() -> None:
     ids=lambda file: f"{file.parent.name}-{file.stem}",
 )
 def test_files_pass_the_sdf_checker(file: Path) -> None:
-    if shutil.which("ign") is None:
-        pytest.skip("ign is not on PATH")
+    machine.require("ign")
     done = subprocess.run(
         ["ign", "sdf", "-k", str(file)],
         capture_output=True, text=True, check=False,

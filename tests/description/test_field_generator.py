@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 import subprocess
 from collections import Counter
 from pathlib import Path
@@ -32,6 +31,7 @@ from agribot.geo import MapFrame
 from agribot.messages import FloatArray, PlantClass
 from agribot.robot import Shape
 from agribot.world import Obstacle, Plant, Soil, WorldSpec
+from tests import machine
 
 NO_WEEDS = WeedsPlan(density_per_m2=0.0)
 
@@ -240,8 +240,7 @@ def test_a_world_is_the_same_after_writing_and_reading(name: str, tmp_path: Path
 
 @pytest.mark.parametrize("name", ["Farm", "hills"])
 def test_a_written_world_passes_the_sdf_checker(name: str, tmp_path: Path) -> None:
-    if shutil.which("ign") is None:
-        pytest.skip("ign is not on PATH")
+    machine.require("ign")
     write_world(load_world(name), tmp_path / "again.world")
     done = subprocess.run(
         ["ign", "sdf", "-k", str(tmp_path / "again.world")],

@@ -17,7 +17,9 @@ from agribot.errors import DescriptionError
 from agribot.geo import transform
 from agribot.messages import WHEEL_NAMES, DriveCommand, RobotCommand
 from agribot.robot import RobotSpec
+from agribot.sim.physics import Physics
 from agribot.sim.platform import SimPlatform
+from agribot.sim.state import ANGULAR, EFFORT, WHEEL_SPEED
 
 WHEEL = """
 <link name="{name}">
@@ -293,3 +295,18 @@ def test_the_default_camera_looks_down_at_the_ground_ahead(tmp_path: Path) -> No
     np.testing.assert_allclose(
         pose, transform((0.25, 0.0, 0.9), (0.0, math.radians(50.0), 0.0)), atol=1e-9
     )
+
+
+@pytest.mark.parametrize("is_effort", [False, True])
+def test_motors_that_were_made_up_run_calmly_in_short_and_long_steps(
+    tmp_path: Path, is_effort: bool
+) -> None:
+    robot = load_robot(_file(tmp_path, BODY + _wheels()))
+    for step_ns in (500_000, 5_000_000):
+        physics = Physics(robot, load_world("empty"), step_ns, is_effort=is_effort)
+        for _ in range(100):
+            physics.command(DriveCommand(v_mps=0.5, yaw_rate_radps=0.3))
+            rows = physics.advance(20_000_000 // step_ns)
+        assert np.ptp(rows[:, WHEEL_SPEED], axis=0).max() < 0.01
+        assert rows[-1, ANGULAR][2] == pytest.approx(0.3, rel=0.03)
+        assert (rows[-1, EFFORT] * rows[-1, WHEEL_SPEED]).sum() > 0.0

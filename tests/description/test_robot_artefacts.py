@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import struct
 import subprocess
 import xml.etree.ElementTree as ET
@@ -18,6 +17,7 @@ from agribot.description.export import ARTEFACT, tree_text, write_artefact
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.package import PACKAGE, ROOT
 from agribot.messages import FloatArray
+from tests import machine
 
 
 def test_packaged_urdf_is_current() -> None:
@@ -114,8 +114,7 @@ def test_chassis_mesh_touches_the_axles_and_clears_the_wheels() -> None:
 
 
 def _run(command: list[str]) -> str:
-    if shutil.which(command[0]) is None:
-        pytest.skip(f"{command[0]} is not on PATH")
+    machine.require(command[0])
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

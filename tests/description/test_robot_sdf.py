@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 import subprocess
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -18,6 +17,7 @@ from agribot.description.poses import read_pose
 from agribot.description.robot_sdf import sdf_text
 from agribot.messages import WHEEL_NAMES, FloatArray
 from agribot.robot import RobotSpec
+from tests import machine
 
 
 @pytest.fixture(scope="module")
@@ -83,8 +83,7 @@ def test_the_command_prints_it(capsys: pytest.CaptureFixture[str], robot: RobotS
 
 
 def test_the_sdf_checker_accepts_it(tmp_path: Path, robot: RobotSpec) -> None:
-    if shutil.which("ign") is None:
-        pytest.skip("ign is not on PATH")
+    machine.require("ign")
     (tmp_path / "robot.sdf").write_text(sdf_text(robot))
     done = subprocess.run(
         ["ign", "sdf", "-k", str(tmp_path / "robot.sdf")],

@@ -14,6 +14,7 @@ from agribot.devices import RowLine
 from agribot.estimate.ekf import ROW_BIAS, YAW, Ekf, X, Y
 from agribot.estimate.history import Motion, MotionHistory
 from agribot.estimate.localizer import Localizer
+from agribot.estimate.row_agreement import RowAgreement
 from agribot.estimate.row_lines import RowLines
 from agribot.messages import GroundPlant, PlantClass, Scene
 from tests.estimate.noisy_rover import M8N, record, stand
@@ -39,7 +40,7 @@ class Robot:
         self.ekf.x[X], self.ekf.x[Y], self.ekf.x[YAW] = x_m, y_m, yaw_rad
         self.rejected: Counter[str] = Counter()
         self._history = MotionHistory()
-        self._lines = RowLines(self.ekf, self._history, field, self.rejected)
+        self._lines = RowLines(self.ekf, self._history, field, self.rejected, RowAgreement())
         self._t_s = 0.0
 
     def see(self, **changes: float | None) -> None:

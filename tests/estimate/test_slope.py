@@ -13,6 +13,7 @@ from agribot.estimate.crop_rows import CropRows
 from agribot.estimate.ekf import YAW, Ekf, X, Y
 from agribot.estimate.history import Motion, MotionHistory
 from agribot.estimate.odometry import Odometry
+from agribot.estimate.row_agreement import RowAgreement
 from agribot.messages import FloatArray, GroundPlant, ImuSample, PlantClass, Scene, WheelSample
 from tests.estimate.paper_robot import robot
 
@@ -94,7 +95,7 @@ def test_a_robot_that_may_still_drive_still_uses_the_crop(std_m: float) -> None:
     field = FieldConfig(plant_spacing_m=2.0)
     ekf.x[X], ekf.x[Y], ekf.x[YAW] = 3.0 + 0.1, 4.0, math.pi / 2.0
     history, rejected = MotionHistory(), Counter[str]()
-    crop = CropRows(ekf, history, EstimateConfig(), field, rejected)
+    crop = CropRows(ekf, history, EstimateConfig(), field, rejected, RowAgreement())
     for index in range(20):
         t_s, ahead_m = 0.1 * index, 0.04 * index
         history.append(Motion(t_s, 0.0, ahead_m, 0.0, 0.4, 0.0))

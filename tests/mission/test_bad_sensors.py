@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 from agribot.config import load
 from agribot.messages import GnssFix, SensorBatch, TickRecord
+from agribot.record.events import read_events
 from agribot.record.report import Report
 from agribot.session import Session
 
@@ -40,6 +42,10 @@ def moved(fix: GnssFix, north_m: float) -> GnssFix:
     return msgspec.structs.replace(fix, lat_deg=fix.lat_deg + north_m / 110719.0)
 
 
+def east(fix: GnssFix, east_m: float) -> GnssFix:
+    return msgspec.structs.replace(fix, lon_deg=fix.lon_deg + east_m / 103858.0)
+
+
 def reasons(records: list[TickRecord]) -> str:
     return " ".join({record.estimate.reason + record.reason + record.status.reason
                      for record in records[int(FROM_S / 0.02) :]})  # fmt: skip
@@ -57,12 +63,43 @@ def test_a_receiver_that_jumps_100_m_is_told_and_crushes_nothing(
     assert "rejected in a row" in reasons(records)
     last = records[-1]
     if sensors == "rtk":
-        assert last.status.state == "failed"
-        assert "off path" in last.status.reason
+        assert last.status.state == "paused"
+        assert re.match(r"GNSS jumped by (99\.\d|100\.0)\d m against wheels", last.status.reason)
         assert last.command.drive.v_mps == 0.0
 
 
-def test_a_receiver_that_freezes_is_noticed_and_crushes_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize("size_m", [0.15, 0.4])
+def test_a_small_jump_of_fixed_rtk_halts_on_the_row_and_says_by_how_much(
+    tmp_path: Path, size_m: float
+) -> None:
+    def jump(batch: SensorBatch) -> SensorBatch:
+        return msgspec.structs.replace(batch, gnss=tuple(east(fix, size_m) for fix in batch.gnss))
+
+    report, records = driven(tmp_path, jump, 'sim.sensors="rtk"', "duration_s=32")
+    assert report.tracking.plants_crushed == 0
+    assert report.tracking.xte_max_m is not None
+    assert report.tracking.xte_max_m < 0.1
+    assert records[-1].status.state == "paused"
+    assert "GNSS jumped by 0." in records[-1].status.reason
+    assert records[-1].command.drive.v_mps == 0.0
+
+
+def test_a_fast_drift_of_fixed_rtk_without_camera_is_stopped_by_the_protection_level(
+    tmp_path: Path,
+) -> None:
+    def drift(batch: SensorBatch) -> SensorBatch:
+        fixes = tuple(east(fix, 0.05 * (fix.t_s - FROM_S)) for fix in batch.gnss)
+        return msgspec.structs.replace(batch, gnss=fixes)
+
+    report, records = driven(tmp_path, drift, 'sim.sensors="rtk"', "duration_s=45")
+    assert report.tracking.plants_crushed == 0
+    assert report.tracking.xte_max_m is not None
+    assert report.tracking.xte_max_m < 0.3
+    assert "off the row" in reasons(records)
+    assert records[-1].command.drive.v_mps == 0.0
+
+
+def test_a_receiver_that_freezes_is_named_and_crushes_nothing(tmp_path: Path) -> None:
     last: list[GnssFix] = []
 
     def freeze(batch: SensorBatch) -> SensorBatch:
@@ -72,9 +109,13 @@ def test_a_receiver_that_freezes_is_noticed_and_crushes_nothing(tmp_path: Path) 
 
     report, records = driven(tmp_path, freeze, 'sim.sensors="rtk"')
     assert report.tracking.plants_crushed == 0
-    assert "rejected in a row" in reasons(records)
-    truth_beyond = [record.estimate.protection_m for record in records[-50:]]
-    assert all(level_m > 1.0 for level_m in truth_beyond)
+    assert "GNSS repeats its position while the wheels turned" in reasons(records)
+    levels_m = [record.estimate.across_protection_m for record in records]
+    assert all(level_m > 0.25 for level_m in levels_m[-50:])
+    assert max(levels_m[round(15.0 / 0.02) : round(FROM_S / 0.02)]) < 0.25
+    faults = [event.reason for event in read_events(tmp_path / "events.jsonl")
+              if event.kind == "fault"]  # fmt: skip
+    assert any("GNSS repeats its position" in fault for fault in faults)
 
 
 def test_a_clock_that_goes_back_stops_the_robot(tmp_path: Path) -> None:

@@ -29,7 +29,8 @@ def test_without_the_camera_a_cheap_receiver_stops_before_it_crushes_the_crop(
     settings = ["seed=1", 'sim.sensors="m8n"', "perception.enabled=false"]
     report = run_session("farm", settings, str(tmp_path))
     assert not report.ok
-    assert "row lost" in report.reason
+    assert "off the row" in report.reason
+    assert "nobody resumed the mission for 60 s" in report.reason
     assert report.tracking.plants_crushed == 0
 
 

@@ -62,6 +62,7 @@ def test_all_files_of_a_run_are_there_and_hold_the_same_result(farm_runs: Runs) 
         "config.toml",
         "events.jsonl",
         "mission.json",
+        "job.json",
     }
     stored = json.loads((out / "report.json").read_text())
     assert stored["mission"]["rows_done"] == report.mission.rows_done

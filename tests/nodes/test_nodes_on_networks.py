@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -17,6 +16,7 @@ from typing import Any
 import pytest
 
 from agribot.geo import Datum, MapFrame
+from tests import machine
 from tests.bridge.live import free_port
 from tests.waiting import PATIENCE_S, wait_for
 
@@ -77,7 +77,7 @@ def test_over_ros_2_the_nodes_bring_the_robot_to_its_goal(tmp_path: Path) -> Non
     assert_arrived(reach_the_goal(tmp_path, ("--ros2", "--ros-router", router)))
 
 
-@pytest.mark.skipif(shutil.which("roscore") is None, reason="needs Debian's ROS 1")
+@machine.needs("roscore")
 def test_over_ros_1_the_nodes_bring_the_robot_to_its_goal(tmp_path: Path) -> None:
     port = free_port()
     environment = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "ROS_IP": "127.0.0.1"}

@@ -11,6 +11,7 @@ import shapely
 
 from agribot.description.loader import load_robot
 from agribot.errors import MissionError
+from agribot.plan.coverage import swaths
 from agribot.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, PlanRequest, footprint
 from agribot.plan.coverage.planner import plan_field
 from agribot.plan.random_fields import random_field
@@ -171,3 +172,13 @@ def test_the_same_field_gives_the_same_plan() -> None:
         return [leg.xy_map_m.tobytes() for leg in legs]
 
     assert points(certified(WITH_HOLE)[0].legs) == points(certified(WITH_HOLE)[0].legs)
+
+
+def test_the_direction_of_the_swaths_does_not_depend_on_how_many_are_tried_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pond = shapely.Point(0.0, 0.0).buffer(9.0, quad_segs=6)
+    work = shapely.MultiPolygon([pond, shapely.Polygon([(20, 0), (50, 7), (48, 16), (18, 9)])])
+    at_once = swaths.search_yaw_rad(work, 0.7)
+    monkeypatch.setattr(swaths, "MAX_PRODUCTS", 100)
+    assert swaths.search_yaw_rad(work, 0.7) == at_once

@@ -7,7 +7,7 @@ import pytest
 
 from agribot.config import FieldConfig
 from agribot.errors import MissionError
-from agribot.messages import Estimate, Goal, Path
+from agribot.messages import Estimate, Goal, OperatorEvent, Path
 from agribot.plan.boustrophedon import plan_rows
 from agribot.plan.driving import SETTLE_S
 from agribot.plan.mission import Mission
@@ -273,3 +273,16 @@ def test_a_path_over_unknown_rows_is_refused() -> None:
     goal = Ride(Mission(Task(lambda _: farm_path, ROWS), MISSION)).settle()
     assert goal.status.state == "failed"
     assert "rows [2, 3, 4, 5]" in goal.status.reason
+
+
+def test_the_time_left_follows_a_change_of_speed(ride: Ride, path: Path) -> None:
+    ride.settle()
+    ride.along(0.0, 4.0)
+    before = ride.be_at(*ride.place(4.0)).status
+    ride.t_s += 0.02
+    slower = OperatorEvent(t_s=0.0, action="set", text="mission.speed_mps", value=0.1)
+    after = ride.mission.step(at(*ride.place(4.0), ride.t_s), [slower]).status
+    left_m = float(path.s_m[-1]) - 4.0
+    assert before.eta_s is not None and after.eta_s is not None
+    assert before.eta_s < 2.0 * left_m / MISSION.speed_mps
+    assert after.eta_s == pytest.approx(left_m / 0.1, rel=0.1)

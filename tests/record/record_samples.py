@@ -123,6 +123,7 @@ def status(
     return MissionStatus(
         state=state, reason=reason, row=row, rows_total=6, rows_done=tuple(range(max(row, 0))),
         s_m=s_m, length_m=10.0, waypoints_total=12, waypoints_reached=int(s_m >= 10.0),
+        goal_map_m=(1.0, 2.0),
     )  # fmt: skip
 
 

@@ -67,6 +67,17 @@ def test_a_lost_position_is_a_fault_with_the_filters_reason(log: EventLog) -> No
     assert fault.reason == "no wheel data for 0.4 s"
 
 
+def test_a_sensor_in_doubt_is_a_fault_once_although_the_position_is_known(log: EventLog) -> None:
+    for index, record in enumerate(samples.ticks(30)):
+        doubt = f"GNSS repeats its position while the wheels turned 0.{index} m"
+        named = msgspec.structs.replace(record.estimate, reason=doubt if index % 20 > 5 else "")
+        log(msgspec.structs.replace(record, estimate=named))
+    assert [fault.reason for fault in log.of_kind("fault")] == [
+        "GNSS repeats its position while the wheels turned 0.6 m",
+        "GNSS repeats its position while the wheels turned 0.26 m",
+    ]
+
+
 def test_mission_changes_are_written_at_once(tmp_path: Path) -> None:
     path = tmp_path / "events.jsonl"
     log = EventLog(path)
@@ -85,3 +96,15 @@ def test_unwritable_and_foreign_files_are_refused(tmp_path: Path) -> None:
         EventLog(tmp_path / "file" / "events.jsonl")
     with pytest.raises(RecordingError, match="not an event log"):
         read_events(tmp_path / "file")
+
+
+def test_a_stop_that_nobody_has_cleared_goes_on_while_nothing_asks_the_robot_to_move(
+    log: EventLog,
+) -> None:
+    for index, record in enumerate(samples.ticks(6)):
+        stopped = "stopped by Ann" if 1 <= index < 5 else ""
+        status = msgspec.structs.replace(record.status, stopped=stopped)
+        reason = "stopped by Ann; clear the stop to go on" if index == 1 else ""
+        log(msgspec.structs.replace(_changed(record, 0.0, reason), status=status))
+        assert len(log.of_kind("clear")) == (1 if index == 5 else 0)
+    assert len(log.of_kind("hold")) == 1

@@ -5,10 +5,13 @@ import math
 from pathlib import Path
 
 import pytest
+from rosbags import rosbag1
 
 from agribot import topics
 from agribot.cli import main
+from agribot.errors import RecordingError
 from agribot.record.bag.convert import ConvertOptions, convert
+from agribot.record.bag.definitions import ros1_store
 from agribot.record.foreign import read_foreign
 from tests.record.bag import bag_samples as samples
 
@@ -75,9 +78,73 @@ def test_a_run_that_was_killed_still_gets_a_report(
     assert (tmp_path / "out" / "heading.png").exists()
 
 
-def test_a_bag_with_nothing_to_plot_says_so(tmp_path: Path) -> None:
+def test_a_bag_with_nothing_to_plot_is_refused_with_what_it_holds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     samples.write_ros1(tmp_path / "a.bag")
     convert(tmp_path / "a.bag", tmp_path / "b.bag", ConvertOptions(topics=("/text",)))
-    assert main(["report", str(tmp_path / "b.bag"), "-o", str(tmp_path / "out")]) == 1
-    missing = json.loads((tmp_path / "out" / "report.json").read_text())["missing"]
-    assert len(missing) == 5
+    for command in (["report"], ["view", "rerun"]):
+        out = tmp_path / "out.rrd"
+        assert main([*command, str(tmp_path / "b.bag"), "-o", str(out)]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "/text (std_msgs/msg/String)" in line and "NavSatFix" in line
+        assert not out.exists()
+
+
+def _write_frames(path: Path, base: str, count: int = 40, drive_m: float = 4.0) -> None:
+    """Only frames: a robot goes ahead in odom, which lies turned by a right angle in map."""
+    store = ros1_store()
+    types = store.types
+    pose, vector = types["geometry_msgs/msg/Transform"], types["geometry_msgs/msg/Vector3"]
+    turn, stamped = (
+        types["geometry_msgs/msg/Quaternion"],
+        types["geometry_msgs/msg/TransformStamped"],
+    )
+    with rosbag1.Writer(path) as writer:
+        tf = writer.add_connection("/tf", "tf2_msgs/msg/TFMessage", typestore=store)
+        for index in range(count):
+            t_ns = samples.START_NS + index * samples.STEP_NS
+            ahead_m = drive_m * index / (count - 1)
+            edges = [
+                ("/map", "/odom", pose(vector(1.0, 0.0, 0.0), turn(0.0, 0.0, 0.5**0.5, 0.5**0.5))),
+                ("/odom", base, pose(vector(ahead_m, 0.0, 0.0), turn(0.0, 0.0, 0.0, 1.0))),
+                (base, "/laser", pose(vector(0.2, 0.0, 0.3), turn(0.0, 0.0, 0.0, 1.0))),
+            ]
+            told = [
+                stamped(samples.header(store, t_ns, parent, index), child, transform)
+                for parent, child, transform in edges
+            ]
+            message = types["tf2_msgs/msg/TFMessage"](told)
+            writer.write(tf, t_ns, store.serialize_ros1(message, tf.msgtype))
+
+
+@pytest.mark.parametrize("base", ["/base_link", "/rover"])
+def test_frames_alone_show_the_path_of_the_base(tmp_path: Path, base: str) -> None:
+    _write_frames(tmp_path / "f.bag", base)
+    data = read_foreign(tmp_path / "f.bag")
+    (track,) = data.tracks
+    assert track.label == f"tf map to {base[1:]}"
+    assert track.points[0] == pytest.approx([1.0, 0.0])
+    assert track.points[-1] == pytest.approx([1.0, 4.0])
+    (driven,) = data.distance
+    assert driven.points[-1] == pytest.approx([3.9, 4.0])
+
+
+def test_a_report_and_rerun_show_a_bag_of_frames_and_a_track_on_earth_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = tmp_path / "f.bag"
+    _write_frames(bag, "/base_link")
+    assert main(["report", str(bag), "-o", str(tmp_path / "out")]) == 0
+    assert (tmp_path / "out" / "track.png").exists()
+    assert main(["view", "rerun", str(bag), "-o", str(tmp_path / "f.rrd")]) == 0
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said.startswith("158 messages to")  # 79 places on the track, 79 of the distance
+    assert main(["bag", "track", str(bag), "-o", str(tmp_path / "f.gpx")]) == 2
+    assert "only /tf (tf2_msgs/msg/TFMessage)" in capsys.readouterr().err
+
+
+def test_frames_of_a_robot_that_stands_are_no_path(tmp_path: Path) -> None:
+    _write_frames(tmp_path / "f.bag", "/base_link", drive_m=0.01)
+    with pytest.raises(RecordingError, match=r"f\.bag holds nothing that can be shown"):
+        read_foreign(tmp_path / "f.bag")

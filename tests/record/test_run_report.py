@@ -43,7 +43,7 @@ CONTRACT: dict[str, Any] = {
     "time": ["sim_s", "wall_s", "cpu_s", "rtf_cpu"],
     "mission": [
         "success", "rows_total", "rows_done", "waypoints_total", "waypoints_reached", "distance_m",
-        "area_m2", "h_per_ha", "coverage_ratio",
+        "area_m2", "h_per_ha", "coverage_ratio", "rows_unproven",
     ],
     "tracking": [
         "xte_rms_m", "xte_p95_m", "xte_max_m", "heading_rms_rad", "plants_total", "plants_crushed",
@@ -56,6 +56,7 @@ CONTRACT: dict[str, Any] = {
     ],
     "safety": ["stops", "faults"],
     "marks": None,
+    "job": None,
 }  # fmt: skip
 NASTY = '<script>alert("x")</script> & more'
 
@@ -235,7 +236,17 @@ def test_series_of_a_live_run_and_of_its_recording_are_equal() -> None:
         tap(record)
     live, later = tap.series(), collect(iter(records))
     for field in msgspec.structs.fields(live):
-        assert np.array_equal(getattr(live, field.name), getattr(later, field.name)), field.name
+        one, other = getattr(live, field.name), getattr(later, field.name)
+        assert np.array_equal(one, other, equal_nan=True), field.name
+
+
+def test_the_table_of_rows_tells_over_how_much_of_a_row_its_crop_was_seen() -> None:
+    data = _data()
+    assert row_summaries(data)[0].seen_m is None  # no camera looked
+    seen = np.where(data.series.t_s < 6.0, 1.0, 0.0)
+    looked = msgspec.structs.replace(data.series, row_seen=seen)
+    first = row_summaries(msgspec.structs.replace(data, series=looked))[0]
+    assert first.seen_m == pytest.approx(0.6 * first.distance_m, abs=0.05)
 
 
 def test_thinning_keeps_the_peaks_and_the_gaps() -> None:

@@ -4,6 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from agribot.devices import CropCover
 from agribot.errors import RecordingError
 from agribot.record.ticks import decode_tick, encode_tick, without_pixels
 from tests.record import record_samples as samples
@@ -27,3 +28,20 @@ def test_numpy_numbers_in_a_tick_are_recorded_as_numbers() -> None:
 def test_a_tick_of_another_version_is_refused_with_the_way_out() -> None:
     with pytest.raises(RecordingError, match="version that recorded it"):
         decode_tick(msgspec.msgpack.encode({"batch": {"t_s": 1.0}}))
+
+
+def test_what_a_scene_tells_of_its_picture_is_recorded_and_may_be_missing() -> None:
+    cover = CropCover(
+        x_body_m=0.3, y_body_m=-0.8, cell_m=0.025, rows=2, columns=8, crop=b"\x81\x00",
+        seen=b"\xff\xff",
+    )  # fmt: skip
+    scene = msgspec.structs.replace(
+        samples.scene(3, 1.0), crop_cover=cover, picture_crc32=2**32 - 1
+    )
+    record = msgspec.structs.replace(samples.ticks(1)[0], scenes=(scene,))
+    data = encode_tick(record)
+    assert decode_tick(data).scenes == (scene,)
+    old = msgspec.msgpack.decode(data)
+    for name in ("crop_cover", "picture_crc32"):
+        del old["scenes"][0][name]
+    assert decode_tick(msgspec.msgpack.encode(old)).scenes == (samples.scene(3, 1.0),)

@@ -77,8 +77,8 @@ def rover() -> RobotSpec:
         max_yaw_rate_radps=1.5,
         max_accel_mps2=1.5,
         max_yaw_accel_radps2=4.0,
-        rotor_inertia_kgm2=0.05,
-        servo_gain_nmspr=50.0,
+        rotor_inertia_kgm2=1.42e-3,
+        servo_gain_nmspr=1.0,
         rate_hz=100.0,
     )
     return RobotSpec(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib.metadata import distribution
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from torch import nn
 from agribot.errors import ConfigError
 from agribot.train.architectures import architecture
 from agribot.train.efficientnet import (
+    PACKAGE,
     STAGES,
     DepthwiseConv,
     InvertedResidual,
@@ -118,3 +120,13 @@ def test_an_exported_file_can_be_begun_with(tmp_path: Path) -> None:
     start_from(tmp_path / "net.onnx", other, x)
     with torch.inference_mode():
         assert torch.allclose(other.eval()(x), network(x), atol=1e-3)
+
+
+def test_the_package_of_the_weights_carries_the_licence_that_is_stated() -> None:
+    texts = [
+        file.read_text()
+        for file in distribution(PACKAGE).files or ()
+        if file.name.upper().startswith("LICENSE")
+    ]
+    assert len(texts) == 1
+    assert "Apache License, Version 2.0" in texts[0]

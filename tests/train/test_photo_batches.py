@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("albumentations")
+pytest.importorskip("cv2")
 
 from agribot.messages import PlantClass
 from agribot.train.photo_batches import PhotoBatches

@@ -17,7 +17,7 @@ from tests.train.photo_folder import photo_folder, spoil
 def test_every_pair_comes_back_as_it_was_saved(tmp_path: Path) -> None:
     pairs, problems = find_pairs(photo_folder(tmp_path, 3), "cwfid")
     assert problems == []
-    for index, (image_rgb, label) in enumerate(read_pairs(pairs, "cwfid", problems.append)):
+    for index, (image_rgb, label) in enumerate(read_pairs(pairs, problems.append)):
         expected_image, expected_label = drawn_image(np.random.default_rng(index))
         np.testing.assert_array_equal(image_rgb, expected_image)
         np.testing.assert_array_equal(label, expected_label)
@@ -28,7 +28,7 @@ def test_broken_pairs_are_named_and_the_rest_goes_on(tmp_path: Path) -> None:
     folder = photo_folder(tmp_path, 7)
     broken = spoil(folder)
     pairs, problems = find_pairs(folder, "cwfid")
-    assert len(list(read_pairs(pairs, "cwfid", problems.append))) == 2
+    assert len(list(read_pairs(pairs, problems.append))) == 2
     assert len(problems) == len(broken)
     for name in broken:
         assert sum(name in problem for problem in problems) == 1
@@ -74,7 +74,7 @@ def test_a_phenobench_folder_is_read(tmp_path: Path) -> None:
         (tmp_path / name).mkdir()
         Image.new("L", (8, 8), value).save(tmp_path / name / "05-15_00028.png")
     pairs, _ = find_pairs(tmp_path, "phenobench")
-    ((_, label),) = read_pairs(pairs, "phenobench", pytest.fail)
+    ((_, label),) = read_pairs(pairs, pytest.fail)
     assert (label == PlantClass.CROP).all()
 
 

@@ -5,8 +5,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from PIL import Image
 
 from agribot.errors import AgribotError, ConfigError
+from agribot.messages import PlantClass
 from agribot.perceive.segmenter import Segmenter
 from agribot.train.card import ModelCard
 from agribot.train.main import run
@@ -66,6 +68,25 @@ def test_photographs_of_a_folder_are_trained_on_and_judged_on_the_fold_held_out(
     # Another fold in the same folder would be judged on pictures that it was trained on.
     with pytest.raises(AgribotError, match="other settings"):
         run(parsed(*words, "--fold", "2"))
+
+
+def test_masks_whose_classes_look_swapped_are_asked_about_before_anything_is_learnt(
+    tmp_path: Path,
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 3)
+    for path in (folder / "annotations").iterdir():
+        red, green, _ = np.moveaxis(np.asarray(Image.open(path)), -1, 0)
+        values = np.where(red > 0, 2, np.where(green > 0, 1, 0)).astype(np.uint8)
+        Image.fromarray(values).save(path)
+    words = ("--data", "folder", "--data-dir", str(folder), "--out", str(tmp_path / "out"))
+    with pytest.raises(ConfigError, match=r"weed covers .*--ids 0=soil,1=crop,2=weed"):
+        run(parsed(*words, "--steps", "1"))
+    assert not (tmp_path / "out").exists()
+    named = parsed(*words, "--ids", "0=soil,1=crop,2=weed")
+    source = photo_source(named, print)
+    assert "--ids 0=soil,1=crop,2=weed" in source.command
+    _, labels = source.batches(np.random.default_rng(0))
+    assert float((labels == PlantClass.SOIL).float().mean()) > 0.5
 
 
 @pytest.mark.slow

@@ -42,10 +42,14 @@ class Page:
         """The next message of this kind."""
         end_s = time.monotonic() + timeout_s
         while True:
-            text = self.line.recv(timeout=max(0.0, end_s - time.monotonic()))
-            message: dict[str, Any] = json.loads(text)
+            message = self.receive_any(max(0.0, end_s - time.monotonic()))
             if message["k"] == kind:
                 return message
+
+    def receive_any(self, timeout_s: float = PATIENCE_S) -> dict[str, Any]:
+        """The next message of whatever kind."""
+        message: dict[str, Any] = json.loads(self.line.recv(timeout=timeout_s))
+        return message
 
     def ask(self, **message: Any) -> dict[str, Any]:
         """Send a request and wait for its answer."""

@@ -18,8 +18,9 @@ pytest.importorskip("websockets")
 from agribot import config
 from agribot.description.loader import load_robot, urdf_text
 from agribot.plan.rows import field_rows
-from agribot.ui.about import about_run, field_of
+from agribot.ui.about import about_run
 from agribot.ui.address import Address
+from agribot.ui.ground import field_of
 from agribot.ui.hub import About
 from agribot.ui.server_process import ServerProcess
 from tests.ui.client import Page
@@ -34,6 +35,7 @@ class Robot:
         self.address = address or Address(port=0)
         self.server = ServerProcess(self.address, self._about)
         self.orders: list[dict[str, Any]] = []
+        self.answers: dict[str, Any] = {}  # to what the server asks, by its name
         self._news = threading.Condition()
 
     def start(self) -> None:
@@ -62,8 +64,11 @@ class Robot:
 
     def _hear(self, data: bytes) -> None:
         with self._news:
-            self.orders.append(json.loads(data))
+            self.orders.append(order := json.loads(data))
             self._news.notify_all()
+        if order["c"] == "ask" and order["name"] in self.answers:
+            value = self.answers[order["name"]]
+            self.say({"k": "reply", "number": order["number"], "value": value})
 
     def _about(self, port: int) -> About:
         settings, robot = config.load("farm"), load_robot("agribot")
@@ -82,6 +87,15 @@ def _own_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 @pytest.fixture(scope="module")
 def shared_robot(tmp_path_factory: pytest.TempPathFactory, _own_home: None) -> Iterator[Robot]:
     robot = Robot(tmp_path_factory.mktemp("robot"))
+    robot.start()
+    yield robot
+    robot.server.close()
+
+
+@pytest.fixture(scope="module")
+def lan_robot(tmp_path_factory: pytest.TempPathFactory, _own_home: None) -> Iterator[Robot]:
+    """Served at an address that is not one of this machine alone, so that a token is needed."""
+    robot = Robot(tmp_path_factory.mktemp("lan"), Address(host="0.0.0.0", port=0))
     robot.start()
     yield robot
     robot.server.close()

@@ -9,7 +9,7 @@ import pytest
 from agribot import config
 from agribot.plan.coverage.area import FieldArea
 from agribot.plan.rows import field_rows
-from agribot.ui.about import field_of
+from agribot.ui.ground import field_of
 
 
 def test_posts_are_rings_of_their_radius_and_holes_of_a_plan_are_kept() -> None:

@@ -19,11 +19,13 @@ from agribot.messages import ByteArray
 from agribot.record.recorder import RunRecorder
 from agribot.session import Session
 from agribot.ui.camera import LADDER, QUICK_TIMES, Camera, Ladder, Picture, encode, unpacked
-from agribot.ui.channel import CHANGES_KEPT, STATES_KEPT, Channel, Client, signal_table
+from agribot.ui.channel import Channel, signal_table
+from agribot.ui.client import STATES_KEPT, Client
 from agribot.ui.feed import packed
 from agribot.ui.hub import Hub
 from agribot.ui.pictures import Pictures
 from agribot.ui.replay import Replay
+from agribot.ui.window import LEAST_BYTES, MOST_BYTES, Window
 from tests.record import record_samples as samples
 from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
@@ -34,27 +36,154 @@ def state(number: int) -> dict[str, object]:
     return {"k": "s", "n": number, "wall_ms": time.time() * 1e3, "t": float(number)}
 
 
-def test_a_slow_page_loses_its_oldest_states_and_no_change() -> None:
-    channel, client = Channel("sim", signal_table()), Client()
+def follow(channel: Channel, window: Window | None = None) -> Client:
+    client = Client(channel, window)
     channel.clients.add(client)
+    return client
+
+
+def take(client: Client) -> dict[str, Any]:
+    """What is sent next; fails where nothing may be."""
+    text = client.take()
+    assert text is not None
+    message: dict[str, Any] = json.loads(text)
+    return message
+
+
+def take_all(client: Client) -> list[dict[str, Any]]:
+    return [json.loads(text) for text in iter(client.take, None)]
+
+
+def grow(channel: Channel, points: int) -> None:
+    for number in range(points):
+        first = len(channel.trace_map_m)
+        channel.publish_change(json.dumps({"k": "traj", "first": first, "xy": [[number, 0]]}))
+
+
+def put_together(messages: list[dict[str, Any]]) -> tuple[list[Any], dict[int, Any]]:
+    """The trace and the weeds as a page has them after these messages."""
+    trace: list[Any] = []
+    weeds: dict[int, Any] = {}
+    for message in messages:
+        kind = message["k"]
+        if kind == "snap":
+            trace, weeds = [], {row[0]: row for row in message["weeds"]["all"]}
+        if kind in {"snap", "traj"}:
+            piece = message.get("traj", message)
+            assert piece["first"] == len(trace)
+            trace += piece["xy"]
+        elif kind == "weeds":
+            weeds.update((row[0], row) for row in message["set"])
+            for id in message["gone"]:
+                weeds.pop(id, None)
+    return trace, weeds
+
+
+def test_a_slow_page_loses_its_oldest_states_and_no_change() -> None:
+    channel = Channel("sim", signal_table())
+    client = follow(channel)
     for number in range(100):
         channel.publish_state(json.dumps(state(number)))
-    for number in range(3):
-        channel.publish_change(json.dumps({"k": "traj", "first": number, "xy": [[number, 0]]}))
-    got = [json.loads(asyncio.run(client.next(channel))) for _ in range(3 + STATES_KEPT)]
-    assert [m["first"] for m in got[:3]] == [0, 1, 2]
-    assert [m["n"] for m in got[3:]] == list(range(100 - STATES_KEPT, 100))
+    grow(channel, 3)
+    got = take_all(client)
+    assert got[0]["k"] == "snap"
+    assert [m["n"] for m in got if m["k"] == "s"] == list(range(100 - STATES_KEPT, 100))
+    assert put_together(got)[0] == [[0, 0], [1, 0], [2, 0]]
     assert client.dropped == 100 - STATES_KEPT
 
 
-def test_a_page_that_is_too_far_behind_gets_everything_afresh() -> None:
-    channel, client = Channel("sim", signal_table()), Client()
-    channel.clients.add(client)
-    for number in range(CHANGES_KEPT + 50):
-        channel.publish_change(json.dumps({"k": "traj", "first": number, "xy": [[number, 0]]}))
-    snapshot = json.loads(asyncio.run(client.next(channel)))
-    assert snapshot["k"] == "snap"
-    assert len(snapshot["traj"]["xy"]) == CHANGES_KEPT + 50
+def test_a_page_that_is_far_behind_gets_all_in_pieces_with_states_between_them() -> None:
+    channel = Channel("sim", signal_table())
+    grow(channel, 1500)
+    rows = [[id, 0, 1.0, 2.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, None] for id in range(300)]
+    channel.publish_change(json.dumps({"k": "weeds", "rev": 1, "set": rows, "gone": []}))
+    client = follow(channel)
+    got = []
+    for number in range(100):
+        channel.publish_state(json.dumps(state(number)))
+        got += [take(client), take(client)]
+        if number == 2:
+            channel.publish_change(
+                json.dumps({"k": "weeds", "rev": 2, "set": [], "gone": [7, 299]})
+            )
+        if put_together(got)[0] == channel.trace_map_m and len(put_together(got)[1]) == 298:
+            break
+    assert [m["k"] == "s" for m in got] == [False, True] * (len(got) // 2)
+    trace, weeds = put_together(got)
+    assert trace == channel.trace_map_m
+    assert weeds == channel.weeds
+    assert max(len(json.dumps(m)) for m in got) < 10_000
+
+
+def test_a_page_that_acknowledges_nothing_has_little_on_its_way_and_then_the_newest() -> None:
+    channel, window = Channel("sim", signal_table()), Window(is_acknowledged=True)
+    client, sent = follow(channel, window), []
+
+    def send_what_may_be_sent(now_s: float) -> None:
+        while (text := client.take()) is not None:
+            sent.append(json.loads(text))
+            window.sent(len(text), now_s)
+
+    for number in range(1000):
+        channel.publish_state(json.dumps(state(number)))
+        send_what_may_be_sent(number / 30.0)
+    assert sum(len(json.dumps(m)) for m in sent) < LEAST_BYTES + 1000
+    assert window.waiting_s(40.0) == pytest.approx(40.0)
+    client.tell('{"k":"pong"}')
+    assert take(client) == {"k": "pong"}, "an answer does not wait"
+    window.received(len(sent), 40.0)
+    assert take(client)["n"] >= 1000 - STATES_KEPT
+    assert window.waiting_s(40.0) == 0.0
+
+
+def test_the_window_opens_on_a_quick_line_and_closes_on_a_slow_one() -> None:
+    window = Window(is_acknowledged=True)
+    count, now_s = 0, 0.0
+
+    def fill_and_receive_after(delay_s: float) -> None:
+        nonlocal count, now_s
+        while window.has_room:
+            window.sent(1000, now_s)
+            count += 1
+        now_s += delay_s
+        window.received(count, now_s)
+
+    for _ in range(20):
+        fill_and_receive_after(0.01)
+    assert window.size_bytes == MOST_BYTES
+    for _ in range(20):
+        fill_and_receive_after(1.0)
+    assert window.size_bytes == LEAST_BYTES
+    window.received(10**9, now_s)  # a page that claims more than it was sent gains nothing
+    assert window.has_room and window.waiting_s(now_s + 9.0) == 0.0
+
+
+def test_who_is_shown_another_channel_gets_nothing_of_the_first_any_more() -> None:
+    live, recorded = Channel("sim", signal_table()), Channel("replay", signal_table(), "short")
+    grow(live, 3)
+    grow(recorded, 5)
+    client = follow(live)
+
+    async def switched_while_it_waits() -> dict[str, Any]:
+        """The sender is in the middle of its wait when the channel changes, as it mostly is."""
+        while True:
+            waiting = asyncio.create_task(client.next())
+            await asyncio.sleep(0)
+            if not waiting.done():
+                break
+        live.publish_state(json.dumps(state(1)))
+        live.clients.discard(client)
+        recorded.clients.add(client)
+        client.follow(recorded)
+        first: dict[str, Any] = json.loads(await waiting)
+        return first
+
+    first = asyncio.run(switched_while_it_waits())
+    assert (first["k"], first["source"], first["name"]) == ("snap", "replay", "short")
+    assert first["traj"]["xy"] == recorded.trace_map_m
+    recorded.publish_state(json.dumps(state(2)))
+    assert {message["e"] for message in [first, *take_all(client)]} == {recorded.epoch}
+    assert recorded.epoch != live.epoch
 
 
 def test_a_page_that_comes_late_has_the_whole_trace_and_all_weeds(robot: Robot) -> None:
@@ -77,8 +206,9 @@ def test_a_stalled_page_does_not_hold_up_another(robot: Robot, page: Page) -> No
         padding = "x" * 20_000
         for number in range(600):
             robot.say({**state(number), "reason": padding})
-        while page.receive("s")["n"] != 599:
-            pass
+        while (number := page.receive("s")["n"]) != 599:
+            if number % 100 == 0:
+                stalled.send(k="ping", c=number)  # it takes nothing, but it is there
         seen = [stalled.receive("s")["n"]]
         while seen[-1] != 599:
             seen.append(stalled.receive("s")["n"])
@@ -179,8 +309,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_replay_shows_the_same_places_and_goes_back_and_forth(recording: Path) -> None:
-    replay, client = Replay.load(recording, "short"), Client()
-    replay.clients.add(client)
+    replay = Replay.load(recording, "short")
     wall_s = 100.0
     for _ in range(60):
         replay.step(wall_s)
@@ -201,12 +330,73 @@ def test_a_replay_shows_the_same_places_and_goes_back_and_forth(recording: Path)
     assert trace == replay.trace_map_m[: len(trace)]
 
 
+def test_a_page_sees_the_recording_and_then_the_robot_again_and_never_one_in_the_other(
+    robot: Robot, recording: Path
+) -> None:
+    (robot.home / "runs" / "swap").mkdir(parents=True)
+    shutil.copyfile(recording, robot.home / "runs" / "swap" / "run.mcap")
+    robot.say({"k": "traj", "first": 0, "xy": [[100.0, 100.0], [101.0, 100.0]]})
+    weed = [7001, 0, 100.0, 101.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, None]
+    robot.say({"k": "weeds", "rev": 9, "set": [weed], "gone": []})
+    robot.say({**state(1), "mode": "mission", "stop": ""})
+    browser = Browser(robot.port)
+    with Page(robot.port, tab="swap", additional_headers={"Cookie": browser.cookie}) as page:
+        epoch = page.receive("snap")["e"]
+        for name in ("swap", None, "swap", None):
+            request = {"name": name, "speed": 0, "t_s": 6.0}
+            assert browser.ask("POST", "/api/v1/replay", request)[0] == 200
+            robot.say({**state(2), "mode": "mission", "stop": ""})
+            while (snapshot := page.receive("snap"))["name"] != (name or ""):
+                pass
+            is_live = name is None
+            assert (snapshot["source"] == "replay") is not is_live
+            assert ([100.0, 100.0] in snapshot["traj"]["xy"]) is is_live
+            assert (7001 in [row[0] for row in snapshot["weeds"]["all"]]) is is_live
+            assert (snapshot["e"] == epoch) is is_live
+            while (shown := page.receive("s"))["e"] != snapshot["e"]:
+                pass
+            assert ("replay" in shown) is not is_live
+    assert browser.ask("GET", "/api/v1/field?recording=swap")[0] == 404
+
+
+def test_the_field_in_a_replay_is_that_of_the_recording(robot: Robot, tmp_path: Path) -> None:
+    settings = config.load("rows-10x12", ["perception.enabled=false", "duration_s=0.5"])
+    run = robot.home / "runs" / "other"
+    with Session(settings, run) as session:
+        for _ in session.ticks():
+            pass
+        session.finish()
+    browser = Browser(robot.port)
+    assert browser.ask("POST", "/api/v1/replay", {"name": "other", "speed": 0})[0] == 200
+    status, recorded = browser.ask("GET", "/api/v1/field?recording=other")
+    assert status == 200
+    assert len(recorded["rows"]) == 10
+    assert len(browser.ask("GET", "/api/v1/field")[1]["rows"]) == 6
+    assert browser.ask("POST", "/api/v1/replay", {"name": None})[0] == 200
+
+
+def test_who_looks_at_a_recording_is_told_when_the_robot_stops(
+    robot: Robot, recording: Path
+) -> None:
+    (robot.home / "runs" / "watched").mkdir(parents=True)
+    shutil.copyfile(recording, robot.home / "runs" / "watched" / "run.mcap")
+    browser = Browser(robot.port)
+    with Page(robot.port, tab="watch", additional_headers={"Cookie": browser.cookie}) as page:
+        assert browser.ask("POST", "/api/v1/replay", {"name": "watched"})[0] == 200
+        robot.say({**state(3), "mode": "mission", "stop": ""})
+        while page.receive("live")["stop"]:
+            pass
+        robot.say({**state(4), "mode": "stopped", "stop": "stopped by a test"})
+        while page.receive("live")["stop"] != "stopped by a test":
+            pass
+        assert browser.ask("POST", "/api/v1/replay", {"name": None})[0] == 200
+
+
 def test_nothing_can_be_commanded_in_a_replay_but_the_stop_reaches_the_robot(
     robot: Robot, recording: Path, page: Page
 ) -> None:
-    (robot.home / "runs").mkdir()
-    own = recording.parent.rename(robot.home / "runs" / "short") / "run.mcap"
-    assert own.is_file()
+    (robot.home / "runs").mkdir(exist_ok=True)
+    shutil.copytree(recording.parent, robot.home / "runs" / "short")
     browser = Browser(robot.port)
     with Page(robot.port, tab="r", additional_headers={"Cookie": browser.cookie}) as viewer:
         viewer.take_seat()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
+import contextlib
+import socket
 import ssl
 import subprocess
 import threading
@@ -20,10 +21,11 @@ from agribot.ui import remote
 from agribot.ui.address import Address, read_door
 from agribot.ui.line import Line
 from agribot.ui.remote import Remote
+from tests import machine
 from tests.ui.conftest import Robot
 from tests.waiting import PATIENCE_S
 
-pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl program")
+pytestmark = machine.needs("openssl")
 
 
 def certificate(folder: Path, name: str) -> tuple[str, str]:
@@ -48,6 +50,14 @@ def encrypted(tmp_path_factory: pytest.TempPathFactory, _own_home: None) -> Iter
 @pytest.fixture
 def trust(encrypted: Robot) -> ssl.SSLContext:
     return ssl.create_default_context(cafile=encrypted.address.tls_cert)
+
+
+def test_who_does_not_shake_hands_is_cut(encrypted: Robot) -> None:
+    with (
+        socket.create_connection(("127.0.0.1", encrypted.port), timeout=50.0) as line,
+        contextlib.suppress(ConnectionResetError),
+    ):
+        assert line.recv(1) == b"", "asyncio alone would wait for 60 s"
 
 
 def test_the_page_comes_over_https_alone_and_its_cookie_stays_there(

@@ -91,7 +91,6 @@ def test_a_killed_server_stops_the_hand_and_the_mission_goes_on_as_configured(
         os.kill(page.server.process.pid, signal.SIGKILL)
         records = drive(session, None, 1.0)
         assert records[-1].status.state == state
-        assert not page.is_alive
         log = [event.reason for event in session.event_log.events]
         assert "operator lost (the page's server)" in log
 

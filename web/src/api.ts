@@ -2,7 +2,7 @@
 
 import type { FeatureCollection } from 'geojson'
 import type {
-  Calibrations, Field, Health, ImportedView, KeptFrame, MapSource, Panel, PlanReply, Recordings, Robot, Session, Settings, SettingsReply, SettingValue,
+  Calibrations, Field, Health, ImportedView, KeptFrame, MapSource, Panel, PlanReply, Recordings, Robot, Session, Settings, SettingsReply, SettingValue, Way,
 } from './wire.ts'
 
 export class ApiError extends Error {
@@ -51,7 +51,8 @@ const name = encodeURIComponent
 export const api = {
   session: () => get<Session>('/api/v1/session'),
   login: (token: string) => write('POST', '/api/v1/login', { token }),
-  field: () => get<Field>('/api/v1/field'),
+  /** Of the robot, or of the recording of this name that is shown. */
+  field: (recording: string | null) => get<Field>(`/api/v1/field${recording === null ? '' : `?recording=${name(recording)}`}`),
   robot: () => get<Robot>('/api/v1/robot'),
   health: () => get<Health>('/api/v1/health'),
   maps: () => get<MapSource[]>('/api/v1/maps'),
@@ -82,6 +83,7 @@ export const api = {
     return (await request(path, { method: 'POST', body: file })).json() as Promise<FeatureCollection>
   },
   exportField: async (ending: string, field: FeatureCollection): Promise<Blob> => (await write('POST', `/api/v1/fields/export?format=${ending}`, field)).blob(),
+  previewGoal: (goal: { x: number; y: number; yaw: number | null }) => ask<Way>('POST', '/api/v1/goal/preview', goal),
   plan: (body: Record<string, unknown>) => ask<PlanReply>('POST', '/api/v1/plan', body),
   applyPlan: (body: Record<string, unknown>) => write('POST', '/api/v1/plan/apply', body),
 

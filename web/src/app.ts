@@ -3,6 +3,7 @@
 import { api, message } from './api.ts'
 import { Projection } from './geo.ts'
 import type { Link } from './link.ts'
+import { HAND_MS } from './link-monitor.ts'
 import type { Dialogs } from './shell/dialogs.ts'
 import type { Toasts } from './shell/toasts.ts'
 import type { Store } from './store.ts'
@@ -15,6 +16,8 @@ export class App {
   projection = new Projection({ lat_deg: 0, lon_deg: 0 })
   robot: Robot | null = null
   private readonly fieldListeners = new Set<() => void>()
+  private asked = 0
+  private loading: Promise<void> | null = null
 
   constructor(
     readonly store: Store,
@@ -26,12 +29,24 @@ export class App {
     readonly off: ReadonlySet<string>,
   ) {}
 
-  async loadWorld(): Promise<void> {
-    const [field, robot] = await Promise.allSettled([api.field(), api.robot()])
-    if (robot.status === 'fulfilled') this.robot = robot.value
-    else this.toasts.show('warn', message(robot.reason))
-    if (field.status === 'fulfilled') this.setField(field.value)
-    else this.toasts.show('warn', message(field.reason))
+  /** Field and robot of what is shown now; asked for once more where that changes on their way. */
+  loadWorld(): Promise<void> {
+    this.asked++
+    this.loading ??= this.load().finally(() => (this.loading = null))
+    return this.loading
+  }
+
+  private async load(): Promise<void> {
+    for (;;) {
+      const { asked, store: { channel: shown } } = this
+      const [field, robot] = await Promise.allSettled([api.field(shown?.source === 'replay' ? shown.name : null), api.robot()])
+      if (asked !== this.asked) continue
+      if (robot.status === 'fulfilled') this.robot = robot.value
+      else this.toasts.show('warn', message(robot.reason))
+      if (field.status === 'fulfilled') this.setField(field.value)
+      else this.toasts.show('warn', message(field.reason))
+      return
+    }
   }
 
   private setField(field: Field): void {
@@ -67,6 +82,12 @@ export class App {
 
   get mayCommand(): boolean {
     return this.store.seat === 'you' && this.store.linked && this.store.state?.mode !== 'replay'
+  }
+
+  /** Whether what a hand does here reaches the robot soon enough to drive it. */
+  get mayDriveByHand(): boolean {
+    const { store } = this
+    return this.mayCommand && !store.stale && store.answers && store.monitor.roundTripMs <= HAND_MS
   }
 }
 

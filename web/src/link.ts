@@ -1,12 +1,19 @@
-/** The state and command socket: reconnects with growing pauses, measures the round trip, waits for acks. */
+/** The state and command socket: measures the line, gives up a dead one, reconnects, waits for acks. */
 
+import { DEAD_MS, PING_MS } from './link-monitor.ts'
 import type { Store } from './store.ts'
-import type { ClientMessage, Command } from './wire.ts'
+import type { ClientMessage, Command, ServerMessage } from './wire.ts'
 import { parseMessage } from './wire.ts'
 
-const PING_MS = 500
+const TICK_MS = 100
 const ACK_TIMEOUT_MS = 5000
-const BACKOFF_MS = [250, 500, 1000, 2000, 5000]
+const BACKOFF_MS = [0, 250, 500, 1000]
+/** A connection that is not open by then is tried anew: that of a lost network would wait for a minute. */
+const OPEN_MS = [3000, 4000, 5000]
+/** What was received is acknowledged after so long or so much, but not all the time. */
+const GOT_AFTER_MS = 100
+const GOT_AFTER_BYTES = 2000
+const GOT_APART_MS = 20
 
 export interface Ack { ok: boolean; reason: string }
 
@@ -34,6 +41,10 @@ export class Link {
   private socket: WebSocket | null = null
   private attempt = 0
   private nextId = 1
+  private retry = 0
+  private openBy = Infinity
+  private pingedMs = -Infinity
+  private received = { count: 0, bytes: 0, toldCount: 0, toldMs: 0 }
   private readonly waiting = new Map<string, (ack: Ack) => void>()
   private readonly store: Store
   farewell = ''
@@ -44,26 +55,65 @@ export class Link {
     this.store = store
   }
 
-  open(): void {
-    const socket = new WebSocket(socketUrl(`/ws/v1?tab=${tabId()}`))
+  start(): void {
+    this.open()
+    setInterval(() => this.tick(performance.now()), TICK_MS)
+    window.addEventListener('online', () => this.hurry())
+  }
+
+  private open(): void {
+    clearTimeout(this.retry)
+    const socket = new WebSocket(socketUrl(`/ws/v1?tab=${tabId()}&acks=1`))
     this.socket = socket
-    socket.onopen = () => {
-      this.attempt = 0
-      this.farewell = ''
-      const name = localStorage.getItem('operator')
-      if (name) this.send({ k: 'name', name })
-      this.send({ k: 'scale', value: savedScale() })
-      this.store.setLinked(true)
-      this.ping()
-    }
+    this.openBy = performance.now() + OPEN_MS[Math.min(this.attempt, OPEN_MS.length - 1)]
+    socket.onopen = () => this.opened()
     socket.onmessage = (event: MessageEvent<unknown>) => this.receive(event.data)
     socket.onclose = () => this.lost()
   }
 
-  start(): void {
+  private opened(): void {
+    const nowMs = performance.now()
+    this.openBy = Infinity
+    this.farewell = ''
+    this.received = { count: 0, bytes: 0, toldCount: 0, toldMs: nowMs }
+    this.store.monitor.open(nowMs)
+    const name = localStorage.getItem('operator')
+    if (name) this.send({ k: 'name', name })
+    this.send({ k: 'scale', value: savedScale() })
+    this.ping(nowMs)
+    this.store.setLinked(true)
+    if (this.store.stop.isPending) this.send({ k: 'stop', id: 'stop' })
+  }
+
+  /** A network is back: do not wait for the next try. */
+  private hurry(): void {
+    if (this.socket?.readyState === WebSocket.OPEN) return
+    this.attempt = 0
+    this.drop(this.socket)
     this.open()
-    setInterval(() => this.ping(), PING_MS)
-    setInterval(() => this.store.checkAge(performance.now()), 200)
+  }
+
+  private tick(nowMs: number): void {
+    const { monitor } = this.store
+    monitor.tick(nowMs)
+    if (this.socket?.readyState === WebSocket.OPEN) {
+      if (monitor.unansweredMs > DEAD_MS) this.giveUp()
+      else if (nowMs - this.pingedMs >= PING_MS) this.ping(nowMs)
+      this.acknowledge(nowMs)
+    } else if (nowMs > this.openBy) this.giveUp()
+    this.store.checkAge(nowMs)
+  }
+
+  /** A socket that nobody answers would say so only after a minute or more. */
+  private giveUp(): void {
+    this.drop(this.socket)
+    this.lost()
+  }
+
+  private drop(socket: WebSocket | null): void {
+    if (!socket) return
+    socket.onopen = socket.onmessage = socket.onclose = null
+    socket.close()
   }
 
   /** True when the message was handed to an open socket. */
@@ -71,6 +121,12 @@ export class Link {
     if (this.socket?.readyState !== WebSocket.OPEN) return false
     this.socket.send(JSON.stringify(message))
     return true
+  }
+
+  /** Stop the robot; where the line does not carry it, it is said again on the next one. */
+  stop(): void {
+    this.store.stop.press(performance.now())
+    this.send({ k: 'stop', id: 'stop' })
   }
 
   /** Send a command and wait for what the robot says to it. */
@@ -87,15 +143,33 @@ export class Link {
   }
 
   private receive(data: unknown): void {
+    const nowMs = performance.now()
+    this.attempt = 0
+    this.received.count++
+    this.received.bytes += typeof data === 'string' ? data.length : 0
     const message = typeof data === 'string' ? parseMessage(data) : null
-    if (!message) return
+    if (message) this.take(message, nowMs)
+    this.acknowledge(nowMs)
+  }
+
+  private take(message: ServerMessage, nowMs: number): void {
     if (message.k === 'ack') this.answered(message)
     else if (message.k === 'bye') this.farewell = message.reason
-    else this.store.accept(message, performance.now())
+    else this.store.accept(message, nowMs)
+  }
+
+  private acknowledge(nowMs: number): void {
+    const { received } = this
+    const sinceMs = nowMs - received.toldMs
+    const isMuch = received.bytes >= GOT_AFTER_BYTES && sinceMs >= GOT_APART_MS
+    if (received.count === received.toldCount || (!isMuch && sinceMs < GOT_AFTER_MS)) return
+    this.received = { count: received.count, bytes: 0, toldCount: received.count, toldMs: nowMs }
+    this.send({ k: 'got', n: received.count })
   }
 
   private answered(ack: Ack & { id: string | null }): void {
-    if (ack.id !== null && this.waiting.has(ack.id)) this.settle(ack.id, ack)
+    if (ack.id === 'stop') this.store.stop.hear(this.store.hasRobot)
+    else if (ack.id !== null && this.waiting.has(ack.id)) this.settle(ack.id, ack)
     else if (!ack.ok) this.onRefusal(ack.reason)
   }
 
@@ -104,14 +178,18 @@ export class Link {
     this.waiting.delete(id)
   }
 
-  private ping(): void {
-    this.send({ k: 'ping', c: performance.now() })
+  private ping(nowMs: number): void {
+    this.pingedMs = nowMs
+    this.store.monitor.sent(nowMs)
+    this.send({ k: 'ping', c: nowMs })
   }
 
   private lost(): void {
+    this.openBy = Infinity
     this.store.setLinked(false)
     for (const id of [...this.waiting.keys()]) this.settle(id, { ok: false, reason: 'The link broke before the robot answered.' })
     const pause = BACKOFF_MS[Math.min(this.attempt++, BACKOFF_MS.length - 1)]
-    setTimeout(() => this.open(), pause)
+    clearTimeout(this.retry)
+    this.retry = window.setTimeout(() => this.open(), pause)
   }
 }

@@ -60,12 +60,13 @@ async function boot(): Promise<void> {
   const session = await openSession()
   if (session.source === 'description') return showDescription(session)
   const store = new Store()
+  store.hasRobot = session.source !== 'replay'
   const link = new Link(store)
   const shell = el('div', { class: 'shell' })
   document.body.append(shell)
   const toasts = new Toasts()
   const dialogs = new Dialogs(shell)
-  const stop = new StopButton(link, toasts)
+  const stop = new StopButton(link)
   link.onRefusal = (reason) => toasts.show('warn', reason || 'The robot refused.')
   dialogs.onOpen = () => {
     toasts.raise()
@@ -82,9 +83,7 @@ async function boot(): Promise<void> {
     new StatusBar(app).node, router.nav,
     el('div', { class: 'content' }, new Banners(app, main).node, main))
   installHooks(app, router)
-  store.on('link', (linked) => {
-    if (linked && !app.field) void app.loadWorld()
-  })
+  store.on('channel', () => void app.loadWorld())
   store.on('field', () => void app.loadWorld())
   tellRefusals(store, toasts)
   link.start()

@@ -2,14 +2,16 @@
 
 import type { App } from './app.ts'
 import type { Router } from './shell/router.ts'
-import type { State } from './wire.ts'
+import type { Field, State, Vec2 } from './wire.ts'
 
 export interface Hooks {
   state: () => State | null
+  field: () => Field | null
   counters: Record<string, number>
   readonly screen: string
   readonly ready: boolean
   map: unknown
+  goal: () => Vec2 | null
   scene: (() => unknown) | null
 }
 
@@ -22,6 +24,7 @@ declare global {
 export function installHooks(app: App, router: Router): void {
   window.__agribot = {
     state: () => app.store.state,
+    field: () => app.field,
     counters: app.store.counters,
     get screen() {
       return router.current
@@ -30,6 +33,7 @@ export function installHooks(app: App, router: Router): void {
       return app.store.state !== null && app.field !== null
     },
     map: null,
+    goal: () => null,
     scene: null,
   }
 }

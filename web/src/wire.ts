@@ -20,7 +20,9 @@ export interface Mission {
 }
 export interface Replay { name: string; t_s: number; start_s: number; end_s: number; speed: number }
 export interface State {
-  k: 's'; n: number; t: number; wall_ms: number
+  k: 's'; e: number; n: number; t: number
+  /** The robot's steady clock when it was as told here. */
+  mono_ms: number
   pose: [x: number, y: number, yaw: number] | null
   std: [posM: number, yawRad: number] | null
   vel: Vec2; cmd: Vec2; joints: number[]
@@ -43,21 +45,30 @@ export interface Calibrating {
   directions: boolean[] | null
 }
 
+/** What grows, piece by piece; `e` names the channel and the stretch of it that it belongs to. */
+export type Growth =
+  | { k: 'traj'; e: number; first: number; xy: Vec2[] }
+  | ({ k: 'path'; e: number; first: number } & PathData)
+  | { k: 'weeds'; e: number; rev: number; set: Weed[]; gone: number[] }
+  | { k: 'events'; e: number; events: LogEvent[] }
+
+/** The beginning of everything that is shown from now on; what is left of it follows in pieces. */
+export interface Snapshot {
+  k: 'snap'; e: number; source: string; name: string
+  traj: { first: number; xy: Vec2[] }; weeds: { rev: number; all: Weed[] }; path: PathData; events: LogEvent[]
+  signals: { names: string[]; units: string[] }
+}
+
 export type ServerMessage =
   | { k: 'hello'; session: string; id?: string; seat: Seat; holder: string; clients: number; source: string }
-  | {
-      k: 'snap'; traj: { first: number; xy: Vec2[] }; weeds: { rev: number; all: Weed[] }
-      path: PathData | null; events: LogEvent[]; signals: { names: string[]; units: string[] }
-    }
+  | Snapshot
   | State
-  | { k: 'traj'; first: number; xy: Vec2[] }
-  | ({ k: 'path' } & PathData)
-  | { k: 'weeds'; rev: number; set: Weed[]; gone: number[] }
-  | ({ k: 'event' } & LogEvent)
+  | Growth
+  | { k: 'live'; mode: Mode; stop: string }
   | { k: 'seat'; seat: Seat; holder: string; clients: number }
   | { k: 'field' }
   | { k: 'ack'; id: string | null; ok: boolean; reason: string }
-  | { k: 'pong'; c: number }
+  | { k: 'pong'; c: number; mono_ms: number; wall_ms: number }
   | { k: 'bye'; reason: string }
 
 /** Commands that the server answers with an ack. */
@@ -77,11 +88,12 @@ export type ClientMessage =
   | { k: 'name'; name: string }
   | { k: 'take'; force: boolean }
   | { k: 'release' }
-  | { k: 'drive'; seq: number; v: number; w: number }
+  | { k: 'got'; n: number }
+  | { k: 'drive'; seq: number; v: number; w: number; mono_ms?: number }
   | { k: 'scale'; value: number }
-  | { k: 'stop' }
+  | { k: 'stop'; id: string }
 
-const KINDS = new Set(['hello', 'snap', 's', 'traj', 'path', 'weeds', 'event', 'seat', 'field', 'ack', 'pong', 'bye'])
+const KINDS = new Set(['hello', 'snap', 's', 'traj', 'path', 'weeds', 'events', 'live', 'seat', 'field', 'ack', 'pong', 'bye'])
 
 /** The message in one text frame, or null for anything that is not one of ours. */
 export function parseMessage(text: string): ServerMessage | null {
@@ -176,6 +188,8 @@ export interface ImportedView {
   left_out: { name: string; why: string }[]
   view: { target: 'map' | 'position' | 'heading'; turn: number }
 }
+/** The way to a goal before it is sent; without numbers where the robot was not asked. */
+export interface Way { xy: Vec2[]; length_m: number | null; time_s: number | null }
 export interface PlanReply {
   ok: boolean; reasons: { text: string; at_map_m: Vec2 | null }[]
   length_m: number; area_m2: number; time_s: number; path: Vec2[]

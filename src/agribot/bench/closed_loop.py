@@ -23,7 +23,6 @@ from agribot.description.field_plan import FieldPlan, read_field_plan
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
 from agribot.description.worlds_sdf import load_world
-from agribot.session import Session
 from agribot.train.evaluate import CLASS_NAMES, Scores, scores
 from agribot.world import Light, WorldSpec
 
@@ -138,6 +137,8 @@ def table(result: dict[str, Any]) -> str:
 
 
 def _drive(condition: Condition, seconds: float, model: str) -> Drive:
+    from agribot.session import Session
+
     profile = FARM if condition.field == FARM else BEET
     with TemporaryDirectory() as folder:
         world = Path(folder) / "field.world"

@@ -11,10 +11,8 @@ import numpy as np
 from agribot import config
 from agribot.description.field_generator import generate_field
 from agribot.description.field_plan import CropPlan, FieldPlan, RowsPlan, WeedsPlan
-from agribot.description.loader import load_robot
 from agribot.geo import LINK_FROM_OPTICAL, transform
 from agribot.messages import DriveCommand, RobotCommand
-from agribot.sim.platform import SimPlatform
 from agribot.world import HeightField, WorldSpec
 
 CAMERA_RATE_HZ = 30.0
@@ -49,6 +47,7 @@ class DenseView:
     """One camera over the field, drawn by one thread, with noise and labels."""
 
     def __init__(self, height_m: float, down_deg: float, is_hilly: bool = False) -> None:
+        from agribot.description.loader import load_robot
         from agribot.sim.camera import CameraRenderer
         from agribot.sim.camera.scene import ground_heights
 
@@ -68,6 +67,9 @@ class CameraLoop:
     """Physics, every sensor and the robot's own camera at 30 Hz, on the flat field."""
 
     def __init__(self) -> None:
+        from agribot.description.loader import load_robot
+        from agribot.sim.platform import SimPlatform
+
         settings = config.load("beet", [f"perception.camera_rate_hz={CAMERA_RATE_HZ}"])
         self._platform = SimPlatform(settings, load_robot(), dense_field())
         self._tick_hz = settings.tick_hz

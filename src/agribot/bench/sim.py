@@ -22,14 +22,10 @@ import numpy as np
 
 from agribot import config
 from agribot.bench.dense_field import ACROSS, FORWARD, NADIR, CameraLoop, DenseView
-from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
 from agribot.geo import transform
 from agribot.messages import DriveCommand, RobotCommand
 from agribot.perceive.segmenter import Segmenter
-from agribot.session import Session
-from agribot.sim.physics import Physics
-from agribot.sim.platform import SimPlatform
 
 REPEATS = 5
 MISSION_S = 40.0
@@ -64,12 +60,18 @@ def cpu_s(work: Callable[[], object]) -> float:
 
 
 def physics_rtf(world: str = "empty") -> float:
+    from agribot.description.loader import load_robot
+    from agribot.sim.physics import Physics
+
     physics = Physics(load_robot(), load_world(world), 2_000_000)
     physics.command(DriveCommand(v_mps=0.4, yaw_rate_radps=0.2))
     return 1.0 / cpu_s(lambda: physics.advance(500))
 
 
 def sensors_rtf() -> float:
+    from agribot.description.loader import load_robot
+    from agribot.sim.platform import SimPlatform
+
     settings = config.load("farm", ["perception.enabled=false"])
     robot_platform = SimPlatform(settings, load_robot(), load_world("Farm"))
 
@@ -83,6 +85,7 @@ def sensors_rtf() -> float:
 
 
 def render_ms() -> float:
+    from agribot.description.loader import load_robot
     from agribot.sim.camera import CameraRenderer
 
     robot, renderer = load_robot(), CameraRenderer(load_world("Farm"))
@@ -110,6 +113,8 @@ def network_ms() -> float:
 
 def mission_rtf(*settings: str) -> float | None:
     """Simulated seconds per CPU second of the whole robot, start-up not counted."""
+    from agribot.session import Session
+
     with TemporaryDirectory() as folder:
         chosen = config.load("farm", ["seed=1", f"duration_s={MISSION_S}", *settings])
         with Session(chosen, Path(folder)) as session:

@@ -14,15 +14,17 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from agribot import config
 from agribot.errors import PlatformError
-from agribot.session import Session
 from agribot.ui.address import Address
-from agribot.ui.operator_page import OperatorPage
+
+if TYPE_CHECKING:
+    from agribot.session import Session
+    from agribot.ui.operator_page import OperatorPage
 
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
@@ -99,6 +101,9 @@ def run(
     The robot drives slowly, so that its mission outlasts the benchmark.
     Raises: AgribotError: the profile, the page's packages or a client do not work.
     """
+    from agribot.session import Session
+    from agribot.ui.operator_page import OperatorPage
+
     drive = f"mission.speed_mps={SLOW_MPS if growth_s else config.load(profile).mission.speed_mps}"
     chosen = [f"perception.enabled={str(camera).lower()}", "record.enabled=false", drive]
     settings = config.load(profile, chosen)

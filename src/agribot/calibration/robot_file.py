@@ -5,7 +5,6 @@ Every change keeps the file before it, so that each can be undone, the newest fi
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import msgspec
 import tomli_w
 
 from agribot.config import from_tree
-from agribot.config_tree import assign
+from agribot.config_tree import assign, read_toml
 from agribot.errors import ConfigError, RecordingError
 
 
@@ -78,10 +77,8 @@ class RobotFile:
 
     def _tree(self) -> dict[str, Any]:
         try:
-            tree = tomllib.loads(self.path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            return {}
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            tree = read_toml(self.path) if self.path.exists() else {}
+        except ConfigError as error:
             raise ConfigError(
                 f"{self.path} cannot be read: {error}; mend it, or delete it to go back to the "
                 "robot's description"

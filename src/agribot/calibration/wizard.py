@@ -39,7 +39,6 @@ class Wizard:
         self._inbox, self._robot, self._config, self._file = inbox, robot, config, file
         self._lock = threading.RLock()
         self._record: TickRecord | None = None
-        self._stopped_by = ""
         self._kind: Kind | None = None
         self._drive, self._coverage = FigureDrive(robot.drive), Coverage()
         self._found: Found | None = None
@@ -132,8 +131,8 @@ class Wizard:
             raise MissionError("a calibration is under way; cancel it first")
         if record is None:
             raise MissionError("the robot has not reported yet; wait for its first state")
-        if self._stopped_by:
-            raise MissionError(f"stopped by {self._stopped_by}; release the stop first")
+        if record.status.stopped:
+            raise MissionError(f"{record.status.stopped}; release the stop first")
         if record.status.state in BUSY or abs(record.estimate.v_mps) > STANDING_MPS:
             raise MissionError("the robot is at work; pause its mission first")
         if kind.needs_pictures and not (self._config.perception.enabled and self._robot.camera):
@@ -165,10 +164,6 @@ class Wizard:
         self._phase, self._found = "idle", None
 
     def _listen(self, event: OperatorEvent) -> None:
-        if event.action == "stop":
-            self._stopped_by = event.source
-        elif event.action == "clear_stop":
-            self._stopped_by = ""
         if event.action not in HARMLESS and self._phase == "driving":
             self._fail(f"ended by '{event.action}' of {event.source}")
 

@@ -5,17 +5,16 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from agribot.commands.counting import CountProgress
 from agribot.errors import RecordingError
-from agribot.record.bag.convert import ConvertOptions, ConvertResult, convert
-from agribot.record.bag.info import in_words, read_info
-from agribot.record.bag.table import write_table
-from agribot.record.bag.track import SUFFIXES, read_track, track_file
-from agribot.record.bag.utm import parse_zone
 from agribot.record.report import write_file
+
+if TYPE_CHECKING:
+    from agribot.record.bag.convert import ConvertResult
 
 _EXAMPLES = {
     "info": "agribot bag info field.bag",
@@ -74,6 +73,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _info(options: argparse.Namespace) -> int:
+    from agribot.record.bag.info import in_words, read_info
+
     info = read_info(options.recording)
     if options.json:
         sys.stdout.write(msgspec.json.encode(info).decode() + "\n")
@@ -83,6 +84,9 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _convert(options: argparse.Namespace) -> int:
+    from agribot.record.bag.convert import ConvertOptions, convert
+    from agribot.record.bag.utm import parse_zone
+
     fixes_as = "gpsfix" if options.gpsfix else "navsatfix" if options.navsatfix else ""
     wanted = ConvertOptions(
         topics=tuple(options.topic),
@@ -125,6 +129,8 @@ def _losses(result: ConvertResult) -> list[str]:
 
 
 def _track(options: argparse.Namespace) -> int:
+    from agribot.record.bag.track import SUFFIXES, read_track, track_file
+
     if options.out.suffix not in SUFFIXES:
         raise RecordingError(f"{options.out} is no track file; end it in {', '.join(SUFFIXES)}")
     track = read_track(options.recording, options.topic)
@@ -144,6 +150,8 @@ def _track(options: argparse.Namespace) -> int:
 
 
 def _csv(options: argparse.Namespace) -> int:
+    from agribot.record.bag.table import write_table
+
     rows = write_table(options.recording, options.topic, options.out)
     if options.json:
         result = {"out": str(options.out), "topic": options.topic, "rows": rows}

@@ -12,6 +12,7 @@ import platform
 import sys
 from typing import Any
 
+from agribot.commands.refusals import words_of
 from agribot.errors import AgribotError
 
 # name -> (module, options that keep it to a minute or two)
@@ -41,8 +42,9 @@ def run(options: argparse.Namespace) -> int:
         try:
             one, card[name] = _result(module_name, short)
         except (AgribotError, ImportError) as error:
-            sys.stderr.write(f"{name} cannot run: {error}\n")
-            one, card[name] = 1, {"error": str(error)}
+            words = words_of(error)
+            sys.stderr.write(f"{name} cannot run: {words}\n")
+            one, card[name] = 1, {"error": words}
         status = max(status, one)
         if one == INTERRUPTED:
             break

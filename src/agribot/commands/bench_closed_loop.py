@@ -6,13 +6,15 @@ import argparse
 import json
 import sys
 
-from agribot.bench import closed_loop
+from agribot.commands.ranges import finite
 from agribot.commands.word_list import words_of
 from agribot.errors import ConfigError
 from agribot.sweep.plan import read_seeds
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from agribot.bench import closed_loop
+
     parser.add_argument(
         "--fields",
         default=",".join(closed_loop.FIELDS),
@@ -32,13 +34,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="growth, times the middle height of the crop (default: %(default)s)",
     )
     parser.add_argument("--seeds", default="1", metavar="LIST", help="such as 1-4")
-    parser.add_argument("--seconds", type=float, default=25.0, metavar="S", help="of each drive")
+    parser.add_argument("--seconds", type=finite, default=25.0, metavar="S", help="of each drive")
     parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
 def run(options: argparse.Namespace) -> int:
     """Status 1 where the beet field was driven and the network fell short of what it must hold."""
+    from agribot.bench import closed_loop
+
     fields = words_of("--fields", options.fields, closed_loop.FIELDS)
     lights = words_of("--lights", options.lights, closed_loop.LIGHTS)
     try:

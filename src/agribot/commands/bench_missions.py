@@ -7,13 +7,12 @@ import json
 import sys
 from pathlib import Path
 
+from agribot import extras
 from agribot.bench import missions
 from agribot.commands.sweep import drive, status
 from agribot.commands.word_list import words_of
 from agribot.errors import ConfigError
-from agribot.sweep.execution import ProcessExecutor
 from agribot.sweep.plan import read_seeds
-from agribot.sweep.tables import SweepFolder
 from agribot.workers import usable_cpus
 
 PROFILES = tuple(case.profile for case in missions.CASES)
@@ -38,9 +37,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Status 1 where a mission failed or the cross-track error is larger than it must be."""
+    from agribot.sweep.execution import ProcessExecutor
+    from agribot.sweep.tables import SweepFolder
+
     profiles = words_of("--profiles", options.profiles, PROFILES)
     if not 1 <= options.workers <= 1024:
         raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
+    extras.require("sim", "agribot bench missions")
     wanted = missions.jobs(profiles, read_seeds(options.seeds) if options.seeds else None)
     result = drive(SweepFolder(options.out.resolve(), wanted), ProcessExecutor(options.workers))
     short = missions.shortfalls(result["summary"])

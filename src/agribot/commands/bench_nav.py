@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from agribot.commands.counting import CountProgress
+from agribot.commands.ranges import finite
 from agribot.commands.stopping import stop_on_signal
 from agribot.errors import ConfigError
 from agribot.sweep.plan import read_seeds
@@ -34,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--vision", action=argparse.BooleanOptionalAction, default=True,
         help="row line from a camera; with --sensors",
     )  # fmt: skip
-    parser.add_argument("--speed", type=float, default=0.8, metavar="MPS", help="in the rows")
+    parser.add_argument("--speed", type=finite, default=0.8, metavar="MPS", help="in the rows")
     parser.add_argument(
         "--baseline", action="store_true", help="also drive the original robot's controller"
     )

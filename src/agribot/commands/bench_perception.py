@@ -9,6 +9,7 @@ import sys
 from agribot.bench.perception import HEIGHT_PX, NETWORKS, WIDTH_PX, table
 from agribot.bench.perception import run as measure
 from agribot.commands.networks import STRIDE_PX, read_size
+from agribot.commands.ranges import threads
 from agribot.commands.word_list import words_of
 from agribot.errors import ConfigError
 
@@ -18,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--networks", metavar="NAME,NAME", help=f"these alone (default: {', '.join(NETWORKS)})"
     )
     parser.add_argument("--size", default=f"{WIDTH_PX}x{HEIGHT_PX}", metavar="WxH", help="px")
-    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--threads", type=threads, default=2)
     parser.add_argument("--frames", type=int, default=30, help="pictures for each network")
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
 

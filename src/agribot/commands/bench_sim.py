@@ -6,12 +6,12 @@ import argparse
 import json
 import sys
 
-from agribot.bench.sim import FIGURES
-from agribot.bench.sim import run as measure
 from agribot.commands.word_list import words_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from agribot.bench.sim import FIGURES
+
     parser.add_argument(
         "--only", metavar="NAME,NAME", help=f"these figures alone: {', '.join(FIGURES)}"
     )
@@ -19,6 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from agribot.bench.sim import FIGURES
+    from agribot.bench.sim import run as measure
+
     result = measure(words_of("--only", options.only, FIGURES), _say)
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")

@@ -7,7 +7,7 @@ import json
 import sys
 from typing import Any
 
-from agribot.bench.ui import run as measure
+from agribot.commands.ranges import finite
 from agribot.errors import ConfigError
 
 SLOWEST_MBIT_PER_S, FASTEST_MBIT_PER_S = 0.5, 100.0
@@ -15,9 +15,11 @@ SLOWEST_MBIT_PER_S, FASTEST_MBIT_PER_S = 0.5, 100.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clients", default="0,1,16", metavar="N,N", help="default: 0,1,16")
-    parser.add_argument("--seconds", type=float, default=20.0, metavar="S", help="for each of them")
     parser.add_argument(
-        "--growth", type=float, default=0.0, metavar="S",
+        "--seconds", type=finite, default=20.0, metavar="S", help="for each of them"
+    )
+    parser.add_argument(
+        "--growth", type=finite, default=0.0, metavar="S",
         help="then measure for so long how much memory grows; 300 is what the limits are for",
     )  # fmt: skip
     parser.add_argument(
@@ -29,6 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from agribot.bench.ui import run as measure
+
     try:
         clients = [int(word) for word in options.clients.split(",")]
     except ValueError as error:

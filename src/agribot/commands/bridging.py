@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import msgspec
 
-from agribot import topics
-from agribot.bridge.outlet import Gateway, Outlet, Sources
+from agribot import extras, topics
 from agribot.bridge.requests import Requests
 from agribot.bridge.source_uri import places
+from agribot.commands.ranges import finite, port
 from agribot.config import RunConfig
-from agribot.description.loader import urdf_text
 from agribot.errors import ConfigError
-from agribot.ros.camera_log import CameraLog
-from agribot.session import Session
 from agribot.topic import Topic
+
+if TYPE_CHECKING:
+    from agribot.bridge.outlet import Gateway, Outlet
+    from agribot.session import Session
 
 Setting = bool | int | float | str | tuple[float, ...]
 
@@ -38,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, has_mind: bool = True) -> 
     group.add_argument("--ros1", action="store_true", help="be a ROS 1 node (needs a roscore)")
     add_ros1_arguments(group)
     group.add_argument("--foxglove", action="store_true", help="serve Foxglove; it only watches")
-    group.add_argument("--foxglove-port", type=int, default=8765, metavar="P")
+    group.add_argument("--foxglove-port", type=port, default=8765, metavar="P")
     if has_mind:
         group.add_argument(
             "--allow-drive",
@@ -47,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, has_mind: bool = True) -> 
         )
     group.add_argument(
         "--image-rate",
-        type=float,
+        type=finite,
         default=DEFAULT_IMAGE_RATE_HZ,
         metavar="HZ",
         help=f"of camera images to peers (default: {DEFAULT_IMAGE_RATE_HZ:g}; 0 is none)",
@@ -73,12 +76,21 @@ def wanted(options: argparse.Namespace) -> bool:
     return any(getattr(options, name) for name in BRIDGES)
 
 
+def check_extras(options: argparse.Namespace) -> None:
+    """Raises: ConfigError: what a bridge that the options name is made with is not installed."""
+    for option, extra in (("ros2", "ros"), ("foxglove", "foxglove")):
+        if getattr(options, option):
+            extras.require(extra, f"--{option}")
+
+
 @contextmanager
 def bridges(options: argparse.Namespace, session: Session) -> Iterator[None]:
     """Open what the options name and let it listen to the session.
 
     Raises: AgribotError: an option is out of range, or a peer that must be there is not.
     """
+    from agribot.description.loader import urdf_text
+
     if not wanted(options):
         yield
         return
@@ -152,6 +164,10 @@ def tell_losses(dropped: int, fault: str) -> None:
 
 
 def _outlet(options: argparse.Namespace, session: Session, gateways: list[Gateway]) -> Outlet:
+    from agribot.bridge.outlet import Outlet, Sources
+    from agribot.description.loader import urdf_text
+    from agribot.ros.camera_log import CameraLog
+
     config = session.config
     camera = CameraLog(
         session.robot,
@@ -249,7 +265,10 @@ def router_from(options: argparse.Namespace) -> str:
 def master_from(options: argparse.Namespace) -> str:
     from agribot.bridge.ros1.gateway import MASTER
 
-    return options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER
+    uri = str(options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER)
+    if not re.fullmatch(r"https?://[^/\s:]+(:\d{1,5})?/?", uri):
+        raise ConfigError(f"ROS master {uri[:80]}: write it as http://HOST:PORT, like {MASTER}")
+    return uri
 
 
 def _ros1(

@@ -7,54 +7,46 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from agribot import config as settings
-from agribot.calibration.camera import (
-    CameraResult,
-    RowViewResult,
-    Seen,
-    camera_of,
-    camera_text,
-    row_view_of,
-    row_view_text,
-    seen_in_recording,
-)
-from agribot.calibration.figure import FIGURE, TURNS, Drive, Motion, drive_figure, gain
-from agribot.calibration.sensors import (
-    AntennaResult,
-    MagResult,
-    antenna_of_drive,
-    antenna_text,
-    magnetometer_of_drive,
-    magnetometer_of_recording,
-    magnetometer_text,
-)
+from agribot.calibration.figure import FIGURE
 from agribot.calibration.wheels import WheelsResult, judge, wheels_text
 from agribot.commands.calibration_camera import seen_in_drive, toml
-from agribot.description.loader import load_robot
-from agribot.description.worlds_sdf import load_world
-from agribot.estimate.drive_fit import TAPE_STD_M, fit_drive
+from agribot.commands.ranges import seed
 from agribot.robot import DriveSpec, RobotSpec
-from agribot.sim.platform import SimPlatform
 from agribot.sim.random_streams import stream
 
-Outcome = tuple[WheelsResult | MagResult | AntennaResult | CameraResult | RowViewResult, str]
+if TYPE_CHECKING:
+    from agribot.calibration.camera import CameraResult, RowViewResult, Seen
+    from agribot.calibration.figure import Drive, Motion
+    from agribot.calibration.sensors import AntennaResult, MagResult
+
+    Outcome = tuple[WheelsResult | MagResult | AntennaResult | CameraResult | RowViewResult, str]
+
+# name -> (one line of help, an example)
+SUBJECTS = {
+    "drive": ("wheel radius and effective separation", "drive --sensors rtk --json"),
+    "magnetometer": (
+        "the robot's own iron, hard and soft",
+        "magnetometer --recording runs/first/run.mcap",
+    ),
+    "antenna": ("where the GNSS antenna sits", "antenna --sensors rtk"),
+    "camera": ("pitch, yaw, roll and height of its mount", "camera --profile farm"),
+    "row-view": ("whether rows are seen where they stand", "row-view --profile rows-10x12"),
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     subjects = parser.add_subparsers(dest="subject", metavar="WHAT", required=True)
-    drive = subjects.add_parser("drive", help="wheel radius and effective separation")
-    for parser_of in (
-        drive,
-        subjects.add_parser("magnetometer", help="the robot's own iron, hard and soft"),
-        subjects.add_parser("antenna", help="where the GNSS antenna sits"),
-    ):
-        _add_common(parser_of)
-    camera = subjects.add_parser("camera", help="pitch, yaw, roll and height of its mount")
-    row_view = subjects.add_parser("row-view", help="whether rows are seen where they stand")
-    for parser_of, profile in ((camera, "farm"), (row_view, "rows-10x12")):
+    for name, (help_line, example) in SUBJECTS.items():
+        subjects.add_parser(name, help=help_line, epilog=f"example: agribot calibrate {example}")
+    for name in ("drive", "magnetometer", "antenna"):
+        _add_common(subjects.choices[name])
+    for name, profile in (("camera", "farm"), ("row-view", "rows-10x12")):
+        parser_of = subjects.choices[name]
         _add_robot(parser_of)
         parser_of.add_argument(
             "--profile", default=profile, metavar="NAME|FILE",
@@ -64,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         subjects.choices[name].add_argument(
             "--recording", metavar="FILE", help="of a mission that turned, instead of a drive"
         )
-    drive.add_argument(
+    subjects.choices["drive"].add_argument(
         "--tape",
         action="store_true",
         help="measure the legs by tape (simulated: to 1 cm), where GNSS is too coarse",
@@ -84,11 +76,13 @@ def _add_robot(drive: argparse.ArgumentParser) -> None:
         help="build the simulated machine from this description instead, to see an error found",
     )
     drive.add_argument("--sensors", default="rtk", metavar="PRESET", help="default: rtk")
-    drive.add_argument("--seed", type=int, default=0, metavar="N", help="of all randomness")
+    drive.add_argument("--seed", type=seed, default=0, metavar="N", help="of all randomness")
     drive.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
 def run(options: argparse.Namespace) -> int:
+    from agribot.description.loader import load_robot
+
     robot = load_robot(options.robot)
     machine = load_robot(options.machine) if options.machine else robot
     runners: dict[str, Callable[[argparse.Namespace, RobotSpec, RobotSpec], Outcome]] = {
@@ -103,6 +97,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _wheels(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    from agribot.calibration.figure import gain
+    from agribot.estimate.drive_fit import fit_drive
+
     described = _drive(options, machine, robot.drive)
     told = _drive(options, machine, robot.drive.told())
     fit = fit_drive(described.batches, described.stretches)
@@ -111,6 +108,13 @@ def _wheels(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -
 
 
 def _magnetometer(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    from agribot.calibration.figure import TURNS
+    from agribot.calibration.sensors import (
+        magnetometer_of_drive,
+        magnetometer_of_recording,
+        magnetometer_text,
+    )
+
     if options.recording:
         result = magnetometer_of_recording(Path(options.recording))
     else:
@@ -119,21 +123,30 @@ def _magnetometer(options: argparse.Namespace, robot: RobotSpec, machine: RobotS
 
 
 def _antenna(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    from agribot.calibration.figure import TURNS
+    from agribot.calibration.sensors import antenna_of_drive, antenna_text
+
     result = antenna_of_drive(_drive(options, machine, robot.drive, TURNS), robot)
     return result, antenna_text(result)
 
 
 def _camera(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    from agribot.calibration.camera import camera_of, camera_text
+
     result = camera_of(_seen(options, robot, machine))
     return result, camera_text(result)
 
 
 def _row_view(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    from agribot.calibration.camera import row_view_of, row_view_text
+
     result = row_view_of(_seen(options, robot, machine))
     return result, row_view_text(result)
 
 
 def _seen(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Seen:
+    from agribot.calibration.camera import seen_in_recording
+
     if options.recording:
         return seen_in_recording(Path(options.recording))
     return seen_in_drive(robot, machine, options.profile, options.sensors, options.seed)
@@ -146,6 +159,11 @@ def _drive(
     figure: Sequence[Motion] = FIGURE,
 ) -> Drive:
     """Drive the figure with a machine whose motor board believes in the geometry `board`."""
+    from agribot.calibration.figure import drive_figure
+    from agribot.description.worlds_sdf import load_world
+    from agribot.estimate.drive_fit import TAPE_STD_M
+    from agribot.sim.platform import SimPlatform
+
     config = settings.load(
         "farm",
         [

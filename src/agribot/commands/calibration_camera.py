@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from agribot import config as settings
-from agribot.calibration.camera import Seen, seen_in
 from agribot.description.worlds_sdf import load_world
 from agribot.messages import Scene, SensorBatch
 from agribot.robot import RobotSpec
-from agribot.sim.platform import SimPlatform
-from agribot.stack import build
+
+if TYPE_CHECKING:
+    from agribot.calibration.camera import Seen
 
 DRIVE_S = 75.0
 
@@ -21,6 +22,10 @@ def seen_in_drive(
     robot: RobotSpec, machine: RobotSpec, profile: str, sensors: str, seed: int
 ) -> Seen:
     """The first minutes of a profile's mission, with the camera as the machine has it."""
+    from agribot.calibration.camera import seen_in
+    from agribot.sim.platform import SimPlatform
+    from agribot.stack import build
+
     names = (f"sim.sensors={toml(sensors)}", f"seed={toml(seed)}")
     config = settings.load(profile, names)
     world = load_world(config.world, seed=seed)

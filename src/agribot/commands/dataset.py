@@ -13,7 +13,9 @@ from typing import Any
 import msgspec
 
 from agribot.commands.counting import CountProgress
+from agribot.commands.ranges import seed
 from agribot.commands.stopping import stop_on_signal
+from agribot.dataset.ids_option import add_ids_option
 from agribot.errors import ConfigError, RecordingError
 from agribot.workers import results, usable_cpus
 
@@ -23,6 +25,12 @@ MOST_LINES = 20  # of problems, on the terminal
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    _add_generate(actions)
+    _add_check(actions)
+    _add_split(actions)
+
+
+def _add_generate(actions: Any) -> None:
     generate = actions.add_parser(
         "generate",
         help="draw labelled images of random crop fields",
@@ -30,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "again to go on where it was stopped",
     )
     generate.add_argument("--images", type=int, required=True, metavar="N")
-    generate.add_argument("--seed", type=int, default=0)
+    generate.add_argument("--seed", type=seed, default=0)
     generate.add_argument("--out", type=Path, required=True, metavar="DIR")
     generate.add_argument("--width", type=int, default=640, metavar="PX")
     generate.add_argument("--height", type=int, default=480, metavar="PX")
@@ -51,12 +59,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
     )
     generate.add_argument("--json", action="store_true", help="print a summary as the last line")
+
+
+def _add_check(actions: Any) -> None:
     check = actions.add_parser(
         "check",
         help="pair images with masks and say what is missing or wrong",
         epilog="example: agribot dataset check fields; status 1 where something is wrong",
     )
     _add_folder(check)
+    add_ids_option(check)
+
+
+def _add_split(actions: Any) -> None:
     split = actions.add_parser(
         "split",
         help="training, validation and test sets that share no field or day",
@@ -65,7 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_folder(split)
     split.add_argument("--by", choices=("field", "day", "image"), default="field")
     split.add_argument("--ratios", default="70,15,15", metavar="TRAIN,VAL,TEST")
-    split.add_argument("--seed", type=int, default=0)
+    split.add_argument("--seed", type=seed, default=0)
     split.add_argument("-o", "--out", type=Path, required=True, metavar="FILE")
 
 
@@ -83,11 +98,13 @@ def run(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> int:
     from agribot.dataset.check import check
+    from agribot.dataset.classes import read_ids
     from agribot.dataset.layouts import find_layout
 
+    ids = read_ids(options.ids)
     layout = find_layout(options.folder, options.images, options.masks)
     progress = CountProgress(len(layout.items), "pairs")
-    report = check(layout, progress)
+    report = check(layout, progress, ids)
     progress.close()
     ratios = ", ".join(
         f"{name} {ratio:.2%}" for name, ratio in report.pixel_ratio.items() if ratio is not None

@@ -9,9 +9,6 @@ import msgspec
 
 from agribot.commands.page import add_address_arguments, address_of, show
 from agribot.commands.world import print_findings
-from agribot.description.export import tree_text
-from agribot.description.loader import check_robot, load_robot, urdf_text
-from agribot.description.robot_sdf import sdf_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,6 +37,10 @@ def _show(options: argparse.Namespace) -> int:
 
 
 def run(options: argparse.Namespace) -> int:
+    from agribot.description.export import tree_text
+    from agribot.description.loader import check_robot, load_robot, urdf_text
+    from agribot.description.robot_sdf import sdf_text
+
     if options.check:
         return print_findings(check_robot(options.robot), options.json)
     robot = load_robot(options.robot)

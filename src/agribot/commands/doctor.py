@@ -13,44 +13,19 @@ import re
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from agribot import __version__
+from agribot import __version__, extras
 from agribot.errors import AgribotError
 from agribot.workers import usable_cpus
 
 LEAST_PYTHON = (3, 11)
-REQUIREMENT = re.compile(
-    r"([A-Za-z0-9_.-]+)(?:[^;]*?>=\s*([\d.]+))?[^;]*(?:;.*extra == ['\"](\w+))?"
-)
-SHOWN_EXTRAS = (
-    "",
-    "sim",
-    "train",
-    "ui",
-    "gis",
-    "maps",
-    "hardware",
-    "ros",
-    "dds",
-    "foxglove",
-    "view",
-    "sweep",
-)
-MODULE_OF = {
-    "mujoco-core": "mujoco",
-    "pillow": "PIL",
-    "eclipse-zenoh": "zenoh",
-    "foxglove-sdk": "foxglove",
-    "rerun-sdk": "rerun",
-    "opencv-python-headless": "cv2",
-    "pyshp": "shapefile",
-    "ruamel-yaml": "ruamel.yaml",
-}
 SELF_CHECK_S = 1.0
+DRIVING = "driving for one second on the farm; the first time on a machine takes half a minute ..."
 
 
 class Finding(msgspec.Struct, frozen=True, kw_only=True):
@@ -67,10 +42,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     machine = describe_machine()
-    findings = [_python(), *packages(), *caches(), *weights()]
+    _say(_heading(machine))
+    findings: list[Finding] = []
+    for look in (lambda: [_python()], packages, caches, weights):
+        for finding in look():
+            findings.append(finding)
+            _say(_line(finding))
+    _say(DRIVING)
     findings.append(self_check(findings))
+    _say(_line(findings[-1]))
     ok = all(finding.state != "bad" for finding in findings)
-    sys.stderr.write(_text(machine, findings, ok))
+    _say("OK" if ok else "NOT OK: mend what is called bad above")
     if options.json:
         result = {
             "ok": ok,
@@ -95,33 +77,26 @@ def describe_machine() -> dict[str, Any]:
     }
 
 
-def packages() -> list[Finding]:
+def packages() -> Iterator[Finding]:
     """What the installed package asks for, by extra; only what every robot needs can be bad."""
     try:
-        lines = importlib.metadata.requires("agribot") or []
+        wanted = list(extras.requirements())
     except importlib.metadata.PackageNotFoundError:
-        return [
-            Finding(
-                what="agribot",
-                state="bad",
-                detail="is imported but not installed; pip install . in its folder",
-            )
-        ]
-    findings = []
-    for line in lines:
-        found = REQUIREMENT.match(line)
-        extra = (found[3] or "") if found else "dev"
-        if found and extra in SHOWN_EXTRAS:
-            findings.append(_package(found[1], found[2], extra))
-    return findings
+        detail = "is imported but not installed; pip install . in its folder"
+        yield Finding(what="agribot", state="bad", detail=detail)
+        return
+    for one in wanted:
+        if one.extra != extras.FOR_CONTRIBUTORS:
+            yield _package(one)
 
 
-def _package(name: str, least: str | None, extra: str) -> Finding:
+def _package(wanted: extras.Requirement) -> Finding:
+    name, least, extra = wanted.package, wanted.least, wanted.extra
     source = f"agribot[{extra}]" if extra else "agribot"
     absent = "missing" if extra else "bad"
     try:
         version = importlib.metadata.version(name)
-        importlib.import_module(MODULE_OF.get(name, name).replace("-", "_"))
+        importlib.import_module(wanted.module)
     except importlib.metadata.PackageNotFoundError:
         return Finding(
             what=name, state=absent, detail=f"not installed; pip install '{source}' brings it"
@@ -175,12 +150,12 @@ def _is_writable(folder: Path) -> bool:
         return False
 
 
-def weights() -> list[Finding]:
+def weights() -> Iterator[Finding]:
     """Every packaged network must open and be the file that its card describes."""
     from agribot.perceive.segmenter import Segmenter, model_names, model_path
 
-    findings = []
-    for name in model_names():
+    names = model_names()
+    for name in names:
         path = model_path(name)
         try:
             height, width = Segmenter(path).map_shape
@@ -188,18 +163,17 @@ def weights() -> list[Finding]:
             card = path.with_suffix(".json")
             known = json.loads(card.read_text("utf-8")).get("sha256") if card.is_file() else None
         except (AgribotError, ImportError, OSError, ValueError) as error:
-            findings.append(Finding(what=f"network {name}", state="bad", detail=str(error)))
+            yield Finding(what=f"network {name}", state="bad", detail=str(error))
             continue
         if known is not None and known != digest:
             detail = f"{path} is not the file that its card describes; install agribot again"
-            findings.append(Finding(what=f"network {name}", state="bad", detail=detail))
+            yield Finding(what=f"network {name}", state="bad", detail=detail)
             continue
         detail = f"{width} x {height} px, {digest[:12]}" + ("" if known else ", no card beside it")
-        findings.append(Finding(what=f"network {name}", state="ok", detail=detail))
-    if not findings:
+        yield Finding(what=f"network {name}", state="ok", detail=detail)
+    if not names:
         detail = "there are none in the package; make them: agribot train --out DIR"
-        findings.append(Finding(what="networks", state="bad", detail=detail))
-    return findings
+        yield Finding(what="networks", state="bad", detail=detail)
 
 
 def self_check(findings: list[Finding]) -> Finding:
@@ -238,12 +212,18 @@ def _cpu_name() -> str | None:
     return found[1] if found else platform.processor() or None
 
 
-def _text(machine: dict[str, Any], findings: list[Finding], ok: bool) -> str:
+def _heading(machine: dict[str, Any]) -> str:
     memory = "?" if machine["memory_gib"] is None else machine["memory_gib"]
-    lines = [
-        f"agribot {__version__} on {machine['system']}",
-        f"{machine['cpu'] or 'unknown CPU'}, {machine['cpus_usable']} usable CPUs, {memory} GiB",
-    ]
-    lines += [f"{f.state:8} {f.what}: {f.detail}" for f in findings]
-    lines.append("OK" if ok else "NOT OK: mend what is called bad above")
-    return "\n".join(lines) + "\n"
+    return (
+        f"agribot {__version__} on {machine['system']}\n"
+        f"{machine['cpu'] or 'unknown CPU'}, {machine['cpus_usable']} usable CPUs, {memory} GiB"
+    )
+
+
+def _line(finding: Finding) -> str:
+    return f"{finding.state:8} {finding.what}: {finding.detail}"
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from agribot.commands.ranges import port
 from agribot.errors import ConfigError
 from agribot.ui.address import DEFAULT_PORT, Door, read_door
 
@@ -17,7 +18,9 @@ def add_door_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--token", help="of the robot at --url (default: $AGRIBOT_TOKEN)")
     parser.add_argument("--cert", default="", metavar="FILE", help="its self-signed certificate")
-    parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="of a robot on this machine")
+    parser.add_argument(
+        "--port", type=port, default=DEFAULT_PORT, help="of a robot on this machine"
+    )
 
 
 def door_of(options: argparse.Namespace) -> Door:

@@ -1,4 +1,7 @@
-"""`agribot eval`: judge a network on labelled pictures, honestly and image by image."""
+"""`agribot eval`: judge a network on labelled pictures, honestly and image by image.
+
+The table of scores goes to stdout, progress to stderr.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from agribot.commands.ranges import threads
+from agribot.dataset.ids_option import add_ids_option
 from agribot.errors import ConfigError
 
 
@@ -29,9 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tile", help="judge in overlapping tiles of WxH image px")
     parser.add_argument("--images", help="name of the folder of images, for other layouts")
     parser.add_argument("--masks", help="name of the folder of masks, for other layouts")
+    add_ids_option(parser)
     parser.add_argument("--folds", type=int, default=5, help="parts of cross-validation")
     parser.add_argument("--fold", type=int, help="judge on this part only")
-    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--threads", type=threads, default=1)
     parser.add_argument("--out", type=Path, help="folder for figures and eval.json with details")
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
@@ -42,6 +48,7 @@ def run(args: argparse.Namespace) -> int:
     Raises: ConfigError: nothing to judge, or an option out of range.
     """
     from agribot.commands.networks import open_network, read_size
+    from agribot.dataset.classes import read_ids
     from agribot.train.judgement import Judgement
     from agribot.train.photographs import find_pairs, fold_of
 
@@ -50,16 +57,16 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError("give the folder of images and masks: agribot eval FOLDER --model NAME")
     tile_px = read_size(args.tile) if args.tile else None
     segmenter = open_network(args.model, args.threads, args.size)
-    pairs, problems = find_pairs(folder, args.data, args.images, args.masks)
+    pairs, problems = find_pairs(folder, args.data, args.images, args.masks, read_ids(args.ids))
     if args.fold is not None:
         pairs = fold_of(pairs, args.folds, args.fold)[1]
     for text in problems:
         _say(f"left out: {text}")
     judgement = Judgement()
-    cpu_s = _judge(judgement, segmenter, pairs, args.data, tile_px, problems)
+    cpu_s = _judge(judgement, segmenter, pairs, tile_px, problems)
     if not judgement.images:
         raise ConfigError(f"{folder}: no pair can be read; the first problem: {problems[0]}")
-    _say_scores(judgement)
+    _print_scores(judgement)
     summary = _summary(args, folder, judgement, segmenter.map_shape)
     summary["fps_cpu"] = 1.0 / float(np.median(cpu_s))
     if args.out:
@@ -69,18 +76,20 @@ def run(args: argparse.Namespace) -> int:
     return 1 if problems else 0
 
 
-def _say_scores(judgement: Any) -> None:
+def _print_scores(judgement: Any) -> None:
     from agribot.train.judgement import table
 
-    _say(table(judgement.scores))
+    sys.stdout.write(table(judgement.scores) + "\n")
     outlines = ", ".join(
         f"{name} {'-' if value is None else f'{value:.3f}'}"
         for name, value in judgement.boundary_f1.items()
     )
-    _say(f"boundary F1: {outlines}")
+    sys.stdout.write(f"boundary F1: {outlines}\n")
     for name, found in judgement.plants.items():
         total = found.right + found.confused + found.missed
-        _say(f"{name} plants: {found.right} of {total} right, {found.missed} not seen")
+        sys.stdout.write(
+            f"{name} plants: {found.right} of {total} right, {found.missed} not seen\n"
+        )
 
 
 def _summary(
@@ -111,7 +120,6 @@ def _judge(
     judgement: Any,
     segmenter: Any,
     pairs: Any,
-    kind: str,
     tile_px: tuple[int, int] | None,
     problems: list[str],
 ) -> list[float]:
@@ -123,7 +131,7 @@ def _judge(
     cpu_s = []
     for pair in pairs:
         try:
-            image_rgb, truth = read_pair(pair, kind)
+            image_rgb, truth = read_pair(pair)
         except PictureError as error:
             problems.append(str(error))
             _say(f"left out: {error}")

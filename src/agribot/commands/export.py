@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from agribot.dataset.ids_option import add_ids_option
 from agribot.errors import AgribotError, ConfigError
 from agribot.messages import ByteArray
 
@@ -32,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--data", choices=("cwfid", "bonn", "phenobench", "folder"), default="folder"
     )
+    add_ids_option(parser)
     parser.add_argument("--json", action="store_true", help="print a summary as the last line")
 
 
@@ -113,15 +115,16 @@ def _compared(
 
 
 def _accuracy(network: Any, args: argparse.Namespace, problems: list[str]) -> dict[str, Any]:
+    from agribot.dataset.classes import read_ids
     from agribot.perceive.pictures import classify
     from agribot.train.evaluate import evaluate
     from agribot.train.photographs import find_pairs, read_pairs
 
-    pairs, wrong = find_pairs(args.judge, args.data)
+    pairs, wrong = find_pairs(args.judge, args.data, ids=read_ids(args.ids))
     problems += wrong
     result = evaluate(
         lambda image_rgb: classify(network, image_rgb).class_id,
-        read_pairs(pairs, args.data, problems.append),
+        read_pairs(pairs, problems.append),
     )
     return {"miou": result.miou, "iou": result.iou, "images": result.images}
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from agribot.commands.newest import FrameSource, NewestFrame
+from agribot.commands.ranges import finite, seed, threads
 from agribot.commands.stopping import stop_on_signal
 from agribot.errors import ConfigError, PerceptionError
 
@@ -23,11 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
     parser.add_argument("--size", help="another input size for the network, WxH px")
-    parser.add_argument("--seconds", type=float, help="stop after this time (default: never)")
-    parser.add_argument("--patience", type=float, default=5.0, help="s without frame to give up")
+    parser.add_argument("--seconds", type=finite, help="stop after this time (default: never)")
+    parser.add_argument("--patience", type=finite, default=5.0, help="s without frame to give up")
     parser.add_argument("--provider", choices=("cpu", "cuda", "tensorrt"), default="cpu")
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--seed", type=int, default=0, help="sim: weeds and camera noise")
+    parser.add_argument("--threads", type=threads, default=2)
+    parser.add_argument("--seed", type=seed, default=0, help="sim: weeds and camera noise")
     parser.add_argument("--out", type=Path, help="folder that gets latest.jpg, once a second")
     parser.add_argument("--json", action="store_true", help="print a summary as the last line")
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from agribot.errors import ConfigError
-from agribot.gis import map_import
 from agribot.gis.mbtiles import described_map, import_mbtiles, map_files
 from agribot.gis.tile_grid import bounds_from
 from agribot.ui.address import home
@@ -43,8 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="of a URL: fetch tiles when somebody looks at them, and keep them",
     )
-    actions.add_parser("list", help="say which maps there are")
-    gone = actions.add_parser("remove", help="delete a map with all its tiles")
+    actions.add_parser("list", help="say which maps there are", epilog="example: agribot map list")
+    gone = actions.add_parser(
+        "remove",
+        help="delete a map with all its tiles",
+        epilog="example: agribot map remove farm",
+    )
     gone.add_argument("name")
 
 
@@ -65,6 +68,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _import(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
+    from agribot.gis import map_import
+
     is_url = "://" in options.source
     name = options.name or ("" if is_url else Path(options.source).stem)
     if not _NAME.fullmatch(name):
@@ -105,6 +110,8 @@ def _made(source: Path, target: Path, convert: Any) -> dict[str, Any]:
 
 
 def _from_server(options: argparse.Namespace, target: Path) -> None:
+    from agribot.gis import map_import
+
     zooms = _zooms(options.zoom)
     if options.live:
         map_import.register_server(options.source, target, zooms, options.attribution)

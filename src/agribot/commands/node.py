@@ -26,10 +26,6 @@ from agribot.errors import BridgeError, ConfigError
 from agribot.estimate.compass_heading import CompassHeading
 from agribot.estimate.pole_origin import PoleOrigin
 from agribot.geo import Datum
-from agribot.nodes.autonomous_drive import AutonomousDrive
-from agribot.nodes.autonomous_drive_action import ActionSettings, AutonomousDriveAction
-from agribot.nodes.data_manipulation import DataManipulation
-from agribot.nodes.gps_converter import GpsConverter
 from agribot.nodes.plot import Plot
 from agribot.nodes.stage import Stage
 from agribot.plan.waypoints import parse_waypoints
@@ -149,6 +145,8 @@ def _ros2(options: argparse.Namespace, name: str) -> Link:
 
 
 def _gps_converter(options: argparse.Namespace) -> Stage:
+    from agribot.nodes.gps_converter import GpsConverter
+
     if options.origin in {"pole", "fix"}:
         return GpsConverter(PoleOrigin(), waits_for_pole=options.origin == "pole")
     lat_deg, lon_deg = _place(options.origin, "--origin")
@@ -157,6 +155,8 @@ def _gps_converter(options: argparse.Namespace) -> Stage:
 
 
 def _data_manipulation(options: argparse.Namespace) -> Stage:
+    from agribot.nodes.data_manipulation import DataManipulation
+
     if not 0.0 < options.compass_std <= 90.0:
         raise ConfigError(f"--compass-std {options.compass_std:g}: must be above 0, up to 90")
     if not abs(options.declination) <= 180.0:
@@ -167,6 +167,8 @@ def _data_manipulation(options: argparse.Namespace) -> Stage:
 
 
 def _autonomous_drive(options: argparse.Namespace) -> Stage:
+    from agribot.nodes.autonomous_drive import AutonomousDrive
+
     if not 0.0 < options.drive_speed <= 2.0:
         raise ConfigError(f"--drive-speed {options.drive_speed:g}: must be above 0, up to 2 m/s")
     settings = GoToGoalSettings(
@@ -178,6 +180,8 @@ def _autonomous_drive(options: argparse.Namespace) -> Stage:
 
 
 def _action(options: argparse.Namespace) -> Stage:
+    from agribot.nodes.autonomous_drive_action import ActionSettings, AutonomousDriveAction
+
     goals = [_place(text, "--goal") for text in options.goal or ()]
     if options.goals is not None:
         try:

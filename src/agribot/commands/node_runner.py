@@ -9,7 +9,6 @@ from typing import Any
 
 from agribot.bridge.link import Link
 from agribot.nodes.stage import Said, Stage
-from agribot.ros.rosmsg import to_cdr, typestore
 from agribot.topic import Topic
 
 PERIOD_S = 0.1
@@ -64,6 +63,8 @@ class NodeRunner:
         return heard
 
     def _decoded(self, topic: Topic, data: bytes) -> Any:
+        from agribot.ros.rosmsg import typestore
+
         try:
             return typestore().deserialize_cdr(data, topic.ros_type)
         except Exception:  # noqa: BLE001  rosbags raises what its generated code happens to
@@ -71,6 +72,8 @@ class NodeRunner:
             return None
 
     def _publish(self, said: tuple[Said, ...] | Any) -> None:
+        from agribot.ros.rosmsg import to_cdr
+
         for topic, message in said:
             self.counts[topic.name] += 1
             self._link.publish(topic, to_cdr(message))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-import tomllib
 from contextlib import closing
 from pathlib import Path
 
@@ -17,7 +16,7 @@ import msgspec
 
 from agribot.bridge.source_uri import read_uri
 from agribot.config import RunConfig
-from agribot.config_tree import check_finite, did_you_mean
+from agribot.config_tree import check_finite, did_you_mean, read_toml
 from agribot.errors import ConfigError, PlatformError
 from agribot.geo import Datum
 from agribot.ui.address import home
@@ -94,10 +93,7 @@ def read_origins(path: Path) -> dict[str, Datum]:
     """
     if not path.is_file():
         return {}
-    try:
-        tree = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path} is not valid TOML: {error}") from error
+    tree = read_toml(path)
     check_finite(tree, str(path), "")
     return {name: _origin(name, entry, path) for name, entry in tree.items()}
 

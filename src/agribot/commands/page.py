@@ -9,14 +9,22 @@ import time
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+import msgspec
+
+from agribot.commands.ranges import port
 from agribot.commands.stopping import stop_on_signal
 from agribot.errors import PlatformError
-from agribot.session import Session
 from agribot.ui.address import SELF_SIGNED, Address
-from agribot.ui.operator_page import OperatorPage
 from agribot.ui.panels import shared
-from agribot.ui.server_process import ServerProcess
+from agribot.ui.token_file import read_or_make_tokens
+
+if TYPE_CHECKING:
+    from agribot.session import Session
+    from agribot.ui.operator_page import OperatorPage
+    from agribot.ui.server_process import ServerProcess
 
 LOOK_S = 0.2
 IDLE_PACE = 1.0  # a robot that waits for a hand keeps the time of the clock
@@ -36,7 +44,7 @@ def add_page_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_address_arguments(group: argparse._ActionsContainer) -> None:
     group.add_argument(
-        "--port", type=int, metavar="P", help="of the page (default: the first free one from 8080)"
+        "--port", type=port, metavar="P", help="of the page (default: the first free one from 8080)"
     )
     group.add_argument(
         "--host",
@@ -58,6 +66,12 @@ def add_address_arguments(group: argparse._ActionsContainer) -> None:
         help=f"encrypt everything, with this certificate; {SELF_SIGNED}",
     )
     group.add_argument("--tls-key", default="", metavar="FILE", help="the certificate's key")
+    group.add_argument(
+        "--token-file",
+        default="",
+        metavar="FILE",
+        help="keep the tokens over restarts, in this file; it is made where there is none",
+    )
     group.add_argument("--open", action="store_true", help="open the page in a browser")
 
 
@@ -76,18 +90,30 @@ def opened(options: argparse.Namespace, session: Session) -> Iterator[OperatorPa
 
     Raises: ConfigError: the page's packages are missing, or its address cannot be used.
     """
+    from agribot.ui.operator_page import OperatorPage
+
     with OperatorPage(session, address_of(options), shared) as page:
         announce(page.url, page.address.viewer_url(page.server.port), options)
         yield page
 
 
 def address_of(options: argparse.Namespace) -> Address:
-    return Address(
+    """Raises: ConfigError: the file of the tokens cannot be used."""
+    address = Address(
         host=options.host,
         port=options.port,
         allowed_hosts=tuple(options.allow_host),
         tls_cert=options.tls_cert,
         tls_key=options.tls_key,
+    )
+    if not options.token_file:
+        return address
+    tokens = read_or_make_tokens(Path(options.token_file))
+    return msgspec.structs.replace(
+        address,
+        operator_token=tokens.operator,
+        viewer_token=tokens.viewer,
+        session_key=tokens.sessions,
     )
 
 
@@ -114,7 +140,7 @@ def show(server: ServerProcess, what: str, options: argparse.Namespace) -> int:
         with stop_on_signal() as stop:
             while not stop:
                 if server.has_ended.is_set():
-                    raise PlatformError("the page's server has ended by itself; see above")
+                    raise PlatformError("the page's server could not be started; see above")
                 time.sleep(LOOK_S)
     finally:
         server.close()

@@ -6,26 +6,27 @@ import argparse
 import math
 import sys
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 import msgspec
 
-from agribot.description.loader import load_robot
 from agribot.errors import MissionError
 from agribot.geo import MapFrame
-from agribot.gis.field_file import read_field
-from agribot.gis.formats.table import WRITERS, read_other, write_field_file
-from agribot.gis.plan_file import SavedPlan, plan_text, read_plan
-from agribot.plan.coverage.area import FieldArea, PlanRequest, Point, TurnStyle, footprint
-from agribot.plan.coverage.planner import plan_field
-from agribot.plan.plan_certificate import Certificate, certify_plan
-from agribot.record.drawing import png
-from agribot.record.plan_figure import plan_figure
-from agribot.record.report import write_file
 from agribot.robot import RobotSpec
+
+if TYPE_CHECKING:
+    from agribot.gis.plan_file import SavedPlan
+    from agribot.plan.coverage.area import FieldArea, PlanRequest, Point
+    from agribot.plan.plan_certificate import Certificate
+
+SHORTEST_AB_M = 1.0
+FARTHEST_AB_M = 20_000.0  # a local map is flat only near its origin
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from agribot.gis.formats.table import WRITERS
+    from agribot.plan.coverage.area import TurnStyle
+
     parser.add_argument("action", nargs="?", choices=("verify", "convert"),
                         help="check a plan; write a field in another format")  # fmt: skip
     parser.add_argument("file", nargs="?", metavar="FILE",
@@ -60,6 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from agribot.gis.plan_file import plan_text
+    from agribot.record.drawing import png
+    from agribot.record.plan_figure import plan_figure
+    from agribot.record.report import write_file
+
     if options.action == "convert":
         return _convert(options)
     if options.action == "verify":
@@ -83,6 +89,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _convert(options: argparse.Namespace) -> int:
+    from agribot.gis.formats.table import WRITERS, read_other, write_field_file
+    from agribot.record.report import write_file
+
     if options.file is None or options.out is None:
         raise MissionError("give both files: agribot plan convert field.kml --out field.gpkg")
     out = Path(options.out)
@@ -98,6 +107,13 @@ def _convert(options: argparse.Namespace) -> int:
 
 
 def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
+    from agribot.description.loader import load_robot
+    from agribot.gis.field_file import read_field
+    from agribot.gis.plan_file import SavedPlan
+    from agribot.plan.coverage.area import footprint
+    from agribot.plan.coverage.planner import plan_field
+    from agribot.plan.plan_certificate import certify_plan
+
     if options.field is None or options.implement_width is None:
         raise MissionError(
             "give --field FILE and --implement-width M, or 'verify PLAN'; see agribot plan --help"
@@ -107,6 +123,11 @@ def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     if options.ab_line:
         a_lon, a_lat, b_lon, b_lat = _numbers("--ab-line", options.ab_line, 4)
         points = (_place(a_lon, a_lat, frame), _place(b_lon, b_lat, frame))
+        if math.dist(*points) < SHORTEST_AB_M or not all(_is_near(point) for point in points):
+            raise MissionError(
+                f"--ab-line {options.ab_line}: A and B must be two places, at least "
+                f"{SHORTEST_AB_M:g} m apart and within {FARTHEST_AB_M / 1000.0:g} km of the field"
+            )
         area = msgspec.structs.replace(area, ab_line=points)
     robot = load_robot(options.robot)
     request = _request(options, area, frame, robot)
@@ -115,7 +136,16 @@ def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)
 
 
+def _is_near(point: Point) -> bool:
+    return math.hypot(*point) <= FARTHEST_AB_M
+
+
 def _verified(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
+    from agribot.description.loader import load_robot
+    from agribot.gis.plan_file import read_plan
+    from agribot.plan.coverage.area import footprint
+    from agribot.plan.plan_certificate import certify_plan
+
     if options.file is None:
         raise MissionError("give the plan to verify: agribot plan verify plan.geojson")
     saved = read_plan(Path(options.file))
@@ -127,6 +157,8 @@ def _verified(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
 def _request(
     options: argparse.Namespace, area: FieldArea, frame: MapFrame, robot: RobotSpec
 ) -> PlanRequest:
+    from agribot.plan.coverage.area import PlanRequest
+
     passes = options.headland_passes
     tool_x_m = robot.tool_x_m if options.tool_offset is None else options.tool_offset
     for name, value, low, high in (

@@ -12,9 +12,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from agribot.commands.ranges import above, threads
 from agribot.errors import AgribotError, ConfigError
 from agribot.messages import ByteArray, PlantClass
 
+MEGAPIXELS, MOST_MEGAPIXELS = 64.0, 250.0
 KINDS = ("mask", "overlay", "panel")
 AREA_COLUMNS = (
     "image", "frame", "width_px", "height_px", "weed_px", "crop_px", "soil_px", "weed_ratio",
@@ -45,7 +47,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only", help="of mask,overlay,panel (default: all three)")
     parser.add_argument("--format", choices=("png", "jpg", "tif"), default="png")
     parser.add_argument("--least-px", type=int, default=100, help="smallest plant to count")
-    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument(
+        "--megapixels",
+        type=above(0.0, MOST_MEGAPIXELS),
+        default=MEGAPIXELS,
+        metavar="N",
+        help="largest picture, which takes 30 MB of memory for each (default: %(default)g)",
+    )
+    parser.add_argument("--threads", type=threads, default=1)
     parser.add_argument("--json", action="store_true", help="print a summary as the last line")
 
 
@@ -72,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
         plants = csv.DictWriter(plants_file, PLANT_COLUMNS, lineterminator="\n")
         areas.writeheader()
         plants.writeheader()
-        for stem, seen in _pictures(files, problems):
+        for stem, seen in _pictures(files, problems, round(args.megapixels * 1e6)):
             row, found = _predict(seen, segmenter, tile_px, args, kinds, stem)
             areas.writerow(row)
             plants.writerows(found)
@@ -124,7 +133,7 @@ def input_files(inputs: list[str]) -> list[Path]:
     return list(dict.fromkeys(files))
 
 
-def _pictures(files: list[Path], problems: list[str]) -> Iterator[tuple[str, Seen]]:
+def _pictures(files: list[Path], problems: list[str], most_px: int) -> Iterator[tuple[str, Seen]]:
     """(name of the results, picture) of everything readable; the rest goes to `problems`."""
     from agribot.commands.videos import VIDEO_SUFFIXES, video_frames
     from agribot.dataset.pictures import read_picture
@@ -140,7 +149,7 @@ def _pictures(files: list[Path], problems: list[str]) -> Iterator[tuple[str, See
                 for index, frame in enumerate(video_frames(file)):
                     yield f"{stem}-{index:06d}", Seen(file.name, index, frame)
             else:
-                yield stem, Seen(file.name, None, read_picture(file))
+                yield stem, Seen(file.name, None, read_picture(file, most_px))
         except AgribotError as error:
             problems.append(str(error))
             sys.stderr.write(f"left out: {error}\n")

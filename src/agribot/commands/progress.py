@@ -6,10 +6,12 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from agribot.messages import TickRecord
-from agribot.weeds.map import WeedMap
+
+if TYPE_CHECKING:
+    from agribot.weeds.map import WeedMap
 
 BAR_WIDTH = 24
 BAR_EVERY_S = 0.5  # simulated
@@ -46,6 +48,11 @@ class Progress:
             self._stream.write(f"\r{self._text(record)}\x1b[K")
         else:
             self._stream.write(f"{self._text(record)}\n")
+        self._stream.flush()
+
+    def note(self, text: str) -> None:
+        """A line of its own, above the bar."""
+        self._stream.write(f"\r\x1b[K{text}\n" if self._is_terminal else f"{text}\n")
         self._stream.flush()
 
     def close(self) -> None:

@@ -6,15 +6,16 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from agribot.commands.door import add_door_arguments, door_of
 from agribot.errors import PlatformError
-from agribot.record.bag.info import in_words, read_info
-from agribot.record.recovery import Recovery, recover
 from agribot.ui.remote import Remote
+
+if TYPE_CHECKING:
+    from agribot.record.recovery import Recovery
 
 ORDERS = {"start": "begin a recording", "stop": "end the recording", "mark": "mark the moment"}
 
@@ -56,6 +57,9 @@ def _order(actions: Any, name: str) -> argparse.ArgumentParser:
 
 
 def run(options: argparse.Namespace) -> int:
+    from agribot.record.bag.info import in_words, read_info
+    from agribot.record.recovery import recover
+
     if options.action in ORDERS:
         return _tell_robot(options)
     if options.action == "info":

@@ -8,21 +8,14 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from agribot.errors import ConfigError
-from agribot.record.replay import read_config
-from agribot.rerun import (
-    Difference,
-    Outcome,
-    difference,
-    outcome,
-    recorded_pass,
-    rerun,
-    with_settings,
-    without_effect,
-)
+
+if TYPE_CHECKING:
+    from agribot.rerun import Difference, Outcome
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,6 +53,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _check(path: Path) -> dict[str, int | bool | None]:
+    from agribot.record.replay import read_config
+    from agribot.rerun import difference, recorded_pass, rerun
+
     recorded = recorded_pass(path)
     replayed, _ = rerun(path, read_config(path))
     first = difference(recorded, replayed).first
@@ -73,6 +69,16 @@ def _verdict(result: dict[str, int | bool | None]) -> str:
 
 
 def _compare(path: Path, settings: list[str], as_json: bool) -> int:
+    from agribot.record.replay import read_config
+    from agribot.rerun import (
+        difference,
+        outcome,
+        recorded_pass,
+        rerun,
+        with_settings,
+        without_effect,
+    )
+
     config = read_config(path)
     changed = with_settings(config, settings)
     recorded = recorded_pass(path)
@@ -101,6 +107,8 @@ def _compare(path: Path, settings: list[str], as_json: bool) -> int:
 
 
 def _table(old: Outcome, new: Outcome, apart: Difference) -> str:
+    from agribot.rerun import Outcome
+
     lines = [f"{'':20} {'recorded':>14} {'replayed':>14} {'change':>12}"]
     for name in Outcome.__struct_fields__:
         a, b = getattr(old, name), getattr(new, name)

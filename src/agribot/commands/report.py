@@ -8,36 +8,23 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from agribot.config import RunConfig
-from agribot.description.loader import parse_robot
 from agribot.description.worlds_sdf import world_of_run
 from agribot.errors import RecordingError
 from agribot.field_work import work_from
 from agribot.messages import Row
 from agribot.plan.rows import field_rows
-from agribot.record.bag.opening import open_bag
-from agribot.record.bag.source import Bag
 from agribot.record.events import EventLog
-from agribot.record.foreign import read_foreign
-from agribot.record.foreign_page import write_foreign_report
-from agribot.record.mcap_file import read_attachment
-from agribot.record.mcap_records import parts_of
-from agribot.record.recorder import CONFIG_ATTACHMENT
-from agribot.record.replay import (
-    read_config,
-    read_ticks,
-    read_truth,
-    read_urdf,
-    read_weed_map,
-)
 from agribot.record.report import Report
-from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap
-from agribot.session import PLAN_ATTACHMENT
 from agribot.tasks import TakenPlans
+
+if TYPE_CHECKING:
+    from agribot.record.bag.source import Bag
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,38 +34,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from agribot.record.bag.opening import open_bag
+    from agribot.record.mcap_file import read_attachment
+    from agribot.record.recorder import CONFIG_ATTACHMENT
+    from agribot.record.run_files import write_run_files
+
     with open_bag(options.recording) as bag:
         is_whole_run = {CONFIG_ATTACHMENT, "report.json"} <= _file_names(bag)
     if not is_whole_run:
         return _foreign(options)
-    config = read_config(options.recording)
     data = read_attachment(options.recording, "report.json")
     try:
         report = msgspec.json.decode(data, type=Report)
     except msgspec.MsgspecError as error:
         raise RecordingError(f"the report inside {options.recording} is broken: {error}") from error
-    series, events = SeriesTap(), EventLog(options.out / "events.jsonl")
-    plans = TakenPlans()
-    plan = read_attachment(options.recording, PLAN_ATTACHMENT).decode() if config.plan else ""
-    for record in read_ticks(options.recording):
-        series(record)
-        events(record)
-        plan = plans.taken(record) or plan
-    for t_s, x_m, y_m, yaw_rad in read_truth(options.recording):
-        series.truth(t_s, (x_m, y_m, yaw_rad))
-    events.close()
-    write_run_files(
-        options.out,
-        report,
-        RunData(
-            config=config,
-            series=series.series(),
-            rows=_rows(plan, config, options.recording),
-            plants=read_weed_map(options.recording),
-            events=events.events,
-            world=world_of_run(config) if config.platform == "sim" else None,
-        ),
-    )
+    write_run_files(options.out, report, _read_job(options.recording, options.out, report))
     if options.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
     else:
@@ -86,8 +56,46 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _read_job(recording: Path, out: Path, report: Report) -> RunData:
+    """Read the recorded run, and from beside it the earlier runs of the same job."""
+    from agribot.record.mcap_file import read_attachment
+    from agribot.record.replay import read_config, read_ticks, read_truth, read_weed_map
+    from agribot.run_recording import PLAN_ATTACHMENT
+    from agribot.whole_job import events_later, events_of, plants_later, series_of
+
+    config = read_config(recording)
+    series, events = SeriesTap(), EventLog(out / "events.jsonl")
+    plans = TakenPlans()
+    plan = read_attachment(recording, PLAN_ATTACHMENT).decode() if config.plan else ""
+    for record in read_ticks(recording):
+        series(record)
+        events(record)
+        plan = plans.taken(record) or plan
+    for t_s, x_m, y_m, yaw_rad in read_truth(recording):
+        series.truth(t_s, (x_m, y_m, yaw_rad))
+    events.close()
+    earlier = report.job.runs[:-1] if report.job else ()
+    beside = recording.resolve().parent
+    joint, lost = series_of(earlier, series.series(), beside)
+    earlier_events, lost_events = events_of(earlier, beside)
+    for what in (*lost, *lost_events):
+        sys.stderr.write(f"of the job's earlier runs is lost: {what}\n")
+    began_s = sum(run.run_s for run in earlier)
+    return RunData(
+        config=config,
+        series=joint,
+        rows=_rows(plan, config, recording),
+        plants=plants_later(read_weed_map(recording), began_s),
+        events=(*earlier_events, *events_later(events.events, began_s)),
+        world=world_of_run(config) if config.platform == "sim" else None,
+    )
+
+
 def _rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
     """Those of the task that the robot had at the end."""
+    from agribot.description.loader import parse_robot
+    from agribot.record.replay import read_urdf
+
     if plan:
         robot = parse_robot(read_urdf(recording), recording.name)
         return work_from(plan, "the recorded plan", config, robot).rows
@@ -96,6 +104,9 @@ def _rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
 
 def _file_names(bag: Bag) -> set[str]:
     """Also of the further parts of a long recording: the report is in the last one."""
+    from agribot.record.bag.opening import open_bag
+    from agribot.record.mcap_records import parts_of
+
     names = set(bag.file_names)
     if not bag.path.is_dir():
         for part in parts_of(bag.path)[1:]:
@@ -105,13 +116,15 @@ def _file_names(bag: Bag) -> set[str]:
 
 
 def _foreign(options: argparse.Namespace) -> int:
+    from agribot.record.foreign import read_foreign
+    from agribot.record.foreign_page import write_foreign_report
+
     data = read_foreign(options.recording)
     summary = write_foreign_report(options.out, options.recording, data)
     for word in (*data.missing, *data.notes):
         sys.stderr.write(f"missing: {word}\n" if word in data.missing else f"note: {word}\n")
-    shown = data.tracks or data.speed or data.distance or data.heading_raw or data.heading_filtered
     if options.json:
         sys.stdout.write(msgspec.json.encode(summary).decode() + "\n")
     else:
         sys.stdout.write(f"{options.out}/report.html\n")
-    return 0 if shown else 1
+    return 0

@@ -13,6 +13,7 @@ import msgspec
 from agribot import config
 from agribot.calibration.robot_file import RobotFile
 from agribot.commands.origin import HELP, with_origin
+from agribot.commands.ranges import finite, seed
 from agribot.config import RunConfig
 from agribot.errors import ConfigError
 from agribot.ui.address import home
@@ -24,6 +25,7 @@ _SHORT_FOR = {
     "waypoints": "waypoints",
     "plan": "plan",
     "seed": "seed",
+    "platform": "platform",
     "sensors": "sim.sensors",
     "duration_s": "duration_s",
 }
@@ -38,9 +40,9 @@ def add_setting_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sensors", metavar="PRESET", help="legacy, seed, m8n, rtk, rtk-dual, ideal"
     )
-    parser.add_argument("--seed", type=int, metavar="N", help="of all randomness (default: 0)")
+    parser.add_argument("--seed", type=seed, metavar="N", help="of all randomness (default: 0)")
     parser.add_argument(
-        "--for", dest="duration_s", type=float, metavar="SECONDS", help="stop after"
+        "--for", dest="duration_s", type=finite, metavar="SECONDS", help="stop after"
     )
     parser.add_argument("--origin", metavar="ORIGIN", help=HELP)
     parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
@@ -81,4 +83,8 @@ def out_dir_of(wanted: str | Path | None, kind: str) -> Path:
     """The folder of a run: the one that was asked for, or a new one named by the time."""
     if wanted is not None:
         return Path(wanted)
-    return Path("runs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{kind}"
+    folder, number = Path("runs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{kind}", 1
+    while folder.exists():
+        number += 1
+        folder = folder.with_name(f"{folder.name.removesuffix(f'-{number - 1}')}-{number}")
+    return folder

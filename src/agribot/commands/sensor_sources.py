@@ -5,26 +5,27 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
 from agribot.bridge.requests import Requests
 from agribot.bridge.source_uri import Network, Place, places
-from agribot.bridge.topic_source import Ear, TopicSource
 from agribot.commands.bridging import domain_from, master_from, router_from, say
 from agribot.config import SourceConfig
 from agribot.errors import ConfigError
 from agribot.platform import MixedPlatform, Sensor
-from agribot.ros.sensor_readers import readers
-from agribot.session import Session
+
+if TYPE_CHECKING:
+    from agribot.bridge.topic_source import Ear
+    from agribot.session import Session
+
+    class SourceLink(Ear, Protocol):
+        def close(self) -> None: ...
+
 
 _SENSOR_OF: dict[str, Sensor] = {"camera": "frames"}
 _NODE = "agribot_sensors"
-
-
-class SourceLink(Ear, Protocol):
-    def close(self) -> None: ...
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,6 +60,9 @@ def sensor_sources(options: argparse.Namespace, session: Session) -> Iterator[No
 
     Raises: AgribotError: a URI that means nothing, or a network that cannot be reached.
     """
+    from agribot.bridge.topic_source import TopicSource
+    from agribot.ros.sensor_readers import readers
+
     wanted = places(session.config.sources)
     refuse = Requests(session.platform.inbox, say=say).refuse
     links: dict[tuple[str, str], SourceLink] = {}

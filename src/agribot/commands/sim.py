@@ -8,6 +8,7 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -15,18 +16,17 @@ from agribot.commands import bridging, drive_source
 from agribot.commands.pacing import pace_from, wait_until
 from agribot.commands.run_settings import add_setting_arguments, out_dir_of, settings_of
 from agribot.commands.stopping import stop_on_signal
-from agribot.commands.world_bridging import WorldTap, twist_of, world_bridges
-from agribot.description.loader import load_robot, urdf_text
-from agribot.description.worlds_sdf import world_of_run
+from agribot.commands.world_bridging import twist_of, world_bridges
 from agribot.errors import PlatformError
 from agribot.messages import RobotCommand, SensorBatch
 from agribot.record.report import TimeReport
-from agribot.record.world_recorder import WorldRecorder
-from agribot.report_card import Clock
-from agribot.ros.world_feed import WorldTick
-from agribot.sim.platform import SimPlatform
+from agribot.run_folder import check_free
 from agribot.sim.truth import Truth
 from agribot.world import WorldSpec
+
+if TYPE_CHECKING:
+    from agribot.commands.world_bridging import WorldTap
+    from agribot.record.world_recorder import WorldRecorder
 
 LINE_EVERY_S = 10.0  # of the clock on the wall
 
@@ -81,6 +81,11 @@ class _World:
     """What is simulated and counted; `report` may be asked at any time."""
 
     def __init__(self, options: argparse.Namespace) -> None:
+        from agribot.description.loader import load_robot
+        from agribot.description.worlds_sdf import world_of_run
+        from agribot.run_clock import Clock
+        from agribot.sim.platform import SimPlatform
+
         self._started_s = time.monotonic()
         camera = f"perception.enabled={str(options.camera).lower()}"
         self.config = settings_of(options, before=[camera])
@@ -97,6 +102,8 @@ class _World:
 
     def tick(self, source: drive_source.DriveSource) -> SensorBatch:
         """Raises: PlatformError: the robot overturned or the physics diverged."""
+        from agribot.ros.world_feed import WorldTick
+
         batch = self.platform.read()
         command = twist_of(batch.hand) or source.at(batch.t_s)
         if command is not None:
@@ -141,7 +148,11 @@ class _World:
         )
 
     def _recorder(self, wanted: Path | None) -> WorldRecorder:
+        from agribot.description.loader import urdf_text
+        from agribot.record.world_recorder import WorldRecorder
+
         out_dir = out_dir_of(wanted, "sim")
+        check_free(out_dir)
         return WorldRecorder(
             out_dir / "run.mcap", self.config, self.robot, urdf_text(self.config.robot)
         )

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from agribot import extras
 from agribot.commands.counting import CountProgress
 from agribot.commands.stopping import stop_on_signal
 from agribot.errors import ConfigError
@@ -44,6 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     if not 1 <= options.workers <= 1024:
         raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
+    if not options.ray:
+        extras.require("sim", "a sweep on this machine")
     jobs = plan(options.profile, read_seeds(options.seeds), options.set, options.vary)
     executor: Executor = (
         RayExecutor(options.ray) if options.ray else ProcessExecutor(options.workers)

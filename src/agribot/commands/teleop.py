@@ -13,7 +13,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from agribot import extras
 from agribot.commands.door import add_door_arguments, door_of
+from agribot.commands.ranges import finite
 from agribot.commands.stopping import stop_on_signal
 from agribot.errors import ConfigError, PlatformError
 from agribot.ui.hand import (
@@ -46,17 +48,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("device", choices=("keyboard", "mouse", "joystick"))
     add_door_arguments(parser)
     parser.add_argument("--take-over", action="store_true", help="take the seat from its holder")
-    parser.add_argument("--rate", dest="rate_hz", type=float, default=20.0, metavar="HZ")
-    parser.add_argument("--scale", type=float, default=1.0, help="of all speeds, 0 to 1")
-    parser.add_argument("--forward", type=float, default=rates.forward_mps, metavar="MPS")
-    parser.add_argument("--backward", type=float, default=rates.backward_mps, metavar="MPS")
-    parser.add_argument("--rotation", type=float, default=rates.rotation_radps, metavar="RADPS")
-    parser.add_argument("--hold", type=float, default=rates.hold_s, metavar="S", help="of a key")
+    parser.add_argument("--rate", dest="rate_hz", type=finite, default=20.0, metavar="HZ")
+    parser.add_argument("--scale", type=finite, default=1.0, help="of all speeds, 0 to 1")
+    parser.add_argument("--forward", type=finite, default=rates.forward_mps, metavar="MPS")
+    parser.add_argument("--backward", type=finite, default=rates.backward_mps, metavar="MPS")
+    parser.add_argument("--rotation", type=finite, default=rates.rotation_radps, metavar="RADPS")
+    parser.add_argument("--hold", type=finite, default=rates.hold_s, metavar="S", help="of a key")
     stick = parser.add_argument_group("joystick")
     stick.add_argument("--joy", default="/dev/input/js0", metavar="DEVICE")
     stick.add_argument("--deadman", type=int, metavar="BUTTON", help=f"{DEADMAN} unless told")
     stick.add_argument("--axes", metavar="FORWARD,LEFT", help=f"{AXES} unless told")
-    stick.add_argument("--dead-zone", type=float, default=0.1)
+    stick.add_argument("--dead-zone", type=finite, default=0.1)
     stick.add_argument(
         "--config",
         metavar="TELEOP_YAML",
@@ -65,6 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    extras.require("ui", "agribot teleop")
     rates = _rates(options)
     door = door_of(options)
     opened = _joystick if options.device == "joystick" else _terminal

@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-
-import msgspec
+from typing import TYPE_CHECKING
 
 from agribot.commands import run as run_command
 from agribot.commands.origin import HELP
 from agribot.commands.page import add_address_arguments, address_of, show
-from agribot.description.loader import parse_robot
-from agribot.field_work import field_work
-from agribot.record.mcap_file import read_attachment
-from agribot.record.replay import read_config, read_urdf
-from agribot.session import GOALS_ATTACHMENT, PLAN_ATTACHMENT
-from agribot.tasks import MapPoint, task_of
-from agribot.ui.about import about_run, field_of
-from agribot.ui.hub import About
-from agribot.ui.server_process import ServerProcess
+
+if TYPE_CHECKING:
+    from agribot.ui.hub import About
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,6 +39,7 @@ def run(options: argparse.Namespace) -> int:
         "allow_host",
         "tls_cert",
         "tls_key",
+        "token_file",
         "open",
     ):
         setattr(simulated, name, getattr(options, name))
@@ -53,15 +47,16 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _replay(options: argparse.Namespace, recording: Path) -> int:
+    from agribot.description.loader import parse_robot
+    from agribot.record.replay import read_config, read_urdf
+    from agribot.ui.about import about_run
+    from agribot.ui.ground import read_field
+    from agribot.ui.server_process import ServerProcess
+
     address = address_of(options)
     config, urdf = read_config(recording), read_urdf(recording)
     robot = parse_robot(urdf, recording.name)
-    attached = read_attachment(recording, GOALS_ATTACHMENT)
-    goals = msgspec.json.decode(attached, type=tuple[MapPoint, ...])
-    plan = read_attachment(recording, PLAN_ATTACHMENT).decode() if config.plan else ""
-    work = field_work(plan, config, robot)
-    task = task_of(config, robot, goals, work)
-    field = field_of(config, task.rows, goals, work.area if work else None)
+    field = read_field(recording)
     path = str(recording.resolve())
 
     def about(port: int) -> About:

@@ -12,18 +12,18 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from agribot import topics
-from agribot.bridge.outlet import Gateway, Gateways
 from agribot.bridge.requests import Requests
 from agribot.commands import bridging
 from agribot.commands.pacing import pace_from, wait_until
 from agribot.commands.stopping import stop_on_signal
 from agribot.errors import ConfigError
 from agribot.operator_input import Inbox
-from agribot.record.bag.opening import open_bag
-from agribot.record.qgis_project import write_qgis
-from agribot.record.rerun_log import write_rerun
+
+if TYPE_CHECKING:
+    from agribot.bridge.outlet import Gateway
 
 _CLOCK_PERIOD_NS = 20_000_000
 
@@ -58,11 +58,15 @@ def view_file(name: str) -> Path:
 
 
 def _rerun(options: argparse.Namespace) -> None:
+    from agribot.record.rerun_log import write_rerun
+
     count = write_rerun(_recording(options), options.out)
     sys.stderr.write(f"{count} messages to {options.out or 'the viewer'}\n")
 
 
 def _qgis(options: argparse.Namespace) -> None:
+    from agribot.record.qgis_project import write_qgis
+
     recording = _recording(options)
     project = write_qgis(recording, options.out or recording.parent / "qgis")
     sys.stderr.write(f"{project}\n")
@@ -124,13 +128,18 @@ def _program(options: argparse.Namespace) -> Iterator[None]:
 
 def _play(recording: Path, options: argparse.Namespace) -> None:
     """Every topic of the table that is in the recording, at its time, and the clock with it."""
+    from agribot.bridge.outlet import Gateways
+    from agribot.record.bag.opening import open_bag
+
     pace = pace_from(options.speed)
     with open_bag(recording) as bag:
         held = {t.name for t in bag.topics if bag.knows(t) and t.encoding == "cdr"}
         out = [t for t in topics.TOPICS if (t.ros_type and t.name in held) or t is topics.CLOCK]
         by_name = {topic.name: topic for topic in out}
         if len(out) == 1:
-            raise ConfigError(f"{recording} has no topic of AGRIBOT; convert it, or use rosbag")
+            raise ConfigError(
+                f"{recording} has no topic of AGRIBOT, only {bag.contents}; play it with rosbag"
+            )
         urdf = next((f.data.decode() for f in bag.files() if f.name == "robot.urdf"), "")
         requests = Requests(Inbox(), say=bridging.say)
         opened: list[Gateway] = bridging.open_gateways(options, out, urdf, requests, None)

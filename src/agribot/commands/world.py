@@ -9,26 +9,30 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agribot.description.elements import Finding
-from agribot.description.field_generator import generate_field
-from agribot.description.field_plan import read_field_plan
-from agribot.description.loader import load_robot
-from agribot.description.sdf_export import write_world
-from agribot.description.terrain import height_at
-from agribot.description.worlds_sdf import check_world, load_world, world_names
+from agribot.commands.ranges import seed
 from agribot.errors import DescriptionError, RecordingError
 from agribot.geo import LINK_FROM_OPTICAL, transform
 from agribot.messages import ByteArray, FloatArray
 from agribot.world import WorldSpec
 
+if TYPE_CHECKING:
+    from agribot.description.elements import Finding
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    actions.add_parser("list", help="names of the packaged worlds")
-    check = actions.add_parser("check", help="say what a world file contains, or what is wrong")
+    actions.add_parser(
+        "list", help="names of the packaged worlds", epilog="example: agribot world list"
+    )
+    check = actions.add_parser(
+        "check",
+        help="say what a world file contains, or what is wrong",
+        epilog="example: agribot world check Farm --strict",
+    )
     check.add_argument("world", metavar="NAME|FILE")
     check.add_argument(
         "--strict", action="store_true", help="list every fault as FILE:LINE and fail on any"
@@ -40,13 +44,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         epilog="example: agribot world generate field.toml --seed 3 -o field.world",
     )
     generate.add_argument("field", metavar="FIELD.toml")
-    generate.add_argument("--seed", type=int, default=0)
+    generate.add_argument("--seed", type=seed, default=0)
     generate.add_argument("-o", "--out", required=True, metavar="X.world")
     generate.add_argument("--json", action="store_true")
-    render = actions.add_parser("render", help="a picture of a world, from above the field")
+    render = actions.add_parser(
+        "render",
+        help="a picture of a world, from above the field",
+        epilog="example: agribot world render hills --view rover -o hills.png",
+    )
     render.add_argument("world", metavar="NAME|FILE")
     render.add_argument("-o", "--out", required=True, metavar="PNG")
-    render.add_argument("--seed", type=int, default=0)
+    render.add_argument("--seed", type=seed, default=0)
     render.add_argument(
         "--view", choices=("field", "rover"), default="field", help="from high, or as the robot"
     )
@@ -59,6 +67,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from agribot.description.worlds_sdf import world_names
+
     if options.action == "list":
         sys.stdout.write("\n".join(world_names()) + "\n")
         return 0
@@ -67,6 +77,10 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _generate(options: argparse.Namespace) -> int:
+    from agribot.description.field_generator import generate_field
+    from agribot.description.field_plan import read_field_plan
+    from agribot.description.sdf_export import write_world
+
     field, out = Path(options.field), Path(options.out)
     if out.suffix not in {".world", ".sdf"}:
         raise DescriptionError(f"-o {out}: name a file that ends in .world or .sdf")
@@ -82,6 +96,8 @@ def _generate(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
+    from agribot.description.worlds_sdf import check_world, load_world
+
     if options.strict:
         return print_findings(check_world(options.world), options.json)
     world = load_world(options.world)
@@ -116,6 +132,8 @@ def print_findings(findings: Sequence[Finding], as_json: bool) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
+    from agribot.description.loader import load_robot
+    from agribot.description.worlds_sdf import load_world
     from agribot.sim.camera import CameraRenderer
 
     world = load_world(options.world, seed=options.seed)
@@ -182,6 +200,8 @@ def _overlook(world: WorldSpec) -> FloatArray:
 
 
 def _ground_m(world: WorldSpec, x_m: float, y_m: float) -> float:
+    from agribot.description.terrain import height_at
+
     return 0.0 if world.terrain is None else height_at(world.terrain, x_m, y_m)
 
 

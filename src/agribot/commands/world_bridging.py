@@ -6,18 +6,20 @@ import argparse
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from agribot import topics
 from agribot.bridge.requests import Requests
-from agribot.bridge.world_outlet import WorldOutlet
 from agribot.commands.bridging import open_gateways, out_topics, say, tell_losses, wanted
 from agribot.config import RunConfig
-from agribot.description.loader import urdf_text
 from agribot.messages import STOP, DriveCommand, HandDrive
 from agribot.robot import RobotSpec
-from agribot.ros.camera_log import CameraLog
-from agribot.ros.world_feed import WorldTick
-from agribot.sim.platform import SimPlatform
+
+if TYPE_CHECKING:
+    from agribot.ros.world_feed import WorldTick
+    from agribot.sim.platform import SimPlatform
+
+    WorldTap = Callable[[WorldTick], None]
 
 # A compass gives a field; who turns it into a heading is somebody's node, not the world.
 _OUT = {
@@ -29,9 +31,6 @@ _OUT = {
         topics.ROBOT_DESCRIPTION, topics.CLOCK, topics.GROUND_TRUTH,
     )
 }  # fmt: skip
-
-
-WorldTap = Callable[[WorldTick], None]
 
 
 def twist_of(hand: Sequence[HandDrive]) -> DriveCommand | None:
@@ -56,6 +55,10 @@ def world_bridges(
 
     Raises: AgribotError: an option is out of range, or a peer that must be there is not.
     """
+    from agribot.bridge.world_outlet import WorldOutlet
+    from agribot.description.loader import urdf_text
+    from agribot.ros.camera_log import CameraLog
+
     if not wanted(options):
         yield []
         return

@@ -1,7 +1,8 @@
 """The last gate before the motors: it may only make a command safer.
 
-It trusts nobody: silent sensors, an uncertain pose, numbers that are none, a tilt, a place
-outside the field and an operator's stop all end in zero speed and a closed implement.
+It trusts nobody: a touch, wheels that do not as told, silent sensors, an uncertain pose, numbers
+that are none, a tilt, a place outside the field and an operator's stop all end in zero speed and
+a closed implement.
 """
 
 from __future__ import annotations
@@ -10,6 +11,13 @@ import math
 from typing import NamedTuple
 
 from agribot.config import SafetyConfig
+from agribot.control.battery_watch import BatteryWatch
+from agribot.control.bumper import Bumper
+from agribot.control.fence import Fence, FieldFence, PathFence
+from agribot.control.sensor_watch import SensorWatch
+from agribot.control.wheel_watch import WheelWatch, name_motors
+from agribot.field_bounds import FieldBounds
+from agribot.latch import Latch
 from agribot.messages import (
     STOP,
     DriveCommand,
@@ -17,59 +25,56 @@ from agribot.messages import (
     Goal,
     ImplementCommand,
     MissionStatus,
-    OperatorEvent,
     Path,
     RobotCommand,
     SensorBatch,
-    Vec3,
 )  # fmt: skip
 from agribot.robot import RobotSpec
 
-TILT_FILTER_S = 0.5  # driving over clods shakes the accelerometer; a fall lasts longer
-MAX_DT_S = 0.1
 PAUSE_BRAKE_RATIO = 0.5  # of the drive's acceleration, the least braking that a pause must show
 STANDSTILL_MPS = 1e-3
+DRIVEN_OFF = ("wheel", "battery")  # with these at fault a hand may drive, once it is cleared
 
 
-class Fence(NamedTuple):
-    """Axis-aligned rectangle in the map that the robot may not leave."""
+class _Hazard(NamedTuple):
+    """What latches a stop: its kind, for whoever has cleared it, and its reason for people."""
 
-    x_min_m: float
-    y_min_m: float
-    x_max_m: float
-    y_max_m: float
-
-    @classmethod
-    def around(cls, path: Path, margin_m: float) -> Fence:
-        (x_min_m, y_min_m), (x_max_m, y_max_m) = (
-            path.xy_map_m.min(axis=0),
-            path.xy_map_m.max(axis=0),
-        )
-        return cls(
-            float(x_min_m) - margin_m, float(y_min_m) - margin_m,
-            float(x_max_m) + margin_m, float(y_max_m) + margin_m,
-        )  # fmt: skip
-
-    def holds(self, x_map_m: float, y_map_m: float) -> bool:
-        return self.x_min_m <= x_map_m <= self.x_max_m and self.y_min_m <= y_map_m <= self.y_max_m
+    kind: str
+    reason: str
 
 
 class Supervisor:
-    """Keeps what it needs to judge the next command: sensor times, tilt, the latched stop."""
+    """Keeps what it needs to judge the next command; a hazard closes the latch.
 
-    def __init__(self, config: SafetyConfig, robot: RobotSpec) -> None:
+    A protective stop waits for a person. Once that person has cleared it, a motor, a wheel or a
+    battery at fault does not stop a hand again, so that the robot can be driven off; the mission
+    it stops anew.
+    """
+
+    def __init__(self, config: SafetyConfig, robot: RobotSpec, latch: Latch | None = None) -> None:
+        """`latch` is shared with the mission, which pauses while it holds."""
         self._config = config
-        self._fenced_path: Path | None = None
-        self._fence: Fence | None = None
+        self._latch = Latch() if latch is None else latch
+        self._fenced: tuple[Path | None, FieldBounds | None] = None, None
+        self._fences: tuple[Fence, ...] = ()
         self._max_speed_mps = min(config.max_speed_mps, robot.drive.max_speed_mps)
         self._max_yaw_rate_radps = min(config.max_yaw_rate_radps, robot.drive.max_yaw_rate_radps)
         self._max_accel_mps2 = robot.drive.max_accel_mps2
         self._max_yaw_accel_radps2 = robot.drive.max_yaw_accel_radps2
-        self._wheel_t_s = self._imu_t_s = -math.inf
-        self._up = (0.0, 0.0, 0.0)
-        self._stopped_by = ""
+        self._sensors = SensorWatch(config)
+        self._wheels = WheelWatch(robot.drive, config.sensor_timeout_s)
+        self._bumper = Bumper()
+        self._battery = BatteryWatch(config)
+        self._held_kind = ""
+        self._accepted: set[str] = set()
         self._last = STOP
-        self._last_t_s = math.nan
+        # What the motors were told last; a replay puts in what they were told then.
+        self.sent = STOP
+
+    @property
+    def warning(self) -> str:
+        """What calls the robot home, though it may still drive; empty where nothing does."""
+        return self._battery.low
 
     def check(
         self,
@@ -83,87 +88,108 @@ class Supervisor:
         """The command to send, and why it was changed ("" if it was not).
 
         A person who drives by hand sees where the robot is: neither its own position nor the
-        fence nor the mission holds it then, but stops, silent sensors and limits do.
+        fence nor the mission holds it then, but stops, touches, silent sensors and limits do.
         A closed implement at standstill and the ramp after a stop need no reason.
         """
         status = goal.status
-        self._listen(batch)
-        self._fence_in(goal.path)
-        dt_s = self._elapsed_s(batch.t_s)
+        self._fence_in(goal)
+        self._sensors.listen(batch)
+        self._battery.listen(batch)
+        self._hear(batch, status)
+        is_to_move = status.state == "running" or not command.drive == self._last == STOP
+        hazard = self._hazard(batch, is_by_hand=is_by_hand, is_to_move=is_to_move)
+        if hazard and not self._latch.reason:
+            self._held_kind = hazard.kind
+            self._latch.hold(hazard.reason)
         fault = self._fault(command.drive, batch.t_s)
         if not fault and not is_by_hand:
-            fault = self._mission_fault(estimate, status)
+            fault = self._mission_fault(command.drive, estimate, goal)
         if fault:
             drive = STOP
             reason = fault if _moves(command) else ""
         else:
-            drive, reason = self._limited(command.drive)
+            drive, reason = self._limit(self._bumper.away(command.drive))
+            dt_s = self._sensors.dt_s
             is_pausing = status.state == "paused" and not is_by_hand
-            drive = self._ramped(drive, -PAUSE_BRAKE_RATIO * dt_s if is_pausing else dt_s)
-        self._last = drive
+            drive = self._ramp(drive, -PAUSE_BRAKE_RATIO * dt_s if is_pausing else dt_s)
+            reason = reason or self._held_back(command.drive)
+        self._last = self.sent = drive
         implement = command.implement
         if abs(drive.v_mps) < STANDSTILL_MPS or status.state != "running":
             implement = ImplementCommand(nozzles_open=(False,) * len(implement.nozzles_open))
         return RobotCommand(t_s=command.t_s, drive=drive, implement=implement), reason
 
-    def _listen(self, batch: SensorBatch) -> None:
+    def _hear(self, batch: SensorBatch, status: MissionStatus) -> None:
+        if status.state == "running":
+            self._accepted.clear()
         for event in batch.events:
-            self._latch(event)
-        if batch.wheels:
-            self._wheel_t_s = batch.wheels[-1].t_s
-        for sample in batch.imu:
-            self._up = self._smoothed(sample.accel_mps2, sample.t_s - self._imu_t_s)
-            self._imu_t_s = sample.t_s
+            if event.action == "clear_stop":
+                self._bumper.accept()
+                self._accepted |= {self._held_kind} & {*DRIVEN_OFF}
+            self._latch.hear(event)
 
-    def _fence_in(self, path: Path | None) -> None:
-        if path is not self._fenced_path:
-            self._fenced_path = path
-            margin_m = self._config.geofence_margin_m
-            self._fence = None if path is None else Fence.around(path, margin_m)
+    def _fence_in(self, goal: Goal) -> None:
+        """Box and field of what is driven now; both are built when they change."""
+        path, bounds = self._fenced
+        if goal.path is path and goal.bounds is bounds:
+            return
+        self._fenced = goal.path, goal.bounds
+        self._fences = ()
+        if goal.path is not None:
+            self._fences = (PathFence.around(goal.path, self._config.geofence_margin_m),)
+        if goal.bounds is not None:
+            fence = FieldFence(goal.bounds, self._config, self._max_accel_mps2)
+            self._fences = (*self._fences, fence)
 
-    def _latch(self, event: OperatorEvent) -> None:
-        if event.action == "stop":
-            self._stopped_by = event.source
-        elif event.action == "clear_stop":
-            self._stopped_by = ""
+    def _hazard(self, batch: SensorBatch, *, is_by_hand: bool, is_to_move: bool) -> _Hazard | None:
+        """What a protective stop is for; but for a touch, only of a robot that is to move."""
+        motion = self._wheels.watch(self.sent, batch, self._sensors.dt_s)
+        motors = batch.wheels[-1].faults if batch.wheels else ()
+        touch = self._bumper.feel(batch)
+        if not touch and not is_to_move:
+            return None
+        found = (
+            _Hazard("bumper", touch),
+            _Hazard("sensor", self._sensors.clock_fault or self._sensors.silence(batch.t_s)),
+            _Hazard("battery", self._battery.empty),
+            _Hazard("wheel", name_motors(motors) if motors else motion.wheels),
+        )
+        for hazard in found:
+            if hazard.reason and not (is_by_hand and hazard.kind in self._accepted):
+                return hazard
+        return None if is_by_hand else self._hazard_of_mission(motion.doubt)
 
-    def _smoothed(self, accel_mps2: Vec3, dt_s: float) -> Vec3:
-        """Low pass of the specific force; one that was lost to a bad value starts afresh."""
-        x, y, z = self._up
-        if not math.isfinite(x + y + z) or not math.isfinite(dt_s):
-            return accel_mps2
-        gain = min(max(dt_s, 0.0) / TILT_FILTER_S, 1.0)
-        ax, ay, az = accel_mps2
-        return (x + gain * (ax - x), y + gain * (ay - y), z + gain * (az - z))
+    def _hazard_of_mission(self, doubt: str) -> _Hazard | None:
+        """What a person who drives by hand sees, and need not mind."""
+        if sides := self._bumper.sides:
+            where = " and ".join(sides)
+            return _Hazard(
+                "bumper", f"the bumper still touches something {where}; back off by hand"
+            )
+        found = self._sensors.tilt() or doubt
+        return _Hazard("mission", found) if found else None
 
-    def _elapsed_s(self, t_s: float) -> float:
-        dt_s, self._last_t_s = t_s - self._last_t_s, t_s
-        return min(max(dt_s, 0.0), MAX_DT_S) if math.isfinite(dt_s) else 0.0
+    def _held_back(self, wanted: DriveCommand) -> str:
+        """Why a hand does not get what it asked for."""
+        if self._bumper.away(wanted) == wanted:
+            return ""
+        where = " and ".join(self._bumper.sides)
+        return f"the bumper touches something {where}; only straight away from it by hand"
 
     def _fault(self, drive: DriveCommand, t_s: float) -> str:
-        if self._stopped_by:
-            return f"stopped by {self._stopped_by}; clear the stop to go on"
+        if self._latch.reason:
+            return f"{self._latch.reason}; clear the stop to go on"
         if not math.isfinite(drive.v_mps + drive.yaw_rate_radps):
             return f"command is not finite: {drive.v_mps} m/s, {drive.yaw_rate_radps} rad/s"
-        return self._silent_sensor(t_s)
+        return self._sensors.unheard() or self._sensors.silence(t_s)
 
-    def _mission_fault(self, estimate: Estimate, status: MissionStatus) -> str:
-        return (
-            self._untrusted_pose(estimate) or self._unsafe_place(estimate) or _idle_mission(status)
-        )
-
-    def _silent_sensor(self, t_s: float) -> str:
-        limit_s = self._config.sensor_timeout_s
-        for name, heard_s in (("wheel encoders", self._wheel_t_s), ("IMU", self._imu_t_s)):
-            silent_s = t_s - heard_s
-            if not silent_s <= limit_s:
-                since = "have" if name.endswith("s") else "has"
-                if heard_s == -math.inf:
-                    return f"{name} {since} not reported yet; check cable and power"
-                return f"{name} silent for {silent_s:.2f} s > {limit_s:.2f} s; check the cable"
-        if not math.isfinite(sum(self._up)):
-            return "IMU reports a number that is none; check the sensor"
-        return ""
+    def _mission_fault(self, drive: DriveCommand, estimate: Estimate, goal: Goal) -> str:
+        if untrusted := self._untrusted_pose(estimate):
+            return untrusted
+        for fence in self._fences:
+            if objection := fence.objection(estimate, drive, goal):
+                return objection
+        return _idle_mission(goal.status)
 
     def _untrusted_pose(self, estimate: Estimate) -> str:
         if not estimate.ok:
@@ -177,22 +203,9 @@ class Supervisor:
             )
         if not estimate.yaw_std_rad <= limit_rad:
             return f"heading uncertain: {estimate.yaw_std_rad:.2f} rad > {limit_rad:.2f} rad"
-        return ""
+        return estimate.contradiction
 
-    def _unsafe_place(self, estimate: Estimate) -> str:
-        x, y, z = self._up
-        tilt_rad = math.atan2(math.hypot(x, y), z)
-        if not tilt_rad <= self._config.max_tilt_rad:
-            limit_rad = self._config.max_tilt_rad
-            return f"tilted by {tilt_rad:.2f} rad > {limit_rad:.2f} rad; drive it down by hand"
-        if self._fence is not None and not self._fence.holds(estimate.x_map_m, estimate.y_map_m):
-            return (
-                f"outside the geofence at East {estimate.x_map_m:.2f} m, North "
-                f"{estimate.y_map_m:.2f} m; bring it back or raise safety.geofence_margin_m"
-            )
-        return ""
-
-    def _limited(self, drive: DriveCommand) -> tuple[DriveCommand, str]:
+    def _limit(self, drive: DriveCommand) -> tuple[DriveCommand, str]:
         """Slower along the same curve when a limit is passed."""
         speed_mps, yaw_rate_radps = abs(drive.v_mps), abs(drive.yaw_rate_radps)
         ratio, reason = 1.0, ""
@@ -213,7 +226,7 @@ class Supervisor:
         )
         return slower, reason
 
-    def _ramped(self, drive: DriveCommand, dt_s: float) -> DriveCommand:
+    def _ramp(self, drive: DriveCommand, dt_s: float) -> DriveCommand:
         """No faster than the drive can gain in `dt_s` since the last command.
 
         Braking is never held back; a negative time demands it.

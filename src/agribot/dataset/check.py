@@ -10,13 +10,9 @@ import msgspec
 import numpy as np
 from PIL import Image
 
+from agribot.dataset.classes import UNKNOWN, ClassTally, MaskIds, classes_of
 from agribot.dataset.layouts import Item, Layout
-from agribot.messages import ByteArray, PlantClass
-
-UNLABELLED = 255  # pixels that count for nothing
-UNKNOWN = 254
-# Colour as one number 0xRRGGBB. Soil is blue here and black in CWFID and in the Bonn data.
-COLOURS = {0xFF0000: 0, 0x00FF00: 1, 0x0000FF: 2, 0x000000: 2}
+from agribot.messages import PlantClass
 
 
 class Problem(msgspec.Struct, frozen=True, kw_only=True):
@@ -47,7 +43,7 @@ class Tally:
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
-        self.pixels = np.zeros(256, np.int64)
+        self.classes = ClassTally()
         self.sizes: Counter[str] = Counter()
         self.pairs = self.without_plants = 0
 
@@ -55,15 +51,23 @@ class Tally:
         self.problems.append(Problem(kind=kind, file=file, detail=detail))
 
 
-def check(layout: Layout, progress: Callable[[int], None]) -> CheckReport:
-    """Open every file of a layout; `progress` is told how many items are done."""
+def check(
+    layout: Layout, progress: Callable[[int], None], ids: MaskIds | None = None
+) -> CheckReport:
+    """Open every file of a layout; `progress` is told how many items are done.
+
+    `ids` says what the values of the masks mean; where it is None, the usual meaning is taken and
+    doubted where the pictures speak against it.
+    """
     tally = Tally()
     for name in layout.doubles:
         tally.note("two files of one name", name)
     for done, item in enumerate(layout.items, 1):
-        _check_item(layout.root, item, tally)
+        _check_item(layout.root, item, tally, ids or {})
         progress(done)
-    known = int(tally.pixels[:3].sum())
+    doubt = "" if ids else tally.classes.doubt()
+    if doubt:
+        tally.note("classes look swapped", str(layout.root), doubt)
     return CheckReport(
         folder=str(layout.root),
         ok=not tally.problems,
@@ -72,16 +76,13 @@ def check(layout: Layout, progress: Callable[[int], None]) -> CheckReport:
         pairs=tally.pairs,
         groups=dict(Counter(item.group for item in layout.items)),
         sizes=dict(tally.sizes),
-        pixel_ratio={
-            kind.name.lower(): int(tally.pixels[kind]) / known if known else None
-            for kind in PlantClass
-        },
+        pixel_ratio=tally.classes.ratios(),
         without_plants=tally.without_plants,
         problems=tuple(tally.problems),
     )
 
 
-def _check_item(root: Path, item: Item, tally: Tally) -> None:
+def _check_item(root: Path, item: Item, tally: Tally, ids: MaskIds) -> None:
     if item.image is None and item.mask is not None:
         tally.note("mask without image", item.mask)
     elif item.mask is None and item.image is not None:
@@ -96,7 +97,7 @@ def _check_item(root: Path, item: Item, tally: Tally) -> None:
             "sizes differ", item.image, f"image {_size(image)}, mask {_size(mask)} px: {item.mask}"
         )
         return
-    classes = classes_of(mask)
+    classes = classes_of(mask, ids)
     if classes is None:
         tally.note("no class mask", item.mask, f"image mode {mask.mode}")
         return
@@ -106,28 +107,7 @@ def _check_item(root: Path, item: Item, tally: Tally) -> None:
     tally.pairs += 1
     tally.sizes[_size(image)] += 1
     tally.without_plants += not counts[PlantClass.WEED] + counts[PlantClass.CROP]
-    tally.pixels += counts
-
-
-def classes_of(mask: Image.Image) -> ByteArray | None:
-    """Class ids (height, width) of a mask with ids 0, 1, 2 (255: unlabelled) or in colours.
-
-    Pixels of other values become UNKNOWN. None for a kind of picture that holds no classes.
-    """
-    table = np.full(256, UNKNOWN, np.uint8)
-    if mask.mode == "L":
-        for kind in (*PlantClass, UNLABELLED):
-            table[kind] = kind
-        ids: ByteArray = table[np.asarray(mask)]
-        return ids
-    if mask.mode not in ("RGB", "RGBA", "P"):
-        return None
-    channels = np.asarray(mask.convert("RGB")).astype(np.uint32)
-    code = channels[..., 0] << 16 | channels[..., 1] << 8 | channels[..., 2]
-    classes = np.full(code.shape, UNKNOWN, np.uint8)
-    for colour, kind in COLOURS.items():
-        classes[code == colour] = kind
-    return classes
+    tally.classes.add(np.asarray(image.convert("RGB")), classes)
 
 
 def _opened(root: Path, name: str, tally: Tally) -> Image.Image | None:

@@ -16,7 +16,7 @@ from agribot.errors import ConfigError
 
 IMAGE_FOLDERS = ("images/rgb", "images", "rgb")
 MASK_FOLDERS = ("annotations/dlp/colorCleaned", "annotations", "masks", "labels")
-SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"}
+SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 ENDING = re.compile(r"[._-](image|img|rgb|mask|annotation|annotations|label|labels|gt)$")
 
 

@@ -11,7 +11,7 @@ from PIL import Image, ImageOps
 from agribot.errors import AgribotError
 from agribot.messages import ByteArray
 
-SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"}
+SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 # 16 bits a channel and grey: Pillow keeps these apart from its 8-bit modes.
 DEEP_MODES = {"I;16", "I;16B", "I;16L", "I;16N", "I"}
 LARGEST_PX = 250_000_000
@@ -21,12 +21,12 @@ class PictureError(AgribotError):
     """A file is no picture that can be read; the message names the file and the reason."""
 
 
-def read_picture(path: Path) -> ByteArray:
+def read_picture(path: Path, most_px: int = LARGEST_PX) -> ByteArray:
     """(height, width, 3) uint8, turned upright as its EXIF tag says; alpha is dropped.
 
     Raises: PictureError.
     """
-    with _open(path) as image:
+    with _open(path, most_px) as image:
         try:
             upright = ImageOps.exif_transpose(image) or image
             return _rgb(upright, path)
@@ -47,7 +47,7 @@ def open_mask(path: Path) -> Image.Image:
             raise PictureError(f"{path}: cannot be decoded ({_reason(error)})") from error
 
 
-def _open(path: Path) -> Image.Image:
+def _open(path: Path, most_px: int = LARGEST_PX) -> Image.Image:
     try:
         if path.stat().st_size == 0:
             raise PictureError(f"{path}: is empty (0 bytes)")
@@ -58,10 +58,12 @@ def _open(path: Path) -> Image.Image:
         raise PictureError(f"{path}: has too many pixels; cut it into pieces ({error})") from error
     except (OSError, SyntaxError, ValueError) as error:
         raise PictureError(f"{path}: is no picture ({_reason(error)})") from error
-    if image.width * image.height > LARGEST_PX:
+    if image.width * image.height > most_px:
+        image.close()
         raise PictureError(
-            f"{path}: {image.width} x {image.height} pixels are more than {LARGEST_PX / 1e6:.0f} "
-            "million; cut it into pieces"
+            f"{path}: {image.width} x {image.height} pixels are more than the limit of "
+            f"{most_px / 1e6:g} million; cut it into pieces"
+            + (", or raise --megapixels" if most_px < LARGEST_PX else "")
         )
     return image
 

@@ -54,19 +54,22 @@ def adopt_devices(
     half_track_m = abs(at_m["left_wheel_F"][1] - at_m["right_wheel_F"][1]) / 2.0
     mass_kg = sum(link.mass_kg for link in links)
     scale = mass_kg / MASS_KG
-    lever = scale * radius_m / RADIUS_M
+    inertia = scale * (radius_m / RADIUS_M) ** 2
     efforts = [j.effort_nm for j in joints if j.child in WHEEL_NAMES and j.effort_nm > 0.0]
     torque_nm = min([MIN_TORQUE_RATIO * mass_kg * 9.81 * radius_m, *efforts])
     drive = {
         "yaw_multiplier": (half_base_m**2 + half_track_m**2) / half_track_m**2,
-        "rotor_inertia_kgm2": 0.05 * lever * radius_m / RADIUS_M,
-        "servo_gain_nmspr": 50.0 * lever * radius_m / RADIUS_M,
+        "rotor_inertia_kgm2": 1.42e-3 * inertia, "servo_gain_nmspr": 1.0 * inertia,
+        "pid_p_nmspr": 0.3 * inertia, "pid_i_nmprad": 3.0 * inertia,
+        "pid_d_nms2prad": 5e-4 * inertia,
         "command_timeout_s": 0.5, "max_speed_mps": 0.8, "max_yaw_rate_radps": 1.0,
         "max_accel_mps2": 1.0, "max_yaw_accel_radps2": 2.0, "encoder_ticks_per_rev": 1024.0,
     }  # fmt: skip
     tyre = {
-        "normal_stiffness_npm": 1e4 * scale, "normal_damping_ratio": 0.7,
+        "normal_stiffness_npm": 1e4 * scale, "normal_damping_ratio": 0.4,
         "bristle_stiffness_npm": 5e3 * scale, "rolling_resistance_ratio": 0.03,
+        # The tyre gives as far as the packaged one, so that the contact grows with the root.
+        "relaxation_length_m": 0.03 * math.sqrt(radius_m / RADIUS_M),
         "ground_mu1": 100.0, "ground_mu2": 50.0,
     }  # fmt: skip
     _drive_plugin(root, torque_nm, radius_m, 2.0 * half_track_m, source)
@@ -75,6 +78,8 @@ def adopt_devices(
     _contact(root, source)
     for kind in SENSORS:
         _sensor(root, kind, links, source)
+        if foreign:
+            _seat(root, kind, links, source)
     if foreign and find_sensor(root, ("camera",)) is None:
         _camera(root, half_base_m, at_m["left_wheel_F"][2] - radius_m, source)
 
@@ -152,6 +157,18 @@ def _sensor(root: ET.Element, kind: SensorKind, links: Sequence[Link], source: S
     if sensor.find("update_rate") is None:
         ET.SubElement(sensor, "update_rate").text = _word(kind.rate_hz)
         source.warn(f"{kind.what}: <update_rate> is missing; {kind.rate_hz:g} Hz is used", sensor)
+
+
+def _seat(root: ET.Element, kind: SensorKind, links: Sequence[Link], source: Source) -> None:
+    """Put a plugin on base_link that names a link which does not exist."""
+    plugin = find_plugin(root, kind.plugins, source)
+    body = "" if plugin is None else plugin.tags.get("bodyname", "")
+    if plugin is None or not body or any(link.name == body for link in links):
+        return
+    source.warn(f"{kind.what}: there is no link '{body}'; base_link is used", plugin.element)
+    for element in plugin.element:
+        if element.tag.lower() == "bodyname":
+            element.text = "base_link"
 
 
 def _speaks_of(name: str, words: tuple[str, ...]) -> bool:

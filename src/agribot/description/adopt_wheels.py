@@ -232,7 +232,7 @@ def _size(
 
 def _mesh_file(uri: str, folder: Path) -> Path | None:
     scheme, _, rest = uri.rpartition("://")
-    if scheme == "package":
+    if scheme in {"package", "model"}:
         package, _, inner = rest.partition("/")
         above = package_folder(package, folder / "robot.urdf")
         path = None if above is None else above / inner

@@ -101,6 +101,7 @@ def read_tyre(root: ET.Element, joints: Sequence[Joint], source: Source) -> Tyre
         normal_stiffness_npm=extra.positive("normal_stiffness_npm"),
         normal_damping_ratio=extra.number("normal_damping_ratio"),
         bristle_stiffness_npm=extra.positive("bristle_stiffness_npm"),
+        relaxation_length_m=extra.positive("relaxation_length_m"),
         rolling_resistance_ratio=extra.number("rolling_resistance_ratio"),
     )
 

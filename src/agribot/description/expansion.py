@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import threading
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from xml.parsers.expat import ExpatError
 
 import xacro
-import xacro.substitution_args as substitution
 
+from agribot.description.absent_packages import AbsentPackages
 from agribot.description.elements import Source
 from agribot.description.markup import parse_xml, read_xml
-from agribot.description.package import package_folder
+from agribot.description.xacro_arithmetic import bounded_arithmetic
 from agribot.description.xacro_dialect import OldDialect
 from agribot.errors import DescriptionError
 
@@ -35,9 +34,9 @@ class _Arguments(dict[str, str]):
 
 
 def expand(path: Path, mappings: Mapping[str, str], source: Source) -> ET.Element:
-    """The URDF tree of a xacro or URDF file.
+    """The URDF tree of a xacro or URDF file; packages that are not here are left out.
 
-    Raises: DescriptionError: the file or one that it includes is missing or broken, or
+    Raises: DescriptionError: the file or one of its own package is missing or broken, or
         `mappings` names an argument that no file declares.
     """
     if not path.is_file():
@@ -48,9 +47,10 @@ def expand(path: Path, mappings: Mapping[str, str], source: Source) -> ET.Elemen
             f"'{next(iter(mappings))}'; leave them out or name the .xacro file"
         )
     if path.suffix == ".xacro":
-        dialect = OldDialect(source)
-        root = parse_xml(_expanded(path, mappings, dialect), path.name)
+        dialect, absent = OldDialect(source), AbsentPackages(path, source)
+        root = parse_xml(_expanded(path, mappings, dialect, absent), path.name)
         dialect.place(root)
+        absent.cut_loose_ends(root)
     else:
         root = read_xml(path)
     if root.tag != "robot":
@@ -60,9 +60,11 @@ def expand(path: Path, mappings: Mapping[str, str], source: Source) -> ET.Elemen
     return root
 
 
-def _expanded(path: Path, mappings: Mapping[str, str], dialect: OldDialect) -> str:
+def _expanded(
+    path: Path, mappings: Mapping[str, str], dialect: OldDialect, absent: AbsentPackages
+) -> str:
     arguments = _Arguments(mappings)
-    with _XACRO_LOCK, _package_search(path), dialect.understood():
+    with _XACRO_LOCK, absent.left_out(), dialect.understood(), bounded_arithmetic():
         xacro.init_stacks(str(path))
         try:
             document = xacro.parse(None, str(path))
@@ -71,12 +73,14 @@ def _expanded(path: Path, mappings: Mapping[str, str], dialect: OldDialect) -> s
             raise DescriptionError(
                 f"{_current_file(path)}: not well-formed XML: {error}; mend that line"
             ) from error
-        except (
-            xacro.XacroException, substitution.SubstitutionException,
-            NameError, SyntaxError, TypeError, ValueError, KeyError, ZeroDivisionError,
-        ) as error:  # fmt: skip
+        except RecursionError as error:
             raise DescriptionError(
-                f"{_current_file(path)}: xacro cannot expand it: {str(error).strip()}"
+                f"{_current_file(path)}: xacro cannot expand it: a file or macro includes itself"
+            ) from error
+        except Exception as error:  # xacro raises whatever the file makes it run into
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise DescriptionError(
+                f"{_current_file(path)}: xacro cannot expand it: {reason}"
             ) from error
     unknown = sorted(set(mappings) - arguments.declared)
     if unknown:
@@ -91,26 +95,3 @@ def _current_file(top: Path) -> str:
     """The file that xacro was working on when it gave up."""
     stack = [name for name in (xacro.filestack or []) if name]
     return stack[-1] if stack else str(top)
-
-
-@contextmanager
-def _package_search(top: Path) -> Iterator[None]:
-    """Let `$(find PACKAGE)` look next to the file instead of in a ROS index."""
-    ask_ros = substitution._eval_find
-
-    def find(package: str) -> str:
-        folder = package_folder(package, top)
-        if folder is not None:
-            return str(folder)
-        try:
-            return str(ask_ros(package))
-        except ImportError as error:
-            raise substitution.SubstitutionException(
-                f"package '{package}' not found above {top}, and no ROS installation to ask"
-            ) from error
-
-    substitution._eval_find = substitution._eval_dict["find"] = find
-    try:
-        yield
-    finally:
-        substitution._eval_find = substitution._eval_dict["find"] = ask_ros

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
 
-from agribot.errors import DescriptionError
+from agribot.config_tree import read_toml
+from agribot.errors import ConfigError, DescriptionError
 from agribot.geo import Datum
 
 # Limits that no field exceeds, so that a slip of the pen cannot exhaust the memory.
@@ -99,13 +99,11 @@ class FieldPlan(Plan, frozen=True):
 def read_field_plan(path: Path) -> FieldPlan:
     """Raises: DescriptionError: no such file, not TOML, an unknown key or a value out of range."""
     try:
-        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+        tree = read_toml(path)
         _check_numbers(tree, path.name, "")
         plan = msgspec.convert(tree, FieldPlan)
-    except OSError as error:
-        raise DescriptionError(f"cannot read {path}: {error.strerror}; check the path") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DescriptionError(f"{path.name} is not valid TOML: {error}") from error
+    except ConfigError as error:
+        raise DescriptionError(str(error)) from error
     except msgspec.ValidationError as error:
         raise DescriptionError(
             f"{path.name}: {error}; see agribot world generate --help"

@@ -36,7 +36,7 @@ def parse_xml(text: bytes | str, file: str) -> ET.Element:
     parser.CharacterDataHandler = builder.data
     try:
         parser.Parse(text.encode() if isinstance(text, str) else text, True)
-    except expat.ExpatError as error:
+    except (expat.ExpatError, LookupError, ValueError) as error:  # also an unknown encoding
         raise DescriptionError(f"{file}: not well-formed XML: {error}; mend that line") from error
     root: ET.Element = builder.close()
     return root

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from agribot.errors import DescriptionError
 
 PACKAGE = "agribot_description"
 NEIGHBOURS = 4  # levels up from a file, in which a package it asks for may lie
+# Variables that list folders with packages or models in them, or above them, by who sets them.
+ROS_PATHS = ("ROS_PACKAGE_PATH",)
+GAZEBO_PATHS = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH")
 ROOT = Path(__file__).resolve().parent
 
 
@@ -24,21 +29,51 @@ def world_files() -> dict[str, Path]:
 def package_folder(package: str, asking_file: Path) -> Path | None:
     """Folder that `$(find package)` and `package://package` mean in `asking_file`.
 
-    That is the folder above the file that bears the package's name, else one of that name
-    beside those folders, else the one that holds the file's `urdf` folder, else (for our own
-    package) this one.
+    As `named_package_folder`, else the one that holds the file's `urdf` folder.
+    """
+    named = named_package_folder(package, asking_file)
+    if named is not None:
+        return named
+    for folder in asking_file.resolve().parents:
+        if folder.name == "urdf":
+            return folder.parent
+    return ROOT if package == PACKAGE else None
+
+
+def named_package_folder(package: str, asking_file: Path) -> Path | None:
+    """The folder of a package that bears its name.
+
+    That is the folder above the file, else one beside those folders, else one that
+    ROS_PACKAGE_PATH, AMENT_PREFIX_PATH or Gazebo's resource paths lead to.
     """
     parents = asking_file.resolve().parents
     for folder in parents:
         if folder.name == package:
             return folder
-    for folder in list(parents)[:NEIGHBOURS]:
-        if (folder / package).is_dir():
-            return folder / package
-    for folder in parents:
-        if folder.name == "urdf":
-            return folder.parent
-    return ROOT if package == PACKAGE else None
+    beside = [folder / package for folder in list(parents)[:NEIGHBOURS]]
+    return next((folder for folder in [*beside, *_told_folders(package)] if folder.is_dir()), None)
+
+
+def resource_folders() -> tuple[Path, ...]:
+    """Folders in which Gazebo would look for models, in its order."""
+    return tuple(path for name in GAZEBO_PATHS for path in _listed(name))
+
+
+def _told_folders(package: str) -> Iterator[Path]:
+    """Where the environment says that a package may lie, as ROS and Gazebo look for it."""
+    for path in (path for name in ROS_PATHS for path in _listed(name)):
+        if path.name == package:
+            yield path
+        for depth in ("", "*/", "*/*/"):
+            yield from sorted(path.glob(depth + package))
+    for prefix in _listed("AMENT_PREFIX_PATH"):
+        yield prefix / "share" / package
+    for folder in resource_folders():
+        yield folder / package
+
+
+def _listed(variable: str) -> list[Path]:
+    return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
 
 
 def packaged_or_file(

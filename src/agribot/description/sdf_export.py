@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -11,7 +12,7 @@ import numpy as np
 from agribot.description.sdf_models import NAMESPACE, tag
 from agribot.errors import DescriptionError
 from agribot.robot import Shape
-from agribot.world import GroundTile, HeightField, Obstacle, Plant, Soil, WorldSpec
+from agribot.world import GripPatch, GroundTile, HeightField, Obstacle, Plant, Soil, WorldSpec
 
 COLOURS = {
     "soil": "0.42 0.32 0.24 1", "grass": "0.3 0.45 0.2 1", "pavement": "0.45 0.45 0.45 1",
@@ -97,10 +98,12 @@ def _ground(top: ET.Element, world: WorldSpec, terrain_file: str) -> None:
         _height_map(seen, land, terrain_file)
         tiles = tiles[1:]  # the first one is the terrain itself
     else:
-        _rectangle(felt, tiles[0], 0.0)
-    friction = ET.SubElement(ET.SubElement(ET.SubElement(felt, "surface"), "friction"), "ode")
-    _text(friction, "mu", (world.friction_ratio,))
-    _text(friction, "mu2", (world.friction_ratio,))
+        _rectangle(felt, _hull([*tiles, *world.grip] if world.grip else tiles[:1]), 0.0)
+    _grip(felt, world.friction_ratio)
+    for index, patch in enumerate(world.grip):
+        part = ET.SubElement(link, "collision", {"name": f"grip_{index}"})
+        _plate(part, patch, (index + 1) * LAYER_M)
+        _grip(part, patch.friction_ratio)
     for index, tile in enumerate(tiles):
         visual = ET.SubElement(link, "visual", {"name": f"{tile.surface}_{index + 1}"})
         _rectangle(visual, tile, index * LAYER_M)
@@ -108,6 +111,32 @@ def _ground(top: ET.Element, world: WorldSpec, terrain_file: str) -> None:
         for light in ("ambient", "diffuse"):
             _text(material, light, COLOURS.get(tile.surface, "0.5 0.5 0.5 1"))
         _text(visual, tag("surface"), tile.surface)
+
+
+def _grip(part: ET.Element, friction_ratio: float) -> None:
+    ode = ET.SubElement(ET.SubElement(ET.SubElement(part, "surface"), "friction"), "ode")
+    _text(ode, "mu", (friction_ratio,))
+    _text(ode, "mu2", (friction_ratio,))
+
+
+def _hull(tiles: Sequence[GroundTile | GripPatch]) -> GroundTile:
+    """The rectangle around rectangles."""
+    return GroundTile(
+        surface="",
+        x_min_m=min(tile.x_min_m for tile in tiles),
+        y_min_m=min(tile.y_min_m for tile in tiles),
+        x_max_m=max(tile.x_max_m for tile in tiles),
+        y_max_m=max(tile.y_max_m for tile in tiles),
+    )
+
+
+def _plate(part: ET.Element, patch: GripPatch, height_m: float) -> None:
+    """A thin box, because a plane has no end for Gazebo."""
+    x_m, y_m = (patch.x_min_m + patch.x_max_m) / 2.0, (patch.y_min_m + patch.y_max_m) / 2.0
+    _text(part, "pose", (x_m, y_m, height_m, 0.0, 0.0, 0.0))
+    box = ET.SubElement(ET.SubElement(part, "geometry"), "box")
+    _text(box, "size", (patch.x_max_m - patch.x_min_m, patch.y_max_m - patch.y_min_m, LAYER_M))
+    _text(part, tag("surface"), "soil")
 
 
 def _rectangle(part: ET.Element, tile: GroundTile, height_m: float) -> None:

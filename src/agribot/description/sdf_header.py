@@ -16,6 +16,10 @@ from agribot.world import Light, Soil
 
 # Yaw of the x axis from East in each of the orientations that SDF knows with z up.
 FRAME_YAW_DEG = {"ENU": 0.0, "NWU": 90.0}
+# Gazebo's default, which it writes into every world it saves, in some releases rounded. It is
+# that of no particular place, and lies the same in the axes of every file.
+GAZEBO_FIELD_T = (5.5645e-6, 2.28758e-5, -4.23884e-5)
+ROUNDED_T = 5e-7
 
 
 class Header:
@@ -27,8 +31,7 @@ class Header:
         self.datum, heading_deg = self._place()
         self.map_from_world: FloatArray = level(math.radians(heading_deg))
         self.gravity_mps2 = -self._vec3("gravity", (0.0, 0.0, -9.8))[2]
-        # Gazebo's own default where the file says nothing.
-        self.field_enu_t = self._turned(self._vec3("magnetic_field", (6e-6, 2.3e-5, -4.2e-5)))
+        self.field_enu_t = self._field()
         self.light = self._light()
         self.soil = self._soil()
 
@@ -45,6 +48,18 @@ class Header:
             with self._source.attempt(element):
                 value = self._source.vec3(element.text, f"<{path}>")
         return value
+
+    def _field(self) -> Vec3:
+        """As written; Gazebo's default points to true North, with its own strength and dip."""
+        written = self._vec3("magnetic_field", GAZEBO_FIELD_T)
+        if not np.allclose(written, GAZEBO_FIELD_T, rtol=0.0, atol=ROUNDED_T):
+            return self._turned(written)
+        if self._world.find("magnetic_field") is not None:
+            self._source.warn(
+                "<magnetic_field> is Gazebo's default, that of no place; it is taken to point to "
+                "true North"
+            )
+        return 0.0, math.hypot(*GAZEBO_FIELD_T[:2]), GAZEBO_FIELD_T[2]
 
     def _turned(self, vector: Vec3) -> Vec3:
         """A direction of the file in the map frame."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from urllib.parse import unquote
 
 from agribot.description.markup import read_xml
-from agribot.description.package import PACKAGE, ROOT
+from agribot.description.mesh_bounds import mesh_bounds_m
+from agribot.description.package import PACKAGE, ROOT, named_package_folder, resource_folders
 from agribot.errors import DescriptionError
 
 SCHEMES = re.compile(r"^(model|package|file|https?)://")
@@ -16,16 +18,20 @@ SCHEMES = re.compile(r"^(model|package|file|https?)://")
 ALIASES = {
     "pine_tree": "pine", "oak_tree": "oak", "house_1": "house", "house_2": "house",
     "house_3": "house", "asphalt_plane": "pavement_plane", "gas_station": "house",
+    "stop_sign": "speed_limit_sign", "table_marble": "table", "cafe_table": "table",
 }  # fmt: skip
 
 
 class ModelLibrary:
-    """Models next to a world file first, then those of the package."""
+    """Models next to a world file first, then those of Gazebo's paths, then of the package."""
 
     def __init__(self, world_file: Path) -> None:
+        self._world_file = world_file
         here = world_file.resolve().parent
-        self.folders = (here, here / "models", here.parent / "models", ROOT / "models")
+        near = (here, here / "models", here.parent / "models")
+        self.folders = (*near, *resource_folders(), ROOT / "models")
         self._read: dict[str, ET.Element | None] = {}
+        self._ours: dict[str, ET.Element | None] = {}
 
     def find(self, uri: str) -> ET.Element | None:
         """The <model> element behind a URI, or None if no folder has it.
@@ -36,28 +42,58 @@ class ModelLibrary:
             self._read[uri] = self._load(uri)
         return self._read[uri]
 
+    def stand_in(self, model: ET.Element) -> tuple[str, ET.Element] | None:
+        """The packaged model of the kind whose meshes a model names but this machine lacks.
+
+        Worlds that Gazebo saved carry the parts of every model with them, but not its meshes.
+        Returns the name that the meshes are found under, and the packaged <model>.
+        """
+        for mesh in model.findall("link/*/geometry/mesh"):
+            uri = (mesh.findtext("uri") or "").strip()
+            name = SCHEMES.sub("", uri).partition("/")[0]
+            packaged = self._packaged(name) if uri.startswith("model://") else None
+            if packaged is not None and not self._has_mesh(uri):
+                return name, packaged
+        return None
+
     def file(self, uri: str) -> Path | None:
         """The file behind a URI or a relative path; None where it is not on this machine."""
         name = unquote(SCHEMES.sub("", uri)).strip()
         if name.startswith("/"):
-            return Path(name) if Path(name).is_file() else None
+            return Path(name) if os.path.isfile(name) else None
         inner = name.removeprefix(f"{PACKAGE}/")
-        for folder in (*self.folders, ROOT):
+        folders = (*self.folders, ROOT)
+        if uri.startswith("package://"):
+            package = named_package_folder(name.partition("/")[0], self._world_file)
+            folders = folders if package is None else (package.parent, *folders)
+        for folder in folders:
             for candidate in (folder / name, folder / inner):
-                if candidate.is_file():
+                if os.path.isfile(candidate):  # also where no system takes so long a name
                     return candidate
         return None
 
+    def _has_mesh(self, uri: str) -> bool:
+        """Whether there is a file that can be measured."""
+        file = self.file(uri)
+        return file is not None and mesh_bounds_m(file) is not None
+
     def _load(self, uri: str) -> ET.Element | None:
         name = kind_of(uri)
-        folder = next((f / name for f in self.folders if name and (f / name).is_dir()), None)
+        folder = next((f / name for f in self.folders if name and os.path.isdir(f / name)), None)
         if folder is None:
+            return self._packaged(name)
+        return read_xml(folder / _sdf_name(folder)).find("model")
+
+    def _packaged(self, name: str) -> ET.Element | None:
+        """The package's own model of this name or kind."""
+        if name not in self._ours:
             # Worlds of the original AGRIBOT write CropWithWeed for crop_with_weed.
             known = ALIASES.get(name.lower(), name)
-            folder = next((m for m in (ROOT / "models").iterdir() if _same(m.name, known)), None)
-        if folder is None:
-            return None
-        return read_xml(folder / _sdf_name(folder)).find("model")
+            folders = sorted((ROOT / "models").iterdir())
+            folder = next((folder for folder in folders if _same(folder.name, known)), None)
+            found = None if folder is None else read_xml(folder / _sdf_name(folder)).find("model")
+            self._ours[name] = found
+        return self._ours[name]
 
 
 def kind_of(uri: str) -> str:

@@ -41,12 +41,13 @@ class Placed(NamedTuple):
 
 
 class Patch(NamedTuple):
-    """A rectangle of ground in the frame of its model."""
+    """A rectangle of ground in the frame of its model; one that is visible is not felt."""
 
     surface: str
     model_from_patch: FloatArray
     size_m: tuple[float, float]
     visible: bool
+    friction_ratio: float
 
 
 class Relief(NamedTuple):
@@ -54,13 +55,14 @@ class Relief(NamedTuple):
 
     element: ET.Element
     model_from_relief: FloatArray
+    visible: bool
+    friction_ratio: float
 
 
 class ModelParts(NamedTuple):
     shapes: tuple[Placed, ...]
     patches: tuple[Patch, ...]
     reliefs: tuple[Relief, ...]
-    friction_ratio: float | None
 
 
 class _Part(NamedTuple):
@@ -88,7 +90,6 @@ class _ModelReader:
         self._shapes: list[Placed] = []
         self._patches: list[Patch] = []
         self._reliefs: list[Relief] = []
-        self._friction: float | None = None
 
     def read(self) -> ModelParts:
         meshes = []
@@ -102,12 +103,17 @@ class _ModelReader:
         for part, form in meshes:
             with self._source.attempt(part.element):
                 self._take_mesh(part, form)
-        return ModelParts(
-            _merged(self._shapes), tuple(self._patches), tuple(self._reliefs), self._friction
-        )
+        return ModelParts(_merged(self._shapes), tuple(self._patches), tuple(self._reliefs))
 
     def _parts(self, model: ET.Element, frame: FloatArray, depth: int) -> list[_Part]:
         found: list[_Part] = []
+        packaged = self._library.stand_in(model)
+        if packaged is not None:
+            name, model = packaged
+            self._source.warn(
+                f"the meshes of 'model://{name}' are not on this machine; the packaged "
+                f"'{model.get('name')}' stands in"
+            )
         for link in model.findall("link"):
             model_from_link = frame @ read_pose(link, self._source, self._where)
             for kind in ("collision", "visual"):
@@ -139,10 +145,10 @@ class _ModelReader:
     def _take(self, part: _Part, form: ET.Element) -> None:
         if form.tag == "plane" or self._is_flat_ground(part, form):
             self._patches.append(self._patch(part, form))
-            self._friction = self._friction_of(part) if part.collides else self._friction
         elif form.tag == "heightmap":
-            self._reliefs.append(Relief(form, part.model_from_part))
-            self._friction = self._friction_of(part) if part.collides else self._friction
+            friction_ratio = self._friction_of(part)
+            relief = Relief(form, part.model_from_part, not part.collides, friction_ratio)
+            self._reliefs.append(relief)
         elif form.tag in {"box", "cylinder", "sphere"}:
             self._shapes.append(Placed(self._shape(part, form), part.collides))
         elif form.tag != "empty":
@@ -186,14 +192,18 @@ class _ModelReader:
             " ".join(text.split()[:2]), 2, f"{self._where} <{form.tag}> <size>"
         )
         return Patch(
-            _surface(part.element), part.model_from_part, (size[0], size[1]), not part.collides
+            surface=_surface(part.element),
+            model_from_patch=part.model_from_part,
+            size_m=(size[0], size[1]),
+            visible=not part.collides,
+            friction_ratio=self._friction_of(part),
         )
 
-    def _friction_of(self, part: _Part) -> float | None:
-        """The smaller of the two friction coefficients of a contact surface."""
+    def _friction_of(self, part: _Part) -> float:
+        """The smaller of the two friction coefficients of a surface, which are 1 if not told."""
         ode = part.element.find("surface/friction/ode")
         if ode is None:
-            return self._friction
+            return 1.0
         return min(
             self._source.number(ode.findtext(key, "1"), f"{self._where} <{key}>")
             for key in ("mu", "mu2")

@@ -22,9 +22,7 @@ class TagBlock:
         self.what = what
         self.element = element
         self._source = source
-        self.tags: Tags = {
-            inner.tag.lower(): (inner.text or "").strip() for inner in element if len(inner) == 0
-        }
+        self.tags: Tags = {inner.tag.lower(): told(inner) for inner in element if len(inner) == 0}
 
     def text(self, name: str) -> str:
         value = self.tags.get(name.lower())
@@ -42,6 +40,11 @@ class TagBlock:
         if value <= 0.0:
             raise self._source.fail(self.what, f"<{name}> is {value:g}, it must be positive")
         return value
+
+
+def told(element: ET.Element) -> str:
+    """What a tag says: `<mu1 value="1"/>` and `<mu1>1</mu1>` are the same, as for sdformat."""
+    return (element.get("value") or element.text or "").strip()
 
 
 def gazebo_blocks(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:

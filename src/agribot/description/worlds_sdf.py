@@ -17,11 +17,12 @@ from agribot.description.sdf_header import Header
 from agribot.description.sdf_library import ModelLibrary, is_crop_with_weed
 from agribot.description.sdf_models import ModelParts, Patch, Relief, read_parts
 from agribot.description.sdf_placing import Placing, Standing, is_robot
+from agribot.description.surfaces import Surfaces
 from agribot.description.terrain import load_heights, placed, volcano
 from agribot.errors import DescriptionError
 from agribot.messages import FloatArray
 from agribot.robot import Shape
-from agribot.world import GroundTile, HeightField, Obstacle, WorldSpec
+from agribot.world import HeightField, Obstacle, WorldSpec
 
 CLEAR_M = 2.0  # between the robot's start and the middle of a box that stands in for something
 
@@ -91,7 +92,6 @@ class _WorldReader:
         self._obstacles: list[Obstacle] = []
         self._patches: list[tuple[FloatArray, Patch]] = []
         self._reliefs: list[tuple[FloatArray, Relief]] = []
-        self._friction: list[float] = []
         self._stand_ins: set[str] = set()
 
     def read(self, seed: int, weed_density_per_m2: float | None) -> WorldSpec:
@@ -109,6 +109,8 @@ class _WorldReader:
         where = np.eye(4) if spawn is None else spawn
         self._clear(float(where[0, 3]), float(where[1, 3]))
         terrain = self._terrain()
+        surfaces = Surfaces(self._patches, self._reliefs, terrain, self._source)
+        friction_ratio, grip = surfaces.friction()
         return WorldSpec(
             name=self._world.get("name", ""),
             datum=self._header.datum,
@@ -116,9 +118,10 @@ class _WorldReader:
             spawn_yaw_map_rad=yaw_of(where),
             gravity_mps2=self._header.gravity_mps2,
             field_enu_t=self._header.field_enu_t,
-            friction_ratio=min(self._friction, default=1.0),
+            friction_ratio=friction_ratio,
+            grip=grip,
             light=self._header.light,
-            ground=self._ground(terrain),
+            ground=surfaces.tiles(),
             soil=self._header.soil,
             terrain=terrain,
             plants=plants,
@@ -138,7 +141,6 @@ class _WorldReader:
         self._obstacles += _obstacles(model, parts)
         self._patches += [(model.map_from_model, patch) for patch in parts.patches]
         self._reliefs += [(model.map_from_model, relief) for relief in parts.reliefs]
-        self._friction += [] if parts.friction_ratio is None else [parts.friction_ratio]
 
     def _clear(self, x_m: float, y_m: float) -> None:
         """Take stand-ins away from the place where the robot starts."""
@@ -180,43 +182,6 @@ class _WorldReader:
         if file is not None:
             pos[2, 3] = source.vec3(element.findtext("pos", "0 0 0"), "<heightmap> <pos>")[2]
         return placed(heights_m, (size[0], size[1]), frame @ relief.model_from_relief @ pos)
-
-    def _ground(self, terrain: HeightField | None) -> tuple[GroundTile, ...]:
-        """What is seen of the ground; where nothing is to be seen, what is felt."""
-        tiles = [] if terrain is None else [_terrain_tile(terrain)]
-        if not self._patches and not tiles:
-            raise self._source.fail(
-                "ground", "the world has no ground; add a model with a <plane>, see empty.world"
-            )
-        visible = [pair for pair in self._patches if pair[1].visible] or self._patches
-        return tuple(tiles + [self._tile(frame, patch) for frame, patch in visible])
-
-    def _tile(self, map_from_model: FloatArray, patch: Patch) -> GroundTile:
-        half = np.array(patch.size_m) / 2.0
-        corners = np.array(
-            [[x, y, 0.0, 1.0] for x in (-half[0], half[0]) for y in (-half[1], half[1])]
-        )
-        map_from_patch = map_from_model @ patch.model_from_patch
-        at_m = (map_from_patch @ corners.T)[:2]
-        if min(abs(map_from_patch[0, 0]), abs(map_from_patch[1, 0])) > 1e-3:
-            self._source.warn(
-                f"{patch.surface} ground is not laid East to North; its bounding box is used"
-            )
-        x_min, y_min, x_max, y_max = np.round((*at_m.min(axis=1), *at_m.max(axis=1)), 9).tolist()
-        return GroundTile(
-            surface=patch.surface, x_min_m=x_min, y_min_m=y_min, x_max_m=x_max, y_max_m=y_max
-        )
-
-
-def _terrain_tile(terrain: HeightField) -> GroundTile:
-    rows, columns = terrain.height_m.shape
-    return GroundTile(
-        surface="soil",
-        x_min_m=terrain.x_min_m,
-        y_min_m=terrain.y_min_m,
-        x_max_m=terrain.x_min_m + (columns - 1) * terrain.resolution_m,
-        y_max_m=terrain.y_min_m + (rows - 1) * terrain.resolution_m,
-    )
 
 
 def _obstacles(model: Standing, parts: ModelParts) -> list[Obstacle]:

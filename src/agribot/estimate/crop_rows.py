@@ -17,6 +17,7 @@ from agribot.estimate.contradiction import Contradiction
 from agribot.estimate.ekf import YAW, Ekf, Row, X, Y
 from agribot.estimate.field_rows import FieldRows, RowFrame
 from agribot.estimate.history import Motion, MotionHistory
+from agribot.estimate.row_agreement import RowAgreement
 from agribot.estimate.row_model import TELLS_APART_RATIO as TELLS_ROWS_APART_RATIO
 from agribot.messages import GroundPlant, PlantClass, Scene
 
@@ -76,7 +77,9 @@ class CropRows:
         config: EstimateConfig,
         field: FieldConfig,
         rejected: Counter[str],
+        agreement: RowAgreement,
     ) -> None:
+        self._agreement = agreement
         self._ekf = ekf
         self._history = history
         self._field = FieldRows(field)
@@ -85,6 +88,8 @@ class CropRows:
         self._contradiction = Contradiction()
         self._last: Motion | None = None
         self._crop_area_m2 = 0.0
+        self.fitted = 0  # pictures with crop that stands on the row under the robot
+        self._seen_t_s = -math.inf
 
     def see(self, scene: Scene) -> None:
         now, then = self._history.newest, self._history.at(scene.t_s)
@@ -99,6 +104,7 @@ class CropRows:
         if moved_m < MIN_MOVED_M:
             self._last = last  # creeping adds up to a move
             return
+        self._seen_t_s = scene.t_s
         crops = self._crops(scene)
         accepted: list[Sighting] = []
         for plant in crops:
@@ -106,8 +112,15 @@ class CropRows:
             sighting = self._place(plant, view, now, then, len(crops))
             if self._correct(sighting):
                 accepted.append(sighting)
+        view = self._view(now, then, moved_m)
+        self.fitted += self._is_own_row(accepted, view)
         if accepted and self._field.spacing_m is None:
-            self._correct_by_ends(accepted, scene, self._view(now, then, moved_m))
+            self._correct_by_ends(accepted, scene, view)
+
+    def _is_own_row(self, crops: list[Sighting], view: View) -> bool:
+        """Whether one stands on the row that the robot drives over, not on one beside it."""
+        row, _ = self._field.row_at(self._field.at(view.x_m, view.y_m).right_m)
+        return any(self._field.row_at(crop.at.right_m)[0] == row for crop in crops)
 
     def _crops(self, scene: Scene) -> list[GroundPlant]:
         """The crops of a scene without those far too small, nearest first."""
@@ -179,6 +192,7 @@ class CropRows:
             self._recover(seen, across, off_m)
             return False
         self._contradiction.settle()
+        self._agreement.hold(self._seen_t_s)
         ekf.update(across, off_m, seen.variance_m2)
         if slot is not None:
             # The first correction has moved the robot a little along the row, too.
@@ -190,6 +204,7 @@ class CropRows:
         wrong_m = self._contradiction.add(seen.at.along_m, seen.at.right_m, off_m)
         if wrong_m is None:
             return
+        self._agreement.testify(self._seen_t_s, wrong_m)
         right_x, right_y = seen.at.right
         ekf = self._ekf
         ekf.inflate(X, (wrong_m * right_x) ** 2)

@@ -6,15 +6,16 @@ import math
 import statistics
 from collections import Counter
 
-from agribot.arithmetic import FLOATS, Arithmetic, Number
+from agribot.arithmetic import FLOATS
 from agribot.config import EstimateConfig
 from agribot.estimate.base_correction import BaseCorrection
 from agribot.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, Ekf, Row, X, Y
+from agribot.estimate.fix_watch import MAX_JUMP_M, JumpWatch, RepeatWatch
 from agribot.estimate.gate import Gate
 from agribot.estimate.gnss_noise import CORRECTED, FLOAT_MEMORY_S, FixNoise, bias_ageing, fix_noise
 from agribot.estimate.history import Motion, MotionHistory
 from agribot.estimate.models import antenna_velocity, velocity_variance
-from agribot.estimate.spin_watch import SpinWatch
+from agribot.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
 from agribot.estimate.start import StartMark
 from agribot.geo import MapFrame, rotation_from_rpy
 from agribot.messages import FloatArray, GnssFix, GnssQuality, Vec3
@@ -22,38 +23,7 @@ from agribot.messages import FloatArray, GnssFix, GnssQuality, Vec3
 # The first position is the median of this many fixes, so that no single one can spoil it.
 FIRST_FIXES = 5
 UNKNOWN_M2 = 1e6
-
-
-def ahead_and_aside(
-    m: Arithmetic, vector: tuple[Number, Number], yaw_rad: Number
-) -> tuple[Number, Number]:
-    """The parts along and to the left of the robot of a vector in the map."""
-    cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
-    return cos * vector[0] + sin * vector[1], cos * vector[1] - sin * vector[0]
-
-
-def doubts(
-    m: Arithmetic,
-    residuals: tuple[Number, Number],
-    expected_mps: tuple[Number, Number],
-    yaw_rad: Number,
-    lasted_s: float,
-    *,
-    is_corrected: bool,
-) -> tuple[tuple[int, Number], ...]:
-    """How far to open up for wheels that spin free (wrong ahead), and a wrong heading (aside).
-
-    The bias of a receiver without corrections has meanwhile taken up what the wheels only claimed.
-    """
-    ahead_mps, aside_mps = ahead_and_aside(m, residuals, yaw_rad)
-    speed_mps = m.most(m.sqrt(expected_mps[0] ** 2 + expected_mps[1] ** 2), 0.05)
-    wrong_m = m.sqrt(residuals[0] ** 2 + residuals[1] ** 2) * lasted_s
-    places = (X, Y) if is_corrected else (X, Y, GNSS_BIAS_X, GNSS_BIAS_Y)
-    return (
-        (WHEEL_SCALE, m.least(abs(ahead_mps) / speed_mps, 1.0)),
-        (YAW, m.least(abs(aside_mps) / speed_mps, 1.0)),
-        *((state, wrong_m) for state in places),
-    )
+SUSPICIOUS_REJECTIONS = 5  # in a row
 
 
 class Gnss:
@@ -76,7 +46,11 @@ class Gnss:
         self.is_ready = False
         self.misplaced = ""
         # How far off the last rejected fix was, and how far robot and receiver have jumped so far.
-        self.rejected_m, self.moved_m = 0.0, (0.0, 0.0)
+        self.rejected_m, self.moved_m = (0.0, 0.0), (0.0, 0.0)
+        self.off_m = (0.0, 0.0)  # where the last fix puts the robot, from where the filter has it
+        self.repeats, self.jump = RepeatWatch(), JumpWatch()
+        self._driven_m = self._moved_m = 0.0
+        self._rejected_fix: tuple[tuple[Row, Row], tuple[float, float], FixNoise] | None = None
         self._receiver_m = (0.0, 0.0)
         self._start = start
         self.quality = GnssQuality.NONE
@@ -100,6 +74,33 @@ class Gnss:
     def rejected_in_a_row(self) -> int:
         return self._position_gate.rejected_in_a_row
 
+    def move(self, distance_m: float, turned_m: float) -> None:
+        """A step of the wheels: of the robot's middle, and of the wheels in its turn about it."""
+        self._driven_m += abs(distance_m)
+        self._moved_m += abs(distance_m) + abs(turned_m)
+
+    def settle(self, *, believes_fixes: bool) -> None:
+        """A person goes on: with the fixes that were rejected, or with the pose as it is.
+
+        What speaks against the pose that is kept counts as an error of the receiver.
+        """
+        if self._rejected_fix is not None and 0.0 < self.jump.off_m <= MAX_JUMP_M:
+            rows, residuals, noise = self._rejected_fix
+            if believes_fixes:
+                self._recover(rows, residuals, noise)
+            else:
+                self._receiver_m = _sum(self._receiver_m, residuals)
+        self.forget()
+
+    def forget(self) -> None:
+        """A person has decided, or says where the robot is: fixes are judged anew."""
+        self.jump.forget()
+        self._position_gate.rejected_in_a_row = 0
+
+    def shift(self, by_m: tuple[float, float]) -> None:
+        """From now on the receiver is believed to be off by so much more."""
+        self._receiver_m = _sum(self._receiver_m, by_m)
+
     def update(self, fix: GnssFix, up_body: Vec3) -> None:
         if not _is_usable(fix):
             self._rejected["gnss not usable"] += 1
@@ -111,6 +112,8 @@ class Gnss:
             self._rejected["gnss out of order"] += 1
         elif now is None or then is None:
             self._rejected["gnss without odometry"] += 1
+        elif self.repeats.is_repeat(fix, self._driven_m):
+            self._rejected["gnss repeats itself"] += 1
         else:
             since_last_s = min(fix.t_s - self.last_t_s, FLOAT_MEMORY_S)
             self._noise = noise = fix_noise(fix, since_last_s)
@@ -153,7 +156,8 @@ class Gnss:
             ((X, 1.0), (YAW, moved_y - arm_y), (GNSS_BIAS_X, 1.0)),
             ((Y, 1.0), (YAW, arm_x - moved_x), (GNSS_BIAS_Y, 1.0)),
         )
-        residuals = (now_x - x[X] - x[GNSS_BIAS_X], now_y - x[Y] - x[GNSS_BIAS_Y])
+        self.off_m = (now_x - x[X], now_y - x[Y])
+        residuals = (self.off_m[0] - x[GNSS_BIAS_X], self.off_m[1] - x[GNSS_BIAS_Y])
         self._correct_position(rows, residuals, noise)
 
     def _begin(self, x_m: float, y_m: float, variance_m2: float, now: Motion) -> None:
@@ -185,10 +189,15 @@ class Gnss:
     ) -> None:
         gate, ekf = self._position_gate, self._ekf
         verdict = gate.judge(ekf.update_pair(rows, residuals, noise.variance_m2, gate.limit))
-        if verdict == "reject":
+        if verdict == "accept":
+            self.jump.accept(self.last_t_s, self._moved_m)
+            return
+        if verdict == "reject" or self.jump.is_jump(
+            math.hypot(*residuals), self._moved_m, is_corrected=self._is_corrected
+        ):
             self._rejected["gnss outlier"] += 1
-            self.rejected_m = math.hypot(*residuals)
-        elif verdict == "recover":
+            self.rejected_m, self._rejected_fix = residuals, (rows, residuals, noise)
+        else:
             self._recover(rows, residuals, noise)
 
     def _recover(
@@ -261,9 +270,8 @@ def _sum(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
 
 
 def _is_usable(fix: GnssFix) -> bool:
-    return fix.quality is not GnssQuality.NONE and _all_finite(
-        fix.t_s, fix.lat_deg, fix.lon_deg, fix.pos_std_m
-    )
+    is_told = fix.quality is not GnssQuality.NONE and _all_finite(fix.t_s, fix.pos_std_m)
+    return is_told and abs(fix.lat_deg) <= 90.0 and abs(fix.lon_deg) <= 180.0
 
 
 def _all_finite(*values: float) -> bool:

@@ -10,16 +10,19 @@ from agribot.devices import RowLine
 from agribot.estimate.beliefs import first_std, motion_noise, slow_ageing
 from agribot.estimate.compass import Compass
 from agribot.estimate.crop_rows import MIN_MOVED_M, CropRows
+from agribot.estimate.doubts import Doubts
 from agribot.estimate.dual_heading import DualHeading
 from agribot.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, Ekf, X, Y
 from agribot.estimate.gnss import Gnss
 from agribot.estimate.history import Motion, MotionHistory
-from agribot.estimate.integrity import SUSPICIOUS_REJECTIONS, Integrity
+from agribot.estimate.integrity import Integrity
 from agribot.estimate.odometry import Odometry, Step
+from agribot.estimate.row_agreement import RowAgreement
 from agribot.estimate.row_lines import RowLines
+from agribot.estimate.row_sight import RowSight
 from agribot.estimate.start import StartMark
 from agribot.geo import MapFrame, wrap_rad
-from agribot.messages import Estimate, GnssQuality, Scene, SensorBatch
+from agribot.messages import Estimate, GnssQuality, OperatorEvent, Scene, SensorBatch
 from agribot.robot import RobotSpec
 
 # Slow errors are aged together, not at every wheel reading.
@@ -59,8 +62,16 @@ class Localizer:
             self._ekf, self._history, config, MapFrame(field.datum), (x_m, y_m, z_m), start,
             self.rejected,
         )  # fmt: skip
-        self._crop_rows = CropRows(self._ekf, self._history, config, field, self.rejected)
-        self._row_lines = RowLines(self._ekf, self._history, field, self.rejected)
+        agreement = RowAgreement()
+        self._doubts = Doubts(
+            self._ekf, self._history, config, field, self._gnss, agreement, self.rejected
+        )
+        self._crop_rows = CropRows(
+            self._ekf, self._history, config, field, self.rejected, agreement
+        )
+        self._row_lines = RowLines(self._ekf, self._history, field, self.rejected, agreement)
+        self._half_track_m = robot.drive.track_m / 2.0
+        self._sight = RowSight(field)
         self._heading = DualHeading(self._ekf, self._history, config, self.rejected)
         self._integrity = Integrity(config, self._ekf, self._gnss)
         self._last_line: Motion | None = None
@@ -79,13 +90,19 @@ class Localizer:
         for fix in batch.gnss:
             if self._compass.is_ready:
                 self._gnss.update(fix, up_body)
+                self._doubts.compare(fix)
         for heading in batch.headings:
             if self._compass.is_ready:
                 self._heading.update(heading)
         for event in batch.events:
-            if event.action == "pose_estimate":
-                self._believe(event.numbers)
+            self._listen(event)
         return self._estimate(batch.t_s)
+
+    def _listen(self, event: OperatorEvent) -> None:
+        if event.action == "pose_estimate":
+            self._believe(event.numbers)
+        elif event.action in ("start", "resume") and self._doubts.decide():
+            self._integrity.restart()
 
     def see(self, scene: Scene) -> None:
         """Correct the pose by the crop of a frame; the next estimate shows it.
@@ -98,6 +115,11 @@ class Localizer:
             self._crop_rows.see(scene)
         elif self._has_moved(scene.t_s):
             self._row_lines.see_picture(scene.row_line)
+        self._sight.look(scene.t_s, self._crop_rows.fitted + self._row_lines.fitted)
+
+    def is_stale(self, scene: Scene) -> bool:
+        """Whether its picture is an old one: as good as none, for any use."""
+        return self._doubts.is_stale(scene)
 
     def _has_moved(self, t_s: float) -> bool:
         """Whether a picture is more than that of the last line once again."""
@@ -125,6 +147,7 @@ class Localizer:
         self._ekf.reset(X, x_m, std_m**2)
         self._ekf.reset(Y, y_m, std_m**2)
         self._ekf.reset(YAW, wrap_rad(yaw_rad), std_rad**2)
+        self._doubts.forget()
         self._integrity.restart()
 
     def _advance(self, step: Step) -> None:
@@ -147,7 +170,11 @@ class Localizer:
             step.t_s, x_m, y_m, yaw_rad, distance_m / dt_s, (yaw_rad - last.yaw_rad) / step.dt_s
         )
         self._history.append(self._motion)
-        self._integrity.move(step.distance_m)
+        self._integrity.move(step.distance_m, step.slide_m)
+        self._sight.move(step.distance_m)
+        self._gnss.move(step.distance_m, self._half_track_m * step.turn_rad)
+        if abs(self._motion.wheel_mps) > STANDING_MPS:
+            self._doubts.move(step.t_s)
         if step.is_blind:
             self._doubt(step)
         if step.zero_rate is not None:
@@ -204,7 +231,13 @@ class Localizer:
             ok=ok,
             reason=reason,
             protection_m=self._integrity.level_m(t_s, pos_std_m) if ok else math.inf,
+            row_seen=self._sight.is_seen(t_s),
+            across_protection_m=self._across_m(t_s, pos_std_m) if ok else math.inf,
+            contradiction=self._doubts.contradiction if ok else "",
         )
+
+    def _across_m(self, t_s: float, pos_std_m: float) -> float:
+        return self._integrity.across_m(t_s, pos_std_m, is_held=self._doubts.is_held(t_s))
 
     def _quality(self, t_s: float) -> GnssQuality:
         silent = t_s - self._gnss.last_t_s > self._config.gnss_timeout_s
@@ -214,14 +247,15 @@ class Localizer:
         fault = self._fault(t_s)
         if fault:
             return False, fault
-        silent_s = t_s - self._gnss.last_t_s
+        silent_s, doubt = t_s - self._gnss.last_t_s, self._doubts.text
         if silent_s <= self._config.gnss_timeout_s:
             self._fix_std_m = pos_std_m
-            return True, self._contradiction()
+            return True, doubt
         limit_m = max(self._config.dead_reckoning_std_m, LOST_RATIO * self._fix_std_m)
         ok = pos_std_m <= limit_m
+        what = doubt or f"GNSS silent for {silent_s:.1f} s"
         return ok, (
-            f"GNSS silent for {silent_s:.1f} s, dead reckoning with {pos_std_m:.2f} m "
+            f"{what}, dead reckoning with {pos_std_m:.2f} m "
             f"{'of' if ok else '>'} {limit_m:.2f} m; check antenna, sky view and receiver"
         )
 
@@ -240,15 +274,6 @@ class Localizer:
         if not self._gnss.is_ready:
             return "no position yet: waiting for GNSS fixes"
         return self._compass.misplaced or self._gnss.misplaced
-
-    def _contradiction(self) -> str:
-        count = self._gnss.rejected_in_a_row
-        if count < SUSPICIOUS_REJECTIONS:
-            return ""
-        return (
-            f"GNSS contradicts the odometry: {count} fixes rejected in a row; after "
-            f"{self._config.recover_after} GNSS is believed"
-        )
 
 
 def is_pose(numbers: tuple[float, ...]) -> bool:

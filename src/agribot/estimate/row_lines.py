@@ -19,6 +19,7 @@ from agribot.estimate.ekf import ROW_BIAS, YAW, Ekf, Row, X, Y
 from agribot.estimate.field_rows import FieldRows, RowFrame
 from agribot.estimate.gate import Gate
 from agribot.estimate.history import Motion, MotionHistory
+from agribot.estimate.row_agreement import RowAgreement
 from agribot.geo import wrap_rad
 
 # Of plants farther apart each is seen by itself, and bare ground after one is no row's end.
@@ -32,8 +33,14 @@ class RowLines:
     """Corrects the filter by row lines; `rejected` counts what could not serve."""
 
     def __init__(
-        self, ekf: Ekf, history: MotionHistory, field: FieldConfig, rejected: Counter[str]
+        self,
+        ekf: Ekf,
+        history: MotionHistory,
+        field: FieldConfig,
+        rejected: Counter[str],
+        agreement: RowAgreement,
     ) -> None:
+        self._agreement = agreement
         self._ekf = ekf
         self._history = history
         self._field = FieldRows(field)
@@ -43,6 +50,7 @@ class RowLines:
         self._range_gate = Gate(model.RANGE_GATE_SIGMA, model.RANGE_RECOVER_AFTER)
         self._last_t_s = self._last_line_s = -math.inf
         self._bias_std_m: float | None = None
+        self.fitted = 0  # lines of the row under the robot that were believed
 
     def see(self, line: RowLine) -> None:
         now, then = self._history.newest, self._history.at(line.t_s)
@@ -172,7 +180,9 @@ class RowLines:
             self._rejected["row line ambiguous"] += 1
             return False
         _, row_right_m = field.row_at(right_m + sign * offset_m)
-        residual_m = row_right_m - sign * offset_m - right_m + sign * ekf.x[ROW_BIAS]
+        off_m = row_right_m - sign * offset_m - right_m
+        self._agreement.look(line.t_s, off_m)
+        residual_m = off_m + sign * ekf.x[ROW_BIAS]
         variance = model.offset_variance(line.offset_std_m)
         distance2 = residual_m**2 / (ekf.project(row)[1] + variance)
         verdict = self._offset_gate.judge(distance2)
@@ -185,7 +195,9 @@ class RowLines:
                 ekf.inflate(state, (part * model.RECOVERY_OFFSET_M) ** 2)
             ekf.inflate(YAW, model.RECOVERY_YAW_RAD**2)
             return False
+        self._agreement.hold(line.t_s)
         ekf.update(row, residual_m, variance * model.tail_factor(FLOATS, distance2))
+        self.fitted += abs(offset_m) <= field.pitch_m / 2.0
         return True
 
     def _heading(self, heading_rad: float, variance: float, now: Motion, then: Motion) -> None:

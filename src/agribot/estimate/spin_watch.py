@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from agribot.arithmetic import Arithmetic, Number
+from agribot.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, WHEEL_SCALE, YAW, X, Y
 
 # Slip leaves more than half of the way, also in the worst soil that is driven.
 LOST_RATIO = 0.5
@@ -29,3 +30,35 @@ class SpinWatch:
         spins = is_less & (abs(self._missing_mps) > least_mps)
         self._missing_mps = self._missing_mps * (1.0 - spins)
         return spins
+
+
+def ahead_and_aside(
+    m: Arithmetic, vector: tuple[Number, Number], yaw_rad: Number
+) -> tuple[Number, Number]:
+    """The parts along and to the left of the robot of a vector in the map."""
+    cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
+    return cos * vector[0] + sin * vector[1], cos * vector[1] - sin * vector[0]
+
+
+def doubts(
+    m: Arithmetic,
+    residuals: tuple[Number, Number],
+    expected_mps: tuple[Number, Number],
+    yaw_rad: Number,
+    lasted_s: float,
+    *,
+    is_corrected: bool,
+) -> tuple[tuple[int, Number], ...]:
+    """How far to open up for wheels that spin free (wrong ahead), and a wrong heading (aside).
+
+    The bias of a receiver without corrections has meanwhile taken up what the wheels only claimed.
+    """
+    ahead_mps, aside_mps = ahead_and_aside(m, residuals, yaw_rad)
+    speed_mps = m.most(m.sqrt(expected_mps[0] ** 2 + expected_mps[1] ** 2), 0.05)
+    wrong_m = m.sqrt(residuals[0] ** 2 + residuals[1] ** 2) * lasted_s
+    places = (X, Y) if is_corrected else (X, Y, GNSS_BIAS_X, GNSS_BIAS_Y)
+    return (
+        (WHEEL_SCALE, m.least(abs(ahead_mps) / speed_mps, 1.0)),
+        (YAW, m.least(abs(aside_mps) / speed_mps, 1.0)),
+        *((state, wrong_m) for state in places),
+    )

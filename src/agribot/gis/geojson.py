@@ -66,7 +66,7 @@ def read_json(path: Path) -> Any:
         return json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
         raise MissionError(f"cannot read {path}: {error}; check the path") from error
-    except (json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # also a number of thousands of digits
         place = f" line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
         raise MissionError(f"{path.name}{place} is not valid JSON: {error}") from error
 

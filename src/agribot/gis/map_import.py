@@ -117,8 +117,8 @@ def import_pmtiles(source: Path, target: Path, report: Report) -> None:
     if not source.is_file():
         raise ConfigError(f"map file {source} does not exist; check the path")
     with source.open("rb") as file:
-        get_bytes = MmapSource(file)
         try:
+            get_bytes = MmapSource(file)  # an empty file cannot be mapped
             header = Reader(get_bytes).header()
             tiles: Iterator[tuple[tuple[int, int, int], bytes]] = all_tiles(get_bytes)
             first = next(tiles, None)

@@ -13,8 +13,21 @@ from agribot.errors import ConfigError
 
 _MEDIA = ((b"\x89PNG", "image/png"), (b"\xff\xd8", "image/jpeg"), (b"RIFF", "image/webp"))
 MAX_ZOOM = 24
+STEPS_AT_ONCE = 1_000_000
 LIVE = "agribot_live"  # metadata: address template of a server that is asked for missing tiles
+MAX_STEPS = 200_000_000  # to count some ten million tiles; a view may be a program without end
+MAX_VALUE_BYTES = 50_000_000
 PATIENCE_S = 10.0  # while another thread writes into the same file
+
+
+def limit_work(database: sqlite3.Connection, most_steps: int) -> None:
+    """Interrupt whatever asks for more steps of SQLite's virtual machine than that, in all."""
+    steps = iter(range(most_steps // STEPS_AT_ONCE))
+    database.set_progress_handler(lambda: next(steps, None) is None, STEPS_AT_ONCE)
+
+
+def _is_stopped(error: sqlite3.Error) -> bool:
+    return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_INTERRUPT
 
 
 def map_files(folder: Path) -> dict[str, Path]:
@@ -33,17 +46,23 @@ def described_map(path: Path) -> dict[str, Any]:
                 "SELECT min(zoom_level), max(zoom_level), count(*) FROM tiles"
             ).fetchone()
     except sqlite3.Error as error:
-        raise ConfigError(f"{path} is no MBTiles file: {error}") from error
+        reason = "it takes too long to count its tiles" if _is_stopped(error) else error
+        raise ConfigError(f"{path} is no MBTiles file: {reason}") from error
     is_live = LIVE in known
     if not count and not is_live:
         raise ConfigError(f"{path} holds no tiles")
-    bounds = known.get("bounds")
+    try:
+        bounds = [float(edge) for edge in known.get("bounds", "").split(",") if edge]
+        if is_live:
+            low, high = int(known["minzoom"]), int(known["maxzoom"])
+    except (KeyError, ValueError, AttributeError, TypeError) as error:
+        raise ConfigError(f"{path} has broken metadata: {error}") from error
     return {
         "name": path.stem,
-        "minzoom": int(known["minzoom"]) if is_live else low,
-        "maxzoom": int(known["maxzoom"]) if is_live else high,
+        "minzoom": low,
+        "maxzoom": high,
         "tiles": count,
-        "bounds": [float(edge) for edge in bounds.split(",")] if bounds else None,
+        "bounds": bounds or None,
         "attribution": known.get("attribution", ""),
         "format": known.get("format", ""),
         "live": is_live,
@@ -137,4 +156,8 @@ class TileWriter:
 
 def _opened(path: Path) -> sqlite3.Connection:
     """Read-only, one connection for each request: SQLite's are not shared between threads."""
-    return sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=PATIENCE_S)
+    where = f"{path.resolve().as_uri()}?mode=ro"
+    database = sqlite3.connect(where, uri=True, timeout=PATIENCE_S)
+    limit_work(database, MAX_STEPS)
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_VALUE_BYTES)
+    return database

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from agribot.errors import PerceptionError
 from agribot.lens import distorted, undistorted
 from agribot.messages import FloatArray
+from agribot.perceive.crop_cover import CoverGrid
 from agribot.robot import CameraSpec
 
 # A ray that sinks less than this per metre meets the ground so far off that it is called sky.
@@ -103,7 +104,8 @@ class GroundLookup:
         area_m2: ground covered by the pixel.
         footprint_m: longer side of the pixel on the ground.
     `camera_xyz_body_m` is the camera's position; `view_body_m` the corners, counter-clockwise,
-    of the ground within `max_range_m` of it on which a small plant is seen whole.
+    of the ground within `max_range_m` of it on which a small plant is seen whole; `cover_grid`
+    puts the pixels within that range into cells.
     """
 
     def __init__(
@@ -138,6 +140,9 @@ class GroundLookup:
             np.linalg.norm(down, axis=-1), np.linalg.norm(right, axis=-1)
         ).astype(np.float32)
         self.view_body_m = self._view_polygon()
+        self.cover_grid = CoverGrid(
+            self.x_body_m, self.y_body_m, self.range_m <= max_range_m, self.camera_xyz_body_m
+        )
 
     def _grid(self, body_from_camera: FloatArray, offset_px: float, extra: int) -> FloatArray:
         """Ground points, (h + extra, w + extra, 2), of map pixels shifted by `offset_px`."""

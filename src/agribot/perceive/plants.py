@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy import ndimage
 from agribot.config import PerceptionConfig
 from agribot.errors import PerceptionError
 from agribot.messages import ByteArray, CameraFrame, FloatArray, GroundPlant, PlantClass, Scene
+from agribot.perceive.crop_cover import middles_of_squares
 from agribot.perceive.ground import GroundLookup
 from agribot.perceive.row_line import find_row_line
 from agribot.perceive.segmenter import ClassMap
@@ -53,14 +55,17 @@ def observe(
     """The scene of a frame, from the class map of its image."""
     counts = np.bincount(class_map.class_id.ravel(), minlength=len(PlantClass))
     ratio = counts / class_map.class_id.size
+    pieces = find_pieces(class_map, ground)
     return Scene(
         t_s=frame.t_s,
         ready_s=ready_s,
         frame_index=frame.index,
-        plants=tuple(ground_plants(class_map, ground, config)),
+        plants=tuple(plants_of(pieces, class_map, ground, config)),
         view_body_m=ground.view_body_m,
         class_ratio=(float(ratio[0]), float(ratio[1]), float(ratio[2])),
         row_line=find_row_line(class_map, ground, frame.t_s),
+        crop_cover=ground.cover_grid.cover(pieces.labels > pieces.weeds),
+        picture_crc32=zlib.crc32(np.ascontiguousarray(frame.image_rgb).data),
     )
 
 
@@ -68,6 +73,19 @@ def ground_plants(
     class_map: ClassMap, ground: GroundLookup, config: PerceptionConfig
 ) -> list[GroundPlant]:
     """Plants within range that the image shows whole, nearest first."""
+    return plants_of(find_pieces(class_map, ground), class_map, ground, config)
+
+
+def plants_of(
+    pieces: Pieces, class_map: ClassMap, ground: GroundLookup, config: PerceptionConfig
+) -> list[GroundPlant]:
+    """As `ground_plants`, of the pieces of the class map."""
+    plants = _measure(pieces, class_map.confidence, ground, config)
+    return sorted(plants, key=lambda plant: (plant.x_body_m, plant.y_body_m))
+
+
+def find_pieces(class_map: ClassMap, ground: GroundLookup) -> Pieces:
+    """All vegetation on the ground, mislabelled fringes with the plant that they belong to."""
     if class_map.class_id.shape != ground.map_shape:
         raise PerceptionError(
             f"class map is {class_map.class_id.shape}, the ground lookup {ground.map_shape}; "
@@ -78,10 +96,7 @@ def ground_plants(
     crops, crop_count = _pieces(class_id == PlantClass.CROP)
     labels = np.where(crops > 0, crops + weed_count, weeds)
     pieces = Pieces(labels, weed_count, weed_count + crop_count)
-    if weed_count and crop_count:
-        pieces = _without_fringes(pieces, ground)
-    plants = _measure(pieces, class_map.confidence, ground, config)
-    return sorted(plants, key=lambda plant: (plant.x_body_m, plant.y_body_m))
+    return _without_fringes(pieces, ground) if weed_count and crop_count else pieces
 
 
 def _pieces(mask: npt.NDArray[np.bool_]) -> tuple[LabelArray, int]:
@@ -173,10 +188,8 @@ def _is_broad(labels: LabelArray, count: int) -> npt.NDArray[np.bool_]:
     Seams between two kinds of ground are lines of crop to the network; a leaf of a crop plant
     within range is broader.
     """
-    mask = labels > 0
-    flat = mask[:-2] & mask[1:-1] & mask[2:]
-    thick = flat[:, :-2] & flat[:, 1:-1] & flat[:, 2:]
-    broad: npt.NDArray[np.bool_] = np.bincount(labels[1:-1, 1:-1][thick], minlength=count + 1) > 0
+    thick = middles_of_squares(labels > 0)
+    broad: npt.NDArray[np.bool_] = np.bincount(labels[thick], minlength=count + 1) > 0
     return broad
 
 

@@ -11,7 +11,15 @@ FINAL: tuple[MissionState, ...] = ("done", "cancelled", "failed")
 
 
 def account(
-    job: Job, errands: Errands, state: MissionState, reason: str, refusal: str
+    job: Job,
+    errands: Errands,
+    state: MissionState,
+    reason: str,
+    refusal: str,
+    *,
+    stopped: str,
+    held: str,
+    warning: str,
 ) -> MissionStatus:
     way, rows, reached = errands.route or job.route, job.rows, job.waypoints_reached
     progress = way.progress if way else None
@@ -30,6 +38,11 @@ def account(
         eta_s=way.time_left_s if way else None,
         refusal=refusal,
         task=job.task.name,
+        goal_map_m=way.goal if way else None,
+        rows_unproven=rows.unproven,
+        stopped=stopped,
+        held=held,
+        warning=warning,
     )
 
 
@@ -47,4 +60,5 @@ def wish(
         tool_on=tool_on,
         status=status,
         tracked_x_m=job.task.tool.tracked_x_m if tool_on else 0.0,
+        bounds=job.task.work.bounds if job.task.work else None,
     )

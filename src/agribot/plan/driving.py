@@ -9,6 +9,7 @@ import msgspec
 
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
+from agribot.latch import Latch
 from agribot.messages import Estimate, Goal, MissionState, Path
 from agribot.plan.account import FINAL, account, wish
 from agribot.plan.errand import CHECKING, STANDING_MPS, Errand, Errands, restored_errand
@@ -37,8 +38,12 @@ class Driving:
         saved: SavedMission | None = None,
         new_tasks: NewTasks | None = None,
         planning: PlanningHost | None = None,
+        latch: Latch | None = None,
     ) -> None:
         """`saved` is a mission that was cut off: it goes on where it was.
+
+        A mission that was stopped or paused when it was cut off waits for a person again. `latch`
+        is shared with whatever else may stop the robot.
 
         `new_tasks` makes the tasks that an operator or a program sends under way. `planning`
         works out long ways beside the loop; without it, they are worked out at once.
@@ -48,7 +53,8 @@ class Driving:
             task = new_tasks.of_places(saved.visit, saved.visit_name)
         self._job = Job(task, config, saved)
         self._errands = Errands()
-        self._cut_off = saved if saved is not None and _asks_first(saved) else None
+        self._saved = saved
+        self._cut_off = saved if saved is not None and saved.asks_first else None
         self._config = config
         self._watch = Watch(config)
         self._new_tasks = new_tasks
@@ -59,11 +65,19 @@ class Driving:
         self._refusal = ""
         self._ended: tuple[MissionState, str] | None = None
         self._stays_open = config.waits_for_goals
+        self._latch = Latch() if latch is None else latch
         self._is_stopped = self._is_checking = False
+        self._warning = ""
+        self._paused = ""  # why it stood still when it ended, if it did not drive
+        self._held = ""  # why it paused by itself
         self._is_resumed = False  # somebody bade the work begin, and is there to hear a refusal
         self._ok_since_s: float | None = None
+        if saved is not None and saved.stopped:
+            self._latch.hold(saved.stopped)
         if self._cut_off is not None and self._cut_off.planned_from is None:
             self._wait_for_an_answer(self._cut_off)
+        elif saved is not None and self._cut_off is None and (saved.stopped or saved.paused):
+            self._pause(f"was cut off: {saved.stopped or saved.paused}; resume goes on with it")
         elif config.waits_for_goals and self._cut_off is None:
             self._state, self._reason = "paused", "waits for a goal; resume begins its mission"
 
@@ -91,10 +105,16 @@ class Driving:
     def saved(self) -> SavedMission | None:
         """All that is needed to go on later; None before there is anything to go on with."""
         errand, errands = self._errands.saved(), self._errands
+        held = {"stopped": self._latch.reason, "paused": self._paused}
         if self._last is None or not (self._job.route or errand or errands.is_away):
-            return None
+            return msgspec.structs.replace(self._saved, **held) if self._saved else None
         saved = self._job.saved(self._state, self._last)
-        return msgspec.structs.replace(saved, errand=errand, is_away=errands.is_away)
+        return msgspec.structs.replace(
+            saved,
+            errand=errand,
+            is_away=errands.is_away,
+            **held,
+        )
 
     def stay_open(self) -> None:
         """From now on a mission that has ended still takes places to drive to and new plans."""
@@ -114,13 +134,21 @@ class Driving:
             self._wait(estimate, is_located)
         elif self._state == "running" and self._way:
             self._run(self._way, estimate, is_located)
-        status = account(self._job, self._errands, self._state, self._reason, self._refusal)
+        status = account(
+            self._job, self._errands, self._state, self._reason, self._refusal,
+            stopped=self._latch.reason, held=self._held, warning=self._warning,
+        )  # fmt: skip
         if self._is_checking:
             status = msgspec.structs.replace(status, leg=CHECKING)
         is_driving = self._state == "running" and is_located
-        return wish(self._way, self._job, status, self._watch.caution, is_driving=is_driving)
+        goal = wish(self._way, self._job, status, self._watch.caution, is_driving=is_driving)
+        may_work = self._watch.may_work
+        return goal if may_work else msgspec.structs.replace(goal, tool_on=False)
 
     def _run(self, route: Route, estimate: Estimate, is_located: bool) -> None:
+        if estimate.contradiction:
+            self._hold(estimate.contradiction)
+            return
         if is_located:
             self._reason = ""
             self._advance(route, estimate)
@@ -128,7 +156,10 @@ class Driving:
             self._reason = f"position lost: {estimate.reason or 'not finite'}"
         stalled = self._watch.stalled(route, estimate.t_s, self._reason)
         if stalled and self._state == "running":
-            self._end("failed", stalled)
+            if self._watch.is_guarding:
+                self._hold(stalled)
+            else:
+                self._end("failed", stalled)
 
     def _set_off(self, errand: Errand, estimate: Estimate) -> None:
         """Plan the way of an errand from here; the robot stands until it is there."""
@@ -156,11 +187,18 @@ class Driving:
     def _run_on(self, state: MissionState) -> None:
         self._drop()
         self._state, self._reason, self._refusal = state, "", ""
+        self._paused = self._held = ""
         self._watch.restart()
+
+    def _hold(self, reason: str) -> None:
+        """Pause without having been asked: a person has to look, and to resume it."""
+        self._pause(reason)
+        self._held = self._paused
 
     def _pause(self, reason: str) -> None:
         """An errand that has not begun is given up; what has ended before one is ended again."""
         self._drop()
+        self._held = ""
         self._errands.asked = None
         self._ok_since_s = None
         if self._state in FINAL:
@@ -168,7 +206,15 @@ class Driving:
         if self._ended is not None and self._errands.route is None:
             self._end(*self._ended)
         else:
-            self._state, self._reason = "paused", reason
+            self._state, self._reason, self._paused = "paused", reason, reason
+
+    def _heed_stop(self) -> None:
+        """Stand still while the latch holds, whoever closed it."""
+        if self._latch.reason and not self._is_stopped:
+            self._pause(f"{self._latch.reason}; clear the stop, then resume")
+        elif self._is_stopped and not self._latch.reason:
+            self._pause("stop cleared; waiting for resume")
+        self._is_stopped = bool(self._latch.reason)
 
     def _wait(self, estimate: Estimate, is_located: bool) -> None:
         if not is_located:
@@ -233,8 +279,12 @@ class Driving:
             self._job.work(estimate)
         if route.progress.s_m >= route.progress.length_m - END_TOLERANCE_M:
             self._arrive(estimate)
-        elif not is_errand and route.is_beside_row and self.task.has_crop:
+            return
+        if not is_errand and route.is_beside_row and self.task.has_crop:
             self._reason = self._watch.lost_row(route, estimate, self._config)
+        rows = self.task.rows if self.task.has_crop else ()
+        astray = self._watch.astray(route, estimate, rows, self.task.clearance_m)
+        self._reason = self._reason or astray
 
     def _arrive(self, estimate: Estimate) -> None:
         errand = self._errands.current
@@ -255,7 +305,3 @@ class Driving:
     def _end(self, state: MissionState, reason: str) -> None:
         self._drop()
         self._state, self._reason = state, reason
-
-
-def _asks_first(saved: SavedMission) -> bool:
-    return saved.errand is not None or saved.is_away or bool(saved.visit_name)

@@ -13,6 +13,7 @@ from agribot.messages import Estimate, MissionState, Path
 from agribot.plan.covered import CoveredRows, whole_row
 from agribot.plan.curves import Place
 from agribot.plan.route import Route
+from agribot.plan.row_evidence import doubt, row_pitch_m
 from agribot.plan.row_log import RowLog
 from agribot.plan.saved_mission import (
     PoseTuple,
@@ -22,6 +23,8 @@ from agribot.plan.saved_mission import (
     task_name,
 )
 from agribot.plan.task import Task
+
+MOST_TOLD = 3  # rows without evidence
 
 
 class Planned(NamedTuple):
@@ -55,6 +58,7 @@ class Job:
         self._name = ""
         self._detours: tuple[tuple[int, int], ...] = ()
         self.rows = RowLog(row.index for row in task.rows)
+        self._pitch_m = row_pitch_m(task.rows)
         self._covered = CoveredRows(task.rows)
         self._tool_m = (math.nan, math.nan)
         self.route: Route | None = None
@@ -156,7 +160,8 @@ class Job:
         assert self.route is not None
         progress = self.route.progress
         beside_m = abs(progress.cross_track_m)
-        self.rows.work(self.route.row_here, beside_m, progress.s_m, estimate.t_s)
+        why = doubt(self.task, estimate, self.route.yaw_map_rad, self._pitch_m)
+        self.rows.work(self.route.row_here, beside_m, progress.s_m, estimate.t_s, why)
         self._cover(self.route.tool_row, estimate)
         self.route.visits.update(progress.s_m, estimate.x_map_m, estimate.y_map_m)
 
@@ -225,7 +230,9 @@ class Job:
         assert self.route is not None
         self.rows.work(-1, 0.0, self.route.progress.s_m, t_s)
         missed = self.route.visits.missed()
-        undone = self.rows.open_rows(self.route.planned_rows)
+        unproven = self.rows.unproven
+        left = self.rows.open_rows(self.route.planned_rows)
+        undone = [row for row in left if row not in unproven]
         if missed:
             return "failed", (
                 f"waypoints {missed} were passed at more than mission.waypoint_radius_m "
@@ -233,6 +240,12 @@ class Job:
             )
         if undone:
             return "failed", f"the path ended with rows {undone} not driven"
+        if unproven:
+            told = "; ".join(self.rows.missing(row) for row in unproven[:MOST_TOLD])
+            more = f" and {len(unproven) - MOST_TOLD} more" * (len(unproven) > MOST_TOLD)
+            return "failed", (
+                f"{told}{more}: not counted as done; check the start mark and the camera"
+            )
         skipped = list(self.rows.skipped)
         return "done", f"rows {skipped} were skipped, as asked" if skipped else ""
 

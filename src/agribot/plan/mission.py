@@ -28,21 +28,27 @@ class Mission(Driving):
 
     def step(self, estimate: Estimate, events: Iterable[OperatorEvent] = ()) -> Goal:
         self._locate(estimate)
+        self._heed_stop()
         for event in events:
+            self._latch.hear(event)
+            self._heed_stop()
             self._handle(event)
         return self._go_on(estimate)
+
+    def heed(self, warning: str) -> None:
+        """Go home when a warning begins; where no way home is known, stand still."""
+        if warning and not self._warning and self._state in ("running", "waiting"):
+            self._refusal = ""
+            self._turn_home("the battery")
+            if self._refusal:
+                self._hold(f"{warning}; {self._refusal}")
+        self._warning = warning
 
     def _handle(self, event: OperatorEvent) -> None:
         if self._state in FINAL and not (self._stays_open and event.action in AFTER_THE_END):
             return
         if event.action == "cancel":
             self._end("cancelled", f"cancelled by {event.source}")
-        elif event.action == "stop":
-            self._is_stopped = True
-            self._pause(f"stopped by {event.source}; clear the stop, then resume")
-        elif event.action == "clear_stop" and self._is_stopped:
-            self._is_stopped = False
-            self._pause("stop cleared; waiting for resume")
         elif event.action == "set":
             self._set(event)
         elif event.action == "skip_row" and self._errands.route is None:

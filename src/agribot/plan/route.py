@@ -57,15 +57,16 @@ class Route:
             raise MissionError(f"the path works rows {unknown} that the field has not")
         self.visits = Visits(path, waypoints, config.waypoint_radius_m)
         self.progress = Progress(path)
-        self._speed_mps = speed_profile(path, config)
-        self._time_left_s = time_left_s(path, self._speed_mps)
+        self.change_speed(config)
         self._yaw_map_rad: list[float] = path.yaw_map_rad.tolist()
         self._next_row = _next_rows(self.row)
+        self._bound_for = _row_ends_ahead(self.row)
         self._beside = _near_rows(path, tool.reach_m, 0.0)
         self._tool = _near_rows(path, tool.reach_m, tool.x_m)
 
     def change_speed(self, config: MissionConfig) -> None:
         self._speed_mps = speed_profile(self.path, config)
+        self._time_left_s = time_left_s(self.path, self._speed_mps)
 
     @property
     def row_here(self) -> int:
@@ -120,6 +121,18 @@ class Route:
     def time_left_s(self) -> float:
         return self._time_left_s[self.progress.index]
 
+    @property
+    def goal(self) -> tuple[float, float]:
+        """Where the robot is bound for: a waypoint, the end of its row or the next row's start.
+
+        Behind the last row, and where there is neither, it is the end of the path.
+        """
+        waypoint = self.visits.next_point
+        if waypoint is not None:
+            return waypoint
+        x_m, y_m = self.path.xy_map_m[self._bound_for[self.progress.index]]
+        return float(x_m), float(y_m)
+
     def go_on(self, s_m: float, reached: Sequence[bool]) -> None:
         """Begin in the middle, where an earlier mission was cut off."""
         self.progress.jump(s_m)
@@ -142,6 +155,17 @@ def _next_rows(row: Sequence[int]) -> list[int]:
         if row[point] not in (-1, current):
             following, current = current, row[point]
         result[point] = following if row[point] == current else current
+    return result
+
+
+def _row_ends_ahead(row: Sequence[int]) -> list[int]:
+    """For each point, the last one of its row; between rows the first one of the next."""
+    result, last = [0] * len(row), len(row) - 1
+    for point in range(len(row) - 1, -1, -1):
+        is_end = row[point] >= 0 and (point + 1 == len(row) or row[point + 1] != row[point])
+        is_start = row[point] < 0 and point + 1 < len(row) and row[point + 1] >= 0
+        last = point if is_end else point + 1 if is_start else last
+        result[point] = last
     return result
 
 

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Literal
 
 import msgspec
+
+Doubt = Literal["", "unseen", "unsure"]
+UNPROVEN_RATIO = 0.5  # of the length driven; gaps in the crop and weak light may take the rest
 
 
 class RowResult(msgspec.Struct, frozen=True, kw_only=True):
     """One row as the robot believes it went; times are None where it did not come so far.
 
-    `worked_m` is how much of the row, from the end where the work began, is behind the tool.
+    `worked_m` is how much of the row, from the end where the work began, is behind the tool;
+    over `unseen_m` of that a camera saw no crop where the row is to be, over `unsure_m` the
+    position could not tell the row from the next. A row of which this is the larger part is
+    `unproven` and not done.
     """
 
     index: int
@@ -20,6 +27,23 @@ class RowResult(msgspec.Struct, frozen=True, kw_only=True):
     skipped: bool = False
     worked_m: float = 0.0
     max_cross_track_m: float = 0.0
+    unseen_m: float = 0.0
+    unsure_m: float = 0.0
+    unproven: bool = False
+
+    @property
+    def has_evidence(self) -> bool:
+        return self.unseen_m + self.unsure_m <= UNPROVEN_RATIO * self.worked_m
+
+    @property
+    def missing(self) -> str:
+        """What speaks against the row; it counts from 1."""
+        lacks = []
+        if self.unseen_m:
+            lacks.append(f"no crop row seen over {self.unseen_m:.1f} m")
+        if self.unsure_m:
+            lacks.append(f"position too vague to tell it from the next over {self.unsure_m:.1f} m")
+        return f"row {self.index + 1}: {' and '.join(lacks)}"
 
 
 class RowLog:
@@ -28,8 +52,9 @@ class RowLog:
     def __init__(self, indices: Iterable[int]) -> None:
         self._results = {index: RowResult(index=index) for index in indices}
         self.here = -1
-        self._entered_m = 0.0
+        self._entered_m = self._last_m = 0.0
         self.done: tuple[int, ...] = ()
+        self.unproven: tuple[int, ...] = ()
 
     @property
     def results(self) -> tuple[RowResult, ...]:
@@ -50,24 +75,46 @@ class RowLog:
             for result in sorted(results, key=lambda result: result.finished_s or 0.0)
             if result.done
         )
+        self.unproven = tuple(result.index for result in results if result.unproven)
         self.here = here
         self._entered_m = s_m - self._results[here].worked_m if here >= 0 else s_m
+        self._last_m = s_m
 
-    def work(self, row: int, beside_m: float, s_m: float, t_s: float) -> None:
-        """The robot is in a row, or in none (-1), at `s_m` along its path."""
+    def work(self, row: int, beside_m: float, s_m: float, t_s: float, doubt: Doubt = "") -> None:
+        """The robot is in a row, or in none (-1), at `s_m` along its path.
+
+        `doubt` says what speaks against being in that row.
+        """
         if row != self.here and self.here >= 0 and not self._results[self.here].skipped:
-            if not self._results[self.here].done:
-                self.done += (self.here,)
-            self._change(self.here, finished_s=t_s, done=True)
+            self._finish(self.here, t_s)
         if row >= 0:
-            before = self._results[row]
             if row != self.here:
-                self._entered_m = s_m
-                self._change(row, started_s=t_s)
+                self._entered_m = self._last_m = s_m
+                self._change(row, started_s=t_s, unseen_m=0.0, unsure_m=0.0, unproven=False)
+            before = self._results[row]
             if not before.skipped:
-                worst_m = max(before.max_cross_track_m, beside_m)
-                self._change(row, worked_m=s_m - self._entered_m, max_cross_track_m=worst_m)
-        self.here = row
+                step_m = s_m - self._last_m
+                self._change(
+                    row,
+                    worked_m=s_m - self._entered_m,
+                    max_cross_track_m=max(before.max_cross_track_m, beside_m),
+                    unseen_m=before.unseen_m + step_m * (doubt == "unseen"),
+                    unsure_m=before.unsure_m + step_m * (doubt == "unsure"),
+                )
+        self.here, self._last_m = row, s_m
+
+    def _finish(self, row: int, t_s: float) -> None:
+        result = self._results[row]
+        is_done = result.done or result.has_evidence
+        others = tuple(index for index in self.unproven if index != row)
+        self.unproven = others if is_done else (*others, row)
+        if is_done and not result.done:
+            self.done += (row,)
+        self._change(row, finished_s=t_s, done=is_done, unproven=not is_done)
+
+    def missing(self, row: int) -> str:
+        """What speaks against an unproven row, for people."""
+        return self._results[row].missing
 
     def take_as_done(self, row: int) -> None:
         """An earlier mission has worked it whole."""

@@ -36,7 +36,8 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     again; None where none was yet. `detours` are the points of the path from which a row was left
     out, and the rows. `task` tells one task from another. `is_away` says that the robot was driven
     elsewhere since the work stopped; `visit` are the places of a visit that took the place of the
-    mission, which `visit_name` names.
+    mission, which `visit_name` names. `stopped` is the stop that nobody had cleared, `paused` why
+    the robot stood still; both are empty where it drove.
     """
 
     task: str
@@ -56,7 +57,14 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     is_away: bool = False
     visit: tuple[tuple[float, float], ...] = ()
     visit_name: str = ""
+    stopped: str = ""
+    paused: str = ""
     format: int = 1
+
+    @property
+    def asks_first(self) -> bool:
+        """An operator had sent the robot away from its work: what goes on is an operator's word."""
+        return self.errand is not None or self.is_away or bool(self.visit_name)
 
 
 def task_name(rows: Sequence[int], waypoints: Sequence[tuple[float, float]], path: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -51,6 +52,7 @@ class Task(NamedTuple):
     name: str = ""
     planning_s: float = 0.0
     errand_planning_s: float = 0.0
+    clearance_m: float = math.inf
 
 
 class NewTasks(NamedTuple):

@@ -39,6 +39,11 @@ class Visits:
                 return
             self._next += 1
 
+    @property
+    def next_point(self) -> tuple[float, float] | None:
+        """The waypoint that comes next; None behind the last and where there are none."""
+        return self._points[self._next] if self._next < len(self._points) else None
+
     def missed(self) -> list[int]:
         """Numbers, counted from 1, of the waypoints that were not reached."""
         return [number for number, is_reached in enumerate(self.reached, 1) if not is_reached]

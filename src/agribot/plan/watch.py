@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from agribot.config import MissionConfig
-from agribot.messages import Estimate
-from agribot.plan.caution import across_std_m, caution_ratio
+from agribot.messages import Estimate, Path, Row
+from agribot.plan.caution import CropGuard, across_std_m, caution_ratio
 from agribot.plan.route import Route
 from agribot.plan.stall import StallWatch
+from agribot.row_shape import beside_row, row_length_m
+
+# Wheels of a robot this near to a row, or past its ends, may reach its plants.
+BESIDE_CROP_M, PAST_CROP_M = 0.6, 0.4
 
 
 class Watch:
@@ -16,10 +24,23 @@ class Watch:
         self._stall = StallWatch(config.stall_timeout_s)
         self._limit_s = config.stall_timeout_s
         self.caution = 1.0  # share of its speed at which the robot drives here
+        self._guard = CropGuard()
+        self._in_crop: tuple[Path, Sequence[Row], list[bool]] | None = None
 
     def restart(self) -> None:
-        """The robot sets off anew."""
+        """The robot sets off anew, as somebody bids it."""
         self._stall.restart()
+        self._guard.restart()
+
+    @property
+    def may_work(self) -> bool:
+        """Whether the tool may work where the robot is, if it is where it believes."""
+        return self._guard.may_work
+
+    @property
+    def is_guarding(self) -> bool:
+        """Whether the robot stands because it may be off its row."""
+        return self._guard.ratio == 0.0
 
     def strayed(self, route: Route, estimate: Estimate, limit_m: float) -> str:
         x_map_m, y_map_m = estimate.x_map_m, estimate.y_map_m
@@ -44,6 +65,22 @@ class Watch:
             "check camera and crop, or use a receiver with corrections"
         )
 
+    def astray(self, route: Route, estimate: Estimate, rows: Sequence[Row], limit_m: float) -> str:
+        """In crop, no farther than the robot is sure of not driving over it."""
+        if not self._crosses_crop(route, rows):
+            self._guard.leave()
+            return ""
+        reason = self._guard.judge(estimate, limit_m)
+        self.caution = min(self.caution, self._guard.ratio)
+        return reason
+
+    def _crosses_crop(self, route: Route, rows: Sequence[Row]) -> bool:
+        """Whether the path has crop beside it where the robot is."""
+        known = self._in_crop
+        if known is None or known[0] is not route.path or known[1] is not rows:
+            self._in_crop = known = route.path, rows, _in_crop(route.path, rows)
+        return known[2][route.progress.index]
+
     def stalled(self, route: Route, t_s: float, reason: str) -> str:
         if not self._stall.is_stalled(route.progress.s_m, t_s):
             return ""
@@ -56,3 +93,13 @@ class Watch:
         if not self._stall.is_stalled(0.0, t_s):
             return ""
         return f"no position for {self._limit_s:g} s ({reason})"
+
+
+def _in_crop(path: Path, rows: Sequence[Row]) -> list[bool]:
+    """For each point of a path, whether it runs in or next to a row."""
+    found = np.zeros(len(path.s_m), dtype=bool)
+    for row in rows:
+        along_m, left_m, _ = beside_row(row, path.xy_map_m[:, 0], path.xy_map_m[:, 1])
+        is_along = (along_m >= -PAST_CROP_M) & (along_m <= row_length_m(row) + PAST_CROP_M)
+        found |= is_along & (np.abs(left_m) <= BESIDE_CROP_M)
+    return list(map(bool, found))

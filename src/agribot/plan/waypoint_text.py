@@ -11,6 +11,7 @@ from agribot.errors import MissionError
 
 LatLon = tuple[float, float]
 LAT_NAMES = ("lat", "latitude", "lat_deg")
+MAX_WAYPOINTS = 10_000  # planned in about half a second; days of driving for a field robot
 LON_NAMES = ("lon", "lng", "long", "longitude", "lon_deg")
 
 
@@ -22,14 +23,21 @@ def parse_waypoints(text: str, source_name: str) -> tuple[LatLon, ...]:
     Raises: MissionError: names the file, the line or feature, and what is wrong with it.
     """
     text = text.removeprefix("\ufeff")
+    found: list[LatLon] = []
     read = _geojson if text.lstrip().startswith(("{", "[")) else _csv
     try:
-        points = tuple(_checked(point, where) for point, where in read(text, source_name))
+        for point, where in read(text, source_name):
+            found.append(_checked(point, where))
+            if len(found) > MAX_WAYPOINTS:
+                raise MissionError(
+                    f"{source_name} holds more than {MAX_WAYPOINTS} waypoints; the path through "
+                    "them is planned at once: give fewer, or several files one after the other"
+                )
     except csv.Error as error:
         raise MissionError(f"{source_name} is not valid CSV: {error}") from error
-    if not points:
+    if not found:
         raise MissionError(f"{source_name} holds no waypoints; give at least one")
-    return points
+    return tuple(found)
 
 
 def _checked(point: tuple[object, object], where: str) -> LatLon:
@@ -80,7 +88,7 @@ def _csv(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], s
 def _geojson(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], str]]:
     try:
         root = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # also a number of thousands of digits
         place = f" line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
         raise MissionError(f"{source_name}{place} is not valid JSON: {error}") from error
     for geometry, where in _geometries(root, source_name):

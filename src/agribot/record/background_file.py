@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import errno
+import math
 import threading
 from collections import deque
+from contextlib import suppress
 from pathlib import Path
 
 WAITING_BYTES = 256_000_000  # minutes of a stalled disk; more is a fault
+# On a disk that is full the recording gives back its end: the state and the report of the run are
+# worth more than the last seconds of it.
+ROOM_BYTES = 1_000_000
+STALLED_S = 30.0  # a disk that takes nothing for so long at the end takes nothing more
 
 
 class BackgroundFile:
@@ -64,9 +71,17 @@ class BackgroundFile:
             self._wake.notify_all()
 
     def close(self) -> None:
-        """Wait until everything is written. Safe to call twice."""
+        """Wait until everything is written. Safe to call twice.
+
+        Raises: OSError: it cannot be, or the disk has stalled.
+        """
         self.end()
-        self._thread.join()
+        waiting_bytes = math.inf
+        while self._thread.is_alive():
+            if waiting_bytes <= self._waiting_bytes:
+                raise OSError(f"the disk has not taken anything for {STALLED_S:g} s")
+            waiting_bytes = self._waiting_bytes
+            self._thread.join(STALLED_S)
         self._complain()
 
     def _complain(self) -> None:
@@ -89,11 +104,18 @@ class BackgroundFile:
             try:
                 self._write_all(data)
             except OSError as error:
+                if error.errno in (errno.ENOSPC, errno.EDQUOT):
+                    self._make_room()
                 self._failure = error
                 return
             with self._wake:
                 self._waiting_bytes -= len(data)
                 self._wake.notify_all()
+
+    def _make_room(self) -> None:
+        """A file that is cut anywhere can be read up to there."""
+        with suppress(OSError):  # a pipe cannot be cut
+            self._file.truncate(max(self._file.tell() - ROOM_BYTES, 0))
 
     def _write_all(self, data: bytes) -> None:
         rest = memoryview(data)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 
@@ -25,7 +27,8 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     mission   the mission's state or its reason changed, or it refused something
     operator  somebody pressed something
     mark      somebody marked the moment
-    ready     the estimate became usable; fault: it stopped being so, or a sensor fell silent
+    ready     the estimate became usable; fault: it stopped being so, or a sensor fell silent,
+              repeats itself or contradicts another
     stop      the supervisor stopped a moving robot; hold: it keeps a standing one standing
     limit     the supervisor let it move, but less than asked
     clear     the supervisor has no objection any more
@@ -42,8 +45,10 @@ class EventSieve:
     def __init__(self) -> None:
         self._found: list[Event] = []
         self._mission = ("", "", "")
-        self._objection = ""
+        self._objection = self._warning = ""
+        self._unproven: tuple[int, ...] = ()
         self._estimate_ok = False
+        self._doubt = ""
         self._moving = False
         self._driver = ""
 
@@ -54,8 +59,10 @@ class EventSieve:
             self._note_press(press)
         self._note_hand(t_s, record)
         self._note_estimate(t_s, record)
+        self._note_doubt(t_s, record)
         self._note_mission(t_s, record)
         self._note_supervisor(t_s, record)
+        self._note_warning(t_s, record.status.warning)
         self._moving = record.command.drive != STOP
         return self._found
 
@@ -80,6 +87,13 @@ class EventSieve:
             ready = f"position known to {record.estimate.pos_std_m:.3f} m"
             self._add(t_s, "ready" if ok else "fault", ready if ok else record.estimate.reason)
 
+    def _note_doubt(self, t_s: float, record: TickRecord) -> None:
+        """What is wrong with a sensor that the estimate does without."""
+        doubt = _without_numbers(record.estimate.reason) if record.estimate.ok else ""
+        if doubt and doubt != self._doubt:
+            self._add(t_s, "fault", record.estimate.reason)
+        self._doubt = doubt
+
     def _note_mission(self, t_s: float, record: TickRecord) -> None:
         status = record.status
         now = (status.state, _without_numbers(status.reason), status.refusal)
@@ -87,12 +101,23 @@ class EventSieve:
         if now[:2] != before[:2]:
             reason = f"{status.state}: {status.reason}" if status.reason else status.state
             self._add(t_s, "mission", reason)
+        for row in status.rows_unproven:
+            if row not in self._unproven:
+                lack = "driven without evidence that it was this row"
+                self._add(t_s, "fault", f"row {row + 1} does not count as done: {lack}")
+        self._unproven = status.rows_unproven
         if status.refusal and status.refusal not in (before[2], status.reason):
             self._add(t_s, "mission", status.refusal)
 
+    def _note_warning(self, t_s: float, warning: str) -> None:
+        if bool(warning) != bool(self._warning):
+            self._add(t_s, "fault" if warning else "clear", warning or f"no more: {self._warning}")
+        self._warning = warning
+
     def _note_supervisor(self, t_s: float, record: TickRecord) -> None:
         objection = _without_numbers(record.reason)
-        if objection == self._objection:
+        is_held = bool(record.status.stopped) and not objection  # nobody asks it to move
+        if objection == self._objection or is_held:
             return
         self._objection = objection
         if not objection:
@@ -109,16 +134,19 @@ class EventSieve:
 class EventLog:
     """A tap that writes one line for each change, never one for each tick.
 
-    Raises: RecordingError: the file cannot be created or written.
+    Where the disk fails under way, `say` hears of it once; the events are kept, and written as
+    soon as the disk takes them. Raises: RecordingError: the file cannot be created.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, say: Callable[[str], None] = lambda _: None) -> None:
+        self._path, self._say = path, say
         self._events: list[Event] = []
         self._sieve = EventSieve()
+        self._waiting = b""
+        self._has_failed = False
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("wb")
+            self._file = path.open("wb", buffering=0)
         except OSError as error:
             raise self._failure(error) from error
 
@@ -140,15 +168,33 @@ class EventLog:
     def add(self, event: Event) -> None:
         """One that no tick tells of, such as a recording that could not be begun."""
         self._events.append(event)
-        try:
-            self._file.write(msgspec.json.encode(event) + b"\n")
-            self._file.flush()
-        except OSError as error:
-            raise self._failure(error) from error
+        self._waiting += msgspec.json.encode(event) + b"\n"
+        self._write()
 
     def close(self) -> None:
         """Safe to call twice."""
-        self._file.close()
+        if not self._file.closed:
+            self._write()
+            self._file.close()
+
+    def _write(self) -> None:
+        """What does not fit as a whole waits: the file holds whole lines only."""
+        if not self._waiting:
+            return
+        end = self._file.tell()
+        try:
+            rest = memoryview(self._waiting)
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError as error:
+            with suppress(OSError):
+                self._file.seek(end)
+                self._file.truncate(end)
+            if not self._has_failed:
+                self._has_failed = True
+                self._say(str(self._failure(error)))
+        else:
+            self._waiting, self._has_failed = b"", False
 
     def _failure(self, error: OSError) -> RecordingError:
         return RecordingError(
@@ -166,6 +212,22 @@ def read_events(path: Path) -> tuple[Event, ...]:
         raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
     except msgspec.MsgspecError as error:
         raise RecordingError(f"{path} is not an event log: {error}") from error
+
+
+def read_whole_events(path: Path) -> tuple[Event, ...]:
+    """Those that can be read: a run that was killed may have left half a line.
+
+    Raises: RecordingError: no such file.
+    """
+    events = []
+    try:
+        lines = path.read_bytes().splitlines()
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
+    for line in lines:
+        with suppress(msgspec.MsgspecError, ValueError):
+            events.append(msgspec.json.decode(line, type=Event))
+    return tuple(events)
 
 
 def _what(press: OperatorEvent) -> str:

@@ -10,12 +10,14 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from agribot.errors import RecordingError
 from agribot.geo import Datum, MapFrame, compass_deg_from_yaw
 from agribot.messages import FloatArray
 from agribot.record.bag.fixes import GPSFIXES, NAVSATFIX
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.source import Bag, BagTopic
 from agribot.record.bag.utm import ODOMETRY
+from agribot.record.frames_path import read_frames_path
 
 _NUMBER = "std_msgs/msg/Float64"
 _RAW_NAMES = ("/agribot/heading/raw", "Rawheading")
@@ -35,7 +37,8 @@ class Line(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 class ForeignData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """Headings are degrees as recorded; of odometry and IMU clockwise from North.
 
-    `tracks` are (N, 2) metres East and North of the first fix, of odometry in its own frame.
+    `tracks` are (N, 2) metres East and North of the first fix, of odometry in its own frame, of
+    a recording with neither in the outermost frame of its tf.
     `missing` says what could not be shown and what would have been needed.
     """
 
@@ -48,6 +51,12 @@ class ForeignData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     notes: tuple[str, ...]
     duration_s: float
     messages: int
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing at all to be shown."""
+        series = (self.heading_raw, self.heading_filtered, self.distance, self.speed, self.tracks)
+        return not any(series)
 
 
 _Extract = Callable[[Any], float | tuple[float, ...] | None]
@@ -70,7 +79,10 @@ class _Collector:
 
 
 def read_foreign(path: Path) -> ForeignData:
-    """Raises: RecordingError: it cannot be read at all."""
+    """What there is of a drive in a recording of another robot.
+
+    Raises: RecordingError: it cannot be read, or nothing in it can be shown.
+    """
     with open_bag(path) as bag:
         collector = _Collector()
         for topic in bag.topics:
@@ -86,7 +98,29 @@ def read_foreign(path: Path) -> ForeignData:
                 if found is not None:
                     row = (t_s, found) if isinstance(found, float) else (t_s, *found)
                     collector.rows.setdefault((plot, label), []).append(row)
-        return _data(bag, collector, (end_ns - start_ns) * 1e-9)
+        if not collector.lines("track"):
+            _follow_frames(bag, collector)
+        data = _data(bag, collector, (end_ns - start_ns) * 1e-9)
+        if data.is_empty:
+            raise RecordingError(nothing_shown(bag))
+        return data
+
+
+def nothing_shown(bag: Bag) -> str:
+    """One line that says what a recording holds, and what of such could be shown."""
+    return (
+        f"{bag.path} holds nothing that can be shown; it has {bag.contents}; what can be: "
+        "NavSatFix, GPSFix, Odometry, tf with a frame that moves, Imu, MagneticField, Twist, and "
+        "Float64 headings and distances; agribot bag csv makes a table of any topic"
+    )
+
+
+def _follow_frames(bag: Bag, collector: _Collector) -> None:
+    path = read_frames_path(bag)
+    if path is not None:
+        label = f"tf {path.fixed} to {path.frame}"
+        rows = [tuple(row) for row in path.points.tolist()]
+        collector.rows["track", label] = rows
 
 
 def _data(bag: Bag, collector: _Collector, duration_s: float) -> ForeignData:
@@ -99,12 +133,12 @@ def _data(bag: Bag, collector: _Collector, duration_s: float) -> ForeignData:
     wishes = {
         "raw": "raw heading: no Float64 called Rawheading and no magnetometer",
         "filtered": "filtered heading: no Float64 called Filteredheading, no odometry, no IMU",
-        "distance": "distance: no Float64 called distance, no fixes and no odometry",
+        "distance": "distance: no Float64 called distance, no fixes, no odometry and no moving tf",
         "speed": "speed: no odometry, Twist or GPSFix",
     }
     missing = [wish for name, wish in wishes.items() if not plots[name]]
     if not tracks:
-        missing.append("track: no NavSatFix or GPSFix with a position and no odometry")
+        missing.append("track: no fix with a position, no odometry and no tf that moves")
     return ForeignData(
         heading_raw=plots["raw"],
         heading_filtered=plots["filtered"],

@@ -38,8 +38,7 @@ def report_page(report: Report, data: RunData) -> str:
         _weeds_section(data.plants),
         _events_section(data),
         _settings_section(data),
-        f"<footer>AGRIBOT {escape(report.version)}. "
-        "The recording run.mcap in the same folder holds everything shown here.</footer>",
+        _footer(report),
     ]
     body = "\n".join(parts)
     return (
@@ -56,8 +55,23 @@ def _header(report: Report) -> str:
         f'<header><p class="eyebrow">AGRIBOT run report, sensors {escape(report.sensors)}, '
         f"seed {report.seed}</p>\n<h1>{escape(report.profile)}</h1>\n"
         f'<div class="verdict{" ok" if report.ok else ""}"><strong>{verdict}</strong> '
-        f"<span>{escape(report.reason)}</span></div></header>"
+        f"<span>{escape(report.reason)}</span></div>{_runs(report)}</header>"
     )
+
+
+def _runs(report: Report) -> str:
+    """Of a job in several runs; the clock of the page is that of the first."""
+    if report.job is None:
+        return ""
+    runs = ", ".join(f"{escape(run.folder)} ({run.run_s:.1f} s)" for run in report.job.runs)
+    return f'<p class="none">One job in {len(report.job.runs)} runs: {runs}.</p>'
+
+
+def _footer(report: Report) -> str:
+    where = "The recording run.mcap in the same folder holds"
+    if report.job is not None:
+        where = "The recordings run.mcap in the folders of its runs hold"
+    return f"<footer>AGRIBOT {escape(report.version)}. {where} everything shown here.</footer>"
 
 
 def _tile(name: str, value: str, note: str) -> str:
@@ -69,8 +83,8 @@ def _rows_section(data: RunData) -> str:
     if not data.rows:
         return ""
     heads = (
-        "Row", "Driven (m)", "Time (s)", "Mean speed (m/s)", "Cross-track rms (cm)",
-        "Cross-track max (cm)", "Weeds mapped", "Weeds treated",
+        "Row", "Driven (m)", "Crop seen (m)", "Time (s)", "Mean speed (m/s)",
+        "Cross-track rms (cm)", "Cross-track max (cm)", "Weeds mapped", "Weeds treated",
     )  # fmt: skip
     body = [_row_cells(summary) for summary in row_summaries(data)]
     return "<h2>Rows</h2>\n" + _table(heads, body)
@@ -80,6 +94,7 @@ def _row_cells(row: RowSummary) -> list[str]:
     return [
         str(row.index + 1),
         f"{row.distance_m:.1f}",
+        _number(row.seen_m, 1),
         f"{row.duration_s:.1f}",
         _number(row.speed_mps, 2),
         _number(row.cross_track_rms_m, 1, 100.0),

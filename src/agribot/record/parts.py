@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from agribot.config import RecordConfig
+from agribot.errors import RecordingError
 from agribot.record.mcap_file import McapFile
 from agribot.record.mcap_records import part_path, parts_of
 from agribot.topic import Topic
@@ -23,8 +26,9 @@ class RecordingParts:
     """Writes like one McapFile. Limits are looked after at each `flush`, every second.
 
     Over `max_total_mb`, or with less than `min_free_mb` left on the disk, the oldest finished
-    parts go. Where none is left to go, recording ends and `ended_because` says why; the robot
-    drives on. Raises: RecordingError: a file cannot be created or written.
+    parts go. Where none is left to go, or the disk fails, recording ends and `ended_because` says
+    why; the robot drives on.
+    Raises: RecordingError: the file cannot be created or written, before the first message.
     """
 
     def __init__(self, path: Path, limits: RecordConfig) -> None:
@@ -55,14 +59,18 @@ class RecordingParts:
         if topic.qos.latched:
             self._latched[topic.name] = (topic, data)
         self._now_ns = log_ns
-        self._file.write(topic, log_ns, data, publish_ns)
+        try:
+            self._file.write(topic, log_ns, data, publish_ns)
+        except RecordingError as error:
+            self._end_early(error)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Files that come before the first message are in every part."""
         if not self._has_messages:
             self._kept_files.append((name, media_type, data))
         if not self._file.closed:
-            self._file.attach(name, media_type, data)
+            with self._surviving():
+                self._file.attach(name, media_type, data)
 
     def describe(self, name: str, values: dict[str, str]) -> None:
         self._descriptions.append((name, values))
@@ -75,13 +83,14 @@ class RecordingParts:
         wall_s, passed_s = time.monotonic(), (self._now_ns - self._flushed_ns) * 1e-9
         is_live = wall_s - self._flushed_wall_s >= _LIVE_RATIO * passed_s
         self._flushed_ns, self._flushed_wall_s = self._now_ns, wall_s
-        if is_live:
-            self._file.flush()
-        else:
-            self._file.drain()
-        if 0 < self._limits.max_file_mb * _MB <= self._file.size_bytes:
-            self._next_part()
-        self._make_room()
+        with self._surviving():
+            if is_live:
+                self._file.flush()
+            else:
+                self._file.drain()
+            if 0 < self._limits.max_file_mb * _MB <= self._file.size_bytes:
+                self._next_part()
+            self._make_room()
 
     def drain(self) -> None:
         """Wait for the disk; before the robot moves there is time."""
@@ -89,8 +98,22 @@ class RecordingParts:
 
     def close(self) -> None:
         for file in (*self._ending, self._file):
-            file.close()
+            with self._surviving():
+                file.close()
         self._ending.clear()
+
+    @contextmanager
+    def _surviving(self) -> Iterator[None]:
+        """Once messages have come, a disk that fails ends the recording and nothing else."""
+        try:
+            yield
+        except (RecordingError, OSError) as error:
+            if not self._has_messages:
+                raise
+            self._end_early(error)
+
+    def _end_early(self, error: Exception) -> None:
+        self.ended_because = self.ended_because or str(error)
 
     def _next_part(self) -> None:
         self._file.end()

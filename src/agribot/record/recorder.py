@@ -30,7 +30,8 @@ class RunRecorder:
     """Call it with every TickRecord; a process killed later loses at most the last second.
 
     `weed_map` is asked once per second and at the end. `goals_map_m` are the waypoints in
-    driving order. Raises: RecordingError: the file cannot be created or written.
+    driving order. A disk that fails later ends the recording, see `ended_because`.
+    Raises: RecordingError: the file cannot be created or written.
     """
 
     def __init__(
@@ -54,6 +55,8 @@ class RunRecorder:
         self._attach_settings()
 
     def __call__(self, record: TickRecord) -> None:
+        if self._file.ended_because:
+            return
         self._now_s = record.batch.t_s
         now_ns = nanoseconds(self._now_s)
         self._feed(record)

@@ -13,7 +13,15 @@ from agribot import topics
 from agribot.config import RunConfig
 from agribot.errors import EndOfRecording, RecordingError
 from agribot.mapped_plant import MappedPlant
-from agribot.messages import FloatArray, RobotCommand, Scene, SensorBatch, TickRecord
+from agribot.messages import (
+    STOP,
+    DriveCommand,
+    FloatArray,
+    RobotCommand,
+    Scene,
+    SensorBatch,
+    TickRecord,
+)
 from agribot.record.mcap_file import read_attachment, read_messages
 from agribot.record.recorder import CONFIG_ATTACHMENT, URDF_ATTACHMENT, WEED_MAP_ATTACHMENT
 from agribot.record.ticks import decode_tick
@@ -69,6 +77,7 @@ class ReplayPlatform:
         self._path = path
         self._ticks = read_ticks(path)
         self._scenes: tuple[Scene, ...] = ()
+        self._sent = STOP
         self.commands: list[RobotCommand] = []
 
     def read(self) -> SensorBatch:
@@ -76,12 +85,16 @@ class ReplayPlatform:
         record = next(self._ticks, None)
         if record is None:
             raise EndOfRecording(f"{self._path} has no more ticks")
-        self._scenes = record.scenes
+        self._scenes, self._sent = record.scenes, record.command.drive
         return record.batch
 
     def recorded_scenes(self) -> tuple[Scene, ...]:
         """What perception delivered in the tick of the batch given last."""
         return self._scenes
+
+    def recorded_drive(self) -> DriveCommand:
+        """What the motors were told in the tick of the batch given last."""
+        return self._sent
 
     def write(self, command: RobotCommand) -> None:
         self.commands.append(command)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -19,6 +20,8 @@ class TimeReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class MissionReport(msgspec.Struct, frozen=True, kw_only=True):
+    """`rows_unproven` are rows, counted from 1, that were driven without evidence: not done."""
+
     success: bool | None = None
     rows_total: int | None = None
     rows_done: int | None = None
@@ -28,6 +31,7 @@ class MissionReport(msgspec.Struct, frozen=True, kw_only=True):
     area_m2: float | None = None
     h_per_ha: float | None = None
     coverage_ratio: float | None = None
+    rows_unproven: tuple[int, ...] | None = None
 
 
 class TrackingReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -87,8 +91,22 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     faults: tuple[SafetyEvent, ...] = ()
 
 
+class RunOfJob(msgspec.Struct, frozen=True, kw_only=True):
+    """One of the runs that did a job, and how long it ran until it was cut off or ended."""
+
+    folder: str
+    run_s: float
+
+
+class JobReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Of a job in several runs, this one last; `lacks` is what of the earlier ones is lost."""
+
+    runs: tuple[RunOfJob, ...]
+    lacks: tuple[str, ...] = ()
+
+
 class Report(msgspec.Struct, frozen=True, kw_only=True):
-    """`report.json`, key by key and in this order."""
+    """`report.json`, key by key and in this order: of the whole job, also in several runs."""
 
     profile: str
     seed: int
@@ -104,6 +122,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     weeds: WeedReport = WeedReport()
     safety: SafetyReport = SafetyReport()
     marks: tuple[SafetyEvent, ...] = ()
+    job: JobReport | None = None
 
 
 def to_json(report: Report) -> bytes:
@@ -129,12 +148,16 @@ def read_report(path: Path) -> Report:
 def write_file(path: Path, data: bytes) -> None:
     """Write a file of the run's folder, which is made if it is not there.
 
-    Raises: RecordingError: it cannot be written.
+    An older file stays whole until the new one is. Raises: RecordingError: it cannot be written.
     """
+    fresh = path.with_name(f"{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
+        fresh.write_bytes(data)
+        fresh.replace(path)
     except OSError as error:
+        with suppress(OSError):
+            fresh.unlink()
         raise RecordingError(
             f"cannot write {path}: {error.strerror or error}; "
             "check that the folder is writable and the disk has room"

@@ -14,6 +14,7 @@ from agribot import topics
 from agribot.errors import ConfigError
 from agribot.messages import MissionStatus
 from agribot.record.bag.opening import open_bag
+from agribot.record.foreign import ForeignData, read_foreign
 
 _NAME = "agribot"
 _TIMELINE = "robot_time"
@@ -29,7 +30,10 @@ Show = Callable[[Any], None]
 def write_rerun(recording: Path, target: Path | None) -> int:
     """Into an .rrd file, or with None into the viewer, which is started; how many messages.
 
-    Raises: ConfigError: rerun-sdk is not installed. RecordingError: nothing that can be read.
+    Of another robot's recording: its tracks and curves, and how many points they have.
+
+    Raises: ConfigError: rerun-sdk is not installed. RecordingError: it cannot be read, or
+        nothing in it can be shown.
     """
     try:
         import rerun
@@ -38,18 +42,21 @@ def write_rerun(recording: Path, target: Path | None) -> int:
             "agribot view rerun needs rerun-sdk: pip install 'agribot[view]'"
         ) from error
     stream: Any = rerun.RecordingStream(_NAME)
-    if target is None:
-        stream.spawn()
-    else:
-        stream.save(str(target))
-    stream.send_blueprint(_layout(rerun.blueprint))
     shower, count = _Shower(rerun, stream), 0
     with open_bag(recording) as bag:
-        known = {t.name for t in bag.topics if t.name in shower.shows and bag.knows(t)}
+        known = {t.name for t in bag.topics if t.count and t.name in shower.shows and bag.knows(t)}
+        foreign = None if known else read_foreign(recording)
+        if target is None:
+            stream.spawn()
+        else:
+            stream.save(str(target))
+        stream.send_blueprint(_layout(rerun.blueprint))
         for message in bag.messages(frozenset(known)) if known else ():
             stream.set_time(_TIMELINE, duration=message.log_ns * 1e-9)
             shower.shows[message.topic.name](bag.value(message))
             count += 1
+    if foreign is not None:
+        count = shower.foreign(foreign)
     shower.finish()
     stream.disconnect()  # writes the end of the file
     return count
@@ -114,6 +121,23 @@ class _Shower:
         for name, points in self._tracks.items():
             colour = _WHITE if name == "truth" else _GREEN
             self._lines(f"map/{name}", [points], colour)
+
+    def foreign(self, data: ForeignData) -> int:
+        """Tracks and the first curve of each kind; how many points they have."""
+        curves = {
+            "speed_mps": data.speed, "heading/raw": data.heading_raw,
+            "heading/filtered": data.heading_filtered, "distance": data.distance,
+        }  # fmt: skip
+        shown = [line.points for line in data.tracks]
+        for line in data.tracks:
+            name = line.label.strip("/").replace(" ", "_")
+            self._lines(f"map/{name}", [np.pad(line.points, ((0, 0), (0, 1)))], _GREEN)
+        for name, lines in curves.items():
+            for t_s, value in lines[0].points.tolist() if lines else ():
+                self._stream.set_time(_TIMELINE, duration=t_s)
+                self._curve(f"curves/{name}", value)
+            shown += [line.points for line in lines[:1]]
+        return sum(len(points) for points in shown)
 
     def _log(self, path: str, what: Any, *, static: bool = False) -> None:
         self._stream.log(path, what, static=static)

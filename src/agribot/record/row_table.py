@@ -25,6 +25,7 @@ class RowSummary(msgspec.Struct, frozen=True, kw_only=True):
     cross_track_max_m: float | None
     weeds_mapped: int
     weeds_treated: int
+    seen_m: float | None  # with crop in view where the row is to be; None without a camera
 
 
 def row_summaries(data: RunData) -> tuple[RowSummary, ...]:
@@ -41,6 +42,7 @@ def row_summaries(data: RunData) -> tuple[RowSummary, ...]:
         here = series.row == row.index
         errors_m = across_m[here & np.isfinite(across_m)]
         duration_s, distance_m = float(step_s[here].sum()), float(step_m[here].sum())
+        looked = here & np.isfinite(series.row_seen)
         weeds = [p for p in data.plants if nearest.get(p.id) == row.index]
         summaries.append(
             RowSummary(
@@ -52,6 +54,9 @@ def row_summaries(data: RunData) -> tuple[RowSummary, ...]:
                 cross_track_max_m=float(np.abs(errors_m).max()) if len(errors_m) else None,
                 weeds_mapped=len(weeds),
                 weeds_treated=sum(p.treated_s is not None for p in weeds),
+                seen_m=float(step_m[looked & (series.row_seen > 0)].sum())
+                if looked.any()
+                else None,
             )
         )
     return tuple(summaries)

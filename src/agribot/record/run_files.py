@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from agribot.config import to_toml
+from agribot.errors import RecordingError
 from agribot.record.drawing import png
 from agribot.record.map_figure import map_figure
 from agribot.record.page import write_page
@@ -16,10 +18,21 @@ from agribot.record.weeds import write_weeds
 def write_run_files(folder: Path, report: Report, data: RunData) -> None:
     """report.json, report.html, map.png, weeds.geojson and config.toml.
 
-    Raises: RecordingError: one of them cannot be written.
+    Those that can be written are, whatever becomes of the others.
+    Raises: RecordingError: one of them cannot be written; the first that failed.
     """
-    write_report(folder / "report.json", report)
-    write_file(folder / "config.toml", to_toml(data.config).encode())
-    write_weeds(folder / "weeds.geojson", data.plants, data.config.field.datum)
-    write_file(folder / "map.png", png(map_figure(data)))
-    write_page(folder / "report.html", report, data)
+    failures: list[RecordingError] = []
+    writers: tuple[Callable[[], None], ...] = (
+        lambda: write_report(folder / "report.json", report),
+        lambda: write_file(folder / "config.toml", to_toml(data.config).encode()),
+        lambda: write_weeds(folder / "weeds.geojson", data.plants, data.config.field.datum),
+        lambda: write_page(folder / "report.html", report, data),
+        lambda: write_file(folder / "map.png", png(map_figure(data))),
+    )
+    for write in writers:
+        try:
+            write()
+        except RecordingError as error:
+            failures.append(error)
+    if failures:
+        raise failures[0]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -24,7 +25,8 @@ class RunSeries(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """Arrays over the N ticks, NaN where the tick had no value.
 
     `distance_m` (N,) is driven distance by the estimate; `row` (N,) the row being worked, -1
-    between rows. `raw_compass` (M, 2), `course_compass` (K, 2): t_s and degrees clockwise from
+    between rows; `row_seen` (N,) is 1 where a camera sees crop where that row is to be, else 0.
+    `raw_compass` (M, 2), `course_compass` (K, 2): t_s and degrees clockwise from
     North, of the magnetometer and of the GNSS velocity. `truth` (T, 4): t_s, x, y, yaw.
     """
 
@@ -37,6 +39,7 @@ class RunSeries(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     pos_std_m: FloatArray
     cross_track_m: FloatArray
     row: npt.NDArray[np.int64]
+    row_seen: FloatArray
     distance_m: FloatArray
     raw_compass: FloatArray
     course_compass: FloatArray
@@ -63,7 +66,7 @@ class SeriesTap:
     """Collects the series while the robot runs."""
 
     def __init__(self) -> None:
-        self._ticks = GrowingTable(9)
+        self._ticks = GrowingTable(10)
         self._raw = GrowingTable(2)
         self._course = GrowingTable(2)
         self._truth = GrowingTable(4)
@@ -82,6 +85,7 @@ class SeriesTap:
                 estimate.pos_std_m if known else math.nan,
                 tracking.cross_track_m if tracking is not None else math.nan,
                 record.status.row,
+                math.nan if estimate.row_seen is None else float(estimate.row_seen),
             )
         )
         for mag in record.batch.mag:
@@ -110,6 +114,7 @@ class SeriesTap:
             pos_std_m=ticks[:, 6],
             cross_track_m=ticks[:, 7],
             row=ticks[:, 8].astype(np.int64),
+            row_seen=ticks[:, 9],
             distance_m=_driven_m(ticks[:, 0], ticks[:, 4]),
             raw_compass=self._raw.array(),
             course_compass=self._course.array(),
@@ -124,6 +129,28 @@ def collect(records: Iterable[TickRecord], truth: FloatArray | None = None) -> R
         tap(record)
     series = tap.series()
     return series if truth is None else msgspec.structs.replace(series, truth=truth)
+
+
+def joined(parts: Sequence[tuple[RunSeries, float]]) -> RunSeries:
+    """One series of several, each with the time at which it began on the clock of the first."""
+    driven_m = 0.0
+    columns: dict[str, list[Any]] = {name: [] for name in RunSeries.__struct_fields__}
+    for series, began_s in parts:
+        for name, values in columns.items():
+            values.append(_later(name, getattr(series, name), began_s, driven_m))
+        driven_m += float(series.distance_m[-1]) if len(series.distance_m) else 0.0
+    return RunSeries(**{name: np.concatenate(values) for name, values in columns.items()})
+
+
+def _later(name: str, values: FloatArray, began_s: float, driven_m: float) -> FloatArray:
+    if name == "distance_m":
+        return values + driven_m
+    if name == "t_s":
+        return values + began_s
+    if name in ("raw_compass", "course_compass", "truth"):
+        later: FloatArray = values + np.array([began_s] + [0.0] * (values.shape[1] - 1))
+        return later
+    return values
 
 
 def _driven_m(t_s: FloatArray, speed_mps: FloatArray) -> FloatArray:

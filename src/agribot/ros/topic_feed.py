@@ -112,15 +112,13 @@ class TopicFeed:
         estimate = record.estimate
         self._write_ros(topics.POSE, rosmsg.pose_stamped(estimate), estimate.t_s)
         self._write_number(topics.HEADING_FILTERED, compass_deg_from_yaw(estimate.yaw_map_rad))
-        if self._goals_map_m:
-            self._next_goal(estimate, record.status)
+        if record.status.goal_map_m is not None:
+            self._to_goal(estimate, record.status.goal_map_m)
         if record.batch.wheels:
             self._sensors.wheel_transforms(self._now_ns, record.batch.wheels[-1])
 
-    def _next_goal(self, estimate: Estimate, status: MissionStatus) -> None:
-        index = min(status.waypoints_reached, len(self._goals_map_m) - 1)
-        x_m, y_m = self._goals_map_m[index]
-        dx_m, dy_m = x_m - estimate.x_map_m, y_m - estimate.y_map_m
+    def _to_goal(self, estimate: Estimate, goal_map_m: tuple[float, float]) -> None:
+        dx_m, dy_m = goal_map_m[0] - estimate.x_map_m, goal_map_m[1] - estimate.y_map_m
         self._write_number(topics.DISTANCE, math.hypot(dx_m, dy_m))
         bearing_rad = math.atan2(dy_m, dx_m)
         self._write_number(topics.BEARING, math.degrees(bearing_rad))
@@ -134,11 +132,10 @@ class TopicFeed:
         )  # fmt: skip
         if changed or self._now_ns >= self._next_second_ns:
             self._write_ros(topics.STATUS, rosmsg.status_json(status), now_s)
-        if self._goals_map_m and (
-            before is None or before.waypoints_reached != status.waypoints_reached
-        ):
-            goal = self._goals_map_m[min(status.waypoints_reached, len(self._goals_map_m) - 1)]
-            self._write_ros(topics.GOAL_FIX, rosmsg.goal_fix(now_s, goal, self._map_frame), now_s)
+        goal_map_m = status.goal_map_m
+        if goal_map_m is not None and (before is None or before.goal_map_m != goal_map_m):
+            fix = rosmsg.goal_fix(now_s, goal_map_m, self._map_frame)
+            self._write_ros(topics.GOAL_FIX, fix, now_s)
         self._status = status
 
     def _write_number(self, topic: Topic, value: float) -> None:

@@ -26,6 +26,7 @@ BOARD_V, BOARD_YAW_RATE, BOARD_TARGET_V, BOARD_TARGET_YAW_RATE, BOARD_TIME_LEFT 
 # Then four of each, in the order of the wheels.
 BOARD_TARGET, BOARD_INTEGRAL, BOARD_SPEED, BOARD_FAULT_TIME = 5, 9, 13, 17
 BOARD_SIZE = 21
+BOARD_HOLD = slice(BOARD_INTEGRAL, BOARD_INTEGRAL + 4)
 
 # A wheel is at fault that for so long hardly turns or gets hardly any torque when it should.
 FAULT_AFTER_S = 0.5
@@ -34,19 +35,17 @@ FAULT_MIN_RADPS = 0.5
 
 
 @compiled
-def ground(terrain: Terrain, x_m: float, y_m: float) -> tuple[float, float, float]:
-    """Height and its slopes along x and y; the edge height continues outside the grid."""
-    grid = terrain.height_m
-    column = (x_m - terrain.x_min_m) / terrain.resolution_m
-    row = (y_m - terrain.y_min_m) / terrain.resolution_m
-    column = min(max(column, 0.0), grid.shape[1] - 1.000001)
-    row = min(max(row, 0.0), grid.shape[0] - 1.000001)
+def ground(grid: Terrain, x_m: float, y_m: float) -> tuple[float, float, float]:
+    """Value and its slopes along x and y; the edge's value continues outside the grid."""
+    values, step_m = grid.values, grid.resolution_m
+    column = min(max((x_m - grid.x_min_m) / step_m, 0.0), values.shape[1] - 1.000001)
+    row = min(max((y_m - grid.y_min_m) / step_m, 0.0), values.shape[0] - 1.000001)
     i, j = int(column), int(row)
     u, v = column - i, row - j
-    h00, h10, h01, h11 = grid[j, i], grid[j, i + 1], grid[j + 1, i], grid[j + 1, i + 1]
+    h00, h10, h01, h11 = values[j, i], values[j, i + 1], values[j + 1, i], values[j + 1, i + 1]
     lower, upper = h00 + (h10 - h00) * u, h01 + (h11 - h01) * u
-    slope_x = ((h10 - h00) * (1.0 - v) + (h11 - h01) * v) / terrain.resolution_m
-    return lower + (upper - lower) * v, slope_x, (upper - lower) / terrain.resolution_m
+    slope_x = ((h10 - h00) * (1.0 - v) + (h11 - h01) * v) / step_m
+    return lower + (upper - lower) * v, slope_x, (upper - lower) / step_m
 
 
 @compiled
@@ -70,37 +69,43 @@ def _sum(a: Vec3, b: Vec3) -> Vec3:
 
 
 @compiled
-def _ground_plane(terrain: Terrain, p_map_m: Vec3) -> tuple[float, Vec3]:
-    """Height and upward normal of the ground below a point."""
+def _ground_plane(terrain: Terrain, grip: Terrain, p_map_m: Vec3) -> tuple[float, Vec3, float]:
+    """Height, upward normal and friction of the ground below a point."""
     height, slope_x, slope_y = ground(terrain, p_map_m[0], p_map_m[1])
     up = 1.0 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
-    return height, (-slope_x * up, -slope_y * up, up)
+    friction = ground(grip, p_map_m[0], p_map_m[1])[0]
+    return height, (-slope_x * up, -slope_y * up, up), friction
 
 
 @compiled
 def _friction(
     tyre: TyreLaw,
+    grip: float,
     load_n: float,
     forward_mps: float,
     left_mps: float,
+    rolled_m: float,
     bristle_m: FloatArray,
     dt_s: float,
 ) -> tuple[float, float]:
-    """Forces along and across the wheel; `bristle_m` (2,) is stretched, or slides at the limit."""
-    bristle_m[0] += forward_mps * dt_s
-    bristle_m[1] += left_mps * dt_s
-    stiffness, damping = tyre.bristle_stiffness_npm, tyre.bristle_damping_nspm
-    forward_n = -stiffness * bristle_m[0] - damping * forward_mps
-    left_n = -stiffness * bristle_m[1] - damping * left_mps
-    excess = math.hypot(
-        forward_n / (tyre.friction_longitudinal * load_n + TINY),
-        left_n / (tyre.friction_lateral * load_n + TINY),
-    )
+    """Forces along and across the wheel; `bristle_m` (2,) is stretched, or slides at the limit.
+
+    Rolling lays fresh tread down: z' = v - |rolling speed| z / L, at the end of the step.
+    """
+    kept = tyre.relaxation_length_m / (tyre.relaxation_length_m + rolled_m)
+    ahead_m = (bristle_m[0] + forward_mps * dt_s) * kept
+    aside_m = (bristle_m[1] + left_mps * dt_s) * kept
+    stiffness, damping = tyre.bristle_stiffness_npm, tyre.bristle_damping_nspm / dt_s
+    forward_n = -stiffness * ahead_m - damping * (ahead_m - bristle_m[0])
+    left_n = -stiffness * aside_m - damping * (aside_m - bristle_m[1])
+    bristle_m[0], bristle_m[1] = ahead_m, aside_m
+    along = forward_n / (min(tyre.friction_longitudinal, grip) * load_n + TINY)
+    across = left_n / (min(tyre.friction_lateral, grip) * load_n + TINY)
+    excess = along * along + across * across
     if excess > 1.0:
-        forward_n /= excess
-        left_n /= excess
-        bristle_m[0] = -forward_n / stiffness
-        bristle_m[1] = -left_n / stiffness
+        scale = 1.0 / math.sqrt(excess)
+        forward_n, left_n = forward_n * scale, left_n * scale
+        bristle_m[0], bristle_m[1] = -forward_n / stiffness, -left_n / stiffness
     return forward_n, left_n
 
 
@@ -127,7 +132,7 @@ def apply_tyre_forces(
     for k in range(wheel_body.shape[0]):
         b = wheel_body[k]
         hub = (centre[b, 0], centre[b, 1], centre[b, 2])
-        height, normal = _ground_plane(terrain, hub)
+        height, normal, grip = _ground_plane(terrain, tyre.ground_friction, hub)
         arm_m = (hub[2] - height) * normal[2]
         if arm_m >= tyre.radius_m:
             wrench[b, :] = 0.0
@@ -139,19 +144,19 @@ def apply_tyre_forces(
         left = _cross(normal, forward)
         spin = (velocity[b, 0], velocity[b, 1], velocity[b, 2])
         contact = _sum(hub, _along(normal, -arm_m))
-        lever = (
-            contact[0] - velocity_at[0], contact[1] - velocity_at[1], contact[2] - velocity_at[2],
-        )  # fmt: skip
+        lever = _sum(contact, (-velocity_at[0], -velocity_at[1], -velocity_at[2]))
         slip = _sum((velocity[b, 3], velocity[b, 4], velocity[b, 5]), _cross(spin, lever))
         spring_n = tyre.normal_stiffness_npm * (tyre.radius_m - arm_m)
         load_n = max(0.0, spring_n - tyre.normal_damping_nspm * _dot(slip, normal))
+        spin_radps = _dot(spin, axle)
         forward_n, left_n = _friction(
-            tyre, load_n, _dot(slip, forward), _dot(slip, left), bristle_m[k], dt_s
-        )
+            tyre, grip, load_n, _dot(slip, forward), _dot(slip, left),
+            math.fabs(spin_radps) * arm_m * dt_s, bristle_m[k], dt_s,
+        )  # fmt: skip
         drag_nm = -tyre.rolling_resistance * load_n * tyre.radius_m
-        drag_nm *= math.tanh(_dot(spin, axle) / ROLLING_FADE_RADPS)
+        drag_nm *= math.tanh(spin_radps / ROLLING_FADE_RADPS)
         force = _sum(_along(normal, load_n), _sum(_along(forward, forward_n), _along(left, left_n)))
-        arm = (contact[0] - com[b, 0], contact[1] - com[b, 1], contact[2] - com[b, 2])
+        arm = _sum(contact, (-com[b, 0], -com[b, 1], -com[b, 2]))
         torque = _sum(_cross(arm, force), _along(axle, drag_nm))
         wrench[b, 0], wrench[b, 1], wrench[b, 2] = force
         wrench[b, 3], wrench[b, 4], wrench[b, 5] = torque
@@ -173,16 +178,17 @@ def run_board(state: FloatArray, board: Board, views: StateViews, dt_s: float) -
         alive * state[BOARD_TARGET_YAW_RATE],
         board.max_yaw_accel_radps2 * dt_s,
     )
-    state[BOARD_V] = v
-    state[BOARD_YAW_RATE] = yaw_rate
+    state[BOARD_V], state[BOARD_YAW_RATE] = v, yaw_rate
     side = yaw_rate * board.half_separation_m
     right, left = (v + side) / board.wheel_radius_m, (v - side) / board.wheel_radius_m
     ctrl, speed = views.ctrl, views.qvel[6:10]
     for k in range(4):
         state[BOARD_TARGET + k] = left if k % 2 else right
-        ctrl[k] = state[BOARD_TARGET + k]
-        if board.is_effort:
-            ctrl[k] = _pid(k, state, board, speed[k], dt_s)
+        ctrl[k] = _pid(k, state, board, speed[k], dt_s)
+        if not board.is_effort:
+            # MuJoCo's servo is told a speed that makes this torque, and eases it within the step;
+            # told a trace more, it stays at its limit.
+            ctrl[k] = speed[k] + ctrl[k] / board.p_nmspr * (1.0 + TINY)
 
 
 @compiled
@@ -207,17 +213,15 @@ def watch_wheels(state: FloatArray, board: Board, views: StateViews, dt_s: float
         target, speed = state[BOARD_TARGET + k], views.qvel[6 + k]
         wanted = views.ctrl[k]
         if not board.is_effort:
-            wanted = min(max(board.servo_gain_nmspr * (target - speed), -limit), limit)
+            wanted = min(max(board.p_nmspr * (wanted - speed), -limit), limit)
         is_stuck = math.fabs(target) > FAULT_MIN_RADPS and (
             math.fabs(speed) < FAULT_RATIO * math.fabs(target)
         )
         is_powerless = math.fabs(wanted) > FAULT_RATIO * limit and (
             math.fabs(views.actuator_force[k]) < FAULT_RATIO * math.fabs(wanted)
         )
-        if is_stuck or is_powerless:
-            state[BOARD_FAULT_TIME + k] += dt_s
-        else:
-            state[BOARD_FAULT_TIME + k] = 0.0
+        lasted_s = state[BOARD_FAULT_TIME + k] + dt_s
+        state[BOARD_FAULT_TIME + k] = lasted_s if is_stuck or is_powerless else 0.0
 
 
 @compiled
@@ -230,12 +234,10 @@ def record(
     board_state: FloatArray,
 ) -> None:
     """Write the state into `row`; `last` is the row of the step before."""
-    qpos, qvel = views.qpos, views.qvel
+    qpos, qvel, force = views.qpos, views.qvel, views.actuator_force
     # Element by element: assigning slices would double the time of the first compilation.
-    for i in range(7):
-        row[i] = qpos[i]
-    for i in range(6):
-        row[7 + i] = qvel[i]
+    for i in range(13):
+        row[i] = qpos[i] if i < 7 else qvel[i - 7]
     w, x, y, z = qpos[3], qpos[4], qpos[5], qpos[6]
     # Change of velocity plus what gravity hides, turned into base axes.
     d0, d1 = qvel[0] - last[7], qvel[1] - last[8]
@@ -254,7 +256,6 @@ def record(
     row[16] = last[16] + o0 * dt_s
     row[17] = last[17] + o1 * dt_s
     row[18] = last[18] + o2 * dt_s
-    force = views.actuator_force
     row[27] = math.fabs(force[0]) + math.fabs(force[1]) + math.fabs(force[2]) + math.fabs(force[3])
     work = 0.0
     for k in range(4):

@@ -15,11 +15,14 @@ from agribot.sim import kernel
 from agribot.sim.attitude import rotation_of
 from agribot.sim.clock import NS_PER_S
 from agribot.sim.engine import Engine
+from agribot.sim.grip import friction_grid
 from agribot.sim.state import HISTORY_COLUMNS, POSITION, Board, Inertial
 from agribot.sim.tyre import Terrain, tyre_law
 from agribot.world import HeightField, WorldSpec
 
 SETTLE_S = 1.0
+# The integral of a servo takes over what its gain alone would leave as an error of speed.
+SERVO_RESET_S = 0.1
 OVERTURNED_COS = 0.17  # 80 degrees of tilt
 WHEEL_BODIES = np.arange(2, 6, dtype=np.int64)
 
@@ -49,7 +52,7 @@ class Physics:
             robot.drive.wheel_radius_m,
             robot.mass_kg,
             self._engine.wheel_mass_kg,
-            world.friction_ratio,
+            friction_grid(world),
         )
         self._terrain = _terrain(world.terrain)
         self._bristle_m = np.zeros((4, 2))
@@ -140,7 +143,10 @@ class Physics:
         qpos[2] += self._ground_m(*xy_map_m) - self._ground_m(*slid_to.tolist())
         qpos[7:11] = 0.0
         qvel[:] = 0.0
+        # What the wheels need to hold the robot on its slope stays.
+        held_nm = self._board_state[kernel.BOARD_HOLD].copy()
         self._board_state[:] = 0.0
+        self._board_state[kernel.BOARD_HOLD] = held_nm
         self.step = 0
         self.history = np.zeros((2, HISTORY_COLUMNS))
         self.history[-1, :7] = qpos[:7]
@@ -176,15 +182,15 @@ def _terrain(field: HeightField | None) -> Terrain:
 
 
 def _board(drive: DriveSpec, is_effort: bool) -> Board:
+    gains = (drive.servo_gain_nmspr, drive.servo_gain_nmspr / SERVO_RESET_S, 0.0)
+    if is_effort:
+        gains = (drive.pid_p_nmspr, drive.pid_i_nmprad, drive.pid_d_nms2prad)
     return Board(
         drive.max_accel_mps2,
         drive.max_yaw_accel_radps2,
         drive.wheel_radius_m,
         drive.effective_separation_m / 2.0,
         is_effort,
-        drive.servo_gain_nmspr,
-        drive.pid_p_nmspr,
-        drive.pid_i_nmprad,
-        drive.pid_d_nms2prad,
+        *gains,
         drive.wheel_torque_nm,
     )

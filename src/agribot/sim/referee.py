@@ -6,22 +6,29 @@ import math
 from collections.abc import Sequence
 from typing import Protocol
 
-import msgspec
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linear_sum_assignment
 
 from agribot.geo import wrap_rad
 from agribot.growing_table import GrowingTable
 from agribot.mapped_plant import MappedPlant
-from agribot.messages import ByteArray, FloatArray, PlantClass, Row, TickRecord
+from agribot.messages import ByteArray, PlantClass, Row, TickRecord
 from agribot.row_shape import beside_row, row_length_m
+from agribot.sim.scores import (
+    EstimateScore,
+    Judged,
+    Tally,
+    TrackingScore,
+    WeedScore,
+    root_mean,
+)
 from agribot.sim.truth import Truth
-from agribot.world import Plant, WorldSpec
+from agribot.sim.weed_judge import match_weeds
+from agribot.world import WorldSpec
 
-MATCH_RADIUS_M = 0.10  # a mapped weed farther from every true one is a false alarm
 KEPT_ROW_M = 0.25  # farther off than this, the wheels come near the plants: the row was not driven
 SLICE_M = 0.25  # of row length, for the coverage
+SAME_PLACE_M = 0.05  # ends of rows that another plan numbers anew
 
 
 class TruthSource(Protocol):
@@ -37,42 +44,6 @@ class TruthSource(Protocol):
     def truth_mask(self, frame_index: int) -> ByteArray | None: ...
 
 
-class TrackingScore(msgspec.Struct, frozen=True, kw_only=True):
-    """True errors against the row line, over all ticks inside rows; None without any."""
-
-    xte_rms_m: float | None
-    xte_p95_m: float | None
-    xte_max_m: float | None
-    heading_rms_rad: float | None
-    distance_m: float
-    plants_total: int
-    plants_crushed: int
-
-
-class EstimateScore(msgspec.Struct, frozen=True, kw_only=True):
-    """Error of the estimate over all ticks in which it called itself good."""
-
-    pos_rms_m: float | None
-    yaw_rms_rad: float | None
-    nees_mean: float | None
-
-
-class WeedScore(msgspec.Struct, frozen=True, kw_only=True):
-    """Mapped against true weeds in the strips of the finished rows."""
-
-    truth: int
-    mapped: int
-    matched: int
-    precision: float | None
-    recall: float | None
-    f1: float | None
-    pos_error_median_m: float | None
-    treated: int
-    treated_true: int
-    crops_hit: int
-    spray_area_ratio: float | None
-
-
 class Referee:
     """A tap: call it with every TickRecord, then ask for the scores."""
 
@@ -85,9 +56,12 @@ class Referee:
     ) -> None:
         self._source = source
         self._world = world
-        self._row_errors = GrowingTable(2)  # across_m, heading_rad
-        self._estimate_errors = GrowingTable(3)  # x_m, y_m, yaw_rad
+        self._row_errors = GrowingTable(2)  # across_m, heading_rad; those not in the tally yet
+        self._estimate_errors = GrowingTable(3)  # x_m, y_m, yaw_rad; likewise
         self._pose_covs = GrowingTable(9)
+        self._across_m = GrowingTable(1)
+        self._tally = Tally()
+        self._before: Judged | None = None
         self._distance_m = 0.0
         self._last_xy: tuple[float, float] | None = None
         self._confusion = np.zeros((3, 3), dtype=np.int64)
@@ -102,6 +76,42 @@ class Referee:
         self._nearest_m = [math.inf] * len(self._goals_map_m)
         self._worst_m: dict[int, float] = {}
         self._slices: set[tuple[int, int]] = set()
+
+    def restore(self, before: Judged) -> str:
+        """Go on with the judgement of an earlier run of the job.
+
+        Returns what of it cannot count, in words; empty where all of it does.
+        """
+        self._before, self._tally = before, before.tally
+        self._distance_m += before.distance_m
+        self._confusion += np.array(before.confusion, dtype=np.int64).reshape(3, 3)
+        for row in before.rows:
+            self._restore_row(row, before)
+        for goal, nearest_m in zip(before.goals_map_m, before.nearest_m, strict=True):
+            if goal in self._goals_map_m and nearest_m is not None:
+                self._nearest_m[self._goals_map_m.index(goal)] = nearest_m
+        if before.plants_total == len(self._world.plants):
+            return ""
+        self._before = None
+        return "crushed and sprayed plants: the field has other plants now"
+
+    def judged(self) -> Judged:
+        """Everything so far, for the run that goes on when this one is cut off."""
+        self._settle()
+        return Judged(
+            tally=self._tally,
+            distance_m=self._distance_m,
+            confusion=tuple(self._confusion.ravel().tolist()),
+            rows=tuple(self._rows.values()),
+            worst_m=self._worst_m,
+            slices=tuple(sorted(self._slices)),
+            goals_map_m=self._goals_map_m,
+            nearest_m=tuple(n if math.isfinite(n) else None for n in self._nearest_m),
+            crushed=tuple(sorted(self._crushed)),
+            sprayed=tuple(sorted(self._sprayed_plants)),
+            sprayed_area_m2=self._sprayed_area_m2,
+            plants_total=len(self._world.plants),
+        )
 
     def __call__(self, record: TickRecord) -> None:
         truth = self._source.truth()
@@ -159,58 +169,75 @@ class Referee:
         }
 
     def tracking(self) -> TrackingScore:
-        errors = self._row_errors.array()
-        crops = [p for p in self._world.plants if p.plant == PlantClass.CROP]
-        known = errors.shape[0] > 0
-        across = np.abs(errors[:, 0])
+        self._settle()
+        tally = self._tally
+        is_one_run = len(self._across_m) == tally.row_ticks > 0
+        p95_m = float(np.percentile(self._across_m.array(), 95)) if is_one_run else None
         return TrackingScore(
-            xte_rms_m=_rms(errors[:, 0]),
-            xte_p95_m=float(np.percentile(across, 95)) if known else None,
-            xte_max_m=float(across.max()) if known else None,
-            heading_rms_rad=_rms(errors[:, 1]),
+            xte_rms_m=root_mean(tally.across_m2, tally.row_ticks),
+            xte_p95_m=p95_m if is_one_run else tally.across_m.percentile(95.0),
+            xte_max_m=tally.across_max_m if tally.row_ticks else None,
+            heading_rms_rad=root_mean(tally.heading_rad2, tally.row_ticks),
             distance_m=self._distance_m,
-            plants_total=len(crops),
-            plants_crushed=len(self._source.crushed),
+            plants_total=sum(p.plant == PlantClass.CROP for p in self._world.plants),
+            plants_crushed=len(self._crushed),
         )
 
     def estimate(self) -> EstimateScore:
-        if not self._estimate_errors:
-            return EstimateScore(pos_rms_m=None, yaw_rms_rad=None, nees_mean=None)
-        error = self._estimate_errors.array()
-        cov = self._pose_covs.array().reshape(-1, 3, 3)
-        nees = np.einsum("ni,ni->n", error, np.linalg.solve(cov, error[..., None])[..., 0])
-        return EstimateScore(
-            pos_rms_m=float(np.sqrt((error[:, :2] ** 2).sum(axis=1).mean())),
-            yaw_rms_rad=_rms(error[:, 2]),
-            nees_mean=float(nees.mean()),
-        )
+        self._settle()
+        return self._tally.estimate()
 
     def weeds(self, mapped: Sequence[MappedPlant], rows_done: Sequence[int]) -> WeedScore:
-        strips = [self._rows[index] for index in rows_done]
-        pitch_m = self._pitch_m()
-        truth = [
-            p
-            for p in self._world.plants
-            if p.plant == PlantClass.WEED and _in_strips(p.x_map_m, p.y_map_m, strips, pitch_m)
-        ]
-        inside = [m for m in mapped if _in_strips(m.x_map_m, m.y_map_m, strips, pitch_m)]
-        distances = _match(inside, [p for p in self._world.plants if p.plant == PlantClass.WEED])
-        recalled = len(_match(mapped, truth))
-        precision = len(distances) / len(inside) if inside else None
-        recall = recalled / len(truth) if truth else None
+        strips, pitch_m = [self._rows[index] for index in rows_done], self._pitch_m()
+        found = match_weeds(mapped, self._world.plants, strips, pitch_m)
         return WeedScore(
-            truth=len(truth),
-            mapped=len(inside),
-            matched=len(distances),
-            precision=precision,
-            recall=recall,
-            f1=_f1(precision, recall),
-            pos_error_median_m=float(np.median(distances)) if distances else None,
+            truth=found.truth,
+            mapped=found.mapped,
+            matched=len(found.distances_m),
+            precision=found.precision,
+            recall=found.recall,
+            f1=found.f1,
+            pos_error_median_m=float(np.median(found.distances_m)) if found.distances_m else None,
             treated=sum(m.treated_s is not None for m in mapped),
             treated_true=self._sprayed(PlantClass.WEED),
             crops_hit=self._sprayed(PlantClass.CROP),
             spray_area_ratio=self._spray_ratio(strips, pitch_m),
         )
+
+    @property
+    def _crushed(self) -> set[int]:
+        return self._source.crushed.union(self._before.crushed if self._before else ())
+
+    @property
+    def _sprayed_plants(self) -> set[int]:
+        return set(self._source.sprayed).union(self._before.sprayed if self._before else ())
+
+    @property
+    def _sprayed_area_m2(self) -> float:
+        return self._source.sprayed_area_m2 + (self._before.sprayed_area_m2 if self._before else 0)
+
+    def _settle(self) -> None:
+        """Bring the newest errors into the tally."""
+        rows = self._row_errors.array()
+        for across_m in np.abs(rows[:, 0]):
+            self._across_m.append((across_m,))
+        self._tally.add_rows(rows)
+        self._tally.add_estimates(self._estimate_errors.array(), self._pose_covs.array())
+        self._row_errors, self._estimate_errors = GrowingTable(2), GrowingTable(3)
+        self._pose_covs = GrowingTable(9)
+
+    def _restore_row(self, then: Row, before: Judged) -> None:
+        """A row that lies where one lies now; it may have another number, or run back."""
+        for row in self._rows.values():
+            ends = row.start_map_m, row.end_map_m
+            is_same = _is_near(ends, (then.start_map_m, then.end_map_m))
+            if not is_same and not _is_near(ends, (then.end_map_m, then.start_map_m)):
+                continue
+            if then.index in before.worst_m:
+                self._worst_m[row.index] = before.worst_m[then.index]
+            last = math.ceil(row_length_m(row) / SLICE_M) - 1
+            places = [place for index, place in before.slices if index == then.index]
+            self._slices |= {(row.index, p if is_same else last - p) for p in places}
 
     def _judge_row(self, row: Row, x_m: float, y_m: float, yaw_rad: float) -> None:
         along_m, across_m, row_yaw_rad = map(float, beside_row(row, x_m, y_m))
@@ -241,41 +268,18 @@ class Referee:
         return abs(float(beside_row(rows[0], *rows[1].start_map_m).left_m))
 
     def _sprayed(self, plant: PlantClass) -> int:
-        return sum(self._world.plants[index].plant == plant for index in self._source.sprayed)
+        return sum(self._world.plants[index].plant == plant for index in self._sprayed_plants)
 
     def _spray_ratio(self, strips: Sequence[Row], pitch_m: float) -> float | None:
         area_m2 = sum(row_length_m(row) * pitch_m for row in strips)
-        return self._source.sprayed_area_m2 / area_m2 if area_m2 else None
+        return self._sprayed_area_m2 / area_m2 if area_m2 else None
 
 
-def _in_strips(x_m: float, y_m: float, rows: Sequence[Row], pitch_m: float) -> bool:
-    for row in rows:
-        along_m, across_m, _ = beside_row(row, x_m, y_m)
-        if 0.0 <= along_m <= row_length_m(row) and abs(across_m) <= pitch_m / 2:
-            return True
-    return False
-
-
-def _match(mapped: Sequence[MappedPlant], truth: Sequence[Plant]) -> list[float]:
-    """Distances of the one-to-one pairs within MATCH_RADIUS_M (Hungarian assignment)."""
-    if not mapped or not truth:
-        return []
-    mapped_xy = np.array([(m.x_map_m, m.y_map_m) for m in mapped])
-    truth_xy = np.array([(p.x_map_m, p.y_map_m) for p in truth])
-    distance = np.linalg.norm(mapped_xy[:, None] - truth_xy[None], axis=2)
-    cost = np.where(distance <= MATCH_RADIUS_M, distance, 1e3)
-    pairs = linear_sum_assignment(cost)
-    return [float(d) for d in distance[pairs] if d <= MATCH_RADIUS_M]
-
-
-def _f1(precision: float | None, recall: float | None) -> float | None:
-    if precision is None or recall is None:
-        return None
-    return 2 * precision * recall / (precision + recall) if precision + recall else 0.0
-
-
-def _rms(values: FloatArray) -> float | None:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else None
+def _is_near(
+    ends: tuple[tuple[float, float], tuple[float, float]],
+    others: tuple[tuple[float, float], tuple[float, float]],
+) -> bool:
+    return all(math.dist(*pair) <= SAME_PLACE_M for pair in zip(ends, others, strict=True))
 
 
 def _nearest(mask: ByteArray, shape: tuple[int, ...]) -> ByteArray:

@@ -41,8 +41,8 @@ class StateViews(NamedTuple):
 class Board(NamedTuple):
     """The motor board: ramps of the twist, its idea of the drive's geometry, wheel control.
 
-    With `is_effort` a PID per wheel commands torque; else the servo of the actuator, whose
-    gain is `servo_gain_nmspr`, follows the speed by itself.
+    The gains are those of each wheel's controller. With `is_effort` its torque goes to the wheel
+    as it is; else `p_nmspr` is also MuJoCo's servo, which lets the torque follow the speed.
     """
 
     max_accel_mps2: float
@@ -50,7 +50,6 @@ class Board(NamedTuple):
     wheel_radius_m: float
     half_separation_m: float
     is_effort: bool
-    servo_gain_nmspr: float
     p_nmspr: float
     i_nmprad: float
     d_nms2prad: float

@@ -1,8 +1,11 @@
 """Tyres on soil: parameters of the force law that the kernel applies.
 
 Normal force is a spring and damper, friction an elastic-plastic bristle per direction inside
-an ellipse (Dahl 1968 with a Coulomb limit). A convex contact solver pushes sliding bodies
-apart, and a skid-steer vehicle slides whenever it turns: its yaw rate would be wrong.
+an ellipse (Dahl 1968 with a Coulomb limit). While the wheel rolls, fresh tread takes the place of
+what is stretched, z' = v - |rolling speed| z / L, as in the lumped tyre of Canudas de Wit, Tsiotras
+and others (2003): without it coupled wheels stretch against each other. A convex contact solver
+pushes sliding bodies apart, and a skid-steer vehicle slides whenever it turns: its yaw rate would
+be wrong.
 """
 
 from __future__ import annotations
@@ -14,32 +17,34 @@ from agribot.messages import FloatArray
 from agribot.robot import TyreSpec
 
 
+class Terrain(NamedTuple):
+    """Bilinear grid over the ground, of heights or friction: rows along y, columns along x."""
+
+    values: FloatArray
+    x_min_m: float
+    y_min_m: float
+    resolution_m: float
+
+
 class TyreLaw(NamedTuple):
-    """What the kernel needs of one tyre; damping in N s/m."""
+    """What the kernel needs of one tyre and its ground; damping in N s/m."""
 
     radius_m: float
     normal_stiffness_npm: float
     normal_damping_nspm: float
     bristle_stiffness_npm: float
     bristle_damping_nspm: float
+    relaxation_length_m: float
     friction_longitudinal: float
     friction_lateral: float
     rolling_resistance: float
-
-
-class Terrain(NamedTuple):
-    """Bilinear height grid: rows along y, columns along x."""
-
-    height_m: FloatArray
-    x_min_m: float
-    y_min_m: float
-    resolution_m: float
+    ground_friction: Terrain
 
 
 def tyre_law(
-    tyre: TyreSpec, radius_m: float, mass_kg: float, wheel_mass_kg: float, ground_friction: float
+    tyre: TyreSpec, radius_m: float, mass_kg: float, wheel_mass_kg: float, ground_friction: Terrain
 ) -> TyreLaw:
-    """Dampers relative to critical ones; friction is the smaller of wheel and ground."""
+    """Dampers relative to critical ones; the kernel takes the smaller friction of both."""
     load_kg = mass_kg / 4.0
     return TyreLaw(
         radius_m=radius_m,
@@ -49,7 +54,9 @@ def tyre_law(
         * math.sqrt(tyre.normal_stiffness_npm * load_kg),
         bristle_stiffness_npm=tyre.bristle_stiffness_npm,
         bristle_damping_nspm=math.sqrt(tyre.bristle_stiffness_npm * wheel_mass_kg / 2.0),
-        friction_longitudinal=min(tyre.friction_longitudinal_ratio, ground_friction),
-        friction_lateral=min(tyre.friction_lateral_ratio, ground_friction),
+        relaxation_length_m=tyre.relaxation_length_m,
+        friction_longitudinal=tyre.friction_longitudinal_ratio,
+        friction_lateral=tyre.friction_lateral_ratio,
         rolling_resistance=tyre.rolling_resistance_ratio,
+        ground_friction=ground_friction,
     )

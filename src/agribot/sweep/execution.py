@@ -11,6 +11,7 @@ import msgspec
 
 from agribot.errors import AgribotError, ConfigError
 from agribot.record.report import Report
+from agribot.run_folder import clear_run
 from agribot.sweep.plan import Job
 from agribot.workers import Stop, results
 
@@ -44,6 +45,7 @@ def drive(assignment: Assignment, stop: Stop) -> Outcome | None:
     from agribot.session import Session
 
     try:
+        clear_run(assignment.out_dir)  # what an interrupted sweep left
         with Session(assignment.job.config(), assignment.out_dir) as session:
             for _ in session.ticks():
                 if stop():

@@ -9,6 +9,9 @@ from typing import Any
 
 import msgspec
 
+from agribot.commands.networks import STRIDE_PX, read_size
+from agribot.commands.ranges import finite, seed
+from agribot.dataset.ids_option import add_ids_option
 from agribot.errors import ConfigError
 from agribot.train.drawn_options import add_drawn_options, check_drawn_options
 from agribot.train.recipe_options import add_recipe_options, begun, check_recipe_options
@@ -25,9 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--model", help="network (default: agribot-sim for sim, else agribot-s)")
     budget = parser.add_mutually_exclusive_group()
-    budget.add_argument("--minutes", type=float, default=20.0, help="CPU time of the training")
+    budget.add_argument("--minutes", type=finite, default=20.0, help="CPU time of the training")
     budget.add_argument("--steps", type=int, help="optimiser steps, for an exact repetition")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=seed, default=0)
     parser.add_argument("--threads", type=int, default=1, help="CPU threads; part of the result")
     parser.add_argument(
         "--device", choices=("auto", "cpu", "cuda"), default="auto", help="auto: a GPU if any"
@@ -47,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add_photographs(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--data-dir", type=Path, help="folder of photographs and masks")
+    add_ids_option(group)
     group.add_argument(
         "--loss",
         choices=("lovasz", "dice", "iou", "none"),
@@ -135,6 +139,9 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, crew: Any) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
+    read_size(args.size, STRIDE_PX)
+    if args.fold is not None and not 0 <= args.fold < args.folds:
+        raise ConfigError(f"--fold {args.fold}: must be from 0 to {args.folds - 1}, of --folds")
     for option in ("images", "test_images", "threads", "train_width", "crop_px"):
         if getattr(args, option) < 1:
             flag = option.replace("_", "-")

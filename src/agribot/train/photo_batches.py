@@ -6,9 +6,8 @@ more often: crops centre on vegetation, and plants of one picture are set into a
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +17,7 @@ from torch import Tensor
 
 from agribot.messages import ByteArray, PlantClass
 from agribot.train.evaluate import resized_nearest
+from agribot.train.photo_transforms import relight, warp
 
 # Largest and smallest scale, over the scale at which the network works.
 SCALE_RATIO = (0.86, 1.66)
@@ -58,7 +58,6 @@ class PhotoBatches:
         self._pictures = [[_level(*pair, float(s)) for s in scales] for pair in pairs]
         # A turned square must not reach over the edge of its window.
         self._window_px = int(np.ceil(crop_px * 1.2))
-        self._warp, self._relight = _transforms(crop_px, self._window_px)
 
     def __call__(self, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         samples = [self._sample(rng) for _ in range(self.batch_size)]
@@ -86,10 +85,8 @@ class PhotoBatches:
         picture = self._pictures[int(rng.integers(len(self._pictures)))]
         level = picture[int(rng.integers(len(picture)))]
         image, label = self._window(level, rng)
-        self._warp.set_random_seed(int(rng.integers(2**31)))
-        self._relight.set_random_seed(int(rng.integers(2**31)))
-        warped = self._warp(image=image, mask=label)
-        return self._relight(image=warped["image"])["image"], warped["mask"]
+        image, label = warp(image, label, self.crop_px, FROM_LEVEL_RATIO, rng)
+        return relight(image, rng), label
 
     def _window(self, level: Level, rng: np.random.Generator) -> tuple[ByteArray, ByteArray]:
         height, width = level.label.shape
@@ -118,36 +115,3 @@ def _level(image_rgb: ByteArray, label: ByteArray, scale: float) -> Level:
     sparse = small[::4, ::4]
     plants = (sparse == PlantClass.CROP) | (sparse == PlantClass.WEED)
     return Level(image, small, 4 * np.argwhere(sparse == PlantClass.CROP), 4 * np.argwhere(plants))
-
-
-def _transforms(crop_px: int, window_px: int) -> tuple[Any, Any]:
-    os.environ.setdefault("NO_ALBUMENTATIONS_UPDATE", "1")  # training needs no network
-    import albumentations as alb
-    import cv2
-
-    cv2.setNumThreads(1)
-    warp = alb.Compose(
-        [
-            alb.PadIfNeeded(window_px, window_px, border_mode=cv2.BORDER_REFLECT_101),
-            alb.Affine(
-                scale=FROM_LEVEL_RATIO,
-                rotate=(-180.0, 180.0),
-                shear=(-6.0, 6.0),
-                border_mode=cv2.BORDER_REFLECT_101,
-                p=1.0,
-            ),
-            alb.CenterCrop(crop_px, crop_px),
-            alb.HorizontalFlip(p=0.5),
-        ]
-    )
-    relight = alb.Compose(
-        [
-            alb.RandomGamma((74, 135), p=0.7),
-            alb.RandomBrightnessContrast(0.22, 0.2, p=0.7),
-            alb.RGBShift(14, 14, 14, p=0.6),
-            alb.HueSaturationValue(4, 25, 0, p=0.4),
-            alb.GaussianBlur(blur_limit=0, sigma_limit=(0.3, 1.2), p=0.2),
-            alb.GaussNoise(std_range=(0.004, 0.03), p=0.3),
-        ]
-    )
-    return warp, relight

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import msgspec
-import numpy as np
 
-from agribot.dataset.check import UNKNOWN, classes_of
+from agribot.dataset.classes import UNKNOWN, ClassTally, MaskIds, classes_of
 from agribot.dataset.layouts import Item, find_layout
-from agribot.dataset.pictures import DEEP_MODES, PictureError, open_mask, read_picture
+from agribot.dataset.pictures import PictureError, open_mask, read_picture
 from agribot.errors import ConfigError
 from agribot.messages import ByteArray, PlantClass
 
@@ -26,7 +25,7 @@ class DataKind(msgspec.Struct, frozen=True, kw_only=True):
     about: str
     images: str | None = None
     masks: str | None = None
-    ids: dict[int, int] = {}
+    ids: MaskIds = {}
     license: str = "that of your images"
 
 
@@ -62,17 +61,27 @@ KINDS = {
 
 
 class Pair(msgspec.Struct, frozen=True, kw_only=True):
-    """An image, its mask and the field or day (empty: unknown) that it belongs to."""
+    """An image, its mask and the field or day (empty: unknown) that it belongs to.
+
+    `ids` says what the values of the mask mean; empty: those of `PlantClass`, or colours.
+    """
 
     image: Path
     mask: Path
     group: str
+    ids: MaskIds = {}
 
 
 def find_pairs(
-    folder: Path, kind: str, images: str | None = None, masks: str | None = None
+    folder: Path,
+    kind: str,
+    images: str | None = None,
+    masks: str | None = None,
+    ids: MaskIds | None = None,
 ) -> tuple[list[Pair], list[str]]:
     """All complete pairs, sorted by name, and what is wrong with the rest.
+
+    `ids` replaces what the values of the masks mean in data of this kind.
 
     Raises: ConfigError: no pair at all.
     """
@@ -83,7 +92,7 @@ def find_pairs(
         [f"{folder / name}: another file has this name" for name in layout.doubles],
     )
     for item in layout.items:
-        pair = _pair(folder, item)
+        pair = _pair(folder, item, known.ids if ids is None else ids)
         if isinstance(pair, Pair):
             pairs.append(pair)
         else:
@@ -96,29 +105,29 @@ def find_pairs(
     return pairs, problems
 
 
-def _pair(folder: Path, item: Item) -> Pair | str:
+def _pair(folder: Path, item: Item, ids: MaskIds) -> Pair | str:
     if item.image is None:
         return f"{folder / (item.mask or '')}: mask without an image"
     if item.mask is None:
         return f"{folder / item.image}: image without a mask"
-    return Pair(image=folder / item.image, mask=folder / item.mask, group=item.group)
+    return Pair(image=folder / item.image, mask=folder / item.mask, group=item.group, ids=ids)
 
 
 def read_pairs(
-    pairs: Sequence[Pair], kind: str, problem: Callable[[str], None]
+    pairs: Sequence[Pair], problem: Callable[[str], None]
 ) -> Iterator[tuple[ByteArray, ByteArray]]:
     """(image_rgb, label) of each pair that is whole; `problem` is told of every other one."""
     for pair in pairs:
         try:
-            yield read_pair(pair, kind)
+            yield read_pair(pair)
         except PictureError as error:
             problem(str(error))
 
 
-def read_pair(pair: Pair, kind: str) -> tuple[ByteArray, ByteArray]:
+def read_pair(pair: Pair) -> tuple[ByteArray, ByteArray]:
     """Raises: PictureError: a file cannot be read, or the mask does not fit the image."""
     image_rgb = read_picture(pair.image)
-    label = read_label(pair.mask, KINDS[kind].ids)
+    label = read_label(pair.mask, pair.ids)
     if label.shape != image_rgb.shape[:2]:
         raise PictureError(
             f"{pair.mask}: is {label.shape[1]} x {label.shape[0]} pixels, its image "
@@ -127,32 +136,42 @@ def read_pair(pair: Pair, kind: str) -> tuple[ByteArray, ByteArray]:
     return image_rgb, label
 
 
-def read_label(path: Path, ids: dict[int, int]) -> ByteArray:
+def read_label(path: Path, ids: MaskIds) -> ByteArray:
     """Class of every pixel, 255 where it does not count.
 
     Raises: PictureError: unreadable, or values that are no class.
     """
     mask = open_mask(path)
-    if ids and mask.mode in {"L", "P", *DEEP_MODES}:
-        table = np.full(256, UNKNOWN, np.uint8)
-        for value, kind in ids.items():
-            table[value] = kind
-        label: ByteArray = table[np.asarray(mask).astype(np.int64).clip(0, 255)]
-    else:
-        found = classes_of(mask)
-        if found is None:
-            raise PictureError(
-                f"{path}: a mask of mode {mask.mode} holds no classes; save class ids 0, 1, 2 as "
-                "8-bit grey, or red, green and black as RGB"
-            )
-        label = found
+    label = classes_of(mask, ids)
+    if label is None:
+        raise PictureError(
+            f"{path}: a mask of mode {mask.mode} holds no classes; save class ids 0, 1, 2 as "
+            "8-bit grey, or red, green and black as RGB"
+        )
     unknown = int((label == UNKNOWN).sum())
     if unknown:
+        allowed = (
+            f"values {', '.join(str(value) for value in sorted(ids))}, as --ids says"
+            if ids
+            else "weed 0 or red, crop 1 or green, soil 2, black or blue, unlabelled 255"
+        )
         raise PictureError(
-            f"{path}: {unknown} pixels have a value or colour that is no class; allowed: weed 0 or "
-            "red, crop 1 or green, soil 2, black or blue, unlabelled 255"
+            f"{path}: {unknown} pixels have a value or colour that is no class; allowed: {allowed}"
         )
     return label
+
+
+def check_classes(pairs: Iterable[tuple[ByteArray, ByteArray]], folder: Path) -> None:
+    """Refuse labels whose classes look swapped, before anything is learnt from them.
+
+    Raises: ConfigError: most of the ground is weed, or the soil is greener than the plants.
+    """
+    tally = ClassTally()
+    for image_rgb, label in pairs:
+        tally.add(image_rgb, label)
+    doubt = tally.doubt()
+    if doubt:
+        raise ConfigError(f"{folder}: {doubt}")
 
 
 def fold_of(pairs: Sequence[Pair], folds: int, fold: int) -> tuple[list[Pair], list[Pair]]:

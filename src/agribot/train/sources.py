@@ -13,6 +13,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from agribot.commands.networks import STRIDE_PX, read_size
+from agribot.dataset.classes import read_ids
 from agribot.errors import ConfigError
 from agribot.messages import ByteArray
 from agribot.train.augment import augmented_batch
@@ -22,12 +24,18 @@ from agribot.train.export import INPUT_HEIGHT_PX, INPUT_WIDTH_PX
 from agribot.train.farm import draw_farm, draw_row_crop, draw_turn
 from agribot.train.fit import BatchSource, Progress, TrainingPlan
 from agribot.train.photo_batches import PhotoBatches
-from agribot.train.photographs import KINDS, Pair, find_pairs, fold_of, read_pairs
+from agribot.train.photographs import (
+    KINDS,
+    Pair,
+    check_classes,
+    find_pairs,
+    fold_of,
+    read_pairs,
+)
 from agribot.train.simulated import VIEWS_PER_SCENE, draw_random_field
 
 # Order weed, crop, soil; crop is the rarest class of the photographs.
 PHOTO_WEIGHTS = (1.0, 2.0, 0.6)
-STRIDE_PX = 32
 
 
 class Source(msgspec.Struct, frozen=True, kw_only=True):
@@ -119,38 +127,24 @@ def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
 
     Raises: ConfigError: no pairs, or an option out of range.
     """
-    height_px, width_px = read_size(args.size)
+    height_px, width_px = read_size(args.size, STRIDE_PX)
     if args.crop_px % STRIDE_PX:
         raise ConfigError(f"--crop-px {args.crop_px}: must be a multiple of {STRIDE_PX} pixels")
-    pairs, problems = find_pairs(args.data_dir, args.data)
-    held: list[Pair] = []
-    if args.fold is not None:
-        pairs, held = fold_of(pairs, args.folds, args.fold)
-    for text in problems:
-        progress(f"left out: {text}")
-
-    def note(text: str) -> None:
-        problems.append(text)
-        progress(f"left out: {text}")
-
-    read = list(read_pairs(pairs, args.data, note))
-    if not read:
-        raise ConfigError(f"{args.data_dir}: no pair can be read; the first problem: {problems[0]}")
+    read, held, problems = _read_photographs(args, progress)
     options = _data_options(args)
     recipe = TrainingPlan(
         steps=1,
         crop_px=args.crop_px,
         class_weights=PHOTO_WEIGHTS,
         overlap_loss=args.loss,
-        data=f"{args.data}{options.fold} --train-width {args.train_width}{options.with_sim}",
+        data=f"{args.data}{options.ids}{options.fold} --train-width {args.train_width}"
+        f"{options.with_sim}",
     )
     return Source(
         batches=_photo_batches(args, read, recipe, progress),
         pictures=[image_rgb for image_rgb, _ in read],
         recipe=recipe,
-        tests={f"fold {args.fold} of {args.folds}": partial(read_pairs, held, args.data, note)}
-        if held
-        else {},
+        tests={f"fold {args.fold} of {args.folds}": held} if held else {},
         train_images=len(read),
         input_size_px=(height_px, width_px),
         antialias=True,
@@ -161,20 +155,49 @@ def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
         "soils and cameras were not measured.",
         command=f"agribot train --data {args.data} --data-dir DIR --model {args.model} "
         f"--loss {args.loss} --train-width {args.train_width} --size {args.size} "
-        f"--crop-px {args.crop_px}{options.fold}{options.with_sim}",
+        f"--crop-px {args.crop_px}{options.ids}{options.fold}{options.with_sim}",
         problems=tuple(problems),
     )
+
+
+def _read_photographs(
+    args: argparse.Namespace, progress: Progress
+) -> tuple[list[LabelledImage], Callable[[], Iterable[LabelledImage]] | None, list[str]]:
+    """Read the pictures to train on, prepare those held out, and collect what cannot be used.
+
+    Raises: ConfigError: no pair, or classes that look swapped.
+    """
+    ids = read_ids(args.ids)
+    pairs, problems = find_pairs(args.data_dir, args.data, ids=ids)
+    held: list[Pair] = []
+    if args.fold is not None:
+        pairs, held = fold_of(pairs, args.folds, args.fold)
+    for text in problems:
+        progress(f"left out: {text}")
+
+    def note(text: str) -> None:
+        problems.append(text)
+        progress(f"left out: {text}")
+
+    read = list(read_pairs(pairs, note))
+    if not read:
+        raise ConfigError(f"{args.data_dir}: no pair can be read; the first problem: {problems[0]}")
+    if args.data == "folder" and ids is None:
+        check_classes(read, args.data_dir)
+    return read, partial(read_pairs, held, note) if held else None, problems
 
 
 class _DataOptions(NamedTuple):
     """Options as they stand in a command, each with a space before it, or nothing."""
 
+    ids: str
     fold: str
     with_sim: str
 
 
 def _data_options(args: argparse.Namespace) -> _DataOptions:
     return _DataOptions(
+        ids=f" --ids {args.ids}" if args.ids else "",
         fold="" if args.fold is None else f" --folds {args.folds} --fold {args.fold}",
         with_sim=f" --with-sim {args.with_sim}" if args.with_sim else "",
     )
@@ -208,20 +231,6 @@ def _photo_batches(
         return torch.cat([image for image, _ in parts]), torch.cat([label for _, label in parts])
 
     return mixed
-
-
-def read_size(text: str) -> tuple[int, int]:
-    """(height, width) of "WIDTHxHEIGHT".
-
-    Raises: ConfigError: not two multiples of the network's stride.
-    """
-    words = text.lower().split("x")
-    if len(words) != 2 or not all(word.isdigit() and int(word) for word in words):
-        raise ConfigError(f"--size {text}: write width and height such as 512x384")
-    width_px, height_px = (int(word) for word in words)
-    if width_px % STRIDE_PX or height_px % STRIDE_PX:
-        raise ConfigError(f"--size {text}: both must be multiples of {STRIDE_PX} pixels")
-    return height_px, width_px
 
 
 def _in_memory(

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlparse
@@ -14,20 +12,16 @@ import msgspec
 from agribot.config import RunConfig, load
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.package import package_folder, packaged_or_file, robot_files
-from agribot.messages import WHEEL_NAMES, Row
-from agribot.plan.coverage.area import FieldArea
+from agribot.messages import WHEEL_NAMES
 from agribot.robot import RobotSpec
-from agribot.row_shape import row_points_map_m
 from agribot.ui.address import Address
+from agribot.ui.ground import field_of
 from agribot.ui.hub import About
 from agribot.ui.settings import described
 
 _MESH = re.compile(r'(<mesh\b[^>]*?filename=")([^"]+)(")')
 PAGE_DIR = Path(__file__).parent / "page"
-_CORNERS = 24  # of a circle on the map
 MESH_SUFFIXES = {".stl", ".dae", ".obj", ".glb", ".gltf"}
-
-Point = tuple[float, float]
 
 
 def about_run(
@@ -48,6 +42,7 @@ def about_run(
         names=address.names(),
         operator_token=address.operator_token,
         viewer_token=address.viewer_token,
+        session_key=address.session_key,
         profile=config.profile,
         source="replay" if recording else config.platform,
         field=field,
@@ -75,40 +70,6 @@ def about_robot(address: Address, port: int, name: str) -> About:
     robot, urdf, field = load_robot(name), urdf_text(name), field_of(config, ())
     about = about_run(address, port, config, robot, urdf, field, Path())
     return msgspec.structs.replace(about, source="description")
-
-
-def field_of(
-    config: RunConfig,
-    rows: Sequence[Row],
-    goals_map_m: Sequence[Point] = (),
-    area: FieldArea | None = None,
-) -> dict[str, Any]:
-    """What the map shows of the ground: the task of a run, in the map of its datum.
-
-    `area` is that of a field plan; what stands in the field is drawn with its holes.
-    """
-    datum, boundary = config.field.datum, area.boundary if area else ()
-    obstacles = [*(area.holes if area else ()), *map(_round, config.field.obstacles_map_m)]
-    return {
-        "name": config.world,
-        "datum": {"lat_deg": datum.lat_deg, "lon_deg": datum.lon_deg},
-        "datum_source": config.field.datum_source,
-        "rows": [_row_of(row) for row in rows],
-        "boundary_map_m": [list(corner) for corner in boundary] or None,
-        "obstacles_map_m": [[list(corner) for corner in ring] for ring in obstacles],
-        "waypoints_map_m": [list(goal) for goal in goals_map_m],
-        "start_map_m": config.field.start_map_m,
-    }
-
-
-def _round(circle: tuple[float, float, float]) -> Sequence[Point]:
-    x_m, y_m, radius_m = circle
-    angles = [math.tau * k / _CORNERS for k in range(_CORNERS)]
-    return [(x_m + radius_m * math.cos(a), y_m + radius_m * math.sin(a)) for a in angles]
-
-
-def _row_of(row: Row) -> dict[str, Any]:
-    return {**msgspec.to_builtins(row), "points_map_m": row_points_map_m(row).tolist()}
 
 
 def robot_of(robot: RobotSpec, config: RunConfig) -> dict[str, Any]:

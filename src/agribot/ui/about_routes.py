@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import FileResponse, Response
 
 from agribot import __version__
 from agribot.geo import Datum, MapFrame
 from agribot.ui.access import Caller
-from agribot.ui.answers import channel_of, json_answer, refused
+from agribot.ui.answers import NO_STORE, channel_of, json_answer, refused
 from agribot.ui.channel import signal_table
 from agribot.ui.hub import Hub
+from agribot.ui.off_the_loop import run_in_thread
+from agribot.ui.replay import Replay
 
 SCREENS = (
     "drive", "teleop", "camera", "weeds", "plan", "plots", "robot", "recordings", "settings",
     "health",
 )  # fmt: skip
+Row = list[Any]  # a plant as the page reads it
 CLASS_NAMES = ("weed", "crop", "soil")
 WEED_COLUMNS = (
     "id", "class", "x_map_m", "y_map_m", "std_m", "confidence", "area_m2", "sightings",
@@ -58,8 +63,15 @@ def qr_svg(url: str) -> str:
 
 
 async def field(request: Request) -> Response:
+    """Of the robot, or of the recording of this name that the caller is shown."""
     hub: Hub = request.app.state.hub
-    return json_answer(hub.about.field)
+    name = request.query_params.get("recording")
+    if name is None:
+        return json_answer(hub.about.field)
+    shown = channel_of(request)
+    if not isinstance(shown, Replay) or shown.name != name:
+        return refused(404, f"no recording '{name[:80]}' is shown here")
+    return json_answer(shown.field)
 
 
 async def robot(request: Request) -> Response:
@@ -77,7 +89,7 @@ async def robot_file(request: Request) -> Response:
     if path is None or not Path(path).is_file():
         return refused(404, f"the robot has no file '{name[:80]}'")
     headers = {"cache-control": "max-age=3600"}
-    return Response(Path(path).read_bytes(), media_type="model/stl", headers=headers)
+    return FileResponse(path, media_type="model/stl", headers=headers)
 
 
 async def topics(request: Request) -> Response:
@@ -87,28 +99,37 @@ async def topics(request: Request) -> Response:
 
 
 async def weeds_geojson(request: Request) -> Response:
-    hub: Hub = request.app.state.hub
-    frame = _frame(hub)
-    features = [_feature(row, frame) for row in channel_of(request).weeds.values()]
-    headers = {"content-disposition": 'attachment; filename="weeds.geojson"'}
-    answer = json_answer({"type": "FeatureCollection", "features": features})
-    answer.headers.update(headers)
-    answer.headers["content-type"] = "application/geo+json"
-    return answer
+    return await _weed_file(request, _geojson, "weeds.geojson", "application/geo+json")
 
 
 async def weeds_csv(request: Request) -> Response:
-    hub: Hub = request.app.state.hub
-    frame = _frame(hub)
+    return await _weed_file(request, _csv, "weeds.csv", "text/csv")
+
+
+async def _weed_file(
+    request: Request, write: Callable[[list[Row], MapFrame], bytes], name: str, media_type: str
+) -> Response:
+    rows = list(channel_of(request).weeds.values())
+    data = await run_in_thread(write, rows, _frame(request.app.state.hub))
+    headers = {**NO_STORE, "content-disposition": f'attachment; filename="{name}"'}
+    return Response(data, media_type=media_type, headers=headers)
+
+
+def _geojson(rows: list[Row], frame: MapFrame) -> bytes:
+    """Encoded one by one: a single call would not let the loop run before its end."""
+    features = b",".join(msgspec.json.encode(_feature(row, frame)) for row in rows)
+    return b'{"type":"FeatureCollection","features":[' + features + b"]}"
+
+
+def _csv(rows: list[Row], frame: MapFrame) -> bytes:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow([*WEED_COLUMNS, "lat_deg", "lon_deg"])
-    for row in channel_of(request).weeds.values():
+    for row in rows:
         lat_deg, lon_deg, _ = frame.geodetic_from_map(row[2], row[3])
         named = [row[0], CLASS_NAMES[row[1]], *row[2:]]
         writer.writerow([*named, round(lat_deg, 9), round(lon_deg, 9)])
-    headers = {"content-disposition": 'attachment; filename="weeds.csv"'}
-    return Response(buffer.getvalue(), media_type="text/csv", headers=headers)
+    return buffer.getvalue().encode()
 
 
 def _frame(hub: Hub) -> MapFrame:
@@ -116,7 +137,7 @@ def _frame(hub: Hub) -> MapFrame:
     return MapFrame(Datum(lat_deg=datum["lat_deg"], lon_deg=datum["lon_deg"]))
 
 
-def _feature(row: list[Any], frame: MapFrame) -> dict[str, Any]:
+def _feature(row: Row, frame: MapFrame) -> dict[str, Any]:
     lat_deg, lon_deg, _ = frame.geodetic_from_map(row[2], row[3])
     named = dict(zip(WEED_COLUMNS, row, strict=True))
     named["class"] = CLASS_NAMES[row[1]]

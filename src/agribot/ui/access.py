@@ -2,6 +2,9 @@
 
 A browser shows its origin and carries a cookie; a program shows no origin and carries a bearer
 token. On the machine itself a page needs no token, on the network every page does.
+
+A session is a signed cookie: the server keeps nothing of it, so that nobody can push another one
+out, and a server that is started again knows its browsers.
 """
 
 from __future__ import annotations
@@ -15,21 +18,25 @@ from typing import Literal
 
 import msgspec
 
+from agribot.ui.guesses import Guesses
+from agribot.ui.signed_session import RENEW_AFTER_S, Session, Signer
+
 Role = Literal["operator", "viewer"]
 
-SESSION_LIFE_S = 12 * 3600.0  # without a request for so long, a browser has to show a token again
-MAX_SESSIONS = 1000
-MAX_FAILURES = 10  # wrong tokens in a minute; then nobody may try for the rest of it
 LOCAL_NAMES = ("localhost", "127.0.0.1", "[::1]")
-OPEN_PATHS = ("/", "/index.html", "/favicon.ico", "/favicon.svg", "/api/v1/login")
+OPEN_PATHS = ("/", "/index.html", "/favicon.ico", "/icon.svg", "/licences.txt", "/api/v1/login")
 OPEN_FOLDERS = ("/assets/",)
 
 
 class Caller(msgspec.Struct, frozen=True, kw_only=True):
-    """`session` is empty where a browser has none yet; `role` is None for an unknown visitor."""
+    """`session` is empty where a browser has none yet; `role` is None for an unknown visitor.
+
+    `cookie` is the renewed one where the browser's has grown old.
+    """
 
     session: str
     role: Role | None
+    cookie: str = ""
 
 
 class Refusal(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,6 +53,7 @@ class Access:
         port: int,
         operator_token: str,
         viewer_token: str,
+        session_key: str,
         *,
         is_local: bool,
         is_encrypted: bool = False,
@@ -56,8 +64,8 @@ class Access:
         if port in {80, 443}:
             self._hosts |= {name.lower() for name in (*LOCAL_NAMES, *names)}
         self._tokens: dict[Role, str] = {"operator": operator_token, "viewer": viewer_token}
-        self._sessions: dict[str, tuple[Role | None, float]] = {}
-        self._failures: list[float] = []
+        self._signer = Signer(session_key)
+        self._guesses = Guesses()
 
     def check(
         self, kind: str, method: str, path: str, headers: Mapping[str, str]
@@ -84,35 +92,34 @@ class Access:
             return Refusal(status=401, reason="log in with the token that the robot printed")
         return caller
 
-    def login(self, token: str, session: str = "") -> str | Refusal:
-        """A new session for the owner of a token; its id goes into the cookie."""
-        now_s = time.monotonic()
-        self._failures = [at_s for at_s in self._failures if now_s - at_s < 60.0]
-        if len(self._failures) >= MAX_FAILURES:
-            return Refusal(status=429, reason="too many wrong tokens; try again in a minute")
+    def login(self, token: str, address: str) -> str | Refusal:
+        """The cookie of a new session for the owner of a token.
+
+        The right token counts at once, whoever else guesses from the same address: behind a proxy
+        all have one. Only wrong ones are counted, and told to wait.
+        """
         role = self._role_of(token)
-        if role is None:
-            self._failures.append(now_s)
-            return Refusal(status=401, reason="this token is not valid; use the one printed last")
-        self._sessions.pop(session, None)
-        return self._open(role)
+        if role is not None:
+            return self._signer.cookie(Session(secrets.token_urlsafe(18), role, time.monotonic()))
+        if self._guesses.is_too_many(address, time.monotonic()):
+            return Refusal(status=429, reason="too many wrong tokens; try again in a minute")
+        return Refusal(status=401, reason="this token is not valid; use the one printed last")
 
     def visit(self) -> str:
-        """A session for a browser on this machine, or for one that has not shown a token yet."""
-        return self._open("operator" if self.is_local else None)
-
-    def expire_all(self) -> None:
-        """Log everybody out; their pages have to show a token again."""
-        self._sessions.clear()
+        """The cookie of a browser on this machine; empty on the network, before a login."""
+        if not self.is_local:
+            return ""
+        return self._signer.cookie(Session(secrets.token_urlsafe(18), "operator", time.monotonic()))
 
     def _visitor(self, headers: Mapping[str, str]) -> Caller:
-        session = self._cookie_of(headers)
-        known = self._sessions.get(session)
         now_s = time.monotonic()
-        if known is not None and now_s - known[1] < SESSION_LIFE_S:
-            self._sessions[session] = (known[0], now_s)
-            return Caller(session=session, role=known[0])
-        return Caller(session="", role="operator" if self.is_local else None)
+        session = self._signer.session(self._cookie_of(headers), now_s)
+        if session is None:
+            return Caller(session="", role="operator" if self.is_local else None)
+        renewed = ""
+        if now_s - session.at_s > RENEW_AFTER_S:
+            renewed = self._signer.cookie(session._replace(at_s=now_s))
+        return Caller(session=session.id, role=session.role, cookie=renewed)
 
     def _bearer(self, headers: Mapping[str, str]) -> Caller | Refusal | None:
         scheme, _, token = headers.get("authorization", "").partition(" ")
@@ -130,14 +137,6 @@ class Access:
             if secrets.compare_digest(token.encode(), known.encode()):
                 found = role
         return found
-
-    def _open(self, role: Role | None) -> str:
-        if len(self._sessions) >= MAX_SESSIONS:
-            oldest = min(self._sessions, key=lambda id: self._sessions[id][1])
-            del self._sessions[oldest]
-        session = secrets.token_urlsafe(24)
-        self._sessions[session] = (role, time.monotonic())
-        return session
 
     def _cookie_of(self, headers: Mapping[str, str]) -> str:
         jar: SimpleCookie = SimpleCookie()

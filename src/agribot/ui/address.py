@@ -32,6 +32,7 @@ class Address(msgspec.Struct, kw_only=True):
     allowed_hosts: tuple[str, ...] = ()
     operator_token: str = msgspec.field(default_factory=lambda: secrets.token_urlsafe(18))
     viewer_token: str = msgspec.field(default_factory=lambda: secrets.token_urlsafe(18))
+    session_key: str = msgspec.field(default_factory=lambda: secrets.token_urlsafe(32))
     tls_cert: str = ""  # PEM files; with them everything is encrypted
     tls_key: str = ""
 

@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from starlette.requests import ClientDisconnect, Request
+from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
 from agribot.ui.access import Caller
 from agribot.ui.channel import Channel
 from agribot.ui.hub import Hub
 
-MAX_BODY_BYTES = 20_000_000  # a field file of a large farm
+NO_STORE = {"cache-control": "no-store"}
 
 
 class Unusable(Exception):
@@ -23,11 +23,13 @@ class Unusable(Exception):
         super().__init__(reason)
         self.status = status
 
+    def __reduce__(self) -> tuple[type[Unusable], tuple[int, str]]:
+        return Unusable, (self.status, str(self))
+
 
 def json_answer(value: object, status: int = 200) -> Response:
     data = msgspec.json.encode(value)
-    headers = {"cache-control": "no-store"}
-    return Response(data, status, media_type="application/json", headers=headers)
+    return Response(data, status, media_type="application/json", headers=NO_STORE)
 
 
 def refused(status: int, reason: str) -> Response:
@@ -54,26 +56,14 @@ def inside(folder: Path, name: str) -> Path | None:
     return path if path.is_relative_to(root) and path != root else None
 
 
-async def body(request: Request) -> bytes:
-    """Raises: Unusable: it is larger than anything that makes sense here."""
-    data = bytearray()
-    try:
-        async for chunk in request.stream():
-            data += chunk
-            if len(data) > MAX_BODY_BYTES:
-                limit_mb = MAX_BODY_BYTES // 1_000_000
-                raise Unusable(413, f"larger than {limit_mb} MB; send less at a time")
-    except ClientDisconnect as error:
-        raise Unusable(400, "the connection broke off") from error
-    return bytes(data)
-
-
 async def json_body(request: Request) -> dict[str, Any]:
     """Raises: Unusable: no JSON object."""
     try:
-        value = msgspec.json.decode(await body(request) or b"{}")
+        value = msgspec.json.decode(await request.body() or b"{}")
     except (msgspec.DecodeError, ValueError) as error:
         raise Unusable(400, f"not JSON: {error}") from error
+    except RecursionError as error:
+        raise Unusable(400, "JSON that is nested too deeply to be read") from error
     if not isinstance(value, dict):
         raise Unusable(400, "send a JSON object")
     return value

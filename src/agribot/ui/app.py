@@ -13,9 +13,12 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from agribot.ui.access import Access, Caller, Refusal
-from agribot.ui.answers import refused, served_file
+from agribot.ui.answers import Unusable, json_body, refused
 from agribot.ui.camera import Camera, camera_socket
+from agribot.ui.connection_slots import Slot
 from agribot.ui.hub import Hub
+from agribot.ui.page_files import page_file
+from agribot.ui.request_bodies import RequestBodies
 from agribot.ui.routes import api_routes
 from agribot.ui.sockets import state_socket
 
@@ -30,6 +33,9 @@ SAFE_HEADERS = [
         b"worker-src 'self' blob:; connect-src 'self' blob: data:; frame-ancestors 'none'",
     ),
 ]
+INDEX = "index.html"
+LOGIN = "/api/v1/login"
+FOR_EVER = "public, max-age=31536000, immutable"
 NOT_BUILT = """<!doctype html><html lang="en"><title>AGRIBOT</title>
 <h1>The robot answers, but its page is not built</h1>
 <p>Build it once with <code>cd web &amp;&amp; npm ci &amp;&amp; npm run build</code>, then load
@@ -56,7 +62,23 @@ class Door:
             return
         scope["agribot.caller"] = verdict
         is_page = scope["type"] == "http"
-        await self._app(scope, receive, _with_safe_headers(send) if is_page else send)
+        if verdict.session or not is_page:
+            _slot(scope).identify(verdict.role)
+        if is_page:
+            send = _with_safe_headers(send, *self._renewal(scope["path"], verdict.cookie))
+        await self._app(scope, receive, send)
+
+    def _renewal(self, path: str, cookie: str) -> list[tuple[bytes, bytes]]:
+        """A session in use is renewed, by answers that are in nobody's cache and set no other."""
+        if not cookie or not path.startswith("/api/") or path == LOGIN:
+            return []
+        renewed = _with_cookie(Response(), self._hub.access, cookie)
+        return [(b"set-cookie", renewed.headers["set-cookie"].encode("latin-1"))]
+
+
+def _slot(scope: Scope) -> Slot:
+    slot: Slot = scope["state"]["slot"]
+    return slot
 
 
 async def _turn_away(refusal: Refusal, scope: Scope, receive: Receive, send: Send) -> None:
@@ -67,10 +89,10 @@ async def _turn_away(refusal: Refusal, scope: Scope, receive: Receive, send: Sen
     await refused(refusal.status, refusal.reason)(scope, receive, _with_safe_headers(send))
 
 
-def _with_safe_headers(send: Send) -> Send:
+def _with_safe_headers(send: Send, *more: tuple[bytes, bytes]) -> Send:
     async def sending(message: Any) -> None:
         if message["type"] == "http.response.start":
-            message["headers"] = [*message.get("headers", []), *SAFE_HEADERS]
+            message["headers"] = [*message.get("headers", []), *SAFE_HEADERS, *more]
         await send(message)
 
     return sending
@@ -80,29 +102,39 @@ def build_app(hub: Hub, lifespan: Any) -> ASGIApp:
     routes = [
         WebSocketRoute("/ws/v1", state_socket),
         WebSocketRoute("/ws/cam/main", camera_socket),
-        Route("/api/v1/login", log_in, methods=["POST"]),
+        Route(LOGIN, log_in, methods=["POST"]),
         *api_routes(),
         Route("/", front_page),
-        Route("/{path:path}", page_file),
+        Route("/{path:path}", bundled_file),
     ]
     app = Starlette(routes=routes, lifespan=lifespan)
     app.state.hub = hub
     app.state.camera = Camera(hub)
-    return Door(app, hub)
+    return Door(RequestBodies(app), hub)
 
 
 async def log_in(request: Request) -> Response:
     hub: Hub = request.app.state.hub
     try:
-        token = str((await request.json())["token"])
-    except (ValueError, KeyError, TypeError):
+        token = (await json_body(request))["token"]
+    except (Unusable, KeyError):
+        token = None
+    if not isinstance(token, str):
         return refused(400, 'send {"token": "…"}')
-    caller: Caller = request.scope["agribot.caller"]
-    session = hub.access.login(token, caller.session)
-    if isinstance(session, Refusal):
-        hub.refuse(request.client.host if request.client else "unknown", session.reason)
-        return refused(session.status, session.reason)
+    session = _session_for(request, token)
+    if isinstance(session, Response):
+        return session
     return _with_cookie(Response(status_code=204), hub.access, session)
+
+
+def _session_for(request: Request, token: str) -> str | Response:
+    hub: Hub = request.app.state.hub
+    address = request.client.host if request.client else ""
+    session = hub.access.login(token, address)
+    if isinstance(session, Refusal):
+        hub.refuse(address or "unknown", session.reason)
+        return refused(session.status, session.reason)
+    return session
 
 
 async def front_page(request: Request) -> Response:
@@ -111,27 +143,26 @@ async def front_page(request: Request) -> Response:
     caller: Caller = request.scope["agribot.caller"]
     token = request.query_params.get("token")
     if token is not None:
-        session = hub.access.login(token, caller.session)
-        if isinstance(session, Refusal):
-            return refused(session.status, session.reason)
+        session = _session_for(request, token)
+        if isinstance(session, Response):
+            return session
         return _with_cookie(RedirectResponse("/", 303), hub.access, session)
-    index = Path(hub.about.page_dir) / "index.html"
-    answer: Response = (
-        Response(index.read_bytes(), media_type="text/html", headers={"cache-control": "no-cache"})
-        if index.is_file()
+    folder = Path(hub.about.page_dir)
+    answer = (
+        page_file(request, folder, INDEX, "no-cache")
+        if (folder / INDEX).is_file()
         else HTMLResponse(NOT_BUILT)
     )
-    return answer if caller.session else _with_cookie(answer, hub.access, hub.access.visit())
+    visit = "" if caller.session else hub.access.visit()
+    return _with_cookie(answer, hub.access, visit) if visit else answer
 
 
-async def page_file(request: Request) -> Response:
+async def bundled_file(request: Request) -> Response:
     """A file of the bundle; those under assets carry their content's hash in the name."""
     hub: Hub = request.app.state.hub
     path = request.path_params["path"]
-    answer = served_file(Path(hub.about.page_dir), path)
-    if path.startswith("assets/") and answer.status_code == 200:
-        answer.headers["cache-control"] = "public, max-age=31536000, immutable"
-    return answer
+    life = FOR_EVER if path.startswith("assets/") else "no-cache"
+    return page_file(request, Path(hub.about.page_dir), path, life)
 
 
 def _with_cookie(answer: Response, access: Access, session: str) -> Response:

@@ -23,6 +23,7 @@ from agribot.ui.feed import PICTURE_HEAD
 from agribot.ui.hub import Hub
 
 MAX_VIEWERS = 32
+FOR_OPERATORS = 8  # of them
 CREDITS = 2
 LADDER = ((1.0, 75), (0.75, 60), (0.5, 55), (0.35, 45))  # size ratio, JPEG quality
 LOOK_AGAIN_S = 0.5  # whether this browser began to replay a recording
@@ -206,7 +207,8 @@ class Viewer:
 
 async def camera_socket(socket: WebSocket) -> None:
     camera: Camera = socket.app.state.camera
-    if camera.viewers >= MAX_VIEWERS:
+    is_operator = socket.scope["agribot.caller"].role == "operator"
+    if camera.viewers >= MAX_VIEWERS - (0 if is_operator else FOR_OPERATORS):
         await socket.close(1013)
         return
     await socket.accept()

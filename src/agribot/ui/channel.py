@@ -2,116 +2,74 @@
 
 from __future__ import annotations
 
-import asyncio
+import itertools
 from collections import deque
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 
 from agribot.ui.view import SIGNALS
 
-STATES_KEPT = 4  # for one client; older ones are worth nothing
-CHANGES_KEPT = 300  # a client that is farther behind gets everything afresh
-DIRECT_KEPT = 100
 EVENTS_KEPT = 300
+_EPOCHS = itertools.count(1)
 
 
-class Client:
-    """What waits to be sent to one page. A slow page loses its oldest states."""
+class Follower(Protocol):
+    """A page's side of a channel."""
 
-    def __init__(self) -> None:
-        self.dropped = 0
-        self._direct: deque[str] = deque(maxlen=DIRECT_KEPT)
-        self._states: deque[str] = deque(maxlen=STATES_KEPT)
-        self._changes: deque[str] = deque()
-        self._is_behind = False
-        self._ready = asyncio.Event()
+    def follow(self, channel: Channel) -> None: ...
 
-    def tell(self, text: str) -> None:
-        """For this page alone, such as an answer."""
-        self._direct.append(text)
-        self._ready.set()
+    def state(self, text: str) -> None: ...
 
-    def state(self, text: str) -> None:
-        self.dropped += len(self._states) == STATES_KEPT
-        self._states.append(text)
-        self._ready.set()
+    def change_weeds(self, ids: list[int]) -> None: ...
 
-    def change(self, text: str) -> None:
-        if len(self._changes) >= CHANGES_KEPT:
-            self.start_over()
-        else:
-            self._changes.append(text)
-        self._ready.set()
-
-    def start_over(self) -> None:
-        """Forget what waits; the next thing to be sent is a snapshot."""
-        self._changes.clear()
-        self._states.clear()
-        self._is_behind = True
-        self._ready.set()
-
-    async def next(self, channel: Channel) -> str:
-        """The next text to send: answers, snapshot, changes, then states."""
-        while True:
-            if self._direct:
-                return self._direct.popleft()
-            if self._is_behind:
-                self._is_behind = False
-                self._changes.clear()
-                return channel.snapshot()
-            for queue in (self._changes, self._states):
-                if queue:
-                    return queue.popleft()
-            self._ready.clear()
-            await self._ready.wait()
+    def wake(self) -> None: ...
 
 
 class Channel:
-    """Encodes nothing itself: what the robot sends is passed on as it is."""
+    """Keeps what grows; each of its clients takes from it what it has not been sent yet.
 
-    def __init__(self, source: str, signals: dict[str, Any]) -> None:
-        self.source = source
-        self.clients: set[Client] = set()
+    `epoch` is in all that a client gets: it changes where what was shown before is no longer
+    true, and no two channels have the same.
+    """
+
+    def __init__(self, source: str, signals: dict[str, Any], name: str = "") -> None:
+        self.source, self.name = source, name
+        self.epoch = next(_EPOCHS)
+        self.clients: set[Follower] = set()
         self.state_text = ""
         self.states = 0
+        self.signals = signals
         self.trace_map_m: list[list[float]] = []
         self.weeds: dict[int, list[Any]] = {}
+        self.weeds_revision = 0
+        self.path: dict[str, Any] = {"xy": [], "row": []}
+        self.path_revision = 0
         self.events: deque[dict[str, Any]] = deque(maxlen=EVENTS_KEPT)
-        self._rev = 0
-        self._path: dict[str, Any] | None = None
-        self._signals = signals
+        self.event_count = 0
 
     def publish_state(self, text: str) -> None:
-        self.state_text = text
+        head, _, rest = text.partition(",")
+        self.state_text = f'{head},"e":{self.epoch},{rest}'
         self.states += 1
         for client in self.clients:
-            client.state(text)
+            client.state(self.state_text)
 
     def publish_change(self, text: str) -> None:
-        """A trace, path, weeds or event message: kept for those who come later."""
+        """A trace, path, weeds or event message."""
         self._keep(msgspec.json.decode(text))
         for client in self.clients:
-            client.change(text)
+            client.wake()
 
     def restart(self) -> None:
-        """Another recording, or another place in it."""
-        self.trace_map_m, self.weeds, self._path = [], {}, None
+        """Another place in the recording: everything is sent afresh."""
+        self.epoch = next(_EPOCHS)
+        self.trace_map_m, self.weeds, self.path = [], {}, {"xy": [], "row": []}
+        self.state_text = ""
         self.events.clear()
+        self.event_count = 0
         for client in self.clients:
-            client.start_over()
-
-    def snapshot(self) -> str:
-        return msgspec.json.encode(
-            {
-                "k": "snap",
-                "traj": {"first": 0, "xy": self.trace_map_m},
-                "weeds": {"rev": self._rev, "all": list(self.weeds.values())},
-                "path": self._path,
-                "events": list(self.events),
-                "signals": self._signals,
-            }
-        ).decode()
+            client.follow(self)
 
     def newest(self) -> dict[str, Any]:
         """The newest state; empty before the first."""
@@ -124,14 +82,22 @@ class Channel:
             del self.trace_map_m[message["first"] :]
             self.trace_map_m += message["xy"]
         elif kind == "path":
-            self._path = message
+            self.path = message
+            self.path_revision += 1
         elif kind == "weeds":
-            self._rev = message["rev"]
-            self.weeds.update((row[0], row) for row in message["set"])
-            for id in message["gone"]:
-                self.weeds.pop(id, None)
+            self._keep_weeds(message)
         elif kind == "event":
             self.events.append(message)
+            self.event_count += 1
+
+    def _keep_weeds(self, message: dict[str, Any]) -> None:
+        self.weeds_revision = message["rev"]
+        self.weeds.update((row[0], row) for row in message["set"])
+        for id in message["gone"]:
+            self.weeds.pop(id, None)
+        changed = [*(row[0] for row in message["set"]), *message["gone"]]
+        for client in self.clients:
+            client.change_weeds(changed)
 
 
 def signal_table() -> dict[str, Any]:

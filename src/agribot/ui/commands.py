@@ -20,6 +20,7 @@ FIRST_SCALE = 0.5
 SHAPES = ("polygon", "route")
 MAX_CORNERS = 500
 POSE_STD_M, POSE_STD_RAD = 0.3, 0.1  # of a place and a direction shown with a finger on a map
+MAX_HAND_AGE_S = 0.5  # of a request to move: a hand that let go meanwhile cannot be heard yet
 MISSION_ACTIONS = ("start", "pause", "resume", "cancel", "skip_row", "return_home")
 RECORD_ACTIONS = {"start": "start_recording", "stop": "stop_recording"}
 
@@ -34,9 +35,13 @@ class Page(Protocol):
     session: str
     name: str
     role: str | None
-    channel: Channel
+
+    @property
+    def channel(self) -> Channel: ...
 
     def tell(self, message: dict[str, Any]) -> None: ...
+
+    def acknowledge(self, count: int) -> None: ...
 
 
 class Commands:
@@ -50,7 +55,7 @@ class Commands:
         """Raises: Refused: no JSON object, or not of the kinds that a page sends."""
         try:
             message = msgspec.json.decode(text)
-        except (msgspec.DecodeError, ValueError) as error:
+        except (msgspec.DecodeError, ValueError, RecursionError) as error:
             raise Refused(f"not JSON: {error}") from error
         if not isinstance(message, dict) or not isinstance(message.get("k"), str):
             raise Refused("a message is a JSON object with a kind 'k'")
@@ -67,7 +72,16 @@ class Commands:
             self._drive(0.0, 0.0)
 
     def _on_ping(self, message: dict[str, Any]) -> None:
-        self._page.tell({"k": "pong", "c": message.get("c")})
+        """Answered with this machine's clocks: by them a page knows how old states are."""
+        clocks = {"mono_ms": time.monotonic() * 1e3, "wall_ms": time.time() * 1e3}
+        self._page.tell({"k": "pong", "c": message.get("c"), **clocks})
+
+    def _on_got(self, message: dict[str, Any]) -> None:
+        """How many messages the page has received since it was opened."""
+        count = message.get("n")
+        if not isinstance(count, int) or isinstance(count, bool) or count < 0:
+            raise Refused("an acknowledgement needs the number n of messages received so far")
+        self._page.acknowledge(count)
 
     def _on_name(self, message: dict[str, Any]) -> None:
         name = str(message.get("name", "")).strip()
@@ -92,15 +106,15 @@ class Commands:
         if self._hub.seat.release(self._page.session):
             self._drive(0.0, 0.0)  # a calibration ends as well
             self._hub.note(self._page.name, "leaves the operator's seat")
+            self._hub.tell_seat()
         self._ack(message, "")
-        self._hub.tell_seat()
 
     def _on_drive(self, message: dict[str, Any]) -> None:
         """Requests without the seat are dropped; the page sees in `seat` why."""
         v_mps, yaw_rate_radps = message.get("v"), message.get("w")
         if not _is_number(v_mps) or not _is_number(yaw_rate_radps):
             raise Refused("a drive request needs finite numbers v (m/s) and w (rad/s)")
-        if self._no_seat():
+        if self._no_seat() or ((v_mps or yaw_rate_radps) and _is_late(message.get("mono_ms"))):
             return
         robot = self._hub.about.robot
         limit_mps = self._scale * robot["max_speed_mps"]
@@ -116,11 +130,13 @@ class Commands:
 
     def _on_stop(self, message: dict[str, Any]) -> None:
         """Everybody may stop the robot: no seat, no role, also while a recording is shown."""
-        self._hub.event("stop", self._page.name)
+        self._hub.stops.press(self._page.name)
         self._is_driving = False
         self._ack(message, "")
 
     def _on_clear_stop(self, message: dict[str, Any]) -> None:
+        if not self._no_seat():
+            self._hub.stops.clear()
         self._operate(message, "clear_stop")
 
     def _on_mission(self, message: dict[str, Any]) -> None:
@@ -236,6 +252,11 @@ class Commands:
 
 def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_late(sent_ms: object) -> bool:
+    """By the sender's estimate of this machine's clock; a hand that gives none is believed."""
+    return _is_number(sent_ms) and time.monotonic() - sent_ms / 1e3 > MAX_HAND_AGE_S
 
 
 def _is_line(corners: object) -> TypeGuard[list[list[float]]]:

@@ -56,7 +56,7 @@ class Feed:
         self._changes = Changes(source)
         self._traced = 0
         self._told = -1
-        self._tick_wall_s = 0.0
+        self._tick_wall_s = self._tick_mono_s = 0.0
         self._pace = Pace()
 
     def start(self) -> None:
@@ -64,7 +64,7 @@ class Feed:
 
     def __call__(self, record: TickRecord) -> None:
         self._view(record)
-        self._tick_wall_s = time.time()
+        self._tick_wall_s, self._tick_mono_s = time.time(), time.monotonic()
 
     def close(self) -> bool:
         """The last state still goes out; False when the server does not take it."""
@@ -92,6 +92,7 @@ class Feed:
             state = view.state()
             if state is not None:
                 state["wall_ms"] = round(self._tick_wall_s * 1e3, 1)
+                state["mono_ms"] = round(self._tick_mono_s * 1e3, 1)
                 state["rtf"] = self._pace.ratio(state["t"], time.monotonic())
                 state["weeds"] = self._changes.weed_count
                 state["recording"] = self._source.recording()

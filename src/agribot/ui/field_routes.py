@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable
 from email import message_from_bytes
 
-import anyio
-import anyio.to_process
-import anyio.to_thread
 import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
@@ -15,8 +12,8 @@ from starlette.responses import Response
 from agribot.errors import AgribotError
 from agribot.gis.formats.table import read_field_file, write_field_file
 from agribot.ui.answers import (
+    NO_STORE,
     Unusable,
-    body,
     json_answer,
     json_body,
     name_of,
@@ -26,6 +23,7 @@ from agribot.ui.answers import (
 from agribot.ui.field_check import check_field, datum_of
 from agribot.ui.hub import Hub
 from agribot.ui.mapviz_config import config_of, displays_of
+from agribot.ui.off_the_loop import run_in_process
 from agribot.ui.planning import Made, Wanted, make_plan
 from agribot.ui.store import Store
 
@@ -59,7 +57,8 @@ async def put_field(request: Request) -> Response:
     hub: Hub = request.app.state.hub
     collection = await json_body(request)
     name = request.path_params["name"]
-    verdict = await anyio.to_thread.run_sync(check_field, collection, datum_of(hub.about.field))
+    datum = datum_of(hub.about.field)
+    verdict = await run_in_process(check_field, collection, datum, what="field")
     if not verdict["ok"]:
         first = verdict["reasons"][0]["text"]
         return json_answer({"error": f"field '{name}' is not stored: {first}", **verdict}, 422)
@@ -79,12 +78,12 @@ async def delete_field(request: Request) -> Response:
 async def import_field(request: Request) -> Response:
     """A file as the body with `?filename=`, or as the first file of a form; nothing is stored."""
     need_operator(request)
-    name, data = request.query_params.get("filename", ""), await body(request)
+    name, data = request.query_params.get("filename", ""), await request.body()
     content_type = request.headers.get("content-type", "")
-    if content_type.startswith("multipart/form-data"):
-        name, data = _first_file(content_type, data)
+    form = content_type if content_type.startswith("multipart/form-data") else ""
     try:
-        return json_answer(await anyio.to_thread.run_sync(read_field_file, name, data))
+        read = await run_in_process(_read_file, name, data, form, what="file")
+        return Response(read, media_type="application/json", headers=NO_STORE)
     except AgribotError as error:
         raise Unusable(422, str(error)) from error
 
@@ -93,10 +92,17 @@ async def export_field(request: Request) -> Response:
     """A FeatureCollection as the body, `?format=` as an ending such as `.gpkg`."""
     collection, suffix = await json_body(request), request.query_params.get("format", "")
     try:
-        data = await anyio.to_thread.run_sync(write_field_file, suffix, collection)
+        data = await run_in_process(write_field_file, suffix, collection, what="field")
     except AgribotError as error:
         raise Unusable(422, str(error)) from error
     return Response(data, media_type="application/octet-stream")
+
+
+def _read_file(name: str, data: bytes, form: str) -> bytes:
+    """The FeatureCollection in a file, as JSON; `form` is the type of a form around it."""
+    if form:
+        name, data = _first_file(form, data)
+    return msgspec.json.encode(read_field_file(name, data))
 
 
 def _first_file(content_type: str, data: bytes) -> tuple[str, bytes]:
@@ -138,14 +144,9 @@ async def _plan(request: Request) -> Made:
     except msgspec.ValidationError as error:
         raise Unusable(422, f"the request for a plan is not usable: {error}") from error
     config, robot = hub.about.config, hub.about.robot_spec
-    try:
-        with anyio.fail_after(PLAN_TIMEOUT_S):
-            return await anyio.to_process.run_sync(
-                make_plan, wanted, config, robot, cancellable=True
-            )
-    except TimeoutError as error:
-        limit_s = PLAN_TIMEOUT_S
-        raise Unusable(504, f"no plan within {limit_s:g} s; give a simpler field") from error
+    return await run_in_process(
+        make_plan, wanted, config, robot, timeout_s=PLAN_TIMEOUT_S, what="field"
+    )
 
 
 async def put_view(request: Request) -> Response:
@@ -156,7 +157,8 @@ async def put_view(request: Request) -> Response:
 
 async def import_view(request: Request) -> Response:
     """A configuration of mapviz as the body; nothing is stored."""
-    return json_answer(displays_of(await body(request)))
+    need_operator(request)
+    return json_answer(await run_in_process(displays_of, await request.body(), what="file"))
 
 
 async def export_view(request: Request) -> Response:
@@ -165,7 +167,8 @@ async def export_view(request: Request) -> Response:
     displays, view = told.get("displays"), told.get("view", {})
     if not isinstance(displays, list) or not isinstance(view, dict):
         raise Unusable(400, 'send {"displays": [...], "view": {"target": ..., "turn": ...}}')
-    return Response(config_of(displays, view), media_type="application/yaml")
+    data = await run_in_process(config_of, displays, view, what="view")
+    return Response(data, media_type="application/yaml")
 
 
 ROUTES: tuple[Route, ...] = (

@@ -12,7 +12,6 @@ from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
-import anyio.to_thread
 import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
@@ -20,6 +19,7 @@ from starlette.responses import Response
 from agribot import __version__
 from agribot.ui.answers import json_answer, need_operator
 from agribot.ui.hub import Hub
+from agribot.ui.off_the_loop import run_in_thread
 
 LOW_DISK_BYTES = 1_000_000_000
 LATE_RATIO = 0.8  # of a nominal rate, below which a sensor is slow
@@ -149,7 +149,7 @@ def _pages(hub: Hub) -> Check:
 async def support(request: Request) -> Response:
     """Settings, events, health and versions; no tokens, no pictures."""
     need_operator(request)
-    data = await anyio.to_thread.run_sync(_bundle, request.app.state.hub)
+    data = await run_in_thread(_bundle, request.app.state.hub)
     headers = {"content-disposition": 'attachment; filename="agribot-support.zip"'}
     return Response(data, media_type="application/zip", headers=headers)
 

@@ -17,10 +17,12 @@ from agribot.ui.access import Access
 from agribot.ui.channel import Channel, signal_table
 from agribot.ui.replay import Replay
 from agribot.ui.seat import Seat
+from agribot.ui.stops import Stops
 
 ToRobot = Callable[[dict[str, Any]], None]
 MAX_REPLAYS = 4  # at a time; whoever started the oldest is shown the robot again
 NOTES_PER_MINUTE = 60
+TELL_SEAT_S = 0.05
 
 
 class About(msgspec.Struct, kw_only=True):
@@ -31,6 +33,7 @@ class About(msgspec.Struct, kw_only=True):
     names: tuple[str, ...]
     operator_token: str
     viewer_token: str
+    session_key: str
     profile: str
     source: str  # "sim", "hardware", "replay" or "description"
     field: dict[str, Any]
@@ -67,10 +70,12 @@ class Hub:
         self.started_s = time.monotonic()
         is_local = about.host in {"127.0.0.1", "localhost", "::1"}
         self.access = Access(
-            about.names, about.port, about.operator_token, about.viewer_token,
+            about.names, about.port, about.operator_token, about.viewer_token, about.session_key,
             is_local=is_local, is_encrypted=bool(about.tls_cert),
         )  # fmt: skip
         self._to_robot = to_robot
+        self.stops = Stops(lambda source, text: self.event("stop", source, text))
+        self._seat_timer: asyncio.TimerHandle | None = None
         self._noted_s: deque[float] = deque(maxlen=NOTES_PER_MINUTE)
 
     @property
@@ -102,6 +107,19 @@ class Hub:
             if replay.clients:
                 replay.step(wall_s)
 
+    def cut_gone_pages(self, now_s: float) -> None:
+        for socket in self.sockets:
+            socket.cut_if_gone(now_s)
+
+    def tell_live(self) -> None:
+        """Those who look at a recording are told what the robot itself does meanwhile."""
+        watching = [socket for socket in self.sockets if socket.channel is not self.live]
+        state = self.live.newest() if watching and self.has_robot else {}
+        if state:
+            shown = {"k": "live", "mode": state["mode"], "stop": state["stop"]}
+            for socket in watching:
+                socket.tell(shown)
+
     def _follow(self) -> None:
         for socket in self.sockets:
             channel = self.channel_of(socket.session)
@@ -109,6 +127,13 @@ class Hub:
                 socket.follow(channel)
 
     def tell_seat(self) -> None:
+        """Soon, and once for all that changes until then: a flood would push out answers."""
+        if self._seat_timer is None:
+            loop = asyncio.get_running_loop()
+            self._seat_timer = loop.call_later(TELL_SEAT_S, self._tell_seat)
+
+    def _tell_seat(self) -> None:
+        self._seat_timer = None
         for socket in self.sockets:
             socket.tell_seat()
 

@@ -33,6 +33,7 @@ from agribot.ui.answers import (
     refused,
 )
 from agribot.ui.hub import Hub
+from agribot.ui.off_the_loop import run_in_thread
 
 FETCHES = anyio.CapacityLimiter(6)
 NO_TILE = Response(status_code=204, headers={"cache-control": "max-age=3600"})
@@ -40,13 +41,17 @@ NO_TILE = Response(status_code=204, headers={"cache-control": "max-age=3600"})
 
 async def list_maps(request: Request) -> Response:
     hub: Hub = request.app.state.hub
+    return json_answer(await run_in_thread(_described_maps, hub.home / "maps"))
+
+
+def _described_maps(folder: Path) -> list[dict[str, Any]]:
     maps = []
-    for name, path in map_files(hub.home / "maps").items():
+    for name, path in map_files(folder).items():
         try:
             maps.append({**described_map(path), "url": f"/tiles/{name}/{{z}}/{{x}}/{{y}}"})
         except ConfigError:
             continue  # a file that somebody put there by hand and that is none
-    return json_answer(maps)
+    return maps
 
 
 async def map_tile(request: Request) -> Response:

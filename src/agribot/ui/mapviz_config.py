@@ -11,9 +11,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from agribot.ui.answers import Unusable
+from agribot.ui.small_yaml import UnusableYaml, read_yaml
 
 PREFIX = "mapviz_plugins/"
-MAX_BYTES = 1_000_000
 MAX_DISPLAYS = 200
 ROBOT_FRAMES = {"base_link", "base_footprint"}
 # Of our quarter turns, the one that mapviz calls unturned: its target's x axis points right.
@@ -120,16 +120,10 @@ def displays_of(data: bytes) -> dict[str, Any]:
 
     Raises: Unusable: no configuration of mapviz.
     """
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import YAMLError
-
-    if len(data) > MAX_BYTES:
-        raise Unusable(413, f"larger than {MAX_BYTES // 1000} kB; no view is")
     try:
-        tree = YAML(typ="safe", pure=True).load(io.BytesIO(data))
-    except (YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        line = str(error).partition("\n")[0]
-        raise Unusable(422, f"not the YAML of a mapviz configuration: {line}") from error
+        tree = read_yaml(data)
+    except UnusableYaml as error:
+        raise Unusable(422, f"not the YAML of a mapviz configuration: {error}") from error
     listed = tree.get("displays") if isinstance(tree, dict) else None
     if not isinstance(listed, list) or not all(isinstance(entry, dict) for entry in listed):
         raise Unusable(422, "no configuration of mapviz: it has no list 'displays'")
@@ -188,7 +182,7 @@ def _display(type_: str, name: str, config: Any) -> tuple[dict[str, Any], list[s
             continue
         try:
             options[one.ours] = one.here(config[one.theirs])
-        except (ValueError, TypeError, KeyError):
+        except (ValueError, TypeError, KeyError, OverflowError):
             odd.append(f"{one.theirs} = {str(config[one.theirs])[:40]!r}")
     alpha = config.get("alpha", 1.0)
     is_ratio = isinstance(alpha, int | float) and 0.0 <= alpha <= 1.0

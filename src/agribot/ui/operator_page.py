@@ -6,6 +6,7 @@ import contextlib
 import math
 import threading
 import time
+from multiprocessing.connection import Connection
 from typing import Any, Self
 
 import msgspec
@@ -13,22 +14,27 @@ import msgspec
 from agribot.calibration.robot_file import RobotFile
 from agribot.calibration.wizard import Wizard
 from agribot.errors import ConfigError, RecordingError
-from agribot.messages import OperatorEvent, TickRecord
+from agribot.messages import ByteArray, OperatorEvent, TickRecord
 from agribot.messages import Path as PlannedPath
 from agribot.record.events import Event
 from agribot.session import Session
-from agribot.ui.about import about_run, field_of
+from agribot.ui.about import about_run
 from agribot.ui.address import Address
 from agribot.ui.feed import CameraFeed, Feed
+from agribot.ui.goal_preview import preview_goal
+from agribot.ui.ground import field_of
 from agribot.ui.hub import About
 from agribot.ui.panels import Panels
 from agribot.ui.plant_pictures import PlantPictures
 from agribot.ui.recent_frames import RecentFrames
 from agribot.ui.saved_frames import SavedFrames
-from agribot.ui.server_process import READY_TIMEOUT_S, ServerProcess
+from agribot.ui.server_process import READY_TIMEOUT_S, ServerProcess, report
+from agribot.ui.settings import show_changes
 from agribot.ui.verdicts import Verdicts
 from agribot.ui.view import RunView
 from agribot.weeds.track import Track
+
+SERVER = "the page's server"
 
 
 class OperatorPage:
@@ -49,14 +55,15 @@ class OperatorPage:
         self._panels = panels or Panels()
         self._verdicts = Verdicts(self._inbox)
         self.address = address or Address()
-        self.server = ServerProcess(self.address, self._about)
-        self._link = self.server.link
+        self.server = ServerProcess(self.address, self._about, self._server_lost)
         self._lock = threading.Lock()
         self._view = RunView(session.config)
         file = RobotFile(self.address.home, session.config.robot)
         self._wizard = Wizard(self._inbox, session.robot, session.config, file)
-        self._feed = Feed(self._view, SessionSource(session, self._wizard), self._send)
-        self._camera = CameraFeed(self.server.camera_link)
+        self._source = SessionSource(session, self._wizard)
+        self._feed: Feed | None = None  # those of the server of the moment
+        self._camera: CameraFeed | None = None
+        self._changed: dict[str, float] = {}  # settings, under way
         self._frames = RecentFrames()
         reach_m = session.config.weeds.merge_radius_m
         self._plants = PlantPictures(session.robot, self._frames, reach_m)
@@ -78,11 +85,10 @@ class OperatorPage:
                 f"the page's server did not start within {READY_TIMEOUT_S:g} s; "
                 "run without --ui, or look at the messages above"
             )
+        self._session.unattended.is_attended = True
         self._session.add_tap(self)
-        self._session.add_mask_tap(self._camera.mask)
+        self._session.add_mask_tap(self._mask)
         self._session.add_mask_tap(self._frames.mask)
-        self._feed.start()
-        self._camera.start()
         self._plants.start()
         return self
 
@@ -91,8 +97,11 @@ class OperatorPage:
 
     def __call__(self, record: TickRecord) -> None:
         self._wizard(record)
-        self._feed(record)
-        self._camera(record)
+        feed, camera = self._feed, self._camera
+        if feed is not None:
+            feed(record)
+        if camera is not None:
+            camera(record)
         self._frames(record)
         self._plants(record)
         self._verdicts(record)
@@ -110,37 +119,69 @@ class OperatorPage:
         """Tell the pages that it is over and end the server. Safe to call twice."""
         self._closed.set()
         self._plants.close()
-        if self._ready.is_set() and not (self._feed.close() and self._camera.close()):
-            self.server.process.kill()  # it takes nothing any more, not even a goodbye
-        self.server.close()
+        takes_nothing = not self._close_feeds()  # any more, not even a goodbye
+        self.server.close(at_once=takes_nothing)
 
-    def _send(self, data: bytes) -> None:
+    def _start_feeds(self) -> None:
+        """To a server that has just become ready: everything from the beginning."""
+        link = self.server.link
+        self._feed = Feed(self._view, self._source, lambda data: self._send(link, data))
+        self._camera = CameraFeed(self.server.camera_link)
+        self._feed.start()
+        self._camera.start()
+
+    def _close_feeds(self) -> bool:
+        """False when the server does not take what is left."""
+        feeds = [feed for feed in (self._feed, self._camera) if feed is not None]
+        return all([feed.close() for feed in feeds])
+
+    def _mask(self, frame_index: int, class_id: ByteArray) -> None:
+        if self._camera is not None:
+            self._camera.mask(frame_index, class_id)
+
+    def _send(self, link: Connection, data: bytes) -> None:
         with self._lock:
-            self._link.send_bytes(data)
+            link.send_bytes(data)
 
     def _hear(self, data: bytes) -> None:
         self._obey(msgspec.json.decode(data))
 
     def _look(self) -> None:
-        """A hand that fell silent lets go; the end of the line is the loss of all operators."""
-        self._release_old_hand()
-        if self.server.has_ended.is_set() and not self._closed.is_set():
-            self._operator_lost("the page's server")
+        """A hand that fell silent lets go, by the clock on the wall: a simulation may be slow."""
+        is_old = time.monotonic() - self._hand_wall_s > self._timeout_s
+        if self._is_hand_moving and is_old:
+            self._hand(0.0, 0.0, "page, silent")
+
+    def _server_lost(self, reason: str) -> None:
+        """The end of the line is the loss of all operators, until they take the seat again."""
+        self._operator_lost(SERVER)
+        self._note(f"{reason}; it is started again")
+        self._close_feeds()
+
+    def _note(self, text: str) -> None:
+        self._inbox.post(OperatorEvent(t_s=0.0, action="note", source=SERVER, text=text))
 
     def _obey(self, order: dict[str, Any]) -> None:
         kind = order["c"]
         if kind == "drive":
             self._hand(float(order["v"]), float(order["w"]), str(order["by"]))
         elif kind == "event":
+            if order["action"] == "set":
+                self._changed[order["text"]] = float(order["value"])
             self._inbox.post(_event(order))
-        elif kind == "watch":
+        elif kind == "watch" and self._camera is not None:
             self._camera.is_watched = bool(order["camera"])
             self._camera.is_mask_watched = bool(order["mask"])
         elif kind == "lost":
             self._operator_lost(str(order["by"]))
         elif kind == "ask":
-            threading.Thread(target=self._answer, args=(order,), daemon=True).start()
+            asked = (order, self.server.link)
+            threading.Thread(target=self._answer, args=asked, daemon=True).start()
         elif kind == "ready":
+            self._start_feeds()
+            if self._ready.is_set():
+                report(f"page: served again at {self.url}")
+                self._note("serves again")
             self._ready.set()
 
     def _hand(self, v_mps: float, yaw_rate_radps: float, by: str) -> None:
@@ -150,11 +191,6 @@ class OperatorPage:
         if self._is_hand_moving:
             self._hand_wall_s = time.monotonic()
 
-    def _release_old_hand(self) -> None:
-        """By the clock on the wall, for a simulation that runs slower than it."""
-        if self._is_hand_moving and time.monotonic() - self._hand_wall_s > self._timeout_s:
-            self._hand(0.0, 0.0, "page, silent")
-
     def _operator_lost(self, who: str) -> None:
         self._wizard.interrupt(f"{who} is not heard any more")
         self._hand(0.0, 0.0, who)
@@ -162,7 +198,7 @@ class OperatorPage:
             self._inbox.post(OperatorEvent(t_s=0.0, action="pause", source=f"loss of {who}"))
         self._inbox.post(OperatorEvent(t_s=0.0, action="note", source=who, text="operator lost"))
 
-    def _answer(self, order: dict[str, Any]) -> None:
+    def _answer(self, order: dict[str, Any], link: Connection) -> None:
         """What the server asks of mission and panels. Errors of their code become answers."""
         reply: dict[str, Any] = {"k": "reply", "number": order["number"]}
         try:
@@ -173,19 +209,28 @@ class OperatorPage:
                 {**reply, "value": None, "error": f"{type(error).__name__}: {error}"}
             )
         with contextlib.suppress(OSError):
-            self._send(data)
+            self._send(link, data)
 
     def _answered(self, name: str, values: Any) -> Any:
         if name == "request":
             return self._verdicts.ask(_event(values))
         if name == "calibration":
             return self._wizard.answer(values)
+        if name == "preview_goal":
+            return self._preview_goal(tuple(map(float, values)))
         if name == "save_frame":
             return self._save_frame()
         if name == "plant_picture":
             picture = self._plants.near(float(values[0]), float(values[1]))
             return {} if picture is None else {"jpeg": picture.jpeg, "t_s": picture.t_s}
         return self._panels.answer(name, values)
+
+    def _preview_goal(self, numbers: tuple[float, ...]) -> dict[str, Any]:
+        record = self._view.record
+        if record is None:
+            return {"refusal": "the robot has not begun yet"}
+        task, config = self._session.stack.mission.task, self._session.config
+        return preview_goal(task, record.estimate, config.mission.speed_mps, numbers)
 
     def _save_frame(self) -> dict[str, Any]:
         shot = self._frames.newest()
@@ -200,7 +245,9 @@ class OperatorPage:
         run = self._session
         area = run.task.work.area if run.task.work else None
         field = field_of(run.config, run.rows, run.goals_map_m, area)
-        return about_run(self.address, port, run.config, run.robot, run.urdf, field, run.out_dir)
+        about = about_run(self.address, port, run.config, run.robot, run.urdf, field, run.out_dir)
+        show_changes(about.settings, self._changed)
+        return about
 
 
 class SessionSource:

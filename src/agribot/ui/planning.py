@@ -19,7 +19,7 @@ from agribot.plan.coverage.drive import FieldWork
 from agribot.plan.coverage.planner import plan_field
 from agribot.plan.plan_certificate import certify_plan
 from agribot.robot import RobotSpec
-from agribot.ui.about import field_of
+from agribot.ui.ground import field_of
 
 SHOWN_STEP_M = 0.2
 

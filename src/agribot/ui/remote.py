@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import ssl
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import msgspec
 
@@ -16,7 +17,25 @@ from agribot.ui.address import Door
 from agribot.ui.line import Line
 
 ANSWER_S = 5.0
+PING_S, CLOCK_LASTS_S = 0.5, 30.0
 OPEN_TIMEOUT_S = 30.0  # a small computer at its limit takes its time, most of all with TLS
+
+
+class RobotClock(NamedTuple):
+    """How far the robot's clock is ahead of the one here, by an answer that took `round_s`."""
+
+    ahead_s: float
+    round_s: float
+    at_s: float
+
+
+def clock_of(pong: dict[str, Any], now_s: float, known: RobotClock | None) -> RobotClock:
+    """The quickest of the answers of late tells it best: it errs by half of its time at most."""
+    round_s = now_s - pong["c"]
+    new = RobotClock(pong["mono_ms"] / 1e3 - (pong["c"] + now_s) / 2.0, round_s, now_s)
+    if known is None or round_s <= known.round_s or now_s - known.at_s > CLOCK_LASTS_S:
+        return new
+    return known
 
 
 class Remote:
@@ -31,6 +50,8 @@ class Remote:
         self._sent = self._asked = 0
         self.state: dict[str, Any] = {}
         self.has_seat = False
+        self._pinged_s = -math.inf
+        self._clock: RobotClock | None = None
         self._pending: dict[str, str] = {}
         self._verdicts: list[str] = []
 
@@ -93,8 +114,14 @@ class Remote:
         raise PlatformError(f"the robot did not answer within {ANSWER_S:g} s")
 
     def drive(self, v_mps: float, yaw_rate_radps: float) -> None:
+        """Stamped with the robot's clock once that is known: what comes too late is not obeyed."""
+        now_s = time.monotonic()
+        if now_s - self._pinged_s >= PING_S:
+            self._pinged_s = now_s
+            self.send(k="ping", c=now_s)
         self._sent += 1
-        self.send(k="drive", seq=self._sent, v=v_mps, w=yaw_rate_radps)
+        clock = {} if self._clock is None else {"mono_ms": 1e3 * (now_s + self._clock.ahead_s)}
+        self.send(k="drive", seq=self._sent, v=v_mps, w=yaw_rate_radps, **clock)
 
     def send(self, **message: Any) -> None:
         try:
@@ -122,6 +149,8 @@ class Remote:
         elif message["k"] == "ack" and message["id"] in self._pending:
             name = self._pending.pop(message["id"])
             self._verdicts.append(f"{name}: {'done' if message['ok'] else message['reason']}")
+        elif message["k"] == "pong":
+            self._clock = clock_of(message, time.monotonic(), self._clock)
         elif message["k"] == "bye":
             raise PlatformError(f"the robot says goodbye: {message['reason']}")
         return message

@@ -21,6 +21,7 @@ from agribot.record.weeds import position_std_m
 from agribot.ros.rosmsg import typestore
 from agribot.ui.channel import Channel, signal_table
 from agribot.ui.feed import event_message
+from agribot.ui.ground import read_field_or_datum
 from agribot.ui.pictures import Pictures, Shot
 from agribot.ui.view import RunView
 
@@ -51,9 +52,11 @@ class Replay(Channel):
         events: list[Event],
         path: dict[str, Any] | None,
         pictures: Pictures,
+        field: dict[str, Any],
     ) -> None:
-        super().__init__("replay", signal_table())
-        self.name, self.speed = name, 1.0
+        super().__init__("replay", signal_table(), name)
+        self.speed = 1.0
+        self.field = field
         self._moments, self._whole_trace = moments, trace_map_m
         self._times = [moment.t_s for moment in moments]
         self._plants, self._recorded = plants, events
@@ -86,7 +89,8 @@ class Replay(Channel):
         except RecordingError:
             plants = ()  # a run that was cut off has none
         pictures = Pictures.load(path)
-        return cls(name, moments, view.trace_map_m, plants, events, _path(path), pictures)
+        field = read_field_or_datum(path)
+        return cls(name, moments, view.trace_map_m, plants, events, _path(path), pictures, field)
 
     def described(self) -> dict[str, Any]:
         return {
@@ -110,7 +114,8 @@ class Replay(Channel):
         self._weed_rows, self._next_event = {}, 0
         moment = self._moments[self._index]
         self.trace_map_m = self._whole_trace[: moment.traced]
-        self._path = self._whole_path
+        self.path = self._whole_path or self.path
+        self.path_revision += 1
         self._tell_weeds()
         self._tell_events()
         self._tell_state([moment.signals])
@@ -138,8 +143,8 @@ class Replay(Channel):
         samples = b",".join(part for part in signals if part)
         head = self._moments[self._index].state[:-1]
         now = msgspec.json.encode(self.described())
-        wall_ms = str(round(time.time() * 1e3, 1)).encode()
-        tail = b',"sig":[' + samples + b'],"wall_ms":' + wall_ms + b',"replay":' + now + b"}"
+        clocks = f'"wall_ms":{time.time() * 1e3:.1f},"mono_ms":{time.monotonic() * 1e3:.1f}'
+        tail = b',"sig":[' + samples + b"]," + clocks.encode() + b',"replay":' + now + b"}"
         self.publish_state((head + tail).decode())
 
     def _tell_weeds(self) -> None:
@@ -150,8 +155,8 @@ class Replay(Channel):
         ]
         if changed:
             self._weed_rows.update((row[0], row) for row in changed)
-            self._rev += 1
-            self._change({"k": "weeds", "rev": self._rev, "set": changed, "gone": []})
+            revision = self.weeds_revision + 1
+            self._change({"k": "weeds", "rev": revision, "set": changed, "gone": []})
 
     def _tell_events(self) -> None:
         while self._next_event < len(self._recorded):

@@ -14,6 +14,7 @@ from agribot.ui import (
     calibration_routes,
     field_routes,
     frame_routes,
+    goal_routes,
     health_routes,
     map_routes,
     run_routes,
@@ -25,6 +26,7 @@ PARTS = (
     run_routes,
     field_routes,
     frame_routes,
+    goal_routes,
     map_routes,
     health_routes,
     calibration_routes,
@@ -50,5 +52,7 @@ def _polite(endpoint: Endpoint) -> Endpoint:
             return refused(error.status, str(error))
         except AgribotError as error:
             return refused(422, str(error))
+        except RecursionError:
+            return refused(400, "this is nested too deeply to be worked with")
 
     return answering

@@ -8,7 +8,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import anyio.to_thread
 import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
@@ -26,6 +25,7 @@ from agribot.ui.answers import (
     served_file,
 )
 from agribot.ui.hub import Hub
+from agribot.ui.off_the_loop import run_in_thread
 from agribot.ui.replay import MAX_SPEED, MIN_SPEED, Replay
 from agribot.ui.settings import live_value
 
@@ -36,7 +36,7 @@ MAX_LISTED = 500
 async def recordings(request: Request) -> Response:
     hub: Hub = request.app.state.hub
     folder = Path(hub.about.runs_dir)
-    listed = await anyio.to_thread.run_sync(_listed, folder)
+    listed = await run_in_thread(_listed, folder)
     free = shutil.disk_usage(folder if folder.is_dir() else Path("/")).free
     current = hub.live.newest().get("recording", hub.about.current)
     shown = {"disk_free_bytes": free, "current": current or None, "recordings": listed}
@@ -123,7 +123,7 @@ async def replay(request: Request) -> Response:
         raise Unusable(400, f"t_s {t_s!r}: a time in seconds")
     player = hub.replay_of(session)
     if player is None or (name is not None and player.name != name):
-        player = await anyio.to_thread.run_sync(_opened, hub, str(name))
+        player = await run_in_thread(_opened, hub, str(name))
         hub.start_replay(session, player)
     player.speed = float(speed)
     if t_s is not None:

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import functools
 import gc
+import itertools
 import queue
 import signal
 import socket
@@ -18,37 +19,19 @@ from typing import Any
 
 import msgspec
 import uvicorn
-from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from agribot.ui.app import build_app
 from agribot.ui.camera import Camera, unpacked
+from agribot.ui.connection_slots import ConnectionSlots
+from agribot.ui.guarded_connections import GuardedHttp, GuardedSocket
 from agribot.ui.hub import About, Hub
 from agribot.ui.replay import STATE_HZ, Replay
 
-MAX_CONNECTIONS = 200  # open lines, of browsers and programs together
-FIRST_REQUEST_S = 10.0  # a line on which nothing was asked by then is cut
 MAX_FRAME_BYTES = 64 * 1024
 ORDERS_KEPT = 500
+HANDSHAKE_S = 5.0  # of TLS; a line has no slot yet that could be taken from it
 WATCH_S = 0.25
-
-
-class GuardedHttp(H11Protocol):
-    """Turns lines away above a limit, and cuts those that never ask anything."""
-
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        if len(self.connections) >= MAX_CONNECTIONS:
-            transport.abort()
-            return
-        super().connection_made(transport)
-        asyncio.get_running_loop().call_later(FIRST_REQUEST_S, self._cut_if_silent)
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        if self.transport is not None:
-            super().connection_lost(exc)
-
-    def _cut_if_silent(self) -> None:
-        if self.cycle is None and self in self.connections:
-            self.transport.abort()
+ALIVE_EVERY = 4  # looks; the robot ends a server whose loop stands still
 
 
 class QuietServer(uvicorn.Server):
@@ -91,7 +74,7 @@ async def _serve(
     hub = Hub(about, line.put)
 
     @contextlib.asynccontextmanager
-    async def lifespan(app: Any) -> AsyncIterator[None]:
+    async def lifespan(app: Any) -> AsyncIterator[dict[str, Any]]:
         if about.recording:
             hub.start_replay("", Replay.load(Path(about.recording), about.current))
         tasks = [asyncio.create_task(_watch(hub)), asyncio.create_task(_replay(hub))]
@@ -101,18 +84,18 @@ async def _serve(
         _read(link, loop, lambda data: _hear(hub, data, ended), ended)
         _read(camera_link, loop, lambda data: camera.show(unpacked(data)), lambda: None)
         hub.order({"c": "ready"})
-        yield
+        yield {"slots": ConnectionSlots()}
         for task in tasks:
             task.cancel()
 
     config = uvicorn.Config(
         build_app(hub, lifespan),
         http=GuardedHttp,
-        ws="websockets-sansio",
+        ws=GuardedSocket,
         ws_max_size=MAX_FRAME_BYTES,
         ws_per_message_deflate=False,
-        ws_ping_interval=10.0,
-        ws_ping_timeout=20.0,
+        ws_ping_interval=None,
+        ws_ping_timeout=None,
         log_level="error",
         access_log=False,
         server_header=False,
@@ -121,7 +104,11 @@ async def _serve(
         ssl_keyfile=about.tls_key or None,
     )
     server = QuietServer(config)
-    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, lambda: _end(hub, server))
+    loop = asyncio.get_running_loop()
+    if about.tls_cert:  # uvicorn has no option for it; asyncio would wait for a minute
+        limited = functools.partial(loop.create_server, ssl_handshake_timeout=HANDSHAKE_S)
+        loop.create_server = limited  # type: ignore[method-assign]
+    loop.add_signal_handler(signal.SIGTERM, lambda: _end(hub, server))
     await server.serve(sockets=[listener])
 
 
@@ -172,8 +159,12 @@ def _close(server: uvicorn.Server) -> None:
 async def _watch(hub: Hub) -> None:
     """Tells pages when the seat becomes free, and the robot when its operator is gone."""
     was_silent = True
-    while True:
+    for number in itertools.count():
         await asyncio.sleep(WATCH_S)
+        if number % ALIVE_EVERY == 0:
+            hub.order({"c": "alive"})
+        hub.tell_live()
+        hub.cut_gone_pages(time.monotonic())
         is_silent = hub.seat.is_silent(time.monotonic())
         if is_silent != was_silent:
             was_silent = is_silent

@@ -37,6 +37,14 @@ def described(config: RunConfig) -> list[dict[str, Any]]:
     return [{"name": name, "keys": keys} for name, keys in groups.items()]
 
 
+def show_changes(groups: list[dict[str, Any]], changed: dict[str, float]) -> None:
+    """Put into `described` what was changed under way, by the numbers of operators' events."""
+    for key in (key for group in groups for key in group["keys"]):
+        if key["key"] in changed:
+            number = changed[key["key"]]
+            key["value"] = bool(number) if key["type"] == "boolean" else number
+
+
 def live_value(config: RunConfig, key: str, value: object) -> float:
     """The value as an operator's event carries it.
 

@@ -11,13 +11,17 @@ import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from agribot import __version__
-from agribot.ui.channel import Channel, Client
+from agribot.ui.allowance import MAX_MESSAGES_PER_S, Allowance
+from agribot.ui.channel import Channel
+from agribot.ui.client import Client
 from agribot.ui.commands import Commands, Refused
 from agribot.ui.hub import Hub
+from agribot.ui.page_slots import make_room
+from agribot.ui.window import Window
 
-MAX_SOCKETS = 64
-MAX_MESSAGES_PER_S = 120  # 20 Hz of driving needs a sixth of it
+MAX_STOP_LETTERS = 200
 POLICY, TRY_LATER = 1008, 1013
+GONE_S = 10.0  # a page that acknowledges is cut where it has not done so for as long
 
 
 class Socket:
@@ -28,18 +32,19 @@ class Socket:
         self.hub, self.role = hub, caller.role
         self.session = f"{caller.session or f'visit-{number}'}/{socket.query_params.get('tab', '')}"
         self.name = f"{self.role} {number}"
-        self.client = Client()
-        self.channel = hub.channel_of(self.session)
+        window = Window(is_acknowledged=socket.query_params.get("acks") == "1")
+        self.client = Client(hub.channel_of(self.session), window)
         self._socket = socket
         self._commands = Commands(hub, self)
-        self._window_s, self._in_window = 0.0, 0
+        self.heard_s = time.monotonic()
+        self._allowance = Allowance(self.heard_s)
 
     async def serve(self) -> None:
         hub = self.hub
         hub.sockets.add(self)
         hub.seat.heard(self.session, time.monotonic())
         self.tell(self._hello())
-        self.follow(self.channel)
+        self.channel.clients.add(self.client)
         hub.tell_seat()
         sender = asyncio.create_task(self._send_all())
         try:
@@ -59,17 +64,33 @@ class Socket:
     def tell(self, message: dict[str, Any]) -> None:
         self.client.tell(msgspec.json.encode(message).decode())
 
+    def cut(self) -> None:
+        """End the connection at once, whatever waits to be sent on it."""
+        self._socket.scope["state"]["slot"].cut()
+
     def tell_seat(self) -> None:
         self.tell({"k": "seat", **self._seat()})
+
+    @property
+    def channel(self) -> Channel:
+        """The stream that this page is shown."""
+        return self.client.channel
 
     def follow(self, channel: Channel) -> None:
         """Show another stream: the page gets its snapshot and then its states."""
         self.channel.clients.discard(self.client)
-        self.channel = channel
         channel.clients.add(self.client)
-        self.client.start_over()
-        if channel.state_text:
-            self.client.state(channel.state_text)
+        self.client.follow(channel)
+
+    def acknowledge(self, count: int) -> None:
+        """The page has received as many messages since it was opened."""
+        self.client.window.received(count, time.monotonic())
+        self.client.wake()
+
+    def cut_if_gone(self, now_s: float) -> None:
+        """A page that vanished without a word has no line to be closed in order."""
+        if self.client.window.waiting_s(now_s) > GONE_S:
+            self.cut()
 
     def _seat(self) -> dict[str, Any]:
         hub = self.hub
@@ -87,10 +108,12 @@ class Socket:
         }
 
     async def _send_all(self) -> None:
-        """A page that takes nothing holds up its own line only, until its pings are missed."""
+        """A page that takes nothing holds up its own line only, until it is cut."""
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while True:
-                await self._socket.send_text(await self.client.next(self.channel))
+                text = await self.client.next()
+                self.client.window.sent(len(text), time.monotonic())
+                await self._socket.send_text(text)
 
     async def _listen(self) -> None:
         while True:
@@ -100,16 +123,15 @@ class Socket:
             text = message.get("text")
             if text is None:
                 raise Refused("a binary frame; this line speaks JSON text")
-            self._count(text)
-            self._commands.obey(text)
+            self._take(text)
 
-    def _count(self, text: str) -> None:
-        """A stop is always heard, however much else this page sends."""
-        now_s = time.monotonic()
-        if now_s - self._window_s >= 1.0:
-            self._window_s, self._in_window = now_s, 0
-        self._in_window += 1
-        if self._in_window > MAX_MESSAGES_PER_S and '"stop"' not in text:
+    def _take(self, text: str) -> None:
+        """Obey within the limit. A stop is obeyed above it, too, but costs the line as well."""
+        self.heard_s = time.monotonic()
+        is_within = self._allowance.take(self.heard_s)
+        if is_within or _is_stop(text):
+            self._commands.obey(text)
+        if not is_within:
             raise Refused(f"more than {MAX_MESSAGES_PER_S} messages in a second")
 
     async def _leave(self, reason: str) -> None:
@@ -120,10 +142,22 @@ class Socket:
             await self._socket.close(POLICY, reason[:120])
 
 
+def _is_stop(text: str) -> bool:
+    """Whether it asks for a stop; to have the word somewhere in it is not enough."""
+    if len(text) > MAX_STOP_LETTERS:
+        return False
+    try:
+        message = msgspec.json.decode(text)
+    except (msgspec.DecodeError, ValueError, RecursionError):
+        return False
+    return isinstance(message, dict) and message.get("k") == "stop"
+
+
 async def state_socket(socket: WebSocket) -> None:
     hub: Hub = socket.app.state.hub
-    if len(hub.sockets) >= MAX_SOCKETS:
-        hub.refuse("a page", f"{MAX_SOCKETS} pages are connected already")
+    refusal = make_room(hub, socket.scope["agribot.caller"], time.monotonic())
+    if refusal:
+        hub.refuse("a page", refusal)
         await socket.close(TRY_LATER)
         return
     await socket.accept()

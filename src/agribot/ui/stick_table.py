@@ -15,6 +15,7 @@ from agribot.config_tree import check_finite
 from agribot.errors import ConfigError
 from agribot.ui.hand import STILL, Request, Wish
 from agribot.ui.joystick import JoystickState
+from agribot.ui.small_yaml import UnusableYaml, read_yaml_file
 
 # The largest speeds that a line may ask for, those of `agribot teleop`; the robot has its own.
 LIMITS = {"linear.x": 2.0, "angular.z": 3.0}
@@ -165,14 +166,11 @@ def read_table(path: Path, scale: float, dead_zone: float) -> TableHand:
 
 
 def _commands(path: Path) -> dict[Any, Any]:
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import YAMLError
-
     try:
-        tree = YAML(typ="safe", pure=True).load(path.read_bytes())
+        tree = read_yaml_file(path)
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}; check the path") from error
-    except (YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+    except UnusableYaml as error:
         raise ConfigError(f"{path} is not valid YAML: {error}") from error
     check_finite(tree, str(path), "")
     tree = tree if isinstance(tree, dict) else {}

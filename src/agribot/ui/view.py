@@ -8,7 +8,7 @@ from typing import Any
 
 from agribot.config import RunConfig
 from agribot.devices import BatterySample
-from agribot.messages import GnssFix, OperatorEvent, SensorBatch, TickRecord, Vec3
+from agribot.messages import GnssFix, SensorBatch, TickRecord, Vec3
 from agribot.weeds.track import Track
 
 # Name and unit of every signal that a plot can show; `RunView` gives one sample for each tick.
@@ -37,11 +37,9 @@ class RunView:
 
     def __init__(self, config: RunConfig) -> None:
         self._hand_timeout_s = config.safety.hand_timeout_s
-        self._speed_mps = config.mission.speed_mps
         self.record: TickRecord | None = None
         self.ticks = 0
         self.trace_map_m: list[Point] = []
-        self.stopped_by = ""
         self.topics: dict[str, int] = {}
         self._signals: deque[list[float | None]] = deque(maxlen=SIGNALS_KEPT)
         self._gnss: GnssFix | None = None
@@ -53,8 +51,6 @@ class RunView:
     def __call__(self, record: TickRecord) -> None:
         batch = record.batch
         self._sense(batch)
-        for event in batch.events:
-            self._latch(event)
         if batch.hand and (batch.hand[-1].v_mps or batch.hand[-1].yaw_rate_radps):
             self._hand_s = batch.t_s
         self._trace(record)
@@ -85,7 +81,7 @@ class RunView:
             "gnss": _gnss(self._gnss),
             "mission": self._mission(record),
             "mode": self._mode(record),
-            "stop": f"stopped by {self.stopped_by}" if self.stopped_by else "",
+            "stop": record.status.stopped,
             "reason": record.reason or record.status.reason,
             "battery": _battery(self._battery),
             "xte_m": None if cross_m is None else _short(cross_m),
@@ -105,12 +101,6 @@ class RunView:
             pairs = zip(known, sample.accel_mps2, strict=True)
             x, y, z = (old + TILT_SHARE * (new - old) for old, new in pairs)
             self._up_mps2 = (x, y, z)
-
-    def _latch(self, event: OperatorEvent) -> None:
-        if event.action == "stop":
-            self.stopped_by = event.source
-        elif event.action == "clear_stop":
-            self.stopped_by = ""
 
     def _trace(self, record: TickRecord) -> None:
         estimate = record.estimate
@@ -145,7 +135,7 @@ class RunView:
 
     def _mission(self, record: TickRecord) -> dict[str, Any]:
         status = record.status
-        left_m = status.length_m - status.s_m
+        eta_s = status.eta_s if status.state == "running" else None
         return {
             "state": status.state,
             "reason": status.reason,
@@ -154,7 +144,7 @@ class RunView:
             "rows_done": list(status.rows_done),
             "s_m": round(status.s_m, 3),
             "length_m": round(status.length_m, 3),
-            "eta_s": round(left_m / self._speed_mps, 1) if status.state == "running" else None,
+            "eta_s": None if eta_s is None else round(eta_s, 1),
             "wp_total": status.waypoints_total,
             "wp_reached": status.waypoints_reached,
             "leg": status.leg,
@@ -163,7 +153,7 @@ class RunView:
 
     def _mode(self, record: TickRecord) -> str:
         state = record.status.state
-        if self.stopped_by:
+        if record.status.stopped:
             return "stopped"
         if state != "running" and record.batch.t_s - self._hand_s < self._hand_timeout_s:
             return "teleop"

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from agribot.config import WeedConfig
 from agribot.mapped_plant import MappedPlant
 from agribot.messages import Estimate, PlantClass, Scene
 from agribot.weeds.cells import CellIndex
+from agribot.weeds.no_spray import NoSprayArea
 from agribot.weeds.poses import PoseAt, PoseHistory
 from agribot.weeds.track import GONE_LOGIT, Sighting, Track, new_track, sighting
 from agribot.weeds.view import View
@@ -24,8 +25,9 @@ TENTATIVE_S = 20.0  # a plant not confirmed by then is forgotten
 class WeedMap:
     """Feed every estimate to `track_pose`, every scene to `add`; ask for `weeds` and `crops`.
 
-    Crops are mapped like weeds, so that the treatment can spare them. A scene whose capture
-    pose is unknown is dropped and counted in `scenes_dropped`.
+    Crops are mapped like weeds, so that the treatment can spare them; crops that cannot be told
+    apart are at least ground of `no_spray`. A scene whose capture pose is unknown is dropped and
+    counted in `scenes_dropped`.
     """
 
     def __init__(self, config: WeedConfig) -> None:
@@ -35,6 +37,7 @@ class WeedMap:
         self._cells = CellIndex(max(0.25, config.merge_radius_m))
         self._tentative: deque[tuple[float, int]] = deque()
         self._next_id = 1
+        self.no_spray = NoSprayArea()
         self.scenes_used = 0
         self.scenes_dropped = 0
 
@@ -49,6 +52,8 @@ class WeedMap:
             self.scenes_dropped += 1
             return
         self.scenes_used += 1
+        if scene.crop_cover is not None:
+            self.no_spray.add(scene.crop_cover, pose)
         seen = [sighting(p, pose) for p in scene.plants if p.plant != PlantClass.SOIL]
         touched = self._associate(seen, scene.t_s)
         self._count_misses(View(scene.view_body_m, pose), scene.t_s)
@@ -65,6 +70,20 @@ class WeedMap:
             for track in self._tracks.values()
             if track.sightings >= min_sightings and track.confidence >= min_confidence
         )
+
+    @property
+    def tracks(self) -> tuple[Track, ...]:
+        """All there is to know, for the map of a run that goes on with this one."""
+        return tuple(self._tracks.values())
+
+    def restore(self, tracks: Iterable[Track]) -> None:
+        """Go on with the map of an earlier run; before the first scene."""
+        for track in sorted(tracks, key=lambda track: track.first_seen_s):
+            self._tracks[track.id] = track
+            self._next_id = max(self._next_id, track.id + 1)
+            self._cells.place(track)
+            if not track.is_confirmed:
+                self._tentative.append((track.first_seen_s, track.id))
 
     def confirmed(self) -> list[Track]:
         """Confirmed plants as they are now; a page may ask from a thread of its own."""

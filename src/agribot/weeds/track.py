@@ -9,7 +9,7 @@ covariance of the map honest: split covariance, Julier and Uhlmann 2001.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from agribot.mapped_plant import MappedPlant
 from agribot.messages import GroundPlant, PlantClass
@@ -130,6 +130,14 @@ class Track:
         self.last_seen_s = max(self.last_seen_s, other.last_seen_s)
         if self.treated_s is None:
             self.treated_s = other.treated_s
+
+    def earlier(self, by_s: float) -> Track:
+        """The same on a clock that began so much later."""
+        treated_s = None if self.treated_s is None else self.treated_s - by_s
+        return replace(
+            self, first_seen_s=self.first_seen_s - by_s, last_seen_s=self.last_seen_s - by_s,
+            treated_s=treated_s,
+        )  # fmt: skip
 
     def message(self) -> MappedPlant:
         return MappedPlant(

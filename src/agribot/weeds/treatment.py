@@ -1,5 +1,8 @@
 """Spot spraying: which nozzles are open now, so that the mapped weeds get hit and no crop does.
 
+Crop is spared twice: around the stems in the map, and wherever the last frames showed its leaves,
+so that a closed row, whose plants cannot be told apart, is spared as well.
+
 A nozzle answers `latency_s` after its command, so a command is about where the boom will be
 then. What really flowed is the command of `latency_s` ago: a weed counts as treated only when
 that nozzle passed over it.
@@ -17,11 +20,16 @@ from agribot.config import TreatmentConfig
 from agribot.messages import Estimate, ImplementCommand, OperatorEvent, PlantClass
 from agribot.robot import SprayerSpec
 from agribot.weeds.map import WeedMap
+from agribot.weeds.no_spray import Disc
 from agribot.weeds.track import Track
 
 MIN_SPEED_MPS = 0.05  # slower, a nozzle would flood the spot that it stands over
 CROP_STEM_M = 0.02  # radius of a young stem
 STEM_MARGIN_M = 0.03  # half the spray's length on the ground, and how well a crop is placed
+# Off leaves it is half that length and a cell of the no-spray area.
+LEAF_MARGIN_M = 0.03
+# Leaf tips of a plant reach so much farther than a disc of its area.
+LEAVES_RATIO, MAX_LEAVES_M = 2.0, 0.45
 HIT_M = 0.015  # a flat fan wets a line a few centimetres long: so near to its middle is a hit
 SAME_TIME_S = 1e-9
 MAX_STEP_S = 0.1  # a longer silence between ticks is not credited as spraying
@@ -65,7 +73,8 @@ class Treatment:
             self._credit(near, flowing, step_m, weed_map, estimate.t_s)
             if active:
                 self.passed_m2 += step_m * sprayer.nozzle_width_m * sprayer.nozzle_count
-                wanted = self._choose(_after(near, estimate, sprayer), step_m, sprayer)
+                opened = self._choose(_after(near, estimate, sprayer), step_m, sprayer)
+                wanted = self._spare_leaves(opened, estimate, step_m, weed_map)
         self._commands.append((estimate.t_s, wanted))
         return ImplementCommand(nozzles_open=wanted)
 
@@ -159,6 +168,41 @@ class Treatment:
                     is_open[index] = True
         return tuple(is_open)
 
+    def _spare_leaves(
+        self, is_open: tuple[bool, ...], estimate: Estimate, step_m: float, weed_map: WeedMap
+    ) -> tuple[bool, ...]:
+        """Shut every nozzle that would wet leaves of crop, but for those of a plant by itself.
+
+        Such a plant is in the map, and its stem is spared.
+        """
+        sprayer = self._sprayer
+        if sprayer is None or not any(is_open):
+            return is_open
+        way_m, turn_rad, course_rad = _way_in_latency(estimate, sprayer)
+        yaw_rad = estimate.yaw_map_rad + turn_rad
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        course_map_rad = estimate.yaw_map_rad + course_rad
+        x_m = estimate.x_map_m + way_m * math.cos(course_map_rad) + cos * sprayer.x_body_m
+        y_m = estimate.y_map_m + way_m * math.sin(course_map_rad) + sin * sprayer.x_body_m
+        pose_m = min(estimate.pos_std_m, self._config.margin_m)
+        half_x_m = LEAF_MARGIN_M + step_m + pose_m
+        half_y_m = sprayer.nozzle_width_m / 2.0 + pose_m
+        reach_m = half_x_m + self._y_body_m[0] + half_y_m + MAX_LEAVES_M
+        no_spray = weed_map.no_spray
+        crops = [
+            Disc(track.x_map_m, track.y_map_m, _leaves_m(track))
+            for track in weed_map.inside(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
+            if track.is_confirmed and track.plant == PlantClass.CROP
+        ]
+        known = [crop for crop in crops if no_spray.is_alone(crop)]
+        return tuple(
+            wet
+            and not no_spray.covers(
+                x_m - sin * left_m, y_m + cos * left_m, yaw_rad, half_x_m, half_y_m, known
+            )
+            for wet, left_m in zip(is_open, self._y_body_m, strict=True)
+        )
+
     def _is_target(self, track: Track) -> bool:
         return (
             track.is_confirmed
@@ -179,11 +223,21 @@ class Treatment:
         return guard_m if gap_m < 2.0 * guard_m else CROP_STEM_M + STEM_MARGIN_M
 
 
-def _after(near: list[Placed], estimate: Estimate, sprayer: SprayerSpec) -> list[Placed]:
-    """The same plants seen from the boom one latency later."""
+def _leaves_m(track: Track) -> float:
+    """How far the leaves of a crop in the map reach from its stem."""
+    return min(LEAVES_RATIO * math.sqrt(track.area_m2 / math.pi), MAX_LEAVES_M)
+
+
+def _way_in_latency(estimate: Estimate, sprayer: SprayerSpec) -> tuple[float, float, float]:
+    """Distance, turn, and course against the heading now, until a command takes effect."""
     turn_rad = estimate.yaw_rate_radps * sprayer.latency_s
     way_m = estimate.v_mps * sprayer.latency_s
-    course_rad = estimate.slip_rad + turn_rad / 2.0
+    return way_m, turn_rad, estimate.slip_rad + turn_rad / 2.0
+
+
+def _after(near: list[Placed], estimate: Estimate, sprayer: SprayerSpec) -> list[Placed]:
+    """The same plants seen from the boom one latency later."""
+    way_m, turn_rad, course_rad = _way_in_latency(estimate, sprayer)
     from_x_m = sprayer.x_body_m - way_m * math.cos(course_rad)
     from_y_m = -way_m * math.sin(course_rad)
     cos_turn, sin_turn = math.cos(turn_rad), math.sin(turn_rad)

@@ -10,6 +10,7 @@ import pytest
 
 from agribot import topics
 from agribot.record.bag.definitions import ros1_store
+from tests import machine
 from tests.record.bag.random_messages import Dice
 from tests.record.bag.test_definitions import GPS, MARTI
 
@@ -22,7 +23,7 @@ TYPES = sorted(
 STORE = ros1_store()
 
 
-@pytest.mark.skipif(not HAS_GENPY, reason="needs Debian's ROS 1: see apt-packages.txt")
+@pytest.mark.skipif(not HAS_GENPY, reason=machine.missing("roscore"))
 def test_every_type_of_the_original_is_written_as_ros_1_writes_it() -> None:
     ours, asked = [], []
     for seed, ros_type in enumerate(TYPES):

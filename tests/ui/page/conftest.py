@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -10,6 +9,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 from playwright.sync_api import TimeoutError as NotThere
 
+from tests import machine
 from tests.ui.page.fake_server import PAGE, FakeServer, serving
 from tests.waiting import PATIENCE_S, wait_for
 
@@ -41,10 +41,10 @@ LEFT_SHOULDER = "window.__pad.buttons[4].pressed = %s"
 
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
+    chromium = machine.require("chromium")
     if not (PAGE / "index.html").is_file():
         pytest.fail("The page is not built: run `pip install -e .` or `npm run build` in web/.")
     with sync_playwright() as playwright:
-        chromium = shutil.which("chromium") or shutil.which("chromium-browser")
         browser = playwright.chromium.launch(executable_path=chromium, args=GL_ARGS)
         yield browser
         browser.close()

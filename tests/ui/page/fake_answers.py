@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from typing import Any
 
 from PIL import Image
@@ -158,6 +159,13 @@ TILE_RGB = (30, 200, 220)
 _file = io.BytesIO()
 Image.new("RGB", (256, 256), TILE_RGB).save(_file, "PNG")
 TILE = _file.getvalue()
+
+
+def way(start: tuple[float, float], end: tuple[float, float]) -> dict[str, Any]:
+    """Round a corner."""
+    corner = (end[0], start[1])
+    length_m = math.dist(start, corner) + math.dist(corner, end)
+    return {"xy": [start, corner, end], "length_m": length_m, "time_s": length_m / 0.8}
 
 
 def plan() -> dict[str, Any]:

@@ -15,6 +15,7 @@ ROWS = 6
 ROW_LENGTH_M = 24.0
 ROW_SPACING_M = 1.5
 SPEED_MPS = 0.8
+EPOCH = 1
 Message = dict[str, Any]
 MISSION_STATES = {
     "mission": "running",
@@ -74,6 +75,7 @@ class FakeRobot:
         self.s_m = 0.0
         self.mode = "mission"
         self.stop = ""
+        self.leg = "row 3"
         self.replay: Message | None = None
         self.trajectory: list[list[float]] = []
         self.commands: list[Message] = []
@@ -150,7 +152,7 @@ class FakeRobot:
             {"k": "ack", "id": message["id"], "ok": True, "reason": ""} if "id" in message else None
         )
 
-    def state(self, wall_ms: float) -> Message:
+    def state(self, mono_ms: float, wall_ms: float = 0.0) -> Message:
         x, y, yaw = self.pose()
         speed = SPEED_MPS if self.mode == "mission" else 0.0
         row = min(ROWS - 1, int(y / ROW_SPACING_M + 0.5))
@@ -159,6 +161,8 @@ class FakeRobot:
             "k": "s",
             "n": self.n,
             "t": self.t_s,
+            "e": EPOCH,
+            "mono_ms": mono_ms,
             "wall_ms": wall_ms,
             "pose": [x, y, yaw],
             "std": [0.018, 0.01],
@@ -178,7 +182,7 @@ class FakeRobot:
                 "eta_s": (self.length_m - self.s_m) / SPEED_MPS,
                 "wp_total": 2 * ROWS,
                 "wp_reached": 2 * row,
-                "leg": "row 3",
+                "leg": self.leg,
                 "refusal": "",
             },
             "mode": self.mode,
@@ -197,9 +201,12 @@ class FakeRobot:
     def snapshot(self) -> Message:
         return {
             "k": "snap",
+            "e": EPOCH,
+            "source": "sim",
+            "name": "",
             "traj": {"first": 0, "xy": self.trajectory},
             "weeds": {"rev": 1, "all": self.weeds},
-            "path": {"xy": self.path, "row": [0] * len(self.path)},
+            "path": {"first": 0, "xy": self.path, "row": [0] * len(self.path)},
             "events": [
                 {"t": 0.0, "level": "info", "source": "mission", "text": "Mission farm started."},
                 {

@@ -28,7 +28,7 @@ import agribot
 from agribot.gis.formats.table import read_field_file, write_field_file
 from agribot.ui.mapviz_config import config_of, displays_of
 from tests.ui.page import fake_answers
-from tests.ui.page.fake_robot import FakeRobot, camera_packets, field
+from tests.ui.page.fake_robot import EPOCH, FakeRobot, camera_packets, field
 
 SOURCE = Path(agribot.__file__).parent
 # As the real server sends it: what it forbids must not be needed.
@@ -52,6 +52,7 @@ class FakeServer:
         self.written: dict[str, Any] = {}
         self.answers: dict[str, Any] = dict(fake_answers.FIXED)
         self.requests: list[str] = []
+        self.refused_goal = ""  # why
 
     def app(self) -> Starlette:
         policy = Middleware(BaseHTTPMiddleware, dispatch=_with_policy)
@@ -61,6 +62,7 @@ class FakeServer:
         answers = [Route(f"/api/v1/{name}", self._fixed(name)) for name in fake_answers.FIXED]
         return [
             *answers,
+            Route("/api/v1/goal/preview", self._preview_goal, methods=["POST"]),
             Route("/api/v1/fields/import", _import_field, methods=["POST"]),
             Route("/api/v1/fields/export", _export_field, methods=["POST"]),
             Route("/api/v1/views/import", _import_view, methods=["POST"]),
@@ -89,8 +91,8 @@ class FakeServer:
             added = self.robot.step(1 / STATE_HZ)
             if not self.silent:
                 first = len(self.robot.trajectory) - len(added)
-                messages = [{"k": "traj", "first": first, "xy": added}] if added else []
-                await self._broadcast([*messages, self.robot.state(time.time() * 1000)])
+                messages = [{"k": "traj", "e": EPOCH, "first": first, "xy": added}] if added else []
+                await self._broadcast([*messages, self.robot.state(time.monotonic() * 1000)])
             await asyncio.sleep(1 / STATE_HZ)
 
     async def _broadcast(self, messages: list[dict[str, Any]]) -> None:
@@ -119,7 +121,10 @@ class FakeServer:
     async def _receive(self, socket: WebSocket, who: str, message: dict[str, Any]) -> None:
         kind = message["k"]
         if kind == "ping":
-            await socket.send_text(json.dumps({"k": "pong", "c": message["c"]}))
+            clocks = {"mono_ms": time.monotonic() * 1e3, "wall_ms": time.time() * 1e3}
+            await socket.send_text(json.dumps({"k": "pong", "c": message["c"], **clocks}))
+            return
+        if kind == "got":
             return
         if kind in {"take", "release"}:
             self.seat = who if kind == "take" else None
@@ -169,6 +174,12 @@ class FakeServer:
         if path == "settings":
             return JSONResponse({"applied": data, "refused": {}})
         return Response(status_code=204)
+
+    async def _preview_goal(self, request: Request) -> Response:
+        if self.refused_goal:
+            return JSONResponse({"error": self.refused_goal}, 409)
+        goal = await request.json()
+        return JSONResponse(fake_answers.way(self.robot.pose()[:2], (goal["x"], goal["y"])))
 
     async def _tile(self, _: Request) -> Response:
         return Response(fake_answers.TILE, media_type="image/png")

@@ -331,10 +331,11 @@ def test_a_published_point_and_a_goal_are_sent(page: Page, server: FakeServer) -
         tap(page, (26.0, -13.0))
         point = wait_for(lambda: told(server, "point"), "a point")[0]
         assert [point["x"], point["y"]] == pytest.approx([26.0, -13.0], abs=0.06)
-    with tool(page, "Drive to a place"):
-        tap(page, (26.0, -14.0))
-        goal = wait_for(lambda: told(server, "goto"), "a goal")[0]
-        assert [goal["x"], goal["y"]] == pytest.approx([26.0, -14.0], abs=0.06)
+    page.get_by_role("button", name="Drive to a place").click()
+    tap(page, (26.0, -14.0))
+    page.get_by_role("button", name="Drive here", exact=True).click()
+    goal = wait_for(lambda: told(server, "goto"), "a goal")[0]
+    assert [goal["x"], goal["y"]] == pytest.approx([26.0, -14.0], abs=0.06)
 
 
 def add_display(page: Page, kind: str, title: str, **options: str) -> None:

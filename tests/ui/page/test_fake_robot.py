@@ -12,7 +12,7 @@ from agribot.session import Session
 from agribot.ui.view import RunView
 from tests.ui.page.fake_robot import MISSION_STATES, FakeRobot
 
-ADDED_BY_THE_FEED = {"wall_ms", "rtf", "weeds", "recording"}
+ADDED_ON_THE_WAY = {"e", "mono_ms", "wall_ms", "rtf", "weeds", "recording"}
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def real_state(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 def test_its_state_has_the_fields_of_a_real_one(real_state: dict[str, Any]) -> None:
     made = FakeRobot(weeds=1).state(0.0)
-    assert set(made) == set(real_state) | ADDED_BY_THE_FEED
+    assert set(made) == set(real_state) | ADDED_ON_THE_WAY
     for part in ("mission", "gnss", "battery"):
         assert set(made[part]) == set(real_state[part])
 

@@ -263,7 +263,7 @@ def test_a_reload_keeps_the_screen_the_seat_and_the_whole_track(
     until(page, "window.__agribot?.ready && window.__agribot.screen === 'health'")
     expect(page.locator(".operator")).to_contain_text("You")
     driven = len(server.robot.trajectory)
-    assert until(page, "window.__agribot.counters.traj") >= driven
+    until(page, f"window.__agribot.counters.traj >= {driven}")
 
 
 def test_the_mission_buttons_send_what_they_say(open_page: OpenPage, server: FakeServer) -> None:

@@ -13,7 +13,7 @@ from PIL import Image
 from playwright.sync_api import Page, expect
 
 from agribot.geo import Datum, MapFrame
-from tests.ui.page.conftest import SCREENS, OpenPage, show, take_control, until
+from tests.ui.page.conftest import SCREENS, OpenPage, show, until
 from tests.ui.page.fake_robot import DATUM, field
 from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.test_safety import commands
@@ -191,22 +191,3 @@ def test_faults_say_what_to_do(open_page: OpenPage) -> None:
     page = open_page("health")
     expect(page.locator(".check-card.fault")).to_contain_text("Check the cable")
     expect(page.locator(".log")).to_contain_text("Fix fell back to float")
-
-
-def test_a_goal_and_a_pose_are_sent_from_the_map(open_page: OpenPage, server: FakeServer) -> None:
-    page = open_page(query="off=scene,camera")
-    take_control(page)
-    until(page, "window.__agribot.map?.loaded()")
-    box = page.locator(".map").bounding_box()
-    assert box
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    for title in ("Drive to a place", "Correct the robot’s pose"):
-        page.get_by_role("button", name=title).click()
-        page.mouse.move(x, y)
-        page.mouse.down()
-        page.mouse.move(x, y - 80, steps=3)
-        page.mouse.up()
-    wait_for(lambda: commands(server, "pose_estimate"), "a corrected pose")
-    north_rad = 1.5708
-    assert commands(server, "goto")[0]["yaw"] == pytest.approx(north_rad, abs=0.02)
-    assert commands(server, "pose_estimate")[0]["yaw"] == pytest.approx(north_rad, abs=0.02)

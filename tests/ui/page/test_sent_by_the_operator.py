@@ -72,12 +72,22 @@ def test_a_place_beyond_the_fence_is_refused_with_the_reason(page: Page) -> None
     until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1")
     page.get_by_role("button", name="Drive to a place").click()
     tap(page, 60.0, 0.0)
-    expect(page.locator(".toast", has_text="beyond the fence")).to_be_visible()
+    proposal = page.get_by_role("group", name="Proposal")
+    expect(proposal).to_contain_text("beyond the fence")
+    expect(proposal.get_by_role("button", name="Drive here")).to_be_disabled()
+    assert page.evaluate(f"{STATE}.mode") == "mission"
+    proposal.get_by_role("button", name="Cancel").click()
 
 
 def test_the_robot_drives_to_the_place_that_was_drawn_and_waits(page: Page) -> None:
+    page.get_by_role("button", name="Drive to a place").click()
     draw_north(page, *GOAL)
+    proposal = page.get_by_role("group", name="Proposal")
+    expect(proposal).to_contain_text("of way")
+    proposal.get_by_role("button", name="Drive here").click()
     until(page, f"{STATE}.mission.leg === 'to the goal'")
+    goal = until(page, "window.__agribot.goal()")
+    assert goal == pytest.approx(GOAL, abs=0.3)
     until(page, f"{STATE}.mission.reason.includes('at the goal')")
     until(page, f"Math.abs({STATE}.vel[0]) < 0.01")
     x_m, y_m, yaw_rad = page.evaluate(f"{STATE}.pose")
@@ -91,6 +101,7 @@ def test_a_standing_robot_believes_the_pose_that_was_drawn_and_then_its_sensors(
     assert before < 0.05
     page.get_by_role("button", name="Correct the robot’s pose").click()
     draw_north(page, *page.evaluate(f"{STATE}.pose.slice(0, 2)"))
+    page.get_by_role("button", name="Correct the pose", exact=True).click()
     expect(page.locator(".toast", has_text="Pose corrected")).to_be_visible()
     until(page, f"{STATE}.std[0] < 0.05 && Math.abs({STATE}.vel[0]) < 0.01")
 

@@ -29,7 +29,7 @@ export class CameraPicture {
   private size = ''
   private level = 0
 
-  constructor(store: Store, withMask = true) {
+  constructor(private readonly store: Store, withMask = true) {
     this.node = el('div', { class: 'picture' }, this.image, this.mask)
     this.stream = new CameraStream(store, withMask)
     this.stream.onImage = (frame) => this.drawImage(frame)
@@ -74,7 +74,7 @@ export class CameraPicture {
   private drawImage({ bitmap, packet }: Frame): void {
     this.arrivals.push(performance.now())
     if (this.arrivals.length > RATE_WINDOW) this.arrivals.shift()
-    this.ageMs = Math.max(0, Date.now() - packet.wallMs)
+    this.ageMs = this.store.monitor.ageOfWallMs(packet.wallMs, performance.now())
     this.level = packet.level
     this.size = `${bitmap.width}×${bitmap.height}`
     if (this.frozen) return

@@ -13,11 +13,30 @@ export class CameraStream {
   private socket: WebSocket | null = null
   private closed = false
   private retry = 0
+  private isCut = false
+  private readonly undo: () => void
   onImage: (frame: Frame) => void = () => undefined
   onMask: (frame: Frame) => void = () => undefined
   onLost: () => void = () => undefined
 
   constructor(private readonly store: Store, private withMask: boolean) {
+    this.undo = store.on('link', (linked) => this.follow(linked))
+    this.open()
+  }
+
+  /** What cut the other line has cut this one, which would notice it only after a minute. */
+  private follow(linked: boolean): void {
+    if (linked && this.isCut) this.reopen()
+    this.isCut = !linked
+  }
+
+  private reopen(): void {
+    clearTimeout(this.retry)
+    if (this.socket) {
+      this.socket.onclose = this.socket.onmessage = null
+      this.socket.close()
+    }
+    this.onLost()
     this.open()
   }
 
@@ -29,6 +48,7 @@ export class CameraStream {
 
   close(): void {
     this.closed = true
+    this.undo()
     clearTimeout(this.retry)
     this.socket?.close()
   }

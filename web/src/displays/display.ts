@@ -29,6 +29,7 @@ export class Display implements LayerGroup {
   /** Messages heard, for tests. */
   heard = 0
   private state: unknown
+  private stretch = 0
   private last: unknown
   private timer = 0
   private unsubscribe: () => void = () => undefined
@@ -44,6 +45,13 @@ export class Display implements LayerGroup {
     this.addLayers()
     this.unsubscribe = source?.listen((message) => void this.hear(message)) ?? this.unsubscribe
     if (!source) this.draw()
+  }
+
+  /** Forget what was heard: something else is shown from now on. */
+  restart(): void {
+    this.stretch++
+    this.state = this.last = undefined
+    this.queue()
   }
 
   saved(): DisplayConfig {
@@ -87,7 +95,10 @@ export class Display implements LayerGroup {
   private async hear(message: unknown): Promise<void> {
     this.last = message
     this.heard++
-    this.state = this.type.kind !== 'tool' && this.type.kind !== 'tiles' && this.type.fold ? await this.type.fold(this.state, message, this.setting) : message
+    const { stretch } = this
+    const state = this.type.kind !== 'tool' && this.type.kind !== 'tiles' && this.type.fold ? await this.type.fold(this.state, message, this.setting) : message
+    if (stretch !== this.stretch) return
+    this.state = state
     this.queue()
   }
 

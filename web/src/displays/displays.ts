@@ -26,6 +26,7 @@ export class Displays {
 
   /** The robot's maps and the layers of programs; programs may add some later. */
   async start(): Promise<void> {
+    this.view.app.store.on('restart', () => this.restart())
     this.maps = await api.maps().catch((): MapSource[] => [])
     for (const { name } of this.maps) this.add({ id: `tiles-${name}`, type: 'tile_map', title: name, source: name, options: {} }, false)
     await this.syncPanels()
@@ -33,6 +34,12 @@ export class Displays {
     setInterval(() => {
       if (this.isShown) void this.syncPanels()
     }, PANELS_EVERY_MS)
+  }
+
+  /** What the robot said of another channel; what programs give is theirs. */
+  private restart(): void {
+    const own = new Set(robotSources(this.view.app).map(({ id }) => id))
+    for (const display of this.all) if (own.has(display.config.source)) display.restart()
   }
 
   private get isShown(): boolean {

@@ -43,7 +43,7 @@ export function mapControls(view: MapView, app: App, tools: ToolId[] = TOOLS.map
       mapButton('plus', 'Zoom in', () => view.zoomBy(1)), mapButton('minus', 'Zoom out', () => view.zoomBy(-1)),
       follow, mapButton('fit', 'Whole field', () => view.overview()), layersButton,
       mapButton('image', 'Save a picture of the map', () => void savePicture(view, app)), film),
-    bar.node, cursor.node, hint.node, layers)
+    bar.node, cursor.node, hint.node, view.tools.proposals.card.node, layers)
   const done = (): void => {
     cursor.done()
     settings.done()
@@ -117,6 +117,7 @@ function toolBar(view: MapView, wanted: ToolId[], hint: Hint): { node: HTMLEleme
     setOpen(false)
   }
   view.tools.onText = hint.show
+  view.tools.proposals.onEnd = () => choose('pan')
   choose('pan')
   return { node, choose }
 }

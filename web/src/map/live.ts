@@ -7,6 +7,8 @@ import { collection, densityFeatures, fieldFeatures, gridFeatures, pathFeatures,
 import type { MapView } from './view.ts'
 
 const TAIL_POINTS = 200
+const PIECES_EVERY_MS = 250
+const FREEZE_EVERY_MS = 1000
 const WEEDS_EVERY_MS = 500
 const DENSITY_EVERY_MS = 3000
 export const DENSITY_CELL_M = 1
@@ -17,13 +19,15 @@ export class LiveData {
   private reached = -1
   private pendingSet = new Map<number, Weed>()
   private pendingGone = new Set<number>()
+  private frozenMs = 0
+  private pathTimer = 0
   private weedsTimer = 0
   private densityTimer = 0
 
   constructor(private readonly view: MapView, private readonly app: App) {
     const { store } = app
     app.onField(() => this.drawField())
-    store.on('path', () => this.drawPath())
+    store.on('path', () => this.queuePath())
     store.on('trajectory', () => this.drawTrajectory())
     store.on('state', () => this.drawGoals())
     store.on('weeds', ({ set, gone, all }) => (all ? this.resetWeeds() : this.queueWeeds(set, gone)))
@@ -47,6 +51,14 @@ export class LiveData {
     this.resetWeeds()
   }
 
+  /** A long path comes in many pieces. */
+  private queuePath(): void {
+    this.pathTimer ||= window.setTimeout(() => {
+      this.pathTimer = 0
+      this.drawPath()
+    }, PIECES_EVERY_MS)
+  }
+
   private drawPath(): void {
     this.view.setData('path', pathFeatures(this.app.store.path, this.app.projection))
   }
@@ -63,7 +75,10 @@ export class LiveData {
   private drawTrajectory(): void {
     const { trajectory } = this.app.store
     const last = trajectory.pieces[trajectory.pieces.length - 1] ?? []
-    if (trajectory.revision !== this.frozenRevision || trajectory.length - this.frozen > TAIL_POINTS) {
+    const nowMs = performance.now()
+    const isLong = trajectory.length - this.frozen > TAIL_POINTS && nowMs - this.frozenMs > FREEZE_EVERY_MS
+    if (trajectory.revision !== this.frozenRevision || isLong) {
+      this.frozenMs = nowMs
       this.frozenRevision = trajectory.revision
       this.frozen = trajectory.length
       this.view.setData('trajectory', trajectoryFeatures(trajectory.pieces, this.app.projection))

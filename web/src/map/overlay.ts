@@ -6,6 +6,7 @@ import { placeOutline } from '../geo.ts'
 import type { Vec2 } from '../wire.ts'
 import type { Palette } from './palette.ts'
 import type { Surface } from '../displays/instruments.ts'
+import type { Proposal, Proposals } from './proposal.ts'
 import type { Sketch } from './tools.ts'
 
 const FALLBACK_OUTLINE: Vec2[] = [[0.4, 0.3], [0.4, -0.3], [-0.4, -0.3], [-0.4, 0.3]]
@@ -20,6 +21,7 @@ export class Overlay {
   showRobot = true
   tail: Vec2[] = []
   sketch: Sketch | null = null
+  proposals: Proposals | null = null
   /** Instruments and pictures of displays. */
   paint: (surface: Surface) => void = () => undefined
 
@@ -63,7 +65,52 @@ export class Overlay {
       this.drawRobot(pen)
     }
     this.paint(this.surface(pen, box.clientWidth, box.clientHeight))
+    if (this.proposals) this.drawGoals(pen, this.proposals)
     if (this.sketch) this.drawSketch(pen, this.sketch)
+  }
+
+  /** Where the robot is driving to on demand, and what is proposed. */
+  private drawGoals(pen: CanvasRenderingContext2D, { goal, now }: Proposals): void {
+    if (goal) this.target(pen, this.at(goal), this.colours.goal)
+    if (now) this.drawProposal(pen, now)
+  }
+
+  private drawProposal(pen: CanvasRenderingContext2D, { at, yaw, way }: Proposal): void {
+    if (way && way.xy.length > 1) {
+      pen.lineJoin = pen.lineCap = 'round'
+      for (const [colour, width, dash] of [[this.colours.halo, 6, []], [this.colours.tool, 3, [2, 7]]] as const) {
+        this.polyline(pen, way.xy)
+        pen.setLineDash([...dash])
+        pen.strokeStyle = colour
+        pen.lineWidth = width
+        pen.stroke()
+      }
+      pen.setLineDash([])
+    }
+    if (yaw !== null) {
+      pen.globalAlpha = 0.4
+      this.polyline(pen, placeOutline(this.app.robot?.footprint_body_m ?? FALLBACK_OUTLINE, at[0], at[1], yaw), true)
+      pen.fillStyle = this.colours.robot
+      pen.fill()
+      pen.globalAlpha = 1
+      this.arrow(pen, this.at(at), yaw)
+    }
+    this.target(pen, this.at(at), this.colours.tool)
+  }
+
+  /** A ring around a dot. */
+  private target(pen: CanvasRenderingContext2D, [x, y]: Vec2, colour: string): void {
+    for (const [line, width] of [[this.colours.halo, 7], [colour, 3.5]] as const) {
+      pen.beginPath()
+      pen.arc(x, y, 13, 0, 7)
+      pen.strokeStyle = line
+      pen.lineWidth = width
+      pen.stroke()
+    }
+    pen.beginPath()
+    pen.arc(x, y, 4, 0, 7)
+    pen.fillStyle = colour
+    pen.fill()
   }
 
   private surface(pen: CanvasRenderingContext2D, width: number, height: number): Surface {

@@ -5,6 +5,7 @@ import { api } from '../api.ts'
 import type { App } from '../app.ts'
 import { areaM2, compassText, distanceM, lengthM } from '../geo.ts'
 import { area, metres } from '../format.ts'
+import { Proposals } from './proposal.ts'
 import type { IconName } from '../icons.ts'
 import type { Command, Vec2 } from '../wire.ts'
 
@@ -21,7 +22,7 @@ export interface ToolInfo { id: ToolId; title: string; icon: IconName; hint: str
 export const TOOLS: ToolInfo[] = [
   { id: 'measure', title: 'Measure', icon: 'measure', hint: 'Tap points to measure along them.', commands: false },
   { id: 'coordinates', title: 'Read position', icon: 'pin', hint: 'Tap the map to read a position.', commands: false },
-  { id: 'goal', title: 'Drive to a place', icon: 'goal', hint: 'Tap the goal, or press and drag to set the heading too.', commands: true },
+  { id: 'goal', title: 'Drive to a place', icon: 'goal', hint: 'Tap the place, or press and drag to set the heading too.', commands: true },
   { id: 'pose', title: 'Correct the robot’s pose', icon: 'pose', hint: 'Press where the robot is, drag to where it looks.', commands: true },
   { id: 'point', title: 'Publish a point', icon: 'point', hint: 'Tap a point to send it to the programs that listen.', commands: true },
   { id: 'polygon', title: 'Draw a polygon', icon: 'polygon', hint: 'Tap the corners; tap the first one again to finish.', commands: true },
@@ -30,6 +31,7 @@ export const TOOLS: ToolInfo[] = [
 
 const TOOLS_BY_ID = Object.fromEntries(TOOLS.map((tool) => [tool.id, tool]))
 const DRAG_PX = 12
+const DOUBLE_TAP_MS = 350
 
 export class MapTools {
   tool: ToolId = 'pan'
@@ -38,15 +40,22 @@ export class MapTools {
   onText: (text: string) => void = () => undefined
   /** What a tool has read, for the clipboard. */
   copied = ''
+  readonly proposals: Proposals
   private pressed: { at: Vec2; px: Vec2 } | null = null
+  private readonly pointers = new Set<number>()
+  /** More than one finger has been down since the last time that there was none. */
+  private isGesture = false
+  private tap = 0
 
   constructor(private readonly map: MapLibre, private readonly app: App) {
     map.on('click', (event) => this.click(event))
     const canvas = map.getCanvasContainer()
     canvas.addEventListener('pointerdown', (event) => this.press(event))
     canvas.addEventListener('pointermove', (event) => this.drag(event))
-    canvas.addEventListener('pointerup', (event) => void this.release(event))
-    canvas.addEventListener('pointercancel', () => this.clear())
+    for (const name of ['pointerup', 'pointercancel'] as const) window.addEventListener(name, (event) => this.release(event))
+    map.on('dblclick', () => clearTimeout(this.tap))
+    this.proposals = new Proposals(app)
+    this.proposals.onChange = () => this.onChange()
   }
 
   choose(tool: ToolId): void {
@@ -64,19 +73,25 @@ export class MapTools {
     this.sketch.labels = []
     this.sketch.arrow = null
     this.copied = ''
-    this.onChange()
+    clearTimeout(this.tap)
+    this.proposals.drop()
   }
 
   private click(event: MapMouseEvent): void {
     const p = this.app.projection.toMap(event.lngLat.lng, event.lngLat.lat)
     if (this.tool === 'measure') this.measure(p)
     else if (this.tool === 'coordinates') this.read(p, event)
-    else if (this.tool === 'point') {
-      this.sketch.points = [p]
-      this.onChange()
-      void this.publish('point', [p], `Point sent: ${p[0].toFixed(2)} m east, ${p[1].toFixed(2)} m north.`)
-    } else if (this.tool === 'polygon') this.corner(p)
+    else if (this.tool === 'point') this.point(p)
+    else if (this.tool === 'polygon') this.corner(p)
     else if (this.tool === 'route') this.stop(p)
+  }
+
+  /** Sent when it is clear that no second tap follows, which would zoom. */
+  private point(p: Vec2): void {
+    this.sketch.points = [p]
+    this.onChange()
+    clearTimeout(this.tap)
+    this.tap = window.setTimeout(() => void this.publish('point', [p], `Point sent: ${p[0].toFixed(2)} m east, ${p[1].toFixed(2)} m north.`), DOUBLE_TAP_MS)
   }
 
   private isNear(a: Vec2, b: Vec2): boolean {
@@ -145,7 +160,10 @@ export class MapTools {
   }
 
   private press(event: PointerEvent): void {
-    if (this.tool !== 'goal' && this.tool !== 'pose') return
+    this.pointers.add(event.pointerId)
+    if (this.pointers.size > 1) this.isGesture = true
+    this.letGo()
+    if (this.isGesture || event.button !== 0 || (this.tool !== 'goal' && this.tool !== 'pose')) return
     this.pressed = this.where(event)
     this.sketch.arrow = { from: this.pressed.at, yaw: null }
     this.onChange()
@@ -161,14 +179,22 @@ export class MapTools {
     this.onChange()
   }
 
-  private async release(event: PointerEvent): Promise<void> {
+  /** What one finger has shown is proposed; two fingers move the map and show nothing. */
+  private release(event: PointerEvent): void {
+    if (!this.pointers.delete(event.pointerId)) return
     this.drag(event)
     const arrow = this.sketch.arrow
+    this.letGo()
+    if (this.pointers.size === 0) this.isGesture = false
+    if (!arrow || event.type !== 'pointerup') return
+    if (this.tool === 'goal') this.proposals.propose('goal', arrow.from, arrow.yaw)
+    else if (this.tool === 'pose' && arrow.yaw !== null) this.proposals.propose('pose', arrow.from, arrow.yaw)
+    this.onText(TOOLS_BY_ID[this.tool]?.hint ?? '')
+  }
+
+  private letGo(): void {
     this.pressed = null
-    if (!arrow) return
-    const [x, y] = arrow.from
-    if (this.tool === 'goal') await this.app.command({ k: 'goto', x, y, yaw: arrow.yaw }, 'The robot drives to the goal.')
-    else if (arrow.yaw !== null) await this.app.command({ k: 'pose_estimate', x, y, yaw: arrow.yaw }, 'Pose corrected.')
-    this.clear()
+    this.sketch.arrow = null
+    this.onChange()
   }
 }

@@ -53,6 +53,7 @@ export class MapView {
   private base = new Map<string, unknown>()
   private loaded = false
   private seen = false
+  private shownField = ''
   private readonly whenLoaded: (() => void)[] = []
 
   constructor(readonly app: App) {
@@ -69,6 +70,7 @@ export class MapView {
     this.capture = new Capture(this.map, this.overlay.canvas)
     this.tools = new MapTools(this.map, app)
     this.overlay.sketch = this.tools.sketch
+    this.overlay.proposals = this.tools.proposals
     this.displays = new Displays(this)
     this.overlay.paint = (surface) => this.displays.paint(surface)
     this.tools.onChange = () => this.overlay.request()
@@ -85,7 +87,7 @@ export class MapView {
       if (this.fitted) this.fit(this.fitted, 0)
     })
     onTheme(() => this.retheme())
-    if (window.__agribot) window.__agribot.map = this.map
+    if (window.__agribot) Object.assign(window.__agribot, { map: this.map, goal: () => this.tools.proposals.goal })
   }
 
   /** Put the map into a screen. */
@@ -111,7 +113,7 @@ export class MapView {
     this.restoreLayers(this.saved())
     this.loaded = true
     new LiveData(this, this.app)
-    this.app.onField(() => this.firstView())
+    this.app.onField(() => this.showField())
     this.app.store.on('state', () => {
       this.overlay.request()
       this.tracking.follow()
@@ -224,13 +226,24 @@ export class MapView {
   /** The field clear of the buttons; it stays so in a screen of another shape until the operator moves the map. */
   private fit(box: Box, durationMs: number): void {
     const isNarrow = this.node.clientWidth < NARROW_PX
-    const padding = { top: isNarrow ? 20 : 40, bottom: 40, left: isNarrow ? 20 : 72, right: isNarrow ? 68 : 72 }
+    const isLow = matchMedia('(min-width: 600px) and (max-height: 560px)').matches // two columns of buttons on the right
+    const padding = { top: isNarrow ? 20 : 40, bottom: 40, left: isNarrow ? 20 : 72, right: isLow ? 112 : isNarrow ? 68 : 72 }
     this.map.fitBounds(box, { padding, maxZoom: 21, bearing: 0, duration: durationMs })
     this.fitted = box
   }
 
+  private showField(): void {
+    const name = JSON.stringify(this.app.field?.datum) + this.app.field?.name
+    if (!this.seen) this.firstView()
+    else if (name !== this.shownField) {
+      const { target } = this.tracking
+      this.overview()
+      this.tracking.choose(target)
+    }
+    this.shownField = name
+  }
+
   private firstView(): void {
-    if (this.seen) return
     this.seen = true
     const view = this.saved()
     if (view?.center) this.show(view)

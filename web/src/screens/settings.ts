@@ -40,7 +40,8 @@ function pageCard(): HTMLElement {
     for (const button of buttons) button.setAttribute('aria-pressed', String(button.dataset.value === name))
   } }, THEME_NAMES[name]))
   return el('section', { class: 'card row-card' },
-    el('div', {}, el('h2', {}, 'This page'), el('p', { class: 'muted' }, 'Colours on this device. Sunlight has the strongest contrast.')),
+    el('div', {}, el('h2', {}, 'This page'), el('p', { class: 'muted' }, 'Colours on this device. Sunlight has the strongest contrast.'),
+      el('p', { class: 'small' }, el('a', { href: './licences.txt', target: '_blank', rel: 'noopener' }, 'Licences of the software in this page'))),
     el('div', { class: 'segments', role: 'group', 'aria-label': 'Theme' }, ...buttons))
 }
 

@@ -5,6 +5,7 @@ import { CameraPicture } from '../camera/picture.ts'
 import { el, setText } from '../dom.ts'
 import { icon } from '../icons.ts'
 import { savedScale } from '../link.ts'
+import { HAND_MS } from '../link-monitor.ts'
 import { chooseSeat } from '../shell/seat.ts'
 import { listenKeys, listenLeaving, listenPad, readGamepad } from '../teleop/inputs.ts'
 import type { Limits } from '../teleop/machine.ts'
@@ -60,7 +61,8 @@ function limits(app: App): Limits {
 
 function send(app: App, machine: TeleopMachine): void {
   const drive = machine.tick(limits(app))
-  if (drive) app.link.send({ k: 'drive', ...drive })
+  const sentMs = app.store.monitor.robotMs(performance.now())
+  if (drive) app.link.send({ k: 'drive', ...drive, ...(sentMs === null ? {} : { mono_ms: sentMs }) })
 }
 
 function gamepadText(name: string | null): string {
@@ -76,14 +78,16 @@ function showDrive(readout: HTMLElement, app: App): void {
 function armSwitch(app: App, machine: TeleopMachine): { node: HTMLElement; update: () => void; done: () => void } {
   const button = el('button', { type: 'button', class: 'button primary arm', 'aria-pressed': 'false' })
   const word = el('span')
+  const slow = el('p', { class: 'slow-line', role: 'status' })
   button.append(icon('hand', 20), word)
   let wanted = false
   const update = (): void => {
     const { store } = app
-    const allowed = app.mayCommand && !store.stale
+    const allowed = app.mayDriveByHand
     if (store.seat !== 'you' && machine.isArmed) wanted = false
     machine.setArmed(wanted && allowed)
     button.setAttribute('aria-pressed', String(machine.isArmed))
+    setText(slow, wanted && !allowed ? slowText(app) : '')
     setText(word, machine.isArmed ? 'Driving by hand: end' : store.seat === 'you' ? 'Drive by hand' : 'Take control to drive')
     document.querySelector('.pad')?.classList.toggle('armed', machine.isArmed)
   }
@@ -101,7 +105,15 @@ function armSwitch(app: App, machine: TeleopMachine): { node: HTMLElement; updat
     update()
   })
   update()
-  return { node: button, update, done: app.store.on('seat', update) }
+  return { node: el('div', { class: 'arm-switch' }, button, slow), update, done: app.store.on('seat', update) }
+}
+
+/** Why a hand may not drive now. */
+function slowText({ store }: App): string {
+  const { roundTripMs } = store.monitor
+  if (!store.linked) return 'No link to the robot.'
+  if (!store.answers || roundTripMs > HAND_MS) return `The robot answers too late for a hand (${(roundTripMs / 1000).toFixed(1)} s; at most ${(HAND_MS / 1000).toFixed(1)} s).`
+  return store.stale ? 'What the robot tells is too old for a hand.' : ''
 }
 
 function scaleChoice(app: App): HTMLElement {

@@ -1,49 +1,82 @@
-/** What must not be missed: old data, a lost link, a pressed STOP, a replay. */
+/** What must not be missed: a line that is slow or lost, old data, a pressed STOP, a replay. */
 
 import type { App } from '../app.ts'
 import { el, setText } from '../dom.ts'
 import { icon } from '../icons.ts'
+import type { IconName } from '../icons.ts'
+import { MODE_NAMES } from './statusbar.ts'
+
+const UPDATE_MS = 100
+const CONFIRMED_WITHIN_MS = 1000
+
+class Banner {
+  readonly node: HTMLElement
+  private readonly text = el('span')
+
+  constructor(name: IconName, kind: 'bad' | 'note', ...more: HTMLElement[]) {
+    this.node = el('div', { class: `banner ${kind}`, hidden: true, ...(kind === 'bad' ? { role: 'alert' } : {}) }, icon(name, 20), this.text, ...more)
+  }
+
+  /** Hidden without words. */
+  say(words: string): void {
+    this.node.hidden = !words
+    if (words) setText(this.text, words)
+  }
+}
 
 export class Banners {
   readonly node: HTMLElement
-  private readonly stale = el('div', { class: 'banner bad', role: 'alert', hidden: true })
-  private readonly staleText = el('span')
-  private readonly stopped = el('div', { class: 'banner bad', role: 'alert', hidden: true })
-  private readonly stoppedText = el('span')
+  private readonly line = new Banner('warning', 'bad')
+  private readonly unconfirmed = new Banner('stop', 'bad')
   private readonly release = el('button', { type: 'button', class: 'button' }, 'Release stop')
-  private readonly replay = el('div', { class: 'banner note', hidden: true }, icon('recordings', 20),
-    el('span', {}, 'Replay: nothing here commands the robot.'),
-    el('a', { href: '#/recordings', class: 'button' }, 'Recordings'))
+  private readonly stopped = new Banner('stop', 'bad', this.release)
+  private readonly replay = new Banner('recordings', 'note', el('a', { href: '#/recordings', class: 'button' }, 'Recordings'))
 
   constructor(private readonly app: App, private readonly main: HTMLElement) {
-    this.stale.append(icon('warning', 20), this.staleText)
-    this.stopped.append(icon('stop', 20), this.stoppedText, this.release)
-    this.node = el('div', { class: 'banners' }, this.stale, this.stopped, this.replay)
+    this.node = el('div', { class: 'banners' }, this.line.node, this.unconfirmed.node, this.stopped.node, this.replay.node)
     this.release.addEventListener('click', () => void app.command({ k: 'clear_stop' }, 'Stop released.'))
-    setInterval(() => this.update(), 200)
+    setInterval(() => this.update(), UPDATE_MS)
     app.store.on('stale', () => this.update())
     app.store.on('link', () => this.update())
   }
 
   private update(): void {
     const { store } = this.app
-    const state = store.state
+    const isReplay = store.channel?.source === 'replay'
     this.main.classList.toggle('is-stale', store.stale)
-    this.stale.hidden = !store.stale
-    if (store.stale) setText(this.staleText, this.staleReason())
-    const stopped = Boolean(state?.stop) && state?.mode !== 'replay'
-    this.stopped.hidden = !stopped
-    if (stopped) setText(this.stoppedText, `Stopped: ${state?.stop ?? ''}`)
-    this.release.hidden = store.seat !== 'you'
-    this.replay.hidden = state?.mode !== 'replay'
-    this.main.classList.toggle('is-replay', state?.mode === 'replay')
+    this.main.classList.toggle('is-replay', isReplay)
+    this.line.say(this.lineText())
+    this.unconfirmed.say(this.unconfirmedText())
+    const stop = isReplay ? store.live?.stop : store.state?.stop
+    this.stopped.say(stop ? (isReplay ? `The robot itself is held: ${stop}` : `Stopped: ${stop}`) : '')
+    this.release.hidden = store.seat !== 'you' || isReplay
+    this.replay.say(isReplay ? this.replayText() : '')
   }
 
-  private staleReason(): string {
+  private lineText(): string {
     const { store, link } = this.app
-    const ageS = Math.floor(store.ageMs(performance.now()) / 1000)
-    const old = Number.isFinite(ageS) ? `What you see is ${ageS} s old. ` : ''
+    const ageMs = store.ageMs(performance.now())
+    const old = store.stale && Number.isFinite(ageMs) ? `What you see is ${seconds(ageMs)} old. ` : ''
+    const { unansweredMs, roundTripMs } = store.monitor
     if (!store.linked) return `${old}${link.farewell || 'No link to the robot, trying again…'}`
-    return old ? `${old}The robot sends nothing.` : 'Waiting for the first data of the robot…'
+    if (!store.answers) return old + (roundTripMs > unansweredMs ? `The line is slow: the robot answers after ${seconds(roundTripMs)}.` : `No answer from the robot for ${seconds(unansweredMs)}.`)
+    if (!store.stale) return ''
+    return old ? `${old}The robot sends nothing new.` : 'Waiting for the first data of the robot…'
   }
+
+  private unconfirmedText(): string {
+    const waitedMs = this.app.store.stop.waitedMs(performance.now())
+    if (waitedMs < CONFIRMED_WITHIN_MS) return ''
+    return `STOP is not confirmed: nothing from the robot about it for ${seconds(waitedMs)}. Press the red button on the robot.`
+  }
+
+  private replayText(): string {
+    const { channel, live, hasRobot } = this.app.store
+    const robot = live ? ` The robot itself: ${MODE_NAMES[live.mode].toLowerCase()}.` : ''
+    return `Replay of ${channel?.name}: nothing here commands the robot${hasRobot ? ', but STOP does' : ''}.${robot}`
+  }
+}
+
+function seconds(ms: number): string {
+  return ms < 10_000 ? `${(ms / 1000).toFixed(1)} s` : `${Math.floor(ms / 1000)} s`
 }

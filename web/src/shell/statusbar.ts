@@ -5,6 +5,8 @@ import { el, setAttr, setText } from '../dom.ts'
 import { fixName, metres, NONE } from '../format.ts'
 import type { IconName } from '../icons.ts'
 import { icon } from '../icons.ts'
+import { HAND_MS, LATE_MS } from '../link-monitor.ts'
+import type { Store } from '../store.ts'
 import type { Mode } from '../wire.ts'
 import { chooseSeat } from './seat.ts'
 import { showConnect } from './connect.ts'
@@ -61,7 +63,7 @@ export class StatusBar {
     const ageMs = store.ageMs(performance.now())
     setText(this.mode, state ? MODE_NAMES[state.mode] ?? state.mode : 'Connecting')
     setAttr(this.mode, 'data-mode', state?.mode ?? 'waiting')
-    this.link.set(store.linked ? (store.rttMs === null ? 'up' : `${store.rttMs.toFixed(0)} ms`) : 'down', store.linked ? 'good' : 'bad')
+    this.link.set(linkText(store), linkTone(store))
     this.age.set(Number.isFinite(ageMs) ? `${(ageMs / 1000).toFixed(1)} s` : NONE, store.stale ? 'bad' : '')
     this.updatePosition()
     this.updateBattery()
@@ -88,6 +90,19 @@ export class StatusBar {
     const text = battery.pct === null ? `${battery.v.toFixed(1)} V` : `${battery.pct.toFixed(0)} %`
     this.battery.set(text, battery.pct !== null && battery.pct < 20 ? 'bad' : '')
   }
+}
+
+/** The time of an answer, of the one that is still missing where it is late already. */
+function linkText({ linked, monitor }: Store): string {
+  if (!linked) return 'Down'
+  if (monitor.rttMs === null && monitor.roundTripMs <= LATE_MS) return NONE
+  const ms = monitor.roundTripMs
+  return ms < LATE_MS ? `${ms.toFixed(0)} ms` : `${(ms / 1000).toFixed(1)} s`
+}
+
+function linkTone({ answers, monitor }: Store): '' | 'good' | 'warn' | 'bad' {
+  if (!answers) return 'bad'
+  return monitor.roundTripMs > HAND_MS ? 'warn' : 'good'
 }
 
 function operatorText(seat: string, holder: string): string {

@@ -3,7 +3,6 @@
 import { el } from '../dom.ts'
 import { icon } from '../icons.ts'
 import type { Link } from '../link.ts'
-import type { Toasts } from './toasts.ts'
 
 const TEXT_INPUTS = new Set(['text', 'search', 'url', 'email', 'password', 'number', 'tel', 'date', 'time', ''])
 
@@ -17,7 +16,7 @@ export function isTextField(target: EventTarget | null): boolean {
 export class StopButton {
   private readonly button: HTMLButtonElement
 
-  constructor(private readonly link: Link, private readonly toasts: Toasts) {
+  constructor(private readonly link: Link) {
     this.button = el('button', {
       id: 'stop', class: 'stop', type: 'button', popover: 'manual',
       title: 'Stop the robot now (Space). A software stop: the red button on the robot cuts the power.',
@@ -39,10 +38,9 @@ export class StopButton {
   }
 
   private stop(): void {
-    const sent = this.link.send({ k: 'stop' })
+    this.link.stop()
     this.button.classList.add('pressed')
     setTimeout(() => this.button.classList.remove('pressed'), 300)
-    if (!sent) this.toasts.show('fault', 'STOP was not sent: no link. The robot stops by itself when driven by hand; use its red button.')
   }
 
   private onKey(event: KeyboardEvent, down: boolean): void {

@@ -54,7 +54,7 @@ class DdsNode:
         except ImportError as error:
             raise BridgeError(
                 "ROS 2 on DDS needs cyclonedds: pip install 'agribot[dds]'; it has no wheel for "
-                "ARM, there use --ros2 and rmw_zenoh_cpp"
+                "Linux on ARM and for Python 3.14, there use --ros2 and rmw_zenoh_cpp"
             ) from error
         self._name = name
         user = DdsQos(Policy.Userdata(b"enclave=/;"))

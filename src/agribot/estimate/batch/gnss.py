@@ -12,10 +12,10 @@ from agribot.config import EstimateConfig
 from agribot.estimate.batch.ekf import BatchEkf, BatchRow, Mask
 from agribot.estimate.batch.motion import BatchGate, BatchHistory, BatchMotion
 from agribot.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, X, Y
-from agribot.estimate.gnss import FIRST_FIXES, UNKNOWN_M2, ahead_and_aside, doubts
+from agribot.estimate.gnss import FIRST_FIXES, UNKNOWN_M2
 from agribot.estimate.gnss_noise import FLOAT_MEMORY_S, FixNoise, bias_ageing, noise_model
 from agribot.estimate.models import antenna_velocity, velocity_variance
-from agribot.estimate.spin_watch import SpinWatch
+from agribot.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
 from agribot.estimate.start import StartMark
 from agribot.messages import FloatArray
 

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from contextlib import closing
 
 from agribot.gis.geojson import Feature, Found, layers_of
+from agribot.gis.mbtiles import limit_work
 
 _WGS84_SRS = 4326
 _UNDEFINED_SRS = {0, -1}
 _APPLICATION_ID = int.from_bytes(b"GPKG", "big")
 _VERSION = 10300
 _MAX_STEPS = 50_000_000  # of SQLite's virtual machine: a view may be a program that never ends
-_STEPS_AT_ONCE = 1_000_000
 
 # Clause 1.1.2 and table 1 of the standard, and the definition of WGS 84 by EPSG.
 _TABLES = """
@@ -62,8 +62,7 @@ def read_geopackage(data: bytes) -> Found:
 def _opened(data: bytes) -> sqlite3.Connection:
     database = sqlite3.connect(":memory:")
     database.deserialize(data)
-    steps = iter(range(_MAX_STEPS // _STEPS_AT_ONCE))
-    database.set_progress_handler(lambda: next(steps, None) is None, _STEPS_AT_ONCE)
+    limit_work(database, _MAX_STEPS)
     return database
 
 

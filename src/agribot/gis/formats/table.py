@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import json
-import sqlite3
-import struct
-import zipfile
-import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
-from agribot.errors import MissionError
+from agribot.errors import AgribotError, MissionError
 from agribot.gis.formats.geopackage import read_geopackage, write_geopackage
 from agribot.gis.formats.gpx import read_gpx, write_gpx
 from agribot.gis.formats.isoxml import holds_task_data, read_isoxml, write_isoxml
@@ -39,8 +35,11 @@ def read_field_file(name: str, data: bytes) -> dict[str, Any]:
         for geometry, properties in reader(data):
             for shape in _single(geometry, shown):
                 found.append({"type": "Feature", "geometry": shape, "properties": {**properties}})
-    except _BROKEN as error:
-        raise MissionError(f"{shown} cannot be read: {error}") from error
+    except AgribotError:
+        raise
+    except Exception as error:  # each library has its own errors for bytes that make no sense
+        reason = " ".join(str(error).split()) or "it is empty or cut off"
+        raise MissionError(f"{shown} cannot be read: {reason}") from error
     if not found:
         raise MissionError(f"{shown} holds no point, line or polygon")
     _give_kinds(found)
@@ -122,11 +121,6 @@ def _read_archive(data: bytes) -> Found:
     read = read_isoxml if holds_task_data(member_names(data)) else read_shapefiles
     return read(data)
 
-
-_BROKEN = (
-    sqlite3.Error, zipfile.BadZipFile, zlib.error, struct.error, ValueError, KeyError, TypeError,
-    IndexError, AttributeError, RecursionError, NotImplementedError, RuntimeError,
-)  # fmt: skip
 
 READERS: dict[str, Callable[[bytes], Found]] = {
     ".geojson": _read_geojson,

@@ -18,7 +18,10 @@ MAX_DEPTH = 100
 def xml_tree(data: bytes) -> ET.Element:
     """Raises: ValueError: no XML, with entities of its own, or endless."""
     _Bounds().check(data)
-    return ET.fromstring(data)
+    try:
+        return ET.fromstring(data)
+    except (ET.ParseError, LookupError) as error:  # a prefix without a namespace, an encoding
+        raise ValueError(f"not XML: {error}") from error
 
 
 class _Bounds:
@@ -34,7 +37,7 @@ class _Bounds:
         parser.EndElementHandler = self._end
         try:
             parser.Parse(data, True)
-        except expat.ExpatError as error:
+        except (expat.ExpatError, LookupError) as error:
             raise ValueError(f"not XML: {error}") from error
 
     def _begin(self, _name: str, _attributes: Any) -> None:

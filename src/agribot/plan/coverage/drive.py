@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from agribot.errors import MissionError
+from agribot.field_bounds import FieldBounds
 from agribot.messages import FloatArray, Path, Row
 from agribot.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, PlanRequest, Point
 from agribot.plan.coverage.free_space import FreeSpace
@@ -38,6 +39,12 @@ class FieldWork:
         self._legs = plan.legs
         self.length_m = length_m
         self.rows, self._row_of_piece = _stretches(plan.legs)
+        self.bounds = FieldBounds(
+            rings_map_m=tuple(np.array(ring) for ring in (area.boundary, *area.holes)),
+            front_m=shape.front_m,
+            rear_m=shape.rear_m,
+            half_width_m=shape.half_width_m,
+        )
 
     @property
     def has_crop(self) -> bool:

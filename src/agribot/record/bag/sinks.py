@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
+import lz4.frame
 from mcap.writer import CompressionType, Writer
 from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import (
@@ -62,6 +63,21 @@ class Sink(Protocol):
     def close(self) -> None: ...
 
 
+def compress_for_ros1(data: bytes) -> bytes:
+    """An LZ4 frame with the one set of options that ROS 1's own reader (roslz4) takes.
+
+    Blocks stand alone, a checksum of the whole content ends it, its size is not told.
+    """
+    frame: bytes = lz4.frame.compress(
+        data,
+        block_size=lz4.frame.BLOCKSIZE_MAX1MB,
+        block_linked=False,
+        content_checksum=True,
+        store_size=False,
+    )
+    return frame
+
+
 class Ros1Sink:
     is_ros2 = False
     holds_anything = False
@@ -71,6 +87,8 @@ class Ros1Sink:
         self._writer = rosbag1.Writer(path)
         if compression != "none":
             self._writer.set_compression(rosbag1.Writer.CompressionFormat[compression.upper()])
+        if compression == "lz4":
+            self._writer.compressor = compress_for_ros1
         self._writer.open()
         self._connections: list[Any] = []
 

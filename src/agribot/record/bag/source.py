@@ -91,6 +91,12 @@ class Bag:
     def count(self) -> int:
         return sum(topic.count for topic in self.topics)
 
+    @property
+    def contents(self) -> str:
+        """Topics that hold messages, with their types, in words."""
+        held = (f"{t.name} ({t.ros_type or t.encoding})" for t in self.topics if t.count)
+        return ", ".join(held) or "no messages"
+
     def find(self, name: str) -> BagTopic:
         """Raises: RecordingError: no such topic; the message lists those there are."""
         for topic in self.topics:

@@ -84,8 +84,9 @@ def _find(bag: Bag) -> BagTopic:
     found = [topic for topic in bag.topics if topic.ros_type in FIXES and topic.count]
     if not found:
         raise RecordingError(
-            f"{bag.path} has no topic with positions ({', '.join(FIXES)}); "
-            "name one with odometry: --topic NAME"
+            f"{bag.path} has no topic with positions on Earth ({', '.join(FIXES)}), only "
+            f"{bag.contents}; name one with odometry of a run of ours (--topic NAME), or "
+            "draw paths without a place on Earth: agribot report"
         )
     preferred = [topic for topic in found if topic.name in _PREFERRED]
     return (preferred or found)[0]

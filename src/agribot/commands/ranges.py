@@ -1,0 +1,72 @@
+"""Types of options: numbers that are refused where they stand, before any work is done."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+
+MOST_SEED = 2**63 - 1  # what JSON, TOML and NumPy all hold
+MOST_DIGITS = 40  # a longer word is shortened in a message
+
+
+def number(least: float = -math.inf, most: float = math.inf) -> Callable[[str], float]:
+    """A finite number of a range, both ends included."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (math.isfinite(value) and least <= value <= most):
+            raise argparse.ArgumentTypeError(f"{_short(text)}: {_wanted('number', least, most)}")
+        return value
+
+    return read
+
+
+def above(limit: float, most: float = math.inf) -> Callable[[str], float]:
+    """A finite number larger than the limit."""
+    within = number(limit, most)
+
+    def read(text: str) -> float:
+        value = within(text)
+        if value == limit:
+            raise argparse.ArgumentTypeError(f"{_short(text)}: must be above {limit:g}")
+        return value
+
+    return read
+
+
+def whole(least: int, most: int = MOST_SEED) -> Callable[[str], int]:
+    """A whole number of a range, both ends included."""
+
+    def read(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:  # also more digits than Python reads
+            value = least - 1
+        if not least <= value <= most:
+            wanted = _wanted("whole number", least, most)
+            raise argparse.ArgumentTypeError(f"{_short(text)}: {wanted}")
+        return value
+
+    return read
+
+
+finite = number()
+positive = above(0.0)
+seed = whole(0)
+threads = whole(1, 1024)
+port = whole(0, 65535)
+
+
+def _wanted(kind: str, least: float, most: float) -> str:
+    if most in (math.inf, MOST_SEED):
+        low = "" if least == -math.inf else f", at least {least:g}"
+        return f"must be a {'finite ' if kind == 'number' else ''}{kind}{low}"
+    return f"must be a {kind} from {least:g} to {most:g}"
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= MOST_DIGITS else f"{text[:MOST_DIGITS]}..."

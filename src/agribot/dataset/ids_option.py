@@ -1,0 +1,13 @@
+"""The option `--ids`, for every command that reads masks; apart, so that help loads no pictures."""
+
+from __future__ import annotations
+
+import argparse
+
+
+def add_ids_option(parser: argparse._ActionsContainer) -> None:
+    parser.add_argument(
+        "--ids",
+        metavar="0=soil,1=crop,2=weed",
+        help="what the values of the masks mean (default: 0 weed, 1 crop, 2 soil, 255 ignored)",
+    )

@@ -1,0 +1,105 @@
+"""Whether camera and GNSS put the robot at the same place across the rows."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import deque
+
+# Medians over so long stand above single outliers, weeds taken for crop and leaves in the wind.
+WINDOW_S, MIN_LOOKS, MIN_FIXES = 2.0, 8, 8
+# A camera that is mounted 3 cm and 1.5 degrees wrong, and fixes that are 2 cm off, differ by less.
+NAMED_M = 0.10
+# Half of what a wheel may be off its way before it reaches the crop: the robot may follow either.
+HALT_M = 0.15
+LASTS_S, SETTLED_RATIO = 1.0, 0.8
+# A row that was seen so lately still holds the robot across it.
+HELD_S = 2.0
+
+Told = deque[tuple[float, float]]
+
+
+class RowAgreement:
+    """Call `look` for what the camera, `fix` for what GNSS says; both against the same pose.
+
+    All offsets are metres to the right of the rows by which a sensor puts the robot elsewhere than
+    the pose, so that the pose itself drops out of their difference.
+    """
+
+    def __init__(self) -> None:
+        self._looks: Told = deque()
+        self._fixes: Told = deque()
+        self._since_s: float | None = None
+        self._held_t_s = -math.inf
+        self.apart_m = 0.0  # of lasting disagreement, 0 while there is none
+        self.must_halt = False
+
+    def look(self, t_s: float, off_m: float) -> None:
+        _add(self._looks, t_s, off_m)
+        self._judge(t_s)
+
+    def testify(self, t_s: float, off_m: float) -> None:
+        """What several plants of a row told together needs no more witnesses."""
+        _drop_old(self._fixes, t_s)
+        if len(self._fixes) < MIN_FIXES:
+            return
+        self._looks.clear()
+        self._looks.append((t_s, off_m))
+        apart_m = abs(off_m - _middle(self._fixes))
+        if apart_m >= NAMED_M:
+            self.apart_m, self.must_halt = apart_m, apart_m >= HALT_M
+
+    def fix(self, t_s: float, off_m: float) -> None:
+        _add(self._fixes, t_s, off_m)
+
+    def hold(self, t_s: float) -> None:
+        """The filter took in what the camera saw of a row."""
+        self._held_t_s = max(self._held_t_s, t_s)
+
+    def is_held(self, t_s: float) -> bool:
+        """Whether the camera holds the robot on its row, whatever GNSS says."""
+        return t_s - self._held_t_s <= HELD_S
+
+    @property
+    def shown_m(self) -> tuple[float, float]:
+        """Where camera and fixes put the robot, to the right of the pose."""
+        return _middle(self._looks), _middle(self._fixes)
+
+    @property
+    def fault(self) -> str:
+        return f"camera and GNSS disagree by {self.apart_m:.2f} m" if self.apart_m else ""
+
+    def forget(self) -> None:
+        """A person has decided."""
+        self._looks.clear()
+        self._fixes.clear()
+        self._since_s, self.apart_m, self.must_halt = None, 0.0, False
+
+    def _judge(self, t_s: float) -> None:
+        _drop_old(self._fixes, t_s)
+        if len(self._looks) < MIN_LOOKS or len(self._fixes) < MIN_FIXES:
+            return
+        looks_m, fixes_m = self.shown_m
+        apart_m = abs(looks_m - fixes_m)
+        if apart_m < NAMED_M * (SETTLED_RATIO if self.apart_m else 1.0):
+            self._since_s, self.apart_m = None, 0.0
+            self.must_halt = False
+            return
+        self._since_s = t_s if self._since_s is None else self._since_s
+        if t_s - self._since_s >= LASTS_S:
+            self.apart_m = apart_m
+            self.must_halt = self.must_halt or apart_m >= HALT_M
+
+
+def _add(told: Told, t_s: float, off_m: float) -> None:
+    told.append((t_s, off_m))
+    _drop_old(told, t_s)
+
+
+def _drop_old(told: Told, t_s: float) -> None:
+    while told and t_s - told[0][0] > WINDOW_S:
+        told.popleft()
+
+
+def _middle(told: Told) -> float:
+    return statistics.median(off_m for _, off_m in told) if told else 0.0

@@ -1,0 +1,118 @@
+"""What the referee's judgement of a job comes to, and the sums that one run hands to the next."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+
+from agribot.histogram import Histogram
+from agribot.messages import FloatArray, Row
+
+BIN_M = 0.0005  # of the cross-track error, for its percentile over several runs
+
+
+class TrackingScore(msgspec.Struct, frozen=True, kw_only=True):
+    """True errors against the row line, over all ticks inside rows; None without any."""
+
+    xte_rms_m: float | None
+    xte_p95_m: float | None
+    xte_max_m: float | None
+    heading_rms_rad: float | None
+    distance_m: float
+    plants_total: int
+    plants_crushed: int
+
+
+class EstimateScore(msgspec.Struct, frozen=True, kw_only=True):
+    """Error of the estimate over all ticks in which it called itself good."""
+
+    pos_rms_m: float | None
+    yaw_rms_rad: float | None
+    nees_mean: float | None
+
+
+class WeedScore(msgspec.Struct, frozen=True, kw_only=True):
+    """Mapped against true weeds in the strips of the finished rows."""
+
+    truth: int
+    mapped: int
+    matched: int
+    precision: float | None
+    recall: float | None
+    f1: float | None
+    pos_error_median_m: float | None
+    treated: int
+    treated_true: int
+    crops_hit: int
+    spray_area_ratio: float | None
+
+
+class Tally(msgspec.Struct, kw_only=True):
+    """Sums over ticks: in rows against their line, and with a good estimate against the truth."""
+
+    row_ticks: int = 0
+    across_m2: float = 0.0
+    heading_rad2: float = 0.0
+    across_max_m: float = 0.0
+    across_m: Histogram = msgspec.field(default_factory=lambda: Histogram(width=BIN_M))
+    estimate_ticks: int = 0
+    position_m2: float = 0.0
+    yaw_rad2: float = 0.0
+    nees: float = 0.0
+
+    def add_rows(self, errors: FloatArray) -> None:
+        """`errors` (N, 2): across_m, heading_rad."""
+        if not len(errors):
+            return
+        across_m = np.abs(errors[:, 0])
+        self.row_ticks += len(errors)
+        self.across_m2 += float(np.sum(across_m**2))
+        self.heading_rad2 += float(np.sum(errors[:, 1] ** 2))
+        self.across_max_m = max(self.across_max_m, float(across_m.max()))
+        self.across_m.add(across_m)
+
+    def add_estimates(self, errors: FloatArray, covs: FloatArray) -> None:
+        """`errors` (N, 3): x_m, y_m, yaw_rad; `covs` (N, 9): their stated covariance by rows."""
+        if not len(errors):
+            return
+        solved = np.linalg.solve(covs.reshape(-1, 3, 3), errors[..., None])[..., 0]
+        self.estimate_ticks += len(errors)
+        self.position_m2 += float(np.sum(errors[:, :2] ** 2))
+        self.yaw_rad2 += float(np.sum(errors[:, 2] ** 2))
+        self.nees += float(np.einsum("ni,ni->", errors, solved))
+
+    def estimate(self) -> EstimateScore:
+        count = self.estimate_ticks
+        return EstimateScore(
+            pos_rms_m=root_mean(self.position_m2, count),
+            yaw_rms_rad=root_mean(self.yaw_rad2, count),
+            nees_mean=self.nees / count if count else None,
+        )
+
+
+class Judged(msgspec.Struct, frozen=True, kw_only=True):
+    """All that a referee has seen of a job, for that of the run that goes on with it.
+
+    `worst_m` and `slices` belong to `rows` by their index, `nearest_m` to the goals; None: not
+    seen yet. Crushed and sprayed plants are indices into the world's, of which there are
+    `plants_total`.
+    """
+
+    tally: Tally
+    distance_m: float
+    confusion: tuple[int, ...]
+    rows: tuple[Row, ...]
+    worst_m: dict[int, float]
+    slices: tuple[tuple[int, int], ...]
+    goals_map_m: tuple[tuple[float, float], ...]
+    nearest_m: tuple[float | None, ...]
+    crushed: tuple[int, ...]
+    sprayed: tuple[int, ...]
+    sprayed_area_m2: float
+    plants_total: int
+
+
+def root_mean(square_sum: float, count: int) -> float | None:
+    return math.sqrt(square_sum / count) if count else None

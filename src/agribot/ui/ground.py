@@ -1,0 +1,83 @@
+"""The ground that a map shows: of a run, or of a recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agribot.config import RunConfig
+from agribot.description.loader import parse_robot
+from agribot.errors import AgribotError
+from agribot.field_work import field_work
+from agribot.messages import Row
+from agribot.plan.coverage.area import FieldArea
+from agribot.record.mcap_file import read_attachment
+from agribot.record.replay import read_config, read_urdf
+from agribot.row_shape import row_points_map_m
+from agribot.run_recording import GOALS_ATTACHMENT, PLAN_ATTACHMENT
+from agribot.tasks import MapPoint, task_of
+
+_CORNERS = 24  # of a circle on the map
+
+Point = tuple[float, float]
+
+
+def field_of(
+    config: RunConfig,
+    rows: Sequence[Row],
+    goals_map_m: Sequence[Point] = (),
+    area: FieldArea | None = None,
+) -> dict[str, Any]:
+    """What the map shows of the ground: the task of a run, in the map of its datum.
+
+    `area` is that of a field plan; what stands in the field is drawn with its holes.
+    """
+    datum, boundary = config.field.datum, area.boundary if area else ()
+    obstacles = [*(area.holes if area else ()), *map(_round, config.field.obstacles_map_m)]
+    return {
+        "name": config.world,
+        "datum": {"lat_deg": datum.lat_deg, "lon_deg": datum.lon_deg},
+        "datum_source": config.field.datum_source,
+        "rows": [_row_of(row) for row in rows],
+        "boundary_map_m": [list(corner) for corner in boundary] or None,
+        "obstacles_map_m": [[list(corner) for corner in ring] for ring in obstacles],
+        "waypoints_map_m": [list(goal) for goal in goals_map_m],
+        "start_map_m": config.field.start_map_m,
+    }
+
+
+def _round(circle: tuple[float, float, float]) -> Sequence[Point]:
+    x_m, y_m, radius_m = circle
+    angles = [math.tau * k / _CORNERS for k in range(_CORNERS)]
+    return [(x_m + radius_m * math.cos(a), y_m + radius_m * math.sin(a)) for a in angles]
+
+
+def _row_of(row: Row) -> dict[str, Any]:
+    return {**msgspec.to_builtins(row), "points_map_m": row_points_map_m(row).tolist()}
+
+
+def read_field(path: Path) -> dict[str, Any]:
+    """What `field_of` gives for a run.
+
+    Raises: RecordingError: not a recording, or one that does not say what the robot was to do.
+    """
+    config = read_config(path)
+    robot = parse_robot(read_urdf(path), path.name)
+    attached = read_attachment(path, GOALS_ATTACHMENT)
+    goals = msgspec.json.decode(attached, type=tuple[MapPoint, ...])
+    plan = read_attachment(path, PLAN_ATTACHMENT).decode() if config.plan else ""
+    work = field_work(plan, config, robot)
+    task = task_of(config, robot, goals, work)
+    return field_of(config, task.rows, goals, work.area if work else None)
+
+
+def read_field_or_datum(path: Path) -> dict[str, Any]:
+    """The same, or the empty ground around the datum where the recording does not tell more."""
+    try:
+        return read_field(path)
+    except AgribotError:
+        return field_of(read_config(path), ())

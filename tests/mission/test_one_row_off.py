@@ -1,0 +1,88 @@
+"""Put down one row aside of its mark, a robot follows rows that are not those it believes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from agribot import config
+from agribot.description.worlds_sdf import world_of_run
+from agribot.devices import RowLine
+from agribot.geo import wrap_rad
+from agribot.messages import Scene, SensorBatch
+from agribot.perception_host import NoPerception
+from agribot.plan.rows import field_rows
+from agribot.record.report import Report
+from agribot.row_shape import beside_row, row_length_m
+from agribot.session import Session
+from agribot.world import WorldSpec
+
+SETTINGS = ["seed=1", "perception.enabled=false", "record.enabled=false", "field.row_count=3",
+            "field.row_length_m=5", 'world="empty"']  # fmt: skip
+ASIDE_M = -1.0  # across the rows, one pitch to the right
+LOOK_S, FAR_M, MAX_OFFSET_M = 0.1, 1.2, 0.6
+
+
+class CameraOnPaper(NoPerception):
+    """Sees the line of the row that truly lies under the robot, where one does."""
+
+    def __init__(self, session: Session) -> None:
+        self._session, self._rows = session, field_rows(session.config.field)
+        self._next_s, self._index = 0.0, 0
+
+    def step(self, batch: SensorBatch) -> tuple[Scene, ...]:
+        if batch.t_s < self._next_s:
+            return ()
+        self._next_s, self._index = batch.t_s + LOOK_S, self._index + 1
+        return (Scene(t_s=batch.t_s, ready_s=batch.t_s, frame_index=self._index, plants=(),
+                      view_body_m=(), row_line=self._line(batch.t_s)),)  # fmt: skip
+
+    def _line(self, t_s: float) -> RowLine | None:
+        truth = self._session.platform.truth()
+        for row in self._rows:
+            along_m, left_m, yaw_rad = map(float, beside_row(row, truth.x_map_m, truth.y_map_m))
+            heading_rad = wrap_rad(truth.yaw_map_rad - yaw_rad)
+            sign = 1.0 if math.cos(heading_rad) > 0.0 else -1.0
+            ahead_m = along_m + sign * FAR_M
+            if abs(left_m) > MAX_OFFSET_M or not 0.0 <= ahead_m <= row_length_m(row):
+                continue
+            turned_rad = heading_rad if sign > 0.0 else wrap_rad(heading_rad - math.pi)
+            return RowLine(
+                t_s=t_s, offset_m=sign * left_m, heading_rad=turned_rad, offset_std_m=0.015,
+                heading_std_rad=0.012,
+            )  # fmt: skip
+        return None
+
+
+def drive(folder: Path, aside_m: float, monkeypatch: pytest.MonkeyPatch) -> Report:
+    def shifted(settings: config.RunConfig) -> WorldSpec:
+        place = {"spawn_xy_map_m": (-1.0, aside_m), "spawn_yaw_map_rad": 0.0}
+        return msgspec.structs.replace(world_of_run(settings), **place)
+
+    monkeypatch.setattr("agribot.session.world_of_run", shifted)
+    with Session(config.load("rows-10x12", SETTINGS), folder) as session:
+        session.stack.perception = CameraOnPaper(session)
+        for _ in session.ticks():
+            pass
+        return session.finish()
+
+
+def test_beyond_the_crop_it_stands_and_the_report_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report = drive(tmp_path / "run", ASIDE_M, monkeypatch)
+    assert not report.ok and report.mission.success is False
+    assert report.mission.rows_done == 0  # in truth
+    assert "off the row" in report.reason
+    assert report.tracking.plants_crushed == 0
+
+
+def test_on_its_mark_the_same_robot_does_all_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report = drive(tmp_path / "run", 0.0, monkeypatch)
+    assert report.mission.success and report.mission.rows_done == 3, report.reason
+    assert report.mission.rows_unproven == ()

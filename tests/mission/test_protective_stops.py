@@ -1,0 +1,275 @@
+"""The simulated robot is stopped by what happens to it, and waits for a person."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from agribot.cli import main
+from agribot.config import load
+from agribot.devices import BumperSample
+from agribot.messages import OperatorEvent, RobotCommand, SensorBatch, TickRecord
+from agribot.mission_file import read_mission, resumed
+from agribot.session import Session
+
+QUICK = ["perception.enabled=false", "record.enabled=false", "sim.sensors='rtk'"]
+FROM_S = 8.0  # in the first turn
+IN_ROW_S = 22.0
+Spoil = Callable[[SensorBatch], SensorBatch]
+
+
+def opened(out: Path, *more: str) -> Session:
+    return Session(load("farm", [*QUICK, *more]), out)
+
+
+def spoil(session: Session, change: Spoil, from_s: float = FROM_S) -> None:
+    read = session.platform.read
+
+    def spoilt() -> SensorBatch:
+        batch = read()
+        return change(batch) if batch.t_s > from_s else batch
+
+    session.platform.read = spoilt  # type: ignore[method-assign]
+
+
+def misdrive(session: Session, change: Callable[[RobotCommand], RobotCommand]) -> None:
+    """A board that does something else than it is told, after `FROM_S`."""
+    write, read = session.platform.write, session.platform.read
+    now_s = [0.0]
+
+    def seen() -> SensorBatch:
+        batch = read()
+        now_s[0] = batch.t_s
+        return batch
+
+    def wrong(command: RobotCommand) -> None:
+        write(change(command) if now_s[0] > FROM_S else command)
+
+    session.platform.read = seen  # type: ignore[method-assign]
+    session.platform.write = wrong  # type: ignore[method-assign]
+
+
+def stopped(session: Session, ticks: Iterator[TickRecord]) -> TickRecord:
+    """The first tick in which the supervisor stops the robot for good."""
+    for record in ticks:
+        assert record.batch.t_s < IN_ROW_S + 5.0, "it drives on"
+        if "clear the stop" in record.reason:
+            assert record.command.drive.v_mps == 0.0
+            return record
+    raise AssertionError("the run ended without a stop")
+
+
+def touch(batch: SensorBatch) -> SensorBatch:
+    sample = BumperSample(t_s=batch.t_s, x_body_m=0.5, y_body_m=0.0)
+    return msgspec.structs.replace(batch, bumper=(sample,))
+
+
+@pytest.mark.parametrize("mode", ["mission", "goto", "hand"])
+def test_a_touch_stops_the_robot_in_its_tick_in_every_mode(tmp_path: Path, mode: str) -> None:
+    with opened(tmp_path) as session:
+        spoil(session, touch)
+        ticks = session.ticks()
+        for record in ticks:
+            if mode == "hand":
+                session.platform.inbox.drive(0.3, 0.0, "Ann")
+            elif mode == "goto" and record.batch.t_s > 4.0 and record.status.leg != "to the goal":
+                event = OperatorEvent(t_s=0.0, action="goto", numbers=(-2.0, 6.0))
+                session.platform.post(event)
+            if record.batch.bumper:
+                break
+        assert "bumper" in record.reason
+        assert record.command.drive.v_mps == 0.0
+        assert session.platform.truth().v_mps > 0.15, "it drove until then"
+        for _ in range(100):
+            session.platform.inbox.drive(0.3, 0.0, "Ann")
+            record = next(ticks)
+            assert record.command.drive.v_mps == 0.0
+        assert record.status.stopped.startswith("the bumper touches something in front")
+        assert record.status.state == "paused"
+        assert abs(session.platform.truth().v_mps) < 0.01
+
+
+@pytest.mark.parametrize("actuation", ["servo", "effort"])
+@pytest.mark.parametrize(
+    ("wheel", "name"), [("left_wheel_F", "left front"), ("right_wheel_R", "right rear")]
+)
+def test_a_dead_motor_is_named_within_a_second(
+    tmp_path: Path, wheel: str, name: str, actuation: str
+) -> None:
+    with opened(tmp_path, f"sim.actuation='{actuation}'") as session:
+        ticks = session.ticks()
+        next(record for record in ticks if record.batch.t_s > FROM_S)
+        session.platform.limit_torque(wheel, 0.0)
+        record = stopped(session, ticks)
+    assert f"{name} " in record.reason
+    assert record.batch.t_s - FROM_S < 1.0
+
+
+def board(v_ratio: float, yaw_ratio: float = 1.0) -> Callable[[RobotCommand], RobotCommand]:
+    def change(command: RobotCommand) -> RobotCommand:
+        drive = command.drive
+        twist = msgspec.structs.replace(
+            drive, v_mps=v_ratio * drive.v_mps, yaw_rate_radps=yaw_ratio * drive.yaw_rate_radps
+        )
+        return msgspec.structs.replace(command, drive=twist)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("v_ratio", "words"),
+    [
+        (2.0, "wheels turn too fast"),
+        (-1.0, "wheels turn backwards"),
+        (0.0, "wheels do not turn"),
+    ],
+    ids=["runs away", "reversed", "commands lost"],
+)
+def test_a_board_that_does_not_as_told_is_stopped_within_a_second(
+    tmp_path: Path, v_ratio: float, words: str
+) -> None:
+    with opened(tmp_path) as session:
+        misdrive(session, board(v_ratio))
+        record = stopped(session, session.ticks())
+    assert words in record.reason
+    assert record.batch.t_s - FROM_S < 1.0
+
+
+def test_steering_the_wrong_way_round_is_told_within_a_second(tmp_path: Path) -> None:
+    with opened(tmp_path) as session:
+        misdrive(session, board(1.0, -1.0))
+        record = stopped(session, session.ticks())
+    assert "turns the other way than told" in record.reason
+    assert record.batch.t_s - FROM_S < 1.0
+
+
+@pytest.mark.parametrize("is_all", [True, False], ids=["all", "one"])
+def test_an_encoder_that_sticks_is_named_within_a_second(tmp_path: Path, is_all: bool) -> None:
+    stuck: list[tuple[float, ...]] = []
+
+    def stick(batch: SensorBatch) -> SensorBatch:
+        wheels = []
+        for wheel in batch.wheels:
+            stuck[:] = stuck or [wheel.angle_rad]
+            angles = stuck[0] if is_all else (*wheel.angle_rad[:3], stuck[0][3])
+            wheels.append(msgspec.structs.replace(wheel, angle_rad=angles))
+        return msgspec.structs.replace(batch, wheels=tuple(wheels))
+
+    with opened(tmp_path) as session:
+        spoil(session, stick)
+        record = stopped(session, session.ticks())
+    assert ("wheels do not turn" if is_all else "left front wheel does not turn") in record.reason
+    assert record.batch.t_s - FROM_S < 1.0
+
+
+@pytest.mark.parametrize(
+    ("gyro", "words"), [("frozen", "IMU repeats the same numbers"), ("off", "the gyro says")]
+)
+def test_a_gyro_that_lies_is_told_within_a_second(tmp_path: Path, gyro: str, words: str) -> None:
+    first: list[SensorBatch] = []
+
+    def lie(batch: SensorBatch) -> SensorBatch:
+        first[:] = first or [batch]
+        said = first[0].imu[0]
+        imu = tuple(
+            msgspec.structs.replace(said, t_s=sample.t_s)
+            if gyro == "frozen"
+            else msgspec.structs.replace(
+                sample, gyro_radps=(*sample.gyro_radps[:2], sample.gyro_radps[2] + 0.3)
+            )
+            for sample in batch.imu
+        )
+        return msgspec.structs.replace(batch, imu=imu)
+
+    with opened(tmp_path) as session:
+        spoil(session, lie, IN_ROW_S)
+        record = stopped(session, session.ticks())
+    assert words in record.reason
+    assert record.batch.t_s - IN_ROW_S < 1.0
+
+
+@pytest.mark.parametrize(
+    ("sensors", "actuation"),
+    [("rtk", "effort"), ("m8n", "servo"), ("legacy", "effort"), ("seed", "servo"),
+     ("ideal", "servo")],
+)  # fmt: skip
+def test_a_robot_without_fault_is_never_stopped(
+    tmp_path: Path, sensors: str, actuation: str
+) -> None:
+    """Setting off, a turn, crop rows, a pause and a drive by hand, with every kind of sensor."""
+    settings = [f"sim.sensors='{sensors}'", f"sim.actuation='{actuation}'", "duration_s=32"]
+    settings += ["field.row_length_m=2", "mission.max_row_std_m=3", "mission.full_speed_std_m=2"]
+    with opened(tmp_path, *settings) as session:
+        for record in session.ticks():
+            assert not record.status.stopped
+            assert not record.batch.bumper
+            t_s = record.batch.t_s
+            if 12.0 < t_s < 13.0:
+                session.platform.inbox.drive(-0.3, 0.8 * (t_s - 12.5), "Ann")
+            if abs(t_s - 16.0) < 0.01:
+                session.platform.post(OperatorEvent(t_s=0.0, action="resume"))
+        assert record.status.s_m > 5.0
+
+
+def test_a_stopped_run_that_is_killed_stands_until_a_person_lets_it_go(tmp_path: Path) -> None:
+    first, again = tmp_path / "first", tmp_path / "again"
+    with opened(first) as session:
+        for record in session.ticks():
+            if record.batch.t_s > FROM_S and not record.status.stopped:
+                session.platform.post(OperatorEvent(t_s=0.0, action="stop", source="Ann"))
+            if record.batch.t_s > FROM_S + 1.0:
+                break
+    saved = read_mission(first)
+    config = resumed(load(str(first / "config.toml")), saved)
+    with Session(config, again, saved) as session:
+        session.unattended.is_attended = True
+        ticks = session.ticks()
+        start = session.platform.truth()
+        for record in ticks:
+            assert record.command.drive.v_mps == 0.0
+            if record.batch.t_s > 5.0:
+                break
+        assert record.status.stopped == "stopped by Ann"
+        for action in ("clear_stop", "resume"):
+            session.platform.post(OperatorEvent(t_s=0.0, action=action))
+        record = next(record for record in ticks if record.batch.t_s > 10.0)
+        assert record.status.state == "running"
+        driven = session.platform.truth()
+        assert math.hypot(driven.x_map_m - start.x_map_m, driven.y_map_m - start.y_map_m) > 0.5
+
+
+def test_a_stopped_run_is_not_resumed_where_nobody_could_let_it_go(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = tmp_path / "first"
+    with opened(first) as session:
+        spoil(session, touch)
+        stopped(session, session.ticks())
+        next(session.ticks())
+    words = ["run", "--resume", str(first), "--for", "8", "--out", str(tmp_path / "again")]
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "the bumper touches something in front" in line
+    assert "--clear-stop" in line
+    assert not (tmp_path / "again").exists()
+    assert main(["run", "farm", "--clear-stop"]) == 2
+    assert "give --resume RUNDIR" in capsys.readouterr().err
+    main([*words, "--clear-stop"])
+    assert read_mission(tmp_path / "again").s_m > read_mission(first).s_m
+
+
+def test_a_run_that_nobody_attends_ends_when_its_stop_is_not_cleared(tmp_path: Path) -> None:
+    with opened(tmp_path, "mission.stall_timeout_s=3") as session:
+        spoil(session, touch)
+        for record in session.ticks():
+            assert record.batch.t_s < FROM_S + 10.0
+        report = session.finish()
+    assert not report.ok
+    assert "bumper" in report.reason
+    assert "nobody cleared the stop for 3 s" in report.reason
+    assert any("bumper" in stop.reason for stop in report.safety.stops)
+    assert read_mission(tmp_path).stopped.startswith("the bumper")

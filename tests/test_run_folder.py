@@ -1,0 +1,108 @@
+"""A run never overwrites a run, nor do two drive in one folder."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from agribot import config
+from agribot.cli import main
+from agribot.errors import RecordingError
+from agribot.run_folder import LOCK_NAME, RUN_FILES, RunFolder, check_not_driven, clear_run
+from agribot.session import Session
+
+HOLDER = """
+import sys
+from pathlib import Path
+from agribot.run_folder import RunFolder
+folder = RunFolder(Path(sys.argv[1]))
+print("claimed", flush=True)
+sys.stdin.read()
+"""
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("name", RUN_FILES)
+def test_a_folder_with_any_file_of_a_run_is_refused_and_not_touched(
+    name: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(b"of an earlier run")
+    with pytest.raises(RecordingError, match=f"holds a run already.*{name}.*another --out"):
+        RunFolder(tmp_path)
+    assert contents(tmp_path) == {name: b"of an earlier run"}
+
+
+def test_the_command_refuses_in_one_line_and_names_the_way_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mission.json").write_bytes(b"{}")
+    assert main(["run", "farm", "--headless", "--out", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert f"agribot run --resume {tmp_path}" in said
+    assert contents(tmp_path) == {"mission.json": b"{}"}
+
+
+def test_a_world_alone_spares_a_run_as_well(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "run.mcap").write_bytes(b"of an earlier run")
+    assert main(["sim", "--world", "empty", "--for", "1", "--out", str(tmp_path)]) == 2
+    assert "holds a run already" in capsys.readouterr().err
+    assert contents(tmp_path) == {"run.mcap": b"of an earlier run"}
+
+
+def test_a_session_from_python_is_refused_too(tmp_path: Path) -> None:
+    (tmp_path / "run.mcap").write_bytes(b"of an earlier run")
+    with pytest.raises(RecordingError, match="holds a run already"):
+        Session(config.load("farm", ["perception.enabled=false"]), tmp_path)
+    assert contents(tmp_path) == {"run.mcap": b"of an earlier run"}
+
+
+def test_a_session_that_never_ticked_leaves_no_folder(tmp_path: Path) -> None:
+    """What kept it from driving, such as a port that is taken, can be mended and tried again."""
+    with Session(config.load("farm", ["perception.enabled=false"]), tmp_path / "run"):
+        assert (tmp_path / "run" / "config.toml").exists()
+    assert not (tmp_path / "run").exists()
+
+
+def test_two_at_once_in_one_folder_are_refused_until_the_first_lets_go(tmp_path: Path) -> None:
+    first = RunFolder(tmp_path / "run")
+    with pytest.raises(RecordingError, match="another agribot drives a run"):
+        RunFolder(tmp_path / "run")
+    with pytest.raises(RecordingError, match="another agribot drives a run"):
+        check_not_driven(tmp_path / "run")
+    first.close()
+    first.close()
+    assert contents(tmp_path / "run") == {}
+    RunFolder(tmp_path / "run").close()
+
+
+def test_a_killed_process_holds_no_folder(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", HOLDER, str(tmp_path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == b"claimed\n"
+        with pytest.raises(RecordingError, match="another agribot"):
+            RunFolder(tmp_path)
+        holder.kill()
+    assert (tmp_path / LOCK_NAME).exists()
+    check_not_driven(tmp_path)
+    RunFolder(tmp_path).close()
+
+
+def test_a_run_to_be_repeated_is_cleared_but_not_under_its_driver(tmp_path: Path) -> None:
+    driver = RunFolder(tmp_path)
+    (tmp_path / "run.mcap").write_bytes(b"half a run")
+    with pytest.raises(RecordingError, match="another agribot"):
+        clear_run(tmp_path)
+    driver.close()
+    (tmp_path / "notes.txt").write_bytes(b"of a person")
+    clear_run(tmp_path)
+    assert contents(tmp_path) == {"notes.txt": b"of a person"}

@@ -1,0 +1,63 @@
+"""Every control can be reached and read on a phone on its side and on small laptops."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import Page
+
+from tests.ui.page.conftest import SCREENS, OpenPage, show, take_control, until
+from tests.ui.page.fake_server import FakeServer
+from tests.ui.page.test_controls import WORKABLE
+
+SIZES = [(844, 390), (667, 375), (1366, 650), (1100, 700)]
+# What cannot be brought into view, is covered where one would press it, or has its words cut.
+OUT_OF_REACH = f"""(part) => {{
+  const found = []
+  for (const each of {WORKABLE}.filter(each => each.closest(part))) {{
+    each.scrollIntoView({{block: 'center', inline: 'nearest'}})
+    const box = each.getBoundingClientRect()
+    const [x, y] = [box.left + box.width / 2, box.top + box.height / 2]
+    const inside = box.left >= 0 && box.right <= innerWidth + 1 && y > 0 && y < innerHeight
+    const hit = inside && document.elementFromPoint(x, y)
+    const reached = hit && (each.contains(hit) || hit.contains(each)
+      || hit.closest('label')?.contains(each))
+    const cut = each.matches('button, a') && each.scrollWidth > each.clientWidth + 1
+    if (!reached || cut) found.push(each.outerHTML.slice(0, 120))
+  }}
+  return found
+}}"""
+SCROLLBARS = """[...document.querySelectorAll('.rail')].filter(each =>
+    each.scrollHeight > each.clientHeight + 1 || each.scrollWidth > each.clientWidth + 1).length"""
+
+
+def check(page: Page, where: str, part: str = "body") -> None:
+    assert page.evaluate(OUT_OF_REACH, part) == [], where
+    assert page.evaluate(SCROLLBARS) == 0, where
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_every_control_is_reached_and_read(open_page: OpenPage, width: int, height: int) -> None:
+    page = open_page()
+    page.set_viewport_size({"width": width, "height": height})
+    take_control(page)
+    for screen in SCREENS:
+        show(page, screen)
+        until(page, "document.querySelector('.screen').childElementCount > 0")
+        check(page, f"{screen} at {width}×{height}")
+
+
+@pytest.mark.parametrize(("width", "height"), [(844, 390), (1100, 700)])
+def test_every_button_of_the_map_is_reached(
+    open_page: OpenPage, server: FakeServer, width: int, height: int
+) -> None:
+    page = open_page(query="off=scene,camera")
+    page.set_viewport_size({"width": width, "height": height})
+    until(page, "window.__agribot.map?.loaded()")
+    check(page, f"the map at {width}×{height}")
+    toggle = page.get_by_role("button", name="Map tools")
+    if toggle.is_visible():
+        toggle.click()
+    assert page.locator(".map-button:visible:not(.tools-toggle)").count() == 14
+    check(page, f"the map's tools at {width}×{height}")
+    page.get_by_role("button", name="Layers and views").click()
+    check(page, f"the layers at {width}×{height}", ".map-panel")

@@ -1,0 +1,126 @@
+"""A line that is held, and a recording in the robot's place: what the page then shows and does."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from pathlib import Path
+from urllib.parse import urlparse
+
+import pytest
+from playwright.sync_api import BrowserContext, Page, expect
+
+from agribot import config
+from agribot.record.recorder import RunRecorder
+from tests.record import record_samples as samples
+from tests.ui.conftest import Robot
+from tests.ui.page.conftest import WITHOUT_GL, arm, drag_pad, show, take_control, until
+from tests.ui.page.fake_robot import FakeRobot
+from tests.ui.page.fake_server import FakeServer
+from tests.ui.slow_line import SlowLine
+from tests.waiting import wait_for
+
+SHOWN = """[window.__agribot.counters.traj, window.__agribot.counters.weeds,
+    window.__agribot.field()?.rows.length].join()"""
+
+
+def open_through(line: SlowLine, context: BrowserContext, screen: str) -> Page:
+    page = context.new_page()
+    page.goto(f"http://127.0.0.1:{line.port}/?{WITHOUT_GL}#/{screen}")
+    until(page, "window.__agribot?.ready")
+    return page
+
+
+def test_a_line_that_falls_silent_is_red_lets_go_of_the_hand_and_leaves_no_stop_unsaid(
+    context: BrowserContext, server: FakeServer
+) -> None:
+    server.robot.mode = "paused"
+    with SlowLine(int(urlparse(server.address).port or 0)) as line:
+        page = open_through(line, context, "teleop")
+        take_control(page)
+        arm(page)
+        drag_pad(page)
+        link = page.locator(".chip", has_text="Link")
+        unconfirmed = page.locator(".banner.bad", has_text="STOP is not confirmed")
+        with line.held():
+            expect(page.locator(".banner.bad", has_text="No answer from the robot")).to_be_visible()
+            expect(link).to_have_attribute("data-tone", "bad")
+            expect(page.locator(".pad.armed")).to_have_count(0)
+            page.mouse.up()
+            page.locator("#stop").click()
+            expect(unconfirmed).to_be_visible()
+            expect(page.locator(".banner.bad", has_text="No link to the robot")).to_be_visible()
+        expect(page.locator(".banner.bad", has_text="Stopped")).to_be_visible()
+        expect(unconfirmed).to_be_hidden()
+        expect(link).to_have_attribute("data-tone", "good")
+
+
+def test_the_age_is_that_on_the_robot_where_states_are_late_on_their_way(
+    context: BrowserContext, server: FakeServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = context.new_page()
+    page.goto(f"{server.address}/?{WITHOUT_GL}#/drive")
+    until(page, "window.__agribot?.ready")
+    expect(page.locator("#main")).to_have_class("main")
+    made = FakeRobot.state
+
+    def late(robot: FakeRobot, mono_ms: float, wall_ms: float = 0.0) -> dict[str, object]:
+        return made(robot, mono_ms - 23_000.0, wall_ms)
+
+    monkeypatch.setattr(FakeRobot, "state", late)
+    expect(page.locator(".banner.bad", has_text="What you see is 2")).to_be_visible()
+    age = page.locator(".chip", has_text="Age")
+    expect(age).to_have_attribute("data-tone", "bad")
+    assert float(age.locator(".chip-value").inner_text().split()[0]) > 20.0
+
+
+def test_a_recording_takes_the_place_of_the_robot_on_the_page_and_gives_it_back(
+    context: BrowserContext, robot: Robot, recorded: Path
+) -> None:
+    robot.answers["panels"] = []
+    shutil.copytree(recorded, robot.home / "runs" / "recorded")
+    weeds = [[id, 0, 1.0, 2.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, None] for id in range(3)]
+    robot.say({"k": "weeds", "rev": 1, "set": weeds, "gone": []})
+    robot.say({"k": "traj", "first": 0, "xy": [[float(i), 5.0] for i in range(700)]})
+
+    def live(n: int, mode: str, stop: str) -> None:
+        made = json.loads(json.dumps(FakeRobot().state(time.monotonic() * 1e3)))
+        del made["e"]
+        robot.say({**made, "n": n, "mode": mode, "stop": stop})
+
+    live(1, "mission", "")
+    page = context.new_page()
+    page.goto(f"http://127.0.0.1:{robot.port}/?{WITHOUT_GL}#/recordings")
+    until(page, "window.__agribot?.ready")
+    until(page, f"{SHOWN} === '700,3,6'")
+    for turn in range(2):
+        page.get_by_role("button", name="Replay").first.click()
+        until(page, "window.__agribot.state()?.replay?.name === 'recorded'")
+        until(page, f"{SHOWN}.endsWith(',0,0')")
+        assert 0 < page.evaluate("window.__agribot.counters.traj") < 700
+        expect(page.locator(".banner.note")).to_contain_text("Replay of recorded")
+        if turn == 0:
+            page.locator("#stop").click()
+            robot.wait_for(lambda order: order.get("action") == "stop")
+            expect(page.locator(".banner.bad", has_text="not confirmed")).to_be_visible()
+            live(2, "stopped", "stopped by operator 1")
+            expect(page.locator(".banner.bad", has_text="The robot itself is held")).to_be_visible()
+            expect(page.locator(".banner.bad", has_text="not confirmed")).to_be_hidden()
+        page.get_by_role("button", name="Back to live").click()
+        until(page, f"{SHOWN} === '700,3,6'")
+        expect(page.locator(".banner.note")).to_be_hidden()
+    show(page, "drive")
+    wait_for(lambda: page.evaluate("!window.__agribot.state().replay"), "the robot's own state")
+
+
+@pytest.fixture
+def recorded(tmp_path: Path) -> Path:
+    """Of a robot on a field without rows, without weeds, and with another track."""
+    run = tmp_path / "recorded"
+    run.mkdir()
+    recorder = RunRecorder(run / "run.mcap", config.load("farm"), samples.robot(), samples.URDF)
+    for record in samples.ticks(150):
+        recorder(record)
+    recorder.close()
+    return run

@@ -1,0 +1,215 @@
+"""The limits one by one: stops, messages, pages, YAML, and work that is kept off the loop."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+pytest.importorskip("starlette")
+from starlette.requests import Request
+
+from agribot.errors import ConfigError
+from agribot.geo import MapFrame
+from agribot.ui import about_routes, small_yaml, stops
+from agribot.ui.access import Caller
+from agribot.ui.allowance import MAX_BURST, MAX_MESSAGES_PER_S, Allowance
+from agribot.ui.answers import Unusable
+from agribot.ui.channel import Channel, signal_table
+from agribot.ui.guesses import FORGET_S, MAX_ADDRESSES, MAX_GUESSES, Guesses
+from agribot.ui.hub import Hub
+from agribot.ui.mapviz_config import displays_of
+from agribot.ui.off_the_loop import run_in_process
+from agribot.ui.page_slots import MAX_PAGES, MAX_VIEWERS, make_room
+from agribot.ui.small_yaml import MAX_BYTES, UnusableYaml, read_yaml
+from agribot.ui.stick_table import read_table
+from agribot.ui.stops import Stops
+from tests.waiting import PATIENCE_S
+
+
+def test_the_first_stop_goes_on_at_once_and_a_flood_as_one_more() -> None:
+    posted: list[tuple[str, str]] = []
+
+    async def press() -> None:
+        repeated = asyncio.Event()
+
+        def post(source: str, text: str) -> None:
+            posted.append((source, text))
+            if text:
+                repeated.set()
+
+        button = Stops(post)
+        button.press("Ada")
+        assert posted == [("Ada", "")]
+        for _ in range(500):
+            button.press("flood")
+        assert len(posted) == 1
+        await asyncio.wait_for(repeated.wait(), PATIENCE_S)
+
+    asyncio.run(press())
+    assert posted == [("Ada", ""), ("flood", "pressed 500 times more")]
+
+
+def test_after_a_stop_is_cleared_the_next_counts_at_once_and_none_from_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(stops, "MERGE_S", 0.02)
+    posted: list[str] = []
+
+    async def press() -> None:
+        button = Stops(lambda source, _: posted.append(source))
+        button.press("Ada")
+        button.press("late")
+        button.clear()
+        button.press("Bob")
+        assert posted == ["Ada", "Bob"]
+        await asyncio.sleep(0.1)
+
+    asyncio.run(press())
+    assert posted == ["Ada", "Bob"]
+
+
+def test_messages_are_allowed_in_a_burst_and_then_at_a_rate() -> None:
+    allowance = Allowance(100.0)
+    assert all(allowance.take(100.0) for _ in range(MAX_BURST))
+    assert not allowance.take(100.0)
+    assert sum(allowance.take(101.0) for _ in range(2 * MAX_BURST)) == MAX_MESSAGES_PER_S
+
+
+def test_wrong_tokens_of_one_address_are_forgotten_and_never_counted_for_another() -> None:
+    guesses = Guesses()
+    assert [guesses.is_too_many("a", 0.0) for _ in range(MAX_GUESSES)] == [False] * MAX_GUESSES
+    assert guesses.is_too_many("a", FORGET_S - 1.0)
+    assert not guesses.is_too_many("b", FORGET_S - 1.0)
+    assert not guesses.is_too_many("a", FORGET_S)
+    for number in range(2 * MAX_ADDRESSES):
+        assert not guesses.is_too_many(f"address {number}", FORGET_S)
+
+
+class FakePage:
+    """A connected page, as far as its place is concerned."""
+
+    def __init__(self, role: str, number: int, heard_s: float) -> None:
+        self.role, self.session, self.heard_s = role, f"{role}-{number}/tab", heard_s
+        self.is_cut = False
+
+    def cut(self) -> None:
+        self.is_cut = True
+
+
+def crowd(role: str, count: int, heard_s: float = 100.0) -> list[FakePage]:
+    return [FakePage(role, number, heard_s + number) for number in range(count)]
+
+
+def room(pages: list[FakePage], caller: Caller, now_s: float, holder: str = "") -> str:
+    hub: Any = SimpleNamespace(sockets=set(pages), seat=SimpleNamespace(holder=holder))
+    reason = make_room(cast(Hub, hub), caller, now_s)
+    assert len(hub.sockets) == len(pages) - sum(page.is_cut for page in pages)
+    return reason
+
+
+def test_viewers_leave_places_to_operators() -> None:
+    viewers = crowd("viewer", MAX_VIEWERS)
+    assert room(viewers, Caller(session="v", role="viewer"), 200.0)
+    assert not room(viewers, Caller(session="o", role="operator"), 200.0)
+
+
+def test_an_operator_gets_the_place_of_the_page_that_was_silent_for_longest() -> None:
+    pages = crowd("operator", MAX_PAGES)
+    asks = Caller(session="new", role="operator")
+    assert not room(pages, asks, 300.0, holder=pages[0].session)
+    assert [page.is_cut for page in pages] == [False, True] + [False] * (MAX_PAGES - 2)
+
+
+def test_lively_pages_keep_their_places_but_whoever_has_the_seat_comes_back() -> None:
+    pages = crowd("operator", MAX_PAGES, heard_s=1000.0)
+    assert room(pages, Caller(session="new", role="operator"), 1000.0)
+    assert not any(page.is_cut for page in pages)
+    assert not room(pages, Caller(session="ada", role="operator"), 1000.0, holder="ada/tab")
+    assert sum(page.is_cut for page in pages) == 1
+
+
+ALIASES = "".join(f"k{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 12))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (f"k0: &a0 x\n{ALIASES}", "line 1: anchors and aliases"),
+        ("teleop:\n  walk: *a", "line 2: anchors and aliases"),
+        ("teleop: &a {walk: *a}", "anchors and aliases"),
+        ("[" * 500, "deep"),
+        ("- " * 500, "deep"),
+        ("[" + "1," * 500 + "]", "values"),
+        ("#" * (MAX_BYTES + 1), "larger than"),
+        ("a: " + "9" * 6000, "digits"),
+        ("a: \x00", "special characters"),
+        ("a: 2001-99-99", "month"),
+        ("a: 1\n---\nb: 2", "single document"),
+        ("!!bool maybe: 1", "maybe"),
+    ],
+)
+def test_yaml_of_strangers_is_refused_with_the_reason(
+    text: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(small_yaml, "MAX_NODES", 300)
+    with pytest.raises(UnusableYaml, match=words):
+        read_yaml(text.encode())
+    with pytest.raises(Unusable, match=words):
+        displays_of(text.encode())
+    table = tmp_path / "teleop.yaml"
+    table.write_bytes(text.encode())
+    with pytest.raises(ConfigError, match=words):
+        read_table(table, 1.0, 0.1)
+
+
+def test_a_table_without_end_is_not_read_to_its_end() -> None:
+    with pytest.raises(ConfigError, match="larger than"):
+        read_table(Path("/dev/zero"), 1.0, 0.1)
+
+
+def test_infinity_in_a_view_is_left_out_and_named() -> None:
+    text = "displays: [{type: mapviz_plugins/gps, name: x, config: {buffer_size: .inf}}]"
+    found = displays_of(text.encode())
+    assert "buffer_size" in found["left_out"][0]["why"]
+
+
+def test_work_that_takes_too_long_is_ended() -> None:
+    async def wait() -> None:
+        await run_in_process(time.sleep, 3600.0, timeout_s=0.5, what="nap")
+
+    with pytest.raises(Unusable, match="simpler nap") as refusal:
+        asyncio.run(wait())
+    assert refusal.value.status == 504
+
+
+def test_the_loop_goes_on_while_a_weed_map_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    channel = Channel("sim", signal_table())
+    weed = [7, 0, 1.0, 2.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, None]
+    channel.weeds = {number: [number, *weed[1:]] for number in range(3)}
+    origin = {"datum": {"lat_deg": 21.0, "lon_deg": 72.0}}
+    hub = SimpleNamespace(about=SimpleNamespace(field=origin), channel_of=lambda _: channel)
+    scope = {
+        "type": "http", "app": SimpleNamespace(state=SimpleNamespace(hub=hub)),
+        "agribot.caller": Caller(session="x", role="viewer"),
+    }  # fmt: skip
+    loop_went_on, write = threading.Event(), about_routes._geojson
+
+    def write_when_loop_went_on(rows: list[Any], frame: MapFrame) -> bytes:
+        assert loop_went_on.wait(PATIENCE_S)
+        return write(rows, frame)
+
+    async def ask() -> bytes:
+        answer = asyncio.create_task(about_routes.weeds_geojson(Request(scope)))
+        await asyncio.sleep(0.05)
+        assert not answer.done()
+        loop_went_on.set()
+        return bytes((await answer).body)
+
+    monkeypatch.setattr(about_routes, "_geojson", write_when_loop_went_on)
+    assert asyncio.run(ask()).count(b'"Point"') == 3

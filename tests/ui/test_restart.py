@@ -1,0 +1,166 @@
+"""The page's server dies under a robot that goes on, and comes back with all that it showed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.exceptions import ConnectionClosed
+
+from agribot import config
+from agribot.session import Session
+from agribot.ui import server_process
+from agribot.ui.address import Address, read_door
+from agribot.ui.operator_page import OperatorPage
+from agribot.ui.server_process import how_it_ended
+from tests.ui.client import Browser, Page
+from tests.ui.conftest import Robot
+from tests.waiting import PATIENCE_S, wait_for
+
+
+def kill(robot: Robot, signal_number: int = signal.SIGKILL) -> None:
+    """And wait until the next one is ready."""
+    robot.orders.clear()
+    pid = robot.server.process.pid
+    assert pid is not None
+    os.kill(pid, signal_number)
+    robot.wait_for(lambda order: order["c"] == "ready")
+    assert robot.server.process.pid != pid
+
+
+@pytest.fixture
+def own_robot(tmp_path: Path) -> Iterator[Robot]:
+    robot = Robot(tmp_path, Address(host="0.0.0.0", port=0))
+    robot.start()
+    yield robot
+    robot.server.close()
+
+
+def test_a_killed_server_comes_back_at_its_port_with_its_tokens_and_sessions(
+    own_robot: Robot, capfd: pytest.CaptureFixture[str]
+) -> None:
+    door = read_door(own_robot.port)
+    token = own_robot.address.operator_token
+    cookie = logged_in(own_robot.port, token)
+    headers: dict[str, Any] = {"additional_headers": {"Cookie": cookie}}
+    with Page(own_robot.port, **headers) as page:
+        page.take_seat()
+        kill(own_robot)
+        with pytest.raises(ConnectionClosed):
+            page.receive("never")
+    assert read_door(own_robot.port) == door
+    with Page(own_robot.port, **headers) as page:
+        assert page.receive("hello")["role"] == "operator", "without a login"
+        page.take_seat()
+        assert page.ask(k="stop", id=1)["ok"]
+        own_robot.wait_for(lambda order: order.get("action") == "stop")
+    told = capfd.readouterr().err
+    assert "its server was killed by SIGKILL; it is started again" in told
+    own_robot.server.close()
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", own_robot.port), timeout=PATIENCE_S)
+
+
+def logged_in(port: int, token: str) -> str:
+    """The cookie that the link with the token gives."""
+    with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S) as line:
+        head = f"GET /?token={token} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close"
+        line.sendall(f"{head}\r\n\r\n".encode())
+        answer = b""
+        while chunk := line.recv(65536):
+            answer += chunk
+    fields = dict(row.split(": ", 1) for row in answer.decode().split("\r\n")[1:] if ": " in row)
+    return fields["set-cookie"].split(";")[0]
+
+
+def test_a_server_that_hangs_is_ended_and_started_again(
+    own_robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own_robot.wait_for(lambda order: order["c"] == "alive")
+    monkeypatch.setattr(server_process, "HANG_S", 2.0)
+    pid = own_robot.server.process.pid
+    assert pid is not None
+    own_robot.orders.clear()
+    os.kill(pid, signal.SIGSTOP)
+    wait_for(lambda: own_robot.server.process.pid != pid, "another process")
+    monkeypatch.undo()
+    own_robot.wait_for(lambda order: order["c"] == "ready")
+
+
+def test_nobody_else_gets_the_port_while_the_server_is_away(
+    own_robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server_process, "PAUSES_S", (PATIENCE_S,))
+    pid = own_robot.server.process.pid
+    assert pid is not None
+    os.kill(pid, signal.SIGKILL)
+    wait_for(lambda: not own_robot.server.process.is_alive(), "the end of the server")
+    with socket.socket() as other, pytest.raises(OSError, match="in use"):
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        other.bind(("0.0.0.0", own_robot.port))
+        other.listen()
+
+
+def test_a_page_that_comes_back_sees_the_whole_run(tmp_path: Path) -> None:
+    settings = config.load("farm", ["perception.enabled=false", "record.enabled=false", "seed=1"])
+    with (
+        Session(settings, tmp_path / "run") as session,
+        OperatorPage(session, Address(port=0)) as page,
+    ):
+        ticks = session.ticks()
+
+        def drive(seconds: float) -> None:
+            end_s = (session.last.batch.t_s if session.last else 0.0) + seconds
+            while next(ticks).batch.t_s < end_s:
+                pass
+
+        browser = Browser(page.server.port)
+        headers: dict[str, Any] = {"additional_headers": {"Cookie": browser.cookie}}
+        drive(8.0)
+        with Page(page.server.port, **headers) as operator:
+            operator.take_seat()
+            change = {"mission.speed_mps": 0.35}
+            assert browser.ask("PATCH", "/api/v1/settings", change)[1]["applied"] == change
+            drive(0.2)
+        pid = page.server.process.pid
+        assert pid is not None
+        os.kill(pid, signal.SIGKILL)
+        wait_for(lambda: page.server.process.pid != pid, "another process")
+        with Page(page.server.port, **headers) as again:
+            again.receive("hello")
+            end_s = time.monotonic() + PATIENCE_S
+            snapshot = again.receive("snap")
+            trace, events = snapshot["traj"]["xy"], snapshot["events"]
+            while len(trace) < 20 or "serves again" not in str(events):
+                assert time.monotonic() < end_s, (len(trace), events)
+                drive(0.1)
+                message = next_change(again)
+                trace = trace[: message["first"]] + message["xy"] if "xy" in message else trace
+                events += message.get("events", [])
+            groups = browser.ask("GET", "/api/v1/settings")[1]["groups"]
+        values = {key["key"]: key["value"] for group in groups for key in group["keys"]}
+        assert values["mission.speed_mps"] == 0.35
+        assert trace[0] == pytest.approx(page._view.trace_map_m[0])
+        told = "; ".join(event["text"] for event in events)
+        for words in ("operator lost", "was killed by SIGKILL; it is started again"):
+            assert words in told
+
+
+def next_change(page: Page) -> dict[str, Any]:
+    """The next message that is part of the run so far, or a state."""
+    while True:
+        message = page.receive_any()
+        if message["k"] in {"traj", "events", "s"}:
+            return message
+
+
+def test_the_end_of_a_process_is_told_in_words() -> None:
+    assert how_it_ended(3) == "ended with status 3"
+    assert how_it_ended(-signal.SIGSEGV) == "was killed by SIGSEGV"
+    assert how_it_ended(-200) == "was killed by signal 200"

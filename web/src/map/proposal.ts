@@ -1,0 +1,143 @@
+/** A place shown with a finger that the robot is to go to, or stands at: nothing is sent before it is confirmed. */
+
+import { api, ApiError, message } from '../api.ts'
+import type { App } from '../app.ts'
+import { el, setText } from '../dom.ts'
+import { duration, metres } from '../format.ts'
+import { compassText, distanceM } from '../geo.ts'
+import type { Command, State, Vec2, Way } from '../wire.ts'
+
+export interface Proposal { what: 'goal' | 'pose'; at: Vec2; yaw: number | null; way: Way | null; problem: string }
+
+/** The path of another page's goal comes a little later than the word that the robot follows it. */
+const PATH_WITHIN_S = 0.5
+const GOAL_LEGS = new Set(['stops first', 'to the goal'])
+const BAD_GOAL = new Set([400, 409, 422])
+
+export class Proposals {
+  now: Proposal | null = null
+  /** The goal that this page sent, until the robot has been there or somewhere else. */
+  private sent: Vec2 | null = null
+  private leg: string | undefined
+  private legSinceS = -Infinity
+  /** Something to draw has changed. */
+  onChange: () => void = () => undefined
+  /** It was confirmed or dropped. */
+  onEnd: () => void = () => undefined
+  readonly card = new Card(() => void this.confirm(), () => this.end())
+
+  constructor(private readonly app: App) {
+    app.store.on('seat', () => this.show())
+    app.store.on('restart', () => this.drop())
+    app.store.on('state', (state) => this.follow(state))
+  }
+
+  /** Where the robot is driving to on demand, as far as anybody knows. */
+  get goal(): Vec2 | null {
+    const { state, path } = this.app.store
+    const { leg, state: doing } = state?.mission ?? {}
+    if (leg === 'stops first') return this.sent
+    if (leg !== 'to the goal' || doing !== 'running' || !state) return null
+    const isPathKnown = state.t - this.legSinceS > PATH_WITHIN_S
+    return this.sent ?? (isPathKnown ? path?.xy[path.xy.length - 1] ?? null : null)
+  }
+
+  private follow({ t, mission }: State): void {
+    const leg = mission?.leg
+    if (leg === this.leg) return
+    if (GOAL_LEGS.has(this.leg ?? '') && !GOAL_LEGS.has(leg ?? '')) this.sent = null
+    if (this.leg !== undefined) this.legSinceS = t
+    this.leg = leg
+  }
+
+  propose(what: Proposal['what'], at: Vec2, yaw: number | null): void {
+    const proposal: Proposal = { what, at, yaw, way: null, problem: '' }
+    this.now = proposal
+    this.show()
+    if (what === 'goal') void this.ask(proposal)
+  }
+
+  drop(): void {
+    this.now = null
+    this.show()
+  }
+
+  private end(): void {
+    this.drop()
+    this.onEnd()
+  }
+
+  private async ask(proposal: Proposal): Promise<void> {
+    const [x, y] = proposal.at
+    try {
+      proposal.way = await api.previewGoal({ x, y, yaw: proposal.yaw })
+    } catch (error) {
+      const isBad = error instanceof ApiError && BAD_GOAL.has(error.status)
+      proposal.way = { xy: [], length_m: null, time_s: null }
+      proposal.problem = isBad ? message(error) : ''
+    }
+    if (proposal === this.now) this.show()
+  }
+
+  private async confirm(): Promise<void> {
+    const proposal = this.now
+    if (!proposal) return
+    const { what, at: [x, y], yaw } = proposal
+    const command: Command = what === 'goal' ? { k: 'goto', x, y, yaw } : { k: 'pose_estimate', x, y, yaw: yaw ?? 0 }
+    if (what === 'goal') this.sent = [x, y]
+    this.end()
+    const isTaken = await this.app.command(command, what === 'goal' ? 'The robot drives to the place.' : 'Pose corrected.')
+    if (!isTaken) this.sent = null
+  }
+
+  private show(): void {
+    this.card.show(this.now && this.text(this.now), this.app.mayCommand && !this.now?.problem)
+    this.onChange()
+  }
+
+  private text(proposal: Proposal): CardText {
+    const { what, at, yaw, way, problem } = proposal
+    const heading = yaw === null ? '' : `, looking ${compassText(yaw)} from north`
+    const { state, seat } = this.app.store
+    const noSeat = seat === 'you' ? '' : 'Take control first: only the operator may send this.'
+    if (what === 'pose') return { title: 'Does the robot stand here?', about: `At this place${heading}.`, problem: noSeat, yes: 'Correct the pose' }
+    const straight = state?.pose ? `${metres(distanceM([state.pose[0], state.pose[1]], at))} away in a straight line` : 'The robot does not know where it is'
+    const about = way === null ? 'Asking the robot for a way…' : way.length_m === null ? `${straight}${heading}.` : `${metres(way.length_m)} of way, at least ${wait(way.time_s)}${heading}.`
+    const leaves = state?.mode === 'mission' ? ' It leaves its mission; Resume leads back.' : ''
+    return { title: 'Drive here?', about: problem ? '' : about + leaves, problem: problem || noSeat, yes: 'Drive here' }
+  }
+}
+
+function wait(seconds: number | null): string {
+  return seconds !== null && seconds < 60 ? `${Math.ceil(seconds)} s` : `${duration(seconds)} min`
+}
+
+interface CardText { title: string; about: string; problem: string; yes: string }
+
+class Card {
+  private readonly title = el('strong')
+  private readonly about = el('p')
+  private readonly problem = el('p', { class: 'problem' })
+  private readonly yes: HTMLButtonElement
+  readonly node: HTMLElement
+
+  constructor(confirm: () => void, cancel: () => void) {
+    this.yes = el('button', { type: 'button', class: 'button primary', onclick: confirm })
+    this.node = el('div', { class: 'map-proposal card', role: 'group', 'aria-label': 'Proposal', hidden: true },
+      el('div', { class: 'proposal-text', role: 'status' }, this.title, this.about, this.problem),
+      el('div', { class: 'button-row' }, el('button', { type: 'button', class: 'button', onclick: cancel }, 'Cancel'), this.yes))
+    this.node.addEventListener('keydown', (event) => {
+      if (event.key === 'Escape') cancel()
+    })
+  }
+
+  show(text: CardText | null, maySend: boolean): void {
+    this.node.hidden = text === null
+    if (!text) return
+    setText(this.title, text.title)
+    setText(this.about, text.about)
+    setText(this.problem, text.problem)
+    setText(this.yes, text.yes)
+    this.yes.disabled = !maySend
+  }
+}
