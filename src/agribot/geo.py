@@ -155,6 +155,17 @@ def rotation_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Floa
     )
 
 
+def rotation_from_quaternion(w: float, x: float, y: float, z: float) -> FloatArray:
+    """Rotation `parent_from_child` (3, 3) of a unit quaternion."""
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
 def rpy_from_rotation(rotation: FloatArray) -> Vec3:
     """Fixed-axis roll, pitch, yaw; inverse of `rotation_from_rpy` for |pitch| < 90 degrees."""
     sin_pitch = max(-1.0, min(1.0, -float(rotation[2, 0])))

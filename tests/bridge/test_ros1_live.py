@@ -211,7 +211,7 @@ def test_a_sensor_may_be_a_topic_of_ros1(ros1: Ros1) -> None:
     said: list[str] = []
     with closing(Ros1Link("listener", said.append, ros1.uri)) as link:
         known = readers("gnss", samples.robot())
-        source = TopicSource("gnss", "/their/fix", link, known, said.append)
+        source = TopicSource("gnss", "/their/fix", link, known, said.append, now_s=lambda: 9.0)
         text = "{latitude: 21.25, longitude: 72.75, altitude: 4.5}"
         ros1.start("rostopic", "pub", "-r", "20", "/their/fix", "sensor_msgs/NavSatFix", text)
         got: Any = first(lambda: source.take(9.0), "a fix")

@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import threading
 import time
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from agribot import config
@@ -90,11 +92,48 @@ def test_a_source_replaces_the_platforms_own_samples_and_its_silence_is_told_onc
     assert "imu from a list is silent" in notes[0].text
 
 
+class Network:
+    """Whoever listens hears at once what is said."""
+
+    def hear_any(self, name: str, heard: Callable[[str, bytes], None]) -> None:
+        self.say = heard
+
+    def decode(self, ros_type: str, data: bytes) -> Any:
+        return typestore().deserialize_cdr(data, ros_type)
+
+
+@pytest.mark.parametrize("ahead_s", [0.0, 7.0], ids=["the robot's clock", "another clock"])
+@pytest.mark.parametrize("stood_s", [0.3, 1.5, 4.0])
+def test_a_loop_that_stood_still_finds_every_sample_in_the_tick_of_its_capture(
+    stood_s: float, ahead_s: float
+) -> None:
+    """Its clock goes on where it stopped, in a rush; the senders have gone on all the time."""
+    network, now_s = Network(), 0.0
+    known = readers("imu", load_robot("agribot"))
+    source = TopicSource("imu", "/imu", network, known, pytest.fail, now_s=lambda: now_s)
+    said, taken = 1, list[tuple[float, float]]()
+    for tick in range(1, 500):
+        now_s += 0.001 if (late_s := now_s - 0.02 * tick) > 0.0 else -late_s
+        now_s += stood_s if tick == 200 else 0.0
+        for index in range(said, int((now_s - 0.002) / 0.01 + 1e-9) + 1):
+            moment_s, now_s = now_s, 0.01 * index + 0.002  # two milliseconds on the way
+            sample = ImuSample(
+                t_s=0.01 * index + ahead_s, gyro_radps=(0.0, 0.0, 0.1), accel_mps2=(0.0, 0.0, 9.8)
+            )
+            message = rosmsg.imu(sample, "imu")
+            network.say(message.__msgtype__, rosmsg.to_cdr(message))
+            now_s, said = moment_s, index + 1
+        taken += [(0.02 * tick, got.t_s) for got in source.take(0.02 * tick)]
+    at_s = np.array([captured_s for _, captured_s in taken])
+    assert np.diff(at_s) == pytest.approx(np.full(len(at_s) - 1, 0.01), abs=1e-6)  # none is lost
+    assert all(-1e-6 <= tick_s - captured_s <= 0.03 for tick_s, captured_s in taken)
+
+
 def test_fixes_of_another_process_arrive_exactly_and_what_is_none_is_refused_by_name() -> None:
     locator, said = f"tcp/127.0.0.1:{free_port()}", list[str]()
     with closing(Ros2Link("test", router=locator, listen=True)) as link:
         known = readers("gnss", load_robot("agribot"))
-        source = TopicSource("gnss", "/fix", link, known, said.append)
+        source = TopicSource("gnss", "/fix", link, known, said.append, now_s=lambda: 50.1)
         with zenoh_peer(locator) as talk:
             publish(talk, "/fix", fix(21.25, 72.75, 50.0, 4.5))
             got: Any = first(lambda: source.take(50.1), "the fix")

@@ -12,9 +12,9 @@ import msgspec
 from agribot.errors import BridgeError
 from agribot.platform import Sensor
 from agribot.ros.sensor_readers import Read, Sample, seconds
-from agribot.ros.stamp_clock import StampClock
+from agribot.ros.stamp_clock import StampClock, TickClock
 
-QUEUE_MESSAGES = 1000  # between two ticks; a flood loses its oldest
+QUEUE_MESSAGES = 1000  # not taken yet; a flood loses its oldest
 
 
 class Ear(Protocol):
@@ -38,7 +38,8 @@ class _Arrival(NamedTuple):
 class TopicSource:
     """Messages are read in the network's thread and taken, with their time, in the loop's.
 
-    `name` is the topic's; `refuse` hears what is not taken and why.
+    `name` is the topic's; `refuse` hears what is not taken and why; `now_s` is the monotonic clock.
+    A loop that makes up for lost time finds every sample in the tick in which it was captured.
     Raises: BridgeError: the network cannot be reached.
     """
 
@@ -49,30 +50,36 @@ class TopicSource:
         ear: Ear,
         readers: Mapping[str, Read],
         refuse: Callable[[str], None],
+        now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.sensor, self.name = sensor, name
-        self._ear, self._readers, self._refuse = ear, readers, refuse
+        self._ear, self._readers, self._refuse, self._now_s = ear, readers, refuse, now_s
         self._arrived: deque[_Arrival] = deque(maxlen=QUEUE_MESSAGES)
-        self._clock = StampClock()
+        self._ticks, self._clock = TickClock(), StampClock()
+        self._timed: deque[tuple[float, Sample]] = deque(maxlen=QUEUE_MESSAGES)  # by capture time
         self._last_s = -1.0
         ear.hear_any(name, self._hear)
 
     def take(self, t_s: float) -> tuple[Sample, ...]:
-        """Later ones of the same or an earlier capture time than one before are left out."""
-        now_s, taken = time.monotonic(), []
+        """Those captured until `t_s`; later ones of the same or an earlier time are left out."""
+        self._ticks.tick(t_s, self._now_s())
         while self._arrived:
             stamp_s, arrived_s, sample = self._arrived.popleft()
-            at_s = self._clock.t_s(stamp_s, t_s - (now_s - arrived_s))
+            at_s = self._clock.t_s(stamp_s, self._ticks.t_s(arrived_s))
             if at_s > self._last_s:
                 self._last_s = at_s
-                taken.append(msgspec.structs.replace(sample, t_s=at_s))
+                self._timed.append((at_s, sample))
+        taken = []
+        while self._timed and self._timed[0][0] <= t_s:
+            at_s, sample = self._timed.popleft()
+            taken.append(msgspec.structs.replace(sample, t_s=at_s))
         return tuple(taken)
 
     def close(self) -> None:
         """What the ear has declared goes with it."""
 
     def _hear(self, ros_type: str, data: bytes) -> None:
-        arrived_s = time.monotonic()
+        arrived_s = self._now_s()
         read = self._readers.get(ros_type)
         try:
             if read is None:

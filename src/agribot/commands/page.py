@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from agribot.ui.server_process import ServerProcess
 
 LOOK_S = 0.2
+MOST_BEHIND_S = 1.0
 IDLE_PACE = 1.0  # a robot that waits for a hand keeps the time of the clock
 
 
@@ -147,11 +148,11 @@ def show(server: ServerProcess, what: str, options: argparse.Namespace) -> int:
     return 0
 
 
-def stay(session: Session, page: OperatorPage, stop: list[int]) -> None:
+def stay(session: Session, page: OperatorPage, stop: list[int], *, keeps_up: bool = False) -> None:
     """Let the robot stand ready, and its page be used, until somebody interrupts."""
     sys.stderr.write(f"the robot stays ready: {page.url} (Ctrl-C ends)\n")
     sys.stderr.flush()
-    pacer = Pacer(IDLE_PACE, page)
+    pacer = Pacer(IDLE_PACE, page, keeps_up=keeps_up)
     for record in session.idle():
         if stop:
             return
@@ -161,11 +162,16 @@ def stay(session: Session, page: OperatorPage, stop: list[int]) -> None:
 class Pacer:
     """Holds a simulation back to `pace` simulated seconds per second, infinite for no limit.
 
-    While somebody drives by hand it is never faster than the clock.
+    While somebody drives by hand it is never faster than the clock. What was lost while the
+    process stood still is not made up for in a rush, unless `keeps_up`: sensors from elsewhere
+    have gone on meanwhile.
     """
 
-    def __init__(self, pace: float, page: OperatorPage | None = None) -> None:
+    def __init__(
+        self, pace: float, page: OperatorPage | None = None, *, keeps_up: bool = False
+    ) -> None:
         self._wanted, self._page = pace, page
+        self._most_behind_s = math.inf if keeps_up else MOST_BEHIND_S
         self._pace = math.inf
         self._from_s = self._from_wall_s = 0.0
 
@@ -174,7 +180,7 @@ class Pacer:
         limit = self._page.pace_limit if self._page else math.inf
         pace = min(self._wanted, limit)
         behind_s = now_s - self._from_wall_s - (t_s - self._from_s) / pace
-        if pace != self._pace or behind_s > 1.0:  # what was lost is not made up for in a rush
+        if pace != self._pace or behind_s > self._most_behind_s:
             self._pace, self._from_s, self._from_wall_s = pace, t_s, now_s
         elif behind_s < 0.0:
             time.sleep(-behind_s)

@@ -72,7 +72,8 @@ def run(options: argparse.Namespace) -> int:
     from agribot.whole_job import NOTHING, read_job
 
     config, saved, earlier = _config(options), None, NOTHING
-    is_live = bridging.wanted(options) or bool(places(config.sources))
+    has_sources = bool(places(config.sources))
+    is_live = bridging.wanted(options) or has_sources
     _check_extras(options, config)
     pace = pace_from(options.speed or ("1" if is_live else "max"))
     if options.resume is not None:
@@ -97,7 +98,7 @@ def run(options: argparse.Namespace) -> int:
         progress = Progress(session.weed_map)
         session.add_tap(progress)
         session.trouble_taps.append(progress.note)
-        pacer = Pacer(pace, page)
+        pacer = Pacer(pace, page, keeps_up=has_sources)
         sources = sensor_sources.sensor_sources(options, session)
         with sources, bridging.bridges(options, session), stop_on_signal() as stop:
             for record in session.ticks():
@@ -109,7 +110,7 @@ def run(options: argparse.Namespace) -> int:
             sys.stderr.write(_summary(report, session.out_dir))
             was_interrupted = bool(stop)
             if page is not None and stays_open(options) and not stop:
-                stay(session, page, stop)
+                stay(session, page, stop, keeps_up=has_sources)
     if options.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
     if was_interrupted:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from agribot.geo import rotation_from_quaternion
 from agribot.messages import FloatArray
 from agribot.record.bag.source import Bag
 
@@ -102,10 +103,6 @@ def _matrix(told: Any) -> FloatArray | None:
         return None
     x, y, z, w = (quaternion / norm).tolist()
     matrix = np.eye(4)
-    matrix[:3, :3] = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
+    matrix[:3, :3] = rotation_from_quaternion(w, x, y, z)
     matrix[:3, 3] = at.x, at.y, at.z
     return matrix

@@ -7,6 +7,7 @@ from collections import deque
 WINDOW_S = 2.0
 # The freshest message of a window is younger than this if its stamps are of the robot's clock.
 SAME_CLOCK_S = 1.0
+LONGEST_TICK_S = 0.1  # a process that stands still for longer is not at work
 _AHEAD_S = 0.05  # of rounding
 
 
@@ -33,3 +34,28 @@ class StampClock:
         shortest_s = min(delay_s for _, delay_s in self._delays)
         is_same = -_AHEAD_S <= shortest_s <= SAME_CLOCK_S
         return min(stamp_s if is_same else stamp_s + shortest_s, arrived_s)
+
+
+class TickClock:
+    """The robot's clock at any moment, though its ticks may come late.
+
+    A loop that stood still relives the time it lost in a rush: its ticks are then older than the
+    moment they run at. The tick that was least late within `WINDOW_S` of work counts as on time.
+    """
+
+    def __init__(self) -> None:
+        self._leads: deque[tuple[float, float]] = deque()  # time at work, tick minus moment
+        self._at_work_s = self._now_s = 0.0
+
+    def tick(self, t_s: float, now_s: float) -> None:
+        """The tick of time `t_s` runs at the moment `now_s` of the monotonic clock."""
+        if self._leads:
+            self._at_work_s += min(now_s - self._now_s, LONGEST_TICK_S)
+        self._now_s = now_s
+        self._leads.append((self._at_work_s, t_s - now_s))
+        while self._at_work_s - self._leads[0][0] > WINDOW_S:
+            self._leads.popleft()
+
+    def t_s(self, moment_s: float) -> float:
+        """The robot's time at a moment of the monotonic clock; only after a first tick."""
+        return moment_s + max(lead_s for _, lead_s in self._leads)

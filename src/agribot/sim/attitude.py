@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from agribot.geo import rotation_from_quaternion
 from agribot.messages import FloatArray, Vec3
 from agribot.sim.state import POSITION, QUATERNION
 
@@ -13,13 +14,7 @@ from agribot.sim.state import POSITION, QUATERNION
 def rotation_of(row: FloatArray) -> FloatArray:
     """Rotation `map_from_base` (3, 3) of one row."""
     w, x, y, z = row[QUATERNION].tolist()
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return rotation_from_quaternion(w, x, y, z)
 
 
 def rotate(row: FloatArray, vector: Vec3) -> Vec3:
