@@ -89,10 +89,69 @@ def test_a_packaged_model_stands_in_for_meshes_that_are_not_here(
     saved = _world(tmp_path, _model(f"model://{mesh}", extra=PLATE))
     uri = f"<include><uri>model://{packaged}</uri><pose>9 0 0 0 0 0</pose></include>"
     (thing,), (ours,) = saved.obstacles, _world(tmp_path, uri).obstacles
-    assert (thing.shapes, thing.collides) == (ours.shapes, True)
+    plate, *stand_in = thing.shapes
+    assert (tuple(stand_in), thing.collides) == (ours.shapes, True)
+    assert plate.size_m == (0.35, 0.75, 0.02)
     assert (thing.x_map_m, thing.y_map_m) == (9.0, 0.0)
     (told,) = [warning for warning in saved.warnings if "meshes" in warning]
     assert f"model://{mesh.partition('/')[0]}'" in told and f"'{packaged}'" in told
+
+
+WALL = """<link name="wall"><collision name="wall"><geometry><box><size>0.2 10 2</size></box>
+</geometry></collision></link>"""
+
+
+def test_a_stand_in_stands_where_its_mesh_would_and_leaves_other_links_alone(
+    tmp_path: Path,
+) -> None:
+    parts = "".join(
+        MESH.format(part=part, uri="model://table/meshes/table.dae").replace(
+            "<geometry>", "<pose>0 0 0.5 0 0 0</pose><geometry>"
+        )
+        for part in ("collision", "visual")
+    )
+    link = f'<link name="table"><pose>5 3 0 0 0 {math.pi / 2}</pose>{parts}</link>'
+    world = _world(tmp_path, f'<model name="yard">{WALL}{link}<pose>9 0 0 0 0 0</pose></model>')
+    table = _world(tmp_path, "<include><uri>model://table</uri></include>").obstacles[0]
+    (yard,) = world.obstacles
+    wall, *stand_in = yard.shapes
+    assert (wall.size_m, wall.origin.xyz_m) == ((0.2, 10.0, 2.0), (0.0, 0.0, 0.0))
+    assert [shape.size_m for shape in stand_in] == [shape.size_m for shape in table.shapes]
+    for shape, ours in zip(stand_in, table.shapes, strict=True):
+        x_m, y_m, z_m = ours.origin.xyz_m
+        np.testing.assert_allclose(shape.origin.xyz_m, (5.0 - y_m, 3.0 + x_m, 0.5 + z_m))
+        assert shape.origin.rpy_rad[2] == pytest.approx(math.pi / 2)
+        assert shape.rgba == ours.rgba
+
+
+def test_two_meshes_of_one_kind_stand_at_two_places(tmp_path: Path) -> None:
+    parts = "".join(
+        MESH.format(part=part, uri="model://table/meshes/table.dae")
+        for part in ("collision", "visual")
+    )
+    links = "".join(f'<link name="{x}"><pose>{x} 0 0 0 0 0</pose>{parts}</link>' for x in (-4, 4))
+    world = _world(tmp_path, f'<model name="yard">{links}</model>')
+    (yard,) = world.obstacles
+    table = _world(tmp_path, "<include><uri>model://table</uri></include>").obstacles[0]
+    assert len(yard.shapes) == 2 * len(table.shapes)
+    assert {round(shape.origin.xyz_m[0] / 4.0) for shape in yard.shapes} == {-1, 1}
+    assert sum("meshes" in warning for warning in world.warnings) == 1
+
+
+def test_several_visuals_of_one_mesh_stand_once(tmp_path: Path) -> None:
+    uri = "model://oak_tree/meshes/oak_tree.dae"
+    again = MESH.format(part="visual", uri=uri)
+    (tree,) = _world(tmp_path, _model(uri, extra=again)).obstacles
+    (ours,) = _world(tmp_path, "<include><uri>model://oak</uri></include>").obstacles
+    assert tree.shapes == ours.shapes
+
+
+def test_a_mesh_that_is_only_seen_is_not_hit_instead_of_the_solid_parts(tmp_path: Path) -> None:
+    visual = MESH.format(part="visual", uri="model://cafe_table/meshes/cafe_table.dae")
+    model = f'<model name="cafe"><link name="l">{PLATE}{visual}</link></model>'
+    solid, seen = _world(tmp_path, model).obstacles
+    assert [shape.size_m for shape in solid.shapes] == [(0.35, 0.75, 0.02)]
+    assert (solid.collides, seen.collides) == (True, False)
 
 
 def test_a_damaged_mesh_is_as_good_as_none(tmp_path: Path) -> None:

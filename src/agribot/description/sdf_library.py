@@ -9,7 +9,6 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from agribot.description.markup import read_xml
-from agribot.description.mesh_bounds import mesh_bounds_m
 from agribot.description.package import PACKAGE, ROOT, named_package_folder, resource_folders
 from agribot.errors import DescriptionError
 
@@ -42,19 +41,12 @@ class ModelLibrary:
             self._read[uri] = self._load(uri)
         return self._read[uri]
 
-    def stand_in(self, model: ET.Element) -> tuple[str, ET.Element] | None:
-        """The packaged model of the kind whose meshes a model names but this machine lacks.
+    def stand_in(self, uri: str) -> ET.Element | None:
+        """The packaged <model> of the kind whose folder a mesh's URI names, or None.
 
         Worlds that Gazebo saved carry the parts of every model with them, but not its meshes.
-        Returns the name that the meshes are found under, and the packaged <model>.
         """
-        for mesh in model.findall("link/*/geometry/mesh"):
-            uri = (mesh.findtext("uri") or "").strip()
-            name = SCHEMES.sub("", uri).partition("/")[0]
-            packaged = self._packaged(name) if uri.startswith("model://") else None
-            if packaged is not None and not self._has_mesh(uri):
-                return name, packaged
-        return None
+        return self._packaged(mesh_folder(uri)) if uri.startswith("model://") else None
 
     def file(self, uri: str) -> Path | None:
         """The file behind a URI or a relative path; None where it is not on this machine."""
@@ -71,11 +63,6 @@ class ModelLibrary:
                 if os.path.isfile(candidate):  # also where no system takes so long a name
                     return candidate
         return None
-
-    def _has_mesh(self, uri: str) -> bool:
-        """Whether there is a file that can be measured."""
-        file = self.file(uri)
-        return file is not None and mesh_bounds_m(file) is not None
 
     def _load(self, uri: str) -> ET.Element | None:
         name = kind_of(uri)
@@ -99,6 +86,11 @@ class ModelLibrary:
 def kind_of(uri: str) -> str:
     """The name of a model in its URI: the last part of the path."""
     return SCHEMES.sub("", uri).strip().strip("/").rpartition("/")[2]
+
+
+def mesh_folder(uri: str) -> str:
+    """The name of the model whose folder a mesh lies in: the first part of the path."""
+    return SCHEMES.sub("", uri).partition("/")[0]
 
 
 def is_crop_with_weed(name: str) -> bool:

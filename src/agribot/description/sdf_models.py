@@ -11,10 +11,10 @@ from agribot.description.elements import Source
 from agribot.description.kinematics import GREY, Rgba
 from agribot.description.mesh_bounds import mesh_bounds_m
 from agribot.description.poses import origin_of, read_pose
-from agribot.description.sdf_library import ModelLibrary
+from agribot.description.sdf_library import ModelLibrary, mesh_folder
 from agribot.geo import transform
 from agribot.messages import FloatArray, Vec3
-from agribot.robot import Shape
+from agribot.robot import Origin, Shape
 
 NAMESPACE = "urn:agribot:sdf"
 FLAT_M = 0.11  # boxes up to this thick count as ground when they name a surface
@@ -90,6 +90,7 @@ class _ModelReader:
         self._shapes: list[Placed] = []
         self._patches: list[Patch] = []
         self._reliefs: list[Relief] = []
+        self._stood_in: set[tuple[ET.Element, bool, Origin]] = set()
 
     def read(self) -> ModelParts:
         meshes = []
@@ -107,13 +108,6 @@ class _ModelReader:
 
     def _parts(self, model: ET.Element, frame: FloatArray, depth: int) -> list[_Part]:
         found: list[_Part] = []
-        packaged = self._library.stand_in(model)
-        if packaged is not None:
-            name, model = packaged
-            self._source.warn(
-                f"the meshes of 'model://{name}' are not on this machine; the packaged "
-                f"'{model.get('name')}' stands in"
-            )
         for link in model.findall("link"):
             model_from_link = frame @ read_pose(link, self._source, self._where)
             for kind in ("collision", "visual"):
@@ -157,11 +151,15 @@ class _ModelReader:
             )
 
     def _take_mesh(self, part: _Part, form: ET.Element) -> None:
-        """A box as large as the mesh; a guess where the model has nothing else to show."""
+        """A box as large as the mesh; without the mesh a packaged model, else a guess."""
         uri = (form.findtext("uri") or "").strip()
-        scale = self._source.vec3(form.findtext("scale", "1 1 1"), f"{self._where} <scale>")
         file = self._library.file(uri)
         bounds = None if file is None else mesh_bounds_m(file)
+        packaged = self._library.stand_in(uri) if bounds is None else None
+        if packaged is not None:
+            self._stand_in(part, uri, packaged)
+            return
+        scale = self._source.vec3(form.findtext("scale", "1 1 1"), f"{self._where} <scale>")
         rgba = self._colour(part.element)
         if bounds is not None:
             low, high = (corner * np.array(scale) for corner in bounds)
@@ -180,6 +178,24 @@ class _ModelReader:
             size = [unit * abs(ratio) for unit, ratio in zip(STAND_IN_M, scale, strict=True)]
             lifted = part.model_from_part @ transform((0.0, 0.0, size[2] / 2.0))
             self._shapes.append(Placed(_box(size, lifted, rgba), part.collides))
+
+    def _stand_in(self, part: _Part, uri: str, packaged: ET.Element) -> None:
+        """What collides of a packaged model for a collision, what is seen of it for a visual.
+
+        Once at one place: a tree's bark and leaves are two visuals with the same mesh.
+        """
+        place = packaged, part.collides, origin_of(part.model_from_part)
+        if place in self._stood_in:
+            return
+        if not any(packaged is known for known, _, _ in self._stood_in):
+            self._source.warn(
+                f"the meshes of 'model://{mesh_folder(uri)}' are not on this machine; the "
+                f"packaged '{packaged.get('name')}' stands in"
+            )
+        self._stood_in.add(place)
+        for ours in self._parts(packaged, part.model_from_part, 0):
+            if ours.collides == part.collides:
+                self._take(ours, self._form(ours.element))
 
     def _is_flat_ground(self, part: _Part, form: ET.Element) -> bool:
         if form.tag != "box" or part.element.find(tag("surface")) is None:
