@@ -63,6 +63,22 @@ def test_of_patches_that_overlap_the_upper_is_felt_then_the_later(
     assert _friction(_world(tmp_path, _plane(60.0, 0.9), *patches), 5.0, 0.0) == felt
 
 
+def test_a_sea_far_below_leaves_the_ground_as_it_is(tmp_path: Path) -> None:
+    world = _world(tmp_path, _plane(5000.0, 0.01, (0.0, 0.0, -50.0)), _plane(60.0, 0.9))
+    assert [_friction(world, x, 0.0) for x in (0.0, 29.0, 100.0)] == [0.9, 0.9, 0.9]
+
+
+def test_a_roof_leaves_the_ground_below_as_it_is(tmp_path: Path) -> None:
+    world = _world(tmp_path, _plane(60.0, 0.9), _plane(10.0, 0.05, (5.0, 0.0, 5.0)))
+    assert (world.friction_ratio, world.grip) == (0.9, ())
+
+
+def test_a_ground_that_lies_elsewhere_is_still_the_ground(tmp_path: Path) -> None:
+    planes = _plane(60.0, 0.3, (0.0, 0.0, 2.0)), _plane(2.0, 0.7, (5.0, 0.0, 2.05))
+    world = _world(tmp_path, *planes, _plane(500.0, 0.01, (0.0, 0.0, -50.0)))
+    assert [_friction(world, x, 0.0) for x in (0.0, 5.0, 100.0)] == [0.3, 0.7, 0.3]
+
+
 def test_patches_come_back_from_an_exported_world(tmp_path: Path) -> None:
     first = _world(tmp_path, _plane(60.0, 0.9), _plane(2.0, 0.05, (5.0, 1.0, 0.0)))
     write_world(first, tmp_path / "again.world")

@@ -12,7 +12,9 @@ from agribot.messages import FloatArray
 from agribot.world import GripPatch, GroundTile, HeightField
 
 SAME_HEIGHT_M = 1e-6
+WHEEL_REACH_M = 0.2  # about the radius of a large rover's wheel
 Rectangle = tuple[float, float, float, float]  # least x and y, greatest x and y
+Lying = tuple[FloatArray, Patch]  # a patch, and where its middle lies in the map
 
 
 class Surfaces:
@@ -52,18 +54,31 @@ class Surfaces:
         if self._terrain is not None:
             felt = [relief.friction_ratio for _, relief in self._reliefs if not relief.visible]
             return next(iter(felt), 1.0), ()
-        solid = [(frame @ patch.model_from_patch, patch) for frame, patch in self._patches
-                 if not patch.visible]  # fmt: skip
+        solid = self._within_reach()
         if not solid:
             return 1.0, ()
         base = max(solid, key=lambda pair: pair[1].size_m[0] * pair[1].size_m[1])
-        lowest_m = base[0][2, 3] - SAME_HEIGHT_M
-        above = [pair for pair in solid if pair is not base and pair[0][2, 3] >= lowest_m]
-        above.sort(key=lambda pair: float(pair[0][2, 3]))
+        lowest_m = _height_m(base) - SAME_HEIGHT_M
+        above = [pair for pair in solid if pair is not base and _height_m(pair) >= lowest_m]
+        above.sort(key=_height_m)
         ratio = base[1].friction_ratio
         if all(patch.friction_ratio == ratio for _, patch in above):
             return ratio, ()
         return ratio, tuple(_grip_patch(pose, patch) for pose, patch in above)
+
+    def _within_reach(self) -> list[Lying]:
+        """Planes that wheels can touch, neither a roof above the ground nor a sea far below.
+
+        Without terrain the robot drives at height 0; a world that has its ground elsewhere means
+        the plane that is nearest to it.
+        """
+        solid = [
+            (frame @ patch.model_from_patch, patch)
+            for frame, patch in self._patches
+            if not patch.visible
+        ]
+        level_m = min(map(_height_m, solid), key=abs, default=0.0)
+        return [pair for pair in solid if abs(_height_m(pair) - level_m) <= WHEEL_REACH_M]
 
     def _tile(self, map_from_model: FloatArray, patch: Patch) -> GroundTile:
         map_from_patch = map_from_model @ patch.model_from_patch
@@ -75,6 +90,10 @@ class Surfaces:
         return GroundTile(
             surface=patch.surface, x_min_m=x_min, y_min_m=y_min, x_max_m=x_max, y_max_m=y_max
         )
+
+
+def _height_m(lying: Lying) -> float:
+    return float(lying[0][2, 3])
 
 
 def _rectangle(map_from_patch: FloatArray, patch: Patch) -> Rectangle:
