@@ -91,6 +91,82 @@ def test_ids_that_look_swapped_are_doubted_until_somebody_says_what_they_mean(
     assert report["pixel_ratio"] == pytest.approx({"weed": 1 / 12, "crop": 2 / 12, "soil": 9 / 12})
 
 
+CLASS_RGB = ((255, 0, 0), (0, 255, 0), (0, 0, 0))  # weed, crop, soil
+SWAPPED_RGB = ((0, 0, 0), (0, 255, 0), (255, 0, 0))
+VOC_RGB = ((0, 0, 0), (128, 0, 0), (0, 128, 0))  # of the values 0, 1, 2
+GREY_RGB = ((0, 0, 0), (1, 1, 1), (2, 2, 2))
+FIELD_RATIO = {"weed": 1 / 12, "crop": 2 / 12, "soil": 9 / 12}
+
+
+def save_field_colours(
+    folder: Path, values: tuple[int, int, int], colours: tuple[tuple[int, ...], ...], mode: str
+) -> None:
+    """The field of `add_field_pair`, each value shown in its colour, as RGB or with a palette."""
+    add_field_pair(folder, "a", values)
+    path = folder / "masks" / "a_mask.png"
+    indexes = np.asarray(Image.open(path))
+    if mode == "P":
+        mask = Image.fromarray(indexes)
+        mask.putpalette([channel for colour in colours for channel in colour])
+        assert mask.mode == "P"
+        mask.save(path)
+    else:
+        save(path, np.array(colours)[indexes])
+
+
+@pytest.mark.parametrize("mode", ["RGB", "P"])
+def test_ids_silence_no_doubt_about_colours_that_they_do_not_speak_of(
+    mode: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save_field_colours(tmp_path, (0, 1, 2), SWAPPED_RGB, mode)
+    status, report = checked(tmp_path, capsys)
+    ((kind, detail),) = ((p["kind"], p["detail"]) for p in report["problems"])
+    assert (status, kind) == (1, "classes look swapped")
+    assert "red weed, green crop, black or blue soil. Paint yours so" in detail
+    assert "--ids 0=soil,1=crop,2=weed" not in detail
+    status, report = checked(tmp_path, capsys, "--ids", "0=soil,1=crop,2=weed")
+    ((kind, detail),) = ((p["kind"], p["detail"]) for p in report["problems"])
+    assert (status, report["pairs"], kind) == (1, 0, "no class mask")
+    assert "shows colours, and --ids is for masks of values; leave --ids out" in detail
+
+
+@pytest.mark.parametrize("mode", ["RGB", "P"])
+def test_right_colours_are_never_read_as_other_values(
+    mode: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # The order of a palette says nothing: here soil comes first.
+    save_field_colours(tmp_path, (1, 2, 0), (CLASS_RGB[2], *CLASS_RGB[:2]), mode)
+    status, report = checked(tmp_path, capsys)
+    assert (status, report["pixel_ratio"]) == (0, pytest.approx(FIELD_RATIO))
+    status, report = checked(tmp_path, capsys, "--ids", "0=weed,1=crop,2=soil")
+    assert (status, report["pairs"]) == (1, 0)
+
+
+@pytest.mark.parametrize(("colours", "mode"), [(VOC_RGB, "P"), (GREY_RGB, "P"), (GREY_RGB, "RGB")])
+def test_values_are_read_as_ids_say_however_they_are_stored(
+    colours: tuple[tuple[int, ...], ...],
+    mode: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    save_field_colours(tmp_path, (2, 1, 0), colours, mode)
+    status, report = checked(tmp_path, capsys)
+    assert status == 1
+    (detail,) = (p["detail"] for p in report["problems"] if p["kind"] == "unknown class")
+    assert "say what they mean, such as --ids 0=soil,1=crop,2=weed" in detail
+    status, report = checked(tmp_path, capsys, "--ids", "0=soil,1=crop,2=weed")
+    assert (status, report["pixel_ratio"]) == (0, pytest.approx(FIELD_RATIO))
+
+
+def test_the_greys_of_a_palette_are_its_values_whatever_their_order(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # A mask without crop, as programs that make PNG files smaller store it.
+    save_field_colours(tmp_path, (1, 0, 0), (GREY_RGB[0], GREY_RGB[2]), "P")
+    status, report = checked(tmp_path, capsys, "--ids", "0=soil,1=crop,2=weed")
+    assert (status, report["pixel_ratio"]["weed"]) == (0, pytest.approx(1 / 12))
+
+
 def test_a_field_full_of_weeds_passes_once_its_ids_are_confirmed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -89,6 +89,24 @@ def test_masks_whose_classes_look_swapped_are_asked_about_before_anything_is_lea
     assert float((labels == PlantClass.SOIL).float().mean()) > 0.5
 
 
+def test_masks_whose_colours_look_swapped_are_doubted_without_advice_that_fits_values_only(
+    tmp_path: Path,
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 3)
+    for path in (folder / "annotations").iterdir():
+        mask = np.asarray(Image.open(path)).copy()
+        weed, soil = mask[..., 0] > 0, mask.max(axis=2) == 0
+        mask[weed], mask[soil] = (0, 0, 0), (255, 0, 0)
+        Image.fromarray(mask).save(path)
+    words = ("--data", "folder", "--data-dir", str(folder), "--out", str(tmp_path / "out"))
+    with pytest.raises(ConfigError) as refused:
+        photo_source(parsed(*words), print)
+    assert "Paint yours so" in str(refused.value)
+    assert "--ids 0=soil,1=crop,2=weed" not in str(refused.value)
+    with pytest.raises(ConfigError, match="leave --ids out"):
+        photo_source(parsed(*words, "--ids", "0=soil,1=crop,2=weed"), print)
+
+
 @pytest.mark.slow
 def test_broken_pairs_do_not_stop_a_training_but_its_status_tells(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

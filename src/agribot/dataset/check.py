@@ -10,7 +10,15 @@ import msgspec
 import numpy as np
 from PIL import Image
 
-from agribot.dataset.classes import UNKNOWN, ClassTally, MaskIds, classes_of
+from agribot.dataset.classes import (
+    UNKNOWN,
+    ClassTally,
+    MaskIds,
+    advise_ids,
+    advise_swapped,
+    classes_of,
+    say_no_classes,
+)
 from agribot.dataset.layouts import Item, Layout
 from agribot.messages import PlantClass
 
@@ -46,6 +54,7 @@ class Tally:
         self.classes = ClassTally()
         self.sizes: Counter[str] = Counter()
         self.pairs = self.without_plants = 0
+        self.holds_values = False
 
     def note(self, kind: str, file: str, detail: str = "") -> None:
         self.problems.append(Problem(kind=kind, file=file, detail=detail))
@@ -56,8 +65,8 @@ def check(
 ) -> CheckReport:
     """Open every file of a layout; `progress` is told how many items are done.
 
-    `ids` says what the values of the masks mean; where it is None, the usual meaning is taken and
-    doubted where the pictures speak against it.
+    `ids` says what the values of the masks mean, and colours are refused; where it is None, the
+    usual meaning of values and colours is taken and doubted where the pictures speak against it.
     """
     tally = Tally()
     for name in layout.doubles:
@@ -67,7 +76,8 @@ def check(
         progress(done)
     doubt = "" if ids else tally.classes.doubt()
     if doubt:
-        tally.note("classes look swapped", str(layout.root), doubt)
+        advice = advise_swapped(holds_values=tally.holds_values)
+        tally.note("classes look swapped", str(layout.root), f"{doubt}; {advice}")
     return CheckReport(
         folder=str(layout.root),
         ok=not tally.problems,
@@ -99,11 +109,13 @@ def _check_item(root: Path, item: Item, tally: Tally, ids: MaskIds) -> None:
         return
     classes = classes_of(mask, ids)
     if classes is None:
-        tally.note("no class mask", item.mask, f"image mode {mask.mode}")
+        tally.note("no class mask", item.mask, say_no_classes(mask, is_named=True))
         return
     counts = np.bincount(classes.ravel(), minlength=256)
     if counts[UNKNOWN]:
-        tally.note("unknown class", item.mask, f"{int(counts[UNKNOWN])} pixels")
+        advice = "" if ids else advise_ids(mask)
+        tally.note("unknown class", item.mask, f"{int(counts[UNKNOWN])} pixels{advice}")
+    tally.holds_values |= mask.mode == "L"
     tally.pairs += 1
     tally.sizes[_size(image)] += 1
     tally.without_plants += not counts[PlantClass.WEED] + counts[PlantClass.CROP]

@@ -16,11 +16,13 @@ MaskIds = Mapping[int, int]  # stored value to class; 255 is a pixel that counts
 
 UNLABELLED = 255
 UNKNOWN = 254
+COLOUR_MODES = {"RGB", "RGBA", "P"}
 # Colour as one number 0xRRGGBB. Soil is blue here and black in CWFID and in the Bonn data.
 COLOURS = {0xFF0000: 0, 0x00FF00: 1, 0x0000FF: 2, 0x000000: 2}
 NAMES = {**{kind.name.lower(): int(kind) for kind in PlantClass}, "ignore": UNLABELLED}
 USUAL_IDS = "0=weed,1=crop,2=soil"
 EXAMPLE_IDS = "0=soil,1=crop,2=weed"
+USUAL_COLOURS = "red weed, green crop, black or blue soil"
 
 MOST_WEED_RATIO = 0.5
 # In every photograph of CWFID (red and near infrared) and Carrot-Weed (ordinary light) and every
@@ -56,27 +58,90 @@ def read_ids(text: str | None) -> dict[int, int] | None:
 def classes_of(mask: Image.Image, ids: MaskIds) -> ByteArray | None:
     """Classes (height, width) of a mask of values or of colours; UNKNOWN where there is none.
 
-    Without `ids` values are those of `PlantClass`, and 255 where nothing counts. None for a kind of
-    picture that holds no classes.
+    With `ids` a mask of values is wanted. Without them 8-bit grey holds values, those of
+    `PlantClass` and 255 where nothing counts, and every other mask is one of colours. None for a
+    picture that is not of the kind wanted.
     """
-    if mask.mode == "L" or (ids and mask.mode in {"P", *DEEP_MODES}):
-        table = np.full(256, UNKNOWN, np.uint8)
-        meaning = ids or {**{kind: kind for kind in PlantClass}, UNLABELLED: UNLABELLED}
-        for value, kind in meaning.items():
-            table[value] = kind
-        values = np.asarray(mask).astype(np.int64)
-        classes: ByteArray = np.where(
-            (values >= 0) & (values < 256), table[values.clip(0, 255)], np.uint8(UNKNOWN)
-        )
-        return classes
-    if mask.mode not in ("RGB", "RGBA", "P"):
+    if ids or mask.mode == "L":
+        values = values_of(mask)
+        return None if values is None else _look_up(values, ids)
+    if mask.mode not in COLOUR_MODES:
         return None
-    channels = np.asarray(mask.convert("RGB")).astype(np.uint32)
-    code = channels[..., 0] << 16 | channels[..., 1] << 8 | channels[..., 2]
+    code = _colour_codes(mask)
     classes = np.full(code.shape, UNKNOWN, np.uint8)
     for colour, kind in COLOURS.items():
         classes[code == colour] = kind
     return classes
+
+
+def values_of(mask: Image.Image) -> npt.NDArray[np.int64] | None:
+    """Values (height, width) that a mask holds; None where it shows colours or can hold no classes.
+
+    Grey is a value, in three equal channels too. A palette mask is what it shows, grey or the
+    colours of classes; where it shows any other colour, its values are the indexes.
+    """
+    if mask.mode in {"L", *DEEP_MODES}:
+        return np.asarray(mask).astype(np.int64)
+    if mask.mode not in COLOUR_MODES:
+        return None
+    code = _colour_codes(mask)
+    grey = code & 0xFF
+    if (grey * 0x010101 == code).all():
+        return grey
+    if mask.mode == "P" and not np.isin(code, list(COLOURS)).all():
+        return np.asarray(mask).astype(np.int64)
+    return None
+
+
+def say_no_classes(mask: Image.Image, *, is_named: bool) -> str:
+    """Say why `classes_of` found none; `is_named`: the ids are those of the option --ids."""
+    if mask.mode not in COLOUR_MODES:
+        return (
+            f"a mask of mode {mask.mode} holds no classes; save class ids 0, 1, 2 as 8-bit grey, "
+            "or red, green and black as RGB"
+        )
+    if is_named:
+        return (
+            "shows colours, and --ids is for masks of values; leave --ids out, or save the values "
+            "as 8-bit grey"
+        )
+    return "shows colours, and masks of this --data hold values; save the values as 8-bit grey"
+
+
+def advise_ids(mask: Image.Image) -> str:
+    """Say how the unknown classes of a mask that was read without ids may be read, or ""."""
+    if values_of(mask) is None:
+        return ""
+    return f"; if it holds other values, say what they mean, such as --ids {EXAMPLE_IDS}"
+
+
+def advise_swapped(*, holds_values: bool) -> str:
+    """Say how masks read without ids were understood, and what to do where that is doubted."""
+    if holds_values:
+        return (
+            f"the values of the masks were read as {USUAL_IDS}. Say what yours mean, such as "
+            f"--ids {EXAMPLE_IDS}, or --ids {USUAL_IDS} if that is right"
+        )
+    return (
+        f"the colours of the masks were read as {USUAL_COLOURS}. Paint yours so; if they are "
+        f"right, save them as 8-bit grey values and confirm these with --ids {USUAL_IDS}"
+    )
+
+
+def _look_up(values: npt.NDArray[np.int64], ids: MaskIds) -> ByteArray:
+    table = np.full(256, UNKNOWN, np.uint8)
+    meaning = ids or {**{kind: kind for kind in PlantClass}, UNLABELLED: UNLABELLED}
+    for value, kind in meaning.items():
+        table[value] = kind
+    is_byte = (values >= 0) & (values < 256)
+    classes: ByteArray = np.where(is_byte, table[values.clip(0, 255)], np.uint8(UNKNOWN))
+    return classes
+
+
+def _colour_codes(mask: Image.Image) -> npt.NDArray[np.int64]:
+    red, green, blue = np.moveaxis(np.asarray(mask.convert("RGB")).astype(np.int64), -1, 0)
+    codes: npt.NDArray[np.int64] = red << 16 | green << 8 | blue
+    return codes
 
 
 class ClassTally:
@@ -105,14 +170,8 @@ class ClassTally:
         }
 
     def doubt(self) -> str:
-        """Say why the classes look swapped, and what to do; "" where they do not."""
-        reason = self._doubt_amount() or self._doubt_colour()
-        if not reason:
-            return ""
-        return (
-            f"{reason}; the values of the masks were read as {USUAL_IDS}. Say what yours mean, "
-            f"such as --ids {EXAMPLE_IDS}, or --ids {USUAL_IDS} if that is right"
-        )
+        """Say why the classes look swapped; "" where they do not."""
+        return self._doubt_amount() or self._doubt_colour()
 
     def _doubt_amount(self) -> str:
         weed_ratio = self.ratios()["weed"]

@@ -9,5 +9,6 @@ def add_ids_option(parser: argparse._ActionsContainer) -> None:
     parser.add_argument(
         "--ids",
         metavar="0=soil,1=crop,2=weed",
-        help="what the values of the masks mean (default: 0 weed, 1 crop, 2 soil, 255 ignored)",
+        help="what the values of the masks mean; not for masks that show colours (default: 0 weed, "
+        "1 crop, 2 soil, 255 ignored)",
     )

@@ -7,7 +7,16 @@ from pathlib import Path
 
 import msgspec
 
-from agribot.dataset.classes import UNKNOWN, ClassTally, MaskIds, classes_of
+from agribot.dataset.classes import (
+    UNKNOWN,
+    USUAL_COLOURS,
+    ClassTally,
+    MaskIds,
+    advise_ids,
+    advise_swapped,
+    classes_of,
+    say_no_classes,
+)
 from agribot.dataset.layouts import Item, find_layout
 from agribot.dataset.pictures import PictureError, open_mask, read_picture
 from agribot.errors import ConfigError
@@ -64,12 +73,14 @@ class Pair(msgspec.Struct, frozen=True, kw_only=True):
     """An image, its mask and the field or day (empty: unknown) that it belongs to.
 
     `ids` says what the values of the mask mean; empty: those of `PlantClass`, or colours.
+    `is_named`: `ids` come from the option --ids, not from the kind of data.
     """
 
     image: Path
     mask: Path
     group: str
     ids: MaskIds = {}
+    is_named: bool = False
 
 
 def find_pairs(
@@ -94,7 +105,7 @@ def find_pairs(
     for item in layout.items:
         pair = _pair(folder, item, known.ids if ids is None else ids)
         if isinstance(pair, Pair):
-            pairs.append(pair)
+            pairs.append(msgspec.structs.replace(pair, is_named=ids is not None))
         else:
             problems.append(pair)
     if not pairs:
@@ -127,7 +138,7 @@ def read_pairs(
 def read_pair(pair: Pair) -> tuple[ByteArray, ByteArray]:
     """Raises: PictureError: a file cannot be read, or the mask does not fit the image."""
     image_rgb = read_picture(pair.image)
-    label = read_label(pair.mask, pair.ids)
+    label = read_label(pair.mask, pair.ids, is_named=pair.is_named)
     if label.shape != image_rgb.shape[:2]:
         raise PictureError(
             f"{pair.mask}: is {label.shape[1]} x {label.shape[0]} pixels, its image "
@@ -136,42 +147,53 @@ def read_pair(pair: Pair) -> tuple[ByteArray, ByteArray]:
     return image_rgb, label
 
 
-def read_label(path: Path, ids: MaskIds) -> ByteArray:
+def read_label(path: Path, ids: MaskIds, *, is_named: bool = False) -> ByteArray:
     """Class of every pixel, 255 where it does not count.
+
+    `is_named`: the ids are those of the option --ids, which the messages then name.
 
     Raises: PictureError: unreadable, or values that are no class.
     """
     mask = open_mask(path)
     label = classes_of(mask, ids)
     if label is None:
-        raise PictureError(
-            f"{path}: a mask of mode {mask.mode} holds no classes; save class ids 0, 1, 2 as "
-            "8-bit grey, or red, green and black as RGB"
-        )
+        raise PictureError(f"{path}: {say_no_classes(mask, is_named=is_named)}")
     unknown = int((label == UNKNOWN).sum())
     if unknown:
-        allowed = (
-            f"values {', '.join(str(value) for value in sorted(ids))}, as --ids says"
-            if ids
-            else "weed 0 or red, crop 1 or green, soil 2, black or blue, unlabelled 255"
-        )
+        allowed = f"weed 0, crop 1, soil 2, unlabelled 255; {USUAL_COLOURS}{advise_ids(mask)}"
+        if ids:
+            allowed = f"values {', '.join(str(value) for value in sorted(ids))}"
         raise PictureError(
             f"{path}: {unknown} pixels have a value or colour that is no class; allowed: {allowed}"
+            + (", as --ids says" if is_named else "")
         )
     return label
 
 
-def check_classes(pairs: Iterable[tuple[ByteArray, ByteArray]], folder: Path) -> None:
+def check_classes(
+    read: Iterable[tuple[ByteArray, ByteArray]], pairs: Iterable[Pair], folder: Path
+) -> None:
     """Refuse labels whose classes look swapped, before anything is learnt from them.
+
+    `read` are the pictures and labels of those `pairs` that can be read.
 
     Raises: ConfigError: most of the ground is weed, or the soil is greener than the plants.
     """
     tally = ClassTally()
-    for image_rgb, label in pairs:
+    for image_rgb, label in read:
         tally.add(image_rgb, label)
     doubt = tally.doubt()
     if doubt:
-        raise ConfigError(f"{folder}: {doubt}")
+        holds_values = any(_holds_values(pair.mask) for pair in pairs)
+        raise ConfigError(f"{folder}: {doubt}; {advise_swapped(holds_values=holds_values)}")
+
+
+def _holds_values(path: Path) -> bool:
+    """Whether a mask that is read without ids is one of values."""
+    try:
+        return open_mask(path).mode == "L"
+    except PictureError:
+        return False
 
 
 def fold_of(pairs: Sequence[Pair], folds: int, fold: int) -> tuple[list[Pair], list[Pair]]:

@@ -183,7 +183,7 @@ def _read_photographs(
     if not read:
         raise ConfigError(f"{args.data_dir}: no pair can be read; the first problem: {problems[0]}")
     if args.data == "folder" and ids is None:
-        check_classes(read, args.data_dir)
+        check_classes(read, pairs, args.data_dir)
     return read, partial(read_pairs, held, note) if held else None, problems
 
 
