@@ -41,6 +41,12 @@ def test_the_card_describes_the_file_and_its_condition(card: ModelCard) -> None:
     assert "ImageNet" in text
 
 
+def test_the_card_says_what_its_command_does_otherwise_today(card: ModelCard) -> None:
+    text = model_path(card.name).with_suffix(".md").read_text(encoding="utf-8")
+    (line,) = (line for line in text.splitlines() if line.startswith("- Changed since: "))
+    assert "albumentations" in line and "OpenCV" in line
+
+
 @pytest.mark.parametrize("profile", ["farm", "beet"])
 def test_no_mission_uses_it_unless_it_is_told_to(profile: str) -> None:
     assert load(profile).perception.model == "agribot-sim"

@@ -58,6 +58,7 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
     precision: str = "fp32"  # of the numbers in the file
     calibration: Calibration | None = None  # None: confidences are the softmax of the logits
     held_out: HeldOut | None = None  # where nothing is left to judge these very weights on
+    changed_since: str = ""  # what the same command does otherwise today
 
     def write(self, onnx_path: Path) -> None:
         """Put the card beside the weights, as JSON and as Markdown."""
@@ -76,7 +77,7 @@ crop ({int(PlantClass.CROP)}) or soil ({int(PlantClass.SOIL)}).
 - Licence of the weights: {self.license}
 - Data: {self.data}
 - Training images: {self.train_images}
-- Command: `{self.command}`
+- Command: `{self.command}`{self._change()}
 - Begun with: {self._beginning()}
 - Optimiser steps: {self.plan.steps}, seed {self.plan.seed}, {self.training_cpu_min:.1f} CPU-minutes
 - Parameters: {self.parameters:,}; file {self.file_bytes / 1e6:.2f} MB in {self.precision}, \
@@ -98,6 +99,9 @@ Limits: {self.limits}
         if start == IMAGENET:
             return f"an encoder with the ImageNet weights of {PACKAGE} {VERSION} (Apache-2.0)"
         return f"the weights of {start}" if start else "random weights"
+
+    def _change(self) -> str:
+        return f"\n- Changed since: {self.changed_since}" if self.changed_since else ""
 
     def _sureness(self) -> str:
         found = self.calibration
