@@ -37,21 +37,27 @@ def shown(page: Page) -> dict[str, Any]:
     return found
 
 
+def standing(page: Page, server: FakeServer) -> tuple[dict[str, Any], float]:
+    """What is shown of the robot where it stands, and how far it has driven in all."""
+    server.robot.mode = "paused"
+    wait_for(
+        lambda: shown(page)["pose"] == pytest.approx(server.robot.pose(), abs=1e-3),
+        "the robot where it stands now",
+    )
+    return shown(page), server.robot.s_m
+
+
 def test_the_described_robot_stands_where_it_is_and_its_wheels_turn(
     page: Page, server: FakeServer
 ) -> None:
     until(page, f"{SCENE}.triangles >= {triangles_described()}")  # all meshes have come
-    before = shown(page)
-    wait_for(lambda: shown(page)["pose"][0] > before["pose"][0] + 0.5, "the robot half a metre on")
-    server.robot.mode = "paused"
-    wait_for(
-        lambda: shown(page)["pose"] == pytest.approx(server.robot.pose(), abs=NEAR_M),
-        "the robot where it stands now",
-    )
-    after = shown(page)
+    before, start_m = standing(page, server)
+    server.robot.mode = "mission"
+    wait_for(lambda: server.robot.s_m > start_m + 0.5, "half a metre driven")
+    after, end_m = standing(page, server)
     wheel = "base_link_to_left_wheel_F_joint"
     rolled_m = WHEEL_PITCH_RAD * (after["joints"][wheel] - before["joints"][wheel])
-    assert rolled_m == pytest.approx(after["pose"][0] - before["pose"][0], abs=NEAR_M)
+    assert rolled_m == pytest.approx(end_m - start_m, abs=NEAR_M)
     wait_for(lambda: shown(page)["pictures"] > before["pictures"], "another picture")
     assert page.evaluate("document.querySelector('.stage canvas').width") > 300
 

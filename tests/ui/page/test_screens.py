@@ -141,6 +141,8 @@ def test_the_plan_is_checked_by_the_robot_and_its_reasons_are_on_the_map(
     assert kinds.count("row") == 6
     assert sent["implement_width_m"] == pytest.approx(1.5)
     expect(page.get_by_role("button", name="Use this plan")).to_be_disabled()
+    page.get_by_label("Working width, m").fill("2")
+    expect(page.locator(".reasons, .reason-pin")).to_have_count(0)  # those of another plan
 
 
 def test_a_field_is_saved_on_the_robot_under_its_name(

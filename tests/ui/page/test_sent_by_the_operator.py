@@ -109,6 +109,7 @@ def test_a_standing_robot_believes_the_pose_that_was_drawn_and_then_its_sensors(
 def test_a_checked_plan_becomes_the_mission(page: Page, robot: Robot) -> None:
     show(page, "plan")
     page.get_by_label("Field file").set_input_files(FIELD)
+    expect(page.locator("main")).to_contain_text("1 boundary, 2 obstacles")
     page.get_by_role("button", name="Check plan").click()
     expect(page.locator(".tag.good")).to_be_visible()
     page.get_by_role("button", name="Use this plan").click()

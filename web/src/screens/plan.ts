@@ -65,14 +65,16 @@ class Editor {
   private readonly passes = numberInput(2, 0, 10, 1)
   private readonly recorder: BoundaryRecorder
   private selected: string | null = null
+  private version = 0 // of what is drawn and asked for: an answer counts for its own alone
 
   constructor(private readonly app: App, private readonly drawing: Drawing, side: HTMLElement) {
+    for (const input of [this.width, this.passes]) input.addEventListener('input', () => this.change())
     this.undo = iconButton('undo', 'Undo', () => this.step(() => kept.undo()))
     this.redo = iconButton('redo', 'Redo', () => this.step(() => kept.redo()))
     this.apply = el('button', { type: 'button', class: 'button primary', disabled: true, onclick: () => void this.use() }, icon('play', 20), 'Use this plan')
     this.tools = TOOLS.map(([kind, title, name]) => el('button', { type: 'button', class: 'button tool', 'aria-pressed': 'false', 'data-kind': kind, onclick: () => this.choose(kind) }, icon(name, 20), title))
     this.recorder = new BoundaryRecorder(app, (points) => this.step(() => kept.change([...kept.shapes, { id: 'recorded', kind: 'boundary', points }])))
-    drawing.onChange = () => this.refresh()
+    drawing.onChange = () => this.change()
     drawing.onSelect = (id) => {
       this.selected = id
       this.refresh()
@@ -109,13 +111,21 @@ class Editor {
     work()
     this.drawing.load()
     this.selected = null
+    this.change()
+  }
+
+  /** What was checked is not what is drawn any more. */
+  private change(): void {
+    this.version += 1
+    this.apply.disabled = true
+    this.drawing.showPlan(null)
+    replace(this.verdict)
     this.refresh()
   }
 
   private refresh(): void {
     this.undo.disabled = !kept.canUndo
     this.redo.disabled = !kept.canRedo
-    this.apply.disabled = true
     for (const tool of this.tools) if (tool.dataset.kind !== 'waypoint') tool.setAttribute('aria-pressed', 'false')
     this.summary.textContent = describe()
     const shape = kept.shapes.find((s) => s.id === this.selected)
@@ -128,8 +138,9 @@ class Editor {
   }
 
   private async check(): Promise<void> {
+    const version = this.version
     const reply = await this.app.attempt(api.plan(this.body()))
-    if (!reply) return
+    if (!reply || version !== this.version) return
     this.drawing.showPlan(reply)
     replace(this.verdict, ...verdict(reply))
     this.apply.disabled = !reply.ok
