@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agribot.config import EstimateConfig, FieldConfig
-from agribot.devices import RowLine
+from agribot.devices import BaseFix, RowLine
 from agribot.estimate.history import Motion
 from agribot.estimate.localizer import Localizer
 from agribot.estimate.picture_watch import PictureWatch
@@ -190,6 +190,22 @@ def test_a_receiver_that_repeats_its_place_while_the_wheels_turn_is_named_and_no
     assert into.rejected["gnss repeats itself"] > 90
     assert max(distance_m(recording, e) for e in estimates if e.t_s > 6.0) < 0.3
     assert estimates[-1].pos_std_m > 3.0 * at(estimates, FROM_S).pos_std_m
+
+
+def test_a_base_station_with_noise_does_not_move_a_receiver_that_repeats_its_place() -> None:
+    recording = spoilt(record(north, 24.0, seed=3, errors=M8N), repeated(still=False))
+    into = Localizer(EstimateConfig(), FIELD, robot((0.0, 0.0, 0.6)))
+    rng = np.random.default_rng(0)
+    for tick, batch in enumerate(batches(recording)):
+        lat_deg, lon_deg = rng.normal((59.0, 10.0), 2e-7).tolist()
+        base = BaseFix(
+            t_s=batch.t_s, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=0.0, pos_std_m=1.0,
+            known_lat_deg=59.0, known_lon_deg=10.0, known_alt_m=0.0,
+        )  # fmt: skip
+        told = (base,) * (tick % 10 == 0)
+        estimate = into.update(msgspec.structs.replace(batch, base=told))
+    assert into.rejected["gnss repeats itself"] > 45
+    assert estimate.reason.startswith("GNSS repeats its position while the wheels turned")
 
 
 def test_a_receiver_without_noise_on_a_standing_robot_may_repeat_itself() -> None:
