@@ -94,6 +94,33 @@ def test_fixes_that_jump_while_the_robot_drives_are_not_followed_but_named() -> 
     assert first.ok
 
 
+def with_fixes_at(recording: Recording, is_told: Callable[[float], bool]) -> Recording:
+    kept = [(arrival_s, fix) for arrival_s, fix in recording.fixes if is_told(fix.t_s)]
+    return msgspec.structs.replace(recording, fixes=kept)
+
+
+def test_a_jump_of_a_receiver_with_one_fix_a_second_is_named_although_its_times_jitter() -> None:
+    """0.9 and 1.1 s apart by turns."""
+    recording = with_fixes(
+        record(north, 72.0, seed=1), lambda t: t > 40.0, lambda fix: shifted(fix, 3.0)
+    )
+    recording = with_fixes_at(recording, lambda t: round(10.0 * t) % 20 in (0, 9))
+    _, estimates = drive(recording)
+    assert told(estimates).startswith("GNSS jumped by ")
+    assert max(distance_m(recording, e) for e in estimates if e.t_s > 12.0) < 0.2
+
+
+@pytest.mark.parametrize(("silent_s", "is_named"), [(2.0, True), (6.0, False)])
+def test_a_jump_soon_after_a_long_silence_is_believed_for_it_has_not_agreed_before(
+    silent_s: float, is_named: bool
+) -> None:
+    began_s = FROM_S - silent_s - 1.0
+    recording = with_fixes_at(jumped(0.4), lambda t: not began_s < t <= began_s + silent_s)
+    _, estimates = drive(recording)
+    assert bool(told(estimates)) is is_named
+    assert (distance_m(recording, at(estimates, FROM_S + 6.0)) < 0.2) is is_named
+
+
 def test_a_person_who_goes_on_believes_gnss_where_no_camera_saw_the_row() -> None:
     recording = spoilt(record(halting, 24.0, seed=1), lambda fix: shifted(fix, 0.4))
     _, estimates = drive(recording, resume_s=18.0)
