@@ -320,5 +320,47 @@ def test_the_agreement_of_camera_and_fixes_does_not_depend_on_the_pose() -> None
         assert agreement.apart_m == pytest.approx(0.3)
 
 
+def disagreeing(off_m: float) -> RowAgreement:
+    """The plants of a row have testified against fixes that fit the pose."""
+    agreement = RowAgreement()
+    for i in range(20):
+        agreement.fix(0.1 * i, 0.0)
+    agreement.testify(2.0, off_m)
+    return agreement
+
+
+def test_plants_that_agree_with_the_fixes_again_end_a_disagreement() -> None:
+    for off_m, halts in ((0.12, False), (0.2, True)):
+        agreement = disagreeing(off_m)
+        assert agreement.fault == f"camera and GNSS disagree by {off_m:.2f} m"
+        assert agreement.must_halt is halts
+        agreement.testify(3.0, 0.09)
+        assert agreement.fault
+        agreement.testify(3.0, 0.07)
+        assert (agreement.fault, agreement.must_halt) == ("", False)
+
+
+def test_a_named_disagreement_that_nothing_renews_is_past_and_one_that_halts_is_not() -> None:
+    named, halting = disagreeing(0.12), disagreeing(0.2)
+    for agreement in (named, halting):
+        agreement.expire(12.0)
+        assert agreement.fault
+        agreement.expire(18.0)
+    assert named.fault == ""
+    assert halting.fault == "camera and GNSS disagree by 0.20 m"
+    assert halting.must_halt
+
+
+def test_a_robot_without_rows_in_view_does_not_speak_of_a_disagreement_for_good() -> None:
+    recording, rng = record(north, 32.0, seed=2), np.random.default_rng(0)
+    into, estimates = Localizer(EstimateConfig(), FIELD, robot((0.0, 0.0, 0.6))), []
+    for tick, batch in enumerate(batches(recording)):
+        estimates.append(into.update(batch))
+        if tick % 5 == 0 and 4.0 < batch.t_s < FROM_S:
+            into.see(sight(recording, batch.t_s, 0.12, rng))
+    assert at(estimates, FROM_S + 1.0).reason.startswith("camera and GNSS disagree by 0.1")
+    assert estimates[-1].reason == ""
+
+
 def test_an_empty_batch_is_no_reason_for_doubt() -> None:
     assert localizer().update(SensorBatch(t_s=1.0)).contradiction == ""
