@@ -111,7 +111,7 @@ def test_a_jump_of_a_receiver_with_one_fix_a_second_is_named_although_its_times_
 
 
 @pytest.mark.parametrize(("silent_s", "is_named"), [(2.0, True), (6.0, False)])
-def test_a_jump_soon_after_a_long_silence_is_believed_for_it_has_not_agreed_before(
+def test_fixes_before_a_long_silence_do_not_speak_against_those_after_it(
     silent_s: float, is_named: bool
 ) -> None:
     began_s = FROM_S - silent_s - 1.0
