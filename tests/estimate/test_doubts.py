@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agribot.config import EstimateConfig, FieldConfig
-from agribot.devices import RowLine
+from agribot.devices import BaseFix, RowLine
 from agribot.estimate.history import Motion
 from agribot.estimate.localizer import Localizer
 from agribot.estimate.picture_watch import PictureWatch
@@ -92,6 +92,33 @@ def test_fixes_that_jump_while_the_robot_drives_are_not_followed_but_named() -> 
     assert first.t_s < FROM_S + 3.5
     assert distance_m(recording, at(estimates, FROM_S + 4.0)) < 0.1
     assert first.ok
+
+
+def with_fixes_at(recording: Recording, is_told: Callable[[float], bool]) -> Recording:
+    kept = [(arrival_s, fix) for arrival_s, fix in recording.fixes if is_told(fix.t_s)]
+    return msgspec.structs.replace(recording, fixes=kept)
+
+
+def test_a_jump_of_a_receiver_with_one_fix_a_second_is_named_although_its_times_jitter() -> None:
+    """0.9 and 1.1 s apart by turns."""
+    recording = with_fixes(
+        record(north, 72.0, seed=1), lambda t: t > 40.0, lambda fix: shifted(fix, 3.0)
+    )
+    recording = with_fixes_at(recording, lambda t: round(10.0 * t) % 20 in (0, 9))
+    _, estimates = drive(recording)
+    assert told(estimates).startswith("GNSS jumped by ")
+    assert max(distance_m(recording, e) for e in estimates if e.t_s > 12.0) < 0.2
+
+
+@pytest.mark.parametrize(("silent_s", "is_named"), [(2.0, True), (6.0, False)])
+def test_fixes_before_a_long_silence_do_not_speak_against_those_after_it(
+    silent_s: float, is_named: bool
+) -> None:
+    began_s = FROM_S - silent_s - 1.0
+    recording = with_fixes_at(jumped(0.4), lambda t: not began_s < t <= began_s + silent_s)
+    _, estimates = drive(recording)
+    assert bool(told(estimates)) is is_named
+    assert (distance_m(recording, at(estimates, FROM_S + 6.0)) < 0.2) is is_named
 
 
 def test_a_person_who_goes_on_believes_gnss_where_no_camera_saw_the_row() -> None:
@@ -192,6 +219,22 @@ def test_a_receiver_that_repeats_its_place_while_the_wheels_turn_is_named_and_no
     assert estimates[-1].pos_std_m > 3.0 * at(estimates, FROM_S).pos_std_m
 
 
+def test_a_base_station_with_noise_does_not_move_a_receiver_that_repeats_its_place() -> None:
+    recording = spoilt(record(north, 24.0, seed=3, errors=M8N), repeated(still=False))
+    into = Localizer(EstimateConfig(), FIELD, robot((0.0, 0.0, 0.6)))
+    rng = np.random.default_rng(0)
+    for tick, batch in enumerate(batches(recording)):
+        lat_deg, lon_deg = rng.normal((59.0, 10.0), 2e-7).tolist()
+        base = BaseFix(
+            t_s=batch.t_s, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=0.0, pos_std_m=1.0,
+            known_lat_deg=59.0, known_lon_deg=10.0, known_alt_m=0.0,
+        )  # fmt: skip
+        told = (base,) * (tick % 10 == 0)
+        estimate = into.update(msgspec.structs.replace(batch, base=told))
+    assert into.rejected["gnss repeats itself"] > 45
+    assert estimate.reason.startswith("GNSS repeats its position while the wheels turned")
+
+
 def test_a_receiver_without_noise_on_a_standing_robot_may_repeat_itself() -> None:
     into = localizer()
     estimates = [into.update(batch) for batch in batches(record(halting, 25.0, errors=QUIET))]
@@ -275,6 +318,48 @@ def test_the_agreement_of_camera_and_fixes_does_not_depend_on_the_pose() -> None
             agreement.look(0.1 * i, 0.31 - pose_off_m)
         assert agreement.must_halt
         assert agreement.apart_m == pytest.approx(0.3)
+
+
+def disagreeing(off_m: float) -> RowAgreement:
+    """The plants of a row have testified against fixes that fit the pose."""
+    agreement = RowAgreement()
+    for i in range(20):
+        agreement.fix(0.1 * i, 0.0)
+    agreement.testify(2.0, off_m)
+    return agreement
+
+
+def test_plants_that_agree_with_the_fixes_again_end_a_disagreement() -> None:
+    for off_m, halts in ((0.12, False), (0.2, True)):
+        agreement = disagreeing(off_m)
+        assert agreement.fault == f"camera and GNSS disagree by {off_m:.2f} m"
+        assert agreement.must_halt is halts
+        agreement.testify(3.0, 0.09)
+        assert agreement.fault
+        agreement.testify(3.0, 0.07)
+        assert (agreement.fault, agreement.must_halt) == ("", False)
+
+
+def test_a_named_disagreement_that_nothing_renews_is_past_and_one_that_halts_is_not() -> None:
+    named, halting = disagreeing(0.12), disagreeing(0.2)
+    for agreement in (named, halting):
+        agreement.expire(12.0)
+        assert agreement.fault
+        agreement.expire(18.0)
+    assert named.fault == ""
+    assert halting.fault == "camera and GNSS disagree by 0.20 m"
+    assert halting.must_halt
+
+
+def test_a_robot_without_rows_in_view_does_not_speak_of_a_disagreement_for_good() -> None:
+    recording, rng = record(north, 32.0, seed=2), np.random.default_rng(0)
+    into, estimates = Localizer(EstimateConfig(), FIELD, robot((0.0, 0.0, 0.6))), []
+    for tick, batch in enumerate(batches(recording)):
+        estimates.append(into.update(batch))
+        if tick % 5 == 0 and 4.0 < batch.t_s < FROM_S:
+            into.see(sight(recording, batch.t_s, 0.12, rng))
+    assert at(estimates, FROM_S + 1.0).reason.startswith("camera and GNSS disagree by 0.1")
+    assert estimates[-1].reason == ""
 
 
 def test_an_empty_batch_is_no_reason_for_doubt() -> None:

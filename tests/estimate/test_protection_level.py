@@ -111,6 +111,19 @@ def test_after_a_fault_that_ends_the_level_comes_back_down() -> None:
     assert np.mean(exceeded(faulty, estimates)) <= EstimateConfig().protection_risk
 
 
+def test_what_has_contradicted_a_standing_robot_for_five_minutes_is_believed() -> None:
+    def halted(t_s: float) -> tuple[float, float]:
+        return (0.4, 0.0) if 3.0 < t_s < 10.0 else (0.0, 0.0)
+
+    recording = jumped(record(halted, 325.0, seed=1), 1.4)
+    level = {round(e.t_s, 1): e for e in play(recording, tick_hz=10.0)}
+    for t_s, least_m, most_m in ((300.0, 1.3, 3.0), (324.0, 0.0, 0.2)):
+        estimate = level[t_s]
+        assert estimate.ok
+        assert least_m < estimate.protection_m < most_m
+        assert least_m < estimate.across_protection_m < most_m
+
+
 def test_there_is_no_level_without_a_pose_and_a_new_one_when_a_person_tells_the_place() -> None:
     def halted(t_s: float) -> tuple[float, float]:
         return (0.4, 0.0) if 3.0 < t_s < 14.0 else (0.0, 0.0)

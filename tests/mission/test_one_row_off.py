@@ -12,7 +12,8 @@ from agribot import config
 from agribot.description.worlds_sdf import world_of_run
 from agribot.devices import RowLine
 from agribot.geo import wrap_rad
-from agribot.messages import Scene, SensorBatch
+from agribot.messages import MissionStatus, Scene, SensorBatch
+from agribot.mission_file import read_mission
 from agribot.perception_host import NoPerception
 from agribot.plan.rows import field_rows
 from agribot.record.report import Report
@@ -22,7 +23,7 @@ from agribot.world import WorldSpec
 
 SETTINGS = ["seed=1", "perception.enabled=false", "record.enabled=false", "field.row_count=3",
             "field.row_length_m=5", 'world="empty"']  # fmt: skip
-ASIDE_M = -1.0  # across the rows, one pitch to the right
+PITCH_M = 1.0
 LOOK_S, FAR_M, MAX_OFFSET_M = 0.1, 1.2, 0.6
 
 
@@ -57,7 +58,11 @@ class CameraOnPaper(NoPerception):
         return None
 
 
-def drive(folder: Path, aside_m: float, monkeypatch: pytest.MonkeyPatch) -> Report:
+def drive(
+    folder: Path, aside_m: float, monkeypatch: pytest.MonkeyPatch
+) -> tuple[Report, MissionStatus]:
+    """`aside_m` is how far left of its mark the robot is put down, across the rows."""
+
     def shifted(settings: config.RunConfig) -> WorldSpec:
         place = {"spawn_xy_map_m": (-1.0, aside_m), "spawn_yaw_map_rad": 0.0}
         return msgspec.structs.replace(world_of_run(settings), **place)
@@ -65,24 +70,41 @@ def drive(folder: Path, aside_m: float, monkeypatch: pytest.MonkeyPatch) -> Repo
     monkeypatch.setattr("agribot.session.world_of_run", shifted)
     with Session(config.load("rows-10x12", SETTINGS), folder) as session:
         session.stack.perception = CameraOnPaper(session)
-        for _ in session.ticks():
-            pass
-        return session.finish()
+        *_, last = session.ticks()
+        return session.finish(), last.status
 
 
 def test_beyond_the_crop_it_stands_and_the_report_says_why(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    report = drive(tmp_path / "run", ASIDE_M, monkeypatch)
+    report, status = drive(tmp_path / "run", -PITCH_M, monkeypatch)
     assert not report.ok and report.mission.success is False
+    assert (status.rows_done, status.rows_unproven) == ((), ())  # it came to the end of none
     assert report.mission.rows_done == 0  # in truth
     assert "off the row" in report.reason
     assert report.tracking.plants_crushed == 0
 
 
+def test_one_row_off_towards_the_crop_no_row_counts_once_the_last_lies_on_bare_ground(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report, status = drive(tmp_path / "run", PITCH_M, monkeypatch)
+    assert not report.ok and report.mission.success is False
+    assert status.rows_done == ()
+    assert sorted(status.rows_unproven) == [0, 1, 2]
+    assert report.mission.rows_unproven == (1, 2, 3)
+    assert report.mission.rows_done == 0  # in truth
+    assert "no crop row seen over" in report.reason
+    assert "maybe one row off" in report.reason
+    saved = read_mission(tmp_path / "run")
+    assert not any(row.done for row in saved.rows)
+    assert saved.covered == ()
+
+
 def test_on_its_mark_the_same_robot_does_all_of_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    report = drive(tmp_path / "run", 0.0, monkeypatch)
+    report, status = drive(tmp_path / "run", 0.0, monkeypatch)
+    assert status.rows_unproven == ()
     assert report.mission.success and report.mission.rows_done == 3, report.reason
     assert report.mission.rows_unproven == ()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from agribot.config import FieldConfig
-from agribot.messages import Estimate, MissionStatus
+from agribot.messages import Estimate, GnssQuality, MissionStatus
 from agribot.plan.boustrophedon import plan_rows
 from agribot.plan.mission import Mission
 from agribot.plan.row_evidence import row_pitch_m
@@ -51,6 +51,28 @@ def test_a_row_in_which_a_camera_sees_no_crop_is_not_done_and_the_mission_says_s
     assert status.state == "failed"
     assert "row 2: no crop row seen over 4.0 m" in status.reason
     assert "not counted as done" in status.reason
+    assert (status.rows_done, status.rows_unproven) == ((0,), (1,))
+
+
+@pytest.mark.parametrize("bare", [0, 1], ids=["first", "last"])
+def test_a_bare_row_undoes_all_that_were_told_by_counting_from_a_mark(bare: int) -> None:
+    """The robot may have been put down one row off: the others look right to it."""
+    first = mission()
+    status = drive(first, lambda row, _: {"row_seen": row != bare, "quality": GnssQuality.SINGLE})
+    assert status.state == "failed"
+    assert (status.rows_done, sorted(status.rows_unproven)) == ((), [0, 1])
+    assert f"row {bare + 1}: no crop row seen over 4.0 m" in status.reason
+    assert f"row {2 - bare}: maybe one row off" in status.reason
+    saved = first.saved()
+    assert saved is not None
+    assert saved.covered == ()
+
+
+def test_a_row_of_which_most_but_not_all_is_bare_says_nothing_of_the_others() -> None:
+    def look(row: int, in_row_m: float) -> dict[str, object]:
+        return {"row_seen": row != 1 or in_row_m < 1.2, "quality": GnssQuality.SINGLE}
+
+    status = drive(mission(), look)
     assert (status.rows_done, status.rows_unproven) == ((0,), (1,))
 
 

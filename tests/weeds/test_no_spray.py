@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import msgspec
 import numpy as np
+import pytest
 
 from agribot.config import TreatmentConfig, WeedConfig
 from agribot.devices import CropCover
@@ -133,18 +134,30 @@ def test_no_drop_falls_on_leaves_also_in_a_curve() -> None:
     assert not truth.hit
 
 
-def test_two_looks_close_a_cell_and_two_that_show_no_crop_open_it_again() -> None:
+@pytest.mark.parametrize(
+    ("seen", "closed"),
+    [
+        ("-+-", "---"),
+        ("-++-", "--++"),
+        ("-++--", "--++-"),
+        ("-+++++-+-+--", "--+++++++++-"),
+    ],
+    ids=["one look", "one bare look", "two bare looks", "bare looks between others"],
+)
+def test_two_looks_close_a_cell_and_two_in_a_row_that_show_no_crop_open_it_again(
+    seen: str, closed: str
+) -> None:
     area = NoSprayArea()
 
     def is_covered() -> bool:
         return area.covers(1.0, 0.0, 0.0, 0.05, 0.05)
 
-    bare, grown = cover(POSE, lambda x_m, y_m: False), cover(POSE, closed_row)
-    told = []
-    for look in (bare, *[grown] * 5, bare, bare, grown, bare):
-        area.add(look, POSE)
-        told.append(is_covered())
-    assert told == [False, False, *[True] * 4, True, False, True, False]
+    looks = {"-": cover(POSE, lambda x_m, y_m: False), "+": cover(POSE, closed_row)}
+    told = ""
+    for look in seen:
+        area.add(looks[look], POSE)
+        told += "+" if is_covered() else "-"
+    assert told == closed
 
 
 def test_the_area_turns_with_the_robot_and_forgets_what_lies_far_behind() -> None:

@@ -52,6 +52,10 @@ class Doubts:
         """Whether the camera holds the robot on its row."""
         return self._agreement.is_held(t_s)
 
+    def expire(self, t_s: float) -> None:
+        """What nothing has told again for long is not in doubt any more."""
+        self._agreement.expire(t_s)
+
     def compare(self, fix: GnssFix) -> None:
         """Hold a fix that claims centimetres against what the camera sees of the rows."""
         if fix.quality is not GnssQuality.RTK_FIXED or self._gnss.last_t_s != fix.t_s:

@@ -13,7 +13,8 @@ AGREE_FIXES = 25
 CARRIED_M = 0.1
 # Nobody carries a robot farther than this while it is switched on.
 MAX_JUMP_M = 1000.0
-MAX_GAP_S = 1.0
+# Receivers tell one fix a second or more, with a jitter, and a single one may be an outlier.
+MAX_GAP_S = 3.0
 
 
 class RepeatWatch:

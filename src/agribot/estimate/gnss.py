@@ -106,13 +106,13 @@ class Gnss:
             self._rejected["gnss not usable"] += 1
             return
         differential = self.base.corrected(fix)
-        fix = differential or fix
+        told, fix = fix, differential or fix
         now, then = self._history.newest, self._history.at(fix.t_s)
         if fix.t_s <= self.last_t_s:
             self._rejected["gnss out of order"] += 1
         elif now is None or then is None:
             self._rejected["gnss without odometry"] += 1
-        elif self.repeats.is_repeat(fix, self._driven_m):
+        elif self.repeats.is_repeat(told, self._driven_m):
             self._rejected["gnss repeats itself"] += 1
         else:
             since_last_s = min(fix.t_s - self.last_t_s, FLOAT_MEMORY_S)

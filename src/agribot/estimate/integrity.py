@@ -120,7 +120,7 @@ class Integrity:
         apart_m = math.hypot(*anchor.apart_m(here))
         alone_m = self._fault_gain * self._alone_std_m(anchor)
         self._is_split = apart_m > alone_m * (AGREE_RATIO if self._is_split else 1.0)
-        self._forget(t_s, anchor)
+        self._forget(here, anchor)
         plain_m = self._gain * pos_std_m
         return max(plain_m + self._doubted_m(), apart_m + alone_m)
 
@@ -157,12 +157,13 @@ class Integrity:
             (self._aside_x_m, self._aside_y_m), x[SLIP], self._slid_m,
         )  # fmt: skip
 
-    def _forget(self, t_s: float, anchor: _Anchor) -> None:
-        """What has contradicted for long is believed."""
+    def _forget(self, here: _Anchor, anchor: _Anchor) -> None:
+        """What has contradicted for long is believed: dead reckoning begins anew from here."""
         if self._gnss.moved_m != self._moved_m:
-            self._moved_m, self._moved_t_s = self._gnss.moved_m, t_s
-        if t_s - anchor.t_s > MEMORY_S and t_s - self._moved_t_s > MEMORY_S:
+            self._moved_m, self._moved_t_s = self._gnss.moved_m, here.t_s
+        if here.t_s - anchor.t_s > MEMORY_S and here.t_s - self._moved_t_s > MEMORY_S:
             self.restart()
+            self._anchors.append(here)
 
     def _doubted_m(self) -> float:
         """Where else the robot may be: at the fixes that are rejected, or before it followed them.

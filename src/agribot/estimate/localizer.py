@@ -96,6 +96,7 @@ class Localizer:
                 self._heading.update(heading)
         for event in batch.events:
             self._listen(event)
+        self._doubts.expire(batch.t_s)
         return self._estimate(batch.t_s)
 
     def _listen(self, event: OperatorEvent) -> None:

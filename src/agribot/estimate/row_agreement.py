@@ -13,6 +13,8 @@ NAMED_M = 0.10
 # Half of what a wheel may be off its way before it reaches the crop: the robot may follow either.
 HALT_M = 0.15
 LASTS_S, SETTLED_RATIO = 1.0, 0.8
+# What nothing has told again for so long is past: two plants 2 m apart are passed in 10 s.
+NAMED_S = 15.0
 # A row that was seen so lately still holds the robot across it.
 HELD_S = 2.0
 
@@ -30,6 +32,7 @@ class RowAgreement:
         self._looks: Told = deque()
         self._fixes: Told = deque()
         self._since_s: float | None = None
+        self._named_t_s = -math.inf
         self._held_t_s = -math.inf
         self.apart_m = 0.0  # of lasting disagreement, 0 while there is none
         self.must_halt = False
@@ -46,8 +49,8 @@ class RowAgreement:
         self._looks.clear()
         self._looks.append((t_s, off_m))
         apart_m = abs(off_m - _middle(self._fixes))
-        if apart_m >= NAMED_M:
-            self.apart_m, self.must_halt = apart_m, apart_m >= HALT_M
+        if not self._settle(apart_m):
+            self._name(t_s, apart_m)
 
     def fix(self, t_s: float, off_m: float) -> None:
         _add(self._fixes, t_s, off_m)
@@ -69,6 +72,11 @@ class RowAgreement:
     def fault(self) -> str:
         return f"camera and GNSS disagree by {self.apart_m:.2f} m" if self.apart_m else ""
 
+    def expire(self, t_s: float) -> None:
+        """A disagreement that was told long ago is past, unless a person has to decide."""
+        if self.apart_m and not self.must_halt and t_s - self._named_t_s > NAMED_S:
+            self._since_s, self.apart_m = None, 0.0
+
     def forget(self) -> None:
         """A person has decided."""
         self._looks.clear()
@@ -81,14 +89,22 @@ class RowAgreement:
             return
         looks_m, fixes_m = self.shown_m
         apart_m = abs(looks_m - fixes_m)
-        if apart_m < NAMED_M * (SETTLED_RATIO if self.apart_m else 1.0):
-            self._since_s, self.apart_m = None, 0.0
-            self.must_halt = False
+        if self._settle(apart_m):
             return
         self._since_s = t_s if self._since_s is None else self._since_s
         if t_s - self._since_s >= LASTS_S:
-            self.apart_m = apart_m
-            self.must_halt = self.must_halt or apart_m >= HALT_M
+            self._name(t_s, apart_m)
+
+    def _settle(self, apart_m: float) -> bool:
+        """Whether camera and fixes agree; then nothing is left of a disagreement."""
+        if apart_m >= NAMED_M * (SETTLED_RATIO if self.apart_m else 1.0):
+            return False
+        self._since_s, self.apart_m, self.must_halt = None, 0.0, False
+        return True
+
+    def _name(self, t_s: float, apart_m: float) -> None:
+        self.apart_m, self._named_t_s = apart_m, t_s
+        self.must_halt = self.must_halt or apart_m >= HALT_M
 
 
 def _add(told: Told, t_s: float, off_m: float) -> None:

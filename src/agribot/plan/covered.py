@@ -42,9 +42,14 @@ class CoveredRows:
         self._before: dict[int, list[_Piece]] = {row.index: [] for row in rows}
         self._open: int | None = None  # the row whose last piece is growing
 
-    @property
-    def stretches(self) -> tuple[Stretch, ...]:
-        return tuple(piece.stretch for pieces in self._pieces.values() for piece in pieces)
+    def stretches(self, but: Sequence[int] = ()) -> tuple[Stretch, ...]:
+        """Of all rows but these."""
+        return tuple(
+            piece.stretch
+            for index, pieces in self._pieces.items()
+            if index not in but
+            for piece in pieces
+        )
 
     def work(self, index: int, x_m: float, y_m: float) -> None:
         """The tool is at a place of the map and works this row."""

@@ -13,7 +13,7 @@ from agribot.messages import Estimate, MissionState, Path
 from agribot.plan.covered import CoveredRows, whole_row
 from agribot.plan.curves import Place
 from agribot.plan.route import Route
-from agribot.plan.row_evidence import doubt, row_pitch_m
+from agribot.plan.row_evidence import doubt, is_counted, row_pitch_m
 from agribot.plan.row_log import RowLog
 from agribot.plan.saved_mission import (
     PoseTuple,
@@ -147,7 +147,7 @@ class Job:
             rows=self.rows.results,
             waypoints_reached=self.waypoints_reached,
             detours=self._detours,
-            covered=self._covered.stretches,
+            covered=self._covered.stretches(but=self.rows.unproven),
             skipped=tuple(
                 whole_row(row) for row in self.task.rows if self.rows.is_skipped(row.index)
             ),
@@ -161,7 +161,10 @@ class Job:
         progress = self.route.progress
         beside_m = abs(progress.cross_track_m)
         why = doubt(self.task, estimate, self.route.yaw_map_rad, self._pitch_m)
-        self.rows.work(self.route.row_here, beside_m, progress.s_m, estimate.t_s, why)
+        self.rows.work(
+            self.route.row_here, beside_m, progress.s_m, estimate.t_s, why,
+            is_counted=is_counted(self.task, estimate),
+        )  # fmt: skip
         self._cover(self.route.tool_row, estimate)
         self.route.visits.update(progress.s_m, estimate.x_map_m, estimate.y_map_m)
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from agribot.messages import Estimate, Row
+from agribot.messages import Estimate, GnssQuality, Row
 from agribot.plan.caution import across_std_m
 from agribot.plan.row_log import Doubt
 from agribot.plan.task import Task
@@ -38,3 +38,12 @@ def doubt(task: Task, estimate: Estimate, row_yaw_rad: float, pitch_m: float) ->
         return "" if estimate.row_seen else "unseen"
     is_sure = across_std_m(estimate, row_yaw_rad) <= TELLS_APART_RATIO * pitch_m
     return "" if is_sure else "unsure"
+
+
+def is_counted(task: Task, estimate: Estimate) -> bool:
+    """Whether only the rows before tell which row this is.
+
+    Rows look alike to a camera, and without fixed ambiguities the position goes back to the start
+    mark: a robot that was put down one row off it is one row off everywhere.
+    """
+    return task.has_crop and estimate.quality is not GnssQuality.RTK_FIXED

@@ -9,6 +9,8 @@ import msgspec
 
 Doubt = Literal["", "unseen", "unsure"]
 UNPROVEN_RATIO = 0.5  # of the length driven; gaps in the crop and weak light may take the rest
+# Unseen over so much of its length, a row is bare ground: what was seen before it lasts a while.
+BARE_RATIO = 0.8
 
 
 class RowResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -17,7 +19,7 @@ class RowResult(msgspec.Struct, frozen=True, kw_only=True):
     `worked_m` is how much of the row, from the end where the work began, is behind the tool;
     over `unseen_m` of that a camera saw no crop where the row is to be, over `unsure_m` the
     position could not tell the row from the next. A row of which this is the larger part is
-    `unproven` and not done.
+    `unproven` and not done. Over `counted_m` only the rows before it told which row it is.
     """
 
     index: int
@@ -29,6 +31,7 @@ class RowResult(msgspec.Struct, frozen=True, kw_only=True):
     max_cross_track_m: float = 0.0
     unseen_m: float = 0.0
     unsure_m: float = 0.0
+    counted_m: float = 0.0
     unproven: bool = False
 
     @property
@@ -36,8 +39,18 @@ class RowResult(msgspec.Struct, frozen=True, kw_only=True):
         return self.unseen_m + self.unsure_m <= UNPROVEN_RATIO * self.worked_m
 
     @property
+    def is_counted(self) -> bool:
+        return self.counted_m > UNPROVEN_RATIO * self.worked_m
+
+    @property
+    def is_bare(self) -> bool:
+        return 0.0 < BARE_RATIO * self.worked_m <= self.unseen_m
+
+    @property
     def missing(self) -> str:
         """What speaks against the row; it counts from 1."""
+        if self.has_evidence:
+            return f"row {self.index + 1}: maybe one row off"
         lacks = []
         if self.unseen_m:
             lacks.append(f"no crop row seen over {self.unseen_m:.1f} m")
@@ -80,17 +93,29 @@ class RowLog:
         self._entered_m = s_m - self._results[here].worked_m if here >= 0 else s_m
         self._last_m = s_m
 
-    def work(self, row: int, beside_m: float, s_m: float, t_s: float, doubt: Doubt = "") -> None:
+    def work(
+        self,
+        row: int,
+        beside_m: float,
+        s_m: float,
+        t_s: float,
+        doubt: Doubt = "",
+        *,
+        is_counted: bool = False,
+    ) -> None:
         """The robot is in a row, or in none (-1), at `s_m` along its path.
 
-        `doubt` says what speaks against being in that row.
+        `doubt` says what speaks against being in that row; `is_counted` that only the rows before
+        it tell which row it is.
         """
         if row != self.here and self.here >= 0 and not self._results[self.here].skipped:
             self._finish(self.here, t_s)
         if row >= 0:
             if row != self.here:
                 self._entered_m = self._last_m = s_m
-                self._change(row, started_s=t_s, unseen_m=0.0, unsure_m=0.0, unproven=False)
+                self._change(
+                    row, started_s=t_s, unseen_m=0.0, unsure_m=0.0, counted_m=0.0, unproven=False
+                )
             before = self._results[row]
             if not before.skipped:
                 step_m = s_m - self._last_m
@@ -100,6 +125,7 @@ class RowLog:
                     max_cross_track_m=max(before.max_cross_track_m, beside_m),
                     unseen_m=before.unseen_m + step_m * (doubt == "unseen"),
                     unsure_m=before.unsure_m + step_m * (doubt == "unsure"),
+                    counted_m=before.counted_m + step_m * (is_counted and not before.done),
                 )
         self.here, self._last_m = row, s_m
 
@@ -111,6 +137,18 @@ class RowLog:
         if is_done and not result.done:
             self.done += (row,)
         self._change(row, finished_s=t_s, done=is_done, unproven=not is_done)
+        self._doubt_count()
+
+    def _doubt_count(self) -> None:
+        """Bare ground for a row says that the count is off: no row that it tells is proven."""
+        counted = [result for result in self._results.values() if result.is_counted]
+        if not any(result.is_bare and result.unproven for result in counted):
+            return
+        doubted = [result.index for result in counted if result.done]
+        for index in doubted:
+            self._change(index, done=False, unproven=True)
+        self.done = tuple(index for index in self.done if index not in doubted)
+        self.unproven += tuple(doubted)
 
     def missing(self, row: int) -> str:
         """What speaks against an unproven row, for people."""

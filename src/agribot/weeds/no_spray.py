@@ -21,8 +21,9 @@ CELL_M = 0.025
 SIDE_CELLS = 256
 # Around a plant that stands by itself there is bare ground, but for a leaf or a weed called crop.
 RING_M, RING_STEPS, ALONE_RATIO = 0.075, 48, 0.1
-# Evidence of the last looks, the newest first: two in a row that show crop close a cell for sure,
-# and two that show none open it again. Weeds that are called crop in a single frame stay weeds.
+# Evidence of the last looks, of which the newest counts most: two in a row that show crop close a
+# cell for sure. Weeds that are called crop in a single frame stay weeds. Only two looks in a row
+# that show none open it again: one bare look may be a leaf's shadow or its edge.
 NEWS_RATIO, CLOSED = 0.35, 0.5
 
 
@@ -43,6 +44,8 @@ class NoSprayArea:
 
     def __init__(self) -> None:
         self._evidence = np.zeros((SIDE_CELLS, SIDE_CELLS), dtype=np.float32)
+        self._is_closed = np.zeros((SIDE_CELLS, SIDE_CELLS), dtype=bool)
+        self._was_bare = np.zeros((SIDE_CELLS, SIDE_CELLS), dtype=bool)  # in the last look
         self._owner = np.full((2, SIDE_CELLS, SIDE_CELLS), np.iinfo(np.int64).min)
 
     def add(self, cover: CropCover, pose: PoseAt) -> None:
@@ -76,7 +79,10 @@ class NoSprayArea:
         at = (i % SIDE_CELLS, j % SIDE_CELLS)
         is_known = (self._owner[0][at] == i) & (self._owner[1][at] == j)
         before = np.where(is_known, self._evidence[at], 0.0)
-        self._evidence[at] = before + NEWS_RATIO * (is_crop - before)
+        self._evidence[at] = now = before + NEWS_RATIO * (is_crop - before)
+        is_still_closed = is_known & self._is_closed[at] & ~(self._was_bare[at] & ~is_crop)
+        self._is_closed[at] = is_still_closed | (now >= CLOSED)
+        self._was_bare[at] = ~is_crop
         self._owner[0][at], self._owner[1][at] = i, j
 
     def covers(
@@ -90,7 +96,7 @@ class NoSprayArea:
     ) -> bool:
         """Whether crop covers any of a box on the ground, its half sides along and across a yaw.
 
-        Leaves inside the discs `known` do not count: they belong to plants that are spared anyway.
+        Leaves inside the discs `known` do not count: of those plants only the stems are spared.
         """
         cos, sin = math.cos(yaw_map_rad), math.sin(yaw_map_rad)
         along_m, across_m = _steps(half_x_m)[:, None], _steps(half_y_m)[None, :]
@@ -119,7 +125,7 @@ class NoSprayArea:
         j = np.floor(y_map_m / CELL_M).astype(np.int64)
         at = (i % SIDE_CELLS, j % SIDE_CELLS)
         is_held = (self._owner[0][at] == i) & (self._owner[1][at] == j)
-        is_crop = is_held & (self._evidence[at] >= CLOSED)
+        is_crop = is_held & self._is_closed[at]
         return i[is_crop], j[is_crop]
 
 

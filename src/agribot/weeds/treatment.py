@@ -1,7 +1,8 @@
 """Spot spraying: which nozzles are open now, so that the mapped weeds get hit and no crop does.
 
 Crop is spared twice: around the stems in the map, and wherever the last frames showed its leaves,
-so that a closed row, whose plants cannot be told apart, is spared as well.
+so that a closed row, whose plants cannot be told apart, is spared as well. Only leaves of a plant
+that stands alone in the map may be sprayed, up to its stem: weeds grow at their tips.
 
 A nozzle answers `latency_s` after its command, so a command is about where the boom will be
 then. What really flowed is the command of `latency_s` ago: a weed counts as treated only when
