@@ -65,7 +65,7 @@ class Supervisor:
         self._wheels = WheelWatch(robot.drive, config.sensor_timeout_s)
         self._bumper = Bumper()
         self._battery = BatteryWatch(config)
-        self._held_kind = ""
+        self._held_kind = ""  # of the hazard that closed the latch, until it is cleared
         self._accepted: set[str] = set()
         self._last = STOP
         # What the motors were told last; a replay puts in what they were told then.
@@ -126,6 +126,7 @@ class Supervisor:
             if event.action == "clear_stop":
                 self._bumper.accept()
                 self._accepted |= {self._held_kind} & {*DRIVEN_OFF}
+                self._held_kind = ""
             self._latch.hear(event)
 
     def _fence_in(self, goal: Goal) -> None:
@@ -144,7 +145,7 @@ class Supervisor:
     def _hazard(self, batch: SensorBatch, *, is_by_hand: bool, is_to_move: bool) -> _Hazard | None:
         """What a protective stop is for; but for a touch, only of a robot that is to move."""
         motion = self._wheels.watch(self.sent, batch, self._sensors.dt_s)
-        motors = batch.wheels[-1].faults if batch.wheels else ()
+        motors = tuple(dict.fromkeys(name for wheel in batch.wheels for name in wheel.faults))
         touch = self._bumper.feel(batch)
         if not touch and not is_to_move:
             return None
