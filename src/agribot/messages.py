@@ -293,7 +293,8 @@ class Tracking(msgspec.Struct, frozen=True, kw_only=True):
 class TickRecord(msgspec.Struct, frozen=True, kw_only=True):
     """All that one tick saw and decided: log line, display update and replay key.
 
-    `reason` says why the supervisor changed the command; empty when it did not.
+    `reason` says why the supervisor changed the command, or that wheels turn on though they are
+    to stand; empty where neither is so.
     """
 
     batch: SensorBatch

@@ -17,6 +17,7 @@ from agribot.messages import (
     WHEEL_NAMES,
     DriveCommand,
     MissionState,
+    OperatorAction,
     OperatorEvent,
     SensorBatch,
 )
@@ -227,6 +228,29 @@ def test_nothing_latches_while_the_robot_is_not_to_move() -> None:
         for _ in range(200):
             gate.send(STOP, state=state)
     gate.cruise()
+
+
+@pytest.mark.parametrize("actions", [("stop",), ()], ids=["STOP", "pause"])
+@pytest.mark.parametrize("drive", [STOP, AHEAD], ids=["at rest", "asked to move"])
+def test_a_board_that_runs_on_though_the_robot_should_stand_is_told_until_it_stands(
+    actions: tuple[OperatorAction, ...], drive: DriveCommand
+) -> None:
+    gate = Gate().cruise()
+    gate.send(STOP, state="paused", actions=actions)
+    reasons = []
+    for _ in range(100):
+        gate.rover.turn_wheels(DriveCommand(v_mps=1.0))
+        sent, reason = gate.send(drive if actions else STOP, state="paused")
+        assert sent.drive == STOP
+        reasons.append(reason)
+    assert "wheels turn too fast: 7.7 rad/s instead of 0.0" in reasons[-1]
+    assert gate.supervisor._latch.reason == ("stopped by operator" if actions else "")
+    for _ in range(50):
+        sent, reason = gate.send(STOP, state="paused")
+    assert "wheels" not in reason
+    for _ in range(100):
+        gate.rover.turn_wheels(DriveCommand(v_mps=0.5))  # people push it
+        assert "wheels" not in gate.send(STOP, state="paused")[1]
 
 
 def test_a_latch_closed_by_others_holds_the_robot_and_keeps_its_first_reason() -> None:

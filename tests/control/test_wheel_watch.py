@@ -31,6 +31,7 @@ class Bench:
         self.gyro_off_radps = 0.0
         self.is_imu_frozen = False
         self.effort_nm: Four | None = None
+        self.runaway = ""
         self.t_s = 0.0
         self._angles = [0.0] * 4
         self._sent = STOP
@@ -44,7 +45,7 @@ class Bench:
             for k, speed in enumerate(speeds):
                 self._angles[k] += speed * TICK_S
             found = self.watch.watch(self._sent, self._batch(), TICK_S)
-            self._sent = command
+            self._sent, self.runaway = command, found.runaway
             if any(found):
                 return tick * TICK_S, found.wheels, found.doubt
         return seconds, "", ""
@@ -117,6 +118,29 @@ def test_a_wheel_that_turns_though_it_should_stand_is_told() -> None:
     bench.wheels = lambda told: (told[0], 4.0, told[2], told[3])
     _, found, _ = bench.drive(STOP, 2.0)
     assert "left rear wheel turns too fast: 4.0 rad/s instead of 0.0" in found
+    assert bench.runaway == found
+
+
+@at_rates
+def test_wheels_run_away_that_never_came_to_stand_but_not_those_that_people_push(
+    rate_hz: float,
+) -> None:
+    bench = Bench(rate_hz=rate_hz)
+    bench.drive(AHEAD, 1.0)
+    bench.wheels = lambda told: (4.0, 4.0, 4.0, 4.0)
+    bench.drive(STOP, 2.0)
+    assert "wheels turn too fast: 4.0 rad/s instead of 0.0" in bench.runaway
+    for _ in range(100):
+        bench.drive(STOP, TICK_S)
+        assert bench.runaway, "in every tick, however seldom the encoders speak"
+    bench.wheels = every(1.0)
+    for _ in range(50):
+        bench.drive(STOP, TICK_S)
+    assert bench.runaway == ""
+    bench.wheels = lambda told: (4.0, 4.0, 4.0, 4.0)
+    for _ in range(100):
+        bench.drive(STOP, TICK_S)
+        assert bench.runaway == ""
 
 
 @at_rates

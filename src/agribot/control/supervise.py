@@ -15,7 +15,7 @@ from agribot.control.battery_watch import BatteryWatch
 from agribot.control.bumper import Bumper
 from agribot.control.fence import Fence, FieldFence, PathFence
 from agribot.control.sensor_watch import SensorWatch
-from agribot.control.wheel_watch import WheelWatch, name_motors
+from agribot.control.wheel_watch import Found, WheelWatch, name_motors
 from agribot.field_bounds import FieldBounds
 from agribot.latch import Latch
 from agribot.messages import (
@@ -87,6 +87,7 @@ class Supervisor:
     ) -> tuple[RobotCommand, str]:
         """The command to send, and why it was changed ("" if it was not).
 
+        Of a robot that is to stand while its wheels turn on, the reason tells that.
         A person who drives by hand sees where the robot is: neither its own position nor the
         fence nor the mission holds it then, but stops, touches, silent sensors and limits do.
         A closed implement at standstill and the ramp after a stop need no reason.
@@ -97,7 +98,8 @@ class Supervisor:
         self._battery.listen(batch)
         self._hear(batch, status)
         is_to_move = status.state == "running" or not command.drive == self._last == STOP
-        hazard = self._hazard(batch, is_by_hand=is_by_hand, is_to_move=is_to_move)
+        motion = self._wheels.watch(self.sent, batch, self._sensors.dt_s)
+        hazard = self._hazard(batch, motion, is_by_hand=is_by_hand, is_to_move=is_to_move)
         if hazard and not self._latch.reason:
             self._held_kind = hazard.kind
             self._latch.hold(hazard.reason)
@@ -113,6 +115,8 @@ class Supervisor:
             is_pausing = status.state == "paused" and not is_by_hand
             drive = self._ramp(drive, -PAUSE_BRAKE_RATIO * dt_s if is_pausing else dt_s)
             reason = reason or self._held_back(command.drive)
+        if drive == STOP:
+            reason = motion.runaway or reason
         self._last = self.sent = drive
         implement = command.implement
         if abs(drive.v_mps) < STANDSTILL_MPS or status.state != "running":
@@ -142,9 +146,10 @@ class Supervisor:
             fence = FieldFence(goal.bounds, self._config, self._max_accel_mps2)
             self._fences = (*self._fences, fence)
 
-    def _hazard(self, batch: SensorBatch, *, is_by_hand: bool, is_to_move: bool) -> _Hazard | None:
+    def _hazard(
+        self, batch: SensorBatch, motion: Found, *, is_by_hand: bool, is_to_move: bool
+    ) -> _Hazard | None:
         """What a protective stop is for; but for a touch, only of a robot that is to move."""
-        motion = self._wheels.watch(self.sent, batch, self._sensors.dt_s)
         motors = tuple(dict.fromkeys(name for wheel in batch.wheels for name in wheel.faults))
         touch = self._bumper.feel(batch)
         if not touch and not is_to_move:

@@ -50,11 +50,12 @@ class Found(NamedTuple):
     """Faults in words, empty where there is none.
 
     `wheels` go where nobody told them; `doubt` is what a person who drives need not mind, but who
-    relies on odometry and gyro must.
+    relies on odometry and gyro must. `runaway` are wheels that turn on though they are to stand.
     """
 
     wheels: str = ""
     doubt: str = ""
+    runaway: str = ""
 
 
 class WheelWatch:
@@ -68,6 +69,8 @@ class WheelWatch:
         self._told: deque[_Told] = deque()
         self._read: deque[WheelSample] = deque()
         self._off_s = [0.0] * 4
+        self._is_driven = [False] * 4  # by its motor, since the wheel last stood
+        self._runaway = ""
         self._dead_s = [0.0] * 4
         self._yaw_off_s = 0.0
         self._unjudged_s = 0.0  # since the last tick that brought a wheel sample
@@ -81,7 +84,7 @@ class WheelWatch:
         self._hear_imu(batch)
         self._unjudged_s = min(self._unjudged_s + dt_s, MOST_OF_ONE_S)
         if not batch.wheels:
-            return Found()
+            return Found(runaway=self._runaway)
         elapsed_s, self._unjudged_s = self._unjudged_s, 0.0
         speeds = self._measured()
         if speeds is None:
@@ -92,7 +95,8 @@ class WheelWatch:
             self._frozen_imu(speeds, batch),
             self._wrong_turn(speeds, elapsed_s),
         )
-        return Found(wheels, next(filter(None, doubts), ""))
+        self._runaway = wheels if self._runs_on else ""
+        return Found(wheels, next(filter(None, doubts), ""), self._runaway)
 
     def _follow_board(self, sent: DriveCommand, t_s: float, dt_s: float) -> None:
         drive, told = self._drive, self._told
@@ -139,6 +143,7 @@ class WheelWatch:
             tolerance = TOLERANCE_RADPS + TOLERANCE_RATIO * max(abs(low), abs(high))
             is_off = not low - tolerance <= speed <= high + tolerance
             self._off_s[k] = self._off_s[k] + elapsed_s if is_off else 0.0
+            self._is_driven[k] = low != 0.0 or high != 0.0 or (self._is_driven[k] and is_off)
             is_lasting = is_lasting or self._off_s[k] > LASTING_S
         if not is_lasting:
             return ""
@@ -147,6 +152,15 @@ class WheelWatch:
             tuple(k for k in range(4) if self._off_s[k] > 0.0), speeds,
             (now.right_radps, now.left_radps),
         )  # fmt: skip
+
+    @property
+    def _runs_on(self) -> bool:
+        """Whether a driven wheel never came to stand; one that people push had stood before."""
+        is_to_stand = not any(told.right_radps or told.left_radps for told in self._told)
+        lasting = (off_s > LASTING_S for off_s in self._off_s)
+        return is_to_stand and any(
+            is_driven and is_off for is_driven, is_off in zip(self._is_driven, lasting, strict=True)
+        )
 
     def _dead_motor(self, read: WheelSample, elapsed_s: float) -> str:
         """Only boards that tell the torque of each wheel show it."""
