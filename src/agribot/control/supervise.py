@@ -57,6 +57,7 @@ class Supervisor:
         self._latch = Latch() if latch is None else latch
         self._fenced: tuple[Path | None, FieldBounds | None] = None, None
         self._fences: tuple[Fence, ...] = ()
+        self._field_fence: FieldFence | None = None
         self._max_speed_mps = min(config.max_speed_mps, robot.drive.max_speed_mps)
         self._max_yaw_rate_radps = min(config.max_yaw_rate_radps, robot.drive.max_yaw_rate_radps)
         self._max_accel_mps2 = robot.drive.max_accel_mps2
@@ -134,7 +135,10 @@ class Supervisor:
             self._latch.hear(event)
 
     def _fence_in(self, goal: Goal) -> None:
-        """Box and field of what is driven now; both are built when they change."""
+        """Box and field of what is driven now.
+
+        The fence of a field outlives the ways in it: it knows that the robot was inside.
+        """
         path, bounds = self._fenced
         if goal.path is path and goal.bounds is bounds:
             return
@@ -143,8 +147,10 @@ class Supervisor:
         if goal.path is not None:
             self._fences = (PathFence.around(goal.path, self._config.geofence_margin_m),)
         if goal.bounds is not None:
-            fence = FieldFence(goal.bounds, self._config, self._max_accel_mps2)
-            self._fences = (*self._fences, fence)
+            fence = self._field_fence
+            if fence is None or fence.bounds is not goal.bounds:
+                fence = FieldFence(goal.bounds, self._config, self._max_accel_mps2)
+            self._field_fence, self._fences = fence, (*self._fences, fence)
 
     def _hazard(
         self, batch: SensorBatch, motion: Found, *, is_by_hand: bool, is_to_move: bool

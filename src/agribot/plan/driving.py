@@ -50,7 +50,8 @@ class Driving:
         """
         self._desk = PlanningDesk(planning or PlanningAtOnce())
         if saved is not None and saved.visit_name and new_tasks is not None:
-            task = new_tasks.of_places(saved.visit, saved.visit_name)
+            visit = new_tasks.of_places(saved.visit, saved.visit_name)
+            task = visit._replace(bounds=task.bounds)
         self._job = Job(task, config, saved)
         self._errands = Errands()
         self._saved = saved

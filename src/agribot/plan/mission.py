@@ -151,6 +151,8 @@ class Mission(Driving):
 
     def _work_at(self, event: OperatorEvent, task: Task) -> None:
         self._is_checking = False
+        if event.action == "visit":
+            task = task._replace(bounds=self.task.bounds)
         self._job, self._errands = Job(task, self._config), Errands()
         self._ended, self._refusal, self._state = None, "", "paused"
         self._pause(f"new {event.action} from {event.source}; resume begins it")
