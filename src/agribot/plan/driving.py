@@ -12,7 +12,14 @@ from agribot.errors import MissionError
 from agribot.latch import Latch
 from agribot.messages import Estimate, Goal, MissionState, Path
 from agribot.plan.account import FINAL, account, wish
-from agribot.plan.errand import CHECKING, STANDING_MPS, Errand, Errands, restored_errand
+from agribot.plan.errand import (
+    BATTERY,
+    CHECKING,
+    STANDING_MPS,
+    Errand,
+    Errands,
+    restored_errand,
+)
 from agribot.plan.job import Job, Planned
 from agribot.plan.planning import PlanningAtOnce, PlanningDesk, PlanningHost
 from agribot.plan.route import Route
@@ -69,6 +76,7 @@ class Driving:
         self._latch = Latch() if latch is None else latch
         self._is_stopped = self._is_checking = False
         self._warning = ""
+        self._is_heeded = False  # the warning sent it home, or stopped it
         self._paused = ""  # why it stood still when it ended, if it did not drive
         self._held = ""  # why it paused by itself
         self._is_resumed = False  # somebody bade the work begin, and is there to hear a refusal
@@ -172,8 +180,12 @@ class Driving:
 
         def stay(error: MissionError) -> None:
             self._errands.end()
-            self._pause(f"{errand.refusal}: {error}")
-            self._refusal = f"{errand.refusal}: {error}"
+            why = f"{errand.refusal}: {error}"
+            if errand.source == BATTERY:  # nobody asked for it, and may not be there to resume
+                self._hold("; ".join(filter(None, (self._warning, why))))
+            else:
+                self._pause(why)
+            self._refusal = why
 
         latency_s = self.task.errand_planning_s
         work = partial(errand.route, estimate, config)
