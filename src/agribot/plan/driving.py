@@ -81,13 +81,19 @@ class Driving:
         self._held = ""  # why it paused by itself
         self._is_resumed = False  # somebody bade the work begin, and is there to hear a refusal
         self._ok_since_s: float | None = None
+        self._take_up(saved)
+
+    def _take_up(self, saved: SavedMission | None) -> None:
+        """Stand as the mission that was cut off stood, or until there is a goal."""
         if saved is not None and saved.stopped:
             self._latch.hold(saved.stopped)
         if self._cut_off is not None and self._cut_off.planned_from is None:
             self._wait_for_an_answer(self._cut_off)
         elif saved is not None and self._cut_off is None and (saved.stopped or saved.paused):
-            self._pause(f"was cut off: {saved.stopped or saved.paused}; resume goes on with it")
-        elif config.waits_for_goals and self._cut_off is None:
+            why = saved.stopped or saved.paused
+            self._pause(f"was cut off: {why}; resume goes on with it")
+            self._paused = why  # in its own words, however often the run is cut off
+        elif self._config.waits_for_goals and self._cut_off is None:
             self._state, self._reason = "paused", "waits for a goal; resume begins its mission"
 
     @property
@@ -318,3 +324,4 @@ class Driving:
     def _end(self, state: MissionState, reason: str) -> None:
         self._drop()
         self._state, self._reason = state, reason
+        self._paused = self._held = ""

@@ -62,7 +62,9 @@ class Mission(Driving):
         if self._state in FINAL and not (self._stays_open and event.action in AFTER_THE_END):
             return
         if event.action == "cancel":
+            stood = self._paused
             self._end("cancelled", f"cancelled by {event.source}")
+            self._paused = stood  # a run that goes on with this one stands as well
         elif event.action == "set":
             self._set(event)
         elif event.action == "skip_row" and self._errands.route is None:
