@@ -133,9 +133,11 @@ class SafetyConfig(Config, frozen=True):
     max_yaw_rate_radps: Positive = 1.2
     max_tilt_rad: Positive = 0.6
     geofence_margin_m: Positive = 5.0  # around the path, where no boundary of a field is known
-    # So far the robot, as it believes to stand, may get over a field's boundary: a plan keeps 5 cm
-    # off it, and the robot its way to 4 cm where it turns. So far, if it is off by so many sigmas.
+    # So far the robot, where it believes to stand, may get over a field's boundary: a plan keeps
+    # 5 cm off it, and the robot its way to 4 cm where it turns.
     fence_tolerance_m: NonNegative = 0.1
+    # The boundary is also kept for a robot that is off by `fence_sigma` times the 1 sigma of its
+    # position, along its body and across it; such a robot may get over it by `fence_unsure_m`.
     fence_unsure_m: NonNegative = 0.3
     fence_sigma: NonNegative = 2.0
     hand_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.2  # of a request to drive

@@ -172,7 +172,8 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     `ok` is False until the filter has a position and a heading, and again when inputs go
     silent; `reason` then says why, or what is wrong with a sensor that the pose does without.
     `protection_m` bounds the error, faults of GNSS included, `across_protection_m` that to the
-    side of where the robot heads. `contradiction` tells of sensors between which a person decides.
+    side of where the robot heads, of which the covariance alone makes `across_plain_m`.
+    `contradiction` tells of sensors between which a person decides.
     """
 
     t_s: float
@@ -191,6 +192,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     protection_m: float = float("inf")
     row_seen: bool | None = None  # crop, where the robot's row is to be; None: no camera looks
     across_protection_m: float = float("inf")
+    across_plain_m: float = 0.0
     contradiction: str = ""
 
 
@@ -293,7 +295,8 @@ class Tracking(msgspec.Struct, frozen=True, kw_only=True):
 class TickRecord(msgspec.Struct, frozen=True, kw_only=True):
     """All that one tick saw and decided: log line, display update and replay key.
 
-    `reason` says why the supervisor changed the command; empty when it did not.
+    `reason` says why the supervisor changed the command, or that wheels turn on though they are
+    to stand; empty where neither is so.
     """
 
     batch: SensorBatch

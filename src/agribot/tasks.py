@@ -115,6 +115,7 @@ def _work_task(work: FieldWork, robot: RobotSpec) -> Task:
         go_to=lambda here, goal: work.path_to(_pose(here)[:2], goal),
         back=lambda here, goal: work.path_back(_pose(here)[:2], goal),
         work=work,
+        bounds=work.bounds,
         planning_s=CHECKING_S + work.length_m / PLANNED_MPS,
         errand_planning_s=CHECKING_S,
         clearance_m=protection_limit_m(robot.drive) if work.has_crop else math.inf,

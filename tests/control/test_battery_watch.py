@@ -11,13 +11,16 @@ import pytest
 from agribot.config import SafetyConfig
 from agribot.control.battery_watch import LASTING_S, BatteryWatch
 from agribot.devices import BatterySample
-from agribot.messages import STOP, DriveCommand, SensorBatch
+from agribot.errors import MissionError
+from agribot.messages import STOP, DriveCommand, Path, SensorBatch
+from agribot.plan.errand import STOPPING
 from agribot.plan.mission import Mission
 from agribot.plan.task import Task
 from agribot.record.events import EventSieve
 from tests.control.kinematic_rover import TICK_S
 from tests.control.test_supervisor import Gate, assert_stopped
 from tests.plan.planting import MISSION
+from tests.plan.test_mission_errands import HEADLAND, Drive
 from tests.plan.test_mission_resume import ROWS, plan, ride
 from tests.plan.test_mission_states import Ride
 from tests.record import record_samples
@@ -115,6 +118,56 @@ def test_a_low_battery_sends_the_robot_home_once() -> None:
     assert one.be_at(*place).status.state == "paused", "a person decides from now on"
     one.mission.heed("")
     assert one.be_at(*place).status.warning == ""
+
+
+@pytest.mark.parametrize("words", [("pause",), ("stop", "clear_stop")])
+def test_a_battery_that_gets_low_while_the_robot_stands_sends_it_home_once_it_is_resumed(
+    words: tuple[str, ...],
+) -> None:
+    one = ride()
+    one.settle()
+    one.along(0.0, 3.0)
+    place = one.place(3.0)
+    for word in words:
+        one.be_at(*place, word)
+    for _ in range(10):
+        one.mission.heed("battery low: 19 % left")
+        assert one.be_at(*place).status.state == "paused"
+    one.be_at(*place, "resume")
+    for _ in range(3):
+        one.mission.heed("battery low: 18 % left")
+        status = one.be_at(*place).status
+    assert (status.state, status.leg) == ("running", "way home")
+    one.be_at(*place, "pause")
+    one.be_at(*place, "resume")
+    for _ in range(3):
+        one.mission.heed("battery low: 17 % left")
+        assert one.be_at(*place).status.refusal == ""
+
+
+def test_a_battery_that_gets_low_while_the_robot_stops_for_a_goal_is_heeded_too() -> None:
+    drive = Drive()
+    place = drive.into_row(1)
+    assert drive.goto(place, *HEADLAND, v_mps=0.2).status.leg == STOPPING
+    for _ in range(5):
+        drive.mission.heed("battery low: 19 % left")
+        status = drive.be_at(*place).status
+    assert (status.state, status.leg) == ("running", "way home")
+
+
+def test_a_battery_whose_way_home_cannot_be_planned_holds_the_robot_and_says_so() -> None:
+    def no_way(*_: object) -> Path:
+        raise MissionError("a post stands in the way")
+
+    one = Ride(Mission(Task(plan, ROWS, home=no_way), MISSION))
+    one.settle()
+    one.along(0.0, 3.0)
+    for _ in range(20):
+        one.mission.heed("battery low: 19 % left")
+        status = one.be_at(*one.place(3.0)).status
+    assert status.state == "paused"
+    told = "battery low: 19 % left; cannot return home: a post stands in the way"
+    assert (status.reason, status.held) == (told, told)
 
 
 def test_without_a_way_home_a_low_battery_stops_the_robot_where_it_is() -> None:

@@ -12,7 +12,8 @@ import shapely
 from agribot.config import SafetyConfig
 from agribot.control.fence import FieldFence, _Edges
 from agribot.field_bounds import FieldBounds
-from agribot.messages import STOP, DriveCommand, Estimate, Goal, Path
+from agribot.messages import STOP, DriveCommand, Estimate, Goal, Path, RobotCommand
+from tests.control.kinematic_rover import TICK_S
 from tests.control.test_supervisor import ROBOT, Gate, assert_stopped, goal
 from tests.plan.planting import at
 
@@ -154,6 +155,34 @@ def test_the_rectangle_leaves_the_field_exactly_when_a_polygon_library_says_so()
         assert edges.touch((x_m, y_m, yaw_rad), (-rear_m, front_m, -side_m, side_m)) is expected
         answers.add(expected)
     assert answers == {True, False}
+
+
+def test_a_new_way_in_the_same_field_does_not_free_a_robot_that_is_over_the_edge() -> None:
+    gate = Gate()
+    first, second = along((5.0, 5.0), (19.0, 5.0)), along((8.15, 5.0), (15.0, 5.0))
+
+    def send(estimate: Estimate, path: Path | None, s_m: float = 0.0) -> tuple[RobotCommand, str]:
+        gate.rover.t_s += TICK_S
+        bounds = None if path is None else FIELD
+        wanted = msgspec.structs.replace(goal("running"), bounds=bounds, path=path, s_m=s_m)
+        batch = gate.rover.batch()
+        sent, reason = gate.supervisor.check(gate.command(AHEAD), estimate, batch, wanted)
+        gate.rover.turn_wheels(sent.drive)
+        return sent, reason
+
+    for _ in range(10):
+        assert send(believed(5.0, 5.0), first)[1] == ""
+    over_the_hole = believed(8.15, 4.15)
+    for path in (first, second, None, second):  # none while a way is planned
+        for _ in range(40):
+            sent, reason = send(over_the_hole, path)
+            assert path is None or "beyond the edge of the field" in reason
+            assert path is None or sent.drive == STOP
+    back = along((19.75, 5.0), (5.0, 5.0))
+    for _ in range(40):
+        sent, reason = send(believed(19.75, 5.0, math.pi), back)
+        assert reason == "", "a way back in that was planned from there is free"
+    assert sent.drive == AHEAD
 
 
 def test_the_supervisor_holds_the_mission_at_the_edge_and_lets_a_hand_bring_it_back() -> None:

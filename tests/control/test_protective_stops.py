@@ -17,6 +17,7 @@ from agribot.messages import (
     WHEEL_NAMES,
     DriveCommand,
     MissionState,
+    OperatorAction,
     OperatorEvent,
     SensorBatch,
 )
@@ -140,6 +141,28 @@ def test_a_robot_with_a_dead_motor_is_driven_off_by_hand_but_takes_up_no_mission
     assert_stopped(*gate.send(batch=faulty(gate, dead)), "left front motor")
 
 
+def test_who_clears_a_stop_of_their_own_has_not_accepted_a_fault_that_comes_later() -> None:
+    gate = Gate().cruise()
+    gate.send(batch=faulty(gate, (WHEEL_NAMES[3],)))
+    gate.send(STOP, state="paused", actions=("clear_stop",))
+    gate.cruise()  # the motor was mended
+    gate.send(STOP, state="paused", actions=("stop",))
+    gate.send(STOP, state="paused", actions=("clear_stop",))
+    dead = (WHEEL_NAMES[0],)
+    sent, reason = gate.send(AHEAD, state="paused", batch=faulty(gate, dead), is_by_hand=True)
+    assert_stopped(sent, reason, "right rear motor reports a fault")
+
+
+def test_a_fault_that_only_an_earlier_sample_of_a_tick_tells_of_stops_the_robot_too() -> None:
+    gate = Gate().cruise()
+    before = faulty(gate, (WHEEL_NAMES[3],)).wheels[0]
+    after = msgspec.structs.replace(before, faults=(WHEEL_NAMES[0],))
+    well = msgspec.structs.replace(before, faults=())
+    batch = msgspec.structs.replace(gate.rover.batch(), wheels=(before, after, after, well))
+    sent, reason = gate.send(batch=msgspec.structs.replace(batch, t_s=gate.rover.t_s + TICK_S))
+    assert_stopped(sent, reason, "left front and right rear motors report a fault")
+
+
 def test_a_tilt_waits_for_a_person_who_drives_the_robot_down_by_hand() -> None:
     gate = Gate().cruise()
     steep = (9.8 * math.sin(0.9), 0.0, 9.8 * math.cos(0.9))
@@ -205,6 +228,29 @@ def test_nothing_latches_while_the_robot_is_not_to_move() -> None:
         for _ in range(200):
             gate.send(STOP, state=state)
     gate.cruise()
+
+
+@pytest.mark.parametrize("actions", [("stop",), ()], ids=["STOP", "pause"])
+@pytest.mark.parametrize("drive", [STOP, AHEAD], ids=["at rest", "asked to move"])
+def test_a_board_that_runs_on_though_the_robot_should_stand_is_told_until_it_stands(
+    actions: tuple[OperatorAction, ...], drive: DriveCommand
+) -> None:
+    gate = Gate().cruise()
+    gate.send(STOP, state="paused", actions=actions)
+    reasons = []
+    for _ in range(100):
+        gate.rover.turn_wheels(DriveCommand(v_mps=1.0))
+        sent, reason = gate.send(drive if actions else STOP, state="paused")
+        assert sent.drive == STOP
+        reasons.append(reason)
+    assert "wheels turn too fast: 7.7 rad/s instead of 0.0" in reasons[-1]
+    assert gate.supervisor._latch.reason == ("stopped by operator" if actions else "")
+    for _ in range(50):
+        sent, reason = gate.send(STOP, state="paused")
+    assert "wheels" not in reason
+    for _ in range(100):
+        gate.rover.turn_wheels(DriveCommand(v_mps=0.5))  # people push it
+        assert "wheels" not in gate.send(STOP, state="paused")[1]
 
 
 def test_a_latch_closed_by_others_holds_the_robot_and_keeps_its_first_reason() -> None:

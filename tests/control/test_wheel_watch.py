@@ -15,17 +15,23 @@ DELAY_S = 0.3
 AHEAD = DriveCommand(v_mps=0.4)
 TURN = DriveCommand(v_mps=0.3, yaw_rate_radps=0.5)
 Wheels = Callable[[Four], Four]
+at_rates = pytest.mark.parametrize("rate_hz", [50, 25, 10])
 
 
 class Bench:
-    """A board that follows its commands by `wheels`, and a gyro that agrees with the wheels."""
+    """A board that follows its commands by `wheels`, and a gyro that agrees with the wheels.
 
-    def __init__(self, wheels: Wheels = lambda told: told) -> None:
+    The board tells of its encoders so often; the gyro speaks in every tick.
+    """
+
+    def __init__(self, wheels: Wheels = lambda told: told, rate_hz: float = 50.0) -> None:
+        self._ticks_between = round(1.0 / (rate_hz * TICK_S))
         self.watch = WheelWatch(DRIVE, DELAY_S)
         self.wheels = wheels
         self.gyro_off_radps = 0.0
         self.is_imu_frozen = False
         self.effort_nm: Four | None = None
+        self.runaway = ""
         self.t_s = 0.0
         self._angles = [0.0] * 4
         self._sent = STOP
@@ -39,7 +45,7 @@ class Bench:
             for k, speed in enumerate(speeds):
                 self._angles[k] += speed * TICK_S
             found = self.watch.watch(self._sent, self._batch(), TICK_S)
-            self._sent = command
+            self._sent, self.runaway = command, found.runaway
             if any(found):
                 return tick * TICK_S, found.wheels, found.doubt
         return seconds, "", ""
@@ -49,10 +55,12 @@ class Bench:
         wheel = WheelSample(
             t_s=self.t_s, angle_rad=(a, b, c, d), speed_radps=(0.0,) * 4, effort_nm=self.effort_nm
         )
-        hum = 0.0 if self.is_imu_frozen else 1e-4 * (round(self.t_s / TICK_S) % 7)
+        tick = round(self.t_s / TICK_S)
+        hum = 0.0 if self.is_imu_frozen else 1e-4 * (tick % 7)
         yaw_rate = 0.0 if self.is_imu_frozen else self._sent.yaw_rate_radps + self.gyro_off_radps
         imu = ImuSample(t_s=self.t_s, gyro_radps=(hum, 0.0, yaw_rate), accel_mps2=(0.0, 0.0, 9.8))
-        return SensorBatch(t_s=self.t_s, wheels=(wheel,), imu=(imu,))
+        wheels = (wheel,) if tick % self._ticks_between == 0 else ()
+        return SensorBatch(t_s=self.t_s, wheels=wheels, imu=(imu,))
 
 
 def one(index: int, ratio: float) -> Wheels:
@@ -67,6 +75,7 @@ def every(ratio: float) -> Wheels:
     return lambda told: (ratio * told[0], ratio * told[1], ratio * told[2], ratio * told[3])
 
 
+@at_rates
 @pytest.mark.parametrize(
     ("wheels", "words"),
     [
@@ -80,20 +89,23 @@ def every(ratio: float) -> Wheels:
         (lambda told: (told[0], 0.0, told[2], 0.0), "left wheels do not turn"),
     ],
 )  # fmt: skip
-def test_a_wheel_that_does_not_as_told_is_named_within_a_second(wheels: Wheels, words: str) -> None:
-    bench = Bench()
+def test_a_wheel_that_does_not_as_told_is_named_within_a_second(
+    wheels: Wheels, words: str, rate_hz: float
+) -> None:
+    bench = Bench(rate_hz=rate_hz)
     assert bench.drive(AHEAD, 2.0)[1:] == ("", "")
     bench.wheels = wheels
     after_s, found, _ = bench.drive(AHEAD, 2.0)
     assert words in found
     assert after_s < 0.7
-    after_s, found, _ = Bench(wheels).drive(AHEAD, 2.0)
+    after_s, found, _ = Bench(wheels, rate_hz).drive(AHEAD, 2.0)
     assert words.split(":", maxsplit=1)[0] in found, "from the start on"
     assert after_s <= 1.0
 
 
-def test_left_and_right_that_are_swapped_are_told_in_a_turn() -> None:
-    bench = Bench(lambda told: (told[1], told[0], told[1], told[0]))
+@at_rates
+def test_left_and_right_that_are_swapped_are_told_in_a_turn(rate_hz: float) -> None:
+    bench = Bench(lambda told: (told[1], told[0], told[1], told[0]), rate_hz)
     assert bench.drive(AHEAD, 2.0)[1] == ""
     after_s, found, _ = bench.drive(TURN, 2.0)
     assert "turns the other way than told" in found
@@ -106,12 +118,36 @@ def test_a_wheel_that_turns_though_it_should_stand_is_told() -> None:
     bench.wheels = lambda told: (told[0], 4.0, told[2], told[3])
     _, found, _ = bench.drive(STOP, 2.0)
     assert "left rear wheel turns too fast: 4.0 rad/s instead of 0.0" in found
+    assert bench.runaway == found
 
 
+@at_rates
+def test_wheels_run_away_that_never_came_to_stand_but_not_those_that_people_push(
+    rate_hz: float,
+) -> None:
+    bench = Bench(rate_hz=rate_hz)
+    bench.drive(AHEAD, 1.0)
+    bench.wheels = lambda told: (4.0, 4.0, 4.0, 4.0)
+    bench.drive(STOP, 2.0)
+    assert "wheels turn too fast: 4.0 rad/s instead of 0.0" in bench.runaway
+    for _ in range(100):
+        bench.drive(STOP, TICK_S)
+        assert bench.runaway, "in every tick, however seldom the encoders speak"
+    bench.wheels = every(1.0)
+    for _ in range(50):
+        bench.drive(STOP, TICK_S)
+    assert bench.runaway == ""
+    bench.wheels = lambda told: (4.0, 4.0, 4.0, 4.0)
+    for _ in range(100):
+        bench.drive(STOP, TICK_S)
+        assert bench.runaway == ""
+
+
+@at_rates
 @pytest.mark.parametrize("delay_s", [0.0, 0.1, DELAY_S - 0.1])
 @pytest.mark.parametrize("ratio", [0.75, 1.0, 1.25])
 def test_a_slow_board_with_a_wrong_scale_that_does_as_told_is_no_fault(
-    delay_s: float, ratio: float
+    delay_s: float, ratio: float, rate_hz: float
 ) -> None:
     late: list[Four] = [(0.0,) * 4] * round(delay_s / TICK_S)
 
@@ -119,13 +155,14 @@ def test_a_slow_board_with_a_wrong_scale_that_does_as_told_is_no_fault(
         late.append((ratio * told[0], ratio * told[1], ratio * told[2], ratio * told[3]))
         return late.pop(0)
 
-    bench = Bench(slow)
+    bench = Bench(slow, rate_hz)
     for command in (AHEAD, TURN, STOP, DriveCommand(v_mps=-0.4), TURN, AHEAD, STOP):
         assert bench.drive(command, 1.5)[1:] == ("", "")
 
 
-def test_a_clod_that_holds_a_wheel_for_a_moment_is_no_fault() -> None:
-    bench = Bench()
+@at_rates
+def test_a_clod_that_holds_a_wheel_for_a_moment_is_no_fault(rate_hz: float) -> None:
+    bench = Bench(rate_hz=rate_hz)
     for _ in range(10):
         assert bench.drive(AHEAD, 1.0)[1] == ""
         bench.wheels = one(2, 0.1)
@@ -133,8 +170,9 @@ def test_a_clod_that_holds_a_wheel_for_a_moment_is_no_fault() -> None:
         bench.wheels = every(1.0)
 
 
-def test_a_motor_without_torque_is_named_though_its_wheel_rolls_along() -> None:
-    bench = Bench()
+@at_rates
+def test_a_motor_without_torque_is_named_though_its_wheel_rolls_along(rate_hz: float) -> None:
+    bench = Bench(rate_hz=rate_hz)
     bench.effort_nm = (0.3, 0.2, 0.3, 0.1)
     assert bench.drive(AHEAD, 3.0)[2] == ""
     bench.effort_nm = (0.3, 0.2, 0.3, 0.0)
@@ -144,14 +182,17 @@ def test_a_motor_without_torque_is_named_though_its_wheel_rolls_along() -> None:
     )  # fmt: skip
     assert after_s < 0.7
     for effort_nm in ((0.0,) * 4, (0.01, 0.0, 0.01, 0.0), None):  # nobody works; nobody tells
-        bench = Bench()
+        bench = Bench(rate_hz=rate_hz)
         bench.effort_nm = effort_nm
         assert bench.drive(AHEAD, 3.0)[2] == ""
 
 
+@at_rates
 @pytest.mark.parametrize(("off_radps", "is_told"), [(0.3, True), (-0.3, True), (0.1, False)])
-def test_a_gyro_that_contradicts_the_wheels_is_told(off_radps: float, is_told: bool) -> None:
-    bench = Bench()
+def test_a_gyro_that_contradicts_the_wheels_is_told(
+    off_radps: float, is_told: bool, rate_hz: float
+) -> None:
+    bench = Bench(rate_hz=rate_hz)
     bench.gyro_off_radps = off_radps
     after_s, wheels, doubt = bench.drive(AHEAD, 2.0)
     assert wheels == ""
@@ -159,9 +200,10 @@ def test_a_gyro_that_contradicts_the_wheels_is_told(off_radps: float, is_told: b
     assert not is_told or after_s <= 1.0
 
 
+@at_rates
 @pytest.mark.parametrize("gain", [0.6, 0.8, 1.2, 1.4])
-def test_a_robot_that_skids_is_no_fault_of_the_gyro(gain: float) -> None:
-    bench = Bench()
+def test_a_robot_that_skids_is_no_fault_of_the_gyro(gain: float, rate_hz: float) -> None:
+    bench = Bench(rate_hz=rate_hz)
     turn = DriveCommand(yaw_rate_radps=1.0)
     bench.gyro_off_radps = (gain - 1.0) * turn.yaw_rate_radps
     bench.drive(turn, 0.1)
@@ -177,8 +219,23 @@ def test_an_imu_that_repeats_itself_is_told_of_a_moving_robot_only() -> None:
     assert after_s <= 1.0
 
 
-def test_an_encoder_that_counts_anew_is_no_fault() -> None:
-    bench = Bench()
+@at_rates
+def test_an_encoder_that_counts_anew_is_no_fault(rate_hz: float) -> None:
+    bench = Bench(rate_hz=rate_hz)
     bench.drive(AHEAD, 1.0)
     bench._angles = [1000.0, -1000.0, 0.0, 0.0]
     assert bench.drive(AHEAD, 2.0)[1] == ""
+
+
+def test_samples_that_were_missing_for_long_are_no_evidence() -> None:
+    """Half a second without a sample is a fault by itself; what comes after it begins anew."""
+    bench = Bench()
+    bench.drive(AHEAD, 1.0)
+    for _ in range(5):
+        bench._ticks_between = 10**6
+        assert bench.drive(AHEAD, 0.6)[1] == ""
+        bench._ticks_between = 1
+        bench.wheels = one(2, 0.0)
+        assert bench.drive(AHEAD, 0.1)[1] == ""
+        bench.wheels = every(1.0)
+        assert bench.drive(AHEAD, 0.5)[1] == ""

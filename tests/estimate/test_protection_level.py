@@ -10,6 +10,7 @@ import pytest
 
 from agribot.config import EstimateConfig
 from agribot.messages import Estimate, GnssFix, OperatorEvent, SensorBatch
+from agribot.plan.caution import across_std_m
 from tests.estimate.noisy_rover import M8N, RTK, Errors, Recording, record, rows
 from tests.estimate.playback import batches, localizer, play
 from tests.estimate.test_localizer_faults import distance_m, shifted, with_fixes
@@ -45,6 +46,18 @@ def test_a_level_for_a_rarer_excess_is_larger() -> None:
     rare = play(recording, localizer(config=EstimateConfig(protection_risk=1e-6)))[-1]
     assert rare.protection_m > 1.3 * usual.protection_m
     assert rare.pos_std_m == usual.pos_std_m
+
+
+@pytest.mark.parametrize("risk", [1e-2, 1e-3, 1e-4])
+def test_what_the_covariance_alone_makes_of_the_level_has_the_risk_of_the_settings(
+    risk: float,
+) -> None:
+    recording = record(rows, 15.0, seed=1)
+    estimates = play(recording, localizer(config=EstimateConfig(protection_risk=risk)))
+    last = estimates[-1]
+    sigmas = last.across_plain_m / across_std_m(last, last.yaw_map_rad)
+    assert math.erfc(sigmas / math.sqrt(2.0)) == pytest.approx(risk, rel=0.05)
+    assert all(0.0 < e.across_plain_m <= e.across_protection_m for e in estimates if e.ok)
 
 
 def longest(flags: list[bool]) -> int:

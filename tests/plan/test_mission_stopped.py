@@ -10,7 +10,7 @@ from agribot.messages import Goal
 from agribot.plan.mission import Mission
 from agribot.plan.saved_mission import SavedMission
 from agribot.plan.task import Task
-from tests.plan.planting import MISSION
+from tests.plan.planting import MISSION, at
 from tests.plan.test_mission_resume import ROWS, home, plan, ride, row_at_m
 from tests.plan.test_mission_states import Ride
 
@@ -73,6 +73,32 @@ def test_a_paused_run_goes_on_only_when_it_is_resumed(last: tuple[str, ...]) -> 
     assert "paused by operator" in status.reason
     again.be_at(*again.start, "resume")
     assert again.settle().s_m == pytest.approx(s_m, abs=0.05)
+
+
+def test_however_often_a_run_is_cut_off_it_tells_once_why_it_stands() -> None:
+    saved, _ = cut_off("pause")
+    for _ in range(3):
+        again = resumed(saved)
+        told = stand(again).status.reason
+        assert told == "was cut off: paused by operator; resume goes on with it"
+        after = again.mission.saved()
+        assert after is not None
+        assert after.paused == "paused by operator"
+        saved = after
+
+
+def test_a_mission_that_held_itself_and_is_cancelled_is_held_no_more_and_kept_as_it_stood() -> None:
+    one = ride()
+    one.settle()
+    one.along(0.0, 2.0)
+    place, doubt = one.place(2.0), "camera and GNSS disagree by 0.40 m"
+    unsure = msgspec.structs.replace(at(*place, one.t_s), contradiction=doubt)
+    assert one.mission.step(unsure).status.held == doubt
+    status = one.be_at(*place, "cancel").status
+    assert (status.state, status.held) == ("cancelled", "")
+    saved = one.mission.saved()
+    assert saved is not None
+    assert saved.paused == doubt
 
 
 def test_a_run_that_drove_when_it_was_cut_off_goes_on_by_itself() -> None:

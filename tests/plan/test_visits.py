@@ -9,10 +9,12 @@ import pytest
 
 from agribot.config import MissionConfig
 from agribot.errors import MissionError
+from agribot.field_bounds import FieldBounds
 from agribot.messages import Estimate, GnssQuality, Goal, OperatorEvent, Path
 from agribot.operator_input import OperatorAction
 from agribot.plan.curves import Pose, Segment, sample
 from agribot.plan.mission import Mission
+from agribot.plan.saved_mission import SavedMission
 from agribot.plan.task import NewTasks, Task
 
 
@@ -45,7 +47,14 @@ def no_plan(text: str) -> Task:
 class Drive:
     """A mission of 10 m straight ahead, that takes places to visit instead."""
 
-    def __init__(self, *, waits: bool = False, only_from_m: float = 0.0) -> None:
+    def __init__(
+        self,
+        *,
+        waits: bool = False,
+        only_from_m: float = 0.0,
+        bounds: FieldBounds | None = None,
+        saved: SavedMission | None = None,
+    ) -> None:
         def plan(estimate: Estimate) -> Path:
             if estimate.x_map_m < self.only_from_m:
                 raise MissionError("put the robot elsewhere")
@@ -53,7 +62,8 @@ class Drive:
 
         self.only_from_m = only_from_m
         config = MissionConfig(waits_for_goals=waits)
-        self.mission = Mission(Task(plan), config, new_tasks=NewTasks(no_plan, visiting))
+        task = Task(plan, bounds=bounds)
+        self.mission = Mission(task, config, saved, NewTasks(no_plan, visiting))
         self.t_s = self.x_m = 0.0
 
     def step(self, *events: OperatorEvent, seconds: float = 0.1) -> Goal:
@@ -132,6 +142,24 @@ def test_a_start_without_a_way_waits_for_a_better_place_and_one_under_a_stop_for
     drive.x_m = 1.0
     drive.ask("start")
     assert drive.settle().status.state == "running"
+
+
+def test_a_visit_in_a_planned_field_is_fenced_in_by_it_after_a_cut_off_too() -> None:
+    field = FieldBounds(
+        rings_map_m=(np.array([(-5.0, -5.0), (20.0, -5.0), (20.0, 5.0), (-5.0, 5.0)]),),
+        front_m=0.5, rear_m=0.4, half_width_m=0.45,
+    )  # fmt: skip
+    drive = Drive(bounds=field)
+    assert drive.settle().bounds is field
+    drive.ask("visit", 4.0, 0.0, 5.0, 0.0)
+    drive.ask("visit", 6.0, 0.0)
+    goal = drive.settle()
+    assert (goal.status.task, goal.bounds) == ("abc", field)
+    again = Drive(bounds=field, saved=drive.mission.saved())
+    again.settle()
+    again.ask("resume")
+    goal = again.settle()
+    assert (goal.status.task, goal.bounds) == ("abc", field)
 
 
 def test_a_visit_that_cannot_be_planned_fails_in_the_planners_words() -> None:

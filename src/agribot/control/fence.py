@@ -127,10 +127,10 @@ class _Edges:
 
 
 class FieldFence:
-    """The edge of the field and its holes, for one way: it counts once the robot is inside."""
+    """The edge of the field and its holes: it counts from when the robot is inside."""
 
     def __init__(self, bounds: FieldBounds, config: SafetyConfig, decel_mps2: float) -> None:
-        self._bounds, self._config, self._decel_mps2 = bounds, config, decel_mps2
+        self.bounds, self._config, self._decel_mps2 = bounds, config, decel_mps2
         self._here, self._rest, self._ahead = (_Edges(bounds) for _ in range(3))
         self._was_inside = False
         self._led_out: tuple[Path | None, float, bool] = None, math.nan, False
@@ -164,7 +164,7 @@ class FieldFence:
 
     def _box(self, along_m: float, across_m: float) -> tuple[float, float, float, float]:
         """The robot, larger by so much along and across its body."""
-        bounds = self._bounds
+        bounds = self.bounds
         front_m = max(bounds.front_m + along_m, LEAST_HALF_M)
         rear_m = max(bounds.rear_m + along_m, LEAST_HALF_M)
         side_m = max(bounds.half_width_m + across_m, LEAST_HALF_M)

@@ -15,7 +15,7 @@ from agribot.control.battery_watch import BatteryWatch
 from agribot.control.bumper import Bumper
 from agribot.control.fence import Fence, FieldFence, PathFence
 from agribot.control.sensor_watch import SensorWatch
-from agribot.control.wheel_watch import WheelWatch, name_motors
+from agribot.control.wheel_watch import Found, WheelWatch, name_motors
 from agribot.field_bounds import FieldBounds
 from agribot.latch import Latch
 from agribot.messages import (
@@ -57,6 +57,7 @@ class Supervisor:
         self._latch = Latch() if latch is None else latch
         self._fenced: tuple[Path | None, FieldBounds | None] = None, None
         self._fences: tuple[Fence, ...] = ()
+        self._field_fence: FieldFence | None = None
         self._max_speed_mps = min(config.max_speed_mps, robot.drive.max_speed_mps)
         self._max_yaw_rate_radps = min(config.max_yaw_rate_radps, robot.drive.max_yaw_rate_radps)
         self._max_accel_mps2 = robot.drive.max_accel_mps2
@@ -65,7 +66,7 @@ class Supervisor:
         self._wheels = WheelWatch(robot.drive, config.sensor_timeout_s)
         self._bumper = Bumper()
         self._battery = BatteryWatch(config)
-        self._held_kind = ""
+        self._held_kind = ""  # of the hazard that closed the latch, until it is cleared
         self._accepted: set[str] = set()
         self._last = STOP
         # What the motors were told last; a replay puts in what they were told then.
@@ -87,6 +88,7 @@ class Supervisor:
     ) -> tuple[RobotCommand, str]:
         """The command to send, and why it was changed ("" if it was not).
 
+        Of a robot that is to stand while its wheels turn on, the reason tells that.
         A person who drives by hand sees where the robot is: neither its own position nor the
         fence nor the mission holds it then, but stops, touches, silent sensors and limits do.
         A closed implement at standstill and the ramp after a stop need no reason.
@@ -97,7 +99,8 @@ class Supervisor:
         self._battery.listen(batch)
         self._hear(batch, status)
         is_to_move = status.state == "running" or not command.drive == self._last == STOP
-        hazard = self._hazard(batch, is_by_hand=is_by_hand, is_to_move=is_to_move)
+        motion = self._wheels.watch(self.sent, batch, self._sensors.dt_s)
+        hazard = self._hazard(batch, motion, is_by_hand=is_by_hand, is_to_move=is_to_move)
         if hazard and not self._latch.reason:
             self._held_kind = hazard.kind
             self._latch.hold(hazard.reason)
@@ -113,6 +116,8 @@ class Supervisor:
             is_pausing = status.state == "paused" and not is_by_hand
             drive = self._ramp(drive, -PAUSE_BRAKE_RATIO * dt_s if is_pausing else dt_s)
             reason = reason or self._held_back(command.drive)
+        if drive == STOP:
+            reason = motion.runaway or reason
         self._last = self.sent = drive
         implement = command.implement
         if abs(drive.v_mps) < STANDSTILL_MPS or status.state != "running":
@@ -126,10 +131,14 @@ class Supervisor:
             if event.action == "clear_stop":
                 self._bumper.accept()
                 self._accepted |= {self._held_kind} & {*DRIVEN_OFF}
+                self._held_kind = ""
             self._latch.hear(event)
 
     def _fence_in(self, goal: Goal) -> None:
-        """Box and field of what is driven now; both are built when they change."""
+        """Box and field of what is driven now.
+
+        The fence of a field outlives the ways in it: it knows that the robot was inside.
+        """
         path, bounds = self._fenced
         if goal.path is path and goal.bounds is bounds:
             return
@@ -138,13 +147,16 @@ class Supervisor:
         if goal.path is not None:
             self._fences = (PathFence.around(goal.path, self._config.geofence_margin_m),)
         if goal.bounds is not None:
-            fence = FieldFence(goal.bounds, self._config, self._max_accel_mps2)
-            self._fences = (*self._fences, fence)
+            fence = self._field_fence
+            if fence is None or fence.bounds is not goal.bounds:
+                fence = FieldFence(goal.bounds, self._config, self._max_accel_mps2)
+            self._field_fence, self._fences = fence, (*self._fences, fence)
 
-    def _hazard(self, batch: SensorBatch, *, is_by_hand: bool, is_to_move: bool) -> _Hazard | None:
+    def _hazard(
+        self, batch: SensorBatch, motion: Found, *, is_by_hand: bool, is_to_move: bool
+    ) -> _Hazard | None:
         """What a protective stop is for; but for a touch, only of a robot that is to move."""
-        motion = self._wheels.watch(self.sent, batch, self._sensors.dt_s)
-        motors = batch.wheels[-1].faults if batch.wheels else ()
+        motors = tuple(dict.fromkeys(name for wheel in batch.wheels for name in wheel.faults))
         touch = self._bumper.feel(batch)
         if not touch and not is_to_move:
             return None

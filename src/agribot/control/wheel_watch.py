@@ -18,6 +18,9 @@ from agribot.robot import DriveSpec
 
 SPAN_S = 0.1
 LASTING_S = 0.4  # a wheel that jerks free or spins up on a clod is over sooner
+# Encoders may be slower than the ticks: a sample tells of the time since the last one, yet no two
+# alone make a fault.
+MOST_OF_ONE_S = LASTING_S / 2.0
 TOLERANCE_RADPS, TOLERANCE_RATIO = 0.6, 0.3
 STANDS_RATIO = 0.15
 # A skidding robot turns by 0.55 to 1.5 of what its wheels say, and a little where one side slips.
@@ -47,11 +50,12 @@ class Found(NamedTuple):
     """Faults in words, empty where there is none.
 
     `wheels` go where nobody told them; `doubt` is what a person who drives need not mind, but who
-    relies on odometry and gyro must.
+    relies on odometry and gyro must. `runaway` are wheels that turn on though they are to stand.
     """
 
     wheels: str = ""
     doubt: str = ""
+    runaway: str = ""
 
 
 class WheelWatch:
@@ -65,8 +69,11 @@ class WheelWatch:
         self._told: deque[_Told] = deque()
         self._read: deque[WheelSample] = deque()
         self._off_s = [0.0] * 4
+        self._is_driven = [False] * 4  # by its motor, since the wheel last stood
+        self._runaway = ""
         self._dead_s = [0.0] * 4
         self._yaw_off_s = 0.0
+        self._unjudged_s = 0.0  # since the last tick that brought a wheel sample
         self._gyro_radps: deque[tuple[float, float]] = deque()
         self._imu: tuple[float, ...] = ()
         self._imu_changed_s = -math.inf
@@ -74,17 +81,22 @@ class WheelWatch:
     def watch(self, sent: DriveCommand, batch: SensorBatch, dt_s: float) -> Found:
         self._follow_board(sent, batch.t_s, dt_s)
         self._read.extend(batch.wheels)
-        self._gyro_radps.extend((sample.t_s, sample.gyro_radps[2]) for sample in batch.imu)
-        speeds = self._measured() if batch.wheels else None
+        self._hear_imu(batch)
+        self._unjudged_s = min(self._unjudged_s + dt_s, MOST_OF_ONE_S)
+        if not batch.wheels:
+            return Found(runaway=self._runaway)
+        elapsed_s, self._unjudged_s = self._unjudged_s, 0.0
+        speeds = self._measured()
         if speeds is None:
             return Found()
-        wheels = self._wrong_wheels(speeds, dt_s)
+        wheels = self._wrong_wheels(speeds, elapsed_s)
         doubts = (
-            self._dead_motor(batch.wheels[-1], dt_s),
+            self._dead_motor(batch.wheels[-1], elapsed_s),
             self._frozen_imu(speeds, batch),
-            self._wrong_turn(speeds, dt_s),
+            self._wrong_turn(speeds, elapsed_s),
         )
-        return Found(wheels, next(filter(None, doubts), ""))
+        self._runaway = wheels if self._runs_on else ""
+        return Found(wheels, next(filter(None, doubts), ""), self._runaway)
 
     def _follow_board(self, sent: DriveCommand, t_s: float, dt_s: float) -> None:
         drive, told = self._drive, self._told
@@ -121,7 +133,7 @@ class WheelWatch:
             return last.speed_radps  # the encoder began to count anew
         return a, b, c, d
 
-    def _wrong_wheels(self, speeds: Four, dt_s: float) -> str:
+    def _wrong_wheels(self, speeds: Four, elapsed_s: float) -> str:
         rights = [told.right_radps for told in self._told]
         lefts = [told.left_radps for told in self._told]
         bounds = ((min(rights), max(rights)), (min(lefts), max(lefts)))
@@ -130,7 +142,8 @@ class WheelWatch:
             low, high = bounds[k % 2]
             tolerance = TOLERANCE_RADPS + TOLERANCE_RATIO * max(abs(low), abs(high))
             is_off = not low - tolerance <= speed <= high + tolerance
-            self._off_s[k] = self._off_s[k] + dt_s if is_off else 0.0
+            self._off_s[k] = self._off_s[k] + elapsed_s if is_off else 0.0
+            self._is_driven[k] = low != 0.0 or high != 0.0 or (self._is_driven[k] and is_off)
             is_lasting = is_lasting or self._off_s[k] > LASTING_S
         if not is_lasting:
             return ""
@@ -140,7 +153,16 @@ class WheelWatch:
             (now.right_radps, now.left_radps),
         )  # fmt: skip
 
-    def _dead_motor(self, read: WheelSample, dt_s: float) -> str:
+    @property
+    def _runs_on(self) -> bool:
+        """Whether a driven wheel never came to stand; one that people push had stood before."""
+        is_to_stand = not any(told.right_radps or told.left_radps for told in self._told)
+        lasting = (off_s > LASTING_S for off_s in self._off_s)
+        return is_to_stand and any(
+            is_driven and is_off for is_driven, is_off in zip(self._is_driven, lasting, strict=True)
+        )
+
+    def _dead_motor(self, read: WheelSample, elapsed_s: float) -> str:
         """Only boards that tell the torque of each wheel show it."""
         efforts, torque_nm = read.effort_nm, self._drive.wheel_torque_nm
         told = self._told[-1]
@@ -152,7 +174,7 @@ class WheelWatch:
             if abs(effort) > DEAD_RATIO * torque_nm:
                 self._dead_s[k] = 0.0
             elif total_nm > 3.0 * WORKING_RATIO * torque_nm:
-                self._dead_s[k] += dt_s
+                self._dead_s[k] += elapsed_s
             if self._dead_s[k] > DEAD_LASTING_S:
                 return (
                     f"{WORDS[WHEEL_NAMES[k]]} motor gives no torque while the others work; check "
@@ -160,11 +182,14 @@ class WheelWatch:
                 )
         return ""
 
-    def _frozen_imu(self, speeds: Four, batch: SensorBatch) -> str:
+    def _hear_imu(self, batch: SensorBatch) -> None:
         for sample in batch.imu:
+            self._gyro_radps.append((sample.t_s, sample.gyro_radps[2]))
             value = (*sample.gyro_radps, *sample.accel_mps2)
             if value != self._imu:
                 self._imu, self._imu_changed_s = value, sample.t_s
+
+    def _frozen_imu(self, speeds: Four, batch: SensorBatch) -> str:
         if not batch.imu or min(abs(speed) for speed in speeds) < TURNING_RADPS:
             self._imu_changed_s = max(self._imu_changed_s, batch.t_s - SPAN_S)
             return ""
@@ -173,7 +198,7 @@ class WheelWatch:
             return ""
         return f"IMU repeats the same numbers for {same_s:.2f} s while the wheels turn; restart it"
 
-    def _wrong_turn(self, speeds: Four, dt_s: float) -> str:
+    def _wrong_turn(self, speeds: Four, elapsed_s: float) -> str:
         gyro = self._gyro_radps
         while gyro and not 0.0 <= self._read[-1].t_s - gyro[0][0] <= SPAN_S:
             gyro.popleft()
@@ -190,7 +215,7 @@ class WheelWatch:
         )
         is_off = abs(rate_radps - wheels_radps) > tolerance
         if not any(self._off_s):  # else it may be a wheel's fault, which is told by name
-            self._yaw_off_s = self._yaw_off_s + dt_s if is_off else 0.0
+            self._yaw_off_s = self._yaw_off_s + elapsed_s if is_off else 0.0
         if self._yaw_off_s <= YAW_LASTING_S:
             return ""
         return (

@@ -129,11 +129,10 @@ class Integrity:
 
         `is_held`: the camera holds it on its row, so that no fault of the GNSS moves it aside.
         """
-        here, yaw_rad = self._here(t_s, pos_std_m), self._ekf.x[YAW]
-        left = (-math.sin(yaw_rad), math.cos(yaw_rad))
-        plain_m = self._across_gain * std_along_m(here.spread.cov_m2, left)
+        plain_m, left = self.across_plain_m, self._left
         if is_held:
             return plain_m
+        here = self._here(t_s, pos_std_m)
         gnss, anchor = self._gnss, self._anchors[0]
         moved_m = abs(_along(left, gnss.moved_m) - _along(left, self._believed_m))
         doubted_m = moved_m + (abs(_along(left, gnss.rejected_m)) if self._is_off else 0.0)
@@ -146,6 +145,18 @@ class Integrity:
             + self._slid_m2(anchor)
         )
         return max(plain_m + doubted_m, apart_m + self._across_fault_gain * alone_m)
+
+    @property
+    def across_plain_m(self) -> float:
+        """What the covariance alone makes of `across_m`, as if no GNSS were ever wrong."""
+        cov = self._ekf.cov
+        cov_m2 = (float(cov[X, X]), float(cov[X, Y]), float(cov[Y, Y]))
+        return self._across_gain * std_along_m(cov_m2, self._left)
+
+    @property
+    def _left(self) -> tuple[float, float]:
+        yaw_rad = self._ekf.x[YAW]
+        return -math.sin(yaw_rad), math.cos(yaw_rad)
 
     def _here(self, t_s: float, pos_std_m: float) -> _Anchor:
         x, cov = self._ekf.x, self._ekf.cov

@@ -234,6 +234,7 @@ class Localizer:
             protection_m=self._integrity.level_m(t_s, pos_std_m) if ok else math.inf,
             row_seen=self._sight.is_seen(t_s),
             across_protection_m=self._across_m(t_s, pos_std_m) if ok else math.inf,
+            across_plain_m=self._integrity.across_plain_m,
             contradiction=self._doubts.contradiction if ok else "",
         )
 

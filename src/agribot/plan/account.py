@@ -60,5 +60,5 @@ def wish(
         tool_on=tool_on,
         status=status,
         tracked_x_m=job.task.tool.tracked_x_m if tool_on else 0.0,
-        bounds=job.task.work.bounds if job.task.work else None,
+        bounds=job.task.bounds,
     )

@@ -23,7 +23,7 @@ LEAST_LIMIT_M = 0.2
 # Where nothing is wrong but that it knows little, as after a turn on a slope, it creeps for longer,
 # a plant's distance or two: it sees its row only by moving.
 PATIENCE_S, MAX_RATIO = 10.0, 1.5
-UNSURE_PATIENCE_S, UNSURE_RATIO, SIGMAS = 40.0, 0.9, 3.3
+UNSURE_PATIENCE_S, UNSURE_RATIO = 40.0, 0.9
 
 
 def across_std_m(estimate: Estimate, yaw_map_rad: float) -> float:
@@ -81,8 +81,8 @@ class CropGuard:
             return ""
         self._since_s = estimate.t_s if self._since_s is None else self._since_s
         lasts_s = estimate.t_s - self._since_s
-        known_m = SIGMAS * across_std_m(estimate, estimate.yaw_map_rad)
-        is_unsure = known_m >= UNSURE_RATIO * level_m and lasts_s < UNSURE_PATIENCE_S
+        is_unsure = estimate.across_plain_m >= UNSURE_RATIO * level_m
+        is_unsure = is_unsure and lasts_s < UNSURE_PATIENCE_S
         is_unsure = is_unsure and not estimate.reason  # no sensor is known to fail
         is_near = self._is_granted or level_m <= MAX_RATIO * limit_m
         if is_unsure or (is_near and lasts_s < PATIENCE_S):

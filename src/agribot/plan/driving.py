@@ -12,7 +12,14 @@ from agribot.errors import MissionError
 from agribot.latch import Latch
 from agribot.messages import Estimate, Goal, MissionState, Path
 from agribot.plan.account import FINAL, account, wish
-from agribot.plan.errand import CHECKING, STANDING_MPS, Errand, Errands, restored_errand
+from agribot.plan.errand import (
+    BATTERY,
+    CHECKING,
+    STANDING_MPS,
+    Errand,
+    Errands,
+    restored_errand,
+)
 from agribot.plan.job import Job, Planned
 from agribot.plan.planning import PlanningAtOnce, PlanningDesk, PlanningHost
 from agribot.plan.route import Route
@@ -50,7 +57,8 @@ class Driving:
         """
         self._desk = PlanningDesk(planning or PlanningAtOnce())
         if saved is not None and saved.visit_name and new_tasks is not None:
-            task = new_tasks.of_places(saved.visit, saved.visit_name)
+            visit = new_tasks.of_places(saved.visit, saved.visit_name)
+            task = visit._replace(bounds=task.bounds)
         self._job = Job(task, config, saved)
         self._errands = Errands()
         self._saved = saved
@@ -68,17 +76,24 @@ class Driving:
         self._latch = Latch() if latch is None else latch
         self._is_stopped = self._is_checking = False
         self._warning = ""
+        self._is_heeded = False  # the warning sent it home, or stopped it
         self._paused = ""  # why it stood still when it ended, if it did not drive
         self._held = ""  # why it paused by itself
         self._is_resumed = False  # somebody bade the work begin, and is there to hear a refusal
         self._ok_since_s: float | None = None
+        self._take_up(saved)
+
+    def _take_up(self, saved: SavedMission | None) -> None:
+        """Stand as the mission that was cut off stood, or until there is a goal."""
         if saved is not None and saved.stopped:
             self._latch.hold(saved.stopped)
         if self._cut_off is not None and self._cut_off.planned_from is None:
             self._wait_for_an_answer(self._cut_off)
         elif saved is not None and self._cut_off is None and (saved.stopped or saved.paused):
-            self._pause(f"was cut off: {saved.stopped or saved.paused}; resume goes on with it")
-        elif config.waits_for_goals and self._cut_off is None:
+            why = saved.stopped or saved.paused
+            self._pause(f"was cut off: {why}; resume goes on with it")
+            self._paused = why  # in its own words, however often the run is cut off
+        elif self._config.waits_for_goals and self._cut_off is None:
             self._state, self._reason = "paused", "waits for a goal; resume begins its mission"
 
     @property
@@ -171,8 +186,12 @@ class Driving:
 
         def stay(error: MissionError) -> None:
             self._errands.end()
-            self._pause(f"{errand.refusal}: {error}")
-            self._refusal = f"{errand.refusal}: {error}"
+            why = f"{errand.refusal}: {error}"
+            if errand.source == BATTERY:  # nobody asked for it, and may not be there to resume
+                self._hold("; ".join(filter(None, (self._warning, why))))
+            else:
+                self._pause(why)
+            self._refusal = why
 
         latency_s = self.task.errand_planning_s
         work = partial(errand.route, estimate, config)
@@ -305,3 +324,4 @@ class Driving:
     def _end(self, state: MissionState, reason: str) -> None:
         self._drop()
         self._state, self._reason = state, reason
+        self._paused = self._held = ""

@@ -15,6 +15,7 @@ from agribot.plan.route import Route
 from agribot.plan.saved_mission import SavedErrand
 
 STANDING_MPS = 0.02
+BATTERY = "the battery"  # the source of an errand that nobody asked for
 CHECKING = "checks the plan"  # the leg while a field plan is judged
 STOPPING = "stops first"  # the leg until the robot stands and its errand is planned
 

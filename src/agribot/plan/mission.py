@@ -11,7 +11,15 @@ from agribot.errors import MissionError
 from agribot.messages import Estimate, Goal, OperatorEvent
 from agribot.plan.account import FINAL
 from agribot.plan.driving import Driving
-from agribot.plan.errand import STANDING_MPS, Errand, Errands, goal_errand, home_errand, work_errand
+from agribot.plan.errand import (
+    BATTERY,
+    STANDING_MPS,
+    Errand,
+    Errands,
+    goal_errand,
+    home_errand,
+    work_errand,
+)
 from agribot.plan.job import Job
 from agribot.plan.saved_mission import check_not_carried_away
 from agribot.plan.task import Task
@@ -36,19 +44,27 @@ class Mission(Driving):
         return self._go_on(estimate)
 
     def heed(self, warning: str) -> None:
-        """Go home when a warning begins; where no way home is known, stand still."""
-        if warning and not self._warning and self._state in ("running", "waiting"):
-            self._refusal = ""
-            self._turn_home("the battery")
-            if self._refusal:
-                self._hold(f"{warning}; {self._refusal}")
+        """Go home for a warning once the robot drives; where no way home is known, stand still.
+
+        It is heeded once: whoever then bids the robot go on decides.
+        """
         self._warning = warning
+        self._is_heeded = self._is_heeded and bool(warning)
+        if not warning or self._is_heeded or self._state not in ("running", "waiting"):
+            return
+        self._is_heeded = True
+        self._refusal = ""
+        self._turn_home(BATTERY)
+        if self._refusal:
+            self._hold(f"{warning}; {self._refusal}")
 
     def _handle(self, event: OperatorEvent) -> None:
         if self._state in FINAL and not (self._stays_open and event.action in AFTER_THE_END):
             return
         if event.action == "cancel":
+            stood = self._paused
             self._end("cancelled", f"cancelled by {event.source}")
+            self._paused = stood  # a run that goes on with this one stands as well
         elif event.action == "set":
             self._set(event)
         elif event.action == "skip_row" and self._errands.route is None:
@@ -151,6 +167,8 @@ class Mission(Driving):
 
     def _work_at(self, event: OperatorEvent, task: Task) -> None:
         self._is_checking = False
+        if event.action == "visit":
+            task = task._replace(bounds=self.task.bounds)
         self._job, self._errands = Job(task, self._config), Errands()
         self._ended, self._refusal, self._state = None, "", "paused"
         self._pause(f"new {event.action} from {event.source}; resume begins it")

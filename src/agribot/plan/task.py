@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from agribot.errors import MissionError
+from agribot.field_bounds import FieldBounds
 from agribot.messages import Estimate, FloatArray, OperatorEvent, Path, Row
 from agribot.plan.coverage.drive import FieldWork
 from agribot.plan.curves import Place
@@ -32,9 +33,10 @@ class Task(NamedTuple):
     skipped row out of the path, without it the row is passed with the tool off; `rest` plans over
     the rows that an interrupted mission has not worked yet. All planners
     raise a MissionError that says why they find no way. `work` is the field plan that the task
-    was made of, `text` what it was read from under way, `name` that of a visit. `planning_s` is
-    given to the planner of its path, `errand_planning_s` to those of other ways, off the control
-    loop; none where they take less than a tick.
+    was made of, `bounds` the field that must not be left, `text` what the plan was read from under
+    way, `name` that of a visit. `planning_s` is given to the planner of its path,
+    `errand_planning_s` to those of other ways, off the control loop; none where they take less
+    than a tick.
     """
 
     plan: Planner
@@ -48,6 +50,7 @@ class Task(NamedTuple):
     around: Detour | None = None
     rest: RestPlanner | None = None
     work: FieldWork | None = None
+    bounds: FieldBounds | None = None
     text: str = ""
     name: str = ""
     planning_s: float = 0.0
