@@ -85,10 +85,9 @@ def run(options: argparse.Namespace) -> int:
         raise MissionError("--clear-stop is for a run that goes on; give --resume RUNDIR as well")
     out_dir = out_dir_of(options.out, Path(config.profile).stem)
     check_free(out_dir)
-    if options.field is not None:
-        config = _with_field(config, options, out_dir)
+    plan_text = "" if options.field is None else _plan_of_field(config, options)
     with explained(STARTING):
-        made = Session(config, out_dir, saved, earlier)
+        made = Session(config, out_dir, saved, earlier, plan_text)
     with made as session, ExitStack() as parts:
         lost = [f"of the job's earlier runs is lost: {what}" for what in session.job.lacks]
         odd = (*session.robot.warnings, *session.world.warnings, *lost)
@@ -155,21 +154,18 @@ def _check_extras(options: argparse.Namespace, config: RunConfig) -> None:
     bridging.check_extras(options)
 
 
-def _with_field(config: RunConfig, options: argparse.Namespace, out_dir: Path) -> RunConfig:
-    """The settings with a plan of the field, which is written beside the run's other files."""
+def _plan_of_field(config: RunConfig, options: argparse.Namespace) -> str:
+    """Raises: MissionError: no field, or one that cannot be worked, and why."""
     from agribot.description.loader import load_robot
     from agribot.field_work import planned
     from agribot.gis.plan_file import plan_text
-    from agribot.record.report import write_file
 
     robot = load_robot(config.robot)
     saved, certificate = planned(Path(options.field), config, robot, options.implement_width)
     if not certificate.ok:
         problem = certificate.problems[0]
         raise MissionError(f"{options.field}: {problem.rule}: {problem.message}")
-    path = out_dir / "plan.geojson"
-    write_file(path, plan_text(saved, certificate).encode())
-    return msgspec.structs.replace(config, plan=str(path))
+    return plan_text(saved, certificate)
 
 
 def _config(options: argparse.Namespace) -> RunConfig:

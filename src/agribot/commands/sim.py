@@ -20,7 +20,7 @@ from agribot.commands.world_bridging import twist_of, world_bridges
 from agribot.errors import PlatformError
 from agribot.messages import RobotCommand, SensorBatch
 from agribot.record.report import TimeReport
-from agribot.run_folder import check_free
+from agribot.run_folder import check_holds_no_run
 from agribot.sim.truth import Truth
 from agribot.world import WorldSpec
 
@@ -152,7 +152,7 @@ class _World:
         from agribot.record.world_recorder import WorldRecorder
 
         out_dir = out_dir_of(wanted, "sim")
-        check_free(out_dir)
+        check_holds_no_run(out_dir)
         return WorldRecorder(
             out_dir / "run.mcap", self.config, self.robot, urdf_text(self.config.robot)
         )
