@@ -74,8 +74,7 @@ class Session:
 
         if plan_text:
             config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
-        self.config = config
-        self.out_dir = out_dir
+        self.config, self.out_dir = config, out_dir
         described = load_robot(config.robot)
         self.robot = calibrated(described, config.calibration)
         goals_map_m = read_goals(config)
@@ -96,35 +95,34 @@ class Session:
         self.referee = Referee(self.platform, self.world, self.rows, self.goals_map_m)
         self._mask_taps.append(self.referee.judge_mask)
         self.clock = Clock()
-        self.job = WholeJob(
-            self,
-            whole_job.UNKNOWN if saved is not None and earlier is whole_job.NOTHING else earlier,
-        )
+        is_unknown = saved is not None and earlier is whole_job.NOTHING
+        self.job = WholeJob(self, whole_job.UNKNOWN if is_unknown else earlier)
         self.last: TickRecord | None = None
         self.trouble_taps: list[Callable[[str], None]] = []
         self.is_written = True  # every file of the run's end could be written
-        files = files_to_run_again(
-            goals_map_m, saved, whole_job.plants_before(earlier), self._plan_text
-        )
+        before = whole_job.plants_before(earlier)
+        files = files_to_run_again(goals_map_m, saved, before, self._plan_text)
+        self._open_all_files(files, plan_text)
+
+    def _open_all_files(self, recorded: Mapping[str, tuple[str, bytes]], new_plan: str) -> None:
+        """Or none of them: the folder is as it was before, and can be tried again."""
         self._files = ExitStack()
         try:
-            self._open_files(files, plan_text)
+            self._open_files(recorded, new_plan)
         except BaseException:
             self.__exit__()
             raise
 
-    def _open_files(
-        self, recorded_files: Mapping[str, tuple[str, bytes]], new_plan_text: str
-    ) -> None:
+    def _open_files(self, recorded: Mapping[str, tuple[str, bytes]], new_plan: str) -> None:
         out_dir = self.out_dir
         self._folder = RunFolder(out_dir)
         self._files.callback(self._leave_folder)
-        if new_plan_text:
-            write_file(out_dir / PLAN_FILE, new_plan_text.encode())
+        if new_plan:
+            write_file(out_dir / PLAN_FILE, new_plan.encode())
         self.event_log = EventLog(out_dir / "events.jsonl", self._say)
         self._files.callback(self.event_log.close)
         self._series = SeriesTap()
-        self.recording = RunRecording(self, recorded_files, self._tell)
+        self.recording = RunRecording(self, recorded, self._tell)
         self._files.callback(self.recording.close)
         self._mission_file = MissionFile(out_dir, self.stack.mission, self._tell)
         self._files.callback(self._mission_file.close)
