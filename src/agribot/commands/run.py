@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
     config, saved, earlier = _config(options), None, NOTHING
     has_sources = bool(places(config.sources))
     is_live = bridging.wanted(options) or has_sources
-    _check_extras(options, config)
+    _check(options, config)
     pace = pace_from(options.speed or ("1" if is_live else "max"))
     if options.resume is not None:
         check_not_driven(Path(options.resume))
@@ -145,13 +145,13 @@ def _cut_off(options: argparse.Namespace) -> SavedMission:
     raise MissionError(f"the run in {options.resume} stood when it was cut off: {why}; {ways}")
 
 
-def _check_extras(options: argparse.Namespace, config: RunConfig) -> None:
-    """Raises: ConfigError: a package is absent that would be missed only after a long start."""
+def _check(options: argparse.Namespace, config: RunConfig) -> None:
+    """Raises: ConfigError: what would otherwise be missed only after a long start."""
     if config.platform == "sim":
         extras.require("sim", "the simulated robot")
     if wants_page(options):
         extras.require("ui", "the operator's page")
-    bridging.check_extras(options)
+    bridging.check(options, places(config.sources))
 
 
 def _plan_of_field(config: RunConfig, options: argparse.Namespace) -> str:

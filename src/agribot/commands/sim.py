@@ -161,6 +161,7 @@ class _World:
 def run(options: argparse.Namespace) -> int:
     pace = pace_from(options.speed)
     source = _source(options)
+    bridging.check(options)
     world = _World(options)
     odd = (*world.robot.warnings, *world.world.warnings)
     sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
