@@ -44,7 +44,8 @@ $(VENV)/bin/python:
 	  { echo "AGRIBOT needs Python 3.11 or newer; set PYTHON=/path/to/python3.11"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-# The versions of constraints.txt were tried together; pip alone takes the newest of the day.
+# The versions of constraints.txt are resolved together, with wheels for Python 3.11 to 3.14 on
+# Linux, x86-64 and ARM; pip alone takes the newest of the day.
 $(VENV)/.run: $(VENV)/bin/python pyproject.toml constraints.txt $(PAGE)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[sim,ui]'
 	@touch $@

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import errno
+import io
+import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from agribot import config
 from agribot.cli import main
 from agribot.errors import RecordingError
-from agribot.run_folder import LOCK_NAME, RUN_FILES, RunFolder, check_not_driven, clear_run
+from agribot.run_folder import (
+    LOCK_NAME,
+    MADE_FILES,
+    RUN_FILES,
+    RunFolder,
+    check_not_driven,
+    clear_run,
+)
 from agribot.session import Session
 
 HOLDER = """
@@ -22,6 +33,33 @@ folder = RunFolder(Path(sys.argv[1]))
 print("claimed", flush=True)
 sys.stdin.read()
 """
+
+
+FIELD = str(Path(__file__).parents[1] / "examples" / "field.geojson")
+QUICK = ["perception.enabled=false", 'world="empty"', "field.start_map_m=[0,0]"]
+
+
+class FullDisk(io.FileIO):
+    def write(self, _: Any) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def fill_disk(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """It has no room for the file of this name, also under the name it has until it is whole."""
+    open_file = Path.open
+
+    def open_full(path: Path, mode: str = "r", *rest: Any, **more: Any) -> Any:
+        if name in path.name and mode[0] in "wx":
+            return FullDisk(path, mode[0])
+        return open_file(path, mode, *rest, **more)
+
+    monkeypatch.setattr(Path, "open", open_full)
+
+
+def field_plan(folder: Path) -> str:
+    path = folder / "made.geojson"
+    assert main(["plan", "--field", FIELD, "--implement-width", "0.9", "--out", str(path)]) == 0
+    return path.read_text()
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -36,6 +74,60 @@ def test_a_folder_with_any_file_of_a_run_is_refused_and_not_touched(
     with pytest.raises(RecordingError, match=f"holds a run already.*{name}.*another --out"):
         RunFolder(tmp_path)
     assert contents(tmp_path) == {name: b"of an earlier run"}
+
+
+@pytest.mark.parametrize("name", MADE_FILES)
+def test_files_of_a_person_that_a_run_would_overwrite_are_refused_and_not_touched(
+    name: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(b"of a person")
+    with pytest.raises(RecordingError, match=f"holds files that a run writes.*{name}.*move them"):
+        RunFolder(tmp_path)
+    assert contents(tmp_path) == {name: b"of a person"}
+
+
+def test_a_world_alone_writes_none_of_them_and_takes_such_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "map.png").write_bytes(b"of a person")
+    quick = ["sim", "--world", "empty", "--for", "0.1", "--speed", "max", "--out", str(tmp_path)]
+    assert main(quick) == 0
+    assert (tmp_path / "map.png").read_bytes() == b"of a person"
+
+
+def test_a_field_is_not_planned_over_the_plan_of_a_person(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "plan.geojson").write_bytes(b"of a person")
+    wanted = ["run", "farm", "--headless", "--field", FIELD, "--out", str(tmp_path)]
+    assert main(wanted) == 2
+    assert "holds files that a run writes (plan.geojson)" in capsys.readouterr().err
+    with pytest.raises(RecordingError, match="holds files"):  # also one that appears at the start
+        Session(config.load("farm", QUICK), tmp_path, plan_text=field_plan(tmp_path / "planned"))
+    assert (tmp_path / "plan.geojson").read_bytes() == b"of a person"
+
+
+@pytest.mark.parametrize("name", ["config.toml", "plan.geojson", "run.mcap"])
+def test_a_start_that_fails_on_the_disk_gives_the_folder_back(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, plan = tmp_path / "run", field_plan(tmp_path / "planned")
+
+    def start() -> Session:
+        return Session(config.load("farm", QUICK), folder, plan_text=plan)
+
+    with monkeypatch.context() as broken:
+        fill_disk(broken, name)
+        with pytest.raises(RecordingError, match=rf"cannot .*{name}"):
+            start()
+    assert not folder.exists()
+    folder.mkdir()
+    (folder / "notes.txt").write_bytes(b"of a person")
+    with monkeypatch.context() as broken:
+        fill_disk(broken, name)
+        with pytest.raises(RecordingError, match=rf"cannot .*{name}"):
+            start()
+    assert contents(folder) == {"notes.txt": b"of a person"}
+    with start():
+        assert (folder / "plan.geojson").read_text() == plan
 
 
 def test_the_command_refuses_in_one_line_and_names_the_way_on(

@@ -164,15 +164,25 @@ def main(argv: Sequence[str] | None = None) -> int:
     wanted = next((word for word in arguments if not word.startswith("-")), "")
     program = f"agribot {wanted}" if wanted in COMMANDS else "agribot"
     try:
-        return _run(arguments, wanted)
+        return _run_and_print(arguments, wanted)
     except KeyboardInterrupt:
         print(f"{program}: interrupted", file=sys.stderr)
         return 130
     except Exception as error:  # noqa: BLE001  the one place where errors become words
         from agribot.commands.refusals import refuse
 
-        refuse(program, error)
-        return 2
+        return refuse(program, error)
+
+
+def _run_and_print(arguments: list[str], wanted: str) -> int:
+    """All output has gone out at the end, so that a reader who is gone is noticed here."""
+    try:
+        status = _run(arguments, wanted)
+    except SystemExit:  # the parser's, after its help
+        print(end="", flush=True)
+        raise
+    print(end="", flush=True)
+    return status
 
 
 def _run(arguments: list[str], wanted: str) -> int:

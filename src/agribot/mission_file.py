@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import os
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
@@ -17,6 +15,7 @@ from agribot.config import RunConfig
 from agribot.errors import MissionError
 from agribot.messages import TickRecord
 from agribot.plan.saved_mission import SavedMission
+from agribot.record.whole_file import write_at_once
 
 FILE_NAME = "mission.json"
 PERIOD_S = 1.0
@@ -81,26 +80,16 @@ class MissionFile:
 
     def _write_newest(self) -> None:
         try:
-            self._replace(self._newest.popleft())
+            write_at_once(self._path, self._newest.popleft(), is_synced=True)
         except IndexError:
             pass  # a write before this one took it along
         except OSError as error:
-            with suppress(OSError):
-                self._path.with_suffix(".new").unlink()
             self._failure = (
                 f"cannot write {self._path}: {error.strerror or error}; make room on the disk: a "
                 "run that goes on after a crash goes on from an older state"
             )
         else:
             self._failure = ""
-
-    def _replace(self, content: bytes) -> None:
-        fresh = self._path.with_suffix(".new")
-        with fresh.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        fresh.replace(self._path)
 
 
 def resumed(config: RunConfig, saved: SavedMission) -> RunConfig:

@@ -13,13 +13,16 @@ from agribot.errors import RecordingError
 RUN_FILES = (
     "run.mcap", "events.jsonl", "mission.json", "job.json", "report.json", "config.toml",
 )  # fmt: skip
+# What a run writes besides; a person may have files of these names, too.
+MADE_FILES = ("plan.geojson", "weeds.geojson", "map.png", "report.html")
 LOCK_NAME = "run.lock"
 
 
 class RunFolder:
     """Claims a folder until it is closed; the system lets go of it if the process is killed.
 
-    Raises: RecordingError: it holds a run, another process drives one in it, or it is read-only.
+    Raises: RecordingError: it holds a run or files that a run writes, another process drives one
+        in it, or it is read-only.
     """
 
     def __init__(self, path: Path) -> None:
@@ -60,11 +63,19 @@ class RunFolder:
 
 
 def check_free(path: Path) -> None:
+    """Raises: RecordingError: the folder holds files that a run would overwrite."""
+    check_holds_no_run(path)
+    held = _held(path, MADE_FILES)
+    if held:
+        raise RecordingError(
+            f"{path} holds files that a run writes ({', '.join(held)}); choose another --out "
+            "folder, or move them away"
+        )
+
+
+def check_holds_no_run(path: Path) -> None:
     """Raises: RecordingError: the folder holds a run, whose files another one would overwrite."""
-    try:
-        held = [name for name in RUN_FILES if (path / name).exists()]
-    except OSError as error:
-        raise RecordingError(f"cannot look into {path}: {error.strerror or error}") from error
+    held = _held(path, RUN_FILES)
     if held:
         go_on = f", or go on with that run: agribot run --resume {path}"
         raise RecordingError(
@@ -99,8 +110,15 @@ def clear_run(path: Path) -> None:
         raise RecordingError(f"cannot clear {path}: {error.strerror or error}") from error
 
 
+def _held(path: Path, names: tuple[str, ...]) -> list[str]:
+    try:
+        return [name for name in names if (path / name).exists()]
+    except OSError as error:
+        raise RecordingError(f"cannot look into {path}: {error.strerror or error}") from error
+
+
 def _remove_run(path: Path) -> None:
-    for name in RUN_FILES:
+    for name in (*RUN_FILES, *MADE_FILES):
         (path / name).unlink(missing_ok=True)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Self
 
@@ -42,6 +43,7 @@ from agribot.whole_job import JobSoFar, WholeJob
 
 ENDED = ("done", "cancelled", "failed")
 COMING_TO_REST_S = 2.0
+PLAN_FILE = "plan.geojson"
 REST_TICKS = 5  # a robot that rocks back passes through standstill
 
 
@@ -57,10 +59,12 @@ class Session:
         out_dir: Path,
         saved: SavedMission | None = None,
         earlier: JobSoFar = whole_job.NOTHING,
+        plan_text: str = "",
     ) -> None:
         """`saved` is a mission to go on with; the simulated robot stands where it was left.
 
         `earlier` is what the runs before did of the job; the report then tells of all of it.
+        `plan_text` is a field plan that is in no file yet: the run keeps it in its folder.
 
         Raises: AgribotError: something in the settings or on the disk does not fit, or the folder
             holds a run.
@@ -68,12 +72,13 @@ class Session:
         from agribot.sim.platform import SimPlatform
         from agribot.sim.referee import Referee
 
-        self.config = config
-        self.out_dir = out_dir
+        if plan_text:
+            config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
+        self.config, self.out_dir = config, out_dir
         described = load_robot(config.robot)
         self.robot = calibrated(described, config.calibration)
         goals_map_m = read_goals(config)
-        self._plan_text = read_plan_text(config)
+        self._plan_text = plan_text or read_plan_text(config)
         self.world = world_of_run(config)
         if saved is not None:
             self.world = msgspec.structs.replace(
@@ -90,27 +95,40 @@ class Session:
         self.referee = Referee(self.platform, self.world, self.rows, self.goals_map_m)
         self._mask_taps.append(self.referee.judge_mask)
         self.clock = Clock()
-        self.job = WholeJob(
-            self,
-            whole_job.UNKNOWN if saved is not None and earlier is whole_job.NOTHING else earlier,
-        )
+        is_unknown = saved is not None and earlier is whole_job.NOTHING
+        self.job = WholeJob(self, whole_job.UNKNOWN if is_unknown else earlier)
         self.last: TickRecord | None = None
         self.trouble_taps: list[Callable[[str], None]] = []
         self.is_written = True  # every file of the run's end could be written
-        files = files_to_run_again(
-            goals_map_m, saved, whole_job.plants_before(earlier), self._plan_text
-        )
-        self._open_files(files)
+        before = whole_job.plants_before(earlier)
+        files = files_to_run_again(goals_map_m, saved, before, self._plan_text)
+        self._open_all_files(files, plan_text)
 
-    def _open_files(self, recorded_files: Mapping[str, tuple[str, bytes]]) -> None:
+    def _open_all_files(self, recorded: Mapping[str, tuple[str, bytes]], new_plan: str) -> None:
+        """Or none of them: the folder is as it was before, and can be tried again."""
+        self._files = ExitStack()
+        try:
+            self._open_files(recorded, new_plan)
+        except BaseException:
+            self.__exit__()
+            raise
+
+    def _open_files(self, recorded: Mapping[str, tuple[str, bytes]], new_plan: str) -> None:
         out_dir = self.out_dir
         self._folder = RunFolder(out_dir)
+        self._files.callback(self._leave_folder)
+        if new_plan:
+            write_file(out_dir / PLAN_FILE, new_plan.encode())
         self.event_log = EventLog(out_dir / "events.jsonl", self._say)
+        self._files.callback(self.event_log.close)
         self._series = SeriesTap()
-        self.recording = RunRecording(self, recorded_files, self._tell)
+        self.recording = RunRecording(self, recorded, self._tell)
+        self._files.callback(self.recording.close)
         self._mission_file = MissionFile(out_dir, self.stack.mission, self._tell)
+        self._files.callback(self._mission_file.close)
         self.stack.taps += [self._show_truth, self.referee, self._series, self.event_log]
         self._job_file = MissionFile(out_dir, self.job, self._tell, whole_job.FILE_NAME)
+        self._files.callback(self._job_file.close)
         self.unattended = Unattended(self.config.mission.stall_timeout_s)
         self.stack.taps += [self._mission_file, self.job, self._job_file]
         self.stack.taps += [self.recording, self._follow_task, self.unattended]
@@ -122,10 +140,9 @@ class Session:
     def __exit__(self, *_: object) -> None:
         self.platform.close()
         self.stack.close()
-        self.recording.close()
-        self._mission_file.close()
-        self._job_file.close()
-        self.event_log.close()
+        self._files.close()
+
+    def _leave_folder(self) -> None:
         if self.last is None:
             self._folder.give_back()
         else:
@@ -271,7 +288,7 @@ class Session:
         self.referee.judge_anew(self.rows, self.goals_map_m)
         if task.work is None:
             return
-        path = self.out_dir / "plan.geojson"
+        path = self.out_dir / PLAN_FILE
         self.config = msgspec.structs.replace(self.config, plan=str(path), waypoints="")
         try:
             write_file(path, task.text.encode())

@@ -190,7 +190,8 @@ def series_of(
         path = folder_of(run, beside) / RECORDING
         try:
             ticks = (tick for tick in read_ticks(path) if tick.batch.t_s <= run.run_s)
-            parts.append((collect(ticks, read_truth(path)), began_s))
+            truth = read_truth(path)
+            parts.append((collect(ticks, truth[truth[:, 0] <= run.run_s]), began_s))
         except RecordingError as error:
             lost.append(f"plots and table of rows: {error}")
         began_s += run.run_s

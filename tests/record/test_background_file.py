@@ -106,14 +106,46 @@ class TightDisk(io.FileIO):
         return super().write(data)
 
 
-def test_a_recording_that_fills_the_disk_gives_back_room_for_the_state_of_the_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.fixture
+def tight(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A file on a tight disk; all others lie elsewhere."""
+    tight_path, open_file = tmp_path / "run.mcap", Path.open
+
+    def open_tight(path: Path, *mode: Any, **more: Any) -> Any:
+        if path == tight_path and mode == ("wb",):
+            return TightDisk(path, "w")
+        return open_file(path, *mode, **more)
+
+    monkeypatch.setattr(Path, "open", open_tight)
+    return tight_path
+
+
+@pytest.mark.parametrize(
+    ("room_bytes", "kept_bytes"), [(400_000, 200_000), (1_600_000, 800_000), (5_000_000, 4_000_000)]
+)
+def test_a_recording_that_fills_the_disk_gives_back_its_end_but_never_more_than_half(
+    room_bytes: int, kept_bytes: int, tight: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(background_file, "ROOM_BYTES", 20_000)
-    monkeypatch.setattr(Path, "open", lambda path, *_, **__: TightDisk(path, "w"))
-    file = BackgroundFile(tmp_path / "a")
+    monkeypatch.setattr(TightDisk, "room_bytes", room_bytes)
+    file = BackgroundFile(tight)
     with pytest.raises(OSError, match="No space left"):
         for _ in range(100_000):
             file.write(b"x" * 1000)
     file.close()
-    assert (tmp_path / "a").stat().st_size == 30_000
+    assert tight.stat().st_size == kept_bytes
+
+
+@pytest.mark.usefixtures("live")
+def test_a_short_recording_on_a_full_disk_can_be_read_up_to_where_it_was_cut(
+    tight: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(TightDisk, "room_bytes", 200_000)
+    records = samples.ticks(600, seed=4)
+    recorder = RunRecorder(tight, load("farm"), samples.robot(), samples.URDF, samples.plan())
+    for record in records:
+        recorder(record)
+    recorder.close()
+    assert "No space left" in recorder.ended_because
+    kept = list(read_ticks(tight))
+    assert 0 < len(kept) < len(records)
+    assert kept == records[: len(kept)]

@@ -149,7 +149,7 @@ def test_motors_are_as_heavy_as_motors_are(robot: RobotSpec, meadow: WorldSpec) 
     """Rotors of 12 and 24 V gear motors of 20 to 250 W: 10 to 1400 g cm^2 in their data sheets."""
     rotor_kgm2 = robot.drive.rotor_inertia_kgm2 / robot.drive.gear_ratio**2
     assert 1e-6 < rotor_kgm2 < 1.4e-4
-    # What a push feels: half as much again as the robot weighs, mostly its wheels.
+    # What a push feels: a third more than the robot weighs, mostly by its wheels.
     weak = msgspec.structs.replace(robot.drive, torque_nm=0.2, max_accel_mps2=50.0)
     physics = Physics(msgspec.structs.replace(robot, drive=weak), meadow, 2_000_000)
     rows = _drive(physics, 0.8, 0.0, 0.4)

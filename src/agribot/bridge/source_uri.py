@@ -36,7 +36,10 @@ def read_uri(option: str, uri: str, name: str = "") -> Place:
 
     Raises: ConfigError: a URI that means nothing.
     """
-    parts = urlsplit(uri)
+    try:
+        parts = urlsplit(uri)
+    except ValueError:  # half an IPv6 address
+        parts = urlsplit("")
     if parts.scheme not in _NETWORKS or not parts.path.strip("/"):
         known = " or ".join(f"{name}{network}:/topic" for network in _NETWORKS)
         raise ConfigError(f"{option} {name}{uri}: write {known}, or leave it out")

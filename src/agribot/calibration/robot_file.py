@@ -15,6 +15,7 @@ import tomli_w
 from agribot.config import from_tree
 from agribot.config_tree import assign, read_toml
 from agribot.errors import ConfigError, RecordingError
+from agribot.record.whole_file import write_at_once
 
 
 class RobotFile:
@@ -41,9 +42,7 @@ class RobotFile:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             before = self.path.read_bytes() if self.path.exists() else b""
             self._backup(len(self._backups()) + 1).write_bytes(before)
-            fresh = self.path.with_suffix(".new")
-            fresh.write_text(tomli_w.dumps(tree), encoding="utf-8")
-            fresh.replace(self.path)
+            write_at_once(self.path, tomli_w.dumps(tree).encode())
         except OSError as error:
             raise RecordingError(
                 f"cannot write {self.path}: {error.strerror}; make room, or point AGRIBOT_HOME "

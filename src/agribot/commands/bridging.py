@@ -9,12 +9,13 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 import msgspec
 
 from agribot import extras, topics
 from agribot.bridge.requests import Requests
-from agribot.bridge.source_uri import places
+from agribot.bridge.source_uri import Place, places
 from agribot.commands.ranges import finite, port
 from agribot.config import RunConfig
 from agribot.errors import ConfigError
@@ -76,11 +77,35 @@ def wanted(options: argparse.Namespace) -> bool:
     return any(getattr(options, name) for name in BRIDGES)
 
 
-def check_extras(options: argparse.Namespace) -> None:
-    """Raises: ConfigError: what a bridge that the options name is made with is not installed."""
+def check(options: argparse.Namespace, sources: Mapping[str, Place] | None = None) -> None:
+    """Refuse before a long start what could not be opened after it.
+
+    `sources` are the topics that sensors come from, by sensor.
+    Raises: ConfigError: a package is not installed, or an option is out of range.
+    """
+    _check_extras(options, sources or {})
+    away = {(place.network, place.at) for place in (sources or {}).values()}
+    networks = {network for network, _ in away}
+    if options.ros2 or options.dds or "ros2" in networks:
+        domain_from(options)
+    if options.ros1 or ("ros1", "") in away:
+        master_from(options)
+    for network, at in away:
+        if network == "ros1" and at:
+            checked_master(f"http://{at}")
+    if wanted(options):
+        _check_image_rate(options)
+
+
+def _check_extras(options: argparse.Namespace, sources: Mapping[str, Place]) -> None:
     for option, extra in (("ros2", "ros"), ("foxglove", "foxglove")):
         if getattr(options, option):
             extras.require(extra, f"--{option}")
+    if options.dds:
+        extras.require("dds", "--dds (no wheels for Linux on ARM and Python 3.14: take --ros2)")
+    for sensor, place in sources.items():
+        if place.network == "ros2":
+            extras.require("ros", f"--source {sensor}={place.network}:{place.topic}")
 
 
 @contextmanager
@@ -191,8 +216,7 @@ def out_topics(options: argparse.Namespace, *, has_camera: bool, allow_drive: bo
 
     Raises: ConfigError: an option is out of range.
     """
-    if not 0.0 <= options.image_rate <= 100.0:
-        raise ConfigError(f"--image-rate {options.image_rate:g}: must be within 0 to 100 Hz")
+    _check_image_rate(options)
     left_out = set()
     if not (has_camera and options.image_rate):
         left_out |= {topic.name for topic in _CAMERA_TOPICS}
@@ -201,6 +225,11 @@ def out_topics(options: argparse.Namespace, *, has_camera: bool, allow_drive: bo
     if allow_drive:
         left_out.add(topics.CMD_VEL.name)
     return [t for t in topics.TOPICS if t.ros_type and t.name not in left_out]
+
+
+def _check_image_rate(options: argparse.Namespace) -> None:
+    if not 0.0 <= options.image_rate <= 100.0:
+        raise ConfigError(f"--image-rate {options.image_rate:g}: must be within 0 to 100 Hz")
 
 
 def _ros2(
@@ -265,10 +294,28 @@ def router_from(options: argparse.Namespace) -> str:
 def master_from(options: argparse.Namespace) -> str:
     from agribot.bridge.ros1.gateway import MASTER
 
-    uri = str(options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER)
-    if not re.fullmatch(r"https?://[^/\s:]+(:\d{1,5})?/?", uri):
+    return checked_master(str(options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER))
+
+
+def checked_master(uri: str) -> str:
+    """Raises: ConfigError: not the address of a ROS 1 master."""
+    from agribot.bridge.ros1.gateway import MASTER
+
+    if not _is_address(uri):
         raise ConfigError(f"ROS master {uri[:80]}: write it as http://HOST:PORT, like {MASTER}")
     return uri
+
+
+def _is_address(uri: str) -> bool:
+    """A host, a port or none, and nothing behind them; IPv6 in brackets."""
+    try:
+        parts = urlsplit(uri)
+        is_port = parts.port != 0 and not parts.netloc.endswith(":")
+    except ValueError:
+        return False
+    is_host = bool(parts.hostname) and "@" not in parts.netloc and not re.search(r"\s", uri)
+    is_bare = parts.path in {"", "/"} and not (parts.query or parts.fragment)
+    return parts.scheme in {"http", "https"} and is_host and is_port and is_bare
 
 
 def _ros1(

@@ -133,17 +133,18 @@ def _watch(
 
 def _show(image_rgb: Any, seen: Any, out: Path, title: str) -> None:
     """Put the newest overlay into the folder, in one move."""
-    import os
+    import io
 
     from PIL import Image, ImageDraw
 
     from agribot.perceive.pictures import enlarged
+    from agribot.record.whole_file import write_at_once
     from agribot.train.figures import tinted
 
     out.mkdir(parents=True, exist_ok=True)
     found = enlarged(seen.class_id, seen.confidence, image_rgb.shape[:2])
     picture = Image.fromarray(tinted(image_rgb, found.class_id))
     ImageDraw.Draw(picture).text((8, 8), title, fill="white")
-    part = out / "latest.part"
-    picture.save(part, format="JPEG", quality=88)
-    os.replace(part, out / "latest.jpg")
+    encoded = io.BytesIO()
+    picture.save(encoded, format="JPEG", quality=88)
+    write_at_once(out / "latest.jpg", encoded.getvalue())

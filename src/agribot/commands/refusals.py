@@ -4,23 +4,34 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import sys
 import traceback
+from typing import TextIO
 
 from agribot import extras
 from agribot.errors import AgribotError
 
 TRACEBACK = "AGRIBOT_TRACEBACK"
+BROKEN_PIPE = 141  # what a shell tells of a program that SIGPIPE ended
 _HOW_TO_SEE = f"(set {TRACEBACK}=1 for the details)"
 
 
-def refuse(program: str, error: Exception) -> None:
-    """Say on stderr what happened. Prints the traceback as well where AGRIBOT_TRACEBACK is set."""
+def refuse(program: str, error: Exception) -> int:
+    """Say on stderr what happened, and return the exit status.
+
+    Prints the traceback as well where AGRIBOT_TRACEBACK is set. Says nothing where the reader of
+    the output has gone, such as `head`: the program ends as SIGPIPE ends others.
+    """
+    if isinstance(error, BrokenPipeError) and _has_reader_gone():
+        _drop_output()
+        return BROKEN_PIPE
     if os.environ.get(TRACEBACK):
         traceback.print_exception(error)
-    if isinstance(error, BrokenPipeError):
-        _drop_output()
-    sys.stderr.write(f"{program}: {words_of(error)}\n")
+    with contextlib.suppress(OSError):  # nobody hears it
+        sys.stderr.write(f"{program}: {words_of(error)}\n")
+    _drop_output()
+    return 2
 
 
 def words_of(error: Exception) -> str:
@@ -43,12 +54,12 @@ def _of_system(error: Exception) -> str:
     return f"{place}{reason or error}; check the path, its permissions and the free space"
 
 
+def _of_connection(error: Exception) -> str:
+    return f"another program is not there, or has gone: {error} {_HOW_TO_SEE}"
+
+
 def _of_text(error: Exception) -> str:
     return f"an input is not text in UTF-8 ({error}); save it as UTF-8 {_HOW_TO_SEE}"
-
-
-def _of_value(error: Exception) -> str:
-    return f"an input holds a value that cannot be used: {error} {_HOW_TO_SEE}"
 
 
 def _of_memory(error: Exception) -> str:
@@ -65,10 +76,9 @@ def _of_end(error: Exception) -> str:
 
 # The first kind that fits; subclasses stand before what they derive from.
 _WORDS = (
+    (ConnectionError, _of_connection),
     (OSError, _of_system),
     (UnicodeError, _of_text),
-    (ValueError, _of_value),
-    (OverflowError, _of_value),
     (MemoryError, _of_memory),
     (RecursionError, _of_depth),
     (EOFError, _of_end),
@@ -79,7 +89,27 @@ def _one_line(text: str) -> str:
     return " ".join(text.split())
 
 
+def _has_reader_gone() -> bool:
+    """Whether stdout or stderr is a pipe that nobody reads any more."""
+    if not hasattr(select, "poll"):
+        return True
+    ended = select.poll()
+    for stream in _open_streams():
+        with contextlib.suppress(OSError, ValueError):
+            ended.register(stream.fileno(), 0)  # an end is told without being asked for
+    return bool(ended.poll(0))
+
+
+def _open_streams() -> list[TextIO]:
+    """Stdout and stderr, less what the program was started without."""
+    return [stream for stream in (sys.stdout, sys.stderr) if stream is not None]
+
+
 def _drop_output() -> None:
-    """Nobody reads any more: the interpreter must not try to write the rest when it ends."""
-    with contextlib.suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    """What cannot be written, the interpreter must not try to write again when it ends."""
+    for stream in _open_streams():
+        try:
+            stream.flush()
+        except OSError:
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

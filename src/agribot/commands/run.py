@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
     config, saved, earlier = _config(options), None, NOTHING
     has_sources = bool(places(config.sources))
     is_live = bridging.wanted(options) or has_sources
-    _check_extras(options, config)
+    _check(options, config)
     pace = pace_from(options.speed or ("1" if is_live else "max"))
     if options.resume is not None:
         check_not_driven(Path(options.resume))
@@ -85,10 +85,9 @@ def run(options: argparse.Namespace) -> int:
         raise MissionError("--clear-stop is for a run that goes on; give --resume RUNDIR as well")
     out_dir = out_dir_of(options.out, Path(config.profile).stem)
     check_free(out_dir)
-    if options.field is not None:
-        config = _with_field(config, options, out_dir)
+    plan_text = "" if options.field is None else _plan_of_field(config, options)
     with explained(STARTING):
-        made = Session(config, out_dir, saved, earlier)
+        made = Session(config, out_dir, saved, earlier, plan_text)
     with made as session, ExitStack() as parts:
         lost = [f"of the job's earlier runs is lost: {what}" for what in session.job.lacks]
         odd = (*session.robot.warnings, *session.world.warnings, *lost)
@@ -146,30 +145,27 @@ def _cut_off(options: argparse.Namespace) -> SavedMission:
     raise MissionError(f"the run in {options.resume} stood when it was cut off: {why}; {ways}")
 
 
-def _check_extras(options: argparse.Namespace, config: RunConfig) -> None:
-    """Raises: ConfigError: a package is absent that would be missed only after a long start."""
+def _check(options: argparse.Namespace, config: RunConfig) -> None:
+    """Raises: ConfigError: what would otherwise be missed only after a long start."""
     if config.platform == "sim":
         extras.require("sim", "the simulated robot")
     if wants_page(options):
         extras.require("ui", "the operator's page")
-    bridging.check_extras(options)
+    bridging.check(options, places(config.sources))
 
 
-def _with_field(config: RunConfig, options: argparse.Namespace, out_dir: Path) -> RunConfig:
-    """The settings with a plan of the field, which is written beside the run's other files."""
+def _plan_of_field(config: RunConfig, options: argparse.Namespace) -> str:
+    """Raises: MissionError: no field, or one that cannot be worked, and why."""
     from agribot.description.loader import load_robot
     from agribot.field_work import planned
     from agribot.gis.plan_file import plan_text
-    from agribot.record.report import write_file
 
     robot = load_robot(config.robot)
     saved, certificate = planned(Path(options.field), config, robot, options.implement_width)
     if not certificate.ok:
         problem = certificate.problems[0]
         raise MissionError(f"{options.field}: {problem.rule}: {problem.message}")
-    path = out_dir / "plan.geojson"
-    write_file(path, plan_text(saved, certificate).encode())
-    return msgspec.structs.replace(config, plan=str(path))
+    return plan_text(saved, certificate)
 
 
 def _config(options: argparse.Namespace) -> RunConfig:

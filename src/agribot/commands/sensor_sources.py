@@ -11,7 +11,7 @@ import msgspec
 
 from agribot.bridge.requests import Requests
 from agribot.bridge.source_uri import Network, Place, places
-from agribot.commands.bridging import domain_from, master_from, router_from, say
+from agribot.commands.bridging import checked_master, domain_from, master_from, router_from, say
 from agribot.config import SourceConfig
 from agribot.errors import ConfigError
 from agribot.platform import MixedPlatform, Sensor
@@ -99,7 +99,7 @@ def _ros2(at: str, options: argparse.Namespace, _refuse: Callable[[str], None]) 
 def _ros1(at: str, options: argparse.Namespace, refuse: Callable[[str], None]) -> SourceLink:
     from agribot.bridge.ros1.link import Ros1Link
 
-    return Ros1Link(_NODE, refuse, f"http://{at}" if at else master_from(options))
+    return Ros1Link(_NODE, refuse, checked_master(f"http://{at}") if at else master_from(options))
 
 
 _OPENERS: dict[Network, Callable[[str, argparse.Namespace, Callable[[str], None]], SourceLink]] = {

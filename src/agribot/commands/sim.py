@@ -20,7 +20,7 @@ from agribot.commands.world_bridging import twist_of, world_bridges
 from agribot.errors import PlatformError
 from agribot.messages import RobotCommand, SensorBatch
 from agribot.record.report import TimeReport
-from agribot.run_folder import check_free
+from agribot.run_folder import check_holds_no_run
 from agribot.sim.truth import Truth
 from agribot.world import WorldSpec
 
@@ -152,7 +152,7 @@ class _World:
         from agribot.record.world_recorder import WorldRecorder
 
         out_dir = out_dir_of(wanted, "sim")
-        check_free(out_dir)
+        check_holds_no_run(out_dir)
         return WorldRecorder(
             out_dir / "run.mcap", self.config, self.robot, urdf_text(self.config.robot)
         )
@@ -161,6 +161,7 @@ class _World:
 def run(options: argparse.Namespace) -> int:
     pace = pace_from(options.speed)
     source = _source(options)
+    bridging.check(options)
     world = _World(options)
     odd = (*world.robot.warnings, *world.world.warnings)
     sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)

@@ -10,8 +10,8 @@ from contextlib import suppress
 from pathlib import Path
 
 WAITING_BYTES = 256_000_000  # minutes of a stalled disk; more is a fault
-# On a disk that is full the recording gives back its end: the state and the report of the run are
-# worth more than the last seconds of it.
+# On a disk that is full the recording gives back its end, at most half of it: the state and the
+# report of the run are worth more than its last seconds.
 ROOM_BYTES = 1_000_000
 STALLED_S = 30.0  # a disk that takes nothing for so long at the end takes nothing more
 
@@ -115,7 +115,8 @@ class BackgroundFile:
     def _make_room(self) -> None:
         """A file that is cut anywhere can be read up to there."""
         with suppress(OSError):  # a pipe cannot be cut
-            self._file.truncate(max(self._file.tell() - ROOM_BYTES, 0))
+            size_bytes = self._file.tell()
+            self._file.truncate(max(size_bytes - ROOM_BYTES, size_bytes // 2))
 
     def _write_all(self, data: bytes) -> None:
         rest = memoryview(data)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 
 import msgspec
 
 from agribot.errors import RecordingError
+from agribot.record.whole_file import write_at_once
 
 
 class TimeReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -148,16 +148,13 @@ def read_report(path: Path) -> Report:
 def write_file(path: Path, data: bytes) -> None:
     """Write a file of the run's folder, which is made if it is not there.
 
-    An older file stays whole until the new one is. Raises: RecordingError: it cannot be written.
+    An older file stays whole until the new one is; see `write_at_once` for links and pipes.
+    Raises: RecordingError: it cannot be written.
     """
-    fresh = path.with_name(f"{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        fresh.write_bytes(data)
-        fresh.replace(path)
+        write_at_once(path, data)
     except OSError as error:
-        with suppress(OSError):
-            fresh.unlink()
         raise RecordingError(
             f"cannot write {path}: {error.strerror or error}; "
             "check that the folder is writable and the disk has room"

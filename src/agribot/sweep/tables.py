@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import os
 import statistics
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ import msgspec
 from agribot import __version__
 from agribot.errors import ConfigError, RecordingError
 from agribot.record.report import Report
+from agribot.record.whole_file import write_at_once
 from agribot.sweep.execution import Outcome
 from agribot.sweep.plan import Job
 
@@ -36,7 +36,7 @@ class SweepFolder:
         try:
             (path / "results").mkdir(parents=True, exist_ok=True)
             if not about.is_file():
-                _write(about, _json(plan))
+                write_at_once(about, _json(plan))
             found = about.read_bytes()
         except OSError as error:
             raise RecordingError(
@@ -62,7 +62,7 @@ class SweepFolder:
 
     def keep(self, job: Job, report: Report) -> None:
         try:
-            _write(self._result(job), msgspec.json.encode(report) + b"\n")
+            write_at_once(self._result(job), msgspec.json.encode(report) + b"\n")
         except OSError as error:
             raise RecordingError(
                 f"cannot write into {self.path}: {error.strerror or error}; make room and run the "
@@ -83,11 +83,11 @@ class SweepFolder:
             "summary": summary,
         }
         try:
-            _write(self.path / "runs.csv", _csv(rows))
-            _write(self.path / "summary.csv", _csv(_flat_summary(summary)))
+            write_at_once(self.path / "runs.csv", _csv(rows))
+            write_at_once(self.path / "summary.csv", _csv(_flat_summary(summary)))
             report_json = msgspec.json.format(_json({**result, "runs": rows}), indent=1)
-            _write(self.path / "sweep-report.json", report_json)
-            _write(self.path / "summary.md", markdown(summary).encode())
+            write_at_once(self.path / "sweep-report.json", report_json)
+            write_at_once(self.path / "summary.md", markdown(summary).encode())
         except OSError as error:
             raise RecordingError(
                 f"cannot write into {self.path}: {error.strerror or error}; make room and run the "
@@ -230,9 +230,3 @@ def _read(path: Path) -> Report:
 
 def _json(value: object) -> bytes:
     return msgspec.json.encode(value)
-
-
-def _write(path: Path, data: bytes) -> None:
-    beside = path.with_name(path.name + ".part")
-    beside.write_bytes(data)
-    os.replace(beside, path)

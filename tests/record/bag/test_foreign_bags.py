@@ -62,6 +62,18 @@ def test_a_bag_whose_recorder_died_has_no_index_and_is_read_anyway(tmp_path: Pat
     assert samples.counts(tmp_path / "dead.bag") == samples.counts(tmp_path / "a.bag")
 
 
+def test_a_dead_bag_is_read_up_to_a_message_without_a_time(tmp_path: Path) -> None:
+    samples.write_ros1(tmp_path / "a.bag")
+    data = bytearray((tmp_path / "a.bag").read_bytes())
+    at = data.index(b"index_pos=") + len(b"index_pos=")
+    data[at : at + 8] = bytes(8)
+    last = data.rindex(b"op=\x02")  # the last of the file: index and connections come without
+    field = data.index(b"time=", last - 60)
+    data[field : field + 5] = b"tame="
+    (tmp_path / "dead.bag").write_bytes(data)
+    assert 0 < read_info(tmp_path / "dead.bag").messages < 100
+
+
 @pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a.db3"])
 def test_no_cut_hangs_or_ends_in_a_traceback(
     tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]

@@ -92,6 +92,7 @@ class UnindexedBag(Bag):
             try:
                 while (record := _read_record(file, size)) is not None:
                     for inner in _unpacked(record):
+                        _check_time(inner)
                         self._note_connection(inner)
                         yield inner
                     self._good_bytes = file.tell()
@@ -169,6 +170,12 @@ def _fields(data: bytes) -> dict[str, bytes]:
 
 def _connection_of(fields: dict[str, bytes]) -> int:
     return int.from_bytes(fields.get("conn", b""), "little")
+
+
+def _check_time(record: _Record) -> None:
+    """Raises: _Damage: a message without one."""
+    if record.op == _MESSAGE:
+        _time_ns(record.fields)
 
 
 def _time_ns(fields: dict[str, bytes]) -> int:
