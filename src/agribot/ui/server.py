@@ -23,13 +23,12 @@ import uvicorn
 from agribot.ui.app import build_app
 from agribot.ui.camera import Camera, unpacked
 from agribot.ui.connection_slots import ConnectionSlots
-from agribot.ui.guarded_connections import GuardedHttp, GuardedSocket
+from agribot.ui.guarded_connections import GuardedHttp, GuardedSocket, serve_guarded
 from agribot.ui.hub import About, Hub
 from agribot.ui.replay import STATE_HZ, Replay
 
 MAX_FRAME_BYTES = 64 * 1024
 ORDERS_KEPT = 500
-HANDSHAKE_S = 5.0  # of TLS; a line has no slot yet that could be taken from it
 WATCH_S = 0.25
 ALIVE_EVERY = 4  # looks; the robot ends a server whose loop stands still
 
@@ -105,9 +104,8 @@ async def _serve(
     )
     server = QuietServer(config)
     loop = asyncio.get_running_loop()
-    if about.tls_cert:  # uvicorn has no option for it; asyncio would wait for a minute
-        limited = functools.partial(loop.create_server, ssl_handshake_timeout=HANDSHAKE_S)
-        loop.create_server = limited  # type: ignore[method-assign]
+    guarded = functools.partial(serve_guarded, loop.create_server)
+    loop.create_server = guarded  # type: ignore[method-assign]
     loop.add_signal_handler(signal.SIGTERM, lambda: _end(hub, server))
     await server.serve(sockets=[listener])
 
