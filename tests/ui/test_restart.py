@@ -8,14 +8,16 @@ import socket
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import pytest
 from websockets.exceptions import ConnectionClosed
 
 from agribot import config
 from agribot.session import Session
-from agribot.ui import server_process
+from agribot.ui import server, server_process
 from agribot.ui.address import Address, read_door
 from agribot.ui.operator_page import OperatorPage
 from agribot.ui.server_process import how_it_ended
@@ -91,6 +93,35 @@ def test_a_server_that_hangs_is_ended_and_started_again(
     wait_for(lambda: own_robot.server.process.pid != pid, "another process")
     monkeypatch.undo()
     own_robot.wait_for(lambda order: order["c"] == "ready")
+
+
+def serve_what_loads_slowly(*line: Any) -> None:
+    """The server as a process of its own; it loads for as long as its recording is not there."""
+
+    def load(path: Path, _name: str) -> SimpleNamespace:
+        wait_for(path.exists, "the recording")
+        return SimpleNamespace(clients=())
+
+    setattr(server, "Replay", SimpleNamespace(load=load))  # noqa: B010  (a class, for mypy)
+    server.main(*line)
+
+
+def test_a_server_that_loads_a_long_recording_says_meanwhile_that_it_does_not_hang(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot, recording = Robot(tmp_path), tmp_path / "run.mcap"
+    about = robot.server._about
+    shown = {"recording": str(recording)}
+    robot.server._about = lambda port: msgspec.structs.replace(about(port), **shown)
+    with monkeypatch.context() as patch:
+        patch.setattr(server, "main", serve_what_loads_slowly)
+        robot.server.start()
+    robot.server.listen(robot._hear, lambda: None, 0.2)
+    wait_for(lambda: len(robot.of_kind("alive")) >= 3, "signs of life")
+    assert not robot.of_kind("ready")
+    recording.touch()
+    robot.wait_for(lambda order: order["c"] == "ready")
+    robot.server.close()
 
 
 def test_nobody_else_gets_the_port_while_the_server_is_away(

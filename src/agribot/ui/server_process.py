@@ -22,7 +22,9 @@ from agribot.ui.address import Address, bound
 from agribot.ui.hub import About
 
 READY_TIMEOUT_S = 30.0
-HANG_S = 30.0  # the server says each second that its loop goes round
+# The server says four times a second that its loop goes round, while it loads a recording, too.
+# Pages have given up their lines by then; a slow machine needs far less for the longest step.
+HANG_S = 10.0
 PAUSES_S = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0)  # before it is started again, the longer the oftener
 STEADY_S = 60.0  # after so long it counts as started for the first time
 END = b'{"k":"end"}'
@@ -38,6 +40,7 @@ class ServerProcess:
     """`about` is asked with the port that was found, and again for each new process.
 
     `lost` is called with the reason when the process has died, before it is started again.
+    `silent_s` is for how long nothing was heard of it; 0 before it serves.
     `link` and `camera_link` are those of the process of the moment.
     Raises: ConfigError: the address cannot be used, or the packages of the page are missing.
     """
@@ -65,6 +68,10 @@ class ServerProcess:
         self._reader: threading.Thread | None = None
         self._heard_s = 0.0
         self._pauses = 0
+
+    @property
+    def silent_s(self) -> float:
+        return time.monotonic() - self._heard_s if self._heard_s else 0.0
 
     def start(self) -> None:
         self._start_process()
@@ -98,10 +105,12 @@ class ServerProcess:
         """
 
         def run() -> None:
+            has_served = False
             while True:
                 begin_s = time.monotonic()
                 self._follow(hear, look, every_s)
-                if self._is_closed.is_set() or not self._heard_s:
+                has_served = has_served or bool(self._heard_s)
+                if self._is_closed.is_set() or not has_served:
                     break
                 self._pauses = 0 if time.monotonic() - begin_s > STEADY_S else self._pauses
                 self._restart(look, every_s)
@@ -113,13 +122,16 @@ class ServerProcess:
     def _follow(
         self, hear: Callable[[bytes], None], look: Callable[[], None], every_s: float
     ) -> None:
-        """Until the process is gone; one that hangs is ended."""
+        """Until the process is gone; one that hangs is ended, and one that does not begin."""
+        begin_s = time.monotonic()
         with contextlib.suppress(OSError, EOFError):
             while True:
                 if self.link.poll(every_s):
                     hear(self.link.recv_bytes())
                     self._heard_s = time.monotonic()
-                elif self._heard_s and time.monotonic() - self._heard_s > HANG_S:
+                elif self.silent_s > HANG_S or (
+                    not self._heard_s and time.monotonic() - begin_s > READY_TIMEOUT_S
+                ):
                     self.process.kill()
                 look()
 
@@ -132,6 +144,7 @@ class ServerProcess:
         reason = how_it_ended(self.process.exitcode)
         report(f"page: its server {reason}; it is started again, the robot goes on")
         self._lost(reason)
+        self._heard_s = 0.0
         while not self._is_closed.is_set():
             end_s = time.monotonic() + PAUSES_S[min(self._pauses, len(PAUSES_S) - 1)]
             self._pauses += 1
@@ -145,7 +158,6 @@ class ServerProcess:
                 except OSError as error:
                     report(f"page: its server cannot be started: {error.strerror}; trying again")
                     continue
-            self._heard_s = time.monotonic()
             return
 
     def close(self, *, at_once: bool = False) -> None:
