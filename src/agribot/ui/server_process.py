@@ -28,6 +28,7 @@ HANG_S = 10.0
 PAUSES_S = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0)  # before it is started again, the longer the oftener
 STEADY_S = 60.0  # after so long it counts as started for the first time
 END = b'{"k":"end"}'
+READY = b'{"c":"ready"}'  # the server serves; it may have said before that its loop goes round
 
 
 def report(text: str) -> None:
@@ -40,7 +41,7 @@ class ServerProcess:
     """`about` is asked with the port that was found, and again for each new process.
 
     `lost` is called with the reason when the process has died, before it is started again.
-    `silent_s` is for how long nothing was heard of it; 0 before it serves.
+    `silent_s` is for how long nothing was heard of it; 0 before its first message.
     `link` and `camera_link` are those of the process of the moment.
     Raises: ConfigError: the address cannot be used, or the packages of the page are missing.
     """
@@ -67,6 +68,7 @@ class ServerProcess:
         self._starting = threading.Lock()  # of a process, never after `close`
         self._reader: threading.Thread | None = None
         self._heard_s = 0.0
+        self._has_served = False
         self._pauses = 0
 
     @property
@@ -101,16 +103,14 @@ class ServerProcess:
     ) -> None:
         """Call `hear` with every message and `look` at least every so often, in a thread.
 
-        The thread ends with `close`, or with a server that never got as far as its first message.
+        The thread ends with `close`, or with a first server that ends before it serves.
         """
 
         def run() -> None:
-            has_served = False
             while True:
                 begin_s = time.monotonic()
                 self._follow(hear, look, every_s)
-                has_served = has_served or bool(self._heard_s)
-                if self._is_closed.is_set() or not has_served:
+                if self._is_closed.is_set() or not self._has_served:
                     break
                 self._pauses = 0 if time.monotonic() - begin_s > STEADY_S else self._pauses
                 self._restart(look, every_s)
@@ -127,8 +127,10 @@ class ServerProcess:
         with contextlib.suppress(OSError, EOFError):
             while True:
                 if self.link.poll(every_s):
-                    hear(self.link.recv_bytes())
+                    data = self.link.recv_bytes()
+                    hear(data)
                     self._heard_s = time.monotonic()
+                    self._has_served = self._has_served or data == READY
                 elif self.silent_s > HANG_S or (
                     not self._heard_s and time.monotonic() - begin_s > READY_TIMEOUT_S
                 ):
