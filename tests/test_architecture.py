@@ -41,6 +41,7 @@ LAYERS = {
         "latch",
         "lens",
         "arithmetic",
+        "json_number",
     ),
     1: ("estimate", "plan", "control", "perceive", "weeds", "ros"),
     2: ("description", "sim", "drivers", "record", "bridge", "gis"),

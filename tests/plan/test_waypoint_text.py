@@ -53,6 +53,7 @@ def test_columns_may_stand_anywhere_and_blank_lines_are_skipped() -> None:
         ('{"type": "LineString", "coordinates": [[1, 2], [3]]}', r"position 1: \[3\] is not"),
         ('{"type": "LineString", "coordinates": 3}', "must be a list"),
         ('{"type": "Point", "coordinates": [true, 2]}', "True is not a number"),
+        (f'{{"type": "Point", "coordinates": [{10**400}, 2]}}', "0 is not a number"),
         ('{"type": "Feature", "geometry": null}', "expected a GeoJSON object, got NoneType"),
         ('{"type": "MultiPoint", "coordinates": []}', "holds no waypoints"),
     ],

@@ -17,7 +17,7 @@ pytest.importorskip("uvicorn")
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import Message, Scope
 from starlette.websockets import WebSocket
@@ -31,10 +31,24 @@ from tests.ui.client import Page
 from tests.waiting import PATIENCE_S, wait_for
 
 FLOOD = b"x" * 4_000_000
+RECEIVE_BYTES = 64 * 1024
+HURRY_S = 0.1
 
 
-async def much(_: Request) -> Response:
+def hurry(request: Request) -> None:
+    """A test may ask for a short time, which does not count for its own request any more."""
+    if "hurry" in request.query_params:
+        guarded_connections.HEAD_S = HURRY_S
+
+
+async def much(request: Request) -> Response:
+    hurry(request)
     return Response(FLOOD)
+
+
+async def pieces(request: Request) -> Response:
+    hurry(request)
+    return StreamingResponse(FLOOD[at : at + 65536] for at in range(0, len(FLOOD), 65536))
 
 
 async def talk(line: WebSocket) -> None:
@@ -57,12 +71,12 @@ def port(slots: ConnectionSlots) -> Iterator[int]:
         yield {"slots": slots}
 
     app = Starlette(
-        routes=[Route("/", much), WebSocketRoute("/ws", talk)],
+        routes=[Route("/", much), Route("/pieces", pieces), WebSocketRoute("/ws", talk)],
         lifespan=lifespan,
     )
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("HEAD_S", "STALL_S", "CLOSE_S"):
-            patch.setattr(guarded_connections, name, 1.0)
+        patch.setattr(guarded_connections, "CLOSE_S", 1.0)
+        patch.setattr(guarded_connections, "LOOK_S", 0.1)
         patch.setattr(guarded_connections, "SILENT_S", 3.0)
         patch.setattr(guarded_connections, "PING_EVERY_S", 0.1)
         config = uvicorn.Config(
@@ -78,8 +92,12 @@ def port(slots: ConnectionSlots) -> Iterator[int]:
         thread.join()
 
 
-def connect(port: int, text: str) -> socket.socket:
-    line = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S)
+def connect(port: int, text: str, receive_bytes: int | None = None) -> socket.socket:
+    line = socket.socket()
+    if receive_bytes is not None:
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)
+    line.settimeout(PATIENCE_S)
+    line.connect(("127.0.0.1", port))
     line.sendall(text.encode())
     return line
 
@@ -106,15 +124,44 @@ UPGRADE = (
     ["", "GET", HEAD, f"HEAD{HEAD[3:]}\r\nG"],
     ids=["nothing", "a word", "half a head", "half of the next request"],
 )
-def test_who_does_not_finish_a_request_is_cut(port: int, text: str) -> None:
+def test_who_does_not_finish_a_request_is_cut(
+    port: int, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(guarded_connections, "HEAD_S", 1.0)
     with connect(port, text) as line:
         assert is_cut(line)
 
 
-def test_who_does_not_take_an_answer_is_cut(port: int, slots: ConnectionSlots) -> None:
-    with connect(port, f"{HEAD}\r\n") as line:
+@pytest.mark.parametrize("path", ["/", "/pieces"], ids=["at once", "in pieces"])
+def test_who_does_not_take_an_answer_is_cut(
+    port: int, slots: ConnectionSlots, path: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(guarded_connections, "STALL_S", 1.0)
+    with connect(port, f"GET {path} {HEAD[6:]}\r\n") as line:
         assert line.recv(8) == b"HTTP/1.1"
         wait_for(lambda: len(slots) == 0, "the end of the connection")
+
+
+@pytest.mark.parametrize("path", ["/", "/pieces"], ids=["at once", "in pieces"])
+@pytest.mark.parametrize("more", ["", "Connection: close\r\n"], ids=["kept", "closed"])
+def test_a_slow_line_gets_all_of_an_answer_however_long_it_takes(
+    port: int, path: str, more: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its rests are longer than the time for the next request, which has not begun yet."""
+    monkeypatch.setattr(guarded_connections, "HEAD_S", PATIENCE_S)
+    monkeypatch.setattr(guarded_connections, "STALL_S", PATIENCE_S)
+    request = f"GET {path}?hurry {HEAD[6:]}{more}\r\n"
+    with connect(port, request, receive_bytes=RECEIVE_BYTES) as line:
+        for _ in range(4):
+            take(line, len(FLOOD) // 4)
+            time.sleep(5.0 * HURRY_S)
+
+
+def take(line: socket.socket, count: int) -> None:
+    while count > 0:
+        chunk = line.recv(count)
+        assert chunk, f"cut {count} bytes too early"
+        count -= len(chunk)
 
 
 @pytest.mark.parametrize("query", ["", "?flood"], ids=["silent", "takes nothing"])

@@ -16,7 +16,7 @@ from starlette.requests import Request
 
 from agribot.errors import ConfigError
 from agribot.geo import MapFrame
-from agribot.ui import about_routes, small_yaml, stops
+from agribot.ui import about_routes, small_yaml
 from agribot.ui.access import Caller
 from agribot.ui.allowance import MAX_BURST, MAX_MESSAGES_PER_S, Allowance
 from agribot.ui.answers import Unusable
@@ -28,7 +28,7 @@ from agribot.ui.off_the_loop import run_in_process
 from agribot.ui.page_slots import MAX_PAGES, MAX_VIEWERS, make_room
 from agribot.ui.small_yaml import MAX_BYTES, UnusableYaml, read_yaml
 from agribot.ui.stick_table import read_table
-from agribot.ui.stops import Stops
+from agribot.ui.stops import MERGE_S, Stops
 from tests.waiting import PATIENCE_S
 
 
@@ -43,7 +43,7 @@ def test_the_first_stop_goes_on_at_once_and_a_flood_as_one_more() -> None:
             if text:
                 repeated.set()
 
-        button = Stops(post)
+        button = Stops(post, lambda: 100.0)
         button.press("Ada")
         assert posted == [("Ada", "")]
         for _ in range(500):
@@ -55,20 +55,17 @@ def test_the_first_stop_goes_on_at_once_and_a_flood_as_one_more() -> None:
     assert posted == [("Ada", ""), ("flood", "pressed 500 times more")]
 
 
-def test_after_a_stop_is_cleared_the_next_counts_at_once_and_none_from_before(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(stops, "MERGE_S", 0.02)
+def test_after_a_stop_is_cleared_the_next_counts_at_once_and_none_from_before() -> None:
     posted: list[str] = []
 
     async def press() -> None:
-        button = Stops(lambda source, _: posted.append(source))
+        button = Stops(lambda source, _: posted.append(source), lambda: 100.0)
         button.press("Ada")
         button.press("late")
         button.clear()
         button.press("Bob")
         assert posted == ["Ada", "Bob"]
-        await asyncio.sleep(0.1)
+        await asyncio.sleep(2.0 * MERGE_S)
 
     asyncio.run(press())
     assert posted == ["Ada", "Bob"]
@@ -132,6 +129,12 @@ def test_lively_pages_keep_their_places_but_whoever_has_the_seat_comes_back() ->
     assert not any(page.is_cut for page in pages)
     assert not room(pages, Caller(session="ada", role="operator"), 1000.0, holder="ada/tab")
     assert sum(page.is_cut for page in pages) == 1
+
+
+def test_one_program_with_the_seat_on_all_places_is_refused_another_with_the_reason() -> None:
+    pages = [FakePage("operator", 0, 100.0) for _ in range(MAX_PAGES)]
+    asks = Caller(session="operator-0", role="operator")
+    assert "close one of them" in room(pages, asks, 300.0, holder=pages[0].session)
 
 
 ALIASES = "".join(f"k{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 12))

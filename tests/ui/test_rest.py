@@ -137,6 +137,7 @@ def feature(kind: str, shape: str, coordinates: Any) -> dict[str, Any]:
         (feature("row", "Point", [72.7871, 21.1611]), "must be a LineString"),
         (feature("row", "LineString", [[72.7871, 21.1611]]), "feature 2"),
         (feature("waypoint", "Point", ["x", None]), "feature 2"),
+        (feature("waypoint", "Point", [72.7871, 10**400]), "feature 2"),
     ],
 )
 def test_a_field_is_refused_with_the_reason(

@@ -8,14 +8,17 @@ import socket
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import pytest
 from websockets.exceptions import ConnectionClosed
 
 from agribot import config
+from agribot.errors import RecordingError
 from agribot.session import Session
-from agribot.ui import server_process
+from agribot.ui import server, server_process
 from agribot.ui.address import Address, read_door
 from agribot.ui.operator_page import OperatorPage
 from agribot.ui.server_process import how_it_ended
@@ -91,6 +94,64 @@ def test_a_server_that_hangs_is_ended_and_started_again(
     wait_for(lambda: own_robot.server.process.pid != pid, "another process")
     monkeypatch.undo()
     own_robot.wait_for(lambda order: order["c"] == "ready")
+
+
+BAD = b"no recording"
+
+
+def serve_what_loads_slowly(*line: Any) -> None:
+    """The server as a process of its own; it loads for as long as its recording is not there."""
+
+    def load(path: Path, _name: str) -> SimpleNamespace:
+        wait_for(path.exists, "the recording")
+        if path.read_bytes() == BAD:
+            raise RecordingError("holds no ticks")
+        return SimpleNamespace(clients=())
+
+    setattr(server, "Replay", SimpleNamespace(load=load))  # noqa: B010  (a class, for mypy)
+    server.main(*line)
+
+
+@pytest.fixture
+def loading(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Robot, Path]]:
+    """A server that is loading, and the recording that it waits for."""
+    robot, recording = Robot(tmp_path), tmp_path / "run.mcap"
+    about = robot.server._about
+    shown = {"recording": str(recording)}
+    robot.server._about = lambda port: msgspec.structs.replace(about(port), **shown)
+    with monkeypatch.context() as patch:
+        patch.setattr(server, "main", serve_what_loads_slowly)
+        robot.server.start()
+    robot.server.listen(robot._hear, lambda: None, 0.2)
+    wait_for(lambda: len(robot.of_kind("alive")) >= 3, "signs of life")
+    assert not robot.of_kind("ready")
+    yield robot, recording
+    robot.server.close()
+
+
+def test_a_server_that_loads_a_long_recording_says_meanwhile_that_it_does_not_hang(
+    loading: tuple[Robot, Path],
+) -> None:
+    robot, recording = loading
+    recording.touch()
+    robot.wait_for(lambda order: order["c"] == "ready")
+
+
+def test_a_server_that_cannot_load_its_recording_is_not_started_again(
+    loading: tuple[Robot, Path],
+) -> None:
+    robot, recording = loading
+    process = robot.server.process
+    write_whole(recording, BAD)
+    wait_for(robot.server.has_ended.is_set, "the end")
+    assert robot.server.process is process
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """So that nobody reads it half written."""
+    beside = path.with_suffix(".part")
+    beside.write_bytes(data)
+    beside.rename(path)
 
 
 def test_nobody_else_gets_the_port_while_the_server_is_away(

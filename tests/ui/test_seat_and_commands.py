@@ -143,6 +143,7 @@ def test_a_recording_is_begun_and_ended_by_operators_without_the_seat(
         '{"k": "no such"}',
         '{"k":"drive"}',
         '{"k":"shape","what":"route","xy":[[1]]}',
+        '{"k":"point","x":0,"y":-1' + 400 * "0" + "}",
     ],
 )
 def test_a_malformed_message_costs_the_line_and_nothing_else(robot: Robot, text: str) -> None:
@@ -155,7 +156,7 @@ def test_a_malformed_message_costs_the_line_and_nothing_else(robot: Robot, text:
         assert page.receive("hello")["role"] == "operator"
 
 
-@pytest.mark.parametrize("number", ["NaN", "Infinity", "1e999", '"1"', "true", "null"])
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "1e999", '"1"', "true", "null", 400 * "9"])
 def test_a_drive_request_that_is_no_number_never_reaches_the_robot(
     robot: Robot, number: str
 ) -> None:

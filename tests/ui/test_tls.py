@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import socket
 import ssl
 import subprocess
 import threading
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
-from urllib.error import URLError
+from urllib.error import HTTPError, URLError
 from urllib.request import urlopen
 
 import pytest
 
+pytest.importorskip("uvicorn")
+import uvicorn
+from starlette.applications import Starlette
+
 from agribot.cli import main
 from agribot.errors import ConfigError
-from agribot.ui import remote
+from agribot.ui import guarded_connections, remote
 from agribot.ui.address import Address, read_door
+from agribot.ui.connection_slots import ConnectionSlots
 from agribot.ui.line import Line
 from agribot.ui.remote import Remote
 from tests import machine
@@ -58,6 +65,50 @@ def test_who_does_not_shake_hands_is_cut(encrypted: Robot) -> None:
         contextlib.suppress(ConnectionResetError),
     ):
         assert line.recv(1) == b"", "asyncio alone would wait for 60 s"
+
+
+@pytest.fixture
+def patient_port(encrypted: Robot, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """Of a server that waits long for a handshake and has few places."""
+    monkeypatch.setattr(guarded_connections, "HANDSHAKE_S", PATIENCE_S)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: Any) -> Any:
+        yield {"slots": ConnectionSlots(limit=3)}
+
+    address = encrypted.address
+    config = uvicorn.Config(
+        Starlette(lifespan=lifespan), http=guarded_connections.GuardedHttp, log_level="critical",
+        ssl_certfile=address.tls_cert, ssl_keyfile=address.tls_key, timeout_graceful_shutdown=1,
+    )  # fmt: skip
+    server, listener = uvicorn.Server(config), socket.create_server(("127.0.0.1", 0))
+
+    async def serve() -> None:
+        loop = asyncio.get_running_loop()
+        guarded = partial(guarded_connections.serve_guarded, loop.create_server)
+        loop.create_server = guarded  # type: ignore[method-assign]
+        await server.serve(sockets=[listener])
+
+    thread = threading.Thread(target=lambda: asyncio.run(serve()), daemon=True)
+    thread.start()
+    yield listener.getsockname()[1]
+    server.should_exit = True
+    thread.join()
+
+
+def test_a_line_before_its_handshake_gives_way_to_new_ones(
+    patient_port: int, trust: ssl.SSLContext
+) -> None:
+    with contextlib.ExitStack() as stack:
+        address = ("127.0.0.1", patient_port)
+        silent = [
+            stack.enter_context(socket.create_connection(address, timeout=PATIENCE_S))
+            for _ in range(4)
+        ]
+        with contextlib.suppress(ConnectionResetError):
+            assert silent[0].recv(1) == b"", "while the handshake still had time"
+        with pytest.raises(HTTPError, match="404"):
+            urlopen(f"https://127.0.0.1:{patient_port}/", context=trust)
 
 
 def test_the_page_comes_over_https_alone_and_its_cookie_stays_there(

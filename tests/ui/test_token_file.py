@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("starlette")
 from agribot.commands.page import add_address_arguments, address_of
 from agribot.errors import ConfigError
+from agribot.ui import access
 from agribot.ui.access import Access, Caller
 from agribot.ui.address import Address
 from agribot.ui.token_file import read_or_make_tokens
@@ -37,6 +39,33 @@ def test_the_next_start_knows_the_links_and_the_browsers_of_the_last(tmp_path: P
     headers = {"host": "robot:8080", "cookie": f"{access.cookie}={cookie}"}
     assert isinstance(access.check("http", "GET", "/api/v1/field", headers), Caller)
     assert started().operator_token != started().operator_token
+
+
+def test_a_session_ends_with_the_start_of_the_machine_however_long_the_next_one_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The clock by which it grows old begins anew, and comes to its time once more."""
+    boot = tmp_path / "boot_id"
+    monkeypatch.setattr(access, "BOOT_ID", boot)
+    address = started("--token-file", str(tmp_path / "tokens.json"))
+
+    def set_uptime(uptime_s: float) -> None:
+        monkeypatch.setattr(access, "time", SimpleNamespace(monotonic=lambda: uptime_s))
+
+    def is_known_at(uptime_s: float, cookie: str) -> bool:
+        set_uptime(uptime_s)
+        door = access_of(address)
+        headers = {"host": "robot:8080", "cookie": f"{door.cookie}={cookie}"}
+        return isinstance(door.check("http", "GET", "/api/v1/field", headers), Caller)
+
+    boot.write_text("first\n")
+    set_uptime(5000.0)
+    cookie = access_of(address).login(address.operator_token, "10.0.0.1")
+    assert isinstance(cookie, str)
+    assert is_known_at(6000.0, cookie)
+    boot.write_text("second\n")
+    assert not is_known_at(600.0, cookie)
+    assert not is_known_at(6000.0, cookie)
 
 
 def test_the_file_is_for_its_owner_alone(tmp_path: Path) -> None:

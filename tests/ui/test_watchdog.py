@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,9 +15,11 @@ from agribot import config
 from agribot.commands.page import Pacer
 from agribot.messages import TickRecord
 from agribot.session import Session
+from agribot.ui import server_process
 from agribot.ui.address import Address
 from agribot.ui.operator_page import OperatorPage
 from tests.ui.client import Page
+from tests.waiting import PATIENCE_S
 
 SETTINGS = ["perception.enabled=false", "seed=1"]
 
@@ -93,6 +95,34 @@ def test_a_killed_server_stops_the_hand_and_the_mission_goes_on_as_configured(
         assert records[-1].status.state == state
         log = [event.reason for event in session.event_log.events]
         assert "operator lost (the page's server)" in log
+
+
+def test_a_server_that_hangs_counts_as_the_loss_of_the_operator_who_goes_on_afterwards(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server_process, "HANG_S", PATIENCE_S)
+    with simulated(tmp_path, 'safety.on_operator_lost="pause"') as (session, page, browser):
+        resume_until_it_runs(session, browser)
+        pid = page.server.process.pid
+        assert pid is not None
+        os.kill(pid, signal.SIGSTOP)
+        drive_until(session, "paused", lambda: None)
+        os.kill(pid, signal.SIGCONT)
+        log = [event.reason for event in session.event_log.events]
+        assert "operator lost (the page's server)" in log
+        resume_until_it_runs(session, browser)
+
+
+def resume_until_it_runs(session: Session, browser: Page) -> None:
+    drive_until(session, "running", lambda: browser.send(k="mission", action="resume"))
+
+
+def drive_until(session: Session, state: str, meanwhile: Callable[[], None]) -> None:
+    end_s = time.monotonic() + PATIENCE_S
+    while session.last is None or session.last.status.state != state:
+        assert time.monotonic() < end_s, session.last
+        meanwhile()
+        drive(session, None, 0.1)
 
 
 def test_a_hand_on_the_stick_when_the_server_is_killed_lets_go(tmp_path: Path) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from agribot.errors import MissionError
+from agribot.json_number import is_number
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -150,6 +150,6 @@ def checked_position(position: object, where: str) -> LonLat:
 
 
 def _degrees(value: object, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if not is_number(value):
         raise MissionError(f"{where}: {value!r} is not a number of degrees")
     return float(value)

@@ -79,7 +79,7 @@ def plan_from(root: Any, source_name: str, datum: Datum | None = None) -> SavedP
         request = msgspec.convert(told["request"], PlanRequest)
         datum = datum or msgspec.convert(told["datum"], Datum)
         swath_yaw_rad = math.radians(float(told["swath_yaw_deg"]))
-    except (KeyError, TypeError, ValueError, msgspec.ValidationError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, msgspec.ValidationError) as error:
         raise MissionError(f"{source_name}: 'agribot' is broken: {error}; plan it again") from error
     found = features(root, source_name)
     area, _ = field_from([f for f in found if f.kind in KINDS], source_name, datum)

@@ -14,6 +14,7 @@ import secrets
 import time
 from collections.abc import Mapping
 from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
 from typing import Literal
 
 import msgspec
@@ -23,6 +24,7 @@ from agribot.ui.signed_session import RENEW_AFTER_S, Session, Signer
 
 Role = Literal["operator", "viewer"]
 
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # of Linux, random(4)
 LOCAL_NAMES = ("localhost", "127.0.0.1", "[::1]")
 OPEN_PATHS = ("/", "/index.html", "/favicon.ico", "/icon.svg", "/licences.txt", "/api/v1/login")
 OPEN_FOLDERS = ("/assets/",)
@@ -64,7 +66,7 @@ class Access:
         if port in {80, 443}:
             self._hosts |= {name.lower() for name in (*LOCAL_NAMES, *names)}
         self._tokens: dict[Role, str] = {"operator": operator_token, "viewer": viewer_token}
-        self._signer = Signer(session_key)
+        self._signer = Signer(f"{session_key}{read_boot_id()}")
         self._guesses = Guesses()
 
     def check(
@@ -146,6 +148,18 @@ class Access:
             return ""
         morsel = jar.get(self.cookie)
         return morsel.value if morsel else ""
+
+
+def read_boot_id() -> str:
+    """Another one each time that the machine starts; empty where the system has none.
+
+    Sessions are as old as the clock since the machine was started says, and that clock begins
+    anew with it: sealed with the start's id, none of an earlier start can become young again.
+    """
+    try:
+        return BOOT_ID.read_text(encoding="ascii").strip()
+    except OSError:
+        return ""
 
 
 def _is_open(path: str) -> bool:

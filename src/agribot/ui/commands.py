@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import time
 from typing import Any, Protocol, TypeGuard
 
 import msgspec
 
+from agribot.json_number import is_number
 from agribot.plan.errand import STANDING_MPS
 from agribot.ui.channel import Channel
 from agribot.ui.hub import Hub
@@ -112,7 +112,7 @@ class Commands:
     def _on_drive(self, message: dict[str, Any]) -> None:
         """Requests without the seat are dropped; the page sees in `seat` why."""
         v_mps, yaw_rate_radps = message.get("v"), message.get("w")
-        if not _is_number(v_mps) or not _is_number(yaw_rate_radps):
+        if not is_number(v_mps) or not is_number(yaw_rate_radps):
             raise Refused("a drive request needs finite numbers v (m/s) and w (rad/s)")
         if self._no_seat() or ((v_mps or yaw_rate_radps) and _is_late(message.get("mono_ms"))):
             return
@@ -166,7 +166,7 @@ class Commands:
     def _on_goto(self, message: dict[str, Any]) -> None:
         """A place to drive to, as RViz's 2D Goal; answered when the mission took or refused it."""
         place = (message.get("x"), message.get("y"), message.get("yaw"))
-        numbers = tuple(float(number) for number in place if _is_number(number))
+        numbers = tuple(float(number) for number in place if is_number(number))
         if len(numbers) != len(place) - (place[2] is None):
             raise Refused("a goal needs finite numbers x, y (m, map) and yaw (rad) or null")
         reason = self._no_seat()
@@ -185,7 +185,7 @@ class Commands:
     def _on_point(self, message: dict[str, Any]) -> None:
         """A place that somebody clicked: into the recording, as RViz's Publish Point."""
         x_m, y_m = message.get("x"), message.get("y")
-        if not _is_number(x_m) or not _is_number(y_m):
+        if not is_number(x_m) or not is_number(y_m):
             raise Refused("a point needs finite numbers x and y (m, map)")
         self._hub.note(self._page.name, f"point: East {x_m:.3f} m, North {y_m:.3f} m")
         self._ack(message, "")
@@ -203,7 +203,7 @@ class Commands:
         """Where the robot stands, as RViz's 2D Pose Estimate; only a robot at rest believes it."""
         pose = message.get("x"), message.get("y"), message.get("yaw")
         stds = message.get("std_m", POSE_STD_M), message.get("std_rad", POSE_STD_RAD)
-        numbers = tuple(float(value) for value in (*pose, *stds) if _is_number(value))
+        numbers = tuple(float(value) for value in (*pose, *stds) if is_number(value))
         if len(numbers) != len(pose) + len(stds) or min(numbers[3:]) <= 0.0:
             raise Refused("a pose needs finite numbers x, y (m, map), yaw (rad) and sigmas above 0")
         reason = self._no_seat()
@@ -250,20 +250,16 @@ class Commands:
             self._page.tell(answer)
 
 
-def _is_number(value: object) -> TypeGuard[float]:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
 def _is_late(sent_ms: object) -> bool:
     """By the sender's estimate of this machine's clock; a hand that gives none is believed."""
-    return _is_number(sent_ms) and time.monotonic() - sent_ms / 1e3 > MAX_HAND_AGE_S
+    return is_number(sent_ms) and time.monotonic() - sent_ms / 1e3 > MAX_HAND_AGE_S
 
 
 def _is_line(corners: object) -> TypeGuard[list[list[float]]]:
     return (
         isinstance(corners, list)
         and 0 < len(corners) <= MAX_CORNERS
-        and all(isinstance(p, list) and len(p) == 2 and all(map(_is_number, p)) for p in corners)
+        and all(isinstance(p, list) and len(p) == 2 and all(map(is_number, p)) for p in corners)
     )
 
 

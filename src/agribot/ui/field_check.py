@@ -84,7 +84,13 @@ def _shape_of(feature: dict[str, Any], kind: str, frame: MapFrame) -> Any:
         raise _Fault(f"a {geometry.get('type')}, but must be a {' or '.join(SHAPES[kind])}")
     try:
         lonlat = shape_of(geometry)
-    except (ValueError, TypeError, KeyError, IndexError, shapely.errors.ShapelyError) as error:
+    except (
+        ValueError,
+        TypeError,
+        LookupError,
+        OverflowError,
+        shapely.errors.ShapelyError,
+    ) as error:
         raise _Fault(str(error)) from error
     coordinates = shapely.get_coordinates(lonlat)
     if len(coordinates) == 0 or len(coordinates) > MAX_VERTICES:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
 from starlette.requests import Request
 from starlette.responses import Response
 
+from agribot.json_number import is_number
 from agribot.ui.answers import (
     Unusable,
     asked_of_robot,
@@ -26,13 +24,9 @@ async def preview(request: Request) -> Response:
     goal = await json_body(request)
     yaw = goal.get("yaw")
     numbers = [goal.get("x"), goal.get("y"), *([] if yaw is None else [yaw])]
-    if not all(map(_is_number, numbers)):
+    if not all(map(is_number, numbers)):
         raise Unusable(400, "a goal needs finite numbers x, y (m, map) and yaw (rad) or null")
     return json_answer(await asked_of_robot(request, "preview_goal", numbers))
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 ROUTES = (("POST", "/api/v1/goal/preview", preview),)

@@ -12,7 +12,10 @@ import asyncio
 import contextlib
 import fcntl
 import socket
+import ssl
 import termios
+from asyncio.sslproto import SSLProtocol
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -21,7 +24,11 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from agribot.ui.connection_slots import ConnectionSlots, Slot
 
 HEAD_S = 10.0  # for the whole head of a request, and what is left of the one before
-STALL_S = 60.0  # in which nothing like 100 kB of an answer is taken
+LOOK_S = 2.0  # between two looks at what is not yet taken of an answer
+STALL_S = 60.0  # in which nothing of an answer is taken; a slow line may take as long as it needs
+HANDSHAKE_S = 5  # of TLS
+DAY_S = 24 * 3600  # of TLS's goodbye, which HEAD_S and CLOSE_S limit once all is sent
+ACCEPTED_AT_ONCE = 32
 PING_EVERY_S = 2.0
 SILENT_S = 6.0  # a browser answers three pings by then, also with its page asleep
 CLOSE_S = 2.0  # for the goodbyes of both sides
@@ -36,63 +43,128 @@ class GuardedHttp(H11Protocol):
         super().__init__(config, server_state, dict(app_state))
         self._slots: ConnectionSlots = app_state["slots"]
         self._slot: Slot | None = None
-        self._deadline: asyncio.TimerHandle | None = None
-        self._stall: asyncio.TimerHandle | None = None
+        self._line: asyncio.Transport  # carries the bytes: with TLS, what is below it
+        self._timer: asyncio.TimerHandle | None = None
+        self._unsent_bytes = 0
+        self._taken_s = 0.0  # when the other side last took something of an answer
+
+    def enter(self, line: asyncio.Transport) -> bool:
+        """Whether there is a slot for this line."""
+        peer = line.get_extra_info("peername")
+        slot = Slot(str(peer[0]) if peer else "", line.abort)
+        if not self._slots.enter(slot):
+            line.abort()
+            return False
+        self._slot = self.app_state["slot"] = slot
+        self._line = self.app_state["line"] = line
+        return True
+
+    def leave(self) -> None:
+        if self._slot is not None:
+            self._slots.leave(self._slot)
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        peer = transport.get_extra_info("peername")
-        slot = Slot(str(peer[0]) if peer else "", transport.abort)
-        if not self._slots.enter(slot):
-            transport.abort()
+        if self._slot is None and not self.enter(transport):
             return
-        self._slot = self.app_state["slot"] = slot
         super().connection_made(transport)
         self._expect_request()
 
     def connection_lost(self, exc: Exception | None) -> None:
         if self._slot is None:
             return
-        self._slots.leave(self._slot)
-        self._end_deadline()
-        self._end_stall()
+        self.leave()
+        self._end_timer()
         super().connection_lost(exc)
 
     def handle_events(self) -> None:
         before = self.cycle
         super().handle_events()
         if self.cycle is not before:
-            self._end_deadline()
+            self._watch_answer()
 
     def handle_websocket_upgrade(self, event: Any) -> None:
-        self._end_deadline()
+        self._end_timer()
         super().handle_websocket_upgrade(event)
 
     def on_response_complete(self) -> None:
-        self._expect_request()
+        """Complete is what was written; a slow line may carry it for minutes yet."""
+        self._watch_answer()
         super().on_response_complete()
 
-    def pause_writing(self) -> None:
-        super().pause_writing()
-        self._end_stall()
-        self._stall = self.loop.call_later(STALL_S, self.transport.abort)
-
     def resume_writing(self) -> None:
-        self._end_stall()
+        self._taken_s = self.loop.time()
         super().resume_writing()
 
     def _expect_request(self) -> None:
-        self._end_deadline()
-        self._deadline = self.loop.call_later(HEAD_S, self.transport.abort)
+        self._taken_s = self.loop.time()
+        self._end_timer()
+        self._timer = self.loop.call_later(HEAD_S, self._line.abort)
 
-    def _end_deadline(self) -> None:
-        if self._deadline is not None:
-            self._deadline.cancel()
-            self._deadline = None
+    def _watch_answer(self) -> None:
+        """Look every so often whether it is taken, until all of it is."""
+        now_s, unsent_bytes = self.loop.time(), count_unsent(self._line)
+        if unsent_bytes == 0 and self.cycle.response_complete:
+            self._expect_request()
+            return
+        if unsent_bytes == 0 or unsent_bytes < self._unsent_bytes:
+            self._taken_s = now_s
+        self._unsent_bytes = unsent_bytes
+        if now_s - self._taken_s > STALL_S:
+            self._line.abort()
+            return
+        self._end_timer()
+        self._timer = self.loop.call_later(LOOK_S, self._watch_answer)
 
-    def _end_stall(self) -> None:
-        if self._stall is not None:
-            self._stall.cancel()
-            self._stall = None
+    def _end_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+
+class GuardedTls(SSLProtocol):
+    """TLS whose connection has its slot from the first byte on: a handshake costs one, too."""
+
+    def __init__(self, http: GuardedHttp, context: ssl.SSLContext) -> None:
+        super().__init__(
+            http.loop, http, context, None, server_side=True,  # type: ignore[arg-type]
+            ssl_handshake_timeout=HANDSHAKE_S, ssl_shutdown_timeout=DAY_S,
+        )  # fmt: skip
+        self._http = http
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        if self._http.enter(transport):
+            super().connection_made(transport)
+
+    def connection_lost(self, exc: BaseException | None) -> None:
+        self._http.leave()
+        super().connection_lost(exc)
+
+
+async def serve_guarded(
+    create_server: Callable[..., Awaitable[asyncio.Server]],
+    make_http: Callable[[], GuardedHttp],
+    *,
+    sock: socket.socket,
+    ssl: ssl.SSLContext | None,
+    backlog: int,
+) -> asyncio.Server:
+    """What the loop's own `create_server` does, with `GuardedTls` and without its long rounds.
+
+    The loop accepts as many connections in one round as may wait, before any of them gives way to
+    another: a flood would take all descriptors, and then nobody is let in for a second.
+    """
+    make = make_http if ssl is None else lambda: GuardedTls(make_http(), ssl)
+    server = await create_server(make, sock=sock, backlog=ACCEPTED_AT_ONCE)
+    sock.listen(backlog)
+    return server
+
+
+def count_unsent(line: asyncio.Transport) -> int:
+    """What was written and not yet taken by the other side, here and in the system."""
+    count = array.array("i", [0])
+    with contextlib.suppress(OSError, ValueError, AttributeError):  # gone, or not known there
+        fcntl.ioctl(line.get_extra_info("socket").fileno(), termios.TIOCOUTQ, count)  # tcp(7)
+    return count[0] + line.get_write_buffer_size()
 
 
 class GuardedSocket(WebSocketsSansIOProtocol):
@@ -127,7 +199,7 @@ class GuardedSocket(WebSocketsSansIOProtocol):
 
     def pause_writing(self) -> None:
         super().pause_writing()
-        self._watch_buffer(self.transport.get_write_buffer_size())
+        self._watch_buffer(self._count_queued())
 
     def resume_writing(self) -> None:
         self._watch_buffer(None)
@@ -156,12 +228,7 @@ class GuardedSocket(WebSocketsSansIOProtocol):
         self._look = self.loop.call_later(PING_EVERY_S, self._ping)
 
     def _count_queued(self) -> int:
-        """What was written and not yet taken by the other side, here and in the system."""
-        count = array.array("i", [0])
-        line = self.transport.get_extra_info("socket")
-        with contextlib.suppress(OSError, AttributeError):
-            fcntl.ioctl(line.fileno(), termios.TIOCOUTQ, count)  # tcp(7): SIOCOUTQ
-        return count[0] + self.transport.get_write_buffer_size()
+        return count_unsent(self.app_state["line"])
 
     def _watch_buffer(self, size_bytes: int | None) -> None:
         """Look again later whether it has shrunk; None ends that."""
@@ -172,7 +239,7 @@ class GuardedSocket(WebSocketsSansIOProtocol):
             self._stuck = self.loop.call_later(STUCK_S, self._cut_if_stuck, size_bytes)
 
     def _cut_if_stuck(self, before_bytes: int) -> None:
-        size_bytes = self.transport.get_write_buffer_size()
+        size_bytes = self._count_queued()
         if size_bytes >= before_bytes:
             self.transport.abort()
         else:

@@ -35,6 +35,7 @@ from agribot.ui.view import RunView
 from agribot.weeds.track import Track
 
 SERVER = "the page's server"
+SERVER_SILENT_S = 3.0  # of a server that hangs: it does not tell that its operator is lost
 
 
 class OperatorPage:
@@ -68,9 +69,10 @@ class OperatorPage:
         reach_m = session.config.weeds.merge_radius_m
         self._plants = PlantPictures(session.robot, self._frames, reach_m)
         self._saved_frames = SavedFrames(session.config, session.out_dir)
-        self._ready, self._closed = threading.Event(), threading.Event()
+        self._ready = threading.Event()
         self._hand_wall_s = -math.inf
         self._is_hand_moving = False
+        self._is_server_silent = False
 
     @property
     def url(self) -> str:
@@ -107,17 +109,12 @@ class OperatorPage:
         self._verdicts(record)
 
     @property
-    def is_alive(self) -> bool:
-        return self.server.process.is_alive() and not self._closed.is_set()
-
-    @property
     def pace_limit(self) -> float:
         is_driving = time.monotonic() - self._hand_wall_s < 2.0 * self._timeout_s
         return 1.0 if is_driving else math.inf
 
     def close(self) -> None:
         """Tell the pages that it is over and end the server. Safe to call twice."""
-        self._closed.set()
         self._plants.close()
         takes_nothing = not self._close_feeds()  # any more, not even a goodbye
         self.server.close(at_once=takes_nothing)
@@ -151,10 +148,15 @@ class OperatorPage:
         is_old = time.monotonic() - self._hand_wall_s > self._timeout_s
         if self._is_hand_moving and is_old:
             self._hand(0.0, 0.0, "page, silent")
+        is_silent = self.server.silent_s > SERVER_SILENT_S
+        if is_silent and not self._is_server_silent:
+            self._operator_lost(SERVER)
+        self._is_server_silent = is_silent
 
     def _server_lost(self, reason: str) -> None:
         """The end of the line is the loss of all operators, until they take the seat again."""
-        self._operator_lost(SERVER)
+        if not self._is_server_silent:
+            self._operator_lost(SERVER)
         self._note(f"{reason}; it is started again")
         self._close_feeds()
 

@@ -24,9 +24,9 @@ def make_room(hub: Hub, caller: Caller, now_s: float) -> str:
     if total < MAX_PAGES:
         return ""
     others = [p for p in hub.sockets if p.role == "operator" and p.session != hub.seat.holder]
-    quiet = min(others, key=lambda page: page.heard_s)
     has_seat = bool(caller.session) and hub.seat.holder.partition("/")[0] == caller.session
-    if not has_seat and now_s - quiet.heard_s <= SILENCE_S:
+    quiet = min(others, key=lambda page: page.heard_s, default=None)
+    if quiet is None or (not has_seat and now_s - quiet.heard_s <= SILENCE_S):
         return f"{total} pages are connected already; close one of them"
     hub.sockets.discard(quiet)
     quiet.cut()

@@ -13,6 +13,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from agribot.errors import ConfigError
+from agribot.json_number import is_number
 from agribot.ui.access import Caller
 from agribot.ui.answers import (
     Unusable,
@@ -147,7 +148,7 @@ def _session(request: Request) -> str:
 
 
 def _is_between(value: object, low: float, high: float) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
+    return is_number(value) and low <= value <= high
 
 
 async def settings(request: Request) -> Response:

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import functools
 import gc
-import itertools
 import queue
 import signal
 import socket
@@ -23,15 +22,14 @@ import uvicorn
 from agribot.ui.app import build_app
 from agribot.ui.camera import Camera, unpacked
 from agribot.ui.connection_slots import ConnectionSlots
-from agribot.ui.guarded_connections import GuardedHttp, GuardedSocket
+from agribot.ui.guarded_connections import GuardedHttp, GuardedSocket, serve_guarded
 from agribot.ui.hub import About, Hub
+from agribot.ui.off_the_loop import run_in_thread
 from agribot.ui.replay import STATE_HZ, Replay
 
 MAX_FRAME_BYTES = 64 * 1024
 ORDERS_KEPT = 500
-HANDSHAKE_S = 5.0  # of TLS; a line has no slot yet that could be taken from it
 WATCH_S = 0.25
-ALIVE_EVERY = 4  # looks; the robot ends a server whose loop stands still
 
 
 class QuietServer(uvicorn.Server):
@@ -75,14 +73,15 @@ async def _serve(
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Any) -> AsyncIterator[dict[str, Any]]:
-        if about.recording:
-            hub.start_replay("", Replay.load(Path(about.recording), about.current))
         tasks = [asyncio.create_task(_watch(hub)), asyncio.create_task(_replay(hub))]
         loop = asyncio.get_running_loop()
         camera: Camera = app.state.camera
         ended = functools.partial(_end, hub, server)
         _read(link, loop, lambda data: _hear(hub, data, ended), ended)
         _read(camera_link, loop, lambda data: camera.show(unpacked(data)), lambda: None)
+        if about.recording:  # the watch says meanwhile that the loop goes round
+            path = Path(about.recording)
+            hub.start_replay("", await run_in_thread(Replay.load, path, about.current))
         hub.order({"c": "ready"})
         yield {"slots": ConnectionSlots()}
         for task in tasks:
@@ -105,9 +104,8 @@ async def _serve(
     )
     server = QuietServer(config)
     loop = asyncio.get_running_loop()
-    if about.tls_cert:  # uvicorn has no option for it; asyncio would wait for a minute
-        limited = functools.partial(loop.create_server, ssl_handshake_timeout=HANDSHAKE_S)
-        loop.create_server = limited  # type: ignore[method-assign]
+    guarded = functools.partial(serve_guarded, loop.create_server)
+    loop.create_server = guarded  # type: ignore[method-assign]
     loop.add_signal_handler(signal.SIGTERM, lambda: _end(hub, server))
     await server.serve(sockets=[listener])
 
@@ -157,12 +155,14 @@ def _close(server: uvicorn.Server) -> None:
 
 
 async def _watch(hub: Hub) -> None:
-    """Tells pages when the seat becomes free, and the robot when its operator is gone."""
+    """Tells pages when the seat becomes free, and the robot when its operator is gone.
+
+    The robot hears each time that the loop goes round.
+    """
     was_silent = True
-    for number in itertools.count():
+    while True:
         await asyncio.sleep(WATCH_S)
-        if number % ALIVE_EVERY == 0:
-            hub.order({"c": "alive"})
+        hub.order({"c": "alive"})
         hub.tell_live()
         hub.cut_gone_pages(time.monotonic())
         is_silent = hub.seat.is_silent(time.monotonic())

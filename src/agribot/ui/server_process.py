@@ -22,10 +22,13 @@ from agribot.ui.address import Address, bound
 from agribot.ui.hub import About
 
 READY_TIMEOUT_S = 30.0
-HANG_S = 30.0  # the server says each second that its loop goes round
+# The server says four times a second that its loop goes round, while it loads a recording, too.
+# Pages have given up their lines by then; a slow machine needs far less for the longest step.
+HANG_S = 10.0
 PAUSES_S = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0)  # before it is started again, the longer the oftener
 STEADY_S = 60.0  # after so long it counts as started for the first time
 END = b'{"k":"end"}'
+READY = b'{"c":"ready"}'  # the server serves; it may have said before that its loop goes round
 
 
 def report(text: str) -> None:
@@ -38,6 +41,7 @@ class ServerProcess:
     """`about` is asked with the port that was found, and again for each new process.
 
     `lost` is called with the reason when the process has died, before it is started again.
+    `silent_s` is for how long nothing was heard of it; 0 before its first message.
     `link` and `camera_link` are those of the process of the moment.
     Raises: ConfigError: the address cannot be used, or the packages of the page are missing.
     """
@@ -64,7 +68,12 @@ class ServerProcess:
         self._starting = threading.Lock()  # of a process, never after `close`
         self._reader: threading.Thread | None = None
         self._heard_s = 0.0
+        self._has_served = False
         self._pauses = 0
+
+    @property
+    def silent_s(self) -> float:
+        return time.monotonic() - self._heard_s if self._heard_s else 0.0
 
     def start(self) -> None:
         self._start_process()
@@ -94,14 +103,14 @@ class ServerProcess:
     ) -> None:
         """Call `hear` with every message and `look` at least every so often, in a thread.
 
-        The thread ends with `close`, or with a server that never got as far as its first message.
+        The thread ends with `close`, or with a first server that ends before it serves.
         """
 
         def run() -> None:
             while True:
                 begin_s = time.monotonic()
                 self._follow(hear, look, every_s)
-                if self._is_closed.is_set() or not self._heard_s:
+                if self._is_closed.is_set() or not self._has_served:
                     break
                 self._pauses = 0 if time.monotonic() - begin_s > STEADY_S else self._pauses
                 self._restart(look, every_s)
@@ -113,13 +122,18 @@ class ServerProcess:
     def _follow(
         self, hear: Callable[[bytes], None], look: Callable[[], None], every_s: float
     ) -> None:
-        """Until the process is gone; one that hangs is ended."""
+        """Until the process is gone; one that hangs is ended, and one that does not begin."""
+        begin_s = time.monotonic()
         with contextlib.suppress(OSError, EOFError):
             while True:
                 if self.link.poll(every_s):
-                    hear(self.link.recv_bytes())
+                    data = self.link.recv_bytes()
+                    hear(data)
                     self._heard_s = time.monotonic()
-                elif self._heard_s and time.monotonic() - self._heard_s > HANG_S:
+                    self._has_served = self._has_served or data == READY
+                elif self.silent_s > HANG_S or (
+                    not self._heard_s and time.monotonic() - begin_s > READY_TIMEOUT_S
+                ):
                     self.process.kill()
                 look()
 
@@ -132,6 +146,7 @@ class ServerProcess:
         reason = how_it_ended(self.process.exitcode)
         report(f"page: its server {reason}; it is started again, the robot goes on")
         self._lost(reason)
+        self._heard_s = 0.0
         while not self._is_closed.is_set():
             end_s = time.monotonic() + PAUSES_S[min(self._pauses, len(PAUSES_S) - 1)]
             self._pauses += 1
@@ -145,7 +160,6 @@ class ServerProcess:
                 except OSError as error:
                     report(f"page: its server cannot be started: {error.strerror}; trying again")
                     continue
-            self._heard_s = time.monotonic()
             return
 
     def close(self, *, at_once: bool = False) -> None:

@@ -17,17 +17,19 @@ class Stops:
     case somebody else, such as a program on the robot, cleared the stop meanwhile.
     """
 
-    def __init__(self, post: Callable[[str, str], None]) -> None:
-        self._post = post
+    def __init__(
+        self, post: Callable[[str, str], None], now: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._post, self._now = post, now
         self._posted_s = -math.inf
         self._merged = 0
         self._timer: asyncio.TimerHandle | None = None
 
     def press(self, source: str) -> None:
-        wait_s = self._posted_s + MERGE_S - time.monotonic()
+        wait_s = self._posted_s + MERGE_S - self._now()
         if wait_s <= 0.0 and self._timer is None:
             self._post(source, "")
-            self._posted_s = time.monotonic()
+            self._posted_s = self._now()
             return
         self._merged += 1
         if self._timer is None:
@@ -42,4 +44,4 @@ class Stops:
     def _repeat(self, source: str) -> None:
         merged, self._merged, self._timer = self._merged, 0, None
         self._post(source, f"pressed {merged} times more")
-        self._posted_s = time.monotonic()
+        self._posted_s = self._now()
