@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from agribot.geo import Datum, MapFrame
 from tests.ui.page.conftest import SCREENS, OpenPage, show, until
@@ -163,6 +163,28 @@ def test_a_changed_setting_reaches_the_robot(open_page: OpenPage, server: FakeSe
     speed.press("Enter")
     wait_for(lambda: "settings" in server.written, "a changed setting")
     assert server.written["settings"] == {"mission.speed_mps": 0.6}
+
+
+def test_a_late_answer_leaves_what_was_typed_meanwhile(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page("settings")
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    page.route("**/api/v1/settings", hold, times=1)
+    speed = page.get_by_label("Speed", exact=True)
+    speed.fill("0.6")
+    speed.press("Enter")
+    wait_for(lambda: page.evaluate("true") and held, "the request that is answered late")
+    speed.fill("0.3")
+    held[0].continue_()
+    expect(page.locator(".toast", has_text="is now 0.6")).to_be_visible()
+    assert speed.input_value() == "0.3"
+    speed.press("Enter")
+    wait_for(lambda: server.written["settings"] == {"mission.speed_mps": 0.3}, "the other setting")
 
 
 def test_a_recording_is_replayed_and_a_moment_marked(

@@ -70,7 +70,7 @@ function row(setting: Setting, app: App): HTMLElement {
       note.textContent = refused
       note.classList.add('form-error')
     }
-    write(setting, input)
+    if (read(setting, input) === value) write(setting, input) // else it was changed meanwhile, with an answer to come
   }
   return el('div', { class: 'setting' },
     el('div', {}, el('label', { for: id }, quantity(setting.key)), note),
