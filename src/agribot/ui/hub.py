@@ -63,6 +63,7 @@ class Hub:
         self.counts: deque[dict[str, Any]] = deque(maxlen=8)
         self.sockets: set[Any] = set()
         self._replays: dict[str, Replay] = {}
+        self.choices: dict[str, object] = {}  # the last of each browser that waits for it
         self.refusals = 0
         self.visits = 0
         self._asked = 0
