@@ -6,6 +6,8 @@ import io
 import json
 import shutil
 import struct
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any, cast
@@ -185,6 +187,15 @@ def test_who_is_shown_another_channel_gets_nothing_of_the_first_any_more() -> No
     recorded.publish_state(json.dumps(state(2)))
     assert {message["e"] for message in [first, *take_all(client)]} == {recorded.epoch}
     assert recorded.epoch != live.epoch
+
+
+def test_a_recording_has_another_epoch_in_every_process_and_at_every_place() -> None:
+    make = "from agribot.ui.channel import Channel; print(Channel('replay', {}, 'short').epoch)"
+    told = [subprocess.check_output([sys.executable, "-c", make], text=True) for _ in range(2)]
+    channel = Channel("replay", signal_table(), "short")
+    epochs = {*map(int, told), channel.epoch}
+    channel.restart()
+    assert len(epochs | {channel.epoch}) == 4
 
 
 def test_a_page_that_comes_late_has_the_whole_trace_and_all_weeds(robot: Robot) -> None:

@@ -42,6 +42,7 @@ async def session(request: Request) -> Response:
     about = hub.about
     shown = {
         "version": __version__,
+        "run": about.run_id,
         "profile": about.profile,
         "source": hub.live.source,
         "role": caller.role,
