@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from agribot import config
 from agribot.description.loader import load_robot
+from agribot.messages import OperatorEvent
 from agribot.plan.task import Task
+from agribot.session import Session
 from agribot.tasks import task_of
+from agribot.ui.address import Address
 from agribot.ui.goal_preview import preview_goal
+from agribot.ui.operator_page import OperatorPage
 from tests.plan.planting import at
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot
@@ -46,6 +51,29 @@ def test_a_place_that_cannot_be_reached_says_why(task: Task) -> None:
     assert "500" in refusal or "fence" in refusal
     lost = at(0.0, 0.0, 0.0, ok=False)
     assert "where it is" in preview_goal(task, lost, SPEED_MPS, (0.0, 0.0))["refusal"]
+
+
+def test_the_time_is_that_of_the_speed_that_the_mission_drives_at_now(tmp_path: Path) -> None:
+    settings = config.load("farm", ["perception.enabled=false", "record.enabled=false", "seed=1"])
+    with (
+        Session(settings, tmp_path / "run") as session,
+        OperatorPage(session, Address(port=0)) as page,
+    ):
+        ticks = session.ticks()
+        while session.stack.mission.path is None:
+            here = next(ticks).estimate
+        browser = Browser(page.server.port)
+        ahead = {"x": here.x_map_m + math.cos(here.yaw_map_rad), "yaw": None}
+        place = {**ahead, "y": here.y_map_m + math.sin(here.yaw_map_rad)}
+        for speed_mps in (settings.mission.speed_mps, 0.2):
+            change = OperatorEvent(
+                t_s=0.0, action="set", source="test", text="mission.speed_mps", value=speed_mps
+            )
+            session.platform.inbox.post(change)
+            next(ticks)
+            status, shown = browser.ask("POST", "/api/v1/goal/preview", place)
+            assert status == 200, shown
+            assert shown["time_s"] == pytest.approx(shown["length_m"] / speed_mps, abs=0.1)
 
 
 def test_the_page_asks_the_robot_and_nothing_moves(robot: Robot) -> None:

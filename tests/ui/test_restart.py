@@ -70,6 +70,31 @@ def test_a_killed_server_comes_back_at_its_port_with_its_tokens_and_sessions(
         socket.create_connection(("127.0.0.1", own_robot.port), timeout=PATIENCE_S)
 
 
+def shown(robot: Robot) -> tuple[int, int]:
+    """The numbers of the run and of what a page is shown of it."""
+    cookie = logged_in(robot.port, robot.address.operator_token)
+    with Page(robot.port, additional_headers={"Cookie": cookie}) as page:
+        return page.receive("hello")["run"], page.receive("snap")["e"]
+
+
+def test_pages_know_the_run_again_behind_another_server_and_another_run_from_it(
+    own_robot: Robot, tmp_path: Path
+) -> None:
+    run, epoch = shown(own_robot)
+    kill(own_robot)
+    assert shown(own_robot) == (run, epoch)
+    own_robot.server.close()
+    address = Address(host="0.0.0.0", port=own_robot.port)
+    keys = {name: getattr(own_robot.address, name) for name in ("operator_token", "session_key")}
+    next_robot = Robot(tmp_path, msgspec.structs.replace(address, **keys))
+    next_robot.start()
+    try:
+        next_run, next_epoch = shown(next_robot)
+        assert next_run != run and next_epoch != epoch
+    finally:
+        next_robot.server.close()
+
+
 def logged_in(port: int, token: str) -> str:
     """The cookie that the link with the token gives."""
     with socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S) as line:

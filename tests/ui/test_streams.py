@@ -6,6 +6,8 @@ import io
 import json
 import shutil
 import struct
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +18,7 @@ import pytest
 from PIL import Image
 
 from agribot import config
+from agribot.geo import MapFrame
 from agribot.messages import ByteArray
 from agribot.record.recorder import RunRecorder
 from agribot.session import Session
@@ -186,6 +189,15 @@ def test_who_is_shown_another_channel_gets_nothing_of_the_first_any_more() -> No
     recorded.publish_state(json.dumps(state(2)))
     assert {message["e"] for message in [first, *take_all(client)]} == {recorded.epoch}
     assert recorded.epoch != live.epoch
+
+
+def test_a_recording_has_another_epoch_in_every_process_and_at_every_place() -> None:
+    make = "from agribot.ui.channel import Channel; print(Channel('replay', {}, 'short').epoch)"
+    told = [subprocess.check_output([sys.executable, "-c", make], text=True) for _ in range(2)]
+    channel = Channel("replay", signal_table(), "short")
+    epochs = {*map(int, told), channel.epoch}
+    channel.restart()
+    assert len(epochs | {channel.epoch}) == 4
 
 
 def test_a_page_that_comes_late_has_the_whole_trace_and_all_weeds(robot: Robot) -> None:
@@ -395,6 +407,33 @@ def test_the_field_in_a_replay_is_that_of_the_recording(robot: Robot, tmp_path: 
     assert len(recorded["rows"]) == 10
     assert len(browser.ask("GET", "/api/v1/field")[1]["rows"]) == 6
     assert browser.ask("POST", "/api/v1/replay", {"name": None})[0] == 200
+
+
+def test_weeds_of_a_recording_are_saved_where_they_grew(robot: Robot) -> None:
+    settings = config.load("farm", ["field.datum.lat_deg=48.125", "field.datum.lon_deg=11.5"])
+    run = robot.home / "runs" / "north"
+    run.mkdir(parents=True)
+    recorder = RunRecorder(
+        run / "run.mcap", settings, samples.robot(), samples.URDF,
+        weed_map=lambda: [samples.plant(0), samples.plant(1)],
+    )  # fmt: skip
+    for record in samples.ticks(150):
+        recorder(record)
+    recorder.close()
+    browser = Browser(robot.port)
+    replayed = {"name": "north", "speed": 0, "t_s": 100.0}
+    assert browser.ask("POST", "/api/v1/replay", replayed)[0] == 200
+    frame = MapFrame(settings.field.datum)
+    features = browser.ask("GET", "/api/v1/weeds.geojson")[1]["features"]
+    rows = browser.ask("GET", "/api/v1/weeds.csv")[1].decode().splitlines()
+    assert browser.ask("POST", "/api/v1/replay", {"name": None})[0] == 200
+    assert features and len(rows) == len(features) + 1
+    for feature, row in zip(features, rows[1:], strict=True):
+        lon_deg, lat_deg = feature["geometry"]["coordinates"]
+        told = feature["properties"]
+        place = pytest.approx((told["x_map_m"], told["y_map_m"]), abs=1e-3)
+        assert frame.map_from_geodetic(lat_deg, lon_deg, 0.0)[:2] == place
+        assert row.split(",")[-2:] == [str(lat_deg), str(lon_deg)]
 
 
 def test_who_looks_at_a_recording_is_told_when_the_robot_stops(

@@ -5,6 +5,9 @@ import type {
   Calibrations, Field, Health, ImportedView, KeptFrame, MapSource, Panel, PlanReply, Recordings, Robot, Session, Settings, SettingsReply, SettingValue, Way,
 } from './wire.ts'
 
+/** What a lost network swallows would keep a connection for minutes. */
+const SESSION_MS = 10_000
+
 export class ApiError extends Error {
   readonly status: number
   constructor(status: number, message: string) {
@@ -34,8 +37,8 @@ async function reason(response: Response): Promise<string> {
   return `The robot answered ${response.status} ${response.statusText}.`
 }
 
-async function get<T>(path: string): Promise<T> {
-  return (await request(path)).json() as Promise<T>
+async function get<T>(path: string, init: RequestInit = {}): Promise<T> {
+  return (await request(path, init)).json() as Promise<T>
 }
 
 async function write(method: string, path: string, body: unknown): Promise<Response> {
@@ -49,7 +52,7 @@ async function ask<T>(method: string, path: string, body: unknown): Promise<T> {
 const name = encodeURIComponent
 
 export const api = {
-  session: () => get<Session>('/api/v1/session'),
+  session: () => get<Session>('/api/v1/session', { signal: AbortSignal.timeout(SESSION_MS) }),
   login: (token: string) => write('POST', '/api/v1/login', { token }),
   /** Of the robot, or of the recording of this name that is shown. */
   field: (recording: string | null) => get<Field>(`/api/v1/field${recording === null ? '' : `?recording=${name(recording)}`}`),

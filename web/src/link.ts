@@ -43,6 +43,9 @@ export class Link {
   private nextId = 1
   private retry = 0
   private openBy = Infinity
+  private isOpened = false
+  private session: string | null = null
+  private isOutdated = false
   private pingedMs = -Infinity
   private received = { count: 0, bytes: 0, toldCount: 0, toldMs: 0 }
   private readonly waiting = new Map<string, (ack: Ack) => void>()
@@ -50,8 +53,12 @@ export class Link {
   farewell = ''
   /** A refusal of something that no command waits for. */
   onRefusal: (reason: string) => void = () => undefined
+  /** A line was lost before it was open: its server may be away, or refuse this browser. */
+  onUnopened: () => void = () => undefined
+  /** What answers is not what this page was loaded from. */
+  onOutdated: () => void = () => undefined
 
-  constructor(store: Store) {
+  constructor(store: Store, private readonly run: number) {
     this.store = store
   }
 
@@ -65,6 +72,7 @@ export class Link {
     clearTimeout(this.retry)
     const socket = new WebSocket(socketUrl(`/ws/v1?tab=${tabId()}&acks=1`))
     this.socket = socket
+    this.isOpened = false
     this.openBy = performance.now() + OPEN_MS[Math.min(this.attempt, OPEN_MS.length - 1)]
     socket.onopen = () => this.opened()
     socket.onmessage = (event: MessageEvent<unknown>) => this.receive(event.data)
@@ -73,6 +81,7 @@ export class Link {
 
   private opened(): void {
     const nowMs = performance.now()
+    this.isOpened = true
     this.openBy = Infinity
     this.farewell = ''
     this.received = { count: 0, bytes: 0, toldCount: 0, toldMs: nowMs }
@@ -153,9 +162,22 @@ export class Link {
   }
 
   private take(message: ServerMessage, nowMs: number): void {
+    if (message.k === 'hello') this.meet(message.run, message.session)
     if (message.k === 'ack') this.answered(message)
     else if (message.k === 'bye') this.farewell = message.reason
     else this.store.accept(message, nowMs)
+  }
+
+  /** Another run of the robot's program, or one that knows this browser as somebody else. */
+  private meet(run: number, session: string): void {
+    this.session ??= session
+    this.isOutdated = run !== this.run || session !== this.session
+    this.renew()
+  }
+
+  /** A page that is loaded anew forgets its STOP, and therefore says it first. */
+  private renew(): void {
+    if (this.isOutdated && !this.store.stop.isUnheard) this.onOutdated()
   }
 
   private acknowledge(nowMs: number): void {
@@ -168,8 +190,10 @@ export class Link {
   }
 
   private answered(ack: Ack & { id: string | null }): void {
-    if (ack.id === 'stop') this.store.stop.hear(this.store.hasRobot)
-    else if (ack.id !== null && this.waiting.has(ack.id)) this.settle(ack.id, ack)
+    if (ack.id === 'stop') {
+      this.store.stop.hear(this.store.hasRobot)
+      this.renew()
+    } else if (ack.id !== null && this.waiting.has(ack.id)) this.settle(ack.id, ack)
     else if (!ack.ok) this.onRefusal(ack.reason)
   }
 
@@ -185,6 +209,7 @@ export class Link {
   }
 
   private lost(): void {
+    if (!this.isOpened) this.onUnopened()
     this.openBy = Infinity
     this.store.setLinked(false)
     for (const id of [...this.waiting.keys()]) this.settle(id, { ok: false, reason: 'The link broke before the robot answered.' })

@@ -45,6 +45,16 @@ async function openSession(): Promise<Session> {
   }
 }
 
+/** Loads the page anew where another run answers by now, or one that wants a login and does not tell. */
+function sessionCheck(run: number): () => void {
+  let isAsking = false
+  return () => {
+    if (isAsking) return
+    isAsking = true
+    api.session().then((now) => now.run !== run && location.reload(), () => undefined).finally(() => (isAsking = false))
+  }
+}
+
 /** What the mission refuses only after a while, such as a goal for which the robot had to stop first. */
 function tellRefusals(store: Store, toasts: Toasts): void {
   let told: string | undefined
@@ -61,13 +71,15 @@ async function boot(): Promise<void> {
   if (session.source === 'description') return showDescription(session)
   const store = new Store()
   store.hasRobot = session.source !== 'replay'
-  const link = new Link(store)
+  const link = new Link(store, session.run)
   const shell = el('div', { class: 'shell' })
   document.body.append(shell)
   const toasts = new Toasts()
   const dialogs = new Dialogs(shell)
   const stop = new StopButton(link)
   link.onRefusal = (reason) => toasts.show('warn', reason || 'The robot refused.')
+  link.onUnopened = sessionCheck(session.run)
+  link.onOutdated = () => location.reload()
   dialogs.onOpen = () => {
     toasts.raise()
     stop.raise()

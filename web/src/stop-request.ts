@@ -24,6 +24,11 @@ export class StopRequest {
     this.settle()
   }
 
+  /** The server has not got it yet. */
+  get isUnheard(): boolean {
+    return this.isPending && !this.isHeard
+  }
+
   get isPending(): boolean {
     return this.pressedMs !== null
   }

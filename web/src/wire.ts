@@ -60,7 +60,7 @@ export interface Snapshot {
 }
 
 export type ServerMessage =
-  | { k: 'hello'; session: string; id?: string; seat: Seat; holder: string; clients: number; source: string }
+  | { k: 'hello'; run: number; session: string; id?: string; seat: Seat; holder: string; clients: number; source: string }
   | Snapshot
   | State
   | Growth
@@ -130,7 +130,7 @@ export function parseCameraPacket(buffer: ArrayBuffer): CameraPacket | null {
 // ---- HTTP
 
 export interface Session {
-  version: string; profile: string; source: 'sim' | 'hardware' | 'replay' | 'description'; role: 'operator' | 'viewer'
+  version: string; run: number; profile: string; source: 'sim' | 'hardware' | 'replay' | 'description'; role: 'operator' | 'viewer'
   needs_login: boolean; lan_url: string | null; qr_svg: string | null; camera: boolean; screens: string[]
 }
 export interface Field {

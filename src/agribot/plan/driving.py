@@ -106,6 +106,11 @@ class Driving:
         return self._job.task
 
     @property
+    def speed_mps(self) -> float:
+        """Along a path; changed under way, it is the new one."""
+        return self._config.speed_mps
+
+    @property
     def _way(self) -> Route | None:
         return self._errands.route or self._job.route
 

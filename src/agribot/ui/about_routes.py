@@ -13,10 +13,11 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
 from agribot import __version__
-from agribot.geo import Datum, MapFrame
+from agribot.geo import MapFrame
 from agribot.ui.access import Caller
 from agribot.ui.answers import NO_STORE, channel_of, json_answer, refused
 from agribot.ui.channel import signal_table
+from agribot.ui.field_check import datum_of
 from agribot.ui.hub import Hub
 from agribot.ui.off_the_loop import run_in_thread
 from agribot.ui.replay import Replay
@@ -41,6 +42,7 @@ async def session(request: Request) -> Response:
     about = hub.about
     shown = {
         "version": __version__,
+        "run": about.run_id,
         "profile": about.profile,
         "source": hub.live.source,
         "role": caller.role,
@@ -109,8 +111,11 @@ async def weeds_csv(request: Request) -> Response:
 async def _weed_file(
     request: Request, write: Callable[[list[Row], MapFrame], bytes], name: str, media_type: str
 ) -> Response:
-    rows = list(channel_of(request).weeds.values())
-    data = await run_in_thread(write, rows, _frame(request.app.state.hub))
+    hub: Hub = request.app.state.hub
+    shown = channel_of(request)
+    ground = shown.field if isinstance(shown, Replay) else hub.about.field
+    rows, frame = list(shown.weeds.values()), MapFrame(datum_of(ground))
+    data = await run_in_thread(write, rows, frame)
     headers = {**NO_STORE, "content-disposition": f'attachment; filename="{name}"'}
     return Response(data, media_type=media_type, headers=headers)
 
@@ -130,11 +135,6 @@ def _csv(rows: list[Row], frame: MapFrame) -> bytes:
         named = [row[0], CLASS_NAMES[row[1]], *row[2:]]
         writer.writerow([*named, round(lat_deg, 9), round(lon_deg, 9)])
     return buffer.getvalue().encode()
-
-
-def _frame(hub: Hub) -> MapFrame:
-    datum = hub.about.field["datum"]
-    return MapFrame(Datum(lat_deg=datum["lat_deg"], lon_deg=datum["lon_deg"]))
 
 
 def _feature(row: Row, frame: MapFrame) -> dict[str, Any]:

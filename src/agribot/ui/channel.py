@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+import secrets
 from collections import deque
 from typing import Any, Protocol
 
@@ -11,7 +11,7 @@ import msgspec
 from agribot.ui.view import SIGNALS
 
 EVENTS_KEPT = 300
-_EPOCHS = itertools.count(1)
+EPOCH_BITS = 32
 
 
 class Follower(Protocol):
@@ -30,12 +30,15 @@ class Channel:
     """Keeps what grows; each of its clients takes from it what it has not been sent yet.
 
     `epoch` is in all that a client gets: it changes where what was shown before is no longer
-    true, and no two channels have the same.
+    true, and no two channels have the same, whichever process they are in. That of the live robot
+    is the number of its run: a server that is started again goes on with it.
     """
 
-    def __init__(self, source: str, signals: dict[str, Any], name: str = "") -> None:
+    def __init__(
+        self, source: str, signals: dict[str, Any], name: str = "", epoch: int | None = None
+    ) -> None:
         self.source, self.name = source, name
-        self.epoch = next(_EPOCHS)
+        self.epoch = make_epoch() if epoch is None else epoch
         self.clients: set[Follower] = set()
         self.state_text = ""
         self.states = 0
@@ -63,7 +66,7 @@ class Channel:
 
     def restart(self) -> None:
         """Another place in the recording: everything is sent afresh."""
-        self.epoch = next(_EPOCHS)
+        self.epoch = make_epoch()
         self.trace_map_m, self.weeds, self.path = [], {}, {"xy": [], "row": []}
         self.state_text = ""
         self.events.clear()
@@ -98,6 +101,11 @@ class Channel:
         changed = [*(row[0] for row in message["set"]), *message["gone"]]
         for client in self.clients:
             client.change_weeds(changed)
+
+
+def make_epoch() -> int:
+    """A number that nothing else has that is or was shown at this address."""
+    return secrets.randbits(EPOCH_BITS)
 
 
 def signal_table() -> dict[str, Any]:

@@ -52,17 +52,19 @@ class About(msgspec.Struct, kw_only=True):
     lan_url: str = ""
     tls_cert: str = ""
     tls_key: str = ""
+    run_id: int = 0  # the same for all server processes of a run
 
 
 class Hub:
     def __init__(self, about: About, to_robot: ToRobot) -> None:
         self.about = about
-        self.live = Channel(about.source, signal_table())
+        self.live = Channel(about.source, signal_table(), epoch=about.run_id)
         self.seat = Seat()
         self.is_robot_gone = False
         self.counts: deque[dict[str, Any]] = deque(maxlen=8)
         self.sockets: set[Any] = set()
         self._replays: dict[str, Replay] = {}
+        self.choices: dict[str, object] = {}  # the last of each browser that waits for it
         self.refusals = 0
         self.visits = 0
         self._asked = 0

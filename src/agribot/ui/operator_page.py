@@ -231,8 +231,8 @@ class OperatorPage:
         record = self._view.record
         if record is None:
             return {"refusal": "the robot has not begun yet"}
-        task, config = self._session.stack.mission.task, self._session.config
-        return preview_goal(task, record.estimate, config.mission.speed_mps, numbers)
+        mission = self._session.stack.mission
+        return preview_goal(mission.task, record.estimate, mission.speed_mps, numbers)
 
     def _save_frame(self) -> dict[str, Any]:
         shot = self._frames.newest()

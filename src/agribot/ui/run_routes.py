@@ -114,9 +114,10 @@ async def replay(request: Request) -> Response:
     wanted = await json_body(request)
     session = _session(request)
     name = wanted.get("name")
+    hub.choices.pop(session, None)
     if name is None and not hub.about.recording:
         hub.end_replay(session)
-        return json_answer({"source": hub.live.source})
+        return json_answer(_shown(hub, session))
     speed, t_s = wanted.get("speed", 1.0), wanted.get("t_s")
     if not _is_between(speed, 0.0, MAX_SPEED):
         raise Unusable(400, f"speed {speed!r}: 0 (pause) or {MIN_SPEED:g} to {MAX_SPEED:g}")
@@ -124,12 +125,30 @@ async def replay(request: Request) -> Response:
         raise Unusable(400, f"t_s {t_s!r}: a time in seconds")
     player = hub.replay_of(session)
     if player is None or (name is not None and player.name != name):
-        player = await run_in_thread(_opened, hub, str(name))
+        player = await _chosen(hub, session, str(name))
+        if player is None:
+            return json_answer(_shown(hub, session))
         hub.start_replay(session, player)
     player.speed = float(speed)
     if t_s is not None:
         player.seek(float(t_s))
     return json_answer(player.described())
+
+
+def _shown(hub: Hub, session: str) -> dict[str, Any]:
+    player = hub.replay_of(session)
+    return {"source": hub.live.source} if player is None else player.described()
+
+
+async def _chosen(hub: Hub, session: str, name: str) -> Replay | None:
+    """A recording, or None where the browser asked for something else while it was read."""
+    choice = hub.choices[session] = object()
+    try:
+        player = await run_in_thread(_opened, hub, name)
+        return player if hub.choices.get(session) is choice else None
+    finally:
+        if hub.choices.get(session) is choice:
+            del hub.choices[session]
 
 
 def _opened(hub: Hub, name: str) -> Replay:

@@ -2,7 +2,8 @@
 
 When it dies it is started again. The robot's side keeps the listening socket, so that nobody else
 gets the port meanwhile and pages that connect wait in its queue; tokens and the key of the
-sessions stay the same, so that pages come back logged in.
+sessions stay the same, so that pages come back logged in, and so does the number of the run, by
+which pages know that it is not another one.
 """
 
 from __future__ import annotations
@@ -17,8 +18,11 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
+import msgspec
+
 from agribot import extras
 from agribot.ui.address import Address, bound
+from agribot.ui.channel import make_epoch
 from agribot.ui.hub import About
 
 READY_TIMEOUT_S = 30.0
@@ -60,6 +64,7 @@ class ServerProcess:
         address.check_tls()
         self.address = address
         self._about, self._lost = about, lost
+        self._run_id = make_epoch()
         self._listener = bound(address)
         self.port: int = self._listener.getsockname()[1]
         self.url = address.url(self.port)
@@ -82,12 +87,13 @@ class ServerProcess:
     def _start_process(self) -> None:
         from agribot.ui.server import main
 
+        about = msgspec.structs.replace(self._about(self.port), run_id=self._run_id)
         context = multiprocessing.get_context("spawn")
         self.link, far = context.Pipe()
         self.camera_link, camera_far = context.Pipe()
         self.process = context.Process(
             target=main,
-            args=(self._about(self.port), far, camera_far, self._listener),
+            args=(about, far, camera_far, self._listener),
             name="agribot-ui",
             daemon=True,
         )

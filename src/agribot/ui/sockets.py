@@ -100,6 +100,7 @@ class Socket:
     def _hello(self) -> dict[str, Any]:
         return {
             "k": "hello",
+            "run": self.hub.about.run_id,
             "session": self.session.partition("/")[0][:8],
             "role": self.role,
             "version": __version__,

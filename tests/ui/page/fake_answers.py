@@ -20,6 +20,7 @@ def _check(name: str, state: str, value: Any, text: str, advice: str = "") -> di
 FIXED: dict[str, Any] = {
     "session": {
         "version": "0.1.0",
+        "run": 1,
         "profile": "farm",
         "source": "sim",
         "role": "operator",

@@ -105,7 +105,8 @@ class FakeServer:
         await socket.accept()
         who = socket.cookies.get("who", "page")
         self.clients.add(socket)
-        hello = {"k": "hello", "session": who, "source": "sim"}
+        run = self.answers["session"]["run"]
+        hello = {"k": "hello", "run": run, "session": who, "source": "sim"}
         await socket.send_text(json.dumps({**hello, **self._seat(who)}))
         await socket.send_text(json.dumps(self.robot.snapshot()))
         try:

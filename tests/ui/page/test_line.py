@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import shutil
 import time
 from pathlib import Path
 from urllib.parse import urlparse
 
+import numpy as np
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from agribot import config
 from agribot.record.recorder import RunRecorder
+from agribot.ui.feed import packed
 from tests.record import record_samples as samples
 from tests.ui.conftest import Robot
 from tests.ui.page.conftest import WITHOUT_GL, arm, drag_pad, show, take_control, until
@@ -112,6 +115,43 @@ def test_a_recording_takes_the_place_of_the_robot_on_the_page_and_gives_it_back(
         expect(page.locator(".banner.note")).to_be_hidden()
     show(page, "drive")
     wait_for(lambda: page.evaluate("!window.__agribot.state().replay"), "the robot's own state")
+
+
+INKED = """(canvas) => {
+  const {data} = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height)
+  return data.some((value) => value > 0)
+}"""
+
+
+def test_no_picture_of_the_robot_stays_on_the_screen_when_a_recording_is_shown(
+    context: BrowserContext, robot: Robot, recorded: Path
+) -> None:
+    robot.answers["panels"] = []
+    shutil.copytree(recorded, robot.home / "runs" / "without-pictures")
+    page = context.new_page()
+    made = json.loads(json.dumps(FakeRobot().state(time.monotonic() * 1e3)))
+    del made["e"]
+    robot.say(made)
+    page.goto(f"http://127.0.0.1:{robot.port}/?{WITHOUT_GL}#/camera")
+    until(page, "window.__agribot?.ready")
+    image, mask = page.locator("canvas").first, page.locator("canvas.mask")
+    numbers = itertools.count(1)
+
+    def is_shown() -> bool:
+        number = next(numbers)
+        pixels = np.full((48, 64, 3), 120, np.uint8)
+        robot.server.camera_link.send_bytes(packed(1, number, 5.0, np.zeros((48, 64), np.uint8)))
+        robot.server.camera_link.send_bytes(packed(0, number, 5.0, pixels))
+        return bool(image.evaluate(INKED) and mask.evaluate(INKED))
+
+    wait_for(is_shown, "a picture of the robot with its mask")
+    choose = "(name) => fetch('/api/v1/replay', {method: 'POST', body: JSON.stringify({name})})"
+    page.evaluate(choose, "without-pictures")
+    expect(page.locator(".banner.note")).to_contain_text("Replay of without-pictures")
+    assert not image.evaluate(INKED) and not mask.evaluate(INKED)
+    expect(page.locator(".picture-label")).to_have_text("no picture")
+    page.evaluate(choose, None)
+    wait_for(is_shown, "the robot's picture after the recording")
 
 
 @pytest.fixture

@@ -83,6 +83,29 @@ def test_a_place_that_the_robot_cannot_reach_or_nobody_may_send_it_to_is_not_sen
     assert commands(server, "goto") == []
 
 
+def test_a_robot_that_drives_on_is_asked_again_for_its_way_to_a_place(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page(query=MAP_ONLY)
+    page.get_by_role("button", name=GOAL).click()
+    server.robot.mode = "paused"
+    page.mouse.click(*middle_of_map(page))
+    proposal = page.get_by_role("group", name="Proposal")
+    expect(proposal).to_contain_text("of way, at least")
+    before = proposal.inner_text()
+    server.refused_goal = "crop stands there"
+    server.robot.s_m += 0.5
+    stood_n = server.robot.n
+    wait_for(lambda: server.robot.n > stood_n + 30, "a second of ticks")
+    assert proposal.inner_text() == before
+    server.robot.s_m += 1.0
+    expect(proposal).to_contain_text("crop stands there")
+    server.refused_goal = ""
+    server.robot.s_m += 1.1
+    expect(proposal).to_contain_text("of way, at least")
+    assert proposal.inner_text() != before
+
+
 def touch(fingers: CDPSession, kind: str, points: Sequence[Point]) -> None:
     touches = [{"x": x, "y": y, "id": id} for id, (x, y) in enumerate(points)]
     fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": touches})

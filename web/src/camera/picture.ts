@@ -28,6 +28,7 @@ export class CameraPicture {
   private ageMs = NaN
   private size = ''
   private level = 0
+  private readonly undo: () => void
 
   constructor(private readonly store: Store, withMask = true) {
     this.node = el('div', { class: 'picture' }, this.image, this.mask)
@@ -35,10 +36,12 @@ export class CameraPicture {
     this.stream.onImage = (frame) => this.drawImage(frame)
     this.stream.onMask = (frame) => this.drawMask(frame)
     this.stream.onLost = () => (this.arrivals = [])
+    this.undo = store.on('restart', () => this.clear())
     this.applyOpacity()
   }
 
   close(): void {
+    this.undo()
     this.stream.close()
   }
 
@@ -65,6 +68,11 @@ export class CameraPicture {
 
   get live(): boolean {
     return this.arrivals.length > 0
+  }
+
+  private clear(): void {
+    this.image.getContext('2d')?.clearRect(0, 0, this.image.width, this.image.height)
+    this.forgetMask()
   }
 
   private applyOpacity(): void {

@@ -14,13 +14,13 @@ export class CameraStream {
   private closed = false
   private retry = 0
   private isCut = false
-  private readonly undo: () => void
+  private readonly undo: (() => void)[]
   onImage: (frame: Frame) => void = () => undefined
   onMask: (frame: Frame) => void = () => undefined
   onLost: () => void = () => undefined
 
   constructor(private readonly store: Store, private withMask: boolean) {
-    this.undo = store.on('link', (linked) => this.follow(linked))
+    this.undo = [store.on('link', (linked) => this.follow(linked)), store.on('restart', () => this.reopen())]
     this.open()
   }
 
@@ -30,6 +30,7 @@ export class CameraStream {
     this.isCut = !linked
   }
 
+  /** A new line begins with the picture of now; what is under way on the old one counts no more. */
   private reopen(): void {
     clearTimeout(this.retry)
     if (this.socket) {
@@ -48,7 +49,7 @@ export class CameraStream {
 
   close(): void {
     this.closed = true
-    this.undo()
+    for (const undo of this.undo) undo()
     clearTimeout(this.retry)
     this.socket?.close()
   }
@@ -72,7 +73,7 @@ export class CameraStream {
     if (!packet) return
     const type = packet.kind === 'image' ? 'image/jpeg' : 'image/png'
     const bitmap = await createImageBitmap(new Blob([packet.file], { type })).catch(() => null)
-    if (bitmap && !this.closed) {
+    if (bitmap && !this.closed && socket === this.socket) {
       ;(packet.kind === 'image' ? this.onImage : this.onMask)({ bitmap, packet })
       if (packet.kind === 'image') this.store.counters.cam++
     }

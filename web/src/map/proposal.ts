@@ -7,10 +7,17 @@ import { duration, metres } from '../format.ts'
 import { compassText, distanceM } from '../geo.ts'
 import type { Command, State, Vec2, Way } from '../wire.ts'
 
-export interface Proposal { what: 'goal' | 'pose'; at: Vec2; yaw: number | null; way: Way | null; problem: string }
+export interface Proposal {
+  what: 'goal' | 'pose'; at: Vec2; yaw: number | null; way: Way | null; problem: string
+  /** Where the robot was when its way was asked for. */
+  from: Vec2 | null
+  isAsking: boolean
+}
 
 /** The path of another page's goal comes a little later than the word that the robot follows it. */
 const PATH_WITHIN_S = 0.5
+/** A robot that has moved so far is asked for its way again. */
+const WAY_LASTS_M = 1
 const GOAL_LEGS = new Set(['stops first', 'to the goal'])
 const BAD_GOAL = new Set([400, 409, 422])
 
@@ -42,7 +49,8 @@ export class Proposals {
     return this.sent ?? (isPathKnown ? path?.xy[path.xy.length - 1] ?? null : null)
   }
 
-  private follow({ t, mission }: State): void {
+  private follow({ t, mission, pose }: State): void {
+    if (pose) this.askAgain([pose[0], pose[1]])
     const leg = mission?.leg
     if (leg === this.leg) return
     if (GOAL_LEGS.has(this.leg ?? '') && !GOAL_LEGS.has(leg ?? '')) this.sent = null
@@ -51,7 +59,7 @@ export class Proposals {
   }
 
   propose(what: Proposal['what'], at: Vec2, yaw: number | null): void {
-    const proposal: Proposal = { what, at, yaw, way: null, problem: '' }
+    const proposal: Proposal = { what, at, yaw, way: null, problem: '', from: null, isAsking: false }
     this.now = proposal
     this.show()
     if (what === 'goal') void this.ask(proposal)
@@ -67,15 +75,27 @@ export class Proposals {
     this.onEnd()
   }
 
+  /** The robot may drive on while somebody thinks. */
+  private askAgain(here: Vec2): void {
+    const proposal = this.now
+    if (proposal?.what !== 'goal' || proposal.isAsking) return
+    if (!proposal.from || distanceM(proposal.from, here) > WAY_LASTS_M) void this.ask(proposal)
+  }
+
   private async ask(proposal: Proposal): Promise<void> {
     const [x, y] = proposal.at
+    const pose = this.app.store.state?.pose
+    proposal.from = pose ? [pose[0], pose[1]] : null
+    proposal.isAsking = true
     try {
       proposal.way = await api.previewGoal({ x, y, yaw: proposal.yaw })
+      proposal.problem = ''
     } catch (error) {
       const isBad = error instanceof ApiError && BAD_GOAL.has(error.status)
       proposal.way = { xy: [], length_m: null, time_s: null }
       proposal.problem = isBad ? message(error) : ''
     }
+    proposal.isAsking = false
     if (proposal === this.now) this.show()
   }
 

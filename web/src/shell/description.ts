@@ -15,7 +15,7 @@ export async function showDescription(session: Session): Promise<void> {
   document.body.append(shell)
   const store = new Store()
   const off = new Set((new URLSearchParams(location.search).get('off') ?? '').split(','))
-  const app = new App(store, new Link(store), session, new Toasts(), new Dialogs(shell), off)
+  const app = new App(store, new Link(store, session.run), session, new Toasts(), new Dialogs(shell), off)
   await app.loadWorld()
   const name = app.robot?.name ?? 'robot'
   document.title = `${name} · AGRIBOT`

@@ -1,0 +1,117 @@
+"""A browser that changes its mind while a recording is read is shown what it chose last."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import msgspec
+import pytest
+from starlette.requests import Request
+
+from agribot.ui import run_routes
+from agribot.ui.access import Caller
+from agribot.ui.hub import Hub
+from agribot.ui.replay import Replay
+from tests.ui.conftest import Robot
+
+
+class Shelf:
+    """Recordings that take until `let_go` to be read."""
+
+    def __init__(self) -> None:
+        self.begun: dict[str, threading.Event] = {}
+        self._read: dict[str, threading.Event] = {}
+
+    def read(self, _: Hub, name: str) -> Any:
+        self._event(self.begun, name).set()
+        self._event(self._read, name).wait()
+        described = {"source": "replay", "name": name}
+        return SimpleNamespace(name=name, speed=1.0, described=lambda: described)
+
+    def let_go(self, name: str) -> None:
+        self._event(self._read, name).set()
+
+    async def is_read(self, name: str) -> None:
+        await asyncio.to_thread(self._event(self.begun, name).wait)
+
+    def _event(self, events: dict[str, threading.Event], name: str) -> threading.Event:
+        return events.setdefault(name, threading.Event())
+
+
+@pytest.fixture
+def shelf(monkeypatch: pytest.MonkeyPatch) -> Shelf:
+    shelf = Shelf()
+    monkeypatch.setattr(run_routes, "_opened", shelf.read)
+    return shelf
+
+
+@pytest.fixture
+def hub(tmp_path: Path) -> Iterator[Hub]:
+    robot = Robot(tmp_path)
+    yield Hub(robot._about(robot.port), lambda _: None)
+    robot.server.close()
+
+
+def choose(hub: Hub, name: str | None, browser: str = "ann") -> asyncio.Task[Any]:
+    async def body() -> bytes:
+        return msgspec.json.encode({"name": name})
+
+    caller = Caller(session=browser, role="operator")
+    scope = {"agribot.caller": caller}
+    request = SimpleNamespace(app=SimpleNamespace(state=SimpleNamespace(hub=hub)), scope=scope)
+    request.body = body
+
+    async def answer() -> Any:
+        return msgspec.json.decode((await run_routes.replay(cast(Request, request))).body)
+
+    return asyncio.create_task(answer())
+
+
+def shown(hub: Hub, browser: str = "ann") -> str | None:
+    replay: Replay | None = hub.replay_of(browser)
+    return None if replay is None else replay.name
+
+
+def test_back_to_live_counts_though_a_recording_is_still_being_read(hub: Hub, shelf: Shelf) -> None:
+    async def work() -> None:
+        reading = choose(hub, "long")
+        await shelf.is_read("long")
+        assert (await choose(hub, None))["source"] == hub.live.source
+        shelf.let_go("long")
+        assert (await reading)["source"] == hub.live.source
+        assert shown(hub) is None
+
+    asyncio.run(work())
+
+
+def test_of_two_quick_choices_the_last_one_is_shown(hub: Hub, shelf: Shelf) -> None:
+    async def work() -> None:
+        first = choose(hub, "first")
+        await shelf.is_read("first")
+        second = choose(hub, "second")
+        await shelf.is_read("second")
+        shelf.let_go("second")
+        assert (await second)["name"] == "second"
+        shelf.let_go("first")
+        assert (await first)["name"] == "second"
+        assert shown(hub) == "second"
+
+    asyncio.run(work())
+
+
+def test_what_one_browser_chooses_does_not_end_the_wait_of_another(hub: Hub, shelf: Shelf) -> None:
+    async def work() -> None:
+        reading = choose(hub, "long")
+        await shelf.is_read("long")
+        await choose(hub, None, "ben")
+        shelf.let_go("long")
+        assert (await reading)["name"] == "long"
+        assert (shown(hub), shown(hub, "ben")) == ("long", None)
+        assert not hub.choices
+
+    asyncio.run(work())
