@@ -57,9 +57,17 @@ def server() -> Iterator[FakeServer]:
         yield fake
 
 
+def new_context(browser: Browser, **options: Any) -> BrowserContext:
+    """Its pages wait as long as all else does, not for Playwright's half a minute."""
+    context = browser.new_context(**options)
+    context.set_default_timeout(1000 * PATIENCE_S)
+    return context
+
+
 @pytest.fixture
 def context(browser: Browser) -> Iterator[BrowserContext]:
-    context = browser.new_context(
+    context = new_context(
+        browser,
         viewport={"width": 1280, "height": 800},
         locale="en",
         reduced_motion="reduce",  # no colour is looked at half-way to another

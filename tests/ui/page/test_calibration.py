@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.ui.page.conftest import WITHOUT_GL, show, take_control, until
+from tests.ui.page.conftest import WITHOUT_GL, new_context, show, take_control, until
 from tests.ui.page.robots import Robot, robot_with_page
 from tests.waiting import wait_for
 
@@ -58,7 +58,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory, home: Path) -> Iterator[Robo
 
 @pytest.fixture
 def page(browser: Browser, robot: Robot) -> Iterator[Page]:
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, locale="en")
+    context = new_context(browser, viewport={"width": 1280, "height": 800}, locale="en")
     page = opened(context.new_page(), robot)
     take_control(page)
     if page.evaluate(f"{STATE}.stop"):
@@ -147,7 +147,7 @@ def test_without_its_operator_the_robot_does_not_go_on(
     page: Page, robot: Robot, browser: Browser, how: str
 ) -> None:
     drive(page, "Wheels and turning", f"{STATE}.cmd[0] > 0.3")
-    context = browser.new_context(locale="en")
+    context = new_context(browser, locale="en")
     other = opened(context.new_page(), robot)
     if how == "the operator is gone":
         page.context.close()

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.ui.page.conftest import until
+from tests.ui.page.conftest import new_context, until
 from tests.ui.page.robots import Robot, described
 
 ARM = """<link name="arm"><visual><geometry><box size="0.4 0.05 0.05"/></geometry></visual></link>
@@ -30,7 +30,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 
 @pytest.fixture(scope="module")
 def page(browser: Browser, robot: Robot) -> Page:
-    page = browser.new_page(viewport={"width": 1280, "height": 800}, locale="en")
+    page = new_context(browser, viewport={"width": 1280, "height": 800}, locale="en").new_page()
     page.goto(robot.address)
     expect(page.get_by_role("slider").first).to_be_visible()
     return page

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.ui.page.conftest import hold_map_still, until
+from tests.ui.page.conftest import hold_map_still, new_context, until
 from tests.ui.page.fake_server import FakeServer, serving
 from tests.ui.page.test_plan import drawn, lonlat
 from tests.waiting import wait_for
@@ -43,7 +43,7 @@ def asked() -> list[str]:
 
 @pytest.fixture(scope="module")
 def page(browser: Browser, server: FakeServer, asked: list[str]) -> Iterator[Page]:
-    context = browser.new_context(viewport={"width": 1280, "height": 900}, locale="en")
+    context = new_context(browser, viewport={"width": 1280, "height": 900}, locale="en")
     context.on("request", lambda request: asked.append(request.url))
     page = context.new_page()
     page.goto(f"{server.address}/?off=scene,camera#/plan")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pytest
 from playwright.sync_api import Browser, CDPSession, Page, expect
 
-from tests.ui.page.conftest import OpenPage, take_control, until
+from tests.ui.page.conftest import OpenPage, new_context, take_control, until
 from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.test_safety import commands
 from tests.waiting import wait_for
@@ -114,8 +114,8 @@ def touch(fingers: CDPSession, kind: str, points: Sequence[Point]) -> None:
 def test_two_fingers_move_the_map_and_a_double_tap_zooms_and_neither_sends_anything(
     browser: Browser, server: FakeServer
 ) -> None:
-    with browser.new_context(
-        viewport={"width": 1024, "height": 768}, has_touch=True, locale="en"
+    with new_context(
+        browser, viewport={"width": 1024, "height": 768}, has_touch=True, locale="en"
     ) as context:
         page = context.new_page()
         page.goto(f"{server.address}/?{MAP_ONLY}#/drive")

@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from agribot import config
 from agribot.geo import MapFrame
-from tests.ui.page.conftest import hold_map_still, show, take_control, until
+from tests.ui.page.conftest import hold_map_still, new_context, show, take_control, until
 from tests.ui.page.robots import Robot, robot_with_page
 from tests.waiting import wait_for
 
@@ -34,7 +34,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 
 @pytest.fixture(scope="module")
 def page(browser: Browser, robot: Robot) -> Iterator[Page]:
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, locale="en")
+    context = new_context(browser, viewport={"width": 1280, "height": 800}, locale="en")
     page = context.new_page()
     page.goto(f"{robot.address}/?off=scene,camera#/drive")
     until(page, "window.__agribot?.ready && window.__agribot.map?.loaded()")

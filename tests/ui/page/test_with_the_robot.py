@@ -26,6 +26,7 @@ from tests.ui.page.conftest import (
     WITHOUT_GL,
     drag_pad,
     hold,
+    new_context,
     show,
     take_control,
     until,
@@ -74,7 +75,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 
 @pytest.fixture(scope="module")
 def context(browser: Browser) -> Iterator[BrowserContext]:
-    context = browser.new_context(viewport={"width": 1280, "height": 800}, locale="en")
+    context = new_context(browser, viewport={"width": 1280, "height": 800}, locale="en")
     yield context
     context.close()
 
