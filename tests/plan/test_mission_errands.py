@@ -222,6 +222,19 @@ def test_a_mission_that_has_ended_drives_to_places_only_where_it_stays_open() ->
     assert drive.goto(HEADLAND, 40.0, 0.0).status.refusal
 
 
+def test_a_speed_set_after_the_end_is_that_of_the_next_way() -> None:
+    drive = Drive()
+    place = drive.place(0.0)
+    drive.be_at(*place, "cancel")
+    drive.mission.stay_open()
+    slow = OperatorEvent(
+        t_s=0.0, action="set", source="Ada", text="mission.speed_mps", value=MISSION.speed_mps / 2
+    )
+    drive.ask(*place, slow)
+    assert drive.mission.speed_mps == MISSION.speed_mps / 2
+    assert drive.goto(place, *HEADLAND).max_speed_mps <= MISSION.speed_mps / 2
+
+
 def test_another_plan_is_taken_by_a_standing_robot_and_begins_when_resumed() -> None:
     drive = Drive()
     where = drive.into_row(0)

@@ -25,7 +25,9 @@ from agribot.plan.saved_mission import check_not_carried_away
 from agribot.plan.task import Task
 
 # Heard after the end by a mission that stays open.
-AFTER_THE_END = ("start", "goto", "return_home", "visit", "plan", "stop", "clear_stop")
+AFTER_THE_END = (
+    "start", "goto", "return_home", "visit", "plan", "stop", "clear_stop", "set",
+)  # fmt: skip
 
 
 class Mission(Driving):
