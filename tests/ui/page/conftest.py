@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Error, Page, expect, sync_playwright
 from playwright.sync_api import TimeoutError as NotThere
 
 from tests import machine
@@ -95,7 +95,16 @@ def open_page(context: BrowserContext, server: FakeServer) -> OpenPage:
 
 def until(page: Page, expression: str, patience_s: float = PATIENCE_S) -> Any:
     """The first true value of an expression; polled from here, for the page forbids eval."""
-    return wait_for(lambda: page.evaluate(expression), expression, patience_s)
+
+    def ask() -> Any:
+        try:
+            return page.evaluate(expression)
+        except Error as error:
+            if "context was destroyed" not in str(error):
+                raise
+            return None  # the page is being loaded anew
+
+    return wait_for(ask, expression, patience_s)
 
 
 def hold_map_still(page: Page) -> None:
