@@ -158,16 +158,21 @@ def test_seconds_of_a_stamp() -> None:
     assert seconds(rosmsg.header(12.5, "").stamp) == 12.5
 
 
+def time_of(clock: StampClock, stamp_s: float, arrived_s: float) -> float:
+    clock.hear(stamp_s, arrived_s)
+    return clock.t_s(stamp_s, arrived_s)
+
+
 def test_stamps_of_the_robots_own_clock_stay_what_they_are() -> None:
     clock = StampClock()
-    assert [clock.t_s(t_s, t_s + 0.1) for t_s in (5.0, 5.1, 5.3)] == [5.0, 5.1, 5.3]
+    assert [time_of(clock, t_s, t_s + 0.1) for t_s in (5.0, 5.1, 5.3)] == [5.0, 5.1, 5.3]
 
 
 def test_stamps_of_another_clock_are_moved_by_the_shortest_delay() -> None:
     clock, epoch_s = StampClock(), 1.7e9
     delays_s = [0.05, 0.02, 0.3, 0.02]
     got = [
-        clock.t_s(epoch_s + 0.1 * index, 10.0 + 0.1 * index + delay_s)
+        time_of(clock, epoch_s + 0.1 * index, 10.0 + 0.1 * index + delay_s)
         for index, delay_s in enumerate(delays_s)
     ]
     assert got[1:] == pytest.approx([10.12, 10.22, 10.32], abs=1e-6)
@@ -178,12 +183,26 @@ def test_nothing_is_from_the_future_and_a_clock_set_anew_is_followed() -> None:
     arrived_s = np.arange(0.0, 10.0, 0.1) + 20.0
     offsets_s = np.where(arrived_s < 24.0, 1e9, np.where(arrived_s < 27.0, 1e9 + 50.0, 1e9 - 50.0))
     got = np.array(
-        [clock.t_s(a + o, a) for a, o in zip(arrived_s.tolist(), offsets_s.tolist(), strict=True)]
+        [
+            time_of(clock, a + o, a)
+            for a, o in zip(arrived_s.tolist(), offsets_s.tolist(), strict=True)
+        ]
     )
     assert (got <= arrived_s).all()
     settled = (arrived_s < 27.0) | (arrived_s > 29.2)
     assert np.abs(got - arrived_s)[settled].max() < 1e-6
 
 
+def test_messages_that_come_at_once_after_a_pause_keep_their_distances() -> None:
+    """The sender stood still, for longer than the clock remembers, and its clock with it."""
+    clock = StampClock()
+    for t_s in (1.0, 1.1, 1.2):
+        clock.hear(t_s + 1e9, t_s)
+    burst = [(1e9 + stamp_s, 5.0 + 1e-4 * i) for i, stamp_s in enumerate((1.3, 1.4, 1.5))]
+    for stamp_s, arrived_s in burst:
+        clock.hear(stamp_s, arrived_s)
+    assert [clock.t_s(*message) for message in burst] == pytest.approx([4.8, 4.9, 5.0], abs=1e-3)
+
+
 def test_without_a_stamp_the_arrival_counts() -> None:
-    assert StampClock().t_s(0.0, 3.5) == 3.5
+    assert time_of(StampClock(), 0.0, 3.5) == 3.5

@@ -63,8 +63,10 @@ class TopicSource:
     def take(self, t_s: float) -> tuple[Sample, ...]:
         """Those captured until `t_s`; later ones of the same or an earlier time are left out."""
         self._ticks.tick(t_s, self._now_s())
-        while self._arrived:
-            stamp_s, arrived_s, sample = self._arrived.popleft()
+        arrivals = [self._arrived.popleft() for _ in range(len(self._arrived))]
+        for stamp_s, arrived_s, _ in arrivals:
+            self._clock.hear(stamp_s, self._ticks.t_s(arrived_s))
+        for stamp_s, arrived_s, sample in arrivals:
             at_s = self._clock.t_s(stamp_s, self._ticks.t_s(arrived_s))
             if at_s > self._last_s:
                 self._last_s = at_s

@@ -24,13 +24,22 @@ class StampClock:
     def __init__(self) -> None:
         self._delays: deque[tuple[float, float]] = deque()  # arrival, arrival minus stamp
 
-    def t_s(self, stamp_s: float, arrived_s: float) -> float:
-        """Capture time on the robot's clock; `arrived_s` is of that clock, too."""
+    def hear(self, stamp_s: float, arrived_s: float) -> None:
+        """A message has arrived; `arrived_s` is of the robot's clock."""
         if stamp_s == 0.0:
-            return arrived_s
+            return
         self._delays.append((arrived_s, arrived_s - stamp_s))
         while arrived_s - self._delays[0][0] > WINDOW_S:
             self._delays.popleft()
+
+    def t_s(self, stamp_s: float, arrived_s: float) -> float:
+        """Capture time on the robot's clock of a message that was heard.
+
+        Of several that come at once, such as after a pause of the network, hear all first: the
+        last of them was the quickest.
+        """
+        if stamp_s == 0.0:
+            return arrived_s
         shortest_s = min(delay_s for _, delay_s in self._delays)
         is_same = -_AHEAD_S <= shortest_s <= SAME_CLOCK_S
         return min(stamp_s if is_same else stamp_s + shortest_s, arrived_s)
