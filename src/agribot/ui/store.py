@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
+from agribot.record.whole_file import write_at_once
 from agribot.ui.answers import Unusable
 
 _NAME = re.compile(r"^[^\W_][\w .()-]{0,62}$")
@@ -42,12 +42,9 @@ class Store:
 
     def write(self, name: str, document: Any) -> None:
         """Raises: Unusable: the disk does not take it."""
-        path = self._path(name)
-        half = path.with_suffix(".writing")
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            half.write_bytes(msgspec.json.encode(document))
-            os.replace(half, path)
+            write_at_once(self._path(name), msgspec.json.encode(document))
         except OSError as error:
             raise Unusable(507, f"cannot store '{name}': {error.strerror}") from error
 
