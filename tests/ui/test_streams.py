@@ -342,6 +342,13 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out / "run.mcap"
 
 
+def put_run(robot: Robot, name: str, recording: Path) -> None:
+    """Keep a recording among the runs of a robot."""
+    folder = robot.home / "runs" / name
+    folder.mkdir(parents=True)
+    shutil.copyfile(recording, folder / "run.mcap")
+
+
 def test_a_replay_shows_the_same_places_and_goes_back_and_forth(recording: Path) -> None:
     replay = Replay.load(recording, "short")
     wall_s = 100.0
@@ -367,8 +374,7 @@ def test_a_replay_shows_the_same_places_and_goes_back_and_forth(recording: Path)
 def test_a_page_sees_the_recording_and_then_the_robot_again_and_never_one_in_the_other(
     robot: Robot, recording: Path
 ) -> None:
-    (robot.home / "runs" / "swap").mkdir(parents=True)
-    shutil.copyfile(recording, robot.home / "runs" / "swap" / "run.mcap")
+    put_run(robot, "swap", recording)
     robot.say({"k": "traj", "first": 0, "xy": [[100.0, 100.0], [101.0, 100.0]]})
     weed = [7001, 0, 100.0, 101.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, None]
     robot.say({"k": "weeds", "rev": 9, "set": [weed], "gone": []})
@@ -439,8 +445,7 @@ def test_weeds_of_a_recording_are_saved_where_they_grew(robot: Robot) -> None:
 def test_who_looks_at_a_recording_is_told_when_the_robot_stops(
     robot: Robot, recording: Path
 ) -> None:
-    (robot.home / "runs" / "watched").mkdir(parents=True)
-    shutil.copyfile(recording, robot.home / "runs" / "watched" / "run.mcap")
+    put_run(robot, "watched", recording)
     browser = Browser(robot.port)
     with Page(robot.port, tab="watch", additional_headers={"Cookie": browser.cookie}) as page:
         assert browser.ask("POST", "/api/v1/replay", {"name": "watched"})[0] == 200
@@ -507,8 +512,7 @@ def test_a_recording_has_its_pictures_by_time_with_and_without_what_was_found(
 def test_a_replay_shows_the_camera_and_live_pictures_come_back_after_it(
     robot: Robot, filmed: Path
 ) -> None:
-    (robot.home / "runs" / "filmed").mkdir(parents=True)
-    shutil.copyfile(filmed, robot.home / "runs" / "filmed" / "run.mcap")
+    put_run(robot, "filmed", filmed)
     browser = Browser(robot.port)
     cookie: dict[str, Any] = {"additional_headers": {"Cookie": browser.cookie}}
     with (
