@@ -149,9 +149,12 @@ class Integrity:
     @property
     def across_plain_m(self) -> float:
         """What the covariance alone makes of `across_m`, as if no GNSS were ever wrong."""
+        return self._across_gain * std_along_m(self._cov_m2, self._left)
+
+    @property
+    def _cov_m2(self) -> Cov2:
         cov = self._ekf.cov
-        cov_m2 = (float(cov[X, X]), float(cov[X, Y]), float(cov[Y, Y]))
-        return self._across_gain * std_along_m(cov_m2, self._left)
+        return float(cov[X, X]), float(cov[X, Y]), float(cov[Y, Y])
 
     @property
     def _left(self) -> tuple[float, float]:
@@ -161,8 +164,8 @@ class Integrity:
     def _here(self, t_s: float, pos_std_m: float) -> _Anchor:
         x, cov = self._ekf.x, self._ekf.cov
         course_rad = math.sqrt(cov[YAW, YAW] + cov[SLIP, SLIP])
-        cov_m2 = (float(cov[X, X]), float(cov[X, Y]), float(cov[Y, Y]))
-        spread = Spread(pos_std_m, cov_m2, course_rad, math.sqrt(cov[WHEEL_SCALE, WHEEL_SCALE]))
+        wheel_ratio = math.sqrt(cov[WHEEL_SCALE, WHEEL_SCALE])
+        spread = Spread(pos_std_m, self._cov_m2, course_rad, wheel_ratio)
         return _Anchor(
             t_s, x[X] - self._x_m, x[Y] - self._y_m, self._driven_m, spread,
             (self._aside_x_m, self._aside_y_m), x[SLIP], self._slid_m,
