@@ -12,11 +12,11 @@ from pathlib import Path
 
 import msgspec
 
+from agribot.dataset.pictures import SUFFIXES
 from agribot.errors import ConfigError
 
 IMAGE_FOLDERS = ("images/rgb", "images", "rgb")
 MASK_FOLDERS = ("annotations/dlp/colorCleaned", "annotations", "masks", "labels")
-SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 ENDING = re.compile(r"[._-](image|img|rgb|mask|annotation|annotations|label|labels|gt)$")
 
 
