@@ -15,7 +15,7 @@ from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import TickRecord
-from agribot.record.whole_file import write_at_once
+from agribot.core.whole_file import write_at_once
 
 FILE_NAME = "mission.json"
 PERIOD_S = 1.0

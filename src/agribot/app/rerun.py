@@ -25,8 +25,7 @@ from agribot.app.run_recording import (
 from agribot.autonomy.perception_host import RecordedPerception
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.weeds.track import Track
-from agribot.core.config import RunConfig, from_tree
-from agribot.core.config_tree import assign, without_none
+from agribot.core.config import RunConfig, assign, from_tree, without_none
 from agribot.core.errors import EndOfRecording, RecordingError
 from agribot.core.messages import STOP, MappedPlant, MapPoint, PlantClass, TickRecord
 from agribot.description.loader import parse_robot

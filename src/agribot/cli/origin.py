@@ -14,8 +14,7 @@ from pathlib import Path
 
 import msgspec
 
-from agribot.core.config import RunConfig
-from agribot.core.config_tree import check_finite, did_you_mean, read_toml
+from agribot.core.config import RunConfig, check_finite, did_you_mean, read_toml
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.geo import Datum
 from agribot.ros.source_uri import read_uri

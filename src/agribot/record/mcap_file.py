@@ -11,7 +11,7 @@ from mcap.records import Attachment, Channel, Header, Message, Metadata
 from mcap.writer import CompressionType, Writer
 
 from agribot.core.errors import RecordingError
-from agribot.core.topic import Qos, Topic
+from agribot.core.topics import Qos, Topic
 from agribot.record.background_file import BackgroundFile
 from agribot.record.mcap_records import McapRecords, parts_of
 from agribot.ros.messages.rosmsg import typestore

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from agribot.core.config import RecordConfig
 from agribot.core.errors import RecordingError
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.record.mcap_file import McapFile
 from agribot.record.mcap_records import part_path, parts_of
 

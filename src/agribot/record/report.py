@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from agribot.core.errors import RecordingError
-from agribot.record.whole_file import write_at_once
+from agribot.core.whole_file import write_at_once
 
 
 class TimeReport(msgspec.Struct, frozen=True, kw_only=True):

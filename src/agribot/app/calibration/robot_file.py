@@ -12,10 +12,9 @@ from typing import Any
 import msgspec
 import tomli_w
 
-from agribot.core.config import from_tree
-from agribot.core.config_tree import assign, read_toml
+from agribot.core.config import assign, from_tree, read_toml
 from agribot.core.errors import ConfigError, RecordingError
-from agribot.record.whole_file import write_at_once
+from agribot.core.whole_file import write_at_once
 
 
 class RobotFile:
