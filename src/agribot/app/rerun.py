@@ -25,7 +25,7 @@ from agribot.app.run_recording import (
 from agribot.autonomy.perception_host import RecordedPerception
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.weeds.track import Track
-from agribot.core.config import RunConfig, assign, from_tree, without_none
+from agribot.core.config import RunConfig, assign, drop_none, from_tree
 from agribot.core.errors import EndOfRecording, RecordingError
 from agribot.core.messages import STOP, MappedPlant, MapPoint, PlantClass, TickRecord
 from agribot.description.loader import parse_robot
@@ -72,7 +72,7 @@ class Difference(msgspec.Struct, frozen=True, kw_only=True):
 
 def with_settings(config: RunConfig, settings: Sequence[str]) -> RunConfig:
     """Raises: ConfigError: a setting that does not exist or does not fit."""
-    tree = without_none(msgspec.to_builtins(config))
+    tree = drop_none(msgspec.to_builtins(config))
     for setting in settings:
         assign(tree, setting)
     return from_tree(tree, " ".join(f"--with {setting}" for setting in settings))

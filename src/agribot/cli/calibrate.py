@@ -101,7 +101,7 @@ def _wheels(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -
     from agribot.autonomy.estimate.drive_fit import fit_drive
 
     described = _drive(options, machine, robot.drive)
-    told = _drive(options, machine, robot.drive.told())
+    told = _drive(options, machine, robot.drive.with_plugin_geometry())
     fit = fit_drive(described.batches, described.stretches)
     result = judge(robot.drive, fit, gain(described, fit), gain(told, fit))
     return result, wheels_text(robot.drive, result)

@@ -93,7 +93,7 @@ class EstimateConfig(Config, frozen=True):
     mag_learn: bool = True
     gate_sigma: Positive = 4.0
     recover_after: Count = 25  # rejected in a row before the filter opens up
-    # Of the protection level: how often the position may be farther off than it says.
+    # Of the protection level: how often the true error may be larger.
     protection_risk: Annotated[float, msgspec.Meta(gt=0, lt=0.1)] = 1e-3
     row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
     gnss_timeout_s: Positive = 10.0
@@ -109,7 +109,7 @@ class ControlConfig(Config, frozen=True):
 
 
 class CalibrationConfig(Config, frozen=True):
-    """What `agribot calibrate` measured of this very robot; None: as its description says."""
+    """What `agribot calibrate` measured of one robot; None: as in its description."""
 
     wheel_radius_m: Positive | None = None  # rolling, under load
     yaw_multiplier: Positive | None = None  # effective separation over the track
@@ -140,7 +140,7 @@ class SafetyConfig(Config, frozen=True):
     # Wheels or IMU silent for longer stop the robot; so late the wheels may follow a command.
     sensor_timeout_s: Positive = 0.3
     # Of the battery's charge: with less than the first the robot goes home, with less than the
-    # second it stands. Where it tells its voltage only, that of the pack counts; 0: not known.
+    # second it stands. Where it sends the voltage alone, that of the pack counts; 0: not known.
     low_charge_ratio: Ratio = 0.2
     empty_charge_ratio: Ratio = 0.08
     low_battery_v: NonNegative = 0.0
@@ -232,7 +232,7 @@ class RunConfig(Config, frozen=True):
     sources: SourceConfig = SourceConfig()
 
 
-def profile_names() -> list[str]:
+def list_profiles() -> list[str]:
     folder = resources.files("agribot.core") / "profiles"
     return sorted(
         p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml")
@@ -252,7 +252,7 @@ def load(profile: str, settings: Iterable[str] = ()) -> RunConfig:
 
 
 def to_toml(config: RunConfig) -> str:
-    return tomli_w.dumps(without_none(msgspec.to_builtins(config)))
+    return tomli_w.dumps(drop_none(msgspec.to_builtins(config)))
 
 
 def _read_profile(profile: str) -> tuple[str, dict[str, Any]]:
@@ -261,25 +261,27 @@ def _read_profile(profile: str) -> tuple[str, dict[str, Any]]:
         if not path.is_file():
             raise ConfigError(f"profile file {profile} does not exist; check the path")
         return profile, read_toml(path)
-    if profile not in profile_names():
+    if profile not in list_profiles():
         raise ConfigError(
-            f"unknown profile '{profile}'{did_you_mean(profile, profile_names())}; "
-            f"known: {', '.join(profile_names())}, or a path to a .toml file"
+            f"unknown profile '{profile}'{suggest_name(profile, list_profiles())}; "
+            f"known: {', '.join(list_profiles())}, or a path to a .toml file"
         )
     text = (resources.files("agribot.core") / "profiles" / f"{profile}.toml").read_text("utf-8")
     return f"{profile}.toml", parse_toml(text, f"{profile}.toml")
 
 
 def from_tree(tree: dict[str, Any], source: str) -> RunConfig:
+    """Check a plain tree and give it types; `source` names it in errors."""
     check_keys(tree, RunConfig, source, "")
     check_finite(tree, source, "")
     try:
         return msgspec.convert(tree, RunConfig)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{source}: {with_value(str(error), tree)}") from error
+        raise ConfigError(f"{source}: {name_setting(str(error), tree)}") from error
 
 
 def assign(tree: dict[str, Any], setting: str) -> None:
+    """Set one `key.subkey=value` in a tree."""
     key, separator, text = setting.partition("=")
     if not separator or not key:
         raise ConfigError(f"--set {setting}: write it as key.subkey=value")
@@ -290,10 +292,10 @@ def assign(tree: dict[str, Any], setting: str) -> None:
         if not isinstance(child, dict):
             raise ConfigError(f"--set {setting}: '{name}' is a value, not a group of settings")
         node = child
-    node[leaf] = _value(text.strip())
+    node[leaf] = _parse_value(text.strip())
 
 
-def _value(text: str) -> object:
+def _parse_value(text: str) -> object:
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
@@ -301,7 +303,10 @@ def _value(text: str) -> object:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Raises: ConfigError: no such file, or not TOML in UTF-8."""
+    """Read a TOML file as a plain tree.
+
+    Raises: ConfigError: no such file, or not TOML in UTF-8.
+    """
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
@@ -312,7 +317,10 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def parse_toml(text: str, source: str) -> dict[str, Any]:
-    """Raises: ConfigError: not TOML; names the source."""
+    """Parse TOML text as a plain tree.
+
+    Raises: ConfigError: not TOML; names the source.
+    """
     try:
         return tomllib.loads(text)
     except RecursionError as error:
@@ -321,8 +329,8 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
         raise ConfigError(f"{source} is not valid TOML: {error}") from error
 
 
-def with_value(message: str, tree: dict[str, Any]) -> str:
-    """The library's message with the offending setting and its value in front."""
+def name_setting(message: str, tree: dict[str, Any]) -> str:
+    """Put the setting and its value in front of a message of msgspec."""
     found = re.search(r"^(.*) - at `\$\.([\w.]+)(.*)`$", message)
     if found is None:
         return message
@@ -334,6 +342,7 @@ def with_value(message: str, tree: dict[str, Any]) -> str:
 
 
 def check_finite(value: object, source: str, at: str) -> None:
+    """Refuse numbers that are not finite anywhere in a tree; `at` is where it hangs."""
     if isinstance(value, dict):
         for key, inner in value.items():
             check_finite(inner, source, f"{at}.{key}" if at else key)
@@ -345,33 +354,35 @@ def check_finite(value: object, source: str, at: str) -> None:
 
 
 def check_keys(tree: Mapping[str, Any], struct: type[msgspec.Struct], source: str, at: str) -> None:
+    """Refuse keys that the struct does not have and words that it does not know."""
     known = {field.name: field.type for field in msgspec.structs.fields(struct)}
     for key, value in tree.items():
         where = f"{at}.{key}" if at else key
         if key not in known:
             raise ConfigError(
-                f"{source}: unknown setting '{where}'{did_you_mean(key, list(known))}; "
+                f"{source}: unknown setting '{where}'{suggest_name(key, list(known))}; "
                 f"known here: {', '.join(known)}"
             )
         kind = known[key]
         if get_origin(kind) is Literal and value not in get_args(kind):
             raise ConfigError(
-                f"{source}: {where} = {value!r}{did_you_mean(str(value), list(get_args(kind)))}; "
+                f"{source}: {where} = {value!r}{suggest_name(str(value), list(get_args(kind)))}; "
                 f"known: {', '.join(get_args(kind))}"
             )
         if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
             check_keys(value, kind, source, where)
 
 
-def did_you_mean(word: str, known: list[str]) -> str:
+def suggest_name(word: str, known: list[str]) -> str:
+    """Return "; did you mean 'x'?" for the nearest known word; empty where none is near."""
     close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
     return f"; did you mean '{close[0]}'?" if close else ""
 
 
-def without_none(tree: dict[str, Any]) -> dict[str, Any]:
-    """TOML has no null: an absent key says the same."""
+def drop_none(tree: dict[str, Any]) -> dict[str, Any]:
+    """Leave out the keys without a value: TOML has no null, an absent key says the same."""
     return {
-        key: without_none(value) if isinstance(value, dict) else value
+        key: drop_none(value) if isinstance(value, dict) else value
         for key, value in tree.items()
         if value is not None
     }

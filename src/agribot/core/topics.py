@@ -318,7 +318,7 @@ TOPICS: tuple[Topic, ...] = (
 )  # fmt: skip
 
 
-def by_name(name: str) -> Topic | None:
-    """The topic of this name or of this original name, whichever fits first."""
+def find_topic(name: str) -> Topic | None:
+    """Find the topic of this name or, failing that, of this original name."""
     named = (topic for topic in TOPICS if topic.name == name)
     return next(named, next((topic for topic in TOPICS if topic.seed_alias == name), None))
