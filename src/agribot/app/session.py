@@ -10,7 +10,7 @@ from typing import Self
 import msgspec
 
 from agribot.app import whole_job
-from agribot.app.calibration.believed import calibrated
+from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.field_work import field_work, read_plan_text
 from agribot.app.mission_file import MissionFile
 from agribot.app.report_card import report_card
@@ -75,7 +75,7 @@ class Session:
             config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
         self.config, self.out_dir = config, out_dir
         described = load_robot(config.robot)
-        self.robot = calibrated(described, config.calibration)
+        self.robot = apply_calibration(described, config.calibration)
         goals_map_m = read_goals(config)
         self._plan_text = plan_text or read_plan_text(config)
         self.world = world_of_run(config)

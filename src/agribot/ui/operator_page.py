@@ -271,7 +271,7 @@ class SessionSource:
         return self._session.recording.name
 
     def calibration(self) -> dict[str, Any] | None:
-        return self._wizard.shown()
+        return self._wizard.describe_progress()
 
 
 def _event(order: dict[str, Any]) -> OperatorEvent:
