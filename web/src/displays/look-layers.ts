@@ -1,7 +1,7 @@
 /** The map layers that draw the shapes of any display, each by the look that its features carry. */
 
 import type { CircleLayerSpecification, FillLayerSpecification, LineLayerSpecification, SymbolLayerSpecification, ExpressionSpecification } from 'maplibre-gl'
-import { palette } from '../map/palette.ts'
+import { palette } from '../shell/palette.ts'
 
 const CIRCUMFERENCE_M = 40_075_016.686
 const TILE_PX = 512

@@ -3,13 +3,20 @@
 import { api } from '../api.ts'
 import type { App } from '../app.ts'
 import { CameraStream } from '../camera/stream.ts'
-import type { Panel, State } from '../wire.ts'
+import type { MapSource, Panel, State } from '../wire.ts'
 import type { Odometry, PoseStamped } from './messages.ts'
 import { ofYaw } from './messages.ts'
 
 type Listener = (message: unknown) => void
 /** `types` are the display types that can draw its messages; `listen` gives the function that ends it. */
-export interface Source { id: string; title: string; types: string[]; listen: (hear: Listener) => () => void }
+export interface Source {
+  id: string
+  title: string
+  types: string[]
+  listen: (hear: Listener) => () => void
+  /** What a map on the robot is drawn from, which says nothing. */
+  tiles?: MapSource
+}
 
 function ofState(app: App, pick: (state: State) => unknown): Source['listen'] {
   return (hear) => app.store.on('state', (state) => {
@@ -129,4 +136,9 @@ export function panelSource(panel: Panel, isShown: () => boolean): Source {
     return () => clearInterval(timer)
   }
   return { id: panel.id, title: panel.title, types, listen }
+}
+
+/** A map on the robot. */
+export function tileSource(tiles: MapSource, type: string): Source {
+  return { id: tiles.name, title: tiles.name, types: [type], listen: () => () => undefined, tiles }
 }

@@ -1,9 +1,9 @@
 /** The kinds of display that the map knows, one row each: what they read, what can be set, how they are drawn. */
 
 import type { Feature, FeatureCollection } from 'geojson'
-import type { ToolId } from '../map/tools.ts'
 import { CLOUD_OPTIONS, drawSpots, foldCloud, foldScan, SCAN_OPTIONS } from './clouds.ts'
 import type { Drawing } from './drawing.ts'
+import type { ToolId } from './host.ts'
 import {
   ATTITUDE_OPTIONS, FLOAT_OPTIONS, foldAttitude, foldDisparity, foldImage, foldNumber, foldRobotPose, foldText, IMAGE_OPTIONS, paintAttitude, paintImage,
   paintRobot, paintText, ROBOT_IMAGE_OPTIONS, TEXT_OPTIONS,

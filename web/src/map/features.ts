@@ -1,18 +1,12 @@
 /** What the robot and the server say, as GeoJSON for the map's sources. */
 
-import type { Feature, FeatureCollection, Geometry, Position } from 'geojson'
+import type { Feature, Position } from 'geojson'
 import type { Projection } from '../geo.ts'
+import { collection, EMPTY } from '../geojson.ts'
+import type { Features } from '../geojson.ts'
 import type { Field, PathData, Vec2, Weed } from '../wire.ts'
 
 const ROW_LABEL_M = 1
-
-export type Features = FeatureCollection<Geometry>
-
-export function collection(features: Feature[]): Features {
-  return { type: 'FeatureCollection', features }
-}
-
-export const EMPTY: Features = collection([])
 
 function line(coordinates: Position[], properties: Record<string, unknown> = {}): Feature {
   return { type: 'Feature', properties, geometry: { type: 'LineString', coordinates } }

@@ -1,14 +1,9 @@
 /** The map's layers from bottom to top: which sources they draw and how, and which the operator may hide. */
 
 import type { AddLayerObject, Map as MapLibre } from 'maplibre-gl'
-import { EMPTY } from './features.ts'
-import type { Palette } from './palette.ts'
-
-/** The accuracy of a GeoJSON source comes from its deepest tile: 18 would round to 11 mm, 22 to 0.7 mm. */
-export const SOURCE_MAXZOOM = 22
-
-/** `layers` from bottom to top. */
-export interface LayerGroup { id: string; title: string; layers: string[]; visible: boolean; opacity: number }
+import type { LayerGroup } from '../displays/host.ts'
+import { EMPTY, SOURCE_MAXZOOM } from '../geojson.ts'
+import type { Palette } from '../shell/palette.ts'
 
 /** What can be shown and hidden, from top to bottom. */
 export function layerGroups(): LayerGroup[] {

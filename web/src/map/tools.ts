@@ -3,13 +3,13 @@
 import type { Map as MapLibre, MapMouseEvent } from 'maplibre-gl'
 import { api } from '../api.ts'
 import type { App } from '../app.ts'
+import type { ToolId } from '../displays/host.ts'
 import { areaM2, compassText, distanceM, lengthM } from '../geo.ts'
 import { area, metres } from '../format.ts'
 import { Proposals } from './proposal.ts'
 import type { IconName } from '../icons.ts'
 import type { Command, Vec2 } from '../wire.ts'
 
-export type ToolId = 'pan' | 'measure' | 'coordinates' | 'goal' | 'pose' | 'point' | 'polygon' | 'route'
 export interface Sketch {
   points: Vec2[]
   /** The polygon that was finished last; it stays until another is drawn. */

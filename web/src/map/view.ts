@@ -5,20 +5,21 @@ import type { GeoJSONSource, Map as MapLibre } from 'maplibre-gl'
 import 'maplibre-gl/dist/maplibre-gl.css'
 import workerUrl from 'maplibre-gl/dist/maplibre-gl-worker.mjs?worker&url'
 import type { App } from '../app.ts'
+import { palette } from '../shell/palette.ts'
 import { onTheme } from '../shell/theme.ts'
 import { Displays } from '../displays/displays.ts'
 import { Display } from '../displays/display.ts'
 import type { DisplayConfig } from '../displays/display.ts'
+import type { DisplayHost, LayerGroup } from '../displays/host.ts'
+import type { Features } from '../geojson.ts'
 import type { Vec2 } from '../wire.ts'
 import { boundsOf } from './features.ts'
-import type { Features } from './features.ts'
 import { addLayers, applyGroup, baseOpacities, layerGroups, opacitiesOf, recolour } from './layers.ts'
-import type { LayerGroup, SourceId } from './layers.ts'
+import type { SourceId } from './layers.ts'
 import { LiveData } from './live.ts'
 import { Capture } from './capture.ts'
 import type { CaptureSize } from './capture.ts'
 import { Overlay } from './overlay.ts'
-import { palette } from './palette.ts'
 import { serveLabels, soilTexture } from './texture.ts'
 import { MapTools } from './tools.ts'
 import { Tracking } from './tracking.ts'
@@ -38,7 +39,7 @@ export interface SavedView {
   displays?: DisplayConfig[]
 }
 
-export class MapView {
+export class MapView implements DisplayHost {
   readonly node = document.createElement('div')
   readonly map: MapLibre
   readonly overlay: Overlay

@@ -1,16 +1,15 @@
 /** Adding a display to the map, and changing one. */
 
-import type { LayerGroup } from '../map/layers.ts'
-import type { MapView } from '../map/view.ts'
-import type { ToolId } from '../map/tools.ts'
+import { Display } from '../displays/display.ts'
+import type { LayerGroup, ToolId } from '../displays/host.ts'
+import { filled } from '../displays/options.ts'
+import type { Option, Options, OptionValue } from '../displays/options.ts'
+import { DISPLAY_TYPES, typeOf } from '../displays/types.ts'
+import type { DisplayType } from '../displays/types.ts'
 import { el, replace } from '../dom.ts'
 import { icon } from '../icons.ts'
 import type { Choice } from '../shell/dialogs.ts'
-import { Display } from './display.ts'
-import type { Option, Options, OptionValue } from './options.ts'
-import { filled } from './options.ts'
-import { DISPLAY_TYPES, typeOf } from './types.ts'
-import type { DisplayType } from './types.ts'
+import type { MapView } from './view.ts'
 
 const PICTURE_PX = 256
 

@@ -1,4 +1,4 @@
-import { colour } from '../shell/theme.ts'
+import { colour } from './theme.ts'
 
 /** The map's colours in the current theme. */
 export interface Palette {
