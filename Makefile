@@ -6,9 +6,10 @@ BIN := $(VENV)/bin
 PAGE := hatch_build.py $(shell find web -name node_modules -prune -o -name .test-build -prune -o -type f -print)
 
 # The cheap tests: the rules of the house, settings, plain decisions, formats, the command line.
-DRIVING := tests/test_live_settings.py tests/test_operator_sends.py tests/test_planning_host.py
-QUICK := $(filter-out $(DRIVING),$(wildcard tests/test_*.py)) tests/control tests/weeds tests/gis tests/ros \
-  tests/commands/test_help.py tests/commands/test_hostile_input.py
+DRIVING := tests/app/test_live_settings.py tests/app/test_operator_sends.py
+QUICK := $(wildcard tests/test_*.py) tests/core $(filter-out $(DRIVING),$(wildcard tests/app/test_*.py)) \
+  tests/autonomy/test_perception_host.py tests/autonomy/control tests/autonomy/weeds tests/gis tests/ros/messages \
+  tests/cli/test_help.py tests/cli/test_hostile_input.py
 
 .PHONY: run test quick check format lint types clean
 

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from agribot.train.card import ModelCard
-from agribot.train.evaluate import CLASS_NAMES, scores
+from agribot.lab.train.card import ModelCard
+from agribot.lab.train.evaluate import CLASS_NAMES, scores
 
 
 class Recipe(NamedTuple):

@@ -16,12 +16,12 @@ from collections import Counter
 
 import numpy as np
 
+from agribot.autonomy.plan.coverage.area import PlanRequest, footprint
+from agribot.autonomy.plan.coverage.planner import plan_field
+from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.autonomy.plan.random_fields import random_field
+from agribot.core.errors import MissionError
 from agribot.description.loader import load_robot
-from agribot.errors import MissionError
-from agribot.plan.coverage.area import PlanRequest, footprint
-from agribot.plan.coverage.planner import plan_field
-from agribot.plan.plan_certificate import certify_plan
-from agribot.plan.random_fields import random_field
 
 
 def main() -> int:

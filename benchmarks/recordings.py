@@ -14,16 +14,16 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from agribot import topics
-from agribot.config import load
+from agribot.core import topics
+from agribot.core.config import load
+from agribot.core.messages import CameraFrame
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
-from agribot.messages import CameraFrame
 from agribot.record.bag.convert import convert
 from agribot.record.bag.info import read_info
 from agribot.record.mcap_file import McapFile
 from agribot.record.recorder import RunRecorder
-from agribot.ros import rosmsg
+from agribot.ros.messages import rosmsg
 from agribot.sim.platform import SimPlatform
 from tests.record import record_samples as samples
 from tests.record.killed_run import kill_a_run

@@ -15,14 +15,14 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from agribot import config as settings
+from agribot.autonomy.perceive.ground import GroundLookup
+from agribot.autonomy.perceive.row_line import find_row_line
+from agribot.autonomy.perceive.segmenter import ClassMap, Segmenter
+from agribot.core import config as settings
+from agribot.core.geo import transform
+from agribot.core.messages import RowLine
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
-from agribot.devices import RowLine
-from agribot.geo import transform
-from agribot.perceive.ground import GroundLookup
-from agribot.perceive.row_line import find_row_line
-from agribot.perceive.segmenter import ClassMap, Segmenter
 from agribot.sim.camera import CameraRenderer
 from agribot.sim.camera_feed import drawable
 

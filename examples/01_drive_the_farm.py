@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 from tempfile import mkdtemp
 
-from agribot import config
-from agribot.session import Session
+from agribot.app.session import Session
+from agribot.core import config
 
 
 def main() -> None:

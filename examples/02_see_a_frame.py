@@ -10,11 +10,11 @@ import sys
 import numpy as np
 from PIL import Image
 
+from agribot.autonomy.perceive.segmenter import Segmenter
+from agribot.core.geo import transform
+from agribot.core.messages import PlantClass
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
-from agribot.geo import transform
-from agribot.messages import PlantClass
-from agribot.perceive.segmenter import Segmenter
 from agribot.sim.camera import CameraRenderer
 
 COLOURS = {PlantClass.WEED: (230, 40, 40), PlantClass.CROP: (40, 200, 60)}

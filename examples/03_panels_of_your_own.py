@@ -13,9 +13,9 @@ from tempfile import mkdtemp
 import msgspec
 from PIL import Image
 
-from agribot import config
-from agribot.geo import MapFrame
-from agribot.session import Session
+from agribot.app.session import Session
+from agribot.core import config
+from agribot.core.geo import MapFrame
 from agribot.ui import panels
 from agribot.ui.address import Address
 from agribot.ui.operator_page import OperatorPage

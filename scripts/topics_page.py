@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import sys
 
-from agribot.topic import Topic
-from agribot.topics import TOPICS
+from agribot.core.topic import Topic
+from agribot.core.topics import TOPICS
 
 HEAD = """# Topics
 
-Written by `scripts/topics_page.py` from [`topics.py`](../src/agribot/topics.py). Rates are nominal;
-"-" is "when it changes". Latched topics reach those who come late. The original's name and type
-are what the ROS 1 bridge adds.
+Written by `scripts/topics_page.py` from [`topics.py`](../src/agribot/core/topics.py).
+Rates are nominal; "-" is "when it changes". Latched topics reach those who come late. The
+original's name and type are what the ROS 1 bridge adds.
 
 | topic | type | Hz | QoS | the original's | what |
 |---|---|---|---|---|---|

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from agribot import config, description
+from agribot import description
+from agribot.autonomy.estimate.localizer import Localizer
+from agribot.core import config
+from agribot.core.messages import DriveCommand, RobotCommand
+from agribot.core.robot import RobotSpec
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.worlds_sdf import load_world
-from agribot.estimate.localizer import Localizer
-from agribot.messages import DriveCommand, RobotCommand
-from agribot.robot import RobotSpec
 from agribot.sim.platform import SimPlatform
 
 OLD = '<xacro:property name="wheel_radius" value="0.09"/>'

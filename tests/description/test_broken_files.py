@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agribot import config
+from agribot.core import config
+from agribot.core.errors import AgribotError, DescriptionError
 from agribot.description.field_generator import generate_field
 from agribot.description.field_plan import read_field_plan
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.package import ROOT
 from agribot.description.worlds_sdf import load_world
-from agribot.errors import AgribotError, DescriptionError
 
 ABSURD = ("nan", "inf", "-inf", "0", "-1", "1e9", "1e308", "-1e-300", "", "many", "1 2 3")
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.])")

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from agribot.core.errors import AgribotError, DescriptionError
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.mesh_files import box, stl_bytes
 from agribot.description.ros_map import load_ros_map
 from agribot.description.worlds_sdf import load_world
-from agribot.errors import AgribotError, DescriptionError
 from agribot.sim.camera.stl import read_stl
 
 CUBE = box((0.0, 0.0, 0.5), (1.0, 1.0, 1.0))

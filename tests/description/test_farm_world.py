@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agribot.config import load
+from agribot.core.config import load
+from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.robot import Shape
+from agribot.core.world import Obstacle, Plant, WorldSpec
 from agribot.description.loader import load_robot
 from agribot.description.package import ROOT
 from agribot.description.worlds_sdf import load_world, world_names
-from agribot.messages import FloatArray, PlantClass
-from agribot.robot import Shape
-from agribot.world import Obstacle, Plant, WorldSpec
 from tests import machine
 
 HEADLAND_M = 1.8

@@ -12,8 +12,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot import config
-from agribot.cli import main
+from agribot.cli.main import main
+from agribot.core import config
+from agribot.core.errors import DescriptionError
+from agribot.core.geo import MapFrame
+from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.robot import Shape
+from agribot.core.world import Obstacle, Plant, Soil, WorldSpec
 from agribot.description.field_generator import PACKAGED, generate_field, row_offsets_m
 from agribot.description.field_plan import (
     CropPlan,
@@ -26,11 +31,6 @@ from agribot.description.field_plan import (
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
 from agribot.description.worlds_sdf import check_world, load_world, world_names
-from agribot.errors import DescriptionError
-from agribot.geo import MapFrame
-from agribot.messages import FloatArray, PlantClass
-from agribot.robot import Shape
-from agribot.world import Obstacle, Plant, Soil, WorldSpec
 from tests import machine
 
 NO_WEEDS = WeedsPlan(density_per_m2=0.0)
@@ -200,7 +200,7 @@ def test_the_command_writes_a_world_that_reads_back_to_the_same_plants(
 
 
 def _pose(obstacle: Obstacle, shape: Shape) -> FloatArray:
-    from agribot.geo import transform
+    from agribot.core.geo import transform
 
     at = (obstacle.x_map_m, obstacle.y_map_m, obstacle.z_map_m)
     return transform(at, (0.0, 0.0, obstacle.yaw_rad)) @ shape.origin.matrix()

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agribot import config
-from agribot.cli import main
+from agribot.cli.main import main
+from agribot.core import config
+from agribot.core.errors import DescriptionError
+from agribot.core.geo import transform
+from agribot.core.messages import WHEEL_NAMES, DriveCommand, RobotCommand
+from agribot.core.robot import RobotSpec
 from agribot.description.loader import check_robot, load_robot, parse_robot, urdf_text
 from agribot.description.worlds_sdf import load_world
-from agribot.errors import DescriptionError
-from agribot.geo import transform
-from agribot.messages import WHEEL_NAMES, DriveCommand, RobotCommand
-from agribot.robot import RobotSpec
 from agribot.sim.physics import Physics
 from agribot.sim.platform import SimPlatform
 from agribot.sim.state import ANGULAR, EFFORT, WHEEL_SPEED

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agribot.cli import main
+from agribot.cli.main import main
+from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.world import WorldSpec
 from agribot.description.terrain import height_at, png_bytes
 from agribot.description.worlds_sdf import check_world, load_world
-from agribot.messages import FloatArray, PlantClass
-from agribot.world import WorldSpec
 
 HEAD = """<?xml version="1.0"?>
 <sdf version="{version}">

@@ -7,7 +7,11 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from agribot import config
+from agribot.autonomy.plan.rows import field_rows
+from agribot.core import config
+from agribot.core.messages import DriveCommand, FloatArray, PlantClass, RobotCommand
+from agribot.core.row_shape import beside_row, row_points_map_m
+from agribot.core.world import WorldSpec
 from agribot.description.package import ROOT
 from agribot.description.sdf_library import ModelLibrary
 from agribot.description.terrain import (
@@ -18,11 +22,7 @@ from agribot.description.terrain import (
     volcano,
 )
 from agribot.description.worlds_sdf import check_world, load_world, world_names
-from agribot.messages import DriveCommand, FloatArray, PlantClass, RobotCommand
-from agribot.plan.rows import field_rows
-from agribot.row_shape import beside_row, row_points_map_m
 from agribot.sim.platform import SimPlatform
-from agribot.world import WorldSpec
 
 Place = tuple[float, float]
 

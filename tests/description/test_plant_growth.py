@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from agribot.core.errors import DescriptionError
+from agribot.core.messages import PlantClass
+from agribot.core.world import Plant
 from agribot.description.worlds_sdf import load_world
-from agribot.errors import DescriptionError
-from agribot.messages import PlantClass
-from agribot.world import Plant
 
 AREA_M2 = 12.0 * 6.0
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from agribot.core.errors import DescriptionError
+from agribot.core.messages import WHEEL_NAMES
+from agribot.core.robot import RobotSpec
 from agribot.description.loader import check_robot, load_robot, parse_robot, urdf_text
-from agribot.errors import DescriptionError
-from agribot.messages import WHEEL_NAMES
-from agribot.robot import RobotSpec
 
 MACRO = """<?xml version="1.0"?>
 <robot xmlns:xacro="http://ros.org/wiki/xacro">

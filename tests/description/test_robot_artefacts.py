@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agribot.core.messages import FloatArray
 from agribot.description import mesh_files
 from agribot.description.export import ARTEFACT, tree_text, write_artefact
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.package import PACKAGE, ROOT
-from agribot.messages import FloatArray
 from tests import machine
 
 

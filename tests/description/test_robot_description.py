@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agribot.core.geo import LINK_FROM_OPTICAL, transform
+from agribot.core.messages import WHEEL_NAMES, FloatArray, Vec3
+from agribot.core.robot import RobotSpec
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.package import ROOT
-from agribot.geo import LINK_FROM_OPTICAL, transform
-from agribot.messages import WHEEL_NAMES, FloatArray, Vec3
-from agribot.robot import RobotSpec
 
 FRAMES: dict[str, tuple[Vec3, Vec3]] = {  # in base_link: xyz in m, rpy in rad
     "right_wheel_R": ((-0.2519, -0.3908, -0.1908), (0.0, 0.0, 1.57)),

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from agribot.core.errors import DescriptionError
 from agribot.description.loader import check_robot, load_robot, urdf_text
 from agribot.description.package import ROOT
 from agribot.description.robot_sdf import sdf_text
-from agribot.errors import DescriptionError
 
 
 def _urdf_without(folder: Path, pattern: str) -> str:

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agribot.cli import main
+from agribot.cli.main import main
+from agribot.core.messages import WHEEL_NAMES, FloatArray
+from agribot.core.robot import RobotSpec
 from agribot.description.elements import Source
 from agribot.description.loader import load_robot
 from agribot.description.poses import read_pose
 from agribot.description.robot_sdf import sdf_text
-from agribot.messages import WHEEL_NAMES, FloatArray
-from agribot.robot import RobotSpec
 from tests import machine
 
 

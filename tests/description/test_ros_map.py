@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from agribot.core.errors import DescriptionError
 from agribot.description.ros_map import (
     FREE,
     OCCUPIED,
@@ -19,7 +20,6 @@ from agribot.description.ros_map import (
     save_ros_map,
 )
 from agribot.description.worlds_sdf import load_world
-from agribot.errors import DescriptionError
 
 
 def test_the_farm_map_is_20_m_wide_about_the_datum_of_the_farm() -> None:

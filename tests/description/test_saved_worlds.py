@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agribot.core.messages import DriveCommand
+from agribot.core.world import WorldSpec
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
-from agribot.messages import DriveCommand
 from agribot.sim.physics import Physics
 from agribot.sim.state import POSITION
-from agribot.world import WorldSpec
 
 GROUND = """<model name="ground"><static>1</static><link name="l"><collision name="c"><geometry>
 <plane><normal>0 0 1</normal><size>60 60</size></plane></geometry></collision></link></model>"""

@@ -7,15 +7,15 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from agribot.core.messages import DriveCommand, FloatArray
+from agribot.core.world import GripPatch, WorldSpec
 from agribot.description.loader import load_robot
 from agribot.description.sdf_export import write_world
 from agribot.description.worlds_sdf import load_world
-from agribot.messages import DriveCommand, FloatArray
 from agribot.sim.grip import friction_grid
 from agribot.sim.kernel import ground
 from agribot.sim.physics import Physics
 from agribot.sim.state import VELOCITY
-from agribot.world import GripPatch, WorldSpec
 
 PLANE = """<model name="{name}"><static>1</static><pose>{x} {y} {z} 0 0 0</pose><link name="l">
 <collision name="c"><geometry><plane><normal>0 0 1</normal><size>{size} {size}</size></plane>

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agribot.core.errors import DescriptionError
+from agribot.core.messages import PlantClass
 from agribot.description.worlds_sdf import load_world
-from agribot.errors import DescriptionError
-from agribot.messages import PlantClass
 
 GROUND = """
 <model name="ground"><static>true</static><link name="l">
@@ -182,7 +182,7 @@ def test_a_leaning_model_keeps_its_lean(tmp_path: Path) -> None:
     pose, inner = "1 2 3 0.3 -0.4 0.5", "0.1 0.2 0.3 0.2 0.1 -0.7"
     world = load_world(_world(tmp_path, _box("thing", pose, inner=inner), 30.0))
     (thing,) = world.obstacles
-    from agribot.geo import transform
+    from agribot.core.geo import transform
 
     expected = (
         transform((0.0, 0.0, 0.0), (0.0, 0.0, math.radians(30.0)))

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agribot.cli import main
-from agribot.errors import MissionError
-from agribot.geo import Datum, MapFrame
+from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.cli.main import main
+from agribot.core.errors import MissionError
+from agribot.core.geo import Datum, MapFrame
 from agribot.gis.field_file import read_field
 from agribot.gis.plan_file import SavedPlan, plan_text, read_plan
-from agribot.plan.plan_certificate import certify_plan
-from tests.plan.fields import REQUEST, ROWS, SHAPE, WITH_HOLE, certified
+from tests.autonomy.plan.fields import REQUEST, ROWS, SHAPE, WITH_HOLE, certified
 
 HERE = Datum(lat_deg=52.1, lon_deg=11.6)
 FRAME = MapFrame(HERE)

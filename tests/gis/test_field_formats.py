@@ -19,13 +19,13 @@ from isoxml.converter.shapely_geom import ShapelyConverterV4
 from isoxml.models.base.v4 import GuidancePatternType as Pattern
 from isoxml.util.isoxml_io import isoxml_from_zip
 
-from agribot.cli import main
-from agribot.errors import MissionError
-from agribot.geo import Datum, MapFrame
+from agribot.autonomy.plan.coverage.area import FieldArea
+from agribot.cli.main import main
+from agribot.core.errors import MissionError
+from agribot.core.geo import Datum, MapFrame
 from agribot.gis.field_file import read_field
 from agribot.gis.formats import geopackage, untrusted
 from agribot.gis.formats.table import READERS, WRITERS, read_field_file, write_field_file
-from agribot.plan.coverage.area import FieldArea
 
 HERE = Datum(lat_deg=52.1, lon_deg=11.6)
 FRAME = MapFrame(HERE)

@@ -12,8 +12,8 @@ from PIL import Image
 
 pytest.importorskip("rasterio")
 
-from agribot.cli import main
-from agribot.errors import ConfigError
+from agribot.cli.main import main
+from agribot.core.errors import ConfigError
 from agribot.gis.geo_pyramid import read_geo, write_vrt
 from agribot.gis.mbtiles import map_files, tile
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agribot.cli import main
-from agribot.errors import ConfigError
-from agribot.geo import Datum, MapFrame
+from agribot.cli.main import main
+from agribot.core.errors import ConfigError
+from agribot.core.geo import Datum, MapFrame
 from agribot.gis.map_import import check_template
 from agribot.gis.mbtiles import described_map, tile
 from agribot.gis.tile_grid import Bounds, Tile, bounds_from, tile_at, tile_count, tiles_in

@@ -7,9 +7,9 @@ import signal
 import sys
 from pathlib import Path
 
-from agribot import config
-from agribot.messages import OperatorEvent
-from agribot.session import Session
+from agribot.app.session import Session
+from agribot.core import config
+from agribot.core.messages import OperatorEvent
 
 SETTINGS = ["perception.enabled=false", "seed=1", "field.row_count=1", "field.row_length_m=3"]
 GOAL = (-1.0, 5.0)

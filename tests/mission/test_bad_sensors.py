@@ -10,11 +10,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agribot.config import load
-from agribot.messages import GnssFix, SensorBatch, TickRecord
+from agribot.app.session import Session
+from agribot.core.config import load
+from agribot.core.messages import GnssFix, SensorBatch, TickRecord
 from agribot.record.events import read_events
 from agribot.record.report import Report
-from agribot.session import Session
 
 FROM_S = 25.0
 QUICK = ["perception.enabled=false", "record.enabled=false", "field.start_map_m=[-2,0]",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.cli import main
+from agribot.cli.main import main
 from tests.mission.conftest import run_session
 
 

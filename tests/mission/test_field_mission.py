@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 import shapely
 
-from agribot.cli import main
-from agribot.config import RunConfig, load
+from agribot.app.mission_file import read_mission, resumed
+from agribot.app.session import Session
+from agribot.autonomy.plan.coverage.area import footprint
+from agribot.autonomy.plan.plan_sweep import footprints
+from agribot.cli.main import main
+from agribot.core.config import RunConfig, load
+from agribot.core.geo import Datum, MapFrame
+from agribot.core.messages import OperatorEvent
 from agribot.description.loader import load_robot
-from agribot.geo import Datum, MapFrame
 from agribot.gis.plan_file import read_plan
-from agribot.messages import OperatorEvent
-from agribot.mission_file import read_mission, resumed
-from agribot.plan.coverage.area import footprint
-from agribot.plan.plan_sweep import footprints
 from agribot.record.replay import read_truth
-from agribot.session import Session
 
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)  # of the farm profile
 OUTLINE = ((-1.5, -1.5), (4.5, -1.5), (5.0, 4.5), (-1.5, 4.0))

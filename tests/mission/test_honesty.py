@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.cli import main
+from agribot.cli.main import main
 from agribot.record.replay import read_ticks
 from agribot.record.report import Report
 
@@ -63,7 +63,7 @@ def test_ctrl_c_stops_the_robot_and_leaves_everything_readable(tmp_path: Path) -
 
 def test_no_graphics_library_is_ever_loaded(tmp_path: Path) -> None:
     code = (
-        "import sys; from agribot.cli import main; status = main(sys.argv[1:]);"
+        "import sys; from agribot.cli.main import main; status = main(sys.argv[1:]);"
         "print(open('/proc/self/maps').read())"
     )
     arguments = ["run", "farm", "--for", "2", "--out", str(tmp_path / "run")]

@@ -8,10 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-from agribot import config
-from agribot.messages import OperatorEvent, TickRecord
-from agribot.mission_file import read_mission, resumed
-from agribot.session import Session
+from agribot.app.mission_file import read_mission, resumed
+from agribot.app.session import Session
+from agribot.core import config
+from agribot.core.messages import OperatorEvent, TickRecord
 from tests.mission.killed_errand import GOAL
 
 ROOT = Path(__file__).parents[2]

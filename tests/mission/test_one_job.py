@@ -8,14 +8,14 @@ from typing import NamedTuple
 import msgspec
 import pytest
 
-from agribot import config
-from agribot.cli import main
-from agribot.mission_file import read_mission, resumed
+from agribot.app.mission_file import read_mission, resumed
+from agribot.app.rerun import difference, recorded_pass, rerun
+from agribot.app.session import Session
+from agribot.app.whole_job import FILE_NAME, read_job
+from agribot.autonomy.weeds.track import Track
+from agribot.cli.main import main
+from agribot.core import config
 from agribot.record.report import Report, read_report
-from agribot.rerun import difference, recorded_pass, rerun
-from agribot.session import Session
-from agribot.weeds.track import Track
-from agribot.whole_job import FILE_NAME, read_job
 
 SETTINGS = ["perception.enabled=false", 'sim.sensors="rtk"', "seed=1",
             "field.row_count=2", "field.row_length_m=3"]  # fmt: skip

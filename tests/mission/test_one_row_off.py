@@ -8,18 +8,17 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agribot import config
+from agribot.app.mission_file import read_mission
+from agribot.app.session import Session
+from agribot.autonomy.perception_host import NoPerception
+from agribot.autonomy.plan.rows import field_rows
+from agribot.core import config
+from agribot.core.geo import wrap_rad
+from agribot.core.messages import MissionStatus, RowLine, Scene, SensorBatch
+from agribot.core.row_shape import beside_row, row_length_m
+from agribot.core.world import WorldSpec
 from agribot.description.worlds_sdf import world_of_run
-from agribot.devices import RowLine
-from agribot.geo import wrap_rad
-from agribot.messages import MissionStatus, Scene, SensorBatch
-from agribot.mission_file import read_mission
-from agribot.perception_host import NoPerception
-from agribot.plan.rows import field_rows
 from agribot.record.report import Report
-from agribot.row_shape import beside_row, row_length_m
-from agribot.session import Session
-from agribot.world import WorldSpec
 
 SETTINGS = ["seed=1", "perception.enabled=false", "record.enabled=false", "field.row_count=3",
             "field.row_length_m=5", 'world="empty"']  # fmt: skip
@@ -67,7 +66,7 @@ def drive(
         place = {"spawn_xy_map_m": (-1.0, aside_m), "spawn_yaw_map_rad": 0.0}
         return msgspec.structs.replace(world_of_run(settings), **place)
 
-    monkeypatch.setattr("agribot.session.world_of_run", shifted)
+    monkeypatch.setattr("agribot.app.session.world_of_run", shifted)
     with Session(config.load("rows-10x12", SETTINGS), folder) as session:
         session.stack.perception = CameraOnPaper(session)
         *_, last = session.ticks()

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from agribot import config
-from agribot.messages import OperatorAction, OperatorEvent, TickRecord
-from agribot.session import Session
+from agribot.app.session import Session
+from agribot.core import config
+from agribot.core.messages import OperatorAction, OperatorEvent, TickRecord
 
 
 @pytest.fixture

@@ -9,12 +9,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agribot.cli import main
-from agribot.config import load
-from agribot.devices import BumperSample
-from agribot.messages import OperatorEvent, RobotCommand, SensorBatch, TickRecord
-from agribot.mission_file import read_mission, resumed
-from agribot.session import Session
+from agribot.app.mission_file import read_mission, resumed
+from agribot.app.session import Session
+from agribot.cli.main import main
+from agribot.core.config import load
+from agribot.core.messages import BumperSample, OperatorEvent, RobotCommand, SensorBatch, TickRecord
 
 QUICK = ["perception.enabled=false", "record.enabled=false", "sim.sensors='rtk'"]
 FROM_S = 8.0  # in the first turn

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from agribot.cli import main
+from agribot.cli.main import main
 from agribot.record.replay import read_ticks
 from agribot.record.report import Report, TimeReport
 

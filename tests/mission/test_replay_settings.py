@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.cli import main
+from agribot.cli.main import main
 from agribot.record.bag.convert import convert
 from agribot.record.replay import read_ticks
 
@@ -83,7 +83,7 @@ def test_a_log_that_this_version_drives_otherwise_fails_the_check(
 ) -> None:
     assert main(["replay", "--check", str(run), str(run)]) == 0
     assert capsys.readouterr().out.count("every command is identical") == 2
-    monkeypatch.setattr("agribot.control.follower.Follower.__init__", _softer_follower())
+    monkeypatch.setattr("agribot.autonomy.control.follower.Follower.__init__", _softer_follower())
     assert main(["replay", "--check", str(run)]) == 1
     assert "commands differ from tick" in capsys.readouterr().out
 
@@ -100,7 +100,7 @@ def _softer_follower() -> object:
     """A code change as it may happen: the follower takes errors out over twice the distance."""
     import msgspec
 
-    from agribot.control.follower import Follower
+    from agribot.autonomy.control.follower import Follower
 
     original = Follower.__init__
 

@@ -6,7 +6,7 @@ import os
 import sys
 from pathlib import Path
 
-from agribot.config import load
+from agribot.core.config import load
 from agribot.record.recorder import RunRecorder
 from tests.record import record_samples as samples
 

@@ -58,9 +58,9 @@ def kill_a_run(out: Path, after_s: float) -> Killed:
 
 def main() -> None:
     """The run itself, which says after each tick how far it is."""
-    from agribot import config
-    from agribot.commands.page import Pacer
-    from agribot.session import Session
+    from agribot.app.session import Session
+    from agribot.cli.page import Pacer
+    from agribot.core import config
 
     settings = config.load("farm", ["perception.enabled=false"])
     with Session(settings, Path(sys.argv[1])) as session:

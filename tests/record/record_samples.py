@@ -7,9 +7,10 @@ import math
 import msgspec
 import numpy as np
 
-from agribot.devices import BaseFix, BatterySample, BumperSample
-from agribot.mapped_plant import MappedPlant
-from agribot.messages import (
+from agribot.core.messages import (
+    BaseFix,
+    BatterySample,
+    BumperSample,
     CameraFrame,
     DriveCommand,
     Estimate,
@@ -19,6 +20,7 @@ from agribot.messages import (
     ImplementCommand,
     ImuSample,
     MagSample,
+    MappedPlant,
     MissionState,
     MissionStatus,
     OperatorEvent,
@@ -32,7 +34,7 @@ from agribot.messages import (
     Tracking,
     WheelSample,
 )
-from agribot.robot import (
+from agribot.core.robot import (
     CameraSpec,
     DriveSpec,
     Joint,

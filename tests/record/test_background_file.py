@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from agribot.config import load
+from agribot.core.config import load
 from agribot.record import background_file
 from agribot.record.background_file import BackgroundFile
 from agribot.record.recorder import RunRecorder

@@ -12,11 +12,11 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from agribot import topics
-from agribot.cli import main
-from agribot.config import RecordConfig, load
-from agribot.errors import RecordingError
-from agribot.messages import TickRecord
+from agribot.cli.main import main
+from agribot.core import topics
+from agribot.core.config import RecordConfig, load
+from agribot.core.errors import RecordingError
+from agribot.core.messages import TickRecord
 from agribot.record.bag.info import read_info
 from agribot.record.mcap_file import part_number
 from agribot.record.recorder import RunRecorder

@@ -6,8 +6,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agribot.errors import RecordingError
-from agribot.messages import DriveCommand, RobotCommand, TickRecord
+from agribot.core.errors import RecordingError
+from agribot.core.messages import DriveCommand, RobotCommand, TickRecord
 from agribot.record.events import EventLog, read_events
 from tests.record import record_samples as samples
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from rosbags import rosbag1
 
-from agribot import topics
-from agribot.cli import main
-from agribot.errors import RecordingError
+from agribot.cli.main import main
+from agribot.core import topics
+from agribot.core.errors import RecordingError
 from agribot.record.bag.convert import ConvertOptions, convert
 from agribot.record.bag.definitions import ros1_store
 from agribot.record.foreign import read_foreign

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from agribot import config
-from agribot.errors import RecordingError
+from agribot.app.session import Session
+from agribot.core import config
+from agribot.core.errors import RecordingError
 from agribot.record.events import Event, EventLog, read_events
 from agribot.record.recorder import RunRecorder
 from agribot.record.replay import read_ticks
 from agribot.record.report import Report, read_report
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap
-from agribot.session import Session
 from tests.record import record_samples as samples
 
 resource = pytest.importorskip("resource")

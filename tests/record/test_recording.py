@@ -14,11 +14,11 @@ from mcap_ros2.decoder import DecoderFactory
 from PIL import Image
 from rosbags.highlevel import AnyReader
 
-from agribot import topics
-from agribot.config import RunConfig, load
-from agribot.errors import EndOfRecording, RecordingError
-from agribot.mapped_plant import MappedPlant
-from agribot.messages import RobotCommand, TickRecord
+from agribot.core import topics
+from agribot.core.config import RunConfig, load
+from agribot.core.errors import EndOfRecording, RecordingError
+from agribot.core.messages import MappedPlant, RobotCommand, TickRecord
+from agribot.core.robot import Joint, Link
 from agribot.record.mcap_file import McapFile
 from agribot.record.recorder import RunRecorder
 from agribot.record.replay import (
@@ -31,8 +31,7 @@ from agribot.record.replay import (
     recorded_scenes,
 )
 from agribot.record.ticks import without_pixels
-from agribot.robot import Joint, Link
-from agribot.ros.transforms import static_transforms
+from agribot.ros.messages.transforms import static_transforms
 from tests.record import record_samples as samples
 
 CONFIG = load("farm", ["seed=7", "record.image_rate_hz=2.0"])

@@ -14,9 +14,9 @@ import pytest
 from matplotlib.patches import Circle
 from PIL import Image
 
-from agribot.config import load
-from agribot.errors import RecordingError
-from agribot.messages import PlantClass
+from agribot.core.config import load
+from agribot.core.errors import RecordingError
+from agribot.core.messages import PlantClass
 from agribot.record.drawing import png, thin
 from agribot.record.events import Event
 from agribot.record.map_figure import map_figure

@@ -4,8 +4,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.devices import CropCover
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
+from agribot.core.messages import CropCover
 from agribot.record.ticks import decode_tick, encode_tick, without_pixels
 from tests.record import record_samples as samples
 

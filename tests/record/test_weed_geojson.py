@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agribot.geo import Datum, MapFrame
-from agribot.messages import PlantClass
+from agribot.core.geo import Datum, MapFrame
+from agribot.core.messages import PlantClass
 from agribot.record.weeds import position_std_m, weeds_geojson, write_weeds
 from tests.record import record_samples as samples
 

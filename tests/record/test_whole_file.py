@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
 from agribot.record.report import write_file
 from agribot.record.whole_file import write_at_once
 

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from agribot.geo import Datum
-from agribot.messages import WHEEL_NAMES
-from agribot.robot import (
+from agribot.core.geo import Datum
+from agribot.core.messages import WHEEL_NAMES
+from agribot.core.robot import (
     CameraSpec,
     DriveSpec,
     Joint,
@@ -20,7 +20,7 @@ from agribot.robot import (
     SprayerSpec,
     TyreSpec,
 )
-from agribot.world import WorldSpec
+from agribot.core.world import WorldSpec
 
 HALF_WHEELBASE_M, HALF_TRACK_M = 0.2519, 0.3908
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)

@@ -11,16 +11,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.config import PerceptionConfig, RunConfig, SimConfig
-from agribot.geo import rotation_from_rpy
-from agribot.messages import ByteArray, FloatArray, PlantClass, RobotCommand, Vec3
-from agribot.robot import CameraSpec, Origin, RobotSpec, Shape
+from agribot.core.config import PerceptionConfig, RunConfig, SimConfig
+from agribot.core.geo import rotation_from_rpy
+from agribot.core.messages import ByteArray, FloatArray, PlantClass, RobotCommand, Vec3
+from agribot.core.robot import CameraSpec, Origin, RobotSpec, Shape
+from agribot.core.world import Light, Plant, WorldSpec
 from agribot.sim.attitude import map_from_base
 from agribot.sim.camera_feed import KEPT_MASKS, CameraFeed
 from agribot.sim.platform import SimPlatform
 from agribot.sim.random_streams import stream
 from agribot.sim.state import HISTORY_COLUMNS
-from agribot.world import Light, Plant, WorldSpec
 from tests.waiting import PATIENCE_S
 
 MAST_M, TILT_RAD = 0.5, math.radians(40.0)
@@ -30,8 +30,8 @@ COMPILED_LATE = """
 import sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
-from agribot import config
-from agribot.session import Session
+from agribot.core import config
+from agribot.app.session import Session
 
 def compiled():
     modules = [m for name, m in sys.modules.items() if name.startswith("agribot.sim.camera")]

@@ -9,15 +9,21 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.config import PerceptionConfig, RunConfig, SimConfig
-from agribot.devices import BaseFix
-from agribot.errors import ConfigError
-from agribot.geo import MapFrame, wrap_rad
-from agribot.messages import DriveCommand, FloatArray, GnssFix, RobotCommand, SensorBatch
-from agribot.robot import Origin, RobotSpec, Shape
+from agribot.core.config import PerceptionConfig, RunConfig, SimConfig
+from agribot.core.errors import ConfigError
+from agribot.core.geo import MapFrame, wrap_rad
+from agribot.core.messages import (
+    BaseFix,
+    DriveCommand,
+    FloatArray,
+    GnssFix,
+    RobotCommand,
+    SensorBatch,
+)
+from agribot.core.robot import Origin, RobotSpec, Shape
+from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim.platform import SimPlatform
 from agribot.sim.sensors.presets import imu_names, load_imu
-from agribot.world import Obstacle, WorldSpec
 
 
 def _platform(

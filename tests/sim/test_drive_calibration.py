@@ -11,16 +11,17 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot import cli, description
-from agribot.calibration.figure import FIGURE, Drive, drive_figure, gain
-from agribot.config import PerceptionConfig, RunConfig, SimConfig
-from agribot.errors import MissionError, PlatformError
-from agribot.estimate.drive_fit import fit_drive
-from agribot.estimate.drive_log import Stretch
-from agribot.messages import DriveCommand, RobotCommand, SensorBatch, WheelSample
-from agribot.robot import DriveSpec, RobotSpec
+from agribot import description
+from agribot.app.calibration.figure import FIGURE, Drive, drive_figure, gain
+from agribot.autonomy.estimate.drive_fit import fit_drive
+from agribot.autonomy.estimate.drive_log import Stretch
+from agribot.cli import main as cli
+from agribot.core.config import PerceptionConfig, RunConfig, SimConfig
+from agribot.core.errors import MissionError, PlatformError
+from agribot.core.messages import DriveCommand, RobotCommand, SensorBatch, WheelSample
+from agribot.core.robot import DriveSpec, RobotSpec
+from agribot.core.world import WorldSpec
 from agribot.sim.platform import SimPlatform
-from agribot.world import WorldSpec
 
 RADIUS_M, SEPARATION_M = 0.09, 1.106
 # Soil carries a quarter of the weight on 1e4 N/m: the tyre rolls on a radius 1.25 mm smaller.

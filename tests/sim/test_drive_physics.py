@@ -9,12 +9,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.errors import DescriptionError, PlatformError
-from agribot.messages import DriveCommand, FloatArray
-from agribot.robot import Origin, RobotSpec, Shape
+from agribot.core.errors import DescriptionError, PlatformError
+from agribot.core.messages import DriveCommand, FloatArray
+from agribot.core.robot import Origin, RobotSpec, Shape
+from agribot.core.world import HeightField, Obstacle, WorldSpec
 from agribot.sim.physics import Physics
 from agribot.sim.state import ANGULAR, POSITION, QUATERNION, VELOCITY, VELOCITY_GAIN, WHEEL_SPEED
-from agribot.world import HeightField, Obstacle, WorldSpec
 
 TICK_S = 0.02
 # Coulomb friction at four points: wheels of half track b and half base a turn the body by

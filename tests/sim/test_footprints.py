@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agribot.errors import PlatformError
-from agribot.messages import FloatArray, PlantClass
-from agribot.robot import RobotSpec
+from agribot.core.errors import PlatformError
+from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.robot import RobotSpec
+from agribot.core.world import Plant, WorldSpec
 from agribot.sim.field_effects import CropDamage, Sprayer
 from agribot.sim.footprints import Feet, mark_swept, plant_grid
 from agribot.sim.state import HISTORY_COLUMNS
-from agribot.world import Plant, WorldSpec
 
 
 def _plant(x_m: float, y_m: float, plant: PlantClass = PlantClass.CROP) -> Plant:

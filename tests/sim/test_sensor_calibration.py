@@ -9,19 +9,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot import cli
-from agribot.calibration.figure import TURNS, Drive, drive_figure
-from agribot.calibration.sensors import antenna_of_drive, magnetometer_of_drive
-from agribot.config import PerceptionConfig, RunConfig, SimConfig, load
-from agribot.errors import MissionError
-from agribot.estimate.compass import yaw_of
-from agribot.estimate.drive_log import DriveLog
-from agribot.estimate.mag_fit import Level, MagCalibration
-from agribot.messages import FloatArray
-from agribot.robot import RobotSpec
-from agribot.session import Session
+from agribot.app.calibration.figure import TURNS, Drive, drive_figure
+from agribot.app.calibration.sensors import antenna_of_drive, magnetometer_of_drive
+from agribot.app.session import Session
+from agribot.autonomy.estimate.compass import yaw_of
+from agribot.autonomy.estimate.drive_log import DriveLog
+from agribot.autonomy.estimate.mag_fit import Level, MagCalibration
+from agribot.cli import main as cli
+from agribot.core.config import PerceptionConfig, RunConfig, SimConfig, load
+from agribot.core.errors import MissionError
+from agribot.core.messages import FloatArray
+from agribot.core.robot import RobotSpec
+from agribot.core.world import WorldSpec
 from agribot.sim.platform import SimPlatform
-from agribot.world import WorldSpec
 
 
 def turned(rover: RobotSpec, world: WorldSpec, sensors: str, seed: int) -> Drive:

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agribot.errors import ConfigError
+from agribot.core.errors import ConfigError
 from agribot.sim.clock import Schedule, step_ns
-from agribot.sim.jit import compiled
+from agribot.sim.jit import compile_exact
 from agribot.sim.random_streams import NormalRows, stream
 
 
@@ -71,4 +71,4 @@ def test_compiles_where_no_cache_folder_is_writable(monkeypatch: pytest.MonkeyPa
 
     with pytest.raises(RuntimeError, match="cannot cache"):
         numba.njit(double, cache=True)
-    assert compiled(double)(21.0) == 42.0
+    assert compile_exact(double)(21.0) == 42.0

@@ -9,10 +9,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.config import PerceptionConfig, RunConfig, SimConfig
-from agribot.errors import ConfigError, PlatformError
-from agribot.geo import MapFrame
-from agribot.messages import (
+from agribot.core.config import PerceptionConfig, RunConfig, SimConfig
+from agribot.core.errors import ConfigError, PlatformError
+from agribot.core.geo import MapFrame
+from agribot.core.messages import (
     DriveCommand,
     ImplementCommand,
     OperatorEvent,
@@ -20,10 +20,10 @@ from agribot.messages import (
     RobotCommand,
     SensorBatch,
 )
-from agribot.platform import Platform
-from agribot.robot import RobotSpec
+from agribot.core.platform import Platform
+from agribot.core.robot import RobotSpec
+from agribot.core.world import HeightField, Plant, WorldSpec
 from agribot.sim.platform import SimPlatform
-from agribot.world import HeightField, Plant, WorldSpec
 
 
 def _config(sensors: str = "ideal", seed: int = 0, step_s: float = 0.002) -> RunConfig:

@@ -9,11 +9,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.config import RunConfig, SimConfig
-from agribot.errors import ConfigError
-from agribot.geo import MapFrame, yaw_from_compass_deg
-from agribot.messages import FloatArray, GnssFix, GnssQuality, WheelSample
-from agribot.robot import RobotSpec
+from agribot.core.config import RunConfig, SimConfig
+from agribot.core.errors import ConfigError
+from agribot.core.geo import MapFrame, yaw_from_compass_deg
+from agribot.core.messages import FloatArray, GnssFix, GnssQuality, WheelSample
+from agribot.core.robot import RobotSpec
+from agribot.core.world import WorldSpec
 from agribot.sim.attitude import roll_pitch_yaw
 from agribot.sim.random_streams import stream
 from agribot.sim.sensors.gnss import Antenna, HectorReceiver, OutageProcess, Receiver
@@ -43,7 +44,6 @@ from agribot.sim.state import (
     VELOCITY_GAIN,
     WHEEL_ANGLE,
 )
-from agribot.world import WorldSpec
 
 FIELD_T = (0.0, 3.8e-5, -2.3e-5)
 

@@ -8,13 +8,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.config import PerceptionConfig, RunConfig, SimConfig
-from agribot.estimate.slope import slide_m
-from agribot.messages import DriveCommand, FloatArray, RobotCommand
-from agribot.robot import Origin, RobotSpec, Shape
+from agribot.autonomy.estimate.slope import slide_m
+from agribot.core.config import PerceptionConfig, RunConfig, SimConfig
+from agribot.core.messages import DriveCommand, FloatArray, RobotCommand
+from agribot.core.robot import Origin, RobotSpec, Shape
+from agribot.core.world import HeightField, Obstacle, WorldSpec
 from agribot.sim.platform import SimPlatform
 from agribot.sim.truth import Truth
-from agribot.world import HeightField, Obstacle, WorldSpec
 
 RESOLUTION_M = 0.1
 EAST_M = np.arange(-12.0, 12.0, RESOLUTION_M)

@@ -8,9 +8,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from agribot.core.messages import WHEEL_NAMES, DriveCommand, FloatArray
+from agribot.core.robot import RobotSpec
+from agribot.core.world import WorldSpec
 from agribot.description.loader import load_robot
-from agribot.messages import WHEEL_NAMES, DriveCommand, FloatArray
-from agribot.robot import RobotSpec
 from agribot.sim.physics import Physics
 from agribot.sim.state import (
     ANGULAR,
@@ -21,7 +22,6 @@ from agribot.sim.state import (
     VELOCITY,
     WHEEL_SPEED,
 )
-from agribot.world import WorldSpec
 from tests.sim.test_drive_physics import slope
 
 GRAVITY_MPS2 = 9.8

@@ -8,10 +8,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.config import PerceptionConfig, RunConfig, SimConfig
-from agribot.errors import PlatformError
-from agribot.messages import WHEEL_NAMES, DriveCommand, FloatArray, RobotCommand, WheelSample
-from agribot.robot import Origin, RobotSpec, Shape
+from agribot.core.config import PerceptionConfig, RunConfig, SimConfig
+from agribot.core.errors import PlatformError
+from agribot.core.messages import WHEEL_NAMES, DriveCommand, FloatArray, RobotCommand, WheelSample
+from agribot.core.robot import Origin, RobotSpec, Shape
+from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim.physics import Physics
 from agribot.sim.platform import SimPlatform
 from agribot.sim.sensors.presets import WheelErrors
@@ -28,7 +29,6 @@ from agribot.sim.state import (
     WHEEL_SPEED,
     WORK,
 )
-from agribot.world import Obstacle, WorldSpec
 from tests.sim.test_drive_physics import slope
 
 STEP_S = 0.002

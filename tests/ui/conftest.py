@@ -15,9 +15,9 @@ pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
 pytest.importorskip("websockets")
 
-from agribot import config
+from agribot.autonomy.plan.rows import field_rows
+from agribot.core import config
 from agribot.description.loader import load_robot, urdf_text
-from agribot.plan.rows import field_rows
 from agribot.ui.about import about_run
 from agribot.ui.address import Address
 from agribot.ui.ground import field_of

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.cli import main
+from agribot.cli.main import main
 from tests.ui.client import Browser, Page
 from tests.waiting import PATIENCE_S
 

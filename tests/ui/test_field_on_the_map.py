@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from agribot import config
-from agribot.plan.coverage.area import FieldArea
-from agribot.plan.rows import field_rows
+from agribot.autonomy.plan.coverage.area import FieldArea
+from agribot.autonomy.plan.rows import field_rows
+from agribot.core import config
 from agribot.ui.ground import field_of
 
 

@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 
-from agribot import config
+from agribot.app.session import Session
+from agribot.app.tasks import task_of
+from agribot.autonomy.plan.task import Task
+from agribot.core import config
+from agribot.core.messages import OperatorEvent
 from agribot.description.loader import load_robot
-from agribot.messages import OperatorEvent
-from agribot.plan.task import Task
-from agribot.session import Session
-from agribot.tasks import task_of
 from agribot.ui.address import Address
 from agribot.ui.goal_preview import preview_goal
 from agribot.ui.operator_page import OperatorPage
-from tests.plan.planting import at
+from tests.autonomy.plan.planting import at
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot
 

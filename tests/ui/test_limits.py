@@ -14,8 +14,8 @@ import pytest
 pytest.importorskip("starlette")
 from starlette.requests import Request
 
-from agribot.errors import ConfigError
-from agribot.geo import MapFrame
+from agribot.core.errors import ConfigError
+from agribot.core.geo import MapFrame
 from agribot.ui import about_routes, small_yaml
 from agribot.ui.access import Caller
 from agribot.ui.allowance import MAX_BURST, MAX_MESSAGES_PER_S, Allowance

@@ -6,7 +6,7 @@ from http.client import HTTPConnection
 
 import pytest
 
-from agribot.cli import main
+from agribot.cli.main import main
 from agribot.gis.mbtiles import described_map
 from agribot.ui.address import home
 from tests.gis.test_map_import import RED, TileServer, png, server

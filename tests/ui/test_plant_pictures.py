@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
+from agribot.autonomy.perceive.ground import ground_to_pixels, pixels_to_ground
+from agribot.core.messages import ByteArray, CameraFrame, FloatArray, GroundPlant, PlantClass, Scene
 from agribot.description.loader import load_robot
-from agribot.messages import ByteArray, CameraFrame, FloatArray, GroundPlant, PlantClass, Scene
-from agribot.perceive.ground import ground_to_pixels, pixels_to_ground
 from agribot.ui.plant_pictures import MAX_BYTES, PlantPictures
 from agribot.ui.recent_frames import RecentFrames, Shot
 from tests.ui.client import Browser

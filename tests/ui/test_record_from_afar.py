@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from agribot.cli import main
-from agribot.errors import PlatformError
+from agribot.cli.main import main
+from agribot.core.errors import PlatformError
 from agribot.ui import remote
 from agribot.ui.address import read_door
 from agribot.ui.remote import Remote

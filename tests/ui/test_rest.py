@@ -13,11 +13,11 @@ import shapefile
 from shapely import wkb
 from shapely.geometry import Polygon
 
-from agribot import config
-from agribot.cli import main
-from agribot.geo import MapFrame
+from agribot.app.session import Session
+from agribot.cli.main import main
+from agribot.core import config
+from agribot.core.geo import MapFrame
 from agribot.gis.mbtiles import import_mbtiles
-from agribot.session import Session
 from agribot.ui.address import Address, home
 from agribot.ui.operator_page import OperatorPage
 from agribot.ui.panels import Panels

@@ -15,9 +15,9 @@ import msgspec
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from agribot import config
-from agribot.errors import RecordingError
-from agribot.session import Session
+from agribot.app.session import Session
+from agribot.core import config
+from agribot.core.errors import RecordingError
 from agribot.ui import server, server_process
 from agribot.ui.address import Address, read_door
 from agribot.ui.operator_page import OperatorPage

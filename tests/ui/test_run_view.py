@@ -4,8 +4,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.config import load
-from agribot.messages import MissionState
+from agribot.core.config import load
+from agribot.core.messages import MissionState
 from agribot.ui.view import RunView
 from tests.record import record_samples as samples
 

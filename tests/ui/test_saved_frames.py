@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agribot import config
-from agribot.cli import main
-from agribot.errors import RecordingError
-from agribot.messages import (
+from agribot.cli.main import main
+from agribot.core import config
+from agribot.core.errors import RecordingError
+from agribot.core.messages import (
     ByteArray,
     CameraFrame,
     Estimate,

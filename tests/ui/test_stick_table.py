@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.errors import ConfigError
+from agribot.core.errors import ConfigError
 from agribot.ui.commands import MISSION_ACTIONS, RECORD_ACTIONS
 from agribot.ui.hand import STILL
 from agribot.ui.joystick import JoystickState

@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agribot import config
-from agribot.geo import MapFrame
-from agribot.messages import ByteArray
+from agribot.app.session import Session
+from agribot.core import config
+from agribot.core.geo import MapFrame
+from agribot.core.messages import ByteArray
 from agribot.record.recorder import RunRecorder
-from agribot.session import Session
 from agribot.ui import guarded_connections, server
 from agribot.ui.camera import LADDER, QUICK_TIMES, Camera, Ladder, Picture, encode, unpacked
 from agribot.ui.channel import Channel, signal_table

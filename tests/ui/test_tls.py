@@ -21,8 +21,8 @@ pytest.importorskip("uvicorn")
 import uvicorn
 from starlette.applications import Starlette
 
-from agribot.cli import main
-from agribot.errors import ConfigError
+from agribot.cli.main import main
+from agribot.core.errors import ConfigError
 from agribot.ui import guarded_connections, remote
 from agribot.ui.address import Address, read_door
 from agribot.ui.connection_slots import ConnectionSlots

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 pytest.importorskip("starlette")
-from agribot.commands.page import add_address_arguments, address_of
-from agribot.errors import ConfigError
+from agribot.cli.page import add_address_arguments, address_of
+from agribot.core.errors import ConfigError
 from agribot.ui import access
 from agribot.ui.access import Access, Caller
 from agribot.ui.address import Address

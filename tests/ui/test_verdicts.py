@@ -7,9 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 import msgspec
 import pytest
 
-from agribot.messages import OperatorEvent, TickRecord
-from agribot.operator_input import Inbox
-from agribot.plan.errand import STOPPING
+from agribot.autonomy.plan.errand import STOPPING
+from agribot.core.messages import Inbox, OperatorEvent, TickRecord
 from agribot.ui import verdicts
 from agribot.ui.verdicts import Verdicts
 from tests.record import record_samples as samples

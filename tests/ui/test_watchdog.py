@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from agribot import config
-from agribot.commands.page import Pacer
-from agribot.messages import TickRecord
-from agribot.session import Session
+from agribot.app.session import Session
+from agribot.cli.page import Pacer
+from agribot.core import config
+from agribot.core.messages import TickRecord
 from agribot.ui import server_process
 from agribot.ui.address import Address
 from agribot.ui.operator_page import OperatorPage

@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agribot.core.messages import WHEEL_NAMES
+from agribot.core.robot import Joint, Link
 from agribot.description.devices import (
     DRIVE_PLUGINS,
     GNSS_PLUGINS,
@@ -19,8 +21,6 @@ from agribot.description.devices import (
 )
 from agribot.description.elements import Source
 from agribot.description.tags import find_extra, find_plugin, find_sensor
-from agribot.messages import WHEEL_NAMES
-from agribot.robot import Joint, Link
 
 # The packaged robot, whose drive and tyres others are scaled from.
 MASS_KG, RADIUS_M = 5.1122, 0.09

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from agribot.core.messages import WHEEL_NAMES
 from agribot.description.elements import Source
-from agribot.messages import WHEEL_NAMES
 
 BASE = "base_link"
 WHEEL_KG, BASE_KG = 1.0, 15.0

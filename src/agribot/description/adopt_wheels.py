@@ -14,6 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agribot.core.geo import inverse
+from agribot.core.messages import WHEEL_NAMES, FloatArray
+from agribot.core.robot import Joint, Link
 from agribot.description.adopt_masses import (
     BASE,
     along,
@@ -26,9 +29,6 @@ from agribot.description.markup import PlacedElement
 from agribot.description.mesh_bounds import mesh_bounds_m
 from agribot.description.package import package_folder
 from agribot.description.poses import origin_of
-from agribot.geo import inverse
-from agribot.messages import WHEEL_NAMES, FloatArray
-from agribot.robot import Joint, Link
 
 BASE_WORDS = ("base", "chassis", "body", "base_footprint")
 ACROSS = 0.7  # of an axle: the part of it that lies across the robot

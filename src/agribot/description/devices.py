@@ -8,6 +8,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from agribot.core.messages import WHEEL_NAMES
+from agribot.core.robot import (
+    CameraSpec,
+    DriveSpec,
+    Joint,
+    Link,
+    SensorMount,
+    SprayerSpec,
+    TyreSpec,
+)
 from agribot.description.elements import Source
 from agribot.description.tags import (
     TagBlock,
@@ -16,16 +26,6 @@ from agribot.description.tags import (
     find_plugin,
     find_sensor,
     plugin_names,
-)
-from agribot.messages import WHEEL_NAMES
-from agribot.robot import (
-    CameraSpec,
-    DriveSpec,
-    Joint,
-    Link,
-    SensorMount,
-    SprayerSpec,
-    TyreSpec,
 )
 
 DRIVE_PLUGINS = ("skid_steer", "skidsteer", "diff_drive", "diffdrive", "diff-drive")

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
+from agribot.core.errors import DescriptionError
+from agribot.core.messages import Vec3
 from agribot.description.markup import place_of
-from agribot.errors import DescriptionError
-from agribot.messages import Vec3
 
 LARGEST = 1e12  # stiffnesses of other simulators reach 1e9
 

@@ -10,12 +10,12 @@ from xml.parsers.expat import ExpatError
 
 import xacro
 
+from agribot.core.errors import DescriptionError
 from agribot.description.absent_packages import AbsentPackages
 from agribot.description.elements import Source
 from agribot.description.markup import parse_xml, read_xml
 from agribot.description.xacro_arithmetic import bounded_arithmetic
 from agribot.description.xacro_dialect import OldDialect
-from agribot.errors import DescriptionError
 
 # xacro keeps the files it works on in module variables.
 _XACRO_LOCK = threading.Lock()

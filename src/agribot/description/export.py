@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from agribot.core.robot import Joint, RobotSpec
 from agribot.description.loader import urdf_text
 from agribot.description.package import ROOT
-from agribot.robot import Joint, RobotSpec
 
 ARTEFACT = ROOT / "urdf" / "agribot.urdf"
 

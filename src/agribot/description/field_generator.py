@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
+from agribot.core.errors import DescriptionError
+from agribot.core.geo import MapFrame
+from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.world import GroundTile, Plant, Soil, WorldSpec
 from agribot.description.field_plan import FieldPlan, RowsPlan, read_field_plan
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
-from agribot.errors import DescriptionError
-from agribot.geo import MapFrame
-from agribot.messages import FloatArray, PlantClass
-from agribot.world import GroundTile, Plant, Soil, WorldSpec
 
 SEEDS = 2**31
 DIGITS = 6  # places are rounded to a micrometre, so that every machine writes the same file

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import msgspec
 
-from agribot.config_tree import read_toml
-from agribot.errors import ConfigError, DescriptionError
-from agribot.geo import Datum
+from agribot.core.config_tree import read_toml
+from agribot.core.errors import ConfigError, DescriptionError
+from agribot.core.geo import Datum
 
 # Limits that no field exceeds, so that a slip of the pen cannot exhaust the memory.
 LARGEST_M = 1e4

@@ -6,8 +6,8 @@ import math
 import xml.etree.ElementTree as ET
 from typing import TypeAlias
 
+from agribot.core.robot import Joint, Link, Origin, Shape
 from agribot.description.elements import Source
-from agribot.robot import Joint, Link, Origin, Shape
 
 Rgba: TypeAlias = tuple[float, float, float, float]
 

@@ -6,6 +6,9 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from agribot.core.errors import DescriptionError
+from agribot.core.messages import WHEEL_NAMES
+from agribot.core.robot import Link, RobotSpec
 from agribot.description import devices
 from agribot.description.adopt_devices import adopt_devices
 from agribot.description.adopt_wheels import adopt_base, adopt_wheels, name_apart
@@ -14,9 +17,6 @@ from agribot.description.expansion import expand
 from agribot.description.kinematics import read_joints, read_links
 from agribot.description.markup import parse_xml
 from agribot.description.package import packaged_or_file, robot_files
-from agribot.errors import DescriptionError
-from agribot.messages import WHEEL_NAMES
-from agribot.robot import Link, RobotSpec
 
 # Of the wheels together: what is lighter was forgotten, and no physics can stand on it.
 MIN_BODY_RATIO = 0.05

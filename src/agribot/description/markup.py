@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
-from agribot.errors import DescriptionError
+from agribot.core.errors import DescriptionError
 
 
 class PlacedElement(ET.Element):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from agribot.messages import FloatArray
+from agribot.core.messages import FloatArray
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from agribot.core.messages import FloatArray, Vec3
 from agribot.description.package import ROOT
-from agribot.messages import FloatArray, Vec3
 
 FOLDER = ROOT / "meshes"
 

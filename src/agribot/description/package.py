@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from agribot.errors import DescriptionError
+from agribot.core.errors import DescriptionError
 
 PACKAGE = "agribot_description"
 NEIGHBOURS = 4  # levels up from a file, in which a package it asks for may lie

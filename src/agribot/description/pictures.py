@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from agribot.errors import DescriptionError
-from agribot.messages import FloatArray
+from agribot.core.errors import DescriptionError
+from agribot.core.messages import FloatArray
 
 FULL_SCALE = 65535.0  # of a picture with 16 bits
 

@@ -7,10 +7,10 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
+from agribot.core.geo import transform
+from agribot.core.messages import FloatArray
+from agribot.core.robot import Origin
 from agribot.description.elements import Source
-from agribot.geo import transform
-from agribot.messages import FloatArray
-from agribot.robot import Origin
 
 
 def read_pose(element: ET.Element, source: Source, where: str) -> FloatArray:

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from agribot.core.geo import inverse
+from agribot.core.messages import FloatArray
+from agribot.core.robot import CameraSpec, RobotSpec, Shape
 from agribot.description.poses import origin_of
-from agribot.geo import inverse
-from agribot.messages import FloatArray
-from agribot.robot import CameraSpec, RobotSpec, Shape
 
 BASE = "base_link"
 LEFT, RIGHT = ("left_wheel_F", "left_wheel_R"), ("right_wheel_F", "right_wheel_R")

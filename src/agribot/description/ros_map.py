@@ -14,11 +14,11 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from agribot.core.errors import DescriptionError
+from agribot.core.geo import Datum
+from agribot.core.world import Obstacle, WorldSpec
 from agribot.description.package import ROOT
 from agribot.description.pictures import read_grey
-from agribot.errors import DescriptionError
-from agribot.geo import Datum
-from agribot.world import Obstacle, WorldSpec
 
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1
 BLACK, WHITE, GREY = 0, 254, 205  # of the picture, as map_saver writes them

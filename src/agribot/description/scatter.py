@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agribot.core.errors import DescriptionError
+from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.world import Plant
 from agribot.description.elements import Source
 from agribot.description.sdf_models import tag
-from agribot.errors import DescriptionError
-from agribot.messages import FloatArray, PlantClass
-from agribot.world import Plant
 
 MAX_DRAWS = 200  # of a place for one weed, before the field counts as full
 SEEDS = 2**31

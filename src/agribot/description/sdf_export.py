@@ -9,10 +9,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from agribot.core.errors import DescriptionError
+from agribot.core.robot import Shape
+from agribot.core.world import GripPatch, GroundTile, HeightField, Obstacle, Plant, Soil, WorldSpec
 from agribot.description.sdf_models import NAMESPACE, tag
-from agribot.errors import DescriptionError
-from agribot.robot import Shape
-from agribot.world import GripPatch, GroundTile, HeightField, Obstacle, Plant, Soil, WorldSpec
 
 COLOURS = {
     "soil": "0.42 0.32 0.24 1", "grass": "0.3 0.45 0.2 1", "pavement": "0.45 0.45 0.45 1",

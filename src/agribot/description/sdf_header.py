@@ -7,12 +7,12 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
+from agribot.core.geo import Datum
+from agribot.core.messages import FloatArray, Vec3
+from agribot.core.world import Light, Soil
 from agribot.description.elements import Source
 from agribot.description.poses import level
 from agribot.description.sdf_models import tag
-from agribot.geo import Datum
-from agribot.messages import FloatArray, Vec3
-from agribot.world import Light, Soil
 
 # Yaw of the x axis from East in each of the orientations that SDF knows with z up.
 FRAME_YAW_DEG = {"ENU": 0.0, "NWU": 90.0}

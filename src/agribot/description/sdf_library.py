@@ -8,9 +8,9 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 from urllib.parse import unquote
 
+from agribot.core.errors import DescriptionError
 from agribot.description.markup import read_xml
 from agribot.description.package import PACKAGE, ROOT, named_package_folder, resource_folders
-from agribot.errors import DescriptionError
 
 SCHEMES = re.compile(r"^(model|package|file|https?)://")
 # Names of Gazebo's public models -> what this package has of the kind.

@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agribot.core.geo import transform
+from agribot.core.messages import FloatArray, Vec3
+from agribot.core.robot import Origin, Shape
 from agribot.description.elements import Source
 from agribot.description.kinematics import GREY, Rgba
 from agribot.description.mesh_bounds import mesh_bounds_m
 from agribot.description.poses import origin_of, read_pose
 from agribot.description.sdf_library import ModelLibrary, mesh_folder
-from agribot.geo import transform
-from agribot.messages import FloatArray, Vec3
-from agribot.robot import Origin, Shape
 
 NAMESPACE = "urn:agribot:sdf"
 FLAT_M = 0.11  # boxes up to this thick count as ground when they name a surface

@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agribot.core.messages import FloatArray
 from agribot.description.elements import Source
 from agribot.description.markup import PlacedElement
 from agribot.description.poses import read_pose
 from agribot.description.sdf_library import ModelLibrary, kind_of
 from agribot.description.sdf_models import surface_from_words, tag
-from agribot.messages import FloatArray
 
 SPAWN_FRAME = "robot_spawn"
 DRIVES = ("skid_steer", "skidsteer", "diff_drive", "diff-drive", "diffdrive")

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from agribot.core.messages import FloatArray
+from agribot.core.world import GripPatch, GroundTile, HeightField
 from agribot.description.elements import Source
 from agribot.description.sdf_models import Patch, Relief
-from agribot.messages import FloatArray
-from agribot.world import GripPatch, GroundTile, HeightField
 
 SAME_HEIGHT_M = 1e-6
 WHEEL_REACH_M = 0.2  # about the radius of a large rover's wheel

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
+from agribot.core.errors import DescriptionError
+from agribot.core.geo import inverse
+from agribot.core.messages import FloatArray
+from agribot.core.world import HeightField
 from agribot.description.package import ROOT
 from agribot.description.pictures import FULL_SCALE, read_grey
-from agribot.errors import DescriptionError
-from agribot.geo import inverse
-from agribot.messages import FloatArray
-from agribot.world import HeightField
 
 MAX_SAMPLES = 4097  # along one side
 # Where the arcs of the hills' crop rows have their centre, North and West of the heights' middle.

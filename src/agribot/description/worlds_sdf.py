@@ -7,7 +7,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from agribot.config import RunConfig
+from agribot.core.config import RunConfig
+from agribot.core.errors import DescriptionError
+from agribot.core.messages import FloatArray
+from agribot.core.robot import Shape
+from agribot.core.world import HeightField, Obstacle, WorldSpec
 from agribot.description.elements import Finding, Source
 from agribot.description.markup import place_of, read_xml
 from agribot.description.package import packaged_or_file, world_files
@@ -19,10 +23,6 @@ from agribot.description.sdf_models import ModelParts, Patch, Relief, read_parts
 from agribot.description.sdf_placing import Placing, Standing, is_robot
 from agribot.description.surfaces import Surfaces
 from agribot.description.terrain import load_heights, placed, volcano
-from agribot.errors import DescriptionError
-from agribot.messages import FloatArray
-from agribot.robot import Shape
-from agribot.world import HeightField, Obstacle, WorldSpec
 
 CLEAR_M = 2.0  # between the robot's start and the middle of a box that stands in for something
 

@@ -9,11 +9,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agribot.errors import MissionError
-from agribot.geo import Datum, MapFrame
+from agribot.autonomy.plan.coverage.area import FieldArea, Line, Point
+from agribot.core.errors import MissionError
+from agribot.core.geo import Datum, MapFrame
 from agribot.gis.formats.table import READERS, read_other
 from agribot.gis.geojson import KINDS, Feature, LonLat, features, read_json
-from agribot.plan.coverage.area import FieldArea, Line, Point
 
 if TYPE_CHECKING:
     import shapely

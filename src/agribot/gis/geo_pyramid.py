@@ -15,8 +15,8 @@ import msgspec
 import numpy as np
 from PIL import Image
 
-from agribot.errors import ConfigError
-from agribot.messages import FloatArray
+from agribot.core.errors import ConfigError
+from agribot.core.messages import FloatArray
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
 MAX_TURN_DEG = 5.0

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from agribot.errors import MissionError
-from agribot.json_number import is_number
+from agribot.core.errors import MissionError
+from agribot.core.json_number import is_number
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

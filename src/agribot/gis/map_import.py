@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from agribot.errors import ConfigError
+from agribot.core.errors import ConfigError
 from agribot.gis.geo_pyramid import read_geo, write_vrt
 from agribot.gis.mbtiles import LIVE, MAX_ZOOM, TileWriter, is_picture
 from agribot.gis.tile_grid import HALF_M, TILE_PX, Bounds, Tile, tile_count, tiles_in

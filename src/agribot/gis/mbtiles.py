@@ -9,7 +9,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, Self
 
-from agribot.errors import ConfigError
+from agribot.core.errors import ConfigError
 
 _MEDIA = ((b"\x89PNG", "image/png"), (b"\xff\xd8", "image/jpeg"), (b"RIFF", "image/webp"))
 MAX_ZOOM = 24

@@ -10,13 +10,20 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from agribot.errors import MissionError
-from agribot.geo import Datum, MapFrame
+from agribot.autonomy.plan.coverage.area import (
+    FieldArea,
+    FieldPlan,
+    Leg,
+    LegKind,
+    Line,
+    PlanRequest,
+)
+from agribot.autonomy.plan.plan_certificate import Certificate
+from agribot.core.errors import MissionError
+from agribot.core.geo import Datum, MapFrame
+from agribot.core.messages import FloatArray
 from agribot.gis.field_file import field_from
 from agribot.gis.geojson import KINDS, features, read_json
-from agribot.messages import FloatArray
-from agribot.plan.coverage.area import FieldArea, FieldPlan, Leg, LegKind, Line, PlanRequest
-from agribot.plan.plan_certificate import Certificate
 
 FORMAT = 1
 DECIMALS = 10  # a hundredth of a millimetre: short pieces of arcs keep their direction

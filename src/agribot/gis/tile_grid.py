@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from agribot.errors import ConfigError
+from agribot.core.errors import ConfigError
 
 TILE_PX = 256
 HALF_M = math.pi * 6378137.0  # of the square that the whole world is drawn on

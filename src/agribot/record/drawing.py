@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from agribot.messages import FloatArray
+from agribot.core.messages import FloatArray
 
 BLUE = "#2f6fde"
 RED = "#d6382b"

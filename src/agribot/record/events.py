@@ -10,9 +10,8 @@ from typing import Literal
 
 import msgspec
 
-from agribot.errors import RecordingError
-from agribot.messages import STOP, OperatorEvent, TickRecord
-from agribot.operator_input import SENSOR_WATCH
+from agribot.core.errors import RecordingError
+from agribot.core.messages import SENSOR_WATCH, STOP, OperatorEvent, TickRecord
 
 EventKind = Literal[
     "mission", "operator", "mark", "ready", "fault", "stop", "hold", "limit", "clear"

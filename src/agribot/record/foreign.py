@@ -10,9 +10,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from agribot.errors import RecordingError
-from agribot.geo import Datum, MapFrame, compass_deg_from_yaw
-from agribot.messages import FloatArray
+from agribot.core.errors import RecordingError
+from agribot.core.geo import Datum, MapFrame, compass_deg_from_yaw
+from agribot.core.messages import FloatArray
 from agribot.record.bag.fixes import GPSFIXES, NAVSATFIX
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.source import Bag, BagTopic

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from agribot.geo import rotation_from_quaternion
-from agribot.messages import FloatArray
+from agribot.core.geo import rotation_from_quaternion
+from agribot.core.messages import FloatArray
 from agribot.record.bag.source import Bag
 
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from agribot.messages import FloatArray, PlantClass
+from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.row_shape import row_points_map_m, start_yaw_rad
 from agribot.record.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, every, new_figure
 from agribot.record.series import RunData
-from agribot.row_shape import row_points_map_m, start_yaw_rad
 
 _MARGIN_M = 0.8
 _LONGER_SIDE_IN = 11.0

@@ -10,11 +10,11 @@ from typing import Any
 from mcap.records import Attachment, Channel, Header, Message, Metadata
 from mcap.writer import CompressionType, Writer
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
+from agribot.core.topic import Qos, Topic
 from agribot.record.background_file import BackgroundFile
 from agribot.record.mcap_records import McapRecords, parts_of
-from agribot.ros.rosmsg import typestore
-from agribot.topic import Qos, Topic
+from agribot.ros.messages.rosmsg import typestore
 
 LIBRARY = "agribot"
 MSGPACK_SCHEMA = "agribot.TickRecord"

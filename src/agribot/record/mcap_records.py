@@ -15,7 +15,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata, Schema
 from mcap.stream_reader import breakup_chunk
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
 
 MAGIC = b"\x89MCAP0\r\n"
 _NUMBERED = re.compile(r"(.*)-(\d{4,})")

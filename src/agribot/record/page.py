@@ -6,9 +6,8 @@ from html import escape
 from importlib import resources
 from pathlib import Path
 
-from agribot.config import to_toml
-from agribot.mapped_plant import MappedPlant
-from agribot.messages import PlantClass
+from agribot.core.config import to_toml
+from agribot.core.messages import MappedPlant, PlantClass
 from agribot.record import plots
 from agribot.record.drawing import svg
 from agribot.record.map_figure import map_figure

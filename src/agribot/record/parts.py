@@ -12,11 +12,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from agribot.config import RecordConfig
-from agribot.errors import RecordingError
+from agribot.core.config import RecordConfig
+from agribot.core.errors import RecordingError
+from agribot.core.topic import Topic
 from agribot.record.mcap_file import McapFile
 from agribot.record.mcap_records import part_path, parts_of
-from agribot.topic import Topic
 
 _MB = 1_000_000
 _LIVE_RATIO = 0.9  # of the clock's pace; a simulation that runs ahead of it can wait

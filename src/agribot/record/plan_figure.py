@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
-from agribot.messages import FloatArray
-from agribot.plan.coverage.area import FieldArea, FieldPlan, Leg, PlanRequest
-from agribot.plan.plan_certificate import Certificate
-from agribot.plan.plan_sweep import tool_line
+from agribot.autonomy.plan.coverage.area import FieldArea, FieldPlan, Leg, PlanRequest
+from agribot.autonomy.plan.plan_certificate import Certificate
+from agribot.autonomy.plan.plan_sweep import tool_line
+from agribot.core.messages import FloatArray
 from agribot.record.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure
 
 _COLOURS = {"swath": GREEN, "row": GREEN, "headland": BLUE, "link": ORANGE, "arc": ORANGE,

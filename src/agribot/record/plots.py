@@ -7,10 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from agribot.messages import FloatArray, PlantClass, Row
+from agribot.core.messages import FloatArray, PlantClass, Row
+from agribot.core.row_shape import beside_row, row_length_m
 from agribot.record.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, every, new_figure, thin
 from agribot.record.series import RunData, RunSeries
-from agribot.row_shape import beside_row, row_length_m
 
 _HEIGHT_IN = 2.9
 _WIDE_IN, _HALF_IN = 11.0, 5.4  # as cards of the page, so that text is equally large

@@ -9,15 +9,15 @@ from xml.etree import ElementTree
 
 import msgspec
 
-from agribot import topics
-from agribot.errors import RecordingError
-from agribot.geo import MapFrame
+from agribot.core import topics
+from agribot.core.errors import RecordingError
+from agribot.core.geo import MapFrame
 from agribot.record.bag.track import read_track
 from agribot.record.mcap_file import read_messages
 from agribot.record.replay import read_config, read_weed_map
 from agribot.record.report import write_file
 from agribot.record.weeds import weeds_geojson
-from agribot.ros.rosmsg import typestore
+from agribot.ros.messages.rosmsg import typestore
 
 PROJECT = "agribot.qgs"
 _VERSION = "3.22"

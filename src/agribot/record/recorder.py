@@ -7,16 +7,16 @@ from pathlib import Path as FilePath
 
 import msgspec
 
-from agribot import __version__, topics
-from agribot.config import RunConfig, to_toml
-from agribot.mapped_plant import MappedPlant
-from agribot.messages import Path, TickRecord
+from agribot import __version__
+from agribot.core import topics
+from agribot.core.config import RunConfig, to_toml
+from agribot.core.messages import MappedPlant, Path, TickRecord
+from agribot.core.robot import RobotSpec
 from agribot.record.parts import RecordingParts
 from agribot.record.ticks import encode_tick
-from agribot.robot import RobotSpec
-from agribot.ros.camera_log import CameraLog
-from agribot.ros.rosmsg import nanoseconds
-from agribot.ros.topic_feed import TopicFeed
+from agribot.ros.messages.camera_log import CameraLog
+from agribot.ros.messages.rosmsg import nanoseconds
+from agribot.ros.messages.topic_feed import TopicFeed
 
 CONFIG_ATTACHMENT = "config.toml"
 URDF_ATTACHMENT = "robot.urdf"

@@ -9,7 +9,7 @@ import msgspec
 from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
 from agribot.record.mcap_records import McapRecords
 
 

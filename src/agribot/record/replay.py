@@ -9,14 +9,14 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from agribot import topics
-from agribot.config import RunConfig
-from agribot.errors import EndOfRecording, RecordingError
-from agribot.mapped_plant import MappedPlant
-from agribot.messages import (
+from agribot.core import topics
+from agribot.core.config import RunConfig
+from agribot.core.errors import EndOfRecording, RecordingError
+from agribot.core.messages import (
     STOP,
     DriveCommand,
     FloatArray,
+    MappedPlant,
     RobotCommand,
     Scene,
     SensorBatch,
@@ -25,7 +25,7 @@ from agribot.messages import (
 from agribot.record.mcap_file import read_attachment, read_messages
 from agribot.record.recorder import CONFIG_ATTACHMENT, URDF_ATTACHMENT, WEED_MAP_ATTACHMENT
 from agribot.record.ticks import decode_tick
-from agribot.ros.rosmsg import typestore
+from agribot.ros.messages.rosmsg import typestore
 
 
 def read_config(path: Path) -> RunConfig:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
 from agribot.record.whole_file import write_at_once
 
 

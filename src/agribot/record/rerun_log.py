@@ -10,9 +10,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from agribot import topics
-from agribot.errors import ConfigError
-from agribot.messages import MissionStatus
+from agribot.core import topics
+from agribot.core.errors import ConfigError
+from agribot.core.messages import MissionStatus
 from agribot.record.bag.opening import open_bag
 from agribot.record.foreign import ForeignData, read_foreign
 

@@ -7,11 +7,10 @@ import math
 import msgspec
 import numpy as np
 
-from agribot.mapped_plant import MappedPlant
-from agribot.messages import PlantClass, Row
+from agribot.core.messages import MappedPlant, PlantClass, Row
+from agribot.core.row_shape import beside_row, row_length_m
 from agribot.record.plots import true_cross_track_m
 from agribot.record.series import RunData
-from agribot.row_shape import beside_row, row_length_m
 
 
 class RowSummary(msgspec.Struct, frozen=True, kw_only=True):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from agribot.config import to_toml
-from agribot.errors import RecordingError
+from agribot.core.config import to_toml
+from agribot.core.errors import RecordingError
 from agribot.record.drawing import png
 from agribot.record.map_figure import map_figure
 from agribot.record.page import write_page

@@ -10,13 +10,12 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from agribot.config import RunConfig
-from agribot.geo import compass_deg_from_yaw
-from agribot.growing_table import GrowingTable
-from agribot.mapped_plant import MappedPlant
-from agribot.messages import FloatArray, Path, Row, TickRecord
+from agribot.core.config import RunConfig
+from agribot.core.geo import compass_deg_from_yaw
+from agribot.core.growing_table import GrowingTable
+from agribot.core.messages import FloatArray, MappedPlant, Path, Row, TickRecord
+from agribot.core.world import WorldSpec
 from agribot.record.events import Event
-from agribot.world import WorldSpec
 
 _MIN_COURSE_SPEED_MPS = 0.15  # below it, the direction of a GNSS velocity is mostly noise
 

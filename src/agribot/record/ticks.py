@@ -5,8 +5,8 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from agribot.errors import RecordingError
-from agribot.messages import ByteArray, CameraFrame, TickRecord
+from agribot.core.errors import RecordingError
+from agribot.core.messages import ByteArray, CameraFrame, TickRecord
 
 # Frames keep their time and index; the pixels go to the image topic, at its own rate.
 NO_PIXELS: ByteArray = np.empty((0, 0, 3), dtype=np.uint8)

@@ -9,8 +9,8 @@ from typing import Any
 
 import msgspec
 
-from agribot.geo import Datum, MapFrame
-from agribot.mapped_plant import MappedPlant
+from agribot.core.geo import Datum, MapFrame
+from agribot.core.messages import MappedPlant
 from agribot.record.report import write_file
 
 _DECIMALS = 9  # 0.1 mm on the ground

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from agribot import __version__
-from agribot.config import RunConfig, to_toml
+from agribot.core.config import RunConfig, to_toml
+from agribot.core.robot import RobotSpec
 from agribot.record.parts import RecordingParts
 from agribot.record.recorder import CONFIG_ATTACHMENT, FLUSH_NS, URDF_ATTACHMENT
-from agribot.robot import RobotSpec
-from agribot.ros import rosmsg
-from agribot.ros.camera_log import CameraLog
-from agribot.ros.world_feed import WorldFeed, WorldTick
+from agribot.ros.messages import rosmsg
+from agribot.ros.messages.camera_log import CameraLog
+from agribot.ros.messages.world_feed import WorldFeed, WorldTick
 
 
 class WorldRecorder:

@@ -1,1 +1,1 @@
-"""Our structs as ROS messages and transforms. Import the module that you need."""
+"""Ways out of the robot for other people's tools, and ways in. Import the module that you need."""

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from agribot.geo import rotation_from_quaternion
-from agribot.messages import FloatArray, Vec3
+from agribot.core.geo import rotation_from_quaternion
+from agribot.core.messages import FloatArray, Vec3
 from agribot.sim.state import POSITION, QUATERNION
 
 

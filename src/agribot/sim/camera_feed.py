@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from agribot.errors import DescriptionError
-from agribot.geo import LINK_FROM_OPTICAL, transform
-from agribot.messages import ByteArray, CameraFrame, FloatArray
-from agribot.robot import CameraSpec, RobotSpec, Shape
+from agribot.core.errors import DescriptionError
+from agribot.core.geo import LINK_FROM_OPTICAL, transform
+from agribot.core.messages import ByteArray, CameraFrame, FloatArray
+from agribot.core.robot import CameraSpec, RobotSpec, Shape
+from agribot.core.world import WorldSpec
 from agribot.sim.attitude import map_from_base
 from agribot.sim.state import WHEEL_ANGLE
-from agribot.world import WorldSpec
 
 if TYPE_CHECKING:
     from agribot.sim.camera import CameraRenderer, Rendering

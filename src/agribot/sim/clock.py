@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from agribot.errors import ConfigError
+from agribot.core.errors import ConfigError
 
 NS_PER_S = 1_000_000_000
 

@@ -11,12 +11,12 @@ import msgspec
 import mujoco
 import numpy as np
 
-from agribot.messages import FloatArray
-from agribot.robot import RobotSpec
+from agribot.core.messages import FloatArray
+from agribot.core.robot import RobotSpec
+from agribot.core.world import WorldSpec
 from agribot.sim.mujoco_library import Library, load_library
 from agribot.sim.rigid_body import build_model, obstacle_boxes
 from agribot.sim.state import StateViews
-from agribot.world import WorldSpec
 
 # The robot's own size plus far more than it moves in one tick.
 NEAR_M = 1.5

@@ -7,11 +7,11 @@ from collections import deque
 
 import numpy as np
 
-from agribot.errors import PlatformError
-from agribot.messages import FloatArray, PlantClass
-from agribot.robot import RobotSpec
+from agribot.core.errors import PlatformError
+from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.robot import RobotSpec
+from agribot.core.world import WorldSpec
 from agribot.sim.footprints import Feet, mark_swept, plant_grid
-from agribot.world import WorldSpec
 
 # A flat-fan nozzle wets a thin line across the direction of travel.
 SPRAY_FAN_LENGTH_M = 0.04

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from agribot.messages import FloatArray
-from agribot.sim.jit import compiled
-from agribot.world import Plant
+from agribot.core.messages import FloatArray
+from agribot.core.world import Plant
+from agribot.sim.jit import compile_exact
 
 CELL_M = 0.5
 
@@ -61,7 +61,7 @@ def plant_grid(plants: Sequence[Plant], radius_m: FloatArray) -> PlantGrid:
     return PlantGrid(x, y, radius_m, order, start, columns, rows, x_min, y_min)
 
 
-@compiled
+@compile_exact
 def mark_swept(
     before: FloatArray,
     after: FloatArray,
@@ -93,7 +93,7 @@ def mark_swept(
     return area_m2
 
 
-@compiled
+@compile_exact
 def _ground_point(
     row: FloatArray, x_body_m: float, y_body_m: float, feet: Feet
 ) -> tuple[float, float]:
@@ -112,7 +112,7 @@ def _ground_point(
     )
 
 
-@compiled
+@compile_exact
 def _mark_box(
     centre_x: float,
     centre_y: float,

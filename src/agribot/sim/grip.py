@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from agribot.core.world import WorldSpec
 from agribot.sim.tyre import Terrain
-from agribot.world import WorldSpec
 
 CELL_M = 0.05  # a patch's edge is as wide as this, about the length of a tyre's contact
 MAX_SAMPLES = 4_000_000  # 32 MB; patches further apart get wider cells

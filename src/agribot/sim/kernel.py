@@ -11,8 +11,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from agribot.messages import FloatArray, Vec3
-from agribot.sim.jit import compiled
+from agribot.core.messages import FloatArray, Vec3
+from agribot.sim.jit import compile_exact
 from agribot.sim.mujoco_library import Library, call
 from agribot.sim.state import Board, Inertial, StateViews
 from agribot.sim.tyre import Terrain, TyreLaw
@@ -34,7 +34,7 @@ FAULT_RATIO = 0.1
 FAULT_MIN_RADPS = 0.5
 
 
-@compiled
+@compile_exact
 def ground(grid: Terrain, x_m: float, y_m: float) -> tuple[float, float, float]:
     """Value and its slopes along x and y; the edge's value continues outside the grid."""
     values, step_m = grid.values, grid.resolution_m
@@ -48,27 +48,27 @@ def ground(grid: Terrain, x_m: float, y_m: float) -> tuple[float, float, float]:
     return lower + (upper - lower) * v, slope_x, (upper - lower) / step_m
 
 
-@compiled
+@compile_exact
 def _cross(a: Vec3, b: Vec3) -> Vec3:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@compiled
+@compile_exact
 def _dot(a: Vec3, b: Vec3) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled
+@compile_exact
 def _along(a: Vec3, scale: float) -> Vec3:
     return a[0] * scale, a[1] * scale, a[2] * scale
 
 
-@compiled
+@compile_exact
 def _sum(a: Vec3, b: Vec3) -> Vec3:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@compiled
+@compile_exact
 def _ground_plane(terrain: Terrain, grip: Terrain, p_map_m: Vec3) -> tuple[float, Vec3, float]:
     """Height, upward normal and friction of the ground below a point."""
     height, slope_x, slope_y = ground(terrain, p_map_m[0], p_map_m[1])
@@ -77,7 +77,7 @@ def _ground_plane(terrain: Terrain, grip: Terrain, p_map_m: Vec3) -> tuple[float
     return height, (-slope_x * up, -slope_y * up, up), friction
 
 
-@compiled
+@compile_exact
 def _friction(
     tyre: TyreLaw,
     grip: float,
@@ -109,7 +109,7 @@ def _friction(
     return forward_n, left_n
 
 
-@compiled
+@compile_exact
 def apply_tyre_forces(
     wheel_body: npt.NDArray[np.int64],
     centre: FloatArray,
@@ -162,12 +162,12 @@ def apply_tyre_forces(
         wrench[b, 3], wrench[b, 4], wrench[b, 5] = torque
 
 
-@compiled
+@compile_exact
 def _toward(value: float, target: float, limit: float) -> float:
     return value + min(max(target - value, -limit), limit)
 
 
-@compiled
+@compile_exact
 def run_board(state: FloatArray, board: Board, views: StateViews, dt_s: float) -> None:
     """One step of the motor board: timeout, ramps, wheel speeds (right and left, rear first)."""
     state[BOARD_TIME_LEFT] -= dt_s
@@ -191,7 +191,7 @@ def run_board(state: FloatArray, board: Board, views: StateViews, dt_s: float) -
             ctrl[k] = speed[k] + ctrl[k] / board.p_nmspr * (1.0 + TINY)
 
 
-@compiled
+@compile_exact
 def _pid(k: int, state: FloatArray, board: Board, speed_radps: float, dt_s: float) -> float:
     """Torque for wheel `k`; the integral stands still while the torque is at its limit."""
     error = state[BOARD_TARGET + k] - speed_radps
@@ -205,7 +205,7 @@ def _pid(k: int, state: FloatArray, board: Board, speed_radps: float, dt_s: floa
     return torque
 
 
-@compiled
+@compile_exact
 def watch_wheels(state: FloatArray, board: Board, views: StateViews, dt_s: float) -> None:
     """Count how long each wheel has been stuck or without torque."""
     limit = board.torque_nm
@@ -224,7 +224,7 @@ def watch_wheels(state: FloatArray, board: Board, views: StateViews, dt_s: float
         state[BOARD_FAULT_TIME + k] = lasted_s if is_stuck or is_powerless else 0.0
 
 
-@compiled
+@compile_exact
 def record(
     row: FloatArray,
     last: FloatArray,
@@ -268,7 +268,7 @@ def record(
     row[40] = last[40] + work * dt_s
 
 
-@compiled
+@compile_exact
 def advance(
     steps: int,
     library: Library,

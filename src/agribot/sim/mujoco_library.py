@@ -12,7 +12,7 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import intrinsic
 
-from agribot.errors import PlatformError
+from agribot.core.errors import PlatformError
 
 _LOG = logging.getLogger(__name__)
 

@@ -7,10 +7,11 @@ import math
 import mujoco
 import numpy as np
 
-from agribot.errors import PlatformError
-from agribot.geo import rotation_from_rpy
-from agribot.messages import WHEEL_NAMES, DriveCommand, FloatArray
-from agribot.robot import DriveSpec, RobotSpec
+from agribot.core.errors import PlatformError
+from agribot.core.geo import rotation_from_rpy
+from agribot.core.messages import WHEEL_NAMES, DriveCommand, FloatArray
+from agribot.core.robot import DriveSpec, RobotSpec
+from agribot.core.world import HeightField, WorldSpec
 from agribot.sim import kernel
 from agribot.sim.attitude import rotation_of
 from agribot.sim.clock import NS_PER_S
@@ -18,7 +19,6 @@ from agribot.sim.engine import Engine
 from agribot.sim.grip import friction_grid
 from agribot.sim.state import HISTORY_COLUMNS, POSITION, Board, Inertial
 from agribot.sim.tyre import Terrain, tyre_law
-from agribot.world import HeightField, WorldSpec
 
 SETTLE_S = 1.0
 # The integral of a servo takes over what its gain alone would leave as an error of speed.

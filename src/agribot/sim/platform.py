@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from agribot.config import RunConfig
-from agribot.devices import BumperSample
-from agribot.errors import ConfigError, PlatformError
-from agribot.messages import (
+from agribot.core.config import RunConfig
+from agribot.core.errors import ConfigError, PlatformError
+from agribot.core.messages import (
     STOP,
+    BumperSample,
     ByteArray,
     CameraFrame,
+    Inbox,
     OperatorEvent,
     RobotCommand,
     SensorBatch,
 )
-from agribot.operator_input import Inbox
-from agribot.robot import DriveSpec, RobotSpec
+from agribot.core.robot import DriveSpec, RobotSpec
+from agribot.core.world import WorldSpec
 from agribot.sim.attitude import roll_pitch_yaw, rotation_of
 from agribot.sim.camera_feed import CameraFeed
 from agribot.sim.clock import NS_PER_S, Schedule, step_ns
@@ -28,7 +29,6 @@ from agribot.sim.sensors.suite import Channel, SensorSuite
 from agribot.sim.sensors.tuning import check_tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 from agribot.sim.truth import Truth
-from agribot.world import WorldSpec
 
 
 class SimPlatform:

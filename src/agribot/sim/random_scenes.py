@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
-from agribot.geo import LINK_FROM_OPTICAL, Datum, transform
-from agribot.messages import FloatArray, PlantClass
-from agribot.robot import CameraSpec, Shape
+from agribot.core.geo import LINK_FROM_OPTICAL, Datum, transform
+from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.robot import CameraSpec, Shape
+from agribot.core.world import GroundTile, Light, Obstacle, Plant, Soil, WorldSpec
 from agribot.sim.camera.appearance import Appearance
-from agribot.world import GroundTile, Light, Obstacle, Plant, Soil, WorldSpec
 
 FIELD_HALF_M = 4.0
 DATUM = Datum(lat_deg=0.0, lon_deg=0.0)

@@ -6,7 +6,7 @@ import zlib
 
 import numpy as np
 
-from agribot.messages import FloatArray
+from agribot.core.messages import FloatArray
 
 BLOCK_ROWS = 1024
 

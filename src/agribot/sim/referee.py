@@ -9,11 +9,11 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from agribot.geo import wrap_rad
-from agribot.growing_table import GrowingTable
-from agribot.mapped_plant import MappedPlant
-from agribot.messages import ByteArray, PlantClass, Row, TickRecord
-from agribot.row_shape import beside_row, row_length_m
+from agribot.core.geo import wrap_rad
+from agribot.core.growing_table import GrowingTable
+from agribot.core.messages import ByteArray, MappedPlant, PlantClass, Row, TickRecord
+from agribot.core.row_shape import beside_row, row_length_m
+from agribot.core.world import WorldSpec
 from agribot.sim.scores import (
     EstimateScore,
     Judged,
@@ -24,7 +24,6 @@ from agribot.sim.scores import (
 )
 from agribot.sim.truth import Truth
 from agribot.sim.weed_judge import match_weeds
-from agribot.world import WorldSpec
 
 KEPT_ROW_M = 0.25  # farther off than this, the wheels come near the plants: the row was not driven
 SLICE_M = 0.25  # of row length, for the coverage

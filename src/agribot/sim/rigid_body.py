@@ -10,11 +10,11 @@ import logging
 import mujoco
 import numpy as np
 
-from agribot.errors import DescriptionError
-from agribot.geo import inverse, transform
-from agribot.messages import WHEEL_NAMES, FloatArray
-from agribot.robot import Link, RobotSpec, Shape
-from agribot.world import Obstacle, WorldSpec
+from agribot.core.errors import DescriptionError
+from agribot.core.geo import inverse, transform
+from agribot.core.messages import WHEEL_NAMES, FloatArray
+from agribot.core.robot import Link, RobotSpec, Shape
+from agribot.core.world import Obstacle, WorldSpec
 
 ROBOT_BIT, OBSTACLE_BIT = 1, 2
 BASE = "base_link"

@@ -7,8 +7,8 @@ import math
 import msgspec
 import numpy as np
 
-from agribot.histogram import Histogram
-from agribot.messages import FloatArray, Row
+from agribot.core.histogram import Histogram
+from agribot.core.messages import FloatArray, Row
 
 BIN_M = 0.0005  # of the cross-track error, for its percentile over several runs
 

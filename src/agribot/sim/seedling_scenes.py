@@ -13,9 +13,10 @@ import math
 import msgspec
 import numpy as np
 
-from agribot.geo import LINK_FROM_OPTICAL, transform
-from agribot.messages import ByteArray, FloatArray, PlantClass
-from agribot.robot import CameraSpec
+from agribot.core.geo import LINK_FROM_OPTICAL, transform
+from agribot.core.messages import ByteArray, FloatArray, PlantClass
+from agribot.core.robot import CameraSpec
+from agribot.core.world import Light, Plant, Soil, WorldSpec
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.random_scenes import (
     ALL_WEEDS,
@@ -26,7 +27,6 @@ from agribot.sim.random_scenes import (
     random_look,
     random_soil,
 )
-from agribot.world import Light, Plant, Soil, WorldSpec
 
 HALF_M = 0.3
 LOOKALIKE = "chamomile"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from agribot.messages import FloatArray
+from agribot.core.messages import FloatArray
 
 # Columns of the history: the state after each physics step.
 POSITION = slice(0, 3)  # of base_link in the map

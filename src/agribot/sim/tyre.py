@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from agribot.messages import FloatArray
-from agribot.robot import TyreSpec
+from agribot.core.messages import FloatArray
+from agribot.core.robot import TyreSpec
 
 
 class Terrain(NamedTuple):

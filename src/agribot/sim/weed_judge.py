@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from agribot.mapped_plant import MappedPlant
-from agribot.messages import PlantClass, Row
-from agribot.row_shape import beside_row, row_length_m
-from agribot.world import Plant
+from agribot.core.messages import MappedPlant, PlantClass, Row
+from agribot.core.row_shape import beside_row, row_length_m
+from agribot.core.world import Plant
 
 MATCH_RADIUS_M = 0.10  # a mapped weed farther from every true one is a false alarm
 

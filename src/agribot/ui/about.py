@@ -9,11 +9,11 @@ from urllib.parse import urlparse
 
 import msgspec
 
-from agribot.config import RunConfig, load
+from agribot.core.config import RunConfig, load
+from agribot.core.messages import WHEEL_NAMES
+from agribot.core.robot import RobotSpec
 from agribot.description.loader import load_robot, urdf_text
 from agribot.description.package import package_folder, packaged_or_file, robot_files
-from agribot.messages import WHEEL_NAMES
-from agribot.robot import RobotSpec
 from agribot.ui.address import Address
 from agribot.ui.ground import field_of
 from agribot.ui.hub import About

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from agribot.errors import ConfigError
+from agribot.core.errors import ConfigError
 
 DEFAULT_PORT = 8080
 PORTS_TRIED = 20

@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from agribot.messages import ByteArray
+from agribot.core.messages import ByteArray
 from agribot.ui.feed import PICTURE_HEAD
 from agribot.ui.hub import Hub
 

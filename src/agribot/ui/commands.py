@@ -8,8 +8,8 @@ from typing import Any, Protocol, TypeGuard
 
 import msgspec
 
-from agribot.json_number import is_number
-from agribot.plan.errand import STANDING_MPS
+from agribot.autonomy.plan.errand import STANDING_MPS
+from agribot.core.json_number import is_number
 from agribot.ui.channel import Channel
 from agribot.ui.hub import Hub
 

@@ -17,10 +17,10 @@ from typing import Any, Protocol
 import msgspec
 import numpy as np
 
-from agribot.messages import ByteArray, CameraFrame, Path, TickRecord
+from agribot.autonomy.weeds.track import Track
+from agribot.core.messages import ByteArray, CameraFrame, Path, TickRecord
 from agribot.record.events import Event
 from agribot.ui.view import RunView, weed_row
-from agribot.weeds.track import Track
 
 STATE_HZ = 30.0
 SLOW_EVERY = 10  # states between two looks at weeds, events and path

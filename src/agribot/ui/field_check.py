@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from agribot.errors import MissionError
-from agribot.geo import Datum, MapFrame
+from agribot.core.errors import MissionError
+from agribot.core.geo import Datum, MapFrame
 from agribot.ui.answers import Unusable
 
 KINDS = ("boundary", "obstacle", "row", "ab_line", "waypoint", "path")

@@ -9,7 +9,7 @@ import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
 
-from agribot.errors import AgribotError
+from agribot.core.errors import AgribotError
 from agribot.gis.formats.table import read_field_file, write_field_file
 from agribot.ui.answers import (
     NO_STORE,

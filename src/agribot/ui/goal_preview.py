@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from agribot.errors import MissionError
-from agribot.messages import Estimate
-from agribot.plan.task import Task
+from agribot.autonomy.plan.task import Task
+from agribot.core.errors import MissionError
+from agribot.core.messages import Estimate
 from agribot.ui.feed import thinned
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from starlette.requests import Request
 from starlette.responses import Response
 
-from agribot.json_number import is_number
+from agribot.core.json_number import is_number
 from agribot.ui.answers import (
     Unusable,
     asked_of_robot,

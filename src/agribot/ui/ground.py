@@ -9,17 +9,17 @@ from typing import Any
 
 import msgspec
 
-from agribot.config import RunConfig
+from agribot.app.field_work import field_work
+from agribot.app.run_recording import GOALS_ATTACHMENT, PLAN_ATTACHMENT
+from agribot.app.tasks import task_of
+from agribot.autonomy.plan.coverage.area import FieldArea
+from agribot.core.config import RunConfig
+from agribot.core.errors import AgribotError
+from agribot.core.messages import MapPoint, Row
+from agribot.core.row_shape import row_points_map_m
 from agribot.description.loader import parse_robot
-from agribot.errors import AgribotError
-from agribot.field_work import field_work
-from agribot.messages import Row
-from agribot.plan.coverage.area import FieldArea
 from agribot.record.mcap_file import read_attachment
 from agribot.record.replay import read_config, read_urdf
-from agribot.row_shape import row_points_map_m
-from agribot.run_recording import GOALS_ATTACHMENT, PLAN_ATTACHMENT
-from agribot.tasks import MapPoint, task_of
 
 _CORNERS = 24  # of a circle on the map
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import msgspec
 
-from agribot.config import RunConfig
-from agribot.robot import RobotSpec
+from agribot.core.config import RunConfig
+from agribot.core.robot import RobotSpec
 from agribot.ui.access import Access
 from agribot.ui.channel import Channel, signal_table
 from agribot.ui.replay import Replay

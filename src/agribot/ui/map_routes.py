@@ -11,7 +11,7 @@ import anyio.to_thread
 from starlette.requests import Request
 from starlette.responses import Response
 
-from agribot.errors import ConfigError
+from agribot.core.errors import ConfigError
 from agribot.gis.map_import import fetched_tile
 from agribot.gis.mbtiles import (
     TileWriter,

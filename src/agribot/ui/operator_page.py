@@ -11,13 +11,14 @@ from typing import Any, Self
 
 import msgspec
 
-from agribot.calibration.robot_file import RobotFile
-from agribot.calibration.wizard import Wizard
-from agribot.errors import ConfigError, RecordingError
-from agribot.messages import ByteArray, OperatorEvent, TickRecord
-from agribot.messages import Path as PlannedPath
+from agribot.app.calibration.robot_file import RobotFile
+from agribot.app.calibration.wizard import Wizard
+from agribot.app.session import Session
+from agribot.autonomy.weeds.track import Track
+from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.messages import ByteArray, OperatorEvent, TickRecord
+from agribot.core.messages import Path as PlannedPath
 from agribot.record.events import Event
-from agribot.session import Session
 from agribot.ui.about import about_run
 from agribot.ui.address import Address
 from agribot.ui.feed import CameraFeed, Feed
@@ -32,7 +33,6 @@ from agribot.ui.server_process import READY_TIMEOUT_S, ServerProcess, report
 from agribot.ui.settings import show_changes
 from agribot.ui.verdicts import Verdicts
 from agribot.ui.view import RunView
-from agribot.weeds.track import Track
 
 SERVER = "the page's server"
 SERVER_SILENT_S = 3.0  # of a server that hangs: it does not tell that its operator is lost

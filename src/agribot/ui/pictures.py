@@ -7,10 +7,10 @@ from pathlib import Path
 
 import msgspec
 
-from agribot import topics
+from agribot.core import topics
+from agribot.core.topic import Topic
 from agribot.record.mcap_file import read_messages
-from agribot.ros.rosmsg import typestore
-from agribot.topic import Topic
+from agribot.ros.messages.rosmsg import typestore
 
 MAX_BYTES = 64_000_000  # some half an hour at one picture per second; more is thinned out
 

@@ -7,18 +7,18 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from agribot.config import RunConfig
-from agribot.errors import MissionError
-from agribot.geo import MapFrame
+from agribot.autonomy.plan.coverage.area import PlanRequest, footprint
+from agribot.autonomy.plan.coverage.drive import FieldWork
+from agribot.autonomy.plan.coverage.planner import plan_field
+from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.core.config import RunConfig
+from agribot.core.errors import MissionError
+from agribot.core.geo import MapFrame
+from agribot.core.messages import FloatArray
+from agribot.core.robot import RobotSpec
 from agribot.gis.field_file import field_from
 from agribot.gis.geojson import KINDS, features
 from agribot.gis.plan_file import SavedPlan, plan_text
-from agribot.messages import FloatArray
-from agribot.plan.coverage.area import PlanRequest, footprint
-from agribot.plan.coverage.drive import FieldWork
-from agribot.plan.coverage.planner import plan_field
-from agribot.plan.plan_certificate import certify_plan
-from agribot.robot import RobotSpec
 from agribot.ui.ground import field_of
 
 SHOWN_STEP_M = 0.2

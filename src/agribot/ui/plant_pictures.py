@@ -17,10 +17,10 @@ import msgspec
 import numpy as np
 from PIL import Image
 
-from agribot.lens import distorted
-from agribot.messages import ByteArray, FloatArray, GroundPlant, PlantClass, Scene, TickRecord
-from agribot.perceive.ground import ground_to_pixels
-from agribot.robot import RobotSpec
+from agribot.autonomy.perceive.ground import ground_to_pixels
+from agribot.core.lens import distorted
+from agribot.core.messages import ByteArray, FloatArray, GroundPlant, PlantClass, Scene, TickRecord
+from agribot.core.robot import RobotSpec
 from agribot.ui.recent_frames import RecentFrames, Shot
 
 KEPT = 2000

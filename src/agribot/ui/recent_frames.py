@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import Any, NamedTuple
 
-from agribot.messages import ByteArray, CameraFrame, Estimate, TickRecord
+from agribot.core.messages import ByteArray, CameraFrame, Estimate, TickRecord
 
 KEPT = 16  # of frames: longer than a network takes, and some MB
 

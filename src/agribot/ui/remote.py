@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Self
 
 import msgspec
 
-from agribot.errors import ConfigError, PlatformError
+from agribot.core.errors import ConfigError, PlatformError
 from agribot.ui.address import Door
 from agribot.ui.line import Line
 

@@ -10,15 +10,14 @@ from typing import Any
 
 import msgspec
 
-from agribot import topics
-from agribot.errors import RecordingError
-from agribot.mapped_plant import MappedPlant
-from agribot.messages import TickRecord
+from agribot.core import topics
+from agribot.core.errors import RecordingError
+from agribot.core.messages import MappedPlant, TickRecord
 from agribot.record.events import Event, EventSieve
 from agribot.record.mcap_file import read_messages
 from agribot.record.replay import read_config, read_ticks, read_weed_map
 from agribot.record.weeds import position_std_m
-from agribot.ros.rosmsg import typestore
+from agribot.ros.messages.rosmsg import typestore
 from agribot.ui.channel import Channel, signal_table
 from agribot.ui.feed import event_message
 from agribot.ui.ground import read_field_or_datum

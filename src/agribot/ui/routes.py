@@ -8,7 +8,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from agribot.errors import AgribotError
+from agribot.core.errors import AgribotError
 from agribot.ui import (
     about_routes,
     calibration_routes,

@@ -12,8 +12,8 @@ import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
 
-from agribot.errors import ConfigError
-from agribot.json_number import is_number
+from agribot.core.errors import ConfigError
+from agribot.core.json_number import is_number
 from agribot.ui.access import Caller
 from agribot.ui.answers import (
     Unusable,

@@ -17,9 +17,9 @@ import msgspec
 import numpy as np
 from PIL import Image
 
-from agribot.config import RunConfig
-from agribot.errors import RecordingError
-from agribot.messages import ByteArray, Estimate
+from agribot.core.config import RunConfig
+from agribot.core.errors import RecordingError
+from agribot.core.messages import ByteArray, Estimate
 from agribot.ui.recent_frames import Shot
 
 FOLDER = "frames"  # beside the run, unless record.frames_dir names another

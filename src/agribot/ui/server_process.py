@@ -20,7 +20,7 @@ from multiprocessing.process import BaseProcess
 
 import msgspec
 
-from agribot import extras
+from agribot.core import extras
 from agribot.ui.address import Address, bound
 from agribot.ui.channel import make_epoch
 from agribot.ui.hub import About

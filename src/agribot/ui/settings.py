@@ -7,9 +7,9 @@ from typing import Any
 
 import msgspec
 
-from agribot.config import RunConfig
-from agribot.errors import ConfigError
-from agribot.operator_input import LIVE_SETTINGS
+from agribot.core.config import RunConfig
+from agribot.core.errors import ConfigError
+from agribot.core.messages import LIVE_SETTINGS
 
 _UNITS = (
     ("_radps", "rad/s"), ("_mps", "m/s"), ("_mps2", "m/s²"), ("_hz", "Hz"), ("_deg", "°"),

@@ -11,8 +11,8 @@ from typing import Annotated, Any
 
 import msgspec
 
-from agribot.config_tree import check_finite
-from agribot.errors import ConfigError
+from agribot.core.config_tree import check_finite
+from agribot.core.errors import ConfigError
 from agribot.ui.hand import STILL, Request, Wish
 from agribot.ui.joystick import JoystickState
 from agribot.ui.small_yaml import UnusableYaml, read_yaml_file

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import msgspec
 
-from agribot.errors import ConfigError
+from agribot.core.errors import ConfigError
 
 Secret = Annotated[str, msgspec.Meta(min_length=20, max_length=200, pattern=r"^[\w-]+$")]
 

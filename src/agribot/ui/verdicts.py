@@ -6,9 +6,8 @@ import threading
 
 import msgspec
 
-from agribot.messages import OperatorEvent, TickRecord
-from agribot.operator_input import Inbox
-from agribot.plan.errand import CHECKING, STOPPING
+from agribot.autonomy.plan.errand import CHECKING, STOPPING
+from agribot.core.messages import Inbox, OperatorEvent, TickRecord
 
 PATIENCE_S = 4.0  # the page itself waits a little longer
 

@@ -6,10 +6,9 @@ import math
 from collections import deque
 from typing import Any
 
-from agribot.config import RunConfig
-from agribot.devices import BatterySample
-from agribot.messages import GnssFix, SensorBatch, TickRecord, Vec3
-from agribot.weeds.track import Track
+from agribot.autonomy.weeds.track import Track
+from agribot.core.config import RunConfig
+from agribot.core.messages import BatterySample, GnssFix, SensorBatch, TickRecord, Vec3
 
 # Name and unit of every signal that a plot can show; `RunView` gives one sample for each tick.
 SIGNALS = (

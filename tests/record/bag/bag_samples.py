@@ -12,7 +12,7 @@ from rosbags import rosbag1, rosbag2
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys.store import Typestore
 
-from agribot.config import load
+from agribot.core.config import load
 from agribot.record.bag.definitions import ros1_store, ros2_store
 from agribot.record.bag.opening import open_bag
 from agribot.record.recorder import RunRecorder

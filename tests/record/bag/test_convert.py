@@ -12,9 +12,9 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin
 
-from agribot import topics
-from agribot.cli import main
-from agribot.errors import RecordingError
+from agribot.cli.main import main
+from agribot.core import topics
+from agribot.core.errors import RecordingError
 from agribot.record.bag.convert import ConvertOptions, convert
 from agribot.record.bag.info import in_words, read_info
 from agribot.record.replay import read_config, read_ticks, read_truth, read_weed_map

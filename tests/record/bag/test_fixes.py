@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import CRS, Transformer
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
 from agribot.record.bag import utm
 from agribot.record.bag.convert import ConvertOptions, convert
 from agribot.record.bag.definitions import ros1_store, ros2_store

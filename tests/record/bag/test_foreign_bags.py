@@ -12,14 +12,14 @@ from rosbags import rosbag1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import get_types_from_msg
 
-from agribot import topics
-from agribot.cli import main
-from agribot.errors import RecordingError
+from agribot.cli.main import main
+from agribot.core import topics
+from agribot.core.errors import RecordingError
 from agribot.record.bag.convert import convert
 from agribot.record.bag.definitions import new_ros1_store
 from agribot.record.bag.info import read_info
 from agribot.record.mcap_file import McapFile
-from agribot.ros import rosmsg
+from agribot.ros.messages import rosmsg
 from tests.record.bag import bag_samples as samples
 
 

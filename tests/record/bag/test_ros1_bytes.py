@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot import topics
+from agribot.core import topics
 from agribot.record.bag.definitions import ros1_store
 from tests import machine
 from tests.record.bag.random_messages import Dice

@@ -7,10 +7,10 @@ from xml.etree import ElementTree
 
 import pytest
 
-from agribot import topics
-from agribot.cli import main
-from agribot.config import load
-from agribot.geo import MapFrame
+from agribot.cli.main import main
+from agribot.core import topics
+from agribot.core.config import load
+from agribot.core.geo import MapFrame
 from agribot.record.bag.track import read_track
 from tests.record.bag import bag_samples as samples
 

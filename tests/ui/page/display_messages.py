@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from agribot.geo import Datum, MapFrame
+from agribot.core.geo import Datum, MapFrame
 from tests.ui.page.fake_robot import DATUM
 
 Message = dict[str, Any]

@@ -8,8 +8,8 @@ from typing import Any
 
 from PIL import Image
 
-from agribot import config
-from agribot.calibration.kinds import KINDS
+from agribot.app.calibration.kinds import KINDS
+from agribot.core import config
 from agribot.ui.settings import described
 
 

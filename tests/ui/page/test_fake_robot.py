@@ -6,9 +6,9 @@ from typing import Any, get_args
 
 import pytest
 
-from agribot import config
-from agribot.messages import MissionState
-from agribot.session import Session
+from agribot.app.session import Session
+from agribot.core import config
+from agribot.core.messages import MissionState
 from agribot.ui.view import RunView
 from tests.ui.page.fake_robot import MISSION_STATES, FakeRobot
 

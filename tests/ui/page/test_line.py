@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from agribot import config
+from agribot.core import config
 from agribot.record.recorder import RunRecorder
 from agribot.ui.feed import packed
 from tests.record import record_samples as samples

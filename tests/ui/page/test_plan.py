@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from agribot.geo import Datum, MapFrame
+from agribot.core.geo import Datum, MapFrame
 from agribot.gis.formats.table import WRITERS, read_field_file, write_field_file
 from tests.ui.page.conftest import OpenPage
 from tests.ui.page.fake_robot import DATUM

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page, Route, expect
 
-from agribot.geo import Datum, MapFrame
+from agribot.core.geo import Datum, MapFrame
 from tests.ui.page.conftest import SCREENS, OpenPage, show, until
 from tests.ui.page.fake_robot import DATUM, field
 from tests.ui.page.fake_server import FakeServer

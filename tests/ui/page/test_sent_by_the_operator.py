@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from agribot import config
-from agribot.geo import MapFrame
+from agribot.core import config
+from agribot.core.geo import MapFrame
 from tests.ui.page.conftest import hold_map_still, new_context, show, take_control, until
 from tests.ui.page.robots import Robot, robot_with_page
 from tests.waiting import wait_for

@@ -14,9 +14,9 @@ from statistics import median
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from agribot.dataset.check import check
-from agribot.dataset.layouts import find_layout
-from agribot.messages import WHEEL_NAMES, TickRecord
+from agribot.core.messages import WHEEL_NAMES, TickRecord
+from agribot.lab.dataset.check import check
+from agribot.lab.dataset.layouts import find_layout
 from agribot.record.replay import read_ticks
 from tests.ui.page.conftest import (
     LEFT_SHOULDER,

@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from agribot.geo import Datum, MapFrame
+from agribot.core.geo import Datum, MapFrame
 from agribot.gis.formats.untrusted import tag, text_of, xml_bytes, xml_tree
 from agribot.gis.geojson import KINDS, Feature, Found, Geometry, LonLat, closed
 

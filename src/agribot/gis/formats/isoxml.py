@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import PurePosixPath
 from typing import Any
 
-from agribot.geo import Datum, MapFrame
+from agribot.core.geo import Datum, MapFrame
 from agribot.gis.formats.untrusted import packed, tag, unpacked, xml_bytes, xml_tree
 from agribot.gis.geojson import Feature, Found, Geometry, LonLat, closed
 

@@ -6,7 +6,7 @@ import io
 from collections.abc import Sequence
 from typing import Any
 
-from agribot.errors import ConfigError
+from agribot.core.errors import ConfigError
 from agribot.gis.formats.untrusted import packed, unpacked
 from agribot.gis.geojson import Feature, Found, layers_of
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
-from agribot.errors import AgribotError, MissionError
+from agribot.core.errors import AgribotError, MissionError
 from agribot.gis.formats.geopackage import read_geopackage, write_geopackage
 from agribot.gis.formats.gpx import read_gpx, write_gpx
 from agribot.gis.formats.isoxml import holds_task_data, read_isoxml, write_isoxml

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
 from agribot.record.bag import envelope, fixes, utm
 from agribot.record.bag.definitions import (
     name_in_ros1,

@@ -10,7 +10,7 @@ from typing import Any
 from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Message, Schema
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
 from agribot.record.bag.source import Bag, BagFile, BagMessage, BagTopic
 from agribot.record.mcap_records import McapRecords
 

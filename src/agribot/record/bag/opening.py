@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
 from agribot.record.bag.folder_bag import FolderBag
 from agribot.record.bag.mcap_bag import McapBag
 from agribot.record.bag.rosbags_bag import RosbagsBag

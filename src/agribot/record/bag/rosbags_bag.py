@@ -11,7 +11,7 @@ from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import MessageDefinitionFormat, Qos
 from rosbags.rosbag1.reader import decompressors
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
 from agribot.record.bag.source import Bag, BagMessage, BagTopic
 
 _FORMATS = {MessageDefinitionFormat.MSG: "msg", MessageDefinitionFormat.IDL: "idl"}

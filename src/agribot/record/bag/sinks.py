@@ -24,11 +24,11 @@ from rosbags.interfaces import (
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys.store import Typestore
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
+from agribot.core.topic import LATCHED, STREAM
 from agribot.record.bag.definitions import new_ros1_store, new_ros2_store
 from agribot.record.bag.source import BagFile, BagTopic
 from agribot.record.mcap_file import LIBRARY, qos_yaml
-from agribot.topic import LATCHED, STREAM
 
 Compression = Literal["none", "lz4", "bz2"]
 Storage = Literal["sqlite3", "mcap"]

@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_
 from rosbags.typesys import get_typestore as rosbags_store
 from rosbags.typesys.store import Typestore
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
 from agribot.record.bag.definitions import deserialize, inner_types, ros1_store, ros2_store
 
 _IDL_RULE = "=" * 80 + "\n"

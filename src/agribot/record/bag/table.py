@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
 from agribot.record.bag.opening import open_bag
 
 _WIDEST = 64  # longer arrays stay in one column, as JSON

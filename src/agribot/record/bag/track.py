@@ -14,9 +14,9 @@ from xml.etree import ElementTree
 
 import msgspec
 
-from agribot.config import RunConfig
-from agribot.errors import RecordingError
-from agribot.geo import MapFrame
+from agribot.core.config import RunConfig
+from agribot.core.errors import RecordingError
+from agribot.core.geo import MapFrame
 from agribot.record.bag.fixes import GPSFIXES, NAVSATFIX
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.source import Bag, BagTopic

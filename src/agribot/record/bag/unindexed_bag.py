@@ -17,7 +17,7 @@ import msgspec
 from rosbags.rosbag1.reader import decompressors
 from rosbags.typesys.msg import normalize_msgtype
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
 from agribot.record.bag.source import Bag, BagMessage, BagTopic
 
 _MAGIC = b"#ROSBAG V2.0\n"

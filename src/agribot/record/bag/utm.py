@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from rosbags.typesys.store import Typestore
 
-from agribot.errors import RecordingError
+from agribot.core.errors import RecordingError
 from agribot.record.bag.fixes import header_in
 
 ODOMETRY = "nav_msgs/msg/Odometry"

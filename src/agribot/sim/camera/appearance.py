@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from agribot.world import Rgb
+from agribot.core.world import Rgb
 
 
 class Appearance(msgspec.Struct, frozen=True, kw_only=True):

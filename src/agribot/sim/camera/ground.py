@@ -16,8 +16,8 @@ from agribot.sim.camera.arrays import (
     Targets,
     View,
 )
-from agribot.sim.camera.jit import compiled, inlined
 from agribot.sim.camera.shadows import BLOCK, BLOCK_BITS
+from agribot.sim.jit import compile_fast, inline_fast
 
 TERRAIN = -2  # what `Targets.instance` holds where terrain was drawn
 TONE_SIZE = 256  # of the square of slow changes of brightness
@@ -28,7 +28,7 @@ _BAYER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]
 SEAM = SHARPNESS * 2.0 ** ((_BAYER + 0.5) / 16.0 - 0.5)
 
 
-@compiled
+@compile_fast
 def find_ground(
     row: int, view: View, ground: Ground, targets: Targets, place: Doubles, layer: Ints
 ) -> None:
@@ -70,13 +70,13 @@ def find_ground(
         layer[column] = surface[tile_y, tile_x]
 
 
-@compiled
+@compile_fast
 def _cell(edge: Doubles, at: float) -> int:
     cell: int = min(max(np.searchsorted(edge, at, side="right") - 1, 0), edge.shape[0] - 2)
     return cell
 
 
-@compiled
+@compile_fast
 def light_ground(
     row: int, view: View, lamp: Lamp, ground: Ground, past: Singles, inverse_depth: Singles,
     place: Doubles, layer: Ints, light: Singles, texels_per_px: Singles, texels_per_m: float,
@@ -126,7 +126,7 @@ def light_ground(
         texels_per_px[column] = texels_per_m / (view.focal_px * near * max(0.25, steep))
 
 
-@compiled
+@compile_fast
 def lift_ground(ground: Ground, place: Doubles, layer: Ints, z: Doubles) -> None:
     """Map z of the ground pixels of a row."""
     height = ground.height
@@ -139,7 +139,7 @@ def lift_ground(ground: Ground, place: Doubles, layer: Ints, z: Doubles) -> None
             )  # fmt: skip
 
 
-@inlined
+@inline_fast
 def _slope(
     height: Singles, x_min_m: float, y_min_m: float, per_m: float, x: float, y: float,
     reach_m: float,
@@ -154,7 +154,7 @@ def _slope(
     return mean, (east - west) / (2 * reach_m), (north - south) / (2 * reach_m)
 
 
-@compiled
+@compile_fast
 def height_at(
     height: Singles, x_min_m: float, y_min_m: float, step_m: float, x: float, y: float
 ) -> float:
@@ -162,7 +162,7 @@ def height_at(
     return _between(height, (x - x_min_m) / step_m, (y - y_min_m) / step_m)
 
 
-@inlined
+@inline_fast
 def _between(height: Singles, column: float, row: float) -> float:
     """Value of a grid between its samples."""
     rows, columns = height.shape
@@ -177,7 +177,7 @@ def _between(height: Singles, column: float, row: float) -> float:
     return float(low * (1.0 - v) + high * v)
 
 
-@compiled
+@compile_fast
 def paint_ground(
     row: int, textures: Pyramid, repeat_per_m: float, place: Doubles, layer: Ints,
     light: Singles, texels_per_px: Singles, colour: Singles,

@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.errors import DescriptionError
-from agribot.geo import inverse
-from agribot.lens import distorted, undistorted
-from agribot.messages import FloatArray
-from agribot.robot import CameraSpec
+from agribot.core.errors import DescriptionError
+from agribot.core.geo import inverse
+from agribot.core.lens import distorted, undistorted
+from agribot.core.messages import FloatArray
+from agribot.core.robot import CameraSpec
 from agribot.sim.camera.arrays import Singles, Targets, View
-from agribot.sim.camera.jit import compiled
+from agribot.sim.jit import compile_fast
 
 TOLERANCE_PX = 0.01
 MAX_WIDENING = 3.0  # of the pinhole picture against the distorted one
@@ -76,7 +76,7 @@ def lens_of(camera: CameraSpec, fine: int) -> Lens | None:
     return Lens((ideal * focal_px + middle).astype(np.float32), *pads)
 
 
-@compiled
+@compile_fast
 def bend_rows(first: int, last: int, source: Singles, drawn: Targets, bent: Targets) -> None:
     """Fill the rows [first, last) of `bent`: colours between pixels, the rest from the nearest."""
     colour, inverse_depth = drawn.colour, drawn.inverse_depth

@@ -16,15 +16,15 @@ from agribot.sim.camera.arrays import (
     Singles,
     View,
 )
-from agribot.sim.camera.jit import compiled, inlined
 from agribot.sim.camera.robot_shadow import shade_points
+from agribot.sim.jit import compile_fast, inline_fast
 
 # Columns of a projected vertex. Before the near plane, column and row hold camera metres.
 COLUMN, ROW, DEPTH, U, V, SHADE = range(6)
 FARTHEST = 1.0e9
 
 
-@compiled
+@compile_fast
 def cull(
     forms: Forms, things: Instances, view: View, least_px: float, depth_m: Singles, size_px: Singles
 ) -> None:
@@ -54,7 +54,7 @@ def cull(
             depth_m[i] = near
 
 
-@compiled
+@compile_fast
 def project(
     first: int, last: int, seen: Longs, mesh: Longs, start: Longs, forms: Forms,
     things: Instances, view: View, lamp: Lamp, point: Singles, box: Singles,
@@ -104,12 +104,12 @@ def project(
         box[k, 4] = max(z_min, near_m)
 
 
-@inlined
+@inline_fast
 def _along(axes: Doubles, row: int, x: float, y: float, z: float) -> float:
     return float(axes[row, 0] * x + axes[row, 1] * y + axes[row, 2] * z + axes[row, 3])
 
 
-@compiled
+@compile_fast
 def _aim(i: int, things: Instances, view: View, lamp: Lamp, axes: Doubles) -> None:
     """Write the camera's axes with its place (rows 0 to 2), the sun (3) and the eye (4) as they
     are in the mesh of a thing, so that vertices and normals need no turning.
@@ -129,12 +129,12 @@ def _aim(i: int, things: Instances, view: View, lamp: Lamp, axes: Doubles) -> No
         axes[k, 3] = to_camera[k, 0] * away_x + to_camera[k, 1] * away_y + to_camera[k, 2] * away_z
 
 
-@compiled
+@compile_fast
 def _across(x: float, y: float, z: float, turn: Singles, k: int) -> float:
     return float(x * turn[0, k] + y * turn[1, k] + z * turn[2, k])
 
 
-@compiled
+@compile_fast
 def shade_plants(
     first: int, last: int, seen: Longs, mesh: Longs, start: Longs, forms: Forms,
     things: Instances, lamp: Lamp, rover: RobotShade, point: Singles,
@@ -164,7 +164,7 @@ def shade_plants(
                 point[start[k] + j, SHADE] = sky + (lit - sky) * past[j]
 
 
-@compiled
+@compile_fast
 def _near(things: Instances, forms: Forms, i: int, rover: RobotShade) -> bool:
     """Whether a thing may be where the robot's shadow is."""
     reach = forms.radius[things.form[i]] * things.scale[i]

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from agribot.messages import PlantClass
+from agribot.core.messages import PlantClass
 from agribot.sim.camera.arrays import (
     Bytes,
     Doubles,
@@ -24,8 +24,8 @@ from agribot.sim.camera.arrays import (
     Targets,
     View,
 )
-from agribot.sim.camera.jit import compiled, inlined
 from agribot.sim.camera.projection import COLUMN, DEPTH, ROW, SHADE, U, V
+from agribot.sim.jit import compile_fast, inline_fast
 
 SOIL = int(PlantClass.SOIL)
 SMALL_BOX_PX = 400  # above, looking for a free pixel costs more than drawing
@@ -33,7 +33,7 @@ SMALL_TRIANGLE_PX = 200
 CLEARLY = 1.000001  # nearer by more than the rounding of single precision
 
 
-@compiled
+@compile_fast
 def draw_band(
     first_row: int,
     last_row: int,
@@ -84,7 +84,7 @@ def draw_band(
                 _fill_cut(corner, 0, e, e + 1, i, first_row, last_row, things, textures, targets)
 
 
-@compiled
+@compile_fast
 def _clear(
     first_row: int, last_row: int, inverse_depth: Singles, labels: Bytes, instances: Ints
 ) -> None:
@@ -95,7 +95,7 @@ def _clear(
             instances[row, column] = -1
 
 
-@compiled
+@compile_fast
 def _is_hidden(box: Singles, k: int, first_row: int, last_row: int, inverse_depth: Singles) -> bool:
     """Whether nearer things cover the whole box of a small thing."""
     width = inverse_depth.shape[1]
@@ -111,7 +111,7 @@ def _is_hidden(box: Singles, k: int, first_row: int, last_row: int, inverse_dept
     return True
 
 
-@compiled
+@compile_fast
 def clip(point: Floats, a: int, b: int, c: int, view: View, corner: Doubles) -> int:
     """Cut a triangle at the near plane; writes projected corners, returns how many (0, 3, 4)."""
     index = (a, b, c)
@@ -134,7 +134,7 @@ def clip(point: Floats, a: int, b: int, c: int, view: View, corner: Doubles) -> 
     return count
 
 
-@compiled
+@compile_fast
 def _camera_xy(p: Floats, view: View) -> tuple[float, float]:
     """Metres right and down of a vertex; those behind the near plane are stored so."""
     if p[DEPTH] < view.near_m:
@@ -143,7 +143,7 @@ def _camera_xy(p: Floats, view: View) -> tuple[float, float]:
     return (p[COLUMN] - view.cx_px) * metres, (p[ROW] - view.cy_px) * metres
 
 
-@compiled
+@compile_fast
 def _put(
     corner: Doubles, right: float, down: float, depth: float, u: float, v: float, shade: float,
     view: View,
@@ -154,7 +154,7 @@ def _put(
     corner[U], corner[V], corner[SHADE] = u, v, shade
 
 
-@compiled
+@compile_fast
 def _fill_cut(
     corner: Doubles, a: int, b: int, c: int, i: int, first_row: int, last_row: int,
     things: Instances, textures: Pyramid, targets: Targets,
@@ -168,7 +168,7 @@ def _fill_cut(
           targets.instance.reshape(-1))  # fmt: skip
 
 
-@inlined
+@inline_fast
 def _fill(
     point: Floats, a: int, b: int, c: int, first_row: int, last_row: int, width: int,
     red: float, green: float, blue: float, layer: int, label: int, identity: int, texel: Singles,
@@ -220,19 +220,19 @@ def _fill(
                         nearness[at], labels[at], instances[at] = near, label, identity
 
 
-@inlined
+@inline_fast
 def _pixels(a: float, b: float, c: float, first: int, end: int) -> tuple[int, int]:
     """First and last row or column in [first, end) between three corners."""
     low, high = max(float(first), min(a, b, c)), min(end - 1.0, max(a, b, c))
     return math.ceil(low), math.floor(high)
 
 
-@inlined
+@inline_fast
 def _texel(at: float, count: int) -> int:
     return min(max(int(at), 0), count - 1)
 
 
-@inlined
+@inline_fast
 def _is_covered(
     left: int, right: int, top: int, bottom: int, width: int, nearest: float,
     nearness: Singles,
@@ -250,7 +250,7 @@ def _is_covered(
     return True
 
 
-@inlined
+@inline_fast
 def _level(texels_per_px: float, last: int) -> int:
     """The copy of a texture with about one texel to a pixel; `texels_per_px` is of areas."""
     level = 0
@@ -260,12 +260,12 @@ def _level(texels_per_px: float, last: int) -> int:
     return level
 
 
-@inlined
+@inline_fast
 def crossing(slope: float) -> float:
     return 0.0 if slope == 0.0 else -1.0 / slope
 
 
-@inlined
+@inline_fast
 def inside(
     start_a: float, start_b: float, start_c: float, da: float, db: float, dc: float,
     ca: float, cb: float, cc: float, width: float,
@@ -280,7 +280,7 @@ def inside(
     return math.ceil(low - 1e-6), math.floor(high + 1e-6)
 
 
-@inlined
+@inline_fast
 def _span(
     start: float, slope: float, crossing: float, low: float, high: float
 ) -> tuple[float, float]:

@@ -17,9 +17,10 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from agribot.errors import DescriptionError
-from agribot.messages import ByteArray, FloatArray
-from agribot.robot import CameraSpec, RobotSpec
+from agribot.core.errors import DescriptionError
+from agribot.core.messages import ByteArray, FloatArray
+from agribot.core.robot import CameraSpec, RobotSpec
+from agribot.core.world import WorldSpec
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.camera.arrays import Lamp, Longs, RobotShade, Singles, Targets, View
 from agribot.sim.camera.lens import bend_rows, lens_of, view_of
@@ -42,7 +43,6 @@ from agribot.sim.camera.shading import CURVE_STEPS, Picture, Sensor, cover_rows,
 from agribot.sim.camera.shadows import bake_shadows, directness, shadow_slope
 from agribot.sim.camera.stl import packaged_mesh
 from agribot.sim.camera.terrain import draw_terrain, terrain_points
-from agribot.world import WorldSpec
 
 LOD_PX = (150.0, 70.0, 32.0, 16.0)  # below these apparent sizes the next coarser mesh is drawn
 LEAST_PX = 1.2

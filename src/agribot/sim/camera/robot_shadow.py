@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from agribot.sim.camera.arrays import Bytes, Doubles, Forms, Instances, RobotShade, Singles
-from agribot.sim.camera.jit import compiled
+from agribot.sim.jit import compile_fast
 
 STEP_M = 0.01
 MAX_TEXELS = 600  # along a side; the step grows when the shadow is longer
@@ -56,7 +56,7 @@ def cast_robot_shade(
     return RobotShade(shade, soft_top, level_m, x_m, y_m, step_m, slope)
 
 
-@compiled
+@compile_fast
 def _cast(
     forms: Forms, things: Instances, first: int, level_m: float, slope: Doubles, corner: Doubles
 ) -> tuple[float, float, float, float]:
@@ -86,7 +86,7 @@ def _cast(
     return x_min, x_max, y_min, y_max
 
 
-@compiled
+@compile_fast
 def _cover(corner: Doubles, x_m: float, y_m: float, step_m: float, top: Singles) -> None:
     """Raise the texels whose centre is in a triangle to its height there."""
     for n in range(corner.shape[0]):
@@ -106,7 +106,7 @@ def _cover(corner: Doubles, x_m: float, y_m: float, step_m: float, top: Singles)
                     top[row, column] = max(top[row, column], height)
 
 
-@compiled
+@compile_fast
 def _soften(top: Singles, shade: Bytes, soft_top: Singles) -> None:
     """Mean light of 3 x 3 texels, and the highest of them."""
     rows, columns = top.shape
@@ -122,7 +122,7 @@ def _soften(top: Singles, shade: Bytes, soft_top: Singles) -> None:
             soft_top[row, column] = highest
 
 
-@compiled
+@compile_fast
 def shade_points(
     count: int, x: Doubles, y: Doubles, z: Doubles, rover: RobotShade, past: Singles
 ) -> None:

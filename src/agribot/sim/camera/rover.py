@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from agribot.errors import DescriptionError
-from agribot.geo import transform
-from agribot.messages import WHEEL_NAMES, FloatArray, PlantClass, Vec3
-from agribot.robot import RobotSpec, Shape
+from agribot.core.errors import DescriptionError
+from agribot.core.geo import transform
+from agribot.core.messages import WHEEL_NAMES, FloatArray, PlantClass, Vec3
+from agribot.core.robot import RobotSpec, Shape
 from agribot.sim.camera.arrays import Instances
 from agribot.sim.camera.solids import flat_faced, shape_lods
 from agribot.sim.camera.stl import read_stl

@@ -6,10 +6,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from agribot.errors import DescriptionError
-from agribot.geo import transform
-from agribot.messages import FloatArray, PlantClass
-from agribot.robot import Shape
+from agribot.core.errors import DescriptionError
+from agribot.core.geo import transform
+from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.robot import Shape
+from agribot.core.world import GroundTile, HeightField, Obstacle, WorldSpec
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.camera.arrays import (
     Doubles,
@@ -28,7 +29,6 @@ from agribot.sim.camera.surfaces import EARTH, PERIOD_M, surface_texture, tone_m
 from agribot.sim.flora.mesh import Mesh
 from agribot.sim.flora.species import LODS, SPECIES, nearest_stage, plant_lods, species_named
 from agribot.sim.flora.texture import leaf_atlas, tileable_noise
-from agribot.world import GroundTile, HeightField, Obstacle, WorldSpec
 
 PLAIN_LAYER = len(SPECIES)  # of the thing textures: an almost even grey that takes the tint
 MAX_TILT_RAD = 0.10

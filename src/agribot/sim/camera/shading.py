@@ -21,8 +21,8 @@ from agribot.sim.camera.arrays import (
     View,
 )
 from agribot.sim.camera.ground import find_ground, lift_ground, light_ground, paint_ground
-from agribot.sim.camera.jit import compiled, inlined
 from agribot.sim.camera.robot_shadow import shade_points
+from agribot.sim.jit import compile_fast, inline_fast
 
 Counters = npt.NDArray[np.uint64]
 CURVE_STEPS = 4  # entries of the tone curve for each grey level
@@ -46,7 +46,7 @@ class Picture(NamedTuple):
     instance: Ints
 
 
-@compiled
+@compile_fast
 def cover_rows(
     first: int, last: int, view: View, lamp: Lamp, ground: Ground, rover: RobotShade,
     textures: Pyramid, targets: Targets,
@@ -71,7 +71,7 @@ def cover_rows(
         fade_row(drawn, view, lamp.haze_per_m, inverse_depth, sky, clear, colour)
 
 
-@compiled
+@compile_fast
 def develop_rows(
     first: int, last: int, fine: int, targets: Targets, sensor: Sensor, picture: Picture
 ) -> None:
@@ -88,7 +88,7 @@ def develop_rows(
         write_row(np.uintp(row * width * 3), value, grain, image)
 
 
-@compiled
+@compile_fast
 def fade_row(
     row: int, view: View, haze_per_m: float, inverse_depth: Singles, sky: Doubles,
     clear: Doubles, colour: Singles,
@@ -117,7 +117,7 @@ def fade_row(
         at += np.uintp(3)
 
 
-@compiled
+@compile_fast
 def choose_row(
     row: int, fine: int, inverse_depth: Singles, label: Bytes, instance: Ints, picture: Picture
 ) -> None:
@@ -135,7 +135,7 @@ def choose_row(
         out_instance[row, column] = instance[r, c]
 
 
-@compiled
+@compile_fast
 def _most_common(
     top: int, left: int, fine: int, inverse_depth: Singles, label: Bytes, instance: Ints
 ) -> tuple[int, int]:
@@ -156,7 +156,7 @@ def _most_common(
     return best_row, best_column
 
 
-@compiled
+@compile_fast
 def mean_row(row: int, fine: int, colour: Singles, value: Doubles) -> None:
     """Mean red, green, blue of the drawn pixels of each pixel, into `value` (3 * width)."""
     if fine == 1:
@@ -176,7 +176,7 @@ def mean_row(row: int, fine: int, colour: Singles, value: Doubles) -> None:
             value[3 * column + k] = total * share
 
 
-@compiled
+@compile_fast
 def expose_row(gain: Doubles, curve: Singles, value: Doubles) -> None:
     """Apply gain and tone curve."""
     red, green, blue = gain[0], gain[1], gain[2]
@@ -189,7 +189,7 @@ def expose_row(gain: Doubles, curve: Singles, value: Doubles) -> None:
             value[k] = curve[min(max(int(value[k] * CURVE_STEPS + 0.5), 0), curve.shape[0] - 1)]
 
 
-@compiled
+@compile_fast
 def scatter_grain(seed: np.uint64, noise: float, bits: Counters, grain: Doubles) -> None:
     """Noise of a row: for each colour the sum of three even numbers of 7 bits, mean 190.5,
     deviation 64.0.
@@ -204,7 +204,7 @@ def scatter_grain(seed: np.uint64, noise: float, bits: Counters, grain: Doubles)
             grain[3 * column + k] = (np.int64(total) - 190.5) * scale
 
 
-@compiled
+@compile_fast
 def write_row(at: np.uintp, value: Doubles, grain: Doubles, image: Bytes) -> None:
     """Add the noise and round to 8 bits, from index `at` of the flat image on."""
     for k in range(value.shape[0]):
@@ -212,7 +212,7 @@ def write_row(at: np.uintp, value: Doubles, grain: Doubles, image: Bytes) -> Non
         at += np.uintp(1)
 
 
-@inlined
+@inline_fast
 def _mixed_bits(state: np.uint64) -> np.uint64:
     """63 well-mixed bits of a counter. Source: Steele et al. 2014, SplitMix64."""
     z = state * np.uint64(0x9E3779B97F4A7C15)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agribot.sim.camera.arrays import Bytes, Doubles, Forms, Instances, Ints
-from agribot.sim.camera.jit import compiled
+from agribot.sim.jit import compile_fast
 
 BLOCK_BITS = 7
 BLOCK = 1 << BLOCK_BITS  # texels along a side of a block
@@ -89,7 +89,7 @@ def shadow_slope(to_sun: Doubles, direct: float = 1.0) -> Doubles:
     return slope
 
 
-@compiled
+@compile_fast
 def _boxes(forms: Forms, things: Instances, base_m: Doubles, slope: Doubles) -> Doubles:
     """Smallest and largest x and y of each thing's shadow, (n, 4)."""
     boxes = np.empty((things.form.shape[0], 4))
@@ -103,7 +103,7 @@ def _boxes(forms: Forms, things: Instances, base_m: Doubles, slope: Doubles) -> 
     return boxes
 
 
-@compiled
+@compile_fast
 def _shadow_of(
     forms: Forms, things: Instances, i: int, vertex: int, base_m: float, slope: Doubles
 ) -> tuple[float, float]:
@@ -129,7 +129,7 @@ def _numbered(boxes: Doubles, x_m: float, y_m: float, step_m: float) -> Ints:
     return block
 
 
-@compiled
+@compile_fast
 def _number(boxes: Doubles, x_m: float, y_m: float, size: float, block: Ints) -> None:
     count = 0
     for i in range(boxes.shape[0]):
@@ -142,7 +142,7 @@ def _number(boxes: Doubles, x_m: float, y_m: float, size: float, block: Ints) ->
                     count += 1
 
 
-@compiled
+@compile_fast
 def _note_shade(
     plants: Instances, shade: Bytes, block: Ints, x_m: float, y_m: float, step_m: float
 ) -> None:
@@ -152,7 +152,7 @@ def _note_shade(
         plants.sun[i] = _texel(shade, block, row, column) / LIT
 
 
-@compiled
+@compile_fast
 def _texel(shade: Bytes, block: Ints, row: int, column: int) -> float:
     r, c = row // BLOCK, column // BLOCK
     if r < 0 or c < 0 or r >= block.shape[0] or c >= block.shape[1] or block[r, c] < 0:
@@ -160,7 +160,7 @@ def _texel(shade: Bytes, block: Ints, row: int, column: int) -> float:
     return float(shade[block[r, c], row % BLOCK, column % BLOCK])
 
 
-@compiled
+@compile_fast
 def _bake(
     forms: Forms, things: Instances, base_m: Doubles, slope: Doubles, shade: Bytes, block: Ints,
     x_m: float, y_m: float, step_m: float,
@@ -176,7 +176,7 @@ def _bake(
             _darken(x, y, shade, block)
 
 
-@compiled
+@compile_fast
 def _darken(x: Doubles, y: Doubles, shade: Bytes, block: Ints) -> None:
     """Take the light from the texels whose centre is in a triangle of texel coordinates."""
     area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
@@ -194,7 +194,7 @@ def _darken(x: Doubles, y: Doubles, shade: Bytes, block: Ints) -> None:
                     shade[here, row % BLOCK, column % BLOCK] = 0
 
 
-@compiled
+@compile_fast
 def _softened(shade: Bytes, block: Ints) -> Bytes:
     """Mean of 3 x 3 texels: the edge of a shadow is never sharp."""
     soft = np.empty_like(shade)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from agribot.errors import DescriptionError
-from agribot.messages import FloatArray
-from agribot.robot import Shape
+from agribot.core.errors import DescriptionError
+from agribot.core.messages import FloatArray
+from agribot.core.robot import Shape
 from agribot.sim.flora.mesh import Mesh
 from agribot.sim.flora.species import LODS
 

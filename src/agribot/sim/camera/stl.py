@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from agribot.errors import DescriptionError
-from agribot.messages import FloatArray
+from agribot.core.errors import DescriptionError
+from agribot.core.messages import FloatArray
 
 HEADER_BYTES, COUNT_BYTES = 80, 4
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])

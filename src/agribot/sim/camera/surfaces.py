@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage, spatial
 
-from agribot.errors import DescriptionError
-from agribot.messages import FloatArray
+from agribot.core.errors import DescriptionError
+from agribot.core.messages import FloatArray
+from agribot.core.world import Soil
 from agribot.sim.camera.ground import TONE_SIZE
 from agribot.sim.flora.texture import tileable_noise
-from agribot.world import Soil
 
 SIZE = 512
 PERIOD_M = 1.28  # ground that one texture covers

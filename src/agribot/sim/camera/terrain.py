@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from agribot.messages import PlantClass
+from agribot.core.messages import PlantClass
 from agribot.sim.camera.arrays import Bytes, Doubles, Ground, Ints, Singles, Targets, View
 from agribot.sim.camera.ground import TERRAIN, height_at
-from agribot.sim.camera.jit import compiled
 from agribot.sim.camera.projection import COLUMN, DEPTH, ROW, U, V
 from agribot.sim.camera.raster import clip, crossing, inside
+from agribot.sim.jit import compile_fast
 
 SOIL = int(PlantClass.SOIL)
 FIRST_RING_M = 0.05
@@ -36,7 +36,7 @@ def terrain_points(view: View, ground: Ground) -> Doubles:
     return _projected(view, ground, radius_m, angle_rad)
 
 
-@compiled
+@compile_fast
 def _projected(view: View, ground: Ground, radius_m: Doubles, angle_rad: Doubles) -> Doubles:
     point = np.zeros((radius_m.shape[0], angle_rad.shape[0], 6))
     height, turn, eye = ground.height, view.camera_from_map, view.eye
@@ -60,7 +60,7 @@ def _projected(view: View, ground: Ground, radius_m: Doubles, angle_rad: Doubles
     return point
 
 
-@compiled
+@compile_fast
 def draw_terrain(
     first_row: int, last_row: int, point: Doubles, view: View, targets: Targets
 ) -> None:
@@ -89,7 +89,7 @@ def draw_terrain(
                       targets.label, targets.instance)  # fmt: skip
 
 
-@compiled
+@compile_fast
 def _fill(
     point: Doubles, a: int, b: int, c: int, first_row: int, last_row: int, place: Doubles,
     inverse_depth: Singles, labels: Bytes, instances: Ints,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from agribot.messages import FloatArray
+from agribot.core.messages import FloatArray
 from agribot.sim.flora.habit import leaf_count, leaves, spiral, stalk
 from agribot.sim.flora.mesh import Leaves
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.messages import FloatArray
+from agribot.core.messages import FloatArray
 from agribot.sim.flora.habit import leaf_count, leaves, spiral, stem_blade
 from agribot.sim.flora.mesh import Leaves, on_midrib
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.messages import FloatArray, PlantClass
+from agribot.core.messages import FloatArray, PlantClass
 from agribot.sim.flora.mesh import Leaves, Profile
 
 GOLDEN_ANGLE_RAD = math.pi * (3.0 - math.sqrt(5.0))

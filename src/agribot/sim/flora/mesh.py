@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from agribot.messages import FloatArray
+from agribot.core.messages import FloatArray
 
 FINE_POINTS = 25  # points of the midrib from which every level of detail is taken
 Profile = Callable[[FloatArray], FloatArray]

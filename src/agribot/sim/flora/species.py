@@ -9,8 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from agribot.errors import DescriptionError
-from agribot.messages import PlantClass
+from agribot.core.errors import DescriptionError
+from agribot.core.messages import PlantClass
 from agribot.sim.flora import crops, weeds
 from agribot.sim.flora.fronds import carrot, chamomile
 from agribot.sim.flora.habit import Species, stem_blade

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-from agribot.messages import FloatArray
+from agribot.core.messages import FloatArray
 from agribot.sim.flora.habit import Species
 from agribot.sim.flora.species import SPECIES
 

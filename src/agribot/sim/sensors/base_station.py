@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from agribot.devices import BaseFix
-from agribot.geo import MapFrame
-from agribot.messages import FloatArray, Vec3
+from agribot.core.geo import MapFrame
+from agribot.core.messages import BaseFix, FloatArray, Vec3
+from agribot.core.world import WorldSpec
 from agribot.sim.random_streams import NormalRows, stream
 from agribot.sim.sensors.gnss import HectorReceiver, Receiver
 from agribot.sim.sensors.noise import GaussMarkov, HectorNoise
 from agribot.sim.sensors.presets import HectorGnss, PhysicalGnss
-from agribot.world import WorldSpec
 
 BASE_RATE_HZ = 5.0
 ANTENNA_HEIGHT_M = 0.25

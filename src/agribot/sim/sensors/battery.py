@@ -6,8 +6,7 @@ series, 10 Ah. Electronics: a small single-board computer, camera and receivers.
 
 from __future__ import annotations
 
-from agribot.devices import BatterySample
-from agribot.messages import FloatArray
+from agribot.core.messages import BatterySample, FloatArray
 from agribot.sim.state import WORK
 
 BATTERY_RATE_HZ = 1.0

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from agribot.devices import GnssHeading
-from agribot.geo import wrap_rad
-from agribot.messages import FloatArray
+from agribot.core.geo import wrap_rad
+from agribot.core.messages import FloatArray, GnssHeading
 from agribot.sim.attitude import roll_pitch_yaw
 from agribot.sim.random_streams import NormalRows
 from agribot.sim.sensors.gnss import HectorReceiver, Receiver

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from agribot.geo import Datum, MapFrame
-from agribot.messages import FloatArray, GnssFix, GnssQuality, Vec3
+from agribot.core.geo import Datum, MapFrame
+from agribot.core.messages import FloatArray, GnssFix, GnssQuality, Vec3
 from agribot.sim.attitude import rotate
 from agribot.sim.random_streams import NormalRows, stream
 from agribot.sim.sensors.noise import GaussMarkov, HectorNoise

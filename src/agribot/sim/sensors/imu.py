@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from agribot.messages import FloatArray, ImuSample
+from agribot.core.messages import FloatArray, ImuSample
 from agribot.sim.random_streams import BLOCK_ROWS
 from agribot.sim.sensors.presets import ImuErrors
 from agribot.sim.sensors.tuning import Tuning

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from agribot.geo import rotation_from_rpy
-from agribot.messages import FloatArray, MagSample, Vec3
+from agribot.core.geo import rotation_from_rpy
+from agribot.core.messages import FloatArray, MagSample, Vec3
 from agribot.sim.attitude import rotation_of
 from agribot.sim.random_streams import NormalRows
 from agribot.sim.sensors.noise import HectorNoise

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from agribot.messages import Vec3
+from agribot.core.messages import Vec3
 from agribot.sim.random_streams import NormalRows
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import msgspec
 
-from agribot.errors import ConfigError
-from agribot.messages import GnssQuality
+from agribot.core.errors import ConfigError
+from agribot.core.messages import GnssQuality
 
 
 class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -7,10 +7,19 @@ from typing import Generic, Protocol, TypeVar
 
 import msgspec
 
-from agribot.config import RunConfig
-from agribot.devices import BaseFix, BatterySample, GnssHeading
-from agribot.messages import FloatArray, GnssFix, ImuSample, MagSample, WheelSample
-from agribot.robot import RobotSpec, SensorMount
+from agribot.core.config import RunConfig
+from agribot.core.messages import (
+    BaseFix,
+    BatterySample,
+    FloatArray,
+    GnssFix,
+    GnssHeading,
+    ImuSample,
+    MagSample,
+    WheelSample,
+)
+from agribot.core.robot import RobotSpec, SensorMount
+from agribot.core.world import WorldSpec
 from agribot.sim.clock import NS_PER_S, Schedule
 from agribot.sim.random_streams import stream
 from agribot.sim.sensors.base_station import BASE_RATE_HZ, BaseStation
@@ -28,7 +37,6 @@ from agribot.sim.sensors.presets import (
 )
 from agribot.sim.sensors.tuning import Tuning
 from agribot.sim.sensors.wheel_encoders import WheelEncoders
-from agribot.world import WorldSpec
 
 # Where neither the preset nor the robot description names a rate.
 DEFAULT_IMU_HZ, DEFAULT_MAG_HZ, DEFAULT_GNSS_HZ = 200.0, 20.0, 5.0

@@ -6,8 +6,8 @@ import difflib
 
 import numpy as np
 
-from agribot.errors import ConfigError
-from agribot.messages import Vec3
+from agribot.core.errors import ConfigError
+from agribot.core.messages import Vec3
 from agribot.sim.sensors.noise import HectorNoise
 
 # Parameters as hector's sensors name them, with the values that change nothing.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from agribot.messages import WHEEL_NAMES, FloatArray, Four, WheelSample
-from agribot.robot import DriveSpec
+from agribot.core.messages import WHEEL_NAMES, FloatArray, Four, WheelSample
+from agribot.core.robot import DriveSpec
 from agribot.sim.sensors.presets import WheelErrors
 from agribot.sim.state import EFFORT, FAULT, WHEEL_ANGLE
 

@@ -1,0 +1,1 @@
+"""A whole run: platform, stack and all that listens to them."""

@@ -1,0 +1,94 @@
+"""The settings of one very robot on disk: what was measured of it, kept from run to run.
+
+Every change keeps the file before it, so that each can be undone, the newest first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import tomli_w
+
+from agribot.core.config import from_tree
+from agribot.core.config_tree import assign, read_toml
+from agribot.core.errors import ConfigError, RecordingError
+from agribot.record.whole_file import write_at_once
+
+
+class RobotFile:
+    """`HOME/robots/NAME.toml`; without one, the robot is as its description says."""
+
+    def __init__(self, home: Path, robot: str) -> None:
+        """`robot` is a packaged name or a description's file, as in the settings of a run."""
+        self.path = home / "robots" / f"{Path(robot).name.split('.')[0]}.toml"
+
+    def settings(self) -> tuple[str, ...]:
+        """As a.b=c, in the order of the file; none where there is none.
+
+        Raises: ConfigError: broken, or a setting that does not exist or does not fit.
+        """
+        return tuple(_flat(self._tree(), ""))
+
+    def add(self, settings: Iterable[str]) -> None:
+        """Raises: ConfigError: one that does not fit. RecordingError: it cannot be written."""
+        tree = self._tree()
+        for setting in settings:
+            assign(tree, setting)
+        from_tree(tree, str(self.path))
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            before = self.path.read_bytes() if self.path.exists() else b""
+            self._backup(len(self._backups()) + 1).write_bytes(before)
+            write_at_once(self.path, tomli_w.dumps(tree).encode())
+        except OSError as error:
+            raise RecordingError(
+                f"cannot write {self.path}: {error.strerror}; make room, or point AGRIBOT_HOME "
+                "at a folder that you may write"
+            ) from error
+
+    @property
+    def can_undo(self) -> bool:
+        return bool(self._backups())
+
+    def undo(self) -> None:
+        """Back to what the file was before its newest change.
+
+        Raises: ConfigError: there is none to take back.
+        """
+        backups = self._backups()
+        if not backups:
+            raise ConfigError(f"{self.path} has no earlier state to go back to")
+        newest = backups[-1]
+        if newest.stat().st_size:
+            newest.replace(self.path)
+        else:  # there was no file before
+            self.path.unlink(missing_ok=True)
+            newest.unlink()
+
+    def _backup(self, number: int) -> Path:
+        return self.path.with_suffix(f".bak{number:04}")
+
+    def _backups(self) -> list[Path]:
+        return sorted(self.path.parent.glob(f"{self.path.stem}.bak[0-9]*"))
+
+    def _tree(self) -> dict[str, Any]:
+        try:
+            tree = read_toml(self.path) if self.path.exists() else {}
+        except ConfigError as error:
+            raise ConfigError(
+                f"{self.path} cannot be read: {error}; mend it, or delete it to go back to the "
+                "robot's description"
+            ) from error
+        from_tree(tree, str(self.path))
+        return tree
+
+
+def _flat(tree: Mapping[str, Any], at: str) -> Iterable[str]:
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{at}{key}.")
+        else:
+            yield f"{at}{key}={msgspec.json.encode(value).decode()}"

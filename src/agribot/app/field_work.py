@@ -1,0 +1,67 @@
+"""A field plan on its way into a run: made or read, and certified again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from agribot.autonomy.plan.coverage.area import PlanRequest, footprint
+from agribot.autonomy.plan.coverage.drive import FieldWork
+from agribot.autonomy.plan.coverage.planner import plan_field
+from agribot.autonomy.plan.plan_certificate import Certificate, certify_plan
+from agribot.core.config import RunConfig
+from agribot.core.errors import MissionError
+from agribot.core.robot import RobotSpec
+from agribot.gis.field_file import read_field
+from agribot.gis.plan_file import SavedPlan, plan_from
+
+
+def read_plan_text(config: RunConfig) -> str:
+    """The plan of the settings as it stands in its file; empty where a run has none."""
+    if not config.plan:
+        return ""
+    try:
+        return Path(config.plan).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MissionError(f"cannot read {config.plan}: {error}; check the path") from error
+
+
+def field_work(text: str, config: RunConfig, robot: RobotSpec) -> FieldWork | None:
+    """The plan of the settings; None without one. Raises: as `work_from`."""
+    return work_from(text, Path(config.plan).name, config, robot) if text else None
+
+
+def work_from(text: str, name: str, config: RunConfig, robot: RobotSpec) -> FieldWork:
+    """A plan in the map of the run, for this robot.
+
+    Raises: MissionError: not a plan, or the check refuses it for this robot, and where.
+    """
+    try:
+        root = json.loads(text)
+    except (ValueError, RecursionError) as error:  # also a number of thousands of digits
+        raise MissionError(f"{name} is not valid JSON: {error}") from error
+    saved = plan_from(root, name, config.field.datum)
+    shape = footprint(robot, saved.request.implement_width_m, saved.request.tool_x_m)
+    certificate = certify_plan(saved.plan, saved.area, shape, saved.request)
+    if not certificate.ok:
+        problem = certificate.problems[0]
+        raise MissionError(f"{name} is refused for {robot.name}: {problem.rule}: {problem.message}")
+    return FieldWork(saved.plan, saved.area, shape, saved.request)
+
+
+def planned(
+    field: Path, config: RunConfig, robot: RobotSpec, width_m: float | None
+) -> tuple[SavedPlan, Certificate]:
+    """Plan a field in the map of a run, beginning where the robot is put down.
+
+    Without a width, the implement is as wide as the boom of the robot.
+    """
+    if width_m is None:
+        if robot.sprayer is None:
+            raise MissionError(f"{robot.name} has no implement; give --implement-width M")
+        width_m = robot.sprayer.nozzle_count * robot.sprayer.nozzle_spacing_m
+    area, datum = read_field(field, config.field.datum)
+    request = PlanRequest(implement_width_m=width_m, tool_x_m=robot.tool_x_m)
+    shape = footprint(robot, width_m)
+    plan = plan_field(area, shape, request)
+    return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)

@@ -1,0 +1,121 @@
+"""The state of a mission on disk, so that a crash or a reboot loses nothing."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Protocol
+
+import msgspec
+
+from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.core.config import RunConfig
+from agribot.core.errors import MissionError
+from agribot.core.messages import TickRecord
+from agribot.record.whole_file import write_at_once
+
+FILE_NAME = "mission.json"
+PERIOD_S = 1.0
+LEFT_STD_M = 0.1  # how well the robot knew where it was left, and rolled on since
+
+
+class Resumable(Protocol):
+    def saved(self) -> msgspec.Struct | None: ...
+
+
+class MissionFile:
+    """A tap that writes the mission, or what else must outlive a crash, once a second.
+
+    It does so, too, whenever the mission's state changes.
+
+    Every write replaces the whole file at once: whoever reads it sees the old or the new state.
+    A thread writes, so that a slow disk does not hold up the control loop; a state that waits
+    for it gives way to a newer one. `say` hears, with the time, of a disk that begins to fail.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        mission: Resumable,
+        say: Callable[[float, str], None],
+        name: str = FILE_NAME,
+    ) -> None:
+        self._path = folder / name
+        self._mission, self._say = mission, say
+        self._state = ("", "")
+        self._next_s = self._now_s = 0.0
+        self._newest: deque[bytes] = deque(maxlen=1)
+        self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="mission-file")
+        self._failure = self._told = ""
+
+    def __call__(self, record: TickRecord) -> None:
+        self._now_s = record.batch.t_s
+        self._complain()
+        state = record.status.state, record.status.stopped
+        if state == self._state and record.batch.t_s < self._next_s:
+            return
+        self._state, self._next_s = state, record.batch.t_s + PERIOD_S
+        self.write()
+
+    def write(self) -> None:
+        """Have the state of now written, whenever the thread comes to it."""
+        saved = self._mission.saved()
+        if saved is not None:
+            self._newest.append(msgspec.json.encode(saved))
+            self._writer.submit(self._write_newest)
+
+    def close(self) -> None:
+        """Wait for the last write. Safe to call twice."""
+        self._writer.shutdown()
+        self._complain()
+
+    def _complain(self) -> None:
+        failure = self._failure
+        if failure and not self._told:
+            self._say(self._now_s, failure)
+        self._told = failure
+
+    def _write_newest(self) -> None:
+        try:
+            write_at_once(self._path, self._newest.popleft(), is_synced=True)
+        except IndexError:
+            pass  # a write before this one took it along
+        except OSError as error:
+            self._failure = (
+                f"cannot write {self._path}: {error.strerror or error}; make room on the disk: a "
+                "run that goes on after a crash goes on from an older state"
+            )
+        else:
+            self._failure = ""
+
+
+def resumed(config: RunConfig, saved: SavedMission) -> RunConfig:
+    """The settings of the run that goes on: its start mark is where the robot was left."""
+    if config.field.start_map_m is None:
+        return config
+    field = msgspec.structs.replace(
+        config.field,
+        start_map_m=saved.pose[:2],
+        start_yaw_deg=math.degrees(saved.pose[2]),
+        start_std_m=max(config.field.start_std_m, LEFT_STD_M),
+    )
+    return msgspec.structs.replace(config, field=field)
+
+
+def read_mission(folder: Path) -> SavedMission:
+    """Raises: MissionError: no saved mission, a broken one, or one that has ended."""
+    path = folder / FILE_NAME
+    try:
+        saved = msgspec.json.decode(path.read_bytes(), type=SavedMission)
+    except OSError as error:
+        raise MissionError(
+            f"cannot read {path}: {error.strerror}; give the folder of a run that was cut off"
+        ) from error
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise MissionError(f"{path} is broken: {error}; start a new mission") from error
+    if saved.state == "done":
+        raise MissionError(f"the mission in {folder} is done; there is nothing to resume")
+    return saved

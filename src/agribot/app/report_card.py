@@ -1,0 +1,177 @@
+"""The report of a run, put together from what the robot believed and what the referee saw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+import msgspec
+
+from agribot import __version__
+from agribot.app.whole_job import JobSoFar, WholeJob
+from agribot.autonomy.weeds.map import WeedMap
+from agribot.core.config import RunConfig
+from agribot.core.messages import MissionStatus, TickRecord
+from agribot.record.events import Event, EventKind, EventLog
+from agribot.record.report import (
+    EstimateReport,
+    IouReport,
+    JobReport,
+    MissionReport,
+    PerceptionReport,
+    Report,
+    SafetyEvent,
+    SafetyReport,
+    TimeReport,
+    TrackingReport,
+    WeedReport,
+)
+
+if TYPE_CHECKING:
+    from agribot.sim.referee import Referee
+
+Kind = TypeVar("Kind", bound=msgspec.Struct)
+
+
+class Drive(Protocol):
+    """What the report needs of a session that has come to its end."""
+
+    config: RunConfig
+    last: TickRecord | None
+    referee: Referee
+    job: WholeJob
+    event_log: EventLog
+    rows_before: tuple[int, ...]  # done in earlier runs of which nothing else is known
+
+    @property
+    def weed_map(self) -> WeedMap: ...
+    def worked_area_m2(self, rows: tuple[int, ...]) -> float: ...
+
+
+def report_card(drive: Drive, why_ended: str = "") -> Report:
+    """`why_ended` names an end from outside: an interruption or the end of the time allowed."""
+    config, referee, job = drive.config, drive.referee, drive.job.saved()
+    status = drive.last.status if drive.last is not None else None
+    kept = (*drive.rows_before, *referee.rows_kept(status.rows_done if status else ()))
+    mission = _mission(drive, job, status, kept)
+    events = drive.job.events(drive.event_log.events)
+    tracking = referee.tracking()
+    ok = bool(mission.success) and tracking.plants_crushed == 0 and not why_ended
+    return Report(
+        profile=config.profile,
+        seed=config.seed,
+        sensors=config.sim.sensors,
+        version=__version__,
+        ok=ok,
+        reason=(
+            why_ended
+            or _reason(status, mission, tracking.plants_crushed)
+            + _objection(drive.event_log, status)
+        )
+        + _lacking(job),
+        time=_time(job),
+        mission=mission,
+        tracking=_same_fields(tracking, TrackingReport),
+        estimate=_same_fields(referee.estimate(), EstimateReport),
+        perception=_perception(drive, job),
+        weeds=_weeds(drive, job, kept),
+        safety=SafetyReport(stops=_told(events, "stop"), faults=_told(events, "fault")),
+        marks=_told(events, "mark"),
+        job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,
+    )
+
+
+def _lacking(job: JobSoFar) -> str:
+    """What nobody knows of the runs before this one."""
+    return f"; of the job's earlier runs the report lacks {'; '.join(job.lacks)}" * bool(job.lacks)
+
+
+def _reason(status: MissionStatus | None, mission: MissionReport, crushed: int) -> str:
+    if status is None:
+        return "the robot never ran"
+    if status.state != "done":
+        return f"mission {status.state}: {status.reason}" if status.reason else status.state
+    kind, done, total = "rows", mission.rows_done, mission.rows_total
+    if mission.waypoints_total:
+        kind, done, total = "waypoints", mission.waypoints_reached, mission.waypoints_total
+    if done != total:
+        return f"the robot believes all is done, but in truth only {done} of {total} {kind}"
+    if crushed:
+        return f"{done} of {total} {kind}, but {crushed} crop plants were crushed"
+    return f"{done} of {total} {kind}, no plant crushed"
+
+
+def _objection(log: EventLog, status: MissionStatus | None) -> str:
+    """The supervisor's last word, where it was still holding the robot when the mission failed."""
+    if status is None or status.state != "failed":
+        return ""
+    spoken = [event for event in log.events if event.kind in ("stop", "hold", "clear")]
+    held = [e for e in spoken if e.kind != "clear" or e.t_s < log.events[-1].t_s][-1:]
+    return f"; held by the supervisor: {held[0].reason}" if held and held[0].reason else ""
+
+
+def _mission(
+    drive: Drive, job: JobSoFar, status: MissionStatus | None, kept: tuple[int, ...]
+) -> MissionReport:
+    """What was asked and what was truly done; rows and waypoints exclude each other."""
+    if status is None:
+        return MissionReport(success=False)
+    distance_m = drive.referee.tracking().distance_m
+    if status.waypoints_total:
+        reached = drive.referee.waypoints_kept(drive.config.mission.waypoint_radius_m)
+        return MissionReport(
+            success=status.state == "done" and reached == status.waypoints_total,
+            waypoints_total=status.waypoints_total,
+            waypoints_reached=reached,
+            distance_m=distance_m,
+        )
+    area_m2 = drive.worked_area_m2(kept)
+    return MissionReport(
+        success=status.state == "done" and len(kept) == status.rows_total,
+        rows_total=status.rows_total,
+        rows_done=len(kept),
+        distance_m=distance_m,
+        area_m2=area_m2,
+        h_per_ha=job.sim_s / 3600.0 / (area_m2 / 1e4) if area_m2 else None,
+        coverage_ratio=drive.referee.coverage_ratio(),
+        rows_unproven=tuple(sorted(row + 1 for row in status.rows_unproven)),
+    )
+
+
+def _time(job: JobSoFar) -> TimeReport:
+    return TimeReport(
+        sim_s=job.sim_s,
+        wall_s=job.wall_s,
+        cpu_s=job.cpu_s,
+        rtf_cpu=job.sim_s / job.cpu_s if job.cpu_s else None,
+    )
+
+
+def _perception(drive: Drive, job: JobSoFar) -> PerceptionReport:
+    if not job.frames:
+        return PerceptionReport()
+    iou = drive.referee.iou()
+    known = [value for value in iou.values() if value is not None]
+    return PerceptionReport(
+        frames=job.frames,
+        fps_cpu=job.frames / job.frames_cpu_s if job.frames_cpu_s else None,
+        latency_p95_s=job.latency_s.percentile(95.0),
+        iou=IouReport(**iou),
+        miou=sum(known) / len(known) if known else None,
+    )
+
+
+def _weeds(drive: Drive, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
+    if not job.frames or not drive.referee.has_rows:
+        return WeedReport()
+    return _same_fields(drive.referee.weeds(drive.weed_map.weeds(), kept), WeedReport)
+
+
+def _told(events: Sequence[Event], kind: EventKind) -> tuple[SafetyEvent, ...]:
+    return tuple(SafetyEvent(t_s=e.t_s, reason=e.reason) for e in events if e.kind == kind)
+
+
+def _same_fields(source: msgspec.Struct, kind: type[Kind]) -> Kind:
+    return msgspec.convert(
+        {name: getattr(source, name, None) for name in kind.__struct_fields__}, kind
+    )

@@ -1,0 +1,201 @@
+"""The stack again on a recording, as it was or with other settings, and what that changes.
+
+The sensors are those of the recorded drive: they do not answer to commands that differ. A rerun
+shows what the stack would have believed, mapped and wanted, not where the robot would have gone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from agribot.app.calibration.believed import calibrated
+from agribot.app.field_work import field_work
+from agribot.app.robot_stack import build_stack
+from agribot.app.run_recording import (
+    EARLIER_ATTACHMENT,
+    GOALS_ATTACHMENT,
+    PLAN_ATTACHMENT,
+    SAVED_ATTACHMENT,
+)
+from agribot.autonomy.perception_host import RecordedPerception
+from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.weeds.track import Track
+from agribot.core.config import RunConfig, from_tree
+from agribot.core.config_tree import assign, without_none
+from agribot.core.errors import EndOfRecording, RecordingError
+from agribot.core.messages import STOP, MappedPlant, MapPoint, PlantClass, TickRecord
+from agribot.description.loader import parse_robot
+from agribot.record.mcap_file import part_number, read_attachment
+from agribot.record.replay import ReplayPlatform, read_ticks, read_urdf, recorded_scenes
+
+LATEST_FIRST_TICK_S = 1.0  # of a recording that began with its run
+# Settings of these groups shaped the recording itself.
+_FIXED = ("perception", "sim", "record", "platform", "world", "robot", "seed", "tick_hz")
+
+
+class Outcome(msgspec.Struct, frozen=True, kw_only=True):
+    """One pass of the stack over a recording, as the robot believes it; null: no such value."""
+
+    ticks: int
+    end_s: float
+    state: str
+    reason: str
+    rows_done: int
+    waypoints_reached: int
+    distance_m: float
+    speed_mean_mps: float
+    commanded_mean_mps: float
+    cross_track_rms_m: float | None
+    cross_track_p95_m: float | None
+    cross_track_max_m: float | None
+    pos_std_mean_m: float | None
+    weeds_mapped: int
+    weeds_treated: int
+    nozzle_open_s: float
+    stops: int
+
+
+class Difference(msgspec.Struct, frozen=True, kw_only=True):
+    """Between the passes, tick by tick; `first` is None when every command is the same."""
+
+    first: int | None
+    ticks: int
+    share: float
+    speed_max_mps: float
+    yaw_rate_max_radps: float
+    position_rms_m: float | None
+
+
+def with_settings(config: RunConfig, settings: Sequence[str]) -> RunConfig:
+    """Raises: ConfigError: a setting that does not exist or does not fit."""
+    tree = without_none(msgspec.to_builtins(config))
+    for setting in settings:
+        assign(tree, setting)
+    return from_tree(tree, " ".join(f"--with {setting}" for setting in settings))
+
+
+def without_effect(settings: Iterable[str]) -> list[str]:
+    """Those settings that a rerun cannot try, because the recording was made with them."""
+    return [s for s in settings if s.partition("=")[0].split(".")[0].strip() in _FIXED]
+
+
+def recorded_pass(path: Path) -> list[TickRecord]:
+    """Raises: RecordingError: no ticks, or a part that does not begin at the beginning."""
+    number = part_number(path)
+    if number:
+        raise RecordingError(
+            f"{path} is part {number} of a longer recording and begins in its middle; the stack "
+            "can only be run again from the first part on"
+        )
+    ticks = list(read_ticks(path))
+    if not ticks:
+        raise RecordingError(f"{path} holds no ticks of the robot's stack; nothing to run again")
+    if ticks[0].batch.t_s > LATEST_FIRST_TICK_S:
+        raise RecordingError(
+            f"{path} was begun {ticks[0].batch.t_s:.1f} s after the robot was started; the stack "
+            "can only be run again from its start on"
+        )
+    return ticks
+
+
+def rerun(path: Path, config: RunConfig) -> tuple[list[TickRecord], tuple[MappedPlant, ...]]:
+    """Every tick of the stack on the recorded batches and scenes, and its weed map at the end."""
+    robot = calibrated(parse_robot(read_urdf(path), "recorded robot"), config.calibration)
+    goals = read_attachment(path, GOALS_ATTACHMENT)
+    goals_map_m = msgspec.json.decode(goals, type=tuple[MapPoint, ...])
+    text = read_attachment(path, PLAN_ATTACHMENT).decode() if config.plan else ""
+    work = field_work(text, config, robot)
+    perception = RecordedPerception(recorded_scenes(path))
+    resumed = read_attachment(path, SAVED_ATTACHMENT)
+    saved = msgspec.json.decode(resumed, type=SavedMission | None)
+    stack = build_stack(config, robot, goals_map_m, perception, work, saved)
+    stack.weed_map.restore(_earlier_plants(path))
+    ticks: list[TickRecord] = []
+    stack.taps.append(ticks.append)
+    platform = ReplayPlatform(path)
+    try:
+        while True:
+            stack.tick(platform)
+            # Wheels did as they were told then, whatever other settings tell them now.
+            stack.supervisor.sent = platform.recorded_drive()
+    except EndOfRecording:
+        pass
+    finally:
+        platform.close()
+        stack.close()
+    return ticks, stack.weed_map.plants()
+
+
+def _earlier_plants(path: Path) -> tuple[Track, ...]:
+    """The weed map that the run began with; recordings of older versions have none."""
+    try:
+        plants = read_attachment(path, EARLIER_ATTACHMENT)
+    except RecordingError:
+        return ()
+    return msgspec.json.decode(plants, type=tuple[Track, ...])
+
+
+def outcome(ticks: Sequence[TickRecord], plants: Sequence[MappedPlant]) -> Outcome:
+    last = ticks[-1]
+    t_s = np.array([tick.batch.t_s for tick in ticks])
+    step_s = np.diff(t_s, prepend=t_s[0])
+    speed_mps = np.array([abs(tick.estimate.v_mps) for tick in ticks])
+    tracked = [abs(tick.tracking.cross_track_m) for tick in ticks if tick.tracking is not None]
+    known = [tick.estimate.pos_std_m for tick in ticks if tick.estimate.ok]
+    spraying = np.array([any(tick.command.implement.nozzles_open) for tick in ticks])
+    weeds = [plant for plant in plants if plant.plant == PlantClass.WEED]
+    return Outcome(
+        ticks=len(ticks),
+        end_s=float(t_s[-1]),
+        state=last.status.state,
+        reason=last.status.reason,
+        rows_done=len(last.status.rows_done),
+        waypoints_reached=last.status.waypoints_reached,
+        distance_m=float(np.sum(speed_mps * step_s)),
+        speed_mean_mps=float(np.mean(speed_mps)),
+        commanded_mean_mps=float(np.mean([abs(tick.command.drive.v_mps) for tick in ticks])),
+        cross_track_rms_m=math.sqrt(float(np.mean(np.square(tracked)))) if tracked else None,
+        cross_track_p95_m=float(np.percentile(tracked, 95.0)) if tracked else None,
+        cross_track_max_m=max(tracked, default=None),
+        pos_std_mean_m=float(np.mean(known)) if known else None,
+        weeds_mapped=len(weeds),
+        weeds_treated=sum(weed.treated_s is not None for weed in weeds),
+        nozzle_open_s=float(np.sum(step_s[spraying])),
+        stops=_stops(ticks),
+    )
+
+
+def difference(before: Sequence[TickRecord], after: Sequence[TickRecord]) -> Difference:
+    """Of two passes over the same batches."""
+    pairs = list(zip(before, after, strict=False))
+    unequal = [i for i, (a, b) in enumerate(pairs) if a.command != b.command]
+    if len(before) != len(after):
+        unequal += range(len(pairs), max(len(before), len(after)))
+    drives = [(a.command.drive, b.command.drive) for a, b in pairs]
+    apart_m = [
+        math.hypot(a.estimate.x_map_m - b.estimate.x_map_m, a.estimate.y_map_m - b.estimate.y_map_m)
+        for a, b in pairs
+        if a.estimate.ok and b.estimate.ok
+    ]
+    return Difference(
+        first=unequal[0] if unequal else None,
+        ticks=len(unequal),
+        share=len(unequal) / max(len(before), len(after), 1),
+        speed_max_mps=max((abs(a.v_mps - b.v_mps) for a, b in drives), default=0.0),
+        yaw_rate_max_radps=max(
+            (abs(a.yaw_rate_radps - b.yaw_rate_radps) for a, b in drives), default=0.0
+        ),
+        position_rms_m=math.sqrt(float(np.mean(np.square(apart_m)))) if apart_m else None,
+    )
+
+
+def _stops(ticks: Sequence[TickRecord]) -> int:
+    """How often the supervisor brought a moving robot to a halt."""
+    held = [bool(tick.reason) and tick.command.drive == STOP for tick in ticks]
+    moving = [False, *(tick.command.drive != STOP for tick in ticks)]
+    return sum(now and before for now, before in zip(held, moving, strict=False))

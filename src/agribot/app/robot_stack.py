@@ -1,0 +1,30 @@
+"""The stack of a run, with the task that its settings give it."""
+
+from __future__ import annotations
+
+from agribot.app.tasks import task_of, tasks_under_way
+from agribot.autonomy.perception_host import PerceptionHost
+from agribot.autonomy.plan.coverage.drive import FieldWork
+from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.stack import Stack, build
+from agribot.core.config import RunConfig
+from agribot.core.messages import MapPoint
+from agribot.core.robot import RobotSpec
+
+
+def build_stack(
+    config: RunConfig,
+    robot: RobotSpec,
+    waypoints_map_m: tuple[MapPoint, ...] = (),
+    perception: PerceptionHost | None = None,
+    work: FieldWork | None = None,
+    saved: SavedMission | None = None,
+) -> Stack:
+    """Build the stack for a task over the rows of the field, or what stands in for them.
+
+    `waypoints_map_m` or `work`, a field plan, replaces the rows; `perception` replaces the camera
+    network, as a replay does; `saved` is a mission to go on with.
+    Raises: AgribotError: the settings, the robot and the field do not fit each other.
+    """
+    task = task_of(config, robot, waypoints_map_m, work)
+    return build(config, robot, task, tasks_under_way(task, config, robot), perception, saved)

@@ -1,0 +1,154 @@
+"""The folder of a run: it belongs to one run, while it drives and ever after."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from pathlib import Path
+from typing import BinaryIO
+
+from agribot.core.errors import RecordingError
+
+# Any of them makes a folder that of a run.
+RUN_FILES = (
+    "run.mcap", "events.jsonl", "mission.json", "job.json", "report.json", "config.toml",
+)  # fmt: skip
+# What a run writes besides; a person may have files of these names, too.
+MADE_FILES = ("plan.geojson", "weeds.geojson", "map.png", "report.html")
+LOCK_NAME = "run.lock"
+
+
+class RunFolder:
+    """Claims a folder until it is closed; the system lets go of it if the process is killed.
+
+    Raises: RecordingError: it holds a run or files that a run writes, another process drives one
+        in it, or it is read-only.
+    """
+
+    def __init__(self, path: Path) -> None:
+        check_free(path)
+        self._path, self._lock_path = path, path / LOCK_NAME
+        self._is_new = not path.exists()
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            lock = _locked(self._lock_path)
+        except OSError as error:
+            raise RecordingError(
+                f"cannot write into {path}: {error.strerror or error}; choose another --out folder"
+            ) from error
+        if lock is None:
+            raise _driven(path)
+        self._lock = lock
+        try:
+            check_free(path)  # another run may have come and gone meanwhile
+        except RecordingError:
+            self.close()
+            raise
+
+    def give_back(self) -> None:
+        """As `close`, of a run that never began: the folder is as it was before."""
+        with contextlib.suppress(OSError):
+            _remove_run(self._path)
+        self.close()
+        if self._is_new:
+            with contextlib.suppress(OSError):  # somebody put something there
+                self._path.rmdir()
+
+    def close(self) -> None:
+        """Safe to call twice."""
+        if not self._lock.closed:
+            self._lock.close()
+            with contextlib.suppress(OSError):
+                self._lock_path.unlink()
+
+
+def check_free(path: Path) -> None:
+    """Raises: RecordingError: the folder holds files that a run would overwrite."""
+    check_holds_no_run(path)
+    held = _held(path, MADE_FILES)
+    if held:
+        raise RecordingError(
+            f"{path} holds files that a run writes ({', '.join(held)}); choose another --out "
+            "folder, or move them away"
+        )
+
+
+def check_holds_no_run(path: Path) -> None:
+    """Raises: RecordingError: the folder holds a run, whose files another one would overwrite."""
+    held = _held(path, RUN_FILES)
+    if held:
+        go_on = f", or go on with that run: agribot run --resume {path}"
+        raise RecordingError(
+            f"{path} holds a run already ({', '.join(held)}); choose another --out folder"
+            f"{go_on if 'mission.json' in held else ''}"
+        )
+
+
+def check_not_driven(path: Path) -> None:
+    """Raises: RecordingError: a process drives a run in this folder."""
+    lock_path = path / LOCK_NAME
+    if not lock_path.exists():
+        return
+    try:
+        lock = _locked(lock_path)
+    except OSError:
+        return  # a folder that cannot be written is not being written
+    if lock is None:
+        raise _driven(path)
+    lock.close()
+
+
+def clear_run(path: Path) -> None:
+    """Remove the files of a run that is to be repeated from its beginning.
+
+    Raises: RecordingError: a process drives it, or they cannot be removed.
+    """
+    check_not_driven(path)
+    try:
+        _remove_run(path)
+    except OSError as error:
+        raise RecordingError(f"cannot clear {path}: {error.strerror or error}") from error
+
+
+def _held(path: Path, names: tuple[str, ...]) -> list[str]:
+    try:
+        return [name for name in names if (path / name).exists()]
+    except OSError as error:
+        raise RecordingError(f"cannot look into {path}: {error.strerror or error}") from error
+
+
+def _remove_run(path: Path) -> None:
+    for name in (*RUN_FILES, *MADE_FILES):
+        (path / name).unlink(missing_ok=True)
+
+
+def _driven(path: Path) -> RecordingError:
+    return RecordingError(
+        f"another agribot drives a run in {path}; wait for its end, or choose another folder"
+    )
+
+
+def _locked(path: Path) -> BinaryIO | None:
+    """The file, locked; None where another process has it. Raises: OSError: no such place."""
+    file = path.open("ab")
+    try:
+        _lock(file)
+    except (BlockingIOError, PermissionError):
+        file.close()
+        return None
+    except OSError:
+        pass  # this disk knows no locks; the check of the run's files is left
+    return file
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(file: BinaryIO) -> None:
+        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+
+else:
+    import fcntl
+
+    def _lock(file: BinaryIO) -> None:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,0 +1,168 @@
+"""What a run records and when: from its start on, and whenever an operator says so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import Protocol
+
+import msgspec
+
+from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.weeds.track import Track
+from agribot.core.config import RunConfig
+from agribot.core.errors import RecordingError
+from agribot.core.messages import MappedPlant, Path, TickRecord
+from agribot.core.robot import RobotSpec
+from agribot.record.recorder import RunRecorder
+
+FILE_NAME = "run.mcap"
+GOALS_ATTACHMENT = "goals.json"
+PLAN_ATTACHMENT = "plan.geojson"
+SAVED_ATTACHMENT = "resumed.json"  # null in a run that began anew
+EARLIER_ATTACHMENT = "earlier_plants.json"  # of the weed map that a run took over
+TRUTH_PERIOD_S = 0.1
+Pose = tuple[float, float, float]
+
+
+class Recorded(Protocol):
+    """The parts of a run that a recording holds besides its ticks."""
+
+    config: RunConfig
+    robot: RobotSpec
+    out_dir: FilePath
+
+    @property
+    def urdf(self) -> str: ...
+    @property
+    def planned_path(self) -> Path | None: ...
+    @property
+    def shown_goals_map_m(self) -> Sequence[tuple[float, float]]: ...
+    def plants(self) -> tuple[MappedPlant, ...]: ...
+
+
+class RunRecording:
+    """A tap. The recording in the folder of the run begins with it and can be run again.
+
+    One that begins later shows what happened from then on. It lies in a folder of its own beside
+    that of the run: `first`, `first-2`, `first-3`. `say` hears when one cannot be made, and when
+    one ends early because of the disk.
+    """
+
+    def __init__(
+        self,
+        run: Recorded,
+        files: Mapping[str, tuple[str, bytes]],
+        say: Callable[[float, str], None],
+    ) -> None:
+        """`files` are attached by name, with their media type.
+
+        Raises: RecordingError: the file of the run cannot be created or written.
+        """
+        self._run, self._files, self._say = run, files, say
+        self._urdf = run.urdf  # made once: it takes longer than a tick
+        self._path: Path | None = None
+        self._next_truth_s = self._now_s = 0.0
+        self._ended_because = ""
+        self.folder: FilePath | None = None
+        self._recorder: RunRecorder | None = None
+        if run.config.record.enabled:
+            self._begin(run.out_dir)
+
+    def __call__(self, record: TickRecord) -> None:
+        for event in record.batch.events:
+            if event.action == "start_recording":
+                self._start(record.batch.t_s)
+        if self._recorder is not None:
+            self._follow_path(record.batch.t_s, self._recorder)
+            self._recorder(record)
+            self._now_s = record.batch.t_s
+            self._tell_its_end(self._recorder)
+        if any(event.action == "stop_recording" for event in record.batch.events):
+            self.close()
+
+    @property
+    def ended_because(self) -> str:
+        """Why the last recording ended before it was told to; empty where it did not."""
+        return self._ended_because
+
+    @property
+    def name(self) -> str:
+        """The folder that is being written; empty while nothing is recorded."""
+        is_on = self._recorder is not None and not self._recorder.ended_because
+        return self.folder.name if is_on and self.folder is not None else ""
+
+    def truth(self, t_s: float, pose: Pose, twist: tuple[float, float]) -> None:
+        if self._recorder is not None and t_s >= self._next_truth_s:
+            self._next_truth_s = t_s + TRUTH_PERIOD_S
+            self._recorder.truth(t_s, pose, twist)
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        if self._recorder is not None:
+            self._recorder.attach(name, media_type, data)
+
+    def close(self) -> None:
+        """Safe to call twice."""
+        if self._recorder is not None:
+            self._recorder.close()
+            self._tell_its_end(self._recorder)
+        self._recorder = None
+
+    def _tell_its_end(self, recorder: RunRecorder) -> None:
+        if recorder.ended_because and not self._ended_because:
+            self._ended_because = recorder.ended_because
+            self._say(
+                self._now_s, f"recording ended early: {self._ended_because}; the robot drives on"
+            )
+
+    def _start(self, t_s: float) -> None:
+        if self._recorder is not None and not self._recorder.ended_because:
+            return
+        self.close()
+        try:
+            self._begin(_free_folder(self._run.out_dir))
+        except RecordingError as error:
+            self._say(t_s, f"no recording: {error}")
+
+    def _begin(self, folder: FilePath) -> None:
+        run = self._run
+        recorder = RunRecorder(
+            folder / FILE_NAME, run.config, run.robot, self._urdf,
+            goals_map_m=run.shown_goals_map_m, weed_map=run.plants,
+        )  # fmt: skip
+        for name, (media_type, data) in self._files.items():
+            recorder.attach(name, media_type, data)
+        self._recorder, self.folder, self._path = recorder, folder, None
+        self._ended_because = ""
+
+    def _follow_path(self, t_s: float, recorder: RunRecorder) -> None:
+        path = self._run.planned_path
+        if path is not None and path is not self._path:
+            self._path = path
+            recorder.set_plan(t_s, path, self._run.shown_goals_map_m)
+
+
+def files_to_run_again(
+    goals_map_m: Sequence[tuple[float, float]],
+    saved: SavedMission | None,
+    earlier_plants: Sequence[Track],
+    plan_text: str,
+) -> dict[str, tuple[str, bytes]]:
+    """What a recording needs besides its ticks, by name and with its media type."""
+    files = {
+        GOALS_ATTACHMENT: ("application/json", msgspec.json.encode(tuple(goals_map_m))),
+        SAVED_ATTACHMENT: ("application/json", msgspec.json.encode(saved)),
+        EARLIER_ATTACHMENT: ("application/json", msgspec.json.encode(tuple(earlier_plants))),
+    }
+    if plan_text:
+        files[PLAN_ATTACHMENT] = ("application/geo+json", plan_text.encode())
+    return files
+
+
+def _free_folder(out_dir: FilePath) -> FilePath:
+    """The folder of the run where it holds no recording, else the next one beside it."""
+    folder, number = out_dir, 1
+    while (folder / FILE_NAME).exists() or (number > 1 and folder.exists()):
+        number += 1
+        folder = out_dir.with_name(f"{out_dir.name}-{number}")
+    return folder

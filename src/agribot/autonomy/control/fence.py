@@ -1,0 +1,209 @@
+"""Where the robot may be: inside a field whose edge is known, else in a box around its path.
+
+The robot must be able to stop inside. Its rectangle is judged where it is and where it would come
+to rest: as it is believed to stand, less a tolerance, since a plan leads along the very edge and a
+robot follows it to a few centimetres; and as far off as it may well be, less what may be risked.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from agribot.core.config import SafetyConfig
+from agribot.core.field_bounds import FieldBounds
+from agribot.core.geo import std_along_m
+from agribot.core.messages import DriveCommand, Estimate, Goal, Path
+
+REACTION_S = 0.2  # until the brakes bite: a tick, the network of the motor board, its lag
+RECHECK_M = 0.25  # nearer than half the robot, so that it cannot get past an edge unseen
+# A way in or out of the field leaves it; so far around such a stretch only the box counts.
+AWAY_M, AWAY_STEP_M = 2.0, 0.2
+LEAST_HALF_M = 0.05
+
+
+class Fence(Protocol):
+    def objection(self, estimate: Estimate, drive: DriveCommand, goal: Goal) -> str:
+        """Why the robot must not move like this here; empty where it may."""
+        ...
+
+
+class PathFence(NamedTuple):
+    """Axis-aligned rectangle in the map that the robot may not leave."""
+
+    x_min_m: float
+    y_min_m: float
+    x_max_m: float
+    y_max_m: float
+
+    @classmethod
+    def around(cls, path: Path, margin_m: float) -> PathFence:
+        (x_min_m, y_min_m), (x_max_m, y_max_m) = (
+            path.xy_map_m.min(axis=0),
+            path.xy_map_m.max(axis=0),
+        )
+        return cls(
+            float(x_min_m) - margin_m, float(y_min_m) - margin_m,
+            float(x_max_m) + margin_m, float(y_max_m) + margin_m,
+        )  # fmt: skip
+
+    def holds(self, x_map_m: float, y_map_m: float) -> bool:
+        return self.x_min_m <= x_map_m <= self.x_max_m and self.y_min_m <= y_map_m <= self.y_max_m
+
+    def objection(self, estimate: Estimate, drive: DriveCommand, goal: Goal) -> str:
+        if self.holds(estimate.x_map_m, estimate.y_map_m):
+            return ""
+        return (
+            f"outside the geofence at East {estimate.x_map_m:.2f} m, North "
+            f"{estimate.y_map_m:.2f} m; bring it back or raise safety.geofence_margin_m"
+        )
+
+
+class _Edges:
+    """The edges of the field, those near a place at hand."""
+
+    def __init__(self, bounds: FieldBounds) -> None:
+        rings = bounds.rings_map_m
+        self._from = np.concatenate(rings)
+        self._to = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
+        self._place, self._range_m = (math.inf, math.inf), -1.0
+        self._near: list[tuple[float, float, float, float]] = []  # middle and half of its reach
+        self._is_inside = False
+
+    def touch(
+        self, pose: tuple[float, float, float], box: tuple[float, float, float, float]
+    ) -> bool:
+        """Whether a rectangle of the body (rear, front, right, left) leaves the field."""
+        x_m, y_m, yaw_rad = pose
+        rear_m, front_m, right_m, left_m = box
+        reach_m = math.hypot(max(front_m, -rear_m), max(left_m, -right_m))
+        if (
+            math.dist((x_m, y_m), self._place) > min(RECHECK_M, 0.9 * front_m, 0.9 * left_m)
+            or reach_m > self._range_m
+        ):
+            self._look_around(x_m, y_m, reach_m)
+        if not self._is_inside:
+            return True
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        middle_m, half_x_m, half_y_m = (
+            (rear_m + front_m) / 2.0, (front_m - rear_m) / 2.0, (left_m - right_m) / 2.0,
+        )  # fmt: skip
+        aside_m = (right_m + left_m) / 2.0
+        # An edge and the rectangle are apart when one of three axes parts them; plain numbers,
+        # since few edges are near.
+        for edge_x, edge_y, arm_x, arm_y in self._near:
+            x, y = edge_x - x_m, edge_y - y_m
+            x, y = cos * x + sin * y - middle_m, cos * y - sin * x - aside_m
+            along, across = cos * arm_x + sin * arm_y, cos * arm_y - sin * arm_x
+            reach_x, reach_y = abs(along), abs(across)
+            if (
+                abs(x) <= half_x_m + reach_x
+                and abs(y) <= half_y_m + reach_y
+                and abs(x * across - y * along) <= half_x_m * reach_y + half_y_m * reach_x
+            ):
+                return True
+        return False
+
+    def _look_around(self, x_m: float, y_m: float, reach_m: float) -> None:
+        self._place, self._range_m = (x_m, y_m), reach_m + RECHECK_M
+        here = np.array((x_m, y_m))
+        start, end = self._from - here, self._to - here
+        along = end - start
+        length2 = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
+        part = np.clip(-np.einsum("ij,ij->i", start, along) / length2, 0.0, 1.0)
+        nearest_m = np.hypot(*(start + part[:, None] * along).T)
+        is_near = nearest_m <= self._range_m + RECHECK_M
+        middle, arm = (self._from + self._to) / 2.0, (self._to - self._from) / 2.0
+        self._near = [
+            (x, y, along_x, along_y)
+            for x, y, along_x, along_y in np.hstack([middle, arm])[is_near].tolist()
+        ]
+        is_across = (start[:, 1] > 0.0) != (end[:, 1] > 0.0)
+        start, along = start[is_across], along[is_across]
+        crossing_m = start[:, 0] - start[:, 1] * along[:, 0] / along[:, 1]
+        self._is_inside = bool(np.count_nonzero(crossing_m > 0.0) % 2)
+
+
+class FieldFence:
+    """The edge of the field and its holes: it counts from when the robot is inside."""
+
+    def __init__(self, bounds: FieldBounds, config: SafetyConfig, decel_mps2: float) -> None:
+        self.bounds, self._config, self._decel_mps2 = bounds, config, decel_mps2
+        self._here, self._rest, self._ahead = (_Edges(bounds) for _ in range(3))
+        self._was_inside = False
+        self._led_out: tuple[Path | None, float, bool] = None, math.nan, False
+
+    def objection(self, estimate: Estimate, drive: DriveCommand, goal: Goal) -> str:
+        along_std_m, across_std_m = _std_m(estimate)
+        believed = self._box(-self._config.fence_tolerance_m, -self._config.fence_tolerance_m)
+        box = self._box(self._growth_m(along_std_m), self._growth_m(across_std_m))
+        here = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+        at_rest = self._at_rest(here, drive)
+        if not self._was_inside:
+            self._was_inside = not self._here.touch(here, self._box(0.0, 0.0))
+            return ""
+        is_in = not self._here.touch(here, box) and not self._rest.touch(at_rest, box)
+        if is_in or self._leads_out(goal):
+            return ""
+        place = f"at East {here[0]:.2f} m, North {here[1]:.2f} m"
+        if self._here.touch(here, believed):
+            return f"beyond the edge of the field {place}; bring it back by hand"
+        if not self._rest.touch(at_rest, believed):
+            return (
+                f"too near to the edge of the field {place} for a position that is good to "
+                f"{max(along_std_m, across_std_m):.2f} m (1 sigma); wait for better GNSS, plan "
+                "with a larger --margin, or raise safety.fence_unsure_m"
+            )
+        return f"about to leave the field {place}; turn it round by hand, or check the plan"
+
+    def _growth_m(self, std_m: float) -> float:
+        config = self._config
+        return max(config.fence_sigma * std_m - config.fence_unsure_m, -config.fence_tolerance_m)
+
+    def _box(self, along_m: float, across_m: float) -> tuple[float, float, float, float]:
+        """The robot, larger by so much along and across its body."""
+        bounds = self.bounds
+        front_m = max(bounds.front_m + along_m, LEAST_HALF_M)
+        rear_m = max(bounds.rear_m + along_m, LEAST_HALF_M)
+        side_m = max(bounds.half_width_m + across_m, LEAST_HALF_M)
+        return -rear_m, front_m, -side_m, side_m
+
+    def _at_rest(
+        self, here: tuple[float, float, float], drive: DriveCommand
+    ) -> tuple[float, float, float]:
+        """The pose after braking from what is wanted now, on the same arc."""
+        v_mps, (x_m, y_m, yaw_rad) = drive.v_mps, here
+        way_m = v_mps * REACTION_S + v_mps * abs(v_mps) / (2.0 * self._decel_mps2)
+        turn_rad = drive.yaw_rate_radps * (REACTION_S if v_mps == 0.0 else way_m / v_mps)
+        course_rad = yaw_rad + turn_rad / 2.0
+        return (
+            x_m + way_m * math.cos(course_rad), y_m + way_m * math.sin(course_rad),
+            yaw_rad + turn_rad,
+        )  # fmt: skip
+
+    def _leads_out(self, goal: Goal) -> bool:
+        """Whether the way itself, which was checked before, leaves the field near here."""
+        path = goal.path
+        if path is None:
+            return False
+        known_path, known_m, is_out = self._led_out
+        if path is known_path and abs(goal.s_m - known_m) < AWAY_STEP_M:
+            return is_out
+        box = self._box(-self._config.fence_tolerance_m, -self._config.fence_tolerance_m)
+        first, last = np.searchsorted(path.s_m, (goal.s_m - AWAY_M, goal.s_m + AWAY_M)).tolist()
+        step = max(1, round(AWAY_STEP_M / 0.02))
+        is_out = any(
+            self._ahead.touch((*path.xy_map_m[i].tolist(), float(path.yaw_map_rad[i])), box)
+            for i in range(first, min(last + 1, len(path.s_m)), step)
+        )
+        self._led_out = path, goal.s_m, is_out
+        return is_out
+
+
+def _std_m(estimate: Estimate) -> tuple[float, float]:
+    """1 sigma of the position along the body and across it."""
+    xx, xy, _, _, yy, *_ = estimate.pose_cov
+    cos, sin = math.cos(estimate.yaw_map_rad), math.sin(estimate.yaw_map_rad)
+    return std_along_m((xx, xy, yy), (cos, sin)), std_along_m((xx, xy, yy), (-sin, cos))

@@ -1,0 +1,100 @@
+"""Do clock, wheel encoders and IMU speak, and do they speak in numbers? How is the robot tilted?"""
+
+from __future__ import annotations
+
+import math
+
+from agribot.core.config import SafetyConfig
+from agribot.core.messages import SensorBatch, Vec3
+
+TILT_FILTER_S = 0.5  # driving over clods shakes the accelerometer; a fall lasts longer
+MAX_DT_S = 0.1
+FROZEN_TICKS = 5  # ticks at the same time: a clock that stands
+
+
+class SensorWatch:
+    """Listens to every batch; each question is answered in words, empty where all is well."""
+
+    def __init__(self, config: SafetyConfig) -> None:
+        self._config = config
+        self._t_s = math.nan
+        self._frozen_ticks = 0
+        self._wheel_t_s = self._imu_t_s = -math.inf
+        self._wheels_rad = 0.0
+        self._up = (0.0, 0.0, 0.0)
+        self.dt_s = 0.0
+        self.clock_fault = ""
+
+    def listen(self, batch: SensorBatch) -> None:
+        self._read_clock(batch.t_s)
+        if batch.wheels:
+            self._wheel_t_s = batch.wheels[-1].t_s
+            self._wheels_rad = sum(batch.wheels[-1].angle_rad)
+        for sample in batch.imu:
+            self._up = self._smooth(sample.accel_mps2, sample.t_s - self._imu_t_s)
+            self._imu_t_s = sample.t_s
+
+    @property
+    def tilt_rad(self) -> float:
+        x, y, z = self._up
+        return math.atan2(math.hypot(x, y), z)
+
+    def unheard(self) -> str:
+        """A sensor that never spoke, as before the robot is ready."""
+        for name, heard_s in self._heard():
+            if heard_s == -math.inf:
+                since = "have" if name.endswith("s") else "has"
+                return f"{name} {since} not reported yet; check cable and power"
+        return ""
+
+    def silence(self, t_s: float) -> str:
+        """A sensor that spoke and does not any more, or not in numbers."""
+        limit_s = self._config.sensor_timeout_s
+        for name, heard_s in self._heard():
+            silent_s = t_s - heard_s
+            if heard_s != -math.inf and not silent_s <= limit_s:
+                return f"{name} silent for {silent_s:.2f} s > {limit_s:.2f} s; check the cable"
+        if not math.isfinite(sum(self._up)):
+            return "IMU reports a number that is none; check the sensor"
+        if not math.isfinite(self._wheels_rad):
+            return "wheel encoders report a number that is none; check the sensors"
+        return ""
+
+    def tilt(self) -> str:
+        tilt_rad, limit_rad = self.tilt_rad, self._config.max_tilt_rad
+        if tilt_rad <= limit_rad:
+            return ""
+        return f"tilted by {tilt_rad:.2f} rad > {limit_rad:.2f} rad; drive it down by hand"
+
+    def _heard(self) -> tuple[tuple[str, float], tuple[str, float]]:
+        return ("wheel encoders", self._wheel_t_s), ("IMU", self._imu_t_s)
+
+    def _read_clock(self, t_s: float) -> None:
+        dt_s, limit_s = t_s - self._t_s, self._config.clock_jump_s
+        self._frozen_ticks = self._frozen_ticks + 1 if dt_s == 0.0 else 0
+        self.clock_fault = ""
+        if not math.isfinite(t_s):
+            self.clock_fault = f"the clock reads {t_s}; check the time source"
+        elif dt_s < 0.0:
+            self.clock_fault = f"the clock went back by {-dt_s:.2f} s; check the time source"
+        elif dt_s > limit_s:
+            self.clock_fault = (
+                f"the clock jumped by {dt_s:.2f} s > {limit_s:.2f} s, or the robot's program stood "
+                "still; check the time source and the load of the computer"
+            )
+        elif self._frozen_ticks >= FROZEN_TICKS:
+            self.clock_fault = f"the clock stands still at {t_s:.2f} s; check the time source"
+        self.dt_s = min(max(dt_s, 0.0), MAX_DT_S) if math.isfinite(dt_s) else 0.0
+        if math.isfinite(t_s):
+            self._t_s = t_s
+            # What was heard in a future that is none was heard now at the latest.
+            self._wheel_t_s, self._imu_t_s = min(self._wheel_t_s, t_s), min(self._imu_t_s, t_s)
+
+    def _smooth(self, accel_mps2: Vec3, dt_s: float) -> Vec3:
+        """Low pass of the specific force; one that was lost to a bad value starts afresh."""
+        x, y, z = self._up
+        if not math.isfinite(x + y + z) or not math.isfinite(dt_s):
+            return accel_mps2
+        gain = min(max(dt_s, 0.0) / TILT_FILTER_S, 1.0)
+        ax, ay, az = accel_mps2
+        return (x + gain * (ax - x), y + gain * (ay - y), z + gain * (az - z))

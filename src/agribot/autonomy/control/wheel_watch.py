@@ -1,0 +1,260 @@
+"""Command against motion: do the wheels, and the gyro, do what the motors were told?
+
+The motor board's ramps are followed from what was sent; what a wheel may do meanwhile lies
+between the slowest and the fastest of the last moments, so that a delay of that length is no
+fault, nor is a board without ramps. Encoders are compared in angles over 0.1 s, which whole ticks
+of an encoder do not disturb.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from agribot.core.messages import WHEEL_NAMES, DriveCommand, Four, SensorBatch, WheelSample
+from agribot.core.robot import DriveSpec
+
+SPAN_S = 0.1
+LASTING_S = 0.4  # a wheel that jerks free or spins up on a clod is over sooner
+# Encoders may be slower than the ticks: a sample tells of the time since the last one, yet no two
+# alone make a fault.
+MOST_OF_ONE_S = LASTING_S / 2.0
+TOLERANCE_RADPS, TOLERANCE_RATIO = 0.6, 0.3
+STANDS_RATIO = 0.15
+# A skidding robot turns by 0.55 to 1.5 of what its wheels say, and a little where one side slips.
+YAW_TOLERANCE_RADPS, YAW_LOW_RATIO, YAW_HIGH_RATIO = 0.24, 0.2, 0.5
+YAW_LASTING_S = 0.6
+FROZEN_S = 0.5
+TURNING_RADPS = 0.6
+# A motor without current gives no torque at all: its wheel rolls along and its encoder looks well.
+# One that the others carry along for a moment passes through zero, but does not stay there.
+DEAD_RATIO, WORKING_RATIO, DEAD_LASTING_S = 1e-6, 2e-3, 0.5
+WORDS = {
+    "right_wheel_R": "right rear", "left_wheel_R": "left rear",
+    "right_wheel_F": "right front", "left_wheel_F": "left front",
+}  # fmt: skip
+SIDES = {(0, 2): "right wheels", (1, 3): "left wheels", (0, 1, 2, 3): "wheels"}
+
+
+class _Told(NamedTuple):
+    """Wheel speeds that the board drives at a time."""
+
+    t_s: float
+    right_radps: float
+    left_radps: float
+
+
+class Found(NamedTuple):
+    """Faults in words, empty where there is none.
+
+    `wheels` go where nobody told them; `doubt` is what a person who drives need not mind, but who
+    relies on odometry and gyro must. `runaway` are wheels that turn on though they are to stand.
+    """
+
+    wheels: str = ""
+    doubt: str = ""
+    runaway: str = ""
+
+
+class WheelWatch:
+    """One call a tick, with what was sent in the tick before."""
+
+    def __init__(self, drive: DriveSpec, delay_s: float) -> None:
+        """`delay_s` is that of command and encoder together which is no fault."""
+        self._drive, self._delay_s = drive, delay_s
+        self._max_radps = 3.0 * drive.max_speed_mps / drive.wheel_radius_m
+        self._v_mps = self._yaw_rate_radps = 0.0
+        self._told: deque[_Told] = deque()
+        self._read: deque[WheelSample] = deque()
+        self._off_s = [0.0] * 4
+        self._is_driven = [False] * 4  # by its motor, since the wheel last stood
+        self._runaway = ""
+        self._dead_s = [0.0] * 4
+        self._yaw_off_s = 0.0
+        self._unjudged_s = 0.0  # since the last tick that brought a wheel sample
+        self._gyro_radps: deque[tuple[float, float]] = deque()
+        self._imu: tuple[float, ...] = ()
+        self._imu_changed_s = -math.inf
+
+    def watch(self, sent: DriveCommand, batch: SensorBatch, dt_s: float) -> Found:
+        self._follow_board(sent, batch.t_s, dt_s)
+        self._read.extend(batch.wheels)
+        self._hear_imu(batch)
+        self._unjudged_s = min(self._unjudged_s + dt_s, MOST_OF_ONE_S)
+        if not batch.wheels:
+            return Found(runaway=self._runaway)
+        elapsed_s, self._unjudged_s = self._unjudged_s, 0.0
+        speeds = self._measured()
+        if speeds is None:
+            return Found()
+        wheels = self._wrong_wheels(speeds, elapsed_s)
+        doubts = (
+            self._dead_motor(batch.wheels[-1], elapsed_s),
+            self._frozen_imu(speeds, batch),
+            self._wrong_turn(speeds, elapsed_s),
+        )
+        self._runaway = wheels if self._runs_on else ""
+        return Found(wheels, next(filter(None, doubts), ""), self._runaway)
+
+    def _follow_board(self, sent: DriveCommand, t_s: float, dt_s: float) -> None:
+        drive, told = self._drive, self._told
+        self._v_mps = _toward(self._v_mps, sent.v_mps, drive.max_accel_mps2 * dt_s)
+        self._yaw_rate_radps = _toward(
+            self._yaw_rate_radps, sent.yaw_rate_radps, drive.max_yaw_accel_radps2 * dt_s
+        )
+        for v_mps, yaw_rate_radps in (
+            (sent.v_mps, sent.yaw_rate_radps),  # a board without ramps is there at once
+            (self._v_mps, self._yaw_rate_radps),
+        ):
+            left, right = drive.wheel_speeds_radps(v_mps, yaw_rate_radps)
+            told.append(_Told(t_s, right, left))
+        while len(told) > 2 and not 0.0 <= t_s - told[0].t_s <= self._delay_s:
+            told.popleft()
+
+    def _measured(self) -> Four | None:
+        """Mean speed of each wheel over the last 0.1 s; None where there is none yet."""
+        read = self._read
+        while len(read) > 2 and not 0.0 < read[-1].t_s - read[1].t_s <= SPAN_S:
+            read.popleft()
+        first, last = read[0], read[-1]
+        span_s = last.t_s - first.t_s
+        if not 0.0 < span_s < 5.0 * SPAN_S:
+            if len(read) > 1:
+                read.popleft()
+            return None
+        a, b, c, d = (
+            (after - before) / span_s
+            for before, after in zip(first.angle_rad, last.angle_rad, strict=True)
+        )
+        top = self._max_radps
+        if not (abs(a) < top and abs(b) < top and abs(c) < top and abs(d) < top):
+            return last.speed_radps  # the encoder began to count anew
+        return a, b, c, d
+
+    def _wrong_wheels(self, speeds: Four, elapsed_s: float) -> str:
+        rights = [told.right_radps for told in self._told]
+        lefts = [told.left_radps for told in self._told]
+        bounds = ((min(rights), max(rights)), (min(lefts), max(lefts)))
+        is_lasting = False
+        for k, speed in enumerate(speeds):
+            low, high = bounds[k % 2]
+            tolerance = TOLERANCE_RADPS + TOLERANCE_RATIO * max(abs(low), abs(high))
+            is_off = not low - tolerance <= speed <= high + tolerance
+            self._off_s[k] = self._off_s[k] + elapsed_s if is_off else 0.0
+            self._is_driven[k] = low != 0.0 or high != 0.0 or (self._is_driven[k] and is_off)
+            is_lasting = is_lasting or self._off_s[k] > LASTING_S
+        if not is_lasting:
+            return ""
+        now = self._told[-1]
+        return _describe(
+            tuple(k for k in range(4) if self._off_s[k] > 0.0), speeds,
+            (now.right_radps, now.left_radps),
+        )  # fmt: skip
+
+    @property
+    def _runs_on(self) -> bool:
+        """Whether a driven wheel never came to stand; one that people push had stood before."""
+        is_to_stand = not any(told.right_radps or told.left_radps for told in self._told)
+        lasting = (off_s > LASTING_S for off_s in self._off_s)
+        return is_to_stand and any(
+            is_driven and is_off for is_driven, is_off in zip(self._is_driven, lasting, strict=True)
+        )
+
+    def _dead_motor(self, read: WheelSample, elapsed_s: float) -> str:
+        """Only boards that tell the torque of each wheel show it."""
+        efforts, torque_nm = read.effort_nm, self._drive.wheel_torque_nm
+        told = self._told[-1]
+        if efforts is None or abs(told.right_radps + told.left_radps) / 2.0 < TURNING_RADPS:
+            self._dead_s = [0.0] * 4
+            return ""
+        total_nm = sum(abs(effort) for effort in efforts)
+        for k, effort in enumerate(efforts):
+            if abs(effort) > DEAD_RATIO * torque_nm:
+                self._dead_s[k] = 0.0
+            elif total_nm > 3.0 * WORKING_RATIO * torque_nm:
+                self._dead_s[k] += elapsed_s
+            if self._dead_s[k] > DEAD_LASTING_S:
+                return (
+                    f"{WORDS[WHEEL_NAMES[k]]} motor gives no torque while the others work; check "
+                    "it and its cable"
+                )
+        return ""
+
+    def _hear_imu(self, batch: SensorBatch) -> None:
+        for sample in batch.imu:
+            self._gyro_radps.append((sample.t_s, sample.gyro_radps[2]))
+            value = (*sample.gyro_radps, *sample.accel_mps2)
+            if value != self._imu:
+                self._imu, self._imu_changed_s = value, sample.t_s
+
+    def _frozen_imu(self, speeds: Four, batch: SensorBatch) -> str:
+        if not batch.imu or min(abs(speed) for speed in speeds) < TURNING_RADPS:
+            self._imu_changed_s = max(self._imu_changed_s, batch.t_s - SPAN_S)
+            return ""
+        same_s = batch.imu[-1].t_s - self._imu_changed_s
+        if not same_s > FROZEN_S:
+            return ""
+        return f"IMU repeats the same numbers for {same_s:.2f} s while the wheels turn; restart it"
+
+    def _wrong_turn(self, speeds: Four, elapsed_s: float) -> str:
+        gyro = self._gyro_radps
+        while gyro and not 0.0 <= self._read[-1].t_s - gyro[0][0] <= SPAN_S:
+            gyro.popleft()
+        if not gyro:
+            self._yaw_off_s = 0.0
+            return ""
+        rate_radps = sum(rate for _, rate in gyro) / len(gyro)
+        drive = self._drive
+        across_radps = (speeds[0] + speeds[2] - speeds[1] - speeds[3]) / 2.0
+        wheels_radps = across_radps * drive.wheel_radius_m / drive.effective_separation_m
+        tolerance = max(
+            YAW_TOLERANCE_RADPS + YAW_LOW_RATIO * abs(wheels_radps),
+            YAW_HIGH_RATIO * abs(wheels_radps),
+        )
+        is_off = abs(rate_radps - wheels_radps) > tolerance
+        if not any(self._off_s):  # else it may be a wheel's fault, which is told by name
+            self._yaw_off_s = self._yaw_off_s + elapsed_s if is_off else 0.0
+        if self._yaw_off_s <= YAW_LASTING_S:
+            return ""
+        return (
+            f"the gyro says {rate_radps:+.2f} rad/s, the wheels {wheels_radps:+.2f} rad/s; check "
+            "the gyro, and whether the robot is stuck"
+        )
+
+
+def name_motors(faults: Sequence[str]) -> str:
+    """Motors that a board reports to be at fault, for people."""
+    words = [WORDS.get(name, name) for name in faults]
+    plural = "s report a fault; check them" if len(words) > 1 else " reports a fault; check it"
+    return f"{' and '.join(words)} motor{plural} and the cable"
+
+
+def _describe(off: tuple[int, ...], speeds: Four, told: tuple[float, float]) -> str:
+    """Which wheels do what instead of what."""
+    wanted = sum(told[k % 2] for k in off) / len(off)
+    speed = sum(speeds[k] for k in off) / len(off)
+    right, left = (speeds[0] + speeds[2]) / 2.0, (speeds[1] + speeds[3]) / 2.0
+    turn, wanted_turn = right - left, told[0] - told[1]
+    is_swapped = turn * wanted_turn < 0.0 and abs(turn + wanted_turn) < abs(turn) / 2.0
+    gets_on = abs(right + left - told[0] - told[1]) < abs(wanted_turn)
+    if len(off) > 1 and is_swapped and gets_on:
+        return "the robot turns the other way than told; check that no motors are swapped"
+    is_one = len(off) == 1
+    words = " and ".join(WORDS[WHEEL_NAMES[k]] for k in off)
+    name = SIDES.get(off) or f"{words} wheel{'' if is_one else 's'}"
+    if abs(speed) < STANDS_RATIO * abs(wanted):
+        what = "does not turn" if is_one else "do not turn"
+    elif speed * wanted < 0.0:
+        what = "turns backwards" if is_one else "turn backwards"
+    else:
+        pace = "fast" if abs(speed) > abs(wanted) else "slowly"
+        what = f"turns too {pace}" if is_one else f"turn too {pace}"
+    return (
+        f"{name} {what}: {speed:.1f} rad/s instead of {wanted:.1f}; check motor, gear and encoder"
+    )
+
+
+def _toward(value: float, target: float, step: float) -> float:
+    return value + min(max(target - value, -step), step)

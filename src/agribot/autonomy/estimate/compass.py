@@ -1,0 +1,209 @@
+"""Heading from the magnetometer: tilt, declination, hard iron and noise that nobody specified."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections import Counter
+
+from agribot.autonomy.estimate.ekf import GYRO_BIAS, MAG_BIAS, YAW, Ekf
+from agribot.autonomy.estimate.gate import Gate
+from agribot.autonomy.estimate.history import MotionHistory
+from agribot.autonomy.estimate.mag_fit import Level, MagCalibration, MagFit
+from agribot.autonomy.estimate.start import StartMark
+from agribot.core.config import EstimateConfig
+from agribot.core.geo import wrap_rad
+from agribot.core.messages import MagSample, Vec3
+
+# The first heading is the mean of this many samples.
+FIRST_SAMPLES = 8
+# Hard iron turns with the robot: after about a radian the old bias says little about the new.
+BIAS_MEMORY_RAD = 1.0
+# Once that is learnt, the mount's share stays; what the fit and the motors leave over turns.
+LEARNT_MEMORY_RAD = 10.0
+# Soft iron, motor currents and things beside the track change it in place.
+BIAS_MEMORY_S = 120.0
+# Weight of a new sample in the running noise estimate, and the largest jump that counts.
+NOISE_WEIGHT = 0.1
+MAX_JUMP_RAD = 1.0
+# Heading good enough to learn iron from: the compass alone never gets there.
+REFERENCE_STD_RAD = math.radians(2.0)
+# On a slope the field's vertical part and the iron's come in as well, and the ellipse is none.
+LEVEL_COSINE = math.cos(math.radians(4.0))
+# Without iron the heading is off by how the sensor is mounted.
+MOUNT_STD_RAD = math.radians(3.0)
+
+
+def level_field(field_t: Vec3, up_body: Vec3) -> Level | None:
+    """The horizontal field ahead and to the left of the body; None where there is none."""
+    # The body's x axis laid flat, and left of it, both written in body axes.
+    ux, uy, uz = up_body
+    norm = math.hypot(uy, uz)
+    if norm < 0.1:
+        return None
+    forward = (norm, -ux * uy / norm, -ux * uz / norm)
+    left = (0.0, uz / norm, -uy / norm)
+    ahead_t = sum(a * b for a, b in zip(field_t, forward, strict=True))
+    left_t = sum(a * b for a, b in zip(field_t, left, strict=True))
+    total = math.hypot(*field_t)
+    if not math.isfinite(total) or math.hypot(ahead_t, left_t) <= 1e-3 * total:
+        return None
+    return ahead_t, left_t
+
+
+def yaw_from_field(field_t: Vec3, up_body: Vec3, declination_rad: float) -> float | None:
+    """Yaw of the body in the map; None where the field has no horizontal part.
+
+    The declination is that of magnetic North, positive to the East.
+    """
+    level_t = level_field(field_t, up_body)
+    return None if level_t is None else yaw_of(level_t, declination_rad)
+
+
+def yaw_of(level_t: Level, declination_rad: float) -> float:
+    return wrap_rad(math.pi / 2.0 - declination_rad - math.atan2(level_t[1], level_t[0]))
+
+
+class NoiseMeter:
+    """White noise of a heading from the jumps between neighbours.
+
+    The difference of two samples, both turned back by the gyro, cancels heading and slow bias
+    alike and keeps twice the white variance; it does not depend on the filter's own opinion.
+    """
+
+    def __init__(self, floor_std_rad: float) -> None:
+        self._floor = floor_std_rad**2
+        self._variance = self._floor
+        self._last_rad: float | None = None
+        self._count = 0
+
+    @property
+    def variance(self) -> float:
+        return max(self._variance, self._floor)
+
+    def add(self, heading_rad: float) -> None:
+        if self._last_rad is not None:
+            jump_rad = min(abs(wrap_rad(heading_rad - self._last_rad)), MAX_JUMP_RAD)
+            self._count += 1
+            weight = max(NOISE_WEIGHT, 1.0 / self._count)
+            self._variance += weight * (jump_rad * jump_rad / 2.0 - self._variance)
+        self._last_rad = heading_rad
+
+
+class Compass:
+    """Gives the filter its first heading, then slow corrections of it."""
+
+    def __init__(
+        self,
+        ekf: Ekf,
+        history: MotionHistory,
+        config: EstimateConfig,
+        declination_rad: float,
+        start: StartMark,
+        rejected: Counter[str],
+    ) -> None:
+        self.is_ready = False
+        self.misplaced = ""
+        self._start = start
+        self._ekf = ekf
+        self._history = history
+        self._declination_rad = declination_rad
+        self._bias_std_rad = config.mag_bias_std_rad
+        self._noise = NoiseMeter(config.mag_std_rad)
+        self._set = MagCalibration(offset_t=config.mag_offset_t, shape=config.mag_shape)
+        self._learns = config.mag_learn
+        self._fit = MagFit()
+        self._learnt: MagCalibration | None = None
+        self._gate = Gate(config.gate_sigma, config.recover_after)
+        self._rejected = rejected
+        self._first_sum = 0j
+        self._first_count = 0
+        self._last_t_s = -math.inf
+
+    def update(self, sample: MagSample, up_body: Vec3) -> None:
+        level_t = level_field(sample.field_t, up_body)
+        now, then = self._history.newest, self._history.at(sample.t_s)
+        if level_t is None or not math.isfinite(sample.t_s):
+            self._rejected["mag not usable"] += 1
+        elif sample.t_s <= self._last_t_s:
+            self._rejected["mag out of order"] += 1
+        elif now is None or then is None:
+            self._rejected["mag without odometry"] += 1
+        else:
+            self._last_t_s = sample.t_s
+            is_level = up_body[2] > LEVEL_COSINE
+            level_t = self._iron_free(level_t, then.yaw_rad - now.yaw_rad, is_level=is_level)
+            yaw_rad = yaw_of(level_t, self._declination_rad)
+            self._noise.add(yaw_rad - then.yaw_rad)
+            if self.is_ready:
+                self._correct(yaw_rad + now.yaw_rad - then.yaw_rad)
+            else:
+                self._begin(yaw_rad - then.yaw_rad, now.yaw_rad)
+
+    def _iron_free(self, level_t: Level, back_rad: float, *, is_level: bool) -> Level:
+        """Without the robot's own iron, as it is set and as it is learnt while others know better.
+
+        `back_rad` is how far the robot has turned since, backwards.
+        """
+        level_t = self._set.corrected(level_t)
+        if not self._learns:
+            return level_t
+        ekf = self._ekf
+        if is_level and self.is_ready and ekf.cov[YAW, YAW] < REFERENCE_STD_RAD**2:
+            north_rad = math.pi / 2.0 - self._declination_rad - (ekf.x[YAW] + back_rad)
+            if self._fit.add(level_t, north_rad):
+                self._learn()
+        return level_t if self._learnt is None else self._learnt.corrected(level_t)
+
+    def _learn(self) -> None:
+        fitted = self._fit.solved()
+        if fitted is None or fitted.complaints():
+            return
+        if self._learnt is None:  # what the bias was of is gone but for the mount
+            self._bias_std_rad = min(self._bias_std_rad, MOUNT_STD_RAD)
+            self._ekf.reset(MAG_BIAS, 0.0, self._bias_std_rad**2)
+        self._learnt = fitted.calibration
+
+    def _begin(self, offset_rad: float, turned_rad: float) -> None:
+        """Collect headings, each turned back to the start of the odometry; then set the yaw.
+
+        Where the start is marked, the mark sets it, and the headings show the compass' bias.
+        """
+        self._first_sum += cmath.rect(1.0, offset_rad)
+        self._first_count += 1
+        if self._first_count < FIRST_SAMPLES:
+            return
+        yaw_rad = wrap_rad(cmath.phase(self._first_sum) + turned_rad)
+        bias_rad2 = self._ekf.cov[GYRO_BIAS, GYRO_BIAS]
+        variance = self._noise.variance / self._first_count + float(bias_rad2)
+        residual_rad = 0.0
+        marked_rad = self._start.yaw_map_rad
+        if marked_rad is None:
+            self._ekf.reset(YAW, yaw_rad, math.pi**2)
+        else:
+            self._ekf.reset(YAW, wrap_rad(marked_rad + turned_rad), self._start.yaw_std_rad**2)
+            residual_rad = wrap_rad(yaw_rad - self._ekf.x[YAW])
+            compass_std_rad = math.sqrt(variance + self._bias_std_rad**2)
+            self.misplaced = self._start.heading_fault(residual_rad, compass_std_rad)
+        self._ekf.reset(MAG_BIAS, 0.0, self._bias_std_rad**2)
+        self._ekf.update(((YAW, 1.0), (MAG_BIAS, 1.0)), residual_rad, variance)
+        self.is_ready = True
+
+    def _correct(self, yaw_rad: float) -> None:
+        row = ((YAW, 1.0), (MAG_BIAS, 1.0))
+        ekf = self._ekf
+        residual_rad = wrap_rad(yaw_rad - ekf.x[YAW] - ekf.x[MAG_BIAS])
+        variance = self._noise.variance
+        verdict = self._gate.judge(ekf.update(row, residual_rad, variance, self._gate.limit))
+        if verdict == "reject":
+            self._rejected["mag outlier"] += 1
+        elif verdict == "recover":
+            # The gyro carries the heading; what jumped is the field around the robot.
+            ekf.inflate(MAG_BIAS, residual_rad**2)
+            ekf.update(row, residual_rad, variance)
+
+    def ageing(self, dt_s: float, turn_abs_rad: float) -> tuple[int, float, float]:
+        """How the bias ages, as Ekf.relax takes it; its spread stays what the config believes."""
+        memory_rad = BIAS_MEMORY_RAD if self._learnt is None else LEARNT_MEMORY_RAD
+        factor = math.exp(-dt_s / BIAS_MEMORY_S - turn_abs_rad / memory_rad)
+        return MAG_BIAS, factor, self._bias_std_rad**2 * (1.0 - factor * factor)

@@ -1,0 +1,259 @@
+"""Crop plants that the camera sees, as corrections of the pose: they stand on known rows.
+
+One plant on a row tells how far off the row the robot believes it is; several, or one seen from
+two places, tell its heading too. Where the field knows its plant spacing, or a row's end is in
+view, plants also tell how far along the row the robot is. Rows look alike: whoever is off by
+half a pitch counts the wrong one, so plants are only used while the pose can tell rows apart.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import NamedTuple
+
+from agribot.autonomy.estimate.contradiction import Contradiction
+from agribot.autonomy.estimate.ekf import YAW, Ekf, Row, X, Y
+from agribot.autonomy.estimate.field_rows import FieldRows, RowFrame
+from agribot.autonomy.estimate.history import Motion, MotionHistory
+from agribot.autonomy.estimate.row_agreement import RowAgreement
+from agribot.autonomy.estimate.row_model import TELLS_APART_RATIO as TELLS_ROWS_APART_RATIO
+from agribot.core.config import EstimateConfig, FieldConfig
+from agribot.core.messages import GroundPlant, PlantClass, Scene
+
+# A drill sets plants about this far off their line, and off their place in it.
+PLANTING_STD_M = 0.02
+# Pitch and roll of the robot shift all plants of a frame together: 0.3 degrees at 1.3 m.
+FRAME_STD_M = 0.015
+# News comes with distance, not with frames: what the network makes of a plant changes soon as the
+# robot moves, how far the plant stands off its place not before the plant has passed by.
+LOOK_MEMORY_M, PLANTING_MEMORY_M = 0.05, 0.4
+MIN_MOVED_M = 0.005
+# The pose can tell plants of a row apart up to this share of their distance, 1 sigma.
+TELLS_PLANTS_APART_RATIO = 0.2
+# Fragments of weeds taken for crop are smaller than the crop of the field by far.
+MIN_SIZE_RATIO, SIZE_WEIGHT = 0.2, 0.1
+# What is too small counts a little all the same, so that a few giants cannot shut out the crop.
+SMALL_WEIGHT = 0.002
+# A plant farther outside the rows than this is none of theirs.
+BEYOND_M = 0.6
+# A row ends where nothing more grows for this long within the view.
+END_GAP_M = 0.4
+END_STD_M = 0.05
+RECOVERY_YAW_RAD = math.radians(3.0)
+
+
+class Sighting(NamedTuple):
+    """A crop in the map as the filter places it; `lever_m` is its offset from the pose's anchor.
+
+    `std_m` is the error of this one look, `variance_m2` the larger one that makes looks at the
+    same plant together no better than they are.
+    """
+
+    plant: GroundPlant
+    at: RowFrame
+    lever_m: tuple[float, float]
+    std_m: float
+    variance_m2: float
+
+
+class View(NamedTuple):
+    """Pose of the body at the capture, and the way since the last frame."""
+
+    x_m: float
+    y_m: float
+    cos: float
+    sin: float
+    moved_m: float
+
+
+class CropRows:
+    """Corrects the filter by the crops of each scene; `rejected` counts what could not serve."""
+
+    def __init__(
+        self,
+        ekf: Ekf,
+        history: MotionHistory,
+        config: EstimateConfig,
+        field: FieldConfig,
+        rejected: Counter[str],
+        agreement: RowAgreement,
+    ) -> None:
+        self._agreement = agreement
+        self._ekf = ekf
+        self._history = history
+        self._field = FieldRows(field)
+        self._gate2 = config.row_gate_sigma**2
+        self._rejected = rejected
+        self._contradiction = Contradiction()
+        self._last: Motion | None = None
+        self._crop_area_m2 = 0.0
+        self.fitted = 0  # pictures with crop that stands on the row under the robot
+        self._seen_t_s = -math.inf
+
+    def see(self, scene: Scene) -> None:
+        now, then = self._history.newest, self._history.at(scene.t_s)
+        if now is None or then is None:
+            self._rejected["scene without odometry"] += 1
+            return
+        last, self._last = self._last, then
+        if last is None or then.t_s <= last.t_s:
+            self._rejected["scene first or out of order"] += 1
+            return
+        moved_m = math.hypot(then.x_m - last.x_m, then.y_m - last.y_m)
+        if moved_m < MIN_MOVED_M:
+            self._last = last  # creeping adds up to a move
+            return
+        self._seen_t_s = scene.t_s
+        crops = self._crops(scene)
+        accepted: list[Sighting] = []
+        for plant in crops:
+            view = self._view(now, then, moved_m)
+            sighting = self._place(plant, view, now, then, len(crops))
+            if self._correct(sighting):
+                accepted.append(sighting)
+        view = self._view(now, then, moved_m)
+        self.fitted += self._is_own_row(accepted, view)
+        if accepted and self._field.spacing_m is None:
+            self._correct_by_ends(accepted, scene, view)
+
+    def _is_own_row(self, crops: list[Sighting], view: View) -> bool:
+        """Whether one stands on the row that the robot drives over, not on one beside it."""
+        row, _ = self._field.row_at(self._field.at(view.x_m, view.y_m).right_m)
+        return any(self._field.row_at(crop.at.right_m)[0] == row for crop in crops)
+
+    def _crops(self, scene: Scene) -> list[GroundPlant]:
+        """The crops of a scene without those far too small, nearest first."""
+        crops = []
+        for plant in sorted(
+            (p for p in scene.plants if p.plant is PlantClass.CROP), key=lambda p: -p.area_m2
+        ):
+            if not math.isfinite(plant.x_body_m + plant.y_body_m + plant.std_m + plant.area_m2):
+                self._rejected["crop not finite"] += 1
+            elif plant.area_m2 < MIN_SIZE_RATIO * self._crop_area_m2:
+                self._rejected["crop too small"] += 1
+                self._crop_area_m2 += SMALL_WEIGHT * (plant.area_m2 - self._crop_area_m2)
+            else:
+                change_m2 = plant.area_m2 - self._crop_area_m2
+                weight = SIZE_WEIGHT if self._crop_area_m2 else 1.0
+                self._crop_area_m2 += weight * change_m2
+                crops.append(plant)
+        return sorted(crops, key=lambda p: math.hypot(p.x_body_m, p.y_body_m))
+
+    def _view(self, now: Motion, then: Motion, moved_m: float) -> View:
+        x = self._ekf.x
+        yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
+        return View(
+            x[X] - (now.x_m - then.x_m),
+            x[Y] - (now.y_m - then.y_m),
+            math.cos(yaw_rad),
+            math.sin(yaw_rad),
+            moved_m,
+        )
+
+    def _place(
+        self, plant: GroundPlant, view: View, now: Motion, then: Motion, together: int
+    ) -> Sighting:
+        arm_x = view.cos * plant.x_body_m - view.sin * plant.y_body_m
+        arm_y = view.sin * plant.x_body_m + view.cos * plant.y_body_m
+        at = self._field.at(view.x_m + arm_x, view.y_m + arm_y)
+        lever_m = (arm_x - (now.x_m - then.x_m), arm_y - (now.y_m - then.y_m))
+        look_m2 = plant.std_m**2 + together * FRAME_STD_M**2
+        variance_m2 = look_m2 * _repeats(LOOK_MEMORY_M, view.moved_m)
+        variance_m2 += PLANTING_STD_M**2 * _repeats(PLANTING_MEMORY_M, view.moved_m)
+        std_m = math.sqrt(look_m2 + PLANTING_STD_M**2)
+        return Sighting(plant, at, lever_m, std_m, variance_m2)
+
+    def _correct(self, seen: Sighting) -> bool:
+        """Use one crop, across the row and where possible along it; False: it does not fit."""
+        field, ekf, at = self._field, self._ekf, seen.at
+        _, row_right_m = field.row_at(at.right_m)
+        if not -BEYOND_M <= at.along_m <= field.length_m + BEYOND_M:
+            self._rejected["crop beyond the rows"] += 1
+            return False
+        across = _row(at.right, seen.lever_m)
+        off_m = row_right_m - at.right_m
+        across_m2 = ekf.project(across)[1]
+        if across_m2 > (TELLS_ROWS_APART_RATIO * field.pitch_m) ** 2:
+            self._rejected["row ambiguous"] += 1
+            return False
+        fits = off_m * off_m <= self._gate2 * (across_m2 + seen.std_m**2)
+        along = _row(at.forward, seen.lever_m)
+        along_m2 = ekf.project(along)[1]
+        slot, ahead_m = field.slot_at(at.along_m, at.stretch), 0.0
+        if slot is not None and field.spacing_m is not None:
+            if along_m2 > (TELLS_PLANTS_APART_RATIO * field.spacing_m) ** 2:
+                slot = None
+            else:
+                ahead_m = (slot[1] - at.along_m) * at.stretch
+                fits = fits and ahead_m**2 <= self._gate2 * (along_m2 + seen.std_m**2)
+        if not fits:
+            self._rejected["crop off its row"] += 1
+            self._recover(seen, across, off_m)
+            return False
+        self._contradiction.settle()
+        self._agreement.hold(self._seen_t_s)
+        ekf.update(across, off_m, seen.variance_m2)
+        if slot is not None:
+            # The first correction has moved the robot a little along the row, too.
+            ekf.update(along, ahead_m, seen.variance_m2)
+        return True
+
+    def _recover(self, seen: Sighting, across: Row, off_m: float) -> None:
+        """When plant after plant is off by the same amount, it is the pose that is wrong."""
+        wrong_m = self._contradiction.add(seen.at.along_m, seen.at.right_m, off_m)
+        if wrong_m is None:
+            return
+        self._agreement.testify(self._seen_t_s, wrong_m)
+        right_x, right_y = seen.at.right
+        ekf = self._ekf
+        ekf.inflate(X, (wrong_m * right_x) ** 2)
+        ekf.inflate(Y, (wrong_m * right_y) ** 2)
+        ekf.inflate(YAW, RECOVERY_YAW_RAD**2)
+        ekf.update(across, off_m, seen.std_m**2)
+        self._rejected["rows found again"] += 1
+
+    def _correct_by_ends(self, crops: list[Sighting], scene: Scene, view: View) -> None:
+        """The outermost plant of a row in view, with bare ground after it, is the row's end."""
+        field, ekf = self._field, self._ekf
+        for row in sorted({field.row_at(crop.at.right_m)[0] for crop in crops}):
+            mine = [crop for crop in crops if field.row_at(crop.at.right_m)[0] == row]
+            for sign, end_m in ((1.0, field.length_m), (-1.0, 0.0)):
+                last = max(mine, key=lambda crop: sign * crop.at.along_m)
+                off_m = (end_m - last.at.along_m) * last.at.stretch
+                along = _row(last.at.forward, last.lever_m)
+                along_m2 = ekf.project(along)[1]
+                std_m = math.hypot(last.std_m, END_STD_M)
+                is_near = abs(off_m) <= BEYOND_M and off_m**2 <= self._gate2 * (along_m2 + std_m**2)
+                if is_near and self._sees_beyond(last, sign, scene, view):
+                    ekf.update(along, off_m, last.variance_m2 + END_STD_M**2)
+
+    def _sees_beyond(self, crop: Sighting, sign: float, scene: Scene, view: View) -> bool:
+        """Whether the view holds the ground at the end gap after a plant."""
+        forward_x, forward_y = crop.at.forward
+        gap_x, gap_y = sign * END_GAP_M * forward_x, sign * END_GAP_M * forward_y
+        x_m = crop.plant.x_body_m + view.cos * gap_x + view.sin * gap_y
+        y_m = crop.plant.y_body_m - view.sin * gap_x + view.cos * gap_y
+        return _holds(scene.view_body_m, x_m, y_m)
+
+
+def _repeats(memory_m: float, moved_m: float) -> float:
+    """How many frames share one error that lasts; their noise has to count that often."""
+    return max(2.0 * memory_m / moved_m, 1.0)
+
+
+def _row(direction: tuple[float, float], lever_m: tuple[float, float]) -> Row:
+    """How a place that the pose carries along moves in a direction with the pose."""
+    dx, dy = direction
+    return ((X, dx), (Y, dy), (YAW, dy * lever_m[0] - dx * lever_m[1]))
+
+
+def _holds(polygon: tuple[tuple[float, float], ...], x_m: float, y_m: float) -> bool:
+    """Whether a convex polygon holds a point, whichever way it runs round."""
+    if len(polygon) < 3:
+        return False
+    sides = [
+        (bx - ax) * (y_m - ay) - (by - ay) * (x_m - ax)
+        for (ax, ay), (bx, by) in zip(polygon, polygon[1:] + polygon[:1], strict=True)
+    ]
+    return min(sides) >= 0.0 or max(sides) <= 0.0

@@ -1,0 +1,127 @@
+"""Sensors that contradict each other or themselves: named, and left to a person where need be."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+from agribot.autonomy.estimate.ekf import Ekf, X, Y
+from agribot.autonomy.estimate.field_rows import FieldRows
+from agribot.autonomy.estimate.fix_watch import MAX_JUMP_M
+from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
+from agribot.autonomy.estimate.history import MotionHistory
+from agribot.autonomy.estimate.picture_watch import PictureWatch
+from agribot.autonomy.estimate.row_agreement import RowAgreement
+from agribot.core.config import EstimateConfig, FieldConfig
+from agribot.core.messages import GnssFix, GnssQuality, Scene
+
+BELIEVE_CAMERA = "look where the robot stands, then resume to believe the camera"
+
+
+class Doubts:
+    """`contradiction` halts a mission until a person decides, `text` only tells what is wrong."""
+
+    def __init__(
+        self,
+        ekf: Ekf,
+        history: MotionHistory,
+        config: EstimateConfig,
+        field: FieldConfig,
+        gnss: Gnss,
+        agreement: RowAgreement,
+        rejected: Counter[str],
+    ) -> None:
+        self._ekf, self._history, self._config = ekf, history, config
+        self._rows, self._gnss, self._agreement = FieldRows(field), gnss, agreement
+        self._pictures = PictureWatch()
+        self._rejected = rejected
+        self._moving_t_s = -math.inf
+
+    def move(self, t_s: float) -> None:
+        """The robot moves."""
+        self._moving_t_s = t_s
+
+    def is_stale(self, scene: Scene) -> bool:
+        """Whether the scene is of an old picture once again."""
+        is_stale = self._pictures.is_stale(scene, self._history.at(scene.t_s))
+        if is_stale:
+            self._rejected["picture not new"] += 1
+        return is_stale
+
+    def is_held(self, t_s: float) -> bool:
+        """Whether the camera holds the robot on its row."""
+        return self._agreement.is_held(t_s)
+
+    def expire(self, t_s: float) -> None:
+        """What nothing has told again for long is not in doubt any more."""
+        self._agreement.expire(t_s)
+
+    def compare(self, fix: GnssFix) -> None:
+        """Hold a fix that claims centimetres against what the camera sees of the rows."""
+        if fix.quality is not GnssQuality.RTK_FIXED or self._gnss.last_t_s != fix.t_s:
+            return
+        (east, north), (east_m, north_m) = self._right, self._gnss.off_m
+        self._agreement.fix(fix.t_s, east_m * east + north_m * north)
+
+    @property
+    def contradiction(self) -> str:
+        """Two sensors that cannot both be right, or nothing."""
+        agreement, jump = self._agreement, self._gnss.jump
+        if agreement.must_halt:
+            return f"{agreement.fault}; {BELIEVE_CAMERA}"
+        if 0.0 < jump.off_m <= MAX_JUMP_M and self._is_seen:
+            return f"camera and GNSS disagree by {jump.off_m:.2f} m; {BELIEVE_CAMERA}"
+        return jump.fault
+
+    @property
+    def text(self) -> str:
+        """What is wrong with a sensor, although there is a pose without it."""
+        gnss = self._gnss
+        for fault in (
+            self.contradiction, gnss.repeats.fault, self._pictures.fault, self._agreement.fault,
+        ):  # fmt: skip
+            if fault:
+                return fault
+        count = gnss.rejected_in_a_row
+        if count < SUSPICIOUS_REJECTIONS:
+            return ""
+        return (
+            f"GNSS contradicts the odometry: {count} fixes rejected in a row; after "
+            f"{self._config.recover_after} a robot that has not driven follows GNSS"
+        )
+
+    def decide(self) -> bool:
+        """A person has looked where the robot stands, and goes on; False: nothing was in doubt.
+
+        A robot on a row that the camera saw goes on along it, and what GNSS says otherwise counts
+        as an error of the receiver; anywhere else GNSS is believed.
+        """
+        if not self.contradiction:
+            return False
+        agreement, gnss, ekf = self._agreement, self._gnss, self._ekf
+        is_seen = self._is_seen
+        if agreement.must_halt and not gnss.jump.off_m:
+            camera_m, fixes_m = agreement.shown_m
+            (east, north), apart_m = self._right, fixes_m - camera_m
+            gnss.shift((apart_m * east, apart_m * north))
+            for state, part in ((X, east), (Y, north)):
+                ekf.x[state] += camera_m * part
+                ekf.inflate(state, (apart_m * part / 2.0) ** 2)
+        gnss.settle(believes_fixes=not is_seen)
+        agreement.forget()
+        return True
+
+    def forget(self) -> None:
+        """A person says where the robot is: what was held against each other is past."""
+        self._gnss.forget()
+        self._agreement.forget()
+
+    @property
+    def _right(self) -> tuple[float, float]:
+        """Across the rows where the robot is, unit vector of the map."""
+        return self._rows.at(self._ekf.x[X], self._ekf.x[Y]).right
+
+    @property
+    def _is_seen(self) -> bool:
+        """Whether the camera held the robot on its row until it came to rest."""
+        return self._agreement.must_halt or self._agreement.is_held(self._moving_t_s)

@@ -1,0 +1,189 @@
+"""Extended Kalman filter of the pose and of eight slow errors, in plain NumPy.
+
+The state is a list of floats and the covariance one array that is only ever changed in place:
+at 100 predictions a second the arithmetic is free and the Python around it is the cost.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import msgspec
+import numpy as np
+
+from agribot.autonomy.estimate.models import motion, pair_distance2, walk_across
+from agribot.autonomy.estimate.slope import SLIDE_STD_RATIO
+from agribot.core.arithmetic import FLOATS
+from agribot.core.geo import wrap_rad
+from agribot.core.messages import FloatArray
+
+STATES = 11
+(
+    X, Y, YAW, GYRO_BIAS, WHEEL_SCALE, SLIP, GYRO_SCALE,
+    GNSS_BIAS_X, GNSS_BIAS_Y, MAG_BIAS, ROW_BIAS,
+) = range(STATES)  # fmt: skip
+
+# One row of the measurement matrix, without its zeros: (state, coefficient) pairs.
+Row = tuple[tuple[int, float], ...]
+
+
+class MotionNoise(msgspec.Struct, frozen=True, kw_only=True):
+    """Variance that motion adds, per metre, radian and second, so that the rate cannot matter.
+
+    Wheels roll along but are pushed aside: the walk across the way is the larger one.
+    """
+
+    along_m2_per_m: float
+    across_m2_per_m: float
+    position_m2_per_rad: float
+    yaw_rad2_per_s: float
+
+
+# Of one step; a robot that hardly turns does not slide.
+TURN_FLOOR_RAD = 1e-6
+
+
+class Ekf:
+    """States: x_map_m, y_map_m, yaw_map_rad, gyro bias (rad/s), wheel scale (share of the wheel
+    speed lost), slip, gyro scale (share that it tells too much), GNSS bias east and north (m),
+    magnetometer bias (rad), offset of the row sensor (m, to the left of the robot).
+
+    Slip belongs to the slope, so its sign is kept in the map and not in the body: driving along
+    the rows in either direction the robot crabs to the same side of the field. In the body it is
+    `slip * cos(yaw - row_yaw)`, and it points the same way in reverse.
+    """
+
+    def __init__(self, std: Sequence[float], row_yaw_rad: float) -> None:
+        self.x = [0.0] * STATES
+        self.cov = np.diag(np.square(np.asarray(std, dtype=np.float64)))
+        self.row_yaw_rad = row_yaw_rad
+        # F = I + A, and A has only rows 0-2 and columns 2-6.
+        self._a = np.zeros((3, 5))
+        self._top, self._middle = self.cov[:3], self.cov[2:7]
+        self._top_middle, self._top_right = self.cov[:3, 2:7], self.cov[:3, 3:]
+        self._corner, self._bottom_left = self.cov[:3, :3], self.cov[3:, :3]
+        self._fp, self._fpa = np.empty((3, STATES)), np.empty((3, 3))
+        self._outer = np.empty((STATES, STATES))
+
+    def slip_ratio(self, yaw_map_rad: float) -> float:
+        """Share of the slip state that acts sideways at a heading."""
+        return math.cos(yaw_map_rad - self.row_yaw_rad)
+
+    def predict(
+        self,
+        distance_m: float,
+        turn_rad: float,
+        dt_s: float,
+        noise: MotionNoise,
+        slide_m: tuple[float, float] = (0.0, 0.0),
+    ) -> tuple[float, float, float]:
+        """Move by what wheels and gyro measured over `dt_s`, and slide forward and left as well.
+
+        Returns: the step after the corrections for bias, scale and slip: x, y and yaw, map frame.
+        """
+        x = self.x
+        told_rad, turn_s = turn_rad - x[GYRO_BIAS] * dt_s, (1.0 - x[GYRO_SCALE]) * dt_s
+        turned_rad = told_rad - x[GYRO_SCALE] * told_rad
+        dx_m, dy_m, (x_row, y_row) = motion(
+            FLOATS, x[YAW] + turned_rad / 2.0, self.row_yaw_rad, x[WHEEL_SCALE], x[SLIP],
+            distance_m, told_rad, turn_s,
+        )  # fmt: skip
+        xx_m2, yy_m2, xy_m2 = walk_across(
+            dx_m, dy_m, distance_m, noise.across_m2_per_m - noise.along_m2_per_m
+        )
+        slide_m2 = slide_m[0] ** 2 + slide_m[1] ** 2
+        if slide_m2:
+            cos, sin = math.cos(x[YAW]), math.sin(x[YAW])
+            dx_m += cos * slide_m[0] - sin * slide_m[1]
+            dy_m += sin * slide_m[0] + cos * slide_m[1]
+        x[X] += dx_m
+        x[Y] += dy_m
+        x[YAW] = wrap_rad(x[YAW] + turned_rad)
+        self._a[:] = (x_row, y_row, (0.0, -turn_s, 0.0, 0.0, -told_rad))
+        self._propagate()
+        position_m2 = noise.along_m2_per_m * abs(distance_m)
+        position_m2 += noise.position_m2_per_rad * abs(turned_rad)
+        if slide_m2:
+            position_m2 += SLIDE_STD_RATIO**2 * slide_m2 / max(abs(turn_rad), TURN_FLOOR_RAD)
+        self.inflate(X, position_m2 + xx_m2)
+        self.inflate(Y, position_m2 + yy_m2)
+        self.cov[X, Y] += xy_m2
+        self.cov[Y, X] += xy_m2
+        self.inflate(YAW, noise.yaw_rad2_per_s * dt_s)
+        return dx_m, dy_m, turned_rad
+
+    def _propagate(self) -> None:
+        """P <- F P F^T, touching the first three rows and columns only."""
+        np.matmul(self._a, self._middle, out=self._fp)
+        self._top += self._fp
+        np.matmul(self._top_middle, self._a.T, out=self._fpa)
+        self._corner += self._fpa
+        self._bottom_left[:] = self._top_right.T
+
+    def relax(self, changes: Iterable[tuple[int, float, float]]) -> None:
+        """Age states: each (state, factor, variance) is multiplied by the factor, then grows."""
+        for state, factor, variance in changes:
+            self.x[state] *= factor
+            self.cov[state] *= factor
+            self.cov[:, state] *= factor
+            self.inflate(state, variance)
+
+    def inflate(self, state: int, variance: float) -> None:
+        self.cov[state, state] += variance
+
+    def reset(self, state: int, value: float, variance: float) -> None:
+        """Forget a state and its correlations."""
+        self.x[state] = value
+        self.cov[state] = 0.0
+        self.cov[:, state] = 0.0
+        self.cov[state, state] = variance
+
+    def project(self, row: Row) -> tuple[FloatArray, float]:
+        """P H^T (STATES,) and H P H^T."""
+        cov = self.cov
+        state, weight = row[0]
+        projected = cov[state] * weight
+        for state, weight in row[1:]:
+            projected += cov[state] * weight
+        variance = 0.0
+        for state, weight in row:
+            variance += weight * projected.item(state)
+        return projected, variance
+
+    def update(self, row: Row, residual: float, variance: float, gate: float = math.inf) -> float:
+        """Correct with one scalar unless its squared normalised innovation, returned, is > gate."""
+        projected, prior = self.project(row)
+        total = prior + variance
+        distance2 = residual * residual / total
+        if distance2 <= gate:
+            self._apply(projected, residual, total)
+        return distance2
+
+    def update_pair(
+        self,
+        rows: tuple[Row, Row],
+        residuals: tuple[float, float],
+        variance: float,
+        gate: float = math.inf,
+    ) -> float:
+        """Correct with two scalars of equal, independent noise, gated together."""
+        first, prior_0 = self.project(rows[0])
+        _, prior_1 = self.project(rows[1])
+        cross = sum(weight * float(first[state]) for state, weight in rows[1])
+        total_0, total_1 = prior_0 + variance, prior_1 + variance
+        r0, r1 = residuals
+        distance2: float = pair_distance2(r0, r1, total_0, total_1, cross)
+        if distance2 <= gate:
+            self._apply(first, r0, total_0)
+            self.update(rows[1], r1 - cross / total_0 * r0, variance)
+        return distance2
+
+    def _apply(self, projected: FloatArray, residual: float, total: float) -> None:
+        step = residual / total
+        pairs = zip(self.x, projected.tolist(), strict=True)
+        self.x = [value + part * step for value, part in pairs]
+        self.x[YAW] = wrap_rad(self.x[YAW])
+        projected /= math.sqrt(total)  # the product below is then exactly symmetric
+        np.multiply.outer(projected, projected, out=self._outer)
+        self.cov -= self._outer

@@ -1,0 +1,92 @@
+"""Fixes that cannot be: a place that is repeated while the robot drives, and a jump beside it."""
+
+from __future__ import annotations
+
+from agribot.core.messages import GnssFix
+
+# A receiver that tells one place again says nothing; with four decimals of a minute, the coarsest
+# in use, another place is told after 0.19 m.
+REPEAT_M, NAMED_REPEAT_M = 0.05, 0.3
+# Fixes that agreed with wheels and gyro in a row, before and after: those were in order.
+AGREE_FIXES = 25
+# A robot whose wheels moved it less while the fixes disagreed may have been carried.
+CARRIED_M = 0.1
+# Nobody carries a robot farther than this while it is switched on.
+MAX_JUMP_M = 1000.0
+# Receivers tell one fix a second or more, with a jitter, and a single one may be an outlier.
+MAX_GAP_S = 3.0
+
+
+class RepeatWatch:
+    """Call `is_repeat` with every fix and the wheels' distance so far."""
+
+    def __init__(self) -> None:
+        self._place: tuple[float, float] | None = None
+        self._since_m = self._way_m = 0.0
+
+    def is_repeat(self, fix: GnssFix, driven_m: float) -> bool:
+        """Whether the fix tells the very place that it told before the robot drove on."""
+        place = (fix.lat_deg, fix.lon_deg)
+        if place != self._place:
+            self._place, self._since_m = place, driven_m
+        self._way_m = driven_m - self._since_m
+        return self._way_m >= REPEAT_M
+
+    @property
+    def fault(self) -> str:
+        if self._way_m < NAMED_REPEAT_M:
+            return ""
+        return (
+            f"GNSS repeats its position while the wheels turned {self._way_m:.1f} m; check the "
+            "receiver, its static hold and its cable"
+        )
+
+
+class JumpWatch:
+    """Tells a receiver that jumped from a robot that was carried.
+
+    Wheels and gyro are good to centimetres over the seconds of a run of rejected fixes. If they
+    agreed with the fixes before, and drove on meanwhile, it is the fixes that jumped; whether they
+    are right now, a person has to say.
+    """
+
+    def __init__(self) -> None:
+        self.off_m = 0.0  # how far the fixes jumped; 0 while they are believed
+        self._agreed = 0
+        self._agreed_t_s, self._agreed_at_m = 0.0, 0.0
+
+    def accept(self, t_s: float, moved_m: float) -> None:
+        if t_s - self._agreed_t_s > MAX_GAP_S:
+            self._agreed = 0
+        self._agreed += 1
+        self._agreed_t_s, self._agreed_at_m = t_s, moved_m
+        if self._agreed >= AGREE_FIXES:
+            self.off_m = 0.0
+
+    def is_jump(self, off_m: float, moved_m: float, *, is_corrected: bool) -> bool:
+        """After a run of rejected fixes, the last of them `off_m` away: not to be followed."""
+        drove_on = moved_m - self._agreed_at_m >= CARRIED_M
+        has_left = is_corrected and self._agreed >= AGREE_FIXES and drove_on
+        if self.off_m or has_left or off_m > MAX_JUMP_M:
+            self.off_m = off_m
+            self._agreed = 0
+            return True
+        return False
+
+    @property
+    def fault(self) -> str:
+        if self.off_m > MAX_JUMP_M:
+            return (
+                f"GNSS jumped by {self.off_m / 1000.0:.0f} km, which is never followed; check the "
+                "receiver"
+            )
+        if self.off_m:
+            return (
+                f"GNSS jumped by {self.off_m:.2f} m against wheels and gyro; look where the robot "
+                "stands, then resume to believe GNSS"
+            )
+        return ""
+
+    def forget(self) -> None:
+        """A person has decided."""
+        self.off_m, self._agreed = 0.0, 0

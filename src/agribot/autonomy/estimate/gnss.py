@@ -1,0 +1,307 @@
+"""Position and velocity of the GNSS antenna as corrections of the filter."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import Counter
+
+from agribot.autonomy.estimate.base_correction import BaseCorrection
+from agribot.autonomy.estimate.ekf import (
+    GNSS_BIAS_X,
+    GNSS_BIAS_Y,
+    SLIP,
+    WHEEL_SCALE,
+    YAW,
+    Ekf,
+    Row,
+    X,
+    Y,
+)
+from agribot.autonomy.estimate.fix_watch import MAX_JUMP_M, JumpWatch, RepeatWatch
+from agribot.autonomy.estimate.gate import Gate
+from agribot.autonomy.estimate.gnss_noise import (
+    CORRECTED,
+    FLOAT_MEMORY_S,
+    FixNoise,
+    bias_ageing,
+    fix_noise,
+)
+from agribot.autonomy.estimate.history import Motion, MotionHistory
+from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
+from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
+from agribot.autonomy.estimate.start import StartMark
+from agribot.core.arithmetic import FLOATS
+from agribot.core.config import EstimateConfig
+from agribot.core.geo import MapFrame, rotation_from_rpy
+from agribot.core.messages import FloatArray, GnssFix, GnssQuality, Vec3
+
+# The first position is the median of this many fixes, so that no single one can spoil it.
+FIRST_FIXES = 5
+UNKNOWN_M2 = 1e6
+SUSPICIOUS_REJECTIONS = 5  # in a row
+
+
+class Gnss:
+    """Gives the filter its first position, then corrects position, heading and wheel scale.
+
+    A fix speaks of its own epoch: it is compared with where the robot was then, and the
+    difference corrects where the robot is now.
+    """
+
+    def __init__(
+        self,
+        ekf: Ekf,
+        history: MotionHistory,
+        config: EstimateConfig,
+        frame: MapFrame,
+        antenna_body_m: Vec3,
+        start: StartMark,
+        rejected: Counter[str],
+    ) -> None:
+        self.is_ready = False
+        self.misplaced = ""
+        # How far off the last rejected fix was, and how far robot and receiver have jumped so far.
+        self.rejected_m, self.moved_m = (0.0, 0.0), (0.0, 0.0)
+        self.off_m = (0.0, 0.0)  # where the last fix puts the robot, from where the filter has it
+        self.repeats, self.jump = RepeatWatch(), JumpWatch()
+        self._driven_m = self._moved_m = 0.0
+        self._rejected_fix: tuple[tuple[Row, Row], tuple[float, float], FixNoise] | None = None
+        self._receiver_m = (0.0, 0.0)
+        self._start = start
+        self.quality = GnssQuality.NONE
+        self.last_t_s = -math.inf
+        self._ekf = ekf
+        self._history = history
+        self._frame = frame
+        self._antenna_body_m = antenna_body_m
+        self._rejected = rejected
+        self._position_gate = Gate(config.gate_sigma, config.recover_after)
+        # Spinning wheels falsify the position with every metre, so they are admitted sooner.
+        self._spin_after = max(2, config.recover_after // 3)
+        self._velocity_gate = Gate(config.gate_sigma, self._spin_after)
+        self._spin_watch = SpinWatch(FLOATS, self._spin_after)
+        self._first: list[tuple[float, float]] = []
+        self._noise: FixNoise | None = None
+        self._is_corrected = self._is_differential = False
+        self.base = BaseCorrection(rejected)
+
+    @property
+    def rejected_in_a_row(self) -> int:
+        return self._position_gate.rejected_in_a_row
+
+    def move(self, distance_m: float, turned_m: float) -> None:
+        """A step of the wheels: of the robot's middle, and of the wheels in its turn about it."""
+        self._driven_m += abs(distance_m)
+        self._moved_m += abs(distance_m) + abs(turned_m)
+
+    def settle(self, *, believes_fixes: bool) -> None:
+        """A person goes on: with the fixes that were rejected, or with the pose as it is.
+
+        What speaks against the pose that is kept counts as an error of the receiver.
+        """
+        if self._rejected_fix is not None and 0.0 < self.jump.off_m <= MAX_JUMP_M:
+            rows, residuals, noise = self._rejected_fix
+            if believes_fixes:
+                self._recover(rows, residuals, noise)
+            else:
+                self._receiver_m = _sum(self._receiver_m, residuals)
+        self.forget()
+
+    def forget(self) -> None:
+        """A person has decided, or says where the robot is: fixes are judged anew."""
+        self.jump.forget()
+        self._position_gate.rejected_in_a_row = 0
+
+    def shift(self, by_m: tuple[float, float]) -> None:
+        """From now on the receiver is believed to be off by so much more."""
+        self._receiver_m = _sum(self._receiver_m, by_m)
+
+    def update(self, fix: GnssFix, up_body: Vec3) -> None:
+        if not _is_usable(fix):
+            self._rejected["gnss not usable"] += 1
+            return
+        differential = self.base.corrected(fix)
+        told, fix = fix, differential or fix
+        now, then = self._history.newest, self._history.at(fix.t_s)
+        if fix.t_s <= self.last_t_s:
+            self._rejected["gnss out of order"] += 1
+        elif now is None or then is None:
+            self._rejected["gnss without odometry"] += 1
+        elif self.repeats.is_repeat(told, self._driven_m):
+            self._rejected["gnss repeats itself"] += 1
+        else:
+            since_last_s = min(fix.t_s - self.last_t_s, FLOAT_MEMORY_S)
+            self._noise = noise = fix_noise(fix, since_last_s)
+            self.last_t_s = fix.t_s
+            self.quality = fix.quality
+            self._follow_quality(noise, differential is not None)
+            lever_m = _level(self._antenna_body_m, up_body)
+            self._position(fix, noise, lever_m, now, then)
+            if fix.velocity_mps is not None and self.is_ready:
+                self._velocity(fix, since_last_s, lever_m, now, then)
+
+    def ageing(self, dt_s: float) -> list[tuple[int, float, float]]:
+        """How the two bias states age, as Ekf.relax takes it."""
+        return [] if self._noise is None else bias_ageing(FLOATS, self._noise, dt_s)
+
+    def _follow_quality(self, noise: FixNoise, is_differential: bool) -> None:
+        """Corrections coming or going replace one bias by another that knows nothing of it."""
+        is_corrected = self.quality in CORRECTED
+        was, kind = (self._is_corrected, self._is_differential), (is_corrected, is_differential)
+        if kind != was or not self.is_ready:
+            self._receiver_m = (0.0, 0.0)
+            for state in (GNSS_BIAS_X, GNSS_BIAS_Y):
+                self._ekf.reset(state, 0.0, noise.bias_std_m**2)
+        self._is_corrected, self._is_differential = kind
+
+    def _position(
+        self, fix: GnssFix, noise: FixNoise, lever_m: tuple[float, float], now: Motion, then: Motion
+    ) -> None:
+        alt_m = fix.alt_m if math.isfinite(fix.alt_m) else self._frame.datum.alt_m
+        east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, alt_m)
+        x = self._ekf.x
+        arm_x, arm_y = _turned(lever_m, x[YAW] - (now.yaw_rad - then.yaw_rad))
+        moved_x, moved_y = now.x_m - then.x_m, now.y_m - then.y_m
+        now_x = east_m - arm_x + moved_x - self._receiver_m[0]
+        now_y = north_m - arm_y + moved_y - self._receiver_m[1]
+        if not self.is_ready:
+            self._begin(now_x, now_y, fix_noise(fix, FLOAT_MEMORY_S).variance_m2, now)
+            return
+        rows = (
+            ((X, 1.0), (YAW, moved_y - arm_y), (GNSS_BIAS_X, 1.0)),
+            ((Y, 1.0), (YAW, arm_x - moved_x), (GNSS_BIAS_Y, 1.0)),
+        )
+        self.off_m = (now_x - x[X], now_y - x[Y])
+        residuals = (self.off_m[0] - x[GNSS_BIAS_X], self.off_m[1] - x[GNSS_BIAS_Y])
+        self._correct_position(rows, residuals, noise)
+
+    def _begin(self, x_m: float, y_m: float, variance_m2: float, now: Motion) -> None:
+        """Collect fixes, each moved back to the start of the odometry; then set the position.
+
+        Without fixed ambiguities a marked start is known better: the fixes then show the receiver's
+        bias, which walks on from there, so the mark serves this session only.
+        """
+        self._first.append((x_m - now.x_m, y_m - now.y_m))
+        if len(self._first) < FIRST_FIXES:
+            return
+        x_m = statistics.median(p[0] for p in self._first) + now.x_m
+        y_m = statistics.median(p[1] for p in self._first) + now.y_m
+        at_m, at_m2 = (x_m, y_m), UNKNOWN_M2
+        if self._start.xy_map_m is not None:
+            mark_m = (self._start.xy_map_m[0] + now.x_m, self._start.xy_map_m[1] + now.y_m)
+            fix_std_m = math.sqrt(variance_m2 + float(self._ekf.cov[GNSS_BIAS_X, GNSS_BIAS_X]))
+            self.misplaced = self._start.position_fault(math.dist(at_m, mark_m), fix_std_m)
+            if self.quality is not GnssQuality.RTK_FIXED:
+                at_m, at_m2 = mark_m, self._start.std_m**2
+        for state, value in zip((X, Y), at_m, strict=True):
+            self._ekf.reset(state, value, at_m2)
+        rows = (((X, 1.0), (GNSS_BIAS_X, 1.0)), ((Y, 1.0), (GNSS_BIAS_Y, 1.0)))
+        self._ekf.update_pair(rows, (x_m - at_m[0], y_m - at_m[1]), variance_m2)
+        self.is_ready = True
+
+    def _correct_position(
+        self, rows: tuple[Row, Row], residuals: tuple[float, float], noise: FixNoise
+    ) -> None:
+        gate, ekf = self._position_gate, self._ekf
+        verdict = gate.judge(ekf.update_pair(rows, residuals, noise.variance_m2, gate.limit))
+        if verdict == "accept":
+            self.jump.accept(self.last_t_s, self._moved_m)
+            return
+        if verdict == "reject" or self.jump.is_jump(
+            math.hypot(*residuals), self._moved_m, is_corrected=self._is_corrected
+        ):
+            self._rejected["gnss outlier"] += 1
+            self.rejected_m, self._rejected_fix = residuals, (rows, residuals, noise)
+        else:
+            self._recover(rows, residuals, noise)
+
+    def _recover(
+        self, rows: tuple[Row, Row], residuals: tuple[float, float], noise: FixNoise
+    ) -> None:
+        """With corrections the fix is right and the robot is elsewhere (carried, or slid).
+
+        Without them it is the fix that jumped; the bias, which fades, must not be left with that.
+        """
+        ekf = self._ekf
+        if not self._is_corrected:
+            self._receiver_m = _sum(self._receiver_m, residuals)
+            ekf.inflate(GNSS_BIAS_X, noise.variance_m2)
+            ekf.inflate(GNSS_BIAS_Y, noise.variance_m2)
+            return
+        self.moved_m = _sum(self.moved_m, residuals)
+        for state, residual in zip((X, Y), residuals, strict=True):
+            ekf.inflate(state, residual**2 + noise.variance_m2)
+        ekf.update_pair(rows, residuals, noise.variance_m2)
+
+    def _velocity(
+        self,
+        fix: GnssFix,
+        since_last_s: float,
+        lever_m: tuple[float, float],
+        now: Motion,
+        then: Motion,
+    ) -> None:
+        """The course over ground shows the heading of a moving robot, and what its wheels lose."""
+        if fix.velocity_mps is None or not _all_finite(*fix.velocity_mps[:2], fix.velocity_std_mps):
+            self._rejected["velocity not finite"] += 1
+            return
+        ekf = self._ekf
+        yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
+        rate_radps, wheel_mps = then.yaw_rate_radps, then.wheel_mps
+        east_mps, north_mps, (east_row, north_row) = antenna_velocity(
+            FLOATS, yaw_rad, ekf.row_yaw_rad, ekf.x[WHEEL_SCALE], ekf.x[SLIP], wheel_mps,
+            rate_radps, lever_m,
+        )  # fmt: skip
+        rows = (_velocity_row(east_row), _velocity_row(north_row))
+        residuals = (fix.velocity_mps[0] - east_mps, fix.velocity_mps[1] - north_mps)
+        variance = velocity_variance(fix.velocity_std_mps, rate_radps, since_last_s)
+        verdict = self._velocity_gate.judge(
+            ekf.update_pair(rows, residuals, variance, self._velocity_gate.limit)
+        )
+        claimed_mps, _ = ahead_and_aside(FLOATS, (east_mps, north_mps), yaw_rad)
+        missing_mps, _ = ahead_and_aside(FLOATS, residuals, yaw_rad)
+        spins = self._spin_watch.is_spinning(claimed_mps, missing_mps, math.sqrt(variance))
+        if spins:
+            self._rejected["wheels spin"] += 1
+        if verdict == "recover" or spins:
+            lasted_s = since_last_s * self._spin_after
+            opened = doubts(
+                FLOATS, residuals, (east_mps, north_mps), yaw_rad, lasted_s,
+                is_corrected=self._is_corrected,
+            )  # fmt: skip
+            for state, doubt in opened:
+                ekf.inflate(state, doubt**2)
+            ekf.update_pair(rows, residuals, variance)
+        elif verdict == "reject":
+            self._rejected["velocity outlier"] += 1
+
+
+def _velocity_row(by: tuple[float, ...]) -> Row:
+    return (YAW, by[0]), (WHEEL_SCALE, by[1]), (SLIP, by[2])
+
+
+def _sum(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    return a[0] + b[0], a[1] + b[1]
+
+
+def _is_usable(fix: GnssFix) -> bool:
+    is_told = fix.quality is not GnssQuality.NONE and _all_finite(fix.t_s, fix.pos_std_m)
+    return is_told and abs(fix.lat_deg) <= 90.0 and abs(fix.lon_deg) <= 180.0
+
+
+def _all_finite(*values: float) -> bool:
+    return all(map(math.isfinite, values))
+
+
+def _turned(vector: tuple[float, float], angle_rad: float) -> tuple[float, float]:
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1]
+
+
+def _level(point_body_m: Vec3, up_body: Vec3) -> tuple[float, float]:
+    """A point of the tilted body seen in plan: forward and left of the body's origin."""
+    roll_rad = math.atan2(up_body[1], up_body[2])
+    pitch_rad = math.atan2(-up_body[0], math.hypot(up_body[1], up_body[2]))
+    level_m: FloatArray = rotation_from_rpy(roll_rad, pitch_rad, 0.0) @ point_body_m
+    return float(level_m[0]), float(level_m[1])

@@ -1,0 +1,230 @@
+"""How far off the position can be: a protection level that also holds when the GNSS lies.
+
+Two hypotheses are bounded and the larger bound counts. Without a fault the covariance holds: an
+error of two axes, each at most of 1 sigma s, exceeds r with probability exp(-r^2 / 2 s^2). With a
+GNSS that has been wrong since some seconds the robot is where dead reckoning from before leads
+it; the distance of that solution from the filter's, and its own spread, bound the error.
+Source: solution separation, Blanch et al. 2015, "Baseline advanced RAIM user algorithm and
+possible improvements", IEEE Transactions on Aerospace and Electronic Systems 51(1).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from statistics import NormalDist
+from typing import NamedTuple
+
+from agribot.autonomy.estimate.ekf import SLIP, WHEEL_SCALE, YAW, Ekf, X, Y
+from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
+from agribot.autonomy.estimate.slope import SLIDE_STD_RATIO
+from agribot.core.config import EstimateConfig
+from agribot.core.geo import std_along_m
+
+# Before anything speaks against it, a receiver that lies is given this probability.
+FAULT_RATIO = 0.1
+ANCHOR_PERIOD_S, ANCHOR_AGE_S = 1.0, 5.0
+# Wrong fixes and multipath last minutes; then a jump that nothing took back is believed.
+MEMORY_S = 300.0
+# Two solutions that differ by less than this part of the alarm agree again.
+AGREE_RATIO = 0.5
+# More than this share of the wheels' way is not lost by slip: the GNSS stands still, or the robot.
+MAX_LOST_RATIO = 0.1
+
+
+Cov2 = tuple[float, float, float]
+
+
+class Spread(NamedTuple):
+    """1 sigma of what the filter believes now: position, and the course and length of a way.
+
+    `cov_m2` is the position's covariance: xx, xy and yy in the map.
+    """
+
+    position_m: float
+    cov_m2: Cov2
+    course_rad: float
+    scale_ratio: float
+
+
+class _Anchor(NamedTuple):
+    """The filter's position less the dead-reckoned one, and all that was driven until then.
+
+    `aside_m` is how far the way up to then leads aside for each radian of side slip, `slip_rad`
+    what the filter believed of that: a GNSS that begins to creep afterwards has no part in it.
+    """
+
+    t_s: float
+    x_m: float
+    y_m: float
+    driven_m: float
+    spread: Spread
+    aside_m: tuple[float, float]
+    slip_rad: float
+    slid_m: float
+
+    def apart_m(self, here: _Anchor) -> tuple[float, float]:
+        """From where dead reckoning leads from here to a later place, to where the filter is."""
+        slip_rad, (then_x, then_y), (x, y) = self.slip_rad, self.aside_m, here.aside_m
+        return (
+            here.x_m - self.x_m - slip_rad * (x - then_x),
+            here.y_m - self.y_m - slip_rad * (y - then_y),
+        )
+
+
+class Integrity:
+    """Call `move` for every step of the wheels, `level_m` for the bound of the present pose."""
+
+    def __init__(self, config: EstimateConfig, ekf: Ekf, gnss: Gnss) -> None:
+        self._ekf = ekf
+        self._gnss = gnss
+        self._gain = _rayleigh(config.protection_risk)
+        self._fault_gain = _rayleigh(config.protection_risk / FAULT_RATIO)
+        self._across_gain = _normal(config.protection_risk)
+        self._across_fault_gain = _normal(config.protection_risk / FAULT_RATIO)
+        self._walk2_m = config.position_walk_m_per_sqrt_m**2
+        self._x_m = self._y_m = self._driven_m = self._aside_x_m = self._aside_y_m = 0.0
+        self._slid_m = 0.0
+        self._anchors: deque[_Anchor] = deque()
+        self._is_split = False  # the two solutions contradict each other
+        self._believed_m = self._moved_m = gnss.moved_m
+        self._moved_t_s = -math.inf
+
+    def move(self, distance_m: float, slide_m: tuple[float, float] = (0.0, 0.0)) -> None:
+        """A step of the wheels, along the heading of the filter, and its slide down a slope.
+
+        The slide is forward and left.
+        """
+        lost_ratio = min(max(self._ekf.x[WHEEL_SCALE], -MAX_LOST_RATIO), MAX_LOST_RATIO)
+        way_m, course_rad = distance_m * (1.0 - lost_ratio), self._ekf.x[YAW]
+        cos, sin = math.cos(course_rad), math.sin(course_rad)
+        self._x_m += way_m * cos + slide_m[0] * cos - slide_m[1] * sin
+        self._y_m += way_m * sin + slide_m[0] * sin + slide_m[1] * cos
+        self._slid_m += math.hypot(*slide_m)
+        self._driven_m += abs(way_m)
+        slips_m = abs(way_m) * self._ekf.slip_ratio(course_rad)
+        self._aside_x_m -= slips_m * sin
+        self._aside_y_m += slips_m * cos
+
+    def restart(self) -> None:
+        """A person says where the robot is: nothing from before counts."""
+        self._anchors.clear()
+        self._is_split = False
+        self._believed_m = self._gnss.moved_m
+
+    def level_m(self, t_s: float, pos_std_m: float) -> float:
+        """Radius around the position that holds the robot."""
+        here = self._here(t_s, pos_std_m)
+        self._keep(here)
+        anchor = self._anchors[0]
+        apart_m = math.hypot(*anchor.apart_m(here))
+        alone_m = self._fault_gain * self._alone_std_m(anchor)
+        self._is_split = apart_m > alone_m * (AGREE_RATIO if self._is_split else 1.0)
+        self._forget(here, anchor)
+        plain_m = self._gain * pos_std_m
+        return max(plain_m + self._doubted_m(), apart_m + alone_m)
+
+    def across_m(self, t_s: float, pos_std_m: float, *, is_held: bool) -> float:
+        """How far the robot may be off to the side of where it heads; after `level_m`.
+
+        `is_held`: the camera holds it on its row, so that no fault of the GNSS moves it aside.
+        """
+        plain_m, left = self.across_plain_m, self._left
+        if is_held:
+            return plain_m
+        here = self._here(t_s, pos_std_m)
+        gnss, anchor = self._gnss, self._anchors[0]
+        moved_m = abs(_along(left, gnss.moved_m) - _along(left, self._believed_m))
+        doubted_m = moved_m + (abs(_along(left, gnss.rejected_m)) if self._is_off else 0.0)
+        apart_m = abs(_along(left, anchor.apart_m(here)))
+        driven_m = self._driven_m - anchor.driven_m
+        alone_m = math.sqrt(
+            std_along_m(anchor.spread.cov_m2, left) ** 2
+            + self._walk2_m * driven_m
+            + (anchor.spread.course_rad * driven_m) ** 2
+            + self._slid_m2(anchor)
+        )
+        return max(plain_m + doubted_m, apart_m + self._across_fault_gain * alone_m)
+
+    @property
+    def across_plain_m(self) -> float:
+        """What the covariance alone makes of `across_m`, as if no GNSS were ever wrong."""
+        return self._across_gain * std_along_m(self._cov_m2, self._left)
+
+    @property
+    def _cov_m2(self) -> Cov2:
+        cov = self._ekf.cov
+        return float(cov[X, X]), float(cov[X, Y]), float(cov[Y, Y])
+
+    @property
+    def _left(self) -> tuple[float, float]:
+        yaw_rad = self._ekf.x[YAW]
+        return -math.sin(yaw_rad), math.cos(yaw_rad)
+
+    def _here(self, t_s: float, pos_std_m: float) -> _Anchor:
+        x, cov = self._ekf.x, self._ekf.cov
+        course_rad = math.sqrt(cov[YAW, YAW] + cov[SLIP, SLIP])
+        wheel_ratio = math.sqrt(cov[WHEEL_SCALE, WHEEL_SCALE])
+        spread = Spread(pos_std_m, self._cov_m2, course_rad, wheel_ratio)
+        return _Anchor(
+            t_s, x[X] - self._x_m, x[Y] - self._y_m, self._driven_m, spread,
+            (self._aside_x_m, self._aside_y_m), x[SLIP], self._slid_m,
+        )  # fmt: skip
+
+    def _forget(self, here: _Anchor, anchor: _Anchor) -> None:
+        """What has contradicted for long is believed: dead reckoning begins anew from here."""
+        if self._gnss.moved_m != self._moved_m:
+            self._moved_m, self._moved_t_s = self._gnss.moved_m, here.t_s
+        if here.t_s - anchor.t_s > MEMORY_S and here.t_s - self._moved_t_s > MEMORY_S:
+            self.restart()
+            self._anchors.append(here)
+
+    def _doubted_m(self) -> float:
+        """Where else the robot may be: at the fixes that are rejected, or before it followed them.
+
+        A jump that is taken back leaves nothing of this.
+        """
+        gnss = self._gnss
+        rejected_m = math.hypot(*gnss.rejected_m) if self._is_off else 0.0
+        return math.dist(gnss.moved_m, self._believed_m) + rejected_m
+
+    @property
+    def _is_off(self) -> bool:
+        gnss = self._gnss
+        return gnss.rejected_in_a_row >= SUSPICIOUS_REJECTIONS or gnss.jump.off_m > 0.0
+
+    def _keep(self, here: _Anchor) -> None:
+        """The oldest anchor follows some seconds behind, unless the solutions are split."""
+        anchors = self._anchors
+        if self._is_split:
+            return
+        if not anchors or here.t_s - anchors[-1].t_s >= ANCHOR_PERIOD_S:
+            anchors.append(here)
+        while here.t_s - anchors[0].t_s > ANCHOR_AGE_S and len(anchors) > 1:
+            anchors.popleft()
+
+    def _alone_std_m(self, anchor: _Anchor) -> float:
+        """1 sigma of dead reckoning since the anchor."""
+        driven_m, spread = self._driven_m - anchor.driven_m, anchor.spread
+        drift_ratio = math.hypot(spread.course_rad, spread.scale_ratio)
+        walk_m2 = self._walk2_m * driven_m
+        drift_m2 = (drift_ratio * driven_m) ** 2
+        return math.sqrt(spread.position_m**2 + walk_m2 + drift_m2 + self._slid_m2(anchor))
+
+    def _slid_m2(self, anchor: _Anchor) -> float:
+        """Variance of how far the robot slid in turns on a slope since the anchor."""
+        return (SLIDE_STD_RATIO * (self._slid_m - anchor.slid_m)) ** 2
+
+
+def _rayleigh(risk_ratio: float) -> float:
+    """Radius in sigmas that two normal errors exceed with this probability."""
+    return math.sqrt(-2.0 * math.log(min(risk_ratio, 0.5)))
+
+
+def _normal(risk_ratio: float) -> float:
+    """Distance in sigmas that one normal error exceeds with this probability, either way."""
+    return NormalDist().inv_cdf(1.0 - min(risk_ratio, 0.5) / 2.0)
+
+
+def _along(direction: tuple[float, float], vector_m: tuple[float, float]) -> float:
+    return direction[0] * vector_m[0] + direction[1] * vector_m[1]

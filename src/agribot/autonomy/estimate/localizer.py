@@ -1,0 +1,288 @@
+"""The pose filter of the robot: sensors in, pose with covariance and health out."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+from agribot.autonomy.estimate.beliefs import first_std, motion_noise, slow_ageing
+from agribot.autonomy.estimate.compass import Compass
+from agribot.autonomy.estimate.crop_rows import MIN_MOVED_M, CropRows
+from agribot.autonomy.estimate.doubts import Doubts
+from agribot.autonomy.estimate.dual_heading import DualHeading
+from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, Ekf, X, Y
+from agribot.autonomy.estimate.gnss import Gnss
+from agribot.autonomy.estimate.history import Motion, MotionHistory
+from agribot.autonomy.estimate.integrity import Integrity
+from agribot.autonomy.estimate.odometry import Odometry, Step
+from agribot.autonomy.estimate.row_agreement import RowAgreement
+from agribot.autonomy.estimate.row_lines import RowLines
+from agribot.autonomy.estimate.row_sight import RowSight
+from agribot.autonomy.estimate.start import StartMark
+from agribot.core.config import EstimateConfig, FieldConfig
+from agribot.core.geo import MapFrame, wrap_rad
+from agribot.core.messages import Estimate, GnssQuality, OperatorEvent, RowLine, Scene, SensorBatch
+from agribot.core.robot import RobotSpec
+
+# Slow errors are aged together, not at every wheel reading.
+AGEING_PERIOD_S = 0.1
+# Longer gaps are walked through in pieces, so that a turn inside one stays an arc.
+MAX_STEP_S, MAX_PIECES = 0.1, 200
+# What a turn and a distance from the wheels alone are worth on soil.
+BLIND_TURN_RATIO, BLIND_DISTANCE_RATIO = 0.3, 0.3
+BLIND_YAW_RAD_PER_SQRT_S = 0.05
+# Dead reckoning also counts as lost when it has lost half as much again as was known.
+LOST_RATIO = 1.5
+STANDING_MPS = 0.02
+
+
+class Localizer:
+    """Extended Kalman filter over wheels, gyro, GNSS, magnetometer and crop rows (see ekf.Ekf).
+
+    The result depends on the times in the samples only, not on how they are cut into batches,
+    but for the instant at which a late measurement is let in. `rejected` counts, by cause,
+    every sample that did not enter the filter.
+    """
+
+    def __init__(self, config: EstimateConfig, field: FieldConfig, robot: RobotSpec) -> None:
+        self.rejected: Counter[str] = Counter()
+        self._config = config
+        self._ekf = Ekf(first_std(config), math.radians(field.row_yaw_deg))
+        self._noise = motion_noise(config)
+        self._history = MotionHistory(ahead_s=config.wheel_timeout_s)
+        self._odometry = Odometry(robot.drive, config.imu_timeout_s, self.rejected)
+        start = StartMark.of(field)
+        self._compass = Compass(
+            self._ekf, self._history, config, math.radians(field.declination_deg), start,
+            self.rejected,
+        )  # fmt: skip
+        x_m, y_m, z_m = robot.body_from_link(robot.gnss.link)[:3, 3].tolist()
+        self._gnss = Gnss(
+            self._ekf, self._history, config, MapFrame(field.datum), (x_m, y_m, z_m), start,
+            self.rejected,
+        )  # fmt: skip
+        agreement = RowAgreement()
+        self._doubts = Doubts(
+            self._ekf, self._history, config, field, self._gnss, agreement, self.rejected
+        )
+        self._crop_rows = CropRows(
+            self._ekf, self._history, config, field, self.rejected, agreement
+        )
+        self._row_lines = RowLines(self._ekf, self._history, field, self.rejected, agreement)
+        self._half_track_m = robot.drive.track_m / 2.0
+        self._sight = RowSight(field)
+        self._heading = DualHeading(self._ekf, self._history, config, self.rejected)
+        self._integrity = Integrity(config, self._ekf, self._gnss)
+        self._last_line: Motion | None = None
+        self._motion = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self._unaged_s = self._unaged_rad = 0.0
+        self._fix_std_m = 0.0
+
+    def update(self, batch: SensorBatch) -> Estimate:
+        for step in self._odometry.steps(batch.wheels, batch.imu, batch.t_s):
+            self._advance(step)
+        up_body = self._odometry.up_body
+        for sample in batch.mag:
+            self._compass.update(sample, up_body)
+        for base in batch.base:
+            self._gnss.base.hear(base)
+        for fix in batch.gnss:
+            if self._compass.is_ready:
+                self._gnss.update(fix, up_body)
+                self._doubts.compare(fix)
+        for heading in batch.headings:
+            if self._compass.is_ready:
+                self._heading.update(heading)
+        for event in batch.events:
+            self._listen(event)
+        self._doubts.expire(batch.t_s)
+        return self._estimate(batch.t_s)
+
+    def _listen(self, event: OperatorEvent) -> None:
+        if event.action == "pose_estimate":
+            self._believe(event.numbers)
+        elif event.action in ("start", "resume") and self._doubts.decide():
+            self._integrity.restart()
+
+    def see(self, scene: Scene) -> None:
+        """Correct the pose by the crop of a frame; the next estimate shows it.
+
+        A row line is made of the same leaves as the plants, so that one of them serves.
+        """
+        if not self._gnss.is_ready:
+            return
+        if scene.row_line is None or not self._row_lines.has_lines:
+            self._crop_rows.see(scene)
+        elif self._has_moved(scene.t_s):
+            self._row_lines.see_picture(scene.row_line)
+        self._sight.look(scene.t_s, self._crop_rows.fitted + self._row_lines.fitted)
+
+    def is_stale(self, scene: Scene) -> bool:
+        """Whether its picture is an old one: as good as none, for any use."""
+        return self._doubts.is_stale(scene)
+
+    def _has_moved(self, t_s: float) -> bool:
+        """Whether a picture is more than that of the last line once again."""
+        then, last = self._history.at(t_s), self._last_line
+        if then is None or last is None:
+            self._last_line = then
+            return then is not None
+        if math.hypot(then.x_m - last.x_m, then.y_m - last.y_m) < MIN_MOVED_M:
+            return False
+        self._last_line = then
+        return True
+
+    def see_line(self, line: RowLine) -> None:
+        """Correct the pose by the line of the row under the robot; the next estimate shows it."""
+        if self._gnss.is_ready:
+            self._row_lines.see(line)
+
+    def _believe(self, pose: tuple[float, ...]) -> None:
+        """A person says where the robot stands; measurements correct that from now on."""
+        is_moving = abs(self._motion.wheel_mps) > STANDING_MPS
+        if is_moving or not (self._gnss.is_ready and self._compass.is_ready) or not is_pose(pose):
+            self.rejected["pose by hand"] += 1
+            return
+        x_m, y_m, yaw_rad, std_m, std_rad = pose
+        self._ekf.reset(X, x_m, std_m**2)
+        self._ekf.reset(Y, y_m, std_m**2)
+        self._ekf.reset(YAW, wrap_rad(yaw_rad), std_rad**2)
+        self._doubts.forget()
+        self._integrity.restart()
+
+    def _advance(self, step: Step) -> None:
+        """Predict through one step, in pieces if it is long, and let the slow errors age."""
+        last = self._motion
+        pieces = min(max(1, math.ceil(step.dt_s / MAX_STEP_S - 1e-6)), MAX_PIECES)
+        dt_s, distance_m = step.dt_s / pieces, step.distance_m / pieces
+        slide_m = (step.slide_m[0] / pieces, step.slide_m[1] / pieces)
+        bias_radps = self._ekf.x[GYRO_BIAS]
+        turn_rad = bias_radps * dt_s if step.is_still or step.is_blind else 0.0
+        if not step.is_still:
+            turn_rad += step.turn_rad / pieces
+        x_m, y_m, yaw_rad = last.x_m, last.y_m, last.yaw_rad
+        for _ in range(pieces):
+            dx_m, dy_m, dyaw_rad = self._ekf.predict(
+                distance_m, turn_rad, dt_s, self._noise, slide_m
+            )
+            x_m, y_m, yaw_rad = x_m + dx_m, y_m + dy_m, yaw_rad + dyaw_rad
+        self._motion = Motion(
+            step.t_s, x_m, y_m, yaw_rad, distance_m / dt_s, (yaw_rad - last.yaw_rad) / step.dt_s
+        )
+        self._history.append(self._motion)
+        self._integrity.move(step.distance_m, step.slide_m)
+        self._sight.move(step.distance_m)
+        self._gnss.move(step.distance_m, self._half_track_m * step.turn_rad)
+        if abs(self._motion.wheel_mps) > STANDING_MPS:
+            self._doubts.move(step.t_s)
+        if step.is_blind:
+            self._doubt(step)
+        if step.zero_rate is not None:
+            mean_radps, variance = step.zero_rate
+            self._ekf.update(((GYRO_BIAS, 1.0),), mean_radps - self._ekf.x[GYRO_BIAS], variance)
+        self._age(step.dt_s, yaw_rad - last.yaw_rad)
+
+    def _doubt(self, step: Step) -> None:
+        yaw_rad2 = (BLIND_TURN_RATIO * step.turn_rad) ** 2 + BLIND_YAW_RAD_PER_SQRT_S**2 * step.dt_s
+        position_m2 = (BLIND_DISTANCE_RATIO * step.distance_m) ** 2
+        self._ekf.inflate(YAW, yaw_rad2)
+        self._ekf.inflate(X, position_m2)
+        self._ekf.inflate(Y, position_m2)
+
+    def _age(self, dt_s: float, turn_rad: float) -> None:
+        self._unaged_s += dt_s
+        self._unaged_rad += abs(turn_rad)
+        if self._unaged_s < AGEING_PERIOD_S:
+            return
+        age_s, age_rad = self._unaged_s, self._unaged_rad
+        self._unaged_s = self._unaged_rad = 0.0
+        self._ekf.relax(
+            [
+                *slow_ageing(self._config, age_s),
+                self._compass.ageing(age_s, age_rad),
+                *self._gnss.ageing(age_s),
+                *self._row_lines.ageing(age_s),
+            ]
+        )
+
+    def _estimate(self, t_s: float) -> Estimate:
+        x, motion = self._ekf.x, self._motion
+        forward_mps = motion.wheel_mps * (1.0 - x[WHEEL_SCALE])
+        slip_rad = math.copysign(1.0, forward_mps) * x[SLIP] * self._ekf.slip_ratio(x[YAW])
+        ahead_s = min(max(t_s - motion.t_s, 0.0), self._config.wheel_timeout_s)
+        course_rad = x[YAW] + slip_rad + motion.yaw_rate_radps * ahead_s / 2.0
+        block = self._ekf.cov[:3, :3].ravel().tolist()
+        xx, xy, xt, _, yy, yt, _, _, tt = block
+        middle, radius = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
+        pos_std_m = math.sqrt(middle + radius)
+        ok, reason = self._health(t_s, pos_std_m)
+        return Estimate(
+            t_s=t_s,
+            x_map_m=x[X] + forward_mps * ahead_s * math.cos(course_rad),
+            y_map_m=x[Y] + forward_mps * ahead_s * math.sin(course_rad),
+            yaw_map_rad=wrap_rad(x[YAW] + motion.yaw_rate_radps * ahead_s),
+            v_mps=forward_mps,
+            yaw_rate_radps=motion.yaw_rate_radps,
+            slip_rad=slip_rad,
+            pose_cov=(xx, xy, xt, xy, yy, yt, xt, yt, tt),
+            pos_std_m=pos_std_m,
+            yaw_std_rad=math.sqrt(tt),
+            quality=self._quality(t_s),
+            ok=ok,
+            reason=reason,
+            protection_m=self._integrity.level_m(t_s, pos_std_m) if ok else math.inf,
+            row_seen=self._sight.is_seen(t_s),
+            across_protection_m=self._across_m(t_s, pos_std_m) if ok else math.inf,
+            across_plain_m=self._integrity.across_plain_m,
+            contradiction=self._doubts.contradiction if ok else "",
+        )
+
+    def _across_m(self, t_s: float, pos_std_m: float) -> float:
+        return self._integrity.across_m(t_s, pos_std_m, is_held=self._doubts.is_held(t_s))
+
+    def _quality(self, t_s: float) -> GnssQuality:
+        silent = t_s - self._gnss.last_t_s > self._config.gnss_timeout_s
+        return GnssQuality.NONE if silent else self._gnss.quality
+
+    def _health(self, t_s: float, pos_std_m: float) -> tuple[bool, str]:
+        fault = self._fault(t_s)
+        if fault:
+            return False, fault
+        silent_s, doubt = t_s - self._gnss.last_t_s, self._doubts.text
+        if silent_s <= self._config.gnss_timeout_s:
+            self._fix_std_m = pos_std_m
+            return True, doubt
+        limit_m = max(self._config.dead_reckoning_std_m, LOST_RATIO * self._fix_std_m)
+        ok = pos_std_m <= limit_m
+        what = doubt or f"GNSS silent for {silent_s:.1f} s"
+        return ok, (
+            f"{what}, dead reckoning with {pos_std_m:.2f} m "
+            f"{'of' if ok else '>'} {limit_m:.2f} m; check antenna, sky view and receiver"
+        )
+
+    def _fault(self, t_s: float) -> str:
+        """Why there is no pose at all; empty when there is one."""
+        config, odometry = self._config, self._odometry
+        wheels_s, imu_s = t_s - odometry.wheel_t_s, t_s - odometry.imu_t_s
+        if wheels_s < -config.wheel_timeout_s:
+            return f"clock went back by {-wheels_s:.2f} s; restart, the pose cannot follow it"
+        if not wheels_s <= config.wheel_timeout_s:
+            return _silent("wheel encoders", wheels_s, config.wheel_timeout_s, "motor board")
+        if not imu_s <= config.imu_timeout_s:
+            return _silent("IMU", imu_s, config.imu_timeout_s, "IMU and its cable")
+        if not self._compass.is_ready:
+            return "no heading yet: waiting for the magnetometer"
+        if not self._gnss.is_ready:
+            return "no position yet: waiting for GNSS fixes"
+        return self._compass.misplaced or self._gnss.misplaced
+
+
+def is_pose(numbers: tuple[float, ...]) -> bool:
+    """x, y, yaw and two sigmas above zero, as a person states them."""
+    return len(numbers) == 5 and math.isfinite(sum(numbers)) and min(numbers[3:]) > 0.0
+
+
+def _silent(sensor: str, silent_s: float, timeout_s: float, check: str) -> str:
+    if math.isinf(silent_s):
+        return f"no data from the {sensor} yet; check the {check}"
+    return f"{sensor} silent for {silent_s:.2f} s > {timeout_s:.2f} s; check the {check}"

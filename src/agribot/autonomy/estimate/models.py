@@ -1,0 +1,99 @@
+"""The formulas of the filter, for one robot or for many (see agribot.core.arithmetic)."""
+
+from __future__ import annotations
+
+from agribot.core.arithmetic import Arithmetic, Number
+
+# Receivers state their velocity noise too well, and wheels do not tell all of the motion.
+VELOCITY_FACTOR = 1.4
+VELOCITY_FLOOR_MPS = 0.02
+# Far less than any step of the wheels.
+NO_STEP_M2 = 1e-18
+# Skidding moves the centre of the turn off the middle, for as long as the turn lasts.
+TURN_CENTRE_STD_M, TURN_MEMORY_S = 0.03, 2.0
+
+
+def motion(
+    m: Arithmetic,
+    middle_rad: Number,
+    row_yaw_rad: float,
+    wheel_scale: Number,
+    slip: Number,
+    distance_m: Number,
+    turn_rad: Number,
+    turn_s: Number,
+) -> tuple[Number, Number, tuple[tuple[Number, ...], tuple[Number, ...]]]:
+    """A step of the body's centre in the map while its yaw was `middle_rad` on average.
+
+    `turn_rad` is the step's turn as the gyro tells it without its bias, and `turn_s` minus the
+    derivative of the true turn by the bias.
+    Returns: dx, dy, and their derivatives by yaw, gyro bias, wheel scale, slip and gyro scale.
+    """
+    cos, sin = m.cos(middle_rad), m.sin(middle_rad)
+    kept_ratio = 1.0 - wheel_scale
+    across_rad = middle_rad - row_yaw_rad
+    slip_m = abs(distance_m) * m.cos(across_rad)
+    left_m = slip * slip_m
+    lost_m = slip * abs(distance_m) * m.sin(across_rad)  # left per yaw, negative
+    raw_x_m = distance_m * cos - left_m * sin
+    raw_y_m = distance_m * sin + left_m * cos
+    dx_m, dy_m = kept_ratio * raw_x_m, kept_ratio * raw_y_m
+    x_yaw, y_yaw = kept_ratio * lost_m * sin - dy_m, dx_m - kept_ratio * lost_m * cos
+    half_s, half_rad, kept_slip_m = turn_s / 2.0, turn_rad / 2.0, kept_ratio * slip_m
+    return dx_m, dy_m, (
+        (x_yaw, -x_yaw * half_s, -raw_x_m, -kept_slip_m * sin, -x_yaw * half_rad),
+        (y_yaw, -y_yaw * half_s, -raw_y_m, kept_slip_m * cos, -y_yaw * half_rad),
+    )  # fmt: skip
+
+
+def walk_across(
+    dx_m: Number, dy_m: Number, distance_m: Number, noise_m2_per_m: float
+) -> tuple[Number, Number, Number]:
+    """Covariance xx, yy, xy that a walk to the side adds on a step."""
+    share = noise_m2_per_m * abs(distance_m) / (dx_m * dx_m + dy_m * dy_m + NO_STEP_M2)
+    return share * dy_m * dy_m, share * dx_m * dx_m, -share * dx_m * dy_m
+
+
+def antenna_velocity(
+    m: Arithmetic,
+    yaw_rad: Number,
+    row_yaw_rad: float,
+    wheel_scale: Number,
+    slip: Number,
+    wheel_mps: Number,
+    rate_radps: Number,
+    lever_m: tuple[float, float],
+) -> tuple[Number, Number, tuple[tuple[Number, ...], tuple[Number, ...]]]:
+    """Velocity east and north that a receiver should see, and derivatives by yaw, scale, slip."""
+    cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
+    forward_mps = wheel_mps * (1.0 - wheel_scale)
+    slip_mps = abs(forward_mps) * m.cos(yaw_rad - row_yaw_rad)
+    ahead_mps = forward_mps - rate_radps * lever_m[1]
+    left_mps = slip * slip_mps + rate_radps * lever_m[0]
+    east_mps, north_mps = cos * ahead_mps - sin * left_mps, sin * ahead_mps + cos * left_mps
+    return east_mps, north_mps, (
+        (-north_mps, -wheel_mps * cos, -slip_mps * sin),
+        (east_mps, -wheel_mps * sin, slip_mps * cos),
+    )  # fmt: skip
+
+
+def velocity_variance(std_mps: Number, rate_radps: Number, since_last_s: Number) -> Number:
+    return (
+        (VELOCITY_FACTOR * std_mps) ** 2
+        + VELOCITY_FLOOR_MPS**2
+        + (TURN_CENTRE_STD_M * rate_radps) ** 2 * repeats(TURN_MEMORY_S, since_last_s)
+    )
+
+
+def repeats(memory_s: float, since_last_s: float) -> float:
+    """How many epochs share one error that lasts; their noise has to count that often."""
+    return max(2.0 * memory_s / max(since_last_s, 0.01), 1.0)
+
+
+def pair_distance2(
+    r0: Number, r1: Number, total_0: Number, total_1: Number, cross: Number
+) -> Number:
+    """Squared Mahalanobis length of two residuals."""
+    return (total_1 * r0 * r0 - 2.0 * cross * r0 * r1 + total_0 * r1 * r1) / (
+        total_0 * total_1 - cross * cross
+    )

@@ -1,0 +1,36 @@
+"""What a line along the crop row says of the pose, for one robot or for many."""
+
+from __future__ import annotations
+
+import math
+
+from agribot.core.arithmetic import Arithmetic, Number
+
+# A line that stays off by part of its noise for some seconds: leaves lean, light falls sideways.
+LASTING_RATIO, LASTING_MEMORY_S = 0.75, 2.0
+# Its direction stays off as well; that has no state and counts for all the frames it spoils.
+HEADING_LASTING_RAD = math.radians(0.3)
+OFFSET_FLOOR_M = 0.006
+# Degrees of freedom of Student's t: what a gate lets in may still be an outlier.
+TAIL_DEGREES = 4.0
+# The pose can tell rows apart up to this share of their distance, 1 sigma.
+TELLS_APART_RATIO = 0.25
+# Lines that do not fit come in runs only when the pose is wrong.
+GATE_SIGMA, RECOVER_AFTER = 3.5, 6
+RECOVERY_OFFSET_M, RECOVERY_YAW_RAD = 0.15, math.radians(3.0)
+RANGE_GATE_SIGMA, RANGE_RECOVER_AFTER = 3.0, 3
+RECOVERY_RANGE_M = 0.5
+
+
+def offset_variance(std_m: Number) -> Number:
+    return std_m**2 + OFFSET_FLOOR_M**2
+
+
+def heading_variance(m: Arithmetic, std_rad: Number, since_last_s: Number) -> Number:
+    frames = m.most(LASTING_MEMORY_S / m.most(since_last_s, 0.01), 1.0)
+    return std_rad**2 + HEADING_LASTING_RAD**2 * frames
+
+
+def tail_factor(m: Arithmetic, distance2: Number) -> Number:
+    """By how much the variance grows for a residual that looks like an outlier."""
+    return m.most((TAIL_DEGREES + distance2) / (TAIL_DEGREES + 1.0), 1.0)

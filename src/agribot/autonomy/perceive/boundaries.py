@@ -1,0 +1,62 @@
+"""How well the outlines of the classes are met, which the IoU of large areas does not tell."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from agribot.core.messages import ByteArray, PlantClass
+
+# Of the picture's diagonal: so near an outline counts as met. Source: Csurka et al. 2013.
+TOLERANCE_RATIO = 0.0075
+
+Mask = npt.NDArray[np.bool_]
+Counts = npt.NDArray[np.int64]
+
+
+def boundary_counts(truth: ByteArray, guess: ByteArray) -> Counts:
+    """(3, 4): for each class, outline pixels of the guess and how many of them lie on one of the
+    truth, then outline pixels of the truth and how many of them lie on one of the guess.
+
+    `truth` and `guess` are class maps (height, width); where the truth is no class, nothing counts.
+    Two outlines that are nearer than 0.75 % of the diagonal lie on each other.
+    """
+    ignored = truth >= len(PlantClass)
+    tolerance_px = TOLERANCE_RATIO * math.hypot(*truth.shape)
+    counts = np.zeros((len(PlantClass), 4), dtype=np.int64)
+    for kind in PlantClass:
+        said, true = (_outline(one == kind, ignored) for one in (guess, truth))
+        counts[kind] = (
+            len(said), _near(said, true, tolerance_px), len(true), _near(true, said, tolerance_px),
+        )  # fmt: skip
+    return counts
+
+
+def boundary_f1(counts: Counts) -> list[float | None]:
+    """For each class of summed `boundary_counts`; None where it has no outline at all."""
+    scores: list[float | None] = []
+    for said, said_right, true, true_met in counts.tolist():
+        precision, recall = said_right / max(1, said), true_met / max(1, true)
+        both = precision + recall
+        scores.append(None if not said + true else 2.0 * precision * recall / both if both else 0.0)
+    return scores
+
+
+def _outline(mask: Mask, ignored: Mask) -> npt.NDArray[np.int64]:
+    """(N, 2) row and column of the pixels with a neighbour of another class beside them.
+
+    Neither the edge of the picture nor that of an ignored region is an outline.
+    """
+    inside = ndimage.binary_erosion(mask | ignored, border_value=1)
+    return np.argwhere(mask & ~ignored & ~inside)
+
+
+def _near(pixels: npt.NDArray[np.int64], others: npt.NDArray[np.int64], tolerance_px: float) -> int:
+    if not len(pixels) or not len(others):
+        return 0
+    distance_px, _ = cKDTree(others).query(pixels, distance_upper_bound=tolerance_px)
+    return int(np.isfinite(distance_px).sum())

@@ -1,0 +1,140 @@
+"""The crop/weed network at run time: an ONNX file, an image in, a class map out."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from agribot.core.errors import PerceptionError
+from agribot.core.messages import ByteArray
+
+CPU = "CPUExecutionProvider"
+# The winner of three classes has at least a third of the probability, 85 of 255; less is NaN.
+LEAST_CONFIDENCE = 80
+
+
+class ClassMap(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """What the network says about an image, at the network's own resolution.
+
+    `class_id` (h, w) holds `PlantClass` values and `confidence` (h, w) the probability of that
+    class, 255 = certain. `scale_px` is (height, width) of the image over that of the map.
+    """
+
+    class_id: ByteArray
+    confidence: ByteArray
+    scale_px: tuple[float, float]
+
+
+def model_names() -> list[str]:
+    """Names of the networks that come with the package."""
+    folder = resources.files("agribot.autonomy.perceive") / "models"
+    if not folder.is_dir():
+        return []
+    return sorted(
+        f.name.removesuffix(".onnx") for f in folder.iterdir() if f.name.endswith(".onnx")
+    )
+
+
+def model_path(model: str | Path) -> Path:
+    """The file of a packaged network's name, or of a path to an .onnx file.
+
+    Raises: PerceptionError: there is no such file.
+    """
+    path = Path(model)
+    if path.suffix != ".onnx":
+        path = Path(str(resources.files("agribot.autonomy.perceive") / "models" / f"{model}.onnx"))
+    if not path.is_file():
+        known = ", ".join(model_names()) or "none"
+        raise PerceptionError(
+            f"model weights {path} do not exist; known names: {known}; give one of them or a "
+            "path to an .onnx file, or make them: agribot train --data sim --out DIR"
+        )
+    return path
+
+
+class Segmenter:
+    """Runs a network on the CPU, or on other ONNX Runtime providers where they exist.
+
+    The same image gives the same answer, bit by bit, on one machine and provider.
+    """
+
+    def __init__(
+        self, model: str | Path, threads: int = 1, providers: tuple[str, ...] = (CPU,)
+    ) -> None:
+        self.path = path = model_path(model)
+        self._session = _open_session(path, threads, providers)
+        try:
+            (image,) = self._session.get_inputs()
+            shapes = {output.name: output.shape for output in self._session.get_outputs()}
+            height, width = shapes["class_id"]
+            fits = image.type == "tensor(uint8)" and shapes["confidence"] == [height, width]
+        except (ValueError, KeyError) as error:
+            raise _misfit(path) from error
+        if not fits or not isinstance(height, int) or not isinstance(width, int):
+            raise _misfit(path)
+        self._input_name = image.name
+        self.map_shape = (height, width)
+
+    def segment(self, image_rgb: ByteArray) -> ClassMap:
+        """Classify an image of (height, width, 3), of any size."""
+        if image_rgb.ndim != 3 or image_rgb.shape[2] != 3 or image_rgb.dtype != np.uint8:
+            raise PerceptionError(
+                f"image is {image_rgb.shape} {image_rgb.dtype}; give (height, width, 3) uint8"
+            )
+        feed = {self._input_name: np.ascontiguousarray(image_rgb)[None]}
+        class_id, confidence = self._session.run(["class_id", "confidence"], feed)
+        height, width = self.map_shape
+        if confidence.min() < LEAST_CONFIDENCE:
+            raise PerceptionError(
+                f"{self.path} answers with no number: its weights hold NaN or infinity; train or "
+                "export it again"
+            )
+        return ClassMap(
+            class_id=class_id,
+            confidence=confidence,
+            scale_px=(image_rgb.shape[0] / height, image_rgb.shape[1] / width),
+        )
+
+
+def _misfit(path: Path) -> PerceptionError:
+    return PerceptionError(
+        f"{path} is no crop/weed network: it needs one uint8 image input and the outputs class_id "
+        "and confidence of one fixed size; export it with agribot train"
+    )
+
+
+def _open_session(path: Path, threads: int, providers: tuple[str, ...]) -> Any:
+    import onnxruntime
+
+    unknown = set(providers) - set(onnxruntime.get_available_providers())
+    if unknown:
+        available = ", ".join(onnxruntime.get_available_providers())
+        raise PerceptionError(
+            f"ONNX Runtime has no {', '.join(sorted(unknown))} here; available: {available}"
+        )
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 3
+    # A waiting worker must not burn the core that the control loop needs.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    faults = onnxruntime.capi.onnxruntime_pybind11_state
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=list(providers))
+    except (
+        faults.InvalidProtobuf,
+        faults.InvalidGraph,
+        faults.InvalidArgument,
+        faults.Fail,
+        faults.NotImplemented,
+        faults.RuntimeException,
+    ) as error:
+        reason = str(error).splitlines()[0]
+        raise PerceptionError(
+            f"{path} is not an ONNX file that runs here ({reason}); copy it again or make it: "
+            "agribot train"
+        ) from error

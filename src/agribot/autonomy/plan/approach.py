@@ -1,0 +1,120 @@
+"""The way from where the robot stands to the first row, around the crop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise, product
+
+import numpy as np
+
+from agribot.autonomy.plan.certify import closest_to_crop
+from agribot.autonomy.plan.curves import Pose, Segment, length_m, sample
+from agribot.autonomy.plan.dubins import all_words
+from agribot.autonomy.plan.obstacles import NO_OBSTACLES, Obstacles
+from agribot.core.config import MissionConfig
+from agribot.core.errors import MissionError
+from agribot.core.messages import Row
+from agribot.core.robot import RobotSpec
+from agribot.core.row_shape import (
+    beside_row,
+    chord_yaw_rad,
+    end_yaw_rad,
+    row_length_m,
+    row_points_map_m,
+    start_yaw_rad,
+)
+
+RADIUS_M = 0.5
+_RING_MIN_M = 0.8  # half a robot and the clearance beside the outermost row
+_MAX_VIAS = 3  # three corners lead once around a field
+# Direct ways keep their longer variants too: the shortest may cut across a row.
+_WORDS_WHEN_DIRECT = 6
+
+Route = tuple[Segment, ...]
+
+
+def approach(
+    start: Pose, entries: Sequence[Pose], rows: Sequence[Row], robot: RobotSpec,
+    mission: MissionConfig, obstacles: Obstacles = NO_OBSTACLES,
+) -> tuple[int, Route]:  # fmt: skip
+    """Index of the entry that is reached first, and the shortest clear way to it.
+
+    Raises: MissionError: the robot stands where it cannot leave without crushing crop, or without
+        touching an obstacle.
+    """
+    ways = [
+        (length_m(route), index, route)
+        for index, entry in enumerate(entries)
+        for route in _routes(start, entry, rows, mission.headland_m, obstacles)
+    ]
+    for _, index, route in sorted(ways, key=lambda way: way[:2]):
+        if length_m(route) < 1e-6:
+            return index, ()
+        path = sample(start, route)
+        closest = closest_to_crop(path, robot, rows)
+        if closest.clearance_m >= mission.plant_clearance_m and obstacles.are_clear_of(path):
+            return index, route
+    beside = f" and {obstacles.clearance_m:.2f} m off obstacles" if obstacles.circles else ""
+    raise MissionError(
+        f"no way from East {start.x_m:.2f} m, North {start.y_m:.2f} m to the field keeps "
+        f"{mission.plant_clearance_m:.2f} m off the crop{beside}; put the robot on the headland"
+    )
+
+
+def _routes(
+    start: Pose, entry: Pose, rows: Sequence[Row], headland_m: float, obstacles: Obstacles
+) -> Iterator[Route]:
+    yield from all_words(start, entry, RADIUS_M)[:_WORDS_WHEN_DIRECT]
+    rings = [_ring(rows, max(headland_m, _RING_MIN_M)), *obstacles.rings()]
+    prefixes = [(start,), *((start, way_out) for way_out in _exits(start, rows, headland_m))]
+    for prefix in prefixes:
+        yield _chain((*prefix, entry))
+    for ring, direction in product(rings, (1, -1)):
+        corners = _via_poses(ring, direction)
+        for prefix, first in product(prefixes, range(4)):
+            vias = [corners[(first + direction * step) % 4] for step in range(_MAX_VIAS)]
+            for count in range(1, _MAX_VIAS + 1):
+                yield _chain((*prefix, *vias[:count], entry))
+
+
+def _chain(poses: Sequence[Pose]) -> Route:
+    pieces: list[Segment] = []
+    for start, end in pairwise(poses):
+        pieces += all_words(start, end, RADIUS_M)[0]
+    return tuple(pieces)
+
+
+def _ring(rows: Sequence[Row], margin_m: float) -> list[tuple[float, float]]:
+    """Corners of the rectangle along the rows that holds all of them, counter-clockwise."""
+    yaw = chord_yaw_rad(rows[0])
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    ends = np.concatenate([row_points_map_m(row) for row in rows])
+    along, left = ends @ np.array([cos, sin]), ends @ np.array([-sin, cos])
+    a0, a1 = float(along.min()) - margin_m, float(along.max()) + margin_m
+    l0, l1 = float(left.min()) - margin_m, float(left.max()) + margin_m
+    corners = ((a0, l0), (a1, l0), (a1, l1), (a0, l1))
+    return [(a * cos - lat * sin, a * sin + lat * cos) for a, lat in corners]
+
+
+def _via_poses(ring: Sequence[tuple[float, float]], direction: int) -> list[Pose]:
+    """A pose at each corner, half turned from the edge it ends to the edge it begins."""
+    poses = []
+    for index, (x_m, y_m) in enumerate(ring):
+        before, after = ring[(index - direction) % 4], ring[(index + direction) % 4]
+        yaw_in = math.atan2(y_m - before[1], x_m - before[0])
+        yaw_out = math.atan2(after[1] - y_m, after[0] - x_m)
+        poses.append(Pose(x_m, y_m, yaw_in + math.remainder(yaw_out - yaw_in, math.tau) / 2.0))
+    return poses
+
+
+def _exits(start: Pose, rows: Sequence[Row], headland_m: float) -> list[Pose]:
+    """Poses just past both ends of the row under the robot, outwards; none outside the rows."""
+    row = min(rows, key=lambda row: abs(beside_row(row, start.x_m, start.y_m).left_m))
+    first = Pose(*row.start_map_m, start_yaw_rad(row))
+    last = Pose(*row.end_map_m, end_yaw_rad(row))
+    along_m, left_m, _ = beside_row(row, start.x_m, start.y_m)
+    if not -headland_m <= along_m <= row_length_m(row) + headland_m or abs(left_m) > 1.0:
+        return []
+    back = Pose(first.x_m, first.y_m, first.yaw_rad + math.pi)
+    return [last.ahead(headland_m), back.ahead(headland_m)]

@@ -1,0 +1,185 @@
+"""Coverage of a field: row after row, turning on the headlands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from agribot.autonomy.plan.approach import approach
+from agribot.autonomy.plan.curves import MIN_RADIUS_M, Pose, Segment, sample
+from agribot.autonomy.plan.dubins import shortest
+from agribot.autonomy.plan.obstacles import NO_OBSTACLES, Obstacles
+from agribot.core.config import MissionConfig
+from agribot.core.errors import MissionError
+from agribot.core.messages import Path, Row
+from agribot.core.robot import RobotSpec
+from agribot.core.row_shape import (
+    chord_yaw_rad,
+    end_yaw_rad,
+    row_length_m,
+    start_yaw_rad,
+    turned_round,
+)
+
+MAX_TURN_RADIUS_M = 0.5  # wider pitches get a straight piece, so that the headland stays narrow
+
+
+def plan_rows(
+    rows: Sequence[Row],
+    start_pose: tuple[float, float, float],
+    robot: RobotSpec,
+    mission: MissionConfig,
+    crop: Sequence[Row] = (),
+    obstacles: Obstacles = NO_OBSTACLES,
+) -> Path:
+    """Drive over every row once, neighbours in alternating direction.
+
+    `start_pose` is (x_map_m, y_map_m, yaw_map_rad). Work begins at the corner of the field that
+    is reached first; the path runs `headland_m` past the last plant before each turn. The way
+    there keeps off `crop`, if more rows stand there than are driven.
+    Raises: MissionError: no rows, a row without length, or no clear way from the start.
+    """
+    if not rows:
+        raise MissionError("the field has no rows; set field.row_count to 1 or more")
+    for row in rows:
+        if math.dist(row.start_map_m, row.end_map_m) < MIN_RADIUS_M:
+            raise MissionError(f"row {row.index} is shorter than {MIN_RADIUS_M} m; check the field")
+    start = Pose(*start_pose)
+    orders = [
+        _passes(ordered, is_first_flipped)
+        for ordered in _orders(rows)
+        for is_first_flipped in (False, True)
+    ]
+    entries = [_entry(order, 0, mission.headland_m) for order in orders]
+    chosen, way_in = approach(start, entries, crop or rows, robot, mission, obstacles)
+    return sample(start, (*way_in, *_coverage(orders[chosen], mission.headland_m)))
+
+
+def plan_without(
+    path: Path,
+    index: int,
+    skipped: int,
+    rows: Sequence[Row],
+    robot: RobotSpec,
+    mission: MissionConfig,
+    obstacles: Obstacles = NO_OBSTACLES,
+) -> Path:
+    """The path as far as its next turn behind point `index`, then the rows it still works but one.
+
+    Raises: MissionError: no clear way leads around the row.
+    """
+    branch = _next_turn(path, index, skipped)
+    ahead = set(path.row[branch:].tolist()) - {-1, skipped}
+    if not ahead:
+        return _joined(path, max(branch, 1), None)
+    x_m, y_m = path.xy_map_m[branch]
+    pose = (float(x_m), float(y_m), float(path.yaw_map_rad[branch]))
+    left = [row for row in rows if row.index in ahead]
+    return _joined(path, branch, plan_rows(left, pose, robot, mission, rows, obstacles))
+
+
+def _next_turn(path: Path, index: int, skipped: int) -> int:
+    """Where the straight under the robot ends; the point itself in a turn or before the row."""
+    bends = np.flatnonzero(path.curvature_radpm[index:])
+    begin = index + int(bends[0]) if len(bends) else len(path.s_m) - 1
+    row = np.flatnonzero(path.row[index:] == skipped)
+    return begin if not len(row) or begin < index + int(row[0]) else index
+
+
+def _joined(path: Path, last: int, rest: Path | None) -> Path:
+    """Up to and with point `last`, and on along another path that begins there."""
+    kept = slice(0, last + 1)
+    names = ("xy_map_m", "yaw_map_rad", "curvature_radpm", "row")
+    columns = {name: getattr(path, name)[kept] for name in names}
+    s_m = path.s_m[kept]
+    if rest is not None:
+        columns = {
+            name: np.concatenate([column[:-1], getattr(rest, name)])
+            for name, column in columns.items()
+        }
+        s_m = np.concatenate([s_m[:-1], s_m[-1] + rest.s_m])
+    return Path(**columns, s_m=s_m)
+
+
+def plan_home(
+    rows: Sequence[Row],
+    start_pose: tuple[float, float, float],
+    home_pose: tuple[float, float, float],
+    robot: RobotSpec,
+    mission: MissionConfig,
+    obstacles: Obstacles = NO_OBSTACLES,
+) -> Path:
+    """Around the rows to a place, and look there as `home_pose` says.
+
+    Raises: MissionError: no such way is clear of the crop.
+    """
+    start = Pose(*start_pose)
+    _, way = approach(start, [Pose(*home_pose)], rows, robot, mission, obstacles)
+    return sample(start, way)
+
+
+def _orders(rows: Sequence[Row]) -> list[Sequence[Row]]:
+    return [rows] if len(rows) == 1 else [rows, rows[::-1]]
+
+
+def _passes(rows: Sequence[Row], is_first_flipped: bool) -> list[Row]:
+    """The rows in driving order, each written in its driving direction."""
+    passes: list[Row] = []
+    for row in rows:
+        is_flipped = is_first_flipped
+        if passes:
+            is_flipped = math.cos(chord_yaw_rad(row) - chord_yaw_rad(passes[-1])) > 0.0
+        passes.append(turned_round(row) if is_flipped else row)
+    return passes
+
+
+def _coverage(passes: Sequence[Row], headland_m: float) -> list[Segment]:
+    pieces: list[Segment] = []
+    for number, row in enumerate(passes):
+        entry, leave = _entry(passes, number, headland_m), _leave(passes, number, headland_m)
+        first_plant_m = math.dist((entry.x_m, entry.y_m), row.start_map_m)
+        last_plant_m = math.dist((leave.x_m, leave.y_m), row.end_map_m)
+        pieces += (
+            Segment(first_plant_m, 0.0),
+            Segment(row_length_m(row), row.curvature_radpm, row.index),
+            Segment(last_plant_m, 0.0),
+        )
+        if number + 1 < len(passes):
+            pieces += _turn(leave, _entry(passes, number + 1, headland_m))
+    return pieces
+
+
+def _turn(leave: Pose, entry: Pose) -> tuple[Segment, ...]:
+    """Semicircle where the pitch allows one; a bulb where it is too narrow for the robot."""
+    offset_m = abs(
+        (entry.y_m - leave.y_m) * math.cos(leave.yaw_rad)
+        - (entry.x_m - leave.x_m) * math.sin(leave.yaw_rad)
+    )
+    radius_m = min(max(offset_m / 2.0, MIN_RADIUS_M), MAX_TURN_RADIUS_M)
+    return shortest(leave, entry, radius_m)
+
+
+def _entry(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
+    """Before the first plant; rows that end unevenly wait for the longer neighbour."""
+    row = passes[number]
+    start = Pose(*row.start_map_m, start_yaw_rad(row))
+    extra_m = 0.0
+    if number > 0:
+        extra_m = max(0.0, -_along_m(start, passes[number - 1].end_map_m))
+    return start.ahead(-headland_m - extra_m)
+
+
+def _leave(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
+    row = passes[number]
+    end = Pose(*row.end_map_m, end_yaw_rad(row))
+    extra_m = 0.0
+    if number + 1 < len(passes):
+        extra_m = max(0.0, _along_m(end, passes[number + 1].start_map_m))
+    return end.ahead(headland_m + extra_m)
+
+
+def _along_m(pose: Pose, point_map_m: tuple[float, float]) -> float:
+    dx, dy = point_map_m[0] - pose.x_m, point_map_m[1] - pose.y_m
+    return dx * math.cos(pose.yaw_rad) + dy * math.sin(pose.yaw_rad)

@@ -1,0 +1,95 @@
+"""Slower where the robot knows less well where the crop row is, and off the crop where it may err.
+
+The protection level bounds how far the robot may be off its row although it believes to be on it,
+also when the GNSS lies. While that is less than from the wheels to the crop, nothing happens.
+"""
+
+from __future__ import annotations
+
+import math
+
+from agribot.core.config import MissionConfig
+from agribot.core.geo import std_along_m
+from agribot.core.messages import Estimate
+from agribot.core.robot import DriveSpec
+
+# What is left of the speed just before the robot must stop: it sees more plants only by moving.
+CREEP_RATIO = 0.25
+# A robot that knows where it is stays this near to its path.
+TRACKING_M = 0.06
+# Dead reckoning, which checks the GNSS, bounds the error of the best receiver no closer than this.
+LEAST_LIMIT_M = 0.2
+# It creeps so long beyond the limit, to get row or fix back, and not that far beyond.
+# Where nothing is wrong but that it knows little, as after a turn on a slope, it creeps for longer,
+# a plant's distance or two: it sees its row only by moving.
+PATIENCE_S, MAX_RATIO = 10.0, 1.5
+UNSURE_PATIENCE_S, UNSURE_RATIO = 40.0, 0.9
+
+
+def across_std_m(estimate: Estimate, yaw_map_rad: float) -> float:
+    """1 sigma of the position across a direction of the map."""
+    xx, xy, _, _, yy, *_ = estimate.pose_cov
+    return std_along_m((xx, xy, yy), (-math.sin(yaw_map_rad), math.cos(yaw_map_rad)))
+
+
+def caution_ratio(std_m: float, config: MissionConfig) -> float:
+    """Part of the speed that an uncertainty across the row allows; 0 beyond the limit."""
+    if not std_m <= config.max_row_std_m:
+        return 0.0
+    if std_m <= config.full_speed_std_m:
+        return 1.0
+    part = (std_m - config.full_speed_std_m) / (config.max_row_std_m - config.full_speed_std_m)
+    return 1.0 - part * (1.0 - CREEP_RATIO)
+
+
+def protection_limit_m(drive: DriveSpec, pitch_m: float = math.inf) -> float:
+    """How far a robot astride a row may be off before a wheel reaches crop, on either side."""
+    inside_m = (drive.track_m - drive.wheel_width_m) / 2.0
+    outside_m = pitch_m - (drive.track_m + drive.wheel_width_m) / 2.0
+    return max(min(inside_m, outside_m) - TRACKING_M, LEAST_LIMIT_M)
+
+
+class CropGuard:
+    """Watches the protection level across the row while there is crop beside the wheels.
+
+    Above the limit the tool is off and the robot creeps; it stands where the level stays there or
+    rises on, and goes on by itself once the level is back. `restart` when a person bids it go on:
+    it then creeps once more, whatever the level.
+    """
+
+    def __init__(self) -> None:
+        self.ratio = 1.0  # of its speed at which the robot may drive
+        self._since_s: float | None = None
+        self._is_granted = False
+
+    @property
+    def may_work(self) -> bool:
+        return self.ratio == 1.0
+
+    def restart(self) -> None:
+        self._since_s, self._is_granted, self.ratio = None, True, 1.0
+
+    def leave(self) -> None:
+        """No crop beside the wheels."""
+        self._since_s, self._is_granted, self.ratio = None, False, 1.0
+
+    def judge(self, estimate: Estimate, limit_m: float) -> str:
+        """Why the robot stands, if it must; `ratio` tells the rest."""
+        level_m = estimate.across_protection_m
+        if level_m <= limit_m:
+            self.leave()
+            return ""
+        self._since_s = estimate.t_s if self._since_s is None else self._since_s
+        lasts_s = estimate.t_s - self._since_s
+        is_unsure = estimate.across_plain_m >= UNSURE_RATIO * level_m
+        is_unsure = is_unsure and lasts_s < UNSURE_PATIENCE_S
+        is_unsure = is_unsure and not estimate.reason  # no sensor is known to fail
+        is_near = self._is_granted or level_m <= MAX_RATIO * limit_m
+        if is_unsure or (is_near and lasts_s < PATIENCE_S):
+            self.ratio = CREEP_RATIO
+            return ""
+        self.ratio = 0.0
+        return (
+            f"may be {level_m:.2f} m off the row > {limit_m:.2f} m from wheels to crop; wait for "
+            "GNSS, or look where the robot stands and resume"
+        )

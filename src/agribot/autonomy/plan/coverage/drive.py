@@ -1,0 +1,257 @@
+"""A field plan made ready for driving: dense points, and the stretches to be worked as rows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from agribot.autonomy.plan.coverage.area import (
+    FieldArea,
+    FieldPlan,
+    Footprint,
+    Leg,
+    PlanRequest,
+    Point,
+)
+from agribot.autonomy.plan.coverage.free_space import FreeSpace
+from agribot.autonomy.plan.coverage.ways import Ways
+from agribot.autonomy.plan.curves import SPACING_M, Place, path_from_table
+from agribot.autonomy.plan.plan_certificate import check_ways
+from agribot.core.errors import MissionError
+from agribot.core.field_bounds import FieldBounds
+from agribot.core.messages import FloatArray, Path, Row
+
+STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
+MAX_LENGTH_M = 20_000.0
+MAX_OUTSIDE_M = 50.0
+RUN_IN_M = 0.2  # straight to a place at which the robot is to look somewhere
+
+
+class FieldWork:
+    """What a mission needs of a plan: its rows, and its path from where the robot stands."""
+
+    def __init__(
+        self, plan: FieldPlan, area: FieldArea, shape: Footprint, request: PlanRequest
+    ) -> None:
+        """Raises: MissionError: the plan is longer than a mission can hold."""
+        length_m = sum(leg.length_m for leg in plan.legs)
+        if length_m > MAX_LENGTH_M:
+            raise MissionError(
+                f"the plan is {length_m / 1000:.1f} km long, more than the {MAX_LENGTH_M / 1000:g} "
+                "km that one mission drives; split the field"
+            )
+        self.area, self.request = area, request
+        self._shape = shape
+        self._legs = plan.legs
+        self.length_m = length_m
+        self.rows, self._row_of_piece = _stretches(plan.legs)
+        self.bounds = FieldBounds(
+            rings_map_m=tuple(np.array(ring) for ring in (area.boundary, *area.holes)),
+            front_m=shape.front_m,
+            rear_m=shape.rear_m,
+            half_width_m=shape.half_width_m,
+        )
+
+    @property
+    def has_crop(self) -> bool:
+        return bool(self.area.rows)
+
+    def path_from(self, start_pose: tuple[float, float, float]) -> Path:
+        """The way from the robot to the plan, around every obstacle, and the plan.
+
+        Raises: MissionError: the robot stands where no such way begins.
+        """
+        start, first = start_pose[:2], self._legs[0].xy_map_m[0]
+        way_in = self._way(start, (float(first[0]), float(first[1])))
+        return drive_path([*way_in, *self._legs], [*([None] * len(way_in)), *self._row_of_piece])
+
+    def path_home(self, start: Point, home: Point, row_ahead: FloatArray) -> Path:
+        """To the end of the crop row under the robot, if any, and around all obstacles home.
+
+        Raises: MissionError: the robot stands where no such way begins.
+        """
+        legs = []
+        if len(row_ahead) > 1:
+            legs.append(Leg(kind="arc", xy_map_m=row_ahead))
+            start = (float(row_ahead[-1, 0]), float(row_ahead[-1, 1]))
+        legs += self._way(start, home)
+        if not legs:
+            raise MissionError("the robot is at home already")
+        return drive_path(legs, [None] * len(legs))
+
+    def path_to(self, start: Point, goal: Place) -> Path:
+        """Around every obstacle to a place on which the robot can turn in place.
+
+        Raises: MissionError: the place is outside, in an obstacle, on crop or too near to them.
+        """
+        import shapely
+
+        x_m, y_m, yaw_rad = goal
+        place = (x_m, y_m)
+        space = self._space()
+        if not space.drivable.covers(shapely.Point(place)):
+            raise MissionError(f"East {x_m:.2f} m, North {y_m:.2f} m {self._what_is_at(place)}")
+        before = place
+        if yaw_rad is not None:  # the robot turns there and drives the rest as it is to look
+            before = (x_m - RUN_IN_M * math.cos(yaw_rad), y_m - RUN_IN_M * math.sin(yaw_rad))
+            if not space.drivable.covers(shapely.LineString((before, place))):
+                raise MissionError(
+                    f"there is no room to look that way at East {x_m:.2f} m, North {y_m:.2f} m; "
+                    "choose another heading, or none"
+                )
+        legs = self._way(start, before)
+        if before != place:
+            legs.append(Leg(kind="link", xy_map_m=np.array([before, place])))
+        return self._checked(legs, start)
+
+    def path_back(self, start: Point, goal: Place) -> Path:
+        """To a place of the plan itself, which may be nearer to an edge than the robot can turn.
+
+        Raises: MissionError: no such way keeps the robot inside the field and off the crop.
+        """
+        return self._checked(self._way(start, goal[:2]), start)
+
+    def _checked(self, legs: list[Leg], start: Point) -> Path:
+        if not legs:
+            raise MissionError("the robot is there already")
+        problems = check_ways(tuple(legs), self.area, self._shape, self.request, start)
+        if problems:
+            raise MissionError(f"the way there is refused: {problems[0].message}")
+        return drive_path(legs, [None] * len(legs))
+
+    def _what_is_at(self, place: Point) -> str:
+        """Why a robot cannot turn at a place."""
+        import shapely
+
+        here = shapely.Point(place)
+        if not shapely.Polygon(self.area.boundary).covers(here):
+            return "lies beyond the boundary of the field"
+        if any(shapely.Polygon(hole).covers(here) for hole in self.area.holes):
+            return "lies in an obstacle"
+        rows = [shapely.LineString(row) for row in self.area.rows]
+        if rows and shapely.MultiLineString(rows).distance(here) < self._row_clearance_m:
+            return "lies in the crop rows"
+        return "is too near to an edge or an obstacle for the robot to turn there"
+
+    def _space(self) -> FreeSpace:
+        import shapely
+
+        space = FreeSpace(self.area, self._shape, self.request)
+        if self.area.rows:
+            space.remove(
+                shapely.union_all(
+                    [shapely.LineString(r).buffer(self._row_clearance_m) for r in self.area.rows]
+                )
+            )
+        return space
+
+    def _way(self, start: Point, goal: Point) -> list[Leg]:
+        """Inside the field, around what is in the way.
+
+        A place outside, or closer to an edge than the robot can turn, is left or reached by the
+        straight line to the nearest ground on which it can.
+        """
+        if math.dist(start, goal) < SPACING_M:
+            return []
+        space = self._space()
+        inner = [space.nearest(place) for place in (start, goal)]
+        for place, near in zip((start, goal), inner, strict=True):
+            if math.dist(place, near) > MAX_OUTSIDE_M:
+                raise MissionError(
+                    f"East {place[0]:.2f} m, North {place[1]:.2f} m is "
+                    f"{math.dist(place, near):.1f} m from the ground on which the robot may drive, "
+                    f"more than {MAX_OUTSIDE_M:g} m; bring it nearer to the field"
+                )
+        corners = np.array([start, *Ways(space.region, space.drivable).way(*inner), goal])
+        steps_m = np.hypot(*np.diff(corners, axis=0).T)
+        return [Leg(kind="link", xy_map_m=corners[np.concatenate([[True], steps_m > 1e-6])])]
+
+    @property
+    def _row_clearance_m(self) -> float:
+        return self._shape.wheel_turn_radius_m + self.request.plant_clearance_m
+
+
+def _stretches(legs: tuple[Leg, ...]) -> tuple[tuple[Row, ...], list[list[int] | None]]:
+    """Straight rows, and per leg the row of each of its pieces; None where nothing is worked."""
+    rows: list[Row] = []
+    of_piece: list[list[int] | None] = []
+    for leg in legs:
+        if not leg.tool_on:
+            of_piece.append(None)
+            continue
+        numbers: list[int] = []
+        for first, last in _straight_parts(leg.xy_map_m):
+            (x0, y0), (x1, y1) = leg.xy_map_m[first].tolist(), leg.xy_map_m[last].tolist()
+            numbers += [len(rows)] * (last - first)
+            rows.append(Row(index=len(rows), start_map_m=(x0, y0), end_map_m=(x1, y1)))
+        of_piece.append(numbers)
+    return tuple(rows), of_piece
+
+
+def _straight_parts(xy: FloatArray) -> list[tuple[int, int]]:
+    parts, first = [], 0
+    while first < len(xy) - 1:
+        last = first + 1
+        while last + 1 < len(xy) and _bulge_m(xy[first : last + 2]) <= STRETCH_M:
+            last += 1
+        parts.append((first, last))
+        first = last
+    return parts
+
+
+def _bulge_m(xy: FloatArray) -> float:
+    """How far points lie beside the line from the first to the last."""
+    along = xy[-1] - xy[0]
+    offset = xy[1:-1] - xy[0]
+    cross = along[0] * offset[:, 1] - along[1] * offset[:, 0]
+    return float(np.max(np.abs(cross)) / max(math.hypot(*along), 1e-9))
+
+
+def drive_path(legs: list[Leg], rows: list[list[int] | None]) -> Path:
+    """Points 2 cm apart; where the robot turns in place, or back, the same point stands twice."""
+    blocks, done_m = [], 0.0
+    for leg, numbers in zip(legs, rows, strict=True):
+        pieces = _broken(leg) if leg.kind == "link" else [leg.xy_map_m]
+        for xy in pieces:
+            block = _block(xy, done_m, numbers or [-1] * (len(xy) - 1), leg.is_reverse)
+            done_m = float(block[-1, 5])
+            blocks.append(block)
+    table = np.concatenate(blocks)
+    same = (np.diff(table[:, 5]) <= 0.0) & (_turned_rad(table[:, 2]) < 1e-3)
+    table = table[np.concatenate([[True], ~same])]
+    table[:, 2] += np.pi * table[:, 6]  # backwards the robot looks against its course
+    return path_from_table(table)
+
+
+def _broken(leg: Leg) -> list[FloatArray]:
+    return [leg.xy_map_m[k : k + 2] for k in range(len(leg.xy_map_m) - 1)]
+
+
+def _turned_rad(yaw: FloatArray) -> FloatArray:
+    return np.asarray(np.abs(np.angle(np.exp(1j * np.diff(yaw)))))
+
+
+def _block(xy: FloatArray, done_m: float, rows: list[int], is_reverse: bool) -> FloatArray:
+    """Columns x, y, course, curvature, row, s, is_reverse along a line without corners.
+
+    The course at a bend is the mean of the two pieces; along a piece it goes over from one end
+    to the other, as on the arc that the pieces are chords of.
+    """
+    step = np.diff(xy, axis=0)
+    length_m = np.hypot(*step.T)
+    course = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    at_ends = np.concatenate([course[:1], (course[:-1] + course[1:]) / 2.0, course[-1:]])
+    blocks = []
+    for k in range(len(step)):
+        count = max(1, math.ceil(length_m[k] / SPACING_M - 1e-9))
+        ratio = np.arange(count + (k == len(step) - 1)) / count
+        table = np.empty((len(ratio), 7))
+        table[:, :2] = xy[k] + ratio[:, None] * step[k]
+        table[:, 2] = at_ends[k] + ratio * (at_ends[k + 1] - at_ends[k])
+        table[:, 3] = (at_ends[k + 1] - at_ends[k]) / length_m[k]
+        table[:, 4] = rows[k]
+        table[:, 5] = done_m + float(length_m[:k].sum()) + ratio * length_m[k]
+        table[:, 6] = is_reverse
+        blocks.append(table)
+    return np.concatenate(blocks)

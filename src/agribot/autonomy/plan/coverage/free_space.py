@@ -1,0 +1,103 @@
+"""Where the robot's centre may be: places at which it can turn in place without touching."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from agribot.autonomy.plan.coverage.area import FieldArea, Footprint, PlanRequest, Point
+from agribot.core.errors import MissionError
+
+if TYPE_CHECKING:
+    import shapely
+    from shapely.geometry.base import BaseGeometry
+
+# The outline is drawn with few points, and cut where bends are rounded: this eats at the margin.
+SIMPLIFY_M = 0.01
+QUARTER_SEGMENTS = 4
+ROUNDING_M = 0.01  # rounded bends cut this much off their corners
+MITRE_LIMIT = 2.0
+# Ways may touch the edge of the free space; this forgives the rounding of such touches.
+TOUCH_M = 1e-4
+
+
+class FreeSpace:
+    """The connected part of the field that is planned, for a robot seen as its turning circle."""
+
+    def __init__(self, area: FieldArea, shape: Footprint, request: PlanRequest) -> None:
+        """Raises: MissionError: the robot finds no room to turn anywhere in the field."""
+        import shapely
+
+        self.field = shapely.Polygon(area.boundary, area.holes)
+        depth_m = shape.turn_radius_m + max(request.margin_m, spent_m(shape))
+        rounded = self.field.buffer(-depth_m, quad_segs=QUARTER_SEGMENTS)
+        parts = polygons(rounded.simplify(SIMPLIFY_M))
+        if not parts:
+            raise MissionError(
+                f"the field has no place to turn: the robot with its implement needs "
+                f"{2 * depth_m:.2f} m in all directions ({2 * shape.turn_radius_m:.2f} m turning "
+                f"circle, {request.margin_m:.2f} m margin); check the boundary and the holes, or "
+                "plan for a narrower implement"
+            )
+        self.region = _chosen(parts, request.start_map_m, depth_m)
+        self.left_out = [part for part in parts if part is not self.region]
+        self.drivable = self.region.buffer(TOUCH_M, join_style="mitre")
+        shapely.prepare(self.drivable)
+
+    def nearest(self, place: Point) -> Point:
+        """The place itself, or where the region is nearest to it."""
+        import shapely
+
+        here = shapely.Point(place)
+        if self.drivable.covers(here):
+            return place
+        x_m, y_m = shapely.get_coordinates(shapely.shortest_line(here, self.region))[1]
+        return float(x_m), float(y_m)
+
+    @staticmethod
+    def inset(shape: BaseGeometry, depth_m: float) -> BaseGeometry:
+        return shape.buffer(-depth_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
+
+    def remove(self, obstacle: BaseGeometry) -> None:
+        """Keep ways out of a further area; the places to turn stay inside what remains."""
+        import shapely
+
+        parts = polygons(self.region.difference(obstacle))
+        if not parts:
+            raise MissionError("the crop rows leave no headland to turn on; leave room around them")
+        self.region = max(parts, key=lambda part: part.area)
+        self.drivable = self.region.buffer(TOUCH_M, join_style="mitre")
+        shapely.prepare(self.drivable)
+
+
+def spent_m(shape: Footprint) -> float:
+    """What the outline of the free space may lie too near to the edge of the field."""
+    chord_m = shape.turn_radius_m * (1.0 - math.cos(math.pi / (4 * QUARTER_SEGMENTS)))
+    return SIMPLIFY_M + ROUNDING_M + chord_m
+
+
+def polygons(shape: BaseGeometry) -> list[shapely.Polygon]:
+    """The areas in a geometry, without lines, points and specks."""
+    import shapely
+
+    found = shapely.get_parts(shapely.get_parts(shape)).tolist() if not shape.is_empty else []
+    return [part for part in found if part.geom_type == "Polygon" and part.area > 1e-4]
+
+
+def _chosen(
+    parts: list[shapely.Polygon], start_map_m: Point | None, depth_m: float
+) -> shapely.Polygon:
+    import shapely
+
+    if start_map_m is None:
+        return max(parts, key=lambda part: part.area)
+    start = shapely.Point(start_map_m)
+    nearest = min(parts, key=lambda part: (part.distance(start), -part.area))
+    if nearest.distance(start) > TOUCH_M:
+        east_m, north_m = start_map_m
+        raise MissionError(
+            f"the start at East {east_m:.2f} m, North {north_m:.2f} m lies "
+            f"{nearest.distance(start):.2f} m outside the ground on which the robot can turn "
+            f"({depth_m:.2f} m from every edge); start further inside"
+        )
+    return nearest

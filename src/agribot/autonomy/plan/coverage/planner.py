@@ -1,0 +1,215 @@
+"""From a field to legs: free space, headland, swaths or rows, their order and the ways between."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from agribot.autonomy.plan.coverage.area import (
+    FieldArea,
+    FieldPlan,
+    Footprint,
+    Leg,
+    LegKind,
+    PlanRequest,
+    Point,
+    TurnStyle,
+)
+from agribot.autonomy.plan.coverage.free_space import FreeSpace, polygons
+from agribot.autonomy.plan.coverage.swaths import (
+    cells,
+    rotated,
+    search_yaw_rad,
+    swaths_over,
+    with_room,
+)
+from agribot.autonomy.plan.coverage.tasks import Task, cell_task, in_order, ring_tasks, row_task
+from agribot.autonomy.plan.coverage.turns import arc_turn, three_point_turn, yaw_rad
+from agribot.autonomy.plan.coverage.ways import Ways
+from agribot.autonomy.plan.curves import Pose
+from agribot.core.errors import MissionError
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+MAX_SWATHS = 20000
+# The ways between four-cornered obstacles then bend at MAX_CORNERS of `Ways`; to see which of
+# them see each other took 44 CPU seconds and 330 MB.
+MAX_HOLES = 200
+BEYOND_ROW_M = 0.05
+
+
+def plan_field(area: FieldArea, shape: Footprint, request: PlanRequest) -> FieldPlan:
+    """Work a whole field; nothing here is trusted, `certify_plan` decides.
+
+    Raises: MissionError: the field cannot be worked with this robot, and why.
+    """
+    if request.spacing_m <= 0.0:
+        raise MissionError(
+            f"the overlap of {request.overlap_m:g} m leaves nothing of an implement of "
+            f"{request.implement_width_m:g} m; give a smaller overlap"
+        )
+    if len(area.holes) > MAX_HOLES:
+        raise MissionError(
+            f"{len(area.holes)} obstacles in the field are more than the limit of {MAX_HOLES}; "
+            "draw one area around those that stand close together, or split the field"
+        )
+    space = FreeSpace(area, shape, request)
+    if area.rows:
+        swath_yaw_rad, tasks = _row_tasks(area, shape, request, space)
+    else:
+        swath_yaw_rad, tasks = _area_tasks(area, request, space)
+    ways = Ways(space.region, space.drivable)
+    working = in_order(tasks, request.start_map_m, ways.way)
+    legs = _joined([leg for _, leg in working], request, ways, space.drivable)
+    if area.rows:
+        legs = _numbered(legs, [task for task, _ in working])
+    else:
+        legs = _numbered(legs, list(range(len(working))))
+    return FieldPlan(legs=tuple(legs), swath_yaw_rad=swath_yaw_rad, warnings=_left_out(space))
+
+
+def _left_out(space: FreeSpace) -> tuple[str, ...]:
+    found = []
+    for part in space.left_out:
+        place = part.representative_point()
+        found.append(
+            f"{part.area:.1f} m2 around East {place.x:.1f} m, North {place.y:.1f} m cannot be "
+            "reached: the passage is narrower than the robot's turning circle"
+        )
+    return tuple(found)
+
+
+def _area_tasks(
+    area: FieldArea, request: PlanRequest, space: FreeSpace
+) -> tuple[float, list[Task]]:
+    """Headland rings from the edge inwards, then swaths over what the rings leave."""
+    import shapely
+
+    rings: list[Task] = []
+    work: BaseGeometry = space.region
+    inner: BaseGeometry = space.region
+    half_m = request.implement_width_m / 2.0
+    slivers = []
+    for number in range(request.passes(has_rows=False)):
+        edge = FreeSpace.inset(space.region, number * request.spacing_m)
+        if not polygons(edge):
+            break
+        rings += ring_tasks(shapely.MultiPolygon(polygons(edge)))
+        if number:  # what this ring does not reach of the band that it should reach
+            slivers += polygons(work.difference(edge.buffer(half_m + 1e-3)))
+        work, inner = FreeSpace.inset(edge, request.spacing_m / 2.0), edge
+    work = shapely.MultiPolygon(polygons(shapely.unary_union([*polygons(work), *slivers])))
+    if slivers:
+        inner = space.region
+    if work.is_empty:
+        return request.swath_yaw_rad or 0.0, rings
+    swath_yaw_rad, anchor_m = _direction(area, request, work)
+    spacing_m = request.spacing_m
+    swaths = swaths_over(work, inner, swath_yaw_rad, spacing_m, anchor_m)
+    if len(swaths) > MAX_SWATHS:
+        raise MissionError(
+            f"{len(swaths)} swaths are more than the limit of {MAX_SWATHS}; "
+            "split the field or use a wider implement"
+        )
+    tool_x_m = request.tool_x_m
+    swaths = with_room(swaths, space.drivable, swath_yaw_rad, abs(tool_x_m))
+    found = [cell_task(cell, swath_yaw_rad, tool_x_m) for cell in cells(swaths)]
+    return swath_yaw_rad, rings + found
+
+
+def _direction(
+    area: FieldArea, request: PlanRequest, work: BaseGeometry
+) -> tuple[float, float | None]:
+    """Direction of the swaths and where across it one of them lies (an AB line), if anywhere."""
+    if len(area.ab_line) == 2:
+        yaw = yaw_rad(area.ab_line[0], area.ab_line[1])
+        across = rotated(np.array(area.ab_line[:1]), -yaw)[0, 1]
+        return yaw, float(across)
+    if request.swath_yaw_rad is not None:
+        return request.swath_yaw_rad, None
+    return search_yaw_rad(work, request.spacing_m), None
+
+
+def _row_tasks(
+    area: FieldArea, shape: Footprint, request: PlanRequest, space: FreeSpace
+) -> tuple[float, list[Task]]:
+    """The crop rows, and their strips taken out of the ground on which the robot may turn."""
+    import shapely
+
+    clear_m = shape.wheel_turn_radius_m + request.plant_clearance_m
+    beyond_m = clear_m + BEYOND_ROW_M
+    tasks = [row_task(row, number, beyond_m) for number, row in enumerate(area.rows)]
+    for number, (_, variants) in enumerate(tasks):
+        line = shapely.LineString(variants[0][0])
+        outside = line.difference(space.drivable)
+        if not outside.is_empty:
+            place = outside.representative_point()
+            raise MissionError(
+                f"row {number + 1} with the {beyond_m:.2f} m needed to turn behind its ends leaves "
+                f"the ground on which the robot may drive at East {place.x:.2f} m, North "
+                f"{place.y:.2f} m; shorten the row or widen the headland"
+            )
+    strips = shapely.buffer(
+        [shapely.LineString(row) for row in area.rows], clear_m, cap_style="square",
+        join_style="mitre",
+    )  # fmt: skip
+    space.remove(shapely.union_all(strips))
+    first = area.rows[0]
+    return yaw_rad(first[0], first[-1]), tasks
+
+
+def _joined(
+    working: list[Leg], request: PlanRequest, ways: Ways, drivable: BaseGeometry
+) -> list[Leg]:
+    """The working legs with turns and links between them."""
+    legs: list[Leg] = []
+    if request.start_map_m is not None:
+        legs += _link(request.start_map_m, _point(working[0], 0), ways)
+    for number, leg in enumerate(working):
+        legs.append(leg)
+        if number + 1 < len(working):
+            legs += _turn(leg, working[number + 1], request, ways, drivable)
+    return legs
+
+
+def _turn(
+    leg: Leg, after: Leg, request: PlanRequest, ways: Ways, drivable: BaseGeometry
+) -> list[Leg]:
+    start, end = _point(leg, -1), _point(after, 0)
+    if math.dist(start, end) < 1e-6:
+        return []
+    from_pose = Pose(*start, yaw_rad(leg.xy_map_m[-2], leg.xy_map_m[-1]))
+    to_pose = Pose(*end, yaw_rad(after.xy_map_m[0], after.xy_map_m[1]))
+    return _curved(from_pose, to_pose, request.turns, drivable) or _link(start, end, ways)
+
+
+def _curved(start: Pose, end: Pose, style: TurnStyle, drivable: BaseGeometry) -> list[Leg]:
+    """The turn in the wanted style; nothing where the robot has to turn in place."""
+    if style == "pivot":
+        return []
+    three = three_point_turn(start, end, drivable) if style == "three-point" else None
+    if three is not None:
+        kinds: tuple[LegKind, ...] = ("arc", "reverse", "arc")
+        return [Leg(kind=kind, xy_map_m=xy) for kind, xy in zip(kinds, three, strict=True)]
+    points = arc_turn(start, end, drivable, is_wanted=style != "auto")
+    return [] if points is None else [Leg(kind="arc", xy_map_m=points)]
+
+
+def _link(start: Point, end: Point, ways: Ways) -> list[Leg]:
+    if math.dist(start, end) < 1e-6:
+        return []
+    return [Leg(kind="link", xy_map_m=np.array(ways.way(start, end)))]
+
+
+def _point(leg: Leg, index: int) -> Point:
+    x_m, y_m = leg.xy_map_m[index]
+    return float(x_m), float(y_m)
+
+
+def _numbered(legs: list[Leg], numbers: list[int]) -> list[Leg]:
+    rows = iter(numbers)
+    return [msgspec.structs.replace(leg, row=next(rows)) if leg.tool_on else leg for leg in legs]

@@ -1,0 +1,118 @@
+"""What is to be worked, as tasks that can each be driven in several ways, and their order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from agribot.autonomy.plan.coverage.area import Leg, LegKind, Line, Point
+from agribot.autonomy.plan.coverage.swaths import Swath, driven, rotated
+from agribot.autonomy.plan.coverage.turns import smooth_pieces
+from agribot.core.errors import MissionError
+from agribot.core.messages import FloatArray
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+# A task is its variants; a variant is its working lines in driving order.
+Variant = list[FloatArray]
+Task = tuple[LegKind, list[Variant]]
+RING_STARTS = 8
+ROUTED_CANDIDATES = 4
+
+
+def cell_task(cell: Sequence[Swath], yaw_rad: float, tool_x_m: float) -> Task:
+    """Up and down through a cell, begun at any of its four corners."""
+    variants = []
+    for ordered in (cell, cell[::-1]):
+        for first_flipped in (False, True):
+            ends = np.array(
+                [
+                    _ends(swath, (number % 2 == 0) == first_flipped, tool_x_m)
+                    for number, swath in enumerate(ordered)
+                ]
+            )
+            variants.append(list(rotated(ends.reshape(-1, 2), yaw_rad).reshape(-1, 2, 2)))
+    return "swath", variants
+
+
+def _ends(swath: Swath, is_flipped: bool, tool_x_m: float) -> list[Point]:
+    """Where the robot drives along a swath, in the swath frame and in driving order."""
+    if is_flipped:
+        end_m, start_m = driven(swath, -tool_x_m)
+    else:
+        start_m, end_m = driven(swath, tool_x_m)
+    return [(start_m, swath.v_m), (end_m, swath.v_m)]
+
+
+def ring_tasks(region: BaseGeometry) -> list[Task]:
+    """Once around every edge of a region; a ring may begin at any of its first corners."""
+    import shapely
+
+    tasks: list[Task] = []
+    for part in shapely.get_parts(region):
+        for ring in (part.exterior, *part.interiors):
+            pieces = smooth_pieces(shapely.get_coordinates(ring), is_closed=True)
+            step = max(1, len(pieces) // RING_STARTS)
+            turned = [pieces[k:] + pieces[:k] for k in range(0, len(pieces), step)]
+            tasks.append(("headland", turned))
+    return tasks
+
+
+def row_task(row: Line, number: int, beyond_m: float) -> Task:
+    """Along a crop row, far enough past both ends to turn clear of the crop."""
+    xy = np.array(row)
+    ends = [_ahead(xy[1], xy[0], beyond_m), _ahead(xy[-2], xy[-1], beyond_m)]
+    pieces = smooth_pieces(np.concatenate([[ends[0]], xy, [ends[1]]]), is_closed=False)
+    if len(pieces) != 1:
+        east_m, north_m = pieces[0][-1]
+        raise MissionError(
+            f"row {number + 1} bends too sharply to be followed at East {east_m:.2f} m, "
+            f"North {north_m:.2f} m; draw it with more points"
+        )
+    return "row", [[pieces[0]], [pieces[0][::-1]]]
+
+
+def _ahead(before: FloatArray, end: FloatArray, distance_m: float) -> FloatArray:
+    step = end - before
+    return np.asarray(end + step / np.hypot(*step) * distance_m)
+
+
+def in_order(
+    tasks: Sequence[Task], start: Point | None, way: Callable[[Point, Point], list[Point]]
+) -> list[tuple[int, Leg]]:
+    """Every task once, always the nearest next one, as (task, working leg) in driving order.
+
+    Nearness counts the way around obstacles for the few that are nearest as the crow flies.
+    """
+    remaining = list(range(len(tasks)))
+    legs: list[tuple[int, Leg]] = []
+    here = start
+    while remaining:
+        choices = sorted(
+            (math.dist(here, variant[0][0]) if here else 0.0, task, number)
+            for task in remaining
+            for number, variant in enumerate(tasks[task][1])
+        )[: ROUTED_CANDIDATES if here else 1]
+        if here and len({task for _, task, _ in choices}) > 1:
+            choices = sorted((_length_m(way(here, _entry(tasks, c))), *c[1:]) for c in choices)
+        _, chosen, number = choices[0]
+        kind, variants = tasks[chosen]
+        legs += [(chosen, Leg(kind=kind, xy_map_m=np.asarray(xy))) for xy in variants[number]]
+        last = variants[number][-1][-1]
+        here = (float(last[0]), float(last[1]))
+        remaining.remove(chosen)
+    return legs
+
+
+def _entry(tasks: Sequence[Task], choice: tuple[float, int, int]) -> Point:
+    x_m, y_m = tasks[choice[1]][1][choice[2]][0][0]
+    return float(x_m), float(y_m)
+
+
+def _length_m(points: Sequence[Point]) -> float:
+    return sum(math.dist(a, b) for a, b in pairwise(points))

@@ -1,0 +1,112 @@
+"""A way to a place that somebody points at: around the crop rows, inside the fence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from agribot.autonomy.plan.approach import RADIUS_M, approach
+from agribot.autonomy.plan.certify import certify, closest_to_crop
+from agribot.autonomy.plan.curves import SPACING_M, Place, Pose, Segment, sample
+from agribot.autonomy.plan.dubins import shortest
+from agribot.autonomy.plan.obstacles import NO_OBSTACLES, Obstacles
+from agribot.autonomy.plan.waypoints import plan_waypoints
+from agribot.core.config import MissionConfig
+from agribot.core.errors import MissionError
+from agribot.core.messages import Path, Row
+from agribot.core.robot import RobotSpec
+from agribot.core.row_shape import chord_yaw_rad, row_points_map_m
+
+OUT_OF_ROWS_M = 0.8  # past the ends of the rows, where the robot may turn
+
+Rectangle = tuple[float, float, float, float]  # x_min_m, y_min_m, x_max_m, y_max_m in the map
+
+
+def plan_to_place(
+    goal: Place,
+    start_pose: tuple[float, float, float],
+    rows: Sequence[Row],
+    fence: Rectangle,
+    robot: RobotSpec,
+    mission: MissionConfig,
+    obstacles: Obstacles = NO_OBSTACLES,
+) -> Path:
+    """From where the robot stands; without a yaw in the goal it ends as it comes.
+
+    A goal between the rows is reached from the end of the rows, straight along them.
+    Raises: MissionError: beyond the fence, on crop, or no way keeps clear of the crop.
+    """
+    x_m, y_m, yaw_rad = goal
+    check_inside(x_m, y_m, fence)
+    if math.dist(start_pose[:2], (x_m, y_m)) < SPACING_M:
+        raise MissionError("the robot is there already")
+    start = Pose(*start_pose)
+    if not rows:
+        if yaw_rad is None:
+            return plan_waypoints(((x_m, y_m),), start_pose, robot, mission)
+        return sample(start, shortest(start, Pose(x_m, y_m, yaw_rad), RADIUS_M))
+    looks = [yaw_rad] if yaw_rad is not None else _looks(start, x_m, y_m, rows)
+    free = [
+        pose for pose in (Pose(x_m, y_m, look) for look in looks)
+        if _clearance_m(pose, rows, robot) >= mission.plant_clearance_m
+    ]  # fmt: skip
+    if not free:
+        raise MissionError(
+            f"at East {x_m:.2f} m, North {y_m:.2f} m the robot would stand on crop; choose a place "
+            "on the headland, or one astride a row and look along it"
+        )
+    straights_m = [_way_out_m(pose, rows) for pose in free]
+    entries = [pose.ahead(-back_m) for pose, back_m in zip(free, straights_m, strict=True)]
+    try:
+        chosen, way = approach(start, entries, rows, robot, mission, obstacles)
+        path = sample(start, (*way, Segment(straights_m[chosen], 0.0)))
+        certify(path, rows, robot, mission.plant_clearance_m)
+        obstacles.check(path)
+    except MissionError as error:
+        raise MissionError(
+            f"no way to East {x_m:.2f} m, North {y_m:.2f} m keeps off the crop rows ({error})"
+        ) from error
+    return path
+
+
+def fence_around(places: Sequence[tuple[float, float]], margin_m: float) -> Rectangle:
+    xs, ys = [place[0] for place in places], [place[1] for place in places]
+    return min(xs) - margin_m, min(ys) - margin_m, max(xs) + margin_m, max(ys) + margin_m
+
+
+def check_inside(x_m: float, y_m: float, fence: Rectangle) -> None:
+    """Raises: MissionError: the place lies beyond the fence."""
+    x_min_m, y_min_m, x_max_m, y_max_m = fence
+    beyond_m = max(x_min_m - x_m, x_m - x_max_m, y_min_m - y_m, y_m - y_max_m)
+    if beyond_m > 0.0:
+        raise MissionError(
+            f"East {x_m:.2f} m, North {y_m:.2f} m lies {beyond_m:.2f} m beyond the fence around "
+            "the task; choose a nearer place, or raise safety.geofence_margin_m"
+        )
+
+
+def _looks(start: Pose, x_m: float, y_m: float, rows: Sequence[Row]) -> list[float]:
+    """Ways to look at the goal that are worth a try: as it is driven to, and along the rows."""
+    along_rad = chord_yaw_rad(rows[0])
+    return [math.atan2(y_m - start.y_m, x_m - start.x_m), along_rad, along_rad + math.pi]
+
+
+def _clearance_m(pose: Pose, rows: Sequence[Row], robot: RobotSpec) -> float:
+    standing = sample(pose.ahead(-SPACING_M), (Segment(SPACING_M, 0.0),))
+    return closest_to_crop(standing, robot, rows).clearance_m
+
+
+def _way_out_m(pose: Pose, rows: Sequence[Row]) -> float:
+    """How far to back off until the robot is past the ends of the rows beside it; 0 if it is."""
+    yaw_rad = chord_yaw_rad(rows[0])
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    ends: list[list[float]] = [p for row in rows for p in row_points_map_m(row).tolist()]
+    along = [x_m * cos + y_m * sin for x_m, y_m in ends]
+    left = [y_m * cos - x_m * sin for x_m, y_m in ends]
+    here_m, here_left_m = pose.x_m * cos + pose.y_m * sin, pose.y_m * cos - pose.x_m * sin
+    low_m, high_m = min(along) - OUT_OF_ROWS_M, max(along) + OUT_OF_ROWS_M
+    is_beside = min(left) - OUT_OF_ROWS_M < here_left_m < max(left) + OUT_OF_ROWS_M
+    if not (low_m < here_m < high_m and is_beside):
+        return 0.0
+    is_up = math.cos(pose.yaw_rad - yaw_rad) > 0.0
+    return here_m - low_m if is_up else high_m - here_m

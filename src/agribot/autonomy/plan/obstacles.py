@@ -1,0 +1,80 @@
+"""What stands in a field and must not be touched: posts, poles, wells, as circles in the map."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from agribot.autonomy.plan.coverage.area import Footprint, footprint
+from agribot.core.errors import MissionError
+from agribot.core.messages import Path
+from agribot.core.robot import RobotSpec
+
+_BEYOND_M = 0.05  # of a way around, beyond the clearance: curves cut its corners
+
+
+class Obstacle(NamedTuple):
+    x_m: float
+    y_m: float
+    radius_m: float
+
+
+class Obstacles(NamedTuple):
+    """The robot's `body` keeps `clearance_m` off each of `circles`."""
+
+    circles: tuple[Obstacle, ...] = ()
+    clearance_m: float = 0.0
+    body: Footprint = Footprint(front_m=0.0, rear_m=0.0, half_width_m=0.0)
+
+    def are_clear_of(self, path: Path) -> bool:
+        return self._closest(path)[0] >= self.clearance_m
+
+    def check(self, path: Path) -> None:
+        """Raises: MissionError: the path comes too close; names the place."""
+        away_m, point, index = self._closest(path)
+        if away_m >= self.clearance_m:
+            return
+        circle, (east_m, north_m) = self.circles[index], path.xy_map_m[point]
+        raise MissionError(
+            f"at East {east_m:.2f} m, North {north_m:.2f} m the robot is {max(away_m, 0.0):.2f} m "
+            f"from the obstacle at East {circle.x_m:.2f} m, North {circle.y_m:.2f} m; needed "
+            f"{self.clearance_m:.2f} m; check field.obstacles_map_m, the start and "
+            "mission.obstacle_clearance_m"
+        )
+
+    def rings(self) -> list[list[tuple[float, float]]]:
+        """Corners of a square around each, counter-clockwise, whose sides the robot can drive."""
+        found = []
+        for x_m, y_m, radius_m in self.circles:
+            half_m = radius_m + self.clearance_m + self.body.half_width_m + _BEYOND_M
+            signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+            found.append([(x_m + half_m * east, y_m + half_m * north) for east, north in signs])
+        return found
+
+    def _closest(self, path: Path) -> tuple[float, int, int]:
+        """Distance of the body's rectangle, at which point of the path, from which obstacle."""
+        if not self.circles:
+            return math.inf, -1, -1
+        x_m, y_m, radius_m = np.array(self.circles).T
+        cos, sin = np.cos(path.yaw_map_rad)[:, None], np.sin(path.yaw_map_rad)[:, None]
+        east_m, north_m = x_m - path.xy_map_m[:, :1], y_m - path.xy_map_m[:, 1:]
+        ahead_m, left_m = cos * east_m + sin * north_m, cos * north_m - sin * east_m
+        past_m = np.maximum(ahead_m - self.body.front_m, -ahead_m - self.body.rear_m)
+        beside_m = np.abs(left_m) - self.body.half_width_m
+        away_m = np.hypot(np.maximum(past_m, 0.0), np.maximum(beside_m, 0.0)) - radius_m
+        point, index = np.unravel_index(np.argmin(away_m), away_m.shape)
+        return float(away_m[point, index]), int(point), int(index)
+
+
+NO_OBSTACLES = Obstacles()
+
+
+def obstacles_for(
+    circles: Sequence[tuple[float, float, float]], clearance_m: float, robot: RobotSpec
+) -> Obstacles:
+    """`circles` are East, North and radius in metres."""
+    return Obstacles(tuple(Obstacle(*circle) for circle in circles), clearance_m,
+                     footprint(robot, 0.0))  # fmt: skip

@@ -1,0 +1,276 @@
+"""Independent check of a field plan: nothing here knows how the plan was made.
+
+The robot is moved along every leg as the rectangle of its footprint, turning in place wherever
+the legs bend sharply; the ground that the tool passes is laid together and compared with the
+ground that the tool can reach.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from agribot.autonomy.plan.coverage.area import (
+    FieldArea,
+    FieldPlan,
+    Footprint,
+    Leg,
+    PlanRequest,
+    Point,
+)
+from agribot.autonomy.plan.curves import MIN_RADIUS_M
+from agribot.autonomy.plan.plan_ground import covered_ground, reachable
+from agribot.autonomy.plan.plan_sweep import footprints, swept_line, tight_bends, wheel_traces
+from agribot.core.messages import FloatArray
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+JOINT_M = 1e-3  # legs meet this closely; a plan file keeps a tenth of a millimetre
+CURVATURE_SLACK_RATIO = 1.05  # arcs are checked on their chords
+MAX_PROBLEMS = 20
+
+
+class Problem(msgspec.Struct, frozen=True, kw_only=True):
+    """A broken rule and its place."""
+
+    rule: str
+    message: str
+    east_m: float
+    north_m: float
+
+
+class Certificate(msgspec.Struct, frozen=True, kw_only=True):
+    """`clearance_m` is a lower bound of the distance from the footprint to every edge.
+
+    `coverage_ratio` is the worked part of the ground that the tool can reach; `field_ratio` of
+    the whole field (None for crop rows, where only the strips of the rows are to be worked).
+    """
+
+    ok: bool
+    problems: tuple[Problem, ...]
+    clearance_m: float
+    outside_m: float
+    wheel_row_clearance_m: float | None
+    max_curvature_radpm: float
+    coverage_ratio: float
+    field_ratio: float | None
+    overlap_ratio: float
+    field_area_m2: float
+    reachable_area_m2: float
+    covered_area_m2: float
+    length_m: float
+    working_length_m: float
+    working_legs: int
+    pivots: int
+
+
+def certify_plan(
+    plan: FieldPlan, area: FieldArea, shape: Footprint, request: PlanRequest
+) -> Certificate:
+    """Every rule is checked and every place told; `ok` only without a problem."""
+    import shapely
+
+    problems = _joints(plan.legs)
+    if any(math.isnan(problem.east_m) for problem in problems):
+        return _refused(problems)
+    field = shapely.Polygon(area.boundary, area.holes)
+    bends, sharpest = _bends(plan.legs)
+    problems += bends
+    clearance_m, outside_m, found = _edges(plan.legs, field, shape)
+    problems += found
+    row_clearance_m, found = _rows(plan.legs, area, shape, request)
+    problems += found
+    target = reachable(plan, area, field, shape, request)
+    covered, overlap_ratio = covered_ground(plan.legs, field, request)
+    coverage_ratio, found = _coverage(covered, target, request)
+    problems += found
+    working = [leg for leg in plan.legs if leg.tool_on]
+    return Certificate(
+        ok=not problems,
+        problems=tuple(problems[:MAX_PROBLEMS]),
+        clearance_m=clearance_m,
+        outside_m=outside_m,
+        wheel_row_clearance_m=row_clearance_m,
+        max_curvature_radpm=sharpest,
+        coverage_ratio=coverage_ratio,
+        field_ratio=None if area.rows else float(covered.area / field.area),
+        overlap_ratio=overlap_ratio,
+        field_area_m2=float(field.area),
+        reachable_area_m2=float(target.area),
+        covered_area_m2=float(covered.area),
+        length_m=sum(leg.length_m for leg in plan.legs),
+        working_length_m=sum(leg.length_m for leg in working),
+        working_legs=len(working),
+        pivots=_pivots(plan.legs),
+    )
+
+
+def check_ways(
+    legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest, start: Point
+) -> list[Problem]:
+    """Of ways without work: edges, holes, wheels on crop. The ground under the robot is forgiven:
+    it stands there already, and must be able to leave.
+    """
+    import shapely
+
+    field = shapely.Polygon(area.boundary, area.holes).union(
+        shapely.Point(start).buffer(2.0 * shape.turn_radius_m)
+    )
+    _, _, edges = _edges(legs, field, shape)
+    _, rows = _rows(legs, area, shape, request)
+    away_m = 2.0 * shape.turn_radius_m
+    return [*edges, *(p for p in rows if math.dist((p.east_m, p.north_m), start) > away_m)]
+
+
+def _refused(problems: list[Problem]) -> Certificate:
+    """Of a plan that is no way at all."""
+    return Certificate(
+        ok=False, problems=tuple(problems), clearance_m=0.0, outside_m=0.0,
+        wheel_row_clearance_m=None, max_curvature_radpm=0.0, coverage_ratio=0.0, field_ratio=None,
+        overlap_ratio=0.0, field_area_m2=0.0, reachable_area_m2=0.0, covered_area_m2=0.0,
+        length_m=0.0, working_length_m=0.0, working_legs=0, pivots=0,
+    )  # fmt: skip
+
+
+def _problem(rule: str, message: str, place: Point | FloatArray) -> Problem:
+    east_m, north_m = float(place[0]), float(place[1])
+    where = f" at East {east_m:.2f} m, North {north_m:.2f} m"
+    return Problem(rule=rule, message=message + where, east_m=east_m, north_m=north_m)
+
+
+def _joints(legs: tuple[Leg, ...]) -> list[Problem]:
+    """Finite numbers, and every leg begins where the one before it ended."""
+    found = []
+    for number, leg in enumerate(legs):
+        if not np.isfinite(leg.xy_map_m).all() or len(leg.xy_map_m) < 2:
+            return [_problem("path", f"leg {number} has broken points", (math.nan, math.nan))]
+        if number:
+            gap_m = math.dist(legs[number - 1].xy_map_m[-1], leg.xy_map_m[0])
+            if gap_m > JOINT_M:
+                found.append(_problem("path", f"jumps by {gap_m:.3f} m", leg.xy_map_m[0]))
+    return found if legs else [_problem("path", "has no legs", (math.nan, math.nan))]
+
+
+def _bends(legs: tuple[Leg, ...]) -> tuple[list[Problem], float]:
+    """Only links may turn in place: there the tool is off."""
+    found, sharpest = [], 0.0
+    limit = CURVATURE_SLACK_RATIO / MIN_RADIUS_M
+    for leg in legs:
+        if leg.kind == "link" or len(leg.xy_map_m) < 3:
+            continue
+        curvature = tight_bends(leg.xy_map_m)
+        at = int(np.argmax(curvature))
+        sharpest = max(sharpest, float(curvature[at]))
+        if curvature[at] > limit:
+            doing = "with the tool on " if leg.tool_on else ""
+            found.append(
+                _problem("curvature", f"turns {doing}at {curvature[at]:.2f} rad/m, tighter than "
+                         f"{limit:.2f} rad/m", leg.xy_map_m[at + 1])
+            )  # fmt: skip
+    return found, sharpest
+
+
+def _edges(
+    legs: tuple[Leg, ...], field: BaseGeometry, shape: Footprint
+) -> tuple[float, float, list[Problem]]:
+    """Smallest clearance of the footprint, length of way outside the field, and where.
+
+    A leg that keeps the turning circle clear of every edge is clear whichever way the robot
+    looks; along the others the rectangle itself is moved.
+    """
+    import shapely
+
+    shapely.prepare(field)
+    edge = field.boundary
+    shapely.prepare(edge)
+    lines = np.array([shapely.LineString(leg.xy_map_m) for leg in legs])
+    inside = np.asarray(shapely.covers(field, lines))
+    away_m = np.asarray(shapely.distance(edge, lines)) - shape.turn_radius_m
+    is_clear = inside & (away_m >= 0.0)
+    clearance_m = float(away_m[is_clear].min(initial=math.inf))
+    found, outside_m = [], 0.0
+    for number in np.flatnonzero(~is_clear):
+        xy, before, after = swept_line(legs, int(number))
+        boxes = np.asarray(shapely.polygons(footprints(xy, shape, before, after)))
+        is_out = ~np.asarray(shapely.covers(field, boxes))
+        if not is_out.any():
+            clearance_m = min(clearance_m, float(np.min(shapely.distance(edge, boxes))))
+            continue
+        clearance_m = min(clearance_m, 0.0)
+        outside_m += float(shapely.length(shapely.difference(lines[number], field)))
+        beyond = shapely.difference(boxes[is_out], field)
+        worst = beyond[int(np.argmax(shapely.area(beyond)))]
+        place = worst.representative_point()
+        depth_m = float(shapely.hausdorff_distance(worst, shapely.intersection(worst, edge)))
+        found.append(
+            _problem("footprint", f"the robot reaches {depth_m:.2f} m out of the field or into a "
+                     f"hole on leg {number} ({legs[number].kind})", (place.x, place.y))
+        )  # fmt: skip
+    return clearance_m, outside_m, found
+
+
+def _rows(
+    legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest
+) -> tuple[float | None, list[Problem]]:
+    """Wheel edges to crop rows."""
+    import shapely
+
+    if not area.rows:
+        return None, []
+    rows = shapely.MultiLineString([list(row) for row in area.rows])
+    shapely.prepare(rows)
+    smallest_m, found = math.inf, []
+    for number, leg in enumerate(legs):
+        xy, before, after = swept_line(legs, number)
+        traces = np.asarray(shapely.linestrings(wheel_traces(xy, shape, before, after)))
+        away_m = np.asarray(shapely.distance(rows, traces)) - shape.wheel_half_width_m
+        at = int(np.argmin(away_m))
+        smallest_m = min(smallest_m, float(away_m[at]))
+        if away_m[at] < request.plant_clearance_m - JOINT_M:
+            place = shapely.shortest_line(rows, traces[at])
+            found.append(
+                _problem("wheels", f"a wheel comes within {away_m[at]:.2f} m of a crop row, needed "
+                         f"{request.plant_clearance_m:.2f} m, on leg {number} ({leg.kind})",
+                         shapely.get_coordinates(place)[0])
+            )  # fmt: skip
+    return smallest_m, found
+
+
+def _coverage(
+    covered: BaseGeometry, target: BaseGeometry, request: PlanRequest
+) -> tuple[float, list[Problem]]:
+    import shapely
+
+    if target.is_empty:
+        return 0.0, [_problem("coverage", "nothing can be reached", (math.nan, math.nan))]
+    missed = shapely.difference(target, covered)
+    ratio = max(0.0, 1.0 - float(missed.area / target.area))
+    if ratio >= request.min_coverage_ratio:
+        return ratio, []
+    parts = shapely.get_parts(missed)
+    worst = parts[int(np.argmax(shapely.area(parts)))]
+    place = worst.representative_point()
+    return ratio, [
+        _problem("coverage", f"only {100 * ratio:.2f} % of the reachable ground is worked, needed "
+                 f"{100 * request.min_coverage_ratio:.2f} %; the largest gap has "
+                 f"{worst.area:.2f} m2", (place.x, place.y))
+    ]  # fmt: skip
+
+
+def _pivots(legs: tuple[Leg, ...]) -> int:
+    """Turns in place of more than ten degrees: between legs and at the corners of links."""
+    count, course = 0, None
+    for leg in legs:
+        steps = np.diff(leg.xy_map_m, axis=0)
+        yaw = np.arctan2(steps[:, 1], steps[:, 0]) + leg.is_reverse * math.pi
+        if course is not None:
+            count += abs(math.remainder(float(yaw[0]) - course, math.tau)) > math.radians(10.0)
+        if leg.kind == "link":
+            turned = np.abs(np.angle(np.exp(1j * np.diff(yaw))))
+            count += int(np.count_nonzero(turned > math.radians(10.0)))
+        course = float(yaw[-1])
+    return count

@@ -1,0 +1,49 @@
+"""What speaks for having driven this very row, and not the one beside it or bare ground."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+from agribot.autonomy.plan.caution import across_std_m
+from agribot.autonomy.plan.row_log import Doubt
+from agribot.autonomy.plan.task import Task
+from agribot.core.messages import Estimate, GnssQuality, Row
+from agribot.core.row_shape import beside_row
+
+# Known across the rows to this share of their distance (1 sigma), one is told from the next.
+TELLS_APART_RATIO = 0.25
+
+
+def row_pitch_m(rows: Sequence[Row]) -> float:
+    """The least distance between neighbouring rows; infinite for a lone one."""
+    gaps_m = [
+        abs(float(beside_row(row, *following.start_map_m).left_m))
+        for row, following in pairwise(rows)
+    ]
+    return min((gap_m for gap_m in gaps_m if gap_m > 0.0), default=math.inf)
+
+
+def doubt(task: Task, estimate: Estimate, row_yaw_rad: float, pitch_m: float) -> Doubt:
+    """Why the robot may not be in the row of a task; empty where it has good reason to think so.
+
+    Where a camera looks, it has to see the crop of the row. The estimate knows of the rows of the
+    settings only: in those of a field plan, and without a camera, the position has to be known
+    well enough. A swath without crop is wherever the position is.
+    """
+    if not task.has_crop:
+        return ""
+    if task.work is None and estimate.row_seen is not None:
+        return "" if estimate.row_seen else "unseen"
+    is_sure = across_std_m(estimate, row_yaw_rad) <= TELLS_APART_RATIO * pitch_m
+    return "" if is_sure else "unsure"
+
+
+def is_counted(task: Task, estimate: Estimate) -> bool:
+    """Whether only the rows before tell which row this is.
+
+    Rows look alike to a camera, and without fixed ambiguities the position goes back to the start
+    mark: a robot that was put down one row off it is one row off everywhere.
+    """
+    return task.has_crop and estimate.quality is not GnssQuality.RTK_FIXED

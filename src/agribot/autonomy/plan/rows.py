@@ -1,0 +1,56 @@
+"""The crop rows of a field, as the planter drilled them."""
+
+from __future__ import annotations
+
+import math
+
+from agribot.core.config import FieldConfig
+from agribot.core.errors import MissionError
+from agribot.core.messages import Row
+
+SHORTEST_ARC_RATIO = 0.1  # of an inner row against the first one
+
+
+def field_rows(field: FieldConfig) -> tuple[Row, ...]:
+    """Rows in drilling order: each further one lies one pitch to the right.
+
+    Raises: MissionError: the rows are bent too tightly.
+    """
+    yaw_map_rad, bend_radpm = math.radians(field.row_yaw_deg), field.row_curvature_radpm
+    right_x, right_y = math.sin(yaw_map_rad), -math.cos(yaw_map_rad)
+    _check_bend(field)
+    first_x_m, first_y_m = field.first_row_start_map_m
+    rows = []
+    for index in range(field.row_count):
+        offset_m = index * field.row_pitch_m
+        stretch = 1.0 + bend_radpm * offset_m  # of the arc against that of the first row
+        half_turn_rad = bend_radpm * field.row_length_m / 2.0
+        ratio = math.sin(half_turn_rad) / half_turn_rad if half_turn_rad else 1.0
+        chord_m = field.row_length_m * stretch * ratio
+        chord_yaw_rad = yaw_map_rad + half_turn_rad
+        x_m, y_m = first_x_m + offset_m * right_x, first_y_m + offset_m * right_y
+        end = (
+            x_m + chord_m * math.cos(chord_yaw_rad),
+            y_m + chord_m * math.sin(chord_yaw_rad),
+        )
+        rows.append(
+            Row(
+                index=index,
+                start_map_m=(x_m, y_m),
+                end_map_m=end,
+                curvature_radpm=bend_radpm / stretch,
+            )
+        )
+    return tuple(rows)
+
+
+def _check_bend(field: FieldConfig) -> None:
+    bend_radpm = field.row_curvature_radpm
+    turn_rad = abs(bend_radpm) * field.row_length_m
+    narrowest = 1.0 + bend_radpm * (field.row_count - 1) * field.row_pitch_m
+    if turn_rad >= math.pi or narrowest < SHORTEST_ARC_RATIO:
+        raise MissionError(
+            f"field.row_curvature_radpm {bend_radpm:g} bends the rows by "
+            f"{math.degrees(turn_rad):.0f} degrees, and the last one to {narrowest:.2f} of the "
+            f"first one's length; below 180 degrees and above {SHORTEST_ARC_RATIO:g} can be driven"
+        )

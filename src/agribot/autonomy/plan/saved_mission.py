@@ -1,0 +1,96 @@
+"""What must survive a crash for a mission to go on at the same place."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import msgspec
+
+from agribot.autonomy.plan.covered import Stretch
+from agribot.autonomy.plan.row_log import RowResult
+from agribot.core.errors import MissionError
+from agribot.core.messages import Estimate, MissionState, Path
+
+PoseTuple = tuple[float, float, float]
+LENGTH_TOLERANCE_M = 0.01
+
+
+class SavedErrand(msgspec.Struct, frozen=True, kw_only=True):
+    """A drive beside the work that was under way; `goal` is that of a place, as it was asked."""
+
+    to: Literal["home", "goal", "work"]
+    source: str
+    goal: tuple[float, ...] = ()
+
+
+class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
+    """Progress as rows, and the pose in which the robot was last.
+
+    `covered` is what of the rows was worked, in the map, and `skipped` the rows that were left
+    out: with them the mission goes on also under another plan over the same rows.
+
+    `planned_from` is the pose from which the path was planned: from it the same path is planned
+    again; None where none was yet. `detours` are the points of the path from which a row was left
+    out, and the rows. `task` tells one task from another. `is_away` says that the robot was driven
+    elsewhere since the work stopped; `visit` are the places of a visit that took the place of the
+    mission, which `visit_name` names. `stopped` is the stop that nobody had cleared, `paused` why
+    the robot stood still; both are empty where it drove.
+    """
+
+    task: str
+    state: MissionState
+    t_s: float
+    planned_from: PoseTuple | None
+    pose: PoseTuple
+    length_m: float
+    s_m: float
+    row: int
+    rows: tuple[RowResult, ...]
+    waypoints_reached: tuple[bool, ...] = ()
+    detours: tuple[tuple[int, int], ...] = ()
+    covered: tuple[Stretch, ...] = ()
+    skipped: tuple[Stretch, ...] = ()
+    errand: SavedErrand | None = None
+    is_away: bool = False
+    visit: tuple[tuple[float, float], ...] = ()
+    visit_name: str = ""
+    stopped: str = ""
+    paused: str = ""
+    format: int = 1
+
+    @property
+    def asks_first(self) -> bool:
+        """An operator had sent the robot away from its work: what goes on is an operator's word."""
+        return self.errand is not None or self.is_away or bool(self.visit_name)
+
+
+def task_name(rows: Sequence[int], waypoints: Sequence[tuple[float, float]], path: Path) -> str:
+    """The same for the same rows, waypoints and path."""
+    text = msgspec.json.encode((list(rows), list(waypoints)))
+    text += path.xy_map_m[::25].round(3).tobytes()
+    return hashlib.sha256(text).hexdigest()[:16]
+
+
+def check_same_task(saved: SavedMission, task: str, length_m: float) -> None:
+    """Raises: MissionError: the settings or the plan were changed since."""
+    if saved.task != task or abs(saved.length_m - length_m) > LENGTH_TOLERANCE_M:
+        raise MissionError(
+            f"the saved mission is another one: its path is {saved.length_m:.1f} m long, the path "
+            f"of the present settings {length_m:.1f} m; resume with the settings, the plan and the "
+            "robot of the saved run, or start anew"
+        )
+
+
+def check_not_carried_away(estimate: Estimate, place: tuple[float, float], limit_m: float) -> None:
+    """Raises: MissionError: the robot is elsewhere, farther than its own uncertainty explains."""
+    away_m = math.dist((estimate.x_map_m, estimate.y_map_m), place)
+    allowed_m = limit_m + 2.0 * estimate.pos_std_m
+    if not away_m <= allowed_m:
+        raise MissionError(
+            f"the robot was carried away: it is {away_m:.2f} m from where the work stopped, East "
+            f"{place[0]:.2f} m, North {place[1]:.2f} m, more than {allowed_m:.2f} m; bring it back "
+            "there, or start a new mission"
+        )

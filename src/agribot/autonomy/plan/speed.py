@@ -1,0 +1,51 @@
+"""How fast the mission wants to be at each point of its path."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agribot.core.config import MissionConfig
+from agribot.core.geo import is_backwards
+from agribot.core.messages import Path
+
+TURN_YAW_RATE_RADPS = 0.6  # keeps the inner wheels of a tight turn rolling forwards
+RAMP_MPS2 = 0.3  # gentle for the soil, and far below what the drive can brake
+CREEP_MPS = 0.05  # the end of the path must be reached, not approached for ever
+MAX_ROW_CURVATURE_RADPM = 0.25  # what bends more is a turn
+_SETTLED_BEFORE_M = 0.1  # the drive lags: be slow already where the turn begins
+
+
+def time_left_s(path: Path, speed_mps: list[float]) -> list[float]:
+    """From each point to the end of the path at the planned speeds; turns in place included."""
+    step_m = np.diff(path.s_m)
+    turned_rad = np.abs(np.angle(np.exp(1j * np.diff(path.yaw_map_rad))))
+    mean_mps = (np.array(speed_mps)[1:] + np.array(speed_mps)[:-1]) / 2.0
+    step_s = np.where(step_m > 0.0, step_m / mean_mps, turned_rad / TURN_YAW_RATE_RADPS)
+    left_s: list[float] = np.concatenate([np.cumsum(step_s[::-1])[::-1], [0.0]]).tolist()
+    return left_s
+
+
+def pivots(path: Path) -> list[int]:
+    """Points at which the robot turns in place, or back: the next one is the same place."""
+    stands: list[int] = np.flatnonzero(np.diff(path.s_m) <= 0.0).tolist()
+    return stands
+
+
+def speed_profile(path: Path, config: MissionConfig) -> list[float]:
+    """Speed limit at each point in m/s: slower in turns and backwards, ramped to the end."""
+    curvature = np.abs(path.curvature_radpm)
+    ahead = np.searchsorted(path.s_m, path.s_m + _SETTLED_BEFORE_M)
+    bend_after = np.concatenate([[0], np.cumsum(curvature > MAX_ROW_CURVATURE_RADPM)])
+    is_turn = bend_after[np.minimum(ahead + 1, len(curvature))] > bend_after[:-1]
+    in_turn = np.minimum(config.turn_speed_mps, TURN_YAW_RATE_RADPS / np.maximum(curvature, 1e-9))
+    is_turn |= is_backwards(path.xy_map_m, path.yaw_map_rad)
+    cap = np.where(is_turn, np.minimum(config.speed_mps, in_turn), config.speed_mps)
+    stands = np.array(pivots(path), dtype=np.int64)
+    cap[np.concatenate([stands, stands + 1, [-1]])] = CREEP_MPS
+    # The square of the speed may grow by so much per metre, away from every slower place.
+    gained = 2.0 * RAMP_MPS2 * path.s_m
+    square = cap**2 + gained
+    square = np.minimum.accumulate(square[::-1])[::-1] - 2.0 * gained
+    square = np.minimum.accumulate(square) + gained
+    limits: list[float] = np.where(square < cap**2 - 1e-9, np.sqrt(square), cap).tolist()
+    return limits

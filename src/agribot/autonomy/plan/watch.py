@@ -1,0 +1,105 @@
+"""Looks after a drive along a route: has it strayed, does it get on, how near are plants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from agribot.autonomy.plan.caution import CropGuard, across_std_m, caution_ratio
+from agribot.autonomy.plan.route import Route
+from agribot.autonomy.plan.stall import StallWatch
+from agribot.core.config import MissionConfig
+from agribot.core.messages import Estimate, Path, Row
+from agribot.core.row_shape import beside_row, row_length_m
+
+# Wheels of a robot this near to a row, or past its ends, may reach its plants.
+BESIDE_CROP_M, PAST_CROP_M = 0.6, 0.4
+
+
+class Watch:
+    """Each method says in words what is wrong, and nothing where all is well."""
+
+    def __init__(self, config: MissionConfig) -> None:
+        self._stall = StallWatch(config.stall_timeout_s)
+        self._limit_s = config.stall_timeout_s
+        self.caution = 1.0  # share of its speed at which the robot drives here
+        self._guard = CropGuard()
+        self._in_crop: tuple[Path, Sequence[Row], list[bool]] | None = None
+
+    def restart(self) -> None:
+        """The robot sets off anew, as somebody bids it."""
+        self._stall.restart()
+        self._guard.restart()
+
+    @property
+    def may_work(self) -> bool:
+        """Whether the tool may work where the robot is, if it is where it believes."""
+        return self._guard.may_work
+
+    @property
+    def is_guarding(self) -> bool:
+        """Whether the robot stands because it may be off its row."""
+        return self._guard.ratio == 0.0
+
+    def strayed(self, route: Route, estimate: Estimate, limit_m: float) -> str:
+        x_map_m, y_map_m = estimate.x_map_m, estimate.y_map_m
+        if route.progress.off_path_m <= limit_m:
+            return ""
+        off_m = route.progress.off_driven_path_m(x_map_m, y_map_m)
+        if off_m <= limit_m:
+            return ""
+        return (
+            f"off path by {off_m:.2f} m > {limit_m:.2f} m at East {x_map_m:.2f} m, North "
+            f"{y_map_m:.2f} m; check the position source, then plan again from here"
+        )
+
+    def lost_row(self, route: Route, estimate: Estimate, config: MissionConfig) -> str:
+        """In and next to the rows, no faster than the robot knows where the plants are."""
+        std_m = across_std_m(estimate, route.yaw_map_rad)
+        self.caution = caution_ratio(std_m, config)
+        if self.caution > 0.0:
+            return ""
+        return (
+            f"row lost: known across it to {std_m:.2f} m > {config.max_row_std_m:.2f} m; "
+            "check camera and crop, or use a receiver with corrections"
+        )
+
+    def astray(self, route: Route, estimate: Estimate, rows: Sequence[Row], limit_m: float) -> str:
+        """In crop, no farther than the robot is sure of not driving over it."""
+        if not self._crosses_crop(route, rows):
+            self._guard.leave()
+            return ""
+        reason = self._guard.judge(estimate, limit_m)
+        self.caution = min(self.caution, self._guard.ratio)
+        return reason
+
+    def _crosses_crop(self, route: Route, rows: Sequence[Row]) -> bool:
+        """Whether the path has crop beside it where the robot is."""
+        known = self._in_crop
+        if known is None or known[0] is not route.path or known[1] is not rows:
+            self._in_crop = known = route.path, rows, _in_crop(route.path, rows)
+        return known[2][route.progress.index]
+
+    def stalled(self, route: Route, t_s: float, reason: str) -> str:
+        if not self._stall.is_stalled(route.progress.s_m, t_s):
+            return ""
+        where = f"after {route.progress.s_m:.1f} m of {route.progress.length_m:.1f} m"
+        why = f" ({reason})" if reason else ""
+        return f"no headway for {self._limit_s:g} s {where}{why}"
+
+    def still_lost(self, t_s: float, reason: str) -> str:
+        """The robot waits for its position."""
+        if not self._stall.is_stalled(0.0, t_s):
+            return ""
+        return f"no position for {self._limit_s:g} s ({reason})"
+
+
+def _in_crop(path: Path, rows: Sequence[Row]) -> list[bool]:
+    """For each point of a path, whether it runs in or next to a row."""
+    found = np.zeros(len(path.s_m), dtype=bool)
+    for row in rows:
+        along_m, left_m, _ = beside_row(row, path.xy_map_m[:, 0], path.xy_map_m[:, 1])
+        is_along = (along_m >= -PAST_CROP_M) & (along_m <= row_length_m(row) + PAST_CROP_M)
+        found |= is_along & (np.abs(left_m) <= BESIDE_CROP_M)
+    return list(map(bool, found))

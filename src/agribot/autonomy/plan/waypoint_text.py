@@ -1,0 +1,130 @@
+"""Waypoint lists as people exchange them: GeoJSON and CSV."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterator
+
+from agribot.core.errors import MissionError
+
+LatLon = tuple[float, float]
+LAT_NAMES = ("lat", "latitude", "lat_deg")
+MAX_WAYPOINTS = 10_000  # planned in about half a second; days of driving for a field robot
+LON_NAMES = ("lon", "lng", "long", "longitude", "lon_deg")
+
+
+def parse_waypoints(text: str, source_name: str) -> tuple[LatLon, ...]:
+    """Latitude and longitude in degrees, in file order.
+
+    GeoJSON: Point, MultiPoint and LineString, bare, as features or collected. CSV: a header
+    with `lat` and `lon`, in any column.
+    Raises: MissionError: names the file, the line or feature, and what is wrong with it.
+    """
+    text = text.removeprefix("\ufeff")
+    found: list[LatLon] = []
+    read = _geojson if text.lstrip().startswith(("{", "[")) else _csv
+    try:
+        for point, where in read(text, source_name):
+            found.append(_checked(point, where))
+            if len(found) > MAX_WAYPOINTS:
+                raise MissionError(
+                    f"{source_name} holds more than {MAX_WAYPOINTS} waypoints; the path through "
+                    "them is planned at once: give fewer, or several files one after the other"
+                )
+    except csv.Error as error:
+        raise MissionError(f"{source_name} is not valid CSV: {error}") from error
+    if not found:
+        raise MissionError(f"{source_name} holds no waypoints; give at least one")
+    return tuple(found)
+
+
+def _checked(point: tuple[object, object], where: str) -> LatLon:
+    lat_deg, lon_deg = (_number(value, where) for value in point)
+    if not abs(lat_deg) <= 90.0:
+        raise MissionError(f"{where}: latitude {lat_deg} is outside -90 to 90 degrees")
+    if not abs(lon_deg) <= 180.0:
+        raise MissionError(f"{where}: longitude {lon_deg} is outside -180 to 180 degrees")
+    return lat_deg, lon_deg
+
+
+def _number(value: object, where: str) -> float:
+    if isinstance(value, int | float | str) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except (ValueError, OverflowError):
+            number = math.nan
+        if math.isfinite(number):
+            return number
+    raise MissionError(f"{where}: {value!r} is not a number of degrees")
+
+
+def _csv(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], str]]:
+    reader = csv.reader(text.splitlines())
+    header = [name.strip().lower() for name in next(reader, [])]
+    columns = [
+        next((header.index(name) for name in names if name in header), None)
+        for names in (LAT_NAMES, LON_NAMES)
+    ]
+    lat_column, lon_column = columns
+    if lat_column is None or lon_column is None:
+        raise MissionError(
+            f"{source_name} line 1: expected a header with 'lat' and 'lon', got "
+            f"'{','.join(header)}'; write CSV like 'lat,lon' or GeoJSON"
+        )
+    for fields in reader:
+        where = f"{source_name} line {reader.line_num}"
+        if not any(field.strip() for field in fields):
+            continue
+        if len(fields) <= max(lat_column, lon_column):
+            raise MissionError(
+                f"{where}: {len(fields)} values, but the header names {len(header)}; "
+                "give latitude and longitude"
+            )
+        yield (fields[lat_column], fields[lon_column]), where
+
+
+def _geojson(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], str]]:
+    try:
+        root = json.loads(text)
+    except (ValueError, RecursionError) as error:  # also a number of thousands of digits
+        place = f" line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
+        raise MissionError(f"{source_name}{place} is not valid JSON: {error}") from error
+    for geometry, where in _geometries(root, source_name):
+        yield from _positions(geometry, where)
+
+
+def _geometries(node: object, where: str) -> Iterator[tuple[dict[str, object], str]]:
+    if not isinstance(node, dict):
+        raise MissionError(f"{where}: expected a GeoJSON object, got {type(node).__name__}")
+    kind = node.get("type")
+    if kind == "FeatureCollection":
+        features = node.get("features")
+        if not isinstance(features, list):
+            raise MissionError(f"{where}: a FeatureCollection needs a list 'features'")
+        for number, feature in enumerate(features):
+            yield from _geometries(feature, f"{where} feature {number}")
+    elif kind == "Feature":
+        yield from _geometries(node.get("geometry"), where)
+    else:
+        yield node, where
+
+
+def _positions(
+    geometry: dict[str, object], where: str
+) -> Iterator[tuple[tuple[object, object], str]]:
+    kind, coordinates = geometry.get("type"), geometry.get("coordinates")
+    if kind == "Point":
+        coordinates = [coordinates]
+    elif kind not in ("LineString", "MultiPoint"):
+        raise MissionError(
+            f"{where}: geometry {kind!r} gives no waypoints; use Point, MultiPoint or LineString"
+        )
+    if not isinstance(coordinates, list):
+        raise MissionError(f"{where}: 'coordinates' must be a list of [lon, lat]")
+    for number, position in enumerate(coordinates):
+        at = where if kind == "Point" else f"{where} position {number}"
+        if not isinstance(position, list) or len(position) < 2:
+            raise MissionError(f"{at}: {position!r} is not [lon, lat]")
+        yield (position[1], position[0]), at

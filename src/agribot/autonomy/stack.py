@@ -1,0 +1,149 @@
+"""The robot on one page: read, estimate, perceive, decide, supervise, write, tell the taps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from agribot.autonomy.control.follower import Follower
+from agribot.autonomy.control.hand_drive import HandControl
+from agribot.autonomy.control.supervise import Supervisor
+from agribot.autonomy.estimate.localizer import Localizer
+from agribot.autonomy.perceive.ground import GroundLookup
+from agribot.autonomy.perceive.plants import observe
+from agribot.autonomy.perceive.segmenter import Segmenter
+from agribot.autonomy.perception_host import NoPerception, PerceptionHost, ThreadedPerception
+from agribot.autonomy.plan.mission import Mission
+from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.plan.task import NewTasks, Task
+from agribot.autonomy.planning_host import ThreadedPlanning
+from agribot.autonomy.weeds.map import WeedMap
+from agribot.autonomy.weeds.treatment import Treatment
+from agribot.core.config import RunConfig
+from agribot.core.latch import Latch
+from agribot.core.messages import (
+    ByteArray,
+    CameraFrame,
+    RobotCommand,
+    Scene,
+    TickRecord,
+)
+from agribot.core.platform import Platform
+from agribot.core.robot import RobotSpec
+
+Tap = Callable[[TickRecord], None]
+MaskTap = Callable[[int, ByteArray], None]
+
+
+class Stack:
+    """Owns the parts of one run and their order; the parts know nothing of each other."""
+
+    def __init__(
+        self,
+        localizer: Localizer,
+        perception: PerceptionHost,
+        weed_map: WeedMap,
+        mission: Mission,
+        follower: Follower,
+        hand: HandControl,
+        treatment: Treatment,
+        supervisor: Supervisor,
+        planning: ThreadedPlanning,
+    ) -> None:
+        self.localizer = localizer
+        self.perception = perception
+        self.weed_map = weed_map
+        self.mission = mission
+        self.follower = follower
+        self.hand = hand
+        self.treatment = treatment
+        self.supervisor = supervisor
+        self._planning = planning
+        self.taps: list[Tap] = []
+
+    def tick(self, platform: Platform) -> TickRecord:
+        batch = platform.read()
+        estimate = self.localizer.update(batch)
+        self.weed_map.track_pose(estimate)
+        scenes = self.perception.step(batch)
+        for scene in scenes:
+            if self.localizer.is_stale(scene):
+                continue
+            self.weed_map.add(scene)
+            self.localizer.see(scene)
+        takeover = self.hand.listen(batch)
+        self.treatment.listen(batch.events)
+        self.mission.heed(self.supervisor.warning)
+        goal = self.mission.step(estimate, (*batch.events, *takeover))
+        drive, tracking = self.follower.step(estimate, goal)
+        drive, is_by_hand = self.hand.arbitrate(drive, goal.status)
+        implement = self.treatment.step(estimate, self.weed_map, goal.tool_on)
+        wanted = RobotCommand(t_s=batch.t_s, drive=drive, implement=implement)
+        command, reason = self.supervisor.check(
+            wanted, estimate, batch, goal, is_by_hand=is_by_hand
+        )
+        platform.write(command)
+        record = TickRecord(
+            batch=batch,
+            scenes=scenes,
+            estimate=estimate,
+            status=goal.status,
+            tracking=tracking,
+            command=command,
+            reason=reason,
+        )
+        for tap in self.taps:
+            tap(record)
+        return record
+
+    def close(self) -> None:
+        self.perception.close()
+        self._planning.close()
+
+
+def build(
+    config: RunConfig,
+    robot: RobotSpec,
+    task: Task,
+    new_tasks: NewTasks | None = None,
+    perception: PerceptionHost | None = None,
+    saved: SavedMission | None = None,
+) -> Stack:
+    """Put the parts together as the settings say.
+
+    `task` is what the robot works at, `new_tasks` makes those that come in under way;
+    `perception` replaces the camera network, as a replay does; `saved` is a mission to go on with.
+    Raises: AgribotError: the settings, the robot and the field do not fit each other.
+    """
+    planning, latch = ThreadedPlanning(), Latch()
+    return Stack(
+        localizer=Localizer(config.estimate, config.field, robot),
+        perception=perceiving(config, robot) if perception is None else perception,
+        weed_map=WeedMap(config.weeds),
+        mission=Mission(task, config.mission, saved, new_tasks, planning, latch),
+        follower=Follower(config.control, robot),
+        hand=HandControl(config.safety),
+        treatment=Treatment(config.treatment, robot.sprayer),
+        supervisor=Supervisor(config.safety, robot, latch),
+        planning=planning,
+    )
+
+
+def perceiving(
+    config: RunConfig, robot: RobotSpec, on_mask: MaskTap | None = None
+) -> PerceptionHost:
+    """The camera network off the control loop; `on_mask` hears every frame index and class map."""
+    settings = config.perception
+    if not settings.enabled or robot.camera is None:
+        return NoPerception()
+    segmenter = Segmenter(settings.model, settings.threads)
+    ground = GroundLookup(
+        robot.camera, robot.body_from_camera(), segmenter.map_shape, settings.max_range_m
+    )
+
+    def observer(frame: CameraFrame, ready_s: float) -> Scene:
+        class_map = segmenter.segment(frame.image_rgb)
+        if on_mask is not None:
+            on_mask(frame.index, class_map.class_id)
+        return observe(frame, class_map, ground, settings, ready_s)
+
+    return ThreadedPerception(observer, settings.latency_s)

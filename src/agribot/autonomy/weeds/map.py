@@ -1,0 +1,225 @@
+"""The weed map: plants of many frames, put together into places with evidence."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable, Iterator
+
+from agribot.autonomy.weeds.cells import CellIndex
+from agribot.autonomy.weeds.no_spray import NoSprayArea
+from agribot.autonomy.weeds.poses import PoseAt, PoseHistory
+from agribot.autonomy.weeds.track import GONE_LOGIT, Sighting, Track, new_track, sighting
+from agribot.autonomy.weeds.view import View
+from agribot.core.config import WeedConfig
+from agribot.core.messages import Estimate, MappedPlant, PlantClass, Scene
+
+GATE_CHI2 = 13.8  # 99.9 % of two degrees of freedom
+REACH_SIGMA = 3.0
+MAX_CLASS_COST = 4.4  # 2 ln(0.9 / 0.1): one plant in ten is called by the other name
+VIEW_INSET_M = 0.05  # between a plant's outline and the edge of the view; nearer, it may be cut
+TENTATIVE_S = 20.0  # a plant not confirmed by then is forgotten
+
+
+class WeedMap:
+    """Feed every estimate to `track_pose`, every scene to `add`; ask for `weeds` and `crops`.
+
+    Crops are mapped like weeds, so that the treatment can spare them; crops that cannot be told
+    apart are at least ground of `no_spray`. A scene whose capture pose is unknown is dropped and
+    counted in `scenes_dropped`.
+    """
+
+    def __init__(self, config: WeedConfig) -> None:
+        self._config = config
+        self._poses = PoseHistory()
+        self._tracks: dict[int, Track] = {}
+        self._cells = CellIndex(max(0.25, config.merge_radius_m))
+        self._tentative: deque[tuple[float, int]] = deque()
+        self._next_id = 1
+        self.no_spray = NoSprayArea()
+        self.scenes_used = 0
+        self.scenes_dropped = 0
+
+    def track_pose(self, estimate: Estimate) -> None:
+        """Remember where the robot is; call it every tick."""
+        self._poses.add(estimate)
+
+    def add(self, scene: Scene, pose: PoseAt | None = None) -> None:
+        """Take in a scene, seen from `pose` or else from the remembered pose at its capture."""
+        pose = pose or self._poses.at(scene.t_s)
+        if pose is None:
+            self.scenes_dropped += 1
+            return
+        self.scenes_used += 1
+        if scene.crop_cover is not None:
+            self.no_spray.add(scene.crop_cover, pose)
+        seen = [sighting(p, pose) for p in scene.plants if p.plant != PlantClass.SOIL]
+        touched = self._associate(seen, scene.t_s)
+        self._count_misses(View(scene.view_body_m, pose), scene.t_s)
+        for track in touched:
+            self._merge_around(track, scene.t_s)
+        self._forget_tentative(scene.t_s)
+
+    def plants(
+        self, min_sightings: int = 1, min_confidence: float = 0.0
+    ) -> tuple[MappedPlant, ...]:
+        """Everything mapped so far with at least this evidence, oldest first."""
+        return tuple(
+            track.message()
+            for track in self._tracks.values()
+            if track.sightings >= min_sightings and track.confidence >= min_confidence
+        )
+
+    @property
+    def tracks(self) -> tuple[Track, ...]:
+        """All there is to know, for the map of a run that goes on with this one."""
+        return tuple(self._tracks.values())
+
+    def restore(self, tracks: Iterable[Track]) -> None:
+        """Go on with the map of an earlier run; before the first scene."""
+        for track in sorted(tracks, key=lambda track: track.first_seen_s):
+            self._tracks[track.id] = track
+            self._next_id = max(self._next_id, track.id + 1)
+            self._cells.place(track)
+            if not track.is_confirmed:
+                self._tentative.append((track.first_seen_s, track.id))
+
+    def confirmed(self) -> list[Track]:
+        """Confirmed plants as they are now; a page may ask from a thread of its own."""
+        return [track for track in list(self._tracks.values()) if track.is_confirmed]
+
+    def weeds(self) -> tuple[MappedPlant, ...]:
+        """Confirmed weeds, oldest first."""
+        return self._confirmed(PlantClass.WEED)
+
+    def crops(self) -> tuple[MappedPlant, ...]:
+        """Confirmed crop plants, oldest first."""
+        return self._confirmed(PlantClass.CROP)
+
+    @property
+    def weed_count(self) -> int:
+        return sum(t.is_confirmed and t.plant == PlantClass.WEED for t in self._tracks.values())
+
+    def inside(
+        self, x_min_m: float, y_min_m: float, x_max_m: float, y_max_m: float
+    ) -> Iterator[Track]:
+        """Tracks in a rectangle, and some just outside; the map must not change meanwhile."""
+        return self._cells.inside(x_min_m, y_min_m, x_max_m, y_max_m)
+
+    def mark_treated(self, track: Track, t_s: float) -> None:
+        """Note the first treatment of a plant; a treated plant is never forgotten."""
+        if track.treated_s is None:
+            track.treated_s = t_s
+
+    def _confirmed(self, plant: PlantClass) -> tuple[MappedPlant, ...]:
+        return tuple(
+            t.message() for t in self._tracks.values() if t.is_confirmed and t.plant == plant
+        )
+
+    def _associate(self, seen: list[Sighting], t_s: float) -> list[Track]:
+        """Give each sighting to a track, best pairs first, or start one; return those tracks."""
+        pairs = sorted(
+            (cost, index, track.id)
+            for index, plant in enumerate(seen)
+            for cost, track in self._candidates(plant)
+        )
+        partner: dict[int, int] = {}
+        taken: set[int] = set()
+        for _, index, id in pairs:
+            if index not in partner and id not in taken:
+                partner[index] = id
+                taken.add(id)
+        touched = []
+        for index, plant in enumerate(seen):
+            if index in partner:
+                track = self._tracks[partner[index]]
+                track.update(plant, t_s)
+            else:
+                track = self._start(plant, t_s)
+            self._settle(track)
+            touched.append(track)
+        return touched
+
+    def _around(self, x_m: float, y_m: float, radius_m: float) -> Iterator[Track]:
+        return self._cells.inside(x_m - radius_m, y_m - radius_m, x_m + radius_m, y_m + radius_m)
+
+    def _candidates(self, seen: Sighting) -> Iterator[tuple[float, Track]]:
+        """Tracks that may be this plant, with squared distance in sigmas plus a class cost."""
+        radius_m = self._config.merge_radius_m
+        for track in self._around(seen.x_map_m, seen.y_map_m, 2.0 * radius_m):
+            reach_m = min(max(radius_m, REACH_SIGMA * track.gap_std_m(seen)), 2.0 * radius_m)
+            if track.gap_m(seen) > reach_m:
+                continue
+            cost = track.mahalanobis2(seen)
+            if track.plant != seen.plant:
+                cost += min(2.0 * abs(track.weed_logit), MAX_CLASS_COST)
+            if cost <= GATE_CHI2:
+                yield cost, track
+
+    def _start(self, seen: Sighting, t_s: float) -> Track:
+        track = new_track(self._next_id, seen, t_s)
+        self._next_id += 1
+        self._tracks[track.id] = track
+        self._tentative.append((t_s, track.id))
+        return track
+
+    def _settle(self, track: Track) -> None:
+        """Bring index and confirmation up to date after a change."""
+        self._cells.place(track)
+        track.is_confirmed = (
+            track.sightings >= self._config.min_sightings
+            and track.confidence >= self._config.min_confidence
+        )
+
+    def _remove(self, track: Track) -> None:
+        self._cells.remove(track)
+        del self._tracks[track.id]
+
+    def _count_misses(self, view: View, t_s: float) -> None:
+        if view.is_empty:
+            return
+        missed = [
+            track
+            for track in self._cells.inside(*view.bounds_map_m)
+            if track.last_seen_s != t_s and view.covers(track.x_map_m, track.y_map_m, VIEW_INSET_M)
+        ]
+        for track in missed:
+            track.miss()
+            if track.exists_logit < GONE_LOGIT and track.treated_s is None:
+                self._remove(track)
+            else:
+                self._settle(track)
+
+    def _merge_around(self, track: Track, t_s: float) -> None:
+        """Absorb tracks that have drifted onto this one.
+
+        Two plants seen side by side in one frame are two, unless they are almost in one place.
+        """
+        if track.id not in self._tracks:
+            return
+        near = list(self._around(track.x_map_m, track.y_map_m, self._config.merge_radius_m))
+        near.remove(track)
+        for other in near:
+            if self._is_same(track, other, t_s):
+                track, gone = (track, other) if track.id < other.id else (other, track)
+                self._remove(gone)
+                track.absorb(gone)
+                self._settle(track)
+
+    def _is_same(self, track: Track, other: Track, t_s: float) -> bool:
+        """Near, and of the same class or with too little seen of one to say."""
+        radius_m = self._config.merge_radius_m
+        if other.last_seen_s == t_s:
+            limit_m = radius_m / 4.0
+        else:
+            own_std_m = math.sqrt(track.own_var_m2 + other.own_var_m2)
+            limit_m = min(max(radius_m / 2.0, 2.0 * own_std_m), radius_m)
+        few = min(track.sightings, other.sightings) < self._config.min_sightings
+        return track.gap_m(other) <= limit_m and (few or track.plant == other.plant)
+
+    def _forget_tentative(self, t_s: float) -> None:
+        while self._tentative and self._tentative[0][0] < t_s - TENTATIVE_S:
+            _, id = self._tentative.popleft()
+            track = self._tracks.get(id)
+            if track is not None and not track.is_confirmed and track.treated_s is None:
+                self._remove(track)

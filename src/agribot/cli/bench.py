@@ -1,0 +1,58 @@
+"""`agribot bench`: what the parts of the robot can do, measured; one benchmark per name."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+
+# name -> (module with add_arguments and run, one line of help, an example)
+BENCHMARKS = {
+    "sim": (
+        "agribot.cli.bench_sim",
+        "CPU cost of physics, sensors, camera, network and the whole robot",
+        "agribot bench sim --only physics_rtf,network_ms",
+    ),
+    "nav": (
+        "agribot.cli.bench_nav",
+        "drive ROWS-10x12 on hundreds of seeds: missions, cross-track error, crushed plants",
+        "agribot bench nav --sensors m8n --seeds 1-100 --json",
+    ),
+    "missions": (
+        "agribot.cli.bench_missions",
+        "whole missions in the full simulator: profiles, receivers, seeds, with pixels and network",
+        "agribot bench missions --profiles farm --seeds 1-2 --out runs/missions",
+    ),
+    "perception": (
+        "agribot.cli.bench_perception",
+        "time every network end to end, the original's beside them",
+        "agribot bench perception --size 800x608 --json",
+    ),
+    "closed-loop": (
+        "agribot.cli.bench_closed_loop",
+        "drive fields and judge what the network sees, by crop, growth and light",
+        "agribot bench closed-loop --fields beet,farm --lights noon",
+    ),
+    "ui": (
+        "agribot.cli.bench_ui",
+        "serve the page to 0, 1 and 16 clients: server CPU and memory, rates, missed ticks",
+        "agribot bench ui --seconds 20 --json",
+    ),
+    "all": (
+        "agribot.cli.bench_all",
+        "every benchmark in its short form",
+        "agribot bench all --json",
+    ),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    names = parser.add_subparsers(dest="benchmark", metavar="BENCHMARK", required=True)
+    for name, (module_name, help_line, example) in BENCHMARKS.items():
+        benchmark = names.add_parser(
+            name, help=help_line, description=help_line, epilog=f"example: {example}"
+        )
+        importlib.import_module(module_name).add_arguments(benchmark)
+
+
+def run(options: argparse.Namespace) -> int:
+    return int(importlib.import_module(BENCHMARKS[options.benchmark][0]).run(options))

@@ -1,0 +1,66 @@
+"""`agribot bench closed-loop`: what the network sees while the robot drives, judged by truth."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+from agribot.cli.ranges import finite
+from agribot.cli.word_list import words_of
+from agribot.core.errors import ConfigError
+from agribot.lab.sweep.plan import read_seeds
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from agribot.lab.bench import closed_loop
+
+    parser.add_argument(
+        "--fields",
+        default=",".join(closed_loop.FIELDS),
+        metavar="NAME,NAME",
+        help="default: all, %(default)s",
+    )
+    parser.add_argument(
+        "--lights",
+        default=",".join(closed_loop.LIGHTS),
+        metavar="NAME,NAME",
+        help="default: all, %(default)s",
+    )
+    parser.add_argument(
+        "--heights",
+        default=",".join(f"{ratio:g}" for ratio in closed_loop.HEIGHT_RATIOS),
+        metavar="R,R",
+        help="growth, times the middle height of the crop (default: %(default)s)",
+    )
+    parser.add_argument("--seeds", default="1", metavar="LIST", help="such as 1-4")
+    parser.add_argument("--seconds", type=finite, default=25.0, metavar="S", help="of each drive")
+    parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
+    parser.add_argument("--json", action="store_true", help="print the result as the last line")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Status 1 where the beet field was driven and the network fell short of what it must hold."""
+    from agribot.lab.bench import closed_loop
+
+    fields = words_of("--fields", options.fields, closed_loop.FIELDS)
+    lights = words_of("--lights", options.lights, closed_loop.LIGHTS)
+    try:
+        ratios = [float(word) for word in options.heights.split(",")]
+    except ValueError as error:
+        raise ConfigError(f"--heights {options.heights}: write numbers, as in 0.5,1") from error
+    if not all(0.2 <= ratio <= 3.0 for ratio in ratios):
+        raise ConfigError(f"--heights {options.heights}: each must be from 0.2 to 3")
+    if not 1.0 <= options.seconds <= 3600.0:
+        raise ConfigError(f"--seconds {options.seconds:g}: must be from 1 to 3600")
+    wanted = closed_loop.conditions(fields, lights, ratios, read_seeds(options.seeds))
+    result = closed_loop.run(wanted, options.seconds, options.model, _say)
+    _say("\n" + closed_loop.table(result))
+    if options.json:
+        sys.stdout.write(json.dumps(result) + "\n")
+    return 0 if closed_loop.holds(result) else 1
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()

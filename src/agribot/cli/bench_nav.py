@@ -1,0 +1,106 @@
+"""`agribot bench nav`: the navigation benchmark ROWS-10x12."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from agribot.app.workers import usable_cpus
+from agribot.cli.counting import CountProgress
+from agribot.cli.ranges import finite
+from agribot.cli.stopping import stop_on_signal
+from agribot.core.errors import ConfigError
+from agribot.lab.sweep.plan import read_seeds
+
+if TYPE_CHECKING:
+    from agribot.lab.bench.nav.suite import Job
+
+MAX_SPEED_MPS = 1.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--seeds", default="20000-20499", metavar="LIST", help="such as 1-100")
+    parser.add_argument(
+        "--sensors", choices=("legacy", "hector", "m8n", "rtk", "rtk-dual"),
+        help="one receiver (default: the published table)",
+    )  # fmt: skip
+    parser.add_argument("--variant", choices=("nominal", "hard"), default="nominal")
+    parser.add_argument(
+        "--vision", action=argparse.BooleanOptionalAction, default=True,
+        help="row line from a camera; with --sensors",
+    )  # fmt: skip
+    parser.add_argument("--speed", type=finite, default=0.8, metavar="MPS", help="in the rows")
+    parser.add_argument(
+        "--baseline", action="store_true", help="also drive the original robot's controller"
+    )
+    parser.add_argument(
+        "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
+    )
+    parser.add_argument("--plot", type=Path, metavar="PNG", help="draw all missions there")
+    parser.add_argument("--markdown", action="store_true", help="write the table as Markdown")
+    parser.add_argument("--json", action="store_true", help="print the results as the last line")
+
+
+def run(options: argparse.Namespace) -> int:
+    if not 0.1 <= options.speed <= MAX_SPEED_MPS:
+        raise ConfigError(f"--speed {options.speed:g}: must be from 0.1 to {MAX_SPEED_MPS:g} m/s")
+    if not 1 <= options.workers <= 1024:
+        raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
+    from agribot.lab.bench.nav.plot import plot
+    from agribot.lab.bench.nav.suite import drive_all
+    from agribot.lab.bench.nav.table import text
+
+    seeds = read_seeds(options.seeds)
+    jobs = _jobs(options, seeds)
+    progress = CountProgress(sum(len(job.seeds) for job in jobs), "missions")
+    count = 0
+    with stop_on_signal() as stop:
+
+        def done(block: Job) -> None:
+            nonlocal count
+            count += len(block.seeds)
+            progress(count)
+
+        results = list(drive_all(jobs, options.workers, lambda: bool(stop), done))
+        progress.close()
+        interrupted = bool(stop)
+    lines = [entry for entry, _ in results]
+    sys.stderr.write(text(lines, markdown=options.markdown) + "\n")
+    if options.plot and results:
+        plot(options.plot, [(entry.name, outcomes) for entry, outcomes in results])
+    if options.json:
+        missions = {entry.name: msgspec.to_builtins(outcomes) for entry, outcomes in results}
+        content = {
+            "seeds": options.seeds,
+            "lines": msgspec.to_builtins(lines),
+            "missions": missions,
+        }
+        sys.stdout.write(json.dumps(content) + "\n")
+    if interrupted:
+        return 130
+    own = [entry for entry in lines if not entry.name.startswith("original")]
+    return 0 if all(entry.missions_ok >= 0.95 * entry.missions for entry in own) else 1
+
+
+def _jobs(options: argparse.Namespace, seeds: Sequence[int]) -> list[Job]:
+    from agribot.description.loader import load_robot
+    from agribot.lab.bench.nav import suite
+    from agribot.lab.bench.nav.scenario import Receiver, scenario
+
+    robot = load_robot()
+    if options.sensors is None:
+        return suite.published(seeds, robot, options.speed, baseline=options.baseline)
+    what = scenario(
+        options.sensors, vision=options.vision, speed_mps=options.speed, variant=options.variant
+    )
+    jobs = [suite.chosen(seeds, robot, what)]
+    if options.baseline:
+        receiver: Receiver = "rtk" if options.sensors == "rtk-dual" else options.sensors
+        jobs += suite.originals(seeds, robot, (receiver,), options.variant)
+    return jobs

@@ -1,0 +1,37 @@
+"""`agribot bench perception`: what a picture costs each network, end to end."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+from agribot.cli.ranges import threads
+from agribot.cli.word_list import words_of
+from agribot.core.errors import ConfigError
+from agribot.lab.bench.perception import HEIGHT_PX, NETWORKS, WIDTH_PX, table
+from agribot.lab.bench.perception import run as measure
+from agribot.lab.train.networks import STRIDE_PX, read_size
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--networks", metavar="NAME,NAME", help=f"these alone (default: {', '.join(NETWORKS)})"
+    )
+    parser.add_argument("--size", default=f"{WIDTH_PX}x{HEIGHT_PX}", metavar="WxH", help="px")
+    parser.add_argument("--threads", type=threads, default=2)
+    parser.add_argument("--frames", type=int, default=30, help="pictures for each network")
+    parser.add_argument("--json", action="store_true", help="print the result as the last line")
+
+
+def run(options: argparse.Namespace) -> int:
+    networks = words_of("--networks", options.networks, NETWORKS)
+    for option, most in (("threads", 256), ("frames", 10_000)):
+        if not 1 <= getattr(options, option) <= most:
+            value = getattr(options, option)
+            raise ConfigError(f"--{option} {value}: must be from 1 to {most}")
+    result = measure(networks, options.threads, options.frames, read_size(options.size, STRIDE_PX))
+    sys.stderr.write(table(result) + "\n")
+    if options.json:
+        sys.stdout.write(json.dumps(result) + "\n")
+    return 0

@@ -1,0 +1,99 @@
+"""`agribot bench ui`: what the operator's page costs, with nobody, one and many looking on."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from agribot.cli.ranges import finite
+from agribot.core.errors import ConfigError
+
+SLOWEST_MBIT_PER_S, FASTEST_MBIT_PER_S = 0.5, 100.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--clients", default="0,1,16", metavar="N,N", help="default: 0,1,16")
+    parser.add_argument(
+        "--seconds", type=finite, default=20.0, metavar="S", help="for each of them"
+    )
+    parser.add_argument(
+        "--growth", type=finite, default=0.0, metavar="S",
+        help="then measure for so long how much memory grows; 300 is what the limits are for",
+    )  # fmt: skip
+    parser.add_argument(
+        "--links", default="10,1", metavar="MBIT,MBIT",
+        help="then see the camera over lines of so many Mbit/s; none: leave them out",
+    )  # fmt: skip
+    parser.add_argument("--no-camera", action="store_true", help="states alone")
+    parser.add_argument("--json", action="store_true", help="print the result as the last line")
+
+
+def run(options: argparse.Namespace) -> int:
+    from agribot.lab.bench.ui import run as measure
+
+    try:
+        clients = [int(word) for word in options.clients.split(",")]
+    except ValueError as error:
+        raise ConfigError(f"--clients {options.clients}: write numbers, as in 0,1,16") from error
+    if not clients or min(clients) < 0 or max(clients) > 32:
+        raise ConfigError(f"--clients {options.clients}: 0 to 32 each")
+    if not 1.0 <= options.seconds <= 600.0:
+        raise ConfigError(f"--seconds {options.seconds:g}: must be between 1 and 600")
+    if not 0.0 <= options.growth <= 420.0:
+        raise ConfigError(f"--growth {options.growth:g}: must be between 0 and 420")
+    result = measure(
+        clients, options.seconds, not options.no_camera, growth_s=options.growth,
+        links_mbit_per_s=_links(options),
+    )  # fmt: skip
+    sys.stderr.writelines(_line(phase) for phase in result["phases"])
+    sys.stderr.writelines(_link_line(link) for link in result["links"])
+    sys.stderr.writelines(_verdict(limit) for limit in result["limits"])
+    sys.stderr.write(f"load average of the machine at the end: {result['load_average']:.1f}\n")
+    if options.json:
+        sys.stdout.write(json.dumps(result) + "\n")
+    return 0 if result["ok"] else 1
+
+
+def _links(options: argparse.Namespace) -> list[float]:
+    if options.no_camera or options.links == "none":
+        return []
+    try:
+        links = [float(word) for word in options.links.split(",")]
+    except ValueError as error:
+        raise ConfigError(f"--links {options.links}: write numbers, as in 10,1") from error
+    if not all(SLOWEST_MBIT_PER_S <= link <= FASTEST_MBIT_PER_S for link in links):
+        raise ConfigError(
+            f"--links {options.links}: {SLOWEST_MBIT_PER_S:g} to {FASTEST_MBIT_PER_S:g} Mbit/s each"
+        )
+    return links
+
+
+def _link_line(link: dict[str, Any]) -> str:
+    return (
+        f"{link['mbit_per_s']:g} Mbit/s: state {link['state_hz']:.1f} Hz, "
+        f"{link['state_age_p95_s'] * 1e3:.0f} ms old, camera {link['camera_hz']:.1f} Hz, "
+        f"{link['camera_age_p95_s'] * 1e3:.0f} ms old (p95)\n"
+    )
+
+
+def _verdict(limit: dict[str, Any]) -> str:
+    value = "not measured" if limit["value"] is None else f"{limit['value']:g}"
+    ends = [f"{word} {limit[key]:g}" for key, word in (("low", "at least"), ("high", "at most"))
+            if limit[key] is not None]  # fmt: skip
+    verdict = "ok" if limit["ok"] else "TOO FAR"
+    return f"{limit['name']}: {value} ({' and '.join(ends)}) {verdict}\n"
+
+
+def _line(phase: dict[str, Any]) -> str:
+    stalled = f" ({phase['stalled']} stalled)" if phase["stalled"] else ""
+    seen = "" if phase["state_hz"] is None else f", state {phase['state_hz']:.1f} Hz"
+    seen += "" if phase["camera_hz"] is None else f", camera {phase['camera_hz']:.1f} Hz"
+    cpu, memory = f"{phase['server_cpu_ratio']:.1%}", f"{phase['server_rss_bytes'] / 1e6:.0f} MB"
+    missed = f"{phase['ticks_missed']}/{phase['ticks']}"
+    late_ms = phase["lateness_p99_s"] * 1e3
+    return (
+        f"{phase['clients']:2d} clients{stalled}: server {cpu} of a core, {memory}{seen}, "
+        f"ticks missed {missed}, late p99 {late_ms:.1f} ms\n"
+    )

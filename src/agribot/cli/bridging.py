@@ -1,0 +1,346 @@
+"""Bridges of a run: what the command line asks for, opened before the robot moves."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import msgspec
+
+from agribot.cli.ranges import finite, port
+from agribot.core import extras, topics
+from agribot.core.config import RunConfig
+from agribot.core.errors import ConfigError
+from agribot.core.topic import Topic
+from agribot.ros.requests import Requests
+from agribot.ros.source_uri import Place, places
+
+if TYPE_CHECKING:
+    from agribot.app.session import Session
+    from agribot.ros.outlet import Gateway, Outlet
+
+Setting = bool | int | float | str | tuple[float, ...]
+
+DEFAULT_IMAGE_RATE_HZ = 5.0
+BRIDGES = ("ros2", "dds", "ros1", "foxglove")
+_CAMERA_TOPICS = (topics.IMAGE, topics.IMAGE_RAW, topics.CAMERA_INFO, topics.OVERLAY)
+
+
+def add_arguments(parser: argparse.ArgumentParser, *, has_mind: bool = True) -> None:
+    """`has_mind` is False where nothing but a peer would drive, so that none needs leave to."""
+    group = parser.add_argument_group("bridges (off unless asked for, on this machine only)")
+    group.add_argument("--ros2", action="store_true", help="be a ROS 2 node (rmw_zenoh)")
+    group.add_argument(
+        "--dds", action="store_true", help="be a ROS 2 node on DDS (Fast DDS, Cyclone DDS)"
+    )
+    group.add_argument("--ros1", action="store_true", help="be a ROS 1 node (needs a roscore)")
+    add_ros1_arguments(group)
+    group.add_argument("--foxglove", action="store_true", help="serve Foxglove; it only watches")
+    group.add_argument("--foxglove-port", type=port, default=8765, metavar="P")
+    if has_mind:
+        group.add_argument(
+            "--allow-drive",
+            action="store_true",
+            help="take cmd_vel, resume and clear_stop from peers",
+        )
+    group.add_argument(
+        "--image-rate",
+        type=finite,
+        default=DEFAULT_IMAGE_RATE_HZ,
+        metavar="HZ",
+        help=f"of camera images to peers (default: {DEFAULT_IMAGE_RATE_HZ:g}; 0 is none)",
+    )
+    group.add_argument("--raw-images", action="store_true", help="uncompressed images as well")
+    add_ros2_arguments(group)
+
+
+def add_ros1_arguments(group: argparse._ActionsContainer) -> None:
+    group.add_argument(
+        "--ros-master", metavar="URI", help="default: ROS_MASTER_URI or http://127.0.0.1:11311"
+    )
+
+
+def add_ros2_arguments(group: argparse._ActionsContainer) -> None:
+    group.add_argument("--ros-domain", type=int, metavar="N", help="default: ROS_DOMAIN_ID or 0")
+    group.add_argument(
+        "--ros-router", metavar="LOCATOR", help="zenoh router (default: tcp/127.0.0.1:7447)"
+    )
+
+
+def wanted(options: argparse.Namespace) -> bool:
+    return any(getattr(options, name) for name in BRIDGES)
+
+
+def check(options: argparse.Namespace, sources: Mapping[str, Place] | None = None) -> None:
+    """Refuse before a long start what could not be opened after it.
+
+    `sources` are the topics that sensors come from, by sensor.
+    Raises: ConfigError: a package is not installed, or an option is out of range.
+    """
+    _check_extras(options, sources or {})
+    away = {(place.network, place.at) for place in (sources or {}).values()}
+    networks = {network for network, _ in away}
+    if options.ros2 or options.dds or "ros2" in networks:
+        domain_from(options)
+    if options.ros1 or ("ros1", "") in away:
+        master_from(options)
+    for network, at in away:
+        if network == "ros1" and at:
+            checked_master(f"http://{at}")
+    if wanted(options):
+        _check_image_rate(options)
+
+
+def _check_extras(options: argparse.Namespace, sources: Mapping[str, Place]) -> None:
+    for option, extra in (("ros2", "ros"), ("foxglove", "foxglove")):
+        if getattr(options, option):
+            extras.require(extra, f"--{option}")
+    if options.dds:
+        extras.require("dds", "--dds (no wheels for Linux on ARM and Python 3.14: take --ros2)")
+    for sensor, place in sources.items():
+        if place.network == "ros2":
+            extras.require("ros", f"--source {sensor}={place.network}:{place.topic}")
+
+
+@contextmanager
+def bridges(options: argparse.Namespace, session: Session) -> Iterator[None]:
+    """Open what the options name and let it listen to the session.
+
+    Raises: AgribotError: an option is out of range, or a peer that must be there is not.
+    """
+    from agribot.description.loader import urdf_text
+
+    if not wanted(options):
+        yield
+        return
+    requests = Requests(session.platform.inbox, allow_drive=options.allow_drive, say=say)
+    taken = {place.topic for place in places(session.config.sources).values()}
+    has_camera = session.robot.camera is not None
+    out = [
+        topic  # what others publish for this robot, it does not say again
+        for topic in out_topics(options, has_camera=has_camera, allow_drive=options.allow_drive)
+        if not taken & {topic.name, topic.seed_alias}
+    ]
+    gateways = open_gateways(
+        options, out, urdf_text(session.config.robot), requests, flat_settings(session.config)
+    )
+    try:
+        outlet = _outlet(options, session, gateways)
+    except BaseException:
+        for gateway in gateways:
+            gateway.close()
+        raise
+    session.add_tap(outlet)
+    try:
+        yield
+    finally:
+        outlet.close()
+        tell_losses(outlet.dropped, outlet.fault)
+
+
+def open_gateways(
+    options: argparse.Namespace,
+    out: Sequence[Topic],
+    urdf: str,
+    requests: Requests,
+    settings: Mapping[str, Setting] | None,
+) -> list[Gateway]:
+    """All that the options name, or none of them; without `settings` there are no services."""
+    gateways: list[Gateway] = []
+    try:
+        for name in BRIDGES:
+            if getattr(options, name):
+                gateways.append(_OPENERS[name](options, out, urdf, requests, settings))
+    except BaseException:
+        for gateway in gateways:
+            gateway.close()
+        raise
+    return gateways
+
+
+def flat_settings(config: RunConfig) -> dict[str, Setting]:
+    """Every setting by its full name; lists of what are no numbers are left out."""
+    found: dict[str, Setting] = {}
+
+    def walk(value: object, name: str) -> None:
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                walk(inner, f"{name}.{key}" if name else key)
+        elif isinstance(value, bool | int | float | str):
+            found[name] = value
+        elif isinstance(value, list | tuple) and all(isinstance(n, float) for n in value):
+            found[name] = tuple(value)
+
+    walk(msgspec.to_builtins(config), "")
+    return found
+
+
+def tell_losses(dropped: int, fault: str) -> None:
+    if dropped:
+        say(f"{dropped} ticks did not go out: the bridges could not keep up")
+    if fault:
+        say(fault)
+
+
+def _outlet(options: argparse.Namespace, session: Session, gateways: list[Gateway]) -> Outlet:
+    from agribot.description.loader import urdf_text
+    from agribot.ros.messages.camera_log import CameraLog
+    from agribot.ros.outlet import Outlet, Sources
+
+    config = session.config
+    camera = CameraLog(
+        session.robot,
+        options.image_rate,
+        config.record.jpeg_quality,
+        keeps_raw=options.raw_images,
+    )
+    sources = Sources(
+        plan=lambda: session.stack.mission.path,
+        goals_map_m=lambda: session.shown_goals_map_m,
+        weed_map=session.weed_map.plants,
+        truth=session.platform.truth,
+    )
+    return Outlet(
+        gateways, session.robot, config.field.datum, urdf_text(config.robot), camera, sources
+    )
+
+
+def out_topics(options: argparse.Namespace, *, has_camera: bool, allow_drive: bool) -> list[Topic]:
+    """What this run publishes; where peers may drive, cmd_vel is theirs.
+
+    Raises: ConfigError: an option is out of range.
+    """
+    _check_image_rate(options)
+    left_out = set()
+    if not (has_camera and options.image_rate):
+        left_out |= {topic.name for topic in _CAMERA_TOPICS}
+    if not options.raw_images:
+        left_out.add(topics.IMAGE_RAW.name)
+    if allow_drive:
+        left_out.add(topics.CMD_VEL.name)
+    return [t for t in topics.TOPICS if t.ros_type and t.name not in left_out]
+
+
+def _check_image_rate(options: argparse.Namespace) -> None:
+    if not 0.0 <= options.image_rate <= 100.0:
+        raise ConfigError(f"--image-rate {options.image_rate:g}: must be within 0 to 100 Hz")
+
+
+def _ros2(
+    options: argparse.Namespace,
+    out: Sequence[Topic],
+    _urdf: str,
+    requests: Requests,
+    settings: Mapping[str, Setting] | None,
+) -> Gateway:
+    from agribot.ros.ros2.gateway import Ros2Gateway
+
+    router = router_from(options)
+    domain = domain_from(options)
+    gateway = Ros2Gateway(
+        requests,
+        out,
+        domain=domain,
+        router=router,
+        serves=settings is not None,
+        settings=settings,
+    )
+    say(
+        f"ROS 2: node /agribot as zenoh {gateway.role} at {router}; "
+        "peers set RMW_IMPLEMENTATION=rmw_zenoh_cpp"
+    )
+    return gateway
+
+
+def _dds(
+    options: argparse.Namespace, out: Sequence[Topic], _urdf: str, requests: Requests, _: object
+) -> Gateway:
+    from agribot.ros.dds.gateway import DdsGateway
+
+    domain = domain_from(options)
+    gateway = DdsGateway(requests, out, domain=domain)
+    say(
+        f"DDS: node /agribot in domain {domain}, on this machine, where peers set "
+        "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST; topics only"
+    )
+    return gateway
+
+
+def domain_from(options: argparse.Namespace) -> int:
+    asked: int | None = options.ros_domain
+    if asked is None:
+        text = os.environ.get("ROS_DOMAIN_ID", "") or "0"
+        try:
+            asked = int(text)
+        except ValueError:
+            raise ConfigError(f"ROS_DOMAIN_ID is '{text}'; it must be a number") from None
+    if not 0 <= asked <= 232:
+        raise ConfigError(f"ROS domain {asked}: must be within 0 to 232")
+    return asked
+
+
+def router_from(options: argparse.Namespace) -> str:
+    from agribot.ros.ros2.node import ROUTER
+
+    return options.ros_router or ROUTER
+
+
+def master_from(options: argparse.Namespace) -> str:
+    from agribot.ros.ros1.gateway import MASTER
+
+    return checked_master(str(options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER))
+
+
+def checked_master(uri: str) -> str:
+    """Raises: ConfigError: not the address of a ROS 1 master."""
+    from agribot.ros.ros1.gateway import MASTER
+
+    if not _is_address(uri):
+        raise ConfigError(f"ROS master {uri[:80]}: write it as http://HOST:PORT, like {MASTER}")
+    return uri
+
+
+def _is_address(uri: str) -> bool:
+    """A host, a port or none, and nothing behind them; IPv6 in brackets."""
+    try:
+        parts = urlsplit(uri)
+        is_port = parts.port != 0 and not parts.netloc.endswith(":")
+    except ValueError:
+        return False
+    is_host = bool(parts.hostname) and "@" not in parts.netloc and not re.search(r"\s", uri)
+    is_bare = parts.path in {"", "/"} and not (parts.query or parts.fragment)
+    return parts.scheme in {"http", "https"} and is_host and is_port and is_bare
+
+
+def _ros1(
+    options: argparse.Namespace, out: Sequence[Topic], urdf: str, requests: Requests, _: object
+) -> Gateway:
+    from agribot.ros.ros1.gateway import Ros1Gateway
+
+    master = master_from(options)
+    gateway = Ros1Gateway(requests, out, urdf, master)
+    say(f"ROS 1: node /agribot at the master {master}")
+    return gateway
+
+
+def _foxglove(
+    options: argparse.Namespace, out: Sequence[Topic], _urdf: str, _requests: Requests, _: object
+) -> Gateway:
+    from agribot.ros.foxglove_server import FoxgloveGateway
+
+    gateway = FoxgloveGateway(list(out), options.foxglove_port)
+    say(f"Foxglove: open ws://127.0.0.1:{gateway.port}; it watches and cannot move the robot")
+    return gateway
+
+
+_OPENERS = {"ros2": _ros2, "dds": _dds, "ros1": _ros1, "foxglove": _foxglove}
+
+
+def say(text: str) -> None:
+    sys.stderr.write(f"bridge: {text}\n")

@@ -1,0 +1,187 @@
+"""`agribot calibrate`: what a drive tells of wheels, compass, antenna and camera."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from agribot.app.calibration.figure import FIGURE
+from agribot.app.calibration.wheels import WheelsResult, judge, wheels_text
+from agribot.cli.calibration_camera import seen_in_drive, toml
+from agribot.cli.ranges import seed
+from agribot.core import config as settings
+from agribot.core.robot import DriveSpec, RobotSpec
+from agribot.sim.random_streams import stream
+
+if TYPE_CHECKING:
+    from agribot.app.calibration.camera import CameraResult, RowViewResult, Seen
+    from agribot.app.calibration.figure import Drive, Motion
+    from agribot.app.calibration.sensors import AntennaResult, MagResult
+
+    Outcome = tuple[WheelsResult | MagResult | AntennaResult | CameraResult | RowViewResult, str]
+
+# name -> (one line of help, an example)
+SUBJECTS = {
+    "drive": ("wheel radius and effective separation", "drive --sensors rtk --json"),
+    "magnetometer": (
+        "the robot's own iron, hard and soft",
+        "magnetometer --recording runs/first/run.mcap",
+    ),
+    "antenna": ("where the GNSS antenna sits", "antenna --sensors rtk"),
+    "camera": ("pitch, yaw, roll and height of its mount", "camera --profile farm"),
+    "row-view": ("whether rows are seen where they stand", "row-view --profile rows-10x12"),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    subjects = parser.add_subparsers(dest="subject", metavar="WHAT", required=True)
+    for name, (help_line, example) in SUBJECTS.items():
+        subjects.add_parser(name, help=help_line, epilog=f"example: agribot calibrate {example}")
+    for name in ("drive", "magnetometer", "antenna"):
+        _add_common(subjects.choices[name])
+    for name, profile in (("camera", "farm"), ("row-view", "rows-10x12")):
+        parser_of = subjects.choices[name]
+        _add_robot(parser_of)
+        parser_of.add_argument(
+            "--profile", default=profile, metavar="NAME|FILE",
+            help="whose mission is driven for a while (default: %(default)s)",
+        )  # fmt: skip
+    for name in ("magnetometer", "camera", "row-view"):
+        subjects.choices[name].add_argument(
+            "--recording", metavar="FILE", help="of a mission that turned, instead of a drive"
+        )
+    subjects.choices["drive"].add_argument(
+        "--tape",
+        action="store_true",
+        help="measure the legs by tape (simulated: to 1 cm), where GNSS is too coarse",
+    )
+
+
+def _add_common(drive: argparse.ArgumentParser) -> None:
+    drive.add_argument("--world", default="empty", metavar="NAME|FILE", help="needs 8 m x 8 m")
+    _add_robot(drive)
+
+
+def _add_robot(drive: argparse.ArgumentParser) -> None:
+    drive.add_argument("--robot", default="agribot", metavar="NAME|FILE", help="to be calibrated")
+    drive.add_argument(
+        "--machine",
+        metavar="NAME|FILE",
+        help="build the simulated machine from this description instead, to see an error found",
+    )
+    drive.add_argument("--sensors", default="rtk", metavar="PRESET", help="default: rtk")
+    drive.add_argument("--seed", type=seed, default=0, metavar="N", help="of all randomness")
+    drive.add_argument("--json", action="store_true", help="print the result as the last line")
+
+
+def run(options: argparse.Namespace) -> int:
+    from agribot.description.loader import load_robot
+
+    robot = load_robot(options.robot)
+    machine = load_robot(options.machine) if options.machine else robot
+    runners: dict[str, Callable[[argparse.Namespace, RobotSpec, RobotSpec], Outcome]] = {
+        "drive": _wheels, "magnetometer": _magnetometer, "antenna": _antenna,
+        "camera": _camera, "row-view": _row_view,
+    }  # fmt: skip
+    result, text = runners[options.subject](options, robot, machine)
+    sys.stderr.write(text)
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(result).decode() + "\n")
+    return 0 if result.ok else 1
+
+
+def _wheels(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    from agribot.app.calibration.figure import gain
+    from agribot.autonomy.estimate.drive_fit import fit_drive
+
+    described = _drive(options, machine, robot.drive)
+    told = _drive(options, machine, robot.drive.told())
+    fit = fit_drive(described.batches, described.stretches)
+    result = judge(robot.drive, fit, gain(described, fit), gain(told, fit))
+    return result, wheels_text(robot.drive, result)
+
+
+def _magnetometer(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    from agribot.app.calibration.figure import TURNS
+    from agribot.app.calibration.sensors import (
+        magnetometer_of_drive,
+        magnetometer_of_recording,
+        magnetometer_text,
+    )
+
+    if options.recording:
+        result = magnetometer_of_recording(Path(options.recording))
+    else:
+        result = magnetometer_of_drive(_drive(options, machine, robot.drive, TURNS), 0.0)
+    return result, magnetometer_text(result)
+
+
+def _antenna(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    from agribot.app.calibration.figure import TURNS
+    from agribot.app.calibration.sensors import antenna_of_drive, antenna_text
+
+    result = antenna_of_drive(_drive(options, machine, robot.drive, TURNS), robot)
+    return result, antenna_text(result)
+
+
+def _camera(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    from agribot.app.calibration.camera import camera_of, camera_text
+
+    result = camera_of(_seen(options, robot, machine))
+    return result, camera_text(result)
+
+
+def _row_view(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+    from agribot.app.calibration.camera import row_view_of, row_view_text
+
+    result = row_view_of(_seen(options, robot, machine))
+    return result, row_view_text(result)
+
+
+def _seen(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Seen:
+    from agribot.app.calibration.camera import seen_in_recording
+
+    if options.recording:
+        return seen_in_recording(Path(options.recording))
+    return seen_in_drive(robot, machine, options.profile, options.sensors, options.seed)
+
+
+def _drive(
+    options: argparse.Namespace,
+    machine: RobotSpec,
+    board: DriveSpec,
+    figure: Sequence[Motion] = FIGURE,
+) -> Drive:
+    """Drive the figure with a machine whose motor board believes in the geometry `board`."""
+    from agribot.app.calibration.figure import drive_figure
+    from agribot.autonomy.estimate.drive_fit import TAPE_STD_M
+    from agribot.description.worlds_sdf import load_world
+    from agribot.sim.platform import SimPlatform
+
+    config = settings.load(
+        "farm",
+        [
+            "perception.enabled=false",
+            f"sim.sensors={toml(options.sensors)}",
+            f"seed={toml(options.seed)}",
+        ],
+    )
+    platform = SimPlatform(config, machine, load_world(options.world), board=board)
+    rng = stream(options.seed, "tape")
+
+    def tape() -> tuple[float, float]:
+        truth = platform.truth()
+        x_error_m, y_error_m = (TAPE_STD_M / math.sqrt(2.0) * rng.standard_normal(2)).tolist()
+        return truth.x_map_m + x_error_m, truth.y_map_m + y_error_m
+
+    try:
+        uses_tape = options.subject == "drive" and options.tape
+        return drive_figure(platform, board, tape if uses_tape else None, figure)
+    finally:
+        platform.close()

@@ -1,0 +1,68 @@
+"""`agribot describe`: check, convert and show the robot description."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+import msgspec
+
+from agribot.cli.page import add_address_arguments, address_of, show
+from agribot.cli.world import print_findings
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--robot", default="agribot", metavar="NAME|FILE", help="xacro or URDF")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--urdf", action="store_true", help="print the expanded URDF")
+    what.add_argument("--sdf", action="store_true", help="print it as an SDF model for gz-sim")
+    what.add_argument("--tree", action="store_true", help="print links and joints as a tree")
+    what.add_argument(
+        "--check", action="store_true", help="list every fault as FILE:LINE and fail on any"
+    )
+    what.add_argument(
+        "--ui", action="store_true", help="show it in 3D with a slider for each joint, until Ctrl-C"
+    )
+    add_address_arguments(parser.add_argument_group("page, with --ui"))
+    parser.add_argument("--json", action="store_true", help="print what was understood as JSON")
+
+
+def _show(options: argparse.Namespace) -> int:
+    from agribot.ui.about import about_robot
+    from agribot.ui.server_process import ServerProcess
+
+    address = address_of(options)
+    server = ServerProcess(address, lambda port: about_robot(address, port, options.robot))
+    return show(server, options.robot, options)
+
+
+def run(options: argparse.Namespace) -> int:
+    from agribot.description.export import tree_text
+    from agribot.description.loader import check_robot, load_robot, urdf_text
+    from agribot.description.robot_sdf import sdf_text
+
+    if options.check:
+        return print_findings(check_robot(options.robot), options.json)
+    robot = load_robot(options.robot)
+    sys.stderr.writelines(f"warning: {warning}\n" for warning in robot.warnings)
+    if options.ui:
+        return _show(options)
+    if options.urdf:
+        sys.stdout.write(urdf_text(options.robot))
+    elif options.sdf:
+        sys.stdout.write(sdf_text(robot))
+    elif options.tree:
+        sys.stdout.write(tree_text(robot) + "\n")
+    elif not options.json:
+        drive = robot.drive
+        sys.stdout.write(
+            f"{robot.name}: {len(robot.links)} links, {len(robot.joints)} joints, "
+            f"{robot.mass_kg:.3f} kg\n"
+            f"wheel radius {drive.wheel_radius_m} m, track {drive.track_m} m, "
+            f"wheelbase {drive.wheelbase_m} m, "
+            f"effective separation {drive.effective_separation_m:.3f} m\n"
+            "it can be driven\n"
+        )
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(robot).decode() + "\n")
+    return 0

@@ -1,0 +1,55 @@
+"""Pictures of a class map: colour mask, overlay and three panels side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from agribot.autonomy.perceive.pictures import PictureClasses
+from agribot.core.messages import ByteArray
+from agribot.lab.train.figures import tinted
+
+MASK_RGB = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], dtype=np.uint8)
+PANEL_WIDTH_PX = 640  # a wider picture is shrunk for its panel
+TITLE_HEIGHT_PX = 22
+TITLES = ("picture", "red: weed, green: crop", "confidence: dark is unsure")
+
+
+def write_drawings(
+    image_rgb: ByteArray, found: PictureClasses, stem: Path, kinds: Sequence[str], form: str
+) -> list[Path]:
+    """Files `stem`-mask, -overlay and -panel of the wanted kinds."""
+    made = []
+    for kind in kinds:
+        if kind == "mask":
+            picture = MASK_RGB[found.class_id]
+        elif kind == "overlay":
+            picture = tinted(image_rgb, found.class_id)
+        else:
+            picture = panel(image_rgb, found)
+        # A lossy mask would hold colours that are no class.
+        suffix = "png" if kind == "mask" and form == "jpg" else form
+        path = stem.with_name(f"{stem.name}-{kind}.{suffix}")
+        Image.fromarray(picture).save(path, quality=92)  # other formats ignore the quality
+        made.append(path)
+    return made
+
+
+def panel(image_rgb: ByteArray, found: PictureClasses) -> ByteArray:
+    """Picture, overlay and confidence side by side, with titles."""
+    # The least possible confidence, a third, is black.
+    sure = ((found.confidence.astype(np.float32) - 85.0) * 1.5).clip(0, 255).astype(np.uint8)
+    parts = (image_rgb, tinted(image_rgb, found.class_id), np.repeat(sure[..., None], 3, axis=2))
+    height, width = found.class_id.shape
+    shown_width = min(width, PANEL_WIDTH_PX)
+    shown_height = max(1, round(height * shown_width / width))
+    sheet = Image.new("RGB", (3 * shown_width, shown_height + TITLE_HEIGHT_PX), "white")
+    draw = ImageDraw.Draw(sheet)
+    for index, (part, title) in enumerate(zip(parts, TITLES, strict=True)):
+        small = Image.fromarray(part).resize((shown_width, shown_height), Image.Resampling.BILINEAR)
+        sheet.paste(small, (index * shown_width, TITLE_HEIGHT_PX))
+        draw.text((index * shown_width + 6, 5), title, fill="black")
+    return np.asarray(sheet)

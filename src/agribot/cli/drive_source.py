@@ -1,0 +1,145 @@
+"""Where `agribot sim` takes its drive commands from: one twist, a script, or live lines."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from collections.abc import Iterable
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple, Protocol, TextIO
+
+from agribot.core.errors import ConfigError
+from agribot.core.messages import DriveCommand
+
+MAX_SCRIPT_BYTES = 16_000_000
+
+
+class DriveSource(Protocol):
+    def at(self, t_s: float) -> DriveCommand | None:
+        """What is commanded in the tick that ends at `t_s`; None says nothing."""
+        ...
+
+
+class Silence:
+    """Nobody drives."""
+
+    def at(self, t_s: float) -> DriveCommand | None:
+        return None
+
+
+class Constant:
+    """The same twist in every tick."""
+
+    def __init__(self, command: DriveCommand) -> None:
+        self._command = command
+
+    def at(self, t_s: float) -> DriveCommand | None:
+        return self._command
+
+
+class TimedTwist(NamedTuple):
+    t_s: float
+    command: DriveCommand
+
+
+class Script:
+    """Twists at their simulated times, each said once; with `hold` until the next one."""
+
+    def __init__(self, twists: Iterable[TimedTwist], *, hold: bool = False) -> None:
+        self._coming = deque(twists)
+        self._hold = hold
+        self._last: DriveCommand | None = None
+
+    def at(self, t_s: float) -> DriveCommand | None:
+        said = None
+        while self._coming and self._coming[0].t_s <= t_s:
+            said = self._coming.popleft().command
+        if said is not None:
+            self._last = said
+        return self._last if self._hold else said
+
+
+class Live:
+    """Twist lines as they arrive, the newest of each tick; with `hold` until the next one.
+
+    A line that is no twist is reported to `complain` and passed over: whoever drives by hand
+    must not lose the robot to a typing error.
+    """
+
+    def __init__(self, stream: TextIO, complain: TextIO, *, hold: bool = False) -> None:
+        self._stream, self._complain, self._hold = stream, complain, hold
+        self._arrived: deque[DriveCommand] = deque()
+        self._last: DriveCommand | None = None
+        self._thread = threading.Thread(target=self._listen, name="twist lines", daemon=True)
+        self._thread.start()
+
+    def at(self, t_s: float) -> DriveCommand | None:
+        said = None
+        while self._arrived:
+            said = self._arrived.popleft()
+        if said is not None:
+            self._last = said
+        return self._last if self._hold else said
+
+    def _listen(self) -> None:
+        for line in self._stream:
+            numbers = _numbers(line)
+            if numbers is not None and not numbers:
+                continue
+            if numbers is None or len(numbers) != 2:
+                self._complain.write(
+                    f"passed over '{line.strip()[:60]}': a line is V YAW_RATE, m/s and rad/s\n"
+                )
+            else:
+                self._arrived.append(DriveCommand(v_mps=numbers[0], yaw_rate_radps=numbers[1]))
+
+
+def constant(text: str) -> Constant:
+    """From `V,YAW_RATE` in m/s and rad/s. Raises: ConfigError: not two finite numbers."""
+    numbers = _numbers(text)
+    if numbers is None or len(numbers) != 2:
+        raise ConfigError(
+            f"--drive {text}: give forward speed and yaw rate, --drive=V,YAW_RATE in m/s and "
+            "rad/s, for example --drive=0.4,0.1"
+        )
+    return Constant(DriveCommand(v_mps=numbers[0], yaw_rate_radps=numbers[1]))
+
+
+def script(path: Path, *, hold: bool) -> Script:
+    """From a file of lines `T_S V YAW_RATE`; spaces or commas between, # starts a comment.
+
+    Raises: ConfigError: the file cannot be read, or a line is wrong; it names file and line.
+    """
+    try:
+        if path.stat().st_size > MAX_SCRIPT_BYTES:
+            raise ConfigError(f"--script {path}: more than {MAX_SCRIPT_BYTES} bytes; split it")
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"--script {path}: cannot be read: {error}") from error
+    twists = []
+    for number, line in enumerate(lines, start=1):
+        numbers = _numbers(line)
+        if numbers == []:
+            continue
+        if numbers is None or len(numbers) != 3:
+            raise ConfigError(
+                f"{path}:{number}: '{line.strip()[:60]}' is no command; write T_S V YAW_RATE "
+                "in seconds, m/s and rad/s"
+            )
+        command = DriveCommand(v_mps=numbers[1], yaw_rate_radps=numbers[2])
+        twists.append(TimedTwist(numbers[0], command))
+    late = next((b for a, b in pairwise(twists) if b.t_s < a.t_s), None)
+    if late is not None:
+        raise ConfigError(f"{path}: the command at {late.t_s:g} s stands after a later one")
+    return Script(twists, hold=hold)
+
+
+def _numbers(line: str) -> list[float] | None:
+    """The finite numbers of a line, without its comment; None where there is anything else."""
+    try:
+        numbers = [float(word) for word in line.partition("#")[0].replace(",", " ").split()]
+    except ValueError:
+        return None
+    return numbers if all(math.isfinite(number) for number in numbers) else None

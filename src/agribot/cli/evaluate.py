@@ -1,0 +1,164 @@
+"""`agribot eval`: judge a network on labelled pictures, honestly and image by image.
+
+The table of scores goes to stdout, progress to stderr.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from agribot.cli.ranges import threads
+from agribot.core.errors import ConfigError
+from agribot.lab.dataset.ids_option import add_ids_option
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", nargs="?", type=Path, help="folder of images and masks")
+    parser.add_argument("--data-dir", type=Path, help="the same as FOLDER")
+    parser.add_argument(
+        "--data",
+        choices=("cwfid", "bonn", "phenobench", "folder"),
+        default="folder",
+        help="layout and mask values (default: any pair of folders)",
+    )
+    parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
+    parser.add_argument("--size", help="another input size for the network, WxH px")
+    parser.add_argument("--tile", help="judge in overlapping tiles of WxH image px")
+    parser.add_argument("--images", help="name of the folder of images, for other layouts")
+    parser.add_argument("--masks", help="name of the folder of masks, for other layouts")
+    add_ids_option(parser)
+    parser.add_argument("--folds", type=int, default=5, help="parts of cross-validation")
+    parser.add_argument("--fold", type=int, help="judge on this part only")
+    parser.add_argument("--threads", type=threads, default=1)
+    parser.add_argument("--out", type=Path, help="folder for figures and eval.json with details")
+    parser.add_argument("--json", action="store_true", help="print the result as the last line")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Status 1 where a picture or mask could not be used; the rest is judged all the same.
+
+    Raises: ConfigError: nothing to judge, or an option out of range.
+    """
+    from agribot.lab.dataset.classes import read_ids
+    from agribot.lab.train.judgement import Judgement
+    from agribot.lab.train.networks import open_network, read_size
+    from agribot.lab.train.photographs import find_pairs, fold_of
+
+    folder = args.folder or args.data_dir
+    if folder is None:
+        raise ConfigError("give the folder of images and masks: agribot eval FOLDER --model NAME")
+    tile_px = read_size(args.tile) if args.tile else None
+    segmenter = open_network(args.model, args.threads, args.size)
+    pairs, problems = find_pairs(folder, args.data, args.images, args.masks, read_ids(args.ids))
+    if args.fold is not None:
+        pairs = fold_of(pairs, args.folds, args.fold)[1]
+    for text in problems:
+        _say(f"left out: {text}")
+    judgement = Judgement()
+    cpu_s = _judge(judgement, segmenter, pairs, tile_px, problems)
+    if not judgement.images:
+        raise ConfigError(f"{folder}: no pair can be read; the first problem: {problems[0]}")
+    _print_scores(judgement)
+    summary = _summary(args, folder, judgement, segmenter.map_shape)
+    summary["fps_cpu"] = 1.0 / float(np.median(cpu_s))
+    if args.out:
+        _write(args.out, summary, judgement, problems)
+    if args.json:
+        sys.stdout.write(json.dumps(summary) + "\n")
+    return 1 if problems else 0
+
+
+def _print_scores(judgement: Any) -> None:
+    from agribot.lab.train.judgement import table
+
+    sys.stdout.write(table(judgement.scores) + "\n")
+    outlines = ", ".join(
+        f"{name} {'-' if value is None else f'{value:.3f}'}"
+        for name, value in judgement.boundary_f1.items()
+    )
+    sys.stdout.write(f"boundary F1: {outlines}\n")
+    for name, found in judgement.plants.items():
+        total = found.right + found.confused + found.missed
+        sys.stdout.write(
+            f"{name} plants: {found.right} of {total} right, {found.missed} not seen\n"
+        )
+
+
+def _summary(
+    args: argparse.Namespace, folder: Path, judgement: Any, map_shape: tuple[int, int]
+) -> dict[str, Any]:
+    from agribot.lab.train.networks import card_of
+
+    result = judgement.scores
+    height_px, width_px = map_shape
+    return {
+        "dataset": args.data if args.data != "folder" else folder.resolve().name,
+        "images": result.images,
+        "height_px": height_px,
+        "width_px": width_px,
+        "model": args.model,
+        "iou": result.iou,
+        "miou": result.miou,
+        "precision": result.precision,
+        "recall": result.recall,
+        "f1": result.f1,
+        "boundary_f1": judgement.boundary_f1,
+        "confusion": result.confusion,
+        "params": card_of(args.model).get("parameters"),
+    }
+
+
+def _judge(
+    judgement: Any,
+    segmenter: Any,
+    pairs: Any,
+    tile_px: tuple[int, int] | None,
+    problems: list[str],
+) -> list[float]:
+    """CPU seconds per picture: resize, network and mask; reading and enlarging do not count."""
+    from agribot.autonomy.perceive.pictures import classify
+    from agribot.lab.dataset.pictures import PictureError
+    from agribot.lab.train.photographs import read_pair
+
+    cpu_s = []
+    for pair in pairs:
+        try:
+            image_rgb, truth = read_pair(pair)
+        except PictureError as error:
+            problems.append(str(error))
+            _say(f"left out: {error}")
+            continue
+        guess = classify(segmenter, image_rgb, tile_px)
+        started_s = time.process_time()
+        segmenter.segment(image_rgb)
+        cpu_s.append(time.process_time() - started_s)
+        score = judgement.add(str(pair.image), image_rgb, truth, guess)
+        _say(f"{pair.image.name}: mIoU {score.miou:.3f}")
+    return cpu_s
+
+
+def _write(folder: Path, summary: dict[str, Any], judgement: Any, problems: list[str]) -> None:
+    from agribot.lab.train.figures import write_figures
+
+    write_figures(judgement, folder)
+    details = {
+        **summary,
+        "plants": msgspec.to_builtins(judgement.plants),
+        "reliability": msgspec.to_builtins(judgement.reliability),
+        "by_image": msgspec.to_builtins(judgement.images),
+        "problems": problems,
+    }
+    (folder / "eval.json").write_text(json.dumps(details, indent=2) + "\n", encoding="utf-8")
+    _say(f"figures and eval.json in {folder}")
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(text + "\n")

@@ -1,0 +1,150 @@
+"""`agribot live`: a camera, a video or the simulator through the network, newest frame first."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+from agribot.cli.newest import FrameSource, NewestFrame
+from agribot.cli.ranges import finite, seed, threads
+from agribot.cli.stopping import stop_on_signal
+from agribot.core.errors import ConfigError, PerceptionError
+
+LINE_EVERY_S = 1.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "source", help="sim, number of a webcam, path of a video, or address such as rtsp://..."
+    )
+    parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
+    parser.add_argument("--size", help="another input size for the network, WxH px")
+    parser.add_argument("--seconds", type=finite, help="stop after this time (default: never)")
+    parser.add_argument("--patience", type=finite, default=5.0, help="s without frame to give up")
+    parser.add_argument("--provider", choices=("cpu", "cuda", "tensorrt"), default="cpu")
+    parser.add_argument("--threads", type=threads, default=2)
+    parser.add_argument("--seed", type=seed, default=0, help="sim: weeds and camera noise")
+    parser.add_argument("--out", type=Path, help="folder that gets latest.jpg, once a second")
+    parser.add_argument("--json", action="store_true", help="print a summary as the last line")
+
+
+class Meter:
+    """Frames per second over the last second, latency from capture to class map."""
+
+    def __init__(self) -> None:
+        self._ends_s: deque[float] = deque()
+        self.latencies_s: list[float] = []
+        self.started_s = time.monotonic()
+
+    def note(self, captured_s: float, done_s: float) -> None:
+        self.latencies_s.append(done_s - captured_s)
+        self._ends_s.append(done_s)
+        while done_s - self._ends_s[0] > 1.0:
+            self._ends_s.popleft()
+
+    @property
+    def fps(self) -> float:
+        if len(self._ends_s) < 2:
+            return 0.0
+        return (len(self._ends_s) - 1) / (self._ends_s[-1] - self._ends_s[0])
+
+    def summary(self) -> dict[str, Any]:
+        ordered = sorted(self.latencies_s)
+        lasted_s = time.monotonic() - self.started_s
+
+        def at(share: float) -> float | None:
+            return ordered[int(share * (len(ordered) - 1))] if ordered else None
+
+        return {
+            "frames": len(ordered),
+            "fps": len(ordered) / lasted_s if ordered else None,
+            "latency_median_s": at(0.5),
+            "latency_p95_s": at(0.95),
+        }
+
+
+def run(args: argparse.Namespace) -> int:
+    """Status 1 where the camera stopped or gave no frame; 130 after Ctrl-C.
+
+    Raises: ConfigError: an option out of range; PerceptionError: the source does not open.
+    """
+    if args.patience <= 0.0 or (args.seconds is not None and args.seconds <= 0.0):
+        raise ConfigError("--seconds and --patience must be more than 0")
+    from agribot.lab.train.networks import open_network
+
+    segmenter = open_network(args.model, args.threads, args.size, args.provider)
+    source = open_source(args.source, args.seed)
+    newest = NewestFrame(source, args.patience, args.seconds)
+    meter, fault = Meter(), ""
+    with stop_on_signal() as stop:
+        try:
+            _watch(newest, segmenter, meter, args.out, stop)
+        except PerceptionError as error:
+            fault = str(error)
+            sys.stderr.write(f"agribot live: {fault}\n")
+    summary = {
+        "source": args.source,
+        "model": args.model,
+        **meter.summary(),
+        "captured": newest.captured,
+        "dropped": newest.dropped,
+        "fault": fault or None,
+    }
+    sys.stderr.write(
+        f"{summary['frames']} of {newest.captured} frames seen, {newest.dropped} dropped for a "
+        "newer one\n"
+    )
+    if args.json:
+        sys.stdout.write(json.dumps(summary) + "\n")
+    return 130 if stop else 1 if fault or not summary["frames"] else 0
+
+
+def open_source(name: str, seed: int) -> FrameSource:
+    from agribot.cli.live_sources import Capture, SimulatedDrive
+
+    return SimulatedDrive(seed) if name == "sim" else Capture(name)
+
+
+def _watch(
+    newest: NewestFrame, segmenter: Any, meter: Meter, out: Path | None, stop: list[int]
+) -> None:
+    next_line_s = 0.0
+    for frame in newest:
+        seen = segmenter.segment(frame.image_rgb)
+        done_s = time.monotonic()
+        meter.note(frame.captured_s, done_s)
+        if done_s >= next_line_s:
+            next_line_s = done_s + LINE_EVERY_S
+            share = [float((seen.class_id == kind).mean()) for kind in (0, 1)]
+            sys.stderr.write(
+                f"{meter.fps:5.1f} fps  latency {1e3 * meter.latencies_s[-1]:5.1f} ms  dropped "
+                f"{newest.dropped}  weed {share[0]:.1%}  crop {share[1]:.1%}\n"
+            )
+            if out is not None:
+                _show(frame.image_rgb, seen, out, f"{meter.fps:.1f} fps")
+        if stop:
+            return
+
+
+def _show(image_rgb: Any, seen: Any, out: Path, title: str) -> None:
+    """Put the newest overlay into the folder, in one move."""
+    import io
+
+    from PIL import Image, ImageDraw
+
+    from agribot.autonomy.perceive.pictures import enlarged
+    from agribot.lab.train.figures import tinted
+    from agribot.record.whole_file import write_at_once
+
+    out.mkdir(parents=True, exist_ok=True)
+    found = enlarged(seen.class_id, seen.confidence, image_rgb.shape[:2])
+    picture = Image.fromarray(tinted(image_rgb, found.class_id))
+    ImageDraw.Draw(picture).text((8, 8), title, fill="white")
+    encoded = io.BytesIO()
+    picture.save(encoded, format="JPEG", quality=88)
+    write_at_once(out / "latest.jpg", encoded.getvalue())

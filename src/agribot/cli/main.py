@@ -1,0 +1,206 @@
+"""The `agribot` program: one command line for everything.
+
+Exit status: 0 done and good, 1 ran but the result is bad, 2 wrong use or bad input,
+130 interrupted after a clean stop.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+from agribot import __version__
+
+# name -> (module, one line of help, an example)
+COMMANDS = {
+    "run": (
+        "agribot.cli.run",
+        "run the robot through a mission",
+        "agribot run farm --sensors rtk --seed 1 --out runs/first",
+    ),
+    "sim": (
+        "agribot.cli.sim",
+        "simulate the world alone: sensors out, drive commands in, nobody thinking",
+        "agribot sim --world empty --drive=0.4,0.2 --for 20 --speed max",
+    ),
+    "report": (
+        "agribot.cli.report",
+        "make report.json, report.html and map.png from a recording",
+        "agribot report runs/first/run.mcap -o runs/first-report",
+    ),
+    "replay": (
+        "agribot.cli.replay",
+        "run the stack again on a recording and compare every command",
+        "agribot replay runs/first/run.mcap",
+    ),
+    "bag": (
+        "agribot.cli.bag",
+        "look into, convert and export recordings: ROS 1 .bag, ROS 2 .db3, .mcap",
+        "agribot bag convert runs/first/run.mcap first.bag",
+    ),
+    "record": (
+        "agribot.cli.record",
+        "save a recording that was cut off; begin, end and mark those of a running robot",
+        "agribot record recover runs/first/run.mcap",
+    ),
+    "ros2": (
+        "agribot.cli.ros2",
+        "run the robot as a ROS 2 node, without ROS installed",
+        "agribot ros2 farm --allow-drive",
+    ),
+    "ros1": (
+        "agribot.cli.ros1",
+        "run the robot as a node of a ROS 1 master, without ROS installed",
+        "agribot ros1 farm --ros-master http://127.0.0.1:11311",
+    ),
+    "foxglove": (
+        "agribot.cli.foxglove",
+        "run the robot and let Foxglove watch it",
+        "agribot foxglove farm",
+    ),
+    "view": (
+        "agribot.cli.view",
+        "show a recording in Rerun, RViz, QGIS or Foxglove",
+        "agribot view qgis runs/first",
+    ),
+    "node": (
+        "agribot.cli.node",
+        "one stage alone over topics: gps-converter, data-manipulation, autonomous-drive ...",
+        "agribot node gps-converter --ros1",
+    ),
+    "describe": (
+        "agribot.cli.describe",
+        "check, convert and show the robot description",
+        "agribot describe --tree",
+    ),
+    "world": (
+        "agribot.cli.world",
+        "list, check, generate and render worlds",
+        "agribot world render Farm -o farm.png",
+    ),
+    "plan": (
+        "agribot.cli.plan",
+        "plan how to work a whole field, and certify it",
+        "agribot plan --field field.geojson --implement-width 0.75 --out plan.geojson",
+    ),
+    "calibrate": (
+        "agribot.cli.calibrate",
+        "measure what the robot's description says: wheel radius and effective separation",
+        "agribot calibrate drive --sensors rtk --json",
+    ),
+    "doctor": (
+        "agribot.cli.doctor",
+        "say what is installed, what is missing and whether the robot would start",
+        "agribot doctor",
+    ),
+    "ui": (
+        "agribot.cli.ui",
+        "show the operator's page on a simulated robot or on a recording",
+        "agribot ui runs/first/run.mcap",
+    ),
+    "teleop": (
+        "agribot.cli.teleop",
+        "drive a running robot with keys, mouse or gamepad, without a page",
+        "agribot teleop keyboard --scale 0.5",
+    ),
+    "map": (
+        "agribot.cli.map",
+        "keep background maps for the page on this machine",
+        "agribot map import farm.mbtiles",
+    ),
+    "sweep": (
+        "agribot.cli.sweep",
+        "run many seeds and settings and compare their reports",
+        "agribot sweep farm --seeds 1-8 --vary mission.speed_mps=0.4,0.6 --out runs/speeds",
+    ),
+    "bench": (
+        "agribot.cli.bench",
+        "measure what the parts of the robot can do",
+        "agribot bench nav --sensors m8n --seeds 1-100 --json",
+    ),
+    "dataset": (
+        "agribot.cli.dataset",
+        "draw, check and split labelled images",
+        "agribot dataset generate --images 1000 --seed 1 --out fields",
+    ),
+    "train": (
+        "agribot.cli.train",
+        "train the crop/weed network on simulated images or your own photographs",
+        "agribot train --images 1200 --minutes 20 --seed 0 --out training",
+    ),
+    "eval": (
+        "agribot.cli.evaluate",
+        "judge a crop/weed network on labelled pictures",
+        "agribot eval photos --model agribot-sim --out judged --json",
+    ),
+    "predict": (
+        "agribot.cli.predict",
+        "masks, overlays and plant tables of pictures and videos",
+        "agribot predict photos -o seen --model agribot-sim",
+    ),
+    "live": (
+        "agribot.cli.live",
+        "watch a camera, a video or the simulator through the network",
+        "agribot live sim --seconds 10 --out live",
+    ),
+    "export": (
+        "agribot.cli.export",
+        "a network at another input size or precision, with the cost in accuracy",
+        "agribot export agribot-sim --precision int8 --calibrate photos -o small.onnx",
+    ),
+    "models": (
+        "agribot.cli.models",
+        "the networks that come with the program and their cards",
+        "agribot models agribot-sim",
+    ),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; whatever ends it early is told in one line, with status 2."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    wanted = next((word for word in arguments if not word.startswith("-")), "")
+    program = f"agribot {wanted}" if wanted in COMMANDS else "agribot"
+    try:
+        return _run_and_print(arguments, wanted)
+    except KeyboardInterrupt:
+        print(f"{program}: interrupted", file=sys.stderr)
+        return 130
+    except Exception as error:  # noqa: BLE001  the one place where errors become words
+        from agribot.cli.refusals import refuse
+
+        return refuse(program, error)
+
+
+def _run_and_print(arguments: list[str], wanted: str) -> int:
+    """All output has gone out at the end, so that a reader who is gone is noticed here."""
+    try:
+        status = _run(arguments, wanted)
+    except SystemExit:  # the parser's, after its help
+        print(end="", flush=True)
+        raise
+    print(end="", flush=True)
+    return status
+
+
+def _run(arguments: list[str], wanted: str) -> int:
+    parser = argparse.ArgumentParser(
+        prog="agribot",
+        description="An autonomous field robot that weeds.",
+        epilog="example: agribot run farm",
+    )
+    parser.add_argument("--version", action="version", version=f"agribot {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, (module_name, help_line, example) in COMMANDS.items():
+        command = commands.add_parser(
+            name,
+            help=help_line,
+            description=help_line[0].upper() + help_line[1:] + ".",
+            epilog=f"example: {example}",
+        )
+        if name == wanted:  # only the wanted command is imported: --help stays quick
+            importlib.import_module(module_name).add_arguments(command)
+    options = parser.parse_args(arguments)
+    return int(importlib.import_module(COMMANDS[options.command][0]).run(options))

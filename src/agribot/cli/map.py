@@ -1,0 +1,153 @@
+"""`agribot map`: maps for the page's background, kept on this machine."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from agribot.core.errors import ConfigError
+from agribot.gis.mbtiles import described_map, import_mbtiles, map_files
+from agribot.gis.tile_grid import bounds_from
+from agribot.ui.address import home
+
+_NAME = re.compile(r"^[^\W_][\w.-]{0,62}$")
+_RASTERS = (".tif", ".tiff", ".vrt", ".jp2", ".img")
+DEFAULT_ZOOMS = "0-19"
+TOLD_EVERY = 500  # tiles
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="print the result as the last line")
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    take = actions.add_parser(
+        "import",
+        help="take in a GeoTIFF, MBTiles, PMTiles or .geo file, or a region of a tile server",
+        description="Take in a GeoTIFF, MBTiles, PMTiles or mapviz .geo file, or tiles of a "
+        "server. Mind what the server's owner allows: many forbid to fetch whole regions.",
+        epilog="examples: agribot map import ortho.tif; agribot map import "
+        "'https://tiles.example/{z}/{x}/{y}.png' --name aerial --bbox 72.78,21.16,72.79,21.17 "
+        "--zoom 15-20",
+    )
+    take.add_argument("source", metavar="FILE|URL", help="a URL has {z}, {x} and {y} in it")
+    take.add_argument("--name", help="default: the file's; a URL needs one")
+    take.add_argument("--bbox", metavar="W,S,E,N", help="region of a URL, degrees")
+    take.add_argument("--zoom", default=DEFAULT_ZOOMS, metavar="A-B", help="of a URL")
+    take.add_argument("--attribution", default="", help="of a URL: whose map it is, as it is shown")
+    take.add_argument(
+        "--live",
+        action="store_true",
+        help="of a URL: fetch tiles when somebody looks at them, and keep them",
+    )
+    actions.add_parser("list", help="say which maps there are", epilog="example: agribot map list")
+    gone = actions.add_parser(
+        "remove",
+        help="delete a map with all its tiles",
+        epilog="example: agribot map remove farm",
+    )
+    gone.add_argument("name")
+
+
+def run(options: argparse.Namespace) -> int:
+    folder = home() / "maps"
+    if options.action == "import":
+        maps = [_import(options, folder)]
+    elif options.action == "remove":
+        maps = [_removed(options.name, folder)]
+    else:
+        maps = [described_map(path) for path in map_files(folder).values()]
+    if options.json:
+        sys.stdout.write(json.dumps(maps) + "\n")
+    else:
+        sys.stdout.writelines(_line(one) for one in maps)
+        sys.stdout.write("" if maps else f"no maps in {folder}\n")
+    return 0
+
+
+def _import(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
+    from agribot.gis import map_import
+
+    is_url = "://" in options.source
+    name = options.name or ("" if is_url else Path(options.source).stem)
+    if not _NAME.fullmatch(name):
+        raise ConfigError(f"--name '{name}': give one of letters, digits and . _ -, at most 63")
+    target = folder / f"{name}.mbtiles"
+    if is_url:
+        _from_server(options, target)
+        return described_map(target)
+    source = Path(options.source)
+    suffix = source.suffix.lower()
+    if not source.is_file():
+        raise ConfigError(f"map file {source} does not exist; check the path")
+    if suffix == ".mbtiles":
+        return import_mbtiles(source, folder, name)
+    if suffix == ".pmtiles":
+        return _made(source, target, map_import.import_pmtiles)
+    if suffix == ".geo":
+        return _made(source, target, map_import.import_geo)
+    if suffix in _RASTERS:
+        return _made(source, target, map_import.import_geotiff)
+    raise ConfigError(
+        f"{source.name}: only .mbtiles, .pmtiles, .geo, {', '.join(_RASTERS)} and URLs with "
+        "{z}, {x} and {y} can be imported"
+    )
+
+
+def _made(source: Path, target: Path, convert: Any) -> dict[str, Any]:
+    """A new file takes the place of an old one only when it is whole."""
+    half = target.with_suffix(".writing")
+    half.unlink(missing_ok=True)
+    try:
+        convert(source, half, _tell)
+        described_map(half)
+        half.replace(target)
+    finally:
+        half.unlink(missing_ok=True)
+    return described_map(target)
+
+
+def _from_server(options: argparse.Namespace, target: Path) -> None:
+    from agribot.gis import map_import
+
+    zooms = _zooms(options.zoom)
+    if options.live:
+        map_import.register_server(options.source, target, zooms, options.attribution)
+    elif options.bbox is None:
+        raise ConfigError("a URL needs --bbox W,S,E,N, the region to fetch, or --live")
+    else:
+        bounds = bounds_from(options.bbox)
+        map_import.import_from_server(
+            options.source, target, bounds, zooms, options.attribution, _tell
+        )
+
+
+def _zooms(text: str) -> tuple[int, int]:
+    try:
+        first, _, last = text.partition("-")
+        return int(first), int(last or first)
+    except ValueError as error:
+        raise ConfigError(f"--zoom {text}: write two numbers, as in 15-20") from error
+
+
+def _removed(name: str, folder: Path) -> dict[str, Any]:
+    path = map_files(folder).get(name)
+    if path is None:
+        raise ConfigError(f"there is no map '{name}'; see agribot map list")
+    known = described_map(path)
+    path.unlink()
+    return known
+
+
+def _tell(done: int, count: int) -> None:
+    if done % TOLD_EVERY == 0 or done == count:
+        sys.stderr.write(f"{done} of {count} tiles\n")
+
+
+def _line(one: dict[str, Any]) -> str:
+    zooms = f"zoom {one['minzoom']} to {one['maxzoom']}"
+    live = ", more are fetched when they are looked at" if one["live"] else ""
+    source = one["attribution"] or "no source"
+    return f"{one['name']}: {one['tiles']} tiles, {zooms}, {source}{live}\n"

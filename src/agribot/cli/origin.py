@@ -1,0 +1,135 @@
+"""Where on Earth a run's map begins, as the original's initialize_origin had it: `--origin`.
+
+It is latched before anything else is opened and is `field.datum` from then on, so that rows,
+waypoints, maps and the recording lie in one map from the first tick to the last.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from contextlib import closing
+from pathlib import Path
+
+import msgspec
+
+from agribot.core.config import RunConfig
+from agribot.core.config_tree import check_finite, did_you_mean, read_toml
+from agribot.core.errors import ConfigError, PlatformError
+from agribot.core.geo import Datum
+from agribot.ros.source_uri import read_uri
+from agribot.ui.address import home
+
+FILE_NAME = "origins.toml"
+PATIENCE_S = 60.0  # for the first valid fix; a cold receiver needs half of that
+PERIOD_S = 0.05
+HELP = (
+    "of the map: a name in ~/.agribot/origins.toml, LAT,LON[,ALT], the first valid fix of a "
+    "topic (ros2:/fix), or auto: that of the receiver from --source, else the world's own place"
+)
+
+
+class NamedOrigin(Datum, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A line of the original's list; its map may be turned, ours is East and North."""
+
+    heading_deg: float = 0.0
+
+
+def with_origin(config: RunConfig, options: argparse.Namespace) -> RunConfig:
+    """The settings with the origin that was asked for, if any.
+
+    Raises: ConfigError: no such origin. PlatformError: no valid fix came.
+    """
+    wanted: str | None = options.origin
+    if wanted is None:
+        return config
+    datum, source = _latched(wanted, config, options)
+    field = msgspec.structs.replace(config.field, datum=datum, datum_source=source)
+    place = f"{datum.lat_deg:.7f}, {datum.lon_deg:.7f}, {datum.alt_m:.2f} m"
+    sys.stderr.write(f"origin of the map: {place} ({source})\n")
+    return msgspec.structs.replace(config, field=field)
+
+
+def _latched(wanted: str, config: RunConfig, options: argparse.Namespace) -> tuple[Datum, str]:
+    if wanted == "auto" and not config.sources.gnss:
+        from agribot.description.worlds_sdf import load_world
+
+        return load_world(config.world).datum, f"the place of world {config.world}"
+    uri = config.sources.gnss if wanted == "auto" else wanted
+    if ":" in uri:
+        return _first_fix(uri, options), f"first fix of {uri}"
+    if "," in wanted:
+        return _place(wanted), "as told"
+    return _named(wanted), wanted
+
+
+def _place(text: str) -> Datum:
+    try:
+        numbers = [float(number) for number in text.split(",")]
+        names = ("lat_deg", "lon_deg", "alt_m")[: len(numbers)]
+        tree = dict(zip(names, numbers, strict=True))
+        check_finite(tree, f"--origin {text}", "")
+        return msgspec.convert(tree, Datum)
+    except (ValueError, msgspec.ValidationError) as error:
+        raise ConfigError(
+            f"--origin {text}: write LAT,LON or LAT,LON,ALT in degrees and m, as in 48.1,11.5"
+        ) from error
+
+
+def _named(name: str) -> Datum:
+    path = home() / FILE_NAME
+    known = read_origins(path)
+    if name not in known:
+        have = f"known: {', '.join(sorted(known))}" if known else f"{path} is not there"
+        raise ConfigError(f"--origin {name}: no such origin{did_you_mean(name, [*known])}; {have}")
+    return known[name]
+
+
+def read_origins(path: Path) -> dict[str, Datum]:
+    """Name -> place; empty where there is no such file.
+
+    Raises: ConfigError: what is written there is no list of origins.
+    """
+    if not path.is_file():
+        return {}
+    tree = read_toml(path)
+    check_finite(tree, str(path), "")
+    return {name: _origin(name, entry, path) for name, entry in tree.items()}
+
+
+def _origin(name: str, entry: object, path: Path) -> Datum:
+    try:
+        told = msgspec.convert(entry, NamedOrigin)
+    except msgspec.ValidationError as error:
+        raise ConfigError(f"{path}: {name}: {error}; write lat_deg, lon_deg and alt_m") from error
+    if told.heading_deg != 0.0:
+        raise ConfigError(
+            f"{path}: {name}.heading_deg = {told.heading_deg:g}: must be 0; the map's axes are "
+            "East and North, turn the rows with field.row_yaw_deg"
+        )
+    return Datum(lat_deg=told.lat_deg, lon_deg=told.lon_deg, alt_m=told.alt_m)
+
+
+def _first_fix(uri: str, options: argparse.Namespace) -> Datum:
+    """Of a receiver or a base station, by whatever network it speaks."""
+    from agribot.cli.bridging import say
+    from agribot.cli.sensor_sources import opened_link
+    from agribot.core.messages import GnssFix
+    from agribot.ros.messages.sensor_readers import gnss_fix
+    from agribot.ros.topic_source import TopicSource
+
+    place, start_s = read_uri("--origin", uri), time.monotonic()
+    sys.stderr.write(f"waiting for the first valid fix of {uri}\n")
+    with closing(opened_link(place, options, say)) as link:
+        known = {"sensor_msgs/msg/NavSatFix": gnss_fix}
+        source = TopicSource("gnss", place.topic, link, known, say)
+        while time.monotonic() - start_s < PATIENCE_S:
+            for fix in source.take(time.monotonic() - start_s):
+                assert isinstance(fix, GnssFix)
+                return Datum(lat_deg=fix.lat_deg, lon_deg=fix.lon_deg, alt_m=fix.alt_m)
+            time.sleep(PERIOD_S)
+    raise PlatformError(
+        f"--origin: no valid fix of {uri} within {PATIENCE_S:g} s; check topic and receiver, or "
+        "give the place as LAT,LON"
+    )

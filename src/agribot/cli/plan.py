@@ -1,0 +1,233 @@
+"""`agribot plan`: a field and a robot in, a certified way to work all of it out."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, get_args
+
+import msgspec
+
+from agribot.core.errors import MissionError
+from agribot.core.geo import MapFrame
+from agribot.core.robot import RobotSpec
+
+if TYPE_CHECKING:
+    from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest, Point
+    from agribot.autonomy.plan.plan_certificate import Certificate
+    from agribot.gis.plan_file import SavedPlan
+
+SHORTEST_AB_M = 1.0
+FARTHEST_AB_M = 20_000.0  # a local map is flat only near its origin
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from agribot.autonomy.plan.coverage.area import TurnStyle
+    from agribot.gis.formats.table import WRITERS
+
+    parser.add_argument("action", nargs="?", choices=("verify", "convert"),
+                        help="check a plan; write a field in another format")  # fmt: skip
+    parser.add_argument("file", nargs="?", metavar="FILE",
+                        help="the plan to verify (GeoJSON), or the field to convert")  # fmt: skip
+    parser.add_argument("--field", metavar="FILE",
+                        help="boundary, obstacles, rows: GeoJSON, GeoPackage, KML, KMZ, GPX, "
+                             "zipped Shapefile or ISOXML")  # fmt: skip
+    parser.add_argument("--implement-width", type=float, metavar="M", help="width worked in a pass")
+    parser.add_argument("--overlap", type=float, default=0.05, metavar="M", help="default: 0.05")
+    parser.add_argument("--headland-passes", type=int, metavar="N", help="default: as few as do")
+    parser.add_argument("--tool-offset", type=float, metavar="M",
+                        help="where the tool works, ahead of the robot's middle; negative behind "
+                             "(default: its boom)")  # fmt: skip
+    parser.add_argument("--swath-angle", default="auto", metavar="DEG|auto",
+                        help="compass direction of the swaths (default: auto)")  # fmt: skip
+    parser.add_argument("--ab-line", metavar="LON,LAT,LON,LAT", help="swaths run along A to B")
+    parser.add_argument("--start", metavar="LON,LAT", help="where the robot stands")
+    parser.add_argument("--turns", choices=get_args(TurnStyle), default="auto",
+                        help="between swaths: arcs where they fit and are quicker (auto), in "
+                             "place, arcs or three-point turns wherever they fit")  # fmt: skip
+    parser.add_argument("--margin", type=float, default=0.05, metavar="M",
+                        help="from the footprint to every edge (default: 0.05)")  # fmt: skip
+    parser.add_argument("--min-coverage", type=float, default=0.99, metavar="RATIO",
+                        help="of the reachable ground (default: 0.99)")  # fmt: skip
+    parser.add_argument("--robot", default="agribot", metavar="NAME|FILE")
+    endings = ", ".join(WRITERS)
+    parser.add_argument(
+        "--out", metavar="FILE", help=f"write the plan (GeoJSON), or the field to {endings}"
+    )
+    parser.add_argument("--png", metavar="FILE", help="draw the plan")
+    parser.add_argument("--json", action="store_true", help="print the certificate")
+
+
+def run(options: argparse.Namespace) -> int:
+    from agribot.gis.plan_file import plan_text
+    from agribot.record.drawing import png
+    from agribot.record.plan_figure import plan_figure
+    from agribot.record.report import write_file
+
+    if options.action == "convert":
+        return _convert(options)
+    if options.action == "verify":
+        saved, certificate = _verified(options)
+    else:
+        saved, certificate = _planned(options)
+    if options.png:
+        figure = plan_figure(saved.plan, saved.area, saved.request, certificate)
+        write_file(Path(options.png), png(figure))
+    for warning in saved.plan.warnings:
+        sys.stderr.write(f"warning: {warning}\n")
+    sys.stderr.write(_summary(certificate, MapFrame(saved.datum)))
+    if options.out and options.action is None:
+        if certificate.ok:
+            write_file(Path(options.out), plan_text(saved, certificate).encode())
+        else:
+            sys.stderr.write(f"{options.out} is not written: the plan was refused\n")
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(certificate).decode() + "\n")
+    return 0 if certificate.ok else 1
+
+
+def _convert(options: argparse.Namespace) -> int:
+    from agribot.gis.formats.table import WRITERS, read_other, write_field_file
+    from agribot.record.report import write_file
+
+    if options.file is None or options.out is None:
+        raise MissionError("give both files: agribot plan convert field.kml --out field.gpkg")
+    out = Path(options.out)
+    endings = (ending for ending in WRITERS if out.name.lower().endswith(ending))
+    field = read_other(Path(options.file))
+    write_file(out, write_field_file(next(endings, out.suffix), field))
+    features = len(field["features"])
+    sys.stderr.write(f"{out}: {features} features\n")
+    if options.json:
+        sys.stdout.write(msgspec.json.encode({"path": str(out), "features": features}).decode())
+        sys.stdout.write("\n")
+    return 0
+
+
+def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
+    from agribot.autonomy.plan.coverage.area import footprint
+    from agribot.autonomy.plan.coverage.planner import plan_field
+    from agribot.autonomy.plan.plan_certificate import certify_plan
+    from agribot.description.loader import load_robot
+    from agribot.gis.field_file import read_field
+    from agribot.gis.plan_file import SavedPlan
+
+    if options.field is None or options.implement_width is None:
+        raise MissionError(
+            "give --field FILE and --implement-width M, or 'verify PLAN'; see agribot plan --help"
+        )
+    area, datum = read_field(Path(options.field))
+    frame = MapFrame(datum)
+    if options.ab_line:
+        a_lon, a_lat, b_lon, b_lat = _numbers("--ab-line", options.ab_line, 4)
+        points = (_place(a_lon, a_lat, frame), _place(b_lon, b_lat, frame))
+        if math.dist(*points) < SHORTEST_AB_M or not all(_is_near(point) for point in points):
+            raise MissionError(
+                f"--ab-line {options.ab_line}: A and B must be two places, at least "
+                f"{SHORTEST_AB_M:g} m apart and within {FARTHEST_AB_M / 1000.0:g} km of the field"
+            )
+        area = msgspec.structs.replace(area, ab_line=points)
+    robot = load_robot(options.robot)
+    request = _request(options, area, frame, robot)
+    shape = footprint(robot, request.implement_width_m, request.tool_x_m)
+    plan = plan_field(area, shape, request)
+    return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)
+
+
+def _is_near(point: Point) -> bool:
+    return math.hypot(*point) <= FARTHEST_AB_M
+
+
+def _verified(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
+    from agribot.autonomy.plan.coverage.area import footprint
+    from agribot.autonomy.plan.plan_certificate import certify_plan
+    from agribot.description.loader import load_robot
+    from agribot.gis.plan_file import read_plan
+
+    if options.file is None:
+        raise MissionError("give the plan to verify: agribot plan verify plan.geojson")
+    saved = read_plan(Path(options.file))
+    request = saved.request
+    shape = footprint(load_robot(options.robot), request.implement_width_m, request.tool_x_m)
+    return saved, certify_plan(saved.plan, saved.area, shape, saved.request)
+
+
+def _request(
+    options: argparse.Namespace, area: FieldArea, frame: MapFrame, robot: RobotSpec
+) -> PlanRequest:
+    from agribot.autonomy.plan.coverage.area import PlanRequest
+
+    passes = options.headland_passes
+    tool_x_m = robot.tool_x_m if options.tool_offset is None else options.tool_offset
+    for name, value, low, high in (
+        ("--implement-width", options.implement_width, 0.05, 50.0),
+        ("--overlap", options.overlap, 0.0, 50.0),
+        ("--margin", options.margin, 0.0, 10.0),
+        ("--headland-passes", passes or 0, 0, 0 if area.rows else 50),
+        ("--tool-offset", tool_x_m, -5.0, 5.0),
+        ("--min-coverage", options.min_coverage, 0.0, 1.0),
+    ):
+        if not low <= value <= high:
+            raise MissionError(f"{name} {value:g}: must be from {low:g} to {high:g}")
+    start: Point | None = None
+    if options.start:
+        lon_deg, lat_deg = _numbers("--start", options.start, 2)
+        start = _place(lon_deg, lat_deg, frame)
+    return PlanRequest(
+        implement_width_m=options.implement_width,
+        overlap_m=options.overlap,
+        margin_m=options.margin,
+        headland_passes=passes,
+        swath_yaw_rad=_swath_yaw_rad(options.swath_angle),
+        start_map_m=start,
+        turns=options.turns,
+        min_coverage_ratio=options.min_coverage,
+        tool_x_m=tool_x_m,
+    )
+
+
+def _swath_yaw_rad(text: str) -> float | None:
+    if text == "auto":
+        return None
+    return math.radians(90.0 - _numbers("--swath-angle", text, 1)[0])
+
+
+def _numbers(name: str, text: str, count: int) -> list[float]:
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(math.isfinite(value) for value in values):
+        raise MissionError(f"{name} {text}: expected {count} number{'s' * (count > 1)}"
+                           f"{', separated by commas' * (count > 1)}")  # fmt: skip
+    return values
+
+
+def _place(lon_deg: float, lat_deg: float, frame: MapFrame) -> Point:
+    if abs(lat_deg) > 90.0:
+        raise MissionError(f"latitude {lat_deg} is outside -90 to 90 degrees; give lon,lat")
+    east_m, north_m, _ = frame.map_from_geodetic(lat_deg, lon_deg, frame.datum.alt_m)
+    return east_m, north_m
+
+
+def _summary(certificate: Certificate, frame: MapFrame) -> str:
+    c = certificate
+    lines = [
+        f"{'CERTIFIED' if c.ok else 'REFUSED'}: {c.field_area_m2 / 1e4:.3f} ha, "
+        f"{100 * c.coverage_ratio:.2f} % of the reachable ground worked, "
+        f"overlap {100 * c.overlap_ratio:.1f} %",
+        f"{c.length_m:.0f} m of way, {c.working_length_m:.0f} m with the tool on, "
+        f"{c.working_legs} working legs, {c.pivots} turns in place",
+        f"footprint at least {c.clearance_m:.3f} m from every edge",
+    ]
+    if c.wheel_row_clearance_m is not None:
+        lines.append(f"wheels at least {c.wheel_row_clearance_m:.3f} m from every crop row")
+    for problem in c.problems:
+        lat_deg, lon_deg, _ = frame.geodetic_from_map(problem.east_m, problem.north_m)
+        where = (
+            f" (latitude {lat_deg:.7f}, longitude {lon_deg:.7f})" if math.isfinite(lat_deg) else ""
+        )
+        lines.append(f"{problem.rule}: {problem.message}{where}")
+    return "\n  ".join(lines) + "\n"

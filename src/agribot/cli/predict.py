@@ -1,0 +1,203 @@
+"""`agribot predict`: what a network sees in pictures and videos, as files and as a table."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import glob
+import json
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from agribot.cli.ranges import above, threads
+from agribot.core.errors import AgribotError, ConfigError
+from agribot.core.messages import ByteArray, PlantClass
+
+MEGAPIXELS, MOST_MEGAPIXELS = 64.0, 250.0
+KINDS = ("mask", "overlay", "panel")
+AREA_COLUMNS = (
+    "image", "frame", "width_px", "height_px", "weed_px", "crop_px", "soil_px", "weed_ratio",
+    "crop_ratio", "weed_count", "crop_count", "confidence", "cpu_ms",
+)  # fmt: skip
+PLANT_COLUMNS = (
+    "image", "frame", "class", "u_px", "v_px", "area_px", "confidence", "left_px", "top_px",
+    "width_px", "height_px",
+)  # fmt: skip
+
+
+class Seen(NamedTuple):
+    """One picture, or one frame of a video."""
+
+    name: str
+    frame: int | None
+    image_rgb: ByteArray
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "inputs", nargs="+", metavar="INPUT", help="picture, folder, glob pattern or video"
+    )
+    parser.add_argument("-o", "--out", type=Path, required=True, help="folder for the results")
+    parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
+    parser.add_argument("--size", help="another input size for the network, WxH px")
+    parser.add_argument("--tile", help="look at overlapping tiles of WxH image px")
+    parser.add_argument("--only", help="of mask,overlay,panel (default: all three)")
+    parser.add_argument("--format", choices=("png", "jpg", "tif"), default="png")
+    parser.add_argument("--least-px", type=int, default=100, help="smallest plant to count")
+    parser.add_argument(
+        "--megapixels",
+        type=above(0.0, MOST_MEGAPIXELS),
+        default=MEGAPIXELS,
+        metavar="N",
+        help="largest picture, which takes 30 MB of memory for each (default: %(default)g)",
+    )
+    parser.add_argument("--threads", type=threads, default=1)
+    parser.add_argument("--json", action="store_true", help="print a summary as the last line")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Status 1 where a picture could not be read; the others are done all the same.
+
+    Raises: ConfigError: no picture at all, or an option out of range.
+    """
+    from agribot.lab.train.networks import open_network, read_size
+
+    kinds = _kinds(args)
+    tile_px = read_size(args.tile) if args.tile else None
+    files = input_files(args.inputs)
+    segmenter = open_network(args.model, args.threads, args.size)
+    args.out.mkdir(parents=True, exist_ok=True)
+    problems: list[str] = []
+    done = 0
+    total = dict.fromkeys(("weed_px", "crop_px", "soil_px", "weed_count", "crop_count"), 0)
+    with (
+        (args.out / "areas.csv").open("w", newline="", encoding="utf-8") as areas_file,
+        (args.out / "plants.csv").open("w", newline="", encoding="utf-8") as plants_file,
+    ):
+        areas = csv.DictWriter(areas_file, AREA_COLUMNS, lineterminator="\n")
+        plants = csv.DictWriter(plants_file, PLANT_COLUMNS, lineterminator="\n")
+        areas.writeheader()
+        plants.writeheader()
+        for stem, seen in _pictures(files, problems, round(args.megapixels * 1e6)):
+            row, found = _predict(seen, segmenter, tile_px, args, kinds, stem)
+            areas.writerow(row)
+            plants.writerows(found)
+            done += 1
+            for name in total:
+                total[name] += row[name]
+            sys.stderr.write(
+                f"{seen.name}: weed {row['weed_ratio']:.1%} in {row['weed_count']} plants, crop "
+                f"{row['crop_ratio']:.1%} in {row['crop_count']}\n"
+            )
+    sys.stderr.write(f"{done} pictures; areas.csv, plants.csv and pictures in {args.out}\n")
+    if args.json:
+        summary = {"out": str(args.out), "pictures": done, **total, "problems": problems}
+        sys.stdout.write(json.dumps(summary) + "\n")
+    return 1 if problems else 0
+
+
+def _kinds(args: argparse.Namespace) -> tuple[str, ...]:
+    kinds = tuple(args.only.split(",")) if args.only else KINDS
+    unknown = set(kinds) - set(KINDS)
+    if unknown:
+        raise ConfigError(f"--only {args.only}: choose from {', '.join(KINDS)}")
+    if args.least_px < 1:
+        raise ConfigError(f"--least-px {args.least_px}: must be at least 1")
+    return kinds
+
+
+def input_files(inputs: list[str]) -> list[Path]:
+    """Files of all inputs: folders give their pictures and videos, patterns what they match.
+
+    Raises: ConfigError: an input matches nothing.
+    """
+    from agribot.cli.videos import VIDEO_SUFFIXES
+    from agribot.lab.dataset.pictures import SUFFIXES
+
+    files: list[Path] = []
+    for text in inputs:
+        path = Path(text)
+        if path.is_dir():
+            wanted = SUFFIXES | VIDEO_SUFFIXES
+            found = sorted(p for p in path.iterdir() if p.suffix.lower() in wanted)
+        elif path.is_file():
+            found = [path]
+        else:
+            found = [Path(p) for p in sorted(glob.glob(text, recursive=True)) if Path(p).is_file()]
+        if not found:
+            raise ConfigError(f"{text}: no picture or video there; check the path or the pattern")
+        files += found
+    return list(dict.fromkeys(files))
+
+
+def _pictures(files: list[Path], problems: list[str], most_px: int) -> Iterator[tuple[str, Seen]]:
+    """(name of the results, picture) of everything readable; the rest goes to `problems`."""
+    from agribot.cli.videos import VIDEO_SUFFIXES, video_frames
+    from agribot.lab.dataset.pictures import read_picture
+
+    taken: set[str] = set()
+    for file in files:
+        stem = file.stem
+        while stem in taken:
+            stem += "_"
+        taken.add(stem)
+        try:
+            if file.suffix.lower() in VIDEO_SUFFIXES:
+                for index, frame in enumerate(video_frames(file)):
+                    yield f"{stem}-{index:06d}", Seen(file.name, index, frame)
+            else:
+                yield stem, Seen(file.name, None, read_picture(file, most_px))
+        except AgribotError as error:
+            problems.append(str(error))
+            sys.stderr.write(f"left out: {error}\n")
+
+
+def _predict(
+    seen: Seen,
+    segmenter: Any,
+    tile_px: tuple[int, int] | None,
+    args: argparse.Namespace,
+    kinds: tuple[str, ...],
+    stem: str,
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Write the pictures; the row of areas and the rows of plants."""
+    import numpy as np
+
+    from agribot.autonomy.perceive.instances import plants_in
+    from agribot.autonomy.perceive.pictures import classify
+    from agribot.cli.drawings import write_drawings
+
+    started_s = time.process_time()
+    found = classify(segmenter, seen.image_rgb, tile_px)
+    cpu_ms = 1e3 * (time.process_time() - started_s)
+    plants = plants_in(found.class_id, found.confidence, args.least_px)
+    write_drawings(seen.image_rgb, found, args.out / stem, kinds, args.format)
+    height, width = found.class_id.shape
+    counts = np.bincount(found.class_id.ravel(), minlength=len(PlantClass))
+    frame = "" if seen.frame is None else seen.frame
+    row: dict[str, Any] = {
+        "image": seen.name,
+        "frame": frame,
+        "width_px": width,
+        "height_px": height,
+        "confidence": round(float(found.confidence.mean()) / 255.0, 4),
+        "cpu_ms": round(cpu_ms, 1),
+    }
+    for kind in PlantClass:
+        row[f"{kind.name.lower()}_px"] = int(counts[kind])
+    for kind in (PlantClass.WEED, PlantClass.CROP):
+        row[f"{kind.name.lower()}_ratio"] = round(float(counts[kind]) / (height * width), 6)
+        row[f"{kind.name.lower()}_count"] = sum(plant.plant == kind for plant in plants)
+    rows = [
+        {
+            "image": seen.name, "frame": frame, "class": plant.plant.name.lower(),
+            "u_px": round(plant.u_px, 2), "v_px": round(plant.v_px, 2), "area_px": plant.area_px,
+            "confidence": round(plant.confidence, 4), "left_px": plant.left_px,
+            "top_px": plant.top_px, "width_px": plant.width_px, "height_px": plant.height_px,
+        }
+        for plant in plants
+    ]  # fmt: skip
+    return row, rows

@@ -1,0 +1,80 @@
+"""Progress of a run on stderr: a bar on a terminal, a plain line now and then elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, TextIO
+
+from agribot.core.messages import TickRecord
+
+if TYPE_CHECKING:
+    from agribot.autonomy.weeds.map import WeedMap
+
+BAR_WIDTH = 24
+BAR_EVERY_S = 0.5  # simulated
+LINE_EVERY_S = 20.0
+UNEXPLAINED_S = 3.0  # people wait so long without wondering
+
+
+@contextmanager
+def explained(text: str, after_s: float = UNEXPLAINED_S) -> Iterator[None]:
+    """What takes longer than this says on stderr what it is."""
+    timer = threading.Timer(after_s, sys.stderr.write, [f"{text}\n"])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+class Progress:
+    """A tap that shows row, speed, cross-track error and the weeds found so far."""
+
+    def __init__(self, weed_map: WeedMap, stream: TextIO | None = None) -> None:
+        self._weed_map = weed_map
+        self._stream = sys.stderr if stream is None else stream
+        self._is_terminal = self._stream.isatty()
+        self._next_s = 0.0
+
+    def __call__(self, record: TickRecord) -> None:
+        if record.batch.t_s < self._next_s:
+            return
+        self._next_s = record.batch.t_s + (BAR_EVERY_S if self._is_terminal else LINE_EVERY_S)
+        if self._is_terminal:
+            self._stream.write(f"\r{self._text(record)}\x1b[K")
+        else:
+            self._stream.write(f"{self._text(record)}\n")
+        self._stream.flush()
+
+    def note(self, text: str) -> None:
+        """A line of its own, above the bar."""
+        self._stream.write(f"\r\x1b[K{text}\n" if self._is_terminal else f"{text}\n")
+        self._stream.flush()
+
+    def close(self) -> None:
+        if self._is_terminal:
+            self._stream.write("\n")
+            self._stream.flush()
+
+    def _text(self, record: TickRecord) -> str:
+        status = record.status
+        done_ratio = min(status.s_m / status.length_m, 1.0) if status.length_m else 0.0
+        bar = "#" * round(done_ratio * BAR_WIDTH)
+        if status.row >= 0:
+            where = f"row {status.row + 1}/{status.rows_total}"
+        elif status.rows_total:
+            where = f"{len(status.rows_done)}/{status.rows_total} rows"
+        else:
+            where = f"{status.waypoints_reached}/{status.waypoints_total} goals"
+        cross_cm = f"{record.tracking.cross_track_m * 100:+5.1f}" if record.tracking else "    -"
+        text = (
+            f"[{bar:-<{BAR_WIDTH}}] {done_ratio:4.0%}  {record.batch.t_s:6.1f} s  {where:9}  "
+            f"{record.estimate.v_mps:4.2f} m/s  cross-track {cross_cm} cm  "
+            f"weeds {self._weed_map.weed_count:3d}  {status.state}"
+        )
+        why = record.reason or (status.reason if status.state != "running" else "")
+        return f"{text} ({why})" if why else text

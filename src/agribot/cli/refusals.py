@@ -1,0 +1,115 @@
+"""One line for whatever ended a command, and the traceback for those who ask for it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import sys
+import traceback
+from typing import TextIO
+
+from agribot.core import extras
+from agribot.core.errors import AgribotError
+
+TRACEBACK = "AGRIBOT_TRACEBACK"
+BROKEN_PIPE = 141  # what a shell tells of a program that SIGPIPE ended
+_HOW_TO_SEE = f"(set {TRACEBACK}=1 for the details)"
+
+
+def refuse(program: str, error: Exception) -> int:
+    """Say on stderr what happened, and return the exit status.
+
+    Prints the traceback as well where AGRIBOT_TRACEBACK is set. Says nothing where the reader of
+    the output has gone, such as `head`: the program ends as SIGPIPE ends others.
+    """
+    if isinstance(error, BrokenPipeError) and _has_reader_gone():
+        _drop_output()
+        return BROKEN_PIPE
+    if os.environ.get(TRACEBACK):
+        traceback.print_exception(error)
+    with contextlib.suppress(OSError):  # nobody hears it
+        sys.stderr.write(f"{program}: {words_of(error)}\n")
+    _drop_output()
+    return 2
+
+
+def words_of(error: Exception) -> str:
+    """One line that a user can act on; what nobody foresaw is called an internal error."""
+    if isinstance(error, AgribotError):
+        return str(error)
+    if isinstance(error, ModuleNotFoundError):
+        known = extras.explain(error)
+        if known:
+            return known
+    for kind, say in _WORDS:
+        if isinstance(error, kind):
+            return _one_line(say(error))
+    return _one_line(f"internal error: {type(error).__name__}: {error} {_HOW_TO_SEE}")
+
+
+def _of_system(error: Exception) -> str:
+    name, reason = getattr(error, "filename", None), getattr(error, "strerror", None)
+    place = f"{name}: " if name is not None else ""
+    return f"{place}{reason or error}; check the path, its permissions and the free space"
+
+
+def _of_connection(error: Exception) -> str:
+    return f"another program is not there, or has gone: {error} {_HOW_TO_SEE}"
+
+
+def _of_text(error: Exception) -> str:
+    return f"an input is not text in UTF-8 ({error}); save it as UTF-8 {_HOW_TO_SEE}"
+
+
+def _of_memory(error: Exception) -> str:
+    return f"not enough memory: {error or 'give a smaller input'} {_HOW_TO_SEE}"
+
+
+def _of_depth(_: Exception) -> str:
+    return f"an input is nested too deeply, or includes itself {_HOW_TO_SEE}"
+
+
+def _of_end(error: Exception) -> str:
+    return f"an input ends too early: {error or 'it is cut off'} {_HOW_TO_SEE}"
+
+
+# The first kind that fits; subclasses stand before what they derive from.
+_WORDS = (
+    (ConnectionError, _of_connection),
+    (OSError, _of_system),
+    (UnicodeError, _of_text),
+    (MemoryError, _of_memory),
+    (RecursionError, _of_depth),
+    (EOFError, _of_end),
+)
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _has_reader_gone() -> bool:
+    """Whether stdout or stderr is a pipe that nobody reads any more."""
+    if not hasattr(select, "poll"):
+        return True
+    ended = select.poll()
+    for stream in _open_streams():
+        with contextlib.suppress(OSError, ValueError):
+            ended.register(stream.fileno(), 0)  # an end is told without being asked for
+    return bool(ended.poll(0))
+
+
+def _open_streams() -> list[TextIO]:
+    """Stdout and stderr, less what the program was started without."""
+    return [stream for stream in (sys.stdout, sys.stderr) if stream is not None]
+
+
+def _drop_output() -> None:
+    """What cannot be written, the interpreter must not try to write again when it ends."""
+    for stream in _open_streams():
+        try:
+            stream.flush()
+        except OSError:
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

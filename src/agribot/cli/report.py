@@ -1,0 +1,130 @@
+"""`agribot report`: the files of a run again, from its recording alone.
+
+Of another robot's bag, or of a run that was cut off, it plots what is there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from agribot.app.field_work import work_from
+from agribot.app.tasks import TakenPlans
+from agribot.autonomy.plan.rows import field_rows
+from agribot.core.config import RunConfig
+from agribot.core.errors import RecordingError
+from agribot.core.messages import Row
+from agribot.description.worlds_sdf import world_of_run
+from agribot.record.events import EventLog
+from agribot.record.report import Report
+from agribot.record.series import RunData, SeriesTap
+
+if TYPE_CHECKING:
+    from agribot.record.bag.source import Bag
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recording", type=Path, metavar="RUN.mcap", help="or any bag")
+    parser.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--json", action="store_true", help="print the report as the last line")
+
+
+def run(options: argparse.Namespace) -> int:
+    from agribot.record.bag.opening import open_bag
+    from agribot.record.mcap_file import read_attachment
+    from agribot.record.recorder import CONFIG_ATTACHMENT
+    from agribot.record.run_files import write_run_files
+
+    with open_bag(options.recording) as bag:
+        is_whole_run = {CONFIG_ATTACHMENT, "report.json"} <= _file_names(bag)
+    if not is_whole_run:
+        return _foreign(options)
+    data = read_attachment(options.recording, "report.json")
+    try:
+        report = msgspec.json.decode(data, type=Report)
+    except msgspec.MsgspecError as error:
+        raise RecordingError(f"the report inside {options.recording} is broken: {error}") from error
+    write_run_files(options.out, report, _read_job(options.recording, options.out, report))
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
+    else:
+        sys.stdout.write(f"{options.out}/report.html\n")
+    return 0
+
+
+def _read_job(recording: Path, out: Path, report: Report) -> RunData:
+    """Read the recorded run, and from beside it the earlier runs of the same job."""
+    from agribot.app.run_recording import PLAN_ATTACHMENT
+    from agribot.app.whole_job import events_later, events_of, plants_later, series_of
+    from agribot.record.mcap_file import read_attachment
+    from agribot.record.replay import read_config, read_ticks, read_truth, read_weed_map
+
+    config = read_config(recording)
+    series, events = SeriesTap(), EventLog(out / "events.jsonl")
+    plans = TakenPlans()
+    plan = read_attachment(recording, PLAN_ATTACHMENT).decode() if config.plan else ""
+    for record in read_ticks(recording):
+        series(record)
+        events(record)
+        plan = plans.taken(record) or plan
+    for t_s, x_m, y_m, yaw_rad in read_truth(recording):
+        series.truth(t_s, (x_m, y_m, yaw_rad))
+    events.close()
+    earlier = report.job.runs[:-1] if report.job else ()
+    beside = recording.resolve().parent
+    joint, lost = series_of(earlier, series.series(), beside)
+    earlier_events, lost_events = events_of(earlier, beside)
+    for what in (*lost, *lost_events):
+        sys.stderr.write(f"of the job's earlier runs is lost: {what}\n")
+    began_s = sum(run.run_s for run in earlier)
+    return RunData(
+        config=config,
+        series=joint,
+        rows=_rows(plan, config, recording),
+        plants=plants_later(read_weed_map(recording), began_s),
+        events=(*earlier_events, *events_later(events.events, began_s)),
+        world=world_of_run(config) if config.platform == "sim" else None,
+    )
+
+
+def _rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
+    """Those of the task that the robot had at the end."""
+    from agribot.description.loader import parse_robot
+    from agribot.record.replay import read_urdf
+
+    if plan:
+        robot = parse_robot(read_urdf(recording), recording.name)
+        return work_from(plan, "the recorded plan", config, robot).rows
+    return () if config.waypoints else field_rows(config.field)
+
+
+def _file_names(bag: Bag) -> set[str]:
+    """Also of the further parts of a long recording: the report is in the last one."""
+    from agribot.record.bag.opening import open_bag
+    from agribot.record.mcap_records import parts_of
+
+    names = set(bag.file_names)
+    if not bag.path.is_dir():
+        for part in parts_of(bag.path)[1:]:
+            with open_bag(part) as following:
+                names |= set(following.file_names)
+    return names
+
+
+def _foreign(options: argparse.Namespace) -> int:
+    from agribot.record.foreign import read_foreign
+    from agribot.record.foreign_page import write_foreign_report
+
+    data = read_foreign(options.recording)
+    summary = write_foreign_report(options.out, options.recording, data)
+    for word in (*data.missing, *data.notes):
+        sys.stderr.write(f"missing: {word}\n" if word in data.missing else f"note: {word}\n")
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(summary).decode() + "\n")
+    else:
+        sys.stdout.write(f"{options.out}/report.html\n")
+    return 0

@@ -1,0 +1,204 @@
+"""`agribot run`: the robot through a mission, with progress, recording and an honest report."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, get_args
+
+import msgspec
+
+from agribot.app.run_folder import check_free, check_not_driven
+from agribot.cli import bridging, sensor_sources
+from agribot.cli.pacing import pace_from
+from agribot.cli.page import Pacer, add_page_arguments, opened, stay, stays_open, wants_page
+from agribot.cli.progress import Progress, explained
+from agribot.cli.ranges import finite
+from agribot.cli.run_settings import add_setting_arguments, out_dir_of, settings_of
+from agribot.cli.stopping import stop_on_signal
+from agribot.core import extras
+from agribot.core.config import PlatformKind, RunConfig
+from agribot.core.errors import MissionError
+from agribot.ros.source_uri import places
+
+if TYPE_CHECKING:
+    from agribot.autonomy.plan.saved_mission import SavedMission
+    from agribot.record.report import Report
+
+STARTING = (
+    "starting the simulator; the first start on a machine compiles it, which takes about half a "
+    "minute"
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_setting_arguments(parser)
+    parser.add_argument(
+        "--platform", choices=get_args(PlatformKind), help="what drives (default: sim)"
+    )
+    parser.add_argument("--waypoints", metavar="FILE", help="visit these places (GeoJSON or CSV)")
+    parser.add_argument("--plan", metavar="FILE", help="work a field plan (agribot plan --out)")
+    parser.add_argument("--field", metavar="FILE", help="plan this field (GeoJSON) and work it")
+    parser.add_argument("--implement-width", type=finite, metavar="M",
+                        help="for --field (default: the robot's boom)")  # fmt: skip
+    parser.add_argument("--resume", metavar="RUNDIR", help="go on with a run that was cut off")
+    parser.add_argument(
+        "--clear-stop",
+        action="store_true",
+        help="with --resume: clear the stop or pause in which that run ended",
+    )
+    parser.add_argument(
+        "--speed",
+        metavar="max|K",
+        help="simulate as fast as possible (default), or K x real time (1 with a bridge)",
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", help="a new folder (default: runs/<UTC time>-<profile>)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the report as the last line")
+    parser.add_argument(
+        "--headless", action="store_true", help="no page, whatever else is asked for"
+    )
+    add_page_arguments(parser)
+    sensor_sources.add_arguments(parser)
+    bridging.add_arguments(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    from agribot.app.mission_file import resumed
+    from agribot.app.session import Session
+    from agribot.app.whole_job import NOTHING, read_job
+
+    config, saved, earlier = _config(options), None, NOTHING
+    has_sources = bool(places(config.sources))
+    is_live = bridging.wanted(options) or has_sources
+    _check(options, config)
+    pace = pace_from(options.speed or ("1" if is_live else "max"))
+    if options.resume is not None:
+        check_not_driven(Path(options.resume))
+        saved = _cut_off(options)
+        earlier = read_job(Path(options.resume), saved)
+        config = resumed(config, saved)
+    elif options.clear_stop:
+        raise MissionError("--clear-stop is for a run that goes on; give --resume RUNDIR as well")
+    out_dir = out_dir_of(options.out, Path(config.profile).stem)
+    check_free(out_dir)
+    plan_text = "" if options.field is None else _plan_of_field(config, options)
+    with explained(STARTING):
+        made = Session(config, out_dir, saved, earlier, plan_text)
+    with made as session, ExitStack() as parts:
+        lost = [f"of the job's earlier runs is lost: {what}" for what in session.job.lacks]
+        odd = (*session.robot.warnings, *session.world.warnings, *lost)
+        sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
+        page = parts.enter_context(opened(options, session)) if wants_page(options) else None
+        session.unattended.is_attended = _has_operator(options)
+        progress = Progress(session.weed_map)
+        session.add_tap(progress)
+        session.trouble_taps.append(progress.note)
+        pacer = Pacer(pace, page, keeps_up=has_sources)
+        sources = sensor_sources.sensor_sources(options, session)
+        with sources, bridging.bridges(options, session), stop_on_signal() as stop:
+            for record in session.ticks():
+                if stop:
+                    break
+                pacer.wait(record.batch.t_s)
+            progress.close()
+            report = session.finish("interrupted by the operator" if stop else "")
+            sys.stderr.write(_summary(report, session.out_dir))
+            was_interrupted = bool(stop)
+            if page is not None and stays_open(options) and not stop:
+                stay(session, page, stop, keeps_up=has_sources)
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
+    if was_interrupted:
+        return 130
+    return 0 if report.ok and session.is_written else 1
+
+
+def _has_operator(options: argparse.Namespace) -> bool:
+    """Somebody can clear a stop and resume: on the page, or over a bridge that takes it."""
+    return wants_page(options) or (bridging.wanted(options) and options.allow_drive)
+
+
+def _cut_off(options: argparse.Namespace) -> SavedMission:
+    """The saved mission, as the operator wants it to go on.
+
+    Raises: MissionError: none is there, or it waits for a person whom nobody could hear.
+    """
+    from agribot.app.mission_file import read_mission
+
+    saved = read_mission(Path(options.resume))
+    if options.clear_stop:
+        saved = msgspec.structs.replace(saved, stopped="", paused="")
+    held = saved.stopped or saved.paused
+    if _has_operator(options) or not (held or saved.asks_first):
+        if held:
+            clear = "clear the stop and resume it" if saved.stopped else "resume it"
+            sys.stderr.write(f"the robot stands: {held}; {clear}\n")
+        return saved
+    ways = "add --ui and go on from the page"
+    if not saved.asks_first:
+        ways = f"look after the robot, then {ways}, or add --clear-stop to drive on at once"
+    why = held or "its operator had sent it away from its work"
+    raise MissionError(f"the run in {options.resume} stood when it was cut off: {why}; {ways}")
+
+
+def _check(options: argparse.Namespace, config: RunConfig) -> None:
+    """Raises: ConfigError: what would otherwise be missed only after a long start."""
+    if config.platform == "sim":
+        extras.require("sim", "the simulated robot")
+    if wants_page(options):
+        extras.require("ui", "the operator's page")
+    bridging.check(options, places(config.sources))
+
+
+def _plan_of_field(config: RunConfig, options: argparse.Namespace) -> str:
+    """Raises: MissionError: no field, or one that cannot be worked, and why."""
+    from agribot.app.field_work import planned
+    from agribot.description.loader import load_robot
+    from agribot.gis.plan_file import plan_text
+
+    robot = load_robot(config.robot)
+    saved, certificate = planned(Path(options.field), config, robot, options.implement_width)
+    if not certificate.ok:
+        problem = certificate.problems[0]
+        raise MissionError(f"{options.field}: {problem.rule}: {problem.message}")
+    return plan_text(saved, certificate)
+
+
+def _config(options: argparse.Namespace) -> RunConfig:
+    resumed_profile = None if options.resume is None else str(Path(options.resume) / "config.toml")
+    return settings_of(options, resumed_profile, after=sensor_sources.settings_of(options))
+
+
+def _summary(report: Report, out_dir: Path) -> str:
+    """What a person wants to know first; a line that does not apply is left out."""
+    mission, tracking, weeds, spent = report.mission, report.tracking, report.weeds, report.time
+    lines = [f"{'OK' if report.ok else 'NOT OK'}: {report.reason}"]
+    done = f"{_number(mission.distance_m, unit=' m')} driven"
+    if mission.rows_total is not None:
+        done += f", rows {mission.rows_done}/{mission.rows_total}"
+        done += f", cross-track p95 {_number(tracking.xte_p95_m, 100, ' cm')}"
+    lines.append(f"{done}, plants crushed {tracking.plants_crushed}/{tracking.plants_total}")
+    if weeds.mapped is not None:
+        lines.append(
+            f"weeds mapped along the rows {weeds.mapped}, true ones {weeds.truth}: "
+            f"precision {_number(weeds.precision)}, recall {_number(weeds.recall)}, "
+            f"treated {weeds.treated}"
+        )
+        lines.append(
+            f"{_number(weeds.treated_true)} weeds sprayed, {_number(weeds.crops_hit)} crops hit"
+        )
+    lines.append(
+        f"{_number(spent.sim_s, unit=' s')} simulated in {_number(spent.wall_s, unit=' s')}, "
+        f"{_number(spent.rtf_cpu)} x real time per CPU second"
+    )
+    if (out_dir / "report.html").exists():
+        lines.append(f"{out_dir}/report.html")
+    return "\n  ".join(lines) + "\n"
+
+
+def _number(value: float | None, scale: float = 1.0, unit: str = "") -> str:
+    return "-" if value is None else f"{value * scale:.3g}{unit}"

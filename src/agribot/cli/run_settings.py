@@ -1,0 +1,90 @@
+"""The settings of a run as options: what `agribot run` and `agribot sim` have in common."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+
+from agribot.app.calibration.robot_file import RobotFile
+from agribot.cli.origin import HELP, with_origin
+from agribot.cli.ranges import finite, seed
+from agribot.core import config
+from agribot.core.config import RunConfig
+from agribot.core.errors import ConfigError
+from agribot.ui.address import home
+
+# Option and the setting that it is short for.
+_SHORT_FOR = {
+    "world": "world",
+    "robot": "robot",
+    "waypoints": "waypoints",
+    "plan": "plan",
+    "seed": "seed",
+    "platform": "platform",
+    "sensors": "sim.sensors",
+    "duration_s": "duration_s",
+}
+
+
+def add_setting_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "profile", nargs="?", default="farm", help="packaged profile or .toml file (default: farm)"
+    )
+    parser.add_argument("--world", metavar="NAME|FILE", help="empty, Farm, ... or an SDF file")
+    parser.add_argument("--robot", metavar="NAME|FILE", help="another robot description")
+    parser.add_argument(
+        "--sensors", metavar="PRESET", help="legacy, seed, m8n, rtk, rtk-dual, ideal"
+    )
+    parser.add_argument("--seed", type=seed, metavar="N", help="of all randomness (default: 0)")
+    parser.add_argument(
+        "--for", dest="duration_s", type=finite, metavar="SECONDS", help="stop after"
+    )
+    parser.add_argument("--origin", metavar="ORIGIN", help=HELP)
+    parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
+
+
+def settings_of(
+    options: argparse.Namespace,
+    profile: str | None = None,
+    before: Sequence[str] = (),
+    after: Sequence[str] = (),
+) -> RunConfig:
+    """An option of its own counts more than `--set`; `before` counts least and `after` most.
+
+    What was measured of the robot comes from its own file, but not into a run that goes on.
+
+    Raises: ConfigError: a setting that does not exist or does not fit.
+    """
+    named = {setting: getattr(options, name, None) for name, setting in _SHORT_FOR.items()}
+    assigned = [
+        f"{setting}={msgspec.json.encode(value).decode()}"
+        for setting, value in named.items()
+        if value is not None
+    ]
+    wanted = [*before, *options.set, *assigned, *after]
+    if profile is not None:
+        if options.origin is not None:
+            raise ConfigError("--origin: a run that goes on keeps its map; begin another for it")
+        return config.load(profile, wanted)
+    own = RobotFile(home(), config.load(options.profile, wanted).robot)
+    measured = own.settings()
+    if measured:
+        sys.stderr.write(f"measured of this robot, from {own.path}: {', '.join(measured)}\n")
+    wanted = [*before, *measured, *options.set, *assigned, *after]
+    return with_origin(config.load(options.profile, wanted), options)
+
+
+def out_dir_of(wanted: str | Path | None, kind: str) -> Path:
+    """The folder of a run: the one that was asked for, or a new one named by the time."""
+    if wanted is not None:
+        return Path(wanted)
+    folder, number = Path("runs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{kind}", 1
+    while folder.exists():
+        number += 1
+        folder = folder.with_name(f"{folder.name.removesuffix(f'-{number - 1}')}-{number}")
+    return folder

@@ -1,0 +1,103 @@
+"""`agribot sweep`: many seeds and settings of one mission, one table of their reports."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from agribot.app.workers import usable_cpus
+from agribot.cli.counting import CountProgress
+from agribot.cli.stopping import stop_on_signal
+from agribot.core import extras
+from agribot.core.errors import ConfigError
+from agribot.lab.sweep.execution import (
+    Assignment,
+    Executor,
+    Outcome,
+    ProcessExecutor,
+    RayExecutor,
+)
+from agribot.lab.sweep.plan import plan, read_seeds
+from agribot.lab.sweep.tables import SweepFolder, markdown
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("profile", nargs="?", default="farm", help="as of agribot run")
+    parser.add_argument("--seeds", default="1-8", metavar="LIST", help="such as 1-8 or 1,3,10-12")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="A.B=C", help="any setting, for all runs"
+    )
+    parser.add_argument(
+        "--vary", action="append", default=[], metavar="A.B=C,D", help="one run for each value"
+    )
+    parser.add_argument(
+        "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
+    )
+    parser.add_argument("--ray", metavar="ADDRESS", help="a Ray cluster instead of processes")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<UTC time>-sweep")
+    parser.add_argument("--json", action="store_true", help="print the summary as the last line")
+
+
+def run(options: argparse.Namespace) -> int:
+    if not 1 <= options.workers <= 1024:
+        raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
+    if not options.ray:
+        extras.require("sim", "a sweep on this machine")
+    jobs = plan(options.profile, read_seeds(options.seeds), options.set, options.vary)
+    executor: Executor = (
+        RayExecutor(options.ray) if options.ray else ProcessExecutor(options.workers)
+    )
+    path = options.out or Path("runs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-sweep"
+    result = drive(SweepFolder(path.resolve(), jobs), executor)
+    if options.json:
+        sys.stdout.write(json.dumps({"folder": str(path), **result}) + "\n")
+    return status(result)
+
+
+def drive(folder: SweepFolder, executor: Executor) -> dict[str, Any]:
+    """Run what is missing, write the tables and show them; what sweep-report.json holds."""
+    errors = _drive_all(folder, executor)
+    result = folder.write_tables(errors)
+    done = f"{result['runs_ok']} of {result['runs_total']} runs good"
+    files = f"{folder.path}/runs.csv, summary.csv, summary.md, sweep-report.json"
+    sys.stderr.write(f"{done}\n\n{markdown(result['summary'])}\n{files}\n")
+    return result
+
+
+def status(result: dict[str, Any]) -> int:
+    """Of the command: 0 where every run was good."""
+    if result["runs_done"] + len(result["errors"]) < result["runs_total"]:
+        sys.stderr.write(
+            "agribot: interrupted; finished runs are kept, the same command runs the rest\n"
+        )
+        return 130
+    return 0 if result["runs_ok"] == result["runs_total"] else 1
+
+
+def _drive_all(folder: SweepFolder, executor: Executor) -> list[Outcome]:
+    """Run what is missing; return the runs that gave no report."""
+    done = set(folder.finished())
+    missing = [
+        Assignment(job=job, out_dir=folder.run_dir(job))
+        for job in folder.jobs
+        if job.name not in done
+    ]
+    progress = CountProgress(len(folder.jobs), "runs")
+    count, errors = len(done), []
+    with stop_on_signal() as stop:
+        progress(count)
+        for outcome in executor.run(missing, lambda: bool(stop)):
+            count += 1
+            if outcome.report is None:
+                errors.append(outcome)
+                progress(count, f"{outcome.job.name}: error: {outcome.error}")
+            else:
+                folder.keep(outcome.job, outcome.report)
+                state = "ok" if outcome.report.ok else "NOT OK"
+                progress(count, f"{outcome.job.name}: {state}: {outcome.report.reason}")
+        progress.close()
+    return errors

@@ -1,0 +1,218 @@
+"""`agribot teleop`: drive a running robot from a terminal or with a gamepad, without a page."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import select
+import sys
+import termios
+import time
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from agribot.cli.door import add_door_arguments, door_of
+from agribot.cli.ranges import finite
+from agribot.cli.stopping import stop_on_signal
+from agribot.core import extras
+from agribot.core.errors import ConfigError, PlatformError
+from agribot.ui.hand import (
+    STOP,
+    HandRates,
+    KeyHand,
+    MouseHand,
+    StickHand,
+    TerminalInput,
+    Twist,
+    Wish,
+)
+from agribot.ui.joystick import JoystickState
+from agribot.ui.remote import Remote
+from agribot.ui.stick_table import TableHand, read_table
+
+MOUSE_ON, MOUSE_OFF = "\x1b[?1002h\x1b[?1006h", "\x1b[?1006l\x1b[?1002l"
+HELP = {
+    "keyboard": "arrows or w a s d drive, space stops, q quits",
+    "mouse": "press, drag up to drive and sideways to turn, let go to stand; space stops, q quits",
+    "joystick": "hold the dead-man button and move the stick; Ctrl-C quits",
+}
+DEADMAN, AXES = 4, "1,0"
+
+Read = Callable[[float], Wish]  # one look at the device, as long as a period
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    rates = HandRates()
+    parser.add_argument("device", choices=("keyboard", "mouse", "joystick"))
+    add_door_arguments(parser)
+    parser.add_argument("--take-over", action="store_true", help="take the seat from its holder")
+    parser.add_argument("--rate", dest="rate_hz", type=finite, default=20.0, metavar="HZ")
+    parser.add_argument("--scale", type=finite, default=1.0, help="of all speeds, 0 to 1")
+    parser.add_argument("--forward", type=finite, default=rates.forward_mps, metavar="MPS")
+    parser.add_argument("--backward", type=finite, default=rates.backward_mps, metavar="MPS")
+    parser.add_argument("--rotation", type=finite, default=rates.rotation_radps, metavar="RADPS")
+    parser.add_argument("--hold", type=finite, default=rates.hold_s, metavar="S", help="of a key")
+    stick = parser.add_argument_group("joystick")
+    stick.add_argument("--joy", default="/dev/input/js0", metavar="DEVICE")
+    stick.add_argument("--deadman", type=int, metavar="BUTTON", help=f"{DEADMAN} unless told")
+    stick.add_argument("--axes", metavar="FORWARD,LEFT", help=f"{AXES} unless told")
+    stick.add_argument("--dead-zone", type=finite, default=0.1)
+    stick.add_argument(
+        "--config",
+        metavar="TELEOP_YAML",
+        help="joy_teleop's table of axes and buttons, in place of --deadman, --axes and the rates",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    extras.require("ui", "agribot teleop")
+    rates = _rates(options)
+    door = door_of(options)
+    opened = _joystick if options.device == "joystick" else _terminal
+    with (
+        opened(options, rates) as read,
+        Remote(door, f"teleop {options.device}") as robot,
+        stop_on_signal() as stop,
+    ):
+        robot.take_seat(force=options.take_over)
+        sys.stderr.write(f"{HELP[options.device]}\r\n")
+        _drive(robot, read, options.rate_hz, stop)
+    sys.stderr.write("\n")
+    return 0
+
+
+def _drive(robot: Remote, read: Read, rate_hz: float, stop: list[int]) -> None:
+    """A request at every period, also at rest, so that the robot knows that somebody is there."""
+    while not stop:
+        twist, requests = read(1.0 / rate_hz)
+        for request in requests:
+            robot.request(*request)
+        if twist is None:
+            return
+        robot.drive(*twist)
+        robot.listen()
+        for verdict in robot.verdicts():
+            sys.stderr.write(f"\r{verdict}\x1b[K\r\n")
+        _show(robot, twist)
+
+
+def _show(robot: Remote, twist: Twist) -> None:
+    state = robot.state
+    if sys.stderr.isatty() and state:
+        now = f"{twist[0]:+.2f} m/s {twist[1]:+.2f} rad/s  robot {state['vel'][0] or 0:+.2f} m/s"
+        sys.stderr.write(f"\r{now}  {state['mode']} {state['reason'][:60]}\x1b[K")
+        sys.stderr.flush()
+
+
+def _rates(options: argparse.Namespace) -> HandRates:
+    if options.config is not None and options.device != "joystick":
+        raise ConfigError(f"--config is for a joystick, not for {options.device}")
+    if not 0.0 <= options.dead_zone < 1.0:
+        raise ConfigError(f"--dead-zone {options.dead_zone:g}: must be at least 0 and below 1")
+    numbers = {
+        "--scale": (options.scale, 1.0),
+        "--forward": (options.forward, 2.0),
+        "--backward": (options.backward, 2.0),
+        "--rotation": (options.rotation, 3.0),
+        "--hold": (options.hold, 1.0),
+    }
+    for name, (value, limit) in numbers.items():
+        if not 0.0 <= value <= limit:
+            raise ConfigError(f"{name} {value:g}: must be between 0 and {limit:g}")
+    if not 5.0 <= options.rate_hz <= 50.0:
+        raise ConfigError(f"--rate {options.rate_hz:g}: must be between 5 and 50 Hz")
+    return HandRates(
+        forward_mps=options.forward,
+        backward_mps=options.backward,
+        rotation_radps=options.rotation,
+        hold_s=options.hold,
+        scale=options.scale,
+    )
+
+
+@contextmanager
+def _terminal(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
+    """Keys and mouse of the terminal on stdin. Raises: ConfigError: it is no terminal."""
+    if not sys.stdin.isatty():
+        raise ConfigError(f"teleop {options.device} needs a terminal on its standard input")
+    handle = sys.stdin.fileno()
+    words, keys, mouse = TerminalInput(), KeyHand(rates), MouseHand(rates)
+    is_mouse = options.device == "mouse"
+
+    def read(timeout_s: float) -> Wish:
+        is_stop, end_s = False, time.monotonic() + timeout_s
+        while select.select([handle], [], [], max(0.0, end_s - time.monotonic()))[0]:
+            try:
+                data = os.read(handle, 1024)
+            except OSError:
+                return _wish(None, is_stop)  # the terminal was closed
+            for word, column, row in words.feed(data):
+                if word == "quit":
+                    return _wish(None, is_stop)
+                is_stop |= word == "stop"
+                keys.press(word, time.monotonic())
+                mouse.move("release" if word == "stop" else word, column, row)
+        return _wish(mouse.twist() if is_mouse else keys.twist(time.monotonic()), is_stop)
+
+    before = termios.tcgetattr(handle)
+    tty.setcbreak(handle)
+    sys.stderr.write(MOUSE_ON if is_mouse else "")
+    sys.stderr.flush()
+    try:
+        yield read
+    finally:
+        sys.stderr.write(MOUSE_OFF if is_mouse else "")
+        termios.tcsetattr(handle, termios.TCSADRAIN, before)
+
+
+def _wish(twist: Twist | None, is_stop: bool) -> Wish:
+    return Wish(twist, (STOP,) if is_stop else ())
+
+
+@contextmanager
+def _joystick(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
+    """Raises: ConfigError: no such device. PlatformError: it was pulled out."""
+    hand = _stick_hand(options, rates)
+    try:
+        handle = os.open(options.joy, os.O_RDONLY | os.O_NONBLOCK)
+    except OSError as error:
+        raise ConfigError(
+            f"cannot open joystick {options.joy}: {error.strerror}; plug it in or choose --joy"
+        ) from error
+    state = JoystickState()
+
+    def read(timeout_s: float) -> Wish:
+        end_s = time.monotonic() + timeout_s
+        while select.select([handle], [], [], max(0.0, end_s - time.monotonic()))[0]:
+            try:
+                data = os.read(handle, 4096)
+            except BlockingIOError:
+                break
+            except OSError as error:
+                raise PlatformError(f"joystick {options.joy} is gone: {error.strerror}") from error
+            if not data:
+                raise PlatformError(f"joystick {options.joy} is gone")
+            state.feed(data)
+        return hand.wish(state)
+
+    try:
+        yield read
+    finally:
+        os.close(handle)
+
+
+def _stick_hand(options: argparse.Namespace, rates: HandRates) -> StickHand | TableHand:
+    """Raises: ConfigError: the table or the axes make no sense."""
+    if options.config is not None:
+        if options.deadman is not None or options.axes is not None:
+            raise ConfigError("--config has buttons and axes of its own: drop --deadman and --axes")
+        return read_table(Path(options.config), options.scale, options.dead_zone)
+    axes = options.axes or AXES
+    try:
+        forward_axis, left_axis = (int(axis) for axis in axes.split(","))
+    except ValueError as error:
+        raise ConfigError(f"--axes {axes}: write two numbers, as in {AXES}") from error
+    deadman = DEADMAN if options.deadman is None else options.deadman
+    return StickHand(rates, deadman, forward_axis, left_axis, options.dead_zone)

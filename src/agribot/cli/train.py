@@ -1,0 +1,268 @@
+"""`agribot train`: get images, train, judge on images never trained on, export with a card."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agribot.cli.ranges import finite, seed
+from agribot.core.errors import ConfigError
+from agribot.lab.dataset.ids_option import add_ids_option
+from agribot.lab.train.drawn_options import add_drawn_options, check_drawn_options
+from agribot.lab.train.networks import STRIDE_PX, read_size
+from agribot.lab.train.recipe_options import add_recipe_options, begun, check_recipe_options
+
+DATA_CHOICES = ("sim", "cwfid", "bonn", "phenobench", "folder")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--data",
+        choices=DATA_CHOICES,
+        default="sim",
+        help="where images come from: drawn by the simulator, or the layout of --data-dir",
+    )
+    parser.add_argument("--model", help="network (default: agribot-sim for sim, else agribot-s)")
+    budget = parser.add_mutually_exclusive_group()
+    budget.add_argument("--minutes", type=finite, default=20.0, help="CPU time of the training")
+    budget.add_argument("--steps", type=int, help="optimiser steps, for an exact repetition")
+    parser.add_argument("--seed", type=seed, default=0)
+    parser.add_argument("--threads", type=int, default=1, help="CPU threads; part of the result")
+    parser.add_argument(
+        "--device", choices=("auto", "cpu", "cuda"), default="auto", help="auto: a GPU if any"
+    )
+    parser.add_argument(
+        "--precision", choices=("fp32", "int8"), default="fp32",
+        help="numbers of the file that is written; int8 keeps NAME-fp32.onnx beside it",
+    )  # fmt: skip
+    parser.add_argument("--name", help="name of the weights (default: that of the network)")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="folder for checkpoint, log, weights and card"
+    )
+    add_recipe_options(parser.add_argument_group("how it learns"))
+    add_drawn_options(parser.add_argument_group("drawn images"))
+    _add_photographs(parser.add_argument_group("photographs"))
+
+
+def _add_photographs(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--data-dir", type=Path, help="folder of photographs and masks")
+    add_ids_option(group)
+    group.add_argument(
+        "--loss",
+        choices=("lovasz", "dice", "iou", "none"),
+        default="lovasz",
+        help="added to the cross-entropy (none: the original's loss alone)",
+    )
+    group.add_argument("--folds", type=int, default=5, help="parts for cross-validation")
+    group.add_argument("--fold", type=int, help="part to hold out and judge on (default: none)")
+    group.add_argument("--size", default="512x384", help="input of the exported network, WxH px")
+    group.add_argument(
+        "--train-width", type=int, default=512, help="px over which a photograph is trained on"
+    )
+    group.add_argument("--crop-px", type=int, default=320, help="width of the crops trained on")
+    group.add_argument(
+        "--with-sim",
+        type=int,
+        default=0,
+        metavar="N",
+        help="a quarter of every batch from N drawn images",
+    )
+    group.add_argument(
+        "--scores-from",
+        type=Path,
+        metavar="CARD.json",
+        help="without --fold: card of the same recipe with a fold held out, to state its scores",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Everything from images to a model card; goes on where an earlier call was stopped.
+
+    Raises: ConfigError: an option is out of range.
+    """
+    _check(args)
+    from agribot.lab.train.processes import join, part, use_threads
+
+    use_threads(args.threads)
+    crew = join(args.device)
+    try:
+        source = crew.leader_first(lambda: _source(args))
+        plan = _plan(args, source, crew)
+        return _train(args, source, plan, crew)
+    finally:
+        part()
+
+
+def _train(args: argparse.Namespace, source: Any, plan: Any, crew: Any) -> int:
+    from agribot.lab.train.architectures import architecture
+    from agribot.lab.train.card import read_held_out
+    from agribot.lab.train.export import export_onnx
+    from agribot.lab.train.figures import write_curves
+    from agribot.lab.train.fit import LOG, Trainer
+    from agribot.lab.train.precision import some_of, to_int8
+
+    held_out = read_held_out(args.scores_from, plan) if args.scores_from else None
+    trainer = Trainer(plan, source.batches, args.out, crew, args.start)
+    network = trainer.run(_progress if crew.leads else lambda text: None).cpu()
+    if not crew.leads:
+        return 0
+    onnx_path = args.out / f"{args.name}.onnx"
+    features = architecture(args.model).features
+    calibration = _calibrated(network, features, source)
+    height_px, width_px = source.input_size_px
+    is_small = args.precision == "int8"
+    plain_path = args.out / f"{args.name}-fp32.onnx" if is_small else onnx_path
+    export_onnx(
+        network,
+        plain_path,
+        height_px,
+        width_px,
+        antialias=source.antialias,
+        features=features,
+        temperature=calibration.temperature if calibration else 1.0,
+    )
+    if is_small:
+        to_int8(plain_path, onnx_path, some_of(source.pictures))
+    card = msgspec.structs.replace(
+        _judge(args, trainer, onnx_path, source), held_out=held_out, calibration=calibration
+    )
+    card.write(onnx_path)
+    write_curves(args.out / LOG, args.out / "training.png")
+    _progress(card.markdown())
+    return 1 if source.problems else 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    read_size(args.size, STRIDE_PX)
+    if args.fold is not None and not 0 <= args.fold < args.folds:
+        raise ConfigError(f"--fold {args.fold}: must be from 0 to {args.folds - 1}, of --folds")
+    for option in ("images", "test_images", "threads", "train_width", "crop_px"):
+        if getattr(args, option) < 1:
+            flag = option.replace("_", "-")
+            raise ConfigError(f"--{flag} is {getattr(args, option)}; it must be at least 1")
+    check_drawn_options(args)
+    if args.steps is not None and args.steps < 1:
+        raise ConfigError(f"--steps is {args.steps}; it must be at least 1")
+    if args.minutes <= 0.0:
+        raise ConfigError(f"--minutes is {args.minutes}; it must be more than 0")
+    if (args.data == "sim") != (args.data_dir is None):
+        raise ConfigError(
+            f"--data {args.data} "
+            + (
+                "draws its own images; leave --data-dir out"
+                if args.data_dir
+                else "needs --data-dir"
+            )
+        )
+    if args.scores_from and (args.data == "sim" or args.fold is not None):
+        raise ConfigError("--scores-from is for photographs without --fold: this training has none")
+    args.model = args.model or ("agribot-sim" if args.data == "sim" else "agribot-s")
+    args.name = args.name or args.model
+    check_recipe_options(args)
+
+
+def _progress(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()
+
+
+def _source(args: argparse.Namespace) -> Any:
+    if args.data == "sim":
+        from agribot.lab.train.sources import simulated_source
+
+        return simulated_source(args, _progress)
+    from agribot.lab.train.sources import photo_source
+
+    return photo_source(args, _progress)
+
+
+def _plan(args: argparse.Namespace, source: Any, crew: Any) -> Any:
+    """The plan of a training under way in the folder, else a new one.
+
+    Raises: ConfigError: processes that measure how many steps fit in would not agree.
+    """
+    from agribot.lab.train.fit import TrainingPlan, load_checkpoint, steps_within
+
+    if crew.size > 1 and args.steps is None:
+        raise ConfigError(f"{crew.size} processes train together: give --steps, not --minutes")
+    state = load_checkpoint(args.out)
+    if state is not None and args.steps is None:
+        plan = msgspec.convert(state["plan"], TrainingPlan)
+        return msgspec.structs.replace(
+            plan,
+            seed=args.seed,
+            model=args.model,
+            overlap_loss=source.recipe.overlap_loss,
+            data=source.recipe.data,
+            **args.asked,
+        )
+    plan = msgspec.structs.replace(
+        source.recipe,
+        steps=args.steps or 1000,
+        seed=args.seed,
+        model=args.model,
+        processes=crew.size,
+    )
+    plan = begun(plan, args)
+    if args.steps is None:
+        steps = steps_within(args.minutes, source.batches, plan, args.out, crew)
+        plan = msgspec.structs.replace(plan, steps=steps)
+    return plan
+
+
+def _calibrated(network: Any, features: Any, source: Any) -> Any:
+    if source.aside is None:
+        return None
+    import itertools
+
+    from agribot.lab.train.calibration import calibrate
+    from agribot.lab.train.export import DeployedNet
+
+    height_px, width_px = source.input_size_px
+    deployed = DeployedNet(network, height_px, width_px, features).eval()
+    tests = itertools.chain.from_iterable(pairs() for pairs in source.tests.values())
+    return calibrate(deployed.logits, source.aside(), tests)
+
+
+def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any) -> Any:
+    """Scores of the exported file itself, run as the robot runs it."""
+    from agribot.autonomy.perceive.pictures import classify
+    from agribot.autonomy.perceive.segmenter import Segmenter
+    from agribot.lab.train import card
+    from agribot.lab.train.evaluate import evaluate
+    from agribot.lab.train.network import parameter_count
+
+    segmenter = Segmenter(onnx_path)
+    tests = {
+        name: evaluate(lambda image_rgb: classify(segmenter, image_rgb).class_id, pairs())
+        for name, pairs in source.tests.items()
+    }
+    return card.ModelCard(
+        name=args.name,
+        license=source.license,
+        data=source.about,
+        limits=source.limits,
+        chosen_blind=args.data == "sim",
+        command=f"{source.command} --steps {trainer.plan.steps} --seed {args.seed} "
+        f"--threads {args.threads} --name {args.name} "
+        + args.recipe_words
+        + ("--precision int8 " if args.precision == "int8" else "")
+        + ("--scores-from CARD.json " if args.scores_from else "")
+        + "--out OUT",
+        plan=trainer.plan,
+        train_images=source.train_images,
+        precision=args.precision,
+        parameters=parameter_count(trainer.network),
+        input_height_px=segmenter.map_shape[0],
+        input_width_px=segmenter.map_shape[1],
+        file_bytes=onnx_path.stat().st_size,
+        sha256=card.sha256(onnx_path),
+        cpu_ms_per_frame=round(card.cpu_ms_per_frame(segmenter), 1),
+        cpu_ms_conditions=card.speed_conditions(threads=1),
+        training_cpu_min=round(trainer.cpu_s / 60.0, 1),
+        test=tests,
+    )

@@ -1,0 +1,65 @@
+"""`agribot ui`: the page on a simulated robot, or on a recording."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from agribot.cli import run as run_command
+from agribot.cli.origin import HELP
+from agribot.cli.page import add_address_arguments, address_of, show
+
+if TYPE_CHECKING:
+    from agribot.ui.hub import About
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "what", nargs="?", default="farm", help="a profile to simulate, or a run.mcap to replay"
+    )
+    parser.add_argument("--out", metavar="DIR", help="of a simulated run")
+    parser.add_argument("--origin", metavar="ORIGIN", help=HELP)
+    parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
+    add_address_arguments(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    if options.what.endswith(".mcap"):
+        return _replay(options, Path(options.what))
+    parser = argparse.ArgumentParser()
+    run_command.add_arguments(parser)
+    simulated = parser.parse_args([options.what, "--ui", "--stay", "--speed", "1"])
+    for name in (
+        "out",
+        "origin",
+        "set",
+        "port",
+        "host",
+        "allow_host",
+        "tls_cert",
+        "tls_key",
+        "token_file",
+        "open",
+    ):
+        setattr(simulated, name, getattr(options, name))
+    return run_command.run(simulated)
+
+
+def _replay(options: argparse.Namespace, recording: Path) -> int:
+    from agribot.description.loader import parse_robot
+    from agribot.record.replay import read_config, read_urdf
+    from agribot.ui.about import about_run
+    from agribot.ui.ground import read_field
+    from agribot.ui.server_process import ServerProcess
+
+    address = address_of(options)
+    config, urdf = read_config(recording), read_urdf(recording)
+    robot = parse_robot(urdf, recording.name)
+    field = read_field(recording)
+    path = str(recording.resolve())
+
+    def about(port: int) -> About:
+        return about_run(address, port, config, robot, urdf, field, recording.parent, path)
+
+    return show(ServerProcess(address, about), "replay", options)

@@ -1,0 +1,177 @@
+"""`agribot view`: a recording in other people's viewers, one command each."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from agribot.cli import bridging
+from agribot.cli.pacing import pace_from, wait_until
+from agribot.cli.stopping import stop_on_signal
+from agribot.core import topics
+from agribot.core.errors import ConfigError
+from agribot.core.messages import Inbox
+from agribot.ros.requests import Requests
+
+if TYPE_CHECKING:
+    from agribot.ros.outlet import Gateway
+
+_CLOCK_PERIOD_NS = 20_000_000
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("viewer", choices=sorted(_VIEWERS), help="which one")
+    parser.add_argument(
+        "recording", type=Path, nargs="?", metavar="RUN", help="folder of a run, or its run.mcap"
+    )
+    parser.add_argument(
+        "-o", "--out", type=Path, metavar="FILE|DIR",
+        help="rerun: write this .rrd instead of opening the viewer; qgis: folder of the project "
+        "(default: beside the recording); foxglove: write the layout here",
+    )  # fmt: skip
+    parser.add_argument(
+        "--no-open", action="store_true", help="qgis, rviz: do not start the program"
+    )
+    parser.add_argument(
+        "--speed", default="1", metavar="max|K", help="rviz: K x real time (default: 1)"
+    )
+    bridging.add_arguments(parser, has_mind=False)
+
+
+def run(options: argparse.Namespace) -> int:
+    _VIEWERS[options.viewer](options)
+    return 0
+
+
+def view_file(name: str) -> Path:
+    """A packaged view. Only of installations in folders, which all of pip's are."""
+    return Path(str(resources.files("agribot.cli") / "views" / name))
+
+
+def _rerun(options: argparse.Namespace) -> None:
+    from agribot.record.rerun_log import write_rerun
+
+    count = write_rerun(_recording(options), options.out)
+    sys.stderr.write(f"{count} messages to {options.out or 'the viewer'}\n")
+
+
+def _qgis(options: argparse.Namespace) -> None:
+    from agribot.record.qgis_project import write_qgis
+
+    recording = _recording(options)
+    project = write_qgis(recording, options.out or recording.parent / "qgis")
+    sys.stderr.write(f"{project}\n")
+    program = shutil.which("qgis")
+    if options.no_open:
+        return
+    if program is None:
+        sys.stderr.write("there is no qgis in the PATH: open this project where there is one\n")
+        return
+    subprocess.Popen([program, str(project)], start_new_session=True)
+
+
+def _foxglove(options: argparse.Namespace) -> None:
+    """Foxglove opens recordings itself; what it needs of us is the layout."""
+    layout = view_file("foxglove.json")
+    if options.out is not None:
+        shutil.copyfile(layout, options.out)
+        layout = options.out
+    sys.stderr.write(
+        f"in Foxglove: open {_recording(options) if options.recording else 'RUN/run.mcap'}, then "
+        f"Layout, Import from file, {layout}; a robot that runs: agribot foxglove\n"
+    )
+
+
+def _rviz(options: argparse.Namespace) -> None:
+    """With a recording: play it, as if the robot were there. Without: look at one that is."""
+    if not (options.ros1 or options.ros2 or options.dds):
+        options.ros2 = not options.recording or shutil.which("rviz2") is not None
+        options.ros1 = not options.ros2
+    with _program(options):
+        if options.recording is None:
+            with stop_on_signal() as stop:
+                while not stop:
+                    time.sleep(0.1)
+        else:
+            _play(_recording(options), options)
+
+
+@contextmanager
+def _program(options: argparse.Namespace) -> Iterator[None]:
+    """RViz of the ROS that the options name, while it is looked at."""
+    name, view = ("rviz", "ros1.rviz") if options.ros1 else ("rviz2", "ros2.rviz")
+    program = shutil.which(name)
+    if options.no_open or program is None:
+        if program is None:
+            sys.stderr.write(f"there is no {name} in the PATH: {name} -d {view_file(view)}\n")
+        yield
+        return
+    words = [program, "-d", str(view_file(view))]
+    if not options.ros1:
+        words += ["--ros-args", "-p", "use_sim_time:=true"]
+    environment = {**os.environ, "ROS_MASTER_URI": bridging.master_from(options)}
+    with subprocess.Popen(words, env=environment) as process:
+        try:
+            yield
+        finally:
+            process.terminate()
+
+
+def _play(recording: Path, options: argparse.Namespace) -> None:
+    """Every topic of the table that is in the recording, at its time, and the clock with it."""
+    from agribot.record.bag.opening import open_bag
+    from agribot.ros.outlet import Gateways
+
+    pace = pace_from(options.speed)
+    with open_bag(recording) as bag:
+        held = {t.name for t in bag.topics if bag.knows(t) and t.encoding == "cdr"}
+        out = [t for t in topics.TOPICS if (t.ros_type and t.name in held) or t is topics.CLOCK]
+        by_name = {topic.name: topic for topic in out}
+        if len(out) == 1:
+            raise ConfigError(
+                f"{recording} has no topic of AGRIBOT, only {bag.contents}; play it with rosbag"
+            )
+        urdf = next((f.data.decode() for f in bag.files() if f.name == "robot.urdf"), "")
+        requests = Requests(Inbox(), say=bridging.say)
+        opened: list[Gateway] = bridging.open_gateways(options, out, urdf, requests, None)
+        gateways = Gateways(opened)
+        start_ns = bag.times_ns[0] if bag.times_ns else 0
+        started_s, next_clock_ns = time.monotonic(), 0
+        try:
+            with stop_on_signal() as stop:
+                for message in bag.messages(frozenset(by_name)):
+                    if stop:
+                        break
+                    wait_until(started_s + (message.log_ns - start_ns) * 1e-9 / pace)
+                    topic = by_name[message.topic.name]
+                    gateways.send(topic, message.log_ns, message.data, message.publish_ns)
+                    if message.log_ns >= next_clock_ns:
+                        next_clock_ns = message.log_ns + _CLOCK_PERIOD_NS
+                        gateways.tell_time(message.log_ns * 1e-9)
+        finally:
+            gateways.close()
+
+
+def _recording(options: argparse.Namespace) -> Path:
+    if options.recording is None:
+        raise ConfigError(f"agribot view {options.viewer} needs a recording, like runs/first")
+    path: Path = options.recording
+    inside = path / "run.mcap"
+    return inside if inside.exists() else path
+
+
+_VIEWERS: dict[str, Callable[[argparse.Namespace], None]] = {
+    "rerun": _rerun,
+    "qgis": _qgis,
+    "rviz": _rviz,
+    "foxglove": _foxglove,
+}

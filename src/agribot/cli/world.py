@@ -1,0 +1,211 @@
+"""`agribot world`: list, check, generate and render worlds."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from agribot.cli.ranges import seed
+from agribot.core.errors import DescriptionError, RecordingError
+from agribot.core.geo import LINK_FROM_OPTICAL, transform
+from agribot.core.messages import ByteArray, FloatArray
+from agribot.core.world import WorldSpec
+
+if TYPE_CHECKING:
+    from agribot.description.elements import Finding
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    actions.add_parser(
+        "list", help="names of the packaged worlds", epilog="example: agribot world list"
+    )
+    check = actions.add_parser(
+        "check",
+        help="say what a world file contains, or what is wrong",
+        epilog="example: agribot world check Farm --strict",
+    )
+    check.add_argument("world", metavar="NAME|FILE")
+    check.add_argument(
+        "--strict", action="store_true", help="list every fault as FILE:LINE and fail on any"
+    )
+    check.add_argument("--json", action="store_true")
+    generate = actions.add_parser(
+        "generate",
+        help="a field of crop rows and weeds by chance",
+        epilog="example: agribot world generate field.toml --seed 3 -o field.world",
+    )
+    generate.add_argument("field", metavar="FIELD.toml")
+    generate.add_argument("--seed", type=seed, default=0)
+    generate.add_argument("-o", "--out", required=True, metavar="X.world")
+    generate.add_argument("--json", action="store_true")
+    render = actions.add_parser(
+        "render",
+        help="a picture of a world, from above the field",
+        epilog="example: agribot world render hills --view rover -o hills.png",
+    )
+    render.add_argument("world", metavar="NAME|FILE")
+    render.add_argument("-o", "--out", required=True, metavar="PNG")
+    render.add_argument("--seed", type=seed, default=0)
+    render.add_argument(
+        "--view", choices=("field", "rover"), default="field", help="from high, or as the robot"
+    )
+    pictures = actions.add_parser(
+        "gallery",
+        help="one picture of worlds, cameras, crops, light and labels",
+        epilog="example: agribot world gallery -o gallery.png",
+    )
+    pictures.add_argument("-o", "--out", required=True, metavar="PNG")
+
+
+def run(options: argparse.Namespace) -> int:
+    from agribot.description.worlds_sdf import world_names
+
+    if options.action == "list":
+        sys.stdout.write("\n".join(world_names()) + "\n")
+        return 0
+    actions = {"check": _check, "generate": _generate, "render": _render, "gallery": _gallery}
+    return actions[options.action](options)
+
+
+def _generate(options: argparse.Namespace) -> int:
+    from agribot.description.field_generator import generate_field
+    from agribot.description.field_plan import read_field_plan
+    from agribot.description.sdf_export import write_world
+
+    field, out = Path(options.field), Path(options.out)
+    if out.suffix not in {".world", ".sdf"}:
+        raise DescriptionError(f"-o {out}: name a file that ends in .world or .sdf")
+    world = generate_field(read_field_plan(field), options.seed, field.parent)
+    write_world(world, out)
+    kinds = Counter(plant.plant.name.lower() for plant in world.plants)
+    summary = {"world": str(out), "seed": options.seed, **kinds}
+    if options.json:
+        sys.stdout.write(json.dumps(summary) + "\n")
+    else:
+        sys.stdout.write("".join(f"{key}: {value}\n" for key, value in summary.items()))
+    return 0
+
+
+def _check(options: argparse.Namespace) -> int:
+    from agribot.description.worlds_sdf import check_world, load_world
+
+    if options.strict:
+        return print_findings(check_world(options.world), options.json)
+    world = load_world(options.world)
+    species = Counter(plant.species for plant in world.plants)
+    summary = {
+        "name": world.name,
+        "datum": [world.datum.lat_deg, world.datum.lon_deg],
+        "plants": dict(species),
+        "obstacles": len(world.obstacles),
+        "ground_tiles": len(world.ground),
+        "terrain": None if world.terrain is None else list(world.terrain.height_m.shape),
+        "warnings": list(world.warnings),
+    }
+    if options.json:
+        sys.stdout.write(json.dumps(summary) + "\n")
+    else:
+        summary["warnings"] = len(world.warnings)
+        sys.stderr.writelines(f"warning: {warning}\n" for warning in world.warnings)
+        sys.stdout.write("".join(f"{key}: {value}\n" for key, value in summary.items()))
+    return 0
+
+
+def print_findings(findings: Sequence[Finding], as_json: bool) -> int:
+    """Tell what a strict check found; the exit status."""
+    if as_json:
+        faults = [{"file": f.file, "line": f.line, "text": f.text} for f in findings]
+        sys.stdout.write(json.dumps({"ok": not faults, "faults": faults}) + "\n")
+    else:
+        sys.stdout.writelines(f"{finding}\n" for finding in findings)
+        sys.stdout.write(f"{len(findings)} faults\n")
+    return 1 if findings else 0
+
+
+def _render(options: argparse.Namespace) -> int:
+    from agribot.description.loader import load_robot
+    from agribot.description.worlds_sdf import load_world
+    from agribot.sim.camera import CameraRenderer
+
+    world = load_world(options.world, seed=options.seed)
+    robot = load_robot()
+    if robot.camera is None:
+        raise AssertionError("the packaged robot has a camera")
+    map_from_camera = (
+        _rover_pose(world) @ robot.body_from_camera()
+        if options.view == "rover"
+        else _overlook(world) @ LINK_FROM_OPTICAL
+    )
+    picture = CameraRenderer(world).render(
+        map_from_camera, robot.camera, noise_seed=None, supersample=2
+    )
+    _save(picture.image_rgb, Path(options.out))
+    return 0
+
+
+def _gallery(options: argparse.Namespace) -> int:
+    from agribot.cli.gallery import gallery
+
+    _save(gallery(), Path(options.out))
+    return 0
+
+
+def _save(image_rgb: ByteArray, path: Path) -> None:
+    from PIL import Image
+
+    try:
+        Image.fromarray(image_rgb).save(path)
+    except (OSError, ValueError) as error:  # ValueError: a file type that is no picture's
+        raise RecordingError(
+            f"cannot write {path}: {error}; choose another path that ends in .png"
+        ) from error
+
+
+def _rover_pose(world: WorldSpec) -> FloatArray:
+    """The body frame where the robot starts, tilted as the ground is."""
+    x_m, y_m = world.spawn_xy_map_m
+    yaw = world.spawn_yaw_map_rad
+    ahead, left = (math.cos(yaw), math.sin(yaw)), (-math.sin(yaw), math.cos(yaw))
+    reach_m = 0.3
+    pitch, roll = (
+        math.atan(_rise_m(world, x_m, y_m, (dx * reach_m, dy * reach_m)) / (2.0 * reach_m))
+        for dx, dy in (ahead, left)
+    )
+    return transform((x_m, y_m, _ground_m(world, x_m, y_m)), (roll, -pitch, yaw))
+
+
+def _overlook(world: WorldSpec) -> FloatArray:
+    """From the South and from high: the field, or all the land where nothing grows."""
+    land = world.terrain
+    if world.plants or land is None:
+        xy = np.array([(p.x_map_m, p.y_map_m) for p in world.plants] or [world.spawn_xy_map_m])
+        x_m, y_m = xy.mean(axis=0).tolist()
+        back_m, up_m = 14.0, 9.0 + _ground_m(world, x_m, y_m)
+    else:
+        rows, columns = land.height_m.shape
+        x_m = land.x_min_m + (columns - 1) / 2.0 * land.resolution_m
+        y_m = land.y_min_m + (rows - 1) / 2.0 * land.resolution_m
+        back_m, up_m = 0.9 * rows * land.resolution_m, 1.6 * float(land.height_m.max())
+    tilt_rad = math.atan2(up_m - _ground_m(world, x_m, y_m), back_m)
+    return transform((x_m, y_m - back_m, up_m), (0.0, tilt_rad, math.pi / 2.0))
+
+
+def _ground_m(world: WorldSpec, x_m: float, y_m: float) -> float:
+    from agribot.description.terrain import height_at
+
+    return 0.0 if world.terrain is None else height_at(world.terrain, x_m, y_m)
+
+
+def _rise_m(world: WorldSpec, x_m: float, y_m: float, step_m: tuple[float, float]) -> float:
+    """From one step behind a place to one step before it."""
+    dx, dy = step_m
+    return _ground_m(world, x_m + dx, y_m + dy) - _ground_m(world, x_m - dx, y_m - dy)

@@ -1,0 +1,82 @@
+"""Bridges of a simulated world: sensors out and drive commands in, as Gazebo's plugins did."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from agribot.cli.bridging import open_gateways, out_topics, say, tell_losses, wanted
+from agribot.core import topics
+from agribot.core.config import RunConfig
+from agribot.core.messages import STOP, DriveCommand, HandDrive
+from agribot.core.robot import RobotSpec
+from agribot.ros.requests import Requests
+
+if TYPE_CHECKING:
+    from agribot.ros.messages.world_feed import WorldTick
+    from agribot.sim.platform import SimPlatform
+
+    WorldTap = Callable[[WorldTick], None]
+
+# A compass gives a field; who turns it into a heading is somebody's node, not the world.
+_OUT = {
+    topic.name
+    for topic in (
+        topics.FIX, topics.FIX_VELOCITY, topics.IMU, topics.MAGNETIC, topics.POLE_FIX,
+        topics.BUMPER, topics.BATTERY, topics.JOINT_STATES, topics.CMD_VEL, topics.IMAGE,
+        topics.IMAGE_RAW, topics.CAMERA_INFO, topics.TF, topics.TF_STATIC,
+        topics.ROBOT_DESCRIPTION, topics.CLOCK, topics.GROUND_TRUTH,
+    )
+}  # fmt: skip
+
+
+def twist_of(hand: Sequence[HandDrive]) -> DriveCommand | None:
+    """The newest request of a peer; one that is no number stops. None where nobody asked."""
+    if not hand:
+        return None
+    newest = hand[-1]
+    if not (math.isfinite(newest.v_mps) and math.isfinite(newest.yaw_rate_radps)):
+        return STOP
+    return DriveCommand(v_mps=newest.v_mps, yaw_rate_radps=newest.yaw_rate_radps)
+
+
+@contextmanager
+def world_bridges(
+    options: argparse.Namespace,
+    platform: SimPlatform,
+    robot: RobotSpec,
+    config: RunConfig,
+    is_free: bool,
+) -> Iterator[list[WorldTap]]:
+    """Open what the options name; peers may drive where the command line `is_free` of a driver.
+
+    Raises: AgribotError: an option is out of range, or a peer that must be there is not.
+    """
+    from agribot.description.loader import urdf_text
+    from agribot.ros.messages.camera_log import CameraLog
+    from agribot.ros.world_outlet import WorldOutlet
+
+    if not wanted(options):
+        yield []
+        return
+    requests = Requests(platform.inbox, allow_drive=is_free, say=say)
+    has_camera = robot.camera is not None and config.perception.enabled
+    out = [
+        topic
+        for topic in out_topics(options, has_camera=has_camera, allow_drive=is_free)
+        if topic.name in _OUT
+    ]
+    urdf = urdf_text(config.robot)
+    gateways = open_gateways(options, out, urdf, requests, None)
+    camera = CameraLog(
+        robot, options.image_rate, config.record.jpeg_quality, keeps_raw=options.raw_images
+    )
+    outlet = WorldOutlet(gateways, robot, urdf, camera)
+    try:
+        yield [outlet]
+    finally:
+        outlet.close()
+        tell_losses(outlet.dropped, outlet.fault)

@@ -1,0 +1,285 @@
+"""Settings of a run: one tree of structs, TOML files and `--set a.b=c` on top.
+
+Defaults carry their physical reason; ranges stand beside the field. An unknown key is an
+error that names the file, the key and the nearest known one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import tomli_w
+
+from agribot.core.config_tree import (
+    assign,
+    check_finite,
+    check_keys,
+    did_you_mean,
+    parse_toml,
+    read_toml,
+    with_value,
+    without_none,
+)
+from agribot.core.errors import ConfigError
+from agribot.core.geo import Datum
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0)]
+Ratio = Annotated[float, msgspec.Meta(ge=0, le=1)]
+Count = Annotated[int, msgspec.Meta(ge=1)]
+PlatformKind = Literal["sim"]  # what a robot's sensors and motors can be
+
+
+class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of every settings struct."""
+
+
+class FieldConfig(Config, frozen=True):
+    """Where the crop rows are, as the planter drilled them, in the map frame of `datum`.
+
+    Rows are parallel; each further one lies `row_pitch_m` to the right of the row direction.
+    `row_curvature_radpm` bends them, to the left where it is positive; direction, length and
+    curvature are those of the first row, at its first plant.
+    """
+
+    datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)
+    datum_source: str = ""  # what `--origin` took the datum from; a simulated world goes there
+    declination_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)] = 0.0
+    first_row_start_map_m: tuple[float, float] = (1.0, 2.0)
+    row_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
+    row_length_m: Positive = 10.0
+    row_curvature_radpm: Annotated[float, msgspec.Meta(ge=-0.2, le=0.2)] = 0.0
+    row_pitch_m: Positive = 1.0
+    row_count: Annotated[int, msgspec.Meta(ge=1, le=10000)] = 6
+    plant_spacing_m: Positive | None = None  # from plant to plant in a row; None: not regular
+    # East, North and radius of what stands in the way: the pole of a base station, a well.
+    obstacles_map_m: tuple[tuple[float, float, NonNegative], ...] = ()
+    # The mark on which the robot is put down before a run, and how well; None: anywhere.
+    start_map_m: tuple[float, float] | None = None
+    start_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] | None = None
+    start_std_m: Positive = 0.05
+    start_yaw_std_deg: Positive = 3.0
+
+
+class MissionConfig(Config, frozen=True):
+    speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 0.4
+    turn_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 0.3
+    headland_m: Positive = 1.0  # straight run past the last plant before turning
+    plant_clearance_m: NonNegative = 0.15  # wheel edge to plant stem, in plan
+    obstacle_clearance_m: NonNegative = 0.3  # from the robot's body to field.obstacles_map_m
+    waypoint_radius_m: Positive = 0.15
+    max_waypoint_distance_m: Positive = 1000.0
+    off_path_limit_m: Positive = 0.5  # farther from the path than this, the mission fails
+    resume_limit_m: Positive = 0.5  # moved farther while it stood, the robot does not go on
+    waits_for_goals: bool = False  # begins when it is resumed, visits what it is sent to, and stays
+    stall_timeout_s: Positive = 60.0  # without headway for so long, the mission fails
+    # Known across the row so well (1 sigma) the robot drives at full speed, so badly not at all.
+    full_speed_std_m: Positive = 0.08
+    max_row_std_m: Positive = 0.25
+
+
+class EstimateConfig(Config, frozen=True):
+    """Beliefs of the filter about its sensors; 1 sigma, densities per square root of second."""
+
+    gyro_bias_std_radps: Positive = 0.0035  # 0.2 deg/s: MEMS turn-on bias
+    gyro_walk_rad_per_sqrt_s: Positive = 0.0004  # 0.02 deg: data sheets say 0.01
+    wheel_scale_std_ratio: Positive = 0.04
+    slip_std_rad: Positive = 0.026  # 1.5 deg of crabbing across a slope
+    position_walk_m_per_sqrt_m: Positive = 0.018
+    mag_std_rad: Positive = 0.07  # 4 deg after calibration
+    mag_bias_std_rad: Positive = 0.087  # 5 deg of hard iron
+    # Own iron of the robot, from `agribot calibrate magnetometer`; T forward and left, and (xx, xy,
+    # yy) of what makes a circle of the ellipse. What is left of it is learnt while driving.
+    mag_offset_t: tuple[float, float] = (0.0, 0.0)
+    mag_shape: tuple[float, float, float] = (1.0, 0.0, 1.0)
+    mag_learn: bool = True
+    gate_sigma: Positive = 4.0
+    recover_after: Count = 25  # rejected in a row before the filter opens up
+    # Of the protection level: how often the position may be farther off than it says.
+    protection_risk: Annotated[float, msgspec.Meta(gt=0, lt=0.1)] = 1e-3
+    row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
+    gnss_timeout_s: Positive = 10.0
+    dead_reckoning_std_m: Positive = 1.0  # without GNSS, the pose is good up to this 1 sigma
+    wheel_timeout_s: Positive = 0.3
+    imu_timeout_s: Positive = 0.3
+
+
+class ControlConfig(Config, frozen=True):
+    length_m: Positive = 0.4  # distance in which an error of the path is taken out
+    delay_s: NonNegative = 0.2  # actuator lag and dead time that the follower looks ahead
+    max_yaw_rate_radps: Positive = 1.0
+
+
+class CalibrationConfig(Config, frozen=True):
+    """What `agribot calibrate` measured of this very robot; None: as its description says."""
+
+    wheel_radius_m: Positive | None = None  # rolling, under load
+    yaw_multiplier: Positive | None = None  # effective separation over the track
+    antenna_m: tuple[float, float] | None = None  # of GNSS, forward and left of the turning centre
+    camera_height_m: Positive | None = None  # over the ground
+    camera_rpy_rad: tuple[float, float, float] | None = None  # of the camera's link in base_link
+
+
+class SafetyConfig(Config, frozen=True):
+    """Limits of the supervisor, the last gate before the motors."""
+
+    max_pos_std_m: Positive = 3.0
+    max_yaw_std_rad: Positive = 0.6
+    max_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 1.0
+    max_yaw_rate_radps: Positive = 1.2
+    max_tilt_rad: Positive = 0.6
+    geofence_margin_m: Positive = 5.0  # around the path, where no boundary of a field is known
+    # So far the robot, where it believes to stand, may get over a field's boundary: a plan keeps
+    # 5 cm off it, and the robot its way to 4 cm where it turns.
+    fence_tolerance_m: NonNegative = 0.1
+    # The boundary is also kept for a robot that is off by `fence_sigma` times the 1 sigma of its
+    # position, along its body and across it; such a robot may get over it by `fence_unsure_m`.
+    fence_unsure_m: NonNegative = 0.3
+    fence_sigma: NonNegative = 2.0
+    hand_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.2  # of a request to drive
+    # Whoever had the seat of the page is gone, or its server is: the mission goes on or pauses.
+    on_operator_lost: Literal["continue", "pause"] = "continue"
+    # Wheels or IMU silent for longer stop the robot; so late the wheels may follow a command.
+    sensor_timeout_s: Positive = 0.3
+    # Of the battery's charge: with less than the first the robot goes home, with less than the
+    # second it stands. Where it tells its voltage only, that of the pack counts; 0: not known.
+    low_charge_ratio: Ratio = 0.2
+    empty_charge_ratio: Ratio = 0.08
+    low_battery_v: NonNegative = 0.0
+    empty_battery_v: NonNegative = 0.0
+    clock_jump_s: Positive = 1.0  # between two ticks; the motor board has stopped by then
+
+
+class PerceptionConfig(Config, frozen=True):
+    enabled: bool = True
+    model: str = "agribot-sim"
+    camera_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=60)] = 10.0
+    latency_s: Annotated[float, msgspec.Meta(gt=0, le=5)] = 0.2
+    min_plant_area_m2: NonNegative = 2e-4
+    min_confidence: Ratio = 0.6
+    max_range_m: Positive = 1.6  # pixel footprint beyond it is too long for a position
+    threads: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1
+
+
+class WeedConfig(Config, frozen=True):
+    merge_radius_m: Positive = 0.12
+    min_sightings: Count = 3
+    min_confidence: Ratio = 0.5
+
+
+class TreatmentConfig(Config, frozen=True):
+    enabled: bool = True
+    margin_m: NonNegative = 0.04
+    crop_guard_m: NonNegative = 0.05
+
+
+class RecordConfig(Config, frozen=True):
+    enabled: bool = True
+    image_rate_hz: NonNegative = 1.0
+    jpeg_quality: Annotated[int, msgspec.Meta(ge=1, le=95)] = 80
+    max_file_mb: NonNegative = 0.0  # a new file begins at this size; 0: one file
+    max_total_mb: NonNegative = 0.0  # above it, the oldest files go; 0: no limit
+    min_free_mb: NonNegative = 200.0  # of the disk; below it, files go or recording ends
+    frames_dir: str = ""  # of the frames that an operator keeps; empty: `frames` beside the run
+
+
+class SourceConfig(Config, frozen=True):
+    """Where a sensor comes from if not from the platform: ros2:/fix, ros1:/fix; empty: its own."""
+
+    gnss: str = ""
+    imu: str = ""
+    mag: str = ""
+    wheels: str = ""
+    camera: str = ""
+
+
+class SimConfig(Config, frozen=True):
+    # Physics: in steps of 8 ms the packaged robot's tyres, stiff against roll, would shake it.
+    step_s: Annotated[float, msgspec.Meta(ge=0.0005, le=0.005)] = 0.002
+    sensors: str = "rtk"
+    weed_density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
+    camera_noise: bool = True
+    camera_body: bool = True  # the robot and its shadow in its own camera's picture
+    # Wheels by an ideal speed servo, or by a PID per wheel that commands torque.
+    actuation: Literal["servo", "effort"] = "servo"
+    # A second receiver at the world's pole, with errors of its own or sharing the slow ones.
+    base_station: Literal["off", "independent", "common"] = "off"
+    imu: str = ""  # another IMU than the sensor preset's: ideal, hector, mpu9265
+    declination_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)] = 0.0  # of the true field
+
+
+class RunConfig(Config, frozen=True):
+    """All settings of one run; `config.toml` of the output folder holds them resolved."""
+
+    profile: str = "farm"
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0  # what TOML and JSON readers take
+    platform: PlatformKind = "sim"
+    world: str = "Farm"
+    robot: str = "agribot"
+    waypoints: str = ""
+    plan: str = ""  # a certified field plan, the task instead of the rows of the field
+    tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0
+    duration_s: Positive | None = None
+    field: FieldConfig = FieldConfig()
+    mission: MissionConfig = MissionConfig()
+    estimate: EstimateConfig = EstimateConfig()
+    calibration: CalibrationConfig = CalibrationConfig()
+    control: ControlConfig = ControlConfig()
+    safety: SafetyConfig = SafetyConfig()
+    perception: PerceptionConfig = PerceptionConfig()
+    weeds: WeedConfig = WeedConfig()
+    treatment: TreatmentConfig = TreatmentConfig()
+    record: RecordConfig = RecordConfig()
+    sim: SimConfig = SimConfig()
+    sources: SourceConfig = SourceConfig()
+
+
+def profile_names() -> list[str]:
+    folder = resources.files("agribot.core") / "profiles"
+    return sorted(
+        p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml")
+    )
+
+
+def load(profile: str, settings: Iterable[str] = ()) -> RunConfig:
+    """Read a packaged profile or a TOML file and apply `a.b=c` settings in order.
+
+    Raises: ConfigError: unknown profile or key, a value of the wrong type or out of range.
+    """
+    source, tree = _read_profile(profile)
+    for setting in settings:
+        assign(tree, setting)
+        source = f"{source} --set {setting}"
+    return from_tree(tree, source)
+
+
+def to_toml(config: RunConfig) -> str:
+    return tomli_w.dumps(without_none(msgspec.to_builtins(config)))
+
+
+def _read_profile(profile: str) -> tuple[str, dict[str, Any]]:
+    path = Path(profile)
+    if path.suffix == ".toml":
+        if not path.is_file():
+            raise ConfigError(f"profile file {profile} does not exist; check the path")
+        return profile, read_toml(path)
+    if profile not in profile_names():
+        raise ConfigError(
+            f"unknown profile '{profile}'{did_you_mean(profile, profile_names())}; "
+            f"known: {', '.join(profile_names())}, or a path to a .toml file"
+        )
+    text = (resources.files("agribot.core") / "profiles" / f"{profile}.toml").read_text("utf-8")
+    return f"{profile}.toml", parse_toml(text, f"{profile}.toml")
+
+
+def from_tree(tree: dict[str, Any], source: str) -> RunConfig:
+    check_keys(tree, RunConfig, source, "")
+    check_finite(tree, source, "")
+    try:
+        return msgspec.convert(tree, RunConfig)
+    except msgspec.ValidationError as error:
+        raise ConfigError(f"{source}: {with_value(str(error), tree)}") from error

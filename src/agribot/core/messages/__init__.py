@@ -1,0 +1,56 @@
+"""Every value that crosses a layer. Immutable, SI units, the unit in the name.
+
+Frames (REP-103, REP-105):
+    map     local East-North-Up, metres, origin at the field datum.
+    body    on the ground under the robot's centre: x forward, y left, z up.
+    camera  optical: x right, y down, z forward.
+Yaw is counter-clockwise from East, radians, in (-pi, pi].
+`t_s` is the capture time on the platform clock, never the time a value was read.
+"""
+
+from agribot.core.messages.arrays import ByteArray, FloatArray, Four, MapPoint, Vec3
+from agribot.core.messages.command import STOP, DriveCommand, ImplementCommand, RobotCommand
+from agribot.core.messages.estimate import Estimate
+from agribot.core.messages.mission import Goal, MissionState, MissionStatus, Path, Row
+from agribot.core.messages.operator import (
+    INBOX_LIMIT,
+    LIVE_SETTINGS,
+    SENSOR_WATCH,
+    HandDrive,
+    Inbox,
+    OperatorAction,
+    OperatorEvent,
+)
+from agribot.core.messages.seen import (
+    CropCover,
+    GroundPlant,
+    MappedPlant,
+    PlantClass,
+    RowLine,
+    Scene,
+)
+from agribot.core.messages.sensors import (
+    WHEEL_NAMES,
+    BaseFix,
+    BatterySample,
+    BumperSample,
+    CameraFrame,
+    GnssFix,
+    GnssHeading,
+    GnssQuality,
+    ImuSample,
+    MagSample,
+    SensorBatch,
+    WheelSample,
+)
+from agribot.core.messages.tick import TickRecord, Tracking
+
+__all__ = [
+    "INBOX_LIMIT", "LIVE_SETTINGS", "SENSOR_WATCH", "STOP", "WHEEL_NAMES", "BaseFix",
+    "BatterySample", "BumperSample", "ByteArray", "CameraFrame", "CropCover", "DriveCommand",
+    "Estimate", "FloatArray", "Four", "GnssFix", "GnssHeading", "GnssQuality", "Goal",
+    "GroundPlant", "HandDrive", "ImplementCommand", "ImuSample", "Inbox", "MagSample",
+    "MapPoint", "MappedPlant", "MissionState", "MissionStatus", "OperatorAction",
+    "OperatorEvent", "Path", "PlantClass", "RobotCommand", "Row", "RowLine", "Scene",
+    "SensorBatch", "TickRecord", "Tracking", "Vec3", "WheelSample",
+]  # fmt: skip

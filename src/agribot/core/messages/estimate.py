@@ -1,0 +1,37 @@
+"""Where the robot believes to be."""
+
+from __future__ import annotations
+
+import msgspec
+
+from agribot.core.messages.sensors import GnssQuality
+
+
+class Estimate(msgspec.Struct, frozen=True, kw_only=True):
+    """Pose of the body in the map; `pose_cov` is the 3x3 covariance of x, y and yaw by rows.
+
+    `ok` is False until the filter has a position and a heading, and again when inputs go
+    silent; `reason` then says why, or what is wrong with a sensor that the pose does without.
+    `protection_m` bounds the error, faults of GNSS included, `across_protection_m` that to the
+    side of where the robot heads, of which the covariance alone makes `across_plain_m`.
+    `contradiction` tells of sensors between which a person decides.
+    """
+
+    t_s: float
+    x_map_m: float
+    y_map_m: float
+    yaw_map_rad: float
+    v_mps: float
+    yaw_rate_radps: float
+    slip_rad: float
+    pose_cov: tuple[float, float, float, float, float, float, float, float, float]
+    pos_std_m: float
+    yaw_std_rad: float
+    quality: GnssQuality
+    ok: bool
+    reason: str = ""
+    protection_m: float = float("inf")
+    row_seen: bool | None = None  # crop, where the robot's row is to be; None: no camera looks
+    across_protection_m: float = float("inf")
+    across_plain_m: float = 0.0
+    contradiction: str = ""

@@ -1,0 +1,77 @@
+"""Paths, crop rows, and what the mission wants and reports."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from agribot.core.field_bounds import FieldBounds
+from agribot.core.messages.arrays import FloatArray
+
+MissionState = Literal["waiting", "running", "paused", "done", "cancelled", "failed"]
+
+
+class Path(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """A dense path of the body frame's origin in the map.
+
+    All arrays have N points about 2 cm apart: `xy_map_m` (N, 2), `yaw_map_rad` (N,),
+    `curvature_radpm` (N,), `row` (N,) the index of the crop row, or -1 between rows,
+    `s_m` (N,) the distance from the start.
+    """
+
+    xy_map_m: FloatArray
+    yaw_map_rad: FloatArray
+    curvature_radpm: FloatArray
+    row: npt.NDArray[np.int64]
+    s_m: FloatArray
+
+
+class Row(msgspec.Struct, frozen=True, kw_only=True):
+    """A crop row from its first to its last plant: a line, or an arc (see row_shape)."""
+
+    index: int
+    start_map_m: tuple[float, float]
+    end_map_m: tuple[float, float]
+    curvature_radpm: float = 0.0  # left positive
+
+
+class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """Progress: `row` is the row being worked, -1 between rows; `rows_done` those finished."""
+
+    state: MissionState
+    reason: str
+    row: int
+    rows_total: int
+    rows_done: tuple[int, ...]
+    s_m: float
+    length_m: float
+    waypoints_total: int
+    waypoints_reached: int
+    leg: str = ""  # "row 3", "to row 4", "way home"
+    distance_left_m: float = 0.0
+    eta_s: float | None = None  # until the end of the path, at the planned speeds
+    refusal: str = ""  # why the last goal, visit, plan or way home was not taken
+    task: str = ""  # the name of the visit that took the place of the mission
+    goal_map_m: tuple[float, float] | None = None  # where the robot is bound for on its path
+    rows_unproven: tuple[int, ...] = ()  # driven without evidence that it was this row: not done
+    stopped: str = ""  # why it stands until a person clears the stop
+    held: str = ""  # why it paused by itself; a person has to look, and to resume it
+    warning: str = ""  # what calls it home, such as a low battery
+
+
+class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """What the mission wants now: follow `path` from `s_m`, at most this fast.
+
+    `path` is None until it is planned. `tracked_x_m` ahead on the body is what stays on it.
+    """
+
+    path: Path | None
+    s_m: float
+    max_speed_mps: float
+    tool_on: bool
+    status: MissionStatus
+    tracked_x_m: float = 0.0
+    bounds: FieldBounds | None = None  # of the field that must not be left

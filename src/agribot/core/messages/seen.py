@@ -1,0 +1,101 @@
+"""What the camera network sees, and the plants of the map that grows from it."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import msgspec
+
+from agribot.core.messages.arrays import Vec3
+
+
+class PlantClass(IntEnum):
+    """Class ids of masks and reports; colours red, green, blue."""
+
+    WEED = 0
+    CROP = 1
+    SOIL = 2
+
+
+class GroundPlant(msgspec.Struct, frozen=True, kw_only=True):
+    """One plant seen in one frame, projected on the ground plane of the body frame."""
+
+    x_body_m: float
+    y_body_m: float
+    plant: PlantClass
+    area_m2: float
+    confidence: float
+    std_m: float
+
+
+class RowLine(msgspec.Struct, frozen=True, kw_only=True):
+    """The crop row under the robot, as one frame shows it; whoever looks cannot tell which row.
+
+    `offset_m` is how far the body's origin stands to the left of the row, `heading_rad` the
+    robot's heading against the row's direction that it faces, counter-clockwise; both are None
+    where too little of the row is in view. The first and the last plant lie so far ahead along
+    the row, None where they are not in view. Sigmas are
+    those of one frame; errors that last for seconds come on top. `offset_m` holds for the point
+    `at_ahead_m` ahead on the body's x axis: there its error is independent of the heading's.
+    """
+
+    t_s: float
+    offset_m: float | None
+    heading_rad: float | None
+    offset_std_m: float
+    heading_std_rad: float
+    start_ahead_m: float | None = None
+    end_ahead_m: float | None = None
+    range_std_m: float = 0.1
+    at_ahead_m: float = 0.0
+
+
+class CropCover(msgspec.Struct, frozen=True, kw_only=True):
+    """Where leaves of crop stand over the ground, as one frame shows it; nothing may spray there.
+
+    Square cells of the body frame, row by row from the corner at (`x_body_m`, `y_body_m`): columns
+    run to the left (y), rows forwards (x). `crop` and `seen` hold a bit for each cell, the highest
+    bit of a byte first, whether it shows crop, and whether the picture shows it at all.
+    """
+
+    x_body_m: float
+    y_body_m: float
+    cell_m: float
+    rows: int
+    columns: int
+    crop: bytes
+    seen: bytes
+
+
+class Scene(msgspec.Struct, frozen=True, kw_only=True):
+    """What the network saw in the frame captured at `t_s`; usable from `ready_s` on.
+
+    `view_body_m` is the ground polygon that the camera covered, so that a plant that should
+    have been seen and was not can count against its track.
+    """
+
+    t_s: float
+    ready_s: float
+    frame_index: int
+    plants: tuple[GroundPlant, ...]
+    view_body_m: tuple[tuple[float, float], ...]
+    class_ratio: Vec3 = (0.0, 0.0, 0.0)
+    row_line: RowLine | None = None
+    crop_cover: CropCover | None = None  # None: of a camera, or a recording, that tells none
+    picture_crc32: int = 0  # of the picture's bytes; 0 where nobody worked it out
+
+
+class MappedPlant(msgspec.Struct, frozen=True, kw_only=True):
+    """Position, 2x2 covariance (row by row) and the evidence for it."""
+
+    id: int
+    plant: PlantClass
+    x_map_m: float
+    y_map_m: float
+    cov_m2: tuple[float, float, float, float]
+    area_m2: float
+    confidence: float
+    sightings: int
+    first_seen_s: float
+    last_seen_s: float
+    treated_s: float | None = None

@@ -1,0 +1,140 @@
+"""What sensors and devices measure, and the batch of one tick."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import msgspec
+
+from agribot.core.messages.arrays import ByteArray, Four, Vec3
+from agribot.core.messages.operator import HandDrive, OperatorEvent
+
+# The order of every four-wheel tuple: rear right, rear left, front right, front left.
+WHEEL_NAMES = ("right_wheel_R", "left_wheel_R", "right_wheel_F", "left_wheel_F")
+
+
+class GnssQuality(IntEnum):
+    """How a position was obtained; the numbers are those of NMEA GGA field 6."""
+
+    NONE = 0
+    SINGLE = 1
+    DGNSS = 2
+    RTK_FIXED = 4
+    RTK_FLOAT = 5
+
+
+class WheelSample(msgspec.Struct, frozen=True, kw_only=True):
+    """Encoder reading of the four wheels, in the order of WHEEL_NAMES.
+
+    A board may also tell the torque at the wheels, the speeds it wants, and disobedient wheels.
+    """
+
+    t_s: float
+    angle_rad: Four
+    speed_radps: Four
+    effort_nm: Four | None = None
+    target_radps: Four | None = None
+    faults: tuple[str, ...] = ()
+
+
+class ImuSample(msgspec.Struct, frozen=True, kw_only=True):
+    """Body axes at the IMU. Acceleration is specific force: +9.8 upwards at rest (REP-145)."""
+
+    t_s: float
+    gyro_radps: Vec3
+    accel_mps2: Vec3
+
+
+class MagSample(msgspec.Struct, frozen=True, kw_only=True):
+    """Magnetic field in body axes."""
+
+    t_s: float
+    field_t: Vec3
+
+
+class GnssFix(msgspec.Struct, frozen=True, kw_only=True):
+    """One epoch of a receiver, at its antenna.
+
+    `pos_std_m` is the receiver's own 1 sigma per horizontal axis; `t_s` the measurement epoch
+    (the fix arrives later). Velocity is East, North, Up, or None when the receiver gives none.
+    """
+
+    t_s: float
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+    pos_std_m: float
+    quality: GnssQuality
+    velocity_mps: Vec3 | None = None
+    velocity_std_mps: float = 0.1
+
+
+class GnssHeading(msgspec.Struct, frozen=True, kw_only=True):
+    """Heading of the robot from two antennas; silent while the ambiguities are not fixed."""
+
+    t_s: float
+    yaw_map_rad: float
+    std_rad: float
+
+
+class BaseFix(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a receiver at a known place believes to be: what is off there is off nearby, too."""
+
+    t_s: float
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+    pos_std_m: float
+    known_lat_deg: float
+    known_lon_deg: float
+    known_alt_m: float
+
+    def error(self) -> tuple[float, float, float]:
+        """Latitude, longitude (degrees) and altitude (m) to subtract from a fix near by."""
+        return (
+            self.lat_deg - self.known_lat_deg,
+            self.lon_deg - self.known_lon_deg,
+            self.alt_m - self.known_alt_m,
+        )
+
+
+class CameraFrame(msgspec.Struct, frozen=True, kw_only=True):
+    """An image: (height, width, 3) uint8, red green blue, top row first."""
+
+    t_s: float
+    index: int
+    image_rgb: ByteArray
+
+
+class BumperSample(msgspec.Struct, frozen=True, kw_only=True):
+    """The robot touches something, here in the body frame; one sample per tick of contact."""
+
+    t_s: float
+    x_body_m: float
+    y_body_m: float
+
+
+class BatterySample(msgspec.Struct, frozen=True, kw_only=True):
+    """Voltage at the terminals, current drawn, and what is left of the capacity."""
+
+    t_s: float
+    voltage_v: float
+    current_a: float
+    charge_ratio: float
+
+
+class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
+    """What arrived since the last tick, oldest first. A silent sensor is an empty tuple."""
+
+    t_s: float
+    wheels: tuple[WheelSample, ...] = ()
+    imu: tuple[ImuSample, ...] = ()
+    mag: tuple[MagSample, ...] = ()
+    gnss: tuple[GnssFix, ...] = ()
+    frames: tuple[CameraFrame, ...] = ()
+    events: tuple[OperatorEvent, ...] = ()
+    base: tuple[BaseFix, ...] = ()
+    headings: tuple[GnssHeading, ...] = ()
+    bumper: tuple[BumperSample, ...] = ()
+    battery: tuple[BatterySample, ...] = ()
+    hand: tuple[HandDrive, ...] = ()

@@ -1,0 +1,35 @@
+"""All of one tick."""
+
+from __future__ import annotations
+
+import msgspec
+
+from agribot.core.messages.command import RobotCommand
+from agribot.core.messages.estimate import Estimate
+from agribot.core.messages.mission import MissionStatus
+from agribot.core.messages.seen import Scene
+from agribot.core.messages.sensors import SensorBatch
+
+
+class Tracking(msgspec.Struct, frozen=True, kw_only=True):
+    """What the follower believes: signed cross-track (left positive) and heading error."""
+
+    s_m: float
+    cross_track_m: float
+    heading_error_rad: float
+
+
+class TickRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """All that one tick saw and decided: log line, display update and replay key.
+
+    `reason` says why the supervisor changed the command, or that wheels turn on though they are
+    to stand; empty where neither is so.
+    """
+
+    batch: SensorBatch
+    scenes: tuple[Scene, ...]
+    estimate: Estimate
+    status: MissionStatus
+    tracking: Tracking | None
+    command: RobotCommand
+    reason: str = ""

@@ -1,0 +1,97 @@
+"""The small interface to a robot: a simulator, real hardware or a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal, Protocol
+
+import msgspec
+
+from agribot.core.messages import SENSOR_WATCH, OperatorEvent, RobotCommand, SensorBatch
+
+# Fields of a SensorBatch that may come from elsewhere.
+Sensor = Literal["gnss", "imu", "mag", "wheels", "frames"]
+SILENCE_S = 2.0
+
+
+class Platform(Protocol):
+    """Nothing above this interface knows whether the robot is real."""
+
+    def read(self) -> SensorBatch:
+        """Wait for the next tick and return what arrived since the last one.
+
+        Raises: PlatformError: the robot does not answer any more.
+        """
+        ...
+
+    def write(self, command: RobotCommand) -> None:
+        """Send a command; it holds until the next one, or until the platform's own timeout."""
+        ...
+
+    def close(self) -> None:
+        """Stop the wheels and the implement, and release everything. Safe to call twice."""
+        ...
+
+
+class SensorSource(Protocol):
+    """One sensor that comes from elsewhere than the platform, `name` says from where."""
+
+    sensor: Sensor
+    name: str
+
+    def take(self, t_s: float) -> tuple[Any, ...]:
+        """Samples that arrived since the last call, oldest first, stamped by the robot's clock."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class MixedPlatform:
+    """A platform some of whose sensors come from elsewhere; its own samples of these are dropped.
+
+    A source that says nothing for `SILENCE_S` is a fault, which the batch carries as a note.
+    """
+
+    def __init__(self, platform: Platform, sources: Sequence[SensorSource]) -> None:
+        self._platform, self._sources = platform, tuple(sources)
+        self._heard_s: dict[str, float] = {}
+        self._silent: set[str] = set()
+
+    def read(self) -> SensorBatch:
+        batch = self._platform.read()
+        samples: dict[str, Any] = {s.sensor: s.take(batch.t_s) for s in self._sources}
+        notes = [
+            note
+            for source in self._sources
+            for note in self._watch(source, batch.t_s, has_samples=bool(samples[source.sensor]))
+        ]
+        return msgspec.structs.replace(batch, **samples, events=(*notes, *batch.events))
+
+    def write(self, command: RobotCommand) -> None:
+        self._platform.write(command)
+
+    def close(self) -> None:
+        for source in self._sources:
+            source.close()
+        self._platform.close()
+
+    def _watch(
+        self, source: SensorSource, t_s: float, *, has_samples: bool
+    ) -> Iterator[OperatorEvent]:
+        """A note when it falls silent, of value 1, and one when it speaks again."""
+        name = f"{source.sensor} from {source.name}"
+        last_s = self._heard_s.setdefault(name, t_s)
+        if has_samples:
+            self._heard_s[name] = t_s
+        is_silent = not has_samples and t_s - last_s > SILENCE_S
+        if is_silent == (name in self._silent) or not (is_silent or has_samples):
+            return
+        self._silent ^= {name}
+        text = f"silent for {t_s - last_s:.1f} s > {SILENCE_S:g} s" if is_silent else "heard again"
+        yield OperatorEvent(
+            t_s=t_s,
+            action="note",
+            source=SENSOR_WATCH,
+            text=f"{name} is {text}",
+            value=float(is_silent),
+        )

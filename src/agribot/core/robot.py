@@ -1,0 +1,270 @@
+"""What the robot is: the values that the URDF/xacro description was read into.
+
+Only `agribot.description` builds these; physics, odometry, camera and exports all read them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+
+from agribot.core.errors import DescriptionError
+from agribot.core.geo import LINK_FROM_OPTICAL, transform
+from agribot.core.messages import WHEEL_NAMES, FloatArray, Vec3
+
+
+class Origin(msgspec.Struct, frozen=True, kw_only=True):
+    """A URDF origin: metres and fixed-axis roll, pitch, yaw."""
+
+    xyz_m: Vec3 = (0.0, 0.0, 0.0)
+    rpy_rad: Vec3 = (0.0, 0.0, 0.0)
+
+    def matrix(self) -> FloatArray:
+        """`parent_from_child`, (4, 4)."""
+        return transform(self.xyz_m, self.rpy_rad)
+
+
+class Shape(msgspec.Struct, frozen=True, kw_only=True):
+    """Geometry of a visual or a collision element.
+
+    `size_m` is (x, y, z) of a box, (radius, length, 0) of a cylinder, (radius, 0, 0) of a
+    sphere and the scale of a mesh.
+    """
+
+    kind: str
+    size_m: Vec3
+    origin: Origin = Origin()
+    mesh: str = ""
+    rgba: tuple[float, float, float, float] = (0.7, 0.7, 0.7, 1.0)
+
+
+class Link(msgspec.Struct, frozen=True, kw_only=True):
+    """`inertia_kgm2` is (ixx, iyy, izz, ixy, ixz, iyz) about `com`, in its axes."""
+
+    name: str
+    mass_kg: float = 0.0
+    com: Origin = Origin()
+    inertia_kgm2: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    visuals: tuple[Shape, ...] = ()
+    collisions: tuple[Shape, ...] = ()
+
+
+class Joint(msgspec.Struct, frozen=True, kw_only=True):
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Origin = Origin()
+    axis: Vec3 = (1.0, 0.0, 0.0)
+    effort_nm: float = math.inf
+    velocity_radps: float = math.inf
+    damping_nmspr: float = 0.0
+    friction_nm: float = 0.0
+    gear_ratio: float = 1.0
+
+
+class TyreSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """Tyre on soil. `friction_*` is already the smaller of wheel and ground, as ODE takes it.
+
+    While the wheel rolls on by `relaxation_length_m`, its contact patch is renewed: at rest the
+    bristles are a spring, on the move slip s is a force of stiffness * length * s up to friction.
+    """
+
+    friction_longitudinal_ratio: float = 1.0
+    friction_lateral_ratio: float = 1.0
+    normal_stiffness_npm: float = 1e4
+    normal_damping_ratio: float = 0.4
+    bristle_stiffness_npm: float = 5e3
+    relaxation_length_m: float = 0.03
+    rolling_resistance_ratio: float = 0.03
+
+
+class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """Skid-steer drive.
+
+    `wheel_radius_m`, `track_m` and `wheelbase_m` are measured on the geometry.
+    `told_diameter_m` and `told_separation_m` are what the original drive plugin was told
+    (wrongly); they matter only for its compatibility mode. `yaw_multiplier` scales the track
+    to the effective separation of a skidding vehicle, (a^2 + b^2) / b^2 for equal friction.
+    `torque_nm` is the drive plugin's limit at each wheel; encoder ticks count on the motor shaft.
+    """
+
+    wheel_radius_m: float
+    wheel_width_m: float
+    track_m: float
+    wheelbase_m: float
+    told_diameter_m: float
+    told_separation_m: float
+    yaw_multiplier: float
+    torque_nm: float
+    gear_ratio: float
+    encoder_ticks_per_rev: int
+    command_timeout_s: float
+    max_speed_mps: float
+    max_yaw_rate_radps: float
+    max_accel_mps2: float
+    max_yaw_accel_radps2: float
+    rotor_inertia_kgm2: float
+    servo_gain_nmspr: float
+    rate_hz: float
+    # Speed controller of a wheel that is driven by torque: Nm per rad/s, rad and rad/s^2.
+    pid_p_nmspr: float = 0.3
+    pid_i_nmprad: float = 3.0
+    pid_d_nms2prad: float = 0.0005
+    # What the motor itself gives before the gear, and what the gear leaves of it.
+    motor_torque_nm: float = math.inf
+    gear_efficiency_ratio: float = 1.0
+
+    @property
+    def wheel_torque_nm(self) -> float:
+        """Most torque at a wheel: of the motor behind its gear, and of the drive's own limit."""
+        geared_nm = self.motor_torque_nm * self.gear_ratio * self.gear_efficiency_ratio
+        return min(self.torque_nm, geared_nm)
+
+    @property
+    def effective_separation_m(self) -> float:
+        return self.track_m * self.yaw_multiplier
+
+    def told(self) -> DriveSpec:
+        """The same drive as the original plugin was told it is."""
+        return msgspec.structs.replace(
+            self,
+            wheel_radius_m=self.told_diameter_m / 2.0,
+            track_m=self.told_separation_m,
+            yaw_multiplier=1.0,
+        )
+
+    def wheel_speeds_radps(self, v_mps: float, yaw_rate_radps: float) -> tuple[float, float]:
+        """Left and right wheel speed for a body twist."""
+        half_m = self.effective_separation_m / 2.0
+        return (
+            (v_mps - yaw_rate_radps * half_m) / self.wheel_radius_m,
+            (v_mps + yaw_rate_radps * half_m) / self.wheel_radius_m,
+        )
+
+
+class CameraSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """Camera; `link` is the frame with x forward, the optical frame follows REP-103.
+
+    `distortion` is k1, k2, p1, p2 of the lens in OpenCV's model; all zero is a pinhole.
+    """
+
+    link: str
+    width_px: int
+    height_px: int
+    hfov_rad: float
+    rate_hz: float
+    noise_std: float
+    clip_near_m: float
+    clip_far_m: float
+    distortion: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def focal_px(self) -> float:
+        return self.width_px / (2.0 * math.tan(self.hfov_rad / 2.0))
+
+    def matrix(self) -> FloatArray:
+        """Intrinsic matrix (3, 3); pixel (0, 0) has its centre at (0, 0), as in CameraInfo."""
+        focal = self.focal_px
+        return np.array(
+            [
+                [focal, 0.0, (self.width_px - 1) / 2.0],
+                [0.0, focal, (self.height_px - 1) / 2.0],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+
+
+class SensorMount(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a sensor sits and how often it speaks; `tags` keeps the plugin's own numbers."""
+
+    link: str
+    rate_hz: float
+    tags: dict[str, str] = {}
+
+
+class SprayerSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """A boom of nozzles across the robot, at `x_body_m`."""
+
+    x_body_m: float
+    nozzle_count: int
+    nozzle_spacing_m: float
+    nozzle_width_m: float
+    latency_s: float
+
+    def nozzle_y_body_m(self) -> tuple[float, ...]:
+        """Lateral position of each nozzle, from left to right."""
+        first_m = (self.nozzle_count - 1) / 2.0 * self.nozzle_spacing_m
+        return tuple(first_m - i * self.nozzle_spacing_m for i in range(self.nozzle_count))
+
+
+class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    drive: DriveSpec
+    tyre: TyreSpec
+    imu: SensorMount
+    gnss: SensorMount
+    mag: SensorMount
+    camera: CameraSpec | None = None
+    sprayer: SprayerSpec | None = None
+    warnings: tuple[str, ...] = ()  # what the description left out and what is used instead
+
+    def link(self, name: str) -> Link:
+        for link in self.links:
+            if link.name == name:
+                return link
+        known = ", ".join(sorted(link.name for link in self.links))
+        raise DescriptionError(f"robot '{self.name}' has no link '{name}'; it has: {known}")
+
+    @property
+    def tool_x_m(self) -> float:
+        """Where on the body the tool works: the boom, or the origin where there is none."""
+        return self.sprayer.x_body_m if self.sprayer else 0.0
+
+    @property
+    def base_height_m(self) -> float:
+        """Height of base_link over the ground when the robot stands on its wheels."""
+        return self.drive.wheel_radius_m - float(self.base_from_link(WHEEL_NAMES[0])[2, 3])
+
+    def base_from_link(self, name: str) -> FloatArray:
+        """Pose of a link in base_link with all joints at zero, (4, 4)."""
+        self.link(name)
+        parents = {joint.child: joint for joint in self.joints}
+        base_from_link = np.eye(4)
+        while name != "base_link":
+            joint = parents.get(name)
+            if joint is None:
+                return np.linalg.inv(self._root_from("base_link")) @ base_from_link
+            base_from_link = joint.origin.matrix() @ base_from_link
+            name = joint.parent
+        return base_from_link
+
+    def _root_from(self, name: str) -> FloatArray:
+        parents = {joint.child: joint for joint in self.joints}
+        root_from_link = np.eye(4)
+        while name in parents:
+            root_from_link = parents[name].origin.matrix() @ root_from_link
+            name = parents[name].parent
+        return root_from_link
+
+    def body_from_link(self, name: str) -> FloatArray:
+        """Pose of a link in the body frame: on the ground, below base_link, (4, 4)."""
+        return transform((0.0, 0.0, self.base_height_m)) @ self.base_from_link(name)
+
+    def body_from_camera(self) -> FloatArray:
+        """Pose of the camera's optical frame in the body frame, (4, 4)."""
+        if self.camera is None:
+            raise DescriptionError(f"robot '{self.name}' has no camera sensor in its description")
+        return self.body_from_link(self.camera.link) @ LINK_FROM_OPTICAL
+
+    def wheel_xy_body_m(self) -> FloatArray:
+        """Ground contact of the four wheels in the order of WHEEL_NAMES, (4, 2)."""
+        return np.array([self.base_from_link(name)[:2, 3] for name in WHEEL_NAMES])
+
+    @property
+    def mass_kg(self) -> float:
+        return sum(link.mass_kg for link in self.links)

@@ -1,0 +1,284 @@
+"""THE table of topics: name, struct, ROS type, nominal rate, QoS and the original's name.
+
+Recorder, displays and bridges read it; none of them invents a name of its own. Inside the robot
+there is no bus: `stack.tick` is the data flow, and topics exist only at its edge.
+"""
+
+from __future__ import annotations
+
+from agribot.core.messages import (
+    BaseFix,
+    BatterySample,
+    BumperSample,
+    CameraFrame,
+    Estimate,
+    GnssFix,
+    ImuSample,
+    MagSample,
+    MappedPlant,
+    MissionStatus,
+    Path,
+    RobotCommand,
+    Scene,
+    TickRecord,
+    WheelSample,
+)
+from agribot.core.topic import LATCHED, LATEST, Topic
+
+FIX = Topic(
+    name="/agribot/fix",
+    ros_type="sensor_msgs/msg/NavSatFix",
+    struct=GnssFix,
+    rate_hz=10.0,
+    seed_alias="/agribot/fix",
+    seed_ros_type="sensor_msgs/msg/NavSatFix",
+    about="GNSS position at the antenna",
+)
+FIX_VELOCITY = Topic(
+    name="/agribot/fix_velocity",
+    ros_type="geometry_msgs/msg/Vector3Stamped",
+    struct=GnssFix,
+    rate_hz=10.0,
+    seed_alias="/agribot/fix_velocity",
+    seed_ros_type="geometry_msgs/msg/Vector3Stamped",
+    about="GNSS velocity, East North Up, m/s",
+)
+IMU = Topic(
+    name="/agribot/imu",
+    ros_type="sensor_msgs/msg/Imu",
+    struct=ImuSample,
+    rate_hz=200.0,
+    seed_alias="/agribot/imu",
+    seed_ros_type="sensor_msgs/msg/Imu",
+    about="gyro and specific force (REP-145); it measures no orientation",
+)
+MAGNETIC = Topic(
+    name="/agribot/magnetic",
+    ros_type="sensor_msgs/msg/MagneticField",
+    struct=MagSample,
+    rate_hz=20.0,
+    seed_alias="/magnetic",
+    seed_ros_type="geometry_msgs/msg/Vector3Stamped",
+    about="magnetic field in body axes, tesla",
+)
+POLE_FIX = Topic(
+    name="/pole/fix",
+    ros_type="sensor_msgs/msg/NavSatFix",
+    struct=BaseFix,
+    rate_hz=5.0,
+    seed_alias="/Pole/fix",
+    seed_ros_type="sensor_msgs/msg/NavSatFix",
+    about="GNSS position of the base station on the pole, errors and all",
+)
+BUMPER = Topic(
+    name="/agribot/bumper",
+    ros_type="geometry_msgs/msg/PointStamped",
+    struct=BumperSample,
+    about="where the robot touches something, in base_footprint, once a tick while it does",
+)
+BATTERY = Topic(
+    name="/agribot/battery",
+    ros_type="sensor_msgs/msg/BatteryState",
+    struct=BatterySample,
+    rate_hz=1.0,
+    about="voltage, current (negative: discharging) and what is left of the charge",
+)
+JOINT_STATES = Topic(
+    name="/agribot/joint_states",
+    ros_type="sensor_msgs/msg/JointState",
+    struct=WheelSample,
+    rate_hz=50.0,
+    seed_alias="/agribot/joint_states",
+    seed_ros_type="sensor_msgs/msg/JointState",
+    about="wheel encoders, the newest sample of each tick",
+)
+ODOMETRY = Topic(
+    name="/agribot/odometry/estimate",
+    ros_type="nav_msgs/msg/Odometry",
+    struct=Estimate,
+    rate_hz=50.0,
+    seed_alias="/agribot/odom",
+    seed_ros_type="nav_msgs/msg/Odometry",
+    about="estimated pose in the map with its covariance, twist in the body frame",
+)
+POSE = Topic(
+    name="/agribot/pose",
+    ros_type="geometry_msgs/msg/PoseStamped",
+    struct=Estimate,
+    rate_hz=10.0,
+    seed_alias="/currentPose",
+    seed_ros_type="geometry_msgs/msg/Pose",
+    about="estimated pose in the map (the original sent the vector to the goal)",
+)
+CMD_VEL = Topic(
+    name="/agribot/cmd_vel",
+    ros_type="geometry_msgs/msg/Twist",
+    struct=RobotCommand,
+    rate_hz=50.0,
+    direction="both",
+    seed_alias="/agribot/cmd_vel",
+    seed_ros_type="geometry_msgs/msg/Twist",
+    about="the command after the supervisor; with --allow-drive instead what peers ask for",
+)
+IMAGE = Topic(
+    name="/agribot/camera/image_raw/compressed",
+    ros_type="sensor_msgs/msg/CompressedImage",
+    struct=CameraFrame,
+    rate_hz=1.0,
+    about="camera, JPEG; 5 Hz to bridges",
+)
+IMAGE_RAW = Topic(
+    name="/agribot/camera/image_raw",
+    ros_type="sensor_msgs/msg/Image",
+    struct=CameraFrame,
+    rate_hz=5.0,
+    seed_alias="/agribot/camera/image_raw",
+    seed_ros_type="sensor_msgs/msg/Image",
+    about="camera, rgb8; bridges only and only on request (--raw-images)",
+)
+CAMERA_INFO = Topic(
+    name="/agribot/camera/camera_info",
+    ros_type="sensor_msgs/msg/CameraInfo",
+    rate_hz=1.0,
+    seed_alias="/agribot/camera/camera_info",
+    seed_ros_type="sensor_msgs/msg/CameraInfo",
+    about="pinhole of the camera, one for each recorded image",
+)
+OVERLAY = Topic(
+    name="/agribot/camera/overlay/compressed",
+    ros_type="sensor_msgs/msg/CompressedImage",
+    struct=Scene,
+    rate_hz=1.0,
+    about="camera with what the network found: weeds red, crops green",
+)
+PATH = Topic(
+    name="/agribot/path",
+    ros_type="nav_msgs/msg/Path",
+    struct=Path,
+    qos=LATCHED,
+    about="the planned path of the body frame in the map",
+)
+GOALS = Topic(
+    name="/agribot/goals",
+    ros_type="geometry_msgs/msg/PoseArray",
+    qos=LATCHED,
+    about="waypoints in driving order: the row ends",
+)
+GOAL_FIX = Topic(
+    name="/agribot/goal_fix",
+    ros_type="sensor_msgs/msg/NavSatFix",
+    qos=LATCHED,
+    seed_alias="/goal_GPS",
+    seed_ros_type="sensor_msgs/msg/NavSatFix",
+    about="where the robot is bound for (waypoint, row end, goal), latitude and longitude",
+)
+WEEDS = Topic(
+    name="/agribot/weeds",
+    ros_type="visualization_msgs/msg/MarkerArray",
+    struct=MappedPlant,
+    rate_hz=1.0,
+    qos=LATCHED,
+    about="the weed map: weeds red, treated weeds grey, crops green",
+)
+STATUS = Topic(
+    name="/agribot/mission/status",
+    ros_type="std_msgs/msg/String",
+    struct=MissionStatus,
+    rate_hz=1.0,
+    about="MissionStatus as JSON, at once when its state changes",
+)
+DISTANCE = Topic(
+    name="/agribot/distance",
+    ros_type="std_msgs/msg/Float64",
+    struct=Estimate,
+    rate_hz=10.0,
+    seed_alias="/distance",
+    seed_ros_type="std_msgs/msg/Float64",
+    about="straight distance to where the robot is bound for, m",
+)
+BEARING = Topic(
+    name="/agribot/bearing",
+    ros_type="std_msgs/msg/Float64",
+    struct=Estimate,
+    rate_hz=10.0,
+    seed_alias="/angleOG",
+    seed_ros_type="std_msgs/msg/Float64",
+    about="direction to where it is bound for, degrees counter-clockwise from East",
+)
+ANGLE = Topic(
+    name="/agribot/angle",
+    ros_type="std_msgs/msg/Float64",
+    struct=Estimate,
+    rate_hz=10.0,
+    seed_alias="/angle",
+    seed_ros_type="std_msgs/msg/Float64",
+    about="bearing minus heading: how far to turn left to face that place, degrees",
+)
+HEADING_RAW = Topic(
+    name="/agribot/heading/raw",
+    ros_type="std_msgs/msg/Float64",
+    struct=MagSample,
+    rate_hz=20.0,
+    seed_alias="/Rawheading",
+    seed_ros_type="std_msgs/msg/Float64",
+    about="heading of the level magnetometer, degrees clockwise from magnetic North",
+)
+HEADING_FILTERED = Topic(
+    name="/agribot/heading/filtered",
+    ros_type="std_msgs/msg/Float64",
+    struct=Estimate,
+    rate_hz=10.0,
+    seed_alias="/Filteredheading",
+    seed_ros_type="std_msgs/msg/Float64",
+    about="estimated heading, degrees clockwise from North",
+)
+TF = Topic(
+    name="/tf",
+    ros_type="tf2_msgs/msg/TFMessage",
+    rate_hz=50.0,
+    seed_alias="/tf",
+    seed_ros_type="tf2_msgs/msg/TFMessage",
+    about="map -> odom -> base_footprint, and the wheels at 10 Hz",
+)
+TF_STATIC = Topic(
+    name="/tf_static",
+    ros_type="tf2_msgs/msg/TFMessage",
+    qos=LATCHED,
+    about="the fixed joints of the robot and the optical frame of the camera",
+)
+ROBOT_DESCRIPTION = Topic(
+    name="/robot_description", ros_type="std_msgs/msg/String", qos=LATCHED, about="URDF"
+)
+CLOCK = Topic(
+    name="/clock",
+    ros_type="rosgraph_msgs/msg/Clock",
+    rate_hz=50.0,
+    qos=LATEST,
+    about="simulated time; bridges only, a bag player makes its own",
+)
+GROUND_TRUTH = Topic(
+    name="/ground_truth/odometry",
+    ros_type="nav_msgs/msg/Odometry",
+    rate_hz=50.0,
+    about="true pose and twist; exists in simulation only and never reaches the robot",
+)
+TICK = Topic(
+    name="/agribot/tick",
+    ros_type="",
+    struct=TickRecord,
+    rate_hz=50.0,
+    about="everything one tick saw and decided, MessagePack, without the pixels: what replay reads",
+)
+
+TOPICS: tuple[Topic, ...] = (
+    FIX, FIX_VELOCITY, IMU, MAGNETIC, POLE_FIX, BUMPER, BATTERY, JOINT_STATES, ODOMETRY, POSE,
+    CMD_VEL, IMAGE, IMAGE_RAW, CAMERA_INFO, OVERLAY, PATH, GOALS, GOAL_FIX, WEEDS, STATUS,
+    DISTANCE, BEARING, ANGLE, HEADING_RAW, HEADING_FILTERED, TF, TF_STATIC, ROBOT_DESCRIPTION,
+    CLOCK, GROUND_TRUTH, TICK,
+)  # fmt: skip
+
+
+def by_name(name: str) -> Topic | None:
+    """The topic of this name or of this original name, whichever fits first."""
+    named = (topic for topic in TOPICS if topic.name == name)
+    return next(named, next((topic for topic in TOPICS if topic.seed_alias == name), None))

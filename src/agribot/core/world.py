@@ -1,0 +1,108 @@
+"""What a world is: the values that an SDF world file was read into.
+
+Everything is in the map frame (East-North-Up at the world's datum), whatever orientation the
+file used. Plants are procedural: a species, a growth stage and a seed, never a rigid body.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from agribot.core.geo import Datum
+from agribot.core.messages import FloatArray, PlantClass, Vec3
+from agribot.core.robot import Shape
+
+Rgb = tuple[float, float, float]
+
+
+class Plant(msgspec.Struct, frozen=True, kw_only=True):
+    """A plant standing at a place. `size_m` is about its height; `seed` fixes its shape."""
+
+    species: str
+    plant: PlantClass
+    x_map_m: float
+    y_map_m: float
+    yaw_rad: float
+    size_m: float
+    seed: int
+    stem_radius_m: float = 0.02
+
+
+class Obstacle(msgspec.Struct, frozen=True, kw_only=True):
+    """A fixed thing that the robot can hit and the camera can see."""
+
+    name: str
+    kind: str
+    x_map_m: float
+    y_map_m: float
+    z_map_m: float
+    yaw_rad: float
+    shapes: tuple[Shape, ...]
+    collides: bool = True
+
+
+class GroundTile(msgspec.Struct, frozen=True, kw_only=True):
+    """An axis-aligned rectangle of one surface: "soil", "grass", "track"; later ones win."""
+
+    surface: str
+    x_min_m: float
+    y_min_m: float
+    x_max_m: float
+    y_max_m: float
+
+
+class GripPatch(msgspec.Struct, frozen=True, kw_only=True):
+    """An axis-aligned rectangle of ground with a friction of its own; later ones win."""
+
+    friction_ratio: float
+    x_min_m: float
+    y_min_m: float
+    x_max_m: float
+    y_max_m: float
+
+
+class Light(msgspec.Struct, frozen=True, kw_only=True):
+    """The sun: the unit vector points from the ground to the sun, map frame."""
+
+    to_sun: Vec3 = (0.48, -0.10, 0.87)
+    diffuse: float = 0.75
+    ambient: float = 0.5
+
+
+class Soil(msgspec.Struct, frozen=True, kw_only=True):
+    """What lies on the soil beyond its usual crumbs, each 0 (nothing) to 1 (a lot).
+
+    `residue_ratio` straw and stalks of the last crop, `stones_ratio` stones, `wet_ratio` the
+    share of the ground that is dark with water.
+    """
+
+    residue_ratio: float = 0.0
+    stones_ratio: float = 0.0
+    wet_ratio: float = 0.0
+
+
+class HeightField(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """Terrain: `height_m` (rows along y, columns along x), first sample at x_min_m, y_min_m."""
+
+    height_m: FloatArray
+    x_min_m: float
+    y_min_m: float
+    resolution_m: float
+
+
+class WorldSpec(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    name: str
+    datum: Datum
+    spawn_xy_map_m: tuple[float, float] = (0.0, 0.0)
+    spawn_yaw_map_rad: float = 0.0
+    gravity_mps2: float = 9.8
+    field_enu_t: Vec3 = (0.0, 3.8e-5, -2.3e-5)  # about what a compass meets at 21 N, 73 E
+    friction_ratio: float = 1.0  # of the ground wherever no patch lies
+    grip: tuple[GripPatch, ...] = ()
+    light: Light = Light()
+    ground: tuple[GroundTile, ...] = ()
+    soil: Soil = Soil()
+    terrain: HeightField | None = None
+    plants: tuple[Plant, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
+    warnings: tuple[str, ...] = ()

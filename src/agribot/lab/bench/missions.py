@@ -1,0 +1,59 @@
+"""Whole missions in the full simulator, with the rendered camera and the network, over seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import msgspec
+
+from agribot.lab.sweep.plan import Job, plan
+from agribot.lab.sweep.tables import pooled_rms_m
+
+# Nobody reads hundreds of recordings; a run that failed is repeated with its own.
+FIXED = ("record.enabled=false",)
+
+
+class Case(NamedTuple):
+    """A profile with receivers, the seeds it is driven on, and the error it must hold, if any."""
+
+    profile: str
+    sensors: tuple[str, ...]
+    seeds: tuple[int, ...]
+    max_rms_m: float | None = None
+
+
+CASES = (
+    Case("farm", ("legacy", "seed", "m8n", "rtk"), tuple(range(1, 11))),
+    Case("rows-10x12", ("m8n",), tuple(range(1, 21)), 0.04),
+    Case("hills", ("m8n", "rtk"), tuple(range(1, 11)), 0.06),
+    Case("beet", ("rtk",), tuple(range(1, 6))),
+)
+
+
+def jobs(profiles: Sequence[str], seeds: Sequence[int] | None) -> tuple[Job, ...]:
+    """All runs, the first seed of everything before the second: what fails shows early."""
+    found = [
+        msgspec.structs.replace(job, name=f"{case.profile}-{job.name}")
+        for case in CASES
+        if case.profile in profiles
+        for job in plan(
+            case.profile, seeds or case.seeds, FIXED, [f"sim.sensors={','.join(case.sensors)}"]
+        )
+    ]
+    return tuple(sorted(found, key=lambda job: job.seed))
+
+
+def shortfalls(summary: Sequence[dict[str, Any]]) -> list[str]:
+    """Where the cross-track error is larger than the case allows, in words."""
+    limits = {case.profile: case.max_rms_m for case in CASES}
+    short = []
+    for entry in summary:
+        rms_m, limit_m = pooled_rms_m(entry), limits[entry["profile"]]
+        if rms_m is not None and limit_m is not None and rms_m > limit_m:
+            settings = " ".join(f"{key}={value}" for key, value in entry["settings"].items())
+            short.append(
+                f"{entry['profile']} {settings}: cross-track RMS {100.0 * rms_m:.1f} cm > "
+                f"{100.0 * limit_m:.0f} cm"
+            )
+    return short

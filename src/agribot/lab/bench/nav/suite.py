@@ -1,0 +1,106 @@
+"""Which scenarios a run of the benchmark drives, over blocks of seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import msgspec
+
+from agribot.app.workers import results
+from agribot.core.robot import RobotSpec
+from agribot.lab.bench.nav.judge import Outcome
+from agribot.lab.bench.nav.missions import run_missions
+from agribot.lab.bench.nav.original import run_original
+from agribot.lab.bench.nav.scenario import Receiver, Scenario, Variant, scenario
+from agribot.lab.bench.nav.table import Line, line
+
+# So many robots share one set of arrays: more would not fit the cache, fewer cost more each.
+BLOCK = 125
+Stop = Callable[[], bool]
+
+
+class Job(msgspec.Struct, frozen=True, kw_only=True):
+    scenario: Scenario
+    seeds: tuple[int, ...]
+    robot: RobotSpec
+    is_original: bool = False
+
+    @property
+    def name(self) -> str:
+        if self.is_original:
+            return f"original robot, {self.scenario.receiver}, {self.scenario.variant}"
+        return self.scenario.name
+
+
+# What `agribot bench nav` drives when nothing is chosen: the published table.
+PUBLISHED: tuple[tuple[Receiver, bool, Variant], ...] = (
+    ("m8n", True, "nominal"),
+    ("rtk", False, "nominal"),
+    ("rtk", True, "nominal"),
+    ("rtk-dual", True, "nominal"),
+    ("hector", True, "nominal"),
+    ("legacy", True, "nominal"),
+    ("m8n", True, "hard"),
+    ("hector", True, "hard"),
+    ("rtk", True, "hard"),
+)
+ORIGINAL: tuple[Receiver, ...] = ("hector", "m8n", "rtk")
+# It hardly ever finishes, so each of its missions takes the full half hour.
+MAX_ORIGINALS = 100
+
+
+def published(
+    seeds: Sequence[int], robot: RobotSpec, speed_mps: float, *, baseline: bool
+) -> list[Job]:
+    jobs = [
+        chosen(
+            seeds, robot, scenario(receiver, vision=vision, speed_mps=speed_mps, variant=variant)
+        )
+        for receiver, vision, variant in PUBLISHED
+    ]
+    if baseline:
+        jobs += originals(seeds[:MAX_ORIGINALS], robot, ORIGINAL, "nominal")
+    return jobs
+
+
+def chosen(seeds: Sequence[int], robot: RobotSpec, what: Scenario) -> Job:
+    return Job(scenario=what, seeds=tuple(seeds), robot=robot)
+
+
+def originals(
+    seeds: Sequence[int], robot: RobotSpec, receivers: Sequence[Receiver], variant: Variant
+) -> list[Job]:
+    return [
+        Job(
+            scenario=scenario(receiver, vision=False, speed_mps=0.4, variant=variant),
+            seeds=tuple(seeds),
+            robot=robot,
+            is_original=True,
+        )
+        for receiver in receivers
+    ]
+
+
+def drive(job: Job, stop: Stop) -> tuple[Job, list[Outcome]]:
+    run = run_original if job.is_original else run_missions
+    return job, run(job.seeds, job.scenario, job.robot, stop)
+
+
+def drive_all(
+    jobs: Sequence[Job], workers: int, stop: Stop, done: Callable[[Job], None]
+) -> Iterator[tuple[Line, list[Outcome]]]:
+    """One line per job, in their order, once all its seeds are driven; none after a stop."""
+    blocks = [
+        msgspec.structs.replace(job, seeds=job.seeds[first : first + BLOCK])
+        for job in jobs
+        for first in range(0, len(job.seeds), BLOCK)
+    ]
+    collected: dict[str, list[Outcome]] = {job.name: [] for job in jobs}
+    for block, outcomes in results(drive, blocks, workers, stop):
+        if not stop():
+            collected[block.name] += outcomes
+            done(block)
+    for job in jobs:
+        outcomes = sorted(collected[job.name], key=lambda outcome: outcome.seed)
+        if len(outcomes) == len(job.seeds):
+            yield line(job.name, outcomes), outcomes

@@ -1,0 +1,175 @@
+"""How fast the simulator, the network and the whole robot run here, in CPU time.
+
+Each figure is the median of several repeats of process CPU time (all threads), because wall time
+says more about what else the machine is doing.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from agribot.autonomy.perceive.segmenter import Segmenter
+from agribot.core import config
+from agribot.core.geo import transform
+from agribot.core.messages import DriveCommand, RobotCommand
+from agribot.description.worlds_sdf import load_world
+from agribot.lab.bench.dense_field import ACROSS, FORWARD, NADIR, CameraLoop, DenseView
+
+REPEATS = 5
+MISSION_S = 40.0
+
+
+class Figure(NamedTuple):
+    title: str
+    measure: Callable[[], float | None]
+
+
+def run(
+    names: Sequence[str] = (), tell: Callable[[str], None] = lambda line: None
+) -> dict[str, Any]:
+    """Measure the named figures, or all, one after the other; `tell` gets a line of each."""
+    measured: dict[str, float | None] = {}
+    for name in names or FIGURES:
+        figure = FIGURES[name]
+        value = measured[name] = figure.measure()
+        tell(f"{figure.title:64} " + ("       -" if value is None else f"{value:8.1f}"))
+    return {"cpus": os.cpu_count(), "machine": platform.machine(), **measured}
+
+
+def cpu_s(work: Callable[[], object]) -> float:
+    """Median CPU seconds of one call, after one that is not counted."""
+    work()
+    spent = []
+    for _ in range(REPEATS):
+        started_s = time.process_time()
+        work()
+        spent.append(time.process_time() - started_s)
+    return statistics.median(spent)
+
+
+def physics_rtf(world: str = "empty") -> float:
+    from agribot.description.loader import load_robot
+    from agribot.sim.physics import Physics
+
+    physics = Physics(load_robot(), load_world(world), 2_000_000)
+    physics.command(DriveCommand(v_mps=0.4, yaw_rate_radps=0.2))
+    return 1.0 / cpu_s(lambda: physics.advance(500))
+
+
+def sensors_rtf() -> float:
+    from agribot.description.loader import load_robot
+    from agribot.sim.platform import SimPlatform
+
+    settings = config.load("farm", ["perception.enabled=false"])
+    robot_platform = SimPlatform(settings, load_robot(), load_world("Farm"))
+
+    def one_second() -> None:
+        for _ in range(50):
+            robot_platform.read()
+            command = DriveCommand(v_mps=0.2, yaw_rate_radps=0.3)
+            robot_platform.write(RobotCommand(t_s=0.0, drive=command))
+
+    return 1.0 / cpu_s(one_second)
+
+
+def render_ms() -> float:
+    from agribot.description.loader import load_robot
+    from agribot.sim.camera import CameraRenderer
+
+    robot, renderer = load_robot(), CameraRenderer(load_world("Farm"))
+    camera = robot.camera
+    assert camera is not None  # of our own robot
+    pose = transform((1.0, 5.0, 0.0), (0.0, 0.0, math.pi / 2)) @ robot.body_from_camera()
+    return 1e3 * cpu_s(lambda: renderer.render(pose, camera, noise_seed=0))
+
+
+def dense_render_ms(view: tuple[float, float], *, is_hilly: bool = False) -> float:
+    dense = DenseView(*view, is_hilly=is_hilly)
+    return 1e3 * cpu_s(dense.render)
+
+
+def camera_loop_rtf() -> float:
+    loop = CameraLoop()
+    return 1.0 / cpu_s(lambda: loop.advance(1.0))
+
+
+def network_ms() -> float:
+    segmenter = Segmenter("agribot-sim")
+    image = np.zeros((480, 640, 3), dtype=np.uint8)
+    return 1e3 * cpu_s(lambda: segmenter.segment(image))
+
+
+def mission_rtf(*settings: str) -> float | None:
+    """Simulated seconds per CPU second of the whole robot, start-up not counted."""
+    from agribot.app.session import Session
+
+    with TemporaryDirectory() as folder:
+        chosen = config.load("farm", ["seed=1", f"duration_s={MISSION_S}", *settings])
+        with Session(chosen, Path(folder)) as session:
+            for _ in session.ticks():
+                pass
+            return session.finish().time.rtf_cpu
+
+
+def import_ms() -> float:
+    """Wall time of `import agribot` over that of a bare interpreter, least of several."""
+
+    def least(code: str) -> float:
+        spent = []
+        for _ in range(REPEATS):
+            started_s = time.perf_counter()
+            subprocess.run([sys.executable, "-c", code], check=True)
+            spent.append(time.perf_counter() - started_s)
+        return min(spent)
+
+    modules = "agribot, agribot.core.messages, agribot.core.config"
+    return 1e3 * (least(f"import {modules}") - least("pass"))
+
+
+NO_CAMERA, NO_RECORDING = "perception.enabled=false", "record.enabled=false"
+FIGURES = {
+    "import_ms": Figure("import of agribot and its messages (ms)", import_ms),
+    "physics_rtf": Figure("physics alone, 2 ms steps (x real time)", physics_rtf),
+    "sensors_rtf": Figure("physics and all sensors but the camera (x real time)", sensors_rtf),
+    "physics_hills_rtf": Figure(
+        "physics alone on hills, 2 ms steps (x real time)", lambda: physics_rtf("hills")
+    ),
+    "render_ms": Figure("one 640x480 frame with labels (CPU ms)", render_ms),
+    "render_nadir_ms": Figure(
+        "the same over 10,816 plants, straight down (CPU ms)", lambda: dense_render_ms(NADIR)
+    ),
+    "render_45_ms": Figure("the same, 45 degrees down (CPU ms)", lambda: dense_render_ms(ACROSS)),
+    "render_forward_ms": Figure(
+        "the same, level and 28 cm over the soil (CPU ms)", lambda: dense_render_ms(FORWARD)
+    ),
+    "render_hills_ms": Figure(
+        "the same on hills, 45 degrees down (CPU ms)",
+        lambda: dense_render_ms(ACROSS, is_hilly=True),
+    ),
+    "camera_loop_rtf": Figure(
+        "physics, all sensors and the camera at 30 Hz there (x real time)", camera_loop_rtf
+    ),
+    "network_ms": Figure("network on one frame (CPU ms)", network_ms),
+    "mission_rtf": Figure(
+        "whole robot, no camera, no recording (x real time)",
+        lambda: mission_rtf(NO_CAMERA, NO_RECORDING),
+    ),
+    "mission_recorded_rtf": Figure(
+        "whole robot, no camera, recording (x real time)", lambda: mission_rtf(NO_CAMERA)
+    ),
+    "mission_camera_rtf": Figure(
+        "whole robot, 10 Hz camera and network, recording (x real time)", mission_rtf
+    ),
+}

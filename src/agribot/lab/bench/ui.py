@@ -1,0 +1,284 @@
+"""What the operator's page costs: its server's CPU and memory, and the lateness of the robot.
+
+One simulated robot drives at the pace of the clock while programs in another process look on as
+browsers do: everybody reads the state, and each draws the camera; the last of many stalls.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from agribot.core import config
+from agribot.core.errors import PlatformError
+from agribot.ui.address import Address
+
+if TYPE_CHECKING:
+    from agribot.app.session import Session
+    from agribot.ui.operator_page import OperatorPage
+
+TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+WARM_UP_S = 3.0
+SETTLE_S = 20.0  # until buffers have their size
+SLOW_MPS = 0.15
+GOOD_MBIT_PER_S, GOOD_AGE_S = 10.0, 0.25
+
+
+class Growth(msgspec.Struct, frozen=True, kw_only=True):
+    """Memory while one client reads everything, and of a page in Chromium where there is one.
+
+    `page_heap_growth_bytes` is what JavaScript holds after collecting its garbage.
+    """
+
+    seconds: float
+    server_growth_bytes: int
+    page_heap_growth_bytes: int | None
+
+
+class Link(msgspec.Struct, frozen=True, kw_only=True):
+    """How old states and pictures are where one page sees the robot over a slow line."""
+
+    mbit_per_s: float
+    state_hz: float
+    state_age_p95_s: float
+    camera_hz: float
+    camera_age_p95_s: float
+
+
+class Limit(msgspec.Struct, frozen=True, kw_only=True):
+    """A figure and what it should be; a figure that nobody measured has no verdict."""
+
+    name: str
+    value: float | None
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def ok(self) -> bool:
+        if self.value is None:
+            return True
+        return (self.low is None or self.value >= self.low) and (
+            self.high is None or self.value <= self.high
+        )
+
+
+class Phase(msgspec.Struct, frozen=True, kw_only=True):
+    """With so many clients. Ticks are missed when they come a whole period late."""
+
+    clients: int
+    stalled: int
+    seconds: float
+    server_cpu_ratio: float
+    server_rss_bytes: int
+    state_hz: float | None
+    camera_hz: float | None
+    ticks: int
+    ticks_missed: int
+    lateness_p99_s: float
+    lateness_max_s: float
+
+
+def run(
+    clients: Sequence[int] = (0, 1, 16),
+    seconds: float = 20.0,
+    camera: bool = True,
+    profile: str = "farm",
+    growth_s: float = 0.0,
+    links_mbit_per_s: Sequence[float] = (),
+) -> dict[str, Any]:
+    """Measure each number of clients for so long, in order, then slow lines, then memory's growth.
+
+    The robot drives slowly, so that its mission outlasts the benchmark.
+    Raises: AgribotError: the profile, the page's packages or a client do not work.
+    """
+    from agribot.app.session import Session
+    from agribot.ui.operator_page import OperatorPage
+
+    drive = f"mission.speed_mps={SLOW_MPS if growth_s else config.load(profile).mission.speed_mps}"
+    chosen = [f"perception.enabled={str(camera).lower()}", "record.enabled=false", drive]
+    settings = config.load(profile, chosen)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Session(settings, Path(folder)) as session,
+        OperatorPage(session, Address(port=0)) as page,
+    ):
+        clock = _Clock(session, 1.0 / settings.tick_hz)
+        clock.drive(WARM_UP_S)
+        phases = [_phase(clock, page, count, seconds) for count in clients]
+        links = [_link(clock, page, mbit_per_s, seconds) for mbit_per_s in links_mbit_per_s]
+        growth = _growth(clock, page, growth_s) if growth_s else None
+    limits = [*limits_of(phases, growth), *ages_wanted(links)]
+    return {
+        "benchmark": "ui",
+        "camera": camera,
+        "load_average": os.getloadavg()[0],
+        "phases": [msgspec.to_builtins(phase) for phase in phases],
+        "links": [msgspec.to_builtins(link) for link in links],
+        "growth": msgspec.to_builtins(growth),
+        "limits": [{**msgspec.to_builtins(limit), "ok": limit.ok} for limit in limits],
+        "ok": all(limit.ok for limit in limits),
+    }
+
+
+def limits_of(phases: Sequence[Phase], growth: Growth | None) -> list[Limit]:
+    """What the page may cost: of a core, of memory; and the rate at which it is told."""
+    by_clients = {phase.clients: phase for phase in phases}
+    one, many = by_clients.get(1), max(phases, key=lambda phase: phase.clients)
+    limits = []
+    if one is not None:
+        limits.append(Limit(name="server CPU, 1 client", value=one.server_cpu_ratio, high=0.15))
+        if many.clients > 1:
+            more = round(many.server_cpu_ratio - one.server_cpu_ratio, 4)
+            limits.append(Limit(name=f"more for {many.clients} clients", value=more, high=0.04))
+    for phase in phases:
+        if phase.state_hz is not None:
+            name = f"states per second, {phase.clients} clients"
+            limits.append(Limit(name=name, value=phase.state_hz, low=27.0, high=33.0))
+    if growth is not None:
+        page = growth.page_heap_growth_bytes
+        limits.append(
+            Limit(name="server growth, bytes", value=growth.server_growth_bytes, high=10e6)
+        )
+        limits.append(Limit(name="page growth, bytes", value=page, high=8e6))
+    return limits
+
+
+def ages_wanted(links: Sequence[Link]) -> list[Limit]:
+    """A picture may be 0.25 s old where a good radio carries it, and twice that over a bad one."""
+    return [
+        Limit(
+            name=f"age of pictures over {link.mbit_per_s:g} Mbit/s, p95, s",
+            value=link.camera_age_p95_s,
+            high=GOOD_AGE_S if link.mbit_per_s >= GOOD_MBIT_PER_S else 2.0 * GOOD_AGE_S,
+        )
+        for link in links
+    ]
+
+
+def _link(clock: _Clock, page: OperatorPage, mbit_per_s: float, seconds: float) -> Link:
+    words = [str(page.server.port), page.address.operator_token, str(mbit_per_s), str(seconds)]
+    seen = _result_of(_start("agribot.lab.bench.ui_link", words), clock)
+    return Link(mbit_per_s=mbit_per_s, **seen)
+
+
+def _growth(clock: _Clock, page: OperatorPage, seconds: float) -> Growth:
+    pid = page.server.process.pid
+    assert pid is not None  # it runs
+    watching = _start_clients(page, 1, 0, seconds + SETTLE_S)
+    browsing = _start_browser(page, seconds)
+    clock.drive(SETTLE_S)
+    before_bytes = _rss_bytes(pid)
+    clock.drive(seconds)
+    after_bytes = _rss_bytes(pid)
+    _result_of(watching, clock)
+    try:
+        heap = _result_of(browsing, clock).get("heap_growth_bytes")
+    except PlatformError:
+        heap = None  # no browser here, as it has said itself
+    return Growth(
+        seconds=seconds, server_growth_bytes=after_bytes - before_bytes, page_heap_growth_bytes=heap
+    )
+
+
+def _start_browser(page: OperatorPage, seconds: float) -> subprocess.Popen[str]:
+    return _start("agribot.lab.bench.ui_browser", [page.url, str(seconds)])
+
+
+def _start(module: str, words: Sequence[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", module, *words], stdout=subprocess.PIPE, text=True
+    )
+
+
+class _Clock:
+    """Drives the session at the pace of the clock and notes how late each tick is."""
+
+    def __init__(self, session: Session, period_s: float) -> None:
+        self._ticks: Iterator[Any] = session.ticks()
+        self._period_s = period_s
+
+    def drive(self, seconds: float) -> list[float]:
+        """Lateness of every tick; one that is missed does not make the next ones late."""
+        late_s: list[float] = []
+        end_s = time.monotonic() + seconds
+        due_s = time.monotonic()
+        while due_s < end_s:
+            if next(self._ticks, None) is None:
+                raise PlatformError("the mission ended before the benchmark; measure for less time")
+            due_s += self._period_s
+            remaining_s = due_s - time.monotonic()
+            late_s.append(max(-remaining_s, 0.0))
+            if remaining_s > 0.0:
+                time.sleep(remaining_s)
+            else:
+                due_s -= remaining_s
+        return late_s
+
+    @property
+    def period_s(self) -> float:
+        return self._period_s
+
+
+def _phase(clock: _Clock, page: OperatorPage, clients: int, seconds: float) -> Phase:
+    stalled = 1 if clients > 1 else 0
+    pid = page.server.process.pid
+    assert pid is not None  # it runs
+    watching = _start_clients(page, clients, stalled, seconds) if clients else None
+    if watching is not None:
+        clock.drive(2.0)  # until they are connected
+    cpu_before_s, from_s = _cpu_s(pid), time.monotonic()
+    late_s = sorted(clock.drive(seconds))
+    passed_s, cpu_s = time.monotonic() - from_s, _cpu_s(pid) - cpu_before_s
+    seen = _result_of(watching, clock)
+    return Phase(
+        clients=clients,
+        stalled=stalled,
+        seconds=round(passed_s, 2),
+        server_cpu_ratio=round(cpu_s / passed_s, 4),
+        server_rss_bytes=_rss_bytes(pid),
+        state_hz=seen.get("state_hz"),
+        camera_hz=seen.get("camera_hz"),
+        ticks=len(late_s),
+        ticks_missed=sum(value > clock.period_s for value in late_s),
+        lateness_p99_s=round(late_s[int(0.99 * (len(late_s) - 1))], 4),
+        lateness_max_s=round(late_s[-1], 4),
+    )
+
+
+def _start_clients(
+    page: OperatorPage, clients: int, stalled: int, seconds: float
+) -> subprocess.Popen[str]:
+    words = [str(page.server.port), page.address.operator_token, str(clients), str(stalled)]
+    return _start("agribot.lab.bench.ui_clients", [*words, str(seconds)])
+
+
+def _result_of(watching: subprocess.Popen[str] | None, clock: _Clock) -> dict[str, Any]:
+    """The robot keeps its pace until the clients have gone."""
+    if watching is None:
+        return {}
+    while watching.poll() is None:
+        clock.drive(0.2)
+    output, _ = watching.communicate()
+    if watching.returncode:
+        raise PlatformError(f"the clients ended with status {watching.returncode}; see above")
+    result: dict[str, Any] = json.loads(output.splitlines()[-1])
+    return result
+
+
+def _cpu_s(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / TICKS_PER_S
+
+
+def _rss_bytes(pid: int) -> int:
+    return int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1]) * PAGE_BYTES

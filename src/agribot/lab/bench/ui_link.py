@@ -1,0 +1,138 @@
+"""A page behind a slow link: `python -m agribot.lab.bench.ui_link PORT TOKEN MBIT_PER_S SECONDS`.
+
+Reads the states and draws the camera through a line of so many bits per second and a delay each
+way, and prints how old both are when they arrive, as JSON. The first part of the time, in which
+the size of the pictures adapts, does not count.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import socket as socket_library
+import sys
+import time
+from collections.abc import AsyncIterator, Sequence
+
+from agribot.lab.bench.ui_clients import page_line
+from agribot.ui.camera import HEAD
+
+DELAY_S = 0.02  # each way
+PIECE_BYTES = 1460  # of a TCP segment over Ethernet
+LINE_BYTES = 16_384  # that wait in the radio before it takes no more
+SETTLE_S = 8.0
+
+
+class Line:
+    """Both connections of a page share what comes down; what goes up is little, and is not held."""
+
+    def __init__(self, bytes_per_s: float, port: int) -> None:
+        self._bytes_per_s, self._port = bytes_per_s, port
+        self._free_s = 0.0
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    @contextlib.asynccontextmanager
+    async def opened(self) -> AsyncIterator[int]:
+        """Gives the port at which a page finds the robot behind this line."""
+        server = await asyncio.start_server(self._carry, "127.0.0.1", 0, limit=LINE_BYTES)
+        async with server:
+            yield server.sockets[0].getsockname()[1]
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def _carry(self, near: asyncio.StreamReader, near_out: asyncio.StreamWriter) -> None:
+        # A loopback of megabytes would hide that the line is slow.
+        socket = socket_library.socket()
+        socket.setsockopt(socket_library.SOL_SOCKET, socket_library.SO_RCVBUF, LINE_BYTES)
+        socket.setblocking(False)
+        await asyncio.get_running_loop().sock_connect(socket, ("127.0.0.1", self._port))
+        far, far_out = await asyncio.open_connection(sock=socket, limit=LINE_BYTES)
+        ways = (self._way(near, far_out, rate=False), self._way(far, near_out, rate=True))
+        self._tasks |= {asyncio.create_task(way) for way in ways}
+
+    async def _way(
+        self, source: asyncio.StreamReader, sink: asyncio.StreamWriter, *, rate: bool
+    ) -> None:
+        """Pieces leave one after another at the line's rate and arrive after its delay."""
+        under_way: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue()
+        arriving = asyncio.create_task(_arrive(under_way, sink))
+        try:
+            while piece := await source.read(PIECE_BYTES):
+                now_s = time.monotonic()
+                if rate:
+                    self._free_s = max(self._free_s, now_s) + len(piece) / self._bytes_per_s
+                    await asyncio.sleep(self._free_s - now_s)
+                under_way.put_nowait((time.monotonic() + DELAY_S, piece))
+            under_way.put_nowait((0.0, b""))
+            await arriving
+        finally:
+            arriving.cancel()
+            sink.close()
+            with contextlib.suppress(OSError):
+                await sink.wait_closed()
+
+
+async def _arrive(
+    under_way: asyncio.Queue[tuple[float, bytes]], sink: asyncio.StreamWriter
+) -> None:
+    """Up to the empty piece that ends it."""
+    while True:
+        due_s, piece = await under_way.get()
+        if not piece:
+            return
+        await asyncio.sleep(due_s - time.monotonic())
+        sink.write(piece)
+
+
+async def _watch(address: tuple[int, int], token: str, path: str, seconds: float) -> list[float]:
+    """Ages in ms of what came once it has settled: pictures, or states."""
+    port, through = address
+    ages_ms: list[float] = []
+    async with page_line(port, token, path, through) as line:
+        from_s = time.monotonic()
+        while (passed_s := time.monotonic() - from_s) < seconds + SETTLE_S:
+            message = await asyncio.wait_for(line.recv(), 10.0)
+            wall_ms = _made_ms(message)
+            if isinstance(message, bytes) and message[0] == 0:
+                await line.send("a")
+            if wall_ms is not None and passed_s > SETTLE_S:
+                ages_ms.append(time.time() * 1e3 - wall_ms)
+    return ages_ms
+
+
+def _made_ms(message: str | bytes) -> float | None:
+    if isinstance(message, bytes):
+        kind, _, _, _, wall_ms = HEAD.unpack_from(message)
+        return float(wall_ms) if kind == 0 else None
+    told = json.loads(message)
+    return float(told["wall_ms"]) if told["k"] == "s" else None
+
+
+async def _all(port: int, token: str, mbit_per_s: float, seconds: float) -> dict[str, float]:
+    async with Line(mbit_per_s * 1e6 / 8.0, port).opened() as through:
+        states, pictures = await asyncio.gather(
+            _watch((port, through), token, "/ws/v1?tab=far", seconds),
+            _watch((port, through), token, "/ws/cam/main?mask=1", seconds),
+        )
+    return {
+        "state_hz": round(len(states) / seconds, 2),
+        "state_age_p95_s": _p95_s(states),
+        "camera_hz": round(len(pictures) / seconds, 2),
+        "camera_age_p95_s": _p95_s(pictures),
+    }
+
+
+def _p95_s(ages_ms: list[float]) -> float:
+    return round(sorted(ages_ms)[int(0.95 * (len(ages_ms) - 1))] / 1e3, 4)
+
+
+def main(words: Sequence[str]) -> None:
+    port, token, mbit_per_s, seconds = words
+    result = asyncio.run(_all(int(port), token, float(mbit_per_s), float(seconds)))
+    sys.stdout.write(json.dumps(result) + "\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,136 @@
+"""Does every image have a mask that fits, and what do the masks hold?"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from PIL import Image
+
+from agribot.core.messages import PlantClass
+from agribot.lab.dataset.classes import (
+    UNKNOWN,
+    ClassTally,
+    MaskIds,
+    advise_ids,
+    advise_swapped,
+    classes_of,
+    say_no_classes,
+)
+from agribot.lab.dataset.layouts import Item, Layout
+
+
+class Problem(msgspec.Struct, frozen=True, kw_only=True):
+    kind: str
+    file: str
+    detail: str = ""
+
+
+class CheckReport(msgspec.Struct, frozen=True, kw_only=True):
+    """`pixel_ratio` is over all pixels of known class in readable pairs; null where there are
+    none. `without_plants` counts the masks that are all soil.
+    """
+
+    folder: str
+    ok: bool
+    images: int
+    masks: int
+    pairs: int
+    groups: dict[str, int]
+    sizes: dict[str, int]
+    pixel_ratio: dict[str, float | None]
+    without_plants: int
+    problems: tuple[Problem, ...]
+
+
+class Tally:
+    """What the checked pairs add up to."""
+
+    def __init__(self) -> None:
+        self.problems: list[Problem] = []
+        self.classes = ClassTally()
+        self.sizes: Counter[str] = Counter()
+        self.pairs = self.without_plants = 0
+        self.holds_values = False
+
+    def note(self, kind: str, file: str, detail: str = "") -> None:
+        self.problems.append(Problem(kind=kind, file=file, detail=detail))
+
+
+def check(
+    layout: Layout, progress: Callable[[int], None], ids: MaskIds | None = None
+) -> CheckReport:
+    """Open every file of a layout; `progress` is told how many items are done.
+
+    `ids` says what the values of the masks mean, and colours are refused; where it is None, the
+    usual meaning of values and colours is taken and doubted where the pictures speak against it.
+    """
+    tally = Tally()
+    for name in layout.doubles:
+        tally.note("two files of one name", name)
+    for done, item in enumerate(layout.items, 1):
+        _check_item(layout.root, item, tally, ids or {})
+        progress(done)
+    doubt = "" if ids else tally.classes.doubt()
+    if doubt:
+        advice = advise_swapped(holds_values=tally.holds_values)
+        tally.note("classes look swapped", str(layout.root), f"{doubt}; {advice}")
+    return CheckReport(
+        folder=str(layout.root),
+        ok=not tally.problems,
+        images=sum(item.image is not None for item in layout.items),
+        masks=sum(item.mask is not None for item in layout.items),
+        pairs=tally.pairs,
+        groups=dict(Counter(item.group for item in layout.items)),
+        sizes=dict(tally.sizes),
+        pixel_ratio=tally.classes.ratios(),
+        without_plants=tally.without_plants,
+        problems=tuple(tally.problems),
+    )
+
+
+def _check_item(root: Path, item: Item, tally: Tally, ids: MaskIds) -> None:
+    if item.image is None and item.mask is not None:
+        tally.note("mask without image", item.mask)
+    elif item.mask is None and item.image is not None:
+        tally.note("image without mask", item.image)
+    if item.image is None or item.mask is None:
+        return
+    image, mask = _opened(root, item.image, tally), _opened(root, item.mask, tally)
+    if image is None or mask is None:
+        return
+    if image.size != mask.size:
+        tally.note(
+            "sizes differ", item.image, f"image {_size(image)}, mask {_size(mask)} px: {item.mask}"
+        )
+        return
+    classes = classes_of(mask, ids)
+    if classes is None:
+        tally.note("no class mask", item.mask, say_no_classes(mask, is_named=True))
+        return
+    counts = np.bincount(classes.ravel(), minlength=256)
+    if counts[UNKNOWN]:
+        advice = "" if ids else advise_ids(mask)
+        tally.note("unknown class", item.mask, f"{int(counts[UNKNOWN])} pixels{advice}")
+    tally.holds_values |= mask.mode == "L"
+    tally.pairs += 1
+    tally.sizes[_size(image)] += 1
+    tally.without_plants += not counts[PlantClass.WEED] + counts[PlantClass.CROP]
+    tally.classes.add(np.asarray(image.convert("RGB")), classes)
+
+
+def _opened(root: Path, name: str, tally: Tally) -> Image.Image | None:
+    try:
+        with Image.open(root / name) as image:
+            image.load()
+            return image.copy()
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        tally.note("unreadable", name, str(error).replace(str(root / name), name))
+        return None
+
+
+def _size(image: Image.Image) -> str:
+    return f"{image.width}x{image.height}"

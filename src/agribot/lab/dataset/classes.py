@@ -1,0 +1,200 @@
+"""What the values of a mask mean, and signs that they mean something else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from agribot.core.errors import ConfigError
+from agribot.core.messages import ByteArray, PlantClass
+from agribot.lab.dataset.pictures import DEEP_MODES
+
+MaskIds = Mapping[int, int]  # stored value to class; 255 is a pixel that counts for nothing
+
+UNLABELLED = 255
+UNKNOWN = 254
+COLOUR_MODES = {"RGB", "RGBA", "P"}
+# Colour as one number 0xRRGGBB. Soil is blue here and black in CWFID and in the Bonn data.
+COLOURS = {0xFF0000: 0, 0x00FF00: 1, 0x0000FF: 2, 0x000000: 2}
+NAMES = {**{kind.name.lower(): int(kind) for kind in PlantClass}, "ignore": UNLABELLED}
+USUAL_IDS = "0=weed,1=crop,2=soil"
+EXAMPLE_IDS = "0=soil,1=crop,2=weed"
+USUAL_COLOURS = "red weed, green crop, black or blue soil"
+
+MOST_WEED_RATIO = 0.5
+# In every photograph of CWFID (red and near infrared) and Carrot-Weed (ordinary light) and every
+# simulated picture plants are greener than soil by 0.27 to 0.74. A set is doubted where its soil is
+# greener than its plants by this much.
+GREENER = 0.05
+LEAST_SAMPLES = 50
+SAMPLE_STRIDE_PX = 4
+
+
+def read_ids(text: str | None) -> dict[int, int] | None:
+    """Read "0=soil,1=crop,2=weed"; None where nothing was given.
+
+    Raises: ConfigError: no such class, no such value, or a value twice.
+    """
+    if text is None:
+        return None
+    ids: dict[int, int] = {}
+    for word in text.split(","):
+        value, _, name = (part.strip() for part in word.partition("="))
+        is_value = value.isascii() and value.isdigit() and len(value) <= 3 and int(value) <= 255
+        if not is_value or name not in NAMES:
+            raise ConfigError(
+                f"--ids {text}: '{word.strip()}' is not VALUE=CLASS with a value from 0 to 255 and "
+                f"a class of {', '.join(NAMES)}; write for instance --ids {EXAMPLE_IDS}"
+            )
+        if int(value) in ids:
+            raise ConfigError(f"--ids {text}: value {value} is given twice")
+        ids[int(value)] = NAMES[name]
+    return {UNLABELLED: UNLABELLED, **ids}
+
+
+def classes_of(mask: Image.Image, ids: MaskIds) -> ByteArray | None:
+    """Classes (height, width) of a mask of values or of colours; UNKNOWN where there is none.
+
+    With `ids` a mask of values is wanted. Without them 8-bit grey holds values, those of
+    `PlantClass` and 255 where nothing counts, and every other mask is one of colours. None for a
+    picture that is not of the kind wanted.
+    """
+    if ids or mask.mode == "L":
+        values = values_of(mask)
+        return None if values is None else _look_up(values, ids)
+    if mask.mode not in COLOUR_MODES:
+        return None
+    code = _colour_codes(mask)
+    classes = np.full(code.shape, UNKNOWN, np.uint8)
+    for colour, kind in COLOURS.items():
+        classes[code == colour] = kind
+    return classes
+
+
+def values_of(mask: Image.Image) -> npt.NDArray[np.int64] | None:
+    """Values (height, width) that a mask holds; None where it shows colours or can hold no classes.
+
+    Grey is a value, in three equal channels too. A palette mask is what it shows, grey or the
+    colours of classes; where it shows any other colour, its values are the indexes.
+    """
+    if mask.mode in {"L", *DEEP_MODES}:
+        return np.asarray(mask).astype(np.int64)
+    if mask.mode not in COLOUR_MODES:
+        return None
+    code = _colour_codes(mask)
+    grey = code & 0xFF
+    if (grey * 0x010101 == code).all():
+        return grey
+    if mask.mode == "P" and not np.isin(code, list(COLOURS)).all():
+        return np.asarray(mask).astype(np.int64)
+    return None
+
+
+def say_no_classes(mask: Image.Image, *, is_named: bool) -> str:
+    """Say why `classes_of` found none; `is_named`: the ids are those of the option --ids."""
+    if mask.mode not in COLOUR_MODES:
+        return (
+            f"a mask of mode {mask.mode} holds no classes; save class ids 0, 1, 2 as 8-bit grey, "
+            "or red, green and black as RGB"
+        )
+    if is_named:
+        return (
+            "shows colours, and --ids is for masks of values; leave --ids out, or save the values "
+            "as 8-bit grey"
+        )
+    return "shows colours, and masks of this --data hold values; save the values as 8-bit grey"
+
+
+def advise_ids(mask: Image.Image) -> str:
+    """Say how the unknown classes of a mask that was read without ids may be read, or ""."""
+    if values_of(mask) is None:
+        return ""
+    return f"; if it holds other values, say what they mean, such as --ids {EXAMPLE_IDS}"
+
+
+def advise_swapped(*, holds_values: bool) -> str:
+    """Say how masks read without ids were understood, and what to do where that is doubted."""
+    if holds_values:
+        return (
+            f"the values of the masks were read as {USUAL_IDS}. Say what yours mean, such as "
+            f"--ids {EXAMPLE_IDS}, or --ids {USUAL_IDS} if that is right"
+        )
+    return (
+        f"the colours of the masks were read as {USUAL_COLOURS}. Paint yours so; if they are "
+        f"right, save them as 8-bit grey values and confirm these with --ids {USUAL_IDS}"
+    )
+
+
+def _look_up(values: npt.NDArray[np.int64], ids: MaskIds) -> ByteArray:
+    table = np.full(256, UNKNOWN, np.uint8)
+    meaning = ids or {**{kind: kind for kind in PlantClass}, UNLABELLED: UNLABELLED}
+    for value, kind in meaning.items():
+        table[value] = kind
+    is_byte = (values >= 0) & (values < 256)
+    classes: ByteArray = np.where(is_byte, table[values.clip(0, 255)], np.uint8(UNKNOWN))
+    return classes
+
+
+def _colour_codes(mask: Image.Image) -> npt.NDArray[np.int64]:
+    red, green, blue = np.moveaxis(np.asarray(mask.convert("RGB")).astype(np.int64), -1, 0)
+    codes: npt.NDArray[np.int64] = red << 16 | green << 8 | blue
+    return codes
+
+
+class ClassTally:
+    """Adds up how much of each class there is, and how green it is in the pictures."""
+
+    def __init__(self) -> None:
+        self._pixels: npt.NDArray[np.int64] = np.zeros(256, np.int64)
+        self._samples: npt.NDArray[np.int64] = np.zeros(256, np.int64)
+        self._greenness: npt.NDArray[np.float64] = np.zeros(256)
+
+    def add(self, image_rgb: ByteArray, label: ByteArray) -> None:
+        """Count a picture (height, width, 3) and its classes (height, width)."""
+        self._pixels += np.bincount(label.ravel(), minlength=256)
+        stride = (slice(None, None, SAMPLE_STRIDE_PX), slice(None, None, SAMPLE_STRIDE_PX))
+        classes = label[stride].ravel()
+        greenness = excess_green(image_rgb[stride]).ravel()
+        self._samples += np.bincount(classes, minlength=256)
+        self._greenness += np.bincount(classes, greenness, minlength=256)
+
+    def ratios(self) -> dict[str, float | None]:
+        """Return each class's share of all pixels of known class."""
+        known = int(self._pixels[: len(PlantClass)].sum())
+        return {
+            kind.name.lower(): int(self._pixels[kind]) / known if known else None
+            for kind in PlantClass
+        }
+
+    def doubt(self) -> str:
+        """Say why the classes look swapped; "" where they do not."""
+        return self._doubt_amount() or self._doubt_colour()
+
+    def _doubt_amount(self) -> str:
+        weed_ratio = self.ratios()["weed"]
+        if weed_ratio is None or weed_ratio <= MOST_WEED_RATIO:
+            return ""
+        return f"weed covers {weed_ratio:.1%} of the pixels, more than {MOST_WEED_RATIO:.0%}"
+
+    def _doubt_colour(self) -> str:
+        plants = [PlantClass.WEED, PlantClass.CROP]
+        plant_samples, soil_samples = self._samples[plants].sum(), self._samples[PlantClass.SOIL]
+        if min(plant_samples, soil_samples) < LEAST_SAMPLES:
+            return ""
+        plant = float(self._greenness[plants].sum() / plant_samples)
+        soil = float(self._greenness[PlantClass.SOIL] / soil_samples)
+        if soil - plant <= GREENER:
+            return ""
+        return (
+            f"what is called soil is greener ({soil:.2f}) than what is called plant ({plant:.2f})"
+        )
+
+
+def excess_green(image_rgb: ByteArray) -> npt.NDArray[np.float64]:
+    """Return (2 G - R - B) / (R + G + B) of every pixel, from -1 to 2 (Woebbecke et al. 1995)."""
+    red, green, blue = np.moveaxis(image_rgb.astype(np.float64), -1, 0)
+    greenness: npt.NDArray[np.float64] = (2.0 * green - red - blue) / (red + green + blue + 1.0)
+    return greenness

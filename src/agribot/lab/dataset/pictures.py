@@ -1,0 +1,84 @@
+"""Pictures as they come from cameras, phones and the web: one array of red, green and blue each."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageOps
+
+from agribot.core.errors import AgribotError
+from agribot.core.messages import ByteArray
+
+SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
+# 16 bits a channel and grey: Pillow keeps these apart from its 8-bit modes.
+DEEP_MODES = {"I;16", "I;16B", "I;16L", "I;16N", "I"}
+LARGEST_PX = 250_000_000
+
+
+class PictureError(AgribotError):
+    """A file is no picture that can be read; the message names the file and the reason."""
+
+
+def read_picture(path: Path, most_px: int = LARGEST_PX) -> ByteArray:
+    """(height, width, 3) uint8, turned upright as its EXIF tag says; alpha is dropped.
+
+    Raises: PictureError.
+    """
+    with _open(path, most_px) as image:
+        try:
+            upright = ImageOps.exif_transpose(image) or image
+            return _rgb(upright, path)
+        except (OSError, SyntaxError, ValueError, MemoryError) as error:
+            raise PictureError(f"{path}: cannot be decoded ({_reason(error)})") from error
+
+
+def open_mask(path: Path) -> Image.Image:
+    """A mask as stored, upright: what its values mean is for the data set to say.
+
+    Raises: PictureError.
+    """
+    with _open(path) as image:
+        try:
+            image.load()
+            return (ImageOps.exif_transpose(image) or image).copy()
+        except (OSError, SyntaxError, ValueError, MemoryError) as error:
+            raise PictureError(f"{path}: cannot be decoded ({_reason(error)})") from error
+
+
+def _open(path: Path, most_px: int = LARGEST_PX) -> Image.Image:
+    try:
+        if path.stat().st_size == 0:
+            raise PictureError(f"{path}: is empty (0 bytes)")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            image = Image.open(path)
+    except Image.DecompressionBombError as error:
+        raise PictureError(f"{path}: has too many pixels; cut it into pieces ({error})") from error
+    except (OSError, SyntaxError, ValueError) as error:
+        raise PictureError(f"{path}: is no picture ({_reason(error)})") from error
+    if image.width * image.height > most_px:
+        image.close()
+        raise PictureError(
+            f"{path}: {image.width} x {image.height} pixels are more than the limit of "
+            f"{most_px / 1e6:g} million; cut it into pieces"
+            + (", or raise --megapixels" if most_px < LARGEST_PX else "")
+        )
+    return image
+
+
+def _rgb(image: Image.Image, path: Path) -> ByteArray:
+    if image.mode in DEEP_MODES:
+        values = np.asarray(image).astype(np.int64)
+        # 16-bit sensors fill the range; smaller values are 8-bit ones in a wide file.
+        grey = (values >> 8 if values.max(initial=0) > 255 else values).clip(0, 255)
+        return np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
+    if image.mode == "F":
+        raise PictureError(f"{path}: holds floating-point values; save it with 8 or 16 bits")
+    return np.asarray(image.convert("RGB"))
+
+
+def _reason(error: BaseException) -> str:
+    text = str(error).splitlines()[0] if str(error) else type(error).__name__
+    return text.split(" '/")[0]

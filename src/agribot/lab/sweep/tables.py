@@ -1,0 +1,232 @@
+"""The results of a sweep on disk: one file for each finished run, and tables over all of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import statistics
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agribot import __version__
+from agribot.core.errors import ConfigError, RecordingError
+from agribot.lab.sweep.execution import Outcome
+from agribot.lab.sweep.plan import Job
+from agribot.record.report import Report
+from agribot.record.whole_file import write_at_once
+
+# Lists have no place in a table of numbers: how many there were has.
+COUNTED = ("safety.stops", "safety.faults")
+Value = str | int | float | bool | None
+
+
+class SweepFolder:
+    """`sweep.json` says which runs belong to it, `results/` holds those that are finished."""
+
+    def __init__(self, path: Path, jobs: Sequence[Job]) -> None:
+        """Raises: ConfigError: the folder holds another sweep. RecordingError: no such folder."""
+        self.path = path
+        self.jobs = tuple(jobs)
+        plan = {"version": __version__, "jobs": self.jobs}
+        about = path / "sweep.json"
+        try:
+            (path / "results").mkdir(parents=True, exist_ok=True)
+            if not about.is_file():
+                write_at_once(about, _json(plan))
+            found = about.read_bytes()
+        except OSError as error:
+            raise RecordingError(
+                f"cannot write into {path}: {error.strerror or error}; choose another --out folder"
+            ) from error
+        if found != _json(plan):
+            raise ConfigError(
+                f"{path} holds another sweep (its sweep.json differs); give the same options "
+                "again or another --out folder"
+            )
+
+    def run_dir(self, job: Job) -> Path:
+        return self.path / "runs" / job.name
+
+    def finished(self) -> dict[str, Report]:
+        """Reports of the runs that need not run again, by name."""
+        found = {}
+        for job in self.jobs:
+            path = self._result(job)
+            if path.is_file():
+                found[job.name] = _read(path)
+        return found
+
+    def keep(self, job: Job, report: Report) -> None:
+        try:
+            write_at_once(self._result(job), msgspec.json.encode(report) + b"\n")
+        except OSError as error:
+            raise RecordingError(
+                f"cannot write into {self.path}: {error.strerror or error}; make room and run the "
+                "same command again"
+            ) from error
+
+    def write_tables(self, errors: Sequence[Outcome]) -> dict[str, Any]:
+        """Write runs.csv, summary.csv, summary.md and sweep-report.json; return the latter."""
+        reports = self.finished()
+        rows = [_row(job, reports[job.name]) for job in self.jobs if job.name in reports]
+        failed = {outcome.job.name: outcome.error for outcome in errors}
+        summary = summarise(self.jobs, reports)
+        result = {
+            "runs_total": len(self.jobs),
+            "runs_done": len(rows),
+            "runs_ok": sum(report.ok for report in reports.values()),
+            "errors": failed,
+            "summary": summary,
+        }
+        try:
+            write_at_once(self.path / "runs.csv", _csv(rows))
+            write_at_once(self.path / "summary.csv", _csv(_flat_summary(summary)))
+            report_json = msgspec.json.format(_json({**result, "runs": rows}), indent=1)
+            write_at_once(self.path / "sweep-report.json", report_json)
+            write_at_once(self.path / "summary.md", markdown(summary).encode())
+        except OSError as error:
+            raise RecordingError(
+                f"cannot write into {self.path}: {error.strerror or error}; make room and run the "
+                "same command again"
+            ) from error
+        return result
+
+    def _result(self, job: Job) -> Path:
+        return self.path / "results" / f"{job.name}.json"
+
+
+def summarise(jobs: Sequence[Job], reports: dict[str, Report]) -> list[dict[str, Any]]:
+    """Mean, sample standard deviation and largest value over the seeds of each combination.
+
+    A key that is null in some runs is averaged over the others, of which `count` tells; true
+    counts as 1. The standard deviation of a single value is null.
+    """
+    summary = []
+    for profile, settings in dict.fromkeys((job.profile, job.settings) for job in jobs):
+        every = [job for job in jobs if (job.profile, job.settings) == (profile, settings)]
+        of_these = [job for job in every if job.name in reports]
+        flat = [flattened(reports[job.name]) for job in of_these]
+        columns: dict[str, list[float]] = {}
+        for values in flat:
+            for key, value in values.items():
+                if isinstance(value, bool | int | float) and key != "seed":
+                    columns.setdefault(key, []).append(float(value))
+        summary.append({
+            "profile": profile,
+            "settings": dict(_split(setting) for setting in settings),
+            "seeds": len(every),
+            "runs": len(of_these),
+            "mean": {key: statistics.fmean(values) for key, values in columns.items()},
+            "std": {
+                key: statistics.stdev(values) if len(values) > 1 else None
+                for key, values in columns.items()
+            },
+            "max": {key: max(values) for key, values in columns.items()},
+            "count": {key: len(values) for key, values in columns.items()},
+        })  # fmt: skip
+    return summary
+
+
+def markdown(summary: Iterable[dict[str, Any]]) -> str:
+    """How the missions of each combination went, one line each; "-" where nothing was measured.
+
+    RMS is over all missions together, p95 their mean, max the worst instant of all.
+    """
+    lines = [
+        "| profile | settings | good | rows | XTE RMS | p95 | max | crushed | h/ha |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for entry in summary:
+        runs, mean = entry["runs"], entry["mean"]
+        done, total = (
+            round(runs * mean.get(key, 0.0)) for key in ("mission.rows_done", "mission.rows_total")
+        )
+        cells = (
+            entry["profile"],
+            " ".join(f"{key}={value}" for key, value in entry["settings"].items()) or "-",
+            f"{round(runs * mean.get('ok', 0.0))} of {entry['seeds']}",
+            f"{done} of {total}",
+            _shown(pooled_rms_m(entry), 100.0, " cm"),
+            _shown(mean.get("tracking.xte_p95_m"), 100.0, " cm"),
+            _shown(entry["max"].get("tracking.xte_max_m"), 100.0, " cm"),
+            f"{round(runs * mean.get('tracking.plants_crushed', 0.0))}",
+            _shown(mean.get("mission.h_per_ha"), 1.0, ""),
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def pooled_rms_m(entry: dict[str, Any]) -> float | None:
+    """Cross-track RMS over all missions of a combination; None where none was measured."""
+    mean_m, std_m = (entry[what].get("tracking.xte_rms_m") for what in ("mean", "std"))
+    if mean_m is None:
+        return None
+    count = entry["count"]["tracking.xte_rms_m"]
+    return math.sqrt(mean_m**2 + (std_m or 0.0) ** 2 * (count - 1) / count)
+
+
+def _shown(value: float | None, scale: float, unit: str) -> str:
+    return "-" if value is None else f"{scale * value:.1f}{unit}"
+
+
+def flattened(report: Report) -> dict[str, Value]:
+    """Keys of report.json with their groups in front, such as `tracking.xte_rms_m`."""
+    flat: dict[str, Value] = {}
+
+    def visit(tree: dict[str, Any], at: str) -> None:
+        for key, value in tree.items():
+            name = f"{at}{key}"
+            if isinstance(value, dict):
+                visit(value, f"{name}.")
+            else:
+                flat[name] = len(value) if name in COUNTED else value
+
+    visit(msgspec.to_builtins(report), "")
+    return flat
+
+
+def _row(job: Job, report: Report) -> dict[str, Value]:
+    return {"run": job.name, **dict(_split(s) for s in job.settings), **flattened(report)}
+
+
+def _flat_summary(summary: Iterable[dict[str, Any]]) -> list[dict[str, Value]]:
+    rows = []
+    for entry in summary:
+        row: dict[str, Value] = {
+            "profile": entry["profile"], **entry["settings"], "runs": entry["runs"],
+        }  # fmt: skip
+        for key in entry["mean"]:
+            row |= {f"{key} {what}": entry[what][key] for what in ("mean", "std", "max", "count")}
+        rows.append(row)
+    return rows
+
+
+def _split(setting: str) -> tuple[str, str]:
+    key, _, value = setting.partition("=")
+    return key, value
+
+
+def _csv(rows: Sequence[dict[str, Value]]) -> bytes:
+    columns = dict.fromkeys(key for row in rows for key in row)
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(columns), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue().encode()
+
+
+def _read(path: Path) -> Report:
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Report)
+    except msgspec.MsgspecError as error:
+        raise RecordingError(
+            f"{path} is no report of this version ({error}); delete it to run it again"
+        ) from error
+
+
+def _json(value: object) -> bytes:
+    return msgspec.json.encode(value)

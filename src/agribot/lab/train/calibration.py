@@ -1,0 +1,87 @@
+"""One temperature for all logits, so that a network is right as often as it says it is.
+
+Dividing logits by a number changes no class, only how sure the network sounds. Source: Guo et al.
+2017 (temperature scaling, expected calibration error).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+
+import msgspec
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from agribot.core.messages import PlantClass
+from agribot.lab.train.data import LabelledImage
+from agribot.lab.train.evaluate import resized_nearest
+
+# Class logits (1, 3, h, w) of an image (1, H, W, 3) uint8.
+Logits = Callable[[Tensor], Tensor]
+
+BINS = 15
+EVERY_PX = 4  # neighbours say nearly the same
+
+
+class Calibration(msgspec.Struct, frozen=True, kw_only=True):
+    """`images` were set aside to find the temperature; the errors are those on test images."""
+
+    temperature: float
+    images: int
+    error_before: float
+    error_after: float
+
+
+def calibrate(
+    logits: Logits, aside: Iterable[LabelledImage], tests: Iterable[LabelledImage]
+) -> Calibration:
+    """The temperature of least negative log-likelihood on images that nothing else uses."""
+    values, truth, images = _sampled(logits, aside)
+    temperature = fit_temperature(values, truth)
+    judged, judged_truth, _ = _sampled(logits, tests)
+    return Calibration(
+        temperature=round(temperature, 4),
+        images=images,
+        error_before=calibration_error(judged, judged_truth),
+        error_after=calibration_error(judged / temperature, judged_truth),
+    )
+
+
+def fit_temperature(logits: Tensor, truth: Tensor) -> float:
+    """For logits (N, 3) and true classes (N,)."""
+    log_temperature = torch.zeros(1, requires_grad=True)
+    search = torch.optim.LBFGS([log_temperature], max_iter=50, line_search_fn="strong_wolfe")
+
+    def unlikelihood() -> Tensor:
+        search.zero_grad()
+        loss = functional.cross_entropy(logits * torch.exp(-log_temperature), truth)
+        loss.backward()  # type: ignore[no-untyped-call]
+        return loss
+
+    search.step(unlikelihood)  # type: ignore[no-untyped-call]
+    return math.exp(float(log_temperature.detach()))
+
+
+def calibration_error(logits: Tensor, truth: Tensor) -> float:
+    """Expected calibration error: mean over pixels of |accuracy - confidence| of their bin."""
+    sure, said = logits.softmax(dim=1).max(dim=1)
+    surplus = sure.double() - (said == truth).double()
+    in_bin = (sure * BINS).long().clamp(max=BINS - 1)
+    return float(torch.bincount(in_bin, surplus, BINS).abs().sum() / len(truth))
+
+
+def _sampled(logits: Logits, pairs: Iterable[LabelledImage]) -> tuple[Tensor, Tensor, int]:
+    """Logits (N, 3) and classes (N,) of every so many pixels that count, and how many images."""
+    values, truths, images = [], [], 0
+    for image_rgb, label in pairs:
+        with torch.inference_mode():
+            found = logits(torch.from_numpy(image_rgb.copy())[None])[0]
+        small = resized_nearest(label, tuple(found.shape[1:]))[::EVERY_PX, ::EVERY_PX]
+        counted = torch.from_numpy(small < len(PlantClass))
+        values.append(found[:, ::EVERY_PX, ::EVERY_PX].permute(1, 2, 0)[counted])
+        truths.append(torch.from_numpy(small.astype(np.int64))[counted])
+        images += 1
+    return torch.cat(values).float(), torch.cat(truths), images

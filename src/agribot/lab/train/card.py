@@ -1,0 +1,198 @@
+"""The model card: what a network was trained on, how, and how good it is."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from agribot.autonomy.perceive.segmenter import Segmenter
+from agribot.core.errors import ConfigError
+from agribot.core.messages import PlantClass
+from agribot.lab.train.calibration import Calibration
+from agribot.lab.train.efficientnet import PACKAGE, VERSION
+from agribot.lab.train.evaluate import CLASS_NAMES, Scores
+from agribot.lab.train.fit import TrainingPlan
+from agribot.lab.train.start import IMAGENET
+
+LICENSE = "Apache-2.0"
+SIM_LIMITS = (
+    "trained on simulated images only. How it does on photographs of a field was not measured."
+)
+
+
+class HeldOut(msgspec.Struct, frozen=True, kw_only=True):
+    """What a training of the same recipe scored on images that were kept from it."""
+
+    command: str
+    steps: int
+    train_images: int
+    input_height_px: int
+    input_width_px: int
+    test: dict[str, Scores]
+
+
+class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
+    name: str
+    license: str
+    data: str
+    command: str
+    plan: TrainingPlan
+    train_images: int
+    parameters: int
+    input_height_px: int
+    input_width_px: int
+    file_bytes: int
+    sha256: str
+    cpu_ms_per_frame: float
+    cpu_ms_conditions: str
+    training_cpu_min: float
+    test: dict[str, Scores]
+    limits: str = SIM_LIMITS
+    chosen_blind: bool = True  # no setting, such as the input size, was chosen by the test sets
+    precision: str = "fp32"  # of the numbers in the file
+    calibration: Calibration | None = None  # None: confidences are the softmax of the logits
+    held_out: HeldOut | None = None  # where nothing is left to judge these very weights on
+    changed_since: str = ""  # what the same command does otherwise today
+
+    def write(self, onnx_path: Path) -> None:
+        """Put the card beside the weights, as JSON and as Markdown."""
+        text = msgspec.json.format(msgspec.json.encode(self), indent=2)
+        onnx_path.with_suffix(".json").write_bytes(text + b"\n")
+        onnx_path.with_suffix(".md").write_text(self.markdown(), encoding="utf-8")
+
+    def markdown(self) -> str:
+        test = self.test if self.held_out is None else self.held_out.test
+        tables = "\n\n".join(_table(name, scores) for name, scores in test.items())
+        return f"""# {self.name}
+
+Crop/weed segmentation: every pixel of a camera image is weed ({int(PlantClass.WEED)}), \
+crop ({int(PlantClass.CROP)}) or soil ({int(PlantClass.SOIL)}).
+
+- Licence of the weights: {self.license}
+- Data: {self.data}
+- Training images: {self.train_images}
+- Command: `{self.command}`{self._change()}
+- Begun with: {self._beginning()}
+- Optimiser steps: {self.plan.steps}, seed {self.plan.seed}, {self.training_cpu_min:.1f} CPU-minutes
+- Parameters: {self.parameters:,}; file {self.file_bytes / 1e6:.2f} MB in {self.precision}, \
+SHA-256 `{self.sha256}`
+- Network resolution: {self.input_width_px} x {self.input_height_px}; the graph takes uint8 images \
+of any size
+- Speed: {self.cpu_ms_per_frame:.1f} ms CPU time per frame ({self.cpu_ms_conditions})
+- Confidence: {self._sureness()}
+
+{self._origin()}
+
+{tables}
+
+Limits: {self.limits}
+"""
+
+    def _beginning(self) -> str:
+        start = self.plan.start
+        if start == IMAGENET:
+            return f"an encoder with the ImageNet weights of {PACKAGE} {VERSION} (Apache-2.0)"
+        return f"the weights of {start}" if start else "random weights"
+
+    def _change(self) -> str:
+        return f"\n- Changed since: {self.changed_since}" if self.changed_since else ""
+
+    def _sureness(self) -> str:
+        found = self.calibration
+        if found is None:
+            return "softmax of the logits, no temperature"
+        return (
+            f"softmax of the logits over the temperature {found.temperature:g}, found on "
+            f"{found.images} images set aside; expected calibration error on the test images "
+            f"{found.error_before:.4f} without it, {found.error_after:.4f} with it"
+        )
+
+    def _origin(self) -> str:
+        """Where the scores come from."""
+        pooled = (
+            "from one confusion matrix over all pixels of a test set, at the resolution of the "
+            "labels"
+        )
+        choosing = " or for choosing a setting" if self.chosen_blind else ""
+        other = self.held_out
+        if other is None:
+            untouched = f"No test image was used for training{choosing}."
+            return f"Scores come {pooled}. {untouched}" if self.test else "No scores were measured."
+        return (
+            f"These weights were trained on all {self.train_images} images: none is left to judge "
+            "them on, and how good they are on other images was not measured. The scores are those "
+            f"of another training by the same recipe, on {other.train_images} of the images for "
+            f"{other.steps} steps, judged at {other.input_width_px} x {other.input_height_px} on "
+            f"images that it never saw; they come {pooled}. That training: `{other.command}`"
+        )
+
+
+def _table(name: str, scores: Scores) -> str:
+    lines = [
+        f"## {name}: {scores.images} images, mean IoU {scores.miou:.3f}",
+        "",
+        "| class | IoU | precision | recall | F1 |",
+        "|---|---|---|---|---|",
+    ]
+    for label in CLASS_NAMES:
+        values = (s[label] for s in (scores.iou, scores.precision, scores.recall, scores.f1))
+        cells = ("–" if value is None else f"{value:.3f}" for value in values)
+        lines.append(f"| {label} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def cpu_ms_per_frame(segmenter: Segmenter, frames: int = 20) -> float:
+    """Median CPU time of one 640 x 480 frame on this machine."""
+    image_rgb = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
+    segmenter.segment(image_rgb)
+    times_ms = []
+    for _ in range(frames):
+        started_s = time.process_time()
+        segmenter.segment(image_rgb)
+        times_ms.append(1e3 * (time.process_time() - started_s))
+    return float(np.median(times_ms))
+
+
+def speed_conditions(threads: int) -> str:
+    return (
+        f"640 x 480 input, ONNX Runtime {version('onnxruntime')}, {threads} thread, "
+        f"{platform.machine()} CPU"
+    )
+
+
+def sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def read_held_out(path: Path, plan: TrainingPlan) -> HeldOut:
+    """The scores of the card of a training by the same recipe, with images held out.
+
+    Raises: ConfigError: no card, no held-out images, or another recipe.
+    """
+    try:
+        card = msgspec.json.decode(path.read_bytes(), type=ModelCard)
+    except (OSError, msgspec.DecodeError) as error:
+        raise ConfigError(
+            f"--scores-from {path}: not the .json of a model card: {error}"
+        ) from error
+    if not card.test:
+        raise ConfigError(f"--scores-from {path}: that training held no images out; use --fold")
+    same = msgspec.structs.replace(card.plan, steps=plan.steps, data=plan.data)
+    if same != plan or card.plan.data.split()[:1] != plan.data.split()[:1]:
+        raise ConfigError(
+            f"--scores-from {path}: another recipe ({card.plan}); only steps and fold may differ"
+        )
+    return HeldOut(
+        command=card.command,
+        steps=card.plan.steps,
+        train_images=card.train_images,
+        input_height_px=card.input_height_px,
+        input_width_px=card.input_width_px,
+        test=card.test,
+    )

@@ -1,0 +1,83 @@
+"""How good a class map is: every number from one confusion matrix over all pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from agribot.core.messages import ByteArray, PlantClass
+
+CLASS_NAMES = tuple(c.name.lower() for c in PlantClass)
+Confusion = npt.NDArray[np.int64]
+ByClass = dict[str, float | None]
+
+
+class Scores(msgspec.Struct, frozen=True, kw_only=True):
+    """Per-class scores by class name; `confusion[truth][guess]` counts pixels.
+
+    A class that does not occur has no score: None, and is left out of `miou`.
+    """
+
+    images: int
+    iou: ByClass
+    miou: float
+    precision: ByClass
+    recall: ByClass
+    f1: ByClass
+    confusion: list[list[int]]
+
+
+def confusion_matrix(truth: ByteArray, guess: ByteArray) -> Confusion:
+    """Pixel counts (3, 3), rows the truth; pixels whose truth is no class do not count."""
+    counted = truth < len(PlantClass)
+    pairs = truth[counted].astype(np.int64) * len(PlantClass) + guess[counted]
+    shape = (len(PlantClass), len(PlantClass))
+    return np.bincount(pairs, minlength=shape[0] * shape[1]).reshape(shape)
+
+
+def scores(confusion: Confusion, images: int) -> Scores:
+    hits = np.diag(confusion).astype(np.float64)
+    truth, guess = confusion.sum(axis=1), confusion.sum(axis=0)
+    with np.errstate(invalid="ignore"):
+        iou = hits / (truth + guess - hits)
+        return Scores(
+            images=images,
+            iou=_by_class(iou),
+            miou=float(np.nanmean(iou)),
+            precision=_by_class(hits / guess),
+            recall=_by_class(hits / truth),
+            f1=_by_class(2.0 * hits / (truth + guess)),
+            confusion=confusion.tolist(),
+        )
+
+
+def evaluate(
+    classify: Callable[[ByteArray], ByteArray], pairs: Iterable[tuple[ByteArray, ByteArray]]
+) -> Scores:
+    """Pool (image_rgb, truth) pairs; `classify` answers at the resolution of the image."""
+    confusion = np.zeros((len(PlantClass), len(PlantClass)), dtype=np.int64)
+    images = 0
+    for image_rgb, truth in pairs:
+        confusion += confusion_matrix(truth, classify(image_rgb))
+        images += 1
+    return scores(confusion, images)
+
+
+def resized_nearest(class_id: ByteArray, shape: tuple[int, ...]) -> ByteArray:
+    """The class map at another (height, width), by the pixel that covers each centre."""
+    rows, columns = (
+        ((np.arange(size) + 0.5) * (source / size)).astype(np.int64)
+        for size, source in zip(shape, class_id.shape, strict=True)
+    )
+    resized: ByteArray = class_id[rows[:, None], columns[None, :]]
+    return resized
+
+
+def _by_class(values: npt.NDArray[np.float64]) -> ByClass:
+    return {
+        name: None if np.isnan(value) else float(value)
+        for name, value in zip(CLASS_NAMES, values, strict=True)
+    }

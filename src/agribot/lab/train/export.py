@@ -1,0 +1,118 @@
+"""A trained network as one ONNX file: bytes of an image in, classes and confidence out.
+
+Resize, normalisation, softmax and argmax are part of the graph, so that every program that
+runs the file gets the same answer.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from agribot.core.messages import PlantClass
+from agribot.lab.train.evaluate import CLASS_NAMES
+from agribot.lab.train.features import centred_rgb
+
+# Of the network, not of the camera: the graph resizes whatever comes in.
+INPUT_HEIGHT_PX, INPUT_WIDTH_PX = 480, 640
+OPSET = 18
+
+Features = Callable[[Tensor], Tensor]
+
+
+class DeployedNet(nn.Module):
+    """(1, H, W, 3) uint8 to class (h, w) uint8 and confidence (h, w) uint8, 255 = certain.
+
+    `temperature` divides the logits of the confidence; see `agribot.lab.train.calibration`.
+    """
+
+    def __init__(
+        self,
+        network: nn.Module,
+        height_px: int,
+        width_px: int,
+        features: Features = centred_rgb,
+        temperature: float = 1.0,
+    ) -> None:
+        super().__init__()
+        self.network = network
+        self.features = features
+        self.size_px = (height_px, width_px)
+        self.temperature = temperature
+
+    def logits(self, image_rgb: Tensor) -> Tensor:
+        """(1, H, W, 3) uint8 to (1, 3, h, w)."""
+        x = image_rgb.permute(0, 3, 1, 2).to(torch.float32)
+        x = functional.interpolate(x, size=self.size_px, mode="bilinear", align_corners=False)
+        logits: Tensor = self.network(self.features(x))
+        if logits.shape[-1] != self.size_px[1]:
+            logits = functional.interpolate(
+                logits, scale_factor=2.0, mode="bilinear", align_corners=False
+            )
+        return logits
+
+    def forward(self, image_rgb: Tensor) -> tuple[Tensor, Tensor]:
+        # Class by class: the operators that reduce over three channels cost 1 ms more in all.
+        weed, crop, soil = torch.split(self.logits(image_rgb)[0], 1)
+        plant = torch.maximum(weed, crop)
+        best = torch.maximum(plant, soil)
+        shares = [((logit - best) / self.temperature).exp() for logit in (weed, crop, soil)]
+        confidence = 255.0 / (shares[0] + shares[1] + shares[2])
+        plant_id = (crop > weed).to(torch.uint8) * int(PlantClass.CROP)  # else 0, a weed
+        class_id = plant_id.masked_fill(soil > plant, int(PlantClass.SOIL))
+        return class_id[0], confidence[0].round().to(torch.uint8)
+
+
+def export_onnx(
+    network: nn.Module,
+    path: Path,
+    height_px: int = INPUT_HEIGHT_PX,
+    width_px: int = INPUT_WIDTH_PX,
+    antialias: bool = False,
+    features: Features = centred_rgb,
+    temperature: float = 1.0,
+) -> None:
+    """Write the deployable graph; batch norms are folded into the convolutions by the exporter.
+
+    `antialias` widens the filter of the input's resize with its reduction: for photographs that
+    are much larger than the network's input.
+    """
+    deployed = DeployedNet(network, height_px, width_px, features, temperature).eval()
+    example = torch.zeros((1, 480, 640, 3), dtype=torch.uint8)
+    with warnings.catch_warnings():
+        warnings.simplefilter(
+            "ignore"
+        )  # the TorchScript exporter is deprecated but dependency-free
+        torch.onnx.export(
+            deployed,
+            (example,),
+            str(path),
+            opset_version=OPSET,
+            input_names=["image_rgb"],
+            output_names=["class_id", "confidence"],
+            dynamic_axes={"image_rgb": {1: "height_px", 2: "width_px"}},
+            dynamo=False,
+        )
+    _describe(path, (height_px, width_px), antialias, temperature)
+
+
+def _describe(path: Path, size_px: tuple[int, int], antialias: bool, temperature: float) -> None:
+    """Write the output size, which the exporter leaves open, the classes and the temperature."""
+    import onnx
+
+    model = onnx.load(str(path))
+    for output in model.graph.output:
+        rows, columns = output.type.tensor_type.shape.dim
+        rows.dim_value, columns.dim_value = size_px
+    if antialias:  # the exporter knows the operator but not this attribute of it
+        resize = next(node for node in model.graph.node if node.op_type == "Resize")
+        resize.attribute.append(onnx.helper.make_attribute("antialias", 1))
+    about = {"classes": ",".join(CLASS_NAMES), "temperature": f"{temperature:g}"}
+    onnx.helper.set_model_props(model, about)
+    onnx.checker.check_model(model)
+    onnx.save(model, str(path))

@@ -1,0 +1,162 @@
+"""Figures of a training and of a judgement, as PNG files."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agribot.core.messages import ByteArray, PlantClass
+from agribot.lab.train.evaluate import CLASS_NAMES
+from agribot.lab.train.judgement import Judgement, Thumbnail
+
+# Red weed, green crop, blue soil, as in masks; darker, so that they read on white.
+INK = ("#c62828", "#2e7d32", "#1e5fa8")
+OVERLAY_RGB = np.array([[230, 40, 40], [40, 200, 60], [0, 0, 0]], dtype=np.float32)
+
+
+def write_figures(judgement: Judgement, folder: Path) -> list[Path]:
+    """Confusion matrix, reliability, curves by class, IoU by image, and the worst images."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return [
+        _confusion(judgement, folder / "confusion.png"),
+        _reliability(judgement, folder / "reliability.png"),
+        _precision_recall(judgement, folder / "curves.png"),
+        _by_image(judgement, folder / "images.png"),
+        _worst(judgement.worst, folder / "worst.png"),
+    ]
+
+
+def _new(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Any, Any]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=120, layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def _saved(figure: Any, path: Path) -> Path:
+    figure.savefig(path)
+    return path
+
+
+def _confusion(judgement: Judgement, path: Path) -> Path:
+    figure, axes = _new(4.6, 4.0)
+    axis = axes[0, 0]
+    counts = judgement.confusion
+    share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    axis.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0)
+    for (row, column), count in np.ndenumerate(counts):
+        colour = "white" if share[row, column] > 0.5 else "black"
+        text = f"{share[row, column]:.1%}\n{count:,} px"
+        axis.text(column, row, text, ha="center", va="center", color=colour, fontsize=8)
+    axis.set_xticks(range(3), CLASS_NAMES)
+    axis.set_yticks(range(3), CLASS_NAMES)
+    axis.set_xlabel("said by the network")
+    axis.set_ylabel("truth")
+    axis.set_title(f"Pixels of {len(judgement.images)} images, mIoU {judgement.scores.miou:.3f}")
+    return _saved(figure, path)
+
+
+def _reliability(judgement: Judgement, path: Path) -> Path:
+    figure, axes = _new(4.6, 4.6, 2, 1)
+    found = judgement.reliability
+    points = [
+        (sure, right)
+        for sure, right in zip(found.confidence, found.accuracy, strict=True)
+        if sure is not None and right is not None
+    ]
+    above, below = axes[0, 0], axes[1, 0]
+    above.plot([1 / 3, 1], [1 / 3, 1], color="#999999", lw=1, label="as sure as right")
+    above.plot(*zip(*points, strict=True), "o-", ms=4, color=INK[2], label="this network")
+    above.set_ylabel("share that is right")
+    above.set_title(f"Reliability, calibration error {found.calibration_error:.3f}")
+    above.legend(frameon=False)
+    width = 1.0 / len(found.pixels)
+    below.bar((np.arange(len(found.pixels)) + 0.5) * width, found.pixels, 0.9 * width, color=INK[2])
+    below.set_yscale("symlog", linthresh=1.0)
+    below.set_ylabel("pixels")
+    below.set_xlabel("confidence")
+    for axis in (above, below):
+        axis.set_xlim(0.3, 1.01)
+    return _saved(figure, path)
+
+
+def _precision_recall(judgement: Judgement, path: Path) -> Path:
+    figure, axes = _new(4.6, 4.0)
+    axis = axes[0, 0]
+    for kind, name, colour in zip(PlantClass, CLASS_NAMES, INK, strict=True):
+        precision, recall = judgement.precision_recall(kind)
+        axis.plot(recall, precision, color=colour, lw=1.6, label=name)
+        scores = judgement.scores
+        if scores.precision[name] is not None and scores.recall[name] is not None:
+            axis.plot(scores.recall[name], scores.precision[name], "o", color=colour, ms=5)
+    axis.set_xlim(0.0, 1.01)
+    axis.set_ylim(0.0, 1.01)
+    axis.set_xlabel("recall")
+    axis.set_ylabel("precision")
+    axis.set_title("Pixels by class; the dot is the class map")
+    axis.legend(frameon=False, loc="lower left")
+    return _saved(figure, path)
+
+
+def _by_image(judgement: Judgement, path: Path) -> Path:
+    ordered = sorted(judgement.images, key=lambda score: score.miou)
+    figure, axes = _new(max(5.0, 0.16 * len(ordered) + 2.0), 3.4)
+    axis = axes[0, 0]
+    for name, colour in zip(CLASS_NAMES, INK, strict=True):
+        values = [np.nan if s.iou[name] is None else s.iou[name] for s in ordered]
+        axis.plot(values, "o", ms=3.5, color=colour, label=name)
+    axis.plot([score.miou for score in ordered], "-", color="black", lw=1, label="mean")
+    if len(ordered) <= 60:
+        names = [Path(score.name).stem for score in ordered]
+        axis.set_xticks(range(len(ordered)), names, rotation=90, fontsize=6)
+    axis.set_ylim(0.0, 1.02)
+    axis.set_ylabel("IoU")
+    axis.set_title("Image by image, worst first")
+    axis.legend(frameon=False, ncols=4, loc="lower right")
+    return _saved(figure, path)
+
+
+def _worst(thumbnails: list[Thumbnail], path: Path) -> Path:
+    figure, axes = _new(9.0, 2.4 * max(1, len(thumbnails)), max(1, len(thumbnails)), 3)
+    for row, one in zip(axes, thumbnails, strict=False):
+        pictures = (
+            one.image_rgb,
+            tinted(one.image_rgb, one.truth),
+            tinted(one.image_rgb, one.guess),
+        )
+        titles = (Path(one.name).name, "truth", f"network, mIoU {one.miou:.3f}")
+        for axis, picture, title in zip(row, pictures, titles, strict=True):
+            axis.imshow(picture)
+            axis.set_title(title, fontsize=8)
+    for axis in axes.flat:
+        axis.set_axis_off()
+    return _saved(figure, path)
+
+
+def tinted(image_rgb: ByteArray, class_id: ByteArray, strength: float = 0.7) -> ByteArray:
+    """The image with weeds in red and crops in green; soil stays as it is."""
+    plants = class_id < 2
+    colours = OVERLAY_RGB[np.minimum(class_id, 2)]
+    mixed = image_rgb * (1.0 - strength) + colours * strength
+    shown: ByteArray = np.where(plants[..., None], mixed, image_rgb).astype(np.uint8)
+    return shown
+
+
+def write_curves(log: Path, path: Path) -> Path:
+    """The loss of every step of a training, and its moving mean."""
+    with log.open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    steps = np.array([int(row["step"]) for row in rows])
+    loss = np.array([float(row["loss"]) for row in rows])
+    figure, axes = _new(6.0, 3.2)
+    axis = axes[0, 0]
+    axis.plot(steps, loss, color="#cccccc", lw=0.6)
+    window = max(1, len(loss) // 60)
+    smooth = np.convolve(loss, np.ones(window) / window, mode="valid")
+    axis.plot(steps[window - 1 :], smooth, color=INK[2], lw=1.4)
+    axis.set_ylabel("loss")
+    axis.set_xlabel("step")
+    return _saved(figure, path)

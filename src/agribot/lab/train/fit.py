@@ -1,0 +1,239 @@
+"""The training loop: one plan, one seed, one result, also across a kill and a restart."""
+
+from __future__ import annotations
+
+import copy
+import csv
+import math
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from agribot.core.errors import AgribotError
+from agribot.lab.train.architectures import architecture
+from agribot.lab.train.losses import CLASS_WEIGHTS, OVERLAP_LOSSES, segmentation_loss
+from agribot.lab.train.processes import Crew
+from agribot.lab.train.start import IMAGENET, load_imagenet, start_from
+
+# Random batch of images (N, 3, S, S) float32 in 0..255 and labels (N, S, S) int64.
+BatchSource = Callable[[np.random.Generator], tuple[Tensor, Tensor]]
+Progress = Callable[[str], None]
+
+CHECKPOINT = "checkpoint.pt"
+LOG = "training.csv"
+LOG_FIELDS = ("step", "learning_rate", "loss", "cpu_s")
+GRADIENT_LIMIT = 5.0
+
+
+class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
+    """All that decides the result of a training, besides the data."""
+
+    steps: int
+    seed: int = 0
+    batch_size: int = 8
+    crop_px: int = 320
+    learning_rate: float = 3e-3
+    weight_decay: float = 0.02
+    warmup_steps: int = 100
+    ema_decay: float = 0.995
+    bf16: bool = True
+    checkpoint_every: int = 100
+    model: str = "agribot-sim"
+    class_weights: tuple[float, float, float] = CLASS_WEIGHTS
+    overlap_loss: str = "dice"
+    processes: int = 1  # that train together, each with a batch of its own
+    start: str = ""  # weights to begin with: name and start of the SHA-256, or imagenet
+    data: str = ""  # which photographs: another fold must not go on in the same folder
+
+    def rate_at(self, step: int) -> float:
+        """Linear warm-up, then a cosine to 0.5 % of the top rate."""
+        warm = min(1.0, (step + 1) / max(1, min(self.warmup_steps, self.steps // 5)))
+        cosine = 0.5 * (1.0 + math.cos(math.pi * step / self.steps))
+        return self.learning_rate * warm * (0.995 * cosine + 0.005)
+
+
+class Trainer:
+    """Holds the network, its moving average and the optimiser between steps.
+
+    Every step draws its batch from a generator of (seed, step, rank of the process): a training
+    that was killed goes on from its checkpoint as if nothing had happened.
+    """
+
+    def __init__(
+        self,
+        plan: TrainingPlan,
+        batches: BatchSource,
+        folder: Path,
+        crew: Crew | None = None,
+        start: Path | None = None,
+    ) -> None:
+        self.plan = plan
+        self._crew = crew or Crew()
+        self.step = 0
+        self._batches = batches
+        self._folder = folder
+        self._rows: list[dict[str, float]] = []
+        self.cpu_s = 0.0
+        torch.manual_seed(plan.seed)
+        self._features = architecture(plan.model).features
+        self.network = architecture(plan.model).build()
+        if plan.start == IMAGENET:
+            load_imagenet(plan.model, self.network)
+        self.network.to(self._crew.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        if start is not None:
+            images, _ = batches(np.random.default_rng([plan.seed, 0]))
+            start_from(start, self.network, self._features(images.to(self._crew.device)))
+        self.average = copy.deepcopy(self.network).eval()
+        self._together = self._crew.together(self.network)
+        self._optimiser = torch.optim.AdamW(
+            _parameter_groups(self.network, plan.weight_decay), plan.learning_rate
+        )
+
+    def run(self, progress: Progress) -> nn.Module:
+        """Train up to the plan's last step; returns the averaged network."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._resume(progress)
+        zero_s = time.process_time() - self.cpu_s
+        self._together.train()
+        while self.step < self.plan.steps:
+            loss = self.advance()
+            self.cpu_s = time.process_time() - zero_s
+            self._note(loss)
+            if self.step % self.plan.checkpoint_every == 0 or self.step == self.plan.steps:
+                if self._crew.leads:
+                    self._save()
+                recent = [row["loss"] for row in self._rows[-50:]]
+                progress(
+                    f"step {self.step}/{self.plan.steps}  loss {sum(recent) / len(recent):.4f}  "
+                    f"{self.cpu_s / 60.0:.1f} CPU-min"
+                )
+        self._together = self.network  # lets go of the other processes
+        return self.average
+
+    def advance(self) -> float:
+        """One optimiser step; returns its loss."""
+        rate = self.plan.rate_at(self.step)
+        for group in self._optimiser.param_groups:
+            group["lr"] = rate
+        # Whatever torch draws in a step, such as dropout, is the step's own after a restart too.
+        rank, device = self._crew.rank, torch.device(self._crew.device)
+        torch.manual_seed(self.plan.seed * 1_000_003 + self.step + rank * 1_000_000_007)
+        images, labels = self._batches(np.random.default_rng([self.plan.seed, self.step, rank]))
+        labels = labels.to(device)
+        x = self._features(images.to(device)).contiguous(memory_format=torch.channels_last)
+        with torch.autocast(device.type, torch.bfloat16, enabled=self.plan.bf16):
+            logits = self._together(x)
+        loss = segmentation_loss(
+            logits.float(),
+            labels,
+            self.plan.class_weights,
+            OVERLAP_LOSSES[self.plan.overlap_loss],
+        )
+        self._optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_LIMIT)
+        self._optimiser.step()
+        self.step += 1
+        self._update_average()
+        return float(loss.item())
+
+    def _update_average(self) -> None:
+        # A short memory at first, so that the random start is forgotten.
+        decay = min(self.plan.ema_decay, (1 + self.step) / (10 + self.step))
+        with torch.no_grad():
+            pairs = zip(
+                self.average.state_dict().values(), self.network.state_dict().values(), strict=True
+            )
+            for averaged, current in pairs:
+                if averaged.dtype.is_floating_point:
+                    averaged.lerp_(current, 1.0 - decay)
+                else:
+                    averaged.copy_(current)
+
+    def _note(self, loss: float) -> None:
+        rate = self.plan.rate_at(self.step - 1)
+        self._rows.append(
+            {"step": self.step, "learning_rate": rate, "loss": loss, "cpu_s": round(self.cpu_s, 2)}
+        )
+
+    def _save(self) -> None:
+        state = {
+            "plan": msgspec.to_builtins(self.plan),
+            "step": self.step,
+            "network": self.network.state_dict(),
+            "average": self.average.state_dict(),
+            "optimiser": self._optimiser.state_dict(),
+            "rows": self._rows,
+            "cpu_s": self.cpu_s,
+        }
+        _replace(self._folder / CHECKPOINT, lambda path: torch.save(state, path))
+        _replace(self._folder / LOG, self._write_log)
+
+    def _write_log(self, path: Path) -> None:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, LOG_FIELDS)
+            writer.writeheader()
+            writer.writerows(self._rows)
+
+    def _resume(self, progress: Progress) -> None:
+        state = load_checkpoint(self._folder)
+        if state is None:
+            return
+        if msgspec.convert(state["plan"], TrainingPlan) != self.plan:
+            raise AgribotError(
+                f"{self._folder} holds a training with other settings ({state['plan']}); give the "
+                "same settings to go on with it, or another --out folder to start anew"
+            )
+        self.step = state["step"]
+        self.network.load_state_dict(state["network"])
+        self.average.load_state_dict(state["average"])
+        self._optimiser.load_state_dict(state["optimiser"])
+        self._rows = state["rows"]
+        self.cpu_s = state["cpu_s"]
+        _replace(self._folder / LOG, self._write_log)  # it may be gone, or ahead of the checkpoint
+        progress(f"going on from step {self.step} of {self._folder / CHECKPOINT}")
+
+
+def load_checkpoint(folder: Path) -> dict[str, Any] | None:
+    path = folder / CHECKPOINT
+    if not path.is_file():
+        return None
+    state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+    return state
+
+
+def steps_within(
+    minutes: float, batches: BatchSource, plan: TrainingPlan, folder: Path, crew: Crew | None = None
+) -> int:
+    """How many steps fit into `minutes` of CPU time, from a few trial steps."""
+    trial = Trainer(plan, batches, folder, crew)
+    trial.network.train()
+    trial.advance()
+    started_s = time.process_time()
+    for _ in range(3):
+        trial.advance()
+    step_s = (time.process_time() - started_s) / 3.0
+    return max(50, int(minutes * 60.0 / step_s))
+
+
+def _parameter_groups(network: nn.Module, weight_decay: float) -> list[dict[str, Any]]:
+    """Only convolution weights decay; biases and normalisation do not."""
+    parameters = list(network.parameters())
+    return [
+        {"params": [p for p in parameters if p.ndim > 1], "weight_decay": weight_decay},
+        {"params": [p for p in parameters if p.ndim <= 1], "weight_decay": 0.0},
+    ]
+
+
+def _replace(path: Path, write: Callable[[Path], None]) -> None:
+    """Write beside `path`, then move: a kill leaves the old file or the new one, never half."""
+    beside = path.with_suffix(path.suffix + ".part")
+    write(beside)
+    os.replace(beside, path)

@@ -1,0 +1,62 @@
+"""Networks by name: their files, their cards, and the same network at another input size."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from agribot.autonomy.perceive.segmenter import Segmenter, model_path
+from agribot.core.errors import ConfigError
+
+STRIDE_PX = 32
+
+
+def read_size(text: str, multiple_px: int = 1) -> tuple[int, int]:
+    """(height, width) of "WIDTHxHEIGHT".
+
+    Raises: ConfigError: not two whole numbers, or no multiples.
+    """
+    words = text.lower().split("x")
+    if len(words) != 2 or not all(word.isdigit() and int(word) for word in words):
+        raise ConfigError(f"size {text}: write width and height in pixels, such as 512x384")
+    width_px, height_px = (int(word) for word in words)
+    if width_px % multiple_px or height_px % multiple_px:
+        raise ConfigError(f"size {text}: both must be multiples of {multiple_px} pixels")
+    return height_px, width_px
+
+
+def open_network(
+    model: str | Path, threads: int = 1, size: str | None = None, providers: str = "cpu"
+) -> Segmenter:
+    """Raises: PerceptionError: no such network; ConfigError: an impossible size."""
+    chosen = {
+        "cpu": ("CPUExecutionProvider",),
+        "cuda": ("CUDAExecutionProvider", "CPUExecutionProvider"),
+        "tensorrt": (
+            "TensorrtExecutionProvider",
+            "CUDAExecutionProvider",
+            "CPUExecutionProvider",
+        ),
+    }[providers]
+    as_it_is = Segmenter(model, threads, chosen)
+    if size is None:
+        return as_it_is
+    from agribot.lab.train.resizing import at_size
+
+    height_px, width_px = read_size(size, STRIDE_PX)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "resized.onnx"
+        path.write_bytes(at_size(model_path(model), height_px, width_px))
+        return Segmenter(path, threads, chosen)
+
+
+def card_of(model: str | Path) -> dict[str, Any]:
+    """The card beside the weights; empty where there is none."""
+    path = model_path(model).with_suffix(".json")
+    try:
+        card = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return card if isinstance(card, dict) else {}

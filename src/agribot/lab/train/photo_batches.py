@@ -1,0 +1,117 @@
+"""Training batches from photographs that look straight down: any turn, scale and light.
+
+Plants look the same from every side there, so a crop is turned freely. Rare plants are shown
+more often: crops centre on vegetation, and plants of one picture are set into another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from PIL import Image
+from torch import Tensor
+
+from agribot.core.messages import ByteArray, PlantClass
+from agribot.lab.train.evaluate import resized_nearest
+from agribot.lab.train.photo_transforms import relight, warp
+
+# Largest and smallest scale, over the scale at which the network works.
+SCALE_RATIO = (0.86, 1.66)
+LEVELS = 4
+FROM_LEVEL_RATIO = (0.85, 1.0)  # what is left to the warp after the nearest larger level
+ON_PLANTS_RATIO = 0.6  # of the crops centre on vegetation, half of them on a crop plant
+PASTE_RATIO = 0.35
+PASTE_CROP_RATIO = 0.7
+LEAST_PASTE_PX = 30
+
+
+class Level(NamedTuple):
+    """A picture at one scale, and where its crops and all its plants are."""
+
+    image_rgb: ByteArray
+    label: ByteArray
+    crop_rows_columns: npt.NDArray[np.intp]
+    plant_rows_columns: npt.NDArray[np.intp]
+
+
+class PhotoBatches:
+    """Draws batches; the same generator state gives the same batch.
+
+    `scale` is the network's input width over the width of the photographs.
+    """
+
+    def __init__(
+        self,
+        pairs: Sequence[tuple[ByteArray, ByteArray]],
+        scale: float,
+        batch_size: int,
+        crop_px: int,
+    ) -> None:
+        self.batch_size = batch_size
+        self.crop_px = crop_px
+        scales = np.minimum(1.0, scale * np.geomspace(*SCALE_RATIO, LEVELS) / FROM_LEVEL_RATIO[0])
+        scales = np.minimum(scales, scale * SCALE_RATIO[1])
+        self._pictures = [[_level(*pair, float(s)) for s in scales] for pair in pairs]
+        # A turned square must not reach over the edge of its window.
+        self._window_px = int(np.ceil(crop_px * 1.2))
+
+    def __call__(self, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+        samples = [self._sample(rng) for _ in range(self.batch_size)]
+        images = np.stack([image for image, _ in samples]).transpose(0, 3, 1, 2)
+        labels = np.stack([label for _, label in samples])
+        return torch.from_numpy(images.astype(np.float32)), torch.from_numpy(
+            labels.astype(np.int64)
+        )
+
+    def _sample(self, rng: np.random.Generator) -> tuple[ByteArray, ByteArray]:
+        image, label = self._crop(rng)
+        if rng.random() >= PASTE_RATIO:
+            return image, label
+        kind = PlantClass.CROP if rng.random() < PASTE_CROP_RATIO else PlantClass.WEED
+        other_image, other_label = self._crop(rng)
+        pasted = other_label == kind
+        if pasted.sum() < LEAST_PASTE_PX:
+            return image, label
+        return (
+            np.where(pasted[..., None], other_image, image),
+            np.where(pasted, other_label, label),
+        )
+
+    def _crop(self, rng: np.random.Generator) -> tuple[ByteArray, ByteArray]:
+        picture = self._pictures[int(rng.integers(len(self._pictures)))]
+        level = picture[int(rng.integers(len(picture)))]
+        image, label = self._window(level, rng)
+        image, label = warp(image, label, self.crop_px, FROM_LEVEL_RATIO, rng)
+        return relight(image, rng), label
+
+    def _window(self, level: Level, rng: np.random.Generator) -> tuple[ByteArray, ByteArray]:
+        height, width = level.label.shape
+        centre = np.array([rng.uniform(0, height), rng.uniform(0, width)])
+        if rng.random() < ON_PLANTS_RATIO:
+            places = level.plant_rows_columns
+            if rng.random() < 0.5 and len(level.crop_rows_columns):
+                places = level.crop_rows_columns
+            if len(places):
+                jitter_px = rng.uniform(-0.35, 0.35, 2) * self.crop_px
+                centre = places[int(rng.integers(len(places)))] + jitter_px
+        size_px = self._window_px
+        limit = np.maximum(0, np.array([height, width]) - size_px)
+        top, left = np.clip(np.round(centre - size_px / 2), 0, limit).astype(int)
+        window = (slice(top, top + size_px), slice(left, left + size_px))
+        return level.image_rgb[window], level.label[window]
+
+
+def _level(image_rgb: ByteArray, label: ByteArray, scale: float) -> Level:
+    height, width = (max(1, round(size * scale)) for size in label.shape)
+    # Pillow's filter widens with the reduction: fine leaves do not alias.
+    image = np.asarray(
+        Image.fromarray(image_rgb).resize((width, height), Image.Resampling.BILINEAR)
+    )
+    small = resized_nearest(label, (height, width))
+    sparse = small[::4, ::4]
+    plants = (sparse == PlantClass.CROP) | (sparse == PlantClass.WEED)
+    return Level(image, small, 4 * np.argwhere(sparse == PlantClass.CROP), 4 * np.argwhere(plants))

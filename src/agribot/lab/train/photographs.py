@@ -1,0 +1,216 @@
+"""Folders of photographs and masks as training and test data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+
+import msgspec
+
+from agribot.core.errors import ConfigError
+from agribot.core.messages import ByteArray, PlantClass
+from agribot.lab.dataset.classes import (
+    UNKNOWN,
+    USUAL_COLOURS,
+    ClassTally,
+    MaskIds,
+    advise_ids,
+    advise_swapped,
+    classes_of,
+    say_no_classes,
+)
+from agribot.lab.dataset.layouts import Item, find_layout
+from agribot.lab.dataset.pictures import PictureError, open_mask, read_picture
+
+NON_COMMERCIAL = "non-commercial research use only"
+
+
+class DataKind(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a known data set keeps its files, what its mask values mean and its conditions.
+
+    `ids` maps stored values to classes; empty: ids as in `PlantClass`, or red, green, black.
+    """
+
+    about: str
+    images: str | None = None
+    masks: str | None = None
+    ids: MaskIds = {}
+    license: str = "that of your images"
+
+
+KINDS = {
+    "cwfid": DataKind(
+        about="Crop/Weed Field Image Dataset (Haug and Ostermann, ECCV 2014 Workshops)",
+        images="images",
+        masks="annotations",
+        license=NON_COMMERCIAL,
+    ),
+    "bonn": DataKind(
+        about="Sugar Beets 2016, University of Bonn (Chebrolu et al., IJRR 2017)",
+        images="images/rgb",
+        masks="annotations/dlp/colorCleaned",
+        license=NON_COMMERCIAL,
+    ),
+    "phenobench": DataKind(
+        about="PhenoBench (Weyler et al., TPAMI 2024)",
+        images="images",
+        masks="semantics",
+        # Parts of plants that the image edge cuts (3, 4) are plants all the same.
+        ids={
+            0: PlantClass.SOIL,
+            1: PlantClass.CROP,
+            2: PlantClass.WEED,
+            3: PlantClass.CROP,
+            4: PlantClass.WEED,
+        },
+        license="CC BY-SA 4.0 with the conditions of PhenoBench",
+    ),
+    "folder": DataKind(about="a folder of images and masks"),
+}
+
+
+class Pair(msgspec.Struct, frozen=True, kw_only=True):
+    """An image, its mask and the field or day (empty: unknown) that it belongs to.
+
+    `ids` says what the values of the mask mean; empty: those of `PlantClass`, or colours.
+    `is_named`: `ids` come from the option --ids, not from the kind of data.
+    """
+
+    image: Path
+    mask: Path
+    group: str
+    ids: MaskIds = {}
+    is_named: bool = False
+
+
+def find_pairs(
+    folder: Path,
+    kind: str,
+    images: str | None = None,
+    masks: str | None = None,
+    ids: MaskIds | None = None,
+) -> tuple[list[Pair], list[str]]:
+    """All complete pairs, sorted by name, and what is wrong with the rest.
+
+    `ids` replaces what the values of the masks mean in data of this kind.
+
+    Raises: ConfigError: no pair at all.
+    """
+    known = KINDS[kind]
+    layout = find_layout(folder, images or known.images, masks or known.masks)
+    pairs, problems = (
+        [],
+        [f"{folder / name}: another file has this name" for name in layout.doubles],
+    )
+    for item in layout.items:
+        pair = _pair(folder, item, known.ids if ids is None else ids)
+        if isinstance(pair, Pair):
+            pairs.append(msgspec.structs.replace(pair, is_named=ids is not None))
+        else:
+            problems.append(pair)
+    if not pairs:
+        raise ConfigError(
+            f"{folder} has no image with a mask; the first problem: {problems[0]}; see "
+            "agribot dataset check"
+        )
+    return pairs, problems
+
+
+def _pair(folder: Path, item: Item, ids: MaskIds) -> Pair | str:
+    if item.image is None:
+        return f"{folder / (item.mask or '')}: mask without an image"
+    if item.mask is None:
+        return f"{folder / item.image}: image without a mask"
+    return Pair(image=folder / item.image, mask=folder / item.mask, group=item.group, ids=ids)
+
+
+def read_pairs(
+    pairs: Sequence[Pair], problem: Callable[[str], None]
+) -> Iterator[tuple[ByteArray, ByteArray]]:
+    """(image_rgb, label) of each pair that is whole; `problem` is told of every other one."""
+    for pair in pairs:
+        try:
+            yield read_pair(pair)
+        except PictureError as error:
+            problem(str(error))
+
+
+def read_pair(pair: Pair) -> tuple[ByteArray, ByteArray]:
+    """Raises: PictureError: a file cannot be read, or the mask does not fit the image."""
+    image_rgb = read_picture(pair.image)
+    label = read_label(pair.mask, pair.ids, is_named=pair.is_named)
+    if label.shape != image_rgb.shape[:2]:
+        raise PictureError(
+            f"{pair.mask}: is {label.shape[1]} x {label.shape[0]} pixels, its image "
+            f"{image_rgb.shape[1]} x {image_rgb.shape[0]}; export the mask at the image's size"
+        )
+    return image_rgb, label
+
+
+def read_label(path: Path, ids: MaskIds, *, is_named: bool = False) -> ByteArray:
+    """Class of every pixel, 255 where it does not count.
+
+    `is_named`: the ids are those of the option --ids, which the messages then name.
+
+    Raises: PictureError: unreadable, or values that are no class.
+    """
+    mask = open_mask(path)
+    label = classes_of(mask, ids)
+    if label is None:
+        raise PictureError(f"{path}: {say_no_classes(mask, is_named=is_named)}")
+    unknown = int((label == UNKNOWN).sum())
+    if unknown:
+        allowed = f"weed 0, crop 1, soil 2, unlabelled 255; {USUAL_COLOURS}{advise_ids(mask)}"
+        if ids:
+            allowed = f"values {', '.join(str(value) for value in sorted(ids))}"
+        raise PictureError(
+            f"{path}: {unknown} pixels have a value or colour that is no class; allowed: {allowed}"
+            + (", as --ids says" if is_named else "")
+        )
+    return label
+
+
+def check_classes(
+    read: Iterable[tuple[ByteArray, ByteArray]], pairs: Iterable[Pair], folder: Path
+) -> None:
+    """Refuse labels whose classes look swapped, before anything is learnt from them.
+
+    `read` are the pictures and labels of those `pairs` that can be read.
+
+    Raises: ConfigError: most of the ground is weed, or the soil is greener than the plants.
+    """
+    tally = ClassTally()
+    for image_rgb, label in read:
+        tally.add(image_rgb, label)
+    doubt = tally.doubt()
+    if doubt:
+        holds_values = any(_holds_values(pair.mask) for pair in pairs)
+        raise ConfigError(f"{folder}: {doubt}; {advise_swapped(holds_values=holds_values)}")
+
+
+def _holds_values(path: Path) -> bool:
+    """Whether a mask that is read without ids is one of values."""
+    try:
+        return open_mask(path).mode == "L"
+    except PictureError:
+        return False
+
+
+def fold_of(pairs: Sequence[Pair], folds: int, fold: int) -> tuple[list[Pair], list[Pair]]:
+    """Training and held-out pairs of one fold; groups stay whole where there are enough of them.
+
+    Raises: ConfigError: fewer pairs than folds, or no such fold.
+    """
+    if not 2 <= folds <= len(pairs) or not 0 <= fold < folds:
+        raise ConfigError(
+            f"--fold {fold} of --folds {folds} with {len(pairs)} images: folds must be from 2 to "
+            "the number of images, the fold from 0 to one less"
+        )
+    groups = sorted({pair.group for pair in pairs})
+    if len(groups) >= folds:
+        held = set(groups[fold::folds])
+        test = [pair for pair in pairs if pair.group in held]
+    else:
+        test = list(pairs[fold::folds])
+    names = {pair.image for pair in test}
+    return [pair for pair in pairs if pair.image not in names], test

@@ -1,0 +1,93 @@
+"""One process or several that train one network together, on CPUs or GPUs.
+
+`torchrun --nproc_per_node N` starts several and tells each its rank. Each draws its own images;
+their gradients are averaged in every step, so that N processes see N times the batch.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+from collections.abc import Callable
+from datetime import timedelta
+from typing import TypeVar
+
+import msgspec
+import torch
+
+# Its functions take the group of the moment they are defined as a default, and PyTorch imports
+# them with the first network trained together: without this line that group is never let go.
+import torch.distributed.nn
+from torch import distributed, nn
+
+from agribot.core.errors import ConfigError
+
+DEVICES = ("auto", "cpu", "cuda")
+# The others wait while the first one draws its images.
+PATIENCE = timedelta(hours=12)
+
+Result = TypeVar("Result")
+
+
+class Crew(msgspec.Struct, frozen=True, kw_only=True):
+    """The process among all: `rank` 0 also writes files and speaks."""
+
+    rank: int = 0
+    size: int = 1
+    device: str = "cpu"
+
+    @property
+    def leads(self) -> bool:
+        return self.rank == 0
+
+    def leader_first(self, work: Callable[[], Result]) -> Result:
+        """Do it in every process, in the others after the first one, which may write files."""
+        if not self.leads:
+            distributed.barrier()
+        result = work()
+        if self.leads and self.size > 1:
+            distributed.barrier()
+        return result
+
+    def together(self, network: nn.Module) -> nn.Module:
+        """The network with gradients that are the mean of all processes."""
+        if self.size == 1:
+            return network
+        return nn.parallel.DistributedDataParallel(network)
+
+
+def use_threads(count: int) -> None:
+    """Let this process compute with so many threads."""
+    torch.set_num_threads(count)
+
+
+def join(device: str = "auto") -> Crew:
+    """Meet the other processes that torchrun started, if any.
+
+    Raises: ConfigError: no such device here.
+    """
+    rank, size = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
+    has_gpu = torch.cuda.is_available()
+    if device == "cuda" and not has_gpu:
+        raise ConfigError("--device cuda: PyTorch finds no GPU here; leave the option out")
+    if has_gpu and device != "cpu":
+        index = int(os.environ.get("LOCAL_RANK", "0"))
+        torch.cuda.set_device(index)
+        device = f"cuda:{index}"
+    else:
+        device = "cpu"
+    if size > 1 and not distributed.is_initialized():
+        backend = "gloo" if device == "cpu" else "nccl"
+        distributed.init_process_group(backend, timeout=PATIENCE)
+    return Crew(rank=rank, size=size, device=device)
+
+
+def part() -> None:
+    """Leave the other processes in good order, once nothing trains together any more.
+
+    The group's threads end with the last that holds it. One that still runs while Python shuts
+    down, and lets go of a tensor then, aborts the process.
+    """
+    if distributed.is_initialized():
+        gc.collect()
+        distributed.destroy_process_group()

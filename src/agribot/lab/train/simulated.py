@@ -1,0 +1,42 @@
+"""Labelled views of random fields, for training and for tests.
+
+What the network cannot know is left out of the labels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from agribot.core.messages import ByteArray
+from agribot.lab.train.data import LabelledImage
+from agribot.lab.train.losses import IGNORED
+from agribot.sim.camera.renderer import CameraRenderer, Rendering
+from agribot.sim.random_scenes import random_field, random_look, random_view
+
+VIEWS_PER_SCENE = 2
+# Beyond it a pixel covers more than a weed; the robot does not look that far either.
+LABEL_RANGE_M = 3.0
+
+
+def draw_random_field(
+    rng: np.random.Generator, views: int, *, is_wide: bool = False
+) -> Iterator[LabelledImage]:
+    """Views of one random field from random camera poses; `is_wide`: of any species and soil."""
+    renderer = CameraRenderer(
+        random_field(rng, is_wide=is_wide), appearance=random_look(rng), threads=1
+    )
+    for _ in range(views):
+        camera, map_from_camera = random_view(rng)
+        fine = 2 if rng.random() < 0.25 else 1
+        drawn = renderer.render(
+            map_from_camera, camera, noise_seed=int(rng.integers(2**31)), supersample=fine
+        )
+        yield drawn.image_rgb, label_of(drawn)
+
+
+def label_of(drawn: Rendering) -> ByteArray:
+    """Classes, with pixels that are too far to tell left out; the sky counts as no plant."""
+    far = (drawn.depth_m > LABEL_RANGE_M) & np.isfinite(drawn.depth_m)
+    return np.where(far, np.uint8(IGNORED), drawn.class_id)

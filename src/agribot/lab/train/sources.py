@@ -1,0 +1,262 @@
+"""What a training needs of its data, wherever that comes from."""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+import torch
+from torch import Tensor
+
+from agribot.core.errors import ConfigError
+from agribot.core.messages import ByteArray
+from agribot.lab.dataset.classes import read_ids
+from agribot.lab.train.augment import augmented_batch
+from agribot.lab.train.card import LICENSE, SIM_LIMITS
+from agribot.lab.train.data import DataSet, LabelledImage
+from agribot.lab.train.export import INPUT_HEIGHT_PX, INPUT_WIDTH_PX
+from agribot.lab.train.farm import draw_farm, draw_row_crop, draw_turn
+from agribot.lab.train.fit import BatchSource, Progress, TrainingPlan
+from agribot.lab.train.networks import STRIDE_PX, read_size
+from agribot.lab.train.photo_batches import PhotoBatches
+from agribot.lab.train.photographs import (
+    KINDS,
+    Pair,
+    check_classes,
+    find_pairs,
+    fold_of,
+    read_pairs,
+)
+from agribot.lab.train.simulated import VIEWS_PER_SCENE, draw_random_field
+
+# Order weed, crop, soil; crop is the rarest class of the photographs.
+PHOTO_WEIGHTS = (1.0, 2.0, 0.6)
+
+
+class Source(msgspec.Struct, frozen=True, kw_only=True):
+    """`tests` holds sets that no training image is in; `problems` what could not be read.
+
+    `aside` are images for nothing but the temperature of the confidence; None: leave it as it is.
+    """
+
+    batches: BatchSource
+    recipe: TrainingPlan
+    tests: dict[str, Callable[[], Iterable[LabelledImage]]]
+    aside: Callable[[], Iterable[LabelledImage]] | None = None
+    pictures: Sequence[ByteArray]  # that were trained on
+    train_images: int
+    input_size_px: tuple[int, int]  # height, width
+    antialias: bool
+    about: str
+    license: str
+    limits: str
+    command: str
+    problems: tuple[str, ...] = ()
+
+
+def simulated_source(args: argparse.Namespace, progress: Progress) -> Source:
+    """The training sets and the held-out sets, drawn as far as they were missing."""
+    counts = {
+        "train-random": args.images - args.row_images - args.turn_images,
+        "train-rows": args.row_images,
+        "train-turns": args.turn_images,
+    }
+    sets = _drawn_sets(args, counts, progress)
+    images, labels = _in_memory(
+        itertools.chain.from_iterable(sets.pop(name).read(count) for name, count in counts.items())
+    )
+    aside = sets.pop("aside-random"), sets.pop("aside-rows")
+    recipe = TrainingPlan(steps=1, data=f"sim --variety {args.variety}")
+    return Source(
+        aside=lambda: itertools.chain.from_iterable(s.read(args.test_images // 2) for s in aside),
+        batches=_view_batches(images, labels, recipe),
+        pictures=images,
+        recipe=recipe,
+        tests={name: partial(one.read, args.test_images) for name, one in sets.items()},
+        train_images=args.images,
+        input_size_px=(INPUT_HEIGHT_PX, INPUT_WIDTH_PX),
+        antialias=False,
+        about=f"{SIM_TEXT}; no photograph was used",
+        license=LICENSE,
+        limits=SIM_LIMITS,
+        command=f"agribot train --data sim --variety {args.variety} --images {args.images} "
+        f"--row-images {args.row_images} --turn-images {args.turn_images} "
+        f"--test-images {args.test_images}",
+    )
+
+
+def _drawn_sets(
+    args: argparse.Namespace, counts: dict[str, int], progress: Progress
+) -> dict[str, DataSet]:
+    is_wide = args.variety == "wide"
+    folder = (args.cache or args.out / "images") / ("wide" if is_wide else "")
+    on_any = partial(draw_random_field, is_wide=is_wide)
+    on_rows = partial(draw_row_crop, is_wide=is_wide)
+    in_turns = partial(draw_turn, is_wide=is_wide)
+    wanted = (
+        ("train-random", 0, on_any, counts["train-random"]),
+        ("train-rows", 1, on_rows, counts["train-rows"]),
+        ("train-turns", 2, in_turns, counts["train-turns"]),
+        ("random-fields", 101, on_any, args.test_images),
+        ("farm", 102, draw_farm, args.test_images),
+        ("row-crops", 103, on_rows, args.test_images),
+        ("turns", 106, in_turns, args.test_images),
+        ("aside-random", 104, on_any, args.test_images // 2),
+        ("aside-rows", 105, on_rows, args.test_images // 2),
+    )
+    sets = {}
+    for name, stream, drawer, count in wanted:
+        sets[name] = DataSet(
+            folder=folder,
+            name=name,
+            stream=stream,
+            seed=args.seed,
+            views_per_scene=VIEWS_PER_SCENE,
+        )
+        sets[name].draw(count, drawer, progress)
+    return sets
+
+
+def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
+    """Photographs of a folder, all of them or all but one fold.
+
+    Raises: ConfigError: no pairs, or an option out of range.
+    """
+    height_px, width_px = read_size(args.size, STRIDE_PX)
+    if args.crop_px % STRIDE_PX:
+        raise ConfigError(f"--crop-px {args.crop_px}: must be a multiple of {STRIDE_PX} pixels")
+    read, held, problems = _read_photographs(args, progress)
+    options = _data_options(args)
+    recipe = TrainingPlan(
+        steps=1,
+        crop_px=args.crop_px,
+        class_weights=PHOTO_WEIGHTS,
+        overlap_loss=args.loss,
+        data=f"{args.data}{options.ids}{options.fold} --train-width {args.train_width}"
+        f"{options.with_sim}",
+    )
+    return Source(
+        batches=_photo_batches(args, read, recipe, progress),
+        pictures=[image_rgb for image_rgb, _ in read],
+        recipe=recipe,
+        tests={f"fold {args.fold} of {args.folds}": held} if held else {},
+        train_images=len(read),
+        input_size_px=(height_px, width_px),
+        antialias=True,
+        about=KINDS[args.data].about
+        + (f", and {args.with_sim} {SIM_TEXT}" if args.with_sim else ""),
+        license=KINDS[args.data].license,
+        limits="judged on pictures of the same camera and field as it was trained on; other crops, "
+        "soils and cameras were not measured.",
+        command=f"agribot train --data {args.data} --data-dir DIR --model {args.model} "
+        f"--loss {args.loss} --train-width {args.train_width} --size {args.size} "
+        f"--crop-px {args.crop_px}{options.ids}{options.fold}{options.with_sim}",
+        problems=tuple(problems),
+    )
+
+
+def _read_photographs(
+    args: argparse.Namespace, progress: Progress
+) -> tuple[list[LabelledImage], Callable[[], Iterable[LabelledImage]] | None, list[str]]:
+    """Read the pictures to train on, prepare those held out, and collect what cannot be used.
+
+    Raises: ConfigError: no pair, or classes that look swapped.
+    """
+    ids = read_ids(args.ids)
+    pairs, problems = find_pairs(args.data_dir, args.data, ids=ids)
+    held: list[Pair] = []
+    if args.fold is not None:
+        pairs, held = fold_of(pairs, args.folds, args.fold)
+    for text in problems:
+        progress(f"left out: {text}")
+
+    def note(text: str) -> None:
+        problems.append(text)
+        progress(f"left out: {text}")
+
+    read = list(read_pairs(pairs, note))
+    if not read:
+        raise ConfigError(f"{args.data_dir}: no pair can be read; the first problem: {problems[0]}")
+    if args.data == "folder" and ids is None:
+        check_classes(read, pairs, args.data_dir)
+    return read, partial(read_pairs, held, note) if held else None, problems
+
+
+class _DataOptions(NamedTuple):
+    """Options as they stand in a command, each with a space before it, or nothing."""
+
+    ids: str
+    fold: str
+    with_sim: str
+
+
+def _data_options(args: argparse.Namespace) -> _DataOptions:
+    return _DataOptions(
+        ids=f" --ids {args.ids}" if args.ids else "",
+        fold="" if args.fold is None else f" --folds {args.folds} --fold {args.fold}",
+        with_sim=f" --with-sim {args.with_sim}" if args.with_sim else "",
+    )
+
+
+def _photo_batches(
+    args: argparse.Namespace, read: list[LabelledImage], recipe: TrainingPlan, progress: Progress
+) -> BatchSource:
+    """Crops of the photographs; with simulated images these give a quarter of every batch."""
+    aside = recipe.batch_size // 4 if args.with_sim else 0
+
+    def scale(images: list[LabelledImage]) -> float:
+        return float(args.train_width / np.median([label.shape[1] for _, label in images]))
+
+    photos = PhotoBatches(read, scale(read), recipe.batch_size - aside, recipe.crop_px)
+    if not aside:
+        return photos
+    drawn = DataSet(
+        folder=args.cache or args.out / "images",
+        name="train-random",
+        stream=0,
+        seed=args.seed,
+        views_per_scene=VIEWS_PER_SCENE,
+    )
+    drawn.draw(args.with_sim, draw_random_field, progress)
+    images = list(drawn.read(args.with_sim))
+    simulated = PhotoBatches(images, scale(images), aside, recipe.crop_px)
+
+    def mixed(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+        parts = photos(rng), simulated(rng)
+        return torch.cat([image for image, _ in parts]), torch.cat([label for _, label in parts])
+
+    return mixed
+
+
+def _in_memory(
+    pairs: Iterable[LabelledImage],
+) -> tuple[list[ByteArray], list[ByteArray]]:
+    images, labels = [], []
+    for image_rgb, label in pairs:
+        images.append(image_rgb)
+        labels.append(label)
+    return images, labels
+
+
+def _view_batches(
+    images: list[ByteArray], labels: list[ByteArray], recipe: TrainingPlan
+) -> BatchSource:
+    def batch(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+        chosen = rng.integers(len(images), size=recipe.batch_size)
+        return augmented_batch(
+            [images[i] for i in chosen], [labels[i] for i in chosen], recipe.crop_px, rng
+        )
+
+    return batch
+
+
+SIM_TEXT = (
+    "images of AGRIBOT's own simulator: procedural fields of several crops and weeds in random "
+    "soil, light, growth stage and density, some from random camera poses, the others from the "
+    "robot's own camera along and beside rows, labelled by the renderer"
+)

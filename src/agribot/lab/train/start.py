@@ -1,0 +1,93 @@
+"""Begin a training with weights that have learned already: of a file, or of ImageNet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from agribot.autonomy.perceive.segmenter import Segmenter
+from agribot.core.errors import ConfigError
+from agribot.lab.train.architectures import ARCHITECTURES, architecture
+
+IMAGENET, RANDOM = "imagenet", "random"
+# Top rates of a network that has learned already, and of one whose encoder has.
+LEARNING_RATE, IMAGENET_LEARNING_RATE = 1e-3, 1.5e-3
+
+
+def load_imagenet(model: str, network: nn.Module) -> None:
+    """Raises: ConfigError: no weights of ImageNet for networks of this name, or not installed."""
+    load = architecture(model).load_imagenet
+    if load is None:
+        known = [name for name, one in ARCHITECTURES.items() if one.load_imagenet]
+        raise ConfigError(f"--start {IMAGENET}: not for {model}, only for {', '.join(known)}")
+    load(network)
+
+
+def start_from(path: Path, network: nn.Module, x: Tensor) -> None:
+    """Give `network` the weights of the file at `path`; `x` (N, C, H, W) is a batch of its input.
+
+    The file has every normalisation folded into the convolution before it. They are taken apart
+    again with the statistics of the batch, so that the network answers as the file does and its
+    normalisations are about 0 and 1, as training wants them.
+
+    Raises: PerceptionError: no network that runs. ConfigError: one of another architecture.
+    """
+    weights = _convolutions(path)
+    layers = [module for module in network.modules() if isinstance(module, nn.Conv2d)]
+    if [tuple(layer.weight.shape) for layer in layers] != [tuple(w.shape) for w, _ in weights]:
+        raise ConfigError(
+            f"--start {path}: its {len(weights)} convolutions are not the {len(layers)} of this "
+            "network; give the --model that the file was trained as, one of ours"
+        )
+    biases = {}
+    with torch.no_grad():
+        for layer, (weight, bias) in zip(layers, weights, strict=True):
+            layer.weight.copy_(weight)
+            if layer.bias is not None:
+                layer.bias.copy_(bias)
+            biases[layer] = bias
+        _unfold(network, biases, x)
+
+
+def _convolutions(path: Path) -> list[tuple[Tensor, Tensor]]:
+    """Weights and biases in the order in which the graph computes them."""
+    import onnx
+    from onnx import numpy_helper
+
+    Segmenter(path)  # names a file that is no network
+    graph = onnx.load(str(path)).graph
+    values = {one.name: one for one in graph.initializer}
+    nodes = [node for node in graph.node if node.op_type == "Conv"]
+    if not all(len(node.input) == 3 and values.keys() >= set(node.input[1:]) for node in nodes):
+        raise ConfigError(f"--start {path}: has no plain weights; give the fp32 file")
+    arrays = [[numpy_helper.to_array(values[name]) for name in node.input[1:]] for node in nodes]
+    return [(torch.from_numpy(w.copy()), torch.from_numpy(b.copy())) for w, b in arrays]
+
+
+def _unfold(network: nn.Module, biases: dict[nn.Conv2d, Tensor], x: Tensor) -> None:
+    """Set each normalisation, in turn, to the statistics of what reaches it."""
+
+    def fit(norm: nn.BatchNorm2d, bias: Tensor) -> None:
+        def hook(module: nn.Module, inputs: tuple[Tensor, ...]) -> None:
+            variance, mean = torch.var_mean(inputs[0].float(), dim=(0, 2, 3), correction=0)
+            assert norm.running_mean is not None and norm.running_var is not None
+            norm.running_mean.copy_(mean)
+            norm.running_var.copy_(variance)
+            norm.weight.copy_((variance + norm.eps).sqrt())
+            norm.bias.copy_(bias.to(mean.device) + mean)
+
+        handles.append(norm.register_forward_pre_hook(hook))
+
+    handles: list[torch.utils.hooks.RemovableHandle] = []
+    for pair in network.modules():
+        if isinstance(pair, nn.Sequential) and len(pair) == 2:
+            conv, norm = pair
+            if isinstance(conv, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d):
+                fit(norm, biases[conv])
+    was_training = network.training
+    network.eval()(x)
+    network.train(was_training)
+    for handle in handles:
+        handle.remove()

@@ -1,0 +1,289 @@
+"""Our structs as ROS 2 messages, through the maintained types of rosbags; no ROS needed."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+from agribot.core.geo import MapFrame
+from agribot.core.messages import (
+    ByteArray,
+    DriveCommand,
+    Estimate,
+    FloatArray,
+    GnssFix,
+    GnssQuality,
+    ImuSample,
+    MagSample,
+    MissionStatus,
+    Path,
+    Vec3,
+    WheelSample,
+)
+from agribot.core.robot import CameraSpec
+
+MAP_FRAME = "map"
+ODOM_FRAME = "odom"
+BODY_FRAME = "base_footprint"
+OPTICAL_FRAME = "camera_optical_frame"
+
+Quaternion = tuple[float, float, float, float]  # x, y, z, w
+
+# sensor_msgs/NavSatStatus: no fix, fix, satellite and ground based augmentation.
+_NAVSAT_STATUS = {
+    GnssQuality.NONE: -1,
+    GnssQuality.SINGLE: 0,
+    GnssQuality.DGNSS: 1,
+    GnssQuality.RTK_FIXED: 2,
+    GnssQuality.RTK_FLOAT: 2,
+}
+_PATH_STEP_M = 0.1
+_PATH_POINTS = 5000  # more take longer than a tick to write
+_STRAIGHT_RAD = 1e-4  # from point to point
+
+
+@functools.cache
+def typestore() -> Typestore:
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def make(ros_type: str, *values: Any) -> Any:
+    """A message of `ros_type`, its fields in the order of the .msg file."""
+    return typestore().types[ros_type](*values)
+
+
+def to_cdr(message: Any) -> bytes:
+    return bytes(typestore().serialize_cdr(message, message.__msgtype__))
+
+
+def nanoseconds(t_s: float) -> int:
+    return round(t_s * 1e9)
+
+
+def header(t_s: float, frame: str) -> Any:
+    sec, nanosec = divmod(nanoseconds(t_s), 1_000_000_000)
+    stamp = make("builtin_interfaces/msg/Time", sec, nanosec)
+    return make("std_msgs/msg/Header", stamp, frame)
+
+
+def vector3(x: float, y: float, z: float) -> Any:
+    return make("geometry_msgs/msg/Vector3", x, y, z)
+
+
+def point(x_m: float, y_m: float, z_m: float = 0.0) -> Any:
+    return make("geometry_msgs/msg/Point", x_m, y_m, z_m)
+
+
+def quaternion(xyzw: Quaternion) -> Any:
+    return make("geometry_msgs/msg/Quaternion", *xyzw)
+
+
+def pose2(x_m: float, y_m: float, yaw_rad: float) -> Any:
+    return make("geometry_msgs/msg/Pose", point(x_m, y_m), quaternion(quaternion_from_yaw(yaw_rad)))
+
+
+def quaternion_from_yaw(yaw_rad: float) -> Quaternion:
+    return (0.0, 0.0, math.sin(yaw_rad / 2.0), math.cos(yaw_rad / 2.0))
+
+
+def quaternion_from_matrix(rotation: FloatArray) -> Quaternion:
+    """Of a (3, 3) rotation. Source: Shepperd 1978, by the largest of the four components."""
+    m = rotation
+    trace = float(m[0, 0] + m[1, 1] + m[2, 2])
+    squares = (float(m[0, 0]), float(m[1, 1]), float(m[2, 2]), trace)
+    i = int(np.argmax(squares))
+    if i == 3:
+        q = (m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], 1.0 + trace)
+    else:
+        j, k = (i + 1) % 3, (i + 2) % 3
+        xyz = [0.0, 0.0, 0.0]
+        xyz[i] = 1.0 + 2.0 * squares[i] - trace
+        xyz[j] = float(m[i, j] + m[j, i])
+        xyz[k] = float(m[i, k] + m[k, i])
+        q = (xyz[0], xyz[1], xyz[2], m[k, j] - m[j, k])
+    norm = math.sqrt(sum(float(c) ** 2 for c in q))
+    return (float(q[0]) / norm, float(q[1]) / norm, float(q[2]) / norm, float(q[3]) / norm)
+
+
+def transform_stamped(t_s: float, parent: str, child: str, xyz_m: Vec3, xyzw: Quaternion) -> Any:
+    transform = make("geometry_msgs/msg/Transform", vector3(*xyz_m), quaternion(xyzw))
+    return make("geometry_msgs/msg/TransformStamped", header(t_s, parent), child, transform)
+
+
+def imu(sample: ImuSample, frame: str) -> Any:
+    """Orientation is not measured (first covariance -1); the other covariances are unknown (0)."""
+    no_orientation = np.zeros(9)
+    no_orientation[0] = -1.0
+    return make(
+        "sensor_msgs/msg/Imu",
+        header(sample.t_s, frame),
+        quaternion((0.0, 0.0, 0.0, 1.0)),
+        no_orientation,
+        vector3(*sample.gyro_radps),
+        np.zeros(9),
+        vector3(*sample.accel_mps2),
+        np.zeros(9),
+    )
+
+
+def magnetic_field(sample: MagSample, frame: str) -> Any:
+    return make(
+        "sensor_msgs/msg/MagneticField",
+        header(sample.t_s, frame),
+        vector3(*sample.field_t),
+        np.zeros(9),
+    )
+
+
+def nav_sat_fix(fix: GnssFix, frame: str) -> Any:
+    """A receiver tells a horizontal sigma only; the vertical one is a guess: APPROXIMATED."""
+    variance_m2 = fix.pos_std_m**2
+    covariance = np.diag([variance_m2, variance_m2, 4.0 * variance_m2]).ravel()
+    status = make("sensor_msgs/msg/NavSatStatus", _NAVSAT_STATUS[fix.quality], 1)
+    return make(
+        "sensor_msgs/msg/NavSatFix",
+        header(fix.t_s, frame),
+        status,
+        fix.lat_deg,
+        fix.lon_deg,
+        fix.alt_m,
+        covariance,
+        1,
+    )
+
+
+def fix_velocity(t_s: float, velocity_mps: Vec3) -> Any:
+    """East, North, Up."""
+    return make("geometry_msgs/msg/Vector3Stamped", header(t_s, MAP_FRAME), vector3(*velocity_mps))
+
+
+def joint_state(sample: WheelSample, names: Sequence[str]) -> Any:
+    return make(
+        "sensor_msgs/msg/JointState",
+        header(sample.t_s, ""),
+        list(names),
+        np.array(sample.angle_rad),
+        np.array(sample.speed_radps),
+        np.array(sample.effort_nm or ()),
+    )
+
+
+def twist(v_mps: float, yaw_rate_radps: float) -> Any:
+    return make(
+        "geometry_msgs/msg/Twist", vector3(v_mps, 0.0, 0.0), vector3(0.0, 0.0, yaw_rate_radps)
+    )
+
+
+def drive_twist(command: DriveCommand) -> Any:
+    return twist(command.v_mps, command.yaw_rate_radps)
+
+
+def odometry(estimate: Estimate) -> Any:
+    """x, y and yaw fill their places of the 6x6 covariance; the flat rest and the twist are 0."""
+    covariance = np.zeros((6, 6))
+    planar = np.ix_((0, 1, 5), (0, 1, 5))
+    covariance[planar] = np.reshape(estimate.pose_cov, (3, 3))
+    pose = pose2(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+    return make(
+        "nav_msgs/msg/Odometry",
+        header(estimate.t_s, MAP_FRAME),
+        BODY_FRAME,
+        make("geometry_msgs/msg/PoseWithCovariance", pose, covariance.ravel()),
+        make(
+            "geometry_msgs/msg/TwistWithCovariance",
+            twist(estimate.v_mps, estimate.yaw_rate_radps),
+            np.zeros(36),
+        ),
+    )
+
+
+def pose_stamped(estimate: Estimate) -> Any:
+    pose = pose2(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+    return make("geometry_msgs/msg/PoseStamped", header(estimate.t_s, MAP_FRAME), pose)
+
+
+def path(t_s: float, planned: Path) -> Any:
+    """Every 10 cm: a display needs no 2 cm spacing. Of a long one, straights by their ends."""
+    last = len(planned.s_m) - 1
+    some_steps_m = np.diff(planned.s_m)[:: 1 + last // _PATH_POINTS]
+    step = max(1, round(_PATH_STEP_M / max(float(np.median(some_steps_m)), 1e-6)))
+    picked = np.append(np.arange(0, last, step), last)
+    if len(picked) > _PATH_POINTS:
+        turned = np.abs(np.diff(planned.yaw_map_rad[picked])) > _STRAIGHT_RAD
+        picked = picked[np.concatenate([[True], turned]) | np.concatenate([turned, [True]])]
+    head = header(t_s, MAP_FRAME)
+    places = np.column_stack([planned.xy_map_m, planned.yaw_map_rad])[picked].tolist()
+    poses = [make("geometry_msgs/msg/PoseStamped", head, pose2(x, y, yaw)) for x, y, yaw in places]
+    return make("nav_msgs/msg/Path", head, poses)
+
+
+def goals(t_s: float, goals_map_m: Sequence[tuple[float, float]]) -> Any:
+    poses = [pose2(x_m, y_m, 0.0) for x_m, y_m in goals_map_m]
+    return make("geometry_msgs/msg/PoseArray", header(t_s, MAP_FRAME), poses)
+
+
+def goal_fix(t_s: float, goal_map_m: tuple[float, float], frame: MapFrame) -> Any:
+    lat_deg, lon_deg, alt_m = frame.geodetic_from_map(*goal_map_m)
+    status = make("sensor_msgs/msg/NavSatStatus", 0, 1)
+    return make(
+        "sensor_msgs/msg/NavSatFix",
+        header(t_s, MAP_FRAME),
+        status,
+        lat_deg,
+        lon_deg,
+        alt_m,
+        np.zeros(9),
+        0,
+    )
+
+
+def camera_info(t_s: float, camera: CameraSpec) -> Any:
+    k_px = camera.matrix()
+    projection = np.hstack([k_px, np.zeros((3, 1))])
+    region = make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
+    return make(
+        "sensor_msgs/msg/CameraInfo",
+        header(t_s, OPTICAL_FRAME),
+        camera.height_px,
+        camera.width_px,
+        "plumb_bob",
+        np.array([*camera.distortion, 0.0]),
+        k_px.ravel(),
+        np.eye(3).ravel(),
+        projection.ravel(),
+        0,
+        0,
+        region,
+    )
+
+
+def compressed_image(t_s: float, jpeg: bytes) -> Any:
+    pixels = np.frombuffer(jpeg, dtype=np.uint8)
+    return make("sensor_msgs/msg/CompressedImage", header(t_s, OPTICAL_FRAME), "jpeg", pixels)
+
+
+def image(t_s: float, rgb: ByteArray) -> Any:
+    """Uncompressed; `rgb` is (height, width, 3)."""
+    height_px, width_px, _ = rgb.shape
+    head = header(t_s, OPTICAL_FRAME)
+    data = np.ascontiguousarray(rgb).reshape(-1)
+    return make("sensor_msgs/msg/Image", head, height_px, width_px, "rgb8", 0, 3 * width_px, data)
+
+
+def status_json(status: MissionStatus) -> Any:
+    return text(msgspec.json.encode(status).decode())
+
+
+def text(value: str) -> Any:
+    return make("std_msgs/msg/String", value)
+
+
+def float64(value: float) -> Any:
+    return make("std_msgs/msg/Float64", value)

@@ -1,0 +1,205 @@
+"""Sensor messages of other people's nodes as our samples, checked; the types of both ROS versions.
+
+A reader takes a message object and its capture time. It returns None for a message that rightly
+says nothing, such as a receiver without a fix.
+Raises: BridgeError: a number that is none or out of range, an image of another size, no such wheel.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from agribot.core.errors import BridgeError
+from agribot.core.messages import (
+    WHEEL_NAMES,
+    ByteArray,
+    CameraFrame,
+    Four,
+    GnssFix,
+    GnssQuality,
+    ImuSample,
+    MagSample,
+    Vec3,
+    WheelSample,
+)
+from agribot.core.platform import Sensor
+from agribot.core.robot import DriveSpec, RobotSpec
+from agribot.ros.messages.transforms import wheel_joints
+
+Sample = GnssFix | ImuSample | MagSample | WheelSample | CameraFrame
+Read = Callable[[Any, float], Sample | None]
+
+# What a receiver is worth that tells no covariance: NavSatStatus -> quality, 1 sigma (m).
+_QUALITY = {
+    0: (GnssQuality.SINGLE, 2.5),
+    1: (GnssQuality.DGNSS, 1.0),
+    2: (GnssQuality.RTK_FLOAT, 0.3),
+}
+_NO_FIX = -1
+_FIXED_STD_M = 0.05  # a carrier solution that claims to be better has its ambiguities fixed
+_CHANNELS = {"rgb8": (3, (0, 1, 2)), "bgr8": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
+             "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0))}  # fmt: skip
+
+
+def readers(sensor: Sensor, robot: RobotSpec) -> Mapping[str, Read]:
+    """Message type -> reader, for all types in which this sensor may speak."""
+    if sensor == "gnss":
+        return {"sensor_msgs/msg/NavSatFix": gnss_fix}
+    if sensor == "imu":
+        return {"sensor_msgs/msg/Imu": imu_sample}
+    if sensor == "mag":
+        return {
+            "sensor_msgs/msg/MagneticField": lambda m, t_s: mag_sample(m.magnetic_field, t_s),
+            "geometry_msgs/msg/Vector3Stamped": lambda m, t_s: mag_sample(m.vector, t_s),
+        }
+    if sensor == "wheels":
+        return {
+            "sensor_msgs/msg/JointState": JointReader(robot),
+            "nav_msgs/msg/Odometry": TwistReader(robot.drive),
+        }
+    images = ImageReader(robot)
+    return {
+        "sensor_msgs/msg/Image": images.raw,
+        "sensor_msgs/msg/CompressedImage": images.compressed,
+    }
+
+
+def seconds(stamp: Any) -> float:
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def gnss_fix(message: Any, t_s: float) -> GnssFix | None:
+    if message.status.status <= _NO_FIX:
+        return None
+    place = (float(message.latitude), float(message.longitude), float(message.altitude))
+    lat_deg, lon_deg, alt_m = place
+    if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and math.isfinite(alt_m)):
+        raise BridgeError(f"latitude, longitude and altitude {place} are no place on Earth")
+    quality, std_m = _QUALITY.get(message.status.status, _QUALITY[0])
+    if message.position_covariance_type:
+        variance_m2 = max(float(message.position_covariance[i]) for i in (0, 4))
+        if not 0.0 < variance_m2 < 1e8:
+            raise BridgeError(f"a horizontal variance of {variance_m2:g} m^2 is none")
+        std_m = math.sqrt(variance_m2)
+    if quality is GnssQuality.RTK_FLOAT and std_m <= _FIXED_STD_M:
+        quality = GnssQuality.RTK_FIXED
+    return GnssFix(
+        t_s=t_s, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=alt_m, pos_std_m=std_m, quality=quality
+    )
+
+
+def imu_sample(message: Any, t_s: float) -> ImuSample:
+    return ImuSample(
+        t_s=t_s,
+        gyro_radps=_finite(message.angular_velocity, "angular velocity"),
+        accel_mps2=_finite(message.linear_acceleration, "linear acceleration"),
+    )
+
+
+def mag_sample(vector: Any, t_s: float) -> MagSample:
+    """Only the direction counts, whatever the unit."""
+    return MagSample(t_s=t_s, field_t=_finite(vector, "field"))
+
+
+class JointReader:
+    """The four wheels by the names of their joints, or of their links."""
+
+    def __init__(self, robot: RobotSpec) -> None:
+        joints = wheel_joints(robot, WHEEL_NAMES)
+        self._names = tuple(joint.name for joint in joints) or WHEEL_NAMES
+
+    def __call__(self, message: Any, t_s: float) -> WheelSample:
+        at = {name: index for index, name in enumerate(message.name)}
+        if not all(name in at for name in self._names):
+            raise BridgeError(f"joints {', '.join(message.name)} have not all of {self._names}")
+        return WheelSample(
+            t_s=t_s,
+            angle_rad=self._picked(message.position, at, "positions"),
+            speed_radps=self._picked(message.velocity, at, "velocities"),
+        )
+
+    def _picked(self, values: Any, at: dict[str, int], what: str) -> Four:
+        if len(values) < len(at):
+            raise BridgeError(f"{len(values)} {what} for {len(at)} joints")
+        a, b, c, d = (float(values[at[name]]) for name in self._names)
+        if not math.isfinite(a + b + c + d):
+            raise BridgeError(f"{what} {(a, b, c, d)} are not all finite")
+        return (a, b, c, d)
+
+
+class TwistReader:
+    """Wheels that would turn like this, of a base that tells its twist but not its wheels."""
+
+    def __init__(self, drive: DriveSpec) -> None:
+        self._drive = drive
+        self._left_rad = self._right_rad = 0.0
+        self._last_s: float | None = None
+
+    def __call__(self, message: Any, t_s: float) -> WheelSample:
+        twist = message.twist.twist
+        v_mps, yaw_rate_radps = float(twist.linear.x), float(twist.angular.z)
+        if not math.isfinite(v_mps + yaw_rate_radps):
+            raise BridgeError(f"a twist of {v_mps} m/s and {yaw_rate_radps} rad/s is none")
+        left, right = self._drive.wheel_speeds_radps(v_mps, yaw_rate_radps)
+        stamp_s = seconds(message.header.stamp)
+        if stamp_s == 0.0:
+            raise BridgeError("odometry without a stamp tells no distance")
+        passed_s = 0.0 if self._last_s is None else stamp_s - self._last_s
+        self._last_s = stamp_s
+        if 0.0 < passed_s < 1.0:
+            self._left_rad += left * passed_s
+            self._right_rad += right * passed_s
+        angles = (self._right_rad, self._left_rad, self._right_rad, self._left_rad)
+        return WheelSample(t_s=t_s, angle_rad=angles, speed_radps=(right, left, right, left))
+
+
+class ImageReader:
+    """Numbers the frames; all must have the size of the robot's camera."""
+
+    def __init__(self, robot: RobotSpec) -> None:
+        camera = robot.camera
+        self._shape = (camera.height_px, camera.width_px, 3) if camera else None
+        self._index = 0
+
+    def raw(self, message: Any, t_s: float) -> CameraFrame:
+        if message.encoding not in _CHANNELS:
+            raise BridgeError(f"encoding {message.encoding} is none of {', '.join(_CHANNELS)}")
+        count, order = _CHANNELS[message.encoding]
+        height, width, step = int(message.height), int(message.width), int(message.step)
+        data = np.asarray(message.data, dtype=np.uint8)
+        if step < width * count or data.size < height * step:
+            raise BridgeError(f"{data.size} bytes are no image of {width} x {height} pixels")
+        rows = data[: height * step].reshape(height, step)[:, : width * count]
+        return self._frame(rows.reshape(height, width, count)[:, :, order], t_s)
+
+    def compressed(self, message: Any, t_s: float) -> CameraFrame:
+        try:
+            image = Image.open(io.BytesIO(np.asarray(message.data).tobytes())).convert("RGB")
+        except (OSError, ValueError, Image.DecompressionBombError) as error:
+            raise BridgeError(f"{len(message.data)} bytes are no picture: {error}") from error
+        return self._frame(np.asarray(image), t_s)
+
+    def _frame(self, image_rgb: ByteArray, t_s: float) -> CameraFrame:
+        if image_rgb.shape != self._shape:
+            wanted = "no camera" if self._shape is None else f"{self._shape[1]} x {self._shape[0]}"
+            raise BridgeError(
+                f"an image of {image_rgb.shape[1]} x {image_rgb.shape[0]} pixels, but the robot's "
+                f"description has {wanted}"
+            )
+        self._index += 1
+        return CameraFrame(
+            t_s=t_s, index=self._index - 1, image_rgb=np.ascontiguousarray(image_rgb)
+        )
+
+
+def _finite(vector: Any, what: str) -> Vec3:
+    x, y, z = float(vector.x), float(vector.y), float(vector.z)
+    if not math.isfinite(x + y + z):
+        raise BridgeError(f"{what} {(x, y, z)} is not finite")
+    return (x, y, z)

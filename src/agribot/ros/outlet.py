@@ -1,0 +1,177 @@
+"""The tap behind every bridge: the control loop drops a record in a queue and goes on.
+
+One thread turns the records into messages and hands them to the gateways. When it cannot keep up,
+or a gateway stalls, the oldest records are lost, and the loop does not notice.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Generic, NamedTuple, Protocol, TypeVar
+
+from agribot.core import topics
+from agribot.core.errors import BridgeError
+from agribot.core.geo import Datum
+from agribot.core.messages import MappedPlant, MapPoint, Path, TickRecord
+from agribot.core.robot import RobotSpec
+from agribot.core.topic import Topic
+from agribot.ros.messages import cdr
+from agribot.ros.messages.camera_log import CameraLog
+from agribot.ros.messages.rosmsg import nanoseconds
+from agribot.ros.messages.topic_feed import TopicFeed
+from agribot.ros.send_queue import SendQueue
+
+QUEUE_TICKS = 50  # one second
+_SLOW_PERIOD_S = 1.0  # of the weed map
+_TRUTH_PERIOD_S = 0.1
+
+T = TypeVar("T")
+
+
+class TrueState(Protocol):
+    """What a simulator knows."""
+
+    @property
+    def x_map_m(self) -> float: ...
+    @property
+    def y_map_m(self) -> float: ...
+    @property
+    def yaw_map_rad(self) -> float: ...
+    @property
+    def v_mps(self) -> float: ...
+    @property
+    def yaw_rate_radps(self) -> float: ...
+
+
+class Gateway(Protocol):
+    """One way out. Called from the outlet's thread only."""
+
+    def publish(self, topic: Topic, data: bytes, t_ns: int) -> None:
+        """Send one CDR message. Raises: BridgeError: the gateway is closed or lost its peer."""
+        ...
+
+    def step(self, record: TickRecord) -> None:
+        """After the messages of each tick of a robot, for what needs more than them."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class Gateways:
+    """All ways out at once: one that fails is named in `fault` and does not hold up the others."""
+
+    def __init__(self, gateways: Sequence[Gateway]) -> None:
+        self._gateways = tuple(gateways)
+        self._clock = cdr.ClockCdr()
+        self.fault = ""
+
+    def send(self, topic: Topic, log_ns: int, data: bytes, _publish_ns: int) -> None:
+        for gateway in self._gateways:
+            try:
+                gateway.publish(topic, data, log_ns)
+            except BridgeError as error:
+                self.fault = str(error)
+
+    def tell_time(self, t_s: float) -> None:
+        t_ns = nanoseconds(t_s)
+        self.send(topics.CLOCK, t_ns, self._clock(t_ns), t_ns)
+
+    def step(self, record: TickRecord) -> None:
+        for gateway in self._gateways:
+            gateway.step(record)
+
+    def close(self) -> None:
+        for gateway in self._gateways:
+            gateway.close()
+
+
+class QueuedGateways(Generic[T]):
+    """Gateways that a thread of their own feeds: `_step` gets what was put into `_queue`."""
+
+    def __init__(self, gateways: Sequence[Gateway]) -> None:
+        self._gateways = Gateways(gateways)
+        self._queue: SendQueue[T] = SendQueue(self._step, QUEUE_TICKS)
+
+    @property
+    def dropped(self) -> int:
+        return self._queue.dropped
+
+    @property
+    def fault(self) -> str:
+        return self._gateways.fault
+
+    def close(self) -> None:
+        """Send what is queued, within a moment, and close the gateways. Safe to call twice."""
+        if self._queue.close():
+            self._gateways.close()
+
+    def _step(self, item: T) -> None:
+        raise NotImplementedError
+
+
+class Sources(NamedTuple):
+    """What the loop's thread looks at besides the record; each is quick to ask."""
+
+    plan: Callable[[], Path | None]
+    goals_map_m: Callable[[], Sequence[MapPoint]] = tuple
+    weed_map: Callable[[], Sequence[MappedPlant]] | None = None
+    truth: Callable[[], TrueState] | None = None
+
+
+class _Item(NamedTuple):
+    record: TickRecord
+    truth: TrueState | None
+
+
+class Outlet(QueuedGateways[_Item]):
+    """Call it with every TickRecord; close it when the run is over.
+
+    `dropped` counts ticks that found the queue full, `fault` names the last failure of a gateway.
+    """
+
+    def __init__(
+        self,
+        gateways: Sequence[Gateway],
+        robot: RobotSpec,
+        datum: Datum,
+        urdf: str,
+        camera: CameraLog,
+        sources: Sources,
+    ) -> None:
+        super().__init__(gateways)
+        self._sources = sources
+        self._feed = TopicFeed(self._gateways.send, robot, datum, urdf, camera)
+        self._weeds: deque[tuple[float, Sequence[MappedPlant]]] = deque(maxlen=1)
+        self._plans: deque[tuple[float, Path, tuple[MapPoint, ...]]] = deque(maxlen=1)
+        self._plan: Path | None = None
+        self._next_weeds_s = self._next_truth_s = 0.0
+
+    def __call__(self, record: TickRecord) -> None:
+        t_s = record.batch.t_s
+        plan = self._sources.plan()
+        if plan is not None and plan is not self._plan:
+            self._plan = plan
+            self._plans.append((t_s, plan, tuple(self._sources.goals_map_m())))
+        if self._sources.weed_map is not None and t_s >= self._next_weeds_s:
+            self._next_weeds_s = t_s + _SLOW_PERIOD_S
+            self._weeds.append((t_s, tuple(self._sources.weed_map())))
+        truth = None
+        if self._sources.truth is not None and t_s >= self._next_truth_s:
+            self._next_truth_s = t_s + _TRUTH_PERIOD_S
+            truth = self._sources.truth()
+        self._queue.put(_Item(record, truth))
+
+    def _step(self, item: _Item) -> None:
+        t_s = item.record.batch.t_s
+        while self._plans:
+            self._feed.set_plan(*self._plans.popleft())
+        self._feed(item.record)
+        while self._weeds:
+            self._feed.set_weeds(*self._weeds.popleft())
+        if item.truth is not None:
+            true = item.truth
+            pose = (true.x_map_m, true.y_map_m, true.yaw_map_rad)
+            self._feed.truth(t_s, pose, (true.v_mps, true.yaw_rate_radps))
+        self._gateways.tell_time(t_s)
+        self._gateways.step(item.record)

@@ -1,0 +1,132 @@
+"""What peers may ask of the robot, whatever protocol they speak.
+
+A request goes the way of every hand: into the inbox, past the supervisor. What can only bring the
+robot to rest is always heard; what can move it needs `allow_drive`.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import threading
+import time
+from collections.abc import Callable
+
+from agribot.core.errors import BridgeError
+from agribot.core.messages import Inbox, OperatorAction, OperatorEvent
+
+MIN_INTERVAL_S = 0.005  # of twists; a faster stream is thinned out, but for what stops
+_SAY_PERIOD_S = 5.0
+_KEPT_REASONS = 100
+_MOVING: frozenset[OperatorAction] = frozenset({"resume", "clear_stop", "visit", "set"})
+
+Twist = tuple[float, float, float, float, float, float]  # linear x y z, angular x y z
+
+SERVICES: tuple[tuple[str, OperatorAction], ...] = (
+    ("/agribot/stop", "stop"),
+    ("/agribot/clear_stop", "clear_stop"),
+    ("/agribot/resume", "resume"),
+    ("/agribot/cancel", "cancel"),
+    ("/agribot/mark", "mark"),
+    ("/agribot/start_recording", "start_recording"),
+    ("/agribot/stop_recording", "stop_recording"),
+)
+PAUSE_SERVICE = "/agribot/pause"  # true pauses, false resumes
+
+
+class Requests:
+    """Thread-safe. `say` hears, not more often than every few seconds, what was refused and why."""
+
+    def __init__(
+        self,
+        inbox: Inbox,
+        *,
+        allow_drive: bool = False,
+        say: Callable[[str], None] = lambda _text: None,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.allow_drive = allow_drive
+        self._inbox, self._say, self._now_s = inbox, say, now_s
+        self._lock = threading.Lock()
+        self._next_twist_s = -math.inf
+        self._next_say_s: dict[str, float] = {}
+        self._unsaid: dict[str, int] = {}
+
+    def twist(self, twist: Twist, source: str) -> None:
+        """Ask for a body twist. Only forward speed and yaw rate exist on this robot.
+
+        Numbers that are none are passed on: the supervisor refuses them and stops the robot.
+        """
+        if not self.allow_drive:
+            self.refuse(f"{source}: cmd_vel is refused; start with --allow-drive to take it")
+            return
+        is_finite = all(map(math.isfinite, twist))
+        if not is_finite:
+            self.refuse(f"{source}: cmd_vel is not finite; the robot stops")
+            twist = (math.nan, 0.0, 0.0, 0.0, 0.0, math.nan)
+        v_mps, left, up, roll, pitch, yaw_rate_radps = twist
+        if left or up or roll or pitch:
+            self.refuse(f"{source}: only linear.x and angular.z of cmd_vel count on this robot")
+        moves = is_finite and (v_mps != 0.0 or yaw_rate_radps != 0.0)
+        if self._is_too_fast(moves=moves):
+            limit_hz = 1.0 / MIN_INTERVAL_S
+            self.refuse(f"{source}: cmd_vel comes faster than {limit_hz:.0f} Hz; some are dropped")
+            return
+        self._inbox.drive(v_mps, yaw_rate_radps, source)
+
+    def _is_too_fast(self, *, moves: bool) -> bool:
+        with self._lock:
+            now_s = self._now_s()
+            if moves and 0.0 < self._next_twist_s - now_s <= MIN_INTERVAL_S:
+                return True  # a larger lead is a clock that was set back
+            self._next_twist_s = now_s + MIN_INTERVAL_S
+            return False
+
+    def act(self, action: OperatorAction, source: str) -> tuple[bool, str]:
+        """Hand an action in. Returns whether it was, and what to tell the peer."""
+        return self._ask(OperatorEvent(t_s=0.0, action=action, source=source))
+
+    def _ask(self, event: OperatorEvent) -> tuple[bool, str]:
+        action = event.action
+        if action in _MOVING and not self.allow_drive:
+            text = f"'{action}' can set the robot in motion; start with --allow-drive to take it"
+            self.refuse(f"{event.source}: {text}")
+            return False, text
+        self._inbox.post(event)
+        return True, f"'{action}' handed to the robot"
+
+    def visit(self, places_map_m: tuple[float, ...], name: str, source: str) -> tuple[bool, str]:
+        """Ask the robot to drive to places, x and y of each, in place of its mission."""
+        return self._ask(
+            OperatorEvent(t_s=0.0, action="visit", source=source, text=name, numbers=places_map_m)
+        )
+
+    def change(self, setting: str, value: float, source: str) -> str:
+        """Change one of LIVE_SETTINGS; why not, or empty."""
+        done, text = self._ask(
+            OperatorEvent(t_s=0.0, action="set", source=source, text=setting, value=value)
+        )
+        return "" if done else text
+
+    def refuse(self, why: str) -> None:
+        """Tell the operator, with the number of times since the last telling."""
+        with self._lock:
+            now_s = self._now_s()
+            if len(self._unsaid) > _KEPT_REASONS:  # names in reasons come from the peers
+                self._unsaid.clear()
+                self._next_say_s.clear()
+            count = self._unsaid[why] = self._unsaid.get(why, 0) + 1
+            if now_s < self._next_say_s.get(why, -math.inf):
+                return
+            self._next_say_s[why] = now_s + _SAY_PERIOD_S
+            self._unsaid[why] = 0
+        self._say(why if count == 1 else f"{why} ({count} times)")
+
+
+def read_twist_cdr(data: bytes) -> Twist:
+    """Of a geometry_msgs/Twist in CDR. Raises: BridgeError: these bytes are none."""
+    if len(data) != 52 or data[:2] not in {b"\x00\x01", b"\x00\x00"}:
+        raise BridgeError(f"{len(data)} bytes are no geometry_msgs/Twist, which has 52 in CDR")
+    order = "<" if data[1] else ">"
+    a, b, c, d, e, f = struct.unpack_from(order + "6d", data, 4)
+    return (a, b, c, d, e, f)

@@ -1,0 +1,77 @@
+"""AGRIBOT as a node of a ROS 1 master, under its own names and those of the original."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from agribot.core import topics
+from agribot.core.errors import BridgeError
+from agribot.core.messages import TickRecord
+from agribot.core.topic import Topic
+from agribot.ros.requests import Requests
+from agribot.ros.ros1.hearing import Hearing
+from agribot.ros.ros1.node import Node, Publication
+from agribot.ros.ros1.types import Convert, outputs, read_twist
+
+MASTER = "http://127.0.0.1:11311"
+
+
+class Ros1Gateway:
+    """Publishes `out`, sets robot_description and use_sim_time, hears cmd_vel if it may.
+
+    Raises: BridgeError: no master answers.
+    """
+
+    def __init__(
+        self, requests: Requests, out: Sequence[Topic], urdf: str, master_uri: str = MASTER
+    ) -> None:
+        self._requests = requests
+        self._hearing: Hearing | None = None
+        self._node = Node("agribot", master_uri)
+        try:
+            self._node.set_param("/robot_description", urdf)
+            self._node.set_param("/use_sim_time", any(t is topics.CLOCK for t in out))
+            self._outputs = {topic.name: self._advertise(topic) for topic in out}
+            if requests.allow_drive:
+                topic = topics.CMD_VEL
+                self._hearing = Hearing(
+                    self._node, topic.name, topic.ros_type, self._twist, requests.refuse
+                )
+        except BridgeError:
+            self.close()
+            raise
+
+    @property
+    def unheard(self) -> tuple[str, ...]:
+        """The names under which something is published that nobody listens to right now."""
+        published = (p for outputs_of in self._outputs.values() for p, _ in outputs_of)
+        return tuple(p.name for p in published if not p.listeners)
+
+    def publish(self, topic: Topic, data: bytes, _t_ns: int) -> None:
+        for publication, convert in self._outputs.get(topic.name, ()):
+            if publication.is_wanted:
+                publication.put(convert(data))
+
+    def step(self, _record: TickRecord) -> None:
+        """The topics say it all."""
+
+    def close(self) -> None:
+        if self._hearing is not None:
+            self._hearing.close()
+        self._node.close()
+
+    def _advertise(self, topic: Topic) -> list[tuple[Publication, Convert]]:
+        return [
+            (
+                self._node.advertise(o.name, o.ros_type, latched=o.latched, depth=o.depth),
+                o.convert,
+            )
+            for o in outputs(topic)
+        ]
+
+    def _twist(self, data: bytes, source: str, _ros_type: str) -> None:
+        twist = read_twist(data)
+        if twist is None:
+            self._requests.refuse(f"{source}: {len(data)} bytes are no geometry_msgs/Twist")
+        else:
+            self._requests.twist(twist, source)

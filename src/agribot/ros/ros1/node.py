@@ -1,0 +1,208 @@
+"""A node of a ROS 1 master: registration, the slave API and the TCPROS server behind it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import threading
+import xmlrpc.client
+from collections.abc import Callable
+from socketserver import ThreadingMixIn
+from typing import Any
+from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
+
+from agribot.core.errors import BridgeError
+from agribot.ros.ros1 import tcpros
+from agribot.ros.ros1.types import definition, ros1_name
+
+_OK = 1
+_CONNECT_S = 5.0
+
+
+class Publication:
+    def __init__(self, name: str, ros_type: str, *, latched: bool, depth: int) -> None:
+        self.name, self.ros_type, self.latched, self.depth = name, ros_type, latched, depth
+        self.text, self.md5 = definition(ros_type)
+        self._lock = threading.Lock()
+        self._subscribers: list[tcpros.Subscriber] = []
+        self._last: bytes | None = None
+
+    @property
+    def listeners(self) -> int:
+        return sum(subscriber.is_alive for subscriber in self._subscribers)
+
+    @property
+    def is_wanted(self) -> bool:
+        """A latched topic keeps its last message for those who come later."""
+        return self.latched or bool(self._subscribers)
+
+    def put(self, message: bytes) -> None:
+        with self._lock:
+            self._last = message
+            self._subscribers = [s for s in self._subscribers if s.is_alive]
+            for subscriber in self._subscribers:
+                subscriber.put(message)
+
+    def add(self, sock: socket.socket) -> None:
+        subscriber = tcpros.Subscriber(sock, self.depth)
+        with self._lock:
+            if self.latched and self._last is not None:
+                subscriber.put(self._last)
+            self._subscribers.append(subscriber)
+
+    def close(self) -> None:
+        with self._lock:
+            for subscriber in self._subscribers:
+                subscriber.close()
+
+
+class _Handler(SimpleXMLRPCRequestHandler):
+    rpc_paths = ()  # any path, as ROS does
+
+
+class _Server(ThreadingMixIn, SimpleXMLRPCServer):
+    daemon_threads = True
+
+
+class Node:
+    """Raises: BridgeError: the master does not answer or refuses."""
+
+    def __init__(self, name: str, master_uri: str, host: str = "127.0.0.1") -> None:
+        self.name, self.master_uri, self._host = f"/{name}", master_uri, host
+        self._master = xmlrpc.client.ServerProxy(master_uri)
+        self._lock = threading.Lock()
+        self._publications: dict[str, Publication] = {}
+        self._hearers: dict[str, Callable[[str, list[str]], None]] = {}
+        self._closed = False
+        self._listener = socket.create_server((host, 0))
+        self._slave = _Server((host, 0), requestHandler=_Handler, logRequests=False)
+        self.uri = f"http://{host}:{self._slave.server_address[1]}/"
+        try:
+            self.ask_master("getPid")
+        except BridgeError:
+            self._slave.server_close()
+            self._listener.close()
+            raise
+        methods: list[Callable[..., Any]] = [
+            self._request_topic,
+            self._publisher_update,
+            self._get_publications,
+        ]
+        for method in methods:
+            self._slave.register_function(method, _camel(method.__name__))
+        self._slave.register_function(lambda _caller: (_OK, "", os.getpid()), "getPid")
+        self._slave.register_function(lambda _caller: (_OK, "", []), "getBusInfo")
+        self._slave.register_function(lambda _caller: (_OK, "", master_uri), "getMasterUri")
+        self._slave.register_function(lambda *_: (_OK, "", 0), "paramUpdate")
+        for work in (self._slave.serve_forever, self._accept):
+            threading.Thread(target=work, name="ros1", daemon=True).start()
+
+    def advertise(self, name: str, ros_type: str, *, latched: bool, depth: int) -> Publication:
+        publication = Publication(name, ros_type, latched=latched, depth=depth)
+        self._publications[name] = publication
+        self.ask_master("registerPublisher", name, ros1_name(ros_type), self.uri)
+        return publication
+
+    def subscribe(self, name: str, ros_type: str, update: Callable[[str, list[str]], None]) -> None:
+        """`update` hears the topic and the slave URIs of its publishers, now and at each change."""
+        self._hearers[name] = update
+        update(name, self.ask_master("registerSubscriber", name, ros1_name(ros_type), self.uri))
+
+    def set_param(self, name: str, value: Any) -> None:
+        self.ask_master("setParam", name, value)
+
+    def ask_master(self, method: str, *arguments: Any) -> Any:
+        try:
+            with self._lock:
+                code, text, value = getattr(self._master, method)(self.name, *arguments)
+        except (OSError, xmlrpc.client.Error) as error:
+            raise BridgeError(
+                f"ROS 1: no master answers at {self.master_uri}: {error}; start roscore, or set "
+                "--ros-master or ROS_MASTER_URI"
+            ) from error
+        if code != _OK:
+            raise BridgeError(f"ROS 1: the master refuses {method}: {text}")
+        return value
+
+    def close(self) -> None:
+        if self._closed:
+            return
+        self._closed = True
+        with contextlib.suppress(BridgeError):  # the master may be gone already
+            for name in self._publications:
+                self.ask_master("unregisterPublisher", name, self.uri)
+            for name in self._hearers:
+                self.ask_master("unregisterSubscriber", name, self.uri)
+        self._master("close")()
+        self._slave.shutdown()
+        self._slave.server_close()
+        with contextlib.suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)  # wakes the thread in accept
+        self._listener.close()
+        for publication in self._publications.values():
+            publication.close()
+
+    def _request_topic(self, _caller: str, topic: str, protocols: list[list[Any]]) -> Any:
+        if topic not in self._publications:
+            return 0, f"{self.name} does not publish {topic}", 0
+        if not any(protocol and protocol[0] == "TCPROS" for protocol in protocols):
+            return 0, "only TCPROS is spoken here", 0
+        return _OK, "", ["TCPROS", self._host, self._listener.getsockname()[1]]
+
+    def _publisher_update(self, _caller: str, topic: str, uris: list[str]) -> Any:
+        if topic in self._hearers:
+            self._hearers[topic](topic, uris)
+        return _OK, "", 0
+
+    def _get_publications(self, _caller: str) -> Any:
+        return _OK, "", [[p.name, ros1_name(p.ros_type)] for p in self._publications.values()]
+
+    def _accept(self) -> None:
+        while not self._closed:
+            try:
+                sock, _ = self._listener.accept()
+            except OSError:
+                return
+            threading.Thread(target=self._welcome, args=(sock,), daemon=True).start()
+
+    def _welcome(self, sock: socket.socket) -> None:
+        try:
+            sock.settimeout(_CONNECT_S)
+            wish = tcpros.read_header(tcpros.receive_frame(sock, tcpros.MAX_HEADER_BYTES))
+            publication = self._publications.get(wish.get("topic", ""))
+            refusal = _refusal(publication, wish)
+            if publication is None or refusal:
+                sock.sendall(tcpros.pack_header({"error": refusal}))
+                sock.close()
+                return
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            sock.sendall(tcpros.pack_header(self._offer(publication)))
+            sock.settimeout(None)
+        except (OSError, BridgeError):
+            sock.close()
+            return
+        publication.add(sock)
+
+    def _offer(self, publication: Publication) -> dict[str, str]:
+        return {
+            "callerid": self.name,
+            "latching": str(int(publication.latched)),
+            "md5sum": publication.md5,
+            "message_definition": publication.text,
+            "topic": publication.name,
+            "type": ros1_name(publication.ros_type),
+        }
+
+
+def _refusal(publication: Publication | None, wish: dict[str, str]) -> str:
+    if publication is None:
+        return f"no such topic: {wish.get('topic', '')}"
+    if wish.get("md5sum", "*") not in {"*", publication.md5}:
+        return f"{publication.name} has md5 sum {publication.md5}, not {wish['md5sum']}"
+    return ""
+
+
+def _camel(name: str) -> str:
+    first, *others = name.strip("_").split("_")
+    return first + "".join(word.title() for word in others)

@@ -1,0 +1,119 @@
+"""The settings of the run as parameters of the node: to be looked at, a few to be changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from agribot.ros.ros2.services import service_types
+from agribot.ros.ros2.serving import Reply, Server
+
+Value = bool | int | float | str | tuple[float, ...]
+Change = Callable[[str, float], str]  # name and value; why not, or empty
+
+# rcl_interfaces/ParameterType
+_NOT_SET, _BOOL, _INTEGER, _DOUBLE, _STRING, _DOUBLE_ARRAY = 0, 1, 2, 3, 4, 8
+_KIND: dict[type, int] = {
+    bool: _BOOL, int: _INTEGER, float: _DOUBLE, str: _STRING, tuple: _DOUBLE_ARRAY,
+}  # fmt: skip
+
+
+class ParameterServer:
+    """`change` takes what may be changed while the robot runs; all else is read only."""
+
+    def __init__(
+        self,
+        server: Server,
+        node: str,
+        values: Mapping[str, Value],
+        changeable: frozenset[str],
+        change: Change,
+    ) -> None:
+        self._values, self._changeable, self._change = dict(values), changeable, change
+        self._types = service_types()
+        for name, answer in {
+            "ListParameters": self._list,
+            "GetParameters": self._get,
+            "GetParameterTypes": self._kinds,
+            "DescribeParameters": self._describe,
+            "SetParameters": self._set,
+            "SetParametersAtomically": self._set_all,
+        }.items():
+            topic = "".join(f"_{c.lower()}" if c.isupper() else c for c in name).strip("_")
+            server.serve(self._types, f"/{node}/{topic}", f"rcl_interfaces/srv/{name}", answer)
+
+    def _list(self, request: Any, reply: Reply) -> None:
+        wanted = tuple(f"{prefix}." for prefix in request.prefixes)
+        names = [n for n in self._values if not wanted or n.startswith(wanted)]
+        prefixes = sorted({name.rpartition(".")[0] for name in names} - {""})
+        reply(self._types.types["rcl_interfaces/msg/ListParametersResult"](names, prefixes))
+
+    def _get(self, request: Any, reply: Reply) -> None:
+        reply([self._packed(self._values.get(name)) for name in request.names])
+
+    def _kinds(self, request: Any, reply: Reply) -> None:
+        kinds = [self._kind(name) for name in request.names]
+        reply(np.array(kinds, dtype=np.uint8))
+
+    def _describe(self, request: Any, reply: Reply) -> None:
+        make = self._types.types["rcl_interfaces/msg/ParameterDescriptor"]
+        reply(
+            [
+                make(name, self._kind(name), "", "", name not in self._changeable, False, [], [])
+                for name in request.names
+            ]
+        )
+
+    def _set(self, request: Any, reply: Reply) -> None:
+        reply([self._outcome(self._set_one(parameter)) for parameter in request.parameters])
+
+    def _set_all(self, request: Any, reply: Reply) -> None:
+        """At most one may be changed at once: two changes could not be made as one."""
+        if len(request.parameters) > 1:
+            why = "give one parameter at a time"
+        else:
+            why = "".join(self._set_one(parameter) for parameter in request.parameters)
+        reply(self._outcome(why))
+
+    def _set_one(self, parameter: Any) -> str:
+        name, value = parameter.name, parameter.value
+        if name not in self._values:
+            return f"there is no parameter {name}"
+        if name not in self._changeable:
+            return f"{name} cannot be changed while the robot runs"
+        number = {
+            _BOOL: float(value.bool_value),
+            _INTEGER: float(value.integer_value),
+            _DOUBLE: float(value.double_value),
+        }.get(value.type)
+        if number is None:
+            return f"{name} must be a number or true or false"
+        why = self._change(name, number)
+        if not why:
+            before = self._values[name]
+            self._values[name] = bool(number) if isinstance(before, bool) else number
+        return why
+
+    def _outcome(self, why: str) -> Any:
+        return self._types.types["rcl_interfaces/msg/SetParametersResult"](not why, why)
+
+    def _kind(self, name: str) -> int:
+        return _KIND[type(self._values[name])] if name in self._values else _NOT_SET
+
+    def _packed(self, value: Value | None) -> Any:
+        kind = _NOT_SET if value is None else _KIND[type(value)]
+        nothing = np.zeros(0)
+        return self._types.types["rcl_interfaces/msg/ParameterValue"](
+            kind,
+            value if isinstance(value, bool) else False,
+            value if isinstance(value, int) and kind == _INTEGER else 0,
+            value if isinstance(value, float) else 0.0,
+            value if isinstance(value, str) else "",
+            np.zeros(0, np.uint8),
+            nothing.astype(bool),
+            nothing.astype(np.int64),
+            np.array(value if isinstance(value, tuple) else ()),
+            [],
+        )

@@ -1,0 +1,140 @@
+"""Services and actions of ROS 2: the library of message types has none, so they are put together.
+
+An action of type A is three services and two topics: A_SendGoal, A_GetResult and
+action_msgs/CancelGoal, A_FeedbackMessage and action_msgs/GoalStatusArray.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any, NamedTuple
+
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from agribot.ros.messages.char_types import mend_char
+
+EVENT_INFO = "service_msgs/msg/ServiceEventInfo"
+_SERVICES = {
+    "std_srvs/srv/Trigger": ("", "bool success\nstring message\n"),
+    "std_srvs/srv/SetBool": ("bool data\n", "bool success\nstring message\n"),
+    "action_msgs/srv/CancelGoal": (
+        "action_msgs/GoalInfo goal_info\n",
+        "int8 return_code\naction_msgs/GoalInfo[] goals_canceling\n",
+    ),
+    "rcl_interfaces/srv/ListParameters": (
+        "string[] prefixes\nuint64 depth\n", "rcl_interfaces/ListParametersResult result\n",
+    ),
+    "rcl_interfaces/srv/GetParameters": (
+        "string[] names\n", "rcl_interfaces/ParameterValue[] values\n",
+    ),
+    "rcl_interfaces/srv/GetParameterTypes": ("string[] names\n", "uint8[] types\n"),
+    "rcl_interfaces/srv/DescribeParameters": (
+        "string[] names\n", "rcl_interfaces/ParameterDescriptor[] descriptors\n",
+    ),
+    "rcl_interfaces/srv/SetParameters": (
+        "rcl_interfaces/Parameter[] parameters\n", "rcl_interfaces/SetParametersResult[] results\n",
+    ),
+    "rcl_interfaces/srv/SetParametersAtomically": (
+        "rcl_interfaces/Parameter[] parameters\n", "rcl_interfaces/SetParametersResult result\n",
+    ),
+}  # fmt: skip
+
+
+class ActionText(NamedTuple):
+    goal: str
+    result: str
+    feedback: str
+
+
+NAVIGATE = "nav2_msgs/action/NavigateThroughPoses"
+_NAVIGATE_GOAL = "geometry_msgs/PoseStamped[] poses\nstring behavior_tree\n"
+_NAVIGATE_FEEDBACK = """geometry_msgs/PoseStamped current_pose
+builtin_interfaces/Duration navigation_time
+builtin_interfaces/Duration estimated_time_remaining
+int16 number_of_recoveries
+float32 distance_remaining
+int16 number_of_poses_remaining
+"""
+# Of ROS 2 Jazzy, as it was and with the text that came later; a result's hash tells them apart.
+NAVIGATE_RESULTS = ("uint16 error_code\nstring error_msg\n", "uint16 error_code\n")
+_UUID = "unique_identifier_msgs/UUID goal_id\n"
+_PLACEHOLDER = "uint8 structure_needs_at_least_one_member\n"  # of an empty request or response
+
+
+@functools.cache
+def service_types(navigate_result: str = NAVIGATE_RESULTS[0]) -> Typestore:
+    """Messages of ROS 2 Jazzy with the services and the action above and their hashes."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    mend_char(store)
+    for name, (request, response) in _SERVICES.items():
+        _add_service(store, name, request, response)
+    add_action(store, NAVIGATE, ActionText(_NAVIGATE_GOAL, navigate_result, _NAVIGATE_FEEDBACK))
+    return store
+
+
+def add_action(store: Typestore, name: str, text: ActionText) -> None:
+    for part, fields in zip(("Goal", "Result", "Feedback"), text, strict=True):
+        store.register({f"{name}_{part}": _fields(fields)})
+    # A type of kind "action" cannot be named in .msg text, so it is put in as a field.
+    goal, result, feedback = (
+        (part.lower(), _named(f"{name}_{part}")) for part in ("Goal", "Result", "Feedback")
+    )
+    send, get = f"{name}_SendGoal", f"{name}_GetResult"
+    stamp = "bool accepted\nbuiltin_interfaces/Time stamp\n"
+    _add_service(store, send, _UUID, stamp, request_too=goal)
+    _add_service(store, get, _UUID, "int8 status\n", response_too=result)
+    store.register({f"{name}_FeedbackMessage": _with(_fields(_UUID), feedback)})
+    parts: list[tuple[str, Any]] = [
+        goal,
+        result,
+        feedback,
+        ("send_goal_service", _named(send)),
+        ("get_result_service", _named(get)),
+        ("feedback_message", _named(f"{name}_FeedbackMessage")),
+    ]
+    store.fielddefs[name] = ([], parts)
+
+
+def _add_service(
+    store: Typestore,
+    name: str,
+    request: str,
+    response: str,
+    request_too: tuple[str, Any] | None = None,
+    response_too: tuple[str, Any] | None = None,
+) -> None:
+    store.register({f"{name}_Request": _with(_fields(request), request_too)})
+    store.register({f"{name}_Response": _with(_fields(response), response_too)})
+    event: list[tuple[str, Any]] = [
+        ("info", _named(EVENT_INFO)),
+        ("request", _at_most_one(f"{name}_Request")),
+        ("response", _at_most_one(f"{name}_Response")),
+    ]
+    service: list[tuple[str, Any]] = [
+        ("request_message", _named(f"{name}_Request")),
+        ("response_message", _named(f"{name}_Response")),
+        ("event_message", _named(f"{name}_Event")),
+    ]
+    store.fielddefs[f"{name}_Event"] = ([], event)
+    store.fielddefs[name] = ([], service)
+
+
+def _fields(text: str) -> Any:
+    """Constants and fields of a .msg text; rosbags would file it under msg/, so it has no name."""
+    (definition,) = get_types_from_msg(text or _PLACEHOLDER, "agribot/msg/Part").values()
+    return definition
+
+
+def _with(definition: Any, field: tuple[str, Any] | None) -> Any:
+    constants, fields = definition
+    return (constants, [*fields, field] if field else fields)
+
+
+def _named(ros_type: str) -> tuple[Nodetype, str]:
+    return (Nodetype.NAME, ros_type)
+
+
+def _at_most_one(ros_type: str) -> tuple[Nodetype, Any]:
+    return (Nodetype.SEQUENCE, (_named(ros_type), 1))

@@ -1,0 +1,69 @@
+"""What was measured of a robot is kept, counts in the next run, and can be taken back."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agribot.app.calibration.believed import calibrated
+from agribot.app.calibration.robot_file import RobotFile
+from agribot.cli.run_settings import add_setting_arguments, settings_of
+from agribot.core import config
+from agribot.core.config import CalibrationConfig
+from agribot.core.errors import ConfigError
+from agribot.description.loader import load_robot
+
+
+def test_every_change_can_be_undone_down_to_the_description(tmp_path: Path) -> None:
+    file = RobotFile(tmp_path, "some/where/mine.urdf.xacro")
+    assert file.path.name == "mine.toml" and file.settings() == ()
+    file.add(["calibration.wheel_radius_m=0.089"])
+    file.add(["calibration.yaw_multiplier=1.4", "estimate.mag_offset_t=[1e-6,-2e-6]"])
+    assert config.load("farm", file.settings()).estimate.mag_offset_t == (1e-6, -2e-6)
+    file.undo()
+    assert file.settings() == ("calibration.wheel_radius_m=0.089",)
+    file.undo()
+    assert file.settings() == () and not file.can_undo and not file.path.exists()
+    with pytest.raises(ConfigError, match="no earlier state"):
+        file.undo()
+
+
+def test_what_does_not_fit_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    file = RobotFile(tmp_path, "agribot")
+    with pytest.raises(ConfigError, match="wheel_radius_m"):
+        file.add(["calibration.wheel_radius_m=-1.0"])
+    assert not file.path.exists()
+    file.path.parent.mkdir(parents=True)
+    file.path.write_text("calibration = [[[")
+    with pytest.raises(ConfigError, match="delete it"):
+        file.settings()
+
+
+def test_a_run_believes_the_file_and_an_option_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path))
+    RobotFile(tmp_path, "agribot").add(["calibration.wheel_radius_m=0.089"])
+    parser = argparse.ArgumentParser()
+    add_setting_arguments(parser)
+    assert settings_of(parser.parse_args(["farm"])).calibration.wheel_radius_m == 0.089
+    assert "measured of this robot" in capsys.readouterr().err
+    words = ["farm", "--set", "calibration.wheel_radius_m=0.088"]
+    assert settings_of(parser.parse_args(words)).calibration.wheel_radius_m == 0.088
+    other = settings_of(parser.parse_args(["farm", "--robot", "other"]))
+    assert other.calibration.wheel_radius_m is None
+
+
+def test_the_antenna_moves_and_nothing_else() -> None:
+    robot = load_robot()
+    moved = calibrated(robot, CalibrationConfig(antenna_m=(0.31, -0.07)))
+    before = robot.body_from_link(robot.gnss.link)[:3, 3]
+    after = moved.body_from_link(moved.gnss.link)[:3, 3]
+    assert after[:2] == pytest.approx([0.31, -0.07])
+    assert after[2] == pytest.approx(before[2])
+    for link in (robot.imu.link, robot.mag.link):
+        assert np.array_equal(robot.body_from_link(link), moved.body_from_link(link))
+    assert calibrated(robot, CalibrationConfig()) is robot

@@ -1,0 +1,151 @@
+"""What an operator sends a simulated robot under way: places, plans, marks; and its replay."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from agribot.app.field_work import planned
+from agribot.app.session import Session
+from agribot.cli.main import main
+from agribot.core import config
+from agribot.core.messages import OperatorAction, OperatorEvent, TickRecord
+from agribot.gis.plan_file import plan_text
+from agribot.record.replay import read_ticks
+
+SETTINGS = ["perception.enabled=false", "seed=1", "field.row_count=1", "field.row_length_m=3"]
+GOAL = (-1.0, 5.0)
+FIELD = Path(__file__).parents[2] / "examples" / "field.geojson"
+
+Script = dict[float, tuple[OperatorAction, dict[str, object]]]
+
+
+def drive(out: Path, script: Script, settings: list[str], until: Callable[[TickRecord], bool],
+          ) -> Session:  # fmt: skip
+    """Post each event at its time; the session that came to its end."""
+    with Session(config.load("farm", [*SETTINGS, *settings]), out) as session:
+        for record in session.ticks():
+            asked = script.get(round(record.batch.t_s, 2))
+            if asked is not None:
+                action, values = asked
+                event = OperatorEvent(t_s=0.0, action=action, source="Ada", **values)  # type: ignore[arg-type]
+                session.platform.inbox.post(event)
+            if until(record):
+                break
+        session.finish()
+    return session
+
+
+def table_rows(folder: Path) -> int:
+    """Crop rows that the page of a report lists."""
+    page = (folder / "report.html").read_text()
+    return page.partition("<h2>Rows</h2>")[2].partition("<h2>")[0].count("<tr>") - 1
+
+
+def is_done(record: TickRecord) -> bool:
+    return record.status.state == "done"
+
+
+@pytest.fixture(scope="module")
+def sent(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, Path]:
+    """Sent to a place while it drives to its row, marked there, then back to its work."""
+    out = tmp_path_factory.mktemp("runs") / "first"
+    script: Script = {
+        4.0: ("goto", {"numbers": (40.0, 40.0)}),
+        7.0: ("goto", {"numbers": (*GOAL, 0.0)}),
+        8.0: ("mark", {"text": "a stone"}),
+        40.0: ("stop_recording", {}),
+        42.0: ("start_recording", {}),
+        44.0: ("resume", {}),
+    }
+    return drive(out, script, ["duration_s=110"], is_done), out
+
+
+def test_it_drives_to_the_place_stops_there_and_then_does_its_work(
+    sent: tuple[Session, Path],
+) -> None:
+    session, out = sent
+    waiting = [t for t in read_ticks(out / "run.mcap") if "at the goal" in t.status.reason]
+    here = waiting[-1].estimate
+    assert math.dist((here.x_map_m, here.y_map_m), GOAL) < 0.1
+    assert abs(here.yaw_map_rad) < 0.1
+    assert here.v_mps == pytest.approx(0.0, abs=0.01)
+    assert session.last is not None and session.last.status.state == "done"
+    assert session.last.status.rows_done == (0,)
+
+
+def test_every_request_and_refusal_is_told(sent: tuple[Session, Path]) -> None:
+    session, out = sent
+    told = [event.reason for event in session.event_log.events]
+    assert any("goal refused: " in reason and "beyond the fence" in reason for reason in told)
+    assert any(reason.startswith("goto -1.000, 5.000") for reason in told)
+    report = json.loads((out / "report.json").read_text())
+    (mark,) = report["marks"]
+    assert mark["reason"] == "a stone (Ada)"
+    assert mark["t_s"] == pytest.approx(8.0, abs=0.1)
+    assert "a stone" in (out / "report.html").read_text()
+
+
+def test_a_replay_repeats_it_bit_by_bit(sent: tuple[Session, Path]) -> None:
+    assert main(["replay", str(sent[1] / "run.mcap")]) == 0
+
+
+def test_a_recording_ends_and_begins_when_asked(
+    sent: tuple[Session, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, out = sent
+    first = [tick.batch.t_s for tick in read_ticks(out / "run.mcap")]
+    later = [tick.batch.t_s for tick in read_ticks(out.with_name("first-2") / "run.mcap")]
+    assert first[-1] == pytest.approx(40.0, abs=0.05)
+    assert later[0] == pytest.approx(42.0, abs=0.05)
+    assert main(["replay", str(out.with_name("first-2") / "run.mcap")]) == 2
+    assert "can only be run again from its start on" in capsys.readouterr().err
+    assert main(["report", str(out.with_name("first-2") / "run.mcap"), "-o", str(out / "r")]) == 0
+
+
+def test_another_plan_replaces_the_mission_and_is_judged_in_its_place(tmp_path: Path) -> None:
+    settings = config.load("farm", SETTINGS)
+    with Session(settings, tmp_path / "probe") as session:
+        plan, certificate = planned(FIELD, settings, session.robot, None)
+    assert certificate.ok
+    text = plan_text(plan, certificate)
+    out = tmp_path / "run"
+    script: Script = {
+        5.0: ("plan", {"text": text}),
+        6.0: ("pause", {}),
+        8.0: ("plan", {"text": text}),
+        9.0: ("resume", {}),
+    }
+    session = drive(out, script, ["duration_s=14"], is_done)
+    told = [event.reason for event in session.event_log.events]
+    assert "plan refused: the robot drives; pause its mission first" in told
+    assert any("new plan from Ada" in reason for reason in told)
+    assert session.last is not None
+    assert session.last.status.rows_total == len(session.rows) > 1
+    assert json.loads((out / "report.json").read_text())["mission"]["rows_total"] > 1
+    assert config.load(str(out / "config.toml")).plan == str(out / "plan.geojson")
+    assert main(["report", str(out / "run.mcap"), "-o", str(out / "again")]) == 0
+    assert table_rows(out / "again") == table_rows(out) == len(session.rows)
+    assert main(["replay", str(out / "run.mcap")]) == 0
+
+
+def test_a_robot_that_has_done_its_work_does_it_once_more(tmp_path: Path) -> None:
+    settings = config.load("farm", [*SETTINGS, "duration_s=110"])
+    with Session(settings, tmp_path / "run") as session:
+        for _ in session.ticks():
+            pass
+        report = session.finish()
+        session.platform.inbox.post(OperatorEvent(t_s=0.0, action="start", source="Ada"))
+        again = [next(record for record in session.idle() if record.status.state == "running")]
+        again += itertools.takewhile(lambda record: not is_done(record), session.idle())
+        truth = session.platform.truth()
+    assert report.ok, report.reason
+    assert again[0].status.rows_done == ()
+    assert again[-1].status.rows_done == (0,)
+    x_m, y_m = session.rows[0].start_map_m  # there it began the first time
+    assert math.dist((truth.x_map_m, truth.y_map_m), (x_m, y_m)) < 1.5

@@ -1,0 +1,189 @@
+"""A battery that runs down: a warning that calls the robot home, then a stop."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from agribot.autonomy.control.battery_watch import LASTING_S, BatteryWatch
+from agribot.autonomy.plan.errand import STOPPING
+from agribot.autonomy.plan.mission import Mission
+from agribot.autonomy.plan.task import Task
+from agribot.core.config import SafetyConfig
+from agribot.core.errors import MissionError
+from agribot.core.messages import STOP, BatterySample, DriveCommand, Path, SensorBatch
+from agribot.record.events import EventSieve
+from tests.autonomy.control.kinematic_rover import TICK_S
+from tests.autonomy.control.test_supervisor import Gate, assert_stopped
+from tests.autonomy.plan.planting import MISSION
+from tests.autonomy.plan.test_mission_errands import HEADLAND, Drive
+from tests.autonomy.plan.test_mission_resume import ROWS, plan, ride
+from tests.autonomy.plan.test_mission_states import Ride
+from tests.record import record_samples
+
+AHEAD = DriveCommand(v_mps=0.3)
+SIX_CELLS = SafetyConfig(low_battery_v=21.0, empty_battery_v=19.0)
+
+
+def sample(t_s: float, charge_ratio: float, voltage_v: float = 24.0) -> BatterySample:
+    return BatterySample(t_s=t_s, voltage_v=voltage_v, current_a=1.0, charge_ratio=charge_ratio)
+
+
+def watched(
+    *values: tuple[float, float], config: SafetyConfig | None = None, seconds: int = 10
+) -> BatteryWatch:
+    """Charge and voltage, each for some seconds, once a second."""
+    watch, t_s = BatteryWatch(config or SafetyConfig()), 0.0
+    for charge_ratio, voltage_v in values:
+        for _ in range(seconds):
+            t_s += 1.0
+            watch.listen(SensorBatch(t_s=t_s, battery=(sample(t_s, charge_ratio, voltage_v),)))
+    return watch
+
+
+@pytest.mark.parametrize(
+    ("charge_ratio", "low", "empty"),
+    [(1.0, "", ""), (0.21, "", ""), (0.19, "19 % left, less than 20 %", ""),
+     (0.05, "5 % left", "5 % left, less than 8 %")],
+)  # fmt: skip
+def test_the_charge_decides_where_it_is_known(charge_ratio: float, low: str, empty: str) -> None:
+    watch = watched((charge_ratio, 1.0), config=SIX_CELLS)
+    assert (bool(watch.low), bool(watch.empty)) == (bool(low), bool(empty))
+    assert low in watch.low
+    assert empty in watch.empty
+
+
+def test_the_voltage_decides_where_the_charge_is_not_known_and_the_pack_is() -> None:
+    assert "20.5 V left, less than 21 V" in watched((math.nan, 20.5), config=SIX_CELLS).low
+    assert watched((math.nan, 18.5), config=SIX_CELLS).empty
+    assert watched((math.nan, 18.5)).low == ""
+
+
+def test_without_a_battery_or_its_numbers_nothing_is_said() -> None:
+    for watch in (BatteryWatch(SIX_CELLS), watched((math.nan, math.nan), config=SIX_CELLS)):
+        assert (watch.low, watch.empty) == ("", "")
+
+
+def test_a_voltage_that_sags_while_the_motors_start_is_no_low_battery() -> None:
+    sagging = [(math.nan, 24.0), (math.nan, 18.0)] * 5
+    watch = watched(*sagging, config=SIX_CELLS, seconds=math.floor(LASTING_S))
+    assert (watch.low, watch.empty) == ("", "")
+
+
+def test_another_battery_ends_the_warning() -> None:
+    assert watched((0.1, 20.0), (0.9, 25.0)).low == ""
+
+
+def running_down(gate: Gate, charge_ratio: float) -> SensorBatch:
+    t_s = gate.rover.t_s + TICK_S
+    return msgspec.structs.replace(
+        gate.rover.batch(), t_s=t_s, battery=(sample(t_s, charge_ratio),)
+    )
+
+
+def test_an_empty_battery_stops_the_mission_and_lets_a_hand_drive_after_a_clear() -> None:
+    gate = Gate()
+    for _ in range(300):
+        sent, reason = gate.send(batch=running_down(gate, 0.15))
+    assert (sent.drive.v_mps, reason) == (0.4, "")
+    assert gate.supervisor.warning
+    for _ in range(300):
+        sent, reason = gate.send(batch=running_down(gate, 0.05))
+    assert_stopped(sent, reason, "battery empty: 5 % left")
+    gate.send(STOP, state="paused", actions=("clear_stop",))
+    for _ in range(50):
+        sent, reason = gate.send(AHEAD, state="paused", is_by_hand=True)
+    assert (sent.drive, reason) == (AHEAD, "")
+    assert_stopped(*gate.send(batch=running_down(gate, 0.05)), "battery empty")
+
+
+def test_a_low_battery_sends_the_robot_home_once() -> None:
+    one = ride()
+    one.settle()
+    one.along(0.0, 3.0)
+    place = one.place(3.0)
+    one.mission.heed("battery low: 19 % left")
+    for _ in range(3):
+        goal = one.be_at(*place)
+        one.mission.heed("battery low: 18 % left")
+    assert (goal.status.state, goal.status.leg) == ("running", "way home")
+    assert goal.status.warning == "battery low: 18 % left"
+    assert not goal.tool_on
+    one.be_at(*place, "pause")
+    one.mission.heed("battery low: 17 % left")
+    assert one.be_at(*place).status.state == "paused", "a person decides from now on"
+    one.mission.heed("")
+    assert one.be_at(*place).status.warning == ""
+
+
+@pytest.mark.parametrize("words", [("pause",), ("stop", "clear_stop")])
+def test_a_battery_that_gets_low_while_the_robot_stands_sends_it_home_once_it_is_resumed(
+    words: tuple[str, ...],
+) -> None:
+    one = ride()
+    one.settle()
+    one.along(0.0, 3.0)
+    place = one.place(3.0)
+    for word in words:
+        one.be_at(*place, word)
+    for _ in range(10):
+        one.mission.heed("battery low: 19 % left")
+        assert one.be_at(*place).status.state == "paused"
+    one.be_at(*place, "resume")
+    for _ in range(3):
+        one.mission.heed("battery low: 18 % left")
+        status = one.be_at(*place).status
+    assert (status.state, status.leg) == ("running", "way home")
+    one.be_at(*place, "pause")
+    one.be_at(*place, "resume")
+    for _ in range(3):
+        one.mission.heed("battery low: 17 % left")
+        assert one.be_at(*place).status.refusal == ""
+
+
+def test_a_battery_that_gets_low_while_the_robot_stops_for_a_goal_is_heeded_too() -> None:
+    drive = Drive()
+    place = drive.into_row(1)
+    assert drive.goto(place, *HEADLAND, v_mps=0.2).status.leg == STOPPING
+    for _ in range(5):
+        drive.mission.heed("battery low: 19 % left")
+        status = drive.be_at(*place).status
+    assert (status.state, status.leg) == ("running", "way home")
+
+
+def test_a_battery_whose_way_home_cannot_be_planned_holds_the_robot_and_says_so() -> None:
+    def no_way(*_: object) -> Path:
+        raise MissionError("a post stands in the way")
+
+    one = Ride(Mission(Task(plan, ROWS, home=no_way), MISSION))
+    one.settle()
+    one.along(0.0, 3.0)
+    for _ in range(20):
+        one.mission.heed("battery low: 19 % left")
+        status = one.be_at(*one.place(3.0)).status
+    assert status.state == "paused"
+    told = "battery low: 19 % left; cannot return home: a post stands in the way"
+    assert (status.reason, status.held) == (told, told)
+
+
+def test_without_a_way_home_a_low_battery_stops_the_robot_where_it_is() -> None:
+    one = Ride(Mission(Task(plan, ROWS), MISSION))
+    one.settle()
+    one.along(0.0, 3.0)
+    one.mission.heed("battery low: 19 % left")
+    status = one.be_at(*one.place(3.0)).status
+    assert status.state == "paused"
+    assert "battery low: 19 % left; cannot return home" in status.reason
+
+
+def test_a_low_battery_stands_in_the_event_log_once() -> None:
+    sieve, found = EventSieve(), []
+    for k, warning in enumerate(["", "battery low: 19 % left", "battery low: 18 % left", ""]):
+        record = record_samples.tick(k, np.random.default_rng(0))
+        status = msgspec.structs.replace(record.status, warning=warning)
+        found += [event for event in sieve(msgspec.structs.replace(record, status=status))
+                  if "battery" in event.reason]  # fmt: skip
+    assert [event.kind for event in found] == ["fault", "clear"]

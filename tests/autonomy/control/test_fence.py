@@ -1,0 +1,206 @@
+"""The edge of a field and its holes, for a robot that must be able to stop inside them."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+import shapely
+
+from agribot.autonomy.control.fence import FieldFence, _Edges
+from agribot.core.config import SafetyConfig
+from agribot.core.field_bounds import FieldBounds
+from agribot.core.messages import STOP, DriveCommand, Estimate, Goal, Path, RobotCommand
+from tests.autonomy.control.kinematic_rover import TICK_S
+from tests.autonomy.control.test_supervisor import ROBOT, Gate, assert_stopped, goal
+from tests.autonomy.plan.planting import at
+
+FRONT_M, REAR_M, HALF_M = 0.5, 0.4, 0.45
+OUTER = [(0.0, 0.0), (20.0, 0.0), (20.0, 10.0), (12.0, 12.0), (0.0, 10.0)]
+HOLE = [(8.0, 4.0), (8.3, 4.0), (8.3, 4.3), (8.0, 4.3)]
+FIELD = FieldBounds(
+    rings_map_m=(np.array(OUTER), np.array(HOLE)),
+    front_m=FRONT_M, rear_m=REAR_M, half_width_m=HALF_M,
+)  # fmt: skip
+CONFIG = SafetyConfig()
+AHEAD = DriveCommand(v_mps=0.4)
+ACCEL_MPS2 = 1.5
+
+
+def believed(x_m: float, y_m: float, yaw_rad: float = 0.0, std_m: float = 0.0) -> Estimate:
+    var = std_m * std_m
+    return msgspec.structs.replace(
+        at(x_m, y_m, 0.0), yaw_map_rad=yaw_rad, pos_std_m=std_m,
+        pose_cov=(var, 0.0, 0.0, 0.0, var, 0.0, 0.0, 0.0, 0.0),
+    )  # fmt: skip
+
+
+def along(*xy_map_m: tuple[float, float]) -> Path:
+    """Straight from place to place, every 2 cm."""
+    places = np.array(xy_map_m)
+    steps_m = np.hypot(*np.diff(places, axis=0).T)
+    s_m = np.arange(0.0, steps_m.sum(), 0.02)
+    at_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+    xy = np.stack([np.interp(s_m, at_m, places[:, k]) for k in (0, 1)], axis=1)
+    yaw = np.arctan2(*np.gradient(xy, axis=0).T[::-1])
+    return Path(
+        xy_map_m=xy, yaw_map_rad=yaw, curvature_radpm=np.zeros(len(xy)),
+        row=np.full(len(xy), -1), s_m=s_m,
+    )  # fmt: skip
+
+
+class Fenced:
+    """The fence of a robot that was inside before, at the middle of the field."""
+
+    def __init__(self, path: Path | None = None, s_m: float = 0.0) -> None:
+        self.goal: Goal = msgspec.structs.replace(goal("running"), path=path, s_m=s_m)
+        self.fence = FieldFence(FIELD, CONFIG, ACCEL_MPS2)
+        assert self(believed(5.0, 5.0)) == ""
+
+    def __call__(self, estimate: Estimate, drive: DriveCommand = AHEAD) -> str:
+        return self.fence.objection(estimate, drive, self.goal)
+
+
+def test_a_robot_that_knows_where_it_is_drives_along_the_very_edge() -> None:
+    fence = Fenced()
+    for x_m in np.arange(1.0, 19.0, 0.05):
+        assert fence(believed(float(x_m), HALF_M, std_m=0.015)) == ""
+        assert fence(believed(float(x_m), HALF_M - 0.08, std_m=0.015)) == "", "off its way"
+
+
+@pytest.mark.parametrize("v_mps", [0.1, 0.4, 1.0])
+def test_it_is_stopped_so_early_that_it_comes_to_rest_inside(v_mps: float) -> None:
+    fence, drive = Fenced(), DriveCommand(v_mps=v_mps)
+    x_m = 15.0
+    while not (objection := fence(believed(x_m, 5.0), drive)):
+        x_m += 0.02 * v_mps
+        assert x_m < 20.0
+    assert "about to leave the field" in objection
+    stops_m = x_m + 0.15 * v_mps + v_mps * v_mps / (2.0 * ACCEL_MPS2)
+    assert 20.0 - 0.05 < stops_m + FRONT_M < 20.0 + CONFIG.fence_tolerance_m
+    assert fence(believed(x_m, 5.0), DriveCommand(v_mps=-v_mps)) == "", "it may turn back"
+    assert fence(believed(x_m - 2.0 * v_mps, 5.0), drive) == ""
+
+
+def test_a_hole_between_the_wheels_is_an_edge_too() -> None:
+    fence = Fenced()
+    assert "beyond the edge" in fence(believed(8.15, 4.15), STOP)
+    assert "about to leave" in fence(believed(8.0 - FRONT_M + 0.05, 4.15))
+    assert fence(believed(8.15, 4.3 + HALF_M + 0.01)) == ""
+
+
+@pytest.mark.parametrize(("std_m", "is_held"), [(0.05, False), (0.3, True), (1.0, True)])
+def test_near_the_edge_an_uncertain_position_holds_the_robot_and_says_why(
+    std_m: float, is_held: bool
+) -> None:
+    fence = Fenced()
+    objection = fence(believed(10.0, HALF_M + 0.05, std_m=std_m))
+    assert bool(objection) is is_held
+    if is_held:
+        assert f"good to {std_m:.2f} m" in objection
+        assert "larger --margin" in objection
+    assert fence(believed(5.0, 5.0, std_m=std_m)) == "", "far from every edge it may drive"
+
+
+def test_uncertain_along_its_way_only_it_may_drive_beside_an_edge() -> None:
+    wide = msgspec.structs.replace(
+        believed(10.0, HALF_M + 0.05), pose_cov=(1.0, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 0.0)
+    )
+    assert Fenced()(wide) == ""
+    assert Fenced()(msgspec.structs.replace(wide, pose_cov=(1e-4, 0, 0, 0, 1.0, 0, 0, 0, 0)))
+
+
+def test_a_way_into_the_field_is_free_until_the_robot_is_inside() -> None:
+    fence = FieldFence(FIELD, CONFIG, ACCEL_MPS2)
+    way = msgspec.structs.replace(goal("running"), path=along((-3.0, 5.0), (5.0, 5.0)))
+    for x_m in np.arange(-3.0, 3.0, 0.05):
+        assert fence.objection(believed(float(x_m), 5.0, std_m=0.02), AHEAD, way) == ""
+    later = msgspec.structs.replace(way, s_m=7.0)
+    assert fence.objection(believed(0.2, 5.0, math.pi), AHEAD, later), "now the edge counts"
+
+
+def test_a_way_that_was_planned_out_of_the_field_may_be_driven() -> None:
+    way = along((5.0, 5.0), (-3.0, 5.0))
+    for x_m in np.arange(4.0, -3.0, -0.25):
+        fence = Fenced(way, s_m=5.0 - float(x_m))
+        assert fence(believed(float(x_m), 5.0, math.pi)) == ""
+    fence = Fenced(way, s_m=0.5)
+    assert fence(believed(0.2, 5.0, math.pi)), "elsewhere than its way is"
+
+
+def test_a_robot_that_jumps_over_the_edge_is_outside() -> None:
+    fence = Fenced()
+    assert "beyond the edge" in fence(believed(5.0, -3.0), STOP)
+    assert fence(believed(5.0, 5.0)) == ""
+    for x_m in np.arange(19.0, 23.0, 0.02):  # carried over it by hand
+        fence.fence._here.touch((float(x_m), 5.0, 0.0), (-0.1, 0.1, -0.1, 0.1))
+    assert fence(believed(22.98, 5.0), STOP)
+
+
+def test_the_rectangle_leaves_the_field_exactly_when_a_polygon_library_says_so() -> None:
+    rng = np.random.default_rng(7)
+    field = shapely.Polygon(OUTER, [HOLE])
+    edges, answers = _Edges(FIELD), set()
+    for _ in range(2000):
+        x_m, y_m = (float(v) for v in rng.uniform((-1.0, -1.0), (21.0, 13.0)))
+        yaw_rad, rear_m, front_m, side_m = (
+            float(v) for v in rng.uniform((-4.0, 0.2, 0.2, 0.2), (4.0, 1.5, 1.5, 1.5))
+        )
+        corners = [(front_m, side_m), (front_m, -side_m), (-rear_m, -side_m), (-rear_m, side_m)]
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        body = [(x_m + cos * x - sin * y, y_m + sin * x + cos * y) for x, y in corners]
+        expected = not field.covers(shapely.Polygon(body))
+        assert edges.touch((x_m, y_m, yaw_rad), (-rear_m, front_m, -side_m, side_m)) is expected
+        answers.add(expected)
+    assert answers == {True, False}
+
+
+def test_a_new_way_in_the_same_field_does_not_free_a_robot_that_is_over_the_edge() -> None:
+    gate = Gate()
+    first, second = along((5.0, 5.0), (19.0, 5.0)), along((8.15, 5.0), (15.0, 5.0))
+
+    def send(estimate: Estimate, path: Path | None, s_m: float = 0.0) -> tuple[RobotCommand, str]:
+        gate.rover.t_s += TICK_S
+        bounds = None if path is None else FIELD
+        wanted = msgspec.structs.replace(goal("running"), bounds=bounds, path=path, s_m=s_m)
+        batch = gate.rover.batch()
+        sent, reason = gate.supervisor.check(gate.command(AHEAD), estimate, batch, wanted)
+        gate.rover.turn_wheels(sent.drive)
+        return sent, reason
+
+    for _ in range(10):
+        assert send(believed(5.0, 5.0), first)[1] == ""
+    over_the_hole = believed(8.15, 4.15)
+    for path in (first, second, None, second):  # none while a way is planned
+        for _ in range(40):
+            sent, reason = send(over_the_hole, path)
+            assert path is None or "beyond the edge of the field" in reason
+            assert path is None or sent.drive == STOP
+    back = along((19.75, 5.0), (5.0, 5.0))
+    for _ in range(40):
+        sent, reason = send(believed(19.75, 5.0, math.pi), back)
+        assert reason == "", "a way back in that was planned from there is free"
+    assert sent.drive == AHEAD
+
+
+def test_the_supervisor_holds_the_mission_at_the_edge_and_lets_a_hand_bring_it_back() -> None:
+    gate = Gate()
+    inside, out = believed(5.0, 5.0), believed(19.9, 5.0)
+    bounded = msgspec.structs.replace(goal("running"), bounds=FIELD, path=None)
+    check = gate.supervisor.check
+    gate.send(estimate=inside)
+
+    def send(estimate: Estimate, *, is_by_hand: bool = False) -> tuple[object, str]:
+        gate.rover.t_s += 0.02
+        batch = gate.rover.batch()
+        command = msgspec.structs.replace(gate.command(AHEAD))
+        return check(command, estimate, batch, bounded, is_by_hand=is_by_hand)
+
+    assert send(inside)[1] == ""
+    assert ROBOT.drive.max_accel_mps2 == ACCEL_MPS2
+    sent, reason = send(out)
+    assert_stopped(sent, reason, "beyond the edge of the field")  # type: ignore[arg-type]
+    assert send(out, is_by_hand=True)[1] == ""
+    assert send(inside)[1] == "", "nothing was latched"

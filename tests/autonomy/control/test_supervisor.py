@@ -1,0 +1,320 @@
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agribot.autonomy.control.fence import PathFence
+from agribot.autonomy.control.supervise import Supervisor
+from agribot.core.config import SafetyConfig
+from agribot.core.messages import (
+    STOP,
+    DriveCommand,
+    Estimate,
+    Goal,
+    ImplementCommand,
+    MissionState,
+    MissionStatus,
+    OperatorAction,
+    OperatorEvent,
+    Path,
+    RobotCommand,
+    SensorBatch,
+)  # fmt: skip
+from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
+
+ROBOT = farm_robot()
+SPOT = Path(
+    xy_map_m=np.zeros((2, 2)), yaw_map_rad=np.zeros(2), curvature_radpm=np.zeros(2),
+    row=np.zeros(2, dtype=np.int64), s_m=np.zeros(2),
+)  # fmt: skip
+FORWARD = DriveCommand(v_mps=0.4, yaw_rate_radps=0.2)
+OPEN = ImplementCommand(nozzles_open=(True, False, True))
+
+
+class Gate:
+    """A supervisor with everything in order, so that a test can break one thing at a time."""
+
+    def __init__(self, config: SafetyConfig | None = None) -> None:
+        self.supervisor = Supervisor(config or SafetyConfig(), ROBOT)
+        self.rover = Rover((0.0, 0.0, 0.0), Soil(), np.random.default_rng(0))
+
+    def send(
+        self,
+        drive: DriveCommand = FORWARD,
+        *,
+        estimate: Estimate | None = None,
+        batch: SensorBatch | None = None,
+        state: MissionState = "running",
+        actions: tuple[OperatorAction, ...] = (),
+        is_by_hand: bool = False,
+    ) -> tuple[RobotCommand, str]:
+        self.rover.t_s += TICK_S
+        batch = batch or self.rover.batch()
+        events = tuple(OperatorEvent(t_s=batch.t_s, action=action) for action in actions)
+        batch = msgspec.structs.replace(batch, events=events)
+        command = self.command(drive)
+        sent, reason = self.supervisor.check(
+            command,
+            estimate or self.rover.estimate(),
+            batch,
+            goal(state),
+            is_by_hand=is_by_hand,
+        )
+        self.rover.turn_wheels(sent.drive)
+        self.rover.yaw_rate_radps = sent.drive.yaw_rate_radps
+        return sent, reason
+
+    def command(self, drive: DriveCommand) -> RobotCommand:
+        return RobotCommand(t_s=self.rover.t_s, drive=drive, implement=OPEN)
+
+    def lost_estimate(self) -> Estimate:
+        return msgspec.structs.replace(self.rover.estimate(), ok=False, reason="no GNSS fix")
+
+    def cruise(self) -> Gate:
+        for _ in range(50):
+            sent, reason = self.send()
+        assert (sent.drive, sent.implement, reason) == (FORWARD, OPEN, "")
+        return self
+
+    def believed(self, **changes: object) -> Estimate:
+        return msgspec.structs.replace(self.rover.estimate(), **changes)
+
+
+def goal(state: MissionState) -> Goal:
+    status = MissionStatus(
+        state=state, reason="why", row=0, rows_total=1, rows_done=(), s_m=0.0, length_m=1.0,
+        waypoints_total=0, waypoints_reached=0,
+    )  # fmt: skip
+    return Goal(path=SPOT, s_m=0.0, max_speed_mps=0.4, tool_on=True, status=status)
+
+
+def assert_stopped(sent: RobotCommand, reason: str, *words: str) -> None:
+    assert sent.drive == STOP
+    assert sent.implement.nozzles_open == (False, False, False)
+    for word in words:
+        assert word in reason
+
+
+def test_a_good_command_passes_unchanged() -> None:
+    Gate().cruise()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"ok": False, "reason": "no fix yet"}, ("no position", "no fix yet")),
+        ({"pos_std_m": 3.2}, ("position uncertain", "3.20 m > 3.00 m")),
+        ({"pos_std_m": math.nan}, ("position uncertain",)),
+        ({"contradiction": "GNSS jumped by 0.40 m"}, ("GNSS jumped by 0.40 m",)),
+        ({"yaw_std_rad": 0.7}, ("heading uncertain", "0.70 rad > 0.60 rad")),
+        ({"x_map_m": math.nan}, ("not finite",)),
+        ({"yaw_map_rad": math.inf}, ("not finite",)),
+        ({"x_map_m": 5.1}, ("geofence", "East 5.10 m")),
+        ({"y_map_m": -5.1}, ("geofence", "North -5.10 m")),
+    ],
+)
+def test_an_estimate_that_cannot_be_trusted_stops_the_robot(
+    changes: dict[str, object], words: tuple[str, ...]
+) -> None:
+    gate = Gate().cruise()
+    assert_stopped(*gate.send(estimate=gate.believed(**changes)), *words)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("part", ["v_mps", "yaw_rate_radps"])
+def test_a_command_that_is_no_number_stops_the_robot(part: str, value: float) -> None:
+    bad = msgspec.structs.replace(FORWARD, **{part: value})
+    assert_stopped(*Gate().cruise().send(bad), "not finite")
+
+
+def test_limits_slow_the_robot_along_the_same_curve() -> None:
+    gate = Gate(SafetyConfig(max_speed_mps=0.5, max_yaw_rate_radps=0.3))
+    for _ in range(100):
+        sent, reason = gate.send(DriveCommand(v_mps=0.8, yaw_rate_radps=0.6))
+    assert "yaw rate" in reason
+    assert "limited to 0.30 rad/s" in reason
+    assert sent.drive.yaw_rate_radps == pytest.approx(0.3)
+    assert sent.drive.v_mps == pytest.approx(0.4)
+    for _ in range(100):
+        sent, reason = gate.send(DriveCommand(v_mps=-0.8))
+    assert sent.drive.v_mps == pytest.approx(-0.5)
+    assert "speed 0.80 m/s limited to 0.50 m/s" in reason
+
+
+@pytest.mark.parametrize(("sensor", "name"), [("wheels", "wheel encoders"), ("imu", "IMU")])
+def test_a_sensor_that_falls_silent_stops_the_robot_until_a_person_clears_it(
+    sensor: str, name: str
+) -> None:
+    gate = Gate().cruise()
+    stopped_after_s = None
+    for tick in range(1, 30):
+        silent = msgspec.structs.replace(gate.rover.batch(), t_s=gate.rover.t_s + TICK_S)
+        silent = msgspec.structs.replace(silent, **{sensor: ()})
+        sent, reason = gate.send(batch=silent)
+        if sent.drive == STOP:
+            stopped_after_s = tick * TICK_S
+            break
+    assert stopped_after_s == pytest.approx(0.3, abs=0.021)
+    assert f"{name} silent for" in reason
+    assert "> 0.30 s" in reason
+    for _ in range(100):  # it speaks again
+        assert_stopped(*gate.send(), name, "clear the stop")
+    sent, reason = gate.send(actions=("clear_stop",))
+    assert reason == ""
+    assert 0.0 < sent.drive.v_mps < FORWARD.v_mps
+
+
+@pytest.mark.parametrize("sensor", ["wheels", "imu"])
+def test_a_sensor_that_never_spoke_is_a_fault_from_the_first_tick(sensor: str) -> None:
+    gate = Gate()
+    batch = msgspec.structs.replace(gate.rover.batch(), **{sensor: ()})
+    assert_stopped(*gate.send(batch=batch), "not reported yet")
+    assert gate.send()[1] == "", "nothing was stopped, so that nobody needs to clear it"
+
+
+def tilted_batch(gate: Gate, accel_mps2: tuple[float, float, float]) -> SensorBatch:
+    batch = msgspec.structs.replace(gate.rover.batch(), t_s=gate.rover.t_s + TICK_S)
+    imu = msgspec.structs.replace(batch.imu[0], t_s=batch.t_s, accel_mps2=accel_mps2)
+    return msgspec.structs.replace(batch, imu=(imu,))
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_robot_that_tips_over_is_stopped(axis: int, side: float) -> None:
+    gate = Gate().cruise()
+    accel = [0.0, 0.0, 9.8 * math.cos(0.9)]
+    accel[axis] = side * 9.8 * math.sin(0.9)
+    for _ in range(100):
+        sent, reason = gate.send(batch=tilted_batch(gate, (accel[0], accel[1], accel[2])))
+    assert sent.drive == STOP
+    assert "tilted by" in reason
+    assert "> 0.60 rad" in reason
+
+
+def test_lying_on_the_roof_is_a_tilt_too() -> None:
+    gate = Gate().cruise()
+    for _ in range(200):
+        sent, reason = gate.send(batch=tilted_batch(gate, (0.0, 0.0, -9.8)))
+    assert_stopped(sent, reason, "tilted")
+
+
+def test_a_single_knock_is_not_a_tilt() -> None:
+    gate = Gate().cruise()
+    sent, reason = gate.send(batch=tilted_batch(gate, (15.0, 0.0, 9.8)))
+    assert (sent.drive, reason) == (FORWARD, "")
+
+
+def test_an_imu_that_reports_no_number_stops_the_robot_until_a_person_clears_it() -> None:
+    gate = Gate().cruise()
+    assert_stopped(*gate.send(batch=tilted_batch(gate, (math.nan, 0.0, 9.8))), "IMU")
+    assert_stopped(*gate.send(), "IMU", "clear the stop")
+    assert gate.send(actions=("clear_stop",))[1] == ""
+
+
+def test_a_stop_of_the_operator_holds_until_it_is_cleared() -> None:
+    gate = Gate().cruise()
+    assert_stopped(*gate.send(actions=("stop",)), "stopped by operator")
+    assert_stopped(*gate.send(actions=("resume",)), "stopped by operator")
+    assert_stopped(*gate.send(), "clear the stop")
+    assert gate.send(actions=("clear_stop",))[1] == ""
+
+
+@pytest.mark.parametrize("state", ["waiting", "done", "cancelled", "failed"])
+def test_nothing_moves_unless_the_mission_runs(state: MissionState) -> None:
+    assert_stopped(*Gate().cruise().send(state=state), f"mission {state}", "why")
+
+
+def test_a_pause_may_ramp_down_but_never_hold_speed() -> None:
+    gate = Gate().cruise()
+    speeds = [gate.send(state="paused")[0].drive.v_mps for _ in range(60)]
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[0] < FORWARD.v_mps
+    assert speeds[-1] == 0.0
+    sent, _ = gate.send(state="paused")
+    assert sent.implement.nozzles_open == (False, False, False)
+
+
+def test_after_a_stop_the_robot_gains_speed_no_faster_than_the_drive() -> None:
+    gate = Gate().cruise()
+    gate.send(estimate=gate.believed(ok=False))
+    speeds = [gate.send()[0].drive.v_mps for _ in range(20)]
+    steps = np.diff([0.0, *speeds])
+    assert steps.max() <= ROBOT.drive.max_accel_mps2 * TICK_S * 1.001
+    assert speeds[-1] == FORWARD.v_mps
+
+
+def test_an_open_nozzle_over_a_standing_robot_is_closed() -> None:
+    gate = Gate().cruise()
+    sent, reason = gate.send(DriveCommand(yaw_rate_radps=0.2))
+    assert sent.implement.nozzles_open == (False, False, False)
+    assert reason == ""
+
+
+def test_a_stop_that_was_wanted_anyway_needs_no_reason() -> None:
+    gate = Gate()
+    batch = gate.rover.batch()
+    command = RobotCommand(t_s=0.0)
+    unready = gate.believed(ok=False)
+    sent, reason = gate.supervisor.check(command, unready, batch, goal("waiting"))
+    assert (sent.drive, reason) == (STOP, "")
+
+
+def test_fence_of_a_path_is_its_box_and_a_margin() -> None:
+    path = Path(
+        xy_map_m=np.array([[0.0, 1.0], [4.0, -2.0]]), yaw_map_rad=np.zeros(2),
+        curvature_radpm=np.zeros(2), row=np.zeros(2, dtype=np.int64), s_m=np.array([0.0, 5.0]),
+    )  # fmt: skip
+    fence = PathFence.around(path, 3.0)
+    assert fence == PathFence(-3.0, -5.0, 7.0, 4.0)
+    assert fence.holds(7.0, 4.0)
+    assert not fence.holds(7.1, 0.0)
+    assert not fence.holds(math.nan, 0.0)
+
+
+anything = st.floats(allow_nan=True, allow_infinity=True, width=64)
+moderate = st.floats(-3.0, 3.0)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    twists=st.lists(st.tuples(moderate | anything, moderate | anything), min_size=1, max_size=12),
+    x_m=moderate | anything,
+    pos_std_m=moderate | anything,
+    accel=st.tuples(anything, moderate, st.just(9.8)),
+    state=st.sampled_from(["running", "paused", "waiting", "failed"]),
+    ok=st.booleans(),
+)
+def test_output_is_finite_and_never_faster_than_what_was_asked_for(
+    twists: list[tuple[float, float]],
+    x_m: float,
+    pos_std_m: float,
+    accel: tuple[float, float, float],
+    state: MissionState,
+    ok: bool,
+) -> None:
+    gate, config = Gate(), SafetyConfig()
+    for v_mps, yaw_rate_radps in twists:
+        wanted = DriveCommand(v_mps=v_mps, yaw_rate_radps=yaw_rate_radps)
+        estimate = gate.believed(x_map_m=x_m, pos_std_m=pos_std_m, ok=ok)
+        sent, reason = gate.send(
+            wanted, estimate=estimate, batch=tilted_batch(gate, accel), state=state
+        )
+        drive = sent.drive
+        assert math.isfinite(drive.v_mps)
+        assert math.isfinite(drive.yaw_rate_radps)
+        assert abs(drive.v_mps) <= min(_size(v_mps), config.max_speed_mps)
+        assert abs(drive.yaw_rate_radps) <= min(_size(yaw_rate_radps), config.max_yaw_rate_radps)
+        assert drive.v_mps * (v_mps if math.isfinite(v_mps) else 0.0) >= 0.0
+        assert all(a <= b for a, b in zip(sent.implement.nozzles_open, (1, 0, 1), strict=True))
+        if not ok and (v_mps, yaw_rate_radps) != (0.0, 0.0):
+            assert drive == STOP
+            assert reason
+
+
+def _size(value: float) -> float:
+    return math.inf if math.isnan(value) else abs(value)

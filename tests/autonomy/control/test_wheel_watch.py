@@ -1,0 +1,241 @@
+"""Wheels, torque and gyro against what the motors were told, tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from agribot.autonomy.control.wheel_watch import WheelWatch
+from agribot.core.messages import STOP, DriveCommand, Four, ImuSample, SensorBatch, WheelSample
+from tests.autonomy.control.kinematic_rover import TICK_S, farm_robot
+
+DRIVE = farm_robot().drive
+DELAY_S = 0.3
+AHEAD = DriveCommand(v_mps=0.4)
+TURN = DriveCommand(v_mps=0.3, yaw_rate_radps=0.5)
+Wheels = Callable[[Four], Four]
+at_rates = pytest.mark.parametrize("rate_hz", [50, 25, 10])
+
+
+class Bench:
+    """A board that follows its commands by `wheels`, and a gyro that agrees with the wheels.
+
+    The board tells of its encoders so often; the gyro speaks in every tick.
+    """
+
+    def __init__(self, wheels: Wheels = lambda told: told, rate_hz: float = 50.0) -> None:
+        self._ticks_between = round(1.0 / (rate_hz * TICK_S))
+        self.watch = WheelWatch(DRIVE, DELAY_S)
+        self.wheels = wheels
+        self.gyro_off_radps = 0.0
+        self.is_imu_frozen = False
+        self.effort_nm: Four | None = None
+        self.runaway = ""
+        self.t_s = 0.0
+        self._angles = [0.0] * 4
+        self._sent = STOP
+
+    def drive(self, command: DriveCommand, seconds: float) -> tuple[float, str, str]:
+        """Until something is found: after how long, of the wheels, and what else is in doubt."""
+        for tick in range(1, round(seconds / TICK_S) + 1):
+            self.t_s += TICK_S
+            left, right = DRIVE.wheel_speeds_radps(self._sent.v_mps, self._sent.yaw_rate_radps)
+            speeds = self.wheels((right, left, right, left))
+            for k, speed in enumerate(speeds):
+                self._angles[k] += speed * TICK_S
+            found = self.watch.watch(self._sent, self._batch(), TICK_S)
+            self._sent, self.runaway = command, found.runaway
+            if any(found):
+                return tick * TICK_S, found.wheels, found.doubt
+        return seconds, "", ""
+
+    def _batch(self) -> SensorBatch:
+        a, b, c, d = self._angles
+        wheel = WheelSample(
+            t_s=self.t_s, angle_rad=(a, b, c, d), speed_radps=(0.0,) * 4, effort_nm=self.effort_nm
+        )
+        tick = round(self.t_s / TICK_S)
+        hum = 0.0 if self.is_imu_frozen else 1e-4 * (tick % 7)
+        yaw_rate = 0.0 if self.is_imu_frozen else self._sent.yaw_rate_radps + self.gyro_off_radps
+        imu = ImuSample(t_s=self.t_s, gyro_radps=(hum, 0.0, yaw_rate), accel_mps2=(0.0, 0.0, 9.8))
+        wheels = (wheel,) if tick % self._ticks_between == 0 else ()
+        return SensorBatch(t_s=self.t_s, wheels=wheels, imu=(imu,))
+
+
+def one(index: int, ratio: float) -> Wheels:
+    def change(told: Four) -> Four:
+        a, b, c, d = (ratio * speed if k == index else speed for k, speed in enumerate(told))
+        return a, b, c, d
+
+    return change
+
+
+def every(ratio: float) -> Wheels:
+    return lambda told: (ratio * told[0], ratio * told[1], ratio * told[2], ratio * told[3])
+
+
+@at_rates
+@pytest.mark.parametrize(
+    ("wheels", "words"),
+    [
+        (one(3, 0.0), "left front wheel does not turn: 0.0 rad/s instead of 3.1"),
+        (one(0, 0.2), "right rear wheel turns too slowly: 0.6 rad/s"),
+        (one(1, 2.5), "left rear wheel turns too fast: 7.7 rad/s"),
+        (one(2, -1.0), "right front wheel turns backwards: -3.1 rad/s"),
+        (every(0.0), "wheels do not turn"),
+        (every(2.5), "wheels turn too fast"),
+        (every(-1.0), "wheels turn backwards"),
+        (lambda told: (told[0], 0.0, told[2], 0.0), "left wheels do not turn"),
+    ],
+)  # fmt: skip
+def test_a_wheel_that_does_not_as_told_is_named_within_a_second(
+    wheels: Wheels, words: str, rate_hz: float
+) -> None:
+    bench = Bench(rate_hz=rate_hz)
+    assert bench.drive(AHEAD, 2.0)[1:] == ("", "")
+    bench.wheels = wheels
+    after_s, found, _ = bench.drive(AHEAD, 2.0)
+    assert words in found
+    assert after_s < 0.7
+    after_s, found, _ = Bench(wheels, rate_hz).drive(AHEAD, 2.0)
+    assert words.split(":", maxsplit=1)[0] in found, "from the start on"
+    assert after_s <= 1.0
+
+
+@at_rates
+def test_left_and_right_that_are_swapped_are_told_in_a_turn(rate_hz: float) -> None:
+    bench = Bench(lambda told: (told[1], told[0], told[1], told[0]), rate_hz)
+    assert bench.drive(AHEAD, 2.0)[1] == ""
+    after_s, found, _ = bench.drive(TURN, 2.0)
+    assert "turns the other way than told" in found
+    assert after_s <= 1.0
+
+
+def test_a_wheel_that_turns_though_it_should_stand_is_told() -> None:
+    bench = Bench()
+    bench.drive(AHEAD, 1.0)
+    bench.wheels = lambda told: (told[0], 4.0, told[2], told[3])
+    _, found, _ = bench.drive(STOP, 2.0)
+    assert "left rear wheel turns too fast: 4.0 rad/s instead of 0.0" in found
+    assert bench.runaway == found
+
+
+@at_rates
+def test_wheels_run_away_that_never_came_to_stand_but_not_those_that_people_push(
+    rate_hz: float,
+) -> None:
+    bench = Bench(rate_hz=rate_hz)
+    bench.drive(AHEAD, 1.0)
+    bench.wheels = lambda told: (4.0, 4.0, 4.0, 4.0)
+    bench.drive(STOP, 2.0)
+    assert "wheels turn too fast: 4.0 rad/s instead of 0.0" in bench.runaway
+    for _ in range(100):
+        bench.drive(STOP, TICK_S)
+        assert bench.runaway, "in every tick, however seldom the encoders speak"
+    bench.wheels = every(1.0)
+    for _ in range(50):
+        bench.drive(STOP, TICK_S)
+    assert bench.runaway == ""
+    bench.wheels = lambda told: (4.0, 4.0, 4.0, 4.0)
+    for _ in range(100):
+        bench.drive(STOP, TICK_S)
+        assert bench.runaway == ""
+
+
+@at_rates
+@pytest.mark.parametrize("delay_s", [0.0, 0.1, DELAY_S - 0.1])
+@pytest.mark.parametrize("ratio", [0.75, 1.0, 1.25])
+def test_a_slow_board_with_a_wrong_scale_that_does_as_told_is_no_fault(
+    delay_s: float, ratio: float, rate_hz: float
+) -> None:
+    late: list[Four] = [(0.0,) * 4] * round(delay_s / TICK_S)
+
+    def slow(told: Four) -> Four:
+        late.append((ratio * told[0], ratio * told[1], ratio * told[2], ratio * told[3]))
+        return late.pop(0)
+
+    bench = Bench(slow, rate_hz)
+    for command in (AHEAD, TURN, STOP, DriveCommand(v_mps=-0.4), TURN, AHEAD, STOP):
+        assert bench.drive(command, 1.5)[1:] == ("", "")
+
+
+@at_rates
+def test_a_clod_that_holds_a_wheel_for_a_moment_is_no_fault(rate_hz: float) -> None:
+    bench = Bench(rate_hz=rate_hz)
+    for _ in range(10):
+        assert bench.drive(AHEAD, 1.0)[1] == ""
+        bench.wheels = one(2, 0.1)
+        assert bench.drive(AHEAD, 0.3)[1] == ""
+        bench.wheels = every(1.0)
+
+
+@at_rates
+def test_a_motor_without_torque_is_named_though_its_wheel_rolls_along(rate_hz: float) -> None:
+    bench = Bench(rate_hz=rate_hz)
+    bench.effort_nm = (0.3, 0.2, 0.3, 0.1)
+    assert bench.drive(AHEAD, 3.0)[2] == ""
+    bench.effort_nm = (0.3, 0.2, 0.3, 0.0)
+    after_s, wheels, doubt = bench.drive(AHEAD, 2.0)
+    assert (wheels, doubt.split(";")[0]) == (
+        "", "left front motor gives no torque while the others work",
+    )  # fmt: skip
+    assert after_s < 0.7
+    for effort_nm in ((0.0,) * 4, (0.01, 0.0, 0.01, 0.0), None):  # nobody works; nobody tells
+        bench = Bench(rate_hz=rate_hz)
+        bench.effort_nm = effort_nm
+        assert bench.drive(AHEAD, 3.0)[2] == ""
+
+
+@at_rates
+@pytest.mark.parametrize(("off_radps", "is_told"), [(0.3, True), (-0.3, True), (0.1, False)])
+def test_a_gyro_that_contradicts_the_wheels_is_told(
+    off_radps: float, is_told: bool, rate_hz: float
+) -> None:
+    bench = Bench(rate_hz=rate_hz)
+    bench.gyro_off_radps = off_radps
+    after_s, wheels, doubt = bench.drive(AHEAD, 2.0)
+    assert wheels == ""
+    assert ("the gyro says" in doubt) is is_told
+    assert not is_told or after_s <= 1.0
+
+
+@at_rates
+@pytest.mark.parametrize("gain", [0.6, 0.8, 1.2, 1.4])
+def test_a_robot_that_skids_is_no_fault_of_the_gyro(gain: float, rate_hz: float) -> None:
+    bench = Bench(rate_hz=rate_hz)
+    turn = DriveCommand(yaw_rate_radps=1.0)
+    bench.gyro_off_radps = (gain - 1.0) * turn.yaw_rate_radps
+    bench.drive(turn, 0.1)
+    assert bench.drive(turn, 3.0)[2] == ""
+
+
+def test_an_imu_that_repeats_itself_is_told_of_a_moving_robot_only() -> None:
+    bench = Bench()
+    bench.is_imu_frozen = True
+    assert bench.drive(STOP, 5.0)[2] == "", "at rest an IMU without noise may well do so"
+    after_s, _, doubt = bench.drive(AHEAD, 2.0)
+    assert "IMU repeats the same numbers" in doubt
+    assert after_s <= 1.0
+
+
+@at_rates
+def test_an_encoder_that_counts_anew_is_no_fault(rate_hz: float) -> None:
+    bench = Bench(rate_hz=rate_hz)
+    bench.drive(AHEAD, 1.0)
+    bench._angles = [1000.0, -1000.0, 0.0, 0.0]
+    assert bench.drive(AHEAD, 2.0)[1] == ""
+
+
+def test_samples_that_were_missing_for_long_are_no_evidence() -> None:
+    """Half a second without a sample is a fault by itself; what comes after it begins anew."""
+    bench = Bench()
+    bench.drive(AHEAD, 1.0)
+    for _ in range(5):
+        bench._ticks_between = 10**6
+        assert bench.drive(AHEAD, 0.6)[1] == ""
+        bench._ticks_between = 1
+        bench.wheels = one(2, 0.0)
+        assert bench.drive(AHEAD, 0.1)[1] == ""
+        bench.wheels = every(1.0)
+        assert bench.drive(AHEAD, 0.5)[1] == ""

@@ -1,0 +1,72 @@
+"""What the filter believes of a fix, by the way it was obtained."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from agribot.autonomy.estimate.gnss_noise import fix_noise
+from agribot.core.messages import GnssFix, GnssQuality
+from tests.autonomy.estimate.noisy_rover import RTK, record, stand
+from tests.autonomy.estimate.playback import error, localizer, play
+
+
+def fix(quality: GnssQuality, pos_std_m: float) -> GnssFix:
+    return GnssFix(
+        t_s=0.0, lat_deg=21.0, lon_deg=72.0, alt_m=0.0, pos_std_m=pos_std_m, quality=quality
+    )
+
+
+@pytest.mark.parametrize("quality", [GnssQuality.SINGLE, GnssQuality.DGNSS])
+def test_without_carrier_corrections_the_stated_error_is_a_slow_bias(quality: GnssQuality) -> None:
+    noise = fix_noise(fix(quality, 2.0), 0.2)
+    assert noise.bias_std_m == 2.0
+    assert noise.variance_m2 < 0.02
+
+
+def test_fixed_ambiguities_split_the_stated_error_between_noise_and_bias() -> None:
+    noise = fix_noise(fix(GnssQuality.RTK_FIXED, 0.014), 0.1)
+    assert noise.variance_m2 + noise.bias_std_m**2 == pytest.approx(0.014**2)
+
+
+def test_float_solutions_weigh_the_same_whatever_their_rate() -> None:
+    slow, fast = (fix_noise(fix(GnssQuality.RTK_FLOAT, 0.4), dt) for dt in (0.5, 0.05))
+    assert fast.variance_m2 == pytest.approx(10.0 * slow.variance_m2)
+    assert slow.variance_m2 > 0.4**2
+
+
+def test_a_receiver_that_claims_no_error_at_all_is_not_taken_at_its_word() -> None:
+    for std_m in (0.0, -1.0, 1e-9):
+        assert fix_noise(fix(GnssQuality.RTK_FIXED, std_m), 0.1).variance_m2 > 1e-6
+
+
+def test_standing_for_minutes_the_certainty_stops_at_the_receivers_slow_error() -> None:
+    recording = record(stand, 60.0, seed=1, errors=RTK)
+    last = play(recording)[-1]
+    assert last.pos_std_m > 0.004
+    assert math.hypot(*error(recording, last)[:2].tolist()) < 3.5 * last.pos_std_m
+
+
+def test_a_tilted_robot_knows_that_its_antenna_leans() -> None:
+    """2 m up on a slope of 0.1 rad the antenna leans by 20 cm; the robot itself does not."""
+    recording = record(stand, 8.0, seed=1)
+    lean_m = 2.0 * math.sin(0.1)
+    pitched = [
+        type(s)(
+            t_s=s.t_s, gyro_radps=s.gyro_radps,
+            accel_mps2=(-9.8 * math.sin(0.1), 0.0, 9.8 * math.cos(0.1)),
+        )
+        for s in recording.imu
+    ]  # fmt: skip
+    tilted = type(recording)(
+        truth=recording.truth,
+        wheels=recording.wheels,
+        imu=pitched,
+        mag=recording.mag,
+        fixes=recording.fixes,
+    )
+    level, leaning = (play(r, localizer((0.0, 0.0, 2.0)))[-1] for r in (recording, tilted))
+    # Nose down (positive pitch) and facing North, the antenna leans North of the robot.
+    assert level.y_map_m - leaning.y_map_m == pytest.approx(lean_m, abs=0.02)
+    assert level.x_map_m - leaning.x_map_m == pytest.approx(0.0, abs=0.03)

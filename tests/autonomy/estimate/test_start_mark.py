@@ -1,0 +1,81 @@
+"""A marked start: what it gives a cheap receiver, and who is right when the two disagree."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from agribot.autonomy.estimate.localizer import Localizer
+from agribot.core.config import EstimateConfig, FieldConfig
+from agribot.core.messages import Estimate
+from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, Recording, record, rows, stand
+from tests.autonomy.estimate.paper_robot import robot
+from tests.autonomy.estimate.playback import error, play
+
+START = (1.0, 2.0, math.pi / 2)
+MARKED = FieldConfig(start_map_m=START[:2], start_yaw_deg=90.0)
+
+
+def run(recording: Recording, field: FieldConfig = MARKED) -> list[Estimate]:
+    return play(recording, Localizer(EstimateConfig(), field, robot()))
+
+
+def moved(east_m: float = 0.0, turned_deg: float = 0.0) -> FieldConfig:
+    return msgspec.structs.replace(
+        MARKED, start_map_m=(START[0] + east_m, START[1]), start_yaw_deg=90.0 + turned_deg
+    )
+
+
+def test_a_cheap_receiver_starts_from_the_mark() -> None:
+    for seed in range(10):
+        recording = record(stand, 5.0, seed=seed, errors=M8N, start=START)
+        last = run(recording)[-1]
+        assert last.ok, last.reason
+        assert last.pos_std_m < 0.06
+        assert math.hypot(*error(recording, last)[:2]) < 0.02  # the mark is exact here
+
+
+def test_what_the_mark_gave_is_lost_again_as_honestly_as_it_came() -> None:
+    normalised, stds = [], []
+    for seed in range(20):
+        recording = record(rows, 40.0, seed=seed, errors=M8N, start=START)
+        last = run(recording)[-1]
+        cov = np.array(last.pose_cov).reshape(3, 3)[:2, :2]
+        deviation = error(recording, last)[:2]
+        normalised.append(float(deviation @ np.linalg.solve(cov, deviation)))
+        stds.append(last.pos_std_m)
+    assert 0.15 < np.mean(stds) < 0.6
+    assert 0.4 < np.mean(normalised) < 3.0
+
+
+def test_with_corrections_the_receiver_decides() -> None:
+    recording = record(rows, 20.0, seed=1, errors=RTK, start=START)
+    last = run(recording, moved(east_m=0.3))[-1]
+    assert last.ok, last.reason
+    assert math.hypot(*error(recording, last)[:2]) < 0.05
+
+
+@pytest.mark.parametrize("errors", [RTK, M8N], ids=["rtk", "m8n"])
+def test_a_robot_that_stands_elsewhere_is_told_so(errors: Errors) -> None:
+    last = run(record(stand, 5.0, seed=1, errors=errors, start=START), moved(east_m=12.0))[-1]
+    assert not last.ok
+    assert "does not stand at the marked start" in last.reason
+    assert "field.start_map_m" in last.reason
+
+
+def test_a_robot_that_faces_elsewhere_is_told_so() -> None:
+    last = run(record(stand, 5.0, seed=1, errors=RTK, start=START), moved(turned_deg=180.0))[-1]
+    assert not last.ok
+    assert "does not face as marked" in last.reason
+
+
+def test_the_mark_shows_the_error_of_the_compass() -> None:
+    plain, marked = [], []
+    for seed in range(8):
+        recording = record(stand, 6.0, seed=seed, errors=M8N, start=START)
+        plain.append(error(recording, run(recording, FieldConfig())[-1])[2])
+        marked.append(error(recording, run(recording)[-1])[2])
+    assert np.sqrt(np.mean(np.square(marked))) < 0.7 * np.sqrt(np.mean(np.square(plain)))

@@ -1,0 +1,86 @@
+"""A rover's footprint and the fields it works on, for the planning tests."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from agribot.core.config import FieldConfig, MissionConfig
+from agribot.core.messages import (
+    WHEEL_NAMES,
+    Estimate,
+    FloatArray,
+    GnssQuality,
+    OperatorAction,
+    OperatorEvent,
+    Path,
+)  # fmt: skip
+from agribot.core.robot import DriveSpec, Joint, Link, Origin, RobotSpec, SensorMount, TyreSpec
+
+FARM = FieldConfig()
+MISSION = MissionConfig()
+FARM_START = (-2.0, 0.0, math.pi / 2)
+HALF_TRACK_M, HALF_BASE_M, WHEEL_WIDTH_M = 0.3908, 0.2519, 0.05
+
+
+def rover() -> RobotSpec:
+    corners = [(x, y) for x in (-HALF_BASE_M, HALF_BASE_M) for y in (-HALF_TRACK_M, HALF_TRACK_M)]
+    mount = SensorMount(link="base_link", rate_hz=50.0)
+    return RobotSpec(
+        name="rover",
+        links=tuple(Link(name=name) for name in ("base_link", *WHEEL_NAMES)),
+        joints=tuple(
+            Joint(
+                name=f"{name}_joint", kind="continuous", parent="base_link", child=name,
+                origin=Origin(xyz_m=(*corner, 0.0)),
+            )
+            for name, corner in zip(WHEEL_NAMES, corners, strict=True)
+        ),
+        drive=DriveSpec(
+            wheel_radius_m=0.13, wheel_width_m=WHEEL_WIDTH_M, track_m=2 * HALF_TRACK_M,
+            wheelbase_m=2 * HALF_BASE_M, told_diameter_m=0.26, told_separation_m=0.65,
+            yaw_multiplier=1.4, torque_nm=10.0, gear_ratio=1.0, encoder_ticks_per_rev=1000,
+            command_timeout_s=0.5, max_speed_mps=1.0, max_yaw_rate_radps=1.5, max_accel_mps2=1.5,
+            max_yaw_accel_radps2=4.0, rotor_inertia_kgm2=0.001, servo_gain_nmspr=1.0, rate_hz=100.0,
+        ),
+        tyre=TyreSpec(), imu=mount, gnss=mount, mag=mount,
+    )  # fmt: skip
+
+
+def in_field_frame(field: FieldConfig, xy_map_m: FloatArray) -> FloatArray:
+    """Points (N, 2) as metres along the rows and metres to their right, from the first plant."""
+    yaw = math.radians(field.row_yaw_deg)
+    delta = xy_map_m - np.array(field.first_row_start_map_m)
+    forward, right = (math.cos(yaw), math.sin(yaw)), (math.sin(yaw), -math.cos(yaw))
+    return np.stack([delta @ np.array(forward), delta @ np.array(right)], axis=1)
+
+
+def from_field_frame(
+    field: FieldConfig, along_m: float, right_m: float, turned_rad: float
+) -> tuple[float, float, float]:
+    """A pose in the map, given along and to the right of the first row."""
+    yaw = math.radians(field.row_yaw_deg)
+    x_m, y_m = field.first_row_start_map_m
+    return (
+        x_m + along_m * math.cos(yaw) + right_m * math.sin(yaw),
+        y_m + along_m * math.sin(yaw) - right_m * math.cos(yaw),
+        yaw + turned_rad,
+    )
+
+
+def at(x_m: float, y_m: float, t_s: float, ok: bool = True) -> Estimate:
+    return Estimate(
+        t_s=t_s, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=0.0, v_mps=0.0, yaw_rate_radps=0.0,
+        slip_rad=0.0, pose_cov=(0.0,) * 9, pos_std_m=0.01, yaw_std_rad=0.01,
+        quality=GnssQuality.RTK_FIXED, ok=ok, reason="" if ok else "no fix yet",
+    )  # fmt: skip
+
+
+def event(action: OperatorAction, t_s: float = 0.0) -> OperatorEvent:
+    return OperatorEvent(t_s=t_s, action=action)
+
+
+def point_at(path: Path, s_m: float) -> tuple[float, float]:
+    x_m = float(np.interp(s_m, path.s_m, path.xy_map_m[:, 0]))
+    return x_m, float(np.interp(s_m, path.s_m, path.xy_map_m[:, 1]))

@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+
+from agribot.autonomy.plan.boustrophedon import plan_rows
+from agribot.autonomy.plan.certify import certify, closest_to_crop, wheel_tracks_map_m
+from agribot.autonomy.plan.rows import field_rows
+from agribot.core.config import FieldConfig
+from agribot.core.errors import MissionError
+from agribot.core.messages import FloatArray, Path
+from tests.autonomy.plan.planting import (
+    FARM,
+    FARM_START,
+    HALF_TRACK_M,
+    MISSION,
+    WHEEL_WIDTH_M,
+    rover,
+)
+
+ROWS = field_rows(FARM)
+
+
+@pytest.fixture(scope="module")
+def farm_path() -> Path:
+    return plan_rows(ROWS, FARM_START, rover(), MISSION)
+
+
+def farm_plants() -> FloatArray:
+    return np.array([(1.0 + row, 2.0 + 2.0 * plant) for row in range(6) for plant in range(6)])
+
+
+def test_the_planned_farm_path_passes(farm_path: Path) -> None:
+    certify(farm_path, ROWS, rover(), 0.2)
+    certify(farm_path, ROWS, rover(), 0.2, farm_plants())
+
+
+def test_path_shifted_onto_the_plants_is_refused_with_the_place(farm_path: Path) -> None:
+    shifted = msgspec.structs.replace(farm_path, xy_map_m=farm_path.xy_map_m + np.array([0.35, 0]))
+    with pytest.raises(MissionError) as refusal:
+        certify(shifted, ROWS, rover(), MISSION.plant_clearance_m)
+    message = str(refusal.value)
+    assert "row " in message
+    assert "East" in message
+    assert "needed 0.15 m" in message
+    closest = closest_to_crop(shifted, rover(), ROWS)
+    left_m = HALF_TRACK_M - 0.35 - WHEEL_WIDTH_M / 2
+    assert closest.clearance_m == pytest.approx(left_m, abs=1e-6)
+    assert "left" in closest.wheel or "right" in closest.wheel
+
+
+def test_known_plants_are_named_instead_of_rows(farm_path: Path) -> None:
+    plants = np.array([[20.0, 20.0], farm_path.xy_map_m[500] + np.array([0.0, 0.5])])
+    beside = wheel_tracks_map_m(farm_path, rover())[1000, 2]
+    plants[1] = beside
+    with pytest.raises(MissionError, match="drives over plant 1"):
+        certify(farm_path, ROWS, rover(), 0.15, plants)
+
+
+def test_clearance_agrees_with_a_brute_force_search(farm_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    plants = rng.uniform((-3.0, -1.0), (8.0, 15.0), (40, 2))
+    tracks = wheel_tracks_map_m(farm_path, rover()).reshape(-1, 2)
+    gaps = np.hypot(*(tracks[:, None, :] - plants[None]).T)
+    expected_m = gaps.min() - WHEEL_WIDTH_M / 2
+    closest = closest_to_crop(farm_path, rover(), ROWS, plants)
+    assert closest.clearance_m == pytest.approx(expected_m)
+    assert closest.crop == int(np.argmin(gaps.min(axis=1)))
+
+
+def test_a_field_too_narrow_for_the_wheels_is_refused() -> None:
+    rows = field_rows(FieldConfig(row_pitch_m=0.4, row_count=3))
+    path = plan_rows(rows, (0.0, -3.0, 1.57), rover(), MISSION)
+    with pytest.raises(MissionError, match="drives over row"):
+        certify(path, rows, rover(), 0.15)
+
+
+def broken(path: Path, column: str, index: int, value: float) -> Path:
+    array = getattr(path, column).copy()
+    array[index] = value
+    return msgspec.structs.replace(path, **{column: array})
+
+
+@pytest.mark.parametrize(
+    ("column", "index", "value", "complaint"),
+    [
+        ("xy_map_m", 300, np.nan, "point 300 of the path is not finite"),
+        ("xy_map_m", 300, 50.0, "jumps"),
+        ("s_m", 300, 0.0, "miscounts"),
+        ("yaw_map_rad", 900, 0.3, "another way|tighter"),
+        ("curvature_radpm", 300, 5.0, "tighter than 0.3 m"),
+    ],
+)
+def test_every_broken_rule_has_its_own_message(
+    farm_path: Path, column: str, index: int, value: float, complaint: str
+) -> None:
+    with pytest.raises(MissionError, match=complaint):
+        certify(broken(farm_path, column, index, value), ROWS, rover(), 0.15)
+
+
+def test_a_kink_between_points_is_tighter_than_any_wheel_can_turn(farm_path: Path) -> None:
+    kinked = farm_path.yaw_map_rad.copy()
+    kinked[1500:] += 0.08
+    turned = msgspec.structs.replace(farm_path, yaw_map_rad=kinked)
+    with pytest.raises(MissionError, match=r"tighter than 0\.3 m at East"):
+        certify(turned, ROWS, rover(), 0.15)

@@ -1,0 +1,144 @@
+"""A stop and a pause outlive the program: the next run stands until a person lets it go."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from agribot.autonomy.plan.mission import Mission
+from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.plan.task import Task
+from agribot.core.latch import Latch
+from agribot.core.messages import Goal
+from tests.autonomy.plan.planting import MISSION, at
+from tests.autonomy.plan.test_mission_resume import ROWS, home, plan, ride, row_at_m
+from tests.autonomy.plan.test_mission_states import Ride
+
+STANDING_TICKS = 100
+
+
+def cut_off(*actions: str) -> tuple[SavedMission, float]:
+    """In the middle of row 1, after these events; through JSON, as a file would hold it."""
+    one = ride()
+    one.settle()
+    s_m = row_at_m(one, 1)
+    one.along(0.0, s_m)
+    for action in actions:
+        one.be_at(*one.place(s_m), action)
+    saved = one.mission.saved()
+    assert saved is not None
+    return msgspec.json.decode(msgspec.json.encode(saved), type=SavedMission), s_m
+
+
+def stand(again: Ride, *actions: str) -> Goal:
+    for _ in range(STANDING_TICKS):
+        goal = again.be_at(*again.start, *actions)
+        actions = ()
+        assert goal.max_speed_mps == 0.0
+        assert not goal.tool_on
+    return goal
+
+
+def resumed(saved: SavedMission) -> Ride:
+    again = ride(saved)
+    again.start = saved.pose[:2]
+    return again
+
+
+@pytest.mark.parametrize("last", [(), ("cancel",)], ids=["killed", "interrupted"])
+def test_a_stop_holds_the_run_that_goes_on_until_it_is_cleared_and_resumed(
+    last: tuple[str, ...],
+) -> None:
+    saved, s_m = cut_off("stop", *last)
+    again = resumed(saved)
+    status = stand(again).status
+    assert status.state == "paused"
+    assert status.stopped == "stopped by operator"
+    assert "clear the stop" in status.reason
+    assert stand(again, "resume").status.stopped, "a resume alone is not enough"
+    assert stand(again, "clear_stop").status.stopped == ""
+    again.be_at(*again.start, "resume")
+    goal = again.settle()
+    assert goal.status.state == "running"
+    assert goal.s_m == pytest.approx(s_m, abs=0.05)
+    assert goal.status.rows_done == (0,)
+
+
+@pytest.mark.parametrize("last", [(), ("cancel",)], ids=["killed", "interrupted"])
+def test_a_paused_run_goes_on_only_when_it_is_resumed(last: tuple[str, ...]) -> None:
+    saved, s_m = cut_off("pause", *last)
+    again = resumed(saved)
+    status = stand(again).status
+    assert (status.state, status.stopped) == ("paused", "")
+    assert "paused by operator" in status.reason
+    again.be_at(*again.start, "resume")
+    assert again.settle().s_m == pytest.approx(s_m, abs=0.05)
+
+
+def test_however_often_a_run_is_cut_off_it_tells_once_why_it_stands() -> None:
+    saved, _ = cut_off("pause")
+    for _ in range(3):
+        again = resumed(saved)
+        told = stand(again).status.reason
+        assert told == "was cut off: paused by operator; resume goes on with it"
+        after = again.mission.saved()
+        assert after is not None
+        assert after.paused == "paused by operator"
+        saved = after
+
+
+def test_a_mission_that_held_itself_and_is_cancelled_is_held_no_more_and_kept_as_it_stood() -> None:
+    one = ride()
+    one.settle()
+    one.along(0.0, 2.0)
+    place, doubt = one.place(2.0), "camera and GNSS disagree by 0.40 m"
+    unsure = msgspec.structs.replace(at(*place, one.t_s), contradiction=doubt)
+    assert one.mission.step(unsure).status.held == doubt
+    status = one.be_at(*place, "cancel").status
+    assert (status.state, status.held) == ("cancelled", "")
+    saved = one.mission.saved()
+    assert saved is not None
+    assert saved.paused == doubt
+
+
+def test_a_run_that_drove_when_it_was_cut_off_goes_on_by_itself() -> None:
+    for actions in ((), ("pause", "resume"), ("stop", "clear_stop", "resume"), ("cancel",)):
+        saved, _ = cut_off(*actions)
+        assert (saved.stopped, saved.paused) == ("", "")
+        assert resumed(saved).settle().status.state == "running"
+
+
+def test_a_stop_is_still_there_when_the_run_that_goes_on_is_cut_off_too() -> None:
+    again = resumed(cut_off("stop")[0])
+    again.be_at(*again.start)
+    twice = again.mission.saved()
+    assert twice is not None
+    assert twice.stopped == "stopped by operator"
+    assert stand(resumed(twice)).status.stopped == "stopped by operator"
+    again.be_at(*again.start, "clear_stop")
+    assert (once := again.mission.saved()) is not None
+    assert (once.stopped, once.paused) == ("", "stop cleared; waiting for resume")
+
+
+def test_a_file_of_an_older_version_holds_no_stop() -> None:
+    tree = msgspec.to_builtins(cut_off("stop")[0])
+    del tree["stopped"], tree["paused"]
+    saved = msgspec.convert(tree, SavedMission)
+    assert resumed(saved).settle().status.state == "running"
+
+
+def test_a_latch_that_others_close_pauses_the_mission_with_its_reason() -> None:
+    latch = Latch()
+    one = Ride(Mission(Task(plan, ROWS, home=home), MISSION, latch=latch))
+    one.settle()
+    one.along(0.0, 2.0)
+    place = one.place(2.0)
+    latch.hold("the bumper touches something in front")
+    status = one.be_at(*place).status
+    assert status.state == "paused"
+    assert status.stopped == "the bumper touches something in front"
+    assert status.reason == f"{status.stopped}; clear the stop, then resume"
+    for refused in ("resume", "start", "return_home", "goto"):
+        assert one.be_at(*place, refused).status.state == "paused"
+    assert one.be_at(*place, "clear_stop").status.reason == "stop cleared; waiting for resume"
+    assert one.be_at(*place, "resume").status.state == "running"

@@ -1,0 +1,119 @@
+"""A row counts as done with evidence only: its crop was seen, or the position is that good."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+import pytest
+
+from agribot.autonomy.plan.boustrophedon import plan_rows
+from agribot.autonomy.plan.mission import Mission
+from agribot.autonomy.plan.row_evidence import row_pitch_m
+from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.task import Task
+from agribot.core.config import FieldConfig
+from agribot.core.messages import Estimate, GnssQuality, MissionStatus
+from tests.autonomy.plan.planting import FARM_START, MISSION, at, point_at, rover
+
+ROWS = field_rows(FieldConfig(row_count=2, row_length_m=4.0))
+PATH = plan_rows(ROWS, FARM_START, rover(), MISSION)
+LENGTH_M = float(PATH.s_m[-1])
+Look = Callable[[int, float], dict[str, object]]
+
+
+def mission(*, has_crop: bool = True) -> Mission:
+    return Mission(Task(lambda _: PATH, ROWS, has_crop=has_crop), MISSION)
+
+
+def drive(one: Mission, look: Look, from_m: float = 0.0, to_m: float = LENGTH_M) -> MissionStatus:
+    """Along the path with estimates as `look` changes them, by row and metres in it."""
+    t_s, entered_m, row = 0.0, 0.0, -1
+
+    def step(x_m: float, y_m: float, changes: dict[str, object]) -> MissionStatus:
+        nonlocal t_s
+        t_s += 0.02
+        estimate: Estimate = msgspec.structs.replace(at(x_m, y_m, t_s), **changes)
+        return one.step(estimate).status
+
+    while (status := step(*FARM_START[:2], {})).state == "waiting":
+        assert t_s < 10.0
+    for s_m in np.arange(from_m, to_m + 0.02, 0.02):
+        if status.row != row:
+            row, entered_m = status.row, float(s_m)
+        status = step(*point_at(PATH, float(s_m)), look(row, float(s_m) - entered_m))
+    return status
+
+
+def test_a_row_in_which_a_camera_sees_no_crop_is_not_done_and_the_mission_says_so() -> None:
+    status = drive(mission(), lambda row, _: {"row_seen": row != 1})
+    assert status.state == "failed"
+    assert "row 2: no crop row seen over 4.0 m" in status.reason
+    assert "not counted as done" in status.reason
+    assert (status.rows_done, status.rows_unproven) == ((0,), (1,))
+
+
+@pytest.mark.parametrize("bare", [0, 1], ids=["first", "last"])
+def test_a_bare_row_undoes_all_that_were_told_by_counting_from_a_mark(bare: int) -> None:
+    """The robot may have been put down one row off: the others look right to it."""
+    first = mission()
+    status = drive(first, lambda row, _: {"row_seen": row != bare, "quality": GnssQuality.SINGLE})
+    assert status.state == "failed"
+    assert (status.rows_done, sorted(status.rows_unproven)) == ((), [0, 1])
+    assert f"row {bare + 1}: no crop row seen over 4.0 m" in status.reason
+    assert f"row {2 - bare}: maybe one row off" in status.reason
+    saved = first.saved()
+    assert saved is not None
+    assert saved.covered == ()
+
+
+def test_a_row_of_which_most_but_not_all_is_bare_says_nothing_of_the_others() -> None:
+    def look(row: int, in_row_m: float) -> dict[str, object]:
+        return {"row_seen": row != 1 or in_row_m < 1.2, "quality": GnssQuality.SINGLE}
+
+    status = drive(mission(), look)
+    assert (status.rows_done, status.rows_unproven) == ((0,), (1,))
+
+
+def test_a_gap_in_the_row_does_not_undo_it() -> None:
+    status = drive(mission(), lambda _, in_row_m: {"row_seen": not 1.0 < in_row_m < 2.5})
+    assert (status.state, status.reason) == ("done", "")
+    assert (status.rows_done, status.rows_unproven) == ((0, 1), ())
+
+
+@pytest.mark.parametrize(("std_m", "is_done"), [(0.2, True), (0.3, False)])
+def test_without_a_camera_the_position_has_to_tell_rows_apart(std_m: float, is_done: bool) -> None:
+    cov = (std_m**2, 0.0, 0.0, 0.0, std_m**2, 0.0, 0.0, 0.0, 1e-4)
+    status = drive(mission(), lambda *_: {"pose_cov": cov})
+    assert row_pitch_m(ROWS) == pytest.approx(1.0)
+    assert status.rows_done == ((0, 1) if is_done else ())
+    if not is_done:
+        assert "position too vague to tell it from the next over 4.0 m" in status.reason
+        assert status.rows_unproven == (0, 1)
+
+
+def test_swaths_without_crop_ask_for_no_evidence() -> None:
+    status = drive(mission(has_crop=False), lambda *_: {"row_seen": False})
+    assert (status.state, status.rows_done) == ("done", (0, 1))
+
+
+def test_what_was_not_seen_before_a_crash_is_not_forgotten() -> None:
+    """3 of 4 m of the second row were driven blind; the rest is seen."""
+    first = mission()
+    entered_m = float(PATH.s_m[int(np.flatnonzero(PATH.row == 1)[0])])
+    drive(first, lambda row, _: {"row_seen": row != 1}, to_m=entered_m + 3.0)
+    saved = first.saved()
+    assert saved is not None
+    again = msgspec.json.decode(msgspec.json.encode(saved), type=type(saved))
+    second = Mission(Task(lambda _: PATH, ROWS), MISSION, again)
+    place = point_at(PATH, saved.s_m)
+    t_s = 0.0
+    while (status := second.step(at(*place, t_s)).status).state == "waiting":
+        t_s += 0.02
+    for s_m in np.arange(saved.s_m, LENGTH_M + 0.02, 0.02):
+        t_s += 0.02
+        estimate = msgspec.structs.replace(at(*point_at(PATH, float(s_m)), t_s), row_seen=True)
+        status = second.step(estimate).status
+    assert status.rows_unproven == (1,)
+    assert "no crop row seen over 3.0 m" in status.reason

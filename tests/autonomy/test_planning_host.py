@@ -1,0 +1,124 @@
+"""Long ways are worked out beside the loop: it goes on meanwhile, and a run repeats bit by bit."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+
+from agribot.app.rerun import difference, recorded_pass, rerun
+from agribot.app.session import Session
+from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest, footprint
+from agribot.autonomy.plan.coverage.planner import plan_field
+from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.autonomy.plan.planning import PlanningDesk
+from agribot.autonomy.planning_host import ThreadedPlanning
+from agribot.core import config
+from agribot.core.errors import MissionError
+from agribot.core.messages import OperatorEvent, TickRecord
+from agribot.gis.plan_file import SavedPlan, plan_text
+from tests.waiting import PATIENCE_S
+
+SETTINGS = [
+    'world="empty"', "perception.enabled=false", "field.start_map_m=[0.0,0.0]",
+    "field.start_yaw_deg=90.0", "mission.waits_for_goals=true", "duration_s=14.0",
+]  # fmt: skip
+AREA = FieldArea(
+    boundary=((-6.0, -6.0), (30.0, -6.0), (30.0, 30.0), (-6.0, 30.0)),
+    holes=(((10.0, 10.0), (14.0, 10.0), (14.0, 14.0), (10.0, 14.0)),),
+)
+
+
+def test_the_loop_goes_on_while_a_way_is_worked_out_and_has_it_at_its_time() -> None:
+    host, may_end = ThreadedPlanning(), threading.Event()
+    desk, found = PlanningDesk(host), list[str]()
+
+    def work() -> str:
+        assert may_end.wait(PATIENCE_S)
+        return "the way"
+
+    desk.ask(1.0, work, 0.5, found.append, lambda _: None)
+    for tick in range(24):
+        desk.look(1.0 + 0.02 * tick)  # comes back while the work goes on
+    assert desk.is_busy and found == []
+    may_end.set()
+    desk.look(1.48)
+    assert found == [], "never before its time, however fast it was"
+    desk.look(1.5)
+    assert found == ["the way"] and not desk.is_busy
+    host.close()
+
+
+def test_what_is_dropped_is_not_heard_of_and_a_refusal_is_told() -> None:
+    host, said = ThreadedPlanning(), list[str]()
+
+    def refuse() -> str:
+        raise MissionError("no way")
+
+    desk = PlanningDesk(host)
+    desk.ask(0.0, lambda: "old", 0.1, said.append, lambda error: said.append(str(error)))
+    assert desk.drop() and not desk.drop()
+    desk.look(1.0)
+    assert said == []
+    desk.ask(1.0, refuse, 0.1, said.append, lambda error: said.append(str(error)))
+    desk.look(1.1)
+    assert said == ["no way"]
+    desk.ask(2.0, lambda: "at once", 0.0, said.append, lambda _: None)
+    assert said[-1] == "at once"
+    host.close()
+
+
+def run(out: Path) -> list[TickRecord]:
+    """A plan taken, begun, left for a place, and resumed, in a field with a hole."""
+    settings = config.load("farm", SETTINGS)
+    script = {2.0: "plan", 4.0: "resume", 7.5: "goto", 12.5: "resume"}
+    with Session(settings, out) as session:
+        request = PlanRequest(implement_width_m=2.0, tool_x_m=session.robot.tool_x_m)
+        shape = footprint(session.robot, 2.0)
+        plan = plan_field(AREA, shape, request)
+        certificate = certify_plan(plan, AREA, shape, request)
+        text = plan_text(SavedPlan(plan, AREA, request, settings.field.datum), certificate)
+        what = {"plan": {"text": text}, "goto": {"numbers": (2.0, 3.0)}, "resume": {}}
+        ticks = []
+        for record in session.ticks():
+            ticks.append(record)
+            action = script.get(round(record.batch.t_s, 2))
+            if action is not None:
+                event = OperatorEvent(t_s=0.0, action=action, source="Ada", **what[action])  # type: ignore[arg-type]
+                session.platform.post(event)
+        session.finish()
+    return ticks
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[TickRecord], Path]:
+    out = tmp_path_factory.mktemp("runs")
+    ticks, again = run(out / "one"), run(out / "two")
+    assert [tick.command for tick in ticks] == [tick.command for tick in again]
+    assert [tick.status for tick in ticks] == [tick.status for tick in again]
+    return ticks, out / "one"
+
+
+def test_the_robot_stands_while_it_plans_and_says_so(
+    runs: tuple[list[TickRecord], Path],
+) -> None:
+    ticks, _ = runs
+    told = list(dict.fromkeys((t.status.state, t.status.leg, t.status.reason) for t in ticks))
+    legs = [leg for _, leg, _ in told]
+    assert legs.index("checks the plan") < legs.index("stops first") < legs.index("to the goal")
+    assert any(reason == "planning the way" for _, _, reason in told)
+    planning = [t for t in ticks if t.status.reason == "planning the way"]
+    assert len(planning) > 25  # half a second and more, in which the loop ticked
+    assert all(t.command.drive.v_mps == 0.0 for t in planning)
+    assert any(t.command.drive.v_mps > 0.2 for t in ticks)
+
+
+def test_a_replay_has_the_same_commands_bit_by_bit(
+    runs: tuple[list[TickRecord], Path],
+) -> None:
+    path = runs[1] / "run.mcap"
+    before = recorded_pass(path)
+    again, _ = rerun(path, config.load("farm", SETTINGS))
+    assert difference(before, again).first is None
+    assert [t.status for t in before] == [t.status for t in again]

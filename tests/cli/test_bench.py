@@ -1,0 +1,72 @@
+"""`agribot bench`: every benchmark by name, and all of them in one."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from agribot.cli import bench_all
+from agribot.cli.main import main
+
+SIM = ("agribot.cli.bench_sim", ("--only", "network_ms"))
+
+
+def last_line(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
+    found: dict[str, object] = json.loads(capsys.readouterr().out.splitlines()[-1])
+    return found
+
+
+def test_networks_are_timed_from_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("onnx")
+    words = "bench perception --networks agribot-s --size 96x64 --threads 1 --frames 1 --json"
+    assert main(words.split()) == 0
+    result = last_line(capsys)
+    assert (result["width_px"], result["height_px"]) == (96, 64)
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("perception --networks nobody", "--networks nobody: not known; there are"),
+        ("perception --size 100x64", "32"),
+        ("perception --frames 0", "--frames 0"),
+        ("sim --only speed", "--only speed: not known; there are"),
+        ("missions --profiles farm,moon", "--profiles moon: not known; there are farm"),
+        ("closed-loop --fields tulips", "--fields tulips: not known; there are"),
+        ("closed-loop --lights disco", "disco"),
+        ("closed-loop --heights tall", "tall"),
+        ("closed-loop --heights 9", "0.2 to 3"),
+        ("closed-loop --seconds 0", "--seconds 0"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused_by_name(
+    words: str, named: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("torch")
+    assert main(["bench", *words.split()]) == 2
+    assert named in capsys.readouterr().err
+
+
+def test_all_goes_on_after_a_benchmark_that_cannot_run(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = ("agribot.cli.bench_sim", ("--only", "nothing"))
+    absent = ("agribot.cli.bench_of_nothing", ())
+    monkeypatch.setattr(bench_all, "SHORT", {"broken": broken, "absent": absent, "sim": SIM})
+    assert main(["bench", "all", "--json"]) == 1
+    card = last_line(capsys)
+    assert "nothing" in str(card["broken"])
+    assert "bench_of_nothing" in str(card["absent"])
+    assert isinstance(card["sim"], dict)
+    assert card["sim"]["network_ms"] > 0.0
+
+
+def test_the_short_forms_are_options_that_the_benchmarks_know() -> None:
+    import argparse
+    import importlib
+
+    for module_name, short in bench_all.SHORT.values():
+        parser = argparse.ArgumentParser()
+        importlib.import_module(module_name).add_arguments(parser)
+        assert parser.parse_args([*short, "--json"]).json

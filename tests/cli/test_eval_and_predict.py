@@ -1,0 +1,221 @@
+"""The commands that run a network over pictures, from the command line to their files."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from agribot.autonomy.perceive.pictures import classify
+from agribot.autonomy.perceive.segmenter import Segmenter
+from agribot.cli.main import main
+from tests.lab.train.photo_folder import photo_folder, spoil
+
+EVAL_KEYS = {
+    "dataset", "images", "height_px", "width_px", "model", "iou", "miou", "precision", "recall",
+    "f1", "boundary_f1", "confusion", "params", "fps_cpu",
+}  # fmt: skip
+
+
+def result_of(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
+    return found
+
+
+def test_eval_reports_one_pooled_confusion_matrix(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 3)
+    assert main(["eval", str(folder), "--data", "cwfid", "--json"]) == 0
+    result = result_of(capsys)
+    assert set(result) == EVAL_KEYS
+    assert (result["dataset"], result["model"], result["images"]) == ("cwfid", "agribot-sim", 3)
+    assert (result["height_px"], result["width_px"]) == (480, 640)
+    assert result["params"] == 718_963
+    assert result["fps_cpu"] > 0.0
+    counts = np.zeros((3, 3), int)
+    segmenter = Segmenter("agribot-sim")
+    for index in range(3):
+        image = np.asarray(Image.open(folder / "images" / f"{index:03d}_image.png"))
+        mask = np.asarray(Image.open(folder / "annotations" / f"{index:03d}_annotation.png"))
+        truth = np.where(mask[..., 0] > 0, 0, np.where(mask[..., 1] > 0, 1, 2))
+        np.add.at(counts, (truth, classify(segmenter, image).class_id), 1)
+    assert result["confusion"] == counts.tolist()
+    hits = np.diag(counts)
+    union = counts.sum(axis=0) + counts.sum(axis=1) - hits
+    assert list(result["iou"].values()) == pytest.approx((hits / union).tolist())
+    assert result["miou"] == pytest.approx(float((hits / union).mean()))
+
+
+def test_eval_prints_its_table_where_a_shell_can_catch_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 2)
+    assert main(["eval", str(folder), "--data", "cwfid"]) == 0
+    printed = capsys.readouterr()
+    assert [line.split()[0] for line in printed.out.splitlines()[1:5]] == [
+        "weed", "crop", "soil", "mIoU",
+    ]  # fmt: skip
+    assert "over 2 images" in printed.out
+    assert "000_image.png: mIoU" in printed.err
+
+
+def test_eval_reads_masks_whose_values_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 2)
+    assert main(["eval", str(folder), "--data", "cwfid", "--json"]) == 0
+    expected = result_of(capsys)
+    for path in (folder / "annotations").iterdir():
+        red, green, _ = np.moveaxis(np.asarray(Image.open(path)), -1, 0)
+        Image.fromarray(np.where(red > 0, 2, np.where(green > 0, 1, 0)).astype(np.uint8)).save(path)
+    assert main(["eval", str(folder), "--ids", "0=soil,1=crop,2=weed", "--json"]) == 0
+    assert result_of(capsys)["confusion"] == expected["confusion"]
+
+
+def test_eval_judges_the_rest_names_broken_files_and_ends_with_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 7)
+    broken = spoil(folder)
+    assert main(["eval", str(folder), "--json", "--out", str(tmp_path / "judged")]) == 1
+    printed = capsys.readouterr()
+    assert json.loads(printed.out.splitlines()[-1])["images"] == 2
+    assert all(f"{name}:" in printed.err for name in broken)
+    details = json.loads((tmp_path / "judged" / "eval.json").read_text(encoding="utf-8"))
+    assert len(details["problems"]) == len(broken)
+    assert len(details["by_image"]) == 2
+    for name in ("confusion", "reliability", "curves", "images", "worst"):
+        assert (tmp_path / "judged" / f"{name}.png").is_file()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("eval",),
+        ("eval", "nowhere"),
+        ("eval", ".", "--model", "agribot-moon"),
+        ("predict", "nowhere/*.png", "-o", "out"),
+        ("export", "agribot-sim", "-o", "a.onnx", "--precision", "int8"),
+        ("export", "agribot-sim", "-o", "a.txt"),
+        ("export", "agribot-sim", "-o", "a.onnx", "--size", "500x300"),
+        ("models", "agribot-moon"),
+        ("live", "no-such-video.mp4"),
+        ("train", "--data", "cwfid", "--out", "o"),
+        ("train", "--data", "folder", "--data-dir", ".", "--model", "moon", "--out", "o"),
+    ],
+)
+def test_wrong_use_is_one_line_and_status_two(
+    words: tuple[str, ...],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert len(said) == 1
+    assert said[0].startswith(f"agribot {words[0]}: ")
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_predict_writes_pictures_and_tables_that_agree(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 2) / "images"
+    Image.open(folder / "000_image.png").save(folder / "photo.jpg")
+    Image.open(folder / "000_image.png").save(folder / "scan.tif")
+    out = tmp_path / "seen"
+    assert main(["predict", str(folder), "-o", str(out), "--json", "--least-px", "1"]) == 0
+    assert result_of(capsys)["pictures"] == 4
+    areas = rows(out / "areas.csv")
+    assert [row["image"] for row in areas] == [
+        "000_image.png", "001_image.png", "photo.jpg", "scan.tif",
+    ]  # fmt: skip
+    plants = rows(out / "plants.csv")
+    for row in areas:
+        mask = np.asarray(Image.open(out / f"{Path(row['image']).stem}-mask.png"))
+        for kind, channel in (("weed", 0), ("crop", 1), ("soil", 2)):
+            assert int(row[f"{kind}_px"]) == int((mask[..., channel] == 255).sum())
+        own = [plant for plant in plants if plant["image"] == row["image"]]
+        for kind in ("weed", "crop"):
+            sizes = [int(plant["area_px"]) for plant in own if plant["class"] == kind]
+            assert (len(sizes), sum(sizes)) == (int(row[f"{kind}_count"]), int(row[f"{kind}_px"]))
+    with Image.open(out / "scan-panel.png") as panel:
+        assert panel.width == 3 * int(areas[-1]["width_px"])
+    # A lossless copy of a picture is seen the same.
+    assert areas[0]["weed_px"] == areas[-1]["weed_px"]
+
+
+def test_predict_takes_patterns_and_leaves_broken_pictures_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 3) / "images"
+    (folder / "001_image.png").write_bytes(b"")
+    out = tmp_path / "seen"
+    words = ["predict", str(folder / "*_image.png"), "-o", str(out), "--only", "overlay"]
+    assert main([*words, "--format", "jpg", "--tile", "64x48"]) == 1
+    assert "001_image.png: is empty" in capsys.readouterr().err
+    assert sorted(path.name for path in out.iterdir()) == [
+        "000_image-overlay.jpg", "002_image-overlay.jpg", "areas.csv", "plants.csv",
+    ]  # fmt: skip
+
+
+def test_predict_goes_through_a_video_frame_by_frame(tmp_path: Path) -> None:
+    cv2 = pytest.importorskip("cv2")
+    film = tmp_path / "film.avi"
+    writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (128, 96))
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no MJPEG")
+    for grey in (60, 120, 180):
+        writer.write(np.full((96, 128, 3), grey, np.uint8))
+    writer.release()
+    out = tmp_path / "seen"
+    assert main(["predict", str(film), "-o", str(out), "--only", "mask"]) == 0
+    assert [row["frame"] for row in rows(out / "areas.csv")] == ["0", "1", "2"]
+    assert (out / "film-000002-mask.png").is_file()
+
+
+def test_models_lists_the_default_with_its_licence(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["models", "--json"]) == 0
+    result = result_of(capsys)
+    assert result["default"] == "agribot-sim"
+    assert result["models"]["agribot-sim"]["license"] == "Apache-2.0"
+    assert main(["models", "agribot-sim"]) == 0
+    assert "Licence of the weights: Apache-2.0" in capsys.readouterr().err
+
+
+def test_an_export_at_another_size_answers_at_that_size(tmp_path: Path) -> None:
+    pytest.importorskip("onnx")
+    out = tmp_path / "small.onnx"
+    assert main(["export", "agribot-sim", "-o", str(out), "--size", "320x256"]) == 0
+    image_rgb = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
+    assert Segmenter(out).segment(image_rgb).class_id.shape == (256, 320)
+
+
+@pytest.mark.slow
+def test_eight_bits_make_a_smaller_file_that_mostly_agrees(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("onnx")
+    folder = photo_folder(tmp_path / "photos", 3)
+    out = tmp_path / "int8.onnx"
+    words = ["export", "agribot-sim", "-o", str(out), "--precision", "int8", "--size", "320x256"]
+    words += ["--calibrate", str(folder / "images"), "--judge", str(folder), "--json"]
+    assert main(words) == 0
+    result = result_of(capsys)
+    assert result["bytes"] < 0.4 * 2_892_099
+    assert abs(result["after"]["miou"] - result["before"]["miou"]) < 0.1
+    image_rgb = np.asarray(Image.open(folder / "images" / "000_image.png"))
+    whole, small = Segmenter("agribot-sim"), Segmenter(out)
+    same = classify(whole, image_rgb).class_id == classify(small, image_rgb).class_id
+    assert same.mean() > 0.9

@@ -1,0 +1,37 @@
+"""The gallery: one command, one picture, every tile of it showing something of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from agribot.cli.gallery import CAPTION_PX, COLUMNS, GAP_PX, HEIGHT_PX, WIDTH_PX
+from agribot.cli.main import main
+
+
+def test_every_tile_of_the_gallery_shows_something_else(tmp_path: Path) -> None:
+    out = tmp_path / "gallery.png"
+    assert main(("world", "gallery", "-o", str(out))) == 0
+    sheet = np.asarray(Image.open(out)).astype(float)
+    rows = (sheet.shape[0] - GAP_PX) // (HEIGHT_PX + CAPTION_PX + GAP_PX)
+    tiles = []
+    for index in range(rows * COLUMNS):
+        top = GAP_PX + index // COLUMNS * (HEIGHT_PX + CAPTION_PX + GAP_PX)
+        left = GAP_PX + index % COLUMNS * (WIDTH_PX + GAP_PX)
+        tiles.append(sheet[top : top + HEIGHT_PX, left : left + WIDTH_PX])
+    assert len(tiles) == 12
+    for index, tile in enumerate(tiles):
+        assert tile.std() > 15.0, index
+        assert 40.0 < tile.mean() < 215.0, index  # neither night nor glare
+        assert all(np.abs(tile - other).mean() > 10.0 for other in tiles[:index]), index
+
+
+def test_a_file_type_that_holds_no_picture_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agribot.cli.gallery.gallery", lambda: np.zeros((4, 4, 3), np.uint8))
+    assert main(("world", "gallery", "-o", str(tmp_path / "gallery.world"))) == 2
+    assert "ends in .png" in capsys.readouterr().err

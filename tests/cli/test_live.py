@@ -1,0 +1,108 @@
+from __future__ import annotations
+
+import json
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agribot.cli import live
+from agribot.cli.main import main
+from agribot.cli.newest import NewestFrame
+from agribot.core.errors import PerceptionError
+from agribot.core.messages import ByteArray
+
+WAIT_S = 20.0  # for another thread; a test that reaches it fails
+
+
+class Camera:
+    """Gives numbered frames; each one only after the test lets it."""
+
+    name = "test camera"
+
+    def __init__(self, frames: int, ends: bool = True) -> None:
+        self.ends = ends
+        self.closed = False
+        self.given = 0
+        self.last_asked = threading.Event()
+        self._frames = frames
+
+    def read(self) -> ByteArray | None:
+        if self.given == self._frames:
+            self.last_asked.set()
+            return None
+        self.given += 1
+        return np.full((48, 64, 3), self.given, np.uint8)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class HangingCamera(Camera):
+    def read(self) -> ByteArray | None:
+        if self.given == 1:
+            threading.Event().wait(0.6)
+            return None
+        return super().read()
+
+
+def test_a_slow_reader_gets_the_newest_frame_and_the_others_are_counted() -> None:
+    camera = Camera(frames=9)
+    newest = NewestFrame(camera)
+    seen = []
+    for frame in newest:
+        seen.append(int(frame.image_rgb[0, 0, 0]))
+        assert camera.last_asked.wait(WAIT_S)  # the camera goes on while this frame is worked on
+    assert seen[-1] == 9
+    assert seen == sorted(seen)
+    assert newest.captured == 9
+    assert newest.dropped == 9 - len(seen) >= 7
+    assert camera.closed
+
+
+def test_a_video_ends_and_a_camera_that_stops_is_a_fault() -> None:
+    assert list(NewestFrame(Camera(frames=0))) == []
+    with pytest.raises(PerceptionError, match=r"test camera: stopped after [12] frames"):
+        list(NewestFrame(Camera(frames=2, ends=False)))
+
+
+def test_a_camera_that_hangs_is_given_up() -> None:
+    with pytest.raises(PerceptionError, match=r"no frame for 0\.1 s after 1 frames"):
+        list(NewestFrame(HangingCamera(frames=5), patience_s=0.1))
+
+
+def test_live_shows_frames_and_latency_and_keeps_the_newest_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(live, "open_source", lambda name, seed: Camera(frames=4))
+    assert main(["live", "sim", "--out", str(tmp_path), "--json"]) == 0
+    printed = capsys.readouterr()
+    result = json.loads(printed.out)
+    assert 1 <= result["frames"] <= 4
+    assert result["captured"] == 4
+    assert result["frames"] + result["dropped"] == 4
+    assert result["latency_median_s"] > 0.0
+    assert "fps  latency" in printed.err
+    assert (tmp_path / "latest.jpg").stat().st_size > 500
+
+
+def test_live_ends_with_one_where_the_camera_stops(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(live, "open_source", lambda name, seed: Camera(frames=1, ends=False))
+    assert main(["live", "0", "--json"]) == 1
+    printed = capsys.readouterr()
+    assert "stopped after 1 frames" in json.loads(printed.out)["fault"]
+    assert "test camera" in printed.err
+
+
+def test_the_simulated_drive_shows_plants(capsys: pytest.CaptureFixture[str]) -> None:
+    from agribot.cli.live_sources import SimulatedDrive
+
+    drive = SimulatedDrive(seed=1)
+    first, second = drive.read(), drive.read()
+    assert first.shape == (480, 640, 3)
+    assert (first != second).mean() > 0.2
+    green = (first[..., 1] > first[..., 0].astype(int) + 20).mean()
+    assert green > 0.003

@@ -1,0 +1,16 @@
+"""What a person at a terminal is told while something takes its time."""
+
+from __future__ import annotations
+
+import pytest
+
+from agribot.cli.progress import explained
+from tests.waiting import wait_for
+
+
+def test_only_what_takes_long_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    with explained("compiling", after_s=3600.0):
+        pass
+    assert capsys.readouterr().err == ""
+    with explained("compiling", after_s=0.0):
+        wait_for(lambda: capsys.readouterr().err == "compiling\n", "the explanation")

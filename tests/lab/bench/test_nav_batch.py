@@ -1,0 +1,60 @@
+"""What the benchmark drives is the robot's own filter, mission and control law."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from agribot.autonomy.estimate.batch.localizer import BatchLocalizer
+from agribot.description.loader import load_robot
+from agribot.lab.bench.nav.driving import Driving
+from agribot.lab.bench.nav.missions import Sensors, hear
+from agribot.lab.bench.nav.plant import Plant
+from agribot.lab.bench.nav.scenario import DT_S, TICK_STEPS, Receiver, Variant, scenario
+from tests.lab.bench.single_robot import SingleRobot
+
+SEEDS = (3, 4, 5, 1022)
+TICK_S = TICK_STEPS * DT_S
+
+
+@pytest.mark.parametrize(
+    ("receiver", "vision", "variant"),
+    [("m8n", True, "hard"), ("rtk-dual", True, "nominal"), ("rtk", False, "hard")],
+)
+def test_each_robot_of_a_batch_estimates_and_drives_as_the_stack_does(
+    receiver: Receiver, vision: bool, variant: Variant
+) -> None:
+    what, robot = scenario(receiver, vision=vision, speed_mps=0.8, variant=variant), load_robot()
+    plant, sensors = Plant(SEEDS, what.soil), Sensors(SEEDS, what, robot)
+    localizer = BatchLocalizer(
+        len(SEEDS), what.estimate(), what.field(), robot, is_corrected=what.gnss.is_corrected
+    )
+    driving = Driving(len(SEEDS), what, robot)
+    singles = [SingleRobot(i, what, robot, driving.path) for i in range(len(SEEDS))]
+    for k in range(1, round(40.0 / DT_S)):
+        plant.step(driving.follower.v_mps, driving.follower.yaw_rate_radps)
+        sensors.step(k, plant)
+        if k % TICK_STEPS:
+            continue
+        t_s = k * DT_S
+        distance_m, turn_rad, readings = sensors.read(t_s)
+        localizer.advance(t_s, distance_m, turn_rad / TICK_S)
+        lines = hear(localizer, readings)
+        driving.step(t_s, localizer.estimate())
+        for line in lines:
+            localizer.see_line(line)
+        for i, single in enumerate(singles):
+            command = single.tick(t_s, float(distance_m[i]), float(turn_rad[i]), readings)
+            assert command.v_mps == pytest.approx(driving.follower.v_mps[i], abs=1e-8), t_s
+            rate = driving.follower.yaw_rate_radps[i]
+            assert command.yaw_rate_radps == pytest.approx(rate, abs=1e-7), t_s
+    for i, single in enumerate(singles):
+        state = np.array(single.localizer._ekf.x)
+        np.testing.assert_allclose(localizer.ekf.x[:, i], state, rtol=0.0, atol=1e-9)
+        cov = single.localizer._ekf.cov
+        np.testing.assert_allclose(localizer.ekf.cov[:, :, i], cov, rtol=1e-6, atol=1e-9)
+        assert single.mission.path is driving.path
+    assert plant.x_m.min() > 5.0 or plant.y_m.min() > 0.5, "the robots should have driven"
+    assert math.isfinite(float(localizer.ekf.cov.sum()))

@@ -1,0 +1,168 @@
+"""The benchmark judges honestly: its plant follows physics, its seeds stand alone."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+
+import numpy as np
+import pytest
+
+from agribot.cli.main import main
+from agribot.description.loader import load_robot
+from agribot.lab.bench.nav.judge import Judge
+from agribot.lab.bench.nav.missions import run_missions
+from agribot.lab.bench.nav.original import OriginalController
+from agribot.lab.bench.nav.plant import Plant
+from agribot.lab.bench.nav.receivers import Receivers
+from agribot.lab.bench.nav.row_camera import RowCamera
+from agribot.lab.bench.nav.scenario import (
+    DT_S,
+    RECEIVERS,
+    ROWS,
+    TICK_STEPS,
+    Receiver,
+    Soil,
+    Vision,
+    scenario,
+)
+
+# 95 % band of the mean of 50 squared normal errors of a pose: chi2(150) / 50.
+POSE_BAND = 2.36, 3.72
+FOUR_ROWS_S = 80.0
+FIRM = Soil(
+    slip_max_ratio=0.0, slip_std_ratio=0.0, yaw_gain_std_ratio=0.0, yaw_gain_walk_ratio=0.0,
+    yaw_rate_std_radps=0.0, slope_max_rad=0.0, lateral_std_mps=0.0, turn_centre_std_m=0.0,
+)  # fmt: skip
+
+
+def drive(plant: Plant, v_mps: float, yaw_rate_radps: float, seconds: float) -> None:
+    count = len(plant.x_m)
+    for _ in range(round(seconds / DT_S)):
+        plant.step(np.full(count, v_mps), np.full(count, yaw_rate_radps))
+
+
+def test_on_firm_ground_the_plant_drives_what_it_is_told_after_lag_and_dead_time() -> None:
+    plant = Plant((1, 2), FIRM)
+    start_m = plant.x_m.copy()
+    drive(plant, 0.5, 0.0, 10.0)
+    way_m = (plant.x_m - start_m) / np.cos(plant.yaw_rad)
+    # 10 s less the dead time and the lag, and a little more for the limited acceleration.
+    np.testing.assert_allclose(way_m, 0.5 * (10.0 - 0.05 - 0.15), atol=0.06)
+
+
+def test_soil_takes_a_share_of_the_way_and_disturbs_nobody_who_stands() -> None:
+    plant = Plant(range(40), Soil())
+    before = plant.x_m.copy(), plant.yaw_rad.copy()
+    drive(plant, 0.0, 0.0, 5.0)
+    np.testing.assert_array_equal(plant.x_m, before[0])
+    drive(plant, 0.5, 0.0, 10.0)
+    share = np.hypot(plant.x_m - before[0], plant.y_m - plant.y_m.mean()) / 5.0
+    assert 0.88 < share.mean() < 0.98
+
+
+def test_a_seed_meets_the_same_world_whoever_drives_beside_it() -> None:
+    alone, among = Plant((7,), Soil()), Plant((5, 7, 9), Soil())
+    drive(alone, 0.4, 0.1, 4.0)
+    drive(among, 0.4, 0.1, 4.0)
+    assert alone.x_m[0] == among.x_m[1] and alone.yaw_rad[0] == among.yaw_rad[1]
+
+
+def test_a_receiver_with_corrections_loses_its_ambiguities_about_once_in_four_minutes() -> None:
+    plant = Plant(range(60), FIRM)
+    receivers = Receivers(range(60), RECEIVERS["rtk"], (0.0, 0.0))
+    lost = [receivers.sample(0.1 * k, plant)[0].is_float for k in range(6000)]
+    # Mean outage 15 s after a mean wait of 240 s.
+    assert np.mean(lost) == pytest.approx(15.0 / 255.0, rel=0.25)
+
+
+def test_the_camera_sees_the_offset_of_the_nearest_row_and_nothing_at_a_slant() -> None:
+    sharp = Vision(
+        offset_std_m=1e-6, heading_std_rad=1e-6, heading_wander_rad=0.0, outlier_ratio=0.0,
+        dropout_every_s=1e9,
+    )  # fmt: skip
+    plant = Plant((1, 2, 3), FIRM)
+    plant.x_m = np.array([5.0, 5.0, 5.0])
+    plant.y_m = np.array([2.1, 2.1, 2.1])
+    plant.yaw_rad = np.array([0.1, math.pi, math.radians(40.0)])
+    line = RowCamera((1, 2, 3), sharp).sample(0.0, plant)
+    np.testing.assert_allclose(line.offset_m[:2], [0.1, -0.1], atol=1e-4)
+    np.testing.assert_allclose(line.heading_rad[:2], [0.1, 0.0], atol=1e-4)
+    assert math.isnan(line.offset_m[2])
+
+
+def test_the_judge_counts_plants_under_the_wheels_and_rows_left_out() -> None:
+    plant, judge = Plant((1,), FIRM), Judge(1)
+    plant.y_m[:], plant.yaw_rad[:] = 0.39, 0.0  # its right wheels stand on the row
+    row, on, done = np.zeros(1, dtype=np.int64), np.ones(1, dtype=bool), np.zeros(1, dtype=bool)
+    for x_m in np.arange(0.0, 12.0, 0.02):
+        plant.x_m[:] = x_m
+        judge.tick(plant, row, on, done)
+    (outcome,) = judge.outcomes([1], ~done, np.zeros(1), has_filter=False)
+    assert outcome.crushed == 49
+    assert outcome.xte_max_m == pytest.approx(0.39)
+    assert outcome.rows_ok == 0 and not outcome.success
+
+
+def test_the_original_controller_turns_on_the_spot_and_stops_a_metre_short() -> None:
+    controller = OriginalController(2)
+    for _ in range(7):
+        controller.hear_compass(np.array([math.radians(90.0), 0.0]))
+    for _ in range(2):  # the first fix also sees the jump of the angle
+        controller.hear_fix(np.array([-1.0, 12.2]), np.array([0.0, 0.5]))
+    assert controller.v_mps.tolist() == [0.0, 0.0]
+    assert controller.yaw_rate_radps[0] == pytest.approx(-0.5)
+    assert controller.waypoint[1] == 3  # the next row's end lies within a metre, too
+
+
+def test_the_command_reports_what_it_measured(capsys: pytest.CaptureFixture[str]) -> None:
+    status = main(
+        ["bench", "nav", "--sensors", "rtk", "--seeds", "1-4", "--workers", "1", "--json"]
+    )
+    out = capsys.readouterr().out.strip().splitlines()[-1]
+    (entry,) = json.loads(out)["lines"]
+    assert status == 0
+    assert entry["missions_ok"] == entry["missions"] == 4
+    assert 0.005 < entry["xte_rms_m"] < 0.02
+    assert entry["plants"] == 4 * ROWS * 49 and entry["crushed"] == 0
+
+
+def test_the_filter_knows_how_wrong_it_is_across_the_row() -> None:
+    what = scenario("m8n", vision=True, speed_mps=0.8, variant="nominal")
+    outcomes = run_missions(range(300, 350), what, load_robot())
+    assert all(outcome.success and outcome.crushed == 0 for outcome in outcomes)
+    # 95 % band of the mean of 50 squared normal numbers.
+    assert 0.65 < np.mean([outcome.nees or 0.0 for outcome in outcomes]) < 1.42
+    assert POSE_BAND[0] < np.mean([outcome.nees_pose or 0.0 for outcome in outcomes]) < POSE_BAND[1]
+
+
+@pytest.mark.parametrize(
+    ("receiver", "vision"),
+    [("legacy", True), ("hector", True), ("rtk", True), ("rtk", False), ("rtk-dual", True)],
+)
+def test_the_errors_of_the_pose_are_as_large_as_the_filter_says(
+    receiver: Receiver, vision: bool
+) -> None:
+    """Over the first four rows; m8n drives the whole field above."""
+    what = scenario(receiver, vision=vision, speed_mps=0.8, variant="nominal")
+    ticks = itertools.count()
+    last = round(FOUR_ROWS_S / (TICK_STEPS * DT_S))
+    outcomes = run_missions(range(300, 350), what, load_robot(), stop=lambda: next(ticks) >= last)
+    assert all(outcome.time_s == pytest.approx(FOUR_ROWS_S, abs=0.1) for outcome in outcomes)
+    assert POSE_BAND[0] < np.mean([outcome.nees_pose or 0.0 for outcome in outcomes]) < POSE_BAND[1]
+
+
+def test_a_speed_that_no_robot_drives_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "nav", "--speed", "3"]) == 2
+    assert "--speed 3" in capsys.readouterr().err
+
+
+def test_the_hard_variant_is_harder_in_what_the_camera_and_the_soil_do() -> None:
+    easy, hard = (
+        scenario("m8n", vision=True, speed_mps=0.8, variant=variant)
+        for variant in ("nominal", "hard")
+    )
+    assert easy.vision is not None and hard.vision is not None
+    assert hard.vision.offset_std_m > 2.0 * easy.vision.offset_std_m
+    assert hard.soil.slip_max_ratio == 2.0 * easy.soil.slip_max_ratio

@@ -1,0 +1,24 @@
+from __future__ import annotations
+
+import pytest
+
+from agribot.lab.bench.dense_field import CAMERA_RATE_HZ, CameraLoop, dense_field
+from agribot.lab.bench.sim import FIGURES, run
+
+
+def test_only_the_wanted_figures_are_measured_and_each_is_told() -> None:
+    lines: list[str] = []
+    result = run(["network_ms", "physics_rtf"], lines.append)
+    assert result["network_ms"] > 0.0
+    assert result["physics_rtf"] > 1.0  # real time at least, or no robot could be simulated
+    assert "mission_rtf" not in result
+    assert [line.startswith(FIGURES[name].title) for name, line in zip(
+        ("network_ms", "physics_rtf"), lines, strict=True
+    )] == [True, True]  # fmt: skip
+
+
+def test_the_camera_is_timed_over_more_than_ten_thousand_plants_at_its_full_rate() -> None:
+    assert len(dense_field().plants) == 10_816
+    loop = CameraLoop()
+    loop.advance(0.4)
+    assert loop.frames == pytest.approx(0.4 * CAMERA_RATE_HZ, abs=1)

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor
+
+from agribot.cli.train import run
+from agribot.core.errors import ConfigError
+from agribot.lab.train.processes import Crew, join
+from tests.lab.train.command_line import parsed
+
+ROOT = Path(__file__).parents[3]
+
+
+def trained(out: Path, launcher: list[str]) -> None:
+    words = [sys.executable, *launcher, "-m", "tests.lab.train.trained_together", str(out)]
+    done = subprocess.run(
+        words, cwd=ROOT, env=os.environ | {"OMP_NUM_THREADS": "1"}, capture_output=True, check=False
+    )
+    assert done.returncode == 0, done.stderr.decode()
+
+
+def weights(path: Path) -> dict[str, Tensor]:
+    state: dict[str, Tensor] = torch.load(path, weights_only=True)
+    return state
+
+
+@pytest.mark.slow
+def test_two_processes_learn_what_one_learns_from_the_doubled_batch(tmp_path: Path) -> None:
+    torchrun = ["-m", "torch.distributed.run", "--standalone", "--nproc_per_node", "2"]
+    trained(tmp_path / "two.pt", torchrun)
+    trained(tmp_path / "one.pt", [])
+    first, second = weights(tmp_path / "two-0.pt"), weights(tmp_path / "two-1.pt")
+    alone = weights(tmp_path / "one-0.pt")
+    assert all(torch.equal(first[name], second[name]) for name in first)
+    for name, value in alone.items():
+        assert torch.allclose(first[name], value, atol=1e-4), name
+    assert len(list(tmp_path.glob("*-training/checkpoint.pt"))) == 2
+
+
+def test_a_process_alone_needs_no_meeting() -> None:
+    crew = join("cpu")
+    assert (crew.rank, crew.size, crew.device, crew.leads) == (0, 1, "cpu", True)
+    assert crew.leader_first(lambda: "done") == "done"
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_a_gpu_that_is_not_there_is_named() -> None:
+    with pytest.raises(ConfigError, match="--device cuda"):
+        join("cuda")
+
+
+def test_several_processes_need_a_number_of_steps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agribot.lab.train.processes.join", lambda device: Crew(size=2))
+    monkeypatch.setattr("agribot.cli.train._source", lambda args: None)
+    monkeypatch.setattr("torch.distributed.barrier", lambda: None)
+    with pytest.raises(ConfigError, match="--steps"):
+        run(parsed("--minutes", "1", "--out", str(tmp_path)))

