@@ -16,6 +16,7 @@ from agribot.core.messages import (
     STOP,
     DriveCommand,
     FloatArray,
+    Inbox,
     MappedPlant,
     RobotCommand,
     Scene,
@@ -71,7 +72,10 @@ def read_truth(path: Path) -> FloatArray:
 
 
 class ReplayPlatform:
-    """A platform over `run.mcap`: read() gives what was measured, write() only collects."""
+    """Platform over `run.mcap`: read() gives what the sensors said, write() only collects.
+
+    What is posted into its inbox comes after what was asked of the robot then.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -79,6 +83,7 @@ class ReplayPlatform:
         self._scenes: tuple[Scene, ...] = ()
         self._sent = STOP
         self.commands: list[RobotCommand] = []
+        self.inbox = Inbox()
 
     def read(self) -> SensorBatch:
         """Return the next recorded batch.
@@ -89,7 +94,13 @@ class ReplayPlatform:
         if record is None:
             raise EndOfRecording(f"{self._path} has no more ticks")
         self._scenes, self._sent = record.scenes, record.command.drive
-        return record.batch
+        events, hand = self.inbox.drain(record.batch.t_s)
+        if not (events or hand):
+            return record.batch
+        batch = record.batch
+        return msgspec.structs.replace(
+            batch, events=(*batch.events, *events), hand=(*batch.hand, *hand)
+        )
 
     def recorded_scenes(self) -> tuple[Scene, ...]:
         """Return what perception delivered in the tick of the last batch."""

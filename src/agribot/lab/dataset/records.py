@@ -13,8 +13,8 @@ from typing import Literal
 
 import msgspec
 
-from agribot import __version__
 from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.version import __version__
 from agribot.core.whole_file import write_at_once
 
 ABOUT = "dataset.json"
