@@ -52,10 +52,10 @@ def report_card(drive: Drive, why_ended: str = "") -> Report:
     """`why_ended` names an end from outside: an interruption or the end of the time allowed."""
     config, referee, job = drive.config, drive.referee, drive.job.saved()
     status = drive.last.status if drive.last is not None else None
-    kept = (*drive.rows_before, *referee.rows_kept(status.rows_done if status else ()))
+    kept = (*drive.rows_before, *referee.list_rows_kept(status.rows_done if status else ()))
     mission = _mission(drive, job, status, kept)
     events = drive.job.events(drive.event_log.events)
-    tracking = referee.tracking()
+    tracking = referee.score_tracking()
     ok = bool(mission.success) and tracking.plants_crushed == 0 and not why_ended
     return Report(
         profile=config.profile,
@@ -72,7 +72,7 @@ def report_card(drive: Drive, why_ended: str = "") -> Report:
         time=_time(job),
         mission=mission,
         tracking=_same_fields(tracking, TrackingReport),
-        estimate=_same_fields(referee.estimate(), EstimateReport),
+        estimate=_same_fields(referee.score_estimate(), EstimateReport),
         perception=_perception(drive, job),
         weeds=_weeds(drive, job, kept),
         safety=SafetyReport(stops=_told(events, "stop"), faults=_told(events, "fault")),
@@ -116,9 +116,9 @@ def _mission(
     """What was asked and what was truly done; rows and waypoints exclude each other."""
     if status is None:
         return MissionReport(success=False)
-    distance_m = drive.referee.tracking().distance_m
+    distance_m = drive.referee.score_tracking().distance_m
     if status.waypoints_total:
-        reached = drive.referee.waypoints_kept(drive.config.mission.waypoint_radius_m)
+        reached = drive.referee.count_waypoints_kept(drive.config.mission.waypoint_radius_m)
         return MissionReport(
             success=status.state == "done" and reached == status.waypoints_total,
             waypoints_total=status.waypoints_total,
@@ -133,7 +133,7 @@ def _mission(
         distance_m=distance_m,
         area_m2=area_m2,
         h_per_ha=job.sim_s / 3600.0 / (area_m2 / 1e4) if area_m2 else None,
-        coverage_ratio=drive.referee.coverage_ratio(),
+        coverage_ratio=drive.referee.compute_coverage_ratio(),
         rows_unproven=tuple(sorted(row + 1 for row in status.rows_unproven)),
     )
 
@@ -150,7 +150,7 @@ def _time(job: JobSoFar) -> TimeReport:
 def _perception(drive: Drive, job: JobSoFar) -> PerceptionReport:
     if not job.frames:
         return PerceptionReport()
-    iou = drive.referee.iou()
+    iou = drive.referee.compute_iou()
     known = [value for value in iou.values() if value is not None]
     return PerceptionReport(
         frames=job.frames,
@@ -164,7 +164,7 @@ def _perception(drive: Drive, job: JobSoFar) -> PerceptionReport:
 def _weeds(drive: Drive, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
     if not job.frames or not drive.referee.has_rows:
         return WeedReport()
-    return _same_fields(drive.referee.weeds(drive.weed_map.weeds(), kept), WeedReport)
+    return _same_fields(drive.referee.score_weeds(drive.weed_map.weeds(), kept), WeedReport)
 
 
 def _told(events: Sequence[Event], kind: EventKind) -> tuple[SafetyEvent, ...]:

@@ -284,7 +284,7 @@ class Session:
         if task is self._task:
             return
         self._task, self.rows_before = task, ()
-        self.referee.judge_anew(self.rows, self.goals_map_m)
+        self.referee.set_task(self.rows, self.goals_map_m)
         if task.work is None:
             return
         path = self.out_dir / PLAN_FILE

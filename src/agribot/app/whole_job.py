@@ -20,7 +20,7 @@ from agribot.record.events import Event, read_whole_events
 from agribot.record.replay import read_ticks, read_truth
 from agribot.record.report import RunOfJob
 from agribot.record.series import RunSeries, collect, joined
-from agribot.sim.scores import Judged
+from agribot.sim.scores import Judgement
 
 if TYPE_CHECKING:
     from agribot.sim.referee import Referee
@@ -44,7 +44,7 @@ class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
     frames: int = 0
     frames_cpu_s: float = 0.0
     latency_s: Histogram = msgspec.field(default_factory=lambda: Histogram(width=LATENCY_BIN_S))
-    judged: Judged | None = None
+    judged: Judgement | None = None
     plants: tuple[Track, ...] = ()
     format: int = 1
 
@@ -115,7 +115,7 @@ class WholeJob:
             frames=earlier.frames + (meter.frames if meter else 0),
             frames_cpu_s=earlier.frames_cpu_s + (meter.cpu_s if meter else 0.0),
             latency_s=self._latency_s,
-            judged=self._run.referee.judged(),
+            judged=self._run.referee.export_judgement(),
             plants=self._run.weed_map.tracks,
         )
 
