@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import json
 import re
-import runpy
 from pathlib import Path
 
 import msgspec
@@ -92,9 +91,3 @@ def test_md5_sums_are_those_of_ros1() -> None:
             assert md5 == golden[ros1_name], ros1_name
             compared += 1
     assert compared >= 10
-
-
-def test_the_page_of_topics_is_what_the_table_says() -> None:
-    root = Path(__file__).parents[2]
-    written = runpy.run_path(str(root / "scripts" / "topics_page.py"))["page"]()
-    assert (root / "docs" / "topics.md").read_text() == written

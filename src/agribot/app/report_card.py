@@ -57,12 +57,12 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
     config, judge, job = drive.config, drive.judge, drive.job.saved()
     status = drive.last.status if drive.last is not None else None
     done = status.rows_done if status else ()
-    kept = (*drive.rows_before, *(done if judge is None else judge.rows_kept(done)))
+    kept = (*drive.rows_before, *(done if judge is None else judge.list_rows_kept(done)))
     mission = _mission(drive, job, status, kept)
     events = drive.job.events(drive.event_log.events)
     tracking = TrackingReport()
     if judge is not None:
-        tracking = _same_fields(judge.tracking(), TrackingReport)
+        tracking = _same_fields(judge.score_tracking(), TrackingReport)
     ok = bool(mission.success) and not tracking.plants_crushed and not why_ended
     return Report(
         profile=config.profile,
@@ -78,7 +78,9 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         mission=mission,
         tracking=tracking,
         estimate=(
-            EstimateReport() if judge is None else _same_fields(judge.estimate(), EstimateReport)
+            EstimateReport()
+            if judge is None
+            else _same_fields(judge.score_estimate(), EstimateReport)
         ),
         perception=_perception(drive, job),
         weeds=_weeds(drive, job, kept),
@@ -126,11 +128,11 @@ def _mission(
     if status is None:
         return MissionReport(success=False)
     judge = drive.judge
-    distance_m = None if judge is None else judge.tracking().distance_m
+    distance_m = None if judge is None else judge.score_tracking().distance_m
     if status.waypoints_total:
         reached = status.waypoints_reached
         if judge is not None:
-            reached = judge.waypoints_kept(drive.config.mission.waypoint_radius_m)
+            reached = judge.count_waypoints_kept(drive.config.mission.waypoint_radius_m)
         return MissionReport(
             success=status.state == "done" and reached == status.waypoints_total,
             waypoints_total=status.waypoints_total,
@@ -145,7 +147,7 @@ def _mission(
         distance_m=distance_m,
         area_m2=area_m2,
         h_per_ha=job.sim_s / 3600.0 / (area_m2 / 1e4) if area_m2 else None,
-        coverage_ratio=None if judge is None else judge.coverage_ratio(),
+        coverage_ratio=None if judge is None else judge.compute_coverage_ratio(),
         rows_unproven=tuple(sorted(row + 1 for row in status.rows_unproven)),
     )
 
@@ -162,7 +164,7 @@ def _time(job: JobSoFar) -> TimeReport:
 def _perception(drive: EndedRun, job: JobSoFar) -> PerceptionReport:
     if not job.frames:
         return PerceptionReport()
-    iou = IouReport() if drive.judge is None else IouReport(**drive.judge.iou())
+    iou = IouReport() if drive.judge is None else IouReport(**drive.judge.compute_iou())
     known = [value for value in (iou.weed, iou.crop, iou.soil) if value is not None]
     return PerceptionReport(
         frames=job.frames,
@@ -178,7 +180,7 @@ def _weeds(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
         return WeedReport()
     weeds = drive.weed_map.weeds()
     if drive.judge is not None:
-        return _same_fields(drive.judge.weeds(weeds, kept), WeedReport)
+        return _same_fields(drive.judge.score_weeds(weeds, kept), WeedReport)
     treated = sum(weed.treated_s is not None for weed in weeds)
     return WeedReport(mapped=len(weeds), treated=treated)
 

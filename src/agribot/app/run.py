@@ -285,7 +285,7 @@ class Run:
             return
         self._task, self.rows_before = task, ()
         if self.judge is not None:
-            self.judge.judge_anew(self.rows, self.goals_map_m)
+            self.judge.set_task(self.rows, self.goals_map_m)
         if task.work is None:
             return
         path = self.out_dir / PLAN_FILE

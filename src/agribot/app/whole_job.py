@@ -21,7 +21,7 @@ from agribot.record.events import Event, read_whole_events
 from agribot.record.replay import read_ticks, read_truth
 from agribot.record.report import RunOfJob
 from agribot.record.series import RunSeries, collect, join_series
-from agribot.sim.scores import Judged
+from agribot.sim.scores import Judgement
 
 FILE_NAME = "job.json"
 RECORDING = "run.mcap"
@@ -42,7 +42,7 @@ class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
     frames: int = 0
     frames_cpu_s: float = 0.0
     latency_s: Histogram = msgspec.field(default_factory=lambda: Histogram(width=LATENCY_BIN_S))
-    judged: Judged | None = None
+    judged: Judgement | None = None
     plants: tuple[Track, ...] = ()
     format: int = 1
 
@@ -112,7 +112,7 @@ class WholeJob:
             frames=earlier.frames + (meter.frames if meter else 0),
             frames_cpu_s=earlier.frames_cpu_s + (meter.cpu_s if meter else 0.0),
             latency_s=self._latency_s,
-            judged=None if self._run.judge is None else self._run.judge.judged(),
+            judged=None if self._run.judge is None else self._run.judge.export_judgement(),
             plants=self._run.weed_map.tracks,
         )
 
@@ -130,7 +130,7 @@ class WholeJob:
         return series
 
 
-def _restore_judgement(judge: Judge | None, judged: Judged) -> list[str]:
+def _restore_judgement(judge: Judge | None, judged: Judgement) -> list[str]:
     """Let the judge go on with an earlier judgement; what of it is lost, in words."""
     if judge is None:
         return ["what was measured before: nobody knows the truth of this run"]
