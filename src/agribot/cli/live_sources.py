@@ -1,4 +1,4 @@
-"""What `agribot live` can watch: the simulator, a video file, a webcam, a network camera."""
+"""Sources of `agribot live`: the simulator, a video file, a webcam, a network camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sensors of a run that come from somebody else's topics: `--source gnss=ros2:/fix`."""
+"""Sensors of a run from other programs' topics: `--source gnss=ros2:/fix`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
-from agribot.cli.bridging import checked_master, domain_from, master_from, router_from, say
+from agribot.cli.bridging import check_master, print_line, read_domain, read_master, read_router
 from agribot.core.config import SourceConfig
 from agribot.core.errors import ConfigError
 from agribot.core.platform import Sensor
@@ -40,8 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def settings_of(options: argparse.Namespace) -> list[str]:
-    """The options as settings of the run.
+def read_source_settings(options: argparse.Namespace) -> list[str]:
+    """Read the options as settings of the run.
 
     Raises: ConfigError: not SENSOR=URI.
     """
@@ -55,8 +55,8 @@ def settings_of(options: argparse.Namespace) -> list[str]:
 
 
 @contextmanager
-def sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[None]:
-    """Let the session sense what its settings take from topics.
+def open_sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[None]:
+    """Connect the session to the topics that its settings name.
 
     Raises: AgribotError: a URI that means nothing, or a network that cannot be reached.
     """
@@ -64,13 +64,13 @@ def sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[None]:
     from agribot.ros.topic_source import TopicSource
 
     wanted = places(session.config.sources)
-    refuse = Requests(session.inbox, say=say).refuse
+    refuse = Requests(session.inbox, say=print_line).refuse
     links: dict[tuple[str, str], SourceLink] = {}
     with ExitStack() as opened:
         sources = []
         for name, place in wanted.items():
             if place[:2] not in links:
-                link = opened_link(place, options, refuse)
+                link = open_link(place, options, refuse)
                 opened.callback(link.close)
                 links[place[:2]] = link
             sensor = _SENSOR_OF.get(name) or msgspec.convert(name, Sensor)
@@ -82,27 +82,30 @@ def sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[None]:
         yield
 
 
-def opened_link(
+def open_link(
     place: Place, options: argparse.Namespace, refuse: Callable[[str], None]
 ) -> SourceLink:
-    """Raises: BridgeError: the network cannot be reached."""
+    """Open a link to the network of a place.
+
+    Raises: BridgeError: the network cannot be reached.
+    """
     return _OPENERS[place.network](place.at, options, refuse)
 
 
-def _ros2(at: str, options: argparse.Namespace, _refuse: Callable[[str], None]) -> SourceLink:
+def _open_ros2(at: str, options: argparse.Namespace, _refuse: Callable[[str], None]) -> SourceLink:
     from agribot.ros.ros2.link import Ros2Link
 
-    router = f"tcp/{at}" if at else router_from(options)
-    return Ros2Link(_NODE, domain=domain_from(options), router=router, listen=not at)
+    router = f"tcp/{at}" if at else read_router(options)
+    return Ros2Link(_NODE, domain=read_domain(options), router=router, listen=not at)
 
 
-def _ros1(at: str, options: argparse.Namespace, refuse: Callable[[str], None]) -> SourceLink:
+def _open_ros1(at: str, options: argparse.Namespace, refuse: Callable[[str], None]) -> SourceLink:
     from agribot.ros.ros1.link import Ros1Link
 
-    return Ros1Link(_NODE, refuse, checked_master(f"http://{at}") if at else master_from(options))
+    return Ros1Link(_NODE, refuse, check_master(f"http://{at}") if at else read_master(options))
 
 
 _OPENERS: dict[Network, Callable[[str, argparse.Namespace, Callable[[str], None]], SourceLink]] = {
-    "ros2": _ros2,
-    "ros1": _ros1,
+    "ros2": _open_ros2,
+    "ros1": _open_ros1,
 }

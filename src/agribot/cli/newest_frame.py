@@ -31,7 +31,7 @@ class TimedFrame(NamedTuple):
 
 
 class NewestFrame:
-    """Reads a source in a thread of its own and hands out the newest frame.
+    """A thread that reads a source and hands out the newest frame.
 
     Iterating ends with the source, after `seconds`, or when `stop` is called. It raises
     PerceptionError where a camera gives no frame for `patience_s` or stops.
