@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from agribot.cli.bridging import checked_master
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError
+from agribot.ros.ros1.master import check_master
 
 
 @pytest.fixture(autouse=True)
@@ -75,7 +75,7 @@ def test_an_address_that_is_none_is_refused_first(
     ],
 )
 def test_addresses_of_masters_are_taken_as_they_are(uri: str) -> None:
-    assert checked_master(uri) == uri
+    assert check_master(uri) == uri
 
 
 @pytest.mark.parametrize(
@@ -89,4 +89,4 @@ def test_addresses_of_masters_are_taken_as_they_are(uri: str) -> None:
 )  # fmt: skip
 def test_what_is_no_address_of_a_master_is_refused(uri: str) -> None:
     with pytest.raises(ConfigError, match="write it as http://HOST:PORT"):
-        checked_master(uri)
+        check_master(uri)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from contextlib import closing
 from pathlib import Path
 
 import msgspec
@@ -18,7 +17,7 @@ from agribot.core.config import RunConfig
 from agribot.core.config_tree import check_finite, did_you_mean, read_toml
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.geo import Datum
-from agribot.ros.source_uri import read_uri
+from agribot.drivers.schemes import open_source, read_uri
 from agribot.ui.address import home
 
 FILE_NAME = "origins.toml"
@@ -114,16 +113,14 @@ def _origin(name: str, entry: object, path: Path) -> Datum:
 def _first_fix(uri: str, options: argparse.Namespace) -> Datum:
     """Of a receiver or a base station, by whatever network it speaks."""
     from agribot.cli.bridging import say
-    from agribot.cli.sensor_sources import opened_link
+    from agribot.cli.sensor_sources import source_context
     from agribot.core.messages import GnssFix
-    from agribot.ros.messages.sensor_readers import gnss_fix
-    from agribot.ros.topic_source import TopicSource
+    from agribot.description.loader import load_robot
 
     place, start_s = read_uri("--origin", uri), time.monotonic()
     sys.stderr.write(f"waiting for the first valid fix of {uri}\n")
-    with closing(opened_link(place, options, say)) as link:
-        known = {"sensor_msgs/msg/NavSatFix": gnss_fix}
-        source = TopicSource("gnss", place.topic, link, known, say)
+    with source_context(load_robot(), options, say) as context:
+        source = open_source("gnss", place, context)
         while time.monotonic() - start_s < PATIENCE_S:
             for fix in source.take(time.monotonic() - start_s):
                 assert isinstance(fix, GnssFix)
