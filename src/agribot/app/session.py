@@ -33,8 +33,8 @@ from agribot.core.messages import ByteArray, MappedPlant, MapPoint, OperatorEven
 from agribot.core.messages import Path as PlannedPath
 from agribot.core.platform import Platform
 from agribot.core.row_shape import row_length_m
-from agribot.description.loader import load_robot, urdf_text
-from agribot.description.worlds_sdf import world_of_run
+from agribot.description.loader import export_urdf, load_robot
+from agribot.description.worlds_sdf import load_run_world
 from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
 from agribot.record.run_files import write_run_files
@@ -78,7 +78,7 @@ class Session:
         self.robot = calibrated(described, config.calibration)
         goals_map_m = read_goals(config)
         self._plan_text = plan_text or read_plan_text(config)
-        self.world = world_of_run(config)
+        self.world = load_run_world(config)
         if saved is not None:
             self.world = msgspec.structs.replace(
                 self.world, spawn_xy_map_m=saved.pose[:2], spawn_yaw_map_rad=saved.pose[2]
@@ -180,7 +180,7 @@ class Session:
     @property
     def urdf(self) -> str:
         """The robot's description with everything expanded."""
-        return urdf_text(self.config.robot)
+        return export_urdf(self.config.robot)
 
     @property
     def meter(self) -> PerceptionMeter | None:
