@@ -31,14 +31,14 @@ import sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
 from agribot.core import config
-from agribot.app.session import Session
+from agribot.app.simulated_run import SimulatedRun, simulate
 
 def compiled():
     modules = [m for name, m in sys.modules.items() if name.startswith("agribot.sim.camera")]
     loops = {loop for m in modules for loop in vars(m).values() if isinstance(loop, Dispatcher)}
     return {(loop.__name__, len(loop.signatures)) for loop in loops}
 
-with Session(config.load("farm", ["record.enabled=false"]), Path(sys.argv[1])) as session:
+with simulate(config.load("farm", ["record.enabled=false"]), Path(sys.argv[1])) as session:
     before, frames = compiled(), 0
     for record in session.ticks():
         frames += len(record.batch.frames)
