@@ -111,7 +111,7 @@ def bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
 
     Raises: AgribotError: an option is out of range, or a peer that must be there is not.
     """
-    from agribot.description.loader import urdf_text
+    from agribot.description.loader import export_urdf
 
     if not wanted(options):
         yield
@@ -125,7 +125,7 @@ def bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
         if not taken & {topic.name, topic.seed_alias}
     ]
     gateways = open_gateways(
-        options, out, urdf_text(session.config.robot), requests, flat_settings(session.config)
+        options, out, export_urdf(session.config.robot), requests, flat_settings(session.config)
     )
     try:
         outlet = _outlet(options, session, gateways)
@@ -186,7 +186,7 @@ def tell_losses(dropped: int, fault: str) -> None:
 
 
 def _outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) -> Outlet:
-    from agribot.description.loader import urdf_text
+    from agribot.description.loader import export_urdf
     from agribot.ros.messages.camera_log import CameraLog
     from agribot.ros.outlet import Outlet, Sources
 
@@ -204,7 +204,7 @@ def _outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) 
         truth=session.truth,
     )
     return Outlet(
-        gateways, session.robot, config.field.datum, urdf_text(config.robot), camera, sources
+        gateways, session.robot, config.field.datum, export_urdf(config.robot), camera, sources
     )
 
 
