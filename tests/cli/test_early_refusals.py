@@ -36,7 +36,7 @@ def test_an_absent_package_of_a_network_is_named_first(
     line: str, absent: str, words: str, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("agribot.core.extras._is_there", lambda module: module != absent)
+    monkeypatch.setattr("agribot.core.extras._is_installed", lambda module: module != absent)
     assert main(line.split()) == 2
     assert words in capsys.readouterr().err
 
@@ -59,7 +59,7 @@ def test_an_absent_package_of_a_network_is_named_first(
 def test_an_address_that_is_none_is_refused_first(
     line: str, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("agribot.core.extras._is_there", lambda _: True)
+    monkeypatch.setattr("agribot.core.extras._is_installed", lambda _: True)
     assert main(line.split()) == 2
     assert words in capsys.readouterr().err
 

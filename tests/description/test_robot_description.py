@@ -117,7 +117,7 @@ def test_drive_measures_the_geometry_and_keeps_what_the_plugin_was_told(robot: R
     drive = robot.drive
     assert (drive.wheel_radius_m, drive.wheel_width_m) == (0.09, 0.05)
     assert (drive.track_m, drive.wheelbase_m) == pytest.approx((0.7816, 0.5038), abs=1e-12)
-    assert (drive.told_diameter_m, drive.told_separation_m) == (0.2, 0.65)
+    assert (drive.plugin_diameter_m, drive.plugin_separation_m) == (0.2, 0.65)
     assert (drive.torque_nm, drive.gear_ratio, drive.rate_hz) == (20.0, 10.0, 100.0)
 
 

@@ -15,7 +15,7 @@ from agribot.cli.ranges import finite, port
 from agribot.core import extras, topics
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.drivers.schemes import SourceUri, read_sources, require_extras
 from agribot.ros.requests import Requests
 from agribot.ros.ros1.master import MASTER, check_master

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import msgspec
 
-from agribot.core.config import RunConfig
-from agribot.core.config_tree import check_finite, did_you_mean, read_toml
+from agribot.core.config import RunConfig, check_finite, read_toml, suggest_name
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.geo import Datum
 from agribot.drivers.schemes import open_source, read_uri
@@ -81,7 +80,7 @@ def _named(name: str) -> Datum:
     known = read_origins(path)
     if name not in known:
         have = f"known: {', '.join(sorted(known))}" if known else f"{path} is not there"
-        raise ConfigError(f"--origin {name}: no such origin{did_you_mean(name, [*known])}; {have}")
+        raise ConfigError(f"--origin {name}: no such origin{suggest_name(name, [*known])}; {have}")
     return known[name]
 
 

@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from agribot.app.mission_file import resumed
+    from agribot.app.mission_file import continue_config
     from agribot.app.open_run import open_run
     from agribot.app.whole_job import NOTHING, read_job
 
@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
         check_not_driven(Path(options.resume))
         saved = _cut_off(options)
         earlier = read_job(Path(options.resume), saved)
-        config = resumed(config, saved)
+        config = continue_config(config, saved)
     elif options.clear_stop:
         raise MissionError("--clear-stop is for a run that goes on; give --resume RUNDIR as well")
     out_dir = out_dir_of(options.out, Path(config.profile).stem)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import msgspec
 
-from agribot.core.config_tree import read_toml
+from agribot.core.config import read_toml
 from agribot.core.errors import ConfigError, DescriptionError
 from agribot.core.geo import Datum
 

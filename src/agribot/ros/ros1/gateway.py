@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from agribot.core import topics
 from agribot.core.errors import BridgeError
 from agribot.core.messages import TickRecord
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.requests import Requests
 from agribot.ros.ros1.hearing import Hearing
 from agribot.ros.ros1.master import MASTER

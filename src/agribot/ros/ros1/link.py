@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from agribot.core.errors import BridgeError
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.ros1.hearing import ANY, Hearing
 from agribot.ros.ros1.master import MASTER
 from agribot.ros.ros1.node import Node, Publication
