@@ -31,7 +31,7 @@ export interface State {
   mode: Mode; stop: string; reason: string
   battery: { v: number; pct: number | null } | null
   att?: [roll: number, pitch: number] | null
-  weeds: number; rtf: number | null; xte_m: number | null; nozzles: boolean[]; sig: number[][]
+  weeds: number; rtf: number | null; xte_m: number | null; implement: [name: string, text: string][]; sig: number[][]
   replay?: Replay | null
   /** The folder that is being written, empty while nothing is recorded. */
   recording?: string

@@ -12,9 +12,11 @@ from agribot.app.whole_job import JobSoFar, WholeJob
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig
 from agribot.core.messages import MissionStatus, TickRecord
+from agribot.core.robot import RobotSpec
 from agribot.record.events import Event, EventKind, EventLog
 from agribot.record.report import (
     EstimateReport,
+    ImplementReport,
     IouReport,
     JobReport,
     MissionReport,
@@ -37,6 +39,7 @@ class Drive(Protocol):
     """What the report needs of a session that has come to its end."""
 
     config: RunConfig
+    robot: RobotSpec
     last: TickRecord | None
     referee: Referee
     job: WholeJob
@@ -75,6 +78,7 @@ def report_card(drive: Drive, why_ended: str = "") -> Report:
         estimate=_same_fields(referee.estimate(), EstimateReport),
         perception=_perception(drive, job),
         weeds=_weeds(drive, job, kept),
+        implement=_implement(drive, job, kept),
         safety=SafetyReport(stops=_told(events, "stop"), faults=_told(events, "fault")),
         marks=_told(events, "mark"),
         job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,
@@ -164,7 +168,27 @@ def _perception(drive: Drive, job: JobSoFar) -> PerceptionReport:
 def _weeds(drive: Drive, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
     if not job.frames or not drive.referee.has_rows:
         return WeedReport()
-    return _same_fields(drive.referee.weeds(drive.weed_map.weeds(), kept), WeedReport)
+    score = drive.referee.weeds(drive.weed_map.weeds(), kept)
+    spec = drive.robot.implement
+    is_wet = spec is not None and spec.wets_ground
+    return msgspec.structs.replace(
+        _same_fields(score, WeedReport),
+        spray_area_ratio=score.worked_area_ratio if is_wet else None,
+    )
+
+
+def _implement(drive: Drive, job: JobSoFar, kept: tuple[int, ...]) -> ImplementReport | None:
+    spec, referee = drive.robot.implement, drive.referee
+    if spec is None:
+        return None
+    return ImplementReport(
+        kind=spec.kind,
+        verb=spec.verb,
+        width_m=spec.width_m,
+        worked_m2=referee.worked_m2,
+        worked_area_ratio=referee.worked_area_ratio(kept),
+        lines=job.implement,
+    )
 
 
 def _told(events: Sequence[Event], kind: EventKind) -> tuple[SafetyEvent, ...]:

@@ -29,6 +29,7 @@ from agribot.autonomy.weeds.map import WeedMap
 from agribot.core import config as settings
 from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
+from agribot.core.implement.kind import ReportLine
 from agribot.core.messages import ByteArray, MappedPlant, MapPoint, OperatorEvent, Row, TickRecord
 from agribot.core.messages import Path as PlannedPath
 from agribot.core.platform import Platform
@@ -176,6 +177,10 @@ class Session:
     @property
     def weed_map(self) -> WeedMap:
         return self.stack.weed_map
+
+    @property
+    def implement_lines(self) -> tuple[ReportLine, ...]:
+        return self.stack.treatment.report()
 
     @property
     def urdf(self) -> str:

@@ -14,6 +14,7 @@ from agribot.description.adopt_devices import adopt_devices
 from agribot.description.adopt_wheels import adopt_base, adopt_wheels, name_apart
 from agribot.description.elements import Finding, Source
 from agribot.description.expansion import expand
+from agribot.description.implements import read_implement
 from agribot.description.kinematics import read_joints, read_links
 from agribot.description.markup import parse_xml
 from agribot.description.package import packaged_or_file, robot_files
@@ -96,7 +97,7 @@ def _read(root: ET.Element, source: Source, path: Path) -> RobotSpec:
         gnss=gnss,
         mag=mag,
         camera=devices.read_camera(root, links, source),
-        sprayer=devices.read_sprayer(root, source),
+        implement=read_implement(root, source),
         warnings=source.warnings(),
     )
 

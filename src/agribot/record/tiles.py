@@ -15,6 +15,7 @@ def tiles(report: Report) -> list[Tile]:
         *_mission(report),
         *_tracking(report),
         *_weeds(report),
+        *_implement(report),
         *_perception(report),
         _time(report),
     ]
@@ -59,6 +60,9 @@ def _weeds(report: Report) -> list[Tile]:
     if weeds.mapped is None:
         return []
     truth = f"of {weeds.truth} true ones" if weeds.truth is not None else ""
+    implement = report.implement
+    ratio = implement.worked_area_ratio if implement else weeds.spray_area_ratio
+    worked = f"{percent(ratio)} {implement.verb if implement else 'treated'}"
     return [
         ("Weeds mapped along the rows", _count(weeds.mapped), truth),
         (
@@ -69,8 +73,23 @@ def _weeds(report: Report) -> list[Tile]:
         (
             "Weeds treated",
             _count(weeds.treated),
-            f"{_count(weeds.crops_hit)} crops hit, {percent(weeds.spray_area_ratio)} sprayed",
+            f"{_count(weeds.crops_hit)} crops hit, {worked}",
         ),
+    ]
+
+
+def _implement(report: Report) -> list[Tile]:
+    """The figures of the implement, under its own names."""
+    implement = report.implement
+    if implement is None:
+        return []
+    return [
+        (
+            f"{implement.kind}: {line.name}".capitalize(),
+            f"{line.value:.4g}{' ' * bool(line.unit)}{line.unit}",
+            "as the robot believes",
+        )
+        for line in implement.lines
     ]
 
 
