@@ -187,6 +187,8 @@ class SensorMount(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot as its description gives it: bodies, drive, sensors and implement."""
+
     name: str
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]

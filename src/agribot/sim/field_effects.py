@@ -1,4 +1,4 @@
-"""What the robot's wheels did to the field: crops crushed."""
+"""Effects of the robot's wheels on the field: crops crushed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
-from agribot.sim.footprints import Feet, mark_swept, plant_grid
+from agribot.sim.footprints import Footprints, build_plant_grid, mark_swept
 
 
 class CropDamage:
@@ -19,12 +19,14 @@ class CropDamage:
         crops = [i for i, plant in enumerate(world.plants) if plant.plant == PlantClass.CROP]
         self._index = np.array(crops, dtype=np.int64)
         plants = [world.plants[i] for i in crops]
-        self._grid = plant_grid(plants, np.array([p.stem_radius_m for p in plants], dtype=float))
+        self._grid = build_plant_grid(
+            plants, np.array([p.stem_radius_m for p in plants], dtype=float)
+        )
         self._hit_s = np.full(len(crops), np.nan)
         self._active = np.ones(4, dtype=bool)
         drive = robot.drive
         sunk_m = robot.mass_kg * world.gravity_mps2 / 4.0 / robot.tyre.normal_stiffness_npm
-        self._feet = Feet(
+        self._feet = Footprints(
             robot.wheel_xy_body_m(),
             math.sqrt(2.0 * drive.wheel_radius_m * sunk_m),
             drive.wheel_width_m / 2.0,
@@ -37,5 +39,5 @@ class CropDamage:
 
     @property
     def crushed(self) -> set[int]:
-        """Indices into the world's plants."""
+        """The crushed crops, as indices into the world's plants."""
         return set(self._index[~np.isnan(self._hit_s)].tolist())

@@ -40,7 +40,7 @@ class ImplementCommand(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=
 
 
 class RobotCommand(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything that the robot is told in one tick."""
+    """What a platform is to do from now on."""
 
     t_s: float
     drive: DriveCommand = DriveCommand()

@@ -34,6 +34,8 @@ INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but 
 
 
 class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
+    """A request to the robot; what `text`, `value` and `numbers` mean depends on the action."""
+
     t_s: float
     action: OperatorAction
     source: str = "operator"

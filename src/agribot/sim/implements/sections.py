@@ -12,7 +12,7 @@ from agribot.core.errors import PlatformError
 from agribot.core.implement.spec import ImplementSpec
 from agribot.core.messages import FloatArray
 from agribot.core.world import Plant
-from agribot.sim.footprints import Feet, mark_swept, plant_grid
+from agribot.sim.footprints import Footprints, build_plant_grid, mark_swept
 
 SAME_TIME_S = 1e-9
 
@@ -64,9 +64,9 @@ class Swath:
         length_m: float,
         base_height_m: float,
     ) -> None:
-        self._grid = plant_grid(plants, radius_m)
+        self._grid = build_plant_grid(plants, radius_m)
         self._hit_s = np.full(len(plants), np.nan)
-        self._feet = Feet(
+        self._feet = Footprints(
             np.array([(spec.x_body_m, y_m) for y_m in spec.section_y_body_m()]),
             length_m / 2.0,
             spec.section_width_m / 2.0,
