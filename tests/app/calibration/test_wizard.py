@@ -190,5 +190,8 @@ def test_a_robot_that_is_held_gives_up_and_says_why(bench: Bench) -> None:
         def close(self) -> None: ...
 
     bench.session.platform = Deaf()
-    bench.tick_until(lambda _: bench.phase() == "failed")
+    ended = bench.tick_until(lambda _: bench.phase() == "failed")
     assert "wheel encoders silent" in bench.do("look")["now"]["reason"]
+    assert bench.do("look")["now"]["reason"] == ended.status.stopped, "at once, in its own words"
+    still = bench.tick_until(lambda record: record.command.drive == STOP)
+    assert still.batch.t_s == pytest.approx(ended.batch.t_s, abs=0.05)
