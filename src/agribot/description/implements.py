@@ -7,29 +7,33 @@ from typing import Any
 
 import msgspec
 
-from agribot.core.implement.kind import spec_types
+from agribot.core.implement.kind import find_spec_type, list_kinds
 from agribot.core.implement.spec import ImplementSpec
 from agribot.description.elements import Source
-from agribot.description.tags import TagBlock, extra_groups, find_extra
+from agribot.description.tags import TagBlock, find_extra, list_extras
 
 OTHER_GROUPS = ("drive", "tyre")
 
 
 def read_implement(root: ET.Element, source: Source) -> ImplementSpec | None:
-    """Raises: DescriptionError: more than one implement, or a number is missing or out of range."""
-    kinds = spec_types()
-    for name in extra_groups(root):
-        if name not in kinds and name not in OTHER_GROUPS:
+    """Read the block of <agribot> that is named after a kind of implement; None without one.
+
+    Raises: DescriptionError: more than one, or a number is missing or out of range.
+    """
+    found: list[ImplementSpec] = []
+    for name in list_extras(root):
+        kind, block = find_spec_type(name), find_extra(root, name, source)
+        if kind is not None and block is not None:
+            found.append(_read(kind, block, source))
+        elif name not in OTHER_GROUPS:
             source.warn(
                 f"<agribot>: <{name}> is unknown and left out; "
-                f"implements: {', '.join(sorted(kinds))}"
+                f"implements: {', '.join(list_kinds())}"
             )
-    blocks = {name: find_extra(root, name, source) for name in kinds}
-    found = [(name, block) for name, block in blocks.items() if block is not None]
     if len(found) > 1:
-        names = ", ".join(f"<{name}>" for name, _ in found)
+        names = ", ".join(f"<{spec.kind}>" for spec in found)
         raise source.fail("<agribot>", f"{names} are {len(found)} implements; leave one of them")
-    return _read(kinds[found[0][0]], found[0][1], source) if found else None
+    return found[0] if found else None
 
 
 def _read(kind: type[ImplementSpec], block: TagBlock, source: Source) -> ImplementSpec:

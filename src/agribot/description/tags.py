@@ -97,7 +97,7 @@ def find_extra(root: ET.Element, group: str, source: Source) -> TagBlock | None:
     return None
 
 
-def extra_groups(root: ET.Element) -> tuple[str, ...]:
-    """The names of all groups in the <agribot> blocks, each once."""
+def list_extras(root: ET.Element) -> tuple[str, ...]:
+    """Name all groups in the <agribot> blocks, each once."""
     extras = [*root.findall("gazebo/agribot"), *root.findall("agribot")]
     return tuple(dict.fromkeys(element.tag for extra in extras for element in extra))

@@ -2,12 +2,14 @@
 
 The kinds of this program stand in three tables, one on each side of the seam: `SPECS` here,
 `agribot.autonomy.implements.kinds` and `agribot.sim.implements.kinds`. A kind from elsewhere is one
-`ImplementKind`, handed to `register`.
+`ImplementKind`, handed to `register_implement` or
+named by an installed package as an entry point of the group `agribot.implements`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.metadata import entry_points
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import msgspec
@@ -90,18 +92,20 @@ class ImplementKind(NamedTuple, Generic[Spec]):
     effect: Callable[[Spec, WorldSpec, float], ImplementEffect]
 
 
+GROUP = "agribot.implements"  # of the entry points that installed packages register kinds by
+
 SPECS: dict[str, type[ImplementSpec]] = {SprayerSpec.kind: SprayerSpec}
 _registered: dict[str, ImplementKind[Any]] = {}
 
 
-def register(kind: ImplementKind[Any]) -> None:
+def register_implement(kind: ImplementKind[Any]) -> None:
     """Make a kind known, so that a robot's description may have it.
 
     Raises: DescriptionError: another kind has its name.
     """
     name = kind.spec.kind
     if name in SPECS or _registered.get(name, kind) != kind:
-        raise DescriptionError(f"there is an implement '{name}' already; give it another name")
+        raise DescriptionError(f"there is an implement '{name}' already; choose another name")
     _registered[name] = kind
 
 
@@ -109,6 +113,23 @@ def find_registered(name: str) -> ImplementKind[Any] | None:
     return _registered.get(name)
 
 
-def spec_types() -> dict[str, type[ImplementSpec]]:
-    """The descriptions of all kinds that are known, by name."""
-    return SPECS | {name: kind.spec for name, kind in _registered.items()}
+def find_spec_type(name: str) -> type[ImplementSpec] | None:
+    """Find how a kind is described: one of this program, a registered or an installed one.
+
+    Raises: DescriptionError: an installed package has one that cannot be loaded.
+    """
+    if name not in SPECS and name not in _registered:
+        for point in entry_points(group=GROUP, name=name):
+            try:
+                register_implement(point.load())
+            except (ImportError, AttributeError) as error:
+                raise DescriptionError(
+                    f"implement '{name}' of {point.value}: {error}; mend that package"
+                ) from error
+    kind = _registered.get(name)
+    return SPECS.get(name) if kind is None else kind.spec
+
+
+def list_kinds() -> tuple[str, ...]:
+    """The kinds of this program and the registered ones, by name."""
+    return tuple(sorted({*SPECS, *_registered}))
