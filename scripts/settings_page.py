@@ -16,7 +16,7 @@ import msgspec
 from msgspec import inspect as types
 
 from agribot.core.config import RunConfig
-from agribot.description import field_plan
+from agribot.description import field_settings
 
 HEAD = """# Settings
 
@@ -160,7 +160,7 @@ def page() -> str:
 
 
 def field_page() -> str:
-    return FIELD_HEAD + sections(field_plan.FieldPlan)
+    return FIELD_HEAD + sections(field_settings.FieldSettings)
 
 
 if __name__ == "__main__":

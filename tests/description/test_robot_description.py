@@ -181,11 +181,11 @@ def test_optical_frame_of_the_urdf_is_that_of_the_spec(robot: RobotSpec) -> None
 
 
 def test_sprayer_reaches_from_wheel_to_wheel(robot: RobotSpec) -> None:
-    sprayer = robot.sprayer
+    sprayer = robot.implement
     assert sprayer is not None
-    nozzles = sprayer.nozzle_y_body_m()
+    nozzles = sprayer.section_y_body_m()
     assert len(nozzles) == 9 and nozzles[0] == pytest.approx(0.4)
-    assert 2 * nozzles[0] + sprayer.nozzle_width_m > robot.drive.track_m
+    assert 2 * nozzles[0] + sprayer.section_width_m > robot.drive.track_m
     assert sprayer.x_body_m == -0.35
 
 

@@ -25,6 +25,7 @@ from agribot.autonomy.stack import MaskTap, Stack, Tap
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core import config as settings
 from agribot.core.errors import RecordingError
+from agribot.core.implement.kind import ReportLine
 from agribot.core.messages import (
     Inbox,
     MappedPlant,
@@ -176,6 +177,10 @@ class Run:
     @property
     def weed_map(self) -> WeedMap:
         return self.stack.weed_map
+
+    @property
+    def implement_lines(self) -> tuple[ReportLine, ...]:
+        return self.stack.treatment.report()
 
     @property
     def urdf(self) -> str:

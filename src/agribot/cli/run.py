@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plan", metavar="FILE", help="work a field plan (agribot plan --out)")
     parser.add_argument("--field", metavar="FILE", help="plan this field (GeoJSON) and work it")
     parser.add_argument("--implement-width", type=finite, metavar="M",
-                        help="for --field (default: the robot's boom)")  # fmt: skip
+                        help="for --field (default: that of the robot)")  # fmt: skip
     parser.add_argument("--resume", metavar="RUNDIR", help="go on with a run that was cut off")
     parser.add_argument(
         "--clear-stop",
@@ -190,8 +190,9 @@ def _summary(report: Report, out_dir: Path) -> str:
             f"precision {_number(weeds.precision)}, recall {_number(weeds.recall)}, "
             f"treated {weeds.treated}"
         )
+        verb = report.implement.verb if report.implement else "treated"
         lines.append(
-            f"{_number(weeds.treated_true)} weeds sprayed, {_number(weeds.crops_hit)} crops hit"
+            f"{_number(weeds.treated_true)} weeds {verb}, {_number(weeds.crops_hit)} crops hit"
         )
     lines.append(
         f"{_number(spent.sim_s, unit=' s')} simulated in {_number(spent.wall_s, unit=' s')}, "
