@@ -18,10 +18,11 @@ from agribot.app.robot_stack import build_stack
 from agribot.app.run_clock import Clock
 from agribot.app.run_folder import RunFolder
 from agribot.app.run_recording import RunRecording, files_to_run_again
-from agribot.app.tasks import read_goals, row_ends
+from agribot.app.tasks import read_goals
 from agribot.app.unattended import Unattended
 from agribot.app.whole_job import JobSoFar, WholeJob
 from agribot.autonomy.perception_host import PerceptionMeter
+from agribot.autonomy.plan.rows import row_ends
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.task import Task
 from agribot.autonomy.stack import MaskTap, Tap, perceiving
