@@ -97,20 +97,7 @@ class Mission:
         self._is_resumed = False  # somebody bade the work begin, and is there to read a refusal
         self._is_away = False  # the robot was driven elsewhere since the work stopped
         self._state: State = Waiting("waiting for the first estimate")
-        self._handlers: dict[Do, Callable[[OperatorEvent], None]] = {
-            Do.HOLD: self._turn_latch,
-            Do.RELEASE: self._turn_latch,
-            Do.PAUSE: lambda event: self._pause(f"paused by {event.source}"),
-            Do.RESUME: lambda event: self._resume(),
-            Do.BEGIN_ANEW: lambda event: self._begin_anew(),
-            Do.CANCEL: self._cancel,
-            Do.SKIP_ROW: lambda event: self._skip_row(),
-            Do.TURN_HOME: lambda event: self._turn_home(event.source),
-            Do.TURN_TO_GOAL: self._turn_to_goal,
-            Do.TAKE_PLAN: self._take_plan,
-            Do.TAKE_VISIT: self._take_visit,
-            Do.SET: self._set,
-        }
+        self._handlers = self._list_handlers()
         self._take_up(saved)
 
     @property
@@ -216,6 +203,22 @@ class Mission:
             self._refusal = reaction.why
         elif isinstance(reaction, Do):
             self._handlers[reaction](event)
+
+    def _list_handlers(self) -> dict[Do, Callable[[OperatorEvent], None]]:
+        return {
+            Do.HOLD: self._turn_latch,
+            Do.RELEASE: self._turn_latch,
+            Do.PAUSE: lambda event: self._pause(f"paused by {event.source}"),
+            Do.RESUME: lambda event: self._resume(),
+            Do.BEGIN_ANEW: lambda event: self._begin_anew(),
+            Do.CANCEL: self._cancel,
+            Do.SKIP_ROW: lambda event: self._skip_row(),
+            Do.TURN_HOME: lambda event: self._turn_home(event.source),
+            Do.TURN_TO_GOAL: self._turn_to_goal,
+            Do.TAKE_PLAN: self._take_plan,
+            Do.TAKE_VISIT: self._take_visit,
+            Do.SET: self._set,
+        }
 
     def _turn_latch(self, event: OperatorEvent) -> None:
         self._latch.hear(event)

@@ -1,4 +1,4 @@
-"""What the robot is told to do."""
+"""Commands to the robot's wheels and implement."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ class ImplementCommand(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RobotCommand(msgspec.Struct, frozen=True, kw_only=True):
+    """What a platform is to do from now on."""
+
     t_s: float
     drive: DriveCommand = DriveCommand()
     implement: ImplementCommand = ImplementCommand()
