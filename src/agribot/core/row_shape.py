@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Generic, NamedTuple
 
 import msgspec
 import numpy as np
@@ -14,12 +14,12 @@ from agribot.core.messages import FloatArray, Row
 SAGITTA_M = 0.001  # chords that stand for an arc keep this close to it
 
 
-class Beside(NamedTuple):
+class Beside(NamedTuple, Generic[Number]):
     """How far along a line a place lies, how far left of it, and where the line leads there."""
 
     along_m: Number
     left_m: Number
-    yaw_rad: Number
+    yaw_rad: Number | float
 
 
 def beside_line(
@@ -28,7 +28,7 @@ def beside_line(
     curvature_radpm: float,
     x_map_m: Number,
     y_map_m: Number,
-) -> Beside:
+) -> Beside[Number]:
     """Of a line that starts at a place towards `yaw_rad` and bends left by the curvature."""
     dx, dy = x_map_m - start_map_m[0], y_map_m - start_map_m[1]
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
@@ -42,7 +42,7 @@ def beside_line(
     return Beside(turned_rad / curvature_radpm, off_m, yaw_rad + turned_rad)
 
 
-def beside_row(row: Row, x_map_m: Number, y_map_m: Number) -> Beside:
+def beside_row(row: Row, x_map_m: Number, y_map_m: Number) -> Beside[Number]:
     return beside_line(
         row.start_map_m, start_yaw_rad(row), row.curvature_radpm, x_map_m, y_map_m
     )  # fmt: skip
