@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import msgspec
 
+from agribot.app.judge import Judge
 from agribot.app.run_clock import Clock
 from agribot.autonomy.perception_host import PerceptionMeter
 from agribot.autonomy.plan.saved_mission import SavedMission
@@ -15,15 +16,13 @@ from agribot.autonomy.weeds.map import WeedMap
 from agribot.autonomy.weeds.track import Track
 from agribot.core.errors import RecordingError
 from agribot.core.histogram import Histogram
+from agribot.core.implement.kind import ReportLine
 from agribot.core.messages import MappedPlant, TickRecord
 from agribot.record.events import Event, read_whole_events
 from agribot.record.replay import read_ticks, read_truth
 from agribot.record.report import RunOfJob
-from agribot.record.series import RunSeries, collect, joined
-from agribot.sim.scores import Judged
-
-if TYPE_CHECKING:
-    from agribot.sim.referee import Referee
+from agribot.record.series import RunSeries, collect, join_series
+from agribot.sim.scores import Judgement
 
 FILE_NAME = "job.json"
 RECORDING = "run.mcap"
@@ -44,8 +43,9 @@ class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
     frames: int = 0
     frames_cpu_s: float = 0.0
     latency_s: Histogram = msgspec.field(default_factory=lambda: Histogram(width=LATENCY_BIN_S))
-    judged: Judged | None = None
+    judged: Judgement | None = None
     plants: tuple[Track, ...] = ()
+    implement: tuple[ReportLine, ...] = ()
     format: int = 1
 
     @property
@@ -58,32 +58,33 @@ NOTHING = JobSoFar(runs=())
 UNKNOWN = JobSoFar(runs=(), lacks=("all but the mission itself: no account of them was given",))
 
 
-class Run(Protocol):
+class RunOfNow(Protocol):
     """What is asked of the run that does the job now."""
 
     out_dir: Path
     clock: Clock
-    referee: Referee
+    judge: Judge | None
 
     @property
     def meter(self) -> PerceptionMeter | None: ...
     @property
     def weed_map(self) -> WeedMap: ...
+    @property
+    def implement_lines(self) -> tuple[ReportLine, ...]: ...
 
 
 class WholeJob:
     """A tap: the time of this run counts with that of the earlier ones."""
 
-    def __init__(self, run: Run, earlier: JobSoFar = NOTHING) -> None:
-        """The referee and the weed map of the run go on with what `earlier` holds."""
+    def __init__(self, run: RunOfNow, earlier: JobSoFar = NOTHING) -> None:
+        """The judge and the weed map of the run go on with what `earlier` holds."""
         self._run, self._earlier = run, earlier
         counts = dict(earlier.latency_s.counts)
         self._latency_s, self._looked = Histogram(width=LATENCY_BIN_S, counts=counts), 0
         self._run_s = 0.0
         self.lacks = list(earlier.lacks)
         if earlier.judged is not None:
-            lost = run.referee.restore(earlier.judged)
-            self.lacks += [lost] if lost else []
+            self.lacks += _restore_judgement(run.judge, earlier.judged)
         run.weed_map.restore(plants_before(earlier))
         self._events, lost_events = events_of(earlier.runs, run.out_dir)
         self.lacks += lost_events
@@ -115,8 +116,9 @@ class WholeJob:
             frames=earlier.frames + (meter.frames if meter else 0),
             frames_cpu_s=earlier.frames_cpu_s + (meter.cpu_s if meter else 0.0),
             latency_s=self._latency_s,
-            judged=self._run.referee.judged(),
+            judged=None if self._run.judge is None else self._run.judge.export_judgement(),
             plants=self._run.weed_map.tracks,
+            implement=add_lines(earlier.implement, self._run.implement_lines),
         )
 
     def events(self, own: Iterable[Event]) -> tuple[Event, ...]:
@@ -131,6 +133,14 @@ class WholeJob:
         series, lost = series_of(self._earlier.runs, own, self._run.out_dir)
         self.lacks += lost
         return series
+
+
+def _restore_judgement(judge: Judge | None, judged: Judgement) -> list[str]:
+    """Let the judge go on with an earlier judgement; what of it is lost, in words."""
+    if judge is None:
+        return ["what was measured before: nobody knows the truth of this run"]
+    lost = judge.restore(judged)
+    return [lost] if lost else []
 
 
 def read_job(folder: Path, saved: SavedMission) -> JobSoFar:
@@ -157,6 +167,14 @@ def rows_only_believed(saved: SavedMission | None, earlier: JobSoFar) -> tuple[i
     if saved is None or saved.visit_name or earlier.judged is not None:
         return ()
     return tuple(row.index for row in saved.rows if row.done)
+
+
+def add_lines(earlier: Sequence[ReportLine], own: Sequence[ReportLine]) -> tuple[ReportLine, ...]:
+    """Add the figures of an implement up, name by name."""
+    sums: dict[tuple[str, str], float] = {(line.name, line.unit): 0 for line in (*earlier, *own)}
+    for line in (*earlier, *own):
+        sums[line.name, line.unit] += line.value
+    return tuple(ReportLine(name, value, unit) for (name, unit), value in sums.items())
 
 
 def plants_before(earlier: JobSoFar) -> tuple[Track, ...]:
@@ -194,7 +212,7 @@ def series_of(
         except RecordingError as error:
             lost.append(f"plots and table of rows: {error}")
         began_s += run.run_s
-    return joined([*parts, (own, began_s)]), lost
+    return join_series([*parts, (own, began_s)]), lost
 
 
 def events_of(earlier: Sequence[RunOfJob], beside: Path) -> tuple[list[Event], list[str]]:

@@ -6,7 +6,7 @@ import argparse
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -19,9 +19,10 @@ from agribot.cli.ranges import finite
 from agribot.cli.run_settings import add_setting_arguments, out_dir_of, settings_of
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
-from agribot.core.config import PlatformKind, RunConfig
+from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
-from agribot.ros.source_uri import places
+from agribot.core.platforms import find_platform
+from agribot.drivers.schemes import read_sources
 
 if TYPE_CHECKING:
     from agribot.autonomy.plan.saved_mission import SavedMission
@@ -36,13 +37,15 @@ STARTING = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_setting_arguments(parser)
     parser.add_argument(
-        "--platform", choices=get_args(PlatformKind), help="what drives (default: sim)"
+        "--platform",
+        metavar="NAME",
+        help="what drives: sim (default), or module:function of your own",
     )
     parser.add_argument("--waypoints", metavar="FILE", help="visit these places (GeoJSON or CSV)")
     parser.add_argument("--plan", metavar="FILE", help="work a field plan (agribot plan --out)")
     parser.add_argument("--field", metavar="FILE", help="plan this field (GeoJSON) and work it")
     parser.add_argument("--implement-width", type=finite, metavar="M",
-                        help="for --field (default: the robot's boom)")  # fmt: skip
+                        help="for --field (default: that of the robot)")  # fmt: skip
     parser.add_argument("--resume", metavar="RUNDIR", help="go on with a run that was cut off")
     parser.add_argument(
         "--clear-stop",
@@ -67,12 +70,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from agribot.app.mission_file import resumed
-    from agribot.app.session import Session
+    from agribot.app.mission_file import continue_config
+    from agribot.app.open_run import open_run
     from agribot.app.whole_job import NOTHING, read_job
 
     config, saved, earlier = _config(options), None, NOTHING
-    has_sources = bool(places(config.sources))
+    has_sources = bool(read_sources(config.sources))
     is_live = bridging.wanted(options) or has_sources
     _check(options, config)
     pace = pace_from(options.speed or ("1" if is_live else "max"))
@@ -80,18 +83,16 @@ def run(options: argparse.Namespace) -> int:
         check_not_driven(Path(options.resume))
         saved = _cut_off(options)
         earlier = read_job(Path(options.resume), saved)
-        config = resumed(config, saved)
+        config = continue_config(config, saved)
     elif options.clear_stop:
         raise MissionError("--clear-stop is for a run that goes on; give --resume RUNDIR as well")
     out_dir = out_dir_of(options.out, Path(config.profile).stem)
     check_free(out_dir)
     plan_text = "" if options.field is None else _plan_of_field(config, options)
     with explained(STARTING):
-        made = Session(config, out_dir, saved, earlier, plan_text)
+        made = open_run(config, out_dir, saved, earlier, plan_text)
     with made as session, ExitStack() as parts:
-        lost = [f"of the job's earlier runs is lost: {what}" for what in session.job.lacks]
-        odd = (*session.robot.warnings, *session.world.warnings, *lost)
-        sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
+        sys.stderr.writelines(f"warning: {warning}\n" for warning in session.warnings)
         page = parts.enter_context(opened(options, session)) if wants_page(options) else None
         session.unattended.is_attended = _has_operator(options)
         progress = Progress(session.weed_map)
@@ -147,11 +148,12 @@ def _cut_off(options: argparse.Namespace) -> SavedMission:
 
 def _check(options: argparse.Namespace, config: RunConfig) -> None:
     """Raises: ConfigError: what would otherwise be missed only after a long start."""
-    if config.platform == "sim":
-        extras.require("sim", "the simulated robot")
+    extra = find_platform(config.platform).extra
+    if extra:
+        extras.require(extra, f"platform = {config.platform!r}")
     if wants_page(options):
         extras.require("ui", "the operator's page")
-    bridging.check(options, places(config.sources))
+    bridging.check(options, read_sources(config.sources))
 
 
 def _plan_of_field(config: RunConfig, options: argparse.Namespace) -> str:
@@ -188,8 +190,9 @@ def _summary(report: Report, out_dir: Path) -> str:
             f"precision {_number(weeds.precision)}, recall {_number(weeds.recall)}, "
             f"treated {weeds.treated}"
         )
+        verb = report.implement.verb if report.implement else "treated"
         lines.append(
-            f"{_number(weeds.treated_true)} weeds sprayed, {_number(weeds.crops_hit)} crops hit"
+            f"{_number(weeds.treated_true)} weeds {verb}, {_number(weeds.crops_hit)} crops hit"
         )
     lines.append(
         f"{_number(spent.sim_s, unit=' s')} simulated in {_number(spent.wall_s, unit=' s')}, "

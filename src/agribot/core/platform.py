@@ -7,7 +7,13 @@ from typing import Any, Literal, Protocol
 
 import msgspec
 
-from agribot.core.messages import SENSOR_WATCH, OperatorEvent, RobotCommand, SensorBatch
+from agribot.core.messages import (
+    SENSOR_WATCH,
+    Inbox,
+    OperatorEvent,
+    RobotCommand,
+    SensorBatch,
+)
 
 # Fields of a SensorBatch that may come from elsewhere.
 Sensor = Literal["gnss", "imu", "mag", "wheels", "frames"]
@@ -15,7 +21,13 @@ SILENCE_S = 2.0
 
 
 class Platform(Protocol):
-    """Nothing above this interface knows whether the robot is real."""
+    """Nothing above this interface knows whether the robot is real.
+
+    What people and programs ask of the robot lies in `inbox`; `read` empties it into the batch.
+    """
+
+    @property
+    def inbox(self) -> Inbox: ...
 
     def read(self) -> SensorBatch:
         """Wait for the next tick and return what arrived since the last one.
@@ -33,29 +45,48 @@ class Platform(Protocol):
         ...
 
 
+class TrueState(Protocol):
+    """Where the robot really is, as only a simulator knows: the body frame in the map."""
+
+    @property
+    def x_map_m(self) -> float: ...
+    @property
+    def y_map_m(self) -> float: ...
+    @property
+    def yaw_map_rad(self) -> float: ...
+    @property
+    def v_mps(self) -> float: ...
+    @property
+    def yaw_rate_radps(self) -> float: ...
+
+
 class SensorSource(Protocol):
-    """One sensor that comes from elsewhere than the platform, `name` says from where."""
+    """One sensor that comes from elsewhere than the platform; `name` is its origin."""
 
     sensor: Sensor
     name: str
 
     def take(self, t_s: float) -> tuple[Any, ...]:
-        """Samples that arrived since the last call, oldest first, stamped by the robot's clock."""
+        """Take the samples since the last call, oldest first, stamped by the robot's clock."""
         ...
 
     def close(self) -> None: ...
 
 
 class MixedPlatform:
-    """A platform some of whose sensors come from elsewhere; its own samples of these are dropped.
+    """A platform with some sensors from elsewhere; its own samples of these are dropped.
 
-    A source that says nothing for `SILENCE_S` is a fault, which the batch carries as a note.
+    A source without a sample for `SILENCE_S` is a fault, which the batch carries as a note.
     """
 
     def __init__(self, platform: Platform, sources: Sequence[SensorSource]) -> None:
         self._platform, self._sources = platform, tuple(sources)
         self._heard_s: dict[str, float] = {}
         self._silent: set[str] = set()
+
+    @property
+    def inbox(self) -> Inbox:
+        return self._platform.inbox
 
     def read(self) -> SensorBatch:
         batch = self._platform.read()
@@ -78,7 +109,7 @@ class MixedPlatform:
     def _watch(
         self, source: SensorSource, t_s: float, *, has_samples: bool
     ) -> Iterator[OperatorEvent]:
-        """A note when it falls silent, of value 1, and one when it speaks again."""
+        """Note when a source falls silent, with value 1, and when it sends again, with 0."""
         name = f"{source.sensor} from {source.name}"
         last_s = self._heard_s.setdefault(name, t_s)
         if has_samples:

@@ -7,11 +7,11 @@ from pathlib import Path as FilePath
 
 import msgspec
 
-from agribot import __version__
 from agribot.core import topics
 from agribot.core.config import RunConfig, to_toml
 from agribot.core.messages import MappedPlant, Path, TickRecord
 from agribot.core.robot import RobotSpec
+from agribot.core.version import __version__
 from agribot.record.parts import RecordingParts
 from agribot.record.ticks import encode_tick
 from agribot.ros.messages.camera_log import CameraLog
@@ -76,13 +76,13 @@ class RunRecorder:
     def truth(
         self, t_s: float, pose: tuple[float, float, float], twist: tuple[float, float] = (0.0, 0.0)
     ) -> None:
-        """True x_map_m, y_map_m, yaw_map_rad and forward and yaw rate; a simulator has them."""
+        """Record the true x_map_m, y_map_m, yaw_map_rad and forward and yaw rate of a simulator."""
         self._feed.truth(t_s, pose, twist)
 
     def set_plan(
         self, t_s: float, plan: Path | None, goals_map_m: Sequence[tuple[float, float]]
     ) -> None:
-        """A new path and its waypoints, when the mission planned again."""
+        """Record a new path and its waypoints, when the mission planned again."""
         self._feed.set_plan(t_s, plan, goals_map_m)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:

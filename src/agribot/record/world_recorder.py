@@ -1,12 +1,12 @@
-"""Recording of a world without a robot's mind: sensors, drive commands and the truth."""
+"""Recording of a simulated world alone: sensors, drive commands and the truth."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from agribot import __version__
 from agribot.core.config import RunConfig, to_toml
 from agribot.core.robot import RobotSpec
+from agribot.core.version import __version__
 from agribot.record.parts import RecordingParts
 from agribot.record.recorder import CONFIG_ATTACHMENT, FLUSH_NS, URDF_ATTACHMENT
 from agribot.ros.messages import rosmsg
@@ -15,7 +15,7 @@ from agribot.ros.messages.world_feed import WorldFeed, WorldTick
 
 
 class WorldRecorder:
-    """Call it once per tick, as a WorldFeed; a process killed later loses at most a second.
+    """A recorder to call once per tick; a process killed later loses at most a second.
 
     Raises: RecordingError: the file cannot be created or written.
     """

@@ -12,8 +12,8 @@ import msgspec
 from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
-from agribot import __version__
 from agribot.core.geo import MapFrame
+from agribot.core.version import __version__
 from agribot.ui.access import Caller
 from agribot.ui.answers import NO_STORE, channel_of, json_answer, refused
 from agribot.ui.channel import signal_table

@@ -13,7 +13,7 @@ import msgspec
 
 from agribot.app.calibration.robot_file import RobotFile
 from agribot.app.calibration.wizard import Wizard
-from agribot.app.session import Session
+from agribot.app.run import Run
 from agribot.autonomy.weeds.track import Track
 from agribot.core.errors import ConfigError, RecordingError
 from agribot.core.messages import ByteArray, OperatorEvent, TickRecord
@@ -47,10 +47,10 @@ class OperatorPage:
     """
 
     def __init__(
-        self, session: Session, address: Address | None = None, panels: Panels | None = None
+        self, session: Run, address: Address | None = None, panels: Panels | None = None
     ) -> None:
         self._session = session
-        self._inbox = session.platform.inbox
+        self._inbox = session.inbox
         self._timeout_s = session.config.safety.hand_timeout_s
         self._pauses_when_lost = session.config.safety.on_operator_lost == "pause"
         self._panels = panels or Panels()
@@ -58,7 +58,7 @@ class OperatorPage:
         self.address = address or Address()
         self.server = ServerProcess(self.address, self._about, self._server_lost)
         self._lock = threading.Lock()
-        self._view = RunView(session.config)
+        self._view = RunView(session.config, session.robot.implement)
         file = RobotFile(self.address.home, session.config.robot)
         self._wizard = Wizard(self._inbox, session.robot, session.config, file)
         self._source = SessionSource(session, self._wizard)
@@ -255,7 +255,7 @@ class OperatorPage:
 class SessionSource:
     """The parts of a session that the feed looks at from its own thread."""
 
-    def __init__(self, session: Session, wizard: Wizard) -> None:
+    def __init__(self, session: Run, wizard: Wizard) -> None:
         self._session, self._wizard = session, wizard
 
     def path(self) -> PlannedPath | None:
@@ -265,13 +265,13 @@ class SessionSource:
         return self._session.weed_map.confirmed()
 
     def events_since(self, index: int) -> list[Event]:
-        return self._session.event_log.since(index)
+        return self._session.event_log.list_since(index)
 
     def recording(self) -> str:
         return self._session.recording.name
 
     def calibration(self) -> dict[str, Any] | None:
-        return self._wizard.shown()
+        return self._wizard.describe_progress()
 
 
 def _event(order: dict[str, Any]) -> OperatorEvent:

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from agribot import __version__
+from agribot.core.version import __version__
 from agribot.ui.allowance import MAX_MESSAGES_PER_S, Allowance
 from agribot.ui.channel import Channel
 from agribot.ui.client import Client

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.app.calibration.believed import calibrated
+from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.calibration.wizard import Wizard
 from agribot.autonomy.perceive.plants import HEIGHT_RATIO
 from agribot.core import config
@@ -44,7 +44,7 @@ class SeeingBench(Bench):
         words = [*SETTINGS, *FIELD, *settings, *elsewhere, "perception.enabled=true"]
         sees = config.load("farm", words)
         session.stack.taps.remove(self.wizard)
-        self.wizard = Wizard(session.platform.inbox, session.robot, sees, self.file)
+        self.wizard = Wizard(session.inbox, session.robot, sees, self.file)
         session.add_tap(lambda record: self.wizard(self._with_picture(record)))
 
     def _with_picture(self, record: TickRecord) -> TickRecord:
@@ -52,7 +52,7 @@ class SeeingBench(Bench):
         if t_s < self._next_s:
             return record
         self._next_s = t_s + EVERY_S
-        truth = self.session.platform.truth()
+        truth = self.session.simulator.truth()
         x_m, y_m, yaw_rad = truth.x_map_m, truth.y_map_m, truth.yaw_map_rad
         scene = Scene(
             t_s=t_s, ready_s=t_s, frame_index=0, view_body_m=(),
@@ -93,7 +93,7 @@ def test_a_wrong_mount_is_found_and_the_next_run_believes_the_right_one(tmp_path
     seems = next(c for c in found["changes"] if c["label"] == "Plants seem to move by")
     assert seems["after"] < 0.5 * seems["before"]
     next_run = config.load("farm", [*SETTINGS, *WRONG, *bench.file.settings()])
-    believed, real = calibrated(load_robot(), next_run.calibration), load_robot()
+    believed, real = apply_calibration(load_robot(), next_run.calibration), load_robot()
     turned = believed.body_from_camera()[:3, :3].T @ real.body_from_camera()[:3, :3]
     off_rad = math.acos(min(1.0, (float(np.trace(turned)) - 1.0) / 2.0))
     assert math.degrees(off_rad) < 1.0  # it was off by 3.7

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from agribot.core import config
 from agribot.core.world import Light, WorldSpec
 from agribot.description.field_generator import generate_field
-from agribot.description.field_plan import FieldPlan, read_field_plan
+from agribot.description.field_settings import FieldSettings, read_field_settings
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
 from agribot.description.worlds_sdf import load_world
@@ -137,7 +137,7 @@ def table(result: dict[str, Any]) -> str:
 
 
 def _drive(condition: Condition, seconds: float, model: str) -> Drive:
-    from agribot.app.session import Session
+    from agribot.app.simulated_run import simulate
 
     profile = FARM if condition.field == FARM else BEET
     with TemporaryDirectory() as folder:
@@ -150,7 +150,7 @@ def _drive(condition: Condition, seconds: float, model: str) -> Drive:
             f"perception.model={model}",
             "record.enabled=false",
         ]
-        with Session(config.load(profile, settings), Path(folder) / "run") as session:
+        with simulate(config.load(profile, settings), Path(folder) / "run") as session:
             for _ in session.ticks():
                 pass
             session.finish()
@@ -167,9 +167,9 @@ def _world(condition: Condition) -> WorldSpec:
     return msgspec.structs.replace(world, light=LIGHTS[condition.light])
 
 
-def _plan(condition: Condition) -> FieldPlan:
+def _plan(condition: Condition) -> FieldSettings:
     """The packaged beet field with another crop, growth and chance."""
-    plan = read_field_plan(ROOT / "fields" / "beet.toml")
+    plan = read_field_settings(ROOT / "fields" / "beet.toml")
     species, height_m = CROPS[condition.field]
     crop = msgspec.structs.replace(
         plan.crop, species=species, height_m=height_m * (condition.height_ratio or 1.0)

@@ -18,6 +18,7 @@ from agribot.app.workers import Stop
 from agribot.core.errors import RecordingError
 from agribot.core.messages import ByteArray, FloatArray, PlantClass
 from agribot.core.robot import CameraSpec
+from agribot.core.whole_file import write_at_once
 from agribot.core.world import Plant, WorldSpec
 from agribot.lab.dataset.records import (
     COLOURED,
@@ -28,17 +29,16 @@ from agribot.lab.dataset.records import (
     image_name,
     record_path,
     stem,
-    write,
 )
 from agribot.lab.dataset.run_lengths import instance_run_lengths
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.camera.renderer import CameraRenderer, Rendering
-from agribot.sim.random_scenes import random_field, random_look, random_view
+from agribot.sim.random_scenes import sample_field, sample_look, sample_view
 from agribot.sim.seedling_scenes import (
-    overhead_view,
-    random_seedlings,
-    red_infrared,
-    red_infrared_look,
+    sample_overhead_view,
+    sample_red_infrared_look,
+    sample_seedlings,
+    to_red_infrared,
 )
 
 # Keeps these fields apart from the ones that networks are trained and judged on.
@@ -66,9 +66,11 @@ class Scenes(NamedTuple):
 
 
 SCENES = {
-    "standard": Scenes(random_field, random_look, random_view),
-    "wide": Scenes(partial(random_field, is_wide=True), random_look, random_view),
-    "seedlings": Scenes(random_seedlings, red_infrared_look, overhead_view, red_infrared),
+    "standard": Scenes(sample_field, sample_look, sample_view),
+    "wide": Scenes(partial(sample_field, is_wide=True), sample_look, sample_view),
+    "seedlings": Scenes(
+        sample_seedlings, sample_red_infrared_look, sample_overhead_view, to_red_infrared
+    ),
 }
 
 
@@ -118,7 +120,7 @@ def draw_field(job: FieldJob, stop: Stop) -> int:
         record = _record(index, job.field, camera, map_from_camera, picture, world.plants)
         try:
             _write_image(job.folder, recipe, index, picture)
-            write(record_path(job.folder, index), encoded(record))
+            write_at_once(record_path(job.folder, index), encoded(record))
         except OSError as error:
             raise RecordingError(
                 f"cannot write into {job.folder}: {error.strerror or error}; make room and run "
@@ -190,7 +192,7 @@ def _write_image(folder: Path, recipe: Recipe, index: int, picture: Rendering) -
         image = _packed(image_rgb, "JPEG", quality=JPEG_QUALITY)
     else:
         image = _packed(image_rgb, "PNG", compress_level=1)
-    write(folder / image_name(recipe, index), image)
+    write_at_once(folder / image_name(recipe, index), image)
     name = f"{stem(index)}.png"
     labels: dict[str, Pixels] = {
         "masks": picture.class_id,
@@ -200,7 +202,7 @@ def _write_image(folder: Path, recipe: Recipe, index: int, picture: Rendering) -
     if recipe.colour_masks:
         labels[COLOURED] = PALETTE[picture.class_id]
     for kind, pixels in labels.items():
-        write(folder / kind / name, _packed(pixels, "PNG", compress_level=1))
+        write_at_once(folder / kind / name, _packed(pixels, "PNG", compress_level=1))
 
 
 def depth_mm(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:

@@ -1,0 +1,313 @@
+"""One run from settings to report: platform, stack and all that listens to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from typing import Self
+
+import msgspec
+
+from agribot.app import whole_job
+from agribot.app.judge import Judge
+from agribot.app.mission_file import MissionFile
+from agribot.app.report_card import report_card
+from agribot.app.run_clock import Clock
+from agribot.app.run_folder import RunFolder
+from agribot.app.run_recording import RunRecording, files_to_run_again
+from agribot.app.run_setup import PLAN_FILE, RunSetup
+from agribot.app.tasks import row_ends
+from agribot.app.unattended import Unattended
+from agribot.app.whole_job import WholeJob
+from agribot.autonomy.perception_host import PerceptionMeter
+from agribot.autonomy.plan.task import Task
+from agribot.autonomy.stack import MaskTap, Stack, Tap
+from agribot.autonomy.weeds.map import WeedMap
+from agribot.core import config as settings
+from agribot.core.errors import RecordingError
+from agribot.core.implement.kind import ReportLine
+from agribot.core.messages import (
+    Inbox,
+    MappedPlant,
+    MapPoint,
+    OperatorEvent,
+    Row,
+    TickRecord,
+)
+from agribot.core.messages import Path as PlannedPath
+from agribot.core.platform import MixedPlatform, Platform, SensorSource, TrueState
+from agribot.core.row_shape import row_length_m
+from agribot.description.loader import export_urdf
+from agribot.record.events import Event, EventLog
+from agribot.record.report import Report, to_json, write_file
+from agribot.record.run_files import write_run_files
+from agribot.record.series import RunData, SeriesTap
+
+ENDED = ("done", "cancelled", "failed")
+COMING_TO_REST_S = 2.0
+REST_TICKS = 5  # a robot that rocks back passes through standstill
+
+
+class Run:
+    """A stack that drives a platform, simulated or real, and the files and taps of that drive.
+
+    Everything is open before the robot may move, so that bad input is refused at rest. Use it as
+    a context: `ticks()` drives, `finish()` writes the files of the run.
+    """
+
+    def __init__(
+        self,
+        setup: RunSetup,
+        platform: Platform,
+        stack: Stack,
+        taps: Sequence[Tap] = (),
+        judge: Judge | None = None,
+    ) -> None:
+        """`taps` come before those of the run itself; `judge` knows the truth, where anybody does.
+
+        Raises: AgribotError: the disk takes no files, or the folder holds a run.
+        """
+        self.config, self.out_dir = setup.config, setup.out_dir
+        self.robot, self.platform, self.stack = setup.robot, platform, stack
+        self.judge = judge
+        self._plan_text, self._first_taps = setup.plan_text, tuple(taps)
+        self._task = self.task
+        saved, earlier = setup.saved, setup.earlier
+        self.rows_before = whole_job.rows_only_believed(saved, earlier)
+        self.clock = Clock()
+        is_unknown = saved is not None and earlier is whole_job.NOTHING
+        self.job = WholeJob(self, whole_job.UNKNOWN if is_unknown else earlier)
+        self.last: TickRecord | None = None
+        self.trouble_taps: list[Callable[[str], None]] = []
+        self.is_written = True  # every file of the run's end could be written
+        before = whole_job.plants_before(earlier)
+        files = files_to_run_again(setup.goals_map_m, saved, before, setup.plan_text)
+        self._open_all_files(files, setup.plan_text if setup.is_plan_new else "")
+
+    def _open_all_files(self, recorded: Mapping[str, tuple[str, bytes]], new_plan: str) -> None:
+        """Or none of them: the folder is as it was before, and can be tried again."""
+        self._files = ExitStack()
+        try:
+            self._open_files(recorded, new_plan)
+        except BaseException:
+            self.__exit__()
+            raise
+
+    def _open_files(self, recorded: Mapping[str, tuple[str, bytes]], new_plan: str) -> None:
+        out_dir = self.out_dir
+        self._folder = RunFolder(out_dir)
+        self._files.callback(self._leave_folder)
+        if new_plan:
+            write_file(out_dir / PLAN_FILE, new_plan.encode())
+        self.event_log = EventLog(out_dir / "events.jsonl", self._say)
+        self._files.callback(self.event_log.close)
+        self._series = SeriesTap()
+        self.recording = RunRecording(self, recorded, self._tell)
+        self._files.callback(self.recording.close)
+        self._mission_file = MissionFile(out_dir, self.stack.mission, self._tell)
+        self._files.callback(self._mission_file.close)
+        self.stack.taps += [*self._first_taps, self._series, self.event_log]
+        self._job_file = MissionFile(out_dir, self.job, self._tell, whole_job.FILE_NAME)
+        self._files.callback(self._job_file.close)
+        self.unattended = Unattended(self.config.mission.stall_timeout_s)
+        self.stack.taps += [self._mission_file, self.job, self._job_file]
+        self.stack.taps += [self.recording, self._follow_task, self.unattended]
+        self._write_config()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.platform.close()
+        self.stack.close()
+        self._files.close()
+
+    def _leave_folder(self) -> None:
+        if self.last is None:
+            self._folder.give_back()
+        else:
+            self._folder.close()
+
+    @property
+    def inbox(self) -> Inbox:
+        """What people and programs ask of the robot; anybody may post, from any thread."""
+        return self.platform.inbox
+
+    @property
+    def truth(self) -> Callable[[], TrueState] | None:
+        """Where the robot really is, for those who show it; None where nobody knows."""
+        return None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is odd about the robot or earlier runs, but does not keep it from driving."""
+        lost = (f"of the job's earlier runs is lost: {what}" for what in self.job.lacks)
+        return (*self.robot.warnings, *lost)
+
+    def take_sensors(self, sources: Sequence[SensorSource]) -> None:
+        """Let sensors from elsewhere stand in for the platform's own; before the first tick."""
+        self.platform = MixedPlatform(self.platform, sources)
+
+    @property
+    def task(self) -> Task:
+        return self.stack.mission.task
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """Of the task: crop rows, or the swaths of a field plan."""
+        return tuple(self.task.rows)
+
+    @property
+    def goals_map_m(self) -> tuple[MapPoint, ...]:
+        """Of the task: the waypoints, none where it is rows."""
+        return tuple(self.task.waypoints)
+
+    @property
+    def shown_goals_map_m(self) -> tuple[MapPoint, ...]:
+        """The waypoints, or both ends of every row: what a map shows as goals."""
+        return self.goals_map_m or row_ends(self.rows)
+
+    @property
+    def planned_path(self) -> PlannedPath | None:
+        return self.stack.mission.path
+
+    def plants(self) -> tuple[MappedPlant, ...]:
+        return self.weed_map.plants()
+
+    @property
+    def weed_map(self) -> WeedMap:
+        return self.stack.weed_map
+
+    @property
+    def implement_lines(self) -> tuple[ReportLine, ...]:
+        return self.stack.treatment.report()
+
+    @property
+    def urdf(self) -> str:
+        """The robot's description with everything expanded."""
+        return export_urdf(self.config.robot)
+
+    @property
+    def meter(self) -> PerceptionMeter | None:
+        return self.stack.perception.meter
+
+    def worked_area_m2(self, rows: tuple[int, ...]) -> float:
+        """Ground of the given rows, as wide as they are apart or as the implement is."""
+        work, field = self.task.work, self.config.field
+        length_m = sum(row_length_m(row) for row in self.rows if row.index in rows)
+        return length_m * (field.row_pitch_m if work is None else work.request.implement_width_m)
+
+    def add_tap(self, tap: Tap) -> None:
+        self.stack.taps.append(tap)
+
+    def add_mask_tap(self, tap: MaskTap) -> None:
+        """`tap(frame_index, class_id)` is called in the network's thread."""
+        self.stack.mask_taps.append(tap)
+
+    def ticks(self) -> Iterator[TickRecord]:
+        """Drive until the mission ends, the time allowed is over, or nobody clears a stop."""
+        self.clock.start()
+        while not (self._has_ended() or self._is_time_over() or self.unattended.why_ended):
+            yield self._tick()
+        self.clock.stop()
+
+    def idle(self) -> Iterator[TickRecord]:
+        """Go on after `finish`, for as long as the caller wants: the robot can be driven by hand.
+
+        The report is made and its recording closed by then; events are still logged, another
+        recording may be begun, and the robot drives to places and takes new plans.
+        """
+        over = (self.judge, self._series, self.job, self._job_file)
+        self.stack.taps = [tap for tap in self.stack.taps if tap not in over]
+        self.stack.mission.stay_open()
+        while True:
+            yield self._tick()
+
+    def finish(self, why_ended: str = "") -> Report:
+        """Bring the robot to rest, write every file of the run and return the report.
+
+        `why_ended` names an end from outside, such as an interruption.
+        """
+        if not self._has_ended() and not why_ended and self.last is not None:
+            as_asked = f"stopped after {self.config.duration_s or 0.0:g} s, as asked"
+            why_ended = self.unattended.why_ended or as_asked
+        self._come_to_rest()
+        self.clock.stop()
+        self.stack.perception.settle()  # the last frame counts in every run
+        self._job_file.write()
+        data = self._data()
+        report = report_card(self, why_ended)
+        self.recording.attach("report.json", "application/json", to_json(report))
+        self.recording.close()
+        try:
+            write_run_files(self.out_dir, report, data)
+        except RecordingError as error:
+            self._tell(self.last.batch.t_s if self.last is not None else 0.0, str(error))
+            self.is_written = False
+        return report
+
+    def _tick(self) -> TickRecord:
+        self.last = self.stack.tick(self.platform)
+        return self.last
+
+    def _has_ended(self) -> bool:
+        waits = self.config.mission.waits_for_goals
+        return not waits and self.last is not None and self.last.status.state in ENDED
+
+    def _is_time_over(self) -> bool:
+        limit_s = self.config.duration_s
+        return limit_s is not None and self.last is not None and self.last.batch.t_s >= limit_s
+
+    def _come_to_rest(self) -> None:
+        """Cancel what is left of the mission and wait for the wheels."""
+        if self.last is None:
+            return
+        t_s = self.last.batch.t_s
+        if not self._has_ended():
+            self.inbox.post(OperatorEvent(t_s=t_s, action="cancel", source="session"))
+        self._tick()
+        still = 0
+        while still < REST_TICKS and self.last.batch.t_s < t_s + COMING_TO_REST_S:
+            self._tick()
+            still = still + 1 if abs(self.last.estimate.v_mps) <= 0.01 else 0
+
+    def _write_config(self) -> None:
+        write_file(self.out_dir / "config.toml", settings.to_toml(self.config).encode())
+
+    def _tell(self, t_s: float, text: str) -> None:
+        """What goes wrong beside the drive: it goes on, and everybody hears of it at once."""
+        self._say(text)
+        self.event_log.add(Event(t_s=t_s, kind="fault", reason=text))
+
+    def _say(self, text: str) -> None:
+        for hear in self.trouble_taps:
+            hear(text)
+
+    def _follow_task(self, record: TickRecord) -> None:
+        """A task taken under way is judged and shown, a plan also resumed, in place of the old."""
+        task = self.task
+        if task is self._task:
+            return
+        self._task, self.rows_before = task, ()
+        if self.judge is not None:
+            self.judge.set_task(self.rows, self.goals_map_m)
+        if task.work is None:
+            return
+        path = self.out_dir / PLAN_FILE
+        self.config = msgspec.structs.replace(self.config, plan=str(path), waypoints="")
+        try:
+            write_file(path, task.text.encode())
+            self._write_config()
+        except RecordingError as error:
+            self._tell(record.batch.t_s, str(error))
+
+    def _data(self) -> RunData:
+        return RunData(
+            config=self.config,
+            series=self.job.series(self._series.series()),
+            rows=self.rows,
+            plan=self.stack.mission.path,
+            goals_map_m=self.shown_goals_map_m,
+            plants=self.job.plants(self.weed_map.plants()),
+            events=self.job.events(self.event_log.events),
+        )

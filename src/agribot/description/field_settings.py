@@ -1,0 +1,147 @@
+"""The settings of a field to be generated: those of a FIELD.toml."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+from agribot.core.config import read_toml
+from agribot.core.errors import ConfigError, DescriptionError
+from agribot.core.geo import Datum
+
+# Limits that no field exceeds, so that a typing error cannot exhaust the memory.
+LARGEST_M = 1e4
+MOST_PLANTS = 200_000
+Positive = Annotated[float, msgspec.Meta(gt=0, le=LARGEST_M)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0, le=LARGEST_M)]
+Ratio = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class FieldSection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of the settings."""
+
+
+class RowsSettings(FieldSection, frozen=True):
+    """Parallel rows; each further one lies `pitch_m` to the right of the row direction.
+
+    `curvature_radpm` bends them, to the left where it is positive. After every
+    `tramline_every` rows there is `tramline_m` more room (0: no tramlines).
+    """
+
+    count: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 6
+    length_m: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 10.0
+    pitch_m: Positive = 1.0
+    first_row_start_map_m: tuple[float, float] = (1.0, 2.0)
+    yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
+    curvature_radpm: Annotated[float, msgspec.Meta(ge=-0.2, le=0.2)] = 0.0
+    tramline_every: Annotated[int, msgspec.Meta(ge=0)] = 0
+    tramline_m: NonNegative = 0.5
+
+
+class CropSettings(FieldSection, frozen=True):
+    """Crop plants of `height_m`; gaps are stretches of a row without plants."""
+
+    species: str = "sugar_beet"
+    spacing_m: Annotated[float, msgspec.Meta(ge=0.02)] = 0.25
+    height_m: Positive = 0.2
+    height_spread_ratio: Annotated[float, msgspec.Meta(ge=0, le=0.9)] = 0.1
+    stem_radius_m: NonNegative = 0.02
+    jitter_m: NonNegative = 0.0
+    missing_ratio: Ratio = 0.0
+    gaps_per_row: Annotated[float, msgspec.Meta(ge=0, le=100)] = 0.0
+    gap_length_m: Positive = 1.0
+
+
+class WeedsSettings(FieldSection, frozen=True):
+    """Weeds over the field and `margin_m` around it; `cluster_ratio` of them in patches."""
+
+    density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] = 1.5
+    species: tuple[str, ...] = ("grass", "goosefoot", "thistle", "amaranth")
+    height_min_m: Positive = 0.04
+    height_max_m: Positive = 0.15
+    crop_distance_m: NonNegative = 0.1
+    margin_m: NonNegative = 0.5
+    cluster_ratio: Ratio = 0.0
+    cluster_size: Annotated[float, msgspec.Meta(ge=1, le=1000)] = 6.0
+    cluster_radius_m: Positive = 0.3
+
+
+class SoilSettings(FieldSection, frozen=True):
+    """Residue, stones and wet patches on the soil, 0 none to 1 a lot, and tracks.
+
+    Tracks are `track_width_m` wide and `track_gauge_m` apart (0: none), one pair astride each
+    row; rows must be straight and along an axis of the map.
+    """
+
+    residue_ratio: Ratio = 0.0
+    stones_ratio: Ratio = 0.0
+    wet_ratio: Ratio = 0.0
+    track_gauge_m: Annotated[float, msgspec.Meta(ge=0, le=5)] = 0.0
+    track_width_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
+
+
+class FieldSettings(FieldSection, frozen=True):
+    """A whole field; `boundary` is a GeoJSON polygon beside the file that holds all plants."""
+
+    name: str = "field"
+    datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)
+    spawn_xy_map_m: tuple[float, float] = (-2.0, 0.0)
+    spawn_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
+    boundary: str = ""
+    rows: RowsSettings = RowsSettings()
+    crop: CropSettings = CropSettings()
+    weeds: WeedsSettings = WeedsSettings()
+    soil: SoilSettings = SoilSettings()
+
+
+def read_field_settings(path: Path) -> FieldSettings:
+    """Read a FIELD.toml.
+
+    Raises: DescriptionError: no such file, not TOML, an unknown key or a value out of range.
+    """
+    try:
+        tree = read_toml(path)
+        _check_numbers(tree, path.name, "")
+        plan = msgspec.convert(tree, FieldSettings)
+    except ConfigError as error:
+        raise DescriptionError(str(error)) from error
+    except msgspec.ValidationError as error:
+        raise DescriptionError(
+            f"{path.name}: {error}; see agribot world generate --help"
+        ) from error
+    if plan.weeds.height_min_m > plan.weeds.height_max_m or not plan.weeds.species:
+        raise DescriptionError(
+            f"{path.name}: weeds need at least one species and height_min_m "
+            f"({plan.weeds.height_min_m:g}) not above height_max_m ({plan.weeds.height_max_m:g})"
+        )
+    _check_size(plan, path.name)
+    return plan
+
+
+def _check_numbers(value: object, file: str, at: str) -> None:
+    """Check that numbers are finite and not larger than a field; TOML allows nan and inf."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _check_numbers(inner, file, f"{at}.{key}" if at else str(key))
+    elif isinstance(value, list):
+        for inner in value:
+            _check_numbers(inner, file, at)
+    elif isinstance(value, (int, float)) and not abs(value) <= MOST_PLANTS:
+        raise DescriptionError(f"{file}: {at} = {value}: must be a number within {MOST_PLANTS}")
+
+
+def _check_size(plan: FieldSettings, file: str) -> None:
+    rows, weeds = plan.rows, plan.weeds
+    crops = rows.count * (rows.length_m / plan.crop.spacing_m + 1.0)
+    breadth_m = (rows.count - 1) * rows.pitch_m + 2.0 * weeds.margin_m
+    if rows.tramline_every:
+        breadth_m += (rows.count // rows.tramline_every) * rows.tramline_m
+    wild = weeds.density_per_m2 * breadth_m * (rows.length_m + 2.0 * weeds.margin_m)
+    if crops + wild > MOST_PLANTS:
+        raise DescriptionError(
+            f"{file}: about {crops:.3g} crop plants and {wild:.3g} weeds are asked for; a field "
+            f"may have {MOST_PLANTS} plants: lower rows.count, rows.length_m or "
+            "weeds.density_per_m2, or raise crop.spacing_m"
+        )

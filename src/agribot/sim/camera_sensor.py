@@ -1,0 +1,102 @@
+"""Camera frames at their rate, and the true masks of the last ones for the referee."""
+
+from __future__ import annotations
+
+import logging
+from collections import OrderedDict
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from agribot.core.errors import DescriptionError
+from agribot.core.geo import LINK_FROM_OPTICAL, transform
+from agribot.core.messages import ByteArray, CameraFrame, FloatArray
+from agribot.core.robot import CameraSpec, RobotSpec, Shape
+from agribot.core.world import WorldSpec
+from agribot.sim.attitude import read_base_pose
+from agribot.sim.state import WHEEL_ANGLE
+
+if TYPE_CHECKING:
+    from agribot.sim.camera import CameraRenderer, Rendering
+
+KEPT_MASKS = 20
+_LOG = logging.getLogger(__name__)
+
+
+class CameraSensor:
+    """The simulated camera as a sensor: frames from rows of the physics history.
+
+    `noise` is the stream of the noise seeds of the frames, or None for clean images. With
+    `has_body` the robot itself and its shadow are in the picture. The constructor compiles the
+    renderer, so that the first picture takes no longer than any other.
+    """
+
+    def __init__(
+        self,
+        robot: RobotSpec,
+        camera: CameraSpec,
+        world: WorldSpec,
+        noise: np.random.Generator | None,
+        *,
+        has_body: bool = False,
+    ) -> None:
+        # Compiling the renderer takes seconds; runs without a camera must not pay for it.
+        from agribot.sim.camera import CameraRenderer
+
+        visible = keep_drawable(robot) if has_body else None
+        self._renderer: CameraRenderer = CameraRenderer(world, visible)
+        self._base_from_body = transform((0.0, 0.0, -robot.base_height_m)) if has_body else None
+        self._camera = camera
+        self._base_from_camera = robot.base_from_link(camera.link) @ LINK_FROM_OPTICAL
+        self._noise = noise
+        self._index = 0
+        self._masks: OrderedDict[int, ByteArray] = OrderedDict()
+        self._draw(transform((0.0, 0.0, robot.base_height_m)), None if noise is None else 0, None)
+
+    def sample(self, t_s: float, row: FloatArray) -> CameraFrame:
+        """Render the view from one row of the physics history."""
+        seed = None if self._noise is None else int(self._noise.integers(2**31))
+        picture = self._draw(read_base_pose(row), seed, row[WHEEL_ANGLE].tolist())
+        frame = CameraFrame(t_s=t_s, index=self._index, image_rgb=picture.image_rgb)
+        self._masks[self._index] = picture.class_id
+        if len(self._masks) > KEPT_MASKS:
+            self._masks.popitem(last=False)
+        self._index += 1
+        return frame
+
+    def _draw(
+        self, base: FloatArray, noise_seed: int | None, wheel_angles_rad: list[float] | None
+    ) -> Rendering:
+        body = self._base_from_body
+        return self._renderer.render(
+            base @ self._base_from_camera,
+            self._camera,
+            noise_seed=noise_seed,
+            map_from_body=None if body is None else base @ body,
+            wheel_angles_rad=None if body is None else wheel_angles_rad,
+        )
+
+    def truth_mask(self, frame_index: int) -> ByteArray | None:
+        """Return the true class ids of a recent frame, (height, width); None if it is too old."""
+        return self._masks.get(frame_index)
+
+
+def keep_drawable(robot: RobotSpec) -> RobotSpec:
+    """Return the robot without the visuals whose meshes cannot be read; warn of each."""
+    from agribot.sim.camera.stl import find_mesh_file, read_stl
+
+    def can_be_drawn(shape: Shape) -> bool:
+        try:
+            if shape.kind == "mesh":
+                read_stl(find_mesh_file(shape.mesh))
+        except DescriptionError as error:
+            _LOG.warning("left out of the camera's picture: %s", error)
+            return False
+        return True
+
+    links = tuple(
+        msgspec.structs.replace(link, visuals=tuple(filter(can_be_drawn, link.visuals)))
+        for link in robot.links
+    )
+    return msgspec.structs.replace(robot, links=links)

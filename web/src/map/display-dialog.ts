@@ -1,0 +1,169 @@
+/** Adding a display to the map, and changing one. */
+
+import { Display } from '../displays/display.ts'
+import type { LayerGroup, ToolId } from '../displays/host.ts'
+import { filled } from '../displays/options.ts'
+import type { Option, Options, OptionValue } from '../displays/options.ts'
+import { DISPLAY_TYPES, typeOf } from '../displays/types.ts'
+import type { DisplayType } from '../displays/types.ts'
+import { el, replace } from '../dom.ts'
+import { icon } from '../icons.ts'
+import type { Choice } from '../shell/dialogs.ts'
+import type { MapView } from './view.ts'
+
+const PICTURE_PX = 256
+
+export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void): Promise<void> {
+  let options: Options = {}
+  const type = el(
+    'select',
+    { onchange: () => fill() },
+    ...DISPLAY_TYPES.map(({ id, title }) => el('option', { value: id }, title)),
+  )
+  type.value = 'odometry'
+  const source = el('select')
+  const title = el('input', { type: 'text', class: 'field-input', maxlength: 40, autocomplete: 'off' })
+  const about = el('p', { class: 'muted small' })
+  const fields = el('div', { class: 'option-grid' })
+  const sourceField = el('label', { class: 'field' }, el('span', {}, 'Shows'), source)
+  const titleField = el('label', { class: 'field' }, el('span', {}, 'Name'), title)
+  const fill = (): void => {
+    const chosen = typeOf(type.value) as DisplayType
+    const sources = view.displays.sources(chosen)
+    const isTool = chosen.kind === 'tool'
+    replace(source, ...sources.map(({ id, title: name }) => el('option', { value: id }, name)))
+    sourceField.hidden = isTool || sources.length === 0
+    titleField.hidden = isTool
+    title.value = chosen.title
+    about.textContent = describe(chosen, sources.length)
+    options = filled(chosen.options)
+    replace(fields, ...optionFields(chosen.options, options, (name, value) => (options[name] = value)))
+  }
+  fill()
+  const body = [
+    el('label', { class: 'field' }, el('span', {}, 'Display'), type),
+    about,
+    sourceField,
+    titleField,
+    fields,
+  ]
+  if (!(await view.app.dialogs.confirm('Add a display', body, 'Add'))) return
+  const chosen = typeOf(type.value)
+  if (chosen?.kind === 'tool') useTool(chosen.tool)
+  else if (!view.displays.make(type.value, title.value.trim() || type.value, source.value, options))
+    view.app.toasts.show('warn', 'This display could not be added.')
+}
+
+function describe(type: DisplayType, sources: number): string {
+  if (type.kind === 'tool') return `A tool of the map: ${type.reads}.`
+  const none =
+    type.kind === 'shapes' && type.needsNoSource
+      ? ''
+      : ' Nothing gives such data now; a program may, with `panels.layer`.'
+  return `Reads ${type.reads}.${sources ? '' : none}`
+}
+
+type Set = (name: string, value: OptionValue) => void
+
+function optionFields(options: Option[], values: Options, set: Set): HTMLElement[] {
+  return options.map((option) => {
+    const unit = option.unit ? `, ${option.unit}` : ''
+    if (typeof option.value === 'boolean') {
+      const box = el('input', {
+        type: 'checkbox',
+        checked: values[option.name] === true,
+        onchange: () => set(option.name, box.checked),
+      })
+      return el('label', { class: 'check' }, box, option.label)
+    }
+    return el(
+      'label',
+      { class: 'field' },
+      el('span', {}, `${option.label}${unit}`),
+      control(option, values[option.name], (value) => set(option.name, value)),
+    )
+  })
+}
+
+function control(option: Option, value: OptionValue, set: (value: OptionValue) => void): HTMLElement {
+  if (option.choices) {
+    const select = el(
+      'select',
+      { onchange: () => set(select.value) },
+      ...option.choices.map((name) => el('option', { value: name, selected: name === value }, name)),
+    )
+    return select
+  }
+  if (option.name === 'image') return pictureInput(set)
+  const isNumber = typeof option.value === 'number'
+  const isColour = String(option.value).startsWith('#')
+  const input = el('input', {
+    type: isNumber ? 'number' : isColour ? 'color' : 'text',
+    class: isColour ? 'colour-input' : 'field-input',
+    value: String(value),
+    min: option.min,
+    max: option.max,
+    step: option.step,
+    autocomplete: 'off',
+    onchange: () => {
+      if (!isNumber) set(input.value)
+      else if (input.value !== '' && input.validity.valid) set(Number(input.value))
+    },
+  })
+  return input
+}
+
+/** A picture file, made small enough to be kept in a saved view. */
+function pictureInput(set: (value: string) => void): HTMLElement {
+  const input = el('input', { type: 'file', accept: 'image/*', class: 'field-input', onchange: () => void read() })
+  const read = async (): Promise<void> => {
+    const file = input.files?.[0]
+    const bitmap = file && (await createImageBitmap(file).catch(() => null))
+    if (!bitmap) return
+    const by = Math.min(1, PICTURE_PX / Math.max(bitmap.width, bitmap.height))
+    const canvas = el('canvas', { width: Math.round(bitmap.width * by), height: Math.round(bitmap.height * by) })
+    canvas.getContext('2d')?.drawImage(bitmap, 0, 0, canvas.width, canvas.height)
+    set(canvas.toDataURL())
+  }
+  return input
+}
+
+/** Order, options and removal of one entry of the layer list. */
+export async function editGroup(view: MapView, group: LayerGroup): Promise<void> {
+  const body: HTMLElement[] = [
+    el('div', { class: 'button-row' }, mover(view, group, -1, 'Further up'), mover(view, group, 1, 'Further down')),
+  ]
+  const choices: Choice<string>[] = [{ label: 'Done', value: 'done', kind: 'primary' }]
+  if (group instanceof Display) {
+    const { type, options } = group
+    body.push(
+      el(
+        'p',
+        { class: 'muted small' },
+        type.title === group.title ? `Reads ${type.reads}.` : `${type.title}: reads ${type.reads}.`,
+      ),
+    )
+    body.push(
+      el(
+        'div',
+        { class: 'option-grid' },
+        ...optionFields(type.options, options, (name, value) => {
+          group.setOptions({ ...group.options, [name]: value })
+          view.remember()
+        }),
+      ),
+    )
+    if (group.removable) choices.unshift({ label: 'Remove', value: 'remove', kind: 'danger' })
+  }
+  const answer = await view.app.dialogs.ask(group.title, body, choices)
+  if (answer === 'remove' && group instanceof Display) view.displays.remove(group)
+}
+
+function mover(view: MapView, group: LayerGroup, by: -1 | 1, label: string): HTMLElement {
+  return el(
+    'button',
+    { type: 'button', class: 'button', onclick: () => view.moveGroup(group, view.groups.indexOf(group) + by) },
+    icon(by < 0 ? 'up' : 'down', 20),
+    label,
+  )
+}
