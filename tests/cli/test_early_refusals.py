@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from agribot.cli.bridging import check_master
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError
+from agribot.ros.ros1.master import check_master
 
 
 @pytest.fixture(autouse=True)

@@ -22,7 +22,12 @@ from agribot.core.row_shape import (
     start_yaw_rad,
 )
 from agribot.description.field_generator import generate_field
-from agribot.description.field_plan import CropPlan, FieldPlan, RowsPlan, WeedsPlan
+from agribot.description.field_settings import (
+    CropSettings,
+    FieldSettings,
+    RowsSettings,
+    WeedsSettings,
+)
 
 QUARTER = Row(index=0, start_map_m=(10.0, 0.0), end_map_m=(0.0, 10.0), curvature_radpm=0.1)
 BENDS = [0.0, 0.04, -0.04]
@@ -75,13 +80,13 @@ def test_rows_of_a_field_stay_one_pitch_apart_along_their_whole_length(bend: flo
 
 @pytest.mark.parametrize("bend", BENDS)
 def test_the_rows_of_a_field_are_those_on_which_the_generator_puts_its_crop(bend: float) -> None:
-    plan = FieldPlan(
-        rows=RowsPlan(
+    plan = FieldSettings(
+        rows=RowsSettings(
             count=5, length_m=12.0, first_row_start_map_m=(3.0, -2.0), yaw_deg=37.0,
             curvature_radpm=bend,
         ),
-        crop=CropPlan(spacing_m=0.25),
-        weeds=WeedsPlan(density_per_m2=0.0),
+        crop=CropSettings(spacing_m=0.25),
+        weeds=WeedsSettings(density_per_m2=0.0),
     )  # fmt: skip
     rows = field_rows(_field(bend))
     for plant in generate_field(plan, 1).plants:

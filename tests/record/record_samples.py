@@ -191,7 +191,7 @@ def tick(index: int, noise: np.random.Generator, with_camera: bool = False) -> T
         command=RobotCommand(
             t_s=t_s,
             drive=DriveCommand(v_mps=SPEED_MPS, yaw_rate_radps=0.01),
-            implement=ImplementCommand(nozzles_open=(False, True, False)),
+            implement=ImplementCommand(sections_on=(False, True, False)),
         ),
     )
 

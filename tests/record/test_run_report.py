@@ -57,6 +57,7 @@ CONTRACT: dict[str, Any] = {
     "safety": ["stops", "faults"],
     "marks": None,
     "job": None,
+    "implement": None,
 }  # fmt: skip
 NASTY = '<script>alert("x")</script> & more'
 

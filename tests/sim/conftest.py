@@ -7,6 +7,7 @@ import math
 import pytest
 
 from agribot.core.geo import Datum
+from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import (
     CameraSpec,
@@ -17,7 +18,6 @@ from agribot.core.robot import (
     RobotSpec,
     SensorMount,
     Shape,
-    SprayerSpec,
     TyreSpec,
 )
 from agribot.core.world import WorldSpec
@@ -113,11 +113,11 @@ def rover() -> RobotSpec:
             clip_near_m=0.02,
             clip_far_m=300.0,
         ),
-        sprayer=SprayerSpec(
+        implement=SprayerSpec(
             x_body_m=-0.4,
-            nozzle_count=8,
-            nozzle_spacing_m=0.1,
-            nozzle_width_m=0.1,
+            section_count=8,
+            section_spacing_m=0.1,
+            section_width_m=0.1,
             latency_s=0.1,
         ),
     )

@@ -17,7 +17,7 @@ from agribot.gis.plan_file import SavedPlan, plan_from
 
 
 def read_plan_text(config: RunConfig) -> str:
-    """The plan of the settings as it stands in its file; empty where a run has none."""
+    """Read the plan of the settings as it stands in its file; empty where a run has none."""
     if not config.plan:
         return ""
     try:
@@ -27,12 +27,15 @@ def read_plan_text(config: RunConfig) -> str:
 
 
 def field_work(text: str, config: RunConfig, robot: RobotSpec) -> FieldWork | None:
-    """The plan of the settings; None without one. Raises: as `work_from`."""
+    """Read the plan of the settings; None without one.
+
+    Raises: MissionError: as `work_from`.
+    """
     return work_from(text, Path(config.plan).name, config, robot) if text else None
 
 
 def work_from(text: str, name: str, config: RunConfig, robot: RobotSpec) -> FieldWork:
-    """A plan in the map of the run, for this robot.
+    """Read a plan in the map of the run, for this robot.
 
     Raises: MissionError: not a plan, or the check refuses it for this robot, and where.
     """
@@ -54,12 +57,12 @@ def planned(
 ) -> tuple[SavedPlan, Certificate]:
     """Plan a field in the map of a run, beginning where the robot is put down.
 
-    Without a width, the implement is as wide as the boom of the robot.
+    Without a width, it is that of the robot's own implement.
     """
     if width_m is None:
-        if robot.sprayer is None:
+        if robot.implement is None:
             raise MissionError(f"{robot.name} has no implement; give --implement-width M")
-        width_m = robot.sprayer.nozzle_count * robot.sprayer.nozzle_spacing_m
+        width_m = robot.implement.width_m
     area, datum = read_field(field, config.field.datum)
     request = PlanRequest(implement_width_m=width_m, tool_x_m=robot.tool_x_m)
     shape = footprint(robot, width_m)

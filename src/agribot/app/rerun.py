@@ -55,7 +55,7 @@ class PassSummary(msgspec.Struct, frozen=True, kw_only=True):
     pos_std_mean_m: float | None
     weeds_mapped: int
     weeds_treated: int
-    nozzle_open_s: float
+    implement_on_s: float
     stops: int
 
 
@@ -152,7 +152,7 @@ def summarise_pass(ticks: Sequence[TickRecord], plants: Sequence[MappedPlant]) -
     speed_mps = np.array([abs(tick.estimate.v_mps) for tick in ticks])
     tracked = [abs(tick.tracking.cross_track_m) for tick in ticks if tick.tracking is not None]
     known = [tick.estimate.pos_std_m for tick in ticks if tick.estimate.ok]
-    spraying = np.array([any(tick.command.implement.nozzles_open) for tick in ticks])
+    is_working = np.array([tick.command.implement.is_on for tick in ticks])
     weeds = [plant for plant in plants if plant.plant == PlantClass.WEED]
     return PassSummary(
         ticks=len(ticks),
@@ -170,7 +170,7 @@ def summarise_pass(ticks: Sequence[TickRecord], plants: Sequence[MappedPlant]) -
         pos_std_mean_m=float(np.mean(known)) if known else None,
         weeds_mapped=len(weeds),
         weeds_treated=sum(weed.treated_s is not None for weed in weeds),
-        nozzle_open_s=float(np.sum(step_s[spraying])),
+        implement_on_s=float(np.sum(step_s[is_working])),
         stops=_count_stops(ticks),
     )
 

@@ -58,8 +58,8 @@ def _run_benchmark(module_name: str, short: tuple[str, ...]) -> tuple[int, Any]:
     parser = argparse.ArgumentParser()
     module.add_arguments(parser)
     chosen = parser.parse_args([*short, "--json"])
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said):
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output):
         status = int(module.run(chosen))
-    lines = said.getvalue().splitlines()
+    lines = output.getvalue().splitlines()
     return status, json.loads(lines[-1]) if lines else None

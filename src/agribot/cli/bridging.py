@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
-from urllib.parse import urlsplit
 
 import msgspec
 
@@ -18,8 +16,9 @@ from agribot.core import extras, topics
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError
 from agribot.core.topics import Topic
+from agribot.drivers.schemes import SourceUri, read_sources, require_extras
 from agribot.ros.requests import Requests
-from agribot.ros.source_uri import Place, places
+from agribot.ros.ros1.master import MASTER, check_master
 
 if TYPE_CHECKING:
     from agribot.app.run import Run
@@ -77,14 +76,16 @@ def is_wanted(options: argparse.Namespace) -> bool:
     return any(getattr(options, name) for name in BRIDGES)
 
 
-def check_bridges(options: argparse.Namespace, sources: Mapping[str, Place] | None = None) -> None:
+def check_bridges(
+    options: argparse.Namespace, sources: Mapping[str, SourceUri] | None = None
+) -> None:
     """Refuse before a long start what could not be opened after it.
 
     `sources` are the topics that sensors come from, by sensor.
     Raises: ConfigError: a package is not installed, or an option is out of range.
     """
     _check_extras(options, sources or {})
-    away = {(place.network, place.at) for place in (sources or {}).values()}
+    away = {(place.scheme, place.at) for place in (sources or {}).values()}
     networks = {network for network, _ in away}
     if options.ros2 or options.dds or "ros2" in networks:
         read_domain(options)
@@ -97,15 +98,13 @@ def check_bridges(options: argparse.Namespace, sources: Mapping[str, Place] | No
         _check_image_rate(options)
 
 
-def _check_extras(options: argparse.Namespace, sources: Mapping[str, Place]) -> None:
+def _check_extras(options: argparse.Namespace, sources: Mapping[str, SourceUri]) -> None:
     for option, extra in (("ros2", "ros"), ("foxglove", "foxglove")):
         if getattr(options, option):
             extras.require(extra, f"--{option}")
     if options.dds:
         extras.require("dds", "--dds (no wheels for Linux on ARM and Python 3.14: take --ros2)")
-    for sensor, place in sources.items():
-        if place.network == "ros2":
-            extras.require("ros", f"--source {sensor}={place.network}:{place.topic}")
+    require_extras(sources)
 
 
 @contextmanager
@@ -114,13 +113,13 @@ def open_bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
 
     Raises: AgribotError: an option is out of range, or a peer that must be there is not.
     """
-    from agribot.description.loader import urdf_text
+    from agribot.description.loader import export_urdf
 
     if not is_wanted(options):
         yield
         return
     requests = Requests(session.inbox, allow_drive=options.allow_drive, say=print_line)
-    taken = {place.topic for place in places(session.config.sources).values()}
+    taken = {place.path for place in read_sources(session.config.sources).values()}
     has_camera = session.robot.camera is not None
     out = [
         topic  # what others publish for this robot, it does not say again
@@ -130,7 +129,7 @@ def open_bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
         if not taken & {topic.name, topic.seed_alias}
     ]
     gateways = open_gateways(
-        options, out, urdf_text(session.config.robot), requests, flatten_settings(session.config)
+        options, out, export_urdf(session.config.robot), requests, flatten_settings(session.config)
     )
     try:
         outlet = _make_outlet(options, session, gateways)
@@ -191,7 +190,7 @@ def report_losses(dropped: int, fault: str) -> None:
 
 
 def _make_outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) -> Outlet:
-    from agribot.description.loader import urdf_text
+    from agribot.description.loader import export_urdf
     from agribot.ros.messages.camera_log import CameraLog
     from agribot.ros.outlet import Outlet, Sources
 
@@ -209,7 +208,7 @@ def _make_outlet(options: argparse.Namespace, session: Run, gateways: list[Gatew
         truth=session.truth,
     )
     return Outlet(
-        gateways, session.robot, config.field.datum, urdf_text(config.robot), camera, sources
+        gateways, session.robot, config.field.datum, export_urdf(config.robot), camera, sources
     )
 
 
@@ -296,33 +295,7 @@ def read_router(options: argparse.Namespace) -> str:
 
 
 def read_master(options: argparse.Namespace) -> str:
-    from agribot.ros.ros1.gateway import MASTER
-
     return check_master(str(options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER))
-
-
-def check_master(uri: str) -> str:
-    """Check the address of a ROS 1 master.
-
-    Raises: ConfigError: not the address of a ROS 1 master.
-    """
-    from agribot.ros.ros1.gateway import MASTER
-
-    if not _is_address(uri):
-        raise ConfigError(f"ROS master {uri[:80]}: write it as http://HOST:PORT, like {MASTER}")
-    return uri
-
-
-def _is_address(uri: str) -> bool:
-    """Tell whether it is a host with or without a port and nothing else; IPv6 in brackets."""
-    try:
-        parts = urlsplit(uri)
-        is_port = parts.port != 0 and not parts.netloc.endswith(":")
-    except ValueError:
-        return False
-    is_host = bool(parts.hostname) and "@" not in parts.netloc and not re.search(r"\s", uri)
-    is_bare = parts.path in {"", "/"} and not (parts.query or parts.fragment)
-    return parts.scheme in {"http", "https"} and is_host and is_port and is_bare
 
 
 def _open_ros1(

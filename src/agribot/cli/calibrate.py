@@ -102,9 +102,11 @@ def _calibrate_wheels(options: argparse.Namespace, robot: RobotSpec, machine: Ro
     from agribot.autonomy.estimate.drive_fit import fit_drive
 
     described = _drive(options, machine, robot.drive)
-    told = _drive(options, machine, robot.drive.with_plugin_geometry())
+    original = _drive(options, machine, robot.drive.with_plugin_geometry())
     fit = fit_drive(described.batches, described.stretches)
-    result = assess_wheels(robot.drive, fit, measure_gain(described, fit), measure_gain(told, fit))
+    result = assess_wheels(
+        robot.drive, fit, measure_gain(described, fit), measure_gain(original, fit)
+    )
     return result, format_wheels(robot.drive, result)
 
 

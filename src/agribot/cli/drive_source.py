@@ -53,12 +53,12 @@ class TwistScript:
         self._last: DriveCommand | None = None
 
     def at(self, t_s: float) -> DriveCommand | None:
-        said = None
+        twist = None
         while self._coming and self._coming[0].t_s <= t_s:
-            said = self._coming.popleft().command
-        if said is not None:
-            self._last = said
-        return self._last if self._hold else said
+            twist = self._coming.popleft().command
+        if twist is not None:
+            self._last = twist
+        return self._last if self._hold else twist
 
 
 class LiveTwists:
@@ -76,12 +76,12 @@ class LiveTwists:
         self._thread.start()
 
     def at(self, t_s: float) -> DriveCommand | None:
-        said = None
+        twist = None
         while self._arrived:
-            said = self._arrived.popleft()
-        if said is not None:
-            self._last = said
-        return self._last if self._hold else said
+            twist = self._arrived.popleft()
+        if twist is not None:
+            self._last = twist
+        return self._last if self._hold else twist
 
     def _read_lines(self) -> None:
         for line in self._stream:

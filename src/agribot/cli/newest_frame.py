@@ -14,7 +14,7 @@ from agribot.core.messages import ByteArray
 class FrameSource(Protocol):
     """`read` blocks for the next frame (height, width, 3); None at the end of the source.
 
-    `ends` tells whether an end is normal, as of a file, or a camera that stopped.
+    `ends`: an end is normal, as of a file, and not a camera that stopped.
     """
 
     name: str

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from contextlib import closing
 from pathlib import Path
 
 import msgspec
@@ -17,7 +16,7 @@ import msgspec
 from agribot.core.config import RunConfig, check_finite, read_toml, suggest_name
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.geo import Datum
-from agribot.ros.source_uri import read_uri
+from agribot.drivers.schemes import open_source, read_uri
 from agribot.ui.address import home
 
 FILE_NAME = "origins.toml"
@@ -99,30 +98,28 @@ def read_origins(path: Path) -> dict[str, Datum]:
 
 def _parse_origin(name: str, entry: object, path: Path) -> Datum:
     try:
-        told = msgspec.convert(entry, NamedOrigin)
+        named = msgspec.convert(entry, NamedOrigin)
     except msgspec.ValidationError as error:
         raise ConfigError(f"{path}: {name}: {error}; write lat_deg, lon_deg and alt_m") from error
-    if told.heading_deg != 0.0:
+    if named.heading_deg != 0.0:
         raise ConfigError(
-            f"{path}: {name}.heading_deg = {told.heading_deg:g}: must be 0; the map's axes are "
+            f"{path}: {name}.heading_deg = {named.heading_deg:g}: must be 0; the map's axes are "
             "East and North, turn the rows with field.row_yaw_deg"
         )
-    return Datum(lat_deg=told.lat_deg, lon_deg=told.lon_deg, alt_m=told.alt_m)
+    return Datum(lat_deg=named.lat_deg, lon_deg=named.lon_deg, alt_m=named.alt_m)
 
 
 def _wait_for_fix(uri: str, options: argparse.Namespace) -> Datum:
     """Wait for the first fix of a receiver or a base station, over any of the networks."""
     from agribot.cli.bridging import print_line
-    from agribot.cli.sensor_sources import open_link
+    from agribot.cli.sensor_sources import source_context
     from agribot.core.messages import GnssFix
-    from agribot.ros.messages.sensor_readers import gnss_fix
-    from agribot.ros.topic_source import TopicSource
+    from agribot.description.loader import load_robot
 
     place, start_s = read_uri("--origin", uri), time.monotonic()
     sys.stderr.write(f"waiting for the first valid fix of {uri}\n")
-    with closing(open_link(place, options, print_line)) as link:
-        known = {"sensor_msgs/msg/NavSatFix": gnss_fix}
-        source = TopicSource("gnss", place.topic, link, known, print_line)
+    with source_context(load_robot(), options, print_line) as context:
+        source = open_source("gnss", place, context)
         while time.monotonic() - start_s < PATIENCE_S:
             for fix in source.take(time.monotonic() - start_s):
                 assert isinstance(fix, GnssFix)

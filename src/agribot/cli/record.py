@@ -87,9 +87,9 @@ def _send_to_robot(options: argparse.Namespace) -> int:
             raise PlatformError(refusal)
         state = robot.until(lambda now: is_mark or bool(now.get("recording")) == is_start)
     name = state.get("recording") or None
-    told = "marked" if is_mark else f"recording {name}" if name else "no recording any more"
+    text = "marked" if is_mark else f"recording {name}" if name else "no recording any more"
     result = json.dumps({"ok": True, "recording": name})
-    sys.stdout.write(f"{result if options.json else told}\n")
+    sys.stdout.write(f"{result if options.json else text}\n")
     return 0
 
 

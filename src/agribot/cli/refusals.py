@@ -13,14 +13,14 @@ from agribot.core import extras
 from agribot.core.errors import AgribotError
 
 TRACEBACK = "AGRIBOT_TRACEBACK"
-BROKEN_PIPE = 141  # what a shell tells of a program that SIGPIPE ended
+BROKEN_PIPE = 141  # a shell's status of a program that SIGPIPE ended
 _HOW_TO_SEE = f"(set {TRACEBACK}=1 for the details)"
 
 
 def refuse(program: str, error: Exception) -> int:
     """Print on stderr what happened, and return the exit status.
 
-    Prints the traceback as well where AGRIBOT_TRACEBACK is set. Says nothing where the reader of
+    Prints the traceback as well where AGRIBOT_TRACEBACK is set. Prints nothing where the reader of
     the output has gone, such as `head`: the program ends as SIGPIPE ends others.
     """
     if isinstance(error, BrokenPipeError) and _has_reader_gone():
@@ -28,7 +28,7 @@ def refuse(program: str, error: Exception) -> int:
         return BROKEN_PIPE
     if os.environ.get(TRACEBACK):
         traceback.print_exception(error)
-    with contextlib.suppress(OSError):  # nobody hears it
+    with contextlib.suppress(OSError):  # nobody reads it
         sys.stderr.write(f"{program}: {describe_error(error)}\n")
     _drop_output()
     return 2
@@ -96,7 +96,7 @@ def _has_reader_gone() -> bool:
     ended = select.poll()
     for stream in _open_streams():
         with contextlib.suppress(OSError, ValueError):
-            ended.register(stream.fileno(), 0)  # an end is told without being asked for
+            ended.register(stream.fileno(), 0)  # an end is reported without a request
     return bool(ended.poll(0))
 
 

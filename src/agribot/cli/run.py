@@ -29,7 +29,7 @@ from agribot.core import extras
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.platforms import find_platform
-from agribot.ros.source_uri import places
+from agribot.drivers.schemes import read_sources
 
 if TYPE_CHECKING:
     from agribot.autonomy.plan.saved_mission import SavedMission
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plan", metavar="FILE", help="work a field plan (agribot plan --out)")
     parser.add_argument("--field", metavar="FILE", help="plan this field (GeoJSON) and work it")
     parser.add_argument("--implement-width", type=finite, metavar="M",
-                        help="for --field (default: the robot's boom)")  # fmt: skip
+                        help="for --field (default: that of the robot)")  # fmt: skip
     parser.add_argument("--resume", metavar="RUNDIR", help="go on with a run that was cut off")
     parser.add_argument(
         "--clear-stop",
@@ -82,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
     from agribot.app.whole_job import NOTHING, read_job
 
     config, saved, earlier = _read_config(options), None, NOTHING
-    has_sources = bool(places(config.sources))
+    has_sources = bool(read_sources(config.sources))
     is_live = bridging.is_wanted(options) or has_sources
     _check(options, config)
     pace = parse_pace(options.speed or ("1" if is_live else "max"))
@@ -133,7 +133,7 @@ def _has_operator(options: argparse.Namespace) -> bool:
 def _read_cut_off(options: argparse.Namespace) -> SavedMission:
     """Read the saved mission that is to go on, without its stop if it is cleared.
 
-    Raises: MissionError: none is there, or it waits for a person whom nobody could hear.
+    Raises: MissionError: none is there, or it waits for a person who has no way to answer.
     """
     from agribot.app.mission_file import read_mission
 
@@ -163,7 +163,7 @@ def _check(options: argparse.Namespace, config: RunConfig) -> None:
         extras.require(extra, f"platform = {config.platform!r}")
     if has_page(options):
         extras.require("ui", "the operator's page")
-    bridging.check_bridges(options, places(config.sources))
+    bridging.check_bridges(options, read_sources(config.sources))
 
 
 def _plan_field(config: RunConfig, options: argparse.Namespace) -> str:
@@ -205,8 +205,9 @@ def _format_summary(report: Report, out_dir: Path) -> str:
             f"precision {_format_number(weeds.precision)}, recall {_format_number(weeds.recall)}, "
             f"treated {weeds.treated}"
         )
+        verb = report.implement.verb if report.implement else "treated"
         lines.append(
-            f"{_format_number(weeds.treated_true)} weeds sprayed, "
+            f"{_format_number(weeds.treated_true)} weeds {verb}, "
             f"{_format_number(weeds.crops_hit)} crops hit"
         )
     lines.append(

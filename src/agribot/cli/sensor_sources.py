@@ -1,31 +1,23 @@
-"""Sensors of a run from other programs' topics: `--source gnss=ros2:/fix`."""
+"""Sensors of a run that come from elsewhere than its platform: `--source gnss=ros2:/fix`."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Protocol
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import msgspec
 
-from agribot.cli.bridging import check_master, print_line, read_domain, read_master, read_router
+from agribot.cli.bridging import print_line, read_domain, read_master, read_router
 from agribot.core.config import SourceConfig
 from agribot.core.errors import ConfigError
-from agribot.core.platform import Sensor
+from agribot.core.robot import RobotSpec
+from agribot.drivers.schemes import RosNetwork, SourceContext, open_source, read_sources
 from agribot.ros.requests import Requests
-from agribot.ros.source_uri import Network, Place, places
 
 if TYPE_CHECKING:
     from agribot.app.run import Run
-    from agribot.ros.topic_source import Ear
-
-    class SourceLink(Ear, Protocol):
-        def close(self) -> None: ...
-
-
-_SENSOR_OF: dict[str, Sensor] = {"camera": "frames"}
-_NODE = "agribot_sensors"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,56 +48,26 @@ def read_source_settings(options: argparse.Namespace) -> list[str]:
 
 @contextmanager
 def open_sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[None]:
-    """Connect the session to the topics that its settings name.
+    """Connect the run to what its settings take from elsewhere.
 
-    Raises: AgribotError: a URI that means nothing, or a network that cannot be reached.
+    Raises: AgribotError: a URI that means nothing, or a source that cannot be opened.
     """
-    from agribot.ros.messages.sensor_readers import readers
-    from agribot.ros.topic_source import TopicSource
-
-    wanted = places(session.config.sources)
+    wanted = read_sources(session.config.sources)
     refuse = Requests(session.inbox, say=print_line).refuse
-    links: dict[tuple[str, str], SourceLink] = {}
-    with ExitStack() as opened:
-        sources = []
-        for name, place in wanted.items():
-            if place[:2] not in links:
-                link = open_link(place, options, refuse)
-                opened.callback(link.close)
-                links[place[:2]] = link
-            sensor = _SENSOR_OF.get(name) or msgspec.convert(name, Sensor)
-            known = readers(sensor, session.robot)
-            source = TopicSource(sensor, place.topic, links[place[:2]], known, refuse)
-            sources.append(source)
+    with source_context(session.robot, options, refuse) as context:
+        sources = [open_source(name, uri, context) for name, uri in wanted.items()]
         if sources:
             session.take_sensors(sources)
         yield
 
 
-def open_link(
-    place: Place, options: argparse.Namespace, refuse: Callable[[str], None]
-) -> SourceLink:
-    """Open a link to the network of a place.
-
-    Raises: BridgeError: the network cannot be reached.
-    """
-    return _OPENERS[place.network](place.at, options, refuse)
-
-
-def _open_ros2(at: str, options: argparse.Namespace, _refuse: Callable[[str], None]) -> SourceLink:
-    from agribot.ros.ros2.link import Ros2Link
-
-    router = f"tcp/{at}" if at else read_router(options)
-    return Ros2Link(_NODE, domain=read_domain(options), router=router, listen=not at)
-
-
-def _open_ros1(at: str, options: argparse.Namespace, refuse: Callable[[str], None]) -> SourceLink:
-    from agribot.ros.ros1.link import Ros1Link
-
-    return Ros1Link(_NODE, refuse, check_master(f"http://{at}") if at else read_master(options))
-
-
-_OPENERS: dict[Network, Callable[[str, argparse.Namespace, Callable[[str], None]], SourceLink]] = {
-    "ros2": _open_ros2,
-    "ros1": _open_ros1,
-}
+def source_context(
+    robot: RobotSpec, options: argparse.Namespace, refuse: Callable[[str], None]
+) -> SourceContext:
+    """Make a context for sources, with the networks that the options name."""
+    network = RosNetwork(
+        domain=lambda: read_domain(options),
+        router=lambda: read_router(options),
+        master=lambda: read_master(options),
+    )
+    return SourceContext(robot, network, refuse)

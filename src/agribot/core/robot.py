@@ -12,6 +12,7 @@ import numpy as np
 
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import LINK_FROM_OPTICAL, transform
+from agribot.core.implement.spec import ImplementSpec
 from agribot.core.messages import WHEEL_NAMES, FloatArray, Vec3
 
 
@@ -185,21 +186,6 @@ class SensorMount(msgspec.Struct, frozen=True, kw_only=True):
     tags: dict[str, str] = {}
 
 
-class SprayerSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """A boom of nozzles across the robot, at `x_body_m`."""
-
-    x_body_m: float
-    nozzle_count: int
-    nozzle_spacing_m: float
-    nozzle_width_m: float
-    latency_s: float
-
-    def nozzle_y_body_m(self) -> tuple[float, ...]:
-        """List the lateral position of each nozzle, from left to right."""
-        first_m = (self.nozzle_count - 1) / 2.0 * self.nozzle_spacing_m
-        return tuple(first_m - i * self.nozzle_spacing_m for i in range(self.nozzle_count))
-
-
 class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
     """A robot as its description gives it: bodies, drive, sensors and implement."""
 
@@ -212,7 +198,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
     gnss: SensorMount
     mag: SensorMount
     camera: CameraSpec | None = None
-    sprayer: SprayerSpec | None = None
+    implement: ImplementSpec | None = None
     warnings: tuple[str, ...] = ()  # what the description left out and what is used instead
 
     def link(self, name: str) -> Link:
@@ -224,8 +210,8 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def tool_x_m(self) -> float:
-        """Where on the body the tool works: the boom, or the origin where there is none."""
-        return self.sprayer.x_body_m if self.sprayer else 0.0
+        """Where on the body the implement works: the origin where there is none."""
+        return self.implement.x_body_m if self.implement else 0.0
 
     @property
     def base_height_m(self) -> float:

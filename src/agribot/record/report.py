@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 
 from agribot.core.errors import RecordingError
+from agribot.core.implement.kind import ReportLine
 from agribot.core.whole_file import write_at_once
 
 
@@ -81,6 +82,20 @@ class WeedReport(msgspec.Struct, frozen=True, kw_only=True):
     spray_area_ratio: float | None = None
 
 
+class ImplementReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What the implement did; `verb` says it of a weed: "sprayed".
+
+    The worked ground is the truth of a simulator, the lines are what the implement believes.
+    """
+
+    kind: str
+    verb: str
+    width_m: float
+    worked_m2: float | None = None
+    worked_area_ratio: float | None = None
+    lines: tuple[ReportLine, ...] = ()
+
+
 class SafetyEvent(msgspec.Struct, frozen=True, kw_only=True):
     t_s: float
     reason: str
@@ -123,6 +138,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     safety: SafetyReport = SafetyReport()
     marks: tuple[SafetyEvent, ...] = ()
     job: JobReport | None = None
+    implement: ImplementReport | None = None
 
 
 def to_json(report: Report) -> bytes:

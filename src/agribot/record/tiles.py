@@ -15,6 +15,7 @@ def make_tiles(report: Report) -> list[Tile]:
         *_mission(report),
         *_tracking(report),
         *_weeds(report),
+        *_implement(report),
         *_perception(report),
         _time(report),
     ]
@@ -62,6 +63,9 @@ def _weeds(report: Report) -> list[Tile]:
     if weeds.mapped is None:
         return []
     truth = f"of {weeds.truth} true ones" if weeds.truth is not None else ""
+    implement = report.implement
+    ratio = implement.worked_area_ratio if implement else weeds.spray_area_ratio
+    worked = f"{format_percent(ratio)} {implement.verb if implement else 'treated'}"
     return [
         ("Weeds mapped along the rows", _format_count(weeds.mapped), truth),
         (
@@ -72,9 +76,23 @@ def _weeds(report: Report) -> list[Tile]:
         (
             "Weeds treated",
             _format_count(weeds.treated),
-            f"{_format_count(weeds.crops_hit)} crops hit, "
-            f"{format_percent(weeds.spray_area_ratio)} sprayed",
+            f"{_format_count(weeds.crops_hit)} crops hit, {worked}",
         ),
+    ]
+
+
+def _implement(report: Report) -> list[Tile]:
+    """Make the tiles of the implement, under its own names."""
+    implement = report.implement
+    if implement is None:
+        return []
+    return [
+        (
+            f"{implement.kind}: {line.name}".capitalize(),
+            f"{line.value:.4g}{' ' * bool(line.unit)}{line.unit}",
+            "as the robot believes",
+        )
+        for line in implement.lines
     ]
 
 

@@ -58,7 +58,7 @@ class OperatorPage:
         self.address = address or Address()
         self.server = ServerProcess(self.address, self._about, self._server_lost)
         self._lock = threading.Lock()
-        self._view = RunView(session.config)
+        self._view = RunView(session.config, session.robot.implement)
         file = RobotFile(self.address.home, session.config.robot)
         self._wizard = Wizard(self._inbox, session.robot, session.config, file)
         self._source = SessionSource(session, self._wizard)

@@ -67,8 +67,8 @@ def fit_temperature(logits: Tensor, truth: Tensor) -> float:
 
 def calibration_error(logits: Tensor, truth: Tensor) -> float:
     """Average |accuracy - confidence| of their bin over the pixels, logits (N, 3), truth (N,)."""
-    sure, said = logits.softmax(dim=1).max(dim=1)
-    surplus = sure.double() - (said == truth).double()
+    sure, guessed = logits.softmax(dim=1).max(dim=1)
+    surplus = sure.double() - (guessed == truth).double()
     in_bin = (sure * BINS).long().clamp(max=BINS - 1)
     return float(torch.bincount(in_bin, surplus, BINS).abs().sum() / len(truth))
 
