@@ -21,7 +21,7 @@ TITLES = ("picture", "red: weed, green: crop", "confidence: dark is unsure")
 def write_drawings(
     image_rgb: ByteArray, found: PictureClasses, stem: Path, kinds: Sequence[str], form: str
 ) -> list[Path]:
-    """Write files `stem`-mask, -overlay and -panel of the requested kinds."""
+    """Write files `stem`-mask, -overlay and -panel of a picture (H, W, 3)."""
     made = []
     for kind in kinds:
         if kind == "mask":

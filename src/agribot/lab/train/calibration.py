@@ -38,7 +38,10 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
 def calibrate(
     logits: Logits, aside: Iterable[LabelledImage], tests: Iterable[LabelledImage]
 ) -> Calibration:
-    """Find the temperature of least negative log-likelihood on images that nothing else uses."""
+    """Find the temperature of least negative log-likelihood on images that nothing else uses.
+
+    `logits` maps an image (1, H, W, 3) to logits (1, 3, h, w).
+    """
     values, truth, images = _sample_pixels(logits, aside)
     temperature = fit_temperature(values, truth)
     judged, judged_truth, _ = _sample_pixels(logits, tests)

@@ -76,6 +76,7 @@ class Judgement:
     def add(
         self, name: str, image_rgb: ByteArray, truth: ByteArray, guess: PictureClasses
     ) -> ImageScore:
+        """Add an image (H, W, 3) with its true classes (H, W)."""
         confusion = count_confusion(truth, guess.class_id)
         self.confusion += confusion
         self._outlines += boundary_counts(truth, guess.class_id)
