@@ -58,7 +58,7 @@ class Thumbnail(NamedTuple):
     guess: ByteArray
 
 
-class Judgement:
+class NetworkScores:
     """Scores of pooled images: one confusion matrix over all their pixels."""
 
     def __init__(self, keep_worst: int = 6) -> None:

@@ -9,12 +9,12 @@ from PIL import Image
 from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.core.messages import PlantClass
 from agribot.lab.train.figures import tint, write_curves, write_figures
-from agribot.lab.train.judgement import Judgement, format_scores
+from agribot.lab.train.network_scores import NetworkScores, format_scores
 
 
-def judged(images: int, wrong_ratio: float) -> Judgement:
+def judged(images: int, wrong_ratio: float) -> NetworkScores:
     """A network that says 80 % everywhere and is wrong in a known share of the pixels."""
-    judgement = Judgement(keep_worst=2)
+    network_scores = NetworkScores(keep_worst=2)
     rng = np.random.default_rng(0)
     for index in range(images):
         truth = rng.integers(0, 3, (60, 80), dtype=np.uint8)
@@ -22,8 +22,8 @@ def judged(images: int, wrong_ratio: float) -> Judgement:
         guess = np.where(wrong, (truth + 1) % 3, truth).astype(np.uint8)
         sure = np.full(truth.shape, 204, np.uint8)
         image_rgb = np.zeros((60, 80, 3), np.uint8)
-        judgement.add(f"{index}.png", image_rgb, truth, PictureClasses(guess, sure))
-    return judgement
+        network_scores.add(f"{index}.png", image_rgb, truth, PictureClasses(guess, sure))
+    return network_scores
 
 
 def test_reliability_compares_confidence_with_the_share_that_is_right() -> None:
@@ -36,34 +36,34 @@ def test_reliability_compares_confidence_with_the_share_that_is_right() -> None:
 
 
 def test_pixels_that_do_not_count_are_not_judged() -> None:
-    judgement = Judgement()
+    network_scores = NetworkScores()
     truth = np.full((10, 10), 255, np.uint8)
     truth[:5] = PlantClass.CROP
     found = PictureClasses(
         np.full((10, 10), PlantClass.CROP, np.uint8), np.full((10, 10), 255, np.uint8)
     )
-    judgement.add("half", np.zeros((10, 10, 3), np.uint8), truth, found)
-    assert judgement.confusion.sum() == 50
-    assert sum(judgement.reliability.pixels) == 50
-    assert judgement.scores.iou["weed"] is None
+    network_scores.add("half", np.zeros((10, 10, 3), np.uint8), truth, found)
+    assert network_scores.confusion.sum() == 50
+    assert sum(network_scores.reliability.pixels) == 50
+    assert network_scores.scores.iou["weed"] is None
 
 
 def test_the_pooled_scores_are_not_the_mean_of_the_images() -> None:
-    judgement = judged(5, 0.3)
-    pooled = judgement.scores
-    hits = np.diag(judgement.confusion)
-    union = judgement.confusion.sum(axis=0) + judgement.confusion.sum(axis=1) - hits
+    network_scores = judged(5, 0.3)
+    pooled = network_scores.scores
+    hits = np.diag(network_scores.confusion)
+    union = network_scores.confusion.sum(axis=0) + network_scores.confusion.sum(axis=1) - hits
     assert pooled.miou == pytest.approx(float(np.mean(hits / union)))
     assert pooled.images == 5
 
 
 def test_a_surer_threshold_gives_up_recall() -> None:
-    judgement = judged(3, 0.3)
-    precision, recall = judgement.precision_recall(PlantClass.CROP)
+    network_scores = judged(3, 0.3)
+    precision, recall = network_scores.precision_recall(PlantClass.CROP)
     assert (np.diff(recall) >= 0.0).all()
     assert recall[-1] == 1.0
     # At the network's own choice the curve passes through the scores of the class map.
-    scores = judgement.scores
+    scores = network_scores.scores
     assert scores.recall["crop"] is not None
     near = int(np.argmin(np.abs(recall - scores.recall["crop"])))
     assert precision[near] == pytest.approx(scores.precision["crop"], abs=1e-9)
