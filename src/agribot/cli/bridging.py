@@ -19,11 +19,11 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError
 from agribot.core.topic import Topic
 from agribot.ros.requests import Requests
-from agribot.ros.source_uri import Place, places
+from agribot.ros.source_uri import TopicAddress, parse_sources
 
 if TYPE_CHECKING:
     from agribot.app.run import Run
-    from agribot.ros.outlet import Gateway, Outlet
+    from agribot.ros.tick_publisher import Gateway, TickPublisher
 
 Setting = bool | int | float | str | tuple[float, ...]
 
@@ -77,7 +77,7 @@ def wanted(options: argparse.Namespace) -> bool:
     return any(getattr(options, name) for name in BRIDGES)
 
 
-def check(options: argparse.Namespace, sources: Mapping[str, Place] | None = None) -> None:
+def check(options: argparse.Namespace, sources: Mapping[str, TopicAddress] | None = None) -> None:
     """Refuse before a long start what could not be opened after it.
 
     `sources` are the topics that sensors come from, by sensor.
@@ -97,7 +97,7 @@ def check(options: argparse.Namespace, sources: Mapping[str, Place] | None = Non
         _check_image_rate(options)
 
 
-def _check_extras(options: argparse.Namespace, sources: Mapping[str, Place]) -> None:
+def _check_extras(options: argparse.Namespace, sources: Mapping[str, TopicAddress]) -> None:
     for option, extra in (("ros2", "ros"), ("foxglove", "foxglove")):
         if getattr(options, option):
             extras.require(extra, f"--{option}")
@@ -119,8 +119,8 @@ def bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
     if not wanted(options):
         yield
         return
-    requests = Requests(session.inbox, allow_drive=options.allow_drive, say=say)
-    taken = {place.topic for place in places(session.config.sources).values()}
+    requests = Requests(session.inbox, allow_drive=options.allow_drive, report=say)
+    taken = {place.topic for place in parse_sources(session.config.sources).values()}
     has_camera = session.robot.camera is not None
     out = [
         topic  # what others publish for this robot, it does not say again
@@ -188,10 +188,10 @@ def tell_losses(dropped: int, fault: str) -> None:
         say(fault)
 
 
-def _outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) -> Outlet:
+def _outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) -> TickPublisher:
     from agribot.description.loader import export_urdf
     from agribot.ros.messages.camera_log import CameraLog
-    from agribot.ros.outlet import Outlet, Sources
+    from agribot.ros.tick_publisher import RunSources, TickPublisher
 
     config = session.config
     camera = CameraLog(
@@ -200,13 +200,13 @@ def _outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) 
         config.record.jpeg_quality,
         keeps_raw=options.raw_images,
     )
-    sources = Sources(
+    sources = RunSources(
         plan=lambda: session.stack.mission.path,
         goals_map_m=lambda: session.shown_goals_map_m,
         weed_map=session.weed_map.plants,
         truth=session.truth,
     )
-    return Outlet(
+    return TickPublisher(
         gateways, session.robot, config.field.datum, export_urdf(config.robot), camera, sources
     )
 

@@ -18,7 +18,7 @@ from agribot.core.config import RunConfig
 from agribot.core.config_tree import check_finite, did_you_mean, read_toml
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.geo import Datum
-from agribot.ros.source_uri import read_uri
+from agribot.ros.source_uri import parse_uri
 from agribot.ui.address import home
 
 FILE_NAME = "origins.toml"
@@ -116,13 +116,13 @@ def _first_fix(uri: str, options: argparse.Namespace) -> Datum:
     from agribot.cli.bridging import say
     from agribot.cli.sensor_sources import opened_link
     from agribot.core.messages import GnssFix
-    from agribot.ros.messages.sensor_readers import gnss_fix
+    from agribot.ros.messages.sensor_readers import read_fix
     from agribot.ros.topic_source import TopicSource
 
-    place, start_s = read_uri("--origin", uri), time.monotonic()
+    place, start_s = parse_uri("--origin", uri), time.monotonic()
     sys.stderr.write(f"waiting for the first valid fix of {uri}\n")
     with closing(opened_link(place, options, say)) as link:
-        known = {"sensor_msgs/msg/NavSatFix": gnss_fix}
+        known = {"sensor_msgs/msg/NavSatFix": read_fix}
         source = TopicSource("gnss", place.topic, link, known, say)
         while time.monotonic() - start_s < PATIENCE_S:
             for fix in source.take(time.monotonic() - start_s):

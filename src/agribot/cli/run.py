@@ -22,7 +22,7 @@ from agribot.core import extras
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.platforms import find_platform
-from agribot.ros.source_uri import places
+from agribot.ros.source_uri import parse_sources
 
 if TYPE_CHECKING:
     from agribot.autonomy.plan.saved_mission import SavedMission
@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
     from agribot.app.whole_job import NOTHING, read_job
 
     config, saved, earlier = _config(options), None, NOTHING
-    has_sources = bool(places(config.sources))
+    has_sources = bool(parse_sources(config.sources))
     is_live = bridging.wanted(options) or has_sources
     _check(options, config)
     pace = pace_from(options.speed or ("1" if is_live else "max"))
@@ -153,7 +153,7 @@ def _check(options: argparse.Namespace, config: RunConfig) -> None:
         extras.require(extra, f"platform = {config.platform!r}")
     if wants_page(options):
         extras.require("ui", "the operator's page")
-    bridging.check(options, places(config.sources))
+    bridging.check(options, parse_sources(config.sources))
 
 
 def _plan_of_field(config: RunConfig, options: argparse.Namespace) -> str:

@@ -14,13 +14,13 @@ from agribot.core.config import SourceConfig
 from agribot.core.errors import ConfigError
 from agribot.core.platform import Sensor
 from agribot.ros.requests import Requests
-from agribot.ros.source_uri import Network, Place, places
+from agribot.ros.source_uri import Network, TopicAddress, parse_sources
 
 if TYPE_CHECKING:
     from agribot.app.run import Run
-    from agribot.ros.topic_source import Ear
+    from agribot.ros.topic_source import UntypedConnection
 
-    class SourceLink(Ear, Protocol):
+    class SourceLink(UntypedConnection, Protocol):
         def close(self) -> None: ...
 
 
@@ -60,11 +60,11 @@ def sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[None]:
 
     Raises: AgribotError: a URI that means nothing, or a network that cannot be reached.
     """
-    from agribot.ros.messages.sensor_readers import readers
+    from agribot.ros.messages.sensor_readers import make_readers
     from agribot.ros.topic_source import TopicSource
 
-    wanted = places(session.config.sources)
-    refuse = Requests(session.inbox, say=say).refuse
+    wanted = parse_sources(session.config.sources)
+    refuse = Requests(session.inbox, report=say).refuse
     links: dict[tuple[str, str], SourceLink] = {}
     with ExitStack() as opened:
         sources = []
@@ -74,7 +74,7 @@ def sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[None]:
                 opened.callback(link.close)
                 links[place[:2]] = link
             sensor = _SENSOR_OF.get(name) or msgspec.convert(name, Sensor)
-            known = readers(sensor, session.robot)
+            known = make_readers(sensor, session.robot)
             source = TopicSource(sensor, place.topic, links[place[:2]], known, refuse)
             sources.append(source)
         if sources:
@@ -83,23 +83,25 @@ def sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[None]:
 
 
 def opened_link(
-    place: Place, options: argparse.Namespace, refuse: Callable[[str], None]
+    place: TopicAddress, options: argparse.Namespace, refuse: Callable[[str], None]
 ) -> SourceLink:
     """Raises: BridgeError: the network cannot be reached."""
     return _OPENERS[place.network](place.at, options, refuse)
 
 
 def _ros2(at: str, options: argparse.Namespace, _refuse: Callable[[str], None]) -> SourceLink:
-    from agribot.ros.ros2.link import Ros2Link
+    from agribot.ros.ros2.connection import Ros2Connection
 
     router = f"tcp/{at}" if at else router_from(options)
-    return Ros2Link(_NODE, domain=domain_from(options), router=router, listen=not at)
+    return Ros2Connection(_NODE, domain=domain_from(options), router=router, listen=not at)
 
 
 def _ros1(at: str, options: argparse.Namespace, refuse: Callable[[str], None]) -> SourceLink:
-    from agribot.ros.ros1.link import Ros1Link
+    from agribot.ros.ros1.connection import Ros1Connection
 
-    return Ros1Link(_NODE, refuse, checked_master(f"http://{at}") if at else master_from(options))
+    return Ros1Connection(
+        _NODE, refuse, checked_master(f"http://{at}") if at else master_from(options)
+    )
 
 
 _OPENERS: dict[Network, Callable[[str, argparse.Namespace, Callable[[str], None]], SourceLink]] = {

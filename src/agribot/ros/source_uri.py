@@ -1,4 +1,4 @@
-"""Where a sensor comes from, in words: ros2:/fix, ros1:/imu/data, ros2://HOST:PORT/fix."""
+"""URIs of sensor topics: ros2:/fix, ros1:/imu/data, ros2://HOST:PORT/fix."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ Network = Literal["ros2", "ros1"]
 _NETWORKS: dict[str, Network] = {"ros2": "ros2", "ros1": "ros1"}
 
 
-class Place(NamedTuple):
-    """`at` is HOST:PORT of the router or master, empty for the usual one."""
+class TopicAddress(NamedTuple):
+    """A topic of a network; `at` is HOST:PORT of its router or master, empty for the default."""
 
     network: Network
     at: str
     topic: str
 
 
-def places(sources: SourceConfig) -> dict[str, Place]:
-    """Sensor -> topic, of those that come from elsewhere.
+def parse_sources(sources: SourceConfig) -> dict[str, TopicAddress]:
+    """Parse the topics of the sensors that come from a network, by sensor.
 
-    Raises: ConfigError: a URI that means nothing.
+    Raises: ConfigError: a URI that names no topic.
     """
     wanted = msgspec.structs.asdict(sources)
-    return {name: read_uri("--source", uri, f"{name}=") for name, uri in wanted.items() if uri}
+    return {name: parse_uri("--source", uri, f"{name}=") for name, uri in wanted.items() if uri}
 
 
-def read_uri(option: str, uri: str, name: str = "") -> Place:
-    """What `option` names, after `name` if it has one.
+def parse_uri(option: str, uri: str, name: str = "") -> TopicAddress:
+    """Parse the URI of an option, `name` being the part before it.
 
-    Raises: ConfigError: a URI that means nothing.
+    Raises: ConfigError: a URI that names no topic.
     """
     try:
         parts = urlsplit(uri)
@@ -43,4 +43,4 @@ def read_uri(option: str, uri: str, name: str = "") -> Place:
     if parts.scheme not in _NETWORKS or not parts.path.strip("/"):
         known = " or ".join(f"{name}{network}:/topic" for network in _NETWORKS)
         raise ConfigError(f"{option} {name}{uri}: write {known}, or leave it out")
-    return Place(_NETWORKS[parts.scheme], parts.netloc, "/" + parts.path.strip("/"))
+    return TopicAddress(_NETWORKS[parts.scheme], parts.netloc, "/" + parts.path.strip("/"))
