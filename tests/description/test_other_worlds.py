@@ -10,7 +10,7 @@ import pytest
 from agribot.autonomy.plan.rows import field_rows
 from agribot.core import config
 from agribot.core.messages import DriveCommand, FloatArray, PlantClass, RobotCommand
-from agribot.core.row_shape import beside_row, row_points_map_m
+from agribot.core.row_shape import project_on_row, row_points_map_m
 from agribot.core.world import WorldSpec
 from agribot.description.package import ROOT
 from agribot.description.sdf_library import ModelLibrary
@@ -142,7 +142,7 @@ def test_the_hill_falls_by_10_degrees_across_its_bent_rows_and_the_crop_stands_o
         assert slope_deg.min() > 8.5 and slope_deg.max() < 12.0
     assert all(abs(row.curvature_radpm) > 0.02 for row in rows)
     for x_m, y_m in _crops(world):
-        nearest = min((beside_row(row, x_m, y_m) for row in rows), key=lambda b: abs(b.left_m))
+        nearest = min((project_on_row(row, x_m, y_m) for row in rows), key=lambda b: abs(b.left_m))
         assert abs(nearest.left_m) < 1e-4
         assert nearest.along_m / 2.0 == pytest.approx(round(nearest.along_m / 2.0), abs=1e-4)
     for oak in world.obstacles:

@@ -117,7 +117,7 @@ def test_drive_measures_the_geometry_and_keeps_what_the_plugin_was_told(robot: R
     drive = robot.drive
     assert (drive.wheel_radius_m, drive.wheel_width_m) == (0.09, 0.05)
     assert (drive.track_m, drive.wheelbase_m) == pytest.approx((0.7816, 0.5038), abs=1e-12)
-    assert (drive.told_diameter_m, drive.told_separation_m) == (0.2, 0.65)
+    assert (drive.plugin_diameter_m, drive.plugin_separation_m) == (0.2, 0.65)
     assert (drive.torque_nm, drive.gear_ratio, drive.rate_hz) == (20.0, 10.0, 100.0)
 
 
@@ -181,11 +181,11 @@ def test_optical_frame_of_the_urdf_is_that_of_the_spec(robot: RobotSpec) -> None
 
 
 def test_sprayer_reaches_from_wheel_to_wheel(robot: RobotSpec) -> None:
-    sprayer = robot.sprayer
+    sprayer = robot.implement
     assert sprayer is not None
-    nozzles = sprayer.nozzle_y_body_m()
+    nozzles = sprayer.section_y_body_m()
     assert len(nozzles) == 9 and nozzles[0] == pytest.approx(0.4)
-    assert 2 * nozzles[0] + sprayer.nozzle_width_m > robot.drive.track_m
+    assert 2 * nozzles[0] + sprayer.section_width_m > robot.drive.track_m
     assert sprayer.x_body_m == -0.35
 
 

@@ -85,7 +85,7 @@ def test_what_is_left_out_is_replaced_with_a_warning_and_fails_a_strict_check(
 def test_a_robot_without_camera_or_sprayer_can_still_drive(tmp_path: Path) -> None:
     pattern = r'<sensor name="camera".*?</sensor>|<sprayer>.*?</sprayer>'
     robot = load_robot(_urdf_without(tmp_path, pattern))
-    assert robot.camera is None and robot.sprayer is None
+    assert robot.camera is None and robot.implement is None
 
 
 @pytest.mark.parametrize(

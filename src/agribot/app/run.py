@@ -16,15 +16,16 @@ from agribot.app.run_clock import Clock
 from agribot.app.run_folder import RunFolder
 from agribot.app.run_recording import RunRecording, files_to_run_again
 from agribot.app.run_setup import PLAN_FILE, RunSetup
-from agribot.app.tasks import row_ends
 from agribot.app.unattended import Unattended
 from agribot.app.whole_job import WholeJob
 from agribot.autonomy.perception_host import PerceptionMeter
+from agribot.autonomy.plan.rows import row_ends
 from agribot.autonomy.plan.task import Task
 from agribot.autonomy.stack import MaskTap, Stack, Tap
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core import config as settings
 from agribot.core.errors import RecordingError
+from agribot.core.implement.kind import ReportLine
 from agribot.core.messages import (
     Inbox,
     MappedPlant,
@@ -176,6 +177,10 @@ class Run:
     @property
     def weed_map(self) -> WeedMap:
         return self.stack.weed_map
+
+    @property
+    def implement_lines(self) -> tuple[ReportLine, ...]:
+        return self.stack.treatment.report()
 
     @property
     def urdf(self) -> str:

@@ -106,11 +106,11 @@ def _rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
 def _file_names(bag: Bag) -> set[str]:
     """Also of the further parts of a long recording: the report is in the last one."""
     from agribot.record.bag.opening import open_bag
-    from agribot.record.mcap_records import parts_of
+    from agribot.record.mcap_records import list_parts
 
     names = set(bag.file_names)
     if not bag.path.is_dir():
-        for part in parts_of(bag.path)[1:]:
+        for part in list_parts(bag.path)[1:]:
             with open_bag(part) as following:
                 names |= set(following.file_names)
     return names

@@ -1,4 +1,4 @@
-"""Drive, tyres, sensors and implement of a URDF tree."""
+"""Drive, tyres and sensors of a URDF tree."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from agribot.core.robot import (
     Joint,
     Link,
     SensorMount,
-    SprayerSpec,
     TyreSpec,
 )
 from agribot.description.elements import SourceFile
@@ -62,8 +61,8 @@ def read_drive(
         wheel_width_m=width_m,
         track_m=at_m["left_wheel_F"][1] - at_m["right_wheel_F"][1],
         wheelbase_m=at_m["left_wheel_F"][0] - at_m["left_wheel_R"][0],
-        told_diameter_m=_read_plugin_number(plugin, "wheelDiameter", "wheel_radius", 2.0),
-        told_separation_m=_read_plugin_number(plugin, "wheelSeparation", "wheel_separation", 1.0),
+        plugin_diameter_m=_read_plugin_number(plugin, "wheelDiameter", "wheel_radius", 2.0),
+        plugin_separation_m=_read_plugin_number(plugin, "wheelSeparation", "wheel_separation", 1.0),
         yaw_multiplier=extra.read_positive("yaw_multiplier"),
         torque_nm=plugin.read_positive("torque"),
         gear_ratio=wheels[0][1].gear_ratio,
@@ -168,19 +167,6 @@ def _read_distortion(sensor: ET.Element, source: SourceFile) -> tuple[float, flo
         told("k2", "distortionK2"),
         told("p1", "distortionT1"),
         told("p2", "distortionT2"),
-    )
-
-
-def read_sprayer(root: ET.Element, source: SourceFile) -> SprayerSpec | None:
-    block = find_extra(root, "sprayer", source)
-    if block is None:
-        return None
-    return SprayerSpec(
-        x_body_m=block.read_number("x_body_m"),
-        nozzle_count=round(block.read_positive("nozzle_count")),
-        nozzle_spacing_m=block.read_positive("nozzle_spacing_m"),
-        nozzle_width_m=block.read_positive("nozzle_width_m"),
-        latency_s=block.read_number("latency_s"),
     )
 
 

@@ -14,6 +14,7 @@ from agribot.description.adopt_devices import adopt_devices
 from agribot.description.adopt_wheels import adopt_base, adopt_wheels, make_names_unique
 from agribot.description.elements import FileFinding, SourceFile
 from agribot.description.expansion import expand
+from agribot.description.implements import read_implement
 from agribot.description.kinematics import read_joints, read_links
 from agribot.description.markup import parse_xml
 from agribot.description.package import find_packaged_or_file, list_robot_files
@@ -98,7 +99,7 @@ def _read_robot(root: ET.Element, source: SourceFile, path: Path) -> RobotSpec:
         gnss=gnss,
         mag=mag,
         camera=devices.read_camera(root, links, source),
-        sprayer=devices.read_sprayer(root, source),
+        implement=read_implement(root, source),
         warnings=source.list_warnings(),
     )
 

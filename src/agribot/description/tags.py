@@ -97,3 +97,9 @@ def find_extra(root: ET.Element, group: str, source: SourceFile) -> TagBlock | N
         if element is not None:
             return TagBlock(element, f"<agribot><{group}>", source)
     return None
+
+
+def list_extras(root: ET.Element) -> tuple[str, ...]:
+    """Name all groups in the <agribot> blocks, each once."""
+    extras = [*root.findall("gazebo/agribot"), *root.findall("agribot")]
+    return tuple(dict.fromkeys(element.tag for extra in extras for element in extra))

@@ -11,11 +11,13 @@ from typing import Any
 import msgspec
 
 from agribot.core import topics
-from agribot.core.errors import RecordingError
+from agribot.core.errors import DescriptionError, RecordingError
+from agribot.core.implement.spec import ImplementSpec
 from agribot.core.messages import MappedPlant, TickRecord
+from agribot.description.loader import parse_robot
 from agribot.record.events import Event, EventSieve
 from agribot.record.mcap_file import read_messages
-from agribot.record.replay import read_config, read_ticks, read_weed_map
+from agribot.record.replay import read_config, read_ticks, read_urdf, read_weed_map
 from agribot.record.weeds import position_std_m
 from agribot.ros.messages.rosmsg import load_types
 from agribot.ui.channel import Channel, signal_table
@@ -74,7 +76,8 @@ class Replay(Channel):
 
         Raises: RecordingError: no recording, or nothing in it.
         """
-        view, sieve, events = RunView(read_config(path)), EventSieve(), list[Event]()
+        view = RunView(read_config(path), _read_implement(path))
+        sieve, events = EventSieve(), list[Event]()
 
         def look(record: TickRecord) -> None:
             view(record)
@@ -167,6 +170,14 @@ class Replay(Channel):
 
     def _change(self, message: dict[str, Any]) -> None:
         self.publish_change(msgspec.json.encode(message).decode())
+
+
+def _read_implement(path: Path) -> ImplementSpec | None:
+    """That of the recorded robot; None where its description is lost or of a kind unknown here."""
+    try:
+        return parse_robot(read_urdf(path), path.name).implement
+    except (RecordingError, DescriptionError):
+        return None
 
 
 def _moments(path: Path, view: RunView, look: Callable[[TickRecord], None]) -> list[Moment]:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from agribot.core.errors import BridgeError
-from agribot.core.topic import Topic
-from agribot.ros.ros1.gateway import MASTER
+from agribot.core.topics import Topic
+from agribot.ros.ros1.master import MASTER
 from agribot.ros.ros1.node import Node, Publication
 from agribot.ros.ros1.subscription import ANY, Subscription
 from agribot.ros.ros1.types import Convert, find_input, list_outputs, load_ros1_types, to_ros1_name
