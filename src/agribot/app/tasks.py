@@ -62,7 +62,7 @@ class TakenPlans:
         self._sent = ""
 
     def taken(self, record: TickRecord) -> str:
-        """The text of the plan that was taken in this tick; empty where none was."""
+        """Return the text of the plan that was taken in this tick; empty where none was."""
         sent = [event.text for event in record.batch.events if event.action == "plan"]
         text = self._sent = sent[-1] if sent else self._sent
         if not text or record.status.leg == CHECKING:
@@ -72,7 +72,7 @@ class TakenPlans:
 
 
 def read_goals(config: RunConfig) -> tuple[MapPoint, ...]:
-    """The waypoints of the settings in the map; none where the rows of the field are the task.
+    """Read the waypoints of the settings in the map; none where the rows are the task.
 
     Raises: MissionError: the file is missing or broken, or a waypoint is too far from the field.
     """

@@ -26,9 +26,9 @@ from agribot.cli.node_runner import NodeRunner
 from agribot.cli.stopping import stop_on_signal
 from agribot.core.errors import BridgeError, ConfigError
 from agribot.core.geo import Datum
-from agribot.ros.link import Link
+from agribot.ros.connection import TopicConnection
 from agribot.ros.nodes.plot import Plot
-from agribot.ros.nodes.stage import Stage
+from agribot.ros.nodes.stage import NodeStage
 
 _PATIENCE_S = 60.0  # for a master or router that is still starting
 
@@ -115,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
     return 0 if report.ok else 1
 
 
-def _open_link(options: argparse.Namespace, is_over: Callable[[], bool]) -> Link:
+def _open_link(options: argparse.Namespace, is_over: Callable[[], bool]) -> TopicConnection:
     """Wait for a network that is not there yet: nodes start in any order."""
     name = options.name or options.node.replace("-", "_")
     give_up_s = time.monotonic() + _PATIENCE_S
@@ -132,19 +132,19 @@ def _open_link(options: argparse.Namespace, is_over: Callable[[], bool]) -> Link
             time.sleep(0.5)
 
 
-def _open_ros1(options: argparse.Namespace, name: str) -> Link:
-    from agribot.ros.ros1.link import Ros1Link
+def _open_ros1(options: argparse.Namespace, name: str) -> TopicConnection:
+    from agribot.ros.ros1.connection import Ros1Connection
 
-    return Ros1Link(name, _print_line, read_master(options))
-
-
-def _open_ros2(options: argparse.Namespace, name: str) -> Link:
-    from agribot.ros.ros2.link import Ros2Link
-
-    return Ros2Link(name, domain=read_domain(options), router=read_router(options))
+    return Ros1Connection(name, _print_line, read_master(options))
 
 
-def _make_gps_converter(options: argparse.Namespace) -> Stage:
+def _open_ros2(options: argparse.Namespace, name: str) -> TopicConnection:
+    from agribot.ros.ros2.connection import Ros2Connection
+
+    return Ros2Connection(name, domain=read_domain(options), router=read_router(options))
+
+
+def _make_gps_converter(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.gps_converter import GpsConverter
 
     if options.origin in {"pole", "fix"}:
@@ -154,7 +154,7 @@ def _make_gps_converter(options: argparse.Namespace) -> Stage:
     return GpsConverter(PoleOrigin(known), waits_for_pole=False)
 
 
-def _make_data_manipulation(options: argparse.Namespace) -> Stage:
+def _make_data_manipulation(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.data_manipulation import DataManipulation
 
     if not 0.0 < options.compass_std <= 90.0:
@@ -166,7 +166,7 @@ def _make_data_manipulation(options: argparse.Namespace) -> Stage:
     )
 
 
-def _make_autonomous_drive(options: argparse.Namespace) -> Stage:
+def _make_autonomous_drive(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.autonomous_drive import AutonomousDrive
 
     if not 0.0 < options.drive_speed <= 2.0:
@@ -179,7 +179,7 @@ def _make_autonomous_drive(options: argparse.Namespace) -> Stage:
     return AutonomousDrive(GoToGoal(settings))
 
 
-def _make_action(options: argparse.Namespace) -> Stage:
+def _make_action(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.autonomous_drive_action import ActionSettings, AutonomousDriveAction
 
     goals = [_parse_place(text, "--goal") for text in options.goal or ()]
@@ -201,11 +201,11 @@ def _read_arrive_m(options: argparse.Namespace) -> float:
     return float(options.arrive)
 
 
-def _make_plot(_options: argparse.Namespace) -> Stage:
+def _make_plot(_options: argparse.Namespace) -> NodeStage:
     return Plot()
 
 
-_STAGES: dict[str, Callable[[argparse.Namespace], Stage]] = {
+_STAGES: dict[str, Callable[[argparse.Namespace], NodeStage]] = {
     "gps-converter": _make_gps_converter,
     "data-manipulation": _make_data_manipulation,
     "autonomous-drive": _make_autonomous_drive,
@@ -224,7 +224,7 @@ def _parse_place(text: str, option: str) -> tuple[float, float]:
     return lat_deg, lon_deg
 
 
-def _write_files(stage: Stage, out_dir: Path) -> tuple[str, ...]:
+def _write_files(stage: NodeStage, out_dir: Path) -> tuple[str, ...]:
     if not isinstance(stage, Plot):
         return ()
     from agribot.record.drive_figure import write_drive_files

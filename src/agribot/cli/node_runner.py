@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 from agribot.core.topics import Topic
-from agribot.ros.link import Link
-from agribot.ros.nodes.stage import Said, Stage
+from agribot.ros.connection import TopicConnection
+from agribot.ros.nodes.stage import NodeStage, OutgoingMessage
 
 PERIOD_S = 0.1
 _QUEUE_MESSAGES = 2000  # seconds of a fast sensor; a flood loses what is newest
@@ -19,7 +19,9 @@ _REPORT_PERIOD_S = 5.0
 class NodeRunner:
     """`report` gets why the node publishes nothing, at each change, but not too often."""
 
-    def __init__(self, stage: Stage, link: Link, report: Callable[[str], None]) -> None:
+    def __init__(
+        self, stage: NodeStage, link: TopicConnection, report: Callable[[str], None]
+    ) -> None:
         self._stage, self._link, self._print = stage, link, report
         self._received: queue.Queue[tuple[Topic, bytes]] = queue.Queue(_QUEUE_MESSAGES)
         self._next_tick_s = time.monotonic()
@@ -29,7 +31,7 @@ class NodeRunner:
         for topic in stage.outputs:
             link.advertise(topic)
         for topic in stage.inputs:
-            link.hear(topic, self._make_subscriber(topic))
+            link.subscribe(topic, self._make_subscriber(topic))
 
     def run(self, is_over: Callable[[], bool]) -> None:
         """Run until the node is done or `is_over`.
@@ -38,7 +40,7 @@ class NodeRunner:
         """
         while not (self._stage.is_done or is_over()):
             self.step()
-        self._publish(self._stage.last_words())
+        self._publish(self._stage.finish())
 
     def step(self) -> None:
         """Handle one message, or wait for the next tick at most."""
@@ -54,7 +56,7 @@ class NodeRunner:
         message = self._decode(topic, data)
         if message is not None:
             self.counts[topic.name] += 1
-            self._publish(self._stage.hear(topic, message, time.monotonic()))
+            self._publish(self._stage.receive(topic, message, time.monotonic()))
 
     def _make_subscriber(self, topic: Topic) -> Callable[[bytes], None]:
         def receive(data: bytes) -> None:
@@ -66,15 +68,15 @@ class NodeRunner:
         return receive
 
     def _decode(self, topic: Topic, data: bytes) -> Any:
-        from agribot.ros.messages.rosmsg import typestore
+        from agribot.ros.messages.rosmsg import load_types
 
         try:
-            return typestore().deserialize_cdr(data, topic.ros_type)
+            return load_types().deserialize_cdr(data, topic.ros_type)
         except Exception:  # noqa: BLE001  rosbags raises what its generated code happens to
             self._print(f"{topic.name}: {len(data)} bytes are no {topic.ros_type}; dropped")
             return None
 
-    def _publish(self, messages: tuple[Said, ...] | Any) -> None:
+    def _publish(self, messages: tuple[OutgoingMessage, ...] | Any) -> None:
         from agribot.ros.messages.rosmsg import to_cdr
 
         for topic, message in messages:

@@ -105,7 +105,7 @@ class _World:
 
         Raises: PlatformError: the robot overturned or the physics diverged.
         """
-        from agribot.ros.messages.world_feed import WorldTick
+        from agribot.ros.messages.world_topic_writer import WorldTick
 
         batch = self.platform.read()
         command = take_twist(batch.hand) or source.at(batch.t_s)

@@ -78,7 +78,7 @@ def _choose_rows(rng: np.random.Generator, *, is_wide: bool) -> tuple[WorldSpec,
 
 
 def choose_plan(rng: np.random.Generator, *, is_wide: bool = False) -> FieldSettings:
-    """Five rows, from dense seedlings to single tall plants, clean to full of weeds."""
+    """Choose five rows, from dense seedlings to single tall plants, clean to full of weeds."""
     crops, share = (ALL_CROPS, ALL_CROP_SHARE) if is_wide else (CROPS, CROP_SHARE)
     species, least_m, most_m = crops[rng.choice(len(crops), p=share)]
     kinds = rng.choice(ALL_WEEDS if is_wide else WEEDS, size=int(rng.integers(1, 5)), replace=False)
