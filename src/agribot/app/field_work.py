@@ -17,7 +17,7 @@ from agribot.gis.plan_file import SavedPlan, parse_plan
 
 
 def read_plan_text(config: RunConfig) -> str:
-    """The plan of the settings as it stands in its file; empty where a run has none."""
+    """Read the plan of the settings as it stands in its file; empty where a run has none."""
     if not config.plan:
         return ""
     try:
@@ -27,12 +27,15 @@ def read_plan_text(config: RunConfig) -> str:
 
 
 def field_work(text: str, config: RunConfig, robot: RobotSpec) -> FieldWork | None:
-    """The plan of the settings; None without one. Raises: as `work_from`."""
+    """Read the plan of the settings; None without one.
+
+    Raises: MissionError: as `work_from`.
+    """
     return work_from(text, Path(config.plan).name, config, robot) if text else None
 
 
 def work_from(text: str, name: str, config: RunConfig, robot: RobotSpec) -> FieldWork:
-    """A plan in the map of the run, for this robot.
+    """Read a plan in the map of the run, for this robot.
 
     Raises: MissionError: not a plan, or the check refuses it for this robot, and where.
     """
