@@ -13,15 +13,18 @@ import json
 import sys
 import time
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 
 from agribot.autonomy.plan.coverage.area import PlanRequest, footprint
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.autonomy.plan.plan_certificate import certify_plan
-from agribot.autonomy.plan.random_fields import random_field
 from agribot.core.errors import MissionError
 from agribot.description.loader import load_robot
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tests.autonomy.plan.random_fields import random_field
 
 
 def main() -> int:

@@ -19,7 +19,6 @@ from agribot.autonomy.plan.coverage.area import (
     footprint,
 )
 from agribot.autonomy.plan.coverage.planner import plan_field
-from agribot.autonomy.plan.random_fields import random_field
 from agribot.core.errors import MissionError
 from agribot.description.loader import load_robot
 from tests.autonomy.plan.fields import (
@@ -32,6 +31,7 @@ from tests.autonomy.plan.fields import (
     certified,
     ten_hectares,
 )
+from tests.autonomy.plan.random_fields import random_field
 
 
 def corners_outside_m(plan: FieldPlan, area: FieldArea, shape: Footprint) -> float:

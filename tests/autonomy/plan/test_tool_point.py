@@ -13,7 +13,6 @@ from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.coverage.area import FieldPlan, Leg, PlanRequest, footprint
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.plan_certificate import certify_plan
-from agribot.autonomy.plan.random_fields import random_field
 from agribot.autonomy.plan.route import Route, Tool
 from agribot.autonomy.plan.rows import field_rows
 from agribot.core.config import FieldConfig
@@ -22,6 +21,7 @@ from agribot.core.messages import FloatArray
 from agribot.description.loader import load_robot
 from tests.autonomy.plan.fields import REQUEST, SHAPE, SQUARE, WITH_HOLE, certified
 from tests.autonomy.plan.planting import FARM_START, MISSION, rover
+from tests.autonomy.plan.random_fields import random_field
 
 BEHIND_M = -0.35
 BEHIND = msgspec.structs.replace(REQUEST, tool_x_m=BEHIND_M)

@@ -31,13 +31,13 @@ _MAX_VIAS = 3  # three corners lead once around a field
 # Direct ways keep their longer variants too: the shortest may cut across a row.
 _WORDS_WHEN_DIRECT = 6
 
-Route = tuple[Segment, ...]
+Segments = tuple[Segment, ...]
 
 
 def approach(
     start: Pose, entries: Sequence[Pose], rows: Sequence[Row], robot: RobotSpec,
     mission: MissionConfig, obstacles: Obstacles = NO_OBSTACLES,
-) -> tuple[int, Route]:  # fmt: skip
+) -> tuple[int, Segments]:  # fmt: skip
     """Index of the entry that is reached first, and the shortest clear way to it.
 
     Raises: MissionError: the robot stands where it cannot leave without crushing crop, or without
@@ -64,7 +64,7 @@ def approach(
 
 def _routes(
     start: Pose, entry: Pose, rows: Sequence[Row], headland_m: float, obstacles: Obstacles
-) -> Iterator[Route]:
+) -> Iterator[Segments]:
     yield from all_words(start, entry, RADIUS_M)[:_WORDS_WHEN_DIRECT]
     rings = [_ring(rows, max(headland_m, _RING_MIN_M)), *obstacles.rings()]
     prefixes = [(start,), *((start, way_out) for way_out in _exits(start, rows, headland_m))]
@@ -78,7 +78,7 @@ def _routes(
                 yield _chain((*prefix, *vias[:count], entry))
 
 
-def _chain(poses: Sequence[Pose]) -> Route:
+def _chain(poses: Sequence[Pose]) -> Segments:
     pieces: list[Segment] = []
     for start, end in pairwise(poses):
         pieces += all_words(start, end, RADIUS_M)[0]

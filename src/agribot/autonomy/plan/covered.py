@@ -16,7 +16,7 @@ GAP_M, MISSING_M = 0.1, 0.2
 OVERLAP_M = 0.05
 
 
-class Stretch(NamedTuple):
+class WorkedStretch(NamedTuple):
     """A worked piece of a row, from one place of the map to another, metres."""
 
     from_x_m: float
@@ -30,7 +30,7 @@ class _Piece(NamedTuple):
 
     first_m: float
     last_m: float
-    stretch: Stretch
+    stretch: WorkedStretch
 
 
 class CoveredRows:
@@ -42,7 +42,7 @@ class CoveredRows:
         self._before: dict[int, list[_Piece]] = {row.index: [] for row in rows}
         self._open: int | None = None  # the row whose last piece is growing
 
-    def stretches(self, but: Sequence[int] = ()) -> tuple[Stretch, ...]:
+    def stretches(self, but: Sequence[int] = ()) -> tuple[WorkedStretch, ...]:
         """Of all rows but these."""
         return tuple(
             piece.stretch
@@ -59,7 +59,7 @@ class CoveredRows:
             return
         along_m, pieces = _along_m(row, x_m, y_m), self._pieces[index]
         if self._open != index:
-            pieces.append(_Piece(along_m, along_m, Stretch(x_m, y_m, x_m, y_m)))
+            pieces.append(_Piece(along_m, along_m, WorkedStretch(x_m, y_m, x_m, y_m)))
             self._open = index
         piece = pieces[-1]
         if along_m > piece.last_m:
@@ -72,7 +72,7 @@ class CoveredRows:
     def leave(self) -> None:
         self._open = None
 
-    def restore(self, stretches: Iterable[Stretch]) -> bool:
+    def restore(self, stretches: Iterable[WorkedStretch]) -> bool:
         """Take over what an earlier mission worked; False if none of it lies on these rows."""
         found = False
         for stretch in stretches:
@@ -112,8 +112,8 @@ class CoveredRows:
         return False
 
 
-def whole_row(row: Row) -> Stretch:
-    return Stretch(*row.start_map_m, *row.end_map_m)
+def whole_row(row: Row) -> WorkedStretch:
+    return WorkedStretch(*row.start_map_m, *row.end_map_m)
 
 
 def _along_m(row: Row, x_m: float, y_m: float) -> float:
@@ -121,7 +121,7 @@ def _along_m(row: Row, x_m: float, y_m: float) -> float:
     return min(max(float(project_on_row(row, x_m, y_m).along_m), 0.0), row_length_m(row))
 
 
-def _on_row(row: Row, stretch: Stretch) -> _Piece | None:
+def _on_row(row: Row, stretch: WorkedStretch) -> _Piece | None:
     ends = ((stretch.from_x_m, stretch.from_y_m), (stretch.to_x_m, stretch.to_y_m))
     if any(abs(float(project_on_row(row, *end).left_m)) > BESIDE_M for end in ends):
         return None

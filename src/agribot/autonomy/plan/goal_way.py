@@ -19,14 +19,14 @@ from agribot.core.row_shape import chord_yaw_rad, row_points_map_m
 
 OUT_OF_ROWS_M = 0.8  # past the ends of the rows, where the robot may turn
 
-Rectangle = tuple[float, float, float, float]  # x_min_m, y_min_m, x_max_m, y_max_m in the map
+FenceBox = tuple[float, float, float, float]  # x_min_m, y_min_m, x_max_m, y_max_m in the map
 
 
 def plan_to_place(
     goal: Place,
     start_pose: tuple[float, float, float],
     rows: Sequence[Row],
-    fence: Rectangle,
+    fence: FenceBox,
     robot: RobotSpec,
     mission: MissionConfig,
     obstacles: Obstacles = NO_OBSTACLES,
@@ -69,12 +69,12 @@ def plan_to_place(
     return path
 
 
-def fence_around(places: Sequence[tuple[float, float]], margin_m: float) -> Rectangle:
+def fence_around(places: Sequence[tuple[float, float]], margin_m: float) -> FenceBox:
     xs, ys = [place[0] for place in places], [place[1] for place in places]
     return min(xs) - margin_m, min(ys) - margin_m, max(xs) + margin_m, max(ys) + margin_m
 
 
-def check_inside(x_m: float, y_m: float, fence: Rectangle) -> None:
+def check_inside(x_m: float, y_m: float, fence: FenceBox) -> None:
     """Raises: MissionError: the place lies beyond the fence."""
     x_min_m, y_min_m, x_max_m, y_max_m = fence
     beyond_m = max(x_min_m - x_m, x_m - x_max_m, y_min_m - y_m, y_m - y_max_m)

@@ -34,7 +34,7 @@ CURVATURE_SLACK_RATIO = 1.05  # arcs are checked on their chords
 MAX_PROBLEMS = 20
 
 
-class Problem(msgspec.Struct, frozen=True, kw_only=True):
+class PlanProblem(msgspec.Struct, frozen=True, kw_only=True):
     """A broken rule and its place."""
 
     rule: str
@@ -51,7 +51,7 @@ class Certificate(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     ok: bool
-    problems: tuple[Problem, ...]
+    problems: tuple[PlanProblem, ...]
     clearance_m: float
     outside_m: float
     wheel_row_clearance_m: float | None
@@ -111,7 +111,7 @@ def certify_plan(
 
 def check_ways(
     legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest, start: Point
-) -> list[Problem]:
+) -> list[PlanProblem]:
     """Of ways without work: edges, holes, wheels on crop. The ground under the robot is forgiven:
     it stands there already, and must be able to leave.
     """
@@ -126,7 +126,7 @@ def check_ways(
     return [*edges, *(p for p in rows if math.dist((p.east_m, p.north_m), start) > away_m)]
 
 
-def _refused(problems: list[Problem]) -> Certificate:
+def _refused(problems: list[PlanProblem]) -> Certificate:
     """Of a plan that is no way at all."""
     return Certificate(
         ok=False, problems=tuple(problems), clearance_m=0.0, outside_m=0.0,
@@ -136,13 +136,13 @@ def _refused(problems: list[Problem]) -> Certificate:
     )  # fmt: skip
 
 
-def _problem(rule: str, message: str, place: Point | FloatArray) -> Problem:
+def _problem(rule: str, message: str, place: Point | FloatArray) -> PlanProblem:
     east_m, north_m = float(place[0]), float(place[1])
     where = f" at East {east_m:.2f} m, North {north_m:.2f} m"
-    return Problem(rule=rule, message=message + where, east_m=east_m, north_m=north_m)
+    return PlanProblem(rule=rule, message=message + where, east_m=east_m, north_m=north_m)
 
 
-def _joints(legs: tuple[Leg, ...]) -> list[Problem]:
+def _joints(legs: tuple[Leg, ...]) -> list[PlanProblem]:
     """Finite numbers, and every leg begins where the one before it ended."""
     found = []
     for number, leg in enumerate(legs):
@@ -155,7 +155,7 @@ def _joints(legs: tuple[Leg, ...]) -> list[Problem]:
     return found if legs else [_problem("path", "has no legs", (math.nan, math.nan))]
 
 
-def _bends(legs: tuple[Leg, ...]) -> tuple[list[Problem], float]:
+def _bends(legs: tuple[Leg, ...]) -> tuple[list[PlanProblem], float]:
     """Only links may turn in place: there the tool is off."""
     found, sharpest = [], 0.0
     limit = CURVATURE_SLACK_RATIO / MIN_RADIUS_M
@@ -176,7 +176,7 @@ def _bends(legs: tuple[Leg, ...]) -> tuple[list[Problem], float]:
 
 def _edges(
     legs: tuple[Leg, ...], field: BaseGeometry, shape: Footprint
-) -> tuple[float, float, list[Problem]]:
+) -> tuple[float, float, list[PlanProblem]]:
     """Smallest clearance of the footprint, length of way outside the field, and where.
 
     A leg that keeps the turning circle clear of every edge is clear whichever way the robot
@@ -215,7 +215,7 @@ def _edges(
 
 def _rows(
     legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest
-) -> tuple[float | None, list[Problem]]:
+) -> tuple[float | None, list[PlanProblem]]:
     """Wheel edges to crop rows."""
     import shapely
 
@@ -242,7 +242,7 @@ def _rows(
 
 def _coverage(
     covered: BaseGeometry, target: BaseGeometry, request: PlanRequest
-) -> tuple[float, list[Problem]]:
+) -> tuple[float, list[PlanProblem]]:
     import shapely
 
     if target.is_empty:

@@ -16,7 +16,7 @@ _BACK_M = 3.0
 PIVOT_REACH_M = 0.02
 
 
-class Progress:
+class PathProgress:
     """Monotone distance along a path, found by a local search.
 
     Only neighbouring points are compared, so a neighbouring row or a crossing of the path with

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.plan.progress import Progress
+from agribot.autonomy.plan.progress import PathProgress
 from agribot.autonomy.plan.speed import speed_profile, time_left_s
 from agribot.autonomy.plan.visits import Visits
 from agribot.core.config import MissionConfig
@@ -56,7 +56,7 @@ class Route:
         if unknown:
             raise MissionError(f"the path works rows {unknown} that the field has not")
         self.visits = Visits(path, waypoints, config.waypoint_radius_m)
-        self.progress = Progress(path)
+        self.progress = PathProgress(path)
         self.change_speed(config)
         self._yaw_map_rad: list[float] = path.yaw_map_rad.tolist()
         self._next_row = _next_rows(self.row)

@@ -9,7 +9,7 @@ from typing import Literal
 
 import msgspec
 
-from agribot.autonomy.plan.covered import Stretch
+from agribot.autonomy.plan.covered import WorkedStretch
 from agribot.autonomy.plan.row_log import RowResult
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, MissionState, Path
@@ -51,8 +51,8 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     rows: tuple[RowResult, ...]
     waypoints_reached: tuple[bool, ...] = ()
     detours: tuple[tuple[int, int], ...] = ()
-    covered: tuple[Stretch, ...] = ()
-    skipped: tuple[Stretch, ...] = ()
+    covered: tuple[WorkedStretch, ...] = ()
+    skipped: tuple[WorkedStretch, ...] = ()
     errand: SavedErrand | None = None
     is_away: bool = False
     visit: tuple[tuple[float, float], ...] = ()

@@ -26,7 +26,13 @@ from agribot.autonomy.plan.coverage.swaths import (
     swaths_over,
     with_room,
 )
-from agribot.autonomy.plan.coverage.tasks import Task, cell_task, in_order, ring_tasks, row_task
+from agribot.autonomy.plan.coverage.tasks import (
+    CoverageTask,
+    cell_task,
+    in_order,
+    ring_tasks,
+    row_task,
+)
 from agribot.autonomy.plan.coverage.turns import arc_turn, three_point_turn, yaw_rad
 from agribot.autonomy.plan.coverage.ways import Ways
 from agribot.autonomy.plan.curves import Pose
@@ -85,11 +91,11 @@ def _left_out(space: FreeSpace) -> tuple[str, ...]:
 
 def _area_tasks(
     area: FieldArea, request: PlanRequest, space: FreeSpace
-) -> tuple[float, list[Task]]:
+) -> tuple[float, list[CoverageTask]]:
     """Headland rings from the edge inwards, then swaths over what the rings leave."""
     import shapely
 
-    rings: list[Task] = []
+    rings: list[CoverageTask] = []
     work: BaseGeometry = space.region
     inner: BaseGeometry = space.region
     half_m = request.implement_width_m / 2.0
@@ -136,7 +142,7 @@ def _direction(
 
 def _row_tasks(
     area: FieldArea, shape: Footprint, request: PlanRequest, space: FreeSpace
-) -> tuple[float, list[Task]]:
+) -> tuple[float, list[CoverageTask]]:
     """The crop rows, and their strips taken out of the ground on which the robot may turn."""
     import shapely
 

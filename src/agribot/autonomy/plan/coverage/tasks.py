@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 # A task is its variants; a variant is its working lines in driving order.
-Variant = list[FloatArray]
-Task = tuple[LegKind, list[Variant]]
+WorkingLines = list[FloatArray]
+CoverageTask = tuple[LegKind, list[WorkingLines]]
 RING_STARTS = 8
 ROUTED_CANDIDATES = 4
 
 
-def cell_task(cell: Sequence[Swath], yaw_rad: float, tool_x_m: float) -> Task:
+def cell_task(cell: Sequence[Swath], yaw_rad: float, tool_x_m: float) -> CoverageTask:
     """Up and down through a cell, begun at any of its four corners."""
     variants = []
     for ordered in (cell, cell[::-1]):
@@ -49,11 +49,11 @@ def _ends(swath: Swath, is_flipped: bool, tool_x_m: float) -> list[Point]:
     return [(start_m, swath.v_m), (end_m, swath.v_m)]
 
 
-def ring_tasks(region: BaseGeometry) -> list[Task]:
+def ring_tasks(region: BaseGeometry) -> list[CoverageTask]:
     """Once around every edge of a region; a ring may begin at any of its first corners."""
     import shapely
 
-    tasks: list[Task] = []
+    tasks: list[CoverageTask] = []
     for part in shapely.get_parts(region):
         for ring in (part.exterior, *part.interiors):
             pieces = smooth_pieces(shapely.get_coordinates(ring), is_closed=True)
@@ -63,7 +63,7 @@ def ring_tasks(region: BaseGeometry) -> list[Task]:
     return tasks
 
 
-def row_task(row: Line, number: int, beyond_m: float) -> Task:
+def row_task(row: Line, number: int, beyond_m: float) -> CoverageTask:
     """Along a crop row, far enough past both ends to turn clear of the crop."""
     xy = np.array(row)
     ends = [_ahead(xy[1], xy[0], beyond_m), _ahead(xy[-2], xy[-1], beyond_m)]
@@ -83,7 +83,7 @@ def _ahead(before: FloatArray, end: FloatArray, distance_m: float) -> FloatArray
 
 
 def in_order(
-    tasks: Sequence[Task], start: Point | None, way: Callable[[Point, Point], list[Point]]
+    tasks: Sequence[CoverageTask], start: Point | None, way: Callable[[Point, Point], list[Point]]
 ) -> list[tuple[int, Leg]]:
     """Every task once, always the nearest next one, as (task, working leg) in driving order.
 
@@ -109,7 +109,7 @@ def in_order(
     return legs
 
 
-def _entry(tasks: Sequence[Task], choice: tuple[float, int, int]) -> Point:
+def _entry(tasks: Sequence[CoverageTask], choice: tuple[float, int, int]) -> Point:
     x_m, y_m = tasks[choice[1]][1][choice[2]][0][0]
     return float(x_m), float(y_m)
 

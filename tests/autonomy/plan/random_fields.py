@@ -1,4 +1,4 @@
-"""Fields by chance, for tests and benchmarks: concave, narrow, and full of holes."""
+"""Fields by chance: concave, narrow, and full of holes."""
 
 from __future__ import annotations
 
