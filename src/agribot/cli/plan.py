@@ -15,8 +15,9 @@ from agribot.core.geo import MapFrame
 from agribot.core.robot import RobotSpec
 
 if TYPE_CHECKING:
-    from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest, Point
+    from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest
     from agribot.autonomy.plan.plan_certificate import Certificate
+    from agribot.core.messages import MapPoint
     from agribot.gis.plan_file import SavedPlan
 
 SHORTEST_AB_M = 1.0
@@ -136,7 +137,7 @@ def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)
 
 
-def _is_near(point: Point) -> bool:
+def _is_near(point: MapPoint) -> bool:
     return math.hypot(*point) <= FARTHEST_AB_M
 
 
@@ -171,7 +172,7 @@ def _request(
     ):
         if not low <= value <= high:
             raise MissionError(f"{name} {value:g}: must be from {low:g} to {high:g}")
-    start: Point | None = None
+    start: MapPoint | None = None
     if options.start:
         lon_deg, lat_deg = _numbers("--start", options.start, 2)
         start = _place(lon_deg, lat_deg, frame)
@@ -205,7 +206,7 @@ def _numbers(name: str, text: str, count: int) -> list[float]:
     return values
 
 
-def _place(lon_deg: float, lat_deg: float, frame: MapFrame) -> Point:
+def _place(lon_deg: float, lat_deg: float, frame: MapFrame) -> MapPoint:
     if abs(lat_deg) > 90.0:
         raise MissionError(f"latitude {lat_deg} is outside -90 to 90 degrees; give lon,lat")
     east_m, north_m, _ = frame.map_from_geodetic(lat_deg, lon_deg, frame.datum.alt_m)

@@ -15,7 +15,7 @@ from agribot.autonomy.plan.coverage.area import (
     FieldPlan,
     Leg,
     LegKind,
-    Line,
+    MapLine,
     PlanRequest,
 )
 from agribot.autonomy.plan.plan_certificate import Certificate
@@ -118,7 +118,7 @@ def _feature(geometry: str, coordinates: object, **properties: object) -> dict[s
     }
 
 
-def _line(points: Line | FloatArray, frame: MapFrame) -> list[list[float]]:
+def _line(points: MapLine | FloatArray, frame: MapFrame) -> list[list[float]]:
     found = []
     for east_m, north_m in points:
         lat_deg, lon_deg, _ = frame.geodetic_from_map(float(east_m), float(north_m))
@@ -126,6 +126,6 @@ def _line(points: Line | FloatArray, frame: MapFrame) -> list[list[float]]:
     return found
 
 
-def _ring(points: Line, frame: MapFrame) -> list[list[float]]:
+def _ring(points: MapLine, frame: MapFrame) -> list[list[float]]:
     line = _line(points, frame)
     return [*line, line[0]]

@@ -19,12 +19,11 @@ from agribot.autonomy.plan.coverage.area import (
     Footprint,
     Leg,
     PlanRequest,
-    Point,
 )
 from agribot.autonomy.plan.curves import MIN_RADIUS_M
 from agribot.autonomy.plan.plan_ground import covered_ground, reachable
 from agribot.autonomy.plan.plan_sweep import footprints, swept_line, tight_bends, wheel_traces
-from agribot.core.messages import FloatArray
+from agribot.core.messages import FloatArray, MapPoint
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -110,7 +109,7 @@ def certify_plan(
 
 
 def check_ways(
-    legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest, start: Point
+    legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest, start: MapPoint
 ) -> list[PlanProblem]:
     """Of ways without work: edges, holes, wheels on crop. The ground under the robot is forgiven:
     it stands there already, and must be able to leave.
@@ -136,7 +135,7 @@ def _refused(problems: list[PlanProblem]) -> Certificate:
     )  # fmt: skip
 
 
-def _problem(rule: str, message: str, place: Point | FloatArray) -> PlanProblem:
+def _problem(rule: str, message: str, place: MapPoint | FloatArray) -> PlanProblem:
     east_m, north_m = float(place[0]), float(place[1])
     where = f" at East {east_m:.2f} m, North {north_m:.2f} m"
     return PlanProblem(rule=rule, message=message + where, east_m=east_m, north_m=north_m)

@@ -10,7 +10,7 @@ from agribot.autonomy.plan.dubins import shortest
 from agribot.autonomy.plan.waypoint_text import parse_waypoints
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
-from agribot.core.messages import Path
+from agribot.core.messages import MapPoint, Path
 from agribot.core.robot import RobotSpec
 
 __all__ = ["parse_waypoints", "plan_waypoints"]
@@ -24,12 +24,11 @@ OFF_LINE_COST = 0.3
 MAX_RETURN_M = 4.0
 RETURN_STEP_M = 0.125
 
-Point = tuple[float, float]
-Leg = tuple[tuple[Segment, ...], float]  # a turn, and the straight distance behind it
+_Leg = tuple[tuple[Segment, ...], float]  # a turn, and the straight distance behind it
 
 
 def plan_waypoints(
-    points_map_m: Sequence[Point],
+    points_map_m: Sequence[MapPoint],
     start_pose: tuple[float, float, float],
     robot: RobotSpec,
     mission: MissionConfig,
@@ -56,7 +55,9 @@ def plan_waypoints(
     return sample(start, pieces)
 
 
-def _check(points: Sequence[Point], start: Pose, robot: RobotSpec, mission: MissionConfig) -> None:
+def _check(
+    points: Sequence[MapPoint], start: Pose, robot: RobotSpec, mission: MissionConfig
+) -> None:
     if not points:
         raise MissionError("the waypoint list is empty; give at least one waypoint")
     limit_m = mission.max_waypoint_distance_m
@@ -76,7 +77,7 @@ def _check(points: Sequence[Point], start: Pose, robot: RobotSpec, mission: Miss
         before = point
 
 
-def _next_leg(pose: Pose, point: Point) -> Leg:
+def _next_leg(pose: Pose, point: MapPoint) -> _Leg:
     """Turn at a waypoint and get back on the straight line to the next one soon.
 
     The place of the return is the nearest that needs no loop: every metre off the line costs
@@ -96,14 +97,14 @@ def _next_leg(pose: Pose, point: Point) -> Leg:
     return min(ways, key=lambda way: way[0])[1]
 
 
-def _offset(pose: Pose, point: Point) -> Point:
+def _offset(pose: Pose, point: MapPoint) -> MapPoint:
     """Of a point from a pose: ahead and to the left."""
     dx, dy = point[0] - pose.x_m, point[1] - pose.y_m
     cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     return cos * dx + sin * dy, cos * dy - sin * dx
 
 
-def _turn_and_go(pose: Pose, point: Point) -> Leg:
+def _turn_and_go(pose: Pose, point: MapPoint) -> _Leg:
     """Arc until the point is straight ahead, and the distance that then remains."""
     ahead_m, left_m = _offset(pose, point)
     if abs(left_m) < ON_LINE_M and ahead_m >= 0.0:
@@ -112,7 +113,7 @@ def _turn_and_go(pose: Pose, point: Point) -> Leg:
     return min(ways, key=lambda way: length_m(way[0]) + way[1])
 
 
-def _one_side(ahead_m: float, inward_m: float, side: float) -> Leg | None:
+def _one_side(ahead_m: float, inward_m: float, side: float) -> _Leg | None:
     """Arc to one side (+1 left); None where the point lies inside the turning circle."""
     radius_m = TURN_RADIUS_M
     to_centre_m = math.hypot(ahead_m, radius_m - inward_m)
@@ -126,7 +127,11 @@ def _one_side(ahead_m: float, inward_m: float, side: float) -> Leg | None:
 
 
 def _leg(
-    heading_rad: float, straight_m: float, point: Point, after: Point | None, mission: MissionConfig
+    heading_rad: float,
+    straight_m: float,
+    point: MapPoint,
+    after: MapPoint | None,
+    mission: MissionConfig,
 ) -> tuple[Segment, ...]:
     """Straight to the point, or to where the rounding of its corner begins, and round it."""
     corner = _corner(heading_rad, straight_m, point, after, mission) if after else None
@@ -136,7 +141,7 @@ def _leg(
 
 
 def _corner(
-    heading_rad: float, straight_m: float, point: Point, after: Point, mission: MissionConfig
+    heading_rad: float, straight_m: float, point: MapPoint, after: MapPoint, mission: MissionConfig
 ) -> Segment | None:
     """Arc that rounds a corner on its inner side; None if it would cut off too much."""
     out_rad = math.atan2(after[1] - point[1], after[0] - point[0])

@@ -8,11 +8,10 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from agribot.core.messages import FloatArray
+from agribot.core.messages import FloatArray, MapPoint
 from agribot.core.robot import RobotSpec
 
-Point = tuple[float, float]
-Line = tuple[Point, ...]
+MapLine = tuple[MapPoint, ...]
 LegKind = Literal["swath", "headland", "row", "link", "arc", "reverse"]
 TurnStyle = Literal["auto", "pivot", "arc", "three-point"]
 WORKING: tuple[LegKind, ...] = ("swath", "headland", "row")
@@ -25,11 +24,11 @@ class FieldArea(msgspec.Struct, frozen=True, kw_only=True):
     points that the swaths run along.
     """
 
-    boundary: Line
-    holes: tuple[Line, ...] = ()
-    rows: tuple[Line, ...] = ()
-    ab_line: Line = ()
-    waypoints: Line = ()
+    boundary: MapLine
+    holes: tuple[MapLine, ...] = ()
+    rows: tuple[MapLine, ...] = ()
+    ab_line: MapLine = ()
+    waypoints: MapLine = ()
 
 
 class Footprint(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,7 +37,7 @@ class Footprint(msgspec.Struct, frozen=True, kw_only=True):
     front_m: float
     rear_m: float  # positive backwards
     half_width_m: float
-    wheel_xy_body_m: tuple[Point, ...] = ()
+    wheel_xy_body_m: tuple[MapPoint, ...] = ()
     wheel_half_width_m: float = 0.0
     wheel_radius_m: float = 0.0
 
@@ -92,7 +91,7 @@ class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
     margin_m: float = 0.05  # from the footprint to everything that is forbidden
     headland_passes: int | None = None
     swath_yaw_rad: float | None = None
-    start_map_m: Point | None = None
+    start_map_m: MapPoint | None = None
     turns: TurnStyle = "auto"
     plant_clearance_m: float = 0.1
     min_coverage_ratio: float = 0.99

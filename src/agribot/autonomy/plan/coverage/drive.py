@@ -12,7 +12,6 @@ from agribot.autonomy.plan.coverage.area import (
     Footprint,
     Leg,
     PlanRequest,
-    Point,
 )
 from agribot.autonomy.plan.coverage.free_space import FreeSpace
 from agribot.autonomy.plan.coverage.ways import Ways
@@ -20,7 +19,7 @@ from agribot.autonomy.plan.curves import SPACING_M, Place, path_from_table
 from agribot.autonomy.plan.plan_certificate import check_ways
 from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds
-from agribot.core.messages import FloatArray, Path, Row
+from agribot.core.messages import FloatArray, MapPoint, Path, Row
 
 STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
 MAX_LENGTH_M = 20_000.0
@@ -66,7 +65,7 @@ class FieldWork:
         way_in = self._way(start, (float(first[0]), float(first[1])))
         return drive_path([*way_in, *self._legs], [*([None] * len(way_in)), *self._row_of_piece])
 
-    def path_home(self, start: Point, home: Point, row_ahead: FloatArray) -> Path:
+    def path_home(self, start: MapPoint, home: MapPoint, row_ahead: FloatArray) -> Path:
         """To the end of the crop row under the robot, if any, and around all obstacles home.
 
         Raises: MissionError: the robot stands where no such way begins.
@@ -80,7 +79,7 @@ class FieldWork:
             raise MissionError("the robot is at home already")
         return drive_path(legs, [None] * len(legs))
 
-    def path_to(self, start: Point, goal: Place) -> Path:
+    def path_to(self, start: MapPoint, goal: Place) -> Path:
         """Around every obstacle to a place on which the robot can turn in place.
 
         Raises: MissionError: the place is outside, in an obstacle, on crop or too near to them.
@@ -105,14 +104,14 @@ class FieldWork:
             legs.append(Leg(kind="link", xy_map_m=np.array([before, place])))
         return self._checked(legs, start)
 
-    def path_back(self, start: Point, goal: Place) -> Path:
+    def path_back(self, start: MapPoint, goal: Place) -> Path:
         """To a place of the plan itself, which may be nearer to an edge than the robot can turn.
 
         Raises: MissionError: no such way keeps the robot inside the field and off the crop.
         """
         return self._checked(self._way(start, goal[:2]), start)
 
-    def _checked(self, legs: list[Leg], start: Point) -> Path:
+    def _checked(self, legs: list[Leg], start: MapPoint) -> Path:
         if not legs:
             raise MissionError("the robot is there already")
         problems = check_ways(tuple(legs), self.area, self._shape, self.request, start)
@@ -120,7 +119,7 @@ class FieldWork:
             raise MissionError(f"the way there is refused: {problems[0].message}")
         return drive_path(legs, [None] * len(legs))
 
-    def _what_is_at(self, place: Point) -> str:
+    def _what_is_at(self, place: MapPoint) -> str:
         """Why a robot cannot turn at a place."""
         import shapely
 
@@ -146,7 +145,7 @@ class FieldWork:
             )
         return space
 
-    def _way(self, start: Point, goal: Point) -> list[Leg]:
+    def _way(self, start: MapPoint, goal: MapPoint) -> list[Leg]:
         """Inside the field, around what is in the way.
 
         A place outside, or closer to an edge than the robot can turn, is left or reached by the

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from agribot.autonomy.plan.coverage.area import FieldArea, Footprint, PlanRequest, Point
+from agribot.autonomy.plan.coverage.area import FieldArea, Footprint, PlanRequest
 from agribot.core.errors import MissionError
+from agribot.core.messages import MapPoint
 
 if TYPE_CHECKING:
     import shapely
@@ -44,7 +45,7 @@ class FreeSpace:
         self.drivable = self.region.buffer(TOUCH_M, join_style="mitre")
         shapely.prepare(self.drivable)
 
-    def nearest(self, place: Point) -> Point:
+    def nearest(self, place: MapPoint) -> MapPoint:
         """The place itself, or where the region is nearest to it."""
         import shapely
 
@@ -85,7 +86,7 @@ def polygons(shape: BaseGeometry) -> list[shapely.Polygon]:
 
 
 def _chosen(
-    parts: list[shapely.Polygon], start_map_m: Point | None, depth_m: float
+    parts: list[shapely.Polygon], start_map_m: MapPoint | None, depth_m: float
 ) -> shapely.Polygon:
     import shapely
 

@@ -15,7 +15,6 @@ from agribot.autonomy.plan.coverage.area import (
     Leg,
     LegKind,
     PlanRequest,
-    Point,
     TurnStyle,
 )
 from agribot.autonomy.plan.coverage.free_space import FreeSpace, polygons
@@ -37,6 +36,7 @@ from agribot.autonomy.plan.coverage.turns import arc_turn, three_point_turn, yaw
 from agribot.autonomy.plan.coverage.ways import Ways
 from agribot.autonomy.plan.curves import Pose
 from agribot.core.errors import MissionError
+from agribot.core.messages import MapPoint
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -205,13 +205,13 @@ def _curved(start: Pose, end: Pose, style: TurnStyle, drivable: BaseGeometry) ->
     return [] if points is None else [Leg(kind="arc", xy_map_m=points)]
 
 
-def _link(start: Point, end: Point, ways: Ways) -> list[Leg]:
+def _link(start: MapPoint, end: MapPoint, ways: Ways) -> list[Leg]:
     if math.dist(start, end) < 1e-6:
         return []
     return [Leg(kind="link", xy_map_m=np.array(ways.way(start, end)))]
 
 
-def _point(leg: Leg, index: int) -> Point:
+def _point(leg: Leg, index: int) -> MapPoint:
     x_m, y_m = leg.xy_map_m[index]
     return float(x_m), float(y_m)
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import Leg, LegKind, Line, Point
+from agribot.autonomy.plan.coverage.area import Leg, LegKind, MapLine
 from agribot.autonomy.plan.coverage.swaths import Swath, driven, rotated
 from agribot.autonomy.plan.coverage.turns import smooth_pieces
 from agribot.core.errors import MissionError
-from agribot.core.messages import FloatArray
+from agribot.core.messages import FloatArray, MapPoint
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -40,7 +40,7 @@ def cell_task(cell: Sequence[Swath], yaw_rad: float, tool_x_m: float) -> Coverag
     return "swath", variants
 
 
-def _ends(swath: Swath, is_flipped: bool, tool_x_m: float) -> list[Point]:
+def _ends(swath: Swath, is_flipped: bool, tool_x_m: float) -> list[MapPoint]:
     """Where the robot drives along a swath, in the swath frame and in driving order."""
     if is_flipped:
         end_m, start_m = driven(swath, -tool_x_m)
@@ -63,7 +63,7 @@ def ring_tasks(region: BaseGeometry) -> list[CoverageTask]:
     return tasks
 
 
-def row_task(row: Line, number: int, beyond_m: float) -> CoverageTask:
+def row_task(row: MapLine, number: int, beyond_m: float) -> CoverageTask:
     """Along a crop row, far enough past both ends to turn clear of the crop."""
     xy = np.array(row)
     ends = [_ahead(xy[1], xy[0], beyond_m), _ahead(xy[-2], xy[-1], beyond_m)]
@@ -83,7 +83,9 @@ def _ahead(before: FloatArray, end: FloatArray, distance_m: float) -> FloatArray
 
 
 def in_order(
-    tasks: Sequence[CoverageTask], start: Point | None, way: Callable[[Point, Point], list[Point]]
+    tasks: Sequence[CoverageTask],
+    start: MapPoint | None,
+    way: Callable[[MapPoint, MapPoint], list[MapPoint]],
 ) -> list[tuple[int, Leg]]:
     """Every task once, always the nearest next one, as (task, working leg) in driving order.
 
@@ -109,10 +111,10 @@ def in_order(
     return legs
 
 
-def _entry(tasks: Sequence[CoverageTask], choice: tuple[float, int, int]) -> Point:
+def _entry(tasks: Sequence[CoverageTask], choice: tuple[float, int, int]) -> MapPoint:
     x_m, y_m = tasks[choice[1]][1][choice[2]][0][0]
     return float(x_m), float(y_m)
 
 
-def _length_m(points: Sequence[Point]) -> float:
+def _length_m(points: Sequence[MapPoint]) -> float:
     return sum(math.dist(a, b) for a, b in pairwise(points))

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import Point
 from agribot.autonomy.plan.coverage.free_space import ROUNDING_M
 from agribot.autonomy.plan.curves import MIN_RADIUS_M, Pose, Segment, end_pose, length_m
 from agribot.autonomy.plan.dubins import shortest
-from agribot.core.messages import FloatArray
+from agribot.core.messages import FloatArray, MapPoint
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -30,7 +29,7 @@ PIVOT_STOP_S = 2.0
 TURN_SPEED_MPS = 0.3
 
 
-def yaw_rad(start: Point | FloatArray, end: Point | FloatArray) -> float:
+def yaw_rad(start: MapPoint | FloatArray, end: MapPoint | FloatArray) -> float:
     return math.atan2(end[1] - start[1], end[0] - start[0])
 
 

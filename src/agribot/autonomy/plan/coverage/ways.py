@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import Point
 from agribot.autonomy.plan.coverage.free_space import ROUNDING_M
 from agribot.core.errors import MissionError
-from agribot.core.messages import FloatArray
+from agribot.core.messages import FloatArray, MapPoint
 
 if TYPE_CHECKING:
     import shapely
@@ -30,12 +29,12 @@ class Ways:
         self._corners: FloatArray | None = None
         self._graph: list[list[tuple[float, int]]] = []
 
-    def is_open(self, start: Point, end: Point) -> bool:
+    def is_open(self, start: MapPoint, end: MapPoint) -> bool:
         import shapely
 
         return bool(self._drivable.covers(shapely.LineString((start, end))))
 
-    def way(self, start: Point, end: Point) -> list[Point]:
+    def way(self, start: MapPoint, end: MapPoint) -> list[MapPoint]:
         """Corner points of the shortest way, both ends included.
 
         Raises: MissionError: there is none.
@@ -55,7 +54,7 @@ class Ways:
             )
         return [start, *((float(x), float(y)) for x, y in self._corners[found]), end]
 
-    def _inside(self, place: Point) -> Point:
+    def _inside(self, place: MapPoint) -> MapPoint:
         """The place, or the edge beside it: a rounded bend ends some millimetres outside."""
         import shapely
 
@@ -78,7 +77,7 @@ class Ways:
             self._graph[a].append((length_m, b))
             self._graph[b].append((length_m, a))
 
-    def _seen_from(self, point: Point) -> dict[int, float]:
+    def _seen_from(self, point: MapPoint) -> dict[int, float]:
         assert self._corners is not None
         if not len(self._corners):
             return {}

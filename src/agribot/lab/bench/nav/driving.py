@@ -52,7 +52,7 @@ class BatchProgress:
         return square
 
 
-class Driving:
+class BatchDriving:
     """From estimates to twists; `row` is the row of the field that each robot works, or -1."""
 
     def __init__(self, count: int, scenario: Scenario, robot: RobotSpec) -> None:
