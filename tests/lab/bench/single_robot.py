@@ -6,10 +6,6 @@ import math
 from collections.abc import Sequence
 
 from agribot.autonomy.control.follower import Follower
-from agribot.autonomy.estimate.batch.compass import BatchYaw
-from agribot.autonomy.estimate.batch.gnss import BatchFix
-from agribot.autonomy.estimate.batch.localizer import BatchHeading
-from agribot.autonomy.estimate.batch.row_lines import BatchLine
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import field_rows
@@ -27,6 +23,10 @@ from agribot.core.messages import (
     WheelSample,
 )
 from agribot.core.robot import RobotSpec
+from agribot.lab.bench.nav.batch.compass import BatchYaw
+from agribot.lab.bench.nav.batch.gnss import BatchFix
+from agribot.lab.bench.nav.batch.localizer import BatchHeading
+from agribot.lab.bench.nav.batch.row_lines import BatchLine
 from agribot.lab.bench.nav.missions import Reading
 from agribot.lab.bench.nav.scenario import DT_S, TICK_STEPS, Scenario
 from tests.autonomy.plan.paper_task import PaperTask
