@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import PlanRequest, footprint
+from agribot.autonomy.plan.coverage.area import PlanRequest, measure_footprint
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.autonomy.plan.plan_certificate import certify_plan
 from agribot.core.errors import MissionError
@@ -53,7 +53,7 @@ def measure(count: int, seed: int) -> dict[str, object]:
         rng = np.random.default_rng([seed, number])
         area, width_m = random_field(rng)
         request = PlanRequest(implement_width_m=width_m, tool_x_m=robot.tool_x_m)
-        shape = footprint(robot, width_m)
+        shape = measure_footprint(robot, width_m)
         try:
             plan = plan_field(area, shape, request)
         except MissionError as error:

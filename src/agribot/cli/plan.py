@@ -108,7 +108,7 @@ def _convert(options: argparse.Namespace) -> int:
 
 
 def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
-    from agribot.autonomy.plan.coverage.area import footprint
+    from agribot.autonomy.plan.coverage.area import measure_footprint
     from agribot.autonomy.plan.coverage.planner import plan_field
     from agribot.autonomy.plan.plan_certificate import certify_plan
     from agribot.description.loader import load_robot
@@ -132,7 +132,7 @@ def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
         area = msgspec.structs.replace(area, ab_line=points)
     robot = load_robot(options.robot)
     request = _request(options, area, frame, robot)
-    shape = footprint(robot, request.implement_width_m, request.tool_x_m)
+    shape = measure_footprint(robot, request.implement_width_m, request.tool_x_m)
     plan = plan_field(area, shape, request)
     return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)
 
@@ -142,7 +142,7 @@ def _is_near(point: MapPoint) -> bool:
 
 
 def _verified(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
-    from agribot.autonomy.plan.coverage.area import footprint
+    from agribot.autonomy.plan.coverage.area import measure_footprint
     from agribot.autonomy.plan.plan_certificate import certify_plan
     from agribot.description.loader import load_robot
     from agribot.gis.plan_file import read_plan
@@ -151,7 +151,9 @@ def _verified(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
         raise MissionError("give the plan to verify: agribot plan verify plan.geojson")
     saved = read_plan(Path(options.file))
     request = saved.request
-    shape = footprint(load_robot(options.robot), request.implement_width_m, request.tool_x_m)
+    shape = measure_footprint(
+        load_robot(options.robot), request.implement_width_m, request.tool_x_m
+    )
     return saved, certify_plan(saved.plan, saved.area, shape, saved.request)
 
 

@@ -16,7 +16,7 @@ from agribot.autonomy.plan.coverage.area import (
     Footprint,
     Leg,
     PlanRequest,
-    footprint,
+    measure_footprint,
 )
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.core.errors import MissionError
@@ -75,7 +75,7 @@ def test_ten_hectares_with_two_holes_are_worked_and_certified() -> None:
 def test_a_random_field_is_worked_without_leaving_it_or_refused_with_a_reason(number: int) -> None:
     area, width_m = random_field(np.random.default_rng([7, number]))
     request = PlanRequest(implement_width_m=width_m)
-    shape = footprint(load_robot("agribot"), width_m)
+    shape = measure_footprint(load_robot("agribot"), width_m)
     try:
         plan, certificate = certified(area, request, shape)
     except MissionError as error:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import Footprint, footprint
+from agribot.autonomy.plan.coverage.area import Footprint, measure_footprint
 from agribot.core.errors import MissionError
 from agribot.core.messages import Path
 from agribot.core.robot import RobotSpec
@@ -72,9 +72,9 @@ class Obstacles(NamedTuple):
 NO_OBSTACLES = Obstacles()
 
 
-def obstacles_for(
+def make_obstacles(
     circles: Sequence[tuple[float, float, float]], clearance_m: float, robot: RobotSpec
 ) -> Obstacles:
     """`circles` are East, North and radius in metres."""
     return Obstacles(tuple(ObstacleCircle(*circle) for circle in circles), clearance_m,
-                     footprint(robot, 0.0))  # fmt: skip
+                     measure_footprint(robot, 0.0))  # fmt: skip

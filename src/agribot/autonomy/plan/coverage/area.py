@@ -119,7 +119,7 @@ class FieldPlan(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     warnings: tuple[str, ...] = ()
 
 
-def footprint(
+def measure_footprint(
     robot: RobotSpec, implement_width_m: float, tool_x_m: float | None = None
 ) -> Footprint:
     """From the collision shapes and wheels of the description and the width of the implement.
@@ -130,7 +130,7 @@ def footprint(
     corners = [np.array([[0.0, 0.0, 0.0]])]
     for link in robot.links:
         for shape in link.collisions:
-            corners.append(_shape_corners(robot.body_from_link(link.name) @ shape.origin.matrix(),
+            corners.append(_list_corners(robot.body_from_link(link.name) @ shape.origin.matrix(),
                                           shape.kind, shape.size_m))  # fmt: skip
     points = np.vstack(corners)
     wheels = robot.wheel_xy_body_m()
@@ -148,7 +148,7 @@ def footprint(
     )
 
 
-def _shape_corners(body_from_shape: FloatArray, kind: str, size_m: tuple[float, ...]) -> FloatArray:
+def _list_corners(body_from_shape: FloatArray, kind: str, size_m: tuple[float, ...]) -> FloatArray:
     """Corners of the box around a shape, (8, 3) in the body frame; meshes are not measured."""
     half = {
         "box": (size_m[0] / 2.0, size_m[1] / 2.0, size_m[2] / 2.0),

@@ -66,7 +66,7 @@ class Ways:
 
     def _build(self) -> None:
         """Every pair of corners that see each other."""
-        corners = _inner_corners(self._region)
+        corners = _find_inner_corners(self._region)
         self._corners = corners
         first, second = np.triu_indices(len(corners), 1)
         seen = self._covered(corners[first], corners[second])
@@ -119,21 +119,21 @@ class Ways:
         return trail[::-1]
 
 
-def _inner_corners(region: shapely.Polygon) -> FloatArray:
+def _find_inner_corners(region: shapely.Polygon) -> FloatArray:
     """Corners that a shortest way can bend around: those that point into the area.
 
     A boundary with very many corners is simplified inwards until they are few enough.
     """
     tolerance_m = FIRST_SIMPLIFY_M
-    corners = _reflex(region)
+    corners = _find_reflex(region)
     while len(corners) > MAX_CORNERS:
         smaller = region.buffer(-tolerance_m, join_style="mitre").simplify(tolerance_m)
-        corners = _reflex(smaller)
+        corners = _find_reflex(smaller)
         tolerance_m *= 2.0
     return corners
 
 
-def _reflex(region: BaseGeometry) -> FloatArray:
+def _find_reflex(region: BaseGeometry) -> FloatArray:
     import shapely
 
     found = []
