@@ -175,6 +175,7 @@ class TreatmentConfig(Config, frozen=True):
     enabled: bool = True
     margin_m: NonNegative = 0.04
     crop_guard_m: NonNegative = 0.05
+    depth_m: Positive | None = None  # of a hoe's blades; None: as deep as they reach
 
 
 class RecordConfig(Config, frozen=True):

@@ -89,8 +89,8 @@ def wheel() -> FloatArray:
     return lathe([section(step) for step in range(WHEEL_SEGMENTS)])
 
 
-def chassis() -> FloatArray:
-    """Deck, legs, axle stubs, a case on the deck and the spray boom with its nozzles."""
+def frame() -> FloatArray:
+    """Deck, legs, axle stubs and a case on the deck."""
     deck_m = (2 * HALF_WHEELBASE_M + 0.14, 2 * HALF_TRACK_M - 0.13, 0.05)
     stub_m = HALF_TRACK_M - WHEEL_WIDTH_M / 2.0 - LEG_Y_M
     parts = [box((0.0, 0.0, 0.0), deck_m), box((-0.1, 0.0, 0.09), (0.28, 0.34, 0.13))]
@@ -101,7 +101,12 @@ def chassis() -> FloatArray:
                 box((x_m, left * LEG_Y_M, -AXLE_DROP_M / 2), (0.03, 0.03, AXLE_DROP_M)),
                 box((x_m, left * (LEG_Y_M + stub_m / 2), -AXLE_DROP_M), (0.02, stub_m, 0.02)),
             ]
-    parts.append(box((BOOM_X_M, 0.0, 0.035), (0.02, 0.84, 0.02)))
+    return np.concatenate(parts)
+
+
+def chassis() -> FloatArray:
+    """The frame with the spray boom and its nozzles."""
+    parts = [frame(), box((BOOM_X_M, 0.0, 0.035), (0.02, 0.84, 0.02))]
     parts += [box((-0.32, y_m, 0.035), (0.08, 0.02, 0.02)) for y_m in (-0.25, 0.25)]
     for nozzle in range(NOZZLES):
         y_m = ((NOZZLES - 1) / 2.0 - nozzle) * NOZZLE_SPACING_M
@@ -124,6 +129,7 @@ def sensor_box() -> FloatArray:
 
 MESHES: dict[str, Callable[[], FloatArray]] = {
     "chassis.stl": chassis,
+    "frame.stl": frame,
     "wheel.stl": wheel,
     "camera_housing.stl": camera_housing,
     "sensor_box.stl": sensor_box,

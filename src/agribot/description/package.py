@@ -18,7 +18,10 @@ ROOT = Path(__file__).resolve().parent
 
 def robot_files() -> dict[str, Path]:
     """The packaged robots by name: their top-level xacro files."""
-    return {"agribot": ROOT / "urdf" / "agribot_sensors.urdf.xacro"}
+    return {
+        "agribot": ROOT / "urdf" / "agribot_sensors.urdf.xacro",
+        "agribot-hoe": ROOT / "urdf" / "agribot_hoe.urdf.xacro",
+    }
 
 
 def world_files() -> dict[str, Path]:
