@@ -21,8 +21,8 @@ from agribot.core.implement.plants import PlantMap
 from agribot.core.implement.spec import ImplementSpec, StateLine
 from agribot.core.messages import Estimate, FloatArray, ImplementCommand
 from agribot.core.world import WorldSpec
-from agribot.description.loader import load_robot, urdf_text
-from agribot.record.page import report_page
+from agribot.description.loader import export_urdf, load_robot
+from agribot.record.page import render_report
 from agribot.record.replay import read_ticks
 
 
@@ -104,7 +104,7 @@ def _own_register(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def sweeper(tmp_path: Path) -> Iterator[str]:
     """The packaged robot with a brush instead of its boom."""
-    head, _, rest = urdf_text().partition("<sprayer>")
+    head, _, rest = export_urdf().partition("<sprayer>")
     path = tmp_path / "sweeper.urdf"
     path.write_text(head + TAGS.strip() + rest.partition("</sprayer>")[2], encoding="utf-8")
     yield str(path)
@@ -121,7 +121,7 @@ def test_a_brush_from_one_file_and_a_registration_works_through_a_run_to_its_rep
         for _ in run.ticks():
             pass
         report = run.finish()
-        page = report_page(report, run._data())
+        page = render_report(report, run._data())
     assert report.implement is not None
     assert (report.implement.kind, report.implement.verb) == ("brush", "brushed")
     assert report.implement.width_m == pytest.approx(0.5)
@@ -197,7 +197,7 @@ def test_a_description_that_does_not_fit_is_refused_with_the_place(
 def test_two_implements_on_one_robot_are_refused(tmp_path: Path) -> None:
     register_implement(BRUSH)
     path = tmp_path / "both.urdf"
-    path.write_text(urdf_text().replace("<sprayer>", TAGS + "<sprayer>"), encoding="utf-8")
+    path.write_text(export_urdf().replace("<sprayer>", TAGS + "<sprayer>"), encoding="utf-8")
     with pytest.raises(DescriptionError, match="2 implements"):
         load_robot(str(path))
 

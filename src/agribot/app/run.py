@@ -16,10 +16,10 @@ from agribot.app.run_clock import Clock
 from agribot.app.run_folder import RunFolder
 from agribot.app.run_recording import RunRecording, files_to_run_again
 from agribot.app.run_setup import PLAN_FILE, RunSetup
-from agribot.app.tasks import row_ends
 from agribot.app.unattended import Unattended
 from agribot.app.whole_job import WholeJob
 from agribot.autonomy.perception_host import PerceptionMeter
+from agribot.autonomy.plan.rows import row_ends
 from agribot.autonomy.plan.task import Task
 from agribot.autonomy.stack import MaskTap, Stack, Tap
 from agribot.autonomy.weeds.map import WeedMap
@@ -37,7 +37,7 @@ from agribot.core.messages import (
 from agribot.core.messages import Path as PlannedPath
 from agribot.core.platform import MixedPlatform, Platform, SensorSource, TrueState
 from agribot.core.row_shape import row_length_m
-from agribot.description.loader import urdf_text
+from agribot.description.loader import export_urdf
 from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
 from agribot.record.run_files import write_run_files
@@ -185,7 +185,7 @@ class Run:
     @property
     def urdf(self) -> str:
         """The robot's description with everything expanded."""
-        return urdf_text(self.config.robot)
+        return export_urdf(self.config.robot)
 
     @property
     def meter(self) -> PerceptionMeter | None:

@@ -21,7 +21,7 @@ from agribot.core.messages import MappedPlant, TickRecord
 from agribot.record.events import Event, read_whole_events
 from agribot.record.replay import read_ticks, read_truth
 from agribot.record.report import RunOfJob
-from agribot.record.series import RunSeries, collect, joined
+from agribot.record.series import RunSeries, collect, join_series
 from agribot.sim.scores import Judgement
 
 FILE_NAME = "job.json"
@@ -212,7 +212,7 @@ def series_of(
         except RecordingError as error:
             lost.append(f"plots and table of rows: {error}")
         began_s += run.run_s
-    return joined([*parts, (own, began_s)]), lost
+    return join_series([*parts, (own, began_s)]), lost
 
 
 def events_of(earlier: Sequence[RunOfJob], beside: Path) -> tuple[list[Event], list[str]]:

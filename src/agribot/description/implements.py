@@ -9,13 +9,13 @@ import msgspec
 
 from agribot.core.implement.kind import find_spec_type, list_kinds
 from agribot.core.implement.spec import ImplementSpec
-from agribot.description.elements import Source
+from agribot.description.elements import SourceFile
 from agribot.description.tags import TagBlock, find_extra, list_extras
 
 OTHER_GROUPS = ("drive", "tyre")
 
 
-def read_implement(root: ET.Element, source: Source) -> ImplementSpec | None:
+def read_implement(root: ET.Element, source: SourceFile) -> ImplementSpec | None:
     """Read the block of <agribot> that is named after a kind of implement; None without one.
 
     Raises: DescriptionError: more than one, or a number is missing or out of range.
@@ -36,14 +36,14 @@ def read_implement(root: ET.Element, source: Source) -> ImplementSpec | None:
     return found[0] if found else None
 
 
-def _read(kind: type[ImplementSpec], block: TagBlock, source: Source) -> ImplementSpec:
+def _read(kind: type[ImplementSpec], block: TagBlock, source: SourceFile) -> ImplementSpec:
     """A field without a tag keeps its default, if it has one."""
     values: dict[str, Any] = {}
     for field in msgspec.structs.fields(kind):
         name = field.encode_name
         if not field.required and name.lower() not in block.tags:
             continue
-        value = block.number(name)
+        value = block.read_number(name)
         values[name] = int(value) if value.is_integer() else value
     try:
         return msgspec.convert(values, kind)

@@ -1,4 +1,4 @@
-"""The report of a run: the numbers that others read. A value nobody measured is null, never 0."""
+"""The report of a run as numbers. A value that was not measured is null, never 0."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import msgspec
 
 from agribot.core.errors import RecordingError
 from agribot.core.implement.kind import ReportLine
-from agribot.record.whole_file import write_at_once
+from agribot.core.whole_file import write_at_once
 
 
 class TimeReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -142,17 +142,23 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def to_json(report: Report) -> bytes:
-    """Indented; a number that is not finite becomes null."""
+    """Encode with indentation; a number that is not finite becomes null."""
     return msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n"
 
 
 def write_report(path: Path, report: Report) -> None:
-    """Raises: RecordingError: the file cannot be written."""
+    """Write report.json.
+
+    Raises: RecordingError: the file cannot be written.
+    """
     write_file(path, to_json(report))
 
 
 def read_report(path: Path) -> Report:
-    """Raises: RecordingError: no such file, or it is no report of this version."""
+    """Read report.json.
+
+    Raises: RecordingError: no such file, or it is no report of this version.
+    """
     try:
         return msgspec.json.decode(path.read_bytes(), type=Report)
     except OSError as error:

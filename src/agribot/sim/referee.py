@@ -12,7 +12,7 @@ import numpy.typing as npt
 from agribot.core.geo import wrap_rad
 from agribot.core.growing_table import GrowingTable
 from agribot.core.messages import ByteArray, MappedPlant, PlantClass, Row, TickRecord
-from agribot.core.row_shape import beside_row, row_length_m
+from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import WorldSpec
 from agribot.sim.scores import (
     ErrorSums,
@@ -171,7 +171,7 @@ class Referee:
         self._add_to_sums()
         tally = self._tally
         is_one_run = len(self._across_m) == tally.row_ticks > 0
-        p95_m = float(np.percentile(self._across_m.array(), 95)) if is_one_run else None
+        p95_m = float(np.percentile(self._across_m.to_array(), 95)) if is_one_run else None
         return TrackingScore(
             xte_rms_m=compute_root_mean(tally.across_m2, tally.row_ticks),
             xte_p95_m=p95_m if is_one_run else tally.across_m.percentile(95.0),
@@ -224,11 +224,11 @@ class Referee:
 
     def _add_to_sums(self) -> None:
         """Add the newest errors to the sums."""
-        rows = self._row_errors.array()
+        rows = self._row_errors.to_array()
         for across_m in np.abs(rows[:, 0]):
             self._across_m.append((across_m,))
         self._tally.add_rows(rows)
-        self._tally.add_estimates(self._estimate_errors.array(), self._pose_covs.array())
+        self._tally.add_estimates(self._estimate_errors.to_array(), self._pose_covs.to_array())
         self._row_errors, self._estimate_errors = GrowingTable(2), GrowingTable(3)
         self._pose_covs = GrowingTable(9)
 
@@ -246,7 +246,7 @@ class Referee:
             self._slices |= {(row.index, p if is_same else last - p) for p in places}
 
     def _judge_row(self, row: Row, x_m: float, y_m: float, yaw_rad: float) -> None:
-        along_m, across_m, row_yaw_rad = map(float, beside_row(row, x_m, y_m))
+        along_m, across_m, row_yaw_rad = map(float, project_on_row(row, x_m, y_m))
         if not 0.0 <= along_m <= row_length_m(row):
             return
         heading = wrap_rad(yaw_rad - row_yaw_rad)
@@ -271,7 +271,7 @@ class Referee:
         rows = [self._rows[index] for index in sorted(self._rows)]
         if len(rows) < 2:
             return 1.0
-        return abs(float(beside_row(rows[0], *rows[1].start_map_m).left_m))
+        return abs(float(project_on_row(rows[0], *rows[1].start_map_m).left_m))
 
     def _count_treated(self, plant: PlantClass) -> int:
         return sum(self._world.plants[index].plant == plant for index in self._treated_plants)

@@ -1,4 +1,4 @@
-"""What the robot is told to do."""
+"""Commands to the robot's wheels and implement."""
 
 from __future__ import annotations
 
