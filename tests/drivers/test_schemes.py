@@ -15,7 +15,7 @@ from agribot.core.platform import Sensor
 from agribot.description.loader import load_robot
 from agribot.drivers import schemes
 from agribot.record.replay import read_ticks
-from agribot.ros.messages.sensor_readers import readers
+from agribot.ros.messages.sensor_readers import make_readers
 
 GYRO = '''
 from agribot.core.messages import ImuSample
@@ -93,7 +93,7 @@ def test_sensors_without_a_field_of_their_own_add_up_and_are_recorded(tmp_path: 
 
 def test_no_type_of_ros_message_stands_for_them() -> None:
     with pytest.raises(ConfigError, match="no type of ROS message"):
-        readers("others", load_robot())
+        make_readers("others", load_robot())
 
 
 def test_a_scheme_that_nobody_registered_is_refused_with_those_that_are(scheme: str) -> None:
