@@ -13,7 +13,7 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.robot import RobotSpec
 from agribot.gis.field_file import read_field
-from agribot.gis.plan_file import SavedPlan, plan_from
+from agribot.gis.plan_file import SavedPlan, parse_plan
 
 
 def read_plan_text(config: RunConfig) -> str:
@@ -40,7 +40,7 @@ def work_from(text: str, name: str, config: RunConfig, robot: RobotSpec) -> Fiel
         root = json.loads(text)
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
         raise MissionError(f"{name} is not valid JSON: {error}") from error
-    saved = plan_from(root, name, config.field.datum)
+    saved = parse_plan(root, name, config.field.datum)
     shape = footprint(robot, saved.request.implement_width_m, saved.request.tool_x_m)
     certificate = certify_plan(saved.plan, saved.area, shape, saved.request)
     if not certificate.ok:

@@ -22,7 +22,7 @@ from agribot.ros.ros1.master import MASTER, check_master
 
 if TYPE_CHECKING:
     from agribot.app.run import Run
-    from agribot.ros.outlet import Gateway, Outlet
+    from agribot.ros.tick_publisher import Gateway, TickPublisher
 
 Setting = bool | int | float | str | tuple[float, ...]
 
@@ -116,7 +116,7 @@ def bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
     if not wanted(options):
         yield
         return
-    requests = Requests(session.inbox, allow_drive=options.allow_drive, say=say)
+    requests = Requests(session.inbox, allow_drive=options.allow_drive, report=say)
     taken = {place.path for place in read_sources(session.config.sources).values()}
     has_camera = session.robot.camera is not None
     out = [
@@ -185,10 +185,10 @@ def tell_losses(dropped: int, fault: str) -> None:
         say(fault)
 
 
-def _outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) -> Outlet:
+def _outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) -> TickPublisher:
     from agribot.description.loader import export_urdf
     from agribot.ros.messages.camera_log import CameraLog
-    from agribot.ros.outlet import Outlet, Sources
+    from agribot.ros.tick_publisher import RunSources, TickPublisher
 
     config = session.config
     camera = CameraLog(
@@ -197,13 +197,13 @@ def _outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) 
         config.record.jpeg_quality,
         keeps_raw=options.raw_images,
     )
-    sources = Sources(
+    sources = RunSources(
         plan=lambda: session.stack.mission.path,
         goals_map_m=lambda: session.shown_goals_map_m,
         weed_map=session.weed_map.plants,
         truth=session.truth,
     )
-    return Outlet(
+    return TickPublisher(
         gateways, session.robot, config.field.datum, export_urdf(config.robot), camera, sources
     )
 

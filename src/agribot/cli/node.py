@@ -26,9 +26,9 @@ from agribot.cli.node_runner import NodeRunner
 from agribot.cli.stopping import stop_on_signal
 from agribot.core.errors import BridgeError, ConfigError
 from agribot.core.geo import Datum
-from agribot.ros.link import Link
+from agribot.ros.connection import TopicConnection
 from agribot.ros.nodes.plot import Plot
-from agribot.ros.nodes.stage import Stage
+from agribot.ros.nodes.stage import NodeStage
 
 _PATIENCE_S = 60.0  # for a master or router that is still starting
 
@@ -115,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
     return 0 if report.ok else 1
 
 
-def _link(options: argparse.Namespace, is_over: Callable[[], bool]) -> Link:
+def _link(options: argparse.Namespace, is_over: Callable[[], bool]) -> TopicConnection:
     """Wait for a network that is not there yet: nodes start in any order."""
     name = options.name or options.node.replace("-", "_")
     give_up_s = time.monotonic() + _PATIENCE_S
@@ -132,19 +132,19 @@ def _link(options: argparse.Namespace, is_over: Callable[[], bool]) -> Link:
             time.sleep(0.5)
 
 
-def _ros1(options: argparse.Namespace, name: str) -> Link:
-    from agribot.ros.ros1.link import Ros1Link
+def _ros1(options: argparse.Namespace, name: str) -> TopicConnection:
+    from agribot.ros.ros1.connection import Ros1Connection
 
-    return Ros1Link(name, _say, master_from(options))
-
-
-def _ros2(options: argparse.Namespace, name: str) -> Link:
-    from agribot.ros.ros2.link import Ros2Link
-
-    return Ros2Link(name, domain=domain_from(options), router=router_from(options))
+    return Ros1Connection(name, _say, master_from(options))
 
 
-def _gps_converter(options: argparse.Namespace) -> Stage:
+def _ros2(options: argparse.Namespace, name: str) -> TopicConnection:
+    from agribot.ros.ros2.connection import Ros2Connection
+
+    return Ros2Connection(name, domain=domain_from(options), router=router_from(options))
+
+
+def _gps_converter(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.gps_converter import GpsConverter
 
     if options.origin in {"pole", "fix"}:
@@ -154,7 +154,7 @@ def _gps_converter(options: argparse.Namespace) -> Stage:
     return GpsConverter(PoleOrigin(known), waits_for_pole=False)
 
 
-def _data_manipulation(options: argparse.Namespace) -> Stage:
+def _data_manipulation(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.data_manipulation import DataManipulation
 
     if not 0.0 < options.compass_std <= 90.0:
@@ -166,7 +166,7 @@ def _data_manipulation(options: argparse.Namespace) -> Stage:
     )
 
 
-def _autonomous_drive(options: argparse.Namespace) -> Stage:
+def _autonomous_drive(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.autonomous_drive import AutonomousDrive
 
     if not 0.0 < options.drive_speed <= 2.0:
@@ -179,7 +179,7 @@ def _autonomous_drive(options: argparse.Namespace) -> Stage:
     return AutonomousDrive(GoToGoal(settings))
 
 
-def _action(options: argparse.Namespace) -> Stage:
+def _action(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.autonomous_drive_action import ActionSettings, AutonomousDriveAction
 
     goals = [_place(text, "--goal") for text in options.goal or ()]
@@ -201,11 +201,11 @@ def _arrive_m(options: argparse.Namespace) -> float:
     return float(options.arrive)
 
 
-def _plot(_options: argparse.Namespace) -> Stage:
+def _plot(_options: argparse.Namespace) -> NodeStage:
     return Plot()
 
 
-_STAGES: dict[str, Callable[[argparse.Namespace], Stage]] = {
+_STAGES: dict[str, Callable[[argparse.Namespace], NodeStage]] = {
     "gps-converter": _gps_converter,
     "data-manipulation": _data_manipulation,
     "autonomous-drive": _autonomous_drive,
@@ -224,7 +224,7 @@ def _place(text: str, option: str) -> tuple[float, float]:
     return lat_deg, lon_deg
 
 
-def _files(stage: Stage, out_dir: Path) -> tuple[str, ...]:
+def _files(stage: NodeStage, out_dir: Path) -> tuple[str, ...]:
     if not isinstance(stage, Plot):
         return ()
     from agribot.record.drive_figure import write_drive_files

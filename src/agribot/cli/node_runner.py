@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 from agribot.core.topics import Topic
-from agribot.ros.link import Link
-from agribot.ros.nodes.stage import Said, Stage
+from agribot.ros.connection import TopicConnection
+from agribot.ros.nodes.stage import NodeStage, OutgoingMessage
 
 PERIOD_S = 0.1
 _QUEUE_MESSAGES = 2000  # seconds of a fast sensor; a flood loses what is newest
@@ -19,7 +19,7 @@ _SAY_PERIOD_S = 5.0
 class NodeRunner:
     """`say` hears why the node is quiet, at each change, but not more often than needed."""
 
-    def __init__(self, stage: Stage, link: Link, say: Callable[[str], None]) -> None:
+    def __init__(self, stage: NodeStage, link: TopicConnection, say: Callable[[str], None]) -> None:
         self._stage, self._link, self._say = stage, link, say
         self._heard: queue.Queue[tuple[Topic, bytes]] = queue.Queue(_QUEUE_MESSAGES)
         self._next_tick_s = time.monotonic()
@@ -29,13 +29,13 @@ class NodeRunner:
         for topic in stage.outputs:
             link.advertise(topic)
         for topic in stage.inputs:
-            link.hear(topic, self._hearer(topic))
+            link.subscribe(topic, self._hearer(topic))
 
     def run(self, is_over: Callable[[], bool]) -> None:
         """Until the node is done or `is_over`. Raises: BridgeError: the network was lost."""
         while not (self._stage.is_done or is_over()):
             self.step()
-        self._publish(self._stage.last_words())
+        self._publish(self._stage.finish())
 
     def step(self) -> None:
         """Hear one message, or wait for the next tick at most."""
@@ -51,7 +51,7 @@ class NodeRunner:
         message = self._decoded(topic, data)
         if message is not None:
             self.counts[topic.name] += 1
-            self._publish(self._stage.hear(topic, message, time.monotonic()))
+            self._publish(self._stage.receive(topic, message, time.monotonic()))
 
     def _hearer(self, topic: Topic) -> Callable[[bytes], None]:
         def heard(data: bytes) -> None:
@@ -63,15 +63,15 @@ class NodeRunner:
         return heard
 
     def _decoded(self, topic: Topic, data: bytes) -> Any:
-        from agribot.ros.messages.rosmsg import typestore
+        from agribot.ros.messages.rosmsg import load_types
 
         try:
-            return typestore().deserialize_cdr(data, topic.ros_type)
+            return load_types().deserialize_cdr(data, topic.ros_type)
         except Exception:  # noqa: BLE001  rosbags raises what its generated code happens to
             self._say(f"{topic.name}: {len(data)} bytes are no {topic.ros_type}; dropped")
             return None
 
-    def _publish(self, said: tuple[Said, ...] | Any) -> None:
+    def _publish(self, said: tuple[OutgoingMessage, ...] | Any) -> None:
         from agribot.ros.messages.rosmsg import to_cdr
 
         for topic, message in said:

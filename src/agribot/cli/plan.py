@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from agribot.gis.plan_file import plan_text
+    from agribot.gis.plan_file import format_plan
     from agribot.record.drawing import encode_png
     from agribot.record.plan_figure import draw_plan
     from agribot.record.report import write_file
@@ -80,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
     sys.stderr.write(_summary(certificate, MapFrame(saved.datum)))
     if options.out and options.action is None:
         if certificate.ok:
-            write_file(Path(options.out), plan_text(saved, certificate).encode())
+            write_file(Path(options.out), format_plan(saved, certificate).encode())
         else:
             sys.stderr.write(f"{options.out} is not written: the plan was refused\n")
     if options.json:

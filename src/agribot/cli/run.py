@@ -160,14 +160,14 @@ def _plan_of_field(config: RunConfig, options: argparse.Namespace) -> str:
     """Raises: MissionError: no field, or one that cannot be worked, and why."""
     from agribot.app.field_work import planned
     from agribot.description.loader import load_robot
-    from agribot.gis.plan_file import plan_text
+    from agribot.gis.plan_file import format_plan
 
     robot = load_robot(config.robot)
     saved, certificate = planned(Path(options.field), config, robot, options.implement_width)
     if not certificate.ok:
         problem = certificate.problems[0]
         raise MissionError(f"{options.field}: {problem.rule}: {problem.message}")
-    return plan_text(saved, certificate)
+    return format_plan(saved, certificate)
 
 
 def _config(options: argparse.Namespace) -> RunConfig:

@@ -53,7 +53,7 @@ def sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[None]:
     Raises: AgribotError: a URI that means nothing, or a source that cannot be opened.
     """
     wanted = read_sources(session.config.sources)
-    refuse = Requests(session.inbox, say=say).refuse
+    refuse = Requests(session.inbox, report=say).refuse
     with source_context(session.robot, options, refuse) as context:
         sources = [open_source(name, uri, context) for name, uri in wanted.items()]
         if sources:

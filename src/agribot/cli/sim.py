@@ -102,7 +102,7 @@ class _World:
 
     def tick(self, source: drive_source.DriveSource) -> SensorBatch:
         """Raises: PlatformError: the robot overturned or the physics diverged."""
-        from agribot.ros.messages.world_feed import WorldTick
+        from agribot.ros.messages.world_topic_writer import WorldTick
 
         batch = self.platform.read()
         command = twist_of(batch.hand) or source.at(batch.t_s)

@@ -23,7 +23,7 @@ from agribot.core.messages import Inbox
 from agribot.ros.requests import Requests
 
 if TYPE_CHECKING:
-    from agribot.ros.outlet import Gateway
+    from agribot.ros.tick_publisher import Gateway
 
 _CLOCK_PERIOD_NS = 20_000_000
 
@@ -129,7 +129,7 @@ def _program(options: argparse.Namespace) -> Iterator[None]:
 def _play(recording: Path, options: argparse.Namespace) -> None:
     """Every topic of the table that is in the recording, at its time, and the clock with it."""
     from agribot.record.bag.opening import open_bag
-    from agribot.ros.outlet import Gateways
+    from agribot.ros.tick_publisher import GatewayGroup
 
     pace = pace_from(options.speed)
     with open_bag(recording) as bag:
@@ -141,9 +141,9 @@ def _play(recording: Path, options: argparse.Namespace) -> None:
                 f"{recording} has no topic of AGRIBOT, only {bag.contents}; play it with rosbag"
             )
         urdf = next((f.data.decode() for f in bag.files() if f.name == "robot.urdf"), "")
-        requests = Requests(Inbox(), say=bridging.say)
+        requests = Requests(Inbox(), report=bridging.say)
         opened: list[Gateway] = bridging.open_gateways(options, out, urdf, requests, None)
-        gateways = Gateways(opened)
+        gateways = GatewayGroup(opened)
         start_ns = bag.times_ns[0] if bag.times_ns else 0
         started_s, next_clock_ns = time.monotonic(), 0
         try:
@@ -156,7 +156,7 @@ def _play(recording: Path, options: argparse.Namespace) -> None:
                     gateways.send(topic, message.log_ns, message.data, message.publish_ns)
                     if message.log_ns >= next_clock_ns:
                         next_clock_ns = message.log_ns + _CLOCK_PERIOD_NS
-                        gateways.tell_time(message.log_ns * 1e-9)
+                        gateways.publish_time(message.log_ns * 1e-9)
         finally:
             gateways.close()
 

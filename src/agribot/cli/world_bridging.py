@@ -16,7 +16,7 @@ from agribot.core.robot import RobotSpec
 from agribot.ros.requests import Requests
 
 if TYPE_CHECKING:
-    from agribot.ros.messages.world_feed import WorldTick
+    from agribot.ros.messages.world_topic_writer import WorldTick
     from agribot.sim.platform import SimPlatform
 
     WorldTap = Callable[[WorldTick], None]
@@ -57,12 +57,12 @@ def world_bridges(
     """
     from agribot.description.loader import export_urdf
     from agribot.ros.messages.camera_log import CameraLog
-    from agribot.ros.world_outlet import WorldOutlet
+    from agribot.ros.world_publisher import WorldPublisher
 
     if not wanted(options):
         yield []
         return
-    requests = Requests(platform.inbox, allow_drive=is_free, say=say)
+    requests = Requests(platform.inbox, allow_drive=is_free, report=say)
     has_camera = robot.camera is not None and config.perception.enabled
     out = [
         topic
@@ -74,7 +74,7 @@ def world_bridges(
     camera = CameraLog(
         robot, options.image_rate, config.record.jpeg_quality, keeps_raw=options.raw_images
     )
-    outlet = WorldOutlet(gateways, robot, urdf, camera)
+    outlet = WorldPublisher(gateways, robot, urdf, camera)
     try:
         yield [outlet]
     finally:
