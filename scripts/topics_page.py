@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from agribot.core.topic import Topic
-from agribot.core.topics import TOPICS
+from agribot.core.topics import TOPICS, Topic
 
 HEAD = """# Topics
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.app.rerun import difference, recorded_pass, rerun
+from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import simulate
 from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest, footprint
 from agribot.autonomy.plan.coverage.planner import plan_field
@@ -17,7 +17,7 @@ from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.core import config
 from agribot.core.errors import MissionError
 from agribot.core.messages import OperatorEvent, TickRecord
-from agribot.gis.plan_file import SavedPlan, plan_text
+from agribot.gis.plan_file import SavedPlan, format_plan
 from tests.waiting import PATIENCE_S
 
 SETTINGS = [
@@ -79,7 +79,7 @@ def run(out: Path) -> list[TickRecord]:
         shape = footprint(session.robot, 2.0)
         plan = plan_field(AREA, shape, request)
         certificate = certify_plan(plan, AREA, shape, request)
-        text = plan_text(SavedPlan(plan, AREA, request, settings.field.datum), certificate)
+        text = format_plan(SavedPlan(plan, AREA, request, settings.field.datum), certificate)
         what = {"plan": {"text": text}, "goto": {"numbers": (2.0, 3.0)}, "resume": {}}
         ticks = []
         for record in session.ticks():
@@ -119,7 +119,7 @@ def test_a_replay_has_the_same_commands_bit_by_bit(
     runs: tuple[list[TickRecord], Path],
 ) -> None:
     path = runs[1] / "run.mcap"
-    before = recorded_pass(path)
+    before = read_pass(path)
     again, _ = rerun(path, config.load("farm", SETTINGS))
-    assert difference(before, again).first is None
+    assert compare_passes(before, again).first is None
     assert [t.status for t in before] == [t.status for t in again]

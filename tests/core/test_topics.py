@@ -45,15 +45,15 @@ def test_every_ros_type_exists_in_jazzy() -> None:
 
 def test_every_topic_of_the_original_has_a_successor() -> None:
     for name in SEED_NAMES:
-        topic = topics.by_name(name)
+        topic = topics.find_topic(name)
         assert topic is not None, name
         assert topic.seed_ros_type, name
 
 
 def test_a_name_is_found_before_an_alias() -> None:
-    assert topics.by_name("/agribot/fix") is topics.FIX
-    assert topics.by_name("/magnetic") is topics.MAGNETIC
-    assert topics.by_name("/no/such/topic") is None
+    assert topics.find_topic("/agribot/fix") is topics.FIX
+    assert topics.find_topic("/magnetic") is topics.MAGNETIC
+    assert topics.find_topic("/no/such/topic") is None
 
 
 def test_every_sensor_of_a_batch_has_a_topic() -> None:

@@ -74,7 +74,7 @@ export interface State {
   weeds: number
   rtf: number | null
   xte_m: number | null
-  nozzles: boolean[]
+  implement: [name: string, text: string][]
   sig: number[][]
   replay?: Replay | null
   /** The folder that is being written, empty while nothing is recorded. */

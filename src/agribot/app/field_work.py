@@ -13,11 +13,11 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.robot import RobotSpec
 from agribot.gis.field_file import read_field
-from agribot.gis.plan_file import SavedPlan, plan_from
+from agribot.gis.plan_file import SavedPlan, parse_plan
 
 
 def read_plan_text(config: RunConfig) -> str:
-    """The plan of the settings as it stands in its file; empty where a run has none."""
+    """Read the plan of the settings as it stands in its file; empty where a run has none."""
     if not config.plan:
         return ""
     try:
@@ -27,12 +27,15 @@ def read_plan_text(config: RunConfig) -> str:
 
 
 def field_work(text: str, config: RunConfig, robot: RobotSpec) -> FieldWork | None:
-    """The plan of the settings; None without one. Raises: as `work_from`."""
+    """Read the plan of the settings; None without one.
+
+    Raises: MissionError: as `work_from`.
+    """
     return work_from(text, Path(config.plan).name, config, robot) if text else None
 
 
 def work_from(text: str, name: str, config: RunConfig, robot: RobotSpec) -> FieldWork:
-    """A plan in the map of the run, for this robot.
+    """Read a plan in the map of the run, for this robot.
 
     Raises: MissionError: not a plan, or the check refuses it for this robot, and where.
     """
@@ -40,7 +43,7 @@ def work_from(text: str, name: str, config: RunConfig, robot: RobotSpec) -> Fiel
         root = json.loads(text)
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
         raise MissionError(f"{name} is not valid JSON: {error}") from error
-    saved = plan_from(root, name, config.field.datum)
+    saved = parse_plan(root, name, config.field.datum)
     shape = footprint(robot, saved.request.implement_width_m, saved.request.tool_x_m)
     certificate = certify_plan(saved.plan, saved.area, shape, saved.request)
     if not certificate.ok:
@@ -54,12 +57,12 @@ def planned(
 ) -> tuple[SavedPlan, Certificate]:
     """Plan a field in the map of a run, beginning where the robot is put down.
 
-    Without a width, the implement is as wide as the boom of the robot.
+    Without a width, it is that of the robot's own implement.
     """
     if width_m is None:
-        if robot.sprayer is None:
+        if robot.implement is None:
             raise MissionError(f"{robot.name} has no implement; give --implement-width M")
-        width_m = robot.sprayer.nozzle_count * robot.sprayer.nozzle_spacing_m
+        width_m = robot.implement.width_m
     area, datum = read_field(field, config.field.datum)
     request = PlanRequest(implement_width_m=width_m, tool_x_m=robot.tool_x_m)
     shape = footprint(robot, width_m)

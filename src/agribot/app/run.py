@@ -16,15 +16,16 @@ from agribot.app.run_clock import Clock
 from agribot.app.run_folder import RunFolder
 from agribot.app.run_recording import RunRecording, files_to_run_again
 from agribot.app.run_setup import PLAN_FILE, RunSetup
-from agribot.app.tasks import row_ends
 from agribot.app.unattended import Unattended
 from agribot.app.whole_job import WholeJob
 from agribot.autonomy.perception_host import PerceptionMeter
+from agribot.autonomy.plan.rows import row_ends
 from agribot.autonomy.plan.task import Task
 from agribot.autonomy.stack import MaskTap, Stack, Tap
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core import config as settings
 from agribot.core.errors import RecordingError
+from agribot.core.implement.kind import ReportLine
 from agribot.core.messages import (
     Inbox,
     MappedPlant,
@@ -36,7 +37,7 @@ from agribot.core.messages import (
 from agribot.core.messages import Path as PlannedPath
 from agribot.core.platform import MixedPlatform, Platform, SensorSource, TrueState
 from agribot.core.row_shape import row_length_m
-from agribot.description.loader import urdf_text
+from agribot.description.loader import export_urdf
 from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
 from agribot.record.run_files import write_run_files
@@ -178,9 +179,13 @@ class Run:
         return self.stack.weed_map
 
     @property
+    def implement_lines(self) -> tuple[ReportLine, ...]:
+        return self.stack.treatment.report()
+
+    @property
     def urdf(self) -> str:
         """The robot's description with everything expanded."""
-        return urdf_text(self.config.robot)
+        return export_urdf(self.config.robot)
 
     @property
     def meter(self) -> PerceptionMeter | None:
@@ -270,7 +275,7 @@ class Run:
         write_file(self.out_dir / "config.toml", settings.to_toml(self.config).encode())
 
     def _tell(self, t_s: float, text: str) -> None:
-        """What goes wrong beside the drive: it goes on, and everybody hears of it at once."""
+        """Report what goes wrong beside the drive, which goes on."""
         self._say(text)
         self.event_log.add(Event(t_s=t_s, kind="fault", reason=text))
 
@@ -279,7 +284,7 @@ class Run:
             hear(text)
 
     def _follow_task(self, record: TickRecord) -> None:
-        """A task taken under way is judged and shown, a plan also resumed, in place of the old."""
+        """Score and show a task that was taken under way, instead of the one before it."""
         task = self.task
         if task is self._task:
             return

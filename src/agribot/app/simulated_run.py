@@ -17,7 +17,7 @@ from agribot.core.config import RunConfig
 from agribot.core.messages import TickRecord
 from agribot.core.platform import TrueState
 from agribot.core.world import WorldSpec
-from agribot.description.worlds_sdf import world_of_run
+from agribot.description.worlds_sdf import load_run_world
 from agribot.record.series import RunData
 
 if TYPE_CHECKING:
@@ -33,7 +33,10 @@ class SimulatedRun(Run):
     referee: Referee
 
     def __init__(self, setup: RunSetup) -> None:
-        """Raises: AgribotError: as `Run`, or the world and the robot do not fit each other."""
+        """Open the simulator and the referee.
+
+        Raises: AgribotError: as `Run`, or the world and the robot do not fit each other.
+        """
         from agribot.sim.platform import SimPlatform
         from agribot.sim.referee import Referee
 
@@ -78,8 +81,8 @@ def simulate(
 
 
 def _world(setup: RunSetup) -> WorldSpec:
-    """The world of the settings; a robot that goes on stands in it where it was left."""
-    world, saved = world_of_run(setup.config), setup.saved
+    """Load the world of the settings; a robot that goes on stands in it where it was left."""
+    world, saved = load_run_world(setup.config), setup.saved
     if saved is None:
         return world
     return msgspec.structs.replace(

@@ -16,11 +16,12 @@ from agribot.autonomy.weeds.map import WeedMap
 from agribot.autonomy.weeds.track import Track
 from agribot.core.errors import RecordingError
 from agribot.core.histogram import Histogram
+from agribot.core.implement.kind import ReportLine
 from agribot.core.messages import MappedPlant, TickRecord
 from agribot.record.events import Event, read_whole_events
 from agribot.record.replay import read_ticks, read_truth
 from agribot.record.report import RunOfJob
-from agribot.record.series import RunSeries, collect, joined
+from agribot.record.series import RunSeries, collect, join_series
 from agribot.sim.scores import Judgement
 
 FILE_NAME = "job.json"
@@ -44,6 +45,7 @@ class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
     latency_s: Histogram = msgspec.field(default_factory=lambda: Histogram(width=LATENCY_BIN_S))
     judged: Judgement | None = None
     plants: tuple[Track, ...] = ()
+    implement: tuple[ReportLine, ...] = ()
     format: int = 1
 
     @property
@@ -67,13 +69,15 @@ class RunOfNow(Protocol):
     def meter(self) -> PerceptionMeter | None: ...
     @property
     def weed_map(self) -> WeedMap: ...
+    @property
+    def implement_lines(self) -> tuple[ReportLine, ...]: ...
 
 
 class WholeJob:
     """A tap: the time of this run counts with that of the earlier ones."""
 
     def __init__(self, run: RunOfNow, earlier: JobSoFar = NOTHING) -> None:
-        """The judge and the weed map of the run go on with what `earlier` holds."""
+        """Let the judge and the weed map of the run continue from what `earlier` holds."""
         self._run, self._earlier = run, earlier
         counts = dict(earlier.latency_s.counts)
         self._latency_s, self._looked = Histogram(width=LATENCY_BIN_S, counts=counts), 0
@@ -114,6 +118,7 @@ class WholeJob:
             latency_s=self._latency_s,
             judged=None if self._run.judge is None else self._run.judge.export_judgement(),
             plants=self._run.weed_map.tracks,
+            implement=add_lines(earlier.implement, self._run.implement_lines),
         )
 
     def events(self, own: Iterable[Event]) -> tuple[Event, ...]:
@@ -139,7 +144,7 @@ def _restore_judgement(judge: Judge | None, judged: Judgement) -> list[str]:
 
 
 def read_job(folder: Path, saved: SavedMission) -> JobSoFar:
-    """What the runs up to that in `folder` did; where it cannot be read, that is what it lacks."""
+    """Read the account of the runs up to that in `folder`; what cannot be read is lacking."""
     path = folder / FILE_NAME
     try:
         job = msgspec.json.decode(path.read_bytes(), type=JobSoFar)
@@ -164,14 +169,22 @@ def rows_only_believed(saved: SavedMission | None, earlier: JobSoFar) -> tuple[i
     return tuple(row.index for row in saved.rows if row.done)
 
 
+def add_lines(earlier: Sequence[ReportLine], own: Sequence[ReportLine]) -> tuple[ReportLine, ...]:
+    """Add the figures of an implement up, name by name."""
+    sums: dict[tuple[str, str], float] = {(line.name, line.unit): 0 for line in (*earlier, *own)}
+    for line in (*earlier, *own):
+        sums[line.name, line.unit] += line.value
+    return tuple(ReportLine(name, value, unit) for (name, unit), value in sums.items())
+
+
 def plants_before(earlier: JobSoFar) -> tuple[Track, ...]:
-    """The weed map that a run takes over, on its own clock: all of it was seen before zero."""
+    """Return the weed map that a run takes over; on its clock all of it was seen before zero."""
     passed_s = earlier.runs[-1].run_s if earlier.runs else 0.0
     return tuple(track.earlier(passed_s) for track in earlier.plants)
 
 
 def plants_later(plants: Iterable[MappedPlant], by_s: float) -> tuple[MappedPlant, ...]:
-    """The same on a clock that began so much earlier."""
+    """Shift the times of plants to a clock that began so much earlier."""
     if not by_s:
         return tuple(plants)
     return tuple(
@@ -188,7 +201,7 @@ def plants_later(plants: Iterable[MappedPlant], by_s: float) -> tuple[MappedPlan
 def series_of(
     earlier: Sequence[RunOfJob], own: RunSeries, beside: Path
 ) -> tuple[RunSeries, list[str]]:
-    """The series of earlier runs, from their recordings, and of this one; and what is lost."""
+    """Join the series of earlier runs, from their recordings, and of this one; list lost ones."""
     parts, lost, began_s = [], [], 0.0
     for run in earlier:
         path = folder_of(run, beside) / RECORDING
@@ -199,11 +212,11 @@ def series_of(
         except RecordingError as error:
             lost.append(f"plots and table of rows: {error}")
         began_s += run.run_s
-    return joined([*parts, (own, began_s)]), lost
+    return join_series([*parts, (own, began_s)]), lost
 
 
 def events_of(earlier: Sequence[RunOfJob], beside: Path) -> tuple[list[Event], list[str]]:
-    """The events of earlier runs on the clock of their job; and what is lost."""
+    """Collect the events of earlier runs on the clock of their job; list what is lost."""
     events: list[Event] = []
     lost: list[str] = []
     began_s = 0.0
@@ -225,5 +238,5 @@ def folder_of(run: RunOfJob, beside: Path) -> Path:
 
 
 def events_later(events: Iterable[Event], by_s: float) -> tuple[Event, ...]:
-    """The same on a clock that began so much earlier."""
+    """Shift the times of events to a clock that began so much earlier."""
     return tuple(msgspec.structs.replace(event, t_s=event.t_s + by_s) for event in events)

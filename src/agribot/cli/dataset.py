@@ -14,10 +14,10 @@ import msgspec
 
 from agribot.app.workers import results, usable_cpus
 from agribot.cli.counting import CountProgress
+from agribot.cli.ids_option import add_ids_option
 from agribot.cli.ranges import seed
 from agribot.cli.stopping import stop_on_signal
 from agribot.core.errors import ConfigError, RecordingError
-from agribot.lab.dataset.ids_option import add_ids_option
 
 LARGEST_SIDE_PX = 8192
 MOST_LINES = 20  # of problems, on the terminal
@@ -157,7 +157,7 @@ def _split(options: argparse.Namespace) -> int:
 
 def _generate(options: argparse.Namespace) -> int:
     _check_ranges(options)
-    from agribot.lab.dataset.drawing import draw_field, missing_fields
+    from agribot.lab.dataset.drawing import draw_field, list_missing_fields
     from agribot.lab.dataset.records import Recipe, claim
     from agribot.lab.dataset.tables import write_tables
 
@@ -173,7 +173,7 @@ def _generate(options: argparse.Namespace) -> int:
         variety=options.variety,
     )
     claim(folder, recipe)
-    jobs = missing_fields(folder, recipe, options.images)
+    jobs = list_missing_fields(folder, recipe, options.images)
     done = there = options.images - sum(len(job.indices) for job in jobs)
     progress = CountProgress(options.images, "images")
     started_s = time.monotonic()
@@ -185,7 +185,11 @@ def _generate(options: argparse.Namespace) -> int:
         progress.close()
         summary = write_tables(folder, recipe)
     summary |= {"drawn_now": done - there, "wall_s": time.monotonic() - started_s}
-    _show(options, {"folder": str(folder), "seed": options.seed, **summary}, _text(summary, folder))
+    _show(
+        options,
+        {"folder": str(folder), "seed": options.seed, **summary},
+        _format_summary(summary, folder),
+    )
     if done < options.images:
         sys.stderr.write(
             f"agribot dataset: interrupted after {done} of {options.images} images; all of them "
@@ -195,7 +199,7 @@ def _generate(options: argparse.Namespace) -> int:
     return 0
 
 
-def _text(summary: dict[str, Any], folder: Path) -> str:
+def _format_summary(summary: dict[str, Any], folder: Path) -> str:
     ratio = summary["pixel_ratio"]
     return (
         f"{summary['images']} images of {summary['fields']} fields, {summary['plants']} plants; "

@@ -1,4 +1,4 @@
-"""`agribot report`: the files of a run again, from its recording alone.
+"""`agribot report`: write the files of a run again, from its recording alone.
 
 Of another robot's bag, or of a run that was cut off, it plots what is there.
 """
@@ -19,7 +19,7 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
 from agribot.core.messages import Row
 from agribot.core.platforms import find_platform
-from agribot.description.worlds_sdf import world_of_run
+from agribot.description.worlds_sdf import load_run_world
 from agribot.record.events import EventLog
 from agribot.record.report import Report
 from agribot.record.series import RunData, SeriesTap
@@ -41,9 +41,9 @@ def run(options: argparse.Namespace) -> int:
     from agribot.record.run_files import write_run_files
 
     with open_bag(options.recording) as bag:
-        is_whole_run = {CONFIG_ATTACHMENT, "report.json"} <= _file_names(bag)
+        is_whole_run = {CONFIG_ATTACHMENT, "report.json"} <= _list_file_names(bag)
     if not is_whole_run:
-        return _foreign(options)
+        return _report_foreign(options)
     data = read_attachment(options.recording, "report.json")
     try:
         report = msgspec.json.decode(data, type=Report)
@@ -85,15 +85,15 @@ def _read_job(recording: Path, out: Path, report: Report) -> RunData:
     return RunData(
         config=config,
         series=joint,
-        rows=_rows(plan, config, recording),
+        rows=_read_rows(plan, config, recording),
         plants=plants_later(read_weed_map(recording), began_s),
         events=(*earlier_events, *events_later(events.events, began_s)),
-        world=world_of_run(config) if find_platform(config.platform).is_simulated else None,
+        world=load_run_world(config) if find_platform(config.platform).is_simulated else None,
     )
 
 
-def _rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
-    """Those of the task that the robot had at the end."""
+def _read_rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
+    """Read the rows of the task that the robot had at the end."""
     from agribot.description.loader import parse_robot
     from agribot.record.replay import read_urdf
 
@@ -103,20 +103,20 @@ def _rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
     return () if config.waypoints else field_rows(config.field)
 
 
-def _file_names(bag: Bag) -> set[str]:
-    """Also of the further parts of a long recording: the report is in the last one."""
+def _list_file_names(bag: Bag) -> set[str]:
+    """List the files of all parts of a long recording: the report is in the last one."""
     from agribot.record.bag.opening import open_bag
-    from agribot.record.mcap_records import parts_of
+    from agribot.record.mcap_records import list_parts
 
     names = set(bag.file_names)
     if not bag.path.is_dir():
-        for part in parts_of(bag.path)[1:]:
+        for part in list_parts(bag.path)[1:]:
             with open_bag(part) as following:
                 names |= set(following.file_names)
     return names
 
 
-def _foreign(options: argparse.Namespace) -> int:
+def _report_foreign(options: argparse.Namespace) -> int:
     from agribot.record.foreign import read_foreign
     from agribot.record.foreign_page import write_foreign_report
 

@@ -17,12 +17,12 @@ from agribot.core.errors import ConfigError
 from agribot.lab.sweep.execution import (
     Assignment,
     Executor,
-    Outcome,
     ProcessExecutor,
     RayExecutor,
+    RunOutcome,
 )
 from agribot.lab.sweep.plan import plan, read_seeds
-from agribot.lab.sweep.tables import SweepFolder, markdown
+from agribot.lab.sweep.tables import SweepFolder, format_markdown
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,17 +59,17 @@ def run(options: argparse.Namespace) -> int:
 
 
 def drive(folder: SweepFolder, executor: Executor) -> dict[str, Any]:
-    """Run what is missing, write the tables and show them; what sweep-report.json holds."""
+    """Run what is missing, write the tables and print them; return what sweep-report.json holds."""
     errors = _drive_all(folder, executor)
     result = folder.write_tables(errors)
     done = f"{result['runs_ok']} of {result['runs_total']} runs good"
     files = f"{folder.path}/runs.csv, summary.csv, summary.md, sweep-report.json"
-    sys.stderr.write(f"{done}\n\n{markdown(result['summary'])}\n{files}\n")
+    sys.stderr.write(f"{done}\n\n{format_markdown(result['summary'])}\n{files}\n")
     return result
 
 
 def status(result: dict[str, Any]) -> int:
-    """Of the command: 0 where every run was good."""
+    """Return the command's status: 0 where every run was good."""
     if result["runs_done"] + len(result["errors"]) < result["runs_total"]:
         sys.stderr.write(
             "agribot: interrupted; finished runs are kept, the same command runs the rest\n"
@@ -78,9 +78,9 @@ def status(result: dict[str, Any]) -> int:
     return 0 if result["runs_ok"] == result["runs_total"] else 1
 
 
-def _drive_all(folder: SweepFolder, executor: Executor) -> list[Outcome]:
+def _drive_all(folder: SweepFolder, executor: Executor) -> list[RunOutcome]:
     """Run what is missing; return the runs that gave no report."""
-    done = set(folder.finished())
+    done = set(folder.read_finished())
     missing = [
         Assignment(job=job, out_dir=folder.run_dir(job))
         for job in folder.jobs

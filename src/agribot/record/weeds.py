@@ -17,29 +17,32 @@ _DECIMALS = 9  # 0.1 mm on the ground
 
 
 def weeds_geojson(plants: Iterable[MappedPlant], datum: Datum) -> dict[str, Any]:
-    """A FeatureCollection of points, one for each mapped plant.
+    """Make a FeatureCollection of points, one for each mapped plant.
 
     `std_m` is the larger axis of the 1-sigma ellipse; `treated_s` is null for an untreated plant.
     """
     frame = MapFrame(datum)
-    return {"type": "FeatureCollection", "features": [_feature(p, frame) for p in plants]}
+    return {"type": "FeatureCollection", "features": [_make_feature(p, frame) for p in plants]}
 
 
 def write_weeds(path: Path, plants: Iterable[MappedPlant], datum: Datum) -> None:
-    """Raises: RecordingError: the file cannot be written."""
+    """Write the weed map.
+
+    Raises: RecordingError: the file cannot be written.
+    """
     text = msgspec.json.format(msgspec.json.encode(weeds_geojson(plants, datum)), indent=1)
     write_file(path, text + b"\n")
 
 
 def position_std_m(plant: MappedPlant) -> float:
-    """Square root of the larger eigenvalue of the 2x2 covariance."""
+    """Compute the square root of the larger eigenvalue of the 2x2 covariance."""
     a, b, c, d = plant.cov_m2
     half_trace = (a + d) / 2.0
     root = math.sqrt(max(((a - d) / 2.0) ** 2 + b * c, 0.0))
     return math.sqrt(max(half_trace + root, 0.0))
 
 
-def _feature(plant: MappedPlant, frame: MapFrame) -> dict[str, Any]:
+def _make_feature(plant: MappedPlant, frame: MapFrame) -> dict[str, Any]:
     lat_deg, lon_deg, _ = frame.geodetic_from_map(plant.x_map_m, plant.y_map_m)
     return {
         "type": "Feature",

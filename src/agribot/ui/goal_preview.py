@@ -20,11 +20,11 @@ def preview_goal(
     """
     if not estimate.ok or not math.isfinite(estimate.x_map_m + estimate.y_map_m):
         return {"refusal": "the robot does not know where it is"}
-    if task.go_to is None:
+    if not task.has_ways:
         return {"refusal": "this mission drives its own path only"}
     x_m, y_m, *yaw_rad = numbers
     try:
-        path = task.go_to(estimate, (x_m, y_m, yaw_rad[0] if yaw_rad else None))
+        path = task.plan_to(estimate, (x_m, y_m, yaw_rad[0] if yaw_rad else None))
     except MissionError as error:
         return {"refusal": str(error)}
     length_m = float(path.s_m[-1])

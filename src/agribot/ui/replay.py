@@ -11,13 +11,15 @@ from typing import Any
 import msgspec
 
 from agribot.core import topics
-from agribot.core.errors import RecordingError
+from agribot.core.errors import DescriptionError, RecordingError
+from agribot.core.implement.spec import ImplementSpec
 from agribot.core.messages import MappedPlant, TickRecord
+from agribot.description.loader import parse_robot
 from agribot.record.events import Event, EventSieve
 from agribot.record.mcap_file import read_messages
-from agribot.record.replay import read_config, read_ticks, read_weed_map
+from agribot.record.replay import read_config, read_ticks, read_urdf, read_weed_map
 from agribot.record.weeds import position_std_m
-from agribot.ros.messages.rosmsg import typestore
+from agribot.ros.messages.rosmsg import load_types
 from agribot.ui.channel import Channel, signal_table
 from agribot.ui.feed import event_message
 from agribot.ui.ground import read_field_or_datum
@@ -74,7 +76,8 @@ class Replay(Channel):
 
         Raises: RecordingError: no recording, or nothing in it.
         """
-        view, sieve, events = RunView(read_config(path)), EventSieve(), list[Event]()
+        view = RunView(read_config(path), _read_implement(path))
+        sieve, events = EventSieve(), list[Event]()
 
         def look(record: TickRecord) -> None:
             view(record)
@@ -169,6 +172,14 @@ class Replay(Channel):
         self.publish_change(msgspec.json.encode(message).decode())
 
 
+def _read_implement(path: Path) -> ImplementSpec | None:
+    """That of the recorded robot; None where its description is lost or of a kind unknown here."""
+    try:
+        return parse_robot(read_urdf(path), path.name).implement
+    except (RecordingError, DescriptionError):
+        return None
+
+
 def _moments(path: Path, view: RunView, look: Callable[[TickRecord], None]) -> list[Moment]:
     moments: list[Moment] = []
     every = STATE_EVERY
@@ -211,7 +222,7 @@ def _path(path: Path) -> dict[str, Any] | None:
     """The last plan of the recording."""
     found: dict[str, Any] | None = None
     for message in read_messages(path, topics.PATH):
-        planned = typestore().deserialize_cdr(message.data, topics.PATH.ros_type)
+        planned = load_types().deserialize_cdr(message.data, topics.PATH.ros_type)
         poses = planned.poses  # type: ignore[attr-defined]
         xy = [[round(p.pose.position.x, 4), round(p.pose.position.y, 4)] for p in poses]
         found = {"xy": xy, "row": [-1] * len(xy)}

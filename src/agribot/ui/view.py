@@ -8,6 +8,7 @@ from typing import Any
 
 from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig
+from agribot.core.implement.spec import ImplementSpec, describe_command
 from agribot.core.messages import BatterySample, GnssFix, SensorBatch, TickRecord, Vec3
 
 # Name and unit of every signal that a plot can show; `RunView` gives one sample for each tick.
@@ -34,7 +35,8 @@ Point = list[float]
 class RunView:
     """A tap; `state()` may be called from another thread. `trace_map_m` only ever grows."""
 
-    def __init__(self, config: RunConfig) -> None:
+    def __init__(self, config: RunConfig, implement: ImplementSpec | None = None) -> None:
+        self._implement = implement
         self._hand_timeout_s = config.safety.hand_timeout_s
         self.record: TickRecord | None = None
         self.ticks = 0
@@ -84,7 +86,9 @@ class RunView:
             "reason": record.reason or record.status.reason,
             "battery": _battery(self._battery),
             "xte_m": None if cross_m is None else _short(cross_m),
-            "nozzles": list(command.implement.nozzles_open),
+            "implement": [
+                list(line) for line in describe_command(self._implement, command.implement)
+            ],
             "sig": _taken(self._signals),
         }
 

@@ -16,7 +16,7 @@ from agribot.cli.main import main
 from agribot.core import topics
 from agribot.core.errors import RecordingError
 from agribot.record.bag.convert import convert
-from agribot.record.bag.definitions import new_ros1_store
+from agribot.record.bag.definitions import make_ros1_store
 from agribot.record.bag.info import read_info
 from agribot.record.mcap_file import McapFile
 from agribot.ros.messages import rosmsg
@@ -141,7 +141,7 @@ def test_missing_files_and_empty_folders_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_type_of_somebody_else_goes_along_with_its_definition(tmp_path: Path) -> None:
-    store = new_ros1_store()
+    store = make_ros1_store()
     store.register(get_types_from_msg("Header header\nfloat32[] teeth\n", "rake/msg/Rake"))
     writer = rosbag1.Writer(tmp_path / "rake.bag")
     with writer:
@@ -214,7 +214,7 @@ def test_mcap_without_index_or_chunks_is_read(
 
 @nightly.one_by_one("count", (100_000, 1_000_000), in_suite=1)
 def test_very_many_messages_are_counted_and_converted(tmp_path: Path, count: int) -> None:
-    data = rosmsg.to_cdr(rosmsg.float64(1.5))
+    data = rosmsg.to_cdr(rosmsg.make_float64(1.5))
     file = McapFile(tmp_path / "many.mcap")
     for number in range(count):
         file.write(topics.DISTANCE, number, data, number)

@@ -192,7 +192,7 @@ class FakeRobot:
             "weeds": len(self.weeds),
             "rtf": 1.0,
             "xte_m": 0.021,
-            "nozzles": [False, True, False],
+            "implement": [["Nozzles", "○●○"]],
             "recording": "2026-05-03-171500-farm",
             "sig": [signals],
             **({"replay": self.replay} if self.replay else {}),

@@ -106,7 +106,7 @@ class Facts {
     this.row('Off the path', () => metres(absolute(state()?.xte_m)))
     this.row('Position ±', () => metres(state()?.std?.[0]))
     this.row('Weeds', () => String(state()?.weeds ?? app.store.weeds.size))
-    this.row('Nozzles', () => nozzleText(state()?.nozzles), 'nozzles')
+    this.row('Implement', () => implementText(state()?.implement), 'implement')
   }
 
   private row(name: string, text: () => string, kind = ''): void {
@@ -146,7 +146,7 @@ function legText(leg: string | undefined): string {
   return leg ? leg[0].toUpperCase() + leg.slice(1) : ''
 }
 
-function nozzleText(nozzles: boolean[] | undefined): string {
-  if (!nozzles?.length) return NONE
-  return nozzles.map((open) => (open ? '●' : '○')).join('')
+/** What the implement does, in its own words. */
+function implementText(lines: [string, string][] | undefined): string {
+  return lines?.map(([name, text]) => `${name} ${text}`).join(', ') || NONE
 }

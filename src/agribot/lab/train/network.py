@@ -22,7 +22,9 @@ STRIDE_PX = 32
 Widths = tuple[int, int, int, int, int]
 
 
-def _conv(channels_in: int, channels_out: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
+def _make_conv(
+    channels_in: int, channels_out: int, kernel: int = 3, stride: int = 1
+) -> nn.Sequential:
     return nn.Sequential(
         nn.Conv2d(channels_in, channels_out, kernel, stride, kernel // 2, bias=False),
         nn.BatchNorm2d(channels_out),
@@ -30,10 +32,12 @@ def _conv(channels_in: int, channels_out: int, kernel: int = 3, stride: int = 1)
 
 
 class ResidualBlock(nn.Module):
+    """Two convolutions, added to their input: (N, C, H, W) to the same shape."""
+
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.first = _conv(channels, channels)
-        self.second = _conv(channels, channels)
+        self.first = _make_conv(channels, channels)
+        self.second = _make_conv(channels, channels)
 
     def forward(self, x: Tensor) -> Tensor:
         inner = self.second(functional.relu(self.first(x), inplace=True))
@@ -41,11 +45,11 @@ class ResidualBlock(nn.Module):
 
 
 class PlainBlock(nn.Module):
-    """One convolution: half the time of a residual block."""
+    """One convolution, (N, C, H, W) to the same shape: half the time of a residual block."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.only = _conv(channels, channels)
+        self.only = _make_conv(channels, channels)
 
     def forward(self, x: Tensor) -> Tensor:
         return functional.relu(self.only(x), inplace=True)
@@ -55,11 +59,11 @@ Block = Callable[[int], nn.Module]  # of so many channels
 
 
 class EncoderStage(nn.Module):
-    """Halve the resolution, then `blocks` residual blocks."""
+    """Halve the resolution, then `blocks` residual blocks: (N, C, H, W) to (N, C', H/2, W/2)."""
 
     def __init__(self, channels_in: int, channels_out: int, blocks: int) -> None:
         super().__init__()
-        self.down = _conv(channels_in, channels_out, stride=2)
+        self.down = _make_conv(channels_in, channels_out, stride=2)
         self.blocks = nn.Sequential(*(ResidualBlock(channels_out) for _ in range(blocks)))
 
     def forward(self, x: Tensor) -> Tensor:
@@ -68,12 +72,12 @@ class EncoderStage(nn.Module):
 
 
 class DecoderStage(nn.Module):
-    """Double the resolution and add the encoder's features of that size."""
+    """Double the resolution of (N, C, H, W) and add the encoder's features of that size."""
 
     def __init__(self, channels_in: int, skip: int, channels_out: int, block: Block) -> None:
         super().__init__()
-        self.reduce = _conv(channels_in, channels_out, kernel=1)
-        self.lateral = _conv(skip, channels_out, kernel=1)
+        self.reduce = _make_conv(channels_in, channels_out, kernel=1)
+        self.lateral = _make_conv(skip, channels_out, kernel=1)
         self.block = block(channels_out)
 
     def forward(self, x: Tensor, skip: Tensor) -> Tensor:
@@ -121,7 +125,7 @@ class CropWeedNet(nn.Module):
         decoder: tuple[int, int, int, int] = (16, 24, 32, 48),
     ) -> None:
         super().__init__()
-        self.stem = _conv(3, widths[0], stride=2)
+        self.stem = _make_conv(3, widths[0], stride=2)
         self.encoder = nn.ModuleList(
             EncoderStage(widths[i], widths[i + 1], blocks[i]) for i in range(4)
         )
@@ -136,7 +140,7 @@ class CropWeedNet(nn.Module):
 
 
 class LiteNet(nn.Module):
-    """As `CropWeedNet`, with an encoder of `agribot.lab.train.efficientnet` of so many stages."""
+    """As `CropWeedNet`, (N, 3, H, W) too, with an encoder of `efficientnet.LiteEncoder`."""
 
     def __init__(self, stages: int, decoder: Sequence[int], block: Block = ResidualBlock) -> None:
         super().__init__()
@@ -149,10 +153,13 @@ class LiteNet(nn.Module):
 
 
 def load_encoder(network: nn.Module) -> None:
-    """Raises: ConfigError: the package with the weights of ImageNet is not installed."""
+    """Load the encoder's weights of ImageNet.
+
+    Raises: ConfigError: the package with the weights of ImageNet is not installed.
+    """
     assert isinstance(network, LiteNet)
     load_imagenet(network.encoder)
 
 
-def parameter_count(network: nn.Module) -> int:
+def count_parameters(network: nn.Module) -> int:
     return sum(parameter.numel() for parameter in network.parameters())

@@ -1,0 +1,143 @@
+"""Ground under leaves of crop, known to be plants of the map or not: no implement works there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from agribot.autonomy.weeds.poses import PoseAt
+from agribot.core.implement.plants import Disc
+from agribot.core.messages import CropCover, FloatArray
+
+IndexArray = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+
+CELL_M = 0.025
+# Ground is remembered while it is nearer than half of this: from the view's far end to the boom.
+SIDE_CELLS = 256
+# Around a plant that stands by itself there is bare ground, but for a leaf or a weed called crop.
+RING_M, RING_STEPS, ALONE_RATIO = 0.075, 48, 0.1
+# Evidence of the last looks, of which the newest counts most: two in a row that show crop close a
+# cell for sure. Weeds that are called crop in a single frame stay weeds. Only two looks in a row
+# that show none open it again: one bare look may be a leaf's shadow or its edge.
+NEWS_RATIO, CLOSED = 0.35, 0.5
+
+
+class CropGround:
+    """Call `add` for every cover with the pose of its capture; ask `covers` before working.
+
+    A ring of cells of the map that moves along with the robot: a cell that is entered anew,
+    `SIDE_CELLS` farther on, forgets what it held.
+    """
+
+    def __init__(self) -> None:
+        self._evidence = np.zeros((SIDE_CELLS, SIDE_CELLS), dtype=np.float32)
+        self._is_closed = np.zeros((SIDE_CELLS, SIDE_CELLS), dtype=bool)
+        self._was_bare = np.zeros((SIDE_CELLS, SIDE_CELLS), dtype=bool)  # in the last look
+        self._owner = np.full((2, SIDE_CELLS, SIDE_CELLS), np.iinfo(np.int64).min)
+
+    def add(self, cover: CropCover, pose: PoseAt) -> None:
+        """Take in what one frame shows; cells that it does not show keep what is known of them."""
+        rows, columns = cover.rows, cover.columns
+        seen, crop = _grid(cover.seen, rows, columns), _grid(cover.crop, rows, columns)
+        cos, sin = math.cos(pose.yaw_map_rad), math.sin(pose.yaw_map_rad)
+        corners = [
+            (cover.x_body_m + at_row * cover.cell_m, cover.y_body_m + at_column * cover.cell_m)
+            for at_row in (0, rows)
+            for at_column in (0, columns)
+        ]
+        xs = [pose.x_map_m + cos * x - sin * y for x, y in corners]
+        ys = [pose.y_map_m + sin * x + cos * y for x, y in corners]
+        i, j = np.meshgrid(
+            np.arange(math.floor(min(xs) / CELL_M), math.floor(max(xs) / CELL_M) + 1),
+            np.arange(math.floor(min(ys) / CELL_M), math.floor(max(ys) / CELL_M) + 1),
+            indexing="ij",
+        )
+        dx_m, dy_m = (i + 0.5) * CELL_M - pose.x_map_m, (j + 0.5) * CELL_M - pose.y_map_m
+        row = np.floor((cos * dx_m + sin * dy_m - cover.x_body_m) / cover.cell_m).astype(np.int64)
+        column = np.floor((cos * dy_m - sin * dx_m - cover.y_body_m) / cover.cell_m).astype(
+            np.int64
+        )
+        shown = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        shown[shown] = seen[row[shown], column[shown]]
+        i, j = i[shown], j[shown]
+        self._note(i, j, crop[row[shown], column[shown]])
+
+    def _note(self, i: IndexArray, j: IndexArray, is_crop: Mask) -> None:
+        at = (i % SIDE_CELLS, j % SIDE_CELLS)
+        is_known = (self._owner[0][at] == i) & (self._owner[1][at] == j)
+        before = np.where(is_known, self._evidence[at], 0.0)
+        self._evidence[at] = now = before + NEWS_RATIO * (is_crop - before)
+        is_still_closed = is_known & self._is_closed[at] & ~(self._was_bare[at] & ~is_crop)
+        self._is_closed[at] = is_still_closed | (now >= CLOSED)
+        self._was_bare[at] = ~is_crop
+        self._owner[0][at], self._owner[1][at] = i, j
+
+    def covers(
+        self,
+        x_map_m: float,
+        y_map_m: float,
+        yaw_map_rad: float,
+        half_x_m: float,
+        half_y_m: float,
+        known: Sequence[Disc] = (),
+    ) -> bool:
+        """Whether crop covers any of a box on the ground, its half sides along and across a yaw.
+
+        Leaves inside the discs `known` do not count: of those plants only the stems are spared.
+        """
+        cos, sin = math.cos(yaw_map_rad), math.sin(yaw_map_rad)
+        along_m, across_m = _steps(half_x_m)[:, None], _steps(half_y_m)[None, :]
+        i, j = self._crop(
+            x_map_m + cos * along_m - sin * across_m, y_map_m + sin * along_m + cos * across_m
+        )
+        is_unknown = np.ones(len(i), dtype=bool)
+        for disc in known:
+            dx_m, dy_m = (i + 0.5) * CELL_M - disc.x_map_m, (j + 0.5) * CELL_M - disc.y_map_m
+            is_unknown &= np.hypot(dx_m, dy_m) > disc.radius_m
+        return bool(is_unknown.any())
+
+    def is_seen(
+        self, x_map_m: float, y_map_m: float, yaw_map_rad: float, half_x_m: float, half_y_m: float
+    ) -> bool:
+        """Whether all of a box on the ground was looked at, with half sides as in `covers`."""
+        cos, sin = math.cos(yaw_map_rad), math.sin(yaw_map_rad)
+        along_m, across_m = _steps(half_x_m)[:, None], _steps(half_y_m)[None, :]
+        i = np.floor((x_map_m + cos * along_m - sin * across_m) / CELL_M).astype(np.int64)
+        j = np.floor((y_map_m + sin * along_m + cos * across_m) / CELL_M).astype(np.int64)
+        at = (i % SIDE_CELLS, j % SIDE_CELLS)
+        return bool(((self._owner[0][at] == i) & (self._owner[1][at] == j)).all())
+
+    def is_alone(self, plant: Disc) -> bool:
+        """Whether hardly any crop grows around the disc: its leaves are those of one plant."""
+        angle_rad = np.linspace(0.0, math.tau, RING_STEPS, endpoint=False)[None, :]
+        radius_m = plant.radius_m + np.linspace(CELL_M, RING_M, 3)[:, None]
+        i, _ = self._crop(
+            plant.x_map_m + radius_m * np.cos(angle_rad),
+            plant.y_map_m + radius_m * np.sin(angle_rad),
+        )
+        return len(i) <= ALONE_RATIO * angle_rad.size * radius_m.size
+
+    def _crop(self, x_map_m: FloatArray, y_map_m: FloatArray) -> tuple[IndexArray, IndexArray]:
+        """The cells of places (...,) that crop covers, once for every place."""
+        i = np.floor(x_map_m / CELL_M).astype(np.int64)
+        j = np.floor(y_map_m / CELL_M).astype(np.int64)
+        at = (i % SIDE_CELLS, j % SIDE_CELLS)
+        is_held = (self._owner[0][at] == i) & (self._owner[1][at] == j)
+        is_crop = is_held & self._is_closed[at]
+        return i[is_crop], j[is_crop]
+
+
+def _grid(bits: bytes, rows: int, columns: int) -> Mask:
+    cells = np.unpackbits(np.frombuffer(bits, dtype=np.uint8), count=rows * columns)
+    grid: Mask = cells.reshape(rows, columns).astype(bool)
+    return grid
+
+
+def _steps(half_m: float) -> FloatArray:
+    """From -half to half, no two farther apart than half a cell."""
+    count = max(2, math.ceil(4.0 * half_m / CELL_M) + 1)
+    return np.linspace(-half_m, half_m, count)

@@ -1,0 +1,157 @@
+"""The settings of a field to be generated: those of a FIELD.toml."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+from agribot.core.config import read_toml
+from agribot.core.errors import ConfigError, DescriptionError
+from agribot.core.geo import Datum
+
+# Limits that no field exceeds, so that a typing error cannot exhaust the memory.
+LARGEST_M = 1e4
+MOST_PLANTS = 200_000
+Positive = Annotated[float, msgspec.Meta(gt=0, le=LARGEST_M)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0, le=LARGEST_M)]
+Ratio = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class FieldSection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of the settings."""
+
+
+class RowsSettings(FieldSection, frozen=True):
+    """Parallel rows; each further one lies `pitch_m` to the right of the row direction.
+
+    `curvature_radpm` bends them, to the left where it is positive. After every
+    `tramline_every` rows there is `tramline_m` more room (0: no tramlines).
+    """
+
+    count: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 6  # how many rows
+    # From the first plant to the last.
+    length_m: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 10.0
+    pitch_m: Positive = 1.0  # from row to row
+    first_row_start_map_m: tuple[float, float] = (1.0, 2.0)  # the first plant of the first row
+    # Direction of the rows, counter-clockwise from East.
+    yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
+    # Left positive; 0: straight.
+    curvature_radpm: Annotated[float, msgspec.Meta(ge=-0.2, le=0.2)] = 0.0
+    tramline_every: Annotated[int, msgspec.Meta(ge=0)] = 0  # rows between two tramlines; 0: none
+    tramline_m: NonNegative = 0.5  # more room where one lies
+
+
+class CropSettings(FieldSection, frozen=True):
+    """Crop plants of `height_m`; gaps are stretches of a row without plants."""
+
+    species: str = "sugar_beet"  # sugar_beet, lettuce, maize, carrot, onion
+    spacing_m: Annotated[float, msgspec.Meta(ge=0.02)] = 0.25  # from plant to plant
+    height_m: Positive = 0.2  # of the plants
+    # Of the heights, both ways at most.
+    height_spread_ratio: Annotated[float, msgspec.Meta(ge=0, le=0.9)] = 0.1
+    stem_radius_m: NonNegative = 0.02  # where a wheel crushes the plant
+    jitter_m: NonNegative = 0.0  # off its place, both ways at most
+    missing_ratio: Ratio = 0.0  # of the plants that did not come up
+    # Stretches where nothing came up, on average.
+    gaps_per_row: Annotated[float, msgspec.Meta(ge=0, le=100)] = 0.0
+    gap_length_m: Positive = 1.0  # of such a stretch
+
+
+class WeedsSettings(FieldSection, frozen=True):
+    """Weeds over the field and `margin_m` around it; `cluster_ratio` of them in patches."""
+
+    # Over the field and its margin.
+    density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] = 1.5
+    # That grow, as often one as the other.
+    species: tuple[str, ...] = ("grass", "goosefoot", "thistle", "amaranth")
+    height_min_m: Positive = 0.04  # of the smallest
+    height_max_m: Positive = 0.15  # of the tallest
+    crop_distance_m: NonNegative = 0.1  # none stands nearer to a crop plant
+    margin_m: NonNegative = 0.5  # around the rows, in which weeds grow too
+    cluster_ratio: Ratio = 0.0  # of the weeds that stand in patches
+    # Weeds in a patch, on average.
+    cluster_size: Annotated[float, msgspec.Meta(ge=1, le=1000)] = 6.0
+    cluster_radius_m: Positive = 0.3  # of a patch, in which most of it lies
+
+
+class SoilSettings(FieldSection, frozen=True):
+    """Residue, stones and wet patches on the soil, 0 none to 1 a lot, and tracks.
+
+    Tracks are `track_width_m` wide and `track_gauge_m` apart (0: none), one pair astride each
+    row; rows must be straight and along an axis of the map.
+    """
+
+    residue_ratio: Ratio = 0.0  # straw and leaves: 0 none, 1 a lot
+    stones_ratio: Ratio = 0.0  # 0 none, 1 a lot
+    wet_ratio: Ratio = 0.0  # 0 dry, 1 wet all over
+    # Between the tracks of earlier passes; 0: none.
+    track_gauge_m: Annotated[float, msgspec.Meta(ge=0, le=5)] = 0.0
+    track_width_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1  # of one track
+
+
+class FieldSettings(FieldSection, frozen=True):
+    """A whole field; `boundary` is a GeoJSON polygon beside the file that holds all plants."""
+
+    name: str = "field"  # of the field
+    datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)  # the origin of the map on Earth
+    spawn_xy_map_m: tuple[float, float] = (-2.0, 0.0)  # where the robot is put down
+    # Its heading there, counter-clockwise from East.
+    spawn_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
+    boundary: str = ""  # a GeoJSON polygon beside the file; plants stand inside it only
+    rows: RowsSettings = RowsSettings()
+    crop: CropSettings = CropSettings()
+    weeds: WeedsSettings = WeedsSettings()
+    soil: SoilSettings = SoilSettings()
+
+
+def read_field_settings(path: Path) -> FieldSettings:
+    """Read a FIELD.toml.
+
+    Raises: DescriptionError: no such file, not TOML, an unknown key or a value out of range.
+    """
+    try:
+        tree = read_toml(path)
+        _check_numbers(tree, path.name, "")
+        plan = msgspec.convert(tree, FieldSettings)
+    except ConfigError as error:
+        raise DescriptionError(str(error)) from error
+    except msgspec.ValidationError as error:
+        raise DescriptionError(
+            f"{path.name}: {error}; see agribot world generate --help"
+        ) from error
+    if plan.weeds.height_min_m > plan.weeds.height_max_m or not plan.weeds.species:
+        raise DescriptionError(
+            f"{path.name}: weeds need at least one species and height_min_m "
+            f"({plan.weeds.height_min_m:g}) not above height_max_m ({plan.weeds.height_max_m:g})"
+        )
+    _check_size(plan, path.name)
+    return plan
+
+
+def _check_numbers(value: object, file: str, at: str) -> None:
+    """Check that numbers are finite and not larger than a field; TOML allows nan and inf."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _check_numbers(inner, file, f"{at}.{key}" if at else str(key))
+    elif isinstance(value, list):
+        for inner in value:
+            _check_numbers(inner, file, at)
+    elif isinstance(value, (int, float)) and not abs(value) <= MOST_PLANTS:
+        raise DescriptionError(f"{file}: {at} = {value}: must be a number within {MOST_PLANTS}")
+
+
+def _check_size(plan: FieldSettings, file: str) -> None:
+    rows, weeds = plan.rows, plan.weeds
+    crops = rows.count * (rows.length_m / plan.crop.spacing_m + 1.0)
+    breadth_m = (rows.count - 1) * rows.pitch_m + 2.0 * weeds.margin_m
+    if rows.tramline_every:
+        breadth_m += (rows.count // rows.tramline_every) * rows.tramline_m
+    wild = weeds.density_per_m2 * breadth_m * (rows.length_m + 2.0 * weeds.margin_m)
+    if crops + wild > MOST_PLANTS:
+        raise DescriptionError(
+            f"{file}: about {crops:.3g} crop plants and {wild:.3g} weeds are asked for; a field "
+            f"may have {MOST_PLANTS} plants: lower rows.count, rows.length_m or "
+            "weeds.density_per_m2, or raise crop.spacing_m"
+        )

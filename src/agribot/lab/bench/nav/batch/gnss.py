@@ -1,0 +1,186 @@
+"""As agribot.autonomy.estimate.gnss, for many robots whose receivers are of one kind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from agribot.autonomy.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, X, Y
+from agribot.autonomy.estimate.gnss import FIRST_FIXES, UNKNOWN_M2
+from agribot.autonomy.estimate.gnss_noise import FLOAT_MEMORY_S, FixNoise, bias_ageing, noise_model
+from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
+from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
+from agribot.autonomy.estimate.start import StartMark
+from agribot.core.config import EstimateConfig
+from agribot.core.messages import FloatArray
+from agribot.lab.bench.nav.batch.arrays import ARRAYS
+from agribot.lab.bench.nav.batch.ekf import BatchEkf, BatchRow, Mask
+from agribot.lab.bench.nav.batch.motion import BatchGate, BatchHistory, BatchMotion
+
+Pair = tuple[FloatArray, FloatArray]
+
+
+class BatchFix(NamedTuple):
+    """One epoch of all receivers, at their antennas; arrays (N,), metres in the map."""
+
+    t_s: float
+    east_m: FloatArray
+    north_m: FloatArray
+    pos_std_m: FloatArray
+    is_float: Mask
+    east_mps: FloatArray
+    north_mps: FloatArray
+    velocity_std_mps: float
+
+
+class BatchGnss:
+    """`is_corrected`: receivers with RTK corrections, with fixed or float ambiguities."""
+
+    def __init__(
+        self,
+        ekf: BatchEkf,
+        history: BatchHistory,
+        config: EstimateConfig,
+        antenna_body_m: tuple[float, float],
+        start: StartMark,
+        *,
+        is_corrected: bool,
+    ) -> None:
+        count = ekf.x.shape[1]
+        self.is_ready = False
+        self._ekf, self._history, self._start = ekf, history, start
+        self._lever_m = antenna_body_m
+        self._is_corrected = is_corrected
+        self._position_gate = BatchGate(count, config.gate_sigma, config.recover_after)
+        self._spin_after = max(2, config.recover_after // 3)
+        self._velocity_gate = BatchGate(count, config.gate_sigma, self._spin_after)
+        self._spin_watch = SpinWatch(ARRAYS, self._spin_after)
+        self._first: list[Pair] = []
+        self._noise: FixNoise[FloatArray] | None = None
+        self._last_t_s = -math.inf
+        self._receiver_m = np.zeros((2, count))
+
+    def update(self, fix: BatchFix) -> None:
+        now, then = self._history.newest, self._history.at(fix.t_s)
+        if now is None or then is None:
+            return
+        since_last_s = min(fix.t_s - self._last_t_s, FLOAT_MEMORY_S)
+        self._noise = self._noise_of(fix, since_last_s)
+        self._last_t_s = fix.t_s
+        if not self.is_ready:
+            for state in (GNSS_BIAS_X, GNSS_BIAS_Y):
+                self._ekf.reset(state, 0.0, self._noise.bias_std_m**2)
+        self._position(fix, self._noise, now, then)
+        if self.is_ready:
+            self._velocity(fix, since_last_s, now, then)
+
+    def _noise_of(self, fix: BatchFix, since_last_s: float) -> FixNoise[FloatArray]:
+        return noise_model(
+            ARRAYS, fix.pos_std_m, fix.is_float, since_last_s, is_corrected=self._is_corrected
+        )
+
+    def ageing(self, dt_s: float) -> Sequence[tuple[int, FloatArray | float, FloatArray | float]]:
+        return [] if self._noise is None else bias_ageing(ARRAYS, self._noise, dt_s)
+
+    def _position(
+        self, fix: BatchFix, noise: FixNoise[FloatArray], now: BatchMotion, then: BatchMotion
+    ) -> None:
+        x = self._ekf.x
+        yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
+        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+        arm_x = cos * self._lever_m[0] - sin * self._lever_m[1]
+        arm_y = sin * self._lever_m[0] + cos * self._lever_m[1]
+        moved_x, moved_y = now.x_m - then.x_m, now.y_m - then.y_m
+        now_x = fix.east_m - arm_x + moved_x - self._receiver_m[0]
+        now_y = fix.north_m - arm_y + moved_y - self._receiver_m[1]
+        if not self.is_ready:
+            first_m2 = self._noise_of(fix, FLOAT_MEMORY_S).variance_m2
+            self._begin(now_x, now_y, first_m2, fix.is_float, now)
+            return
+        rows: tuple[BatchRow, BatchRow] = (
+            ((X, 1.0), (YAW, moved_y - arm_y), (GNSS_BIAS_X, 1.0)),
+            ((Y, 1.0), (YAW, arm_x - moved_x), (GNSS_BIAS_Y, 1.0)),
+        )
+        residuals = (now_x - x[X] - x[GNSS_BIAS_X], now_y - x[Y] - x[GNSS_BIAS_Y])
+        self._correct_position(rows, residuals, noise)
+
+    def _begin(
+        self,
+        x_m: FloatArray,
+        y_m: FloatArray,
+        variance_m2: FloatArray | float,
+        is_float: Mask,
+        now: BatchMotion,
+    ) -> None:
+        self._first.append((x_m - now.x_m, y_m - now.y_m))
+        if len(self._first) < FIRST_FIXES:
+            return
+        seen_m = [
+            np.median([p[axis] for p in self._first], axis=0) + moved
+            for axis, moved in enumerate((now.x_m, now.y_m))
+        ]
+        mark_m = self._start.xy_map_m
+        uses_mark = np.full_like(x_m, mark_m is not None, dtype=bool)
+        if self._is_corrected:
+            uses_mark &= is_float
+        at_m2 = np.where(uses_mark, self._start.std_m**2, UNKNOWN_M2)
+        residuals = []
+        for axis, state, moved in ((0, X, now.x_m), (1, Y, now.y_m)):
+            marked_m = moved + (0.0 if mark_m is None else mark_m[axis])
+            at_m = np.where(uses_mark, marked_m, seen_m[axis])
+            self._ekf.reset(state, at_m, at_m2)
+            residuals.append(seen_m[axis] - at_m)
+        rows: tuple[BatchRow, BatchRow] = (
+            ((X, 1.0), (GNSS_BIAS_X, 1.0)),
+            ((Y, 1.0), (GNSS_BIAS_Y, 1.0)),
+        )
+        self._ekf.update_pair(rows, (residuals[0], residuals[1]), variance_m2)
+        self.is_ready = True
+
+    def _correct_position(
+        self, rows: tuple[BatchRow, BatchRow], residuals: Pair, noise: FixNoise[FloatArray]
+    ) -> None:
+        gate, ekf = self._position_gate, self._ekf
+        _, recovers = gate.judge(ekf.update_pair(rows, residuals, noise.variance_m2, gate.limit))
+        if not recovers.any():
+            return
+        if not self._is_corrected:
+            self._receiver_m += recovers * np.stack(residuals)
+            ekf.inflate(GNSS_BIAS_X, np.where(recovers, noise.variance_m2, 0.0))
+            ekf.inflate(GNSS_BIAS_Y, np.where(recovers, noise.variance_m2, 0.0))
+            return
+        for state, residual in zip((X, Y), residuals, strict=True):
+            ekf.inflate(state, recovers * (residual**2 + noise.variance_m2))
+        ekf.update_pair(rows, residuals, noise.variance_m2, mask=recovers)
+
+    def _velocity(
+        self, fix: BatchFix, since_last_s: float, now: BatchMotion, then: BatchMotion
+    ) -> None:
+        ekf, gate = self._ekf, self._velocity_gate
+        yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
+        east_mps, north_mps, (east_row, north_row) = antenna_velocity(
+            ARRAYS, yaw_rad, ekf.row_yaw_rad, ekf.x[WHEEL_SCALE], ekf.x[SLIP], then.wheel_mps,
+            then.yaw_rate_radps, self._lever_m,
+        )  # fmt: skip
+        rows = (_velocity_row(east_row), _velocity_row(north_row))
+        residuals = (fix.east_mps - east_mps, fix.north_mps - north_mps)
+        variance = velocity_variance(fix.velocity_std_mps, then.yaw_rate_radps, since_last_s)
+        _, recovers = gate.judge(ekf.update_pair(rows, residuals, variance, gate.limit))
+        claimed_mps, _ = ahead_and_aside(ARRAYS, (east_mps, north_mps), yaw_rad)
+        missing_mps, _ = ahead_and_aside(ARRAYS, residuals, yaw_rad)
+        recovers |= self._spin_watch.is_spinning(claimed_mps, missing_mps, np.sqrt(variance))
+        if recovers.any():
+            opened = doubts(
+                ARRAYS, residuals, (east_mps, north_mps), yaw_rad, since_last_s * self._spin_after,
+                is_corrected=self._is_corrected,
+            )  # fmt: skip
+            for state, doubt in opened:
+                ekf.inflate(state, recovers * doubt**2)
+            ekf.update_pair(rows, residuals, variance, mask=recovers)
+
+
+def _velocity_row(by: tuple[FloatArray, ...]) -> BatchRow:
+    return (YAW, by[0]), (WHEEL_SCALE, by[1]), (SLIP, by[2])

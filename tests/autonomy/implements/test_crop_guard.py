@@ -1,0 +1,49 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from agribot.autonomy.implements.treatment import Treatment
+from agribot.core.config import TreatmentConfig
+from tests.autonomy.implements.spray_ground import BOOM, Field, drive_over, figure, make_map
+
+
+def test_a_weed_inside_the_guard_ring_of_a_crop_is_left_alone() -> None:
+    weed_map = make_map([(1.06, 0.03)], [(1.0, 0.03)])
+    treatment = Treatment(TreatmentConfig(), BOOM)
+    drive_over(treatment, weed_map, Field())
+    assert figure(treatment, "sprayed") == 0.0
+    assert weed_map.weeds()[0].treated_s is None
+
+
+def test_crops_stay_dry_and_separate_weeds_beside_them_get_wet() -> None:
+    rng = np.random.default_rng(11)
+    crops = [(1.0 + 0.3 * i, 0.0) for i in range(10)]
+    weeds: list[tuple[float, float]] = []
+    while len(weeds) < 40:
+        place = (float(rng.uniform(0.8, 4.0)), float(rng.uniform(-0.35, 0.35)))
+        if all(math.dist(place, other) > 0.10 for other in (*crops, *weeds)):
+            weeds.append(place)
+    plants = {f"crop{i}": place for i, place in enumerate(crops)}
+    plants |= {f"weed{i}": place for i, place in enumerate(weeds)}
+    weed_map = make_map(weeds, crops)
+    truth = Field(plants=plants)
+    drive_over(Treatment(TreatmentConfig(), BOOM), weed_map, truth, way_m=5.0)
+    assert not [name for name in truth.hit if name.startswith("crop")]
+    assert min(truth.closest_m[name] for name in plants if name.startswith("crop")) > 0.015
+    separate = {
+        f"weed{i}"
+        for i, place in enumerate(weeds)
+        if min(math.dist(place, crop) for crop in crops) > 0.15
+    }
+    assert len(separate) >= 20
+    assert separate <= set(truth.hit)
+
+
+def test_without_the_crop_in_the_map_the_same_spray_would_wet_it() -> None:
+    """Guards the test above: it is the guard that keeps the crop dry."""
+    crop, weed = (1.0, 0.0), (1.03, 0.0)
+    truth = Field(plants={"crop": crop})
+    drive_over(Treatment(TreatmentConfig(), BOOM), make_map([weed]), truth)
+    assert "crop" in truth.hit
