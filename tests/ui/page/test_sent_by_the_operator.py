@@ -23,12 +23,13 @@ SETTINGS = ["--set", "perception.enabled=false", "--set", "seed=1"]
 STATE = "window.__agribot.state()"
 FIELD = Path(__file__).parents[3] / "examples" / "field.geojson"
 GOAL = (-1.0, 4.0)
+PACE = 4.0  # nobody drives by hand here, and an open page costs by the second
 
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     out_dir = tmp_path_factory.mktemp("runs") / "run"
-    with robot_with_page("farm", out_dir, SETTINGS) as robot:
+    with robot_with_page("farm", out_dir, SETTINGS, PACE) as robot:
         yield robot
 
 
