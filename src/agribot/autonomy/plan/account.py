@@ -5,7 +5,7 @@ from __future__ import annotations
 from agribot.autonomy.plan.errand import Errands
 from agribot.autonomy.plan.job import Job
 from agribot.autonomy.plan.route import Route
-from agribot.core.messages import Goal, MissionState, MissionStatus
+from agribot.core.messages import Goal, MissionState, MissionStatus, RequestAnswer
 
 FINAL: tuple[MissionState, ...] = ("done", "cancelled", "failed")
 
@@ -20,6 +20,7 @@ def account(
     stopped: str,
     held: str,
     warning: str,
+    answers: tuple[RequestAnswer, ...],
 ) -> MissionStatus:
     way, rows, reached = errands.route or job.route, job.rows, job.waypoints_reached
     progress = way.progress if way else None
@@ -43,6 +44,7 @@ def account(
         stopped=stopped,
         held=held,
         warning=warning,
+        answers=answers,
     )
 
 

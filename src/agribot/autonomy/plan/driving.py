@@ -8,6 +8,7 @@ from functools import partial
 import msgspec
 
 from agribot.autonomy.plan.account import FINAL, account, wish
+from agribot.autonomy.plan.answers import Answers
 from agribot.autonomy.plan.errand import (
     BATTERY,
     CHECKING,
@@ -71,6 +72,7 @@ class Driving:
         self._state: MissionState = "waiting"
         self._reason = "waiting for the first estimate"
         self._refusal = ""
+        self._answers = Answers()
         self._ended: tuple[MissionState, str] | None = None
         self._stays_open = config.waits_for_goals
         self._latch = Latch() if latch is None else latch
@@ -157,6 +159,7 @@ class Driving:
         status = account(
             self._job, self._errands, self._state, self._reason, self._refusal,
             stopped=self._latch.reason, held=self._held, warning=self._warning,
+            answers=self._answers.take(self._errands.asked),
         )  # fmt: skip
         if self._is_checking:
             status = msgspec.structs.replace(status, leg=CHECKING)
@@ -187,11 +190,13 @@ class Driving:
 
         def leave(route: Route) -> None:
             self._errands.begin(errand, route)
+            self._answers.settle_errand(errand)
             self._run_on("running")
 
         def stay(error: MissionError) -> None:
             self._errands.end()
             why = f"{errand.refusal}: {error}"
+            self._answers.settle_errand(errand, why)
             if errand.source == BATTERY:  # nobody asked for it, and may not be there to resume
                 self._hold("; ".join(filter(None, (self._warning, why))))
             else:
@@ -204,6 +209,7 @@ class Driving:
 
     def _drop(self) -> None:
         """What is being worked out is not wanted any more."""
+        self._answers.drop_task()
         if self._desk.drop() and self._is_checking:
             self._refusal = "plan refused: something else was asked of the robot meanwhile"
         self._is_checking = False

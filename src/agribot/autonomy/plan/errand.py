@@ -27,6 +27,7 @@ class Errand(NamedTuple):
     source: str
     plan: Callable[[Estimate], Path]
     goal: tuple[float, ...] = ()
+    id: str = ""  # of the request that asked for it
 
     @property
     def leg(self) -> str:
@@ -74,13 +75,13 @@ class Errands:
         return STOPPING if self.asked else self.current.leg if self.current else ""
 
 
-def home_errand(job: Job, source: str) -> Errand:
+def home_errand(job: Job, source: str, id: str = "") -> Errand:
     """Raises: MissionError: nobody knows where home is."""
     route, plan_home = job.route, job.task.home
     if route is None or plan_home is None:
         raise MissionError("nothing was planned yet")
     ahead = route.row_ahead if job.task.has_crop else route.path.xy_map_m[:0]
-    return Errand("home", source, lambda here: plan_home(here, job.planned_from, ahead))
+    return Errand("home", source, lambda here: plan_home(here, job.planned_from, ahead), id=id)
 
 
 def goal_errand(job: Job, event: OperatorEvent) -> Errand:
@@ -92,7 +93,7 @@ def goal_errand(job: Job, event: OperatorEvent) -> Errand:
     plan = job.task.go_to
     if plan is None:
         raise MissionError("this mission drives its own path only")
-    return Errand("goal", event.source, lambda here: plan(here, goal), numbers)
+    return Errand("goal", event.source, lambda here: plan(here, goal), numbers, event.id)
 
 
 def restored_errand(saved: SavedErrand, job: Job) -> Errand:

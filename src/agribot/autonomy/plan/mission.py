@@ -28,6 +28,8 @@ from agribot.core.messages import Estimate, Goal, OperatorEvent
 AFTER_THE_END = (
     "start", "goto", "return_home", "visit", "plan", "stop", "clear_stop", "set",
 )  # fmt: skip
+MOVING = ("start", "resume", "goto", "return_home")  # what sets the robot in motion by itself
+ASKED = (*MOVING, "pause", "cancel", "skip_row", "visit", "plan")  # of a mission, of nobody else
 
 
 class Mission(Driving):
@@ -42,7 +44,9 @@ class Mission(Driving):
         for event in events:
             self._latch.hear(event)
             self._heed_stop()
-            self._handle(event)
+            refusal = self._handle(event)
+            if refusal is not None:
+                self._answers.give(event.id, refusal)
         return self._go_on(estimate)
 
     def heed(self, warning: str) -> None:
@@ -56,15 +60,16 @@ class Mission(Driving):
             return
         self._is_heeded = True
         self._refusal = ""
-        self._turn_home(BATTERY)
-        if self._refusal:
-            self._hold(f"{warning}; {self._refusal}")
+        refusal = self._turn_home(BATTERY)
+        if refusal:
+            self._hold(f"{warning}; {refusal}")
 
-    def _handle(self, event: OperatorEvent) -> None:
+    def _handle(self, event: OperatorEvent) -> str | None:
+        """Why it is refused, "" where it is taken or not for a mission; None: that shows later."""
         if self._state in FINAL and not (self._stays_open and event.action in AFTER_THE_END):
-            return
+            return f"{event.action} refused: the mission has ended" if event.action in ASKED else ""
         if event.action == "cancel":
-            stood = self._paused
+            stood, self._errands.asked = self._paused, None
             self._end("cancelled", f"cancelled by {event.source}")
             self._paused = stood  # a run that goes on with this one stands as well
         elif event.action == "set":
@@ -72,43 +77,55 @@ class Mission(Driving):
         elif event.action == "skip_row" and self._errands.route is None:
             self._job.skip_row()
         elif event.action in ("plan", "visit"):
-            self._take(event)
+            return self._take(event)
         else:
-            self._handle_moving(event)
+            return self._handle_moving(event)
+        return ""
 
-    def _handle_moving(self, event: OperatorEvent) -> None:
+    def _handle_moving(self, event: OperatorEvent) -> str | None:
         if self._is_stopped:
-            if event.action == "goto":
-                self._refusal = "goal refused: the robot is stopped; clear the stop first"
-        elif event.action == "pause":
+            return self._refuse_stopped(event)
+        if event.action == "pause":
             self._pause(f"paused by {event.source}")
         elif event.action in ("start", "resume") and self._state == "paused":
-            self._resume()
+            return self._resume()
         elif event.action == "start" and self._state in FINAL:
             self._begin_anew()
         elif event.action == "return_home":
-            self._turn_home(event.source)
+            return self._turn_home(event.source, event.id)
         elif event.action == "goto":
-            self._turn_to_goal(event)
+            return self._turn_to_goal(event)
+        return ""
 
-    def _resume(self) -> None:
+    def _refuse_stopped(self, event: OperatorEvent) -> str:
+        if event.action not in MOVING:
+            return ""
+        what = "goal" if event.action == "goto" else event.action
+        refusal = f"{what} refused: the robot is stopped; clear the stop first"
+        if event.action == "goto":
+            self._refusal = refusal
+        return refusal
+
+    def _resume(self) -> str:
+        """Why it is not resumed; "" where it is."""
         errands, way = self._errands, self._way
         try:
             if errands.cut_off is not None:
                 self._drop()
                 errands.ask(errands.cut_off)
-                return
+                return ""
             if errands.is_away and errands.route is None and way is not None:
                 self._drop()
                 errands.ask(work_errand(self._job))
-                return
+                return ""
             if way is not None and self._last is not None:
                 check_not_carried_away(self._last, way.place, self._config.resume_limit_m)
         except MissionError as error:
             self._reason = f"not resumed: {error}"
-            return
+            return self._reason
         self._is_resumed = True
         self._run_on("running" if way else "waiting")
+        return ""
 
     def _begin_anew(self) -> None:
         """The whole task once more, planned from where the robot stands."""
@@ -117,25 +134,28 @@ class Mission(Driving):
         self._is_resumed = True
         self._run_on("waiting")
 
-    def _turn_home(self, source: str) -> None:
+    def _turn_home(self, source: str, id: str = "") -> str | None:
+        """Why it cannot; None where that shows once it stands."""
         errands = self._errands
         wanted = errands.current if self._state == "running" else errands.asked
         if wanted is not None and wanted.to == "home":
-            return
+            return ""
         try:
-            errand = home_errand(self._job, source)
+            errand = home_errand(self._job, source, id)
         except MissionError as error:
             self._refusal = f"cannot return home: {error}"
-        else:
-            self._stop_for(errand, f"stops to return home, as {source} wants")
+            return self._refusal
+        self._stop_for(errand, f"stops to return home, as {source} wants")
+        return None
 
-    def _turn_to_goal(self, event: OperatorEvent) -> None:
+    def _turn_to_goal(self, event: OperatorEvent) -> str | None:
         try:
             errand = goal_errand(self._job, event)
         except MissionError as error:
             self._refusal = f"goal refused: {error}"
-        else:
-            self._stop_for(errand, f"stops for a goal of {event.source}")
+            return self._refusal
+        self._stop_for(errand, f"stops for a goal of {event.source}")
+        return None
 
     def _stop_for(self, errand: Errand, reason: str) -> None:
         """The way is planned from where the robot comes to rest."""
@@ -144,30 +164,35 @@ class Mission(Driving):
         self._state, self._reason = "paused", reason
         self._drop()
         self._refusal = ""
+        self._answers.replace_errand(errand)
         self._errands.ask(errand)
 
-    def _take(self, event: OperatorEvent) -> None:
+    def _take(self, event: OperatorEvent) -> str | None:
         """Another task from now on, from where the robot stands: a visit at once, a plan later."""
         is_visit, new_tasks = event.action == "visit", self._new_tasks
         is_moving = self._last is not None and abs(self._last.v_mps) > STANDING_MPS
         if new_tasks is None:
             self._refusal = f"{event.action} refused: this mission takes no other task"
-            return
+            return self._refusal
         if is_moving and not is_visit:
             self._refusal = "plan refused: the robot drives; pause its mission first"
-            return
+            return self._refusal
 
         def refuse(error: MissionError) -> None:
             self._is_checking = False
             self._refusal = f"{event.action} refused: {error}"
+            self._answers.settle_task(self._refusal)
 
         self._drop()
+        self._answers.await_task(event)
         self._is_checking = not is_visit
         latency_s = 0.0 if is_visit else new_tasks.checking_s
         work, then = partial(new_tasks.of, event), partial(self._work_at, event)
         self._desk.ask(event.t_s, work, latency_s, then, refuse)
+        return None
 
     def _work_at(self, event: OperatorEvent, task: Task) -> None:
+        self._answers.settle_task()
         self._is_checking = False
         if event.action == "visit":
             task = task._replace(bounds=self.task.bounds)

@@ -34,12 +34,15 @@ INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but 
 
 
 class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that is asked of the robot; who judges it answers by its `id`, if it has one."""
+
     t_s: float
     action: OperatorAction
     source: str = "operator"
     text: str = ""
     value: float = 0.0
     numbers: tuple[float, ...] = ()
+    id: str = ""
 
 
 class HandDrive(msgspec.Struct, frozen=True, kw_only=True):
