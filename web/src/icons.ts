@@ -5,7 +5,8 @@ import { svg } from './dom.ts'
 const PATHS = {
   drive: 'M12 3 19 21l-7-4-7 4Z',
   plan: 'M4 7l6-3 5 3 5-3v13l-5 3-5-3-6 3ZM10 4v13M15 7v13',
-  teleop: 'M12 3v5m0 8v5m9-9h-5M8 12H3m9-9L9.5 5.5M12 3l2.500 2.500M12 21l-2.500-2.500M12 21l2.500-2.500M3 12l2.500-2.500M3 12l2.500 2.500M21 12l-2.500-2.500M21 12l-2.500 2.500M12 10a2 2 0 1 0 0 4 2 2 0 0 0 0-4Z',
+  teleop:
+    'M12 3v5m0 8v5m9-9h-5M8 12H3m9-9L9.5 5.5M12 3l2.500 2.500M12 21l-2.500-2.500M12 21l2.500-2.500M3 12l2.500-2.500M3 12l2.500 2.500M21 12l-2.500-2.500M21 12l-2.500 2.500M12 10a2 2 0 1 0 0 4 2 2 0 0 0 0-4Z',
   robot: 'M12 2.500 20.500 7v10L12 21.500 3.500 17V7ZM3.500 7 12 12l8.500-5M12 12v9.500',
   camera: 'M3 8h4l2-3h6l2 3h4v11H3ZM12 10a3.500 3.500 0 1 0 0 7 3.500 3.500 0 0 0 0-7Z',
   plots: 'M3 3v18h18M7 15l4-5 3 3 5-7',
@@ -33,7 +34,8 @@ const PATHS = {
   up: 'M12 19V5m-6 6 6-6 6 6',
   down: 'M12 5v14m-6-6 6 6 6-6',
   video: 'M3 6h12v12H3ZM15 11l6-4v10l-6-4',
-  tools: 'M14.8 6.200a4.200 4.200 0 0 0-5.600 5.300L3 17.700 6.300 21l6.200-6.200a4.200 4.200 0 0 0 5.300-5.600l-2.600 2.600-3-.900-.800-2.900Z',
+  tools:
+    'M14.8 6.200a4.200 4.200 0 0 0-5.600 5.300L3 17.700 6.300 21l6.200-6.200a4.200 4.200 0 0 0 5.300-5.600l-2.600 2.600-3-.900-.800-2.900Z',
   copy: 'M8 8h12v12H8ZM16 8V4H4v12h4',
   minus: 'M5 12h14',
   theme: 'M12 3a9 9 0 1 0 0 18ZM12 3a9 9 0 0 1 0 18',
@@ -42,7 +44,8 @@ const PATHS = {
   satellite: 'M8 8 4 4m4 4-3 3 4 4 3-3M8 8l3-3 4 4-3 3m0 0 4 4m-1-1 3-3 4 4-3 3-4-4M5 17a4 4 0 0 0 3 3',
   battery: 'M3 8h15v8H3ZM21 11v2',
   person: 'M12 4a4 4 0 1 0 0 8 4 4 0 0 0 0-8ZM4 21c0-4 4-6 8-6s8 2 8 6',
-  people: 'M9 5a3.500 3.500 0 1 0 0 7 3.500 3.500 0 0 0 0-7ZM2.500 20c0-3.500 3-5.500 6.500-5.500s6.500 2 6.500 5.500M16 5.500a3.500 3.500 0 0 1 0 6.500M18 15c2 .600 3.500 2.300 3.500 5',
+  people:
+    'M9 5a3.500 3.500 0 1 0 0 7 3.500 3.500 0 0 0 0-7ZM2.500 20c0-3.500 3-5.500 6.500-5.500s6.500 2 6.500 5.500M16 5.500a3.500 3.500 0 0 1 0 6.500M18 15c2 .600 3.500 2.300 3.500 5',
   save: 'M5 4h11l3 3v13H5ZM8 4v5h7V4M8 20v-6h8v6',
   download: 'M12 4v11m0 0-4-4m4 4 4-4M4 20h16',
   upload: 'M12 16V5m0 0L8 9m4-4 4 4M4 20h16',
@@ -58,15 +61,28 @@ const PATHS = {
   freeze: 'M12 2v20M3.500 7l17 10M20.500 7l-17 10',
   image: 'M3 5h18v14H3ZM3 16l5-5 5 5 3-3 5 5M15 8.500h.01',
   mark: 'M6 3h12v18l-6-5-6 5Z',
-  gamepad: 'M7 8h10a5 5 0 0 1 5 5.500c0 4-3.500 5-5.500 2.500h-9C5.500 18.500 2 17.500 2 13.500A5 5 0 0 1 7 8ZM7 11v3m-1.500-1.500h3M15.500 12h.01M18 13.500h.01',
+  gamepad:
+    'M7 8h10a5 5 0 0 1 5 5.500c0 4-3.500 5-5.500 2.500h-9C5.500 18.500 2 17.500 2 13.500A5 5 0 0 1 7 8ZM7 11v3m-1.500-1.500h3M15.500 12h.01M18 13.500h.01',
   tag: 'M4 4h8l8 8-8 8-8-8ZM8 8h.01',
 } as const
 
 export type IconName = keyof typeof PATHS
 
 export function icon(name: IconName, size = 24): SVGSVGElement {
-  return svg('svg', {
-    class: 'icon', viewBox: '0 0 24 24', width: size, height: size, fill: 'none', stroke: 'currentColor',
-    'stroke-width': name === 'more' ? '3' : '1.8', 'stroke-linecap': 'round', 'stroke-linejoin': 'round', 'aria-hidden': 'true',
-  }, svg('path', { d: PATHS[name] }))
+  return svg(
+    'svg',
+    {
+      class: 'icon',
+      viewBox: '0 0 24 24',
+      width: size,
+      height: size,
+      fill: 'none',
+      stroke: 'currentColor',
+      'stroke-width': name === 'more' ? '3' : '1.8',
+      'stroke-linecap': 'round',
+      'stroke-linejoin': 'round',
+      'aria-hidden': 'true',
+    },
+    svg('path', { d: PATHS[name] }),
+  )
 }

@@ -10,11 +10,13 @@ type Arrows = Map<string, Set<string>>
 /** File -> files that it imports, types included; paths from `web/`, where npm runs. */
 function importsOf(folder: string): Arrows {
   const files = readdirSync(folder, { recursive: true, encoding: 'utf8' }).filter((name) => name.endsWith('.ts'))
-  return new Map(files.map((name) => {
-    const file = join(folder, name)
-    const found = readFileSync(file, 'utf8').matchAll(IMPORT)
-    return [file, new Set([...found].map(([, path]) => normalize(join(dirname(file), path))))]
-  }))
+  return new Map(
+    files.map((name) => {
+      const file = join(folder, name)
+      const found = readFileSync(file, 'utf8').matchAll(IMPORT)
+      return [file, new Set([...found].map(([, path]) => normalize(join(dirname(file), path))))]
+    }),
+  )
 }
 
 /** The same for folders; files beside `main.ts` belong to none. */
@@ -49,9 +51,21 @@ function findCircle(arrows: Arrows): string[] {
 }
 
 test('a circle is found, however long the way to it is', () => {
-  const arrows = new Map([['a', new Set(['b'])], ['b', new Set(['c'])], ['c', new Set(['d', 'b'])]])
+  const arrows = new Map([
+    ['a', new Set(['b'])],
+    ['b', new Set(['c'])],
+    ['c', new Set(['d', 'b'])],
+  ])
   assert.deepEqual(findCircle(arrows), ['b', 'c', 'b'])
-  assert.deepEqual(findCircle(new Map([['a', new Set(['b', 'c'])], ['b', new Set(['c'])]])), [])
+  assert.deepEqual(
+    findCircle(
+      new Map([
+        ['a', new Set(['b', 'c'])],
+        ['b', new Set(['c'])],
+      ]),
+    ),
+    [],
+  )
 })
 
 test('no file of the page imports itself by a detour, not even for its types', () => {

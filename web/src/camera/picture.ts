@@ -30,7 +30,10 @@ export class CameraPicture {
   private level = 0
   private readonly undo: () => void
 
-  constructor(private readonly store: Store, withMask = true) {
+  constructor(
+    private readonly store: Store,
+    withMask = true,
+  ) {
     this.node = el('div', { class: 'picture' }, this.image, this.mask)
     this.stream = new CameraStream(store, withMask)
     this.stream.onImage = (frame) => this.drawImage(frame)

@@ -16,7 +16,13 @@ import type { DisplayType } from './types.ts'
 const REDRAW_MS = 100
 
 /** What a saved view keeps of a display. */
-export interface DisplayConfig { id: string; type: string; title: string; source: string; options: Options }
+export interface DisplayConfig {
+  id: string
+  type: string
+  title: string
+  source: string
+  options: Options
+}
 
 export class Display implements LayerGroup {
   readonly id: string
@@ -34,7 +40,10 @@ export class Display implements LayerGroup {
   private unsubscribe: () => void = () => undefined
 
   constructor(
-    private readonly host: DisplayHost, readonly type: DisplayType, source: Source | null, readonly config: DisplayConfig,
+    private readonly host: DisplayHost,
+    readonly type: DisplayType,
+    source: Source | null,
+    readonly config: DisplayConfig,
     /** Added by the operator, who may remove it; the others come from the robot. */
     readonly removable: boolean,
   ) {
@@ -74,7 +83,8 @@ export class Display implements LayerGroup {
 
   retheme(): void {
     if (this.type.kind !== 'shapes') return
-    for (const layer of lookLayers(this.id, this.host.app.projection.latDeg)) if (layer.type === 'symbol') this.host.map.setLayoutProperty(layer.id, 'icon-image', layer.layout?.['icon-image'])
+    for (const layer of lookLayers(this.id, this.host.app.projection.latDeg))
+      if (layer.type === 'symbol') this.host.map.setLayoutProperty(layer.id, 'icon-image', layer.layout?.['icon-image'])
   }
 
   remove(): void {
@@ -95,7 +105,10 @@ export class Display implements LayerGroup {
     this.last = message
     this.heard++
     const { stretch } = this
-    const state = this.type.kind !== 'tool' && this.type.kind !== 'tiles' && this.type.fold ? await this.type.fold(this.state, message, this.setting) : message
+    const state =
+      this.type.kind !== 'tool' && this.type.kind !== 'tiles' && this.type.fold
+        ? await this.type.fold(this.state, message, this.setting)
+        : message
     if (stretch !== this.stretch) return
     this.state = state
     this.queue()
@@ -103,10 +116,11 @@ export class Display implements LayerGroup {
 
   private queue(): void {
     if (this.type.kind === 'painted') this.host.overlay.request()
-    else this.timer ||= window.setTimeout(() => {
-      this.timer = 0
-      this.draw()
-    }, REDRAW_MS)
+    else
+      this.timer ||= window.setTimeout(() => {
+        this.timer = 0
+        this.draw()
+      }, REDRAW_MS)
   }
 
   private addLayers(source: Source | null): void {
@@ -123,7 +137,12 @@ export class Display implements LayerGroup {
     const { map } = this.host
     const url = new URL(tiles.url, location.origin).href.replace(/%7B/g, '{').replace(/%7D/g, '}')
     map.addSource(this.id, {
-      type: 'raster', tiles: [url], tileSize: 256, minzoom: tiles.minzoom, maxzoom: tiles.maxzoom, ...(tiles.bounds ? { bounds: tiles.bounds } : {}),
+      type: 'raster',
+      tiles: [url],
+      tileSize: 256,
+      minzoom: tiles.minzoom,
+      maxzoom: tiles.maxzoom,
+      ...(tiles.bounds ? { bounds: tiles.bounds } : {}),
     })
     map.addLayer({ id: this.id, type: 'raster', source: this.id }, 'grid-1')
     this.layers = [this.id]
@@ -143,12 +162,25 @@ export class Display implements LayerGroup {
     if (!laid) return
     const { map, app } = this.host
     const url = laid.image.toDataURL()
-    const coordinates = laid.corners.map(([x, y]) => app.projection.toLonLat(x, y)) as [[number, number], [number, number], [number, number], [number, number]]
+    const coordinates = laid.corners.map(([x, y]) => app.projection.toLonLat(x, y)) as [
+      [number, number],
+      [number, number],
+      [number, number],
+      [number, number],
+    ]
     const known = map.getSource<ImageSource>(this.id)
     if (known) known.updateImage({ url, coordinates })
     else {
       map.addSource(this.id, { type: 'image', url, coordinates })
-      map.addLayer({ id: this.layers[0], type: 'raster', source: this.id, paint: { 'raster-fade-duration': 0, 'raster-resampling': 'nearest' } }, this.host.layerAbove(this))
+      map.addLayer(
+        {
+          id: this.layers[0],
+          type: 'raster',
+          source: this.id,
+          paint: { 'raster-fade-duration': 0, 'raster-resampling': 'nearest' },
+        },
+        this.host.layerAbove(this),
+      )
       this.host.adopt(this)
     }
   }

@@ -28,7 +28,8 @@ export class Displays {
   async start(): Promise<void> {
     this.host.app.store.on('restart', () => this.restart())
     this.maps = await api.maps().catch((): MapSource[] => [])
-    for (const { name } of this.maps) this.add({ id: `tiles-${name}`, type: 'tile_map', title: name, source: name, options: {} }, false)
+    for (const { name } of this.maps)
+      this.add({ id: `tiles-${name}`, type: 'tile_map', title: name, source: name, options: {} }, false)
     await this.syncPanels()
     this.started = true
     setInterval(() => {
@@ -52,7 +53,8 @@ export class Displays {
     for (const panel of this.panels) if (!found.some(({ id }) => id === panel.id)) this.dropPanel(panel.id)
     const before = new Map(this.panels.map((panel) => [panel.id, JSON.stringify(panel)]))
     this.panels = found
-    for (const panel of found) if (panel.kind === 'layer' && before.get(panel.id) !== JSON.stringify(panel)) this.showPanel(panel)
+    for (const panel of found)
+      if (panel.kind === 'layer' && before.get(panel.id) !== JSON.stringify(panel)) this.showPanel(panel)
   }
 
   private dropPanel(id: string): void {
@@ -62,7 +64,16 @@ export class Displays {
 
   private showPanel(panel: Panel): void {
     this.dropPanel(panel.id)
-    const display = this.add({ id: panel.id, type: panel.type ?? 'geojson', title: panel.title, source: panel.id, options: (panel.style ?? {}) as Options }, false)
+    const display = this.add(
+      {
+        id: panel.id,
+        type: panel.type ?? 'geojson',
+        title: panel.title,
+        source: panel.id,
+        options: (panel.style ?? {}) as Options,
+      },
+      false,
+    )
     if (!display || (panel.visible === undefined && panel.draw_order === undefined)) return
     display.visible = panel.visible ?? true
     if (panel.draw_order !== undefined) this.host.moveGroup(display, panel.draw_order)
@@ -72,7 +83,9 @@ export class Displays {
   /** Everything that a type could show now. */
   sources(type: DisplayType): Source[] {
     if (type.kind === 'tiles') return this.maps.map((tiles) => tileSource(tiles, type.id))
-    const given = this.panels.filter((panel) => panel.kind === 'layer' || panel.kind === 'image').map((panel) => panelSource(panel, () => this.isShown))
+    const given = this.panels
+      .filter((panel) => panel.kind === 'layer' || panel.kind === 'image')
+      .map((panel) => panelSource(panel, () => this.isShown))
     return [...robotSources(this.host.app), ...given].filter((source) => source.types.includes(type.id))
   }
 
@@ -102,7 +115,8 @@ export class Displays {
   }
 
   paint(surface: Surface): void {
-    for (const display of [...this.all].sort((a, b) => this.host.groups.indexOf(b) - this.host.groups.indexOf(a))) display.paint(surface)
+    for (const display of [...this.all].sort((a, b) => this.host.groups.indexOf(b) - this.host.groups.indexOf(a)))
+      display.paint(surface)
   }
 
   saved(): DisplayConfig[] {
@@ -111,7 +125,8 @@ export class Displays {
 
   /** Exactly the operator's displays of a saved view. */
   restore(configs: DisplayConfig[]): void {
-    for (const display of [...this.all]) if (display.removable && !configs.some(({ id }) => id === display.id)) this.remove(display)
+    for (const display of [...this.all])
+      if (display.removable && !configs.some(({ id }) => id === display.id)) this.remove(display)
     for (const config of configs) {
       const known = this.all.find(({ id }) => id === config.id)
       if (known) known.setOptions(config.options)

@@ -7,7 +7,13 @@ import type { App } from '../app.ts'
 export type ToolId = 'pan' | 'measure' | 'coordinates' | 'goal' | 'pose' | 'point' | 'polygon' | 'route'
 
 /** An entry of the layer list; `layers` from bottom to top. */
-export interface LayerGroup { id: string; title: string; layers: string[]; visible: boolean; opacity: number }
+export interface LayerGroup {
+  id: string
+  title: string
+  layers: string[]
+  visible: boolean
+  opacity: number
+}
 
 export interface DisplayHost {
   readonly app: App

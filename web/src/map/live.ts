@@ -5,7 +5,15 @@ import type { App } from '../app.ts'
 import { collection } from '../geojson.ts'
 import type { Features } from '../geojson.ts'
 import type { Vec2, Weed } from '../wire.ts'
-import { densityFeatures, fieldFeatures, gridFeatures, pathFeatures, trajectoryFeatures, waypointFeatures, weedFeature } from './features.ts'
+import {
+  densityFeatures,
+  fieldFeatures,
+  gridFeatures,
+  pathFeatures,
+  trajectoryFeatures,
+  waypointFeatures,
+  weedFeature,
+} from './features.ts'
 import type { SourceId } from './layers.ts'
 
 const TAIL_POINTS = 200
@@ -33,7 +41,10 @@ export class LiveData {
   private weedsTimer = 0
   private densityTimer = 0
 
-  constructor(private readonly view: LiveMap, private readonly app: App) {
+  constructor(
+    private readonly view: LiveMap,
+    private readonly app: App,
+  ) {
     const { store } = app
     app.onField(() => this.drawField())
     store.on('path', () => this.queuePath())

@@ -34,7 +34,13 @@ const NARROW_PX = 500
 type Box = [west: number, south: number, east: number, north: number]
 
 export interface SavedView {
-  center?: Vec2; zoom?: number; bearing?: number; follow?: boolean; target?: Target; turn?: number; capture?: CaptureSize
+  center?: Vec2
+  zoom?: number
+  bearing?: number
+  follow?: boolean
+  target?: Target
+  turn?: number
+  capture?: CaptureSize
   layers?: { id: string; visible: boolean; opacity: number }[]
   displays?: DisplayConfig[]
 }
@@ -61,9 +67,18 @@ export class MapView implements DisplayHost {
     this.node.className = 'map'
     const colours = palette()
     this.map = new maplibregl.Map({
-      container: this.node, center: app.projection.toLonLat(0, 0), zoom: 19, maxZoom: MAX_ZOOM, maxPitch: 0,
-      attributionControl: false, dragRotate: true,
-      style: { version: 8, sources: {}, layers: [{ id: 'background', type: 'background', paint: { 'background-color': colours.ground } }] },
+      container: this.node,
+      center: app.projection.toLonLat(0, 0),
+      zoom: 19,
+      maxZoom: MAX_ZOOM,
+      maxPitch: 0,
+      attributionControl: false,
+      dragRotate: true,
+      style: {
+        version: 8,
+        sources: {},
+        layers: [{ id: 'background', type: 'background', paint: { 'background-color': colours.ground } }],
+      },
     })
     this.map.addControl(new maplibregl.ScaleControl({ maxWidth: 120, unit: 'metric' }), 'bottom-left')
     this.overlay = new Overlay(this.map, app, colours)
@@ -168,7 +183,8 @@ export class MapView implements DisplayHost {
     this.groups = groups
     const own = new Set(groups.flatMap((group) => group.layers))
     const above = this.map.getStyle().layers.find(({ id }) => !own.has(id) && id !== 'background' && id !== 'soil')?.id // a drawing tool's
-    for (const group of [...groups].reverse()) for (const id of group.layers) if (this.map.getLayer(id)) this.map.moveLayer(id, above)
+    for (const group of [...groups].reverse())
+      for (const id of group.layers) if (this.map.getLayer(id)) this.map.moveLayer(id, above)
   }
 
   /** The layer that a picture of this group has to lie below. */
@@ -228,7 +244,12 @@ export class MapView implements DisplayHost {
   private fit(box: Box, durationMs: number): void {
     const isNarrow = this.node.clientWidth < NARROW_PX
     const isLow = matchMedia('(min-width: 600px) and (max-height: 560px)').matches // two columns of buttons on the right
-    const padding = { top: isNarrow ? 20 : 40, bottom: 40, left: isNarrow ? 20 : 72, right: isLow ? 112 : isNarrow ? 68 : 72 }
+    const padding = {
+      top: isNarrow ? 20 : 40,
+      bottom: 40,
+      left: isNarrow ? 20 : 72,
+      right: isLow ? 112 : isNarrow ? 68 : 72,
+    }
     this.map.fitBounds(box, { padding, maxZoom: 21, bearing: 0, duration: durationMs })
     this.fitted = box
   }
@@ -258,9 +279,14 @@ export class MapView implements DisplayHost {
   current(): SavedView {
     const { lng, lat } = this.map.getCenter()
     return {
-      center: this.app.projection.toMap(lng, lat), zoom: this.map.getZoom(), bearing: this.map.getBearing(),
-      target: this.tracking.target, turn: this.tracking.turnDeg, capture: this.capture.size,
-      layers: this.groups.map(({ id, visible, opacity }) => ({ id, visible, opacity })), displays: this.displays.saved(),
+      center: this.app.projection.toMap(lng, lat),
+      zoom: this.map.getZoom(),
+      bearing: this.map.getBearing(),
+      target: this.tracking.target,
+      turn: this.tracking.turnDeg,
+      capture: this.capture.size,
+      layers: this.groups.map(({ id, visible, opacity }) => ({ id, visible, opacity })),
+      displays: this.displays.saved(),
     }
   }
 
@@ -276,7 +302,8 @@ export class MapView implements DisplayHost {
   private restoreLayers(view: SavedView | null): void {
     if (view?.displays) this.displays.restore(view.displays)
     const order = new Map(view?.layers?.map(({ id }, i) => [id, i]))
-    const place = (group: LayerGroup): number => order.get(group.id) ?? (group instanceof Display && group.type.kind === 'tiles' ? Infinity : -1)
+    const place = (group: LayerGroup): number =>
+      order.get(group.id) ?? (group instanceof Display && group.type.kind === 'tiles' ? Infinity : -1)
     const wanted = [...this.groups].sort((a, b) => place(a) - place(b) || 0)
     if (order.size && wanted.some((group, i) => group !== this.groups[i])) this.setOrder(wanted)
     for (const saved of view?.layers ?? []) {

@@ -12,11 +12,21 @@ import { frustumLines } from './frustum.ts'
 const GROUND_M = 400
 const TEXTURE_M = 4
 
-export interface Joint { name: string; lower: number; upper: number; unit: 'rad' | 'm' }
+export interface Joint {
+  name: string
+  lower: number
+  upper: number
+  unit: 'rad' | 'm'
+}
 
 export interface SceneShown {
-  pose: [x: number, y: number, yaw: number]; eye: number[]; pictures: number; triangles: number
-  joints: Record<string, number>; axes: number[][]; camera: boolean
+  pose: [x: number, y: number, yaw: number]
+  eye: number[]
+  pictures: number
+  triangles: number
+  joints: Record<string, number>
+  axes: number[][]
+  camera: boolean
 }
 
 export class Scene {
@@ -67,12 +77,19 @@ export class Scene {
     const loader = new URDFLoader()
     loader.packages = (name) => `/robot/${name}`
     loader.loadMeshCb = (path, _manager, material, done) => {
-      new STLLoader().load(path, (geometry) => done(new THREE.Mesh(geometry, material)), undefined, (error) => done(new THREE.Object3D(), error as Error))
+      new STLLoader().load(
+        path,
+        (geometry) => done(new THREE.Mesh(geometry, material)),
+        undefined,
+        (error) => done(new THREE.Object3D(), error as Error),
+      )
     }
     this.robot = await loader.loadAsync(about.urdf_url)
     this.body.add(this.robot)
     if (about.camera) this.frustum.add(frustumLines(about.camera, colour('focus')))
-    return Object.values(this.robot.joints).filter((joint) => joint.jointType !== 'fixed').map(movable)
+    return Object.values(this.robot.joints)
+      .filter((joint) => joint.jointType !== 'fixed')
+      .map(movable)
   }
 
   /** Axes at every link, moving with it: x red, y green, z blue. */
@@ -120,10 +137,15 @@ export class Scene {
       if (part instanceof THREE.Mesh && part.geometry instanceof THREE.BufferGeometry) meshes.push(part)
     })
     return {
-      pose: [x, y, this.body.rotation.z], eye: this.eye.position.toArray(), pictures: this.renderer.info.render.frame,
+      pose: [x, y, this.body.rotation.z],
+      eye: this.eye.position.toArray(),
+      pictures: this.renderer.info.render.frame,
       triangles: meshes.reduce((sum, mesh) => sum + (mesh.geometry.getAttribute('position')?.count ?? 0) / 3, 0),
-      joints: Object.fromEntries(Object.values(this.robot?.joints ?? {}).map((joint) => [joint.urdfName, Number(joint.jointValue[0] ?? 0)])),
-      axes: this.axes.map((axes) => axes.getWorldPosition(new THREE.Vector3()).toArray()), camera: this.frustum.visible && this.frustum.children.length > 0,
+      joints: Object.fromEntries(
+        Object.values(this.robot?.joints ?? {}).map((joint) => [joint.urdfName, Number(joint.jointValue[0] ?? 0)]),
+      ),
+      axes: this.axes.map((axes) => axes.getWorldPosition(new THREE.Vector3()).toArray()),
+      camera: this.frustum.visible && this.frustum.children.length > 0,
     }
   }
 
@@ -156,7 +178,9 @@ function movable(joint: URDFJoint): Joint {
   const { lower, upper } = joint.limit
   const isLimited = joint.jointType !== 'continuous' && upper > lower
   return {
-    name: joint.urdfName, lower: isLimited ? lower : -Math.PI, upper: isLimited ? upper : Math.PI,
+    name: joint.urdfName,
+    lower: isLimited ? lower : -Math.PI,
+    upper: isLimited ? upper : Math.PI,
     unit: joint.jointType === 'prismatic' ? 'm' : 'rad',
   }
 }

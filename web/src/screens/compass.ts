@@ -12,7 +12,12 @@ const PLOT = { width: 340, height: 180, left: 44, right: 8, top: 26, bottom: 22 
 export class CoverageRing {
   private readonly number = svg('text', { x: SIZE / 2, y: SIZE / 2 })
   private readonly total = svg('text', { x: SIZE / 2, y: SIZE / 2 + 14, 'font-size': 11 })
-  readonly node = svg('svg', { class: 'coverage-ring', viewBox: `0 0 ${SIZE} ${SIZE}`, role: 'img' }, this.number, this.total)
+  readonly node = svg(
+    'svg',
+    { class: 'coverage-ring', viewBox: `0 0 ${SIZE} ${SIZE}`, role: 'img' },
+    this.number,
+    this.total,
+  )
   private wedges: SVGPathElement[] = []
 
   show(seen: boolean[] | null): void {
@@ -54,10 +59,16 @@ export function errorPlot(before: ByDirection, after: ByDirection): SVGSVGElemen
     svg('line', { class: 'axis', x1: left, x2: width - right, y1: y(deg), y2: y(deg) }),
     svg('text', { x: left / 2, y: y(deg) + 4 }, `${fixed(deg, 1)}°`),
   ])
-  return svg('svg', { class: 'error-plot', viewBox: `0 0 ${width} ${height}`, role: 'img', 'aria-label': label },
-    ...ticks, line(before, 'before'), line(after, 'after'),
+  return svg(
+    'svg',
+    { class: 'error-plot', viewBox: `0 0 ${width} ${height}`, role: 'img', 'aria-label': label },
+    ...ticks,
+    line(before, 'before'),
+    line(after, 'after'),
     svg('text', { x: width / 2, y: 14 }, 'Heading error by direction: before dashed'),
-    svg('text', { x: left, y: height - 6 }, '0°'), svg('text', { x: width - 20, y: height - 6 }, '360°'))
+    svg('text', { x: left, y: height - 6 }, '0°'),
+    svg('text', { x: width - 20, y: height - 6 }, '360°'),
+  )
 }
 
 function largest(values: ByDirection): number {
