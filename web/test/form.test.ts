@@ -1,6 +1,6 @@
 import assert from 'node:assert/strict'
 import { test } from 'node:test'
-import { fieldsOf, valueOf } from '../src/panels/form.ts'
+import { fieldsOf, readField } from '../src/panels/form.ts'
 
 const schema = {
   $ref: '#/$defs/Spray',
@@ -31,7 +31,7 @@ test('the fields of a struct are found behind the reference of its schema', () =
 
 test('a value has the type that its field wants', () => {
   assert.deepEqual(
-    fieldsOf(schema).map((f) => valueOf(f, '7', true)),
+    fieldsOf(schema).map((f) => readField(f, '7', true)),
     [7, 7, true, '7'],
   )
 })

@@ -77,7 +77,7 @@ export class Display implements LayerGroup {
     if (this.type.kind !== 'painted' || !this.visible || this.state === undefined) return
     surface.pen.save()
     surface.pen.globalAlpha = this.opacity
-    this.type.paint(this.state, surface, this.setting)
+    this.type.paint(this.state as never, surface, this.setting)
     surface.pen.restore()
   }
 
@@ -107,7 +107,7 @@ export class Display implements LayerGroup {
     const { stretch } = this
     const state =
       this.type.kind !== 'tool' && this.type.kind !== 'tiles' && this.type.fold
-        ? await this.type.fold(this.state, message, this.setting)
+        ? await this.type.fold(this.state as never, message as never, this.setting)
         : message
     if (stretch !== this.stretch) return
     this.state = state
@@ -151,14 +151,15 @@ export class Display implements LayerGroup {
   private draw(): void {
     if (this.type.kind === 'shapes') {
       const drawing = new Drawing(this.host.app.projection)
-      if (this.state !== undefined || this.type.needsNoSource) this.type.draw(this.state, drawing, this.setting)
+      if (this.state !== undefined || this.type.needsNoSource)
+        this.type.draw(this.state as never, drawing, this.setting)
       this.host.map.getSource<GeoJSONSource>(this.id)?.setData(collection(drawing.features))
     } else if (this.type.kind === 'laid' && this.state !== undefined) void this.lay()
   }
 
   private async lay(): Promise<void> {
     if (this.type.kind !== 'laid') return
-    const laid = await this.type.lay(this.state, this.setting)
+    const laid = await this.type.lay(this.state as never, this.setting)
     if (!laid) return
     const { map, app } = this.host
     const url = laid.image.toDataURL()

@@ -160,7 +160,8 @@ export function foldText(_: string | undefined, message: TextMessage, { options 
 }
 
 export function foldNumber(_: string | undefined, message: NumberMessage, { options }: Setting): string {
-  return `${words(options, 'prefix')}${Number(message.data).toFixed(amount(options, 'digits'))}${words(options, 'postfix')}`
+  const value = Number(message.data).toFixed(amount(options, 'digits'))
+  return `${words(options, 'prefix')}${value}${words(options, 'postfix')}`
 }
 
 export function paintText(text: string, surface: Surface, { options }: Setting): void {

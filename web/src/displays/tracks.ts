@@ -98,24 +98,34 @@ export function drawTrack(track: Place[], draw: Drawing, { options }: Setting): 
   const color = words(options, 'color')
   const size = amount(options, 'size')
   const style = words(options, 'style')
-  if (style === 'lines')
-    for (const lap of options.laps ? laps(track) : [track])
-      draw.line(
-        lap.map((place) => place.p),
-        { color: lap === track ? color : lapColour(track, lap), width: size },
-      )
-  else
-    for (const place of track)
-      style === 'arrows' && place.yaw !== null
-        ? draw.arrow(place.p, place.yaw, 0.12 * size, { color })
-        : draw.point(place.p, { color, radius: size })
+  if (style === 'lines') drawLaps(track, draw, options)
+  else for (const place of track) drawPlace(place, draw, options)
   const last = track[track.length - 1]
   if (!last) return
   if (style === 'lines') draw.point(last.p, { color, radius: size + 2 })
-  if (options.covariance)
-    for (const place of options.all_covariances ? track : [last])
-      if (place.cov) draw.ellipse(place.p, place.cov, SIGMAS_95, { color, fill: 0.25 })
+  if (options.covariance) drawEllipses(options.all_covariances ? track : [last], draw, color)
   if (options.timestamps && last.t !== null) draw.label(last.p, `${last.t.toFixed(1)} s`)
+}
+
+function drawLaps(track: Place[], draw: Drawing, options: Options): void {
+  for (const lap of options.laps ? laps(track) : [track]) {
+    const color = lap === track ? words(options, 'color') : lapColour(track, lap)
+    draw.line(
+      lap.map((place) => place.p),
+      { color, width: amount(options, 'size') },
+    )
+  }
+}
+
+function drawPlace(place: Place, draw: Drawing, options: Options): void {
+  const color = words(options, 'color')
+  const size = amount(options, 'size')
+  if (words(options, 'style') === 'arrows' && place.yaw !== null) draw.arrow(place.p, place.yaw, 0.12 * size, { color })
+  else draw.point(place.p, { color, radius: size })
+}
+
+function drawEllipses(places: Place[], draw: Drawing, color: string): void {
+  for (const { p, cov } of places) if (cov) draw.ellipse(p, cov, SIGMAS_95, { color, fill: 0.25 })
 }
 
 const LAP_M = 1

@@ -43,8 +43,11 @@ import {
   TRACK_OPTIONS,
 } from './tracks.ts'
 
-/** What a display remembers of the messages so far is made by `fold`; without it, that is the newest message. */
-type Fold = (state: any, message: any, setting: Setting) => unknown // eslint-disable-line @typescript-eslint/no-explicit-any
+/**
+ * What a display remembers of the messages so far is made by `fold`; without it, that is the newest message.
+ * What messages and memory are is the type's own affair, hence `never`.
+ */
+type Fold = (state: never, message: never, setting: Setting) => unknown
 interface Row {
   id: string
   title: string
@@ -55,15 +58,15 @@ interface Row {
 export interface ShapesType extends Row {
   kind: 'shapes'
   needsNoSource?: boolean
-  draw: (state: any, draw: Drawing, setting: Setting) => void
+  draw: (state: never, draw: Drawing, setting: Setting) => void
 }
 export interface LaidType extends Row {
   kind: 'laid'
-  lay: (state: any, setting: Setting) => Laid | null | Promise<Laid | null>
+  lay: (state: never, setting: Setting) => Laid | null | Promise<Laid | null>
 }
 export interface PaintedType extends Row {
   kind: 'painted'
-  paint: (state: any, surface: Surface, setting: Setting) => void
+  paint: (state: never, surface: Surface, setting: Setting) => void
 }
 export interface TilesType extends Row {
   kind: 'tiles'

@@ -43,33 +43,33 @@ export function mapvizButtons(view: MapView, refresh: () => void): HTMLElement[]
 /** What could not be shown, with the reason. The topmost comes last, and so lies above the others. */
 function addAll(view: MapView, found: ImportedView): ImportedView['left_out'] {
   const leftOut = [...found.left_out]
-  for (const { type, title, source, options, visible, opacity } of found.displays) {
-    const kind = typeOf(type)
-    const sources = kind ? view.displays.sources(kind) : []
-    const named = sources.find(({ id, title: name }) => id === source || name === source)
-    // The robot's own data are the same, whatever the topic was called; a map has to be the one that is named.
-    const chosen = named ?? (kind?.kind === 'tiles' ? undefined : sources[0])
-    if (kind?.kind === 'tiles' && !chosen) {
-      leftOut.push({
-        name: title,
-        why: `the map '${source || title}' is not on this robot; bring it with agribot map import`,
-      })
-      continue
-    }
-    const display = view.displays.make(type, title, chosen?.id ?? source, options)
-    if (!display) leftOut.push({ name: title, why: 'it could not be added' })
-    else {
-      Object.assign(display, { visible, opacity })
-      view.applyGroup(display)
-      if (!named && source)
-        leftOut.push({
-          name: title,
-          why: chosen ? `shows ${chosen.title} in place of ${source}` : `nothing gives ${source} now`,
-        })
-    }
+  for (const wanted of found.displays) {
+    const why = add(view, wanted)
+    if (why) leftOut.push({ name: wanted.title, why })
   }
   view.remember()
   return leftOut
+}
+
+/** Why one of them is not shown, or not as it was; empty where all is well. */
+function add(
+  view: MapView,
+  { type, title, source, options, visible, opacity }: ImportedView['displays'][number],
+): string {
+  const kind = typeOf(type)
+  const sources = kind ? view.displays.sources(kind) : []
+  const named = sources.find(({ id, title: name }) => id === source || name === source)
+  // The robot's own data are the same, whatever the topic was called; a map has to be the one that is named.
+  const chosen = named ?? (kind?.kind === 'tiles' ? undefined : sources[0])
+  if (kind?.kind === 'tiles' && !chosen) {
+    return `the map '${source || title}' is not on this robot; bring it with agribot map import`
+  }
+  const display = view.displays.make(type, title, chosen?.id ?? source, options)
+  if (!display) return 'it could not be added'
+  Object.assign(display, { visible, opacity })
+  view.applyGroup(display)
+  if (named || !source) return ''
+  return chosen ? `shows ${chosen.title} in place of ${source}` : `nothing gives ${source} now`
 }
 
 function shown(view: MapView): object[] {

@@ -182,7 +182,8 @@ export class MapView implements DisplayHost {
   private setOrder(groups: LayerGroup[]): void {
     this.groups = groups
     const own = new Set(groups.flatMap((group) => group.layers))
-    const above = this.map.getStyle().layers.find(({ id }) => !own.has(id) && id !== 'background' && id !== 'soil')?.id // a drawing tool's
+    const isForeign = (id: string): boolean => !own.has(id) && id !== 'background' && id !== 'soil' // a drawing tool's
+    const above = this.map.getStyle().layers.find(({ id }) => isForeign(id))?.id
     for (const group of [...groups].reverse())
       for (const id of group.layers) if (this.map.getLayer(id)) this.map.moveLayer(id, above)
   }
@@ -243,7 +244,8 @@ export class MapView implements DisplayHost {
   /** The field clear of the buttons; it stays so in a screen of another shape until the operator moves the map. */
   private fit(box: Box, durationMs: number): void {
     const isNarrow = this.node.clientWidth < NARROW_PX
-    const isLow = matchMedia('(min-width: 600px) and (max-height: 560px)').matches // two columns of buttons on the right
+    // A low screen has two columns of buttons on the right.
+    const isLow = matchMedia('(min-width: 600px) and (max-height: 560px)').matches
     const padding = {
       top: isNarrow ? 20 : 40,
       bottom: 40,

@@ -18,7 +18,7 @@ export function fieldsOf(schema: FormSchema): NamedField[] {
 }
 
 /** What the input holds, as the type that the field wants. */
-export function valueOf(field: NamedField, text: string, checked: boolean): SettingValue {
+export function readField(field: NamedField, text: string, checked: boolean): SettingValue {
   if (field.type === 'boolean') return checked
   return field.type === 'number' || field.type === 'integer' ? Number(text) : text
 }

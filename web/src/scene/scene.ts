@@ -5,6 +5,7 @@ import { OrbitControls } from 'three/addons/controls/OrbitControls.js'
 import { STLLoader } from 'three/addons/loaders/STLLoader.js'
 import URDFLoader from 'urdf-loader'
 import type { URDFJoint, URDFRobot } from 'urdf-loader'
+import { seededRandom } from '../seeded-random.ts'
 import { colour } from '../shell/theme.ts'
 import type { Robot, State } from '../wire.ts'
 import { frustumLines } from './frustum.ts'
@@ -194,8 +195,7 @@ function groundPlane(): THREE.Mesh {
   if (pen) {
     pen.fillStyle = '#8d7a60'
     pen.fillRect(0, 0, px, px)
-    let seed = 99
-    const next = (): number => (seed = (seed * 1103515245 + 12345) % 2147483648) / 2147483648
+    const next = seededRandom(99)
     for (let i = 0; i < 5000; i++) {
       pen.fillStyle = next() > 0.5 ? 'rgb(60 48 34 / 22%)' : 'rgb(190 170 138 / 22%)'
       const size = 1 + 3 * next()

@@ -175,7 +175,8 @@ export class CalibrationCard {
         el(
           'p',
           {},
-          'STOP, Cancel, a hand on the stick and the loss of your link end it at once. Nothing changes before you take the result over.',
+          'STOP, Cancel, a hand on the stick and the loss of your link end it at once. ' +
+            'Nothing changes before you take the result over.',
         ),
       ],
       'Drive now',

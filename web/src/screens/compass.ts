@@ -41,7 +41,9 @@ function wedge(index: number, total: number): string {
     return `${(SIZE / 2 - radius * Math.sin(angle)).toFixed(2)} ${(SIZE / 2 - radius * Math.cos(angle)).toFixed(2)}`
   }
   const [inner, outer] = RADII
-  return `M${point(inner, index)}L${point(outer, index)}A${outer} ${outer} 0 0 0 ${point(outer, index + 1)}L${point(inner, index + 1)}A${inner} ${inner} 0 0 1 ${point(inner, index)}Z`
+  const [start, end] = [point(inner, index), point(inner, index + 1)]
+  const outwards = `M${start}L${point(outer, index)}A${outer} ${outer} 0 0 0 ${point(outer, index + 1)}`
+  return `${outwards}L${end}A${inner} ${inner} 0 0 1 ${start}Z`
 }
 
 /** Mean error of the heading over the directions, degrees. */
@@ -54,7 +56,8 @@ export function errorPlot(before: ByDirection, after: ByDirection): SVGSVGElemen
     const points = values.flatMap((deg, index) => (deg === null ? [] : [`${x(index).toFixed(1)},${y(deg).toFixed(1)}`]))
     return svg('polyline', { class: name, points: points.join(' ') })
   }
-  const label = `Error of the heading by direction: up to ${fixed(largest(before), 1)}° before, ${fixed(largest(after), 1)}° now`
+  const [worst, worstNow] = [fixed(largest(before), 1), fixed(largest(after), 1)]
+  const label = `Error of the heading by direction: up to ${worst}° before, ${worstNow}° now`
   const ticks = [most, 0, -most].flatMap((deg) => [
     svg('line', { class: 'axis', x1: left, x2: width - right, y1: y(deg), y2: y(deg) }),
     svg('text', { x: left / 2, y: y(deg) + 4 }, `${fixed(deg, 1)}°`),

@@ -42,7 +42,9 @@ export const health: Screen = {
     const refresh = async (): Promise<void> => {
       const found = await api.health().catch(() => null)
       if (!found) return
-      machine.textContent = `Processor ${fixed(found.cpu_ratio === null ? null : found.cpu_ratio * 100, 0, '%')} of one core · memory ${bytes(found.memory_bytes)} · AGRIBOT ${app.session.version}`
+      const cpu = fixed(found.cpu_ratio === null ? null : found.cpu_ratio * 100, 0, '%')
+      const memory = bytes(found.memory_bytes)
+      machine.textContent = `Processor ${cpu} of one core · memory ${memory} · AGRIBOT ${app.session.version}`
       replace(checks, ...found.checks.map(checkCard))
       replace(rates, rateTable(found))
     }

@@ -73,12 +73,14 @@ export class MissionButtons {
     const state = this.app.store.state
     const count = state?.mission?.rows_total ?? 0
     const rows = count ? `: ${count} ${count === 1 ? 'row' : 'rows'}` : ''
+    const unrecorded = state?.recording ? '' : ' Nothing is recorded now; begin a recording first where you want one.'
     const body =
       action.action === 'cancel'
         ? 'The robot stops where it is and the mission ends. The recording is kept.'
         : action.action === 'return_home'
           ? 'The robot leaves its mission and drives back to where it started.'
-          : `The robot does its whole mission once more, from where it stands${rows}. Make sure nobody is in its way.${state?.recording ? '' : ' Nothing is recorded now; begin a recording first where you want one.'}`
+          : `The robot does its whole mission once more, from where it stands${rows}. ` +
+            `Make sure nobody is in its way.${unrecorded}`
     return this.app.dialogs.confirm(`${action.label}?`, [body], action.label, action.kind ?? 'primary')
   }
 }

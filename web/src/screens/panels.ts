@@ -4,7 +4,8 @@ import { api } from '../api.ts'
 import type { App, Screen } from '../app.ts'
 import { el } from '../dom.ts'
 import { quantity } from '../format.ts'
-import { fieldsOf, valueOf } from '../panels/form.ts'
+import { fieldsOf, readField } from '../panels/form.ts'
+import type { NamedField } from '../panels/form.ts'
 import { Chart } from '../plots/chart.ts'
 import type { Panel, SettingValue } from '../wire.ts'
 
@@ -55,27 +56,12 @@ async function submit(panel: Panel, values: Record<string, SettingValue>, app: A
 
 function form(panel: Panel, app: App): HTMLElement {
   const fields = fieldsOf(panel.schema ?? {}).map((field) => {
-    const number = field.type === 'number' || field.type === 'integer'
-    const input = el('input', {
-      type: field.type === 'boolean' ? 'checkbox' : number ? 'number' : 'text',
-      class: field.type === 'boolean' ? '' : 'field-input',
-      step: field.type === 'number' ? 'any' : null,
-      min: field.minimum,
-      max: field.maximum,
-      required: field.required && field.type !== 'boolean',
-      checked: field.default === true,
-      value: field.default === undefined ? '' : String(field.default),
-    })
+    const input = makeInput(field)
+    const about = field.description ? el('span', {}, field.description) : null
     return {
       field,
       input,
-      node: el(
-        'label',
-        { class: 'field' },
-        el('span', {}, field.title ?? quantity(field.name)),
-        input,
-        field.description ? el('span', {}, field.description) : null,
-      ),
+      node: el('label', { class: 'field' }, el('span', {}, field.title ?? quantity(field.name)), input, about),
     }
   })
   const node = el(
@@ -88,11 +74,26 @@ function form(panel: Panel, app: App): HTMLElement {
     event.preventDefault()
     void submit(
       panel,
-      Object.fromEntries(fields.map(({ field, input }) => [field.name, valueOf(field, input.value, input.checked)])),
+      Object.fromEntries(fields.map(({ field, input }) => [field.name, readField(field, input.value, input.checked)])),
       app,
     )
   })
   return node
+}
+
+function makeInput(field: NamedField): HTMLInputElement {
+  const isNumber = field.type === 'number' || field.type === 'integer'
+  const isBoolean = field.type === 'boolean'
+  return el('input', {
+    type: isBoolean ? 'checkbox' : isNumber ? 'number' : 'text',
+    class: isBoolean ? '' : 'field-input',
+    step: field.type === 'number' ? 'any' : null,
+    min: field.minimum,
+    max: field.maximum,
+    required: field.required && !isBoolean,
+    checked: field.default === true,
+    value: field.default === undefined ? '' : String(field.default),
+  })
 }
 
 function picture(card: HTMLElement, panel: Panel): () => void {

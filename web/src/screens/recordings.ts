@@ -127,6 +127,8 @@ function row(recording: Recording, current: boolean, replay: ReplayBar): HTMLEle
     'Replay',
   )
   const when = new Date(recording.utc)
+  const isDated = !Number.isNaN(when.getTime())
+  const date = isDated ? when.toLocaleString(undefined, { dateStyle: 'medium', timeStyle: 'short' }) : recording.utc
   return el(
     'tr',
     { class: current ? 'current' : '' },
@@ -134,11 +136,7 @@ function row(recording: Recording, current: boolean, replay: ReplayBar): HTMLEle
       'td',
       {},
       el('strong', {}, recording.name),
-      el(
-        'div',
-        { class: 'muted small' },
-        `${Number.isNaN(when.getTime()) ? recording.utc : when.toLocaleString(undefined, { dateStyle: 'medium', timeStyle: 'short' })}${recording.profile ? ` · ${recording.profile}` : ''}`,
-      ),
+      el('div', { class: 'muted small' }, date + (recording.profile ? ` · ${recording.profile}` : '')),
     ),
     el('td', {}, duration(recording.duration_s)),
     el('td', {}, bytes(recording.size_bytes)),

@@ -65,7 +65,10 @@ async function showRobot(scene: Scene, app: App, joints: HTMLElement, undo: (() 
   undo.push(...jointPanel(scene, app, joints, found))
 }
 
-/** Live joints show their angle; the others, and all of them with no live data, have a slider. Returns how to end it. */
+/**
+ * Live joints show their angle; the others, and all of them with no live data, have a slider.
+ * Returns how to end it.
+ */
 function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]): (() => void)[] {
   const undo: (() => void)[] = []
   const isLive = (): boolean => Boolean(app.store.state?.joints?.length) && !app.store.stale

@@ -13,6 +13,7 @@ import { SCALES, TeleopMachine } from '../teleop/machine.ts'
 
 const SEND_EVERY_MS = 50
 const HUNG_MS = 1000
+const HELP = 'Hold to drive, let go to stop. Keys: W A S D or arrows. Gamepad: hold a shoulder button.'
 
 export const teleop: Screen = {
   id: 'teleop',
@@ -21,17 +22,7 @@ export const teleop: Screen = {
   mount(host, app) {
     const machine = new TeleopMachine()
     const knob = el('div', { class: 'pad-knob', 'aria-hidden': 'true' })
-    const pad = el(
-      'div',
-      {
-        class: 'pad',
-        role: 'application',
-        tabindex: 0,
-        'aria-label': 'Drive pad: drag, or use W A S D or the arrow keys',
-      },
-      ...['up', 'right', 'down', 'left'].map((way) => el('span', { class: `pad-arrow ${way}`, 'aria-hidden': 'true' })),
-      knob,
-    )
+    const pad = makePad(knob)
     const readout = el('output', { class: 'readout' })
     const gamepad = el('span', { class: 'muted' })
     const arm = armSwitch(app, machine)
@@ -51,11 +42,7 @@ export const teleop: Screen = {
         pad,
         readout,
         scaleChoice(app),
-        el(
-          'p',
-          { class: 'muted help' },
-          'Hold to drive, let go to stop. Keys: W A S D or arrows. Gamepad: hold a shoulder button.',
-        ),
+        el('p', { class: 'muted help' }, HELP),
         gamepad,
       ),
     )
@@ -87,6 +74,20 @@ export const teleop: Screen = {
       camera?.close()
     }
   },
+}
+
+function makePad(knob: HTMLElement): HTMLElement {
+  return el(
+    'div',
+    {
+      class: 'pad',
+      role: 'application',
+      tabindex: 0,
+      'aria-label': 'Drive pad: drag, or use W A S D or the arrow keys',
+    },
+    ...['up', 'right', 'down', 'left'].map((way) => el('span', { class: `pad-arrow ${way}`, 'aria-hidden': 'true' })),
+    knob,
+  )
 }
 
 function limits(app: App): Limits {
@@ -154,12 +155,14 @@ function armSwitch(app: App, machine: TeleopMachine): { node: HTMLElement; updat
   return { node: el('div', { class: 'arm-switch' }, button, slow), update, done: app.store.on('seat', update) }
 }
 
+const seconds = (ms: number): string => `${(ms / 1000).toFixed(1)} s`
+
 /** Why a hand may not drive now. */
 function slowText({ store }: App): string {
   const { roundTripMs } = store.monitor
   if (!store.linked) return 'No link to the robot.'
   if (!store.answers || roundTripMs > HAND_MS)
-    return `The robot answers too late for a hand (${(roundTripMs / 1000).toFixed(1)} s; at most ${(HAND_MS / 1000).toFixed(1)} s).`
+    return `The robot answers too late for a hand (${seconds(roundTripMs)}; at most ${seconds(HAND_MS)}).`
   return store.stale ? 'What the robot tells is too old for a hand.' : ''
 }
 

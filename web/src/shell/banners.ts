@@ -93,7 +93,8 @@ export class Banners {
   private unconfirmedText(): string {
     const waitedMs = this.app.store.stop.waitedMs(performance.now())
     if (waitedMs < CONFIRMED_WITHIN_MS) return ''
-    return `STOP is not confirmed: nothing from the robot about it for ${seconds(waitedMs)}. Press the red button on the robot.`
+    const silence = `nothing from the robot about it for ${seconds(waitedMs)}`
+    return `STOP is not confirmed: ${silence}. Press the red button on the robot.`
   }
 
   private replayText(): string {
