@@ -29,10 +29,12 @@ check: lint types test
 format: $(VENV)/.dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+	$(BIN)/python scripts/lint_page.py --fix
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/python scripts/lint_page.py
 
 types: $(VENV)/.dev
 	$(BIN)/mypy

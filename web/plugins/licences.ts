@@ -5,7 +5,16 @@ import { dirname, join } from 'node:path'
 import type { Plugin } from 'vite'
 
 export const LICENCES = 'licences.txt'
-const ALLOWED = new Set(['MIT', 'ISC', 'BSD-2-Clause', 'BSD-3-Clause', '0BSD', 'Zlib', 'Apache-2.0', '(MIT OR Apache-2.0)'])
+const ALLOWED = new Set([
+  'MIT',
+  'ISC',
+  'BSD-2-Clause',
+  'BSD-3-Clause',
+  '0BSD',
+  'Zlib',
+  'Apache-2.0',
+  '(MIT OR Apache-2.0)',
+])
 const RULE = '-'.repeat(78)
 
 interface Package {
@@ -46,7 +55,7 @@ export function writeLicences(root: string): Plugin {
       handler() {
         const all = withDependencies(bundled, root)
         if (!all.length) this.error('no package was seen in the bundle; its licences cannot be told')
-        const head = 'Software of others in the operator\'s page of AGRIBOT, with its licences.\n'
+        const head = "Software of others in the operator's page of AGRIBOT, with its licences.\n"
         const source = [head, ...all.map((folder) => section(folder, root))].join('\n')
         this.emitFile({ type: 'asset', fileName: LICENCES, source })
       },
@@ -87,12 +96,22 @@ function section(folder: string, root: string): string {
   if (!ALLOWED.has(about.license ?? '')) {
     throw new Error(`${about.name}: licence ${about.license ?? 'not told'} is none of ${[...ALLOWED].join(', ')}`)
   }
-  const where = about.homepage ?? (typeof about.repository === 'string' ? about.repository : about.repository?.url) ?? ''
-  return [RULE, `${about.name} ${about.version} (${about.license})`, where, '', text(folder, about, root).trim(), ''].join('\n')
+  const where =
+    about.homepage ?? (typeof about.repository === 'string' ? about.repository : about.repository?.url) ?? ''
+  return [
+    RULE,
+    `${about.name} ${about.version} (${about.license})`,
+    where,
+    '',
+    text(folder, about, root).trim(),
+    '',
+  ].join('\n')
 }
 
 function text(folder: string, about: Package, root: string): string {
-  const files = readdirSync(folder).filter((name) => /^(licen[sc]e|copying|notice)(\.|-|$)/i.test(name)).sort()
+  const files = readdirSync(folder)
+    .filter((name) => /^(licen[sc]e|copying|notice)(\.|-|$)/i.test(name))
+    .sort()
   if (files.length) return files.map((name) => readFileSync(join(folder, name), 'utf8').trim()).join('\n\n')
   if (about.license === 'Apache-2.0') return readFileSync(join(root, '..', 'LICENSE'), 'utf8')
   const author = typeof about.author === 'string' ? about.author : about.author?.name

@@ -2,7 +2,21 @@
 
 import type { FeatureCollection } from 'geojson'
 import type {
-  Calibrations, Field, Health, ImportedView, KeptFrame, MapSource, Panel, PlanReply, Recordings, Robot, Session, Settings, SettingsReply, SettingValue, Way,
+  Calibrations,
+  Field,
+  Health,
+  ImportedView,
+  KeptFrame,
+  MapSource,
+  Panel,
+  PlanReply,
+  Recordings,
+  Robot,
+  Session,
+  Settings,
+  SettingsReply,
+  SettingValue,
+  Way,
 } from './wire.ts'
 
 /** What a lost network swallows would keep a connection for minutes. */
@@ -55,7 +69,8 @@ export const api = {
   session: () => get<Session>('/api/v1/session', { signal: AbortSignal.timeout(SESSION_MS) }),
   login: (token: string) => write('POST', '/api/v1/login', { token }),
   /** Of the robot, or of the recording of this name that is shown. */
-  field: (recording: string | null) => get<Field>(`/api/v1/field${recording === null ? '' : `?recording=${name(recording)}`}`),
+  field: (recording: string | null) =>
+    get<Field>(`/api/v1/field${recording === null ? '' : `?recording=${name(recording)}`}`),
   robot: () => get<Robot>('/api/v1/robot'),
   health: () => get<Health>('/api/v1/health'),
   maps: () => get<MapSource[]>('/api/v1/maps'),
@@ -75,7 +90,8 @@ export const api = {
   changeSettings: (changes: Record<string, SettingValue>) => ask<SettingsReply>('PATCH', '/api/v1/settings', changes),
 
   calibrations: () => get<Calibrations>('/api/v1/calibrations'),
-  calibrate: (what: 'start' | 'cancel' | 'accept' | 'undo', body: object = {}) => ask<Calibrations>('POST', `/api/v1/calibrations/${what}`, body),
+  calibrate: (what: 'start' | 'cancel' | 'accept' | 'undo', body: object = {}) =>
+    ask<Calibrations>('POST', `/api/v1/calibrations/${what}`, body),
 
   fields: () => get<string[]>('/api/v1/fields'),
   loadField: (id: string) => get<FeatureCollection>(`/api/v1/fields/${name(id)}`),
@@ -85,7 +101,8 @@ export const api = {
     const path = `/api/v1/fields/import?filename=${name(file.name)}`
     return (await request(path, { method: 'POST', body: file })).json() as Promise<FeatureCollection>
   },
-  exportField: async (ending: string, field: FeatureCollection): Promise<Blob> => (await write('POST', `/api/v1/fields/export?format=${ending}`, field)).blob(),
+  exportField: async (ending: string, field: FeatureCollection): Promise<Blob> =>
+    (await write('POST', `/api/v1/fields/export?format=${ending}`, field)).blob(),
   previewGoal: (goal: { x: number; y: number; yaw: number | null }) => ask<Way>('POST', '/api/v1/goal/preview', goal),
   plan: (body: Record<string, unknown>) => ask<PlanReply>('POST', '/api/v1/plan', body),
   applyPlan: (body: Record<string, unknown>) => write('POST', '/api/v1/plan/apply', body),
@@ -96,7 +113,8 @@ export const api = {
 
   importView: async (file: File): Promise<ImportedView> =>
     (await request('/api/v1/views/import', { method: 'POST', body: file })).json() as Promise<ImportedView>,
-  exportView: async (displays: object[], view: object): Promise<string> => (await write('POST', '/api/v1/views/export', { displays, view })).text(),
+  exportView: async (displays: object[], view: object): Promise<string> =>
+    (await write('POST', '/api/v1/views/export', { displays, view })).text(),
 
   panels: () => get<Panel[]>('/api/v1/panels'),
   panelData: (id: string) => request(`/api/v1/panels/${name(id)}`),

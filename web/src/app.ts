@@ -38,8 +38,14 @@ export class App {
 
   private async load(): Promise<void> {
     for (;;) {
-      const { asked, store: { channel: shown } } = this
-      const [field, robot] = await Promise.allSettled([api.field(shown?.source === 'replay' ? shown.name : null), api.robot()])
+      const {
+        asked,
+        store: { channel: shown },
+      } = this
+      const [field, robot] = await Promise.allSettled([
+        api.field(shown?.source === 'replay' ? shown.name : null),
+        api.robot(),
+      ])
       if (asked !== this.asked) continue
       if (robot.status === 'fulfilled') this.robot = robot.value
       else this.toasts.show('warn', message(robot.reason))

@@ -5,7 +5,9 @@ type Handler = (event: Event) => void
 type Attributes = Record<string, string | number | boolean | null | undefined | Handler>
 
 export function el<K extends keyof HTMLElementTagNameMap>(
-  tag: K, attributes: Attributes = {}, ...children: Child[]
+  tag: K,
+  attributes: Attributes = {},
+  ...children: Child[]
 ): HTMLElementTagNameMap[K] {
   const node = document.createElement(tag)
   for (const [name, value] of Object.entries(attributes)) {
@@ -19,7 +21,9 @@ export function el<K extends keyof HTMLElementTagNameMap>(
 
 /** An element of a picture. */
 export function svg<K extends keyof SVGElementTagNameMap>(
-  tag: K, attributes: Record<string, string | number> = {}, ...children: Child[]
+  tag: K,
+  attributes: Record<string, string | number> = {},
+  ...children: Child[]
 ): SVGElementTagNameMap[K] {
   const node = document.createElementNS('http://www.w3.org/2000/svg', tag)
   for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, String(value))

@@ -50,7 +50,13 @@ export function words(name: string): string {
 }
 
 const UNIT_SUFFIX = /_(mps2?|radps2?|rad|deg|hz|px|ratio|m|s|v|a)$/
-const SIGNAL_NAMES: Record<string, string> = { v: 'Speed', v_commanded: 'Speed commanded', pos_std: 'Position ±', yaw_std: 'Heading ±', protection: 'Protection level' }
+const SIGNAL_NAMES: Record<string, string> = {
+  v: 'Speed',
+  v_commanded: 'Speed commanded',
+  pos_std: 'Position ±',
+  yaw_std: 'Heading ±',
+  protection: 'Protection level',
+}
 
 /** A name of the robot's code without its unit, as words: `yaw_rate_radps` is 'Yaw rate'. */
 export function quantity(name: string): string {
@@ -59,8 +65,20 @@ export function quantity(name: string): string {
 }
 
 const FIX_NAMES: Record<string, string> = {
-  '0': 'No fix', '1': 'GNSS', '2': 'DGNSS', '3': 'GNSS', '4': 'RTK', '5': 'Float', none: 'No fix', single: 'GNSS', dgps: 'DGNSS',
-  sbas: 'DGNSS', float: 'Float', rtk_float: 'Float', fixed: 'RTK', rtk_fixed: 'RTK',
+  '0': 'No fix',
+  '1': 'GNSS',
+  '2': 'DGNSS',
+  '3': 'GNSS',
+  '4': 'RTK',
+  '5': 'Float',
+  none: 'No fix',
+  single: 'GNSS',
+  dgps: 'DGNSS',
+  sbas: 'DGNSS',
+  float: 'Float',
+  rtk_float: 'Float',
+  fixed: 'RTK',
+  rtk_fixed: 'RTK',
 }
 
 /** The receiver's quality (the number of NMEA GGA or a name) in words. */

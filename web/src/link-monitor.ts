@@ -14,7 +14,11 @@ const AWAKE_STEP_MS = 250
 const SAMPLES_MS = 30_000
 const CLOCK_JUMP_MS = 50
 
-interface Sample { atMs: number; rttMs: number; offsetMs: number }
+interface Sample {
+  atMs: number
+  rttMs: number
+  offsetMs: number
+}
 
 export class LinkMonitor {
   /** Of the last ping that was answered, while this page was awake; null before the first. */
@@ -53,7 +57,8 @@ export class LinkMonitor {
     this.wallLessMonoMs = wallMs - monoMs
     const sample = { atMs: nowMs, rttMs: nowMs - c, offsetMs: monoMs - (c + nowMs) / 2 }
     const best = this.best
-    const hasJumped = best !== null && Math.abs(sample.offsetMs - best.offsetMs) > (sample.rttMs + best.rttMs) / 2 + CLOCK_JUMP_MS
+    const hasJumped =
+      best !== null && Math.abs(sample.offsetMs - best.offsetMs) > (sample.rttMs + best.rttMs) / 2 + CLOCK_JUMP_MS
     if (this.isNew || hasJumped) this.samples = []
     this.isNew = false
     this.samples = [...this.samples.filter(({ atMs }) => nowMs - atMs < SAMPLES_MS), sample]
@@ -92,6 +97,9 @@ export class LinkMonitor {
 
   /** The quickest answer tells the clock best: it is wrong by half of its time at most. */
   private get best(): Sample | null {
-    return this.samples.reduce<Sample | null>((best, sample) => (best && best.rttMs <= sample.rttMs ? best : sample), null)
+    return this.samples.reduce<Sample | null>(
+      (best, sample) => (best && best.rttMs <= sample.rttMs ? best : sample),
+      null,
+    )
   }
 }

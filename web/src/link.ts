@@ -15,7 +15,10 @@ const GOT_AFTER_MS = 100
 const GOT_AFTER_BYTES = 2000
 const GOT_APART_MS = 20
 
-export interface Ack { ok: boolean; reason: string }
+export interface Ack {
+  ok: boolean
+  reason: string
+}
 
 /** `path` on this page's own host, as a WebSocket address. */
 export function socketUrl(path: string): string {
@@ -28,7 +31,9 @@ export function socketUrl(path: string): string {
 function tabId(): string {
   const known = sessionStorage.getItem('tab')
   if (known) return known
-  const made = Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, '0')).join('')
+  const made = Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, '0')).join(
+    '',
+  )
   sessionStorage.setItem('tab', made)
   return made
 }
@@ -58,7 +63,10 @@ export class Link {
   /** What answers is not what this page was loaded from. */
   onOutdated: () => void = () => undefined
 
-  constructor(store: Store, private readonly run: number) {
+  constructor(
+    store: Store,
+    private readonly run: number,
+  ) {
     this.store = store
   }
 
@@ -143,7 +151,10 @@ export class Link {
     const id = `c${this.nextId++}`
     if (!this.send({ ...command, id })) return Promise.resolve({ ok: false, reason: 'No link to the robot.' })
     return new Promise((resolve) => {
-      const timer = setTimeout(() => this.settle(id, { ok: false, reason: 'The robot did not answer in 5 s.' }), ACK_TIMEOUT_MS)
+      const timer = setTimeout(
+        () => this.settle(id, { ok: false, reason: 'The robot did not answer in 5 s.' }),
+        ACK_TIMEOUT_MS,
+      )
       this.waiting.set(id, (ack) => {
         clearTimeout(timer)
         resolve(ack)
@@ -212,7 +223,8 @@ export class Link {
     if (!this.isOpened) this.onUnopened()
     this.openBy = Infinity
     this.store.setLinked(false)
-    for (const id of [...this.waiting.keys()]) this.settle(id, { ok: false, reason: 'The link broke before the robot answered.' })
+    for (const id of [...this.waiting.keys()])
+      this.settle(id, { ok: false, reason: 'The link broke before the robot answered.' })
     const pause = BACKOFF_MS[Math.min(this.attempt++, BACKOFF_MS.length - 1)]
     clearTimeout(this.retry)
     this.retry = window.setTimeout(() => this.open(), pause)

@@ -7,9 +7,9 @@ import { api, ApiError, message } from './api.ts'
 import { App } from './app.ts'
 import { el } from './dom.ts'
 import { Link } from './link.ts'
+import { showDescription } from './screens/description.ts'
 import { PANELS_SCREEN, SCREENS } from './screens/index.ts'
 import { Banners } from './shell/banners.ts'
-import { showDescription } from './shell/description.ts'
 import { Dialogs } from './shell/dialogs.ts'
 import { login } from './shell/login.ts'
 import { Router } from './shell/router.ts'
@@ -51,7 +51,13 @@ function sessionCheck(run: number): () => void {
   return () => {
     if (isAsking) return
     isAsking = true
-    api.session().then((now) => now.run !== run && location.reload(), () => undefined).finally(() => (isAsking = false))
+    api
+      .session()
+      .then(
+        (now) => now.run !== run && location.reload(),
+        () => undefined,
+      )
+      .finally(() => (isAsking = false))
   }
 }
 
@@ -87,13 +93,17 @@ async function boot(): Promise<void> {
   const off = new Set((new URLSearchParams(location.search).get('off') ?? '').split(','))
   const app = new App(store, link, session, toasts, dialogs, off)
   const extras = await api.panels().catch(() => [])
-  const screens = extras.some((panel) => panel.kind !== 'layer' && panel.kind !== 'listener') ? [...SCREENS, PANELS_SCREEN] : SCREENS
+  const screens = extras.some((panel) => panel.kind !== 'layer' && panel.kind !== 'listener')
+    ? [...SCREENS, PANELS_SCREEN]
+    : SCREENS
   const main = el('main', { class: 'main', id: 'main' })
   const router = new Router(app, screens, main)
   shell.append(
     el('h1', { class: 'visually-hidden' }, 'AGRIBOT operator page'),
-    new StatusBar(app).node, router.nav,
-    el('div', { class: 'content' }, new Banners(app, main).node, main))
+    new StatusBar(app).node,
+    router.nav,
+    el('div', { class: 'content' }, new Banners(app, main).node, main),
+  )
   installHooks(app, router)
   store.on('channel', () => void app.loadWorld())
   store.on('field', () => void app.loadWorld())

@@ -9,9 +9,16 @@ import type { Growth, LogEvent, Mode, PathData, Seat, ServerMessage, Snapshot, S
 
 const LOG_LENGTH = 500
 
-export interface WeedChange { set: Weed[]; gone: number[]; all: boolean }
+export interface WeedChange {
+  set: Weed[]
+  gone: number[]
+  all: boolean
+}
 /** What is shown: the robot, or the recording of this name. */
-export interface Channel { source: string; name: string }
+export interface Channel {
+  source: string
+  name: string
+}
 
 interface Events {
   state: State
@@ -83,13 +90,17 @@ export class Store extends Emitter<Events> {
       case 's':
         if (this.belongs(message)) this.acceptState(message, nowMs)
         break
-      case 'traj': case 'path': case 'weeds': case 'events':
+      case 'traj':
+      case 'path':
+      case 'weeds':
+      case 'events':
         if (this.belongs(message)) this.acceptGrowth(message)
         break
       case 'snap':
         this.acceptSnapshot(message)
         break
-      case 'hello': case 'seat':
+      case 'hello':
+      case 'seat':
         this.acceptSeat(message)
         break
       case 'live':

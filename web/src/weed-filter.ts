@@ -1,7 +1,10 @@
 import type { Weed } from './wire.ts'
 
 export interface WeedFilter {
-  weeds: boolean; crop: boolean; treated: boolean; open: boolean
+  weeds: boolean
+  crop: boolean
+  treated: boolean
+  open: boolean
   confidence: number
   /** Seen at or after this time of the robot's clock. */
   sinceS: number | null

@@ -10,13 +10,46 @@ import { along, extended, laps } from '../src/displays/tracks.ts'
 import { DISPLAY_TYPES } from '../src/displays/types.ts'
 import { Projection } from '../src/geo.ts'
 
-const setting = { options: {}, robot: [10, 5, Math.PI / 2] as [number, number, number], projection: new Projection({ lat_deg: 50, lon_deg: 8 }) }
+const setting = {
+  options: {},
+  robot: [10, 5, Math.PI / 2] as [number, number, number],
+  projection: new Projection({ lat_deg: 50, lon_deg: 8 }),
+}
 
-test("every plugin of mapviz has its row, once", () => {
-  const mapviz = ['attitude_indicator', 'coordinate_picker', 'disparity', 'draw_polygon', 'float', 'gps', 'grid', 'image', 'laserscan', 'marker', 'measuring',
-    'move_base', 'navsat', 'occupancy_grid', 'odometry', 'path', 'plan_route', 'point_click_publisher', 'pointcloud2', 'pose', 'robot_image', 'route', 'string',
-    'textured_marker', 'tf_frame', 'tile_map', 'multires_image']
-  assert.deepEqual(DISPLAY_TYPES.map(({ id }) => id).filter((id) => id !== 'geojson'), mapviz)
+test('every plugin of mapviz has its row, once', () => {
+  const mapviz = [
+    'attitude_indicator',
+    'coordinate_picker',
+    'disparity',
+    'draw_polygon',
+    'float',
+    'gps',
+    'grid',
+    'image',
+    'laserscan',
+    'marker',
+    'measuring',
+    'move_base',
+    'navsat',
+    'occupancy_grid',
+    'odometry',
+    'path',
+    'plan_route',
+    'point_click_publisher',
+    'pointcloud2',
+    'pose',
+    'robot_image',
+    'route',
+    'string',
+    'textured_marker',
+    'tf_frame',
+    'tile_map',
+    'multires_image',
+  ]
+  assert.deepEqual(
+    DISPLAY_TYPES.map(({ id }) => id).filter((id) => id !== 'geojson'),
+    mapviz,
+  )
 })
 
 test('a pose in the frame of the robot is turned and moved with it', () => {
@@ -28,7 +61,12 @@ test('a pose in the frame of the robot is turned and moved with it', () => {
 })
 
 test('roll and pitch come back from a quaternion', () => {
-  const { roll, pitch } = anglesOf({ w: Math.cos(0.1) * Math.cos(0.2), x: Math.sin(0.1) * Math.cos(0.2), y: Math.cos(0.1) * Math.sin(0.2), z: -Math.sin(0.1) * Math.sin(0.2) })
+  const { roll, pitch } = anglesOf({
+    w: Math.cos(0.1) * Math.cos(0.2),
+    x: Math.sin(0.1) * Math.cos(0.2),
+    y: Math.cos(0.1) * Math.sin(0.2),
+    z: -Math.sin(0.1) * Math.sin(0.2),
+  })
   assert.ok(Math.abs(roll - 0.2) < 1e-9)
   assert.ok(Math.abs(pitch - 0.4) < 1e-9)
 })
@@ -37,7 +75,10 @@ test('a track keeps no place nearer than its tolerance and no more than its buff
   const options = { tolerance_m: 1, buffer: 3 }
   let track: ReturnType<typeof extended> = []
   for (let i = 0; i <= 20; i++) track = extended(track, { p: [i / 2, 0], yaw: null, cov: null, t: null }, options)
-  assert.deepEqual(track.map((place) => place.p[0]), [8, 9, 10])
+  assert.deepEqual(
+    track.map((place) => place.p[0]),
+    [8, 9, 10],
+  )
 })
 
 test('a track that comes back to its start begins another lap', () => {
@@ -47,13 +88,26 @@ test('a track that comes back to its start begins another lap', () => {
 })
 
 test('a place along a route lies on the leg that its distance says', () => {
-  assert.deepEqual(along([[0, 0], [3, 0], [3, 4]], 5), [3, 2, Math.PI / 2])
+  assert.deepEqual(
+    along(
+      [
+        [0, 0],
+        [3, 0],
+        [3, 4],
+      ],
+      5,
+    ),
+    [3, 2, Math.PI / 2],
+  )
   assert.equal(along([[0, 0]], 1), null)
 })
 
 test('a cloud that is cut off gives the points that are whole', () => {
   const bytes = new Uint8Array(new Float32Array([1, 2, 3, 4, 5]).buffer)
-  const fields = [{ name: 'x', offset: 0, datatype: 7 }, { name: 'y', offset: 4, datatype: 7 }]
+  const fields = [
+    { name: 'x', offset: 0, datatype: 7 },
+    { name: 'y', offset: 4, datatype: 7 },
+  ]
   const cloud = { fields, point_step: 8, width: 9, height: 1, data: [...bytes] }
   assert.deepEqual(fieldOf(cloud, 'x'), [1, 3, 5])
   assert.deepEqual(fieldOf(cloud, 'y'), [2, 4])
@@ -83,7 +137,12 @@ test('an update of an occupancy grid changes its own cells only', () => {
 
 test('a box keeps to its corner in pixels and in shares of the map', () => {
   const map = { width: 800, height: 600 }
-  assert.deepEqual(placedBox({ anchor: 'bottom right', offset_x: 10, offset_y: 20 }, map, 100, 50), { x: 690, y: 530, w: 100, h: 50 })
+  assert.deepEqual(placedBox({ anchor: 'bottom right', offset_x: 10, offset_y: 20 }, map, 100, 50), {
+    x: 690,
+    y: 530,
+    w: 100,
+    h: 50,
+  })
   assert.deepEqual(sizeOf({ units: '%', w: 50, keep_ratio: true }, map, { width: 200, height: 100 }), [400, 200])
 })
 

@@ -14,7 +14,11 @@ test('what is not known is a dash, never a zero', () => {
 })
 
 test('a name of the code loses its unit', () => {
-  assert.deepEqual([quantity('yaw_rate_radps'), quantity('follower.lookahead_m'), quantity('v_mps')], ['Yaw rate', 'Lookahead', 'Speed'])
+  assert.deepEqual(
+    [quantity('yaw_rate_radps'), quantity('follower.lookahead_m'), quantity('v_mps')],
+    ['Yaw rate', 'Lookahead', 'Speed'],
+  )
 })
 
-test('the receiver’s quality is a word', () => assert.deepEqual([fixName(4), fixName(5), fixName('rtk_fixed'), fixName(0)], ['RTK', 'Float', 'RTK', 'No fix']))
+test('the receiver’s quality is a word', () =>
+  assert.deepEqual([fixName(4), fixName(5), fixName('rtk_fixed'), fixName(0)], ['RTK', 'Float', 'RTK', 'No fix']))

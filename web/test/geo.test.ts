@@ -19,14 +19,42 @@ test('a second of arc on the ellipsoid has the length that the tables give', () 
 })
 
 test('the area of a square does not depend on its direction or on a repeated last point', () => {
-  assert.equal(areaM2([[0, 0], [2, 0], [2, 2], [0, 2]]), 4)
-  assert.equal(areaM2([[0, 2], [2, 2], [2, 0], [0, 0], [0, 2]]), 4)
+  assert.equal(
+    areaM2([
+      [0, 0],
+      [2, 0],
+      [2, 2],
+      [0, 2],
+    ]),
+    4,
+  )
+  assert.equal(
+    areaM2([
+      [0, 2],
+      [2, 2],
+      [2, 0],
+      [0, 0],
+      [0, 2],
+    ]),
+    4,
+  )
 })
 
-test('a length is the sum of its legs', () => assert.equal(lengthM([[0, 0], [3, 4], [3, 5]]), 6))
+test('a length is the sum of its legs', () =>
+  assert.equal(
+    lengthM([
+      [0, 0],
+      [3, 4],
+      [3, 5],
+    ]),
+    6,
+  ))
 
 test('east is compass 90, north is 0, west is 270', () => {
-  assert.deepEqual([0, Math.PI / 2, Math.PI].map((yaw) => Math.round(compassDeg(yaw))), [90, 0, 270])
+  assert.deepEqual(
+    [0, Math.PI / 2, Math.PI].map((yaw) => Math.round(compassDeg(yaw))),
+    [90, 0, 270],
+  )
 })
 
 test('an outline turned left by 90 degrees has its nose in the north', () => {

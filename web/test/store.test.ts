@@ -6,15 +6,38 @@ import type { Snapshot, State, Vec2, Weed } from '../src/wire.ts'
 const weed = (id: number): Weed => [id, 0, 1, 2, 0.02, 0.9, 0.001, 4, 1, 2, null]
 
 function snapshot(e: number, source: string, name: string, xy: Vec2[], ids: number[]): Snapshot {
-  return { k: 'snap', e, source, name, traj: { first: 0, xy }, weeds: { rev: 1, all: ids.map(weed) }, path: { xy: [], row: [] }, events: [], signals: { names: ['v'], units: ['m/s'] } }
+  return {
+    k: 'snap',
+    e,
+    source,
+    name,
+    traj: { first: 0, xy },
+    weeds: { rev: 1, all: ids.map(weed) },
+    path: { xy: [], row: [] },
+    events: [],
+    signals: { names: ['v'], units: ['m/s'] },
+  }
 }
 
-const state = (e: number, t: number, more: Partial<State> = {}): State => ({ k: 's', e, n: t, t, mono_ms: t, stop: '', mode: 'mission', sig: [[t, 1]], ...more } as State)
+const state = (e: number, t: number, more: Partial<State> = {}): State =>
+  ({ k: 's', e, n: t, t, mono_ms: t, stop: '', mode: 'mission', sig: [[t, 1]], ...more }) as State
 
 function live(): Store {
   const store = new Store()
   store.setLinked(true)
-  store.accept(snapshot(1, 'sim', '', [[0, 0], [1, 0]], [1, 2, 3]), 0)
+  store.accept(
+    snapshot(
+      1,
+      'sim',
+      '',
+      [
+        [0, 0],
+        [1, 0],
+      ],
+      [1, 2, 3],
+    ),
+    0,
+  )
   store.accept(state(1, 10), 0)
   return store
 }
@@ -32,7 +55,20 @@ test('what belongs to something that is not shown any more is left out', () => {
   assert.deepEqual([...store.weeds.keys()], [40])
   assert.deepEqual(store.log, [])
   assert.equal(store.counters.foreign, 4)
-  store.accept(snapshot(1, 'sim', '', [[0, 0], [1, 0], [2, 0]], [1, 2, 3, 4]), 0)
+  store.accept(
+    snapshot(
+      1,
+      'sim',
+      '',
+      [
+        [0, 0],
+        [1, 0],
+        [2, 0],
+      ],
+      [1, 2, 3, 4],
+    ),
+    0,
+  )
   store.accept(state(1, 12), 0)
   assert.deepEqual([...store.weeds.keys()], [1, 2, 3, 4])
   assert.equal(store.trajectory.length, 3)
@@ -57,10 +93,40 @@ test('a change of what is shown is told, and a lost line that is back is none', 
 
 test('a snapshot that comes in pieces is whole in the end', () => {
   const store = live()
-  store.accept({ k: 'traj', e: 1, first: 2, xy: [[2, 0], [3, 0]] }, 0)
-  store.accept({ k: 'path', e: 1, first: 0, xy: [[0, 0], [1, 1]], row: [0, 0] }, 0)
+  store.accept(
+    {
+      k: 'traj',
+      e: 1,
+      first: 2,
+      xy: [
+        [2, 0],
+        [3, 0],
+      ],
+    },
+    0,
+  )
+  store.accept(
+    {
+      k: 'path',
+      e: 1,
+      first: 0,
+      xy: [
+        [0, 0],
+        [1, 1],
+      ],
+      row: [0, 0],
+    },
+    0,
+  )
   store.accept({ k: 'path', e: 1, first: 2, xy: [[2, 2]], row: [1] }, 0)
-  assert.deepEqual(store.path, { xy: [[0, 0], [1, 1], [2, 2]], row: [0, 0, 1] })
+  assert.deepEqual(store.path, {
+    xy: [
+      [0, 0],
+      [1, 1],
+      [2, 2],
+    ],
+    row: [0, 0, 1],
+  })
   store.accept({ k: 'path', e: 1, first: 0, xy: [[5, 5]], row: [0] }, 0)
   assert.deepEqual(store.path, { xy: [[5, 5]], row: [0] })
   assert.equal(store.trajectory.length, 4)
@@ -72,7 +138,10 @@ test('a stop that is pressed in a replay is confirmed by the robot, not by the r
   store.accept(snapshot(2, 'replay', 'a', [], []), 0)
   store.stop.press(0)
   store.stop.hear(true)
-  store.accept(state(2, 1, { stop: 'stopped by somebody then', replay: { name: 'a', t_s: 1, start_s: 0, end_s: 9, speed: 1 } }), 0)
+  store.accept(
+    state(2, 1, { stop: 'stopped by somebody then', replay: { name: 'a', t_s: 1, start_s: 0, end_s: 9, speed: 1 } }),
+    0,
+  )
   assert.equal(store.stop.isPending, true)
   store.accept({ k: 'live', mode: 'stopped', stop: 'stopped by operator 1' }, 0)
   assert.equal(store.stop.isPending, false)

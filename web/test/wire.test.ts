@@ -16,7 +16,10 @@ test('a camera packet is read as the server writes it', () => {
   view.setFloat64(8, 1234.5)
   new Uint8Array(bytes, 16).set([9, 8, 7])
   const packet = parseCameraPacket(bytes)
-  assert.deepEqual({ ...packet, file: [...(packet?.file ?? [])] }, { kind: 'mask', level: 2, frame: 77, wallMs: 1234.5, file: [9, 8, 7] })
+  assert.deepEqual(
+    { ...packet, file: [...(packet?.file ?? [])] },
+    { kind: 'mask', level: 2, frame: 77, wallMs: 1234.5, file: [9, 8, 7] },
+  )
 })
 
 test('a camera packet of another kind or with no file is refused', () => {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import shutil
 import subprocess
 from pathlib import Path
 from types import ModuleType
@@ -12,6 +13,10 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).parents[3]
+needs_linter = pytest.mark.skipif(
+    not any((ROOT / "web" / "node_modules" / "@biomejs").glob("cli-*")),
+    reason="Biome is missing (cd web && npm ci)",
+)
 
 
 @pytest.fixture(scope="module")
@@ -85,15 +90,67 @@ def test_the_lock_file_names_no_registry() -> None:
     assert all(package["integrity"].startswith("sha512-") for package in packages)
 
 
-def test_the_page_type_checks_and_its_pure_parts_pass_their_tests(hook: ModuleType) -> None:
+def run_script(
+    hook: ModuleType, name: str, web: Path = ROOT / "web"
+) -> subprocess.CompletedProcess[str]:
     npm, environment = hook.npm_command()
-    done = subprocess.run(
-        [*npm, "run", "--silent", "check"],
-        cwd=ROOT / "web",
+    return subprocess.run(
+        [*npm, "run", "--silent", name],
+        cwd=web,
         env=environment,
         capture_output=True,
         text=True,
         check=False,
     )
+
+
+def test_the_page_type_checks_and_its_pure_parts_pass_their_tests(hook: ModuleType) -> None:
+    done = run_script(hook, "check")
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-1000:]
     assert "# fail 0" in done.stdout
+
+
+@pytest.fixture
+def sources(tmp_path: Path) -> Path:
+    """A copy of the page's source that a test may spoil."""
+    web = tmp_path / "web"
+    unwanted = shutil.ignore_patterns("node_modules", ".test-build")
+    shutil.copytree(ROOT / "web", web, ignore=unwanted)
+    (web / "node_modules").symlink_to(ROOT / "web" / "node_modules")
+    return web
+
+
+@needs_linter
+def test_the_page_keeps_the_rules_of_its_linter_and_no_line_is_too_long(hook: ModuleType) -> None:
+    done = run_script(hook, "lint")
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+
+
+@needs_linter
+def test_the_linter_refuses_what_the_house_forbids(hook: ModuleType, sources: Path) -> None:
+    long = "  list.push(0)\n" * 60
+    for name, text in {
+        "any.ts": "export const anything: any = 1\n",
+        "unused.ts": "import { el } from './dom.ts'\n",
+        "left.ts": "import type { Right } from './right.ts'\nexport type Left = Right | 1\n",
+        "right.ts": "import type { Left } from './left.ts'\nexport type Right = Left | 2\n",
+        "endless.ts": f"export function fill(list: number[]): void {{\n{long}}}\n",
+    }.items():
+        (sources / "src" / name).write_text(text)
+    done = run_script(hook, "lint", sources)
+    assert done.returncode
+    for rule in (
+        "noExplicitAny",
+        "noUnusedImports",
+        "noImportCycles",
+        "noExcessiveLinesPerFunction",
+    ):
+        assert rule in done.stdout + done.stderr
+
+
+@needs_linter
+def test_a_text_that_makes_its_line_too_long_is_named(hook: ModuleType, sources: Path) -> None:
+    (sources / "src" / "tale.ts").write_text(f"export const TALE =\n  '{'a ' * 60}'\n")
+    done = run_script(hook, "lint", sources)
+    assert done.returncode
+    assert "tale.ts:2: 124 characters, at most 120" in done.stderr

@@ -30,7 +30,10 @@ export class CameraPicture {
   private level = 0
   private readonly undo: () => void
 
-  constructor(private readonly store: Store, withMask = true) {
+  constructor(
+    private readonly store: Store,
+    withMask = true,
+  ) {
     this.node = el('div', { class: 'picture' }, this.image, this.mask)
     this.stream = new CameraStream(store, withMask)
     this.stream.onImage = (frame) => this.drawImage(frame)
@@ -63,7 +66,8 @@ export class CameraPicture {
     const last = recent[recent.length - 1]
     if (last === undefined || nowMs - last > 3000) return 'no picture'
     const fps = recent.length > 1 ? ((recent.length - 1) * 1000) / (last - recent[0]) : 0
-    return `${fps.toFixed(0)} fps · ${this.ageMs.toFixed(0)} ms · ${this.size}${this.level ? ` · level ${this.level}` : ''}`
+    const level = this.level ? ` · level ${this.level}` : ''
+    return `${fps.toFixed(0)} fps · ${this.ageMs.toFixed(0)} ms · ${this.size}${level}`
   }
 
   get live(): boolean {

@@ -7,7 +7,10 @@ import { parseCameraPacket } from '../wire.ts'
 
 const RETRY_MS = 1000
 
-export interface Frame { bitmap: ImageBitmap; packet: CameraPacket }
+export interface Frame {
+  bitmap: ImageBitmap
+  packet: CameraPacket
+}
 
 export class CameraStream {
   private socket: WebSocket | null = null
@@ -19,7 +22,10 @@ export class CameraStream {
   onMask: (frame: Frame) => void = () => undefined
   onLost: () => void = () => undefined
 
-  constructor(private readonly store: Store, private withMask: boolean) {
+  constructor(
+    private readonly store: Store,
+    private withMask: boolean,
+  ) {
     this.undo = [store.on('link', (linked) => this.follow(linked)), store.on('restart', () => this.reopen())]
     this.open()
   }

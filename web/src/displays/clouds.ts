@@ -10,15 +10,27 @@ import type { Setting } from './setting.ts'
 
 const MOST_POINTS = 20_000
 
-interface Spot { p: Vec2; color: string }
+interface Spot {
+  p: Vec2
+  color: string
+}
 
 export const SCAN_OPTIONS: Option[] = [
-  choice('by', 'Colour by', 'range', 'x', 'y', 'intensity', 'one colour'), colour('#b1128a'), flag('rainbow', 'Rainbow', true), ...range(0, 20),
-  number('size', 'Point size', 3, 1, 20, 1, 'px'), number('buffer', 'Scans kept', 1, 1, 50, 1),
+  choice('by', 'Colour by', 'range', 'x', 'y', 'intensity', 'one colour'),
+  colour('#b1128a'),
+  flag('rainbow', 'Rainbow', true),
+  ...range(0, 20),
+  number('size', 'Point size', 3, 1, 20, 1, 'px'),
+  number('buffer', 'Scans kept', 1, 1, 50, 1),
 ]
 export const CLOUD_OPTIONS: Option[] = [
-  { name: 'by', label: 'Colour by field', value: 'z' }, colour('#b1128a'), flag('rainbow', 'Rainbow', true), flag('auto', 'Range from the data', true), ...range(0, 2),
-  number('size', 'Point size', 3, 1, 20, 1, 'px'), number('buffer', 'Clouds kept', 1, 1, 20, 1),
+  { name: 'by', label: 'Colour by field', value: 'z' },
+  colour('#b1128a'),
+  flag('rainbow', 'Rainbow', true),
+  flag('auto', 'Range from the data', true),
+  ...range(0, 2),
+  number('size', 'Point size', 3, 1, 20, 1, 'px'),
+  number('buffer', 'Clouds kept', 1, 1, 20, 1),
 ]
 
 function range(low: number, high: number): Option[] {
@@ -28,7 +40,9 @@ function range(low: number, high: number): Option[] {
 /** A share in [0, 1] as red (0) through green to violet (1), or as a shade of one colour. */
 export function ramp(share: number, rainbow: boolean, color: string): string {
   const s = Math.max(0, Math.min(1, share))
-  return rainbow ? `hsl(${Math.round(280 * s)} 90% 42%)` : `color-mix(in srgb, ${color} ${Math.round(30 + 70 * s)}%, white)`
+  return rainbow
+    ? `hsl(${Math.round(280 * s)} 90% 42%)`
+    : `color-mix(in srgb, ${color} ${Math.round(30 + 70 * s)}%, white)`
 }
 
 function coloured(value: number, setting: Setting, [low, high]: [number, number]): string {
@@ -59,16 +73,25 @@ export function foldScan(scans: Spot[][] | undefined, scan: LaserScan, setting: 
     const angle = scan.angle_min + i * scan.angle_increment
     const [x, y] = [distance * Math.cos(angle), distance * Math.sin(angle)]
     const value = { range: distance, x, y, intensity: scan.intensities?.[i] ?? 0 }[by]
-    return [{ p: placed(frame, { x, y }), color: value === undefined ? words(options, 'color') : coloured(value, setting, limits) }]
+    return [
+      {
+        p: placed(frame, { x, y }),
+        color: value === undefined ? words(options, 'color') : coloured(value, setting, limits),
+      },
+    ]
   })
   return kept(scans, spots, setting)
 }
 
 const READERS: Record<number, [bytes: number, read: (view: DataView, at: number, little: boolean) => number]> = {
-  1: [1, (view, at) => view.getInt8(at)], 2: [1, (view, at) => view.getUint8(at)],
-  3: [2, (view, at, little) => view.getInt16(at, little)], 4: [2, (view, at, little) => view.getUint16(at, little)],
-  5: [4, (view, at, little) => view.getInt32(at, little)], 6: [4, (view, at, little) => view.getUint32(at, little)],
-  7: [4, (view, at, little) => view.getFloat32(at, little)], 8: [8, (view, at, little) => view.getFloat64(at, little)],
+  1: [1, (view, at) => view.getInt8(at)],
+  2: [1, (view, at) => view.getUint8(at)],
+  3: [2, (view, at, little) => view.getInt16(at, little)],
+  4: [2, (view, at, little) => view.getUint16(at, little)],
+  5: [4, (view, at, little) => view.getInt32(at, little)],
+  6: [4, (view, at, little) => view.getUint32(at, little)],
+  7: [4, (view, at, little) => view.getFloat32(at, little)],
+  8: [8, (view, at, little) => view.getFloat64(at, little)],
 }
 
 /** One field of every point of a cloud; null where the cloud has no such field. */
@@ -78,15 +101,23 @@ export function fieldOf(cloud: PointCloud2, name: string): number[] | null {
   if (!field || !reader) return null
   const bytes = bytesOf(cloud.data)
   const view = new DataView(bytes.buffer)
-  const count = Math.min(cloud.width * cloud.height, Math.floor((bytes.length - field.offset - reader[0]) / cloud.point_step) + 1)
-  return Array.from({ length: Math.max(0, count) }, (_, i) => reader[1](view, i * cloud.point_step + field.offset, !cloud.is_bigendian))
+  const count = Math.min(
+    cloud.width * cloud.height,
+    Math.floor((bytes.length - field.offset - reader[0]) / cloud.point_step) + 1,
+  )
+  return Array.from({ length: Math.max(0, count) }, (_, i) =>
+    reader[1](view, i * cloud.point_step + field.offset, !cloud.is_bigendian),
+  )
 }
 
 export function foldCloud(clouds: Spot[][] | undefined, cloud: PointCloud2, setting: Setting): Spot[][] {
   const { options } = setting
   const [xs, ys] = [fieldOf(cloud, 'x') ?? [], fieldOf(cloud, 'y') ?? []]
   const by = words(options, 'by')
-  const packed = by === 'rgb' ? fieldOf({ ...cloud, fields: cloud.fields.map((f) => (f.name === 'rgb' ? { ...f, datatype: 6 } : f)) }, 'rgb') : null
+  const packed =
+    by === 'rgb'
+      ? fieldOf({ ...cloud, fields: cloud.fields.map((f) => (f.name === 'rgb' ? { ...f, datatype: 6 } : f)) }, 'rgb')
+      : null
   const values = packed ? null : fieldOf(cloud, by)
   const finite = (values ?? []).filter(Number.isFinite)
   const limits: [number, number] = options.auto
@@ -97,12 +128,17 @@ export function foldCloud(clouds: Spot[][] | undefined, cloud: PointCloud2, sett
   const spots: Spot[] = []
   for (let i = 0; i < Math.min(xs.length, ys.length); i += step) {
     if (!Number.isFinite(xs[i] + ys[i])) continue
-    const color = packed ? `#${(packed[i] & 0xffffff).toString(16).padStart(6, '0')}` : values ? coloured(values[i], setting, limits) : words(options, 'color')
+    const color = packed
+      ? `#${(packed[i] & 0xffffff).toString(16).padStart(6, '0')}`
+      : values
+        ? coloured(values[i], setting, limits)
+        : words(options, 'color')
     spots.push({ p: placed(frame, { x: xs[i], y: ys[i] }), color })
   }
   return kept(clouds, spots, setting)
 }
 
 export function drawSpots(batches: Spot[][], draw: Drawing, { options }: Setting): void {
-  for (const spots of batches) for (const { p, color } of spots) draw.point(p, { color, radius: amount(options, 'size') })
+  for (const spots of batches)
+    for (const { p, color } of spots) draw.point(p, { color, radius: amount(options, 'size') })
 }

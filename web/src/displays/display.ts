@@ -1,11 +1,10 @@
 /** One display on the map: hears its source, remembers what its type wants, and draws it. */
 
 import type { GeoJSONSource, ImageSource } from 'maplibre-gl'
-import { SOURCE_MAXZOOM } from '../map/layers.ts'
-import type { LayerGroup } from '../map/layers.ts'
-import type { MapView } from '../map/view.ts'
-import { collection, EMPTY } from '../map/features.ts'
+import { collection, EMPTY, SOURCE_MAXZOOM } from '../geojson.ts'
+import type { MapSource } from '../wire.ts'
 import { Drawing } from './drawing.ts'
+import type { DisplayHost, LayerGroup } from './host.ts'
 import type { Surface } from './instruments.ts'
 import type { Options } from './options.ts'
 import { filled } from './options.ts'
@@ -17,7 +16,13 @@ import type { DisplayType } from './types.ts'
 const REDRAW_MS = 100
 
 /** What a saved view keeps of a display. */
-export interface DisplayConfig { id: string; type: string; title: string; source: string; options: Options }
+export interface DisplayConfig {
+  id: string
+  type: string
+  title: string
+  source: string
+  options: Options
+}
 
 export class Display implements LayerGroup {
   readonly id: string
@@ -35,14 +40,17 @@ export class Display implements LayerGroup {
   private unsubscribe: () => void = () => undefined
 
   constructor(
-    private readonly view: MapView, readonly type: DisplayType, source: Source | null, readonly config: DisplayConfig,
+    private readonly host: DisplayHost,
+    readonly type: DisplayType,
+    source: Source | null,
+    readonly config: DisplayConfig,
     /** Added by the operator, who may remove it; the others come from the robot. */
     readonly removable: boolean,
   ) {
     this.id = config.id
     this.title = config.title
     this.options = filled(type.options, config.options)
-    this.addLayers()
+    this.addLayers(source)
     this.unsubscribe = source?.listen((message) => void this.hear(message)) ?? this.unsubscribe
     if (!source) this.draw()
   }
@@ -69,26 +77,27 @@ export class Display implements LayerGroup {
     if (this.type.kind !== 'painted' || !this.visible || this.state === undefined) return
     surface.pen.save()
     surface.pen.globalAlpha = this.opacity
-    this.type.paint(this.state, surface, this.setting)
+    this.type.paint(this.state as never, surface, this.setting)
     surface.pen.restore()
   }
 
   retheme(): void {
     if (this.type.kind !== 'shapes') return
-    for (const layer of lookLayers(this.id, this.view.app.projection.latDeg)) if (layer.type === 'symbol') this.view.map.setLayoutProperty(layer.id, 'icon-image', layer.layout?.['icon-image'])
+    for (const layer of lookLayers(this.id, this.host.app.projection.latDeg))
+      if (layer.type === 'symbol') this.host.map.setLayoutProperty(layer.id, 'icon-image', layer.layout?.['icon-image'])
   }
 
   remove(): void {
     this.unsubscribe()
     clearTimeout(this.timer)
-    const { map } = this.view
+    const { map } = this.host
     for (const id of this.layers) if (map.getLayer(id)) map.removeLayer(id)
     if (map.getSource(this.id)) map.removeSource(this.id)
-    this.view.overlay.request()
+    this.host.overlay.request()
   }
 
   private get setting(): Setting {
-    const { store, projection } = this.view.app
+    const { store, projection } = this.host.app
     return { options: this.options, robot: store.state?.pose ?? [0, 0, 0], projection }
   }
 
@@ -96,37 +105,44 @@ export class Display implements LayerGroup {
     this.last = message
     this.heard++
     const { stretch } = this
-    const state = this.type.kind !== 'tool' && this.type.kind !== 'tiles' && this.type.fold ? await this.type.fold(this.state, message, this.setting) : message
+    const state =
+      this.type.kind !== 'tool' && this.type.kind !== 'tiles' && this.type.fold
+        ? await this.type.fold(this.state as never, message as never, this.setting)
+        : message
     if (stretch !== this.stretch) return
     this.state = state
     this.queue()
   }
 
   private queue(): void {
-    if (this.type.kind === 'painted') this.view.overlay.request()
-    else this.timer ||= window.setTimeout(() => {
-      this.timer = 0
-      this.draw()
-    }, REDRAW_MS)
+    if (this.type.kind === 'painted') this.host.overlay.request()
+    else
+      this.timer ||= window.setTimeout(() => {
+        this.timer = 0
+        this.draw()
+      }, REDRAW_MS)
   }
 
-  private addLayers(): void {
+  private addLayers(source: Source | null): void {
     if (this.type.kind === 'shapes') {
       // Without simplification: it swallows squares of a hand's width.
-      this.view.map.addSource(this.id, { type: 'geojson', data: EMPTY, maxzoom: SOURCE_MAXZOOM, tolerance: 0 })
-      for (const layer of lookLayers(this.id, this.view.app.projection.latDeg)) this.view.map.addLayer(layer)
-      this.layers = lookLayers(this.id, this.view.app.projection.latDeg).map((layer) => layer.id)
+      this.host.map.addSource(this.id, { type: 'geojson', data: EMPTY, maxzoom: SOURCE_MAXZOOM, tolerance: 0 })
+      for (const layer of lookLayers(this.id, this.host.app.projection.latDeg)) this.host.map.addLayer(layer)
+      this.layers = lookLayers(this.id, this.host.app.projection.latDeg).map((layer) => layer.id)
     } else if (this.type.kind === 'laid') this.layers = [`${this.id}-picture`]
-    else if (this.type.kind === 'tiles') this.addTiles()
+    else if (source?.tiles) this.addTiles(source.tiles)
   }
 
-  private addTiles(): void {
-    const { map, displays } = this.view
-    const tiles = displays.maps.find(({ name }) => name === this.config.source)
-    if (!tiles) return
+  private addTiles(tiles: MapSource): void {
+    const { map } = this.host
     const url = new URL(tiles.url, location.origin).href.replace(/%7B/g, '{').replace(/%7D/g, '}')
     map.addSource(this.id, {
-      type: 'raster', tiles: [url], tileSize: 256, minzoom: tiles.minzoom, maxzoom: tiles.maxzoom, ...(tiles.bounds ? { bounds: tiles.bounds } : {}),
+      type: 'raster',
+      tiles: [url],
+      tileSize: 256,
+      minzoom: tiles.minzoom,
+      maxzoom: tiles.maxzoom,
+      ...(tiles.bounds ? { bounds: tiles.bounds } : {}),
     })
     map.addLayer({ id: this.id, type: 'raster', source: this.id }, 'grid-1')
     this.layers = [this.id]
@@ -134,25 +150,39 @@ export class Display implements LayerGroup {
 
   private draw(): void {
     if (this.type.kind === 'shapes') {
-      const drawing = new Drawing(this.view.app.projection)
-      if (this.state !== undefined || this.type.needsNoSource) this.type.draw(this.state, drawing, this.setting)
-      this.view.map.getSource<GeoJSONSource>(this.id)?.setData(collection(drawing.features))
+      const drawing = new Drawing(this.host.app.projection)
+      if (this.state !== undefined || this.type.needsNoSource)
+        this.type.draw(this.state as never, drawing, this.setting)
+      this.host.map.getSource<GeoJSONSource>(this.id)?.setData(collection(drawing.features))
     } else if (this.type.kind === 'laid' && this.state !== undefined) void this.lay()
   }
 
   private async lay(): Promise<void> {
     if (this.type.kind !== 'laid') return
-    const laid = await this.type.lay(this.state, this.setting)
+    const laid = await this.type.lay(this.state as never, this.setting)
     if (!laid) return
-    const { map, app } = this.view
+    const { map, app } = this.host
     const url = laid.image.toDataURL()
-    const coordinates = laid.corners.map(([x, y]) => app.projection.toLonLat(x, y)) as [[number, number], [number, number], [number, number], [number, number]]
+    const coordinates = laid.corners.map(([x, y]) => app.projection.toLonLat(x, y)) as [
+      [number, number],
+      [number, number],
+      [number, number],
+      [number, number],
+    ]
     const known = map.getSource<ImageSource>(this.id)
     if (known) known.updateImage({ url, coordinates })
     else {
       map.addSource(this.id, { type: 'image', url, coordinates })
-      map.addLayer({ id: this.layers[0], type: 'raster', source: this.id, paint: { 'raster-fade-duration': 0, 'raster-resampling': 'nearest' } }, this.view.layerAbove(this))
-      this.view.adopt(this)
+      map.addLayer(
+        {
+          id: this.layers[0],
+          type: 'raster',
+          source: this.id,
+          paint: { 'raster-fade-duration': 0, 'raster-resampling': 'nearest' },
+        },
+        this.host.layerAbove(this),
+      )
+      this.host.adopt(this)
     }
   }
 }

@@ -1,13 +1,13 @@
 /** All displays of the map: those of the robot's maps and programs, and those the operator added. */
 
 import { api } from '../api.ts'
-import type { MapView } from '../map/view.ts'
 import type { MapSource, Panel } from '../wire.ts'
 import { Display } from './display.ts'
 import type { DisplayConfig } from './display.ts'
+import type { DisplayHost } from './host.ts'
 import type { Surface } from './instruments.ts'
 import type { Options, OptionValue } from './options.ts'
-import { panelSource, robotSources } from './sources.ts'
+import { panelSource, robotSources, tileSource } from './sources.ts'
 import type { Source } from './sources.ts'
 import type { DisplayType } from './types.ts'
 import { typeOf } from './types.ts'
@@ -16,19 +16,20 @@ const PANELS_EVERY_MS = 5000
 
 export class Displays {
   readonly all: Display[] = []
-  maps: MapSource[] = []
+  private maps: MapSource[] = []
   private panels: Panel[] = []
   private made = 0
   /** True once the robot's own are there; before, nothing may be remembered of them. */
   started = false
 
-  constructor(private readonly view: MapView) {}
+  constructor(private readonly host: DisplayHost) {}
 
   /** The robot's maps and the layers of programs; programs may add some later. */
   async start(): Promise<void> {
-    this.view.app.store.on('restart', () => this.restart())
+    this.host.app.store.on('restart', () => this.restart())
     this.maps = await api.maps().catch((): MapSource[] => [])
-    for (const { name } of this.maps) this.add({ id: `tiles-${name}`, type: 'tile_map', title: name, source: name, options: {} }, false)
+    for (const { name } of this.maps)
+      this.add({ id: `tiles-${name}`, type: 'tile_map', title: name, source: name, options: {} }, false)
     await this.syncPanels()
     this.started = true
     setInterval(() => {
@@ -38,12 +39,12 @@ export class Displays {
 
   /** What the robot said of another channel; what programs give is theirs. */
   private restart(): void {
-    const own = new Set(robotSources(this.view.app).map(({ id }) => id))
+    const own = new Set(robotSources(this.host.app).map(({ id }) => id))
     for (const display of this.all) if (own.has(display.config.source)) display.restart()
   }
 
   private get isShown(): boolean {
-    return this.view.node.isConnected && !document.hidden
+    return this.host.node.isConnected && !document.hidden
   }
 
   private async syncPanels(): Promise<void> {
@@ -52,7 +53,8 @@ export class Displays {
     for (const panel of this.panels) if (!found.some(({ id }) => id === panel.id)) this.dropPanel(panel.id)
     const before = new Map(this.panels.map((panel) => [panel.id, JSON.stringify(panel)]))
     this.panels = found
-    for (const panel of found) if (panel.kind === 'layer' && before.get(panel.id) !== JSON.stringify(panel)) this.showPanel(panel)
+    for (const panel of found)
+      if (panel.kind === 'layer' && before.get(panel.id) !== JSON.stringify(panel)) this.showPanel(panel)
   }
 
   private dropPanel(id: string): void {
@@ -62,18 +64,29 @@ export class Displays {
 
   private showPanel(panel: Panel): void {
     this.dropPanel(panel.id)
-    const display = this.add({ id: panel.id, type: panel.type ?? 'geojson', title: panel.title, source: panel.id, options: (panel.style ?? {}) as Options }, false)
+    const display = this.add(
+      {
+        id: panel.id,
+        type: panel.type ?? 'geojson',
+        title: panel.title,
+        source: panel.id,
+        options: (panel.style ?? {}) as Options,
+      },
+      false,
+    )
     if (!display || (panel.visible === undefined && panel.draw_order === undefined)) return
     display.visible = panel.visible ?? true
-    if (panel.draw_order !== undefined) this.view.moveGroup(display, panel.draw_order)
-    this.view.applyGroup(display)
+    if (panel.draw_order !== undefined) this.host.moveGroup(display, panel.draw_order)
+    this.host.applyGroup(display)
   }
 
   /** Everything that a type could show now. */
   sources(type: DisplayType): Source[] {
-    if (type.kind === 'tiles') return this.maps.map(({ name }) => ({ id: name, title: name, types: [type.id], listen: () => () => undefined }))
-    const given = this.panels.filter((panel) => panel.kind === 'layer' || panel.kind === 'image').map((panel) => panelSource(panel, () => this.isShown))
-    return [...robotSources(this.view.app), ...given].filter((source) => source.types.includes(type.id))
+    if (type.kind === 'tiles') return this.maps.map((tiles) => tileSource(tiles, type.id))
+    const given = this.panels
+      .filter((panel) => panel.kind === 'layer' || panel.kind === 'image')
+      .map((panel) => panelSource(panel, () => this.isShown))
+    return [...robotSources(this.host.app), ...given].filter((source) => source.types.includes(type.id))
   }
 
   /** Null where the type is none, or is a tool. */
@@ -81,9 +94,9 @@ export class Displays {
     const type = typeOf(config.type)
     if (!type || type.kind === 'tool' || this.all.some(({ id }) => id === config.id)) return null
     const source = this.sources(type).find(({ id }) => id === config.source) ?? null
-    const display = new Display(this.view, type, source, config, removable)
+    const display = new Display(this.host, type, source, config, removable)
     this.all.push(display)
-    this.view.addGroup(display)
+    this.host.addGroup(display)
     return display
   }
 
@@ -98,11 +111,12 @@ export class Displays {
   remove(display: Display): void {
     this.all.splice(this.all.indexOf(display), 1)
     display.remove()
-    this.view.removeGroup(display)
+    this.host.removeGroup(display)
   }
 
   paint(surface: Surface): void {
-    for (const display of [...this.all].sort((a, b) => this.view.groups.indexOf(b) - this.view.groups.indexOf(a))) display.paint(surface)
+    for (const display of [...this.all].sort((a, b) => this.host.groups.indexOf(b) - this.host.groups.indexOf(a)))
+      display.paint(surface)
   }
 
   saved(): DisplayConfig[] {
@@ -111,7 +125,8 @@ export class Displays {
 
   /** Exactly the operator's displays of a saved view. */
   restore(configs: DisplayConfig[]): void {
-    for (const display of [...this.all]) if (display.removable && !configs.some(({ id }) => id === display.id)) this.remove(display)
+    for (const display of [...this.all])
+      if (display.removable && !configs.some(({ id }) => id === display.id)) this.remove(display)
     for (const config of configs) {
       const known = this.all.find(({ id }) => id === config.id)
       if (known) known.setOptions(config.options)

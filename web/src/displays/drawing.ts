@@ -6,10 +6,29 @@ import { placeOutline } from '../geo.ts'
 import type { Vec2 } from '../wire.ts'
 
 /** Sizes in pixels, or in metres with `_m`; `fill` is the share of `alpha` inside an outline. */
-export interface Look { color?: string; width?: number; width_m?: number; radius?: number; radius_m?: number; alpha?: number; fill?: number; label?: string }
+export interface Look {
+  color?: string
+  width?: number
+  width_m?: number
+  radius?: number
+  radius_m?: number
+  alpha?: number
+  fill?: number
+  label?: string
+}
 
 function properties(look: Look): Record<string, unknown> {
-  return { color: '#b1128a', width: look.width_m ? 0 : 2, width_m: 0, radius: look.radius_m ? 0 : 5, radius_m: 0, alpha: 1, fill: 1, label: '', ...look }
+  return {
+    color: '#b1128a',
+    width: look.width_m ? 0 : 2,
+    width_m: 0,
+    radius: look.radius_m ? 0 : 5,
+    radius_m: 0,
+    alpha: 1,
+    fill: 1,
+    label: '',
+    ...look,
+  }
 }
 
 export class Drawing {
@@ -34,12 +53,14 @@ export class Drawing {
   }
 
   polygon(points: Vec2[], look: Look): void {
-    if (points.length > 2) this.add({ type: 'Polygon', coordinates: [this.at([...points, points[0]])] }, { width: 1, ...look })
+    if (points.length > 2)
+      this.add({ type: 'Polygon', coordinates: [this.at([...points, points[0]])] }, { width: 1, ...look })
   }
 
   /** A feature of somebody else's, in longitude and latitude. */
   foreign({ geometry, properties: own }: Feature, look: Look): void {
-    if (geometry) this.features.push({ type: 'Feature', properties: { ...properties({ fill: 0.3, ...look }), ...own }, geometry })
+    if (geometry)
+      this.features.push({ type: 'Feature', properties: { ...properties({ fill: 0.3, ...look }), ...own }, geometry })
   }
 
   label(p: Vec2, text: string, look: Look = {}): void {
@@ -50,7 +71,23 @@ export class Drawing {
   arrow([x, y]: Vec2, yaw: number, lengthM: number, look: Look): void {
     const w = lengthM * 0.12
     const head = lengthM * 0.35
-    this.polygon(placeOutline([[0, w], [lengthM - head, w], [lengthM - head, 2.6 * w], [lengthM, 0], [lengthM - head, -2.6 * w], [lengthM - head, -w], [0, -w]], x, y, yaw), look)
+    this.polygon(
+      placeOutline(
+        [
+          [0, w],
+          [lengthM - head, w],
+          [lengthM - head, 2.6 * w],
+          [lengthM, 0],
+          [lengthM - head, -2.6 * w],
+          [lengthM - head, -w],
+          [0, -w],
+        ],
+        x,
+        y,
+        yaw,
+      ),
+      look,
+    )
   }
 
   /** The ellipse of a covariance (x, y; m²) that holds the robot with the probability of `sigmas`. */
@@ -59,7 +96,10 @@ export class Drawing {
     const spread = Math.hypot((xx - yy) / 2, xy)
     const [a, b] = [mean + spread, mean - spread].map((value) => sigmas * Math.sqrt(Math.max(0, value)))
     const turn = Math.atan2(2 * xy, xx - yy) / 2
-    const ring = Array.from({ length: 36 }, (_, i): Vec2 => [a * Math.cos((i * Math.PI) / 18), b * Math.sin((i * Math.PI) / 18)])
+    const ring = Array.from(
+      { length: 36 },
+      (_, i): Vec2 => [a * Math.cos((i * Math.PI) / 18), b * Math.sin((i * Math.PI) / 18)],
+    )
     this.polygon(placeOutline(ring, ...centre, turn), look)
   }
 }

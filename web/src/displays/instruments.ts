@@ -1,36 +1,75 @@
 /** Displays painted over the map: instruments in its corners, and a picture of the robot that moves with it. */
 
 import { decoded, disparityCanvas } from './pictures.ts'
-import type { CompressedImage, DisparityImage, Image as RosImage, Imu, NumberMessage, Odometry, PoseStamped, TextMessage } from './messages.ts'
+import type {
+  CompressedImage,
+  DisparityImage,
+  Image as RosImage,
+  Imu,
+  NumberMessage,
+  Odometry,
+  PoseStamped,
+  TextMessage,
+} from './messages.ts'
 import { anglesOf, frameOf, within } from './messages.ts'
 import type { FramePose } from './messages.ts'
 import type { Option, Options } from './options.ts'
 import { amount, choice, colour, flag, number, words } from './options.ts'
 import type { Setting } from './setting.ts'
 
-export interface Surface { pen: CanvasRenderingContext2D; width: number; height: number; at: (x: number, y: number) => [number, number]; pxPerM: number; bearing: number }
-export interface Box { x: number; y: number; w: number; h: number }
+export interface Surface {
+  pen: CanvasRenderingContext2D
+  width: number
+  height: number
+  at: (x: number, y: number) => [number, number]
+  pxPerM: number
+  bearing: number
+}
+export interface Box {
+  x: number
+  y: number
+  w: number
+  h: number
+}
 
-const ANCHORS = ['top left', 'top centre', 'top right', 'centre left', 'centre', 'centre right', 'bottom left', 'bottom centre', 'bottom right']
+const ANCHORS = [
+  'top left',
+  'top centre',
+  'top right',
+  'centre left',
+  'centre',
+  'centre right',
+  'bottom left',
+  'bottom centre',
+  'bottom right',
+]
 
 function anchored(anchor: string, above = 12): Option[] {
   return [
     choice('anchor', 'Corner', anchor, ...ANCHORS.filter((other) => other !== anchor)),
-    number('offset_x', 'Distance from the side', 72, 0, 2000, 1, 'px'), number('offset_y', 'Distance from top or bottom', above, 0, 2000, 1, 'px'),
+    number('offset_x', 'Distance from the side', 72, 0, 2000, 1, 'px'),
+    number('offset_y', 'Distance from top or bottom', above, 0, 2000, 1, 'px'),
   ]
 }
 
 function sized(w: number, h: number): Option[] {
   return [
-    number('w', 'Width', w, 1, 4000, 1), number('h', 'Height', h, 1, 4000, 1), choice('units', 'Sizes in', 'px', '%'), flag('keep_ratio', 'Keep the shape', true),
+    number('w', 'Width', w, 1, 4000, 1),
+    number('h', 'Height', h, 1, 4000, 1),
+    choice('units', 'Sizes in', 'px', '%'),
+    flag('keep_ratio', 'Keep the shape', true),
   ]
 }
 
 export const ATTITUDE_OPTIONS: Option[] = [...anchored('bottom right'), ...sized(120, 120).slice(0, 3)]
 export const IMAGE_OPTIONS: Option[] = [...anchored('top centre'), ...sized(240, 180)]
 export const TEXT_OPTIONS: Option[] = [
-  ...anchored('bottom left', 40), colour('#ffffff'), flag('background', 'Dark behind it', true), number('font_px', 'Size', 16, 8, 72, 1, 'px'),
-  { name: 'prefix', label: 'Text before', value: '' }, { name: 'postfix', label: 'Text after', value: '' },
+  ...anchored('bottom left', 40),
+  colour('#ffffff'),
+  flag('background', 'Dark behind it', true),
+  number('font_px', 'Size', 16, 8, 72, 1, 'px'),
+  { name: 'prefix', label: 'Text before', value: '' },
+  { name: 'postfix', label: 'Text after', value: '' },
 ]
 export const FLOAT_OPTIONS: Option[] = [...TEXT_OPTIONS, number('digits', 'Decimals', 2, 0, 9, 1)]
 
@@ -43,17 +82,29 @@ export function placedBox(options: Options, surface: { width: number; height: nu
   return { x, y, w, h }
 }
 
-export function sizeOf(options: Options, surface: { width: number; height: number }, picture?: { width: number; height: number }): [number, number] {
+export function sizeOf(
+  options: Options,
+  surface: { width: number; height: number },
+  picture?: { width: number; height: number },
+): [number, number] {
   const percent = words(options, 'units') === '%'
   const w = percent ? (amount(options, 'w') * surface.width) / 100 : amount(options, 'w')
   if (options.keep_ratio && picture?.width) return [w, (w * picture.height) / picture.width]
   return [w, percent ? (amount(options, 'h') * surface.height) / 100 : amount(options, 'h')]
 }
 
-export interface Tilt { roll: number; pitch: number }
+export interface Tilt {
+  roll: number
+  pitch: number
+}
 
 export function foldAttitude(_: Tilt | undefined, message: Imu | Odometry | PoseStamped): Tilt {
-  const q = 'orientation' in message ? message.orientation : 'position' in message.pose ? message.pose.orientation : (message as Odometry).pose.pose.orientation
+  const q =
+    'orientation' in message
+      ? message.orientation
+      : 'position' in message.pose
+        ? message.pose.orientation
+        : (message as Odometry).pose.pose.orientation
   const { roll, pitch } = anglesOf(q)
   return { roll, pitch }
 }
@@ -109,7 +160,8 @@ export function foldText(_: string | undefined, message: TextMessage, { options 
 }
 
 export function foldNumber(_: string | undefined, message: NumberMessage, { options }: Setting): string {
-  return `${words(options, 'prefix')}${Number(message.data).toFixed(amount(options, 'digits'))}${words(options, 'postfix')}`
+  const value = Number(message.data).toFixed(amount(options, 'digits'))
+  return `${words(options, 'prefix')}${value}${words(options, 'postfix')}`
 }
 
 export function paintText(text: string, surface: Surface, { options }: Setting): void {
@@ -133,7 +185,10 @@ export function paintText(text: string, surface: Surface, { options }: Setting):
 type Picture = HTMLCanvasElement
 
 /** A picture message, or a picture that the page has already. */
-export async function foldImage(known: Picture | undefined, message: RosImage | CompressedImage | Picture): Promise<Picture | undefined> {
+export async function foldImage(
+  known: Picture | undefined,
+  message: RosImage | CompressedImage | Picture,
+): Promise<Picture | undefined> {
   return message instanceof HTMLCanvasElement ? message : ((await decoded(message)) ?? known)
 }
 
@@ -147,8 +202,12 @@ export function paintImage(picture: Picture, surface: Surface, { options }: Sett
 }
 
 export const ROBOT_IMAGE_OPTIONS: Option[] = [
-  { name: 'image', label: 'Picture, nose to the right', value: '' }, number('w', 'Length', 0.9, 0.05, 20, 0.05, 'm'), number('h', 'Width', 0.66, 0.05, 20, 0.05, 'm'),
-  flag('keep_ratio', 'Keep the shape', true), number('offset_x', 'Forwards', 0, -10, 10, 0.05, 'm'), number('offset_y', 'To the left', 0, -10, 10, 0.05, 'm'),
+  { name: 'image', label: 'Picture, nose to the right', value: '' },
+  number('w', 'Length', 0.9, 0.05, 20, 0.05, 'm'),
+  number('h', 'Width', 0.66, 0.05, 20, 0.05, 'm'),
+  flag('keep_ratio', 'Keep the shape', true),
+  number('offset_x', 'Forwards', 0, -10, 10, 0.05, 'm'),
+  number('offset_y', 'To the left', 0, -10, 10, 0.05, 'm'),
 ]
 
 export function foldRobotPose(_: FramePose | undefined, message: PoseStamped, { robot }: Setting): FramePose {

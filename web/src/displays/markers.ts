@@ -10,7 +10,10 @@ import type { Setting } from './setting.ts'
 const DELETE = 2
 const DELETE_ALL = 3
 
-export interface Kept { marker: Marker; frame: FramePose }
+export interface Kept {
+  marker: Marker
+  frame: FramePose
+}
 export type Markers = Map<string, Kept>
 
 export function foldMarkers(known: Markers | undefined, message: Marker | MarkerArray, { robot }: Setting): Markers {
@@ -34,19 +37,35 @@ type Painter = (kept: Kept, look: Look, draw: Drawing) => void
 
 const points = ({ marker, frame }: Kept): Vec2[] => (marker.points ?? []).map((p) => placed(frame, p))
 const scale = ({ marker }: Kept): [number, number] => [marker.scale?.x ?? 1, marker.scale?.y ?? marker.scale?.x ?? 1]
-const lookOf = ({ marker }: Kept, i: number, usual: Look): Look => (marker.colors?.[i] ? { ...usual, ...css(marker.colors[i]) } : usual)
+const lookOf = ({ marker }: Kept, i: number, usual: Look): Look =>
+  marker.colors?.[i] ? { ...usual, ...css(marker.colors[i]) } : usual
 
 function box(frame: FramePose, [w, h]: [number, number]): Vec2[] {
-  return placeOutline([[w / 2, h / 2], [-w / 2, h / 2], [-w / 2, -h / 2], [w / 2, -h / 2]], ...frame)
+  return placeOutline(
+    [
+      [w / 2, h / 2],
+      [-w / 2, h / 2],
+      [-w / 2, -h / 2],
+      [w / 2, -h / 2],
+    ],
+    ...frame,
+  )
 }
 
 function round(frame: FramePose, [w, h]: [number, number]): Vec2[] {
-  return placeOutline(Array.from({ length: 24 }, (_, i): Vec2 => [(w / 2) * Math.cos((i * Math.PI) / 12), (h / 2) * Math.sin((i * Math.PI) / 12)]), ...frame)
+  return placeOutline(
+    Array.from(
+      { length: 24 },
+      (_, i): Vec2 => [(w / 2) * Math.cos((i * Math.PI) / 12), (h / 2) * Math.sin((i * Math.PI) / 12)],
+    ),
+    ...frame,
+  )
 }
 
 /** The same shape at each of the marker's points. */
 function each(shape: typeof box): Painter {
-  return (kept, look, draw) => points(kept).forEach(([x, y], i) => draw.polygon(shape([x, y, kept.frame[2]], scale(kept)), lookOf(kept, i, look)))
+  return (kept, look, draw) =>
+    points(kept).forEach(([x, y], i) => draw.polygon(shape([x, y, kept.frame[2]], scale(kept)), lookOf(kept, i, look)))
 }
 
 function once(shape: typeof box): Painter {
@@ -55,7 +74,8 @@ function once(shape: typeof box): Painter {
 
 const arrow: Painter = (kept, look, draw) => {
   const [from, to] = points(kept)
-  if (from && to) draw.arrow(from, Math.atan2(to[1] - from[1], to[0] - from[0]), Math.hypot(to[0] - from[0], to[1] - from[1]), look)
+  if (from && to)
+    draw.arrow(from, Math.atan2(to[1] - from[1], to[0] - from[0]), Math.hypot(to[0] - from[0], to[1] - from[1]), look)
   else draw.arrow([kept.frame[0], kept.frame[1]], kept.frame[2], scale(kept)[0], look)
 }
 
@@ -71,10 +91,12 @@ const PAINTERS: Record<number, Painter> = {
   2: once(round),
   3: once(round),
   4: (kept, look, draw) => draw.line(points(kept), { ...look, width_m: scale(kept)[0] }),
-  5: (kept, look, draw) => pairs(kept, 2, (ends, i) => draw.line(ends, { ...lookOf(kept, i, look), width_m: scale(kept)[0] })),
+  5: (kept, look, draw) =>
+    pairs(kept, 2, (ends, i) => draw.line(ends, { ...lookOf(kept, i, look), width_m: scale(kept)[0] })),
   6: each(box),
   7: each(round),
-  8: (kept, look, draw) => points(kept).forEach((p, i) => draw.point(p, { ...lookOf(kept, i, look), radius_m: scale(kept)[0] / 2 })),
+  8: (kept, look, draw) =>
+    points(kept).forEach((p, i) => draw.point(p, { ...lookOf(kept, i, look), radius_m: scale(kept)[0] / 2 })),
   9: (kept, look, draw) => draw.label([kept.frame[0], kept.frame[1]], kept.marker.text ?? '', look),
   10: once(box),
   11: (kept, look, draw) => pairs(kept, 3, (corners, i) => draw.polygon(corners, lookOf(kept, i, look))),

@@ -2,48 +2,170 @@
 
 import type { Vec2 } from '../wire.ts'
 
-export interface Header { frame_id?: string; stamp?: { sec: number; nanosec: number } }
-export interface Point3 { x: number; y: number; z?: number }
-export interface Quaternion { x: number; y: number; z: number; w: number }
-export interface Pose { position: Point3; orientation?: Quaternion }
-export interface PoseStamped { header?: Header; pose: Pose }
-export interface NavSatFix { header?: Header; latitude: number; longitude: number; position_covariance?: number[] }
+export interface Header {
+  frame_id?: string
+  stamp?: { sec: number; nanosec: number }
+}
+export interface Point3 {
+  x: number
+  y: number
+  z?: number
+}
+export interface Quaternion {
+  x: number
+  y: number
+  z: number
+  w: number
+}
+export interface Pose {
+  position: Point3
+  orientation?: Quaternion
+}
+export interface PoseStamped {
+  header?: Header
+  pose: Pose
+}
+export interface NavSatFix {
+  header?: Header
+  latitude: number
+  longitude: number
+  position_covariance?: number[]
+}
 /** gps_common: `track` is in degrees clockwise from north. */
-export interface GpsFix extends NavSatFix { track?: number; speed?: number; err_horz?: number }
-export interface Odometry { header?: Header; pose: { pose: Pose; covariance?: number[] } }
-export interface Imu { header?: Header; orientation: Quaternion }
-export interface RosPath { header?: Header; poses: PoseStamped[] }
+export interface GpsFix extends NavSatFix {
+  track?: number
+  speed?: number
+  err_horz?: number
+}
+export interface Odometry {
+  header?: Header
+  pose: { pose: Pose; covariance?: number[] }
+}
+export interface Imu {
+  header?: Header
+  orientation: Quaternion
+}
+export interface RosPath {
+  header?: Header
+  poses: PoseStamped[]
+}
 /** marti_nav_msgs: a route and how far along it the robot is, in metres. */
-export interface Route { header?: Header; route_points: { pose: Pose }[]; position_m?: number }
-export interface TransformStamped { header?: Header; child_frame_id?: string; transform: { translation: Point3; rotation: Quaternion } }
+export interface Route {
+  header?: Header
+  route_points: { pose: Pose }[]
+  position_m?: number
+}
+export interface TransformStamped {
+  header?: Header
+  child_frame_id?: string
+  transform: { translation: Point3; rotation: Quaternion }
+}
 export interface LaserScan {
-  header?: Header; angle_min: number; angle_increment: number; range_min: number; range_max: number; ranges: (number | null)[]; intensities?: number[]
+  header?: Header
+  angle_min: number
+  angle_increment: number
+  range_min: number
+  range_max: number
+  ranges: (number | null)[]
+  intensities?: number[]
 }
-export interface PointField { name: string; offset: number; datatype: number }
-export interface PointCloud2 { header?: Header; fields: PointField[]; is_bigendian?: boolean; point_step: number; width: number; height: number; data: Bytes }
-export interface Colour { r: number; g: number; b: number; a?: number }
+export interface PointField {
+  name: string
+  offset: number
+  datatype: number
+}
+export interface PointCloud2 {
+  header?: Header
+  fields: PointField[]
+  is_bigendian?: boolean
+  point_step: number
+  width: number
+  height: number
+  data: Bytes
+}
+export interface Colour {
+  r: number
+  g: number
+  b: number
+  a?: number
+}
 export interface Marker {
-  header?: Header; ns?: string; id?: number; type: number; action?: number; pose?: Pose; scale?: Point3; color?: Colour; points?: Point3[]
-  colors?: Colour[]; text?: string
+  header?: Header
+  ns?: string
+  id?: number
+  type: number
+  action?: number
+  pose?: Pose
+  scale?: Point3
+  color?: Colour
+  points?: Point3[]
+  colors?: Colour[]
+  text?: string
 }
-export interface MarkerArray { markers: Marker[] }
-export interface OccupancyGrid { header?: Header; info: { resolution: number; width: number; height: number; origin?: Pose }; data: Bytes }
+export interface MarkerArray {
+  markers: Marker[]
+}
+export interface OccupancyGrid {
+  header?: Header
+  info: { resolution: number; width: number; height: number; origin?: Pose }
+  data: Bytes
+}
 /** map_msgs/OccupancyGridUpdate */
-export interface OccupancyGridUpdate { header?: Header; x: number; y: number; width: number; height: number; data: Bytes }
-export interface Image { header?: Header; width: number; height: number; encoding: string; step?: number; is_bigendian?: number; data: Bytes }
-export interface CompressedImage { header?: Header; format: string; data: Bytes }
-export interface DisparityImage { header?: Header; image: Image; min_disparity: number; max_disparity: number }
-export interface TexturedMarker { header?: Header; pose: Pose; resolution: number; alpha?: number; image: Image | CompressedImage }
-export interface NumberMessage { data: number }
-export interface TextMessage { data: string }
+export interface OccupancyGridUpdate {
+  header?: Header
+  x: number
+  y: number
+  width: number
+  height: number
+  data: Bytes
+}
+export interface Image {
+  header?: Header
+  width: number
+  height: number
+  encoding: string
+  step?: number
+  is_bigendian?: number
+  data: Bytes
+}
+export interface CompressedImage {
+  header?: Header
+  format: string
+  data: Bytes
+}
+export interface DisparityImage {
+  header?: Header
+  image: Image
+  min_disparity: number
+  max_disparity: number
+}
+export interface TexturedMarker {
+  header?: Header
+  pose: Pose
+  resolution: number
+  alpha?: number
+  image: Image | CompressedImage
+}
+export interface NumberMessage {
+  data: number
+}
+export interface TextMessage {
+  data: string
+}
 /** Bytes as base64 text (rosbridge) or as numbers. */
 export type Bytes = string | number[]
 
 export function bytesOf(data: Bytes): Uint8Array<ArrayBuffer> {
-  return typeof data === 'string' ? Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0)) : Uint8Array.from(data, (value) => value & 255)
+  return typeof data === 'string'
+    ? Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0))
+    : Uint8Array.from(data, (value) => value & 255)
 }
 
-export interface Angles { roll: number; pitch: number; yaw: number }
+export interface Angles {
+  roll: number
+  pitch: number
+  yaw: number
+}
 
 export function anglesOf(q: Quaternion | undefined): Angles {
   if (!q) return { roll: 0, pitch: 0, yaw: 0 }

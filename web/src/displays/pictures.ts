@@ -2,20 +2,40 @@
 
 import { placeOutline } from '../geo.ts'
 import type { Vec2 } from '../wire.ts'
-import type { CompressedImage, FramePose, Image, OccupancyGrid, OccupancyGridUpdate, TexturedMarker } from './messages.ts'
+import type {
+  CompressedImage,
+  FramePose,
+  Image,
+  OccupancyGrid,
+  OccupancyGridUpdate,
+  TexturedMarker,
+} from './messages.ts'
 import { bytesOf, frameOf, within } from './messages.ts'
 import type { Option } from './options.ts'
 import { choice, words } from './options.ts'
 import type { Setting } from './setting.ts'
 
 /** A picture and where its corners lie in the map: upper left, upper right, lower right, lower left. */
-export interface Laid { image: HTMLCanvasElement; corners: [Vec2, Vec2, Vec2, Vec2] }
+export interface Laid {
+  image: HTMLCanvasElement
+  corners: [Vec2, Vec2, Vec2, Vec2]
+}
 
 export const GRID_OPTIONS: Option[] = [choice('scheme', 'Colours', 'map', 'costmap')]
 
-export interface Grid { width: number; height: number; resolution: number; frame: FramePose; cells: Uint8Array }
+export interface Grid {
+  width: number
+  height: number
+  resolution: number
+  frame: FramePose
+  cells: Uint8Array
+}
 
-export function foldGrid(known: Grid | undefined, message: OccupancyGrid | OccupancyGridUpdate, { robot }: Setting): Grid | undefined {
+export function foldGrid(
+  known: Grid | undefined,
+  message: OccupancyGrid | OccupancyGridUpdate,
+  { robot }: Setting,
+): Grid | undefined {
   const data = bytesOf(message.data)
   if ('info' in message) {
     const { width, height, resolution, origin } = message.info
@@ -23,7 +43,10 @@ export function foldGrid(known: Grid | undefined, message: OccupancyGrid | Occup
   }
   if (!known) return known
   for (let row = 0; row < message.height; row++) {
-    known.cells.set(data.subarray(row * message.width, (row + 1) * message.width), (message.y + row) * known.width + message.x)
+    known.cells.set(
+      data.subarray(row * message.width, (row + 1) * message.width),
+      (message.y + row) * known.width + message.x,
+    )
   }
   return known
 }
@@ -52,14 +75,31 @@ export function layGrid({ width, height, resolution, frame, cells }: Grid, { opt
     return cellColour(cells[row * width + column] ?? UNKNOWN, words(options, 'scheme'))
   })
   const [w, h] = [width * resolution, height * resolution]
-  return image && { image, corners: corners([[0, h], [w, h], [w, 0], [0, 0]], frame) }
+  return (
+    image && {
+      image,
+      corners: corners(
+        [
+          [0, h],
+          [w, h],
+          [w, 0],
+          [0, 0],
+        ],
+        frame,
+      ),
+    }
+  )
 }
 
 function corners(outline: Vec2[], frame: FramePose): Laid['corners'] {
   return placeOutline(outline, ...frame) as Laid['corners']
 }
 
-function pixels(width: number, height: number, colourOf: (i: number) => readonly [number, number, number, number]): HTMLCanvasElement | null {
+function pixels(
+  width: number,
+  height: number,
+  colourOf: (i: number) => readonly [number, number, number, number],
+): HTMLCanvasElement | null {
   const canvas = document.createElement('canvas')
   canvas.width = width
   canvas.height = height
@@ -72,7 +112,13 @@ function pixels(width: number, height: number, colourOf: (i: number) => readonly
 }
 
 const CHANNELS: Record<string, [red: number, green: number, blue: number, step: number]> = {
-  rgb8: [0, 1, 2, 3], bgr8: [2, 1, 0, 3], rgba8: [0, 1, 2, 4], bgra8: [2, 1, 0, 4], mono8: [0, 0, 0, 1], '8UC1': [0, 0, 0, 1], '8UC3': [2, 1, 0, 3],
+  rgb8: [0, 1, 2, 3],
+  bgr8: [2, 1, 0, 3],
+  rgba8: [0, 1, 2, 4],
+  bgra8: [2, 1, 0, 4],
+  mono8: [0, 0, 0, 1],
+  '8UC1': [0, 0, 0, 1],
+  '8UC3': [2, 1, 0, 3],
 }
 
 /** A raw image as a canvas; null for an encoding that no browser can guess. */
@@ -119,5 +165,16 @@ export async function layTexture(marker: TexturedMarker, { robot }: Setting): Pr
   const image = await decoded(marker.image)
   if (!image) return null
   const [w, h] = [image.width, image.height].map((size) => (size * marker.resolution) / 2)
-  return { image, corners: corners([[-w, h], [w, h], [w, -h], [-w, -h]], within(frameOf(marker.header, robot), marker.pose)) }
+  return {
+    image,
+    corners: corners(
+      [
+        [-w, h],
+        [w, h],
+        [w, -h],
+        [-w, -h],
+      ],
+      within(frameOf(marker.header, robot), marker.pose),
+    ),
+  }
 }

@@ -4,4 +4,8 @@ import type { Projection } from '../geo.ts'
 import type { FramePose } from './messages.ts'
 import type { Options } from './options.ts'
 
-export interface Setting { options: Options; robot: FramePose; projection: Projection }
+export interface Setting {
+  options: Options
+  robot: FramePose
+  projection: Projection
+}

@@ -3,19 +3,27 @@
 import { api } from '../api.ts'
 import type { App } from '../app.ts'
 import { CameraStream } from '../camera/stream.ts'
-import type { Panel, State } from '../wire.ts'
+import type { MapSource, Panel, State } from '../wire.ts'
 import type { Odometry, PoseStamped } from './messages.ts'
 import { ofYaw } from './messages.ts'
 
 type Listener = (message: unknown) => void
 /** `types` are the display types that can draw its messages; `listen` gives the function that ends it. */
-export interface Source { id: string; title: string; types: string[]; listen: (hear: Listener) => () => void }
+export interface Source {
+  id: string
+  title: string
+  types: string[]
+  listen: (hear: Listener) => () => void
+  /** What a map on the robot is drawn from, which says nothing. */
+  tiles?: MapSource
+}
 
 function ofState(app: App, pick: (state: State) => unknown): Source['listen'] {
-  return (hear) => app.store.on('state', (state) => {
-    const message = pick(state)
-    if (message !== null && message !== undefined) hear(message)
-  })
+  return (hear) =>
+    app.store.on('state', (state) => {
+      const message = pick(state)
+      if (message !== null && message !== undefined) hear(message)
+    })
 }
 
 function header(state: State): Odometry['header'] {
@@ -32,7 +40,8 @@ function odometryOf(state: State): Odometry | null {
   const stamped = poseOf(state)
   if (!stamped) return null
   const covariance = new Array<number>(36).fill(0)
-  if (state.std) [covariance[0], covariance[7], covariance[35]] = [state.std[0] ** 2, state.std[0] ** 2, state.std[1] ** 2]
+  if (state.std)
+    [covariance[0], covariance[7], covariance[35]] = [state.std[0] ** 2, state.std[0] ** 2, state.std[1] ** 2]
   return { header: stamped.header, pose: { pose: stamped.pose, covariance } }
 }
 
@@ -40,22 +49,46 @@ function fixOf(state: State): unknown {
   if (!state.gnss) return null
   const { lat, lon, std } = state.gnss
   const track = state.pose ? 90 - (state.pose[2] * 180) / Math.PI : undefined
-  return { header: header(state), latitude: lat, longitude: lon, track, position_covariance: [std ** 2, 0, 0, 0, std ** 2, 0, 0, 0, 0] }
+  return {
+    header: header(state),
+    latitude: lat,
+    longitude: lon,
+    track,
+    position_covariance: [std ** 2, 0, 0, 0, std ** 2, 0, 0, 0, 0],
+  }
 }
 
 /** Roll, pitch and yaw as the quaternion of an IMU. */
 function imuOf(state: State): unknown {
   if (!state.att) return null
-  const [[cr, sr], [cp, sp], [cy, sy]] = [state.att[0], state.att[1], state.pose?.[2] ?? 0].map((angle) => [Math.cos(angle / 2), Math.sin(angle / 2)])
-  const orientation = { w: cr * cp * cy + sr * sp * sy, x: sr * cp * cy - cr * sp * sy, y: cr * sp * cy + sr * cp * sy, z: cr * cp * sy - sr * sp * cy }
+  const [[cr, sr], [cp, sp], [cy, sy]] = [state.att[0], state.att[1], state.pose?.[2] ?? 0].map((angle) => [
+    Math.cos(angle / 2),
+    Math.sin(angle / 2),
+  ])
+  const orientation = {
+    w: cr * cp * cy + sr * sp * sy,
+    x: sr * cp * cy - cr * sp * sy,
+    y: cr * sp * cy + sr * cp * sy,
+    z: cr * cp * sy - sr * sp * cy,
+  }
   return { header: header(state), orientation }
 }
 
-function pathListener(app: App, message: (points: { pose: PoseStamped['pose'] }[], state: State | null) => unknown, event: 'path' | 'state'): Source['listen'] {
+function pathListener(
+  app: App,
+  message: (points: { pose: PoseStamped['pose'] }[], state: State | null) => unknown,
+  event: 'path' | 'state',
+): Source['listen'] {
   return (hear) => {
     const tell = (): void => {
       const { path, state } = app.store
-      if (path) hear(message(path.xy.map(([x, y]) => ({ pose: { position: { x, y } } })), state))
+      if (path)
+        hear(
+          message(
+            path.xy.map(([x, y]) => ({ pose: { position: { x, y } } })),
+            state,
+          ),
+        )
     }
     tell()
     return event === 'path' ? app.store.on('path', tell) : everySecond(tell)
@@ -87,46 +120,88 @@ export function robotSources(app: App): Source[] {
     { id: 'gnss', title: 'GNSS receiver', types: ['gps', 'navsat'], listen: ofState(app, fixOf) },
     { id: 'odometry', title: 'Estimated pose', types: ['odometry'], listen: ofState(app, odometryOf) },
     { id: 'pose', title: 'Estimated pose', types: ['pose', 'robot_image'], listen: stamped },
-    { id: 'base_link', title: 'base_link', types: ['tf_frame'], listen: ofState(app, (state) => {
-      const pose = poseOf(state)?.pose
-      return pose && { header: header(state), child_frame_id: 'base_link', transform: { translation: pose.position, rotation: pose.orientation } }
-    }) },
+    {
+      id: 'base_link',
+      title: 'base_link',
+      types: ['tf_frame'],
+      listen: ofState(app, (state) => {
+        const pose = poseOf(state)?.pose
+        return (
+          pose && {
+            header: header(state),
+            child_frame_id: 'base_link',
+            transform: { translation: pose.position, rotation: pose.orientation },
+          }
+        )
+      }),
+    },
     { id: 'imu', title: 'Tilt', types: ['attitude_indicator'], listen: ofState(app, imuOf) },
     { id: 'path', title: 'Planned path', types: ['path'], listen: pathListener(app, (poses) => ({ poses }), 'path') },
-    { id: 'route', title: 'Planned path and the place on it', types: ['route'], listen: pathListener(app, (points, state) => ({
-      route_points: points, position_m: state?.mission?.s_m }), 'state') },
-    { id: 'mission', title: 'State of the mission', types: ['string'], listen: ofState(app, (state) => ({
-      data: [state.mission?.state, state.reason].filter(Boolean).join(': ') || state.mode })) },
+    {
+      id: 'route',
+      title: 'Planned path and the place on it',
+      types: ['route'],
+      listen: pathListener(
+        app,
+        (points, state) => ({
+          route_points: points,
+          position_m: state?.mission?.s_m,
+        }),
+        'state',
+      ),
+    },
+    {
+      id: 'mission',
+      title: 'State of the mission',
+      types: ['string'],
+      listen: ofState(app, (state) => ({
+        data: [state.mission?.state, state.reason].filter(Boolean).join(': ') || state.mode,
+      })),
+    },
   ]
   if (app.session.camera) sources.push({ id: 'camera', title: 'Camera', types: ['image'], listen: cameraListener(app) })
-  app.store.signals.names.forEach((name, i) => sources.push({
-    id: `signal:${name}`, title: name, types: ['float'], listen: ofState(app, (state) => {
-      const value = state.sig?.[state.sig.length - 1]?.[i + 1]
-      return typeof value === 'number' ? { data: value } : null
+  app.store.signals.names.forEach((name, i) =>
+    sources.push({
+      id: `signal:${name}`,
+      title: name,
+      types: ['float'],
+      listen: ofState(app, (state) => {
+        const value = state.sig?.[state.sig.length - 1]?.[i + 1]
+        return typeof value === 'number' ? { data: value } : null
+      }),
     }),
-  }))
+  )
   return sources
 }
 
 /** Data that a program gives: asked for again and again while somebody looks. */
 export function panelSource(panel: Panel, isShown: () => boolean): Source {
-  const types = [panel.kind === 'image' ? 'image' : panel.type ?? 'geojson']
+  const types = [panel.kind === 'image' ? 'image' : (panel.type ?? 'geojson')]
   const listen = (hear: Listener): (() => void) => {
     let known = ''
     const load = async (): Promise<void> => {
       const response = await api.panelData(panel.id).catch(() => null)
       if (!response) return
-      if (panel.kind === 'image') return hear({ format: '', data: Array.from(new Uint8Array(await response.arrayBuffer())) })
+      if (panel.kind === 'image')
+        return hear({ format: '', data: Array.from(new Uint8Array(await response.arrayBuffer())) })
       const text = await response.text()
       if (text === known) return // nothing new: the map need not be drawn again
       known = text
       hear(JSON.parse(text))
     }
     void load()
-    const timer = setInterval(() => {
-      if (isShown()) void load()
-    }, (panel.refresh_s ?? 1) * 1000)
+    const timer = setInterval(
+      () => {
+        if (isShown()) void load()
+      },
+      (panel.refresh_s ?? 1) * 1000,
+    )
     return () => clearInterval(timer)
   }
   return { id: panel.id, title: panel.title, types, listen }
+}
+
+/** A map on the robot. */
+export function tileSource(tiles: MapSource, type: string): Source {
+  return { id: tiles.name, title: tiles.name, types: [type], listen: () => () => undefined, tiles }
 }

@@ -2,7 +2,16 @@
 
 import type { Vec2 } from '../wire.ts'
 import type { Drawing } from './drawing.ts'
-import type { FramePose, GpsFix, NavSatFix, Odometry, PoseStamped, RosPath, Route, TransformStamped } from './messages.ts'
+import type {
+  FramePose,
+  GpsFix,
+  NavSatFix,
+  Odometry,
+  PoseStamped,
+  RosPath,
+  Route,
+  TransformStamped,
+} from './messages.ts'
 import { frameOf, placed, within } from './messages.ts'
 import type { Option, Options } from './options.ts'
 import { amount, choice, colour, flag, number, words } from './options.ts'
@@ -11,14 +20,25 @@ import type { Setting } from './setting.ts'
 const SIGMAS_95 = 2.4477
 
 /** One kept place: heading where known, covariance (xx, xy, yy) where known. */
-export interface Place { p: Vec2; yaw: number | null; cov: [number, number, number] | null; t: number | null }
+export interface Place {
+  p: Vec2
+  yaw: number | null
+  cov: [number, number, number] | null
+  t: number | null
+}
 
 export const TRACK_OPTIONS: Option[] = [
-  choice('style', 'Draw as', 'lines', 'points', 'arrows'), colour('#1f5fe0'), number('size', 'Size', 3, 1, 20, 1, 'px'),
-  number('buffer', 'Places kept', 2000, 1, 20000, 1), number('tolerance_m', 'Nearest two places', 0.05, 0, 10, 0.01, 'm'),
+  choice('style', 'Draw as', 'lines', 'points', 'arrows'),
+  colour('#1f5fe0'),
+  number('size', 'Size', 3, 1, 20, 1, 'px'),
+  number('buffer', 'Places kept', 2000, 1, 20000, 1),
+  number('tolerance_m', 'Nearest two places', 0.05, 0, 10, 0.01, 'm'),
 ]
 export const ODOMETRY_OPTIONS: Option[] = [
-  ...TRACK_OPTIONS, flag('covariance', 'Covariance ellipse', true), flag('all_covariances', 'Ellipse of every place', false), flag('timestamps', 'Times', false),
+  ...TRACK_OPTIONS,
+  flag('covariance', 'Covariance ellipse', true),
+  flag('all_covariances', 'Ellipse of every place', false),
+  flag('timestamps', 'Times', false),
   flag('laps', 'A colour for each lap', false),
 ]
 const LAP_COLOURS = ['#1f5fe0', '#c2410c', '#14803c', '#8b2fc9', '#b0125b', '#0b7285']
@@ -48,7 +68,16 @@ const COMPASS = Math.PI / 2
 
 export function foldFix(track: Track, fix: NavSatFix & GpsFix, { options, projection }: Setting): Place[] {
   const yaw = fix.track === undefined ? null : COMPASS - (fix.track * Math.PI) / 180
-  return extended(track, { p: projection.toMap(fix.longitude, fix.latitude), yaw, cov: covarianceOf(fix.position_covariance, 3), t: seconds(fix.header) }, options)
+  return extended(
+    track,
+    {
+      p: projection.toMap(fix.longitude, fix.latitude),
+      yaw,
+      cov: covarianceOf(fix.position_covariance, 3),
+      t: seconds(fix.header),
+    },
+    options,
+  )
 }
 
 export function foldPose(track: Track, message: PoseStamped, { options, robot }: Setting): Place[] {
@@ -58,20 +87,45 @@ export function foldPose(track: Track, message: PoseStamped, { options, robot }:
 
 export function foldOdometry(track: Track, message: Odometry, { options, robot }: Setting): Place[] {
   const [x, y, yaw] = within(frameOf(message.header, robot), message.pose.pose)
-  return extended(track, { p: [x, y], yaw, cov: covarianceOf(message.pose.covariance, 6), t: seconds(message.header) }, options)
+  return extended(
+    track,
+    { p: [x, y], yaw, cov: covarianceOf(message.pose.covariance, 6), t: seconds(message.header) },
+    options,
+  )
 }
 
 export function drawTrack(track: Place[], draw: Drawing, { options }: Setting): void {
   const color = words(options, 'color')
   const size = amount(options, 'size')
   const style = words(options, 'style')
-  if (style === 'lines') for (const lap of options.laps ? laps(track) : [track]) draw.line(lap.map((place) => place.p), { color: lap === track ? color : lapColour(track, lap), width: size })
-  else for (const place of track) style === 'arrows' && place.yaw !== null ? draw.arrow(place.p, place.yaw, 0.12 * size, { color }) : draw.point(place.p, { color, radius: size })
+  if (style === 'lines') drawLaps(track, draw, options)
+  else for (const place of track) drawPlace(place, draw, options)
   const last = track[track.length - 1]
   if (!last) return
   if (style === 'lines') draw.point(last.p, { color, radius: size + 2 })
-  if (options.covariance) for (const place of options.all_covariances ? track : [last]) if (place.cov) draw.ellipse(place.p, place.cov, SIGMAS_95, { color, fill: 0.25 })
+  if (options.covariance) drawEllipses(options.all_covariances ? track : [last], draw, color)
   if (options.timestamps && last.t !== null) draw.label(last.p, `${last.t.toFixed(1)} s`)
+}
+
+function drawLaps(track: Place[], draw: Drawing, options: Options): void {
+  for (const lap of options.laps ? laps(track) : [track]) {
+    const color = lap === track ? words(options, 'color') : lapColour(track, lap)
+    draw.line(
+      lap.map((place) => place.p),
+      { color, width: amount(options, 'size') },
+    )
+  }
+}
+
+function drawPlace(place: Place, draw: Drawing, options: Options): void {
+  const color = words(options, 'color')
+  const size = amount(options, 'size')
+  if (words(options, 'style') === 'arrows' && place.yaw !== null) draw.arrow(place.p, place.yaw, 0.12 * size, { color })
+  else draw.point(place.p, { color, radius: size })
+}
+
+function drawEllipses(places: Place[], draw: Drawing, color: string): void {
+  for (const { p, cov } of places) if (cov) draw.ellipse(p, cov, SIGMAS_95, { color, fill: 0.25 })
 }
 
 const LAP_M = 1
@@ -95,11 +149,19 @@ function lapColour(track: Place[], lap: Place[]): string {
   return LAP_COLOURS[laps(track).findIndex((piece) => piece[0] === lap[0]) % LAP_COLOURS.length] ?? LAP_COLOURS[0]
 }
 
-export const PATH_OPTIONS: Option[] = [colour('#6a6f1d'), number('size', 'Width', 3, 1, 20, 1, 'px'), choice('style', 'Draw as', 'lines', 'points')]
+export const PATH_OPTIONS: Option[] = [
+  colour('#6a6f1d'),
+  number('size', 'Width', 3, 1, 20, 1, 'px'),
+  choice('style', 'Draw as', 'lines', 'points'),
+]
 
 export function drawPath(path: RosPath, draw: Drawing, setting: Setting): void {
   const frame = frameOf(path.header, setting.robot)
-  drawPoints(path.poses.map(({ pose }) => placed(frame, pose.position)), draw, setting.options)
+  drawPoints(
+    path.poses.map(({ pose }) => placed(frame, pose.position)),
+    draw,
+    setting.options,
+  )
 }
 
 function drawPoints(points: Vec2[], draw: Drawing, options: Options): void {
@@ -132,7 +194,11 @@ export function along(points: Vec2[], distanceM: number): FramePose | null {
   return null
 }
 
-export const FRAME_OPTIONS: Option[] = [...TRACK_OPTIONS.slice(1), number('axis_m', 'Length of the axes', 1, 0.1, 10, 0.1, 'm'), choice('style', 'Draw as', 'axes', 'lines')]
+export const FRAME_OPTIONS: Option[] = [
+  ...TRACK_OPTIONS.slice(1),
+  number('axis_m', 'Length of the axes', 1, 0.1, 10, 0.1, 'm'),
+  choice('style', 'Draw as', 'axes', 'lines'),
+]
 
 export function foldFrame(track: Track, message: TransformStamped, { options, robot }: Setting): Place[] {
   const { translation, rotation } = message.transform

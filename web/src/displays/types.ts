@@ -1,12 +1,25 @@
 /** The kinds of display that the map knows, one row each: what they read, what can be set, how they are drawn. */
 
 import type { Feature, FeatureCollection } from 'geojson'
-import type { ToolId } from '../map/tools.ts'
 import { CLOUD_OPTIONS, drawSpots, foldCloud, foldScan, SCAN_OPTIONS } from './clouds.ts'
 import type { Drawing } from './drawing.ts'
+import type { ToolId } from './host.ts'
 import {
-  ATTITUDE_OPTIONS, FLOAT_OPTIONS, foldAttitude, foldDisparity, foldImage, foldNumber, foldRobotPose, foldText, IMAGE_OPTIONS, paintAttitude, paintImage,
-  paintRobot, paintText, ROBOT_IMAGE_OPTIONS, TEXT_OPTIONS,
+  ATTITUDE_OPTIONS,
+  FLOAT_OPTIONS,
+  foldAttitude,
+  foldDisparity,
+  foldImage,
+  foldNumber,
+  foldRobotPose,
+  foldText,
+  IMAGE_OPTIONS,
+  paintAttitude,
+  paintImage,
+  paintRobot,
+  paintText,
+  ROBOT_IMAGE_OPTIONS,
+  TEXT_OPTIONS,
 } from './instruments.ts'
 import type { Surface } from './instruments.ts'
 import { drawMarkers, foldMarkers } from './markers.ts'
@@ -16,24 +29,73 @@ import { foldGrid, GRID_OPTIONS, layGrid, layTexture } from './pictures.ts'
 import type { Laid } from './pictures.ts'
 import type { Setting } from './setting.ts'
 import {
-  drawFrame, drawPath, drawRoute, drawTrack, foldFix, foldFrame, foldOdometry, foldPose, FRAME_OPTIONS, ODOMETRY_OPTIONS, PATH_OPTIONS, TRACK_OPTIONS,
+  drawFrame,
+  drawPath,
+  drawRoute,
+  drawTrack,
+  foldFix,
+  foldFrame,
+  foldOdometry,
+  foldPose,
+  FRAME_OPTIONS,
+  ODOMETRY_OPTIONS,
+  PATH_OPTIONS,
+  TRACK_OPTIONS,
 } from './tracks.ts'
 
-/** What a display remembers of the messages so far is made by `fold`; without it, that is the newest message. */
-type Fold = (state: any, message: any, setting: Setting) => unknown // eslint-disable-line @typescript-eslint/no-explicit-any
-interface Row { id: string; title: string; reads: string; options: Option[]; fold?: Fold }
-export interface ShapesType extends Row { kind: 'shapes'; needsNoSource?: boolean; draw: (state: any, draw: Drawing, setting: Setting) => void }
-export interface LaidType extends Row { kind: 'laid'; lay: (state: any, setting: Setting) => Laid | null | Promise<Laid | null> }
-export interface PaintedType extends Row { kind: 'painted'; paint: (state: any, surface: Surface, setting: Setting) => void }
-export interface TilesType extends Row { kind: 'tiles' }
-export interface ToolType extends Row { kind: 'tool'; tool: ToolId }
+/**
+ * What a display remembers of the messages so far is made by `fold`; without it, that is the newest message.
+ * What messages and memory are is the type's own affair, hence `never`.
+ */
+type Fold = (state: never, message: never, setting: Setting) => unknown
+interface Row {
+  id: string
+  title: string
+  reads: string
+  options: Option[]
+  fold?: Fold
+}
+export interface ShapesType extends Row {
+  kind: 'shapes'
+  needsNoSource?: boolean
+  draw: (state: never, draw: Drawing, setting: Setting) => void
+}
+export interface LaidType extends Row {
+  kind: 'laid'
+  lay: (state: never, setting: Setting) => Laid | null | Promise<Laid | null>
+}
+export interface PaintedType extends Row {
+  kind: 'painted'
+  paint: (state: never, surface: Surface, setting: Setting) => void
+}
+export interface TilesType extends Row {
+  kind: 'tiles'
+}
+export interface ToolType extends Row {
+  kind: 'tool'
+  tool: ToolId
+}
 export type DisplayType = ShapesType | LaidType | PaintedType | TilesType | ToolType
 
-function shapes(id: string, title: string, reads: string, options: Option[], draw: ShapesType['draw'], fold?: Fold): ShapesType {
+function shapes(
+  id: string,
+  title: string,
+  reads: string,
+  options: Option[],
+  draw: ShapesType['draw'],
+  fold?: Fold,
+): ShapesType {
   return { kind: 'shapes', id, title, reads, options, draw, ...(fold ? { fold } : {}) }
 }
 
-function painted(id: string, title: string, reads: string, options: Option[], paint: PaintedType['paint'], fold: Fold): PaintedType {
+function painted(
+  id: string,
+  title: string,
+  reads: string,
+  options: Option[],
+  paint: PaintedType['paint'],
+  fold: Fold,
+): PaintedType {
   return { kind: 'painted', id, title, reads, options, paint, fold }
 }
 
@@ -43,38 +105,111 @@ function tool(id: string, title: string, reads: string, which: ToolId): ToolType
 
 /** The ids are those of mapviz's plugins; `geojson` is ours. */
 export const DISPLAY_TYPES: DisplayType[] = [
-  painted('attitude_indicator', 'Attitude', 'sensor_msgs/Imu, nav_msgs/Odometry, geometry_msgs/PoseStamped', ATTITUDE_OPTIONS, paintAttitude, foldAttitude),
+  painted(
+    'attitude_indicator',
+    'Attitude',
+    'sensor_msgs/Imu, nav_msgs/Odometry, geometry_msgs/PoseStamped',
+    ATTITUDE_OPTIONS,
+    paintAttitude,
+    foldAttitude,
+  ),
   tool('coordinate_picker', 'Coordinate picker', 'a tap on the map', 'coordinates'),
   painted('disparity', 'Disparity', 'stereo_msgs/DisparityImage', IMAGE_OPTIONS, paintImage, foldDisparity),
   tool('draw_polygon', 'Draw a polygon', 'taps on the map', 'polygon'),
   painted('float', 'Number', 'std_msgs/Float64', FLOAT_OPTIONS, paintText, foldNumber),
   shapes('gps', 'GPS track', 'gps_common/GPSFix', TRACK_OPTIONS, drawTrack, foldFix),
-  { ...shapes('grid', 'Grid', 'nothing', [
-    choice('frame', 'Fixed to', 'map', 'base_link'), number('x', 'East', 0, -1000, 1000, 0.1, 'm'), number('y', 'North', 0, -1000, 1000, 0.1, 'm'),
-    number('size', 'Cell', 1, 0.01, 100, 0.01, 'm'), number('rows', 'Rows', 10, 1, 500, 1), number('columns', 'Columns', 10, 1, 500, 1), colour('#5a5140'),
-    number('width', 'Line width', 1, 1, 10, 1, 'px'),
-  ], drawGrid), needsNoSource: true },
+  {
+    ...shapes(
+      'grid',
+      'Grid',
+      'nothing',
+      [
+        choice('frame', 'Fixed to', 'map', 'base_link'),
+        number('x', 'East', 0, -1000, 1000, 0.1, 'm'),
+        number('y', 'North', 0, -1000, 1000, 0.1, 'm'),
+        number('size', 'Cell', 1, 0.01, 100, 0.01, 'm'),
+        number('rows', 'Rows', 10, 1, 500, 1),
+        number('columns', 'Columns', 10, 1, 500, 1),
+        colour('#5a5140'),
+        number('width', 'Line width', 1, 1, 10, 1, 'px'),
+      ],
+      drawGrid,
+    ),
+    needsNoSource: true,
+  },
   painted('image', 'Picture', 'sensor_msgs/Image, sensor_msgs/CompressedImage', IMAGE_OPTIONS, paintImage, foldImage),
   shapes('laserscan', 'Laser scan', 'sensor_msgs/LaserScan', SCAN_OPTIONS, drawSpots, foldScan),
-  shapes('marker', 'Markers', 'visualization_msgs/Marker, visualization_msgs/MarkerArray', [], drawMarkers, foldMarkers),
+  shapes(
+    'marker',
+    'Markers',
+    'visualization_msgs/Marker, visualization_msgs/MarkerArray',
+    [],
+    drawMarkers,
+    foldMarkers,
+  ),
   tool('measuring', 'Measure', 'taps on the map', 'measure'),
   tool('move_base', 'Drive to a place', 'a press and drag on the map', 'goal'),
   shapes('navsat', 'Fixes', 'sensor_msgs/NavSatFix', TRACK_OPTIONS, drawTrack, foldFix),
-  { kind: 'laid', id: 'occupancy_grid', title: 'Occupancy grid', reads: 'nav_msgs/OccupancyGrid, map_msgs/OccupancyGridUpdate', options: GRID_OPTIONS, fold: foldGrid, lay: layGrid },
+  {
+    kind: 'laid',
+    id: 'occupancy_grid',
+    title: 'Occupancy grid',
+    reads: 'nav_msgs/OccupancyGrid, map_msgs/OccupancyGridUpdate',
+    options: GRID_OPTIONS,
+    fold: foldGrid,
+    lay: layGrid,
+  },
   shapes('odometry', 'Odometry', 'nav_msgs/Odometry', ODOMETRY_OPTIONS, drawTrack, foldOdometry),
   shapes('path', 'Path', 'nav_msgs/Path', PATH_OPTIONS, drawPath),
   tool('plan_route', 'Plan a route', 'taps on the map', 'route'),
   tool('point_click_publisher', 'Publish a point', 'a tap on the map', 'point'),
   shapes('pointcloud2', 'Point cloud', 'sensor_msgs/PointCloud2', CLOUD_OPTIONS, drawSpots, foldCloud),
   shapes('pose', 'Pose', 'geometry_msgs/PoseStamped', TRACK_OPTIONS, drawTrack, foldPose),
-  painted('robot_image', 'Picture of the robot', 'geometry_msgs/PoseStamped', ROBOT_IMAGE_OPTIONS, paintRobot, foldRobotPose),
-  shapes('route', 'Route', 'marti_nav_msgs/Route', [...PATH_OPTIONS, colour('#d22f26', 'icon', 'Colour of the arrow')], drawRoute),
+  painted(
+    'robot_image',
+    'Picture of the robot',
+    'geometry_msgs/PoseStamped',
+    ROBOT_IMAGE_OPTIONS,
+    paintRobot,
+    foldRobotPose,
+  ),
+  shapes(
+    'route',
+    'Route',
+    'marti_nav_msgs/Route',
+    [...PATH_OPTIONS, colour('#d22f26', 'icon', 'Colour of the arrow')],
+    drawRoute,
+  ),
   painted('string', 'Text', 'std_msgs/String', TEXT_OPTIONS, paintText, foldText),
-  { kind: 'laid', id: 'textured_marker', title: 'Textured marker', reads: 'marti_visualization_msgs/TexturedMarker', options: [], lay: layTexture },
+  {
+    kind: 'laid',
+    id: 'textured_marker',
+    title: 'Textured marker',
+    reads: 'marti_visualization_msgs/TexturedMarker',
+    options: [],
+    lay: layTexture,
+  },
   shapes('tf_frame', 'Frame', 'geometry_msgs/TransformStamped', FRAME_OPTIONS, drawFrame, foldFrame),
   { kind: 'tiles', id: 'tile_map', title: 'Tile map', reads: 'a map imported with `agribot map import`', options: [] },
-  { kind: 'tiles', id: 'multires_image', title: 'Multi-resolution image', reads: 'a .geo pyramid imported with `agribot map import`', options: [] },
-  shapes('geojson', 'GeoJSON', 'longitude and latitude', [colour('#b1128a'), number('width_px', 'Line width', 2, 1, 20, 1, 'px'), number('radius_px', 'Point size', 5, 1, 40, 1, 'px'), number('opacity', 'Opacity', 1, 0, 1, 0.05)], drawGeoJson),
+  {
+    kind: 'tiles',
+    id: 'multires_image',
+    title: 'Multi-resolution image',
+    reads: 'a .geo pyramid imported with `agribot map import`',
+    options: [],
+  },
+  shapes(
+    'geojson',
+    'GeoJSON',
+    'longitude and latitude',
+    [
+      colour('#b1128a'),
+      number('width_px', 'Line width', 2, 1, 20, 1, 'px'),
+      number('radius_px', 'Point size', 5, 1, 40, 1, 'px'),
+      number('opacity', 'Opacity', 1, 0, 1, 0.05),
+    ],
+    drawGeoJson,
+  ),
 ]
 
 export function typeOf(id: string): DisplayType | undefined {
@@ -94,6 +229,11 @@ function drawGrid(_: unknown, draw: Drawing, { options, robot }: Setting): void 
 
 /** Each feature in the display's style, unless its own properties say another. */
 function drawGeoJson(data: FeatureCollection | Feature, draw: Drawing, { options }: Setting): void {
-  const look = { color: words(options, 'color'), width: amount(options, 'width_px'), radius: amount(options, 'radius_px'), alpha: amount(options, 'opacity') }
+  const look = {
+    color: words(options, 'color'),
+    width: amount(options, 'width_px'),
+    radius: amount(options, 'radius_px'),
+    alpha: amount(options, 'opacity'),
+  }
   for (const feature of 'features' in data ? data.features : [data]) draw.foreign(feature, look)
 }

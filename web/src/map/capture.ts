@@ -11,7 +11,10 @@ export const CAPTURE_SIZES = {
   '720p': '720p (1280 × 720)',
 }
 export type CaptureSize = keyof typeof CAPTURE_SIZES
-const SIZES_PX: Partial<Record<CaptureSize, [width: number, height: number]>> = { '480p': [640, 480], '720p': [1280, 720] }
+const SIZES_PX: Partial<Record<CaptureSize, [width: number, height: number]>> = {
+  '480p': [640, 480],
+  '720p': [1280, 720],
+}
 
 export class Capture {
   /** Of pictures and of the next video; of another shape than the window, its middle fills them. */
@@ -24,7 +27,10 @@ export class Capture {
   /** The size at which a film was begun: it has one. */
   private filmed: CaptureSize | null = null
 
-  constructor(private readonly map: MapLibre, private readonly overlay: HTMLCanvasElement) {}
+  constructor(
+    private readonly map: MapLibre,
+    private readonly overlay: HTMLCanvasElement,
+  ) {}
 
   /** The GL canvas can only be read while it is being drawn. */
   private compose(): void {
@@ -58,7 +64,8 @@ export class Capture {
 
   /** Film the map until `stop`; false where the browser cannot. */
   start(): boolean {
-    const type = typeof MediaRecorder === 'undefined' ? undefined : VIDEO_TYPES.find((name) => MediaRecorder.isTypeSupported(name))
+    const type =
+      typeof MediaRecorder === 'undefined' ? undefined : VIDEO_TYPES.find((name) => MediaRecorder.isTypeSupported(name))
     if (!type || this.recorder) return false
     this.filmed = this.size
     this.compose()
@@ -76,7 +83,11 @@ export class Capture {
     const recorder = this.recorder
     if (!recorder) return Promise.resolve(null)
     return new Promise((resolve) => {
-      recorder.onstop = () => resolve({ film: new Blob(this.parts, { type: recorder.mimeType }), suffix: recorder.mimeType.includes('mp4') ? 'mp4' : 'webm' })
+      recorder.onstop = () =>
+        resolve({
+          film: new Blob(this.parts, { type: recorder.mimeType }),
+          suffix: recorder.mimeType.includes('mp4') ? 'mp4' : 'webm',
+        })
       recorder.stop()
       clearInterval(this.timer)
       this.map.off('render', this.copy)

@@ -3,14 +3,13 @@
 import type { MapMouseEvent } from 'maplibre-gl'
 import { api } from '../api.ts'
 import type { App } from '../app.ts'
+import type { LayerGroup, ToolId } from '../displays/host.ts'
 import { download, el, setText } from '../dom.ts'
-import { addDisplay, editGroup } from '../displays/dialog.ts'
 import type { IconName } from '../icons.ts'
 import { icon } from '../icons.ts'
-import type { LayerGroup } from './layers.ts'
+import { addDisplay, editGroup } from './display-dialog.ts'
 import { mapvizButtons } from './mapviz.ts'
 import { TOOLS } from './tools.ts'
-import type { ToolId } from './tools.ts'
 import type { SavedView, MapView } from './view.ts'
 import { viewSettings } from './view-settings.ts'
 import type { ViewSettings } from './view-settings.ts'
@@ -20,7 +19,11 @@ function mapButton(name: IconName, title: string, action: () => void): HTMLButto
 }
 
 /** Which tools a screen offers; all by default. */
-export function mapControls(view: MapView, app: App, tools: ToolId[] = TOOLS.map((t) => t.id)): { node: HTMLElement; done: () => void } {
+export function mapControls(
+  view: MapView,
+  app: App,
+  tools: ToolId[] = TOOLS.map((t) => t.id),
+): { node: HTMLElement; done: () => void } {
   const follow = mapButton('follow', 'Follow the robot', () => view.tracking.toggle())
   const film = filmButton(view, app)
   const cursor = cursorLine(view)
@@ -38,12 +41,26 @@ export function mapControls(view: MapView, app: App, tools: ToolId[] = TOOLS.map
     settings.refresh()
   }
   view.tracking.onTarget()
-  const node = el('div', { class: 'map-controls' },
-    el('div', { class: 'map-stack' },
-      mapButton('plus', 'Zoom in', () => view.zoomBy(1)), mapButton('minus', 'Zoom out', () => view.zoomBy(-1)),
-      follow, mapButton('fit', 'Whole field', () => view.overview()), layersButton,
-      mapButton('image', 'Save a picture of the map', () => void savePicture(view, app)), film),
-    bar.node, cursor.node, hint.node, view.tools.proposals.card.node, layers)
+  const node = el(
+    'div',
+    { class: 'map-controls' },
+    el(
+      'div',
+      { class: 'map-stack' },
+      mapButton('plus', 'Zoom in', () => view.zoomBy(1)),
+      mapButton('minus', 'Zoom out', () => view.zoomBy(-1)),
+      follow,
+      mapButton('fit', 'Whole field', () => view.overview()),
+      layersButton,
+      mapButton('image', 'Save a picture of the map', () => void savePicture(view, app)),
+      film,
+    ),
+    bar.node,
+    cursor.node,
+    hint.node,
+    view.tools.proposals.card.node,
+    layers,
+  )
   const done = (): void => {
     cursor.done()
     settings.done()
@@ -65,12 +82,24 @@ function cursorLine({ map, app }: MapView): { node: HTMLElement; done: () => voi
   return { node, done: () => map.off('mousemove', move).off('mouseout', leave) }
 }
 
-interface Hint { node: HTMLElement; show: (text: string) => void }
+interface Hint {
+  node: HTMLElement
+  show: (text: string) => void
+}
 
 /** What the tool says, and a button that copies what it has read. */
 function hintLine(view: MapView): Hint {
   const text = el('output', { class: 'select-all' })
-  const copy = el('button', { type: 'button', class: 'icon-button quiet', 'aria-label': 'Copy the position', onclick: () => void copyText(view) }, icon('copy', 20))
+  const copy = el(
+    'button',
+    {
+      type: 'button',
+      class: 'icon-button quiet',
+      'aria-label': 'Copy the position',
+      onclick: () => void copyText(view),
+    },
+    icon('copy', 20),
+  )
   const node = el('div', { class: 'map-hint', hidden: true }, text, copy)
   const show = (words: string): void => {
     setText(text, words)
@@ -154,24 +183,61 @@ function layerPanel(view: MapView, useTool: (id: ToolId) => void, settings: View
   const fill = (): void => list.replaceChildren(...view.groups.map((group) => layerRow(view, group)))
   view.ready(fill)
   view.onGroups = fill
-  const add = el('button', { type: 'button', class: 'button', onclick: () => void addDisplay(view, useTool) }, icon('plus', 20), 'Add display')
-  return el('div', { class: 'map-panel card', hidden: true, role: 'group', 'aria-label': 'Layers' },
-    el('div', { class: 'title-row' }, el('h2', {}, 'Layers'), add), list, settings.node, viewButtons(view, fill))
+  const add = el(
+    'button',
+    { type: 'button', class: 'button', onclick: () => void addDisplay(view, useTool) },
+    icon('plus', 20),
+    'Add display',
+  )
+  return el(
+    'div',
+    { class: 'map-panel card', hidden: true, role: 'group', 'aria-label': 'Layers' },
+    el('div', { class: 'title-row' }, el('h2', {}, 'Layers'), add),
+    list,
+    settings.node,
+    viewButtons(view, fill),
+  )
 }
 
 function layerRow(view: MapView, group: LayerGroup): HTMLElement {
-  const show = el('input', { type: 'checkbox', checked: group.visible, onchange: () => {
-    group.visible = show.checked
-    view.applyGroup(group)
-  } })
-  const opacity = el('input', { type: 'range', min: 0, max: 1, step: 0.05, value: group.opacity, 'aria-label': `Opacity of ${group.title}`,
+  const show = el('input', {
+    type: 'checkbox',
+    checked: group.visible,
+    onchange: () => {
+      group.visible = show.checked
+      view.applyGroup(group)
+    },
+  })
+  const opacity = el('input', {
+    type: 'range',
+    min: 0,
+    max: 1,
+    step: 0.05,
+    value: group.opacity,
+    'aria-label': `Opacity of ${group.title}`,
     oninput: () => {
       group.opacity = Number(opacity.value)
       view.applyGroup(group)
-    } })
+    },
+  })
   if (group.id === 'robot') opacity.style.visibility = 'hidden'
-  const edit = el('button', { type: 'button', class: 'icon-button', 'aria-label': `Change ${group.title}`, onclick: () => void editGroup(view, group) }, icon('settings', 20))
-  return el('div', { class: 'layer-row' }, el('label', { class: 'check' }, show, el('span', {}, group.title)), opacity, edit)
+  const edit = el(
+    'button',
+    {
+      type: 'button',
+      class: 'icon-button',
+      'aria-label': `Change ${group.title}`,
+      onclick: () => void editGroup(view, group),
+    },
+    icon('settings', 20),
+  )
+  return el(
+    'div',
+    { class: 'layer-row' },
+    el('label', { class: 'check' }, show, el('span', {}, group.title)),
+    opacity,
+    edit,
+  )
 }
 
 function viewButtons(view: MapView, refresh: () => void): HTMLElement {
@@ -185,14 +251,21 @@ function viewButtons(view: MapView, refresh: () => void): HTMLElement {
     const names = await app.attempt(api.views())
     if (!names) return
     const body = names.length ? 'Views keep the place, the zoom and the layers.' : 'No view has been saved yet.'
-    const name = await app.dialogs.ask('Open a view', [body], names.map((value) => ({ label: value, value })))
+    const name = await app.dialogs.ask(
+      'Open a view',
+      [body],
+      names.map((value) => ({ label: value, value })),
+    )
     const saved = name && (await app.attempt(api.loadView(name)))
     if (!saved) return
     view.show(saved as SavedView)
     refresh()
   }
-  return el('div', { class: 'pair-grid' },
+  return el(
+    'div',
+    { class: 'pair-grid' },
     el('button', { type: 'button', class: 'button', onclick: () => void save() }, icon('save', 20), 'Save view'),
     el('button', { type: 'button', class: 'button', onclick: () => void load() }, icon('plan', 20), 'Open view'),
-    ...mapvizButtons(view, refresh))
+    ...mapvizButtons(view, refresh),
+  )
 }

@@ -1,18 +1,12 @@
 /** What the robot and the server say, as GeoJSON for the map's sources. */
 
-import type { Feature, FeatureCollection, Geometry, Position } from 'geojson'
+import type { Feature, Position } from 'geojson'
 import type { Projection } from '../geo.ts'
+import { collection, EMPTY } from '../geojson.ts'
+import type { Features } from '../geojson.ts'
 import type { Field, PathData, Vec2, Weed } from '../wire.ts'
 
 const ROW_LABEL_M = 1
-
-export type Features = FeatureCollection<Geometry>
-
-export function collection(features: Feature[]): Features {
-  return { type: 'FeatureCollection', features }
-}
-
-export const EMPTY: Features = collection([])
 
 function line(coordinates: Position[], properties: Record<string, unknown> = {}): Feature {
   return { type: 'Feature', properties, geometry: { type: 'LineString', coordinates } }
@@ -26,26 +20,42 @@ export function project(projection: Projection, points: Vec2[]): Position[] {
   return points.map(([x, y]) => projection.toLonLat(x, y))
 }
 
-export function fieldFeatures(field: Field, projection: Projection): { boundary: Features; obstacles: Features; rows: Features } {
-  const area = (ring: Vec2[]): Feature =>
-    ({ type: 'Feature', properties: {}, geometry: { type: 'Polygon', coordinates: [project(projection, [...ring, ring[0]])] } })
+export function fieldFeatures(
+  field: Field,
+  projection: Projection,
+): { boundary: Features; obstacles: Features; rows: Features } {
+  const area = (ring: Vec2[]): Feature => ({
+    type: 'Feature',
+    properties: {},
+    geometry: { type: 'Polygon', coordinates: [project(projection, [...ring, ring[0]])] },
+  })
   const boundary = field.boundary_map_m?.length ? [area(field.boundary_map_m)] : []
   const rows = field.rows.flatMap((row) => [
     line(project(projection, row.points_map_m), { index: row.index }),
     point(projection.toLonLat(...before(row.points_map_m[0], row.points_map_m[1])), { label: String(row.index + 1) }),
   ])
-  return { boundary: collection(boundary), obstacles: collection((field.obstacles_map_m ?? []).map(area)), rows: collection(rows) }
+  return {
+    boundary: collection(boundary),
+    obstacles: collection((field.obstacles_map_m ?? []).map(area)),
+    rows: collection(rows),
+  }
 }
 
 /** A little before the start of a row, where its number does not cover anything. */
 function before(start: Vec2, end: Vec2): Vec2 {
   const length = Math.hypot(end[0] - start[0], end[1] - start[1]) || 1
-  return [start[0] - (ROW_LABEL_M * (end[0] - start[0])) / length, start[1] - (ROW_LABEL_M * (end[1] - start[1])) / length]
+  return [
+    start[0] - (ROW_LABEL_M * (end[0] - start[0])) / length,
+    start[1] - (ROW_LABEL_M * (end[1] - start[1])) / length,
+  ]
 }
 
 export function waypointFeatures(field: Field, projection: Projection, reached: number): Features {
-  return collection(field.waypoints_map_m.map(([x, y], i) =>
-    point(projection.toLonLat(x, y), { index: i, label: String(i + 1), done: i < reached })))
+  return collection(
+    field.waypoints_map_m.map(([x, y], i) =>
+      point(projection.toLonLat(x, y), { index: i, label: String(i + 1), done: i < reached }),
+    ),
+  )
 }
 
 export function pathFeatures(path: PathData | null, projection: Projection): Features {
@@ -69,8 +79,22 @@ export function gridFeatures(projection: Projection, centre: Vec2, stepM: number
   const [cx, cy] = [snap(centre[0]), snap(centre[1])]
   const features: Feature[] = []
   for (let d = -reachM; d <= reachM; d += stepM) {
-    features.push(line(project(projection, [[cx + d, cy - reachM], [cx + d, cy + reachM]])))
-    features.push(line(project(projection, [[cx - reachM, cy + d], [cx + reachM, cy + d]])))
+    features.push(
+      line(
+        project(projection, [
+          [cx + d, cy - reachM],
+          [cx + d, cy + reachM],
+        ]),
+      ),
+    )
+    features.push(
+      line(
+        project(projection, [
+          [cx - reachM, cy + d],
+          [cx + reachM, cy + d],
+        ]),
+      ),
+    )
   }
   return collection(features)
 }
@@ -86,14 +110,23 @@ export function densityFeatures(weeds: Iterable<Weed>, cellM: number, projection
     if (cell) cell.n++
     else counts.set(`${i},${j}`, { i, j, n: 1 })
   }
-  return collection([...counts.values()].map(({ i, j, n }) => {
-    const [x, y] = [i * cellM, j * cellM]
-    const ring: Vec2[] = [[x, y], [x + cellM, y], [x + cellM, y + cellM], [x, y + cellM], [x, y]]
-    return {
-      type: 'Feature', properties: { count: n, per_m2: n / (cellM * cellM) },
-      geometry: { type: 'Polygon', coordinates: [project(projection, ring)] },
-    }
-  }))
+  return collection(
+    [...counts.values()].map(({ i, j, n }) => {
+      const [x, y] = [i * cellM, j * cellM]
+      const ring: Vec2[] = [
+        [x, y],
+        [x + cellM, y],
+        [x + cellM, y + cellM],
+        [x, y + cellM],
+        [x, y],
+      ]
+      return {
+        type: 'Feature',
+        properties: { count: n, per_m2: n / (cellM * cellM) },
+        geometry: { type: 'Polygon', coordinates: [project(projection, ring)] },
+      }
+    }),
+  )
 }
 
 /** The box [west, south, east, north] around points, or null for none. */

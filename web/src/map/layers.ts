@@ -1,18 +1,19 @@
 /** The map's layers from bottom to top: which sources they draw and how, and which the operator may hide. */
 
 import type { AddLayerObject, Map as MapLibre } from 'maplibre-gl'
-import { EMPTY } from './features.ts'
-import type { Palette } from './palette.ts'
-
-/** The accuracy of a GeoJSON source comes from its deepest tile: 18 would round to 11 mm, 22 to 0.7 mm. */
-export const SOURCE_MAXZOOM = 22
-
-/** `layers` from bottom to top. */
-export interface LayerGroup { id: string; title: string; layers: string[]; visible: boolean; opacity: number }
+import type { LayerGroup } from '../displays/host.ts'
+import { EMPTY, SOURCE_MAXZOOM } from '../geojson.ts'
+import type { Palette } from '../shell/palette.ts'
 
 /** What can be shown and hidden, from top to bottom. */
 export function layerGroups(): LayerGroup[] {
-  const group = (id: string, title: string, layers: string[], visible = true): LayerGroup => ({ id, title, layers, visible, opacity: 1 })
+  const group = (id: string, title: string, layers: string[], visible = true): LayerGroup => ({
+    id,
+    title,
+    layers,
+    visible,
+    opacity: 1,
+  })
   return [
     group('robot', 'Robot', []),
     group('waypoints', 'Goals', ['waypoints', 'waypoint-labels']),
@@ -27,11 +28,25 @@ export function layerGroups(): LayerGroup[] {
   ]
 }
 
-export const SOURCES = ['grid-1', 'grid-10', 'boundary', 'obstacles', 'rows', 'density', 'weeds', 'path', 'trajectory', 'waypoints'] as const
+export const SOURCES = [
+  'grid-1',
+  'grid-10',
+  'boundary',
+  'obstacles',
+  'rows',
+  'density',
+  'weeds',
+  'path',
+  'trajectory',
+  'waypoints',
+] as const
 export type SourceId = (typeof SOURCES)[number]
 
 const OPACITY: Record<string, string[]> = {
-  line: ['line-opacity'], fill: ['fill-opacity'], symbol: ['icon-opacity'], raster: ['raster-opacity'],
+  line: ['line-opacity'],
+  fill: ['fill-opacity'],
+  symbol: ['icon-opacity'],
+  raster: ['raster-opacity'],
   circle: ['circle-opacity', 'circle-stroke-opacity'],
 }
 
@@ -43,39 +58,104 @@ function fieldLayers(c: Palette): AddLayerObject[] {
   const hair = byZoom(14, 0.4, 22, 1.2)
   return [
     { id: 'grid-1', type: 'line', source: 'grid-1', minzoom: 19, paint: { 'line-color': c.grid, 'line-width': hair } },
-    { id: 'grid-10', type: 'line', source: 'grid-10', minzoom: 14, paint: { 'line-color': c.grid, 'line-width': byZoom(14, 0.6, 22, 2.4) } },
-    { id: 'boundary-fill', type: 'fill', source: 'boundary', paint: { 'fill-color': c.boundary, 'fill-opacity': 0.07 } },
+    {
+      id: 'grid-10',
+      type: 'line',
+      source: 'grid-10',
+      minzoom: 14,
+      paint: { 'line-color': c.grid, 'line-width': byZoom(14, 0.6, 22, 2.4) },
+    },
+    {
+      id: 'boundary-fill',
+      type: 'fill',
+      source: 'boundary',
+      paint: { 'fill-color': c.boundary, 'fill-opacity': 0.07 },
+    },
     { id: 'boundary', type: 'line', source: 'boundary', paint: { 'line-color': c.boundary, 'line-width': 2 } },
     { id: 'obstacles-fill', type: 'fill', source: 'obstacles', paint: { 'fill-color': c.weed, 'fill-opacity': 0.35 } },
     { id: 'obstacles', type: 'line', source: 'obstacles', paint: { 'line-color': c.weed, 'line-width': 2 } },
-    { id: 'density', type: 'fill', source: 'density', paint: {
-      'fill-color': c.weed, 'fill-opacity': ['interpolate', ['linear'], ['get', 'per_m2'], 0, 0.08, 4, 0.75] } },
-    { id: 'rows', type: 'line', source: 'rows', layout: { 'line-cap': 'round' },
-      paint: { 'line-color': c.row, 'line-width': byZoom(16, 1, 20, 4, 23, 30) } },
+    {
+      id: 'density',
+      type: 'fill',
+      source: 'density',
+      paint: {
+        'fill-color': c.weed,
+        'fill-opacity': ['interpolate', ['linear'], ['get', 'per_m2'], 0, 0.08, 4, 0.75],
+      },
+    },
+    {
+      id: 'rows',
+      type: 'line',
+      source: 'rows',
+      layout: { 'line-cap': 'round' },
+      paint: { 'line-color': c.row, 'line-width': byZoom(16, 1, 20, 4, 23, 30) },
+    },
   ]
 }
 
 function liveLayers(c: Palette): AddLayerObject[] {
   return [
-    { id: 'path', type: 'line', source: 'path', paint: { 'line-color': c.path, 'line-width': byZoom(16, 1, 22, 3), 'line-dasharray': [3, 2] } },
-    { id: 'weeds', type: 'circle', source: 'weeds', paint: {
-      'circle-radius': byZoom(15, 1, 19, 2.4, 22, 9), 'circle-color': ['match', ['get', 'cls'], 0, c.weed, c.crop],
-      'circle-opacity': ['case', ['get', 'treated'], 0.35, 0.9],
-      'circle-stroke-color': ['match', ['get', 'cls'], 0, c.weed, c.crop], 'circle-stroke-width': ['case', ['get', 'treated'], 1.5, 0] } },
-    { id: 'trajectory', type: 'line', source: 'trajectory', layout: { 'line-join': 'round', 'line-cap': 'round' },
-      paint: { 'line-color': c.trajectory, 'line-width': byZoom(14, 1.5, 22, 5) } },
-    { id: 'waypoints', type: 'circle', source: 'waypoints', paint: {
-      'circle-radius': byZoom(15, 2, 19, 5, 22, 11), 'circle-color': ['case', ['get', 'done'], c.goalDone, c.goal],
-      'circle-stroke-color': c.halo, 'circle-stroke-width': 1.5 } },
+    {
+      id: 'path',
+      type: 'line',
+      source: 'path',
+      paint: { 'line-color': c.path, 'line-width': byZoom(16, 1, 22, 3), 'line-dasharray': [3, 2] },
+    },
+    {
+      id: 'weeds',
+      type: 'circle',
+      source: 'weeds',
+      paint: {
+        'circle-radius': byZoom(15, 1, 19, 2.4, 22, 9),
+        'circle-color': ['match', ['get', 'cls'], 0, c.weed, c.crop],
+        'circle-opacity': ['case', ['get', 'treated'], 0.35, 0.9],
+        'circle-stroke-color': ['match', ['get', 'cls'], 0, c.weed, c.crop],
+        'circle-stroke-width': ['case', ['get', 'treated'], 1.5, 0],
+      },
+    },
+    {
+      id: 'trajectory',
+      type: 'line',
+      source: 'trajectory',
+      layout: { 'line-join': 'round', 'line-cap': 'round' },
+      paint: { 'line-color': c.trajectory, 'line-width': byZoom(14, 1.5, 22, 5) },
+    },
+    {
+      id: 'waypoints',
+      type: 'circle',
+      source: 'waypoints',
+      paint: {
+        'circle-radius': byZoom(15, 2, 19, 5, 22, 11),
+        'circle-color': ['case', ['get', 'done'], c.goalDone, c.goal],
+        'circle-stroke-color': c.halo,
+        'circle-stroke-width': 1.5,
+      },
+    },
     label('waypoint-labels', 'waypoints', c, 20.5, 'bottom-left'),
     label('row-labels', 'rows', c, 18.5, 'center'),
   ]
 }
 
 /** Text as images drawn on demand (`text:…`, see texture.ts): a font on the map would need glyph files. */
-function label(id: string, source: string, c: Palette, minzoom: number, anchor: 'center' | 'bottom-left'): AddLayerObject {
-  return { id, type: 'symbol', source, minzoom, filter: ['==', ['geometry-type'], 'Point'], layout: {
-    'icon-image': ['concat', `text:${c.ink}:${c.halo}:`, ['get', 'label']], 'icon-anchor': anchor, 'icon-allow-overlap': true } }
+function label(
+  id: string,
+  source: string,
+  c: Palette,
+  minzoom: number,
+  anchor: 'center' | 'bottom-left',
+): AddLayerObject {
+  return {
+    id,
+    type: 'symbol',
+    source,
+    minzoom,
+    filter: ['==', ['geometry-type'], 'Point'],
+    layout: {
+      'icon-image': ['concat', `text:${c.ink}:${c.halo}:`, ['get', 'label']],
+      'icon-anchor': anchor,
+      'icon-allow-overlap': true,
+    },
+  }
 }
 
 export function addLayers(map: MapLibre, colours: Palette): void {
@@ -87,7 +167,7 @@ export function addLayers(map: MapLibre, colours: Palette): void {
 export function recolour(map: MapLibre, colours: Palette): void {
   map.setPaintProperty('background', 'background-color', colours.ground)
   for (const layer of [...fieldLayers(colours), ...liveLayers(colours)]) {
-    for (const [name, value] of Object.entries(layer.type === 'custom' ? {} : layer.paint ?? {})) {
+    for (const [name, value] of Object.entries(layer.type === 'custom' ? {} : (layer.paint ?? {}))) {
       if (!name.endsWith('opacity')) map.setPaintProperty(layer.id, name as 'line-color', value as string)
     }
     if (layer.type === 'symbol') {

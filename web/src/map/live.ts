@@ -1,10 +1,20 @@
 /** Feeds the map's sources from the store: each at its own pace, none faster than a person sees. */
 
-import type { GeoJSONSource } from 'maplibre-gl'
+import type { GeoJSONSource, Map as MapLibre } from 'maplibre-gl'
 import type { App } from '../app.ts'
-import type { Weed } from '../wire.ts'
-import { collection, densityFeatures, fieldFeatures, gridFeatures, pathFeatures, trajectoryFeatures, waypointFeatures, weedFeature } from './features.ts'
-import type { MapView } from './view.ts'
+import { collection } from '../geojson.ts'
+import type { Features } from '../geojson.ts'
+import type { Vec2, Weed } from '../wire.ts'
+import {
+  densityFeatures,
+  fieldFeatures,
+  gridFeatures,
+  pathFeatures,
+  trajectoryFeatures,
+  waypointFeatures,
+  weedFeature,
+} from './features.ts'
+import type { SourceId } from './layers.ts'
 
 const TAIL_POINTS = 200
 const PIECES_EVERY_MS = 250
@@ -12,6 +22,13 @@ const FREEZE_EVERY_MS = 1000
 const WEEDS_EVERY_MS = 500
 const DENSITY_EVERY_MS = 3000
 export const DENSITY_CELL_M = 1
+
+/** The map that it feeds; `overlay` draws the end of the track. */
+interface LiveMap {
+  readonly map: MapLibre
+  readonly overlay: { tail: Vec2[]; request(): void }
+  setData(id: SourceId, data: Features): void
+}
 
 export class LiveData {
   private frozen = 0
@@ -24,7 +41,10 @@ export class LiveData {
   private weedsTimer = 0
   private densityTimer = 0
 
-  constructor(private readonly view: MapView, private readonly app: App) {
+  constructor(
+    private readonly view: LiveMap,
+    private readonly app: App,
+  ) {
     const { store } = app
     app.onField(() => this.drawField())
     store.on('path', () => this.queuePath())

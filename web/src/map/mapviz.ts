@@ -9,7 +9,14 @@ import type { MapView } from './view.ts'
 
 export function mapvizButtons(view: MapView, refresh: () => void): HTMLElement[] {
   const { app } = view
-  const file = el('input', { type: 'file', accept: '.mvc,.yaml,.yml', class: 'visually-hidden', 'aria-label': 'Mapviz configuration', tabindex: -1, onchange: () => void read() })
+  const file = el('input', {
+    type: 'file',
+    accept: '.mvc,.yaml,.yml',
+    class: 'visually-hidden',
+    'aria-label': 'Mapviz configuration',
+    tabindex: -1,
+    onchange: () => void read(),
+  })
   const read = async (): Promise<void> => {
     const chosen = file.files?.[0]
     const found = chosen && (await app.attempt(api.importView(chosen)))
@@ -18,7 +25,9 @@ export function mapvizButtons(view: MapView, refresh: () => void): HTMLElement[]
     const leftOut = addAll(view, found)
     view.tracking.take(found.view.target, found.view.turn)
     refresh()
-    await app.dialogs.ask('From mapviz', report(found.displays.length, leftOut), [{ label: 'Done', value: true, kind: 'primary' }])
+    await app.dialogs.ask('From mapviz', report(found.displays.length, leftOut), [
+      { label: 'Done', value: true, kind: 'primary' },
+    ])
   }
   const write = async (): Promise<void> => {
     const text = await app.attempt(api.exportView(shown(view), view.tracking.told()))
@@ -26,41 +35,54 @@ export function mapvizButtons(view: MapView, refresh: () => void): HTMLElement[]
   }
   return [
     el('button', { type: 'button', class: 'button', onclick: () => file.click() }, 'From mapviz'),
-    el('button', { type: 'button', class: 'button', onclick: () => void write() }, 'To mapviz'), file,
+    el('button', { type: 'button', class: 'button', onclick: () => void write() }, 'To mapviz'),
+    file,
   ]
 }
 
 /** What could not be shown, with the reason. The topmost comes last, and so lies above the others. */
 function addAll(view: MapView, found: ImportedView): ImportedView['left_out'] {
   const leftOut = [...found.left_out]
-  for (const { type, title, source, options, visible, opacity } of found.displays) {
-    const kind = typeOf(type)
-    const sources = kind ? view.displays.sources(kind) : []
-    const named = sources.find(({ id, title: name }) => id === source || name === source)
-    // The robot's own data are the same, whatever the topic was called; a map has to be the one that is named.
-    const chosen = named ?? (kind?.kind === 'tiles' ? undefined : sources[0])
-    if (kind?.kind === 'tiles' && !chosen) {
-      leftOut.push({ name: title, why: `the map '${source || title}' is not on this robot; bring it with agribot map import` })
-      continue
-    }
-    const display = view.displays.make(type, title, chosen?.id ?? source, options)
-    if (!display) leftOut.push({ name: title, why: 'it could not be added' })
-    else {
-      Object.assign(display, { visible, opacity })
-      view.applyGroup(display)
-      if (!named && source) leftOut.push({ name: title, why: chosen ? `shows ${chosen.title} in place of ${source}` : `nothing gives ${source} now` })
-    }
+  for (const wanted of found.displays) {
+    const why = add(view, wanted)
+    if (why) leftOut.push({ name: wanted.title, why })
   }
   view.remember()
   return leftOut
 }
 
+/** Why one of them is not shown, or not as it was; empty where all is well. */
+function add(
+  view: MapView,
+  { type, title, source, options, visible, opacity }: ImportedView['displays'][number],
+): string {
+  const kind = typeOf(type)
+  const sources = kind ? view.displays.sources(kind) : []
+  const named = sources.find(({ id, title: name }) => id === source || name === source)
+  // The robot's own data are the same, whatever the topic was called; a map has to be the one that is named.
+  const chosen = named ?? (kind?.kind === 'tiles' ? undefined : sources[0])
+  if (kind?.kind === 'tiles' && !chosen) {
+    return `the map '${source || title}' is not on this robot; bring it with agribot map import`
+  }
+  const display = view.displays.make(type, title, chosen?.id ?? source, options)
+  if (!display) return 'it could not be added'
+  Object.assign(display, { visible, opacity })
+  view.applyGroup(display)
+  if (named || !source) return ''
+  return chosen ? `shows ${chosen.title} in place of ${source}` : `nothing gives ${source} now`
+}
+
 function shown(view: MapView): object[] {
-  return view.groups.filter((group): group is Display => group instanceof Display).reverse()
+  return view.groups
+    .filter((group): group is Display => group instanceof Display)
+    .reverse()
     .map((display) => ({ ...display.saved(), visible: display.visible, opacity: display.opacity }))
 }
 
 function report(count: number, leftOut: ImportedView['left_out']): (Node | string)[] {
   const lines = leftOut.map(({ name, why }) => el('li', {}, el('strong', {}, name), `: ${why}`))
-  return [el('p', {}, `${count} ${count === 1 ? 'display' : 'displays'} read.`), ...(lines.length ? [el('ul', { class: 'left-out' }, ...lines)] : [])]
+  return [
+    el('p', {}, `${count} ${count === 1 ? 'display' : 'displays'} read.`),
+    ...(lines.length ? [el('ul', { class: 'left-out' }, ...lines)] : []),
+  ]
 }

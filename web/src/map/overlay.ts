@@ -4,12 +4,17 @@ import type { Map as MapLibre } from 'maplibre-gl'
 import type { App } from '../app.ts'
 import { placeOutline } from '../geo.ts'
 import type { Vec2 } from '../wire.ts'
-import type { Palette } from './palette.ts'
+import type { Palette } from '../shell/palette.ts'
 import type { Surface } from '../displays/instruments.ts'
 import type { Proposal, Proposals } from './proposal.ts'
 import type { Sketch } from './tools.ts'
 
-const FALLBACK_OUTLINE: Vec2[] = [[0.4, 0.3], [0.4, -0.3], [-0.4, -0.3], [-0.4, 0.3]]
+const FALLBACK_OUTLINE: Vec2[] = [
+  [0.4, 0.3],
+  [0.4, -0.3],
+  [-0.4, -0.3],
+  [-0.4, 0.3],
+]
 const SMALLEST_ROBOT_PX = 22
 const SIGMAS = 2.4477 // 95 % of a two-dimensional normal distribution
 
@@ -25,7 +30,11 @@ export class Overlay {
   /** Instruments and pictures of displays. */
   paint: (surface: Surface) => void = () => undefined
 
-  constructor(private readonly map: MapLibre, private readonly app: App, colours: Palette) {
+  constructor(
+    private readonly map: MapLibre,
+    private readonly app: App,
+    colours: Palette,
+  ) {
     this.colours = colours
     this.canvas.className = 'map-overlay'
     this.canvas.setAttribute('aria-hidden', 'true')
@@ -78,7 +87,10 @@ export class Overlay {
   private drawProposal(pen: CanvasRenderingContext2D, { at, yaw, way }: Proposal): void {
     if (way && way.xy.length > 1) {
       pen.lineJoin = pen.lineCap = 'round'
-      for (const [colour, width, dash] of [[this.colours.halo, 6, []], [this.colours.tool, 3, [2, 7]]] as const) {
+      for (const [colour, width, dash] of [
+        [this.colours.halo, 6, []],
+        [this.colours.tool, 3, [2, 7]],
+      ] as const) {
         this.polyline(pen, way.xy)
         pen.setLineDash([...dash])
         pen.strokeStyle = colour
@@ -100,7 +112,10 @@ export class Overlay {
 
   /** A ring around a dot. */
   private target(pen: CanvasRenderingContext2D, [x, y]: Vec2, colour: string): void {
-    for (const [line, width] of [[this.colours.halo, 7], [colour, 3.5]] as const) {
+    for (const [line, width] of [
+      [this.colours.halo, 7],
+      [colour, 3.5],
+    ] as const) {
       pen.beginPath()
       pen.arc(x, y, 13, 0, 7)
       pen.strokeStyle = line
@@ -115,7 +130,14 @@ export class Overlay {
 
   private surface(pen: CanvasRenderingContext2D, width: number, height: number): Surface {
     const [[x0, y0], [x1, y1]] = [this.at([0, 0]), this.at([1, 0])]
-    return { pen, width, height, at: (x, y) => this.at([x, y]), pxPerM: Math.hypot(x1 - x0, y1 - y0), bearing: (this.map.getBearing() * Math.PI) / 180 }
+    return {
+      pen,
+      width,
+      height,
+      at: (x, y) => this.at([x, y]),
+      pxPerM: Math.hypot(x1 - x0, y1 - y0),
+      bearing: (this.map.getBearing() * Math.PI) / 180,
+    }
   }
 
   private polyline(pen: CanvasRenderingContext2D, points: Vec2[], close = false): void {
@@ -155,12 +177,31 @@ export class Overlay {
     pen.strokeStyle = this.colours.robotEdge
     pen.fill()
     pen.stroke()
-    this.polyline(pen, placeOutline([[nose * 0.85, 0], [nose * 0.15, half * 0.6], [nose * 0.15, -half * 0.6]], x, y, yaw), true)
+    this.polyline(
+      pen,
+      placeOutline(
+        [
+          [nose * 0.85, 0],
+          [nose * 0.15, half * 0.6],
+          [nose * 0.15, -half * 0.6],
+        ],
+        x,
+        y,
+        yaw,
+      ),
+      true,
+    )
     pen.fillStyle = this.colours.robotEdge
     pen.fill()
   }
 
-  private drawUncertainty(pen: CanvasRenderingContext2D, at: Vec2, yaw: number, std: [number, number], pxPerM: number): void {
+  private drawUncertainty(
+    pen: CanvasRenderingContext2D,
+    at: Vec2,
+    yaw: number,
+    std: [number, number],
+    pxPerM: number,
+  ): void {
     const radius = std[0] * SIGMAS * pxPerM
     if (radius > 4) {
       pen.beginPath()
@@ -199,7 +240,10 @@ export class Overlay {
       pen.stroke()
     }
     if (sketch.points.length > 1) {
-      for (const [colour, width] of [[halo, 6], [tool, 3]] as const) {
+      for (const [colour, width] of [
+        [halo, 6],
+        [tool, 3],
+      ] as const) {
         this.polyline(pen, sketch.points)
         pen.strokeStyle = colour
         pen.lineWidth = width

@@ -8,7 +8,11 @@ import { compassText, distanceM } from '../geo.ts'
 import type { Command, State, Vec2, Way } from '../wire.ts'
 
 export interface Proposal {
-  what: 'goal' | 'pose'; at: Vec2; yaw: number | null; way: Way | null; problem: string
+  what: 'goal' | 'pose'
+  at: Vec2
+  yaw: number | null
+  way: Way | null
+  problem: string
   /** Where the robot was when its way was asked for. */
   from: Vec2 | null
   isAsking: boolean
@@ -31,7 +35,10 @@ export class Proposals {
   onChange: () => void = () => undefined
   /** It was confirmed or dropped. */
   onEnd: () => void = () => undefined
-  readonly card = new Card(() => void this.confirm(), () => this.end())
+  readonly card = new Card(
+    () => void this.confirm(),
+    () => this.end(),
+  )
 
   constructor(private readonly app: App) {
     app.store.on('seat', () => this.show())
@@ -46,7 +53,7 @@ export class Proposals {
     if (leg === 'stops first') return this.sent
     if (leg !== 'to the goal' || doing !== 'running' || !state) return null
     const isPathKnown = state.t - this.legSinceS > PATH_WITHIN_S
-    return this.sent ?? (isPathKnown ? path?.xy[path.xy.length - 1] ?? null : null)
+    return this.sent ?? (isPathKnown ? (path?.xy[path.xy.length - 1] ?? null) : null)
   }
 
   private follow({ t, mission, pose }: State): void {
@@ -102,11 +109,18 @@ export class Proposals {
   private async confirm(): Promise<void> {
     const proposal = this.now
     if (!proposal) return
-    const { what, at: [x, y], yaw } = proposal
+    const {
+      what,
+      at: [x, y],
+      yaw,
+    } = proposal
     const command: Command = what === 'goal' ? { k: 'goto', x, y, yaw } : { k: 'pose_estimate', x, y, yaw: yaw ?? 0 }
     if (what === 'goal') this.sent = [x, y]
     this.end()
-    const isTaken = await this.app.command(command, what === 'goal' ? 'The robot drives to the place.' : 'Pose corrected.')
+    const isTaken = await this.app.command(
+      command,
+      what === 'goal' ? 'The robot drives to the place.' : 'Pose corrected.',
+    )
     if (!isTaken) this.sent = null
   }
 
@@ -120,9 +134,22 @@ export class Proposals {
     const heading = yaw === null ? '' : `, looking ${compassText(yaw)} from north`
     const { state, seat } = this.app.store
     const noSeat = seat === 'you' ? '' : 'Take control first: only the operator may send this.'
-    if (what === 'pose') return { title: 'Does the robot stand here?', about: `At this place${heading}.`, problem: noSeat, yes: 'Correct the pose' }
-    const straight = state?.pose ? `${metres(distanceM([state.pose[0], state.pose[1]], at))} away in a straight line` : 'The robot does not know where it is'
-    const about = way === null ? 'Asking the robot for a way…' : way.length_m === null ? `${straight}${heading}.` : `${metres(way.length_m)} of way, at least ${wait(way.time_s)}${heading}.`
+    if (what === 'pose')
+      return {
+        title: 'Does the robot stand here?',
+        about: `At this place${heading}.`,
+        problem: noSeat,
+        yes: 'Correct the pose',
+      }
+    const straight = state?.pose
+      ? `${metres(distanceM([state.pose[0], state.pose[1]], at))} away in a straight line`
+      : 'The robot does not know where it is'
+    const about =
+      way === null
+        ? 'Asking the robot for a way…'
+        : way.length_m === null
+          ? `${straight}${heading}.`
+          : `${metres(way.length_m)} of way, at least ${wait(way.time_s)}${heading}.`
     const leaves = state?.mode === 'mission' ? ' It leaves its mission; Resume leads back.' : ''
     return { title: 'Drive here?', about: problem ? '' : about + leaves, problem: problem || noSeat, yes: 'Drive here' }
   }
@@ -132,7 +159,12 @@ function wait(seconds: number | null): string {
   return seconds !== null && seconds < 60 ? `${Math.ceil(seconds)} s` : `${duration(seconds)} min`
 }
 
-interface CardText { title: string; about: string; problem: string; yes: string }
+interface CardText {
+  title: string
+  about: string
+  problem: string
+  yes: string
+}
 
 class Card {
   private readonly title = el('strong')
@@ -143,9 +175,17 @@ class Card {
 
   constructor(confirm: () => void, cancel: () => void) {
     this.yes = el('button', { type: 'button', class: 'button primary', onclick: confirm })
-    this.node = el('div', { class: 'map-proposal card', role: 'group', 'aria-label': 'Proposal', hidden: true },
+    this.node = el(
+      'div',
+      { class: 'map-proposal card', role: 'group', 'aria-label': 'Proposal', hidden: true },
       el('div', { class: 'proposal-text', role: 'status' }, this.title, this.about, this.problem),
-      el('div', { class: 'button-row' }, el('button', { type: 'button', class: 'button', onclick: cancel }, 'Cancel'), this.yes))
+      el(
+        'div',
+        { class: 'button-row' },
+        el('button', { type: 'button', class: 'button', onclick: cancel }, 'Cancel'),
+        this.yes,
+      ),
+    )
     this.node.addEventListener('keydown', (event) => {
       if (event.key === 'Escape') cancel()
     })

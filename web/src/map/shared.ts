@@ -18,7 +18,13 @@ export async function openMap(host: HTMLElement, app: App): Promise<MapView | nu
       made = new MapView(app)
     }
   } catch {
-    host.append(el('p', { class: 'empty' }, 'This browser cannot draw the map (it needs WebGL 2). Driving and STOP work without it.'))
+    host.append(
+      el(
+        'p',
+        { class: 'empty' },
+        'This browser cannot draw the map (it needs WebGL 2). Driving and STOP work without it.',
+      ),
+    )
     return null
   }
   made.attach(host)

@@ -1,6 +1,7 @@
 /** Pictures the map needs, drawn here instead of fetched: soil texture and labels. */
 
 import type { Map as MapLibre } from 'maplibre-gl'
+import { seededRandom } from '../seeded-random.ts'
 
 const TEXTURE_PX = 128
 
@@ -10,8 +11,7 @@ export function soilTexture(colour: string): ImageData | null {
   canvas.width = canvas.height = TEXTURE_PX
   const pen = canvas.getContext('2d')
   if (!pen) return null
-  let seed = 12345
-  const next = (): number => (seed = (seed * 1103515245 + 12345) % 2147483648) / 2147483648
+  const next = seededRandom(12345)
   pen.fillStyle = colour
   for (let i = 0; i < 260; i++) {
     pen.globalAlpha = 0.12 + 0.35 * next()

@@ -3,13 +3,13 @@
 import type { Map as MapLibre, MapMouseEvent } from 'maplibre-gl'
 import { api } from '../api.ts'
 import type { App } from '../app.ts'
+import type { ToolId } from '../displays/host.ts'
 import { areaM2, compassText, distanceM, lengthM } from '../geo.ts'
 import { area, metres } from '../format.ts'
 import { Proposals } from './proposal.ts'
 import type { IconName } from '../icons.ts'
 import type { Command, Vec2 } from '../wire.ts'
 
-export type ToolId = 'pan' | 'measure' | 'coordinates' | 'goal' | 'pose' | 'point' | 'polygon' | 'route'
 export interface Sketch {
   points: Vec2[]
   /** The polygon that was finished last; it stays until another is drawn. */
@@ -17,16 +17,52 @@ export interface Sketch {
   arrow: { from: Vec2; yaw: number | null } | null
   labels: { at: Vec2; text: string }[]
 }
-export interface ToolInfo { id: ToolId; title: string; icon: IconName; hint: string; commands: boolean }
+export interface ToolInfo {
+  id: ToolId
+  title: string
+  icon: IconName
+  hint: string
+  commands: boolean
+}
 
 export const TOOLS: ToolInfo[] = [
   { id: 'measure', title: 'Measure', icon: 'measure', hint: 'Tap points to measure along them.', commands: false },
   { id: 'coordinates', title: 'Read position', icon: 'pin', hint: 'Tap the map to read a position.', commands: false },
-  { id: 'goal', title: 'Drive to a place', icon: 'goal', hint: 'Tap the place, or press and drag to set the heading too.', commands: true },
-  { id: 'pose', title: 'Correct the robot’s pose', icon: 'pose', hint: 'Press where the robot is, drag to where it looks.', commands: true },
-  { id: 'point', title: 'Publish a point', icon: 'point', hint: 'Tap a point to send it to the programs that listen.', commands: true },
-  { id: 'polygon', title: 'Draw a polygon', icon: 'polygon', hint: 'Tap the corners; tap the first one again to finish.', commands: true },
-  { id: 'route', title: 'Plan a route', icon: 'line', hint: 'Tap the stops of a route from the robot; tap the last one again to finish.', commands: true },
+  {
+    id: 'goal',
+    title: 'Drive to a place',
+    icon: 'goal',
+    hint: 'Tap the place, or press and drag to set the heading too.',
+    commands: true,
+  },
+  {
+    id: 'pose',
+    title: 'Correct the robot’s pose',
+    icon: 'pose',
+    hint: 'Press where the robot is, drag to where it looks.',
+    commands: true,
+  },
+  {
+    id: 'point',
+    title: 'Publish a point',
+    icon: 'point',
+    hint: 'Tap a point to send it to the programs that listen.',
+    commands: true,
+  },
+  {
+    id: 'polygon',
+    title: 'Draw a polygon',
+    icon: 'polygon',
+    hint: 'Tap the corners; tap the first one again to finish.',
+    commands: true,
+  },
+  {
+    id: 'route',
+    title: 'Plan a route',
+    icon: 'line',
+    hint: 'Tap the stops of a route from the robot; tap the last one again to finish.',
+    commands: true,
+  },
 ]
 
 const TOOLS_BY_ID = Object.fromEntries(TOOLS.map((tool) => [tool.id, tool]))
@@ -47,12 +83,16 @@ export class MapTools {
   private isGesture = false
   private tap = 0
 
-  constructor(private readonly map: MapLibre, private readonly app: App) {
+  constructor(
+    private readonly map: MapLibre,
+    private readonly app: App,
+  ) {
     map.on('click', (event) => this.click(event))
     const canvas = map.getCanvasContainer()
     canvas.addEventListener('pointerdown', (event) => this.press(event))
     canvas.addEventListener('pointermove', (event) => this.drag(event))
-    for (const name of ['pointerup', 'pointercancel'] as const) window.addEventListener(name, (event) => this.release(event))
+    for (const name of ['pointerup', 'pointercancel'] as const)
+      window.addEventListener(name, (event) => this.release(event))
     map.on('dblclick', () => clearTimeout(this.tap))
     this.proposals = new Proposals(app)
     this.proposals.onChange = () => this.onChange()
@@ -91,7 +131,10 @@ export class MapTools {
     this.sketch.points = [p]
     this.onChange()
     clearTimeout(this.tap)
-    this.tap = window.setTimeout(() => void this.publish('point', [p], `Point sent: ${p[0].toFixed(2)} m east, ${p[1].toFixed(2)} m north.`), DOUBLE_TAP_MS)
+    this.tap = window.setTimeout(
+      () => void this.publish('point', [p], `Point sent: ${p[0].toFixed(2)} m east, ${p[1].toFixed(2)} m north.`),
+      DOUBLE_TAP_MS,
+    )
   }
 
   private isNear(a: Vec2, b: Vec2): boolean {
@@ -127,7 +170,9 @@ export class MapTools {
   private async publish(what: 'point' | 'polygon' | 'route', xy: Vec2[], done: string): Promise<void> {
     const command: Command = what === 'point' ? { k: 'point', x: xy[0][0], y: xy[0][1] } : { k: 'shape', what, xy }
     if (!(await this.app.command(command, done))) return
-    const listeners = ((await this.app.attempt(api.panels())) ?? []).filter((panel) => panel.kind === 'listener' && panel.what === what)
+    const listeners = ((await this.app.attempt(api.panels())) ?? []).filter(
+      (panel) => panel.kind === 'listener' && panel.what === what,
+    )
     for (const { id } of listeners) {
       const response = await this.app.attempt(api.submitPanel(id, { points: xy }))
       const answer = response && ((await response.json()) as { text?: string })

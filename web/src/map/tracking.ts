@@ -1,7 +1,8 @@
 /** What the map stays on, as mapviz's target frame: the ground, or the robot in one of three ways. */
 
+import type { Map as MapLibre } from 'maplibre-gl'
+import type { App } from '../app.ts'
 import { RAD } from '../geo.ts'
-import type { MapView } from './view.ts'
 
 export const TARGETS = {
   map: 'The map',
@@ -16,6 +17,18 @@ const KEEP_WITHIN = 0.36
 const NEAR_PX = 0.5
 const NEAR_DEG = 0.2
 
+/** The map that is moved. */
+interface TrackedMap {
+  readonly app: App
+  readonly map: MapLibre
+  readonly node: HTMLElement
+  /** The part of the earth that stays in view until somebody moves the map. */
+  fitted: unknown
+  /** Bring all of the field into view again, if that is what is shown. */
+  refit(): boolean
+  remember(): void
+}
+
 export class Tracking {
   target: Target = 'near'
   /** What is up in the map besides the robot's heading, degrees clockwise. */
@@ -25,7 +38,7 @@ export class Tracking {
   isMoving = false
   private onRobot: Target = 'near'
 
-  constructor(private readonly view: MapView) {}
+  constructor(private readonly view: TrackedMap) {}
 
   choose(target: Target): void {
     if (this.target === target) return

@@ -8,7 +8,11 @@ import { TARGETS } from './tracking.ts'
 import type { Target } from './tracking.ts'
 import type { MapView } from './view.ts'
 
-export interface ViewSettings { node: HTMLElement; refresh: () => void; done: () => void }
+export interface ViewSettings {
+  node: HTMLElement
+  refresh: () => void
+  done: () => void
+}
 
 export function viewSettings(view: MapView): ViewSettings {
   const { app, tracking, capture } = view
@@ -17,25 +21,39 @@ export function viewSettings(view: MapView): ViewSettings {
     capture.size = value as CaptureSize
     view.remember()
   })
-  const turn = el('button', { type: 'button', class: 'button', onclick: () => tracking.turn() }, icon('redo', 20), 'Turn by 90°')
+  const turn = el(
+    'button',
+    { type: 'button', class: 'button', onclick: () => tracking.turn() },
+    icon('redo', 20),
+    'Turn by 90°',
+  )
   const origin = el('p', { class: 'muted small select-all' })
   const done = app.onField(() => {
     const { datum, datum_source: source } = app.field ?? {}
-    if (datum) setText(origin, `Origin ${datum.lat_deg.toFixed(7)}, ${datum.lon_deg.toFixed(7)}${source ? ` · ${source}` : ''}`)
+    if (datum)
+      setText(origin, `Origin ${datum.lat_deg.toFixed(7)}, ${datum.lon_deg.toFixed(7)}${source ? ` · ${source}` : ''}`)
   })
   const refresh = (): void => {
     target.value = tracking.target
     size.value = capture.size
   }
   refresh()
-  const node = el('div', { class: 'stack-tight wide' },
+  const node = el(
+    'div',
+    { class: 'stack-tight wide' },
     el('label', { class: 'field' }, el('span', {}, 'Target frame'), target),
     el('label', { class: 'field' }, el('span', {}, 'Pictures and videos'), size),
-    turn, origin)
+    turn,
+    origin,
+  )
   return { node, refresh, done }
 }
 
 function choice(known: Record<string, string>, choose: (value: string) => void): HTMLSelectElement {
-  const select = el('select', { onchange: () => choose(select.value) }, ...Object.entries(known).map(([value, words]) => el('option', { value }, words)))
+  const select = el(
+    'select',
+    { onchange: () => choose(select.value) },
+    ...Object.entries(known).map(([value, words]) => el('option', { value }, words)),
+  )
   return select
 }

@@ -5,20 +5,21 @@ import type { GeoJSONSource, Map as MapLibre } from 'maplibre-gl'
 import 'maplibre-gl/dist/maplibre-gl.css'
 import workerUrl from 'maplibre-gl/dist/maplibre-gl-worker.mjs?worker&url'
 import type { App } from '../app.ts'
+import { palette } from '../shell/palette.ts'
 import { onTheme } from '../shell/theme.ts'
 import { Displays } from '../displays/displays.ts'
 import { Display } from '../displays/display.ts'
 import type { DisplayConfig } from '../displays/display.ts'
+import type { DisplayHost, LayerGroup } from '../displays/host.ts'
+import type { Features } from '../geojson.ts'
 import type { Vec2 } from '../wire.ts'
 import { boundsOf } from './features.ts'
-import type { Features } from './features.ts'
 import { addLayers, applyGroup, baseOpacities, layerGroups, opacitiesOf, recolour } from './layers.ts'
-import type { LayerGroup, SourceId } from './layers.ts'
+import type { SourceId } from './layers.ts'
 import { LiveData } from './live.ts'
 import { Capture } from './capture.ts'
 import type { CaptureSize } from './capture.ts'
 import { Overlay } from './overlay.ts'
-import { palette } from './palette.ts'
 import { serveLabels, soilTexture } from './texture.ts'
 import { MapTools } from './tools.ts'
 import { Tracking } from './tracking.ts'
@@ -33,12 +34,18 @@ const NARROW_PX = 500
 type Box = [west: number, south: number, east: number, north: number]
 
 export interface SavedView {
-  center?: Vec2; zoom?: number; bearing?: number; follow?: boolean; target?: Target; turn?: number; capture?: CaptureSize
+  center?: Vec2
+  zoom?: number
+  bearing?: number
+  follow?: boolean
+  target?: Target
+  turn?: number
+  capture?: CaptureSize
   layers?: { id: string; visible: boolean; opacity: number }[]
   displays?: DisplayConfig[]
 }
 
-export class MapView {
+export class MapView implements DisplayHost {
   readonly node = document.createElement('div')
   readonly map: MapLibre
   readonly overlay: Overlay
@@ -60,9 +67,18 @@ export class MapView {
     this.node.className = 'map'
     const colours = palette()
     this.map = new maplibregl.Map({
-      container: this.node, center: app.projection.toLonLat(0, 0), zoom: 19, maxZoom: MAX_ZOOM, maxPitch: 0,
-      attributionControl: false, dragRotate: true,
-      style: { version: 8, sources: {}, layers: [{ id: 'background', type: 'background', paint: { 'background-color': colours.ground } }] },
+      container: this.node,
+      center: app.projection.toLonLat(0, 0),
+      zoom: 19,
+      maxZoom: MAX_ZOOM,
+      maxPitch: 0,
+      attributionControl: false,
+      dragRotate: true,
+      style: {
+        version: 8,
+        sources: {},
+        layers: [{ id: 'background', type: 'background', paint: { 'background-color': colours.ground } }],
+      },
     })
     this.map.addControl(new maplibregl.ScaleControl({ maxWidth: 120, unit: 'metric' }), 'bottom-left')
     this.overlay = new Overlay(this.map, app, colours)
@@ -166,8 +182,10 @@ export class MapView {
   private setOrder(groups: LayerGroup[]): void {
     this.groups = groups
     const own = new Set(groups.flatMap((group) => group.layers))
-    const above = this.map.getStyle().layers.find(({ id }) => !own.has(id) && id !== 'background' && id !== 'soil')?.id // a drawing tool's
-    for (const group of [...groups].reverse()) for (const id of group.layers) if (this.map.getLayer(id)) this.map.moveLayer(id, above)
+    const isForeign = (id: string): boolean => !own.has(id) && id !== 'background' && id !== 'soil' // a drawing tool's
+    const above = this.map.getStyle().layers.find(({ id }) => isForeign(id))?.id
+    for (const group of [...groups].reverse())
+      for (const id of group.layers) if (this.map.getLayer(id)) this.map.moveLayer(id, above)
   }
 
   /** The layer that a picture of this group has to lie below. */
@@ -226,8 +244,14 @@ export class MapView {
   /** The field clear of the buttons; it stays so in a screen of another shape until the operator moves the map. */
   private fit(box: Box, durationMs: number): void {
     const isNarrow = this.node.clientWidth < NARROW_PX
-    const isLow = matchMedia('(min-width: 600px) and (max-height: 560px)').matches // two columns of buttons on the right
-    const padding = { top: isNarrow ? 20 : 40, bottom: 40, left: isNarrow ? 20 : 72, right: isLow ? 112 : isNarrow ? 68 : 72 }
+    // A low screen has two columns of buttons on the right.
+    const isLow = matchMedia('(min-width: 600px) and (max-height: 560px)').matches
+    const padding = {
+      top: isNarrow ? 20 : 40,
+      bottom: 40,
+      left: isNarrow ? 20 : 72,
+      right: isLow ? 112 : isNarrow ? 68 : 72,
+    }
     this.map.fitBounds(box, { padding, maxZoom: 21, bearing: 0, duration: durationMs })
     this.fitted = box
   }
@@ -257,9 +281,14 @@ export class MapView {
   current(): SavedView {
     const { lng, lat } = this.map.getCenter()
     return {
-      center: this.app.projection.toMap(lng, lat), zoom: this.map.getZoom(), bearing: this.map.getBearing(),
-      target: this.tracking.target, turn: this.tracking.turnDeg, capture: this.capture.size,
-      layers: this.groups.map(({ id, visible, opacity }) => ({ id, visible, opacity })), displays: this.displays.saved(),
+      center: this.app.projection.toMap(lng, lat),
+      zoom: this.map.getZoom(),
+      bearing: this.map.getBearing(),
+      target: this.tracking.target,
+      turn: this.tracking.turnDeg,
+      capture: this.capture.size,
+      layers: this.groups.map(({ id, visible, opacity }) => ({ id, visible, opacity })),
+      displays: this.displays.saved(),
     }
   }
 
@@ -275,7 +304,8 @@ export class MapView {
   private restoreLayers(view: SavedView | null): void {
     if (view?.displays) this.displays.restore(view.displays)
     const order = new Map(view?.layers?.map(({ id }, i) => [id, i]))
-    const place = (group: LayerGroup): number => order.get(group.id) ?? (group instanceof Display && group.type.kind === 'tiles' ? Infinity : -1)
+    const place = (group: LayerGroup): number =>
+      order.get(group.id) ?? (group instanceof Display && group.type.kind === 'tiles' ? Infinity : -1)
     const wanted = [...this.groups].sort((a, b) => place(a) - place(b) || 0)
     if (order.size && wanted.some((group, i) => group !== this.groups[i])) this.setOrder(wanted)
     for (const saved of view?.layers ?? []) {

@@ -2,16 +2,23 @@
 
 import type { FormField, FormSchema, SettingValue } from '../wire.ts'
 
-export interface NamedField extends FormField { name: string; required: boolean }
+export interface NamedField extends FormField {
+  name: string
+  required: boolean
+}
 
 export function fieldsOf(schema: FormSchema): NamedField[] {
   const name = schema.$ref?.split('/').pop()
   const body = (name ? schema.$defs?.[name] : undefined) ?? schema
-  return Object.entries(body.properties ?? {}).map(([key, field]) => ({ ...field, name: key, required: body.required?.includes(key) ?? false }))
+  return Object.entries(body.properties ?? {}).map(([key, field]) => ({
+    ...field,
+    name: key,
+    required: body.required?.includes(key) ?? false,
+  }))
 }
 
 /** What the input holds, as the type that the field wants. */
-export function valueOf(field: NamedField, text: string, checked: boolean): SettingValue {
+export function readField(field: NamedField, text: string, checked: boolean): SettingValue {
   if (field.type === 'boolean') return checked
   return field.type === 'number' || field.type === 'integer' ? Number(text) : text
 }

@@ -14,8 +14,16 @@ export class BoundaryRecorder {
   private points: Vec2[] | null = null
   private readonly undo: () => void
 
-  constructor(private readonly app: App, private readonly done: (points: Vec2[]) => void) {
-    this.button = el('button', { type: 'button', class: 'button tool', 'aria-pressed': 'false', onclick: () => this.toggle() }, icon('teleop', 20), 'By driving')
+  constructor(
+    private readonly app: App,
+    private readonly done: (points: Vec2[]) => void,
+  ) {
+    this.button = el(
+      'button',
+      { type: 'button', class: 'button tool', 'aria-pressed': 'false', onclick: () => this.toggle() },
+      icon('teleop', 20),
+      'By driving',
+    )
     this.undo = app.store.on('state', (state) => {
       if (state.pose) this.take([state.pose[0], state.pose[1]])
     })
@@ -32,7 +40,8 @@ export class BoundaryRecorder {
     this.points = points ? null : []
     this.button.setAttribute('aria-pressed', String(!points))
     if (!points) this.app.toasts.show('info', 'Drive along the edge of the field, then press again.')
-    else if (points.length < FEWEST_POINTS) this.app.toasts.show('warn', 'Too short for a boundary: drive around the field first.')
+    else if (points.length < FEWEST_POINTS)
+      this.app.toasts.show('warn', 'Too short for a boundary: drive around the field first.')
     else this.done(points)
   }
 

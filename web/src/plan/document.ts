@@ -7,7 +7,11 @@ import type { Field, Vec2 } from '../wire.ts'
 export const KINDS = ['boundary', 'obstacle', 'row', 'ab_line', 'waypoint'] as const
 export type Kind = (typeof KINDS)[number]
 export type ShapeType = 'polygon' | 'line' | 'point'
-export interface Shape { id: string; kind: Kind; points: Vec2[] }
+export interface Shape {
+  id: string
+  kind: Kind
+  points: Vec2[]
+}
 
 const HISTORY = 100
 const MAX_REPEATED = 500
@@ -15,7 +19,13 @@ const MIN_SPACING_M = 0.05
 /** Decimals of a degree: 0.1 mm. */
 const DEGREE_DECIMALS = 9
 
-export const SHAPE_OF: Record<Kind, ShapeType> = { boundary: 'polygon', obstacle: 'polygon', row: 'line', ab_line: 'line', waypoint: 'point' }
+export const SHAPE_OF: Record<Kind, ShapeType> = {
+  boundary: 'polygon',
+  obstacle: 'polygon',
+  row: 'line',
+  ab_line: 'line',
+  waypoint: 'point',
+}
 const FEWEST: Record<ShapeType, number> = { polygon: 3, line: 2, point: 1 }
 
 export class PlanDocument {
@@ -43,7 +53,9 @@ export class PlanDocument {
   moveVertex(id: string, index: number, to: Vec2): boolean {
     const shape = this.shapes.find((s) => s.id === id)
     if (!shape?.points[index] || !to.every(Number.isFinite)) return false
-    this.change(this.shapes.map((s) => (s.id === id ? { ...s, points: s.points.map((p, i) => (i === index ? to : p)) } : s)))
+    this.change(
+      this.shapes.map((s) => (s.id === id ? { ...s, points: s.points.map((p, i) => (i === index ? to : p)) } : s)),
+    )
     return true
   }
 
@@ -63,14 +75,25 @@ export class PlanDocument {
   /** More rows like this one, each `spacingM` further to the left of its direction; negative ones to the right. */
   repeat(id: string, count: number, spacingM: number): void {
     const row = this.shapes.find((s) => s.id === id)
-    if (!row || !(count >= 1 && count <= MAX_REPEATED) || !Number.isFinite(spacingM) || Math.abs(spacingM) < MIN_SPACING_M) return
+    if (
+      !row ||
+      !(count >= 1 && count <= MAX_REPEATED) ||
+      !Number.isFinite(spacingM) ||
+      Math.abs(spacingM) < MIN_SPACING_M
+    )
+      return
     const [[x0, y0], [x1, y1]] = [row.points[0], row.points[row.points.length - 1]]
     const length = Math.hypot(x1 - x0, y1 - y0)
     if (!length) return
     const left: Vec2 = [(-(y1 - y0) / length) * spacingM, ((x1 - x0) / length) * spacingM]
-    const copies = Array.from({ length: Math.floor(count) }, (_, i): Shape => ({
-      id: `${id}-${i + 1}`, kind: row.kind, points: row.points.map(([x, y]): Vec2 => [x + (i + 1) * left[0], y + (i + 1) * left[1]]),
-    }))
+    const copies = Array.from(
+      { length: Math.floor(count) },
+      (_, i): Shape => ({
+        id: `${id}-${i + 1}`,
+        kind: row.kind,
+        points: row.points.map(([x, y]): Vec2 => [x + (i + 1) * left[0], y + (i + 1) * left[1]]),
+      }),
+    )
     this.change([...this.shapes, ...copies])
   }
 
@@ -99,9 +122,13 @@ export class PlanDocument {
 
 /** The field the robot works on now: its boundary and rows, or its goals where it has no rows. */
 export function shapesOf(field: Field): Shape[] {
-  const boundary: Shape[] = field.boundary_map_m?.length ? [{ id: 'boundary', kind: 'boundary', points: field.boundary_map_m }] : []
+  const boundary: Shape[] = field.boundary_map_m?.length
+    ? [{ id: 'boundary', kind: 'boundary', points: field.boundary_map_m }]
+    : []
   const rows = field.rows.map((row): Shape => ({ id: `row-${row.index}`, kind: 'row', points: row.points_map_m }))
-  const goals = rows.length ? [] : field.waypoints_map_m.map((p, i): Shape => ({ id: `goal-${i}`, kind: 'waypoint', points: [p] }))
+  const goals = rows.length
+    ? []
+    : field.waypoints_map_m.map((p, i): Shape => ({ id: `goal-${i}`, kind: 'waypoint', points: [p] }))
   return [...boundary, ...rows, ...goals]
 }
 
@@ -124,7 +151,11 @@ export function toGeometry(shape: Shape, projection: Projection): Geometry {
 export function toGeoJson(shapes: Shape[], projection: Projection): FeatureCollection {
   return {
     type: 'FeatureCollection',
-    features: shapes.map((shape) => ({ type: 'Feature', properties: { kind: shape.kind }, geometry: toGeometry(shape, projection) })),
+    features: shapes.map((shape) => ({
+      type: 'Feature',
+      properties: { kind: shape.kind },
+      geometry: toGeometry(shape, projection),
+    })),
   }
 }
 
@@ -151,7 +182,8 @@ function addFeature(feature: Feature, add: (kind: Kind, coordinates: Position[])
   if (geometry.type === 'Polygon') polygon(geometry.coordinates)
   else if (geometry.type === 'MultiPolygon') geometry.coordinates.forEach(polygon)
   else if (geometry.type === 'LineString') add(kindFor('line', 'row'), geometry.coordinates)
-  else if (geometry.type === 'MultiLineString') for (const line of geometry.coordinates) add(kindFor('line', 'row'), line)
+  else if (geometry.type === 'MultiLineString')
+    for (const line of geometry.coordinates) add(kindFor('line', 'row'), line)
   else if (geometry.type === 'Point') add('waypoint', [geometry.coordinates])
   else if (geometry.type === 'MultiPoint') for (const p of geometry.coordinates) add('waypoint', [p])
 }

@@ -8,7 +8,13 @@ import { icon } from '../icons.ts'
 
 export const IMPORT_TYPES = '.geojson,.json,.gpkg,.kml,.kmz,.gpx,.zip' // what the server reads
 const EXPORTS = [
-  ['ISOXML', '.isoxml.zip'], ['GPX', '.gpx'], ['Shapefile', '.shp.zip'], ['KMZ', '.kmz'], ['KML', '.kml'], ['GeoPackage', '.gpkg'], ['GeoJSON', '.geojson'],
+  ['ISOXML', '.isoxml.zip'],
+  ['GPX', '.gpx'],
+  ['Shapefile', '.shp.zip'],
+  ['KMZ', '.kmz'],
+  ['KML', '.kml'],
+  ['GeoPackage', '.gpkg'],
+  ['GeoJSON', '.geojson'],
 ] as const
 
 interface Document {
@@ -17,7 +23,14 @@ interface Document {
 }
 
 export function fileCard(app: App, document: Document): HTMLElement {
-  const file = el('input', { type: 'file', accept: IMPORT_TYPES, class: 'visually-hidden', 'aria-label': 'Field file', tabindex: -1, onchange: () => void read() })
+  const file = el('input', {
+    type: 'file',
+    accept: IMPORT_TYPES,
+    class: 'visually-hidden',
+    'aria-label': 'Field file',
+    tabindex: -1,
+    onchange: () => void read(),
+  })
   const read = async (): Promise<void> => {
     const chosen = file.files?.[0]
     if (!chosen) return
@@ -27,15 +40,29 @@ export function fileCard(app: App, document: Document): HTMLElement {
   }
   const button = (name: Parameters<typeof icon>[0], text: string, action: () => void): HTMLElement =>
     el('button', { type: 'button', class: 'button', onclick: action }, icon(name, 20), text)
-  return el('div', { class: 'card stack' }, el('h2', {}, 'Field'), el('div', { class: 'pair-grid' },
-    button('plan', 'Open', () => void open(app, document)), button('save', 'Save', () => void save(app, document)),
-    button('upload', 'Import', () => file.click()),
-    button('download', 'Export', () => void exportTo(app, document))), file)
+  return el(
+    'div',
+    { class: 'card stack' },
+    el('h2', {}, 'Field'),
+    el(
+      'div',
+      { class: 'pair-grid' },
+      button('plan', 'Open', () => void open(app, document)),
+      button('save', 'Save', () => void save(app, document)),
+      button('upload', 'Import', () => file.click()),
+      button('download', 'Export', () => void exportTo(app, document)),
+    ),
+    file,
+  )
 }
 
 async function exportTo(app: App, document: Document): Promise<void> {
   const about = 'A file for this device, in WGS 84. ISOXML is for tractor terminals and farm software.'
-  const ending = await app.dialogs.ask('Export the field', [about], EXPORTS.map(([label, value]) => ({ label, value })))
+  const ending = await app.dialogs.ask(
+    'Export the field',
+    [about],
+    EXPORTS.map(([label, value]) => ({ label, value })),
+  )
   const file = ending && (await app.attempt(api.exportField(ending, document.content())))
   if (file) download(`field${ending}`, file)
 }
@@ -43,13 +70,20 @@ async function exportTo(app: App, document: Document): Promise<void> {
 async function open(app: App, document: Document): Promise<void> {
   const names = await app.attempt(api.fields())
   if (!names) return
-  const about = names.length ? 'Opening replaces what is drawn; Undo brings it back.' : 'No field has been saved on the robot yet.'
-  const name = await app.dialogs.ask('Open a field', [about], names.map((value) => ({ label: value, value })))
+  const about = names.length
+    ? 'Opening replaces what is drawn; Undo brings it back.'
+    : 'No field has been saved on the robot yet.'
+  const name = await app.dialogs.ask(
+    'Open a field',
+    [about],
+    names.map((value) => ({ label: value, value })),
+  )
   const field = name && (await app.attempt(api.loadField(name)))
   if (field) document.open(field)
 }
 
 async function save(app: App, document: Document): Promise<void> {
   const name = await app.dialogs.prompt('Save the field', 'Name of the field')
-  if (name && (await app.attempt(api.saveField(name, document.content())))) app.toasts.show('info', `Field “${name}” saved on the robot.`)
+  if (name && (await app.attempt(api.saveField(name, document.content()))))
+    app.toasts.show('info', `Field “${name}” saved on the robot.`)
 }

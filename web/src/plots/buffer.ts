@@ -34,7 +34,8 @@ export class SignalBuffer {
       const t = sample[0]
       if (t === null || sample.length !== this.names.length + 1) continue
       const last = this.times[this.times.length - 1]
-      if (t < last) this.clear() // a new run, or a jump back in a replay
+      if (t < last)
+        this.clear() // a new run, or a jump back in a replay
       else if (t === last) continue
       this.times.push(t)
       for (let i = 0; i < this.columns.length; i++) this.columns[i].push(sample[i + 1])

@@ -14,8 +14,24 @@ export class Chart {
   private readonly resize: ResizeObserver
   private readonly undoTheme: () => void
 
-  constructor(host: HTMLElement, unit: string, private readonly indices: number[], private readonly labels: string[], private readonly sync: uPlot.Cursor.Sync) {
-    this.box = el('figure', { class: 'card chart' }, el('figcaption', {}, ...labels.map((label, i) => el('span', { class: `series series-${indices[i] % 6}` }, label)), el('span', { class: 'muted' }, unit)), this.plotBox)
+  constructor(
+    host: HTMLElement,
+    unit: string,
+    private readonly indices: number[],
+    private readonly labels: string[],
+    private readonly sync: uPlot.Cursor.Sync,
+  ) {
+    this.box = el(
+      'figure',
+      { class: 'card chart' },
+      el(
+        'figcaption',
+        {},
+        ...labels.map((label, i) => el('span', { class: `series series-${indices[i] % 6}` }, label)),
+        el('span', { class: 'muted' }, unit),
+      ),
+      this.plotBox,
+    )
     host.append(this.box)
     this.build()
     this.resize = new ResizeObserver(() => this.fit())
@@ -25,13 +41,37 @@ export class Chart {
 
   private build(): void {
     this.plot?.destroy()
-    const axis = { stroke: colour('muted'), grid: { stroke: colour('plot-grid'), width: 1 }, ticks: { stroke: colour('plot-grid') }, font: '12px system-ui, sans-serif' }
-    const series = this.labels.map((label, i): uPlot.Series => ({ label, stroke: colour(`series-${this.indices[i] % 6}`), width: 2, points: { show: false } }))
-    this.plot = new uPlot({
-      width: Math.max(100, this.plotBox.clientWidth), height: Math.max(80, this.plotBox.clientHeight), legend: { show: false },
-      scales: { x: { time: false }, y: { range: valueRange } }, cursor: { sync: this.sync }, axes: [{ ...axis, values: (_, ticks) => ticks.map((t) => `${t} s`) }, { ...axis, size: 56 }],
-      series: [{}, ...series], hooks: { setCursor: [(plot) => this.showCursor(plot)] },
-    }, [[], ...this.labels.map(() => [])], this.plotBox)
+    const axis = {
+      stroke: colour('muted'),
+      grid: { stroke: colour('plot-grid'), width: 1 },
+      ticks: { stroke: colour('plot-grid') },
+      font: '12px system-ui, sans-serif',
+    }
+    const series = this.labels.map(
+      (label, i): uPlot.Series => ({
+        label,
+        stroke: colour(`series-${this.indices[i] % 6}`),
+        width: 2,
+        points: { show: false },
+      }),
+    )
+    this.plot = new uPlot(
+      {
+        width: Math.max(100, this.plotBox.clientWidth),
+        height: Math.max(80, this.plotBox.clientHeight),
+        legend: { show: false },
+        scales: { x: { time: false }, y: { range: valueRange } },
+        cursor: { sync: this.sync },
+        axes: [
+          { ...axis, values: (_, ticks) => ticks.map((t) => `${t} s`) },
+          { ...axis, size: 56 },
+        ],
+        series: [{}, ...series],
+        hooks: { setCursor: [(plot) => this.showCursor(plot)] },
+      },
+      [[], ...this.labels.map(() => [])],
+      this.plotBox,
+    )
   }
 
   private fit(): void {

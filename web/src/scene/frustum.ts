@@ -8,10 +8,18 @@ const USUAL_HFOV_RAD = 1.1
 export function frustumLines(camera: NonNullable<Robot['camera']>, colour: string): THREE.LineSegments {
   const halfX = Math.tan((camera.hfov_rad ?? USUAL_HFOV_RAD) / 2) * REACH_M
   const halfY = (halfX * camera.height_px) / camera.width_px
-  const corners = [[-halfX, -halfY], [halfX, -halfY], [halfX, halfY], [-halfX, halfY]].map(([x, y]) => new THREE.Vector3(x, y, REACH_M))
+  const corners = [
+    [-halfX, -halfY],
+    [halfX, -halfY],
+    [halfX, halfY],
+    [-halfX, halfY],
+  ].map(([x, y]) => new THREE.Vector3(x, y, REACH_M))
   const points: THREE.Vector3[] = []
   corners.forEach((corner, i) => points.push(new THREE.Vector3(), corner, corner, corners[(i + 1) % 4]))
-  const lines = new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ color: colour }))
+  const lines = new THREE.LineSegments(
+    new THREE.BufferGeometry().setFromPoints(points),
+    new THREE.LineBasicMaterial({ color: colour }),
+  )
   lines.applyMatrix4(new THREE.Matrix4().fromArray(camera.body_from_camera).transpose())
   return lines
 }

@@ -5,6 +5,7 @@ import { OrbitControls } from 'three/addons/controls/OrbitControls.js'
 import { STLLoader } from 'three/addons/loaders/STLLoader.js'
 import URDFLoader from 'urdf-loader'
 import type { URDFJoint, URDFRobot } from 'urdf-loader'
+import { seededRandom } from '../seeded-random.ts'
 import { colour } from '../shell/theme.ts'
 import type { Robot, State } from '../wire.ts'
 import { frustumLines } from './frustum.ts'
@@ -12,11 +13,21 @@ import { frustumLines } from './frustum.ts'
 const GROUND_M = 400
 const TEXTURE_M = 4
 
-export interface Joint { name: string; lower: number; upper: number; unit: 'rad' | 'm' }
+export interface Joint {
+  name: string
+  lower: number
+  upper: number
+  unit: 'rad' | 'm'
+}
 
 export interface SceneShown {
-  pose: [x: number, y: number, yaw: number]; eye: number[]; pictures: number; triangles: number
-  joints: Record<string, number>; axes: number[][]; camera: boolean
+  pose: [x: number, y: number, yaw: number]
+  eye: number[]
+  pictures: number
+  triangles: number
+  joints: Record<string, number>
+  axes: number[][]
+  camera: boolean
 }
 
 export class Scene {
@@ -67,12 +78,19 @@ export class Scene {
     const loader = new URDFLoader()
     loader.packages = (name) => `/robot/${name}`
     loader.loadMeshCb = (path, _manager, material, done) => {
-      new STLLoader().load(path, (geometry) => done(new THREE.Mesh(geometry, material)), undefined, (error) => done(new THREE.Object3D(), error as Error))
+      new STLLoader().load(
+        path,
+        (geometry) => done(new THREE.Mesh(geometry, material)),
+        undefined,
+        (error) => done(new THREE.Object3D(), error as Error),
+      )
     }
     this.robot = await loader.loadAsync(about.urdf_url)
     this.body.add(this.robot)
     if (about.camera) this.frustum.add(frustumLines(about.camera, colour('focus')))
-    return Object.values(this.robot.joints).filter((joint) => joint.jointType !== 'fixed').map(movable)
+    return Object.values(this.robot.joints)
+      .filter((joint) => joint.jointType !== 'fixed')
+      .map(movable)
   }
 
   /** Axes at every link, moving with it: x red, y green, z blue. */
@@ -120,10 +138,15 @@ export class Scene {
       if (part instanceof THREE.Mesh && part.geometry instanceof THREE.BufferGeometry) meshes.push(part)
     })
     return {
-      pose: [x, y, this.body.rotation.z], eye: this.eye.position.toArray(), pictures: this.renderer.info.render.frame,
+      pose: [x, y, this.body.rotation.z],
+      eye: this.eye.position.toArray(),
+      pictures: this.renderer.info.render.frame,
       triangles: meshes.reduce((sum, mesh) => sum + (mesh.geometry.getAttribute('position')?.count ?? 0) / 3, 0),
-      joints: Object.fromEntries(Object.values(this.robot?.joints ?? {}).map((joint) => [joint.urdfName, Number(joint.jointValue[0] ?? 0)])),
-      axes: this.axes.map((axes) => axes.getWorldPosition(new THREE.Vector3()).toArray()), camera: this.frustum.visible && this.frustum.children.length > 0,
+      joints: Object.fromEntries(
+        Object.values(this.robot?.joints ?? {}).map((joint) => [joint.urdfName, Number(joint.jointValue[0] ?? 0)]),
+      ),
+      axes: this.axes.map((axes) => axes.getWorldPosition(new THREE.Vector3()).toArray()),
+      camera: this.frustum.visible && this.frustum.children.length > 0,
     }
   }
 
@@ -156,7 +179,9 @@ function movable(joint: URDFJoint): Joint {
   const { lower, upper } = joint.limit
   const isLimited = joint.jointType !== 'continuous' && upper > lower
   return {
-    name: joint.urdfName, lower: isLimited ? lower : -Math.PI, upper: isLimited ? upper : Math.PI,
+    name: joint.urdfName,
+    lower: isLimited ? lower : -Math.PI,
+    upper: isLimited ? upper : Math.PI,
     unit: joint.jointType === 'prismatic' ? 'm' : 'rad',
   }
 }
@@ -170,8 +195,7 @@ function groundPlane(): THREE.Mesh {
   if (pen) {
     pen.fillStyle = '#8d7a60'
     pen.fillRect(0, 0, px, px)
-    let seed = 99
-    const next = (): number => (seed = (seed * 1103515245 + 12345) % 2147483648) / 2147483648
+    const next = seededRandom(99)
     for (let i = 0; i < 5000; i++) {
       pen.fillStyle = next() > 0.5 ? 'rgb(60 48 34 / 22%)' : 'rgb(190 170 138 / 22%)'
       const size = 1 + 3 * next()

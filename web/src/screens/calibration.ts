@@ -77,9 +77,15 @@ export class CalibrationCard {
     if (now.phase === 'driving') this.progress(now)
     else this.step.textContent = 'Working it out…'
     this.ring.show(now.directions)
-    const cancel = el('button', { type: 'button', class: 'button danger', onclick: () => void this.take(api.calibrate('cancel')) }, icon('cancel', 20), 'Cancel')
+    const cancel = el(
+      'button',
+      { type: 'button', class: 'button danger', onclick: () => void this.take(api.calibrate('cancel')) },
+      icon('cancel', 20),
+      'Cancel',
+    )
     return [
-      el('h3', {}, this.title(now.kind)), el('p', {}, 'Keep an eye on the robot: STOP, Cancel or a hand on the stick ends it at once.'),
+      el('h3', {}, this.title(now.kind)),
+      el('p', {}, 'Keep an eye on the robot: STOP, Cancel or a hand on the stick ends it at once.'),
       ...(now.directions ? [this.ring.node] : []),
       ...(now.phase === 'driving' ? [this.bar, this.step, cancel] : [this.step]),
     ]
@@ -87,16 +93,33 @@ export class CalibrationCard {
 
   private result(now: Calibrating, found: CalibrationFound): HTMLElement[] {
     const mine = this.app.store.seat === 'you'
-    const leave = el('button', { type: 'button', class: 'button', onclick: () => void this.take(api.calibrate('cancel')) }, found.settings.length && found.ok ? 'Leave as it was' : 'Close')
-    const accept = el('button', { type: 'button', class: 'button primary', disabled: !mine, onclick: () => void this.accept() }, icon('check', 20), 'Use these values')
+    const leave = el(
+      'button',
+      { type: 'button', class: 'button', onclick: () => void this.take(api.calibrate('cancel')) },
+      found.settings.length && found.ok ? 'Leave as it was' : 'Close',
+    )
+    const accept = el(
+      'button',
+      { type: 'button', class: 'button primary', disabled: !mine, onclick: () => void this.accept() },
+      icon('check', 20),
+      'Use these values',
+    )
     const verdict = found.ok
-      ? found.settings.length ? 'Good. It counts from the next start of the robot.' : 'All as it should be.'
+      ? found.settings.length
+        ? 'Good. It counts from the next start of the robot.'
+        : 'All as it should be.'
       : 'Do not use it:'
     this.ring.show(now.directions)
     return [
-      el('h3', {}, this.title(now.kind)), el('p', { class: found.ok ? '' : 'form-error' }, verdict),
+      el('h3', {}, this.title(now.kind)),
+      el('p', { class: found.ok ? '' : 'form-error' }, verdict),
       ...found.reasons.map((reason) => el('p', { class: 'form-error' }, words(reason))),
-      el('div', { class: 'calibration-pictures' }, now.directions && this.ring.node, found.errors_deg && errorPlot(...found.errors_deg)),
+      el(
+        'div',
+        { class: 'calibration-pictures' },
+        now.directions && this.ring.node,
+        found.errors_deg && errorPlot(...found.errors_deg),
+      ),
       el('div', { class: 'table-scroll' }, table(found.changes)),
       el('div', { class: 'button-row' }, found.ok && found.settings.length > 0 && accept, leave),
       ...(mine || !found.ok ? [] : [el('p', { class: 'small muted' }, "Using them needs the operator's seat.")]),
@@ -107,36 +130,68 @@ export class CalibrationCard {
     const measured = known.settings.length
       ? el('p', { class: 'small' }, `Measured of this robot: ${known.settings.join(', ')}`)
       : el('p', { class: 'small muted' }, 'Nothing was measured of this robot yet: it is as its description says.')
-    const back = el('button', { type: 'button', class: 'button', disabled: this.app.store.seat !== 'you', onclick: () => void this.goBack() }, 'Undo the newest')
+    const back = el(
+      'button',
+      { type: 'button', class: 'button', disabled: this.app.store.seat !== 'you', onclick: () => void this.goBack() },
+      'Undo the newest',
+    )
     return [
-      ...(now?.phase === 'failed' ? [el('p', { class: 'form-error', role: 'alert' }, `${this.title(now.kind)} not finished: ${now.reason}.`)] : []),
+      ...(now?.phase === 'failed'
+        ? [el('p', { class: 'form-error', role: 'alert' }, `${this.title(now.kind)} not finished: ${now.reason}.`)]
+        : []),
       ...(known.broken ? [el('p', { class: 'form-error' }, known.broken)] : []),
       el('div', { class: 'calibration-kinds' }, ...known.kinds.map((kind) => this.kind(kind))),
-      measured, ...(known.can_undo ? [back] : []),
+      measured,
+      ...(known.can_undo ? [back] : []),
     ]
   }
 
   private kind(kind: CalibrationKind): HTMLElement {
-    const start = el('button', { type: 'button', class: 'button', disabled: this.app.store.seat !== 'you', onclick: () => void this.start(kind), 'aria-label': `Calibrate: ${kind.title}` }, 'Calibrate')
-    return el('div', { class: 'calibration-kind' },
-      el('div', {}, el('h3', {}, kind.title), el('p', { class: 'small muted' }, kind.about)), start)
+    const start = el(
+      'button',
+      {
+        type: 'button',
+        class: 'button',
+        disabled: this.app.store.seat !== 'you',
+        onclick: () => void this.start(kind),
+        'aria-label': `Calibrate: ${kind.title}`,
+      },
+      'Calibrate',
+    )
+    return el(
+      'div',
+      { class: 'calibration-kind' },
+      el('div', {}, el('h3', {}, kind.title), el('p', { class: 'small muted' }, kind.about)),
+      start,
+    )
   }
 
   private async start(kind: CalibrationKind): Promise<void> {
-    const go = await this.app.dialogs.confirm(kind.title, [
-      el('p', {}, kind.about),
-      el('p', {}, `The robot drives by itself for about ${duration(kind.duration_s)} min. It needs ${kind.ground}.`),
-      el('p', {}, 'STOP, Cancel, a hand on the stick and the loss of your link end it at once. Nothing changes before you take the result over.'),
-    ], 'Drive now')
+    const go = await this.app.dialogs.confirm(
+      kind.title,
+      [
+        el('p', {}, kind.about),
+        el('p', {}, `The robot drives by itself for about ${duration(kind.duration_s)} min. It needs ${kind.ground}.`),
+        el(
+          'p',
+          {},
+          'STOP, Cancel, a hand on the stick and the loss of your link end it at once. ' +
+            'Nothing changes before you take the result over.',
+        ),
+      ],
+      'Drive now',
+    )
     if (go) await this.take(api.calibrate('start', { kind: kind.name }))
   }
 
   private async accept(): Promise<void> {
-    if (await this.take(api.calibrate('accept'))) this.app.toasts.show('info', "In the robot's settings; it counts from the next start.")
+    if (await this.take(api.calibrate('accept')))
+      this.app.toasts.show('info', "In the robot's settings; it counts from the next start.")
   }
 
   private async goBack(): Promise<void> {
-    if (await this.take(api.calibrate('undo'))) this.app.toasts.show('info', 'As it was before the newest calibration; it counts from the next start.')
+    if (await this.take(api.calibrate('undo')))
+      this.app.toasts.show('info', 'As it was before the newest calibration; it counts from the next start.')
   }
 
   private title(name: string): string {
@@ -150,12 +205,27 @@ function stage(now: Calibrating | null): string {
 
 function table(changes: CalibrationChange[]): HTMLElement {
   const heads = ['Before', 'Now', '± 1 σ'].map((name) => el('th', { class: 'number' }, name))
-  return el('table', {},
+  return el(
+    'table',
+    {},
     el('thead', {}, el('tr', {}, el('th', {}, 'Value'), ...heads)),
-    el('tbody', {}, ...changes.map((change) => {
-      const digits = DIGITS[change.unit] ?? 3
-      const value = (number: number | null): HTMLElement => el('td', { class: 'number mono' }, fixed(number, Number.isInteger(number) && change.unit === '' ? 0 : digits))
-      const unit = change.unit === 'uT' ? 'µT' : change.unit === 'deg' ? '°' : change.unit
-      return el('tr', {}, el('td', {}, unit ? `${change.label} (${unit})` : change.label), value(change.before), value(change.after), value(change.std))
-    })))
+    el(
+      'tbody',
+      {},
+      ...changes.map((change) => {
+        const digits = DIGITS[change.unit] ?? 3
+        const value = (number: number | null): HTMLElement =>
+          el('td', { class: 'number mono' }, fixed(number, Number.isInteger(number) && change.unit === '' ? 0 : digits))
+        const unit = change.unit === 'uT' ? 'µT' : change.unit === 'deg' ? '°' : change.unit
+        return el(
+          'tr',
+          {},
+          el('td', {}, unit ? `${change.label} (${unit})` : change.label),
+          value(change.before),
+          value(change.after),
+          value(change.std),
+        )
+      }),
+    ),
+  )
 }

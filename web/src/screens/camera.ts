@@ -7,7 +7,9 @@ import { download, el, setText } from '../dom.ts'
 import { icon } from '../icons.ts'
 
 export const camera: Screen = {
-  id: 'camera', title: 'Camera', icon: 'camera',
+  id: 'camera',
+  title: 'Camera',
+  icon: 'camera',
   mount(host, app) {
     if (!app.session.camera) {
       host.append(el('p', { class: 'card empty' }, 'This robot has no camera, or it is switched off in the profile.'))
@@ -15,17 +17,45 @@ export const camera: Screen = {
     }
     const picture = new CameraPicture(app.store)
     const label = el('span', { class: 'picture-label' })
-    const freeze = el('button', { type: 'button', class: 'button', 'aria-pressed': 'false', onclick: () => {
-      picture.frozen = !picture.frozen
-      freeze.setAttribute('aria-pressed', String(picture.frozen))
-    } }, icon('freeze', 20), 'Freeze')
-    const save = el('button', { type: 'button', class: 'button', onclick: () => {
-      picture.image.toBlob((blob) => blob && download(`camera-${Date.now()}.png`, blob), 'image/png')
-    } }, icon('download', 20), 'Save picture')
+    const freeze = el(
+      'button',
+      {
+        type: 'button',
+        class: 'button',
+        'aria-pressed': 'false',
+        onclick: () => {
+          picture.frozen = !picture.frozen
+          freeze.setAttribute('aria-pressed', String(picture.frozen))
+        },
+      },
+      icon('freeze', 20),
+      'Freeze',
+    )
+    const save = el(
+      'button',
+      {
+        type: 'button',
+        class: 'button',
+        onclick: () => {
+          picture.image.toBlob((blob) => blob && download(`camera-${Date.now()}.png`, blob), 'image/png')
+        },
+      },
+      icon('download', 20),
+      'Save picture',
+    )
     const keep = keepButton(app)
     const frame = el('div', { class: 'card camera-frame' }, picture.node, label)
-    host.append(frame, el('div', { class: 'card camera-tools' },
-      el('h2', {}, 'Overlay'), overlaySlider(picture), classToggles(picture), el('div', { class: 'button-row' }, freeze, save, keep)))
+    host.append(
+      frame,
+      el(
+        'div',
+        { class: 'card camera-tools' },
+        el('h2', {}, 'Overlay'),
+        overlaySlider(picture),
+        classToggles(picture),
+        el('div', { class: 'button-row' }, freeze, save, keep),
+      ),
+    )
     const timer = setInterval(() => {
       setText(label, (picture.frozen ? 'Frozen · ' : '') + picture.label(performance.now()))
       keep.disabled = !app.mayCommand || picture.frozen // the robot keeps its newest frame, not the one that is shown
@@ -38,7 +68,18 @@ export const camera: Screen = {
 }
 
 function keepButton(app: App): HTMLButtonElement {
-  return el('button', { type: 'button', class: 'button', disabled: true, title: "Keeps the camera's newest frame with the network's mask on the robot; needs the operator's seat", onclick: () => void keepFrame(app) }, icon('save', 20), 'Keep for training')
+  return el(
+    'button',
+    {
+      type: 'button',
+      class: 'button',
+      disabled: true,
+      title: "Keeps the camera's newest frame with the network's mask on the robot; needs the operator's seat",
+      onclick: () => void keepFrame(app),
+    },
+    icon('save', 20),
+    'Keep for training',
+  )
 }
 
 async function keepFrame(app: App): Promise<void> {
@@ -48,7 +89,14 @@ async function keepFrame(app: App): Promise<void> {
 
 function overlaySlider(picture: CameraPicture): HTMLElement {
   const value = el('span', { class: 'value' })
-  const slider = el('input', { type: 'range', min: 0, max: 1, step: 0.05, value: picture.opacity, oninput: () => apply() })
+  const slider = el('input', {
+    type: 'range',
+    min: 0,
+    max: 1,
+    step: 0.05,
+    value: picture.opacity,
+    oninput: () => apply(),
+  })
   const apply = (): void => {
     picture.setOpacity(Number(slider.value))
     setText(value, `${Math.round(picture.opacity * 100)} %`)
@@ -58,8 +106,16 @@ function overlaySlider(picture: CameraPicture): HTMLElement {
 }
 
 function classToggles(picture: CameraPicture): HTMLElement {
-  return el('div', { class: 'checks' }, ...CLASSES.map((cls) => {
-    const box = el('input', { type: 'checkbox', checked: picture.shown.has(cls.index), onchange: () => picture.toggleClass(cls.index, box.checked) })
-    return el('label', { class: 'check' }, box, el('span', { class: `swatch class-${cls.index}` }), cls.name)
-  }))
+  return el(
+    'div',
+    { class: 'checks' },
+    ...CLASSES.map((cls) => {
+      const box = el('input', {
+        type: 'checkbox',
+        checked: picture.shown.has(cls.index),
+        onchange: () => picture.toggleClass(cls.index, box.checked),
+      })
+      return el('label', { class: 'check' }, box, el('span', { class: `swatch class-${cls.index}` }), cls.name)
+    }),
+  )
 }

@@ -12,7 +12,12 @@ const PLOT = { width: 340, height: 180, left: 44, right: 8, top: 26, bottom: 22 
 export class CoverageRing {
   private readonly number = svg('text', { x: SIZE / 2, y: SIZE / 2 })
   private readonly total = svg('text', { x: SIZE / 2, y: SIZE / 2 + 14, 'font-size': 11 })
-  readonly node = svg('svg', { class: 'coverage-ring', viewBox: `0 0 ${SIZE} ${SIZE}`, role: 'img' }, this.number, this.total)
+  readonly node = svg(
+    'svg',
+    { class: 'coverage-ring', viewBox: `0 0 ${SIZE} ${SIZE}`, role: 'img' },
+    this.number,
+    this.total,
+  )
   private wedges: SVGPathElement[] = []
 
   show(seen: boolean[] | null): void {
@@ -36,7 +41,9 @@ function wedge(index: number, total: number): string {
     return `${(SIZE / 2 - radius * Math.sin(angle)).toFixed(2)} ${(SIZE / 2 - radius * Math.cos(angle)).toFixed(2)}`
   }
   const [inner, outer] = RADII
-  return `M${point(inner, index)}L${point(outer, index)}A${outer} ${outer} 0 0 0 ${point(outer, index + 1)}L${point(inner, index + 1)}A${inner} ${inner} 0 0 1 ${point(inner, index)}Z`
+  const [start, end] = [point(inner, index), point(inner, index + 1)]
+  const outwards = `M${start}L${point(outer, index)}A${outer} ${outer} 0 0 0 ${point(outer, index + 1)}`
+  return `${outwards}L${end}A${inner} ${inner} 0 0 1 ${start}Z`
 }
 
 /** Mean error of the heading over the directions, degrees. */
@@ -49,15 +56,22 @@ export function errorPlot(before: ByDirection, after: ByDirection): SVGSVGElemen
     const points = values.flatMap((deg, index) => (deg === null ? [] : [`${x(index).toFixed(1)},${y(deg).toFixed(1)}`]))
     return svg('polyline', { class: name, points: points.join(' ') })
   }
-  const label = `Error of the heading by direction: up to ${fixed(largest(before), 1)}° before, ${fixed(largest(after), 1)}° now`
+  const [worst, worstNow] = [fixed(largest(before), 1), fixed(largest(after), 1)]
+  const label = `Error of the heading by direction: up to ${worst}° before, ${worstNow}° now`
   const ticks = [most, 0, -most].flatMap((deg) => [
     svg('line', { class: 'axis', x1: left, x2: width - right, y1: y(deg), y2: y(deg) }),
     svg('text', { x: left / 2, y: y(deg) + 4 }, `${fixed(deg, 1)}°`),
   ])
-  return svg('svg', { class: 'error-plot', viewBox: `0 0 ${width} ${height}`, role: 'img', 'aria-label': label },
-    ...ticks, line(before, 'before'), line(after, 'after'),
+  return svg(
+    'svg',
+    { class: 'error-plot', viewBox: `0 0 ${width} ${height}`, role: 'img', 'aria-label': label },
+    ...ticks,
+    line(before, 'before'),
+    line(after, 'after'),
     svg('text', { x: width / 2, y: 14 }, 'Heading error by direction: before dashed'),
-    svg('text', { x: left, y: height - 6 }, '0°'), svg('text', { x: width - 20, y: height - 6 }, '360°'))
+    svg('text', { x: left, y: height - 6 }, '0°'),
+    svg('text', { x: width - 20, y: height - 6 }, '360°'),
+  )
 }
 
 function largest(values: ByDirection): number {

@@ -12,13 +12,24 @@ import { MissionButtons } from './mission-buttons.ts'
 const TEXT_EVERY_MS = 200
 
 export const drive: Screen = {
-  id: 'drive', title: 'Drive', icon: 'drive',
+  id: 'drive',
+  title: 'Drive',
+  icon: 'drive',
   async mount(host, app) {
     const mapHost = el('div', { class: 'map-host card' })
     const buttons = new MissionButtons(app)
     const facts = new Facts(app)
     const camera = cameraCard(app)
-    host.append(mapHost, el('div', { class: 'side' }, el('div', { class: 'card mission' }, progress(app, facts), buttons.node), camera.node, facts.node))
+    host.append(
+      mapHost,
+      el(
+        'div',
+        { class: 'side' },
+        el('div', { class: 'card mission' }, progress(app, facts), buttons.node),
+        camera.node,
+        facts.node,
+      ),
+    )
     const timer = setInterval(() => {
       facts.update()
       buttons.update()
@@ -37,11 +48,20 @@ export const drive: Screen = {
 
 function cameraCard(app: App): { node: HTMLElement; update: () => void; close: () => void } {
   if (!app.session.camera || app.off.has('camera')) {
-    return { node: el('div', { class: 'card empty' }, 'This robot has no camera.'), update: () => undefined, close: () => undefined }
+    return {
+      node: el('div', { class: 'card empty' }, 'This robot has no camera.'),
+      update: () => undefined,
+      close: () => undefined,
+    }
   }
   const picture = new CameraPicture(app.store)
   const label = el('span', { class: 'picture-label' })
-  const node = el('div', { class: 'card camera-card' }, el('a', { href: '#/camera', 'aria-label': 'Open the camera large' }, picture.node), label)
+  const node = el(
+    'div',
+    { class: 'card camera-card' },
+    el('a', { href: '#/camera', 'aria-label': 'Open the camera large' }, picture.node),
+    label,
+  )
   return { node, update: () => setText(label, picture.label(performance.now())), close: () => picture.close() }
 }
 
@@ -56,7 +76,13 @@ function progress(app: App, facts: Facts): HTMLElement {
     setText(text, mission ? `${(share * 100).toFixed(0)} %` : NONE)
     setText(reason, app.store.state?.reason || mission?.reason || legText(mission?.leg))
   })
-  return el('div', { class: 'progress' }, el('h2', {}, 'Mission'), el('div', { class: 'progress-line' }, bar, text), reason)
+  return el(
+    'div',
+    { class: 'progress' },
+    el('h2', {}, 'Mission'),
+    el('div', { class: 'progress-line' }, bar, text),
+    reason,
+  )
 }
 
 /** The figures beside the map. */

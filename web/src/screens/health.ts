@@ -12,20 +12,39 @@ const SLOW = 0.8
 const LOG_ROWS = 200
 
 export const health: Screen = {
-  id: 'health', title: 'Health', icon: 'health',
+  id: 'health',
+  title: 'Health',
+  icon: 'health',
   async mount(host, app) {
     const checks = el('div', { class: 'checks-grid' })
     const rates = el('div', { class: 'card table-card' })
     const machine = el('p', { class: 'muted' })
     const log = el('div', { class: 'card log', role: 'log', 'aria-label': 'Log', tabindex: 0 })
-    host.append(el('div', { class: 'column wide' },
-      el('div', { class: 'card row-card' }, el('div', {}, el('h2', {}, 'Health'), machine),
-        el('a', { class: 'button', href: '/api/v1/support.zip', download: '' }, icon('download', 20), 'Support bundle')),
-      checks, el('div', { class: 'halves' }, rates, log)))
+    host.append(
+      el(
+        'div',
+        { class: 'column wide' },
+        el(
+          'div',
+          { class: 'card row-card' },
+          el('div', {}, el('h2', {}, 'Health'), machine),
+          el(
+            'a',
+            { class: 'button', href: '/api/v1/support.zip', download: '' },
+            icon('download', 20),
+            'Support bundle',
+          ),
+        ),
+        checks,
+        el('div', { class: 'halves' }, rates, log),
+      ),
+    )
     const refresh = async (): Promise<void> => {
       const found = await api.health().catch(() => null)
       if (!found) return
-      machine.textContent = `Processor ${fixed(found.cpu_ratio === null ? null : found.cpu_ratio * 100, 0, '%')} of one core · memory ${bytes(found.memory_bytes)} · AGRIBOT ${app.session.version}`
+      const cpu = fixed(found.cpu_ratio === null ? null : found.cpu_ratio * 100, 0, '%')
+      const memory = bytes(found.memory_bytes)
+      machine.textContent = `Processor ${cpu} of one core · memory ${memory} · AGRIBOT ${app.session.version}`
       replace(checks, ...found.checks.map(checkCard))
       replace(rates, rateTable(found))
     }
@@ -43,19 +62,48 @@ export const health: Screen = {
 
 function checkCard(check: HealthCheck): HTMLElement {
   const value = typeof check.value === 'string' ? check.value : '' // the text says what a bare number means
-  return el('div', { class: `card check-card ${check.state}` },
-    el('div', { class: 'check-head' }, icon(check.state === 'ok' ? 'check' : 'warning', 20), el('h3', {}, words(check.name)), el('span', { class: 'value' }, value)),
-    el('p', {}, check.text), check.advice !== '' && el('p', { class: 'advice' }, check.advice))
+  return el(
+    'div',
+    { class: `card check-card ${check.state}` },
+    el(
+      'div',
+      { class: 'check-head' },
+      icon(check.state === 'ok' ? 'check' : 'warning', 20),
+      el('h3', {}, words(check.name)),
+      el('span', { class: 'value' }, value),
+    ),
+    el('p', {}, check.text),
+    check.advice !== '' && el('p', { class: 'advice' }, check.advice),
+  )
 }
 
 function rateTable(found: Health): HTMLElement {
   const rows = found.rates.map((rate) => {
     const slow = rate.expected_hz !== null && (rate.measured_hz ?? 0) < SLOW * rate.expected_hz
-    return el('tr', {}, el('td', {}, rate.topic), el('td', { class: 'number' }, fixed(rate.expected_hz, 0)),
-      el('td', { class: `number ${slow ? 'slow' : ''}` }, fixed(rate.measured_hz, 1)))
+    return el(
+      'tr',
+      {},
+      el('td', {}, rate.topic),
+      el('td', { class: 'number' }, fixed(rate.expected_hz, 0)),
+      el('td', { class: `number ${slow ? 'slow' : ''}` }, fixed(rate.measured_hz, 1)),
+    )
   })
-  return el('table', {}, el('thead', {}, el('tr', {}, el('th', {}, 'Topic'), el('th', { class: 'number' }, 'Expected Hz'), el('th', { class: 'number' }, 'Measured Hz'))),
-    el('tbody', {}, ...rows))
+  return el(
+    'table',
+    {},
+    el(
+      'thead',
+      {},
+      el(
+        'tr',
+        {},
+        el('th', {}, 'Topic'),
+        el('th', { class: 'number' }, 'Expected Hz'),
+        el('th', { class: 'number' }, 'Measured Hz'),
+      ),
+    ),
+    el('tbody', {}, ...rows),
+  )
 }
 
 function logRows(app: App): HTMLElement[] {
@@ -64,5 +112,11 @@ function logRows(app: App): HTMLElement[] {
 }
 
 function logRow(event: LogEvent): HTMLElement {
-  return el('div', { class: `log-row ${event.level}` }, el('span', { class: 'mono muted' }, duration(event.t)), el('span', { class: 'log-source' }, event.source || NONE), el('span', {}, event.text))
+  return el(
+    'div',
+    { class: `log-row ${event.level}` },
+    el('span', { class: 'mono muted' }, duration(event.t)),
+    el('span', { class: 'log-source' }, event.source || NONE),
+    el('span', {}, event.text),
+  )
 }

@@ -7,14 +7,27 @@ import { icon } from '../icons.ts'
 import { seatButton } from '../shell/seat.ts'
 import type { MissionAction, Mode } from '../wire.ts'
 
-interface Action { action: MissionAction; label: string; icon: IconName; in: Mode[]; kind?: 'primary' | 'danger'; ask?: boolean }
+interface Action {
+  action: MissionAction
+  label: string
+  icon: IconName
+  in: Mode[]
+  kind?: 'primary' | 'danger'
+  ask?: boolean
+}
 
 const ACTIONS: Action[] = [
   { action: 'start', label: 'Start again', icon: 'play', in: ['done'], kind: 'primary', ask: true },
   { action: 'pause', label: 'Pause', icon: 'pause', in: ['mission'], kind: 'primary' },
   { action: 'resume', label: 'Resume', icon: 'play', in: ['paused', 'teleop'], kind: 'primary' },
   { action: 'skip_row', label: 'Skip row', icon: 'skip', in: ['mission', 'paused'] },
-  { action: 'return_home', label: 'Return home', icon: 'home', in: ['mission', 'paused', 'done', 'waiting'], ask: true },
+  {
+    action: 'return_home',
+    label: 'Return home',
+    icon: 'home',
+    in: ['mission', 'paused', 'done', 'waiting'],
+    ask: true,
+  },
   { action: 'cancel', label: 'End mission', icon: 'cancel', in: ['mission', 'paused'], kind: 'danger', ask: true },
 ]
 
@@ -24,9 +37,20 @@ export class MissionButtons {
   private readonly row = el('div', { class: 'button-row' })
 
   constructor(private readonly app: App) {
-    this.buttons = ACTIONS.map((action) => [action, el('button', {
-      type: 'button', class: `button ${action.kind ?? ''}`, 'data-action': action.action, onclick: () => void this.run(action),
-    }, icon(action.icon, 20), action.label)])
+    this.buttons = ACTIONS.map((action) => [
+      action,
+      el(
+        'button',
+        {
+          type: 'button',
+          class: `button ${action.kind ?? ''}`,
+          'data-action': action.action,
+          onclick: () => void this.run(action),
+        },
+        icon(action.icon, 20),
+        action.label,
+      ),
+    ])
     this.row.append(...this.buttons.map(([, button]) => button))
     this.node = el('div', { class: 'mission-buttons' }, seatButton(app).node, this.row)
     this.update()
@@ -49,11 +73,14 @@ export class MissionButtons {
     const state = this.app.store.state
     const count = state?.mission?.rows_total ?? 0
     const rows = count ? `: ${count} ${count === 1 ? 'row' : 'rows'}` : ''
-    const body = action.action === 'cancel'
-      ? 'The robot stops where it is and the mission ends. The recording is kept.'
-      : action.action === 'return_home'
-        ? 'The robot leaves its mission and drives back to where it started.'
-        : `The robot does its whole mission once more, from where it stands${rows}. Make sure nobody is in its way.${state?.recording ? '' : ' Nothing is recorded now; begin a recording first where you want one.'}`
+    const unrecorded = state?.recording ? '' : ' Nothing is recorded now; begin a recording first where you want one.'
+    const body =
+      action.action === 'cancel'
+        ? 'The robot stops where it is and the mission ends. The recording is kept.'
+        : action.action === 'return_home'
+          ? 'The robot leaves its mission and drives back to where it started.'
+          : `The robot does its whole mission once more, from where it stands${rows}. ` +
+            `Make sure nobody is in its way.${unrecorded}`
     return this.app.dialogs.confirm(`${action.label}?`, [body], action.label, action.kind ?? 'primary')
   }
 }

@@ -4,7 +4,8 @@ import { api } from '../api.ts'
 import type { App, Screen } from '../app.ts'
 import { el } from '../dom.ts'
 import { quantity } from '../format.ts'
-import { fieldsOf, valueOf } from '../panels/form.ts'
+import { fieldsOf, readField } from '../panels/form.ts'
+import type { NamedField } from '../panels/form.ts'
 import { Chart } from '../plots/chart.ts'
 import type { Panel, SettingValue } from '../wire.ts'
 
@@ -12,16 +13,20 @@ const PLOT_WINDOW_S = 60
 const PLOT_EVERY_MS = 100
 
 export const panels: Screen = {
-  id: 'panels', title: 'Extras', icon: 'more',
+  id: 'panels',
+  title: 'Extras',
+  icon: 'more',
   async mount(host, app) {
     const column = el('div', { class: 'panel-grid' })
     host.append(column)
     const found = (await app.attempt(api.panels())) ?? []
-    const undo = found.filter((panel) => panel.kind !== 'layer' && panel.kind !== 'listener').map((panel) => {
-      const card = el('section', { class: 'card stack' }, el('h2', {}, panel.title))
-      column.append(card)
-      return fill(card, panel, app)
-    })
+    const undo = found
+      .filter((panel) => panel.kind !== 'layer' && panel.kind !== 'listener')
+      .map((panel) => {
+        const card = el('section', { class: 'card stack' }, el('h2', {}, panel.title))
+        column.append(card)
+        return fill(card, panel, app)
+      })
     if (!undo.length) column.append(el('p', { class: 'card empty' }, 'No program has added anything to this page.'))
     return () => undo.forEach((work) => work())
   },
@@ -31,7 +36,14 @@ function fill(card: HTMLElement, panel: Panel, app: App): () => void {
   if (panel.kind === 'plot') return plot(card, panel, app)
   if (panel.kind === 'image') return picture(card, panel)
   if (panel.kind === 'form') card.append(form(panel, app))
-  else card.append(el('button', { type: 'button', class: 'button primary', onclick: () => void submit(panel, {}, app) }, panel.title))
+  else
+    card.append(
+      el(
+        'button',
+        { type: 'button', class: 'button primary', onclick: () => void submit(panel, {}, app) },
+        panel.title,
+      ),
+    )
   return () => undefined
 }
 
@@ -44,20 +56,44 @@ async function submit(panel: Panel, values: Record<string, SettingValue>, app: A
 
 function form(panel: Panel, app: App): HTMLElement {
   const fields = fieldsOf(panel.schema ?? {}).map((field) => {
-    const number = field.type === 'number' || field.type === 'integer'
-    const input = el('input', {
-      type: field.type === 'boolean' ? 'checkbox' : number ? 'number' : 'text', class: field.type === 'boolean' ? '' : 'field-input',
-      step: field.type === 'number' ? 'any' : null, min: field.minimum, max: field.maximum, required: field.required && field.type !== 'boolean',
-      checked: field.default === true, value: field.default === undefined ? '' : String(field.default),
-    })
-    return { field, input, node: el('label', { class: 'field' }, el('span', {}, field.title ?? quantity(field.name)), input, field.description ? el('span', {}, field.description) : null) }
+    const input = makeInput(field)
+    const about = field.description ? el('span', {}, field.description) : null
+    return {
+      field,
+      input,
+      node: el('label', { class: 'field' }, el('span', {}, field.title ?? quantity(field.name)), input, about),
+    }
   })
-  const node = el('form', { class: 'stack-tight wide' }, ...fields.map((f) => f.node), el('button', { class: 'button primary', type: 'submit' }, 'Send'))
+  const node = el(
+    'form',
+    { class: 'stack-tight wide' },
+    ...fields.map((f) => f.node),
+    el('button', { class: 'button primary', type: 'submit' }, 'Send'),
+  )
   node.addEventListener('submit', (event) => {
     event.preventDefault()
-    void submit(panel, Object.fromEntries(fields.map(({ field, input }) => [field.name, valueOf(field, input.value, input.checked)])), app)
+    void submit(
+      panel,
+      Object.fromEntries(fields.map(({ field, input }) => [field.name, readField(field, input.value, input.checked)])),
+      app,
+    )
   })
   return node
+}
+
+function makeInput(field: NamedField): HTMLInputElement {
+  const isNumber = field.type === 'number' || field.type === 'integer'
+  const isBoolean = field.type === 'boolean'
+  return el('input', {
+    type: isBoolean ? 'checkbox' : isNumber ? 'number' : 'text',
+    class: isBoolean ? '' : 'field-input',
+    step: field.type === 'number' ? 'any' : null,
+    min: field.minimum,
+    max: field.maximum,
+    required: field.required && !isBoolean,
+    checked: field.default === true,
+    value: field.default === undefined ? '' : String(field.default),
+  })
 }
 
 function picture(card: HTMLElement, panel: Panel): () => void {
@@ -76,7 +112,13 @@ function plot(card: HTMLElement, panel: Panel, app: App): () => void {
   const indices = (panel.fields ?? []).map((name) => signals.names.indexOf(name)).filter((i) => i >= 0)
   const box = el('div', { class: 'panel-plot' })
   card.append(box)
-  const chart = new Chart(box, signals.units[indices[0]] ?? '', indices, indices.map((i) => quantity(signals.names[i])), { key: 'panels' })
+  const chart = new Chart(
+    box,
+    signals.units[indices[0]] ?? '',
+    indices,
+    indices.map((i) => quantity(signals.names[i])),
+    { key: 'panels' },
+  )
   const timer = setInterval(() => chart.draw(app.store.signals, PLOT_WINDOW_S, null), PLOT_EVERY_MS)
   return () => {
     clearInterval(timer)

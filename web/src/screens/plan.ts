@@ -18,17 +18,27 @@ import { shapePanel } from '../plan/shape-panel.ts'
 import type { PlanReply } from '../wire.ts'
 
 const TOOLS: [Kind, string, IconName][] = [
-  ['boundary', 'Boundary', 'polygon'], ['obstacle', 'Obstacle', 'cancel'], ['row', 'Row', 'line'], ['ab_line', 'A–B line', 'measure'], ['waypoint', 'Goals', 'pin'],
+  ['boundary', 'Boundary', 'polygon'],
+  ['obstacle', 'Obstacle', 'cancel'],
+  ['row', 'Row', 'line'],
+  ['ab_line', 'A–B line', 'measure'],
+  ['waypoint', 'Goals', 'pin'],
 ]
 
 const NAMES: Record<Kind, [one: string, many: string]> = {
-  boundary: ['boundary', 'boundaries'], obstacle: ['obstacle', 'obstacles'], row: ['row', 'rows'], ab_line: ['A–B line', 'A–B lines'], waypoint: ['goal', 'goals'],
+  boundary: ['boundary', 'boundaries'],
+  obstacle: ['obstacle', 'obstacles'],
+  row: ['row', 'rows'],
+  ab_line: ['A–B line', 'A–B lines'],
+  waypoint: ['goal', 'goals'],
 }
 
 const kept = new PlanDocument() // survives going to another screen and back
 
 export const plan: Screen = {
-  id: 'plan', title: 'Plan', icon: 'plan',
+  id: 'plan',
+  title: 'Plan',
+  icon: 'plan',
   async mount(host, app) {
     const mapHost = el('div', { class: 'map-host card' })
     const side = el('div', { class: 'side' })
@@ -67,38 +77,84 @@ class Editor {
   private selected: string | null = null
   private version = 0 // of what is drawn and asked for: an answer counts for its own alone
 
-  constructor(private readonly app: App, private readonly drawing: Drawing, side: HTMLElement) {
+  constructor(
+    private readonly app: App,
+    private readonly drawing: Drawing,
+    side: HTMLElement,
+  ) {
     for (const input of [this.width, this.passes]) input.addEventListener('input', () => this.change())
     this.undo = iconButton('undo', 'Undo', () => this.step(() => kept.undo()))
     this.redo = iconButton('redo', 'Redo', () => this.step(() => kept.redo()))
-    this.apply = el('button', { type: 'button', class: 'button primary', disabled: true, onclick: () => void this.use() }, icon('play', 20), 'Use this plan')
-    this.tools = TOOLS.map(([kind, title, name]) => el('button', { type: 'button', class: 'button tool', 'aria-pressed': 'false', 'data-kind': kind, onclick: () => this.choose(kind) }, icon(name, 20), title))
-    this.recorder = new BoundaryRecorder(app, (points) => this.step(() => kept.change([...kept.shapes, { id: 'recorded', kind: 'boundary', points }])))
+    this.apply = el(
+      'button',
+      { type: 'button', class: 'button primary', disabled: true, onclick: () => void this.use() },
+      icon('play', 20),
+      'Use this plan',
+    )
+    this.tools = TOOLS.map(([kind, title, name]) =>
+      el(
+        'button',
+        {
+          type: 'button',
+          class: 'button tool',
+          'aria-pressed': 'false',
+          'data-kind': kind,
+          onclick: () => this.choose(kind),
+        },
+        icon(name, 20),
+        title,
+      ),
+    )
+    this.recorder = new BoundaryRecorder(app, (points) =>
+      this.step(() => kept.change([...kept.shapes, { id: 'recorded', kind: 'boundary', points }])),
+    )
     drawing.onChange = () => this.change()
     drawing.onSelect = (id) => {
       this.selected = id
       this.refresh()
     }
-    side.append(this.drawCard(), this.shape, this.planCard(), fileCard(app, {
-      content: () => toGeoJson(kept.shapes, app.projection),
-      open: (collection) => this.step(() => kept.change(fromGeoJson(collection, app.projection))),
-    }))
+    side.append(
+      this.drawCard(),
+      this.shape,
+      this.planCard(),
+      fileCard(app, {
+        content: () => toGeoJson(kept.shapes, app.projection),
+        open: (collection) => this.step(() => kept.change(fromGeoJson(collection, app.projection))),
+      }),
+    )
     this.refresh()
   }
 
   private drawCard(): HTMLElement {
-    return el('div', { class: 'card stack' },
+    return el(
+      'div',
+      { class: 'card stack' },
       el('div', { class: 'title-row' }, el('h2', {}, 'Draw'), el('div', {}, this.undo, this.redo)),
-      el('div', { class: 'tool-grid' }, ...this.tools, this.recorder.button), this.summary)
+      el('div', { class: 'tool-grid' }, ...this.tools, this.recorder.button),
+      this.summary,
+    )
   }
 
   private planCard(): HTMLElement {
-    const check = el('button', { type: 'button', class: 'button', onclick: () => void this.check() }, icon('check', 20), 'Check plan')
-    return el('div', { class: 'card stack' }, el('h2', {}, 'Plan'),
-      el('div', { class: 'pair-grid' },
+    const check = el(
+      'button',
+      { type: 'button', class: 'button', onclick: () => void this.check() },
+      icon('check', 20),
+      'Check plan',
+    )
+    return el(
+      'div',
+      { class: 'card stack' },
+      el('h2', {}, 'Plan'),
+      el(
+        'div',
+        { class: 'pair-grid' },
         el('label', { class: 'field' }, el('span', {}, 'Working width, m'), this.width),
-        el('label', { class: 'field' }, el('span', {}, 'Headland passes'), this.passes)),
-      el('div', { class: 'button-row' }, check, this.apply), this.verdict)
+        el('label', { class: 'field' }, el('span', {}, 'Headland passes'), this.passes),
+      ),
+      el('div', { class: 'button-row' }, check, this.apply),
+      this.verdict,
+    )
   }
 
   private choose(kind: Kind): void {
@@ -134,7 +190,11 @@ class Editor {
   }
 
   private body(): Record<string, unknown> {
-    return { field: toGeoJson(kept.shapes, this.app.projection), implement_width_m: Number(this.width.value), headland_passes: Number(this.passes.value) }
+    return {
+      field: toGeoJson(kept.shapes, this.app.projection),
+      implement_width_m: Number(this.width.value),
+      headland_passes: Number(this.passes.value),
+    }
   }
 
   private async check(): Promise<void> {
@@ -166,11 +226,15 @@ class Editor {
 function verdict(reply: PlanReply): HTMLElement[] {
   const figures = `${metres(reply.length_m)} to drive · ${area(reply.area_m2)} · ${duration(reply.time_s)} min`
   if (reply.ok) return [el('p', { class: 'tag good' }, 'The plan can be driven'), el('p', {}, figures)]
-  return [el('p', { class: 'tag bad' }, 'The plan cannot be driven'), el('ol', { class: 'reasons' }, ...reply.reasons.map(({ text }) => el('li', {}, text)))]
+  return [
+    el('p', { class: 'tag bad' }, 'The plan cannot be driven'),
+    el('ol', { class: 'reasons' }, ...reply.reasons.map(({ text }) => el('li', {}, text))),
+  ]
 }
 
 function describe(): string {
-  if (!kept.shapes.length) return 'Choose what to draw, then tap the map. Finish a line or an area by tapping its last point again.'
+  if (!kept.shapes.length)
+    return 'Choose what to draw, then tap the map. Finish a line or an area by tapping its last point again.'
   const counts = new Map<Kind, number>()
   let inside = 0
   for (const { kind, points } of kept.shapes) {

@@ -14,10 +14,15 @@ const CHOSEN_AT_FIRST = 3
 const KEY = 'plot-signals'
 
 export const plots: Screen = {
-  id: 'plots', title: 'Plots', icon: 'plots',
+  id: 'plots',
+  title: 'Plots',
+  icon: 'plots',
   mount(host, app) {
     const charts = el('div', { class: 'charts' })
-    const chosen = new Set<string>(JSON.parse(localStorage.getItem(KEY) ?? 'null') as string[] | null ?? app.store.signals.names.slice(0, CHOSEN_AT_FIRST))
+    const chosen = new Set<string>(
+      (JSON.parse(localStorage.getItem(KEY) ?? 'null') as string[] | null) ??
+        app.store.signals.names.slice(0, CHOSEN_AT_FIRST),
+    )
     const panel = new PlotPanel(app, charts, chosen)
     host.append(charts, el('div', { class: 'side' }, panel.tools, panel.signals))
     panel.rebuild()
@@ -41,15 +46,43 @@ class PlotPanel {
   private names = ''
   private readonly sync = { key: 'plots' } satisfies uPlot.Cursor.Sync
 
-  constructor(private readonly app: App, private readonly host: HTMLElement, private readonly chosen: Set<string>) {
-    const pause = el('button', { type: 'button', class: 'button', 'aria-pressed': 'false', onclick: () => {
-      this.pausedAtS = this.pausedAtS === null ? app.store.signals.lastS : null
-      pause.setAttribute('aria-pressed', String(this.pausedAtS !== null))
-    } }, icon('pause', 20), 'Pause')
-    const length = el('select', { onchange: () => (this.windowS = Number(length.value)) },
-      ...WINDOWS_S.map((s) => el('option', { value: s, selected: s === this.windowS }, s < 60 ? `${s} s` : `${s / 60} min`)))
-    this.tools = el('div', { class: 'card stack' }, el('label', { class: 'field' }, el('span', {}, 'Window'), length),
-      el('div', { class: 'button-row' }, pause, el('button', { type: 'button', class: 'button', onclick: () => this.saveCsv() }, icon('download', 20), 'CSV')))
+  constructor(
+    private readonly app: App,
+    private readonly host: HTMLElement,
+    private readonly chosen: Set<string>,
+  ) {
+    const pause = el(
+      'button',
+      {
+        type: 'button',
+        class: 'button',
+        'aria-pressed': 'false',
+        onclick: () => {
+          this.pausedAtS = this.pausedAtS === null ? app.store.signals.lastS : null
+          pause.setAttribute('aria-pressed', String(this.pausedAtS !== null))
+        },
+      },
+      icon('pause', 20),
+      'Pause',
+    )
+    const length = el(
+      'select',
+      { onchange: () => (this.windowS = Number(length.value)) },
+      ...WINDOWS_S.map((s) =>
+        el('option', { value: s, selected: s === this.windowS }, s < 60 ? `${s} s` : `${s / 60} min`),
+      ),
+    )
+    this.tools = el(
+      'div',
+      { class: 'card stack' },
+      el('label', { class: 'field' }, el('span', {}, 'Window'), length),
+      el(
+        'div',
+        { class: 'button-row' },
+        pause,
+        el('button', { type: 'button', class: 'button', onclick: () => this.saveCsv() }, icon('download', 20), 'CSV'),
+      ),
+    )
   }
 
   rebuildIfRenamed(): void {
@@ -59,27 +92,55 @@ class PlotPanel {
   rebuild(): void {
     const { names, units } = this.app.store.signals
     this.names = names.join()
-    if (names.length && ![...this.chosen].some((name) => names.includes(name))) for (const name of names.slice(0, CHOSEN_AT_FIRST)) this.chosen.add(name)
+    if (names.length && ![...this.chosen].some((name) => names.includes(name)))
+      for (const name of names.slice(0, CHOSEN_AT_FIRST)) this.chosen.add(name)
     replace(this.signals, el('h2', {}, 'Signals'), ...names.map((name, i) => this.toggle(name, units[i])))
     this.close()
     const groups = new Map<string, number[]>()
     names.forEach((name, i) => {
       if (this.chosen.has(name)) groups.set(units[i], [...(groups.get(units[i]) ?? []), i])
     })
-    if (!groups.size) replace(this.host, el('p', { class: 'card empty' }, names.length ? 'Choose signals to draw.' : 'The robot has sent no signals yet.'))
+    if (!groups.size)
+      replace(
+        this.host,
+        el(
+          'p',
+          { class: 'card empty' },
+          names.length ? 'Choose signals to draw.' : 'The robot has sent no signals yet.',
+        ),
+      )
     else this.host.replaceChildren()
-    this.charts = [...groups].map(([unit, indices]) => new Chart(this.host, unit, indices, indices.map((i) => quantity(names[i])), this.sync))
+    this.charts = [...groups].map(
+      ([unit, indices]) =>
+        new Chart(
+          this.host,
+          unit,
+          indices,
+          indices.map((i) => quantity(names[i])),
+          this.sync,
+        ),
+    )
   }
 
   private toggle(name: string, unit: string): HTMLElement {
-    const box = el('input', { type: 'checkbox', checked: this.chosen.has(name), onchange: () => {
-      if (box.checked) this.chosen.add(name)
-      else this.chosen.delete(name)
-      localStorage.setItem(KEY, JSON.stringify([...this.chosen]))
-      this.rebuild()
-      this.signals.querySelectorAll<HTMLInputElement>('input')[this.app.store.signals.names.indexOf(name)]?.focus()
-    } })
-    return el('label', { class: 'check' }, box, el('span', {}, quantity(name)), unit !== '' && el('span', { class: 'muted' }, unit))
+    const box = el('input', {
+      type: 'checkbox',
+      checked: this.chosen.has(name),
+      onchange: () => {
+        if (box.checked) this.chosen.add(name)
+        else this.chosen.delete(name)
+        localStorage.setItem(KEY, JSON.stringify([...this.chosen]))
+        this.rebuild()
+        this.signals.querySelectorAll<HTMLInputElement>('input')[this.app.store.signals.names.indexOf(name)]?.focus()
+      },
+    })
+    return el(
+      'label',
+      { class: 'check' },
+      box,
+      el('span', {}, quantity(name)),
+      unit !== '' && el('span', { class: 'muted' }, unit),
+    )
   }
 
   draw(): void {
@@ -90,7 +151,10 @@ class PlotPanel {
     const { signals } = this.app.store
     const indices = signals.names.map((_, i) => i).filter((i) => this.chosen.has(signals.names[i]))
     const columns = signals.window(indices, this.windowS, this.pausedAtS ?? signals.lastS)
-    const header = ['t_s', ...indices.map((i) => (signals.units[i] ? `${signals.names[i]} [${signals.units[i]}]` : signals.names[i]))]
+    const header = [
+      't_s',
+      ...indices.map((i) => (signals.units[i] ? `${signals.names[i]} [${signals.units[i]}]` : signals.names[i])),
+    ]
     download('signals.csv', toCsv(header, columns))
   }
 

@@ -11,19 +11,35 @@ const SPEEDS = [0.1, 0.5, 1, 2, 5, 10]
 const REFRESH_MS = 10_000
 
 export const recordings: Screen = {
-  id: 'recordings', title: 'Recordings', icon: 'recordings',
+  id: 'recordings',
+  title: 'Recordings',
+  icon: 'recordings',
   async mount(host, app) {
     const list = el('div', { class: 'card table-card' }, el('p', { class: 'empty' }, 'Reading the list…'))
     const summary = el('p', { class: 'muted' })
     const replay = new ReplayBar(app)
     const toggle = recordButton(app)
-    host.append(el('div', { class: 'column' },
-      el('div', { class: 'card row-card' }, el('div', {}, el('h2', {}, 'Recordings'), summary), el('div', { class: 'button-row' }, toggle.node, markButton(app))), replay.node, list))
+    host.append(
+      el(
+        'div',
+        { class: 'column' },
+        el(
+          'div',
+          { class: 'card row-card' },
+          el('div', {}, el('h2', {}, 'Recordings'), summary),
+          el('div', { class: 'button-row' }, toggle.node, markButton(app)),
+        ),
+        replay.node,
+        list,
+      ),
+    )
     const refresh = async (): Promise<void> => {
       const found = await app.attempt(api.recordings())
       if (!found) return
       const room = `${bytes(found.disk_free_bytes)} free on the disk`
-      summary.textContent = found.current ? `Recording now: ${found.current} · ${room}` : `Nothing is being recorded · ${room}`
+      summary.textContent = found.current
+        ? `Recording now: ${found.current} · ${room}`
+        : `Nothing is being recorded · ${room}`
       replace(list, table(found, replay))
     }
     const timer = setInterval(() => void refresh(), REFRESH_MS)
@@ -38,7 +54,12 @@ export const recordings: Screen = {
 }
 
 function markButton(app: App): HTMLElement {
-  return el('button', { type: 'button', class: 'button', onclick: () => void mark(app) }, icon('mark', 20), 'Mark this moment')
+  return el(
+    'button',
+    { type: 'button', class: 'button', onclick: () => void mark(app) },
+    icon('mark', 20),
+    'Mark this moment',
+  )
 }
 
 async function mark(app: App): Promise<void> {
@@ -46,12 +67,25 @@ async function mark(app: App): Promise<void> {
   if (text) await app.command({ k: 'mark', text }, 'Marked in the recording.')
 }
 
-interface RecordButton { node: HTMLElement; onChange: () => void; close: () => void }
+interface RecordButton {
+  node: HTMLElement
+  onChange: () => void
+  close: () => void
+}
 
 /** Begins a recording, or ends the one that is being written. */
 function recordButton(app: App): RecordButton {
   const label = el('span')
-  const node = el('button', { type: 'button', class: 'button', onclick: () => void app.command({ k: 'record', action: now ? 'stop' : 'start' }) }, icon('record', 20), label)
+  const node = el(
+    'button',
+    {
+      type: 'button',
+      class: 'button',
+      onclick: () => void app.command({ k: 'record', action: now ? 'stop' : 'start' }),
+    },
+    icon('record', 20),
+    label,
+  )
   const made: RecordButton = { node, onChange: () => undefined, close: () => undefined }
   let now: string | undefined
   const update = (): void => {
@@ -69,18 +103,47 @@ function recordButton(app: App): RecordButton {
 
 function table(found: Recordings, replay: ReplayBar): HTMLElement {
   if (!found.recordings.length) return el('p', { class: 'empty' }, 'No recording yet: every mission makes one.')
-  return el('table', { class: 'recordings' },
-    el('thead', {}, el('tr', {}, ...['Name', 'Length', 'Size', 'Result', 'Files', ''].map((name) => (name ? el('th', {}, name) : el('td', {}))))),
-    el('tbody', {}, ...found.recordings.map((recording) => row(recording, recording.name === found.current, replay))))
+  return el(
+    'table',
+    { class: 'recordings' },
+    el(
+      'thead',
+      {},
+      el(
+        'tr',
+        {},
+        ...['Name', 'Length', 'Size', 'Result', 'Files', ''].map((name) => (name ? el('th', {}, name) : el('td', {}))),
+      ),
+    ),
+    el('tbody', {}, ...found.recordings.map((recording) => row(recording, recording.name === found.current, replay))),
+  )
 }
 
 function row(recording: Recording, current: boolean, replay: ReplayBar): HTMLElement {
-  const play = el('button', { type: 'button', class: 'button', disabled: current, onclick: () => void replay.open(recording) }, icon('play', 20), 'Replay')
+  const play = el(
+    'button',
+    { type: 'button', class: 'button', disabled: current, onclick: () => void replay.open(recording) },
+    icon('play', 20),
+    'Replay',
+  )
   const when = new Date(recording.utc)
-  return el('tr', { class: current ? 'current' : '' },
-    el('td', {}, el('strong', {}, recording.name), el('div', { class: 'muted small' }, `${Number.isNaN(when.getTime()) ? recording.utc : when.toLocaleString(undefined, { dateStyle: 'medium', timeStyle: 'short' })}${recording.profile ? ` · ${recording.profile}` : ''}`)),
-    el('td', {}, duration(recording.duration_s)), el('td', {}, bytes(recording.size_bytes)),
-    el('td', {}, result(recording, current)), el('td', {}, fileLinks(recording)), el('td', { class: 'number' }, play))
+  const isDated = !Number.isNaN(when.getTime())
+  const date = isDated ? when.toLocaleString(undefined, { dateStyle: 'medium', timeStyle: 'short' }) : recording.utc
+  return el(
+    'tr',
+    { class: current ? 'current' : '' },
+    el(
+      'td',
+      {},
+      el('strong', {}, recording.name),
+      el('div', { class: 'muted small' }, date + (recording.profile ? ` · ${recording.profile}` : '')),
+    ),
+    el('td', {}, duration(recording.duration_s)),
+    el('td', {}, bytes(recording.size_bytes)),
+    el('td', {}, result(recording, current)),
+    el('td', {}, fileLinks(recording)),
+    el('td', { class: 'number' }, play),
+  )
 }
 
 function result(recording: Recording, current: boolean): HTMLElement {
@@ -88,27 +151,65 @@ function result(recording: Recording, current: boolean): HTMLElement {
   if (recording.ok === null) return el('span', { class: 'tag', title: recording.reason }, 'Not finished')
   return recording.ok
     ? el('span', { class: 'tag good' }, 'Done')
-    : el('span', {}, el('span', { class: 'tag bad' }, 'Failed'), el('span', { class: 'small muted' }, ` ${recording.reason}`))
+    : el(
+        'span',
+        {},
+        el('span', { class: 'tag bad' }, 'Failed'),
+        el('span', { class: 'small muted' }, ` ${recording.reason}`),
+      )
 }
 
 function fileLinks(recording: Recording): HTMLElement {
-  return el('div', { class: 'file-links' }, ...recording.files.map((file) =>
-    el('a', { href: `/api/v1/recordings/${encodeURIComponent(recording.name)}/${encodeURIComponent(file)}`, download: file }, file)))
+  return el(
+    'div',
+    { class: 'file-links' },
+    ...recording.files.map((file) =>
+      el(
+        'a',
+        {
+          href: `/api/v1/recordings/${encodeURIComponent(recording.name)}/${encodeURIComponent(file)}`,
+          download: file,
+        },
+        file,
+      ),
+    ),
+  )
 }
 
 /** Play, pause, seek and speed of the recording that is being replayed. */
 class ReplayBar {
   readonly node = el('div', { class: 'card replay-bar', hidden: true })
-  private readonly slider = el('input', { type: 'range', min: 0, max: 1, step: 0.1, value: 0, 'aria-label': 'Time in the recording' })
+  private readonly slider = el('input', {
+    type: 'range',
+    min: 0,
+    max: 1,
+    step: 0.1,
+    value: 0,
+    'aria-label': 'Time in the recording',
+  })
   private readonly time = el('output')
-  private readonly speed = el('select', { 'aria-label': 'Speed' }, ...SPEEDS.map((s) => el('option', { value: s, selected: s === 1 }, `${s}×`)))
-  private readonly pause = el('button', { type: 'button', class: 'button', 'aria-pressed': 'false' }, icon('pause', 20), 'Pause')
+  private readonly speed = el(
+    'select',
+    { 'aria-label': 'Speed' },
+    ...SPEEDS.map((s) => el('option', { value: s, selected: s === 1 }, `${s}×`)),
+  )
+  private readonly pause = el(
+    'button',
+    { type: 'button', class: 'button', 'aria-pressed': 'false' },
+    icon('pause', 20),
+    'Pause',
+  )
   private name: string | null = null
   private seeking = false
   private readonly undo: () => void
 
   constructor(private readonly app: App) {
-    const back = el('button', { type: 'button', class: 'button', onclick: () => void app.attempt(api.replay(null, 1, 0)) }, icon('cancel', 20), 'Back to live')
+    const back = el(
+      'button',
+      { type: 'button', class: 'button', onclick: () => void app.attempt(api.replay(null, 1, 0)) },
+      icon('cancel', 20),
+      'Back to live',
+    )
     this.node.append(el('strong', {}, 'Replay'), this.slider, this.time, this.speed, this.pause, back)
     this.slider.addEventListener('input', () => (this.seeking = true))
     this.slider.addEventListener('change', () => void this.apply())

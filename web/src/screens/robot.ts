@@ -8,19 +8,33 @@ import type { Joint, Scene } from '../scene/scene.ts'
 import { onTheme } from '../shell/theme.ts'
 
 export const robot: Screen = {
-  id: 'robot', title: '3D', icon: 'robot',
+  id: 'robot',
+  title: '3D',
+  icon: 'robot',
   async mount(host, app) {
     const stage = el('div', { class: 'card stage' })
     const joints = el('div', { class: 'card stack joints' })
     const view = el('div', { class: 'card stack' })
     host.append(stage, el('div', { class: 'side' }, view, joints))
     if (app.off.has('scene') || !app.robot) {
-      stage.append(el('p', { class: 'empty' }, app.robot ? 'The scene is switched off by the address of this page.' : 'The robot has not described itself.'))
+      stage.append(
+        el(
+          'p',
+          { class: 'empty' },
+          app.robot ? 'The scene is switched off by the address of this page.' : 'The robot has not described itself.',
+        ),
+      )
       return () => undefined
     }
     const scene = await makeScene(stage)
     if (!scene) return () => undefined
-    replace(view, el('h2', {}, 'View'), ...(app.session.source === 'description' ? [] : [followButton(scene)]), check('Camera’s field of view', true, (on) => scene.showFrustum(on)), check('Frames of the links', false, (on) => scene.showFrames(on)))
+    replace(
+      view,
+      el('h2', {}, 'View'),
+      ...(app.session.source === 'description' ? [] : [followButton(scene)]),
+      check('Camera’s field of view', true, (on) => scene.showFrustum(on)),
+      check('Frames of the links', false, (on) => scene.showFrames(on)),
+    )
     if (window.__agribot) window.__agribot.scene = () => scene.shown()
     const undo = [onTheme(() => scene.recolour())]
     void showRobot(scene, app, joints, undo)
@@ -51,7 +65,10 @@ async function showRobot(scene: Scene, app: App, joints: HTMLElement, undo: (() 
   undo.push(...jointPanel(scene, app, joints, found))
 }
 
-/** Live joints show their angle; the others, and all of them with no live data, have a slider. Returns how to end it. */
+/**
+ * Live joints show their angle; the others, and all of them with no live data, have a slider.
+ * Returns how to end it.
+ */
 function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]): (() => void)[] {
   const undo: (() => void)[] = []
   const isLive = (): boolean => Boolean(app.store.state?.joints?.length) && !app.store.stale
@@ -61,15 +78,27 @@ function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]):
     if (live.has(name)) {
       const angle = el('span', { class: 'value' })
       const index = app.robot?.wheel_joints.indexOf(name) ?? 0
-      undo.push(app.store.on('state', (state) => setText(angle, `${((((state.joints[index] ?? 0) * 180) / Math.PI) % 360).toFixed(0)}°`)))
+      undo.push(
+        app.store.on('state', (state) =>
+          setText(angle, `${((((state.joints[index] ?? 0) * 180) / Math.PI) % 360).toFixed(0)}°`),
+        ),
+      )
       return el('div', { class: 'label-row' }, el('span', {}, words(name)), angle)
     }
     const at = Math.min(Math.max(0, lower), upper)
     const place = el('span', { class: 'value' }, jointPlace(joint, at))
-    const slider = el('input', { type: 'range', min: lower, max: upper, step: (upper - lower) / 720, value: at, 'aria-label': words(name), oninput: () => {
-      scene.setJoint(name, Number(slider.value))
-      setText(place, jointPlace(joint, Number(slider.value)))
-    } })
+    const slider = el('input', {
+      type: 'range',
+      min: lower,
+      max: upper,
+      step: (upper - lower) / 720,
+      value: at,
+      'aria-label': words(name),
+      oninput: () => {
+        scene.setJoint(name, Number(slider.value))
+        setText(place, jointPlace(joint, Number(slider.value)))
+      },
+    })
     return el('div', { class: 'field' }, el('div', { class: 'label-row' }, el('span', {}, words(name)), place), slider)
   })
   replace(panel, el('h2', {}, 'Joints'), ...rows)
@@ -81,10 +110,20 @@ function jointPlace(joint: Joint, value: number): string {
 }
 
 function followButton(scene: Scene): HTMLElement {
-  const button = el('button', { type: 'button', class: 'button', 'aria-pressed': 'true', onclick: () => {
-    scene.follow = !scene.follow
-    button.setAttribute('aria-pressed', String(scene.follow))
-  } }, icon('follow', 20), 'Follow the robot')
+  const button = el(
+    'button',
+    {
+      type: 'button',
+      class: 'button',
+      'aria-pressed': 'true',
+      onclick: () => {
+        scene.follow = !scene.follow
+        button.setAttribute('aria-pressed', String(scene.follow))
+      },
+    },
+    icon('follow', 20),
+    'Follow the robot',
+  )
   return button
 }
 

@@ -9,20 +9,35 @@ import { CalibrationCard } from './calibration.ts'
 import type { Setting, Settings, SettingValue } from '../wire.ts'
 
 export const settings: Screen = {
-  id: 'settings', title: 'Settings', icon: 'settings',
+  id: 'settings',
+  title: 'Settings',
+  icon: 'settings',
   async mount(host, app) {
     const calibration = new CalibrationCard(app)
-    const column = el('div', { class: 'column' }, pageCard(), calibration.node, el('p', { class: 'empty' }, 'Reading the settings…'))
+    const column = el(
+      'div',
+      { class: 'column' },
+      pageCard(),
+      calibration.node,
+      el('p', { class: 'empty' }, 'Reading the settings…'),
+    )
     host.append(column)
     const [found] = await Promise.all([app.attempt(api.settings()), calibration.look()])
     if (!found) return () => calibration.close()
     const groups = el('div', { class: 'column' })
     const show = (all: boolean): void => {
       replace(groups, ...found.groups.map((group) => groupCard(group, all, app)))
-      if (!groups.childElementCount) groups.append(el('p', { class: 'card empty' }, 'No setting of this robot may change while it runs.'))
+      if (!groups.childElementCount)
+        groups.append(el('p', { class: 'card empty' }, 'No setting of this robot may change while it runs.'))
     }
     const all = el('input', { type: 'checkbox', onchange: () => show(all.checked) })
-    replace(column, pageCard(), calibration.node, el('label', { class: 'check' }, all, 'Show also what is fixed while the robot runs'), groups)
+    replace(
+      column,
+      pageCard(),
+      calibration.node,
+      el('label', { class: 'check' }, all, 'Show also what is fixed while the robot runs'),
+      groups,
+    )
     show(false)
     return () => calibration.close()
   },
@@ -31,18 +46,47 @@ export const settings: Screen = {
 function groupCard(group: Settings['groups'][number], all: boolean, app: App): HTMLElement | null {
   const keys = group.keys.filter((setting) => all || setting.live)
   if (!keys.length) return null
-  return el('section', { class: 'card stack' }, el('h2', {}, words(group.name)), ...keys.map((setting) => row(setting, app)))
+  return el(
+    'section',
+    { class: 'card stack' },
+    el('h2', {}, words(group.name)),
+    ...keys.map((setting) => row(setting, app)),
+  )
 }
 
 function pageCard(): HTMLElement {
-  const buttons = THEMES.map((name) => el('button', { type: 'button', class: 'segment', 'aria-pressed': String(name === theme()), 'data-value': name, onclick: () => {
-    setTheme(name)
-    for (const button of buttons) button.setAttribute('aria-pressed', String(button.dataset.value === name))
-  } }, THEME_NAMES[name]))
-  return el('section', { class: 'card row-card' },
-    el('div', {}, el('h2', {}, 'This page'), el('p', { class: 'muted' }, 'Colours on this device. Sunlight has the strongest contrast.'),
-      el('p', { class: 'small' }, el('a', { href: './licences.txt', target: '_blank', rel: 'noopener' }, 'Licences of the software in this page'))),
-    el('div', { class: 'segments', role: 'group', 'aria-label': 'Theme' }, ...buttons))
+  const buttons = THEMES.map((name) =>
+    el(
+      'button',
+      {
+        type: 'button',
+        class: 'segment',
+        'aria-pressed': String(name === theme()),
+        'data-value': name,
+        onclick: () => {
+          setTheme(name)
+          for (const button of buttons) button.setAttribute('aria-pressed', String(button.dataset.value === name))
+        },
+      },
+      THEME_NAMES[name],
+    ),
+  )
+  return el(
+    'section',
+    { class: 'card row-card' },
+    el(
+      'div',
+      {},
+      el('h2', {}, 'This page'),
+      el('p', { class: 'muted' }, 'Colours on this device. Sunlight has the strongest contrast.'),
+      el(
+        'p',
+        { class: 'small' },
+        el('a', { href: './licences.txt', target: '_blank', rel: 'noopener' }, 'Licences of the software in this page'),
+      ),
+    ),
+    el('div', { class: 'segments', role: 'group', 'aria-label': 'Theme' }, ...buttons),
+  )
 }
 
 function row(setting: Setting, app: App): HTMLElement {
@@ -51,7 +95,8 @@ function row(setting: Setting, app: App): HTMLElement {
   const note = el('p', { class: 'small muted', 'aria-live': 'polite' })
   const describe = (): void => {
     const parts = [setting.about]
-    if (setting.min !== null || setting.max !== null) parts.push(`From ${setting.min ?? '–∞'} to ${setting.max ?? '∞'}.`)
+    if (setting.min !== null || setting.max !== null)
+      parts.push(`From ${setting.min ?? '–∞'} to ${setting.max ?? '∞'}.`)
     if (String(setting.value) !== String(setting.default)) parts.push(`Default ${setting.default}.`)
     note.textContent = parts.filter(Boolean).join(' ')
     note.classList.remove('form-error')
@@ -65,16 +110,22 @@ function row(setting: Setting, app: App): HTMLElement {
     if (answer && setting.key in answer.applied) {
       setting.value = answer.applied[setting.key]
       describe()
-      app.toasts.show('info', `${quantity(setting.key)} is now ${setting.value}${setting.unit ? ` ${setting.unit}` : ''}.`)
+      app.toasts.show(
+        'info',
+        `${quantity(setting.key)} is now ${setting.value}${setting.unit ? ` ${setting.unit}` : ''}.`,
+      )
     } else if (refused) {
       note.textContent = refused
       note.classList.add('form-error')
     }
     if (read(setting, input) === value) write(setting, input) // else it was changed meanwhile, with an answer to come
   }
-  return el('div', { class: 'setting' },
+  return el(
+    'div',
+    { class: 'setting' },
     el('div', {}, el('label', { for: id }, quantity(setting.key)), note),
-    el('div', { class: 'setting-control' }, input, setting.unit !== '' && el('span', { class: 'muted' }, setting.unit)))
+    el('div', { class: 'setting-control' }, input, setting.unit !== '' && el('span', { class: 'muted' }, setting.unit)),
+  )
 }
 
 type Input = HTMLInputElement | HTMLSelectElement
@@ -82,13 +133,27 @@ type Input = HTMLInputElement | HTMLSelectElement
 function control(setting: Setting, id: string): Input {
   const disabled = !setting.live
   if (setting.type === 'choice') {
-    return el('select', { id, disabled }, ...(setting.choices ?? []).map((choice) => el('option', { value: choice, selected: choice === setting.value }, choice)))
+    return el(
+      'select',
+      { id, disabled },
+      ...(setting.choices ?? []).map((choice) =>
+        el('option', { value: choice, selected: choice === setting.value }, choice),
+      ),
+    )
   }
-  if (setting.type === 'boolean') return el('input', { id, type: 'checkbox', disabled, checked: setting.value === true })
+  if (setting.type === 'boolean')
+    return el('input', { id, type: 'checkbox', disabled, checked: setting.value === true })
   const number = setting.type === 'number'
   return el('input', {
-    id, disabled, class: 'field-input', type: number ? 'number' : 'text', step: number ? 'any' : null, min: setting.min, max: setting.max,
-    value: String(setting.value), autocomplete: 'off',
+    id,
+    disabled,
+    class: 'field-input',
+    type: number ? 'number' : 'text',
+    step: number ? 'any' : null,
+    min: setting.min,
+    max: setting.max,
+    value: String(setting.value),
+    autocomplete: 'off',
   })
 }
 

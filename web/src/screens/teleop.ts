@@ -13,27 +13,48 @@ import { SCALES, TeleopMachine } from '../teleop/machine.ts'
 
 const SEND_EVERY_MS = 50
 const HUNG_MS = 1000
+const HELP = 'Hold to drive, let go to stop. Keys: W A S D or arrows. Gamepad: hold a shoulder button.'
 
 export const teleop: Screen = {
-  id: 'teleop', title: 'Teleop', icon: 'teleop',
+  id: 'teleop',
+  title: 'Teleop',
+  icon: 'teleop',
   mount(host, app) {
     const machine = new TeleopMachine()
     const knob = el('div', { class: 'pad-knob', 'aria-hidden': 'true' })
-    const pad = el('div', { class: 'pad', role: 'application', tabindex: 0, 'aria-label': 'Drive pad: drag, or use W A S D or the arrow keys' },
-      ...['up', 'right', 'down', 'left'].map((way) => el('span', { class: `pad-arrow ${way}`, 'aria-hidden': 'true' })), knob)
+    const pad = makePad(knob)
     const readout = el('output', { class: 'readout' })
     const gamepad = el('span', { class: 'muted' })
     const arm = armSwitch(app, machine)
     const camera = app.session.camera && !app.off.has('camera') ? new CameraPicture(app.store, false) : null
     const label = el('span', { class: 'picture-label' })
     host.append(
-      el('div', { class: 'card teleop-view' }, camera ? camera.node : el('p', { class: 'empty' }, 'This robot has no camera.'), camera && label),
-      el('div', { class: 'card teleop-pad' }, arm.node, pad, readout, scaleChoice(app), el('p', { class: 'muted help' }, 'Hold to drive, let go to stop. Keys: W A S D or arrows. Gamepad: hold a shoulder button.'), gamepad))
+      el(
+        'div',
+        { class: 'card teleop-view' },
+        camera ? camera.node : el('p', { class: 'empty' }, 'This robot has no camera.'),
+        camera && label,
+      ),
+      el(
+        'div',
+        { class: 'card teleop-pad' },
+        arm.node,
+        pad,
+        readout,
+        scaleChoice(app),
+        el('p', { class: 'muted help' }, HELP),
+        gamepad,
+      ),
+    )
     listenPad(pad, knob, machine)
-    const undo = [listenKeys(machine), listenLeaving(() => {
-      machine.releaseAll()
-      send(app, machine)
-    }), arm.done]
+    const undo = [
+      listenKeys(machine),
+      listenLeaving(() => {
+        machine.releaseAll()
+        send(app, machine)
+      }),
+      arm.done,
+    ]
     let lastMs = performance.now()
     const sender = setInterval(() => {
       const nowMs = performance.now()
@@ -53,6 +74,20 @@ export const teleop: Screen = {
       camera?.close()
     }
   },
+}
+
+function makePad(knob: HTMLElement): HTMLElement {
+  return el(
+    'div',
+    {
+      class: 'pad',
+      role: 'application',
+      tabindex: 0,
+      'aria-label': 'Drive pad: drag, or use W A S D or the arrow keys',
+    },
+    ...['up', 'right', 'down', 'left'].map((way) => el('span', { class: `pad-arrow ${way}`, 'aria-hidden': 'true' })),
+    knob,
+  )
 }
 
 function limits(app: App): Limits {
@@ -88,12 +123,24 @@ function armSwitch(app: App, machine: TeleopMachine): { node: HTMLElement; updat
     machine.setArmed(wanted && allowed)
     button.setAttribute('aria-pressed', String(machine.isArmed))
     setText(slow, wanted && !allowed ? slowText(app) : '')
-    setText(word, machine.isArmed ? 'Driving by hand: end' : store.seat === 'you' ? 'Drive by hand' : 'Take control to drive')
+    setText(
+      word,
+      machine.isArmed ? 'Driving by hand: end' : store.seat === 'you' ? 'Drive by hand' : 'Take control to drive',
+    )
     document.querySelector('.pad')?.classList.toggle('armed', machine.isArmed)
   }
   const arm = async (): Promise<void> => {
     const onMission = app.store.state?.mode === 'mission'
-    if (onMission && !(await app.dialogs.confirm('Interrupt the mission?', ['The robot is on its mission. Driving by hand takes over; resume the mission on the Drive screen afterwards.'], 'Drive by hand', 'danger'))) return
+    if (
+      onMission &&
+      !(await app.dialogs.confirm(
+        'Interrupt the mission?',
+        ['The robot is on its mission. Driving by hand takes over; resume the mission on the Drive screen afterwards.'],
+        'Drive by hand',
+        'danger',
+      ))
+    )
+      return
     wanted = true
     update()
   }
@@ -108,19 +155,32 @@ function armSwitch(app: App, machine: TeleopMachine): { node: HTMLElement; updat
   return { node: el('div', { class: 'arm-switch' }, button, slow), update, done: app.store.on('seat', update) }
 }
 
+const seconds = (ms: number): string => `${(ms / 1000).toFixed(1)} s`
+
 /** Why a hand may not drive now. */
 function slowText({ store }: App): string {
   const { roundTripMs } = store.monitor
   if (!store.linked) return 'No link to the robot.'
-  if (!store.answers || roundTripMs > HAND_MS) return `The robot answers too late for a hand (${(roundTripMs / 1000).toFixed(1)} s; at most ${(HAND_MS / 1000).toFixed(1)} s).`
+  if (!store.answers || roundTripMs > HAND_MS)
+    return `The robot answers too late for a hand (${seconds(roundTripMs)}; at most ${seconds(HAND_MS)}).`
   return store.stale ? 'What the robot tells is too old for a hand.' : ''
 }
 
 function scaleChoice(app: App): HTMLElement {
   const saved = savedScale()
-  const buttons = SCALES.map((value) => el('button', {
-    type: 'button', class: 'segment', 'aria-pressed': String(value === saved), 'data-value': value, onclick: () => choose(value),
-  }, `${value * 100} %`))
+  const buttons = SCALES.map((value) =>
+    el(
+      'button',
+      {
+        type: 'button',
+        class: 'segment',
+        'aria-pressed': String(value === saved),
+        'data-value': value,
+        onclick: () => choose(value),
+      },
+      `${value * 100} %`,
+    ),
+  )
   const choose = (value: number): void => {
     for (const button of buttons) button.setAttribute('aria-pressed', String(Number(button.dataset.value) === value))
     localStorage.setItem('speed-scale', String(value))

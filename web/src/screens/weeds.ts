@@ -17,19 +17,34 @@ const COUNT_EVERY_MS = 1000
 const PICK_PX = 8
 
 export const weeds: Screen = {
-  id: 'weeds', title: 'Weeds', icon: 'weeds',
+  id: 'weeds',
+  title: 'Weeds',
+  icon: 'weeds',
   async mount(host, app) {
     const filter: WeedFilter = { weeds: true, crop: true, treated: true, open: true, confidence: 0, sinceS: null }
     const mapHost = el('div', { class: 'map-host card' })
     const count = el('p', { class: 'count' })
-    const details = el('div', { class: 'details' }, el('h2', {}, 'Details'), el('p', { class: 'muted' }, 'Tap a plant on the map, or go through them here.'))
+    const details = el(
+      'div',
+      { class: 'details' },
+      el('h2', {}, 'Details'),
+      el('p', { class: 'muted' }, 'Tap a plant on the map, or go through them here.'),
+    )
     let view: MapView | null = null
     const apply = (): void => {
       showCount(count, app, filter)
       view?.ready(() => view?.map.setFilter('weeds', mapFilter(filter)))
     }
-    host.append(mapHost, el('div', { class: 'side' }, filterCard(app, filter, count, apply),
-      el('div', { class: 'card' }, stepButtons(app, filter, details), details), exportCard()))
+    host.append(
+      mapHost,
+      el(
+        'div',
+        { class: 'side' },
+        filterCard(app, filter, count, apply),
+        el('div', { class: 'card' }, stepButtons(app, filter, details), details),
+        exportCard(),
+      ),
+    )
     const timer = setInterval(() => showCount(count, app, filter), COUNT_EVERY_MS)
     view = await openMap(mapHost, app)
     apply()
@@ -64,40 +79,92 @@ function mapFilter(filter: WeedFilter): FilterSpecification {
 
 function filterCard(app: App, filter: WeedFilter, count: HTMLElement, apply: () => void): HTMLElement {
   const toggle = (name: 'weeds' | 'crop' | 'treated' | 'open', label: string, swatch = ''): HTMLElement => {
-    const box = el('input', { type: 'checkbox', checked: true, onchange: () => {
-      filter[name] = box.checked
-      apply()
-    } })
+    const box = el('input', {
+      type: 'checkbox',
+      checked: true,
+      onchange: () => {
+        filter[name] = box.checked
+        apply()
+      },
+    })
     return el('label', { class: 'check' }, box, swatch !== '' && el('span', { class: `swatch ${swatch}` }), label)
   }
   const value = el('span', { class: 'value' }, '0 %')
-  const confidence = el('input', { type: 'range', min: 0, max: 1, step: 0.05, value: 0, oninput: () => {
-    filter.confidence = Number(confidence.value)
-    setText(value, `${Math.round(filter.confidence * 100)} %`)
-    apply()
-  } })
-  const time = el('select', { onchange: () => {
-    const ageS = Number(time.value)
-    filter.sinceS = ageS ? (app.store.state?.t ?? 0) - ageS : null
-    apply()
-  } }, ...[['', 'Any time'], ['60', 'In the last minute'], ['600', 'In the last 10 minutes']].map(([v, text]) => el('option', { value: v }, text)))
-  return el('div', { class: 'card stack' }, el('h2', {}, 'Show'), count,
-    el('div', { class: 'checks pair' }, toggle('weeds', 'Weeds', 'map-weed'), toggle('crop', 'Crop', 'map-crop'), toggle('treated', 'Treated'), toggle('open', 'Not treated')),
+  const confidence = el('input', {
+    type: 'range',
+    min: 0,
+    max: 1,
+    step: 0.05,
+    value: 0,
+    oninput: () => {
+      filter.confidence = Number(confidence.value)
+      setText(value, `${Math.round(filter.confidence * 100)} %`)
+      apply()
+    },
+  })
+  const time = el(
+    'select',
+    {
+      onchange: () => {
+        const ageS = Number(time.value)
+        filter.sinceS = ageS ? (app.store.state?.t ?? 0) - ageS : null
+        apply()
+      },
+    },
+    ...[
+      ['', 'Any time'],
+      ['60', 'In the last minute'],
+      ['600', 'In the last 10 minutes'],
+    ].map(([v, text]) => el('option', { value: v }, text)),
+  )
+  return el(
+    'div',
+    { class: 'card stack' },
+    el('h2', {}, 'Show'),
+    count,
+    el(
+      'div',
+      { class: 'checks pair' },
+      toggle('weeds', 'Weeds', 'map-weed'),
+      toggle('crop', 'Crop', 'map-crop'),
+      toggle('treated', 'Treated'),
+      toggle('open', 'Not treated'),
+    ),
     el('label', { class: 'field' }, el('span', { class: 'label-row' }, 'Confidence at least', value), confidence),
-    el('label', { class: 'field' }, el('span', {}, 'Seen'), time))
+    el('label', { class: 'field' }, el('span', {}, 'Seen'), time),
+  )
 }
 
 function exportCard(): HTMLElement {
-  return el('div', { class: 'card stack' }, el('h2', {}, 'Export'), el('div', { class: 'button-row' },
-    el('a', { class: 'button', href: '/api/v1/weeds.geojson', download: 'weeds.geojson' }, icon('download', 20), 'GeoJSON'),
-    el('a', { class: 'button', href: '/api/v1/weeds.csv', download: 'weeds.csv' }, icon('download', 20), 'CSV')))
+  return el(
+    'div',
+    { class: 'card stack' },
+    el('h2', {}, 'Export'),
+    el(
+      'div',
+      { class: 'button-row' },
+      el(
+        'a',
+        { class: 'button', href: '/api/v1/weeds.geojson', download: 'weeds.geojson' },
+        icon('download', 20),
+        'GeoJSON',
+      ),
+      el('a', { class: 'button', href: '/api/v1/weeds.csv', download: 'weeds.csv' }, icon('download', 20), 'CSV'),
+    ),
+  )
 }
 
 function pick(view: MapView, app: App, details: HTMLElement): () => void {
   const click = (event: MapMouseEvent): void => {
     if (view.tools.tool !== 'pan') return
     const { x, y } = event.point
-    const found = view.map.queryRenderedFeatures([[x - PICK_PX, y - PICK_PX], [x + PICK_PX, y + PICK_PX]], { layers: ['weeds'] })
+    const found = view.map.queryRenderedFeatures(
+      [
+        [x - PICK_PX, y - PICK_PX],
+        [x + PICK_PX, y + PICK_PX],
+      ],
+      { layers: ['weeds'] },
+    )
     const id: unknown = found[0]?.properties.id
     const weed = typeof id === 'number' ? app.store.weeds.get(id) : undefined
     if (weed) showWeed(details, weed, app)
@@ -110,27 +177,40 @@ function pick(view: MapView, app: App, details: HTMLElement): () => void {
 function stepButtons(app: App, filter: WeedFilter, details: HTMLElement): HTMLElement {
   let shown: number | null = null
   const step = (by: 1 | -1): void => {
-    const ids = [...app.store.weeds.values()].filter((weed) => passes(weed, filter)).map(([id]) => id).sort((a, b) => a - b)
+    const ids = [...app.store.weeds.values()]
+      .filter((weed) => passes(weed, filter))
+      .map(([id]) => id)
+      .sort((a, b) => a - b)
     const from = shown ?? Infinity
-    const next = by > 0 ? ids.find((id) => id > from) ?? ids[0] : ids.filter((id) => id < from).pop() ?? ids[ids.length - 1]
+    const next =
+      by > 0 ? (ids.find((id) => id > from) ?? ids[0]) : (ids.filter((id) => id < from).pop() ?? ids[ids.length - 1])
     const weed = next === undefined ? undefined : app.store.weeds.get(next)
     if (!weed) return
     shown = weed[0]
     showWeed(details, weed, app)
   }
-  return el('div', { class: 'button-row steps' },
+  return el(
+    'div',
+    { class: 'button-row steps' },
     el('button', { type: 'button', class: 'button', onclick: () => step(-1) }, 'Plant before'),
-    el('button', { type: 'button', class: 'button', onclick: () => step(1) }, 'Plant after'))
+    el('button', { type: 'button', class: 'button', onclick: () => step(1) }, 'Plant after'),
+  )
 }
 
 /** Comes in when the robot has answered; without one the robot's reason stands there. */
 function weedPicture(id: number): HTMLElement {
   const figure = el('figure', { class: 'weed-picture' })
-  api.weedPicture(id).then(({ picture, takenS }) => {
-    const url = URL.createObjectURL(picture)
-    replace(figure, el('img', { src: url, alt: `Weed ${id} in the camera`, onload: () => URL.revokeObjectURL(url) }),
-      el('figcaption', { class: 'muted' }, `Picture from ${duration(takenS)}`))
-  }).catch((error: unknown) => replace(figure, el('figcaption', { class: 'muted' }, message(error))))
+  api
+    .weedPicture(id)
+    .then(({ picture, takenS }) => {
+      const url = URL.createObjectURL(picture)
+      replace(
+        figure,
+        el('img', { src: url, alt: `Weed ${id} in the camera`, onload: () => URL.revokeObjectURL(url) }),
+        el('figcaption', { class: 'muted' }, `Picture from ${duration(takenS)}`),
+      )
+    })
+    .catch((error: unknown) => replace(figure, el('figcaption', { class: 'muted' }, message(error))))
   return figure
 }
 
@@ -138,11 +218,24 @@ function showWeed(node: HTMLElement, weed: Weed, app: App): void {
   const [id, cls, x, y, stdM, confidence, areaM2, sightings, firstS, lastS, treatedS] = weed
   const [lon, lat] = app.projection.toLonLat(x, y)
   const rows: [string, string][] = [
-    ['Confidence', `${(confidence * 100).toFixed(0)} %`], ['Size', area(areaM2)], ['Position ±', metres(stdM)], ['Sightings', String(sightings)],
-    ['First seen', duration(firstS)], ['Last seen', duration(lastS)], ['Treated', treatedS === null ? NONE : duration(treatedS)],
+    ['Confidence', `${(confidence * 100).toFixed(0)} %`],
+    ['Size', area(areaM2)],
+    ['Position ±', metres(stdM)],
+    ['Sightings', String(sightings)],
+    ['First seen', duration(firstS)],
+    ['Last seen', duration(lastS)],
+    ['Treated', treatedS === null ? NONE : duration(treatedS)],
     ['East, north', `${fixed(x, 2)}, ${fixed(y, 2)} m`],
   ]
-  replace(node, el('h2', {}, `${cls === 0 ? 'Weed' : 'Crop plant'} ${id}`), cls === 0 && weedPicture(id),
-    el('dl', { class: 'facts plain' }, ...rows.map(([name, text]) => el('div', {}, el('dt', {}, name), el('dd', {}, text)))),
-    el('p', { class: 'mono select-all' }, `${lat.toFixed(8)}, ${lon.toFixed(8)}`))
+  replace(
+    node,
+    el('h2', {}, `${cls === 0 ? 'Weed' : 'Crop plant'} ${id}`),
+    cls === 0 && weedPicture(id),
+    el(
+      'dl',
+      { class: 'facts plain' },
+      ...rows.map(([name, text]) => el('div', {}, el('dt', {}, name), el('dd', {}, text))),
+    ),
+    el('p', { class: 'mono select-all' }, `${lat.toFixed(8)}, ${lon.toFixed(8)}`),
+  )
 }

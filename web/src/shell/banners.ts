@@ -14,7 +14,13 @@ class Banner {
   private readonly text = el('span')
 
   constructor(name: IconName, kind: 'bad' | 'note', ...more: HTMLElement[]) {
-    this.node = el('div', { class: `banner ${kind}`, hidden: true, ...(kind === 'bad' ? { role: 'alert' } : {}) }, icon(name, 20), this.text, ...more)
+    this.node = el(
+      'div',
+      { class: `banner ${kind}`, hidden: true, ...(kind === 'bad' ? { role: 'alert' } : {}) },
+      icon(name, 20),
+      this.text,
+      ...more,
+    )
   }
 
   /** Hidden without words. */
@@ -30,10 +36,24 @@ export class Banners {
   private readonly unconfirmed = new Banner('stop', 'bad')
   private readonly release = el('button', { type: 'button', class: 'button' }, 'Release stop')
   private readonly stopped = new Banner('stop', 'bad', this.release)
-  private readonly replay = new Banner('recordings', 'note', el('a', { href: '#/recordings', class: 'button' }, 'Recordings'))
+  private readonly replay = new Banner(
+    'recordings',
+    'note',
+    el('a', { href: '#/recordings', class: 'button' }, 'Recordings'),
+  )
 
-  constructor(private readonly app: App, private readonly main: HTMLElement) {
-    this.node = el('div', { class: 'banners' }, this.line.node, this.unconfirmed.node, this.stopped.node, this.replay.node)
+  constructor(
+    private readonly app: App,
+    private readonly main: HTMLElement,
+  ) {
+    this.node = el(
+      'div',
+      { class: 'banners' },
+      this.line.node,
+      this.unconfirmed.node,
+      this.stopped.node,
+      this.replay.node,
+    )
     this.release.addEventListener('click', () => void app.command({ k: 'clear_stop' }, 'Stop released.'))
     setInterval(() => this.update(), UPDATE_MS)
     app.store.on('stale', () => this.update())
@@ -59,7 +79,13 @@ export class Banners {
     const old = store.stale && Number.isFinite(ageMs) ? `What you see is ${seconds(ageMs)} old. ` : ''
     const { unansweredMs, roundTripMs } = store.monitor
     if (!store.linked) return `${old}${link.farewell || 'No link to the robot, trying again…'}`
-    if (!store.answers) return old + (roundTripMs > unansweredMs ? `The line is slow: the robot answers after ${seconds(roundTripMs)}.` : `No answer from the robot for ${seconds(unansweredMs)}.`)
+    if (!store.answers)
+      return (
+        old +
+        (roundTripMs > unansweredMs
+          ? `The line is slow: the robot answers after ${seconds(roundTripMs)}.`
+          : `No answer from the robot for ${seconds(unansweredMs)}.`)
+      )
     if (!store.stale) return ''
     return old ? `${old}The robot sends nothing new.` : 'Waiting for the first data of the robot…'
   }
@@ -67,7 +93,8 @@ export class Banners {
   private unconfirmedText(): string {
     const waitedMs = this.app.store.stop.waitedMs(performance.now())
     if (waitedMs < CONFIRMED_WITHIN_MS) return ''
-    return `STOP is not confirmed: nothing from the robot about it for ${seconds(waitedMs)}. Press the red button on the robot.`
+    const silence = `nothing from the robot about it for ${seconds(waitedMs)}`
+    return `STOP is not confirmed: ${silence}. Press the red button on the robot.`
   }
 
   private replayText(): string {

@@ -8,10 +8,21 @@ export async function showConnect(app: App): Promise<void> {
   const people = `${store.clients} ${store.clients === 1 ? 'page is' : 'pages are'} connected.`
   const body: Node[] = [el('p', {}, people)]
   if (session.lan_url) {
-    body.push(el('p', {}, 'Open this address on a device in the same network:'), el('p', { class: 'mono select-all' }, session.lan_url))
+    body.push(
+      el('p', {}, 'Open this address on a device in the same network:'),
+      el('p', { class: 'mono select-all' }, session.lan_url),
+    )
     if (session.qr_svg) body.push(qrImage(session.qr_svg))
   } else {
-    body.push(el('p', {}, 'This server listens on this computer only. Start it with a network address to let tablets and phones in: see ', el('code', {}, 'agribot ui --help'), '.'))
+    body.push(
+      el(
+        'p',
+        {},
+        'This server listens on this computer only. Start it with a network address to let tablets and phones in: see ',
+        el('code', {}, 'agribot ui --help'),
+        '.',
+      ),
+    )
   }
   await dialogs.ask('Connected pages', body, [])
 }

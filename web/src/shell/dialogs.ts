@@ -3,7 +3,11 @@
 import { el } from '../dom.ts'
 import { icon } from '../icons.ts'
 
-export interface Choice<T> { label: string; value: T; kind?: 'primary' | 'danger' }
+export interface Choice<T> {
+  label: string
+  value: T
+  kind?: 'primary' | 'danger'
+}
 
 export class Dialogs {
   /** Called after a dialog opened, to bring STOP and the messages above it. */
@@ -23,12 +27,24 @@ export class Dialogs {
         resolve(value)
       }
       const actions = choices.map((choice) =>
-        el('button', { type: 'button', class: `button ${choice.kind ?? ''}`, onclick: () => close(choice.value) }, choice.label))
-      const dismiss = el('button', { type: 'button', class: 'icon-button quiet', 'aria-label': 'Close', onclick: () => close(null) }, icon('cancel'))
-      const panel = el('div', { class: 'dialog', role: 'dialog', 'aria-labelledby': 'dialog-title' },
+        el(
+          'button',
+          { type: 'button', class: `button ${choice.kind ?? ''}`, onclick: () => close(choice.value) },
+          choice.label,
+        ),
+      )
+      const dismiss = el(
+        'button',
+        { type: 'button', class: 'icon-button quiet', 'aria-label': 'Close', onclick: () => close(null) },
+        icon('cancel'),
+      )
+      const panel = el(
+        'div',
+        { class: 'dialog', role: 'dialog', 'aria-labelledby': 'dialog-title' },
         el('header', {}, el('h2', { id: 'dialog-title' }, title), dismiss),
         el('div', { class: 'dialog-body' }, ...body),
-        choices.length > 0 && el('footer', {}, ...actions))
+        choices.length > 0 && el('footer', {}, ...actions),
+      )
       const layer = el('div', { class: 'dialog-layer', popover: 'manual' }, panel)
       layer.addEventListener('keydown', (event) => {
         if (event.key === 'Escape') close(null)
@@ -44,8 +60,16 @@ export class Dialogs {
     })
   }
 
-  async confirm(title: string, body: (Node | string)[], yes: string, kind: 'primary' | 'danger' = 'primary'): Promise<boolean> {
-    const answer = await this.ask(title, body, [{ label: 'Cancel', value: false }, { label: yes, value: true, kind }])
+  async confirm(
+    title: string,
+    body: (Node | string)[],
+    yes: string,
+    kind: 'primary' | 'danger' = 'primary',
+  ): Promise<boolean> {
+    const answer = await this.ask(title, body, [
+      { label: 'Cancel', value: false },
+      { label: yes, value: true, kind },
+    ])
     return answer === true
   }
 
@@ -53,7 +77,14 @@ export class Dialogs {
   async prompt(title: string, label: string, value = '', yes = 'Save'): Promise<string | null> {
     const input = el('input', { type: 'text', value, maxlength: 80, class: 'field-input', autocomplete: 'off' })
     const body = el('label', { class: 'field' }, el('span', {}, label), input)
-    const answer = this.ask(title, [body], [{ label: 'Cancel', value: false }, { label: yes, value: true, kind: 'primary' }])
+    const answer = this.ask(
+      title,
+      [body],
+      [
+        { label: 'Cancel', value: false },
+        { label: yes, value: true, kind: 'primary' },
+      ],
+    )
     input.select()
     input.addEventListener('keydown', (event) => {
       if (event.key !== 'Enter') return

@@ -4,13 +4,22 @@ import { el } from '../dom.ts'
 /** Ask for the access token until the server takes it. */
 export function login(): Promise<void> {
   return new Promise((resolve) => {
-    const input = el('input', { type: 'password', class: 'field-input', autocomplete: 'current-password', required: true })
+    const input = el('input', {
+      type: 'password',
+      class: 'field-input',
+      autocomplete: 'current-password',
+      required: true,
+    })
     const error = el('p', { class: 'form-error', role: 'alert' })
-    const form = el('form', { class: 'login card' },
+    const form = el(
+      'form',
+      { class: 'login card' },
       el('h1', {}, 'AGRIBOT'),
       el('p', {}, 'Enter the access token that the server printed when it started.'),
-      el('label', { class: 'field' }, el('span', {}, 'Access token'), input), error,
-      el('button', { class: 'button primary', type: 'submit' }, 'Open'))
+      el('label', { class: 'field' }, el('span', {}, 'Access token'), input),
+      error,
+      el('button', { class: 'button primary', type: 'submit' }, 'Open'),
+    )
     const page = el('main', { class: 'login-page' }, form)
     form.addEventListener('submit', (event) => {
       event.preventDefault()

@@ -12,10 +12,24 @@ export class Router {
   private undo: () => void = () => undefined
   private turn = 0
 
-  constructor(private readonly app: App, private readonly screens: Screen[], private readonly main: HTMLElement) {
+  constructor(
+    private readonly app: App,
+    private readonly screens: Screen[],
+    private readonly main: HTMLElement,
+  ) {
     const links = screens.map((screen, i) =>
-      el('a', { href: `#/${screen.id}`, class: i < ON_PHONE ? 'tab' : 'tab rest', 'data-screen': screen.id, title: screen.title },
-        icon(screen.icon), el('span', {}, screen.title)))
+      el(
+        'a',
+        {
+          href: `#/${screen.id}`,
+          class: i < ON_PHONE ? 'tab' : 'tab rest',
+          'data-screen': screen.id,
+          title: screen.title,
+        },
+        icon(screen.icon),
+        el('span', {}, screen.title),
+      ),
+    )
     const more = el('button', { type: 'button', class: 'tab more' }, icon('more'), el('span', {}, 'More'))
     more.addEventListener('click', () => void this.showRest())
     this.nav = el('nav', { class: 'rail', 'aria-label': 'Screens' }, ...links, more)
@@ -54,10 +68,18 @@ export class Router {
     const list = el('div', { class: 'more-list' })
     const answer = this.app.dialogs.ask<string>('Screens', [list], [])
     for (const screen of this.screens.slice(ON_PHONE)) {
-      list.append(el('a', {
-        href: `#/${screen.id}`, class: 'tab',
-        onclick: () => list.closest('.dialog')?.querySelector<HTMLElement>('header button')?.click(),
-      }, icon(screen.icon), el('span', {}, screen.title)))
+      list.append(
+        el(
+          'a',
+          {
+            href: `#/${screen.id}`,
+            class: 'tab',
+            onclick: () => list.closest('.dialog')?.querySelector<HTMLElement>('header button')?.click(),
+          },
+          icon(screen.icon),
+          el('span', {}, screen.title),
+        ),
+      )
     }
     await answer
   }

@@ -6,7 +6,12 @@ import { el } from '../dom.ts'
 export async function chooseSeat(app: App): Promise<void> {
   const { store, link, dialogs } = app
   const name = el('input', {
-    type: 'text', maxlength: 40, class: 'field-input', autocomplete: 'off', value: localStorage.getItem('operator') ?? '', placeholder: 'Your name',
+    type: 'text',
+    maxlength: 40,
+    class: 'field-input',
+    autocomplete: 'off',
+    value: localStorage.getItem('operator') ?? '',
+    placeholder: 'Your name',
   })
   const named = el('label', { class: 'field' }, el('span', {}, 'Name shown to the others'), name)
   if (app.session.role === 'viewer') {
@@ -20,7 +25,12 @@ export async function chooseSeat(app: App): Promise<void> {
       ? `${store.holder || 'Another client'} operates the robot now. Taking over stops what is driven by hand.`
       : 'Nobody operates the robot. STOP works for everyone; every other command needs the seat.'
   const yes = mine ? 'Hand over' : store.seat === 'other' ? 'Take over' : 'Take control'
-  const go = await dialogs.confirm("Operator's seat", [el('p', {}, about), named], yes, store.seat === 'other' ? 'danger' : 'primary')
+  const go = await dialogs.confirm(
+    "Operator's seat",
+    [el('p', {}, about), named],
+    yes,
+    store.seat === 'other' ? 'danger' : 'primary',
+  )
   rename(app, name.value.trim())
   if (!go) return
   link.send(mine ? { k: 'release' } : { k: 'take', force: store.seat === 'other' })

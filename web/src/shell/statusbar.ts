@@ -14,7 +14,13 @@ import { onTheme, setTheme, theme, THEME_NAMES, THEMES } from './theme.ts'
 
 const UPDATE_MS = 200
 export const MODE_NAMES: Record<Mode, string> = {
-  mission: 'On mission', paused: 'Paused', teleop: 'By hand', stopped: 'Stopped', waiting: 'Waiting', done: 'Done', replay: 'Replay',
+  mission: 'On mission',
+  paused: 'Paused',
+  teleop: 'By hand',
+  stopped: 'Stopped',
+  waiting: 'Waiting',
+  done: 'Done',
+  replay: 'Replay',
 }
 
 class Chip {
@@ -22,8 +28,13 @@ class Chip {
   private readonly value = el('span', { class: 'chip-value' }, NONE)
 
   constructor(name: IconName, label: string, action?: () => void) {
-    this.node = el(action ? 'button' : 'div', { class: 'chip', title: label, ...(action ? { type: 'button', onclick: action } : {}) },
-      icon(name, 20), el('span', { class: 'chip-label' }, label), this.value)
+    this.node = el(
+      action ? 'button' : 'div',
+      { class: 'chip', title: label, ...(action ? { type: 'button', onclick: action } : {}) },
+      icon(name, 20),
+      el('span', { class: 'chip-label' }, label),
+      this.value,
+    )
   }
 
   set(text: string, tone: '' | 'good' | 'warn' | 'bad' = ''): void {
@@ -48,10 +59,13 @@ export class StatusBar {
     this.operator.node.classList.add('operator')
     this.clients = new Chip('people', 'Viewers', () => void showConnect(app))
     const chips = [this.link, this.age, this.gnss, this.battery, this.stop, this.clients]
-    this.node = el('header', { class: 'statusbar' },
+    this.node = el(
+      'header',
+      { class: 'statusbar' },
       el('div', { class: 'brand' }, el('span', { class: 'brand-name' }, 'AGRIBOT'), this.mode, this.operator.node),
       el('div', { class: 'chips', role: 'group', 'aria-label': 'Status' }, ...chips.map((chip) => chip.node)),
-      themeButton())
+      themeButton(),
+    )
     setInterval(() => this.update(), UPDATE_MS)
     app.store.on('seat', () => this.update())
     this.update()
@@ -61,7 +75,7 @@ export class StatusBar {
     const { store } = this.app
     const state = store.state
     const ageMs = store.ageMs(performance.now())
-    setText(this.mode, state ? MODE_NAMES[state.mode] ?? state.mode : 'Connecting')
+    setText(this.mode, state ? (MODE_NAMES[state.mode] ?? state.mode) : 'Connecting')
     setAttr(this.mode, 'data-mode', state?.mode ?? 'waiting')
     this.link.set(linkText(store), linkTone(store))
     this.age.set(Number.isFinite(ageMs) ? `${(ageMs / 1000).toFixed(1)} s` : NONE, store.stale ? 'bad' : '')

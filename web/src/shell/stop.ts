@@ -17,10 +17,18 @@ export class StopButton {
   private readonly button: HTMLButtonElement
 
   constructor(private readonly link: Link) {
-    this.button = el('button', {
-      id: 'stop', class: 'stop', type: 'button', popover: 'manual',
-      title: 'Stop the robot now (Space). A software stop: the red button on the robot cuts the power.',
-    }, icon('stop'), 'STOP')
+    this.button = el(
+      'button',
+      {
+        id: 'stop',
+        class: 'stop',
+        type: 'button',
+        popover: 'manual',
+        title: 'Stop the robot now (Space). A software stop: the red button on the robot cuts the power.',
+      },
+      icon('stop'),
+      'STOP',
+    )
     this.button.addEventListener('pointerdown', () => this.stop())
     this.button.addEventListener('click', (event) => {
       if (event.detail === 0) this.stop() // keyboard and screen reader; a pointer has stopped already

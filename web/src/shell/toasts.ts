@@ -8,7 +8,13 @@ const STAY_MS: Record<Level, number> = { info: 4000, warn: 8000, fault: 12000 }
 const MOST = 4
 
 export class Toasts {
-  private readonly box = el('div', { class: 'toasts', role: 'log', 'aria-live': 'polite', 'aria-label': 'Messages', popover: 'manual' })
+  private readonly box = el('div', {
+    class: 'toasts',
+    role: 'log',
+    'aria-live': 'polite',
+    'aria-label': 'Messages',
+    popover: 'manual',
+  })
 
   constructor() {
     document.body.append(this.box)
@@ -23,8 +29,18 @@ export class Toasts {
   /** What is still to be read is not said twice. */
   show(level: Level, text: string): void {
     if ([...this.box.children].some((toast) => toast.textContent === text)) return
-    const close = el('button', { type: 'button', class: 'icon-button quiet', 'aria-label': 'Dismiss' }, icon('cancel', 18))
-    const toast = el('div', { class: `toast ${level}` }, icon(level === 'info' ? 'check' : 'warning', 20), el('span', {}, text), close)
+    const close = el(
+      'button',
+      { type: 'button', class: 'icon-button quiet', 'aria-label': 'Dismiss' },
+      icon('cancel', 18),
+    )
+    const toast = el(
+      'div',
+      { class: `toast ${level}` },
+      icon(level === 'info' ? 'check' : 'warning', 20),
+      el('span', {}, text),
+      close,
+    )
     close.addEventListener('click', () => toast.remove())
     this.box.append(toast)
     while (this.box.children.length > MOST) this.box.firstElementChild?.remove()

@@ -14,7 +14,8 @@ export function listenPad(pad: HTMLElement, knob: HTMLElement, machine: TeleopMa
     const radius = box.width / 2
     const input = padInput(event.clientX - box.left - radius, event.clientY - box.top - radius, radius * 0.78)
     machine.hold('pad', input.forward, input.turn)
-    if (machine.isArmed) knob.style.transform = `translate(${-input.turn * radius * 0.62}px, ${-input.forward * radius * 0.62}px)`
+    if (machine.isArmed)
+      knob.style.transform = `translate(${-input.turn * radius * 0.62}px, ${-input.forward * radius * 0.62}px)`
   }
   const end = (): void => {
     pointer = null
@@ -82,7 +83,12 @@ export function readGamepad(machine: TeleopMachine): string | null {
     return null
   }
   const held = DEAD_MAN_BUTTONS.some((i) => gamepad.buttons[i]?.pressed)
-  if (held) machine.hold('gamepad', -withoutDeadZone(gamepad.axes[1] ?? 0), -withoutDeadZone(gamepad.axes[2] ?? gamepad.axes[0] ?? 0))
+  if (held)
+    machine.hold(
+      'gamepad',
+      -withoutDeadZone(gamepad.axes[1] ?? 0),
+      -withoutDeadZone(gamepad.axes[2] ?? gamepad.axes[0] ?? 0),
+    )
   else machine.release('gamepad')
   return gamepad.id
 }

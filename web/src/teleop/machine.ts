@@ -1,8 +1,14 @@
 /** Which input drives, how fast, and when the robot must be told to stop. No clock, no DOM. */
 
 export type Source = 'pad' | 'keys' | 'gamepad'
-export interface Drive { v: number; w: number }
-export interface Limits { speedMps: number; yawRateRadps: number }
+export interface Drive {
+  v: number
+  w: number
+}
+export interface Limits {
+  speedMps: number
+  yawRateRadps: number
+}
 
 export const SCALES = [0.2, 0.5, 0.8, 1] as const
 const ZERO: Drive = { v: 0, w: 0 }
@@ -65,8 +71,14 @@ function clamp(value: number): number {
 }
 
 const KEYS: Record<string, [forward: number, turn: number]> = {
-  ArrowUp: [1, 0], KeyW: [1, 0], ArrowDown: [-1, 0], KeyS: [-1, 0],
-  ArrowLeft: [0, 1], KeyA: [0, 1], ArrowRight: [0, -1], KeyD: [0, -1],
+  ArrowUp: [1, 0],
+  KeyW: [1, 0],
+  ArrowDown: [-1, 0],
+  KeyS: [-1, 0],
+  ArrowLeft: [0, 1],
+  KeyA: [0, 1],
+  ArrowRight: [0, -1],
+  KeyD: [0, -1],
 }
 
 export function isDriveKey(code: string): boolean {

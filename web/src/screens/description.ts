@@ -3,11 +3,11 @@
 import { App } from '../app.ts'
 import { el } from '../dom.ts'
 import { Link } from '../link.ts'
-import { robot } from '../screens/robot.ts'
+import { robot } from './robot.ts'
 import { Store } from '../store.ts'
 import type { Session } from '../wire.ts'
-import { Dialogs } from './dialogs.ts'
-import { Toasts } from './toasts.ts'
+import { Dialogs } from '../shell/dialogs.ts'
+import { Toasts } from '../shell/toasts.ts'
 
 export async function showDescription(session: Session): Promise<void> {
   const main = el('main', { class: 'main', id: 'main' })

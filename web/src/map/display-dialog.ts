@@ -1,22 +1,25 @@
 /** Adding a display to the map, and changing one. */
 
-import type { LayerGroup } from '../map/layers.ts'
-import type { MapView } from '../map/view.ts'
-import type { ToolId } from '../map/tools.ts'
+import { Display } from '../displays/display.ts'
+import type { LayerGroup, ToolId } from '../displays/host.ts'
+import { filled } from '../displays/options.ts'
+import type { Option, Options, OptionValue } from '../displays/options.ts'
+import { DISPLAY_TYPES, typeOf } from '../displays/types.ts'
+import type { DisplayType } from '../displays/types.ts'
 import { el, replace } from '../dom.ts'
 import { icon } from '../icons.ts'
 import type { Choice } from '../shell/dialogs.ts'
-import { Display } from './display.ts'
-import type { Option, Options, OptionValue } from './options.ts'
-import { filled } from './options.ts'
-import { DISPLAY_TYPES, typeOf } from './types.ts'
-import type { DisplayType } from './types.ts'
+import type { MapView } from './view.ts'
 
 const PICTURE_PX = 256
 
 export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void): Promise<void> {
   let options: Options = {}
-  const type = el('select', { onchange: () => fill() }, ...DISPLAY_TYPES.map(({ id, title }) => el('option', { value: id }, title)))
+  const type = el(
+    'select',
+    { onchange: () => fill() },
+    ...DISPLAY_TYPES.map(({ id, title }) => el('option', { value: id }, title)),
+  )
   type.value = 'odometry'
   const source = el('select')
   const title = el('input', { type: 'text', class: 'field-input', maxlength: 40, autocomplete: 'off' })
@@ -37,16 +40,26 @@ export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void)
     replace(fields, ...optionFields(chosen.options, options, (name, value) => (options[name] = value)))
   }
   fill()
-  const body = [el('label', { class: 'field' }, el('span', {}, 'Display'), type), about, sourceField, titleField, fields]
+  const body = [
+    el('label', { class: 'field' }, el('span', {}, 'Display'), type),
+    about,
+    sourceField,
+    titleField,
+    fields,
+  ]
   if (!(await view.app.dialogs.confirm('Add a display', body, 'Add'))) return
   const chosen = typeOf(type.value)
   if (chosen?.kind === 'tool') useTool(chosen.tool)
-  else if (!view.displays.make(type.value, title.value.trim() || type.value, source.value, options)) view.app.toasts.show('warn', 'This display could not be added.')
+  else if (!view.displays.make(type.value, title.value.trim() || type.value, source.value, options))
+    view.app.toasts.show('warn', 'This display could not be added.')
 }
 
 function describe(type: DisplayType, sources: number): string {
   if (type.kind === 'tool') return `A tool of the map: ${type.reads}.`
-  const none = type.kind === 'shapes' && type.needsNoSource ? '' : ' Nothing gives such data now; a program may, with `panels.layer`.'
+  const none =
+    type.kind === 'shapes' && type.needsNoSource
+      ? ''
+      : ' Nothing gives such data now; a program may, with `panels.layer`.'
   return `Reads ${type.reads}.${sources ? '' : none}`
 }
 
@@ -56,24 +69,43 @@ function optionFields(options: Option[], values: Options, set: Set): HTMLElement
   return options.map((option) => {
     const unit = option.unit ? `, ${option.unit}` : ''
     if (typeof option.value === 'boolean') {
-      const box = el('input', { type: 'checkbox', checked: values[option.name] === true, onchange: () => set(option.name, box.checked) })
+      const box = el('input', {
+        type: 'checkbox',
+        checked: values[option.name] === true,
+        onchange: () => set(option.name, box.checked),
+      })
       return el('label', { class: 'check' }, box, option.label)
     }
-    return el('label', { class: 'field' }, el('span', {}, `${option.label}${unit}`), control(option, values[option.name], (value) => set(option.name, value)))
+    return el(
+      'label',
+      { class: 'field' },
+      el('span', {}, `${option.label}${unit}`),
+      control(option, values[option.name], (value) => set(option.name, value)),
+    )
   })
 }
 
 function control(option: Option, value: OptionValue, set: (value: OptionValue) => void): HTMLElement {
   if (option.choices) {
-    const select = el('select', { onchange: () => set(select.value) }, ...option.choices.map((name) => el('option', { value: name, selected: name === value }, name)))
+    const select = el(
+      'select',
+      { onchange: () => set(select.value) },
+      ...option.choices.map((name) => el('option', { value: name, selected: name === value }, name)),
+    )
     return select
   }
   if (option.name === 'image') return pictureInput(set)
   const isNumber = typeof option.value === 'number'
   const isColour = String(option.value).startsWith('#')
   const input = el('input', {
-    type: isNumber ? 'number' : isColour ? 'color' : 'text', class: isColour ? 'colour-input' : 'field-input', value: String(value), min: option.min, max: option.max,
-    step: option.step, autocomplete: 'off', onchange: () => {
+    type: isNumber ? 'number' : isColour ? 'color' : 'text',
+    class: isColour ? 'colour-input' : 'field-input',
+    value: String(value),
+    min: option.min,
+    max: option.max,
+    step: option.step,
+    autocomplete: 'off',
+    onchange: () => {
       if (!isNumber) set(input.value)
       else if (input.value !== '' && input.validity.valid) set(Number(input.value))
     },
@@ -98,15 +130,29 @@ function pictureInput(set: (value: string) => void): HTMLElement {
 
 /** Order, options and removal of one entry of the layer list. */
 export async function editGroup(view: MapView, group: LayerGroup): Promise<void> {
-  const body: HTMLElement[] = [el('div', { class: 'button-row' }, mover(view, group, -1, 'Further up'), mover(view, group, 1, 'Further down'))]
+  const body: HTMLElement[] = [
+    el('div', { class: 'button-row' }, mover(view, group, -1, 'Further up'), mover(view, group, 1, 'Further down')),
+  ]
   const choices: Choice<string>[] = [{ label: 'Done', value: 'done', kind: 'primary' }]
   if (group instanceof Display) {
     const { type, options } = group
-    body.push(el('p', { class: 'muted small' }, type.title === group.title ? `Reads ${type.reads}.` : `${type.title}: reads ${type.reads}.`))
-    body.push(el('div', { class: 'option-grid' }, ...optionFields(type.options, options, (name, value) => {
-      group.setOptions({ ...group.options, [name]: value })
-      view.remember()
-    })))
+    body.push(
+      el(
+        'p',
+        { class: 'muted small' },
+        type.title === group.title ? `Reads ${type.reads}.` : `${type.title}: reads ${type.reads}.`,
+      ),
+    )
+    body.push(
+      el(
+        'div',
+        { class: 'option-grid' },
+        ...optionFields(type.options, options, (name, value) => {
+          group.setOptions({ ...group.options, [name]: value })
+          view.remember()
+        }),
+      ),
+    )
     if (group.removable) choices.unshift({ label: 'Remove', value: 'remove', kind: 'danger' })
   }
   const answer = await view.app.dialogs.ask(group.title, body, choices)
@@ -114,5 +160,10 @@ export async function editGroup(view: MapView, group: LayerGroup): Promise<void>
 }
 
 function mover(view: MapView, group: LayerGroup, by: -1 | 1, label: string): HTMLElement {
-  return el('button', { type: 'button', class: 'button', onclick: () => view.moveGroup(group, view.groups.indexOf(group) + by) }, icon(by < 0 ? 'up' : 'down', 20), label)
+  return el(
+    'button',
+    { type: 'button', class: 'button', onclick: () => view.moveGroup(group, view.groups.indexOf(group) + by) },
+    icon(by < 0 ? 'up' : 'down', 20),
+    label,
+  )
 }
