@@ -12,6 +12,7 @@ import msgspec
 
 from agribot.cli.door import add_door_arguments, door_of
 from agribot.core.errors import PlatformError
+from agribot.ui import wire
 from agribot.ui.remote import Remote
 
 if TYPE_CHECKING:
@@ -77,14 +78,15 @@ def _tell_robot(options: argparse.Namespace) -> int:
     """Done once the robot says so; 1 where it does not."""
     is_mark, is_start = options.action == "mark", options.action == "start"
     with Remote(door_of(options), "agribot record") as robot:
-        message = {"k": "mark", "text": options.text} if is_mark else {
-            "k": "record", "action": options.action
-        }  # fmt: skip
-        refusal = robot.ask(**message)
+        refusal = robot.ask(
+            wire.MarkMoment(text=options.text)
+            if is_mark
+            else wire.ControlRecording(action=options.action)
+        )
         if refusal:
             raise PlatformError(refusal)
-        state = robot.until(lambda now: is_mark or bool(now.get("recording")) == is_start)
-    name = state.get("recording") or None
+        state = robot.until(lambda now: is_mark or bool(now.recording) == is_start)
+    name = state.recording or None
     told = "marked" if is_mark else f"recording {name}" if name else "no recording any more"
     result = json.dumps({"ok": True, "recording": name})
     sys.stdout.write(f"{result if options.json else told}\n")

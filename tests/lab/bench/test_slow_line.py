@@ -8,7 +8,7 @@ import time
 import pytest
 
 from agribot.lab.bench.ui import GOOD_AGE_S, Link, ages_wanted
-from agribot.lab.bench.ui_link import DELAY_S, Line
+from agribot.lab.bench.ui_link import DELAY_S, SlowLine
 
 DATA = bytes(range(256)) * 200  # 51 kB
 
@@ -28,7 +28,7 @@ async def _through(bytes_per_s: float) -> tuple[bytes, float]:
         await _close(writer)
 
     async with await asyncio.start_server(send, "127.0.0.1", 0) as far:
-        line = Line(bytes_per_s, far.sockets[0].getsockname()[1])
+        line = SlowLine(bytes_per_s, far.sockets[0].getsockname()[1])
         async with line.opened() as port:
             reader, writer = await asyncio.open_connection("127.0.0.1", port)
             from_s = time.monotonic()

@@ -16,7 +16,7 @@ import time
 from collections.abc import AsyncIterator, Sequence
 
 from agribot.lab.bench.ui_clients import page_line
-from agribot.ui.camera import HEAD
+from agribot.ui import wire
 
 DELAY_S = 0.02  # each way
 PIECE_BYTES = 1460  # of a TCP segment over Ethernet
@@ -24,7 +24,7 @@ LINE_BYTES = 16_384  # that wait in the radio before it takes no more
 SETTLE_S = 8.0
 
 
-class Line:
+class SlowLine:
     """Both connections of a page share what comes down; what goes up is little, and is not held."""
 
     def __init__(self, bytes_per_s: float, port: int) -> None:
@@ -94,24 +94,25 @@ async def _watch(address: tuple[int, int], token: str, path: str, seconds: float
         from_s = time.monotonic()
         while (passed_s := time.monotonic() - from_s) < seconds + SETTLE_S:
             message = await asyncio.wait_for(line.recv(), 10.0)
-            wall_ms = _made_ms(message)
+            age_ms = _age_ms(message)
             if isinstance(message, bytes) and message[0] == 0:
                 await line.send("a")
-            if wall_ms is not None and passed_s > SETTLE_S:
-                ages_ms.append(time.time() * 1e3 - wall_ms)
+            if age_ms is not None and passed_s > SETTLE_S:
+                ages_ms.append(age_ms)
     return ages_ms
 
 
-def _made_ms(message: str | bytes) -> float | None:
+def _age_ms(message: str | bytes) -> float | None:
+    """Of a picture or a state, by the clocks of this machine, which robot and page share."""
     if isinstance(message, bytes):
-        kind, _, _, _, wall_ms = HEAD.unpack_from(message)
-        return float(wall_ms) if kind == 0 else None
-    told = json.loads(message)
-    return float(told["wall_ms"]) if told["k"] == "s" else None
+        kind, _, _, _, wall_ms = wire.CAMERA_HEAD.unpack_from(message)
+        return time.time() * 1e3 - float(wall_ms) if kind == 0 else None
+    told = wire.read_server_message(message)
+    return time.monotonic() * 1e3 - told.mono_ms if isinstance(told, wire.State) else None
 
 
 async def _all(port: int, token: str, mbit_per_s: float, seconds: float) -> dict[str, float]:
-    async with Line(mbit_per_s * 1e6 / 8.0, port).opened() as through:
+    async with SlowLine(mbit_per_s * 1e6 / 8.0, port).opened() as through:
         states, pictures = await asyncio.gather(
             _watch((port, through), token, "/ws/v1?tab=far", seconds),
             _watch((port, through), token, "/ws/cam/main?mask=1", seconds),
