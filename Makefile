@@ -11,14 +11,20 @@ QUICK := $(wildcard tests/test_*.py) tests/core $(filter-out $(DRIVING),$(wildca
   tests/autonomy/test_perception_host.py tests/autonomy/control tests/autonomy/weeds tests/gis tests/ros/messages \
   tests/cli/test_help.py tests/cli/test_hostile_input.py
 
-.PHONY: run test quick check format lint types clean
+WORKERS := -n logical --maxprocesses 4 --dist loadfile
+
+.PHONY: run test nightly quick check format lint types clean
 
 run: $(VENV)/.run
 	$(BIN)/agribot run farm --ui --speed 1
 
 # A worker for every core, but no more than memory has room for; a file's tests stay together.
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile
+	$(BIN)/python -m pytest $(WORKERS)
+
+# The tests that `make test` takes with few seeds, with all of them; the table is in CONTRIBUTING.md.
+nightly: $(VENV)/.dev
+	$(BIN)/python -m pytest $(WORKERS) -m nightly
 
 # While working: a minute instead of half an hour. It proves less than `make test`.
 quick: lint types

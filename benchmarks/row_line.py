@@ -14,6 +14,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from agribot.sim.camera_feed import keep_drawable
 
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.row_line import find_row_line
@@ -24,7 +25,6 @@ from agribot.core.messages import RowLine
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
 from agribot.sim.camera import CameraRenderer
-from agribot.sim.camera_feed import drawable
 
 TILT_STD_RAD = math.radians(0.4)
 
@@ -74,7 +74,7 @@ def take(
     robot, field = load_robot(config.robot), config.field
     assert robot.camera is not None
     world = load_world(config.world, seed=seed)
-    renderer = CameraRenderer(world, drawable(robot))
+    renderer = CameraRenderer(world, keep_drawable(robot))
     rng = np.random.default_rng(seed)
     yaw = math.radians(field.row_yaw_deg)
     forward, right = (math.cos(yaw), math.sin(yaw)), (math.sin(yaw), -math.cos(yaw))

@@ -9,22 +9,21 @@ import sys
 from pathlib import Path
 from tempfile import mkdtemp
 
-from agribot.app.session import Session
-from agribot.core import config
+import agribot
 
 
 def main() -> None:
-    settings = config.load("farm", ["seed=1", "perception.enabled=false", "duration_s=30"])
-    with Session(settings, Path(mkdtemp())) as session:
-        for record in session.ticks():
+    settings = agribot.load("farm", ["seed=1", "perception.enabled=false", "duration_s=30"])
+    with agribot.simulate(settings, Path(mkdtemp())) as run:
+        for record in run.ticks():
             estimate = record.estimate
             if round(record.batch.t_s * 50) % 250 == 0:
                 sys.stdout.write(
                     f"{record.batch.t_s:5.1f} s  East {estimate.x_map_m:+6.2f} m  "
                     f"North {estimate.y_map_m:+6.2f} m  known to {estimate.pos_std_m:.3f} m\n"
                 )
-        report = session.finish()
-    sys.stdout.write(f"{report.reason}; files in {session.out_dir}\n")
+        report = run.finish()
+    sys.stdout.write(f"{report.reason}; files in {run.out_dir}\n")
 
 
 if __name__ == "__main__":

@@ -13,12 +13,10 @@ from tempfile import mkdtemp
 import msgspec
 from PIL import Image
 
-from agribot.app.session import Session
-from agribot.core import config
+import agribot
+from agribot import panels
 from agribot.core.geo import MapFrame
-from agribot.ui import panels
 from agribot.ui.address import Address
-from agribot.ui.operator_page import OperatorPage
 
 
 class Spraying(msgspec.Struct):
@@ -28,12 +26,12 @@ class Spraying(msgspec.Struct):
 
 def main() -> None:
     staying = "--stay" in sys.argv
-    settings = config.load("farm", ["perception.enabled=false", "duration_s=10"])
+    settings = agribot.load("farm", ["perception.enabled=false", "duration_s=10"])
     frame = MapFrame(settings.field.datum)
     marks: list[dict[str, object]] = []
 
     def mark() -> str:
-        estimate = session.last.estimate if session.last else None
+        estimate = run.last.estimate if run.last else None
         if estimate is None or not estimate.ok:
             return "no position yet"
         lat_deg, lon_deg, _ = frame.geodetic_from_map(estimate.x_map_m, estimate.y_map_m)
@@ -55,16 +53,16 @@ def main() -> None:
     panels.plot("Speeds", ["v_mps", "v_commanded_mps"])
 
     with (
-        Session(settings, Path(mkdtemp())) as session,
-        OperatorPage(session, Address(port=None), panels.shared) as page,
+        agribot.simulate(settings, Path(mkdtemp())) as run,
+        agribot.OperatorPage(run, Address(port=None), panels.shared) as page,
     ):
         sys.stdout.write(f"page: {page.url}\n")
-        for record in session.ticks():
+        for record in run.ticks():
             if round(record.batch.t_s * 50) == 250:
                 sys.stdout.write(f"after 5 s: {mark()}\n")
-        session.finish()
+        run.finish()
         if staying:
-            for _ in session.idle():
+            for _ in run.idle():
                 pass
 
 

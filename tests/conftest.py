@@ -14,6 +14,8 @@ from collections.abc import Generator
 import pytest
 from _pytest.terminal import TerminalReporter
 
+pytest_plugins = ["tests.cpu_times"]
+
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(
@@ -25,6 +27,15 @@ def pytest_runtest_makereport(
         report.outcome = "failed"
         report.longrepr = f"skipped, but AGRIBOT_REQUIRE_ALL is set: {report.longrepr}"
     return report
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave the cases marked `nightly` to those who ask for them: `pytest -m nightly`."""
+    if "nightly" in config.getoption("markexpr"):
+        return
+    left_out = [item for item in items if item.get_closest_marker("nightly")]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if not item.get_closest_marker("nightly")]
 
 
 def pytest_terminal_summary(terminalreporter: TerminalReporter) -> None:

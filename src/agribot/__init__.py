@@ -1,3 +1,70 @@
-"""AGRIBOT: an autonomous field robot that weeds, in simulation and on real hardware."""
+"""AGRIBOT: an autonomous field robot that weeds, in simulation and on real hardware.
 
-__version__ = "0.1.0"
+The names below are the public API: they keep their meaning from one minor version to the next.
+Each is imported when it is first asked for, so that `import agribot` loads nothing else.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from agribot.core.version import __version__
+
+if TYPE_CHECKING:
+    from agribot.app.open_run import open_run
+    from agribot.app.run import Run
+    from agribot.app.simulated_run import SimulatedRun, simulate
+    from agribot.core import messages, topics
+    from agribot.core.config import RunConfig, load
+    from agribot.core.errors import AgribotError
+    from agribot.core.messages import OperatorEvent, RobotCommand, SensorBatch, TickRecord
+    from agribot.core.platform import Platform, SensorSource
+    from agribot.core.platforms import register_platform
+    from agribot.core.robot import RobotSpec
+    from agribot.description.loader import load_robot
+    from agribot.ui import panels
+    from agribot.ui.operator_page import OperatorPage
+
+# Where each name lives; a module stands for itself.
+_HOMES = {
+    "AgribotError": "agribot.core.errors",
+    "OperatorEvent": "agribot.core.messages",
+    "OperatorPage": "agribot.ui.operator_page",
+    "Platform": "agribot.core.platform",
+    "RobotCommand": "agribot.core.messages",
+    "RobotSpec": "agribot.core.robot",
+    "Run": "agribot.app.run",
+    "RunConfig": "agribot.core.config",
+    "SensorBatch": "agribot.core.messages",
+    "SensorSource": "agribot.core.platform",
+    "SimulatedRun": "agribot.app.simulated_run",
+    "TickRecord": "agribot.core.messages",
+    "load": "agribot.core.config",
+    "load_robot": "agribot.description.loader",
+    "messages": "agribot.core",
+    "open_run": "agribot.app.open_run",
+    "panels": "agribot.ui",
+    "register_platform": "agribot.core.platforms",
+    "simulate": "agribot.app.simulated_run",
+    "topics": "agribot.core",
+}
+
+__all__ = [
+    "AgribotError", "OperatorEvent", "OperatorPage", "Platform", "RobotCommand", "RobotSpec", "Run",
+    "RunConfig", "SensorBatch", "SensorSource", "SimulatedRun", "TickRecord", "__version__", "load",
+    "load_robot", "messages", "open_run", "panels", "register_platform", "simulate", "topics",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'agribot' has no attribute {name!r}")
+    module = import_module(home)
+    found = getattr(module, name, None)
+    return import_module(f"{home}.{name}") if found is None else found
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

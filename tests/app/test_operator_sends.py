@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from agribot.app.field_work import planned
-from agribot.app.session import Session
+from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.messages import OperatorAction, OperatorEvent, TickRecord
@@ -26,15 +26,15 @@ Script = dict[float, tuple[OperatorAction, dict[str, object]]]
 
 
 def drive(out: Path, script: Script, settings: list[str], until: Callable[[TickRecord], bool],
-          ) -> Session:  # fmt: skip
+          ) -> SimulatedRun:  # fmt: skip
     """Post each event at its time; the session that came to its end."""
-    with Session(config.load("farm", [*SETTINGS, *settings]), out) as session:
+    with simulate(config.load("farm", [*SETTINGS, *settings]), out) as session:
         for record in session.ticks():
             asked = script.get(round(record.batch.t_s, 2))
             if asked is not None:
                 action, values = asked
                 event = OperatorEvent(t_s=0.0, action=action, source="Ada", **values)  # type: ignore[arg-type]
-                session.platform.inbox.post(event)
+                session.inbox.post(event)
             if until(record):
                 break
         session.finish()
@@ -52,7 +52,7 @@ def is_done(record: TickRecord) -> bool:
 
 
 @pytest.fixture(scope="module")
-def sent(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, Path]:
+def sent(tmp_path_factory: pytest.TempPathFactory) -> tuple[SimulatedRun, Path]:
     """Sent to a place while it drives to its row, marked there, then back to its work."""
     out = tmp_path_factory.mktemp("runs") / "first"
     script: Script = {
@@ -67,7 +67,7 @@ def sent(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, Path]:
 
 
 def test_it_drives_to_the_place_stops_there_and_then_does_its_work(
-    sent: tuple[Session, Path],
+    sent: tuple[SimulatedRun, Path],
 ) -> None:
     session, out = sent
     waiting = [t for t in read_ticks(out / "run.mcap") if "at the goal" in t.status.reason]
@@ -79,7 +79,7 @@ def test_it_drives_to_the_place_stops_there_and_then_does_its_work(
     assert session.last.status.rows_done == (0,)
 
 
-def test_every_request_and_refusal_is_told(sent: tuple[Session, Path]) -> None:
+def test_every_request_and_refusal_is_told(sent: tuple[SimulatedRun, Path]) -> None:
     session, out = sent
     told = [event.reason for event in session.event_log.events]
     assert any("goal refused: " in reason and "beyond the fence" in reason for reason in told)
@@ -91,12 +91,12 @@ def test_every_request_and_refusal_is_told(sent: tuple[Session, Path]) -> None:
     assert "a stone" in (out / "report.html").read_text()
 
 
-def test_a_replay_repeats_it_bit_by_bit(sent: tuple[Session, Path]) -> None:
+def test_a_replay_repeats_it_bit_by_bit(sent: tuple[SimulatedRun, Path]) -> None:
     assert main(["replay", str(sent[1] / "run.mcap")]) == 0
 
 
 def test_a_recording_ends_and_begins_when_asked(
-    sent: tuple[Session, Path], capsys: pytest.CaptureFixture[str]
+    sent: tuple[SimulatedRun, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
     _, out = sent
     first = [tick.batch.t_s for tick in read_ticks(out / "run.mcap")]
@@ -110,7 +110,7 @@ def test_a_recording_ends_and_begins_when_asked(
 
 def test_another_plan_replaces_the_mission_and_is_judged_in_its_place(tmp_path: Path) -> None:
     settings = config.load("farm", SETTINGS)
-    with Session(settings, tmp_path / "probe") as session:
+    with simulate(settings, tmp_path / "probe") as session:
         plan, certificate = planned(FIELD, settings, session.robot, None)
     assert certificate.ok
     text = plan_text(plan, certificate)
@@ -136,14 +136,14 @@ def test_another_plan_replaces_the_mission_and_is_judged_in_its_place(tmp_path: 
 
 def test_a_robot_that_has_done_its_work_does_it_once_more(tmp_path: Path) -> None:
     settings = config.load("farm", [*SETTINGS, "duration_s=110"])
-    with Session(settings, tmp_path / "run") as session:
+    with simulate(settings, tmp_path / "run") as session:
         for _ in session.ticks():
             pass
         report = session.finish()
-        session.platform.inbox.post(OperatorEvent(t_s=0.0, action="start", source="Ada"))
+        session.inbox.post(OperatorEvent(t_s=0.0, action="start", source="Ada"))
         again = [next(record for record in session.idle() if record.status.state == "running")]
         again += itertools.takewhile(lambda record: not is_done(record), session.idle())
-        truth = session.platform.truth()
+        truth = session.simulator.truth()
     assert report.ok, report.reason
     assert again[0].status.rows_done == ()
     assert again[-1].status.rows_done == (0,)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.messages import Estimate, OperatorEvent
@@ -17,10 +17,10 @@ AT_REST_S, MOVING_S = 8.0, 10.0
 STDS = (0.3, 0.1)
 
 
-def estimates(session: Session, at_s: float, shift_m: float) -> list[Estimate]:
+def estimates(session: SimulatedRun, at_s: float, shift_m: float) -> list[Estimate]:
     """Those of the tick before and the tick at which a pose aside of the believed one is told."""
     seen: list[Estimate] = []
-    inbox = session.platform.inbox
+    inbox = session.inbox
     for record in session.ticks():
         now_s = round(record.batch.t_s, 2)
         if at_s == AT_REST_S and now_s == AT_REST_S - 2.0:
@@ -37,7 +37,7 @@ def estimates(session: Session, at_s: float, shift_m: float) -> list[Estimate]:
 def test_a_robot_at_rest_believes_it_and_then_its_sensors_and_a_replay_repeats_it(
     tmp_path: Path,
 ) -> None:
-    with Session(config.load("farm", SETTINGS), tmp_path / "run") as session:
+    with simulate(config.load("farm", SETTINGS), tmp_path / "run") as session:
         before, after = estimates(session, AT_REST_S, shift_m=0.2)
         session.finish()
         last = session.last
@@ -53,7 +53,7 @@ def test_a_robot_at_rest_believes_it_and_then_its_sensors_and_a_replay_repeats_i
 
 
 def test_a_robot_that_drives_believes_its_sensors(tmp_path: Path) -> None:
-    with Session(config.load("farm", SETTINGS), tmp_path / "run") as session:
+    with simulate(config.load("farm", SETTINGS), tmp_path / "run") as session:
         before, after = estimates(session, MOVING_S, shift_m=5.0)
         assert session.stack.localizer.rejected["pose by hand"] == 1
     assert abs(after.x_map_m - before.x_map_m) < 0.05

@@ -20,7 +20,7 @@ from agribot.app.run_folder import (
     check_not_driven,
     clear_run,
 )
-from agribot.app.session import Session
+from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.errors import RecordingError
@@ -101,7 +101,7 @@ def test_a_field_is_not_planned_over_the_plan_of_a_person(
     assert main(wanted) == 2
     assert "holds files that a run writes (plan.geojson)" in capsys.readouterr().err
     with pytest.raises(RecordingError, match="holds files"):  # also one that appears at the start
-        Session(config.load("farm", QUICK), tmp_path, plan_text=field_plan(tmp_path / "planned"))
+        simulate(config.load("farm", QUICK), tmp_path, plan_text=field_plan(tmp_path / "planned"))
     assert (tmp_path / "plan.geojson").read_bytes() == b"of a person"
 
 
@@ -111,8 +111,8 @@ def test_a_start_that_fails_on_the_disk_gives_the_folder_back(
 ) -> None:
     folder, plan = tmp_path / "run", field_plan(tmp_path / "planned")
 
-    def start() -> Session:
-        return Session(config.load("farm", QUICK), folder, plan_text=plan)
+    def start() -> SimulatedRun:
+        return simulate(config.load("farm", QUICK), folder, plan_text=plan)
 
     with monkeypatch.context() as broken:
         fill_disk(broken, name)
@@ -153,13 +153,13 @@ def test_a_world_alone_spares_a_run_as_well(
 def test_a_session_from_python_is_refused_too(tmp_path: Path) -> None:
     (tmp_path / "run.mcap").write_bytes(b"of an earlier run")
     with pytest.raises(RecordingError, match="holds a run already"):
-        Session(config.load("farm", ["perception.enabled=false"]), tmp_path)
+        simulate(config.load("farm", ["perception.enabled=false"]), tmp_path)
     assert contents(tmp_path) == {"run.mcap": b"of an earlier run"}
 
 
 def test_a_session_that_never_ticked_leaves_no_folder(tmp_path: Path) -> None:
     """What kept it from driving, such as a port that is taken, can be mended and tried again."""
-    with Session(config.load("farm", ["perception.enabled=false"]), tmp_path / "run"):
+    with simulate(config.load("farm", ["perception.enabled=false"]), tmp_path / "run"):
         assert (tmp_path / "run" / "config.toml").exists()
     assert not (tmp_path / "run").exists()
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from agribot.app.rerun import difference, recorded_pass, rerun
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest, footprint
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.autonomy.plan.plan_certificate import certify_plan
@@ -58,7 +58,8 @@ def test_what_is_dropped_is_not_heard_of_and_a_refusal_is_told() -> None:
 
     desk = PlanningDesk(host)
     desk.ask(0.0, lambda: "old", 0.1, said.append, lambda error: said.append(str(error)))
-    assert desk.drop() and not desk.drop()
+    desk.drop()
+    assert not desk.is_busy
     desk.look(1.0)
     assert said == []
     desk.ask(1.0, refuse, 0.1, said.append, lambda error: said.append(str(error)))
@@ -73,7 +74,7 @@ def run(out: Path) -> list[TickRecord]:
     """A plan taken, begun, left for a place, and resumed, in a field with a hole."""
     settings = config.load("farm", SETTINGS)
     script = {2.0: "plan", 4.0: "resume", 7.5: "goto", 12.5: "resume"}
-    with Session(settings, out) as session:
+    with simulate(settings, out) as session:
         request = PlanRequest(implement_width_m=2.0, tool_x_m=session.robot.tool_x_m)
         shape = footprint(session.robot, 2.0)
         plan = plan_field(AREA, shape, request)
@@ -86,7 +87,7 @@ def run(out: Path) -> list[TickRecord]:
             action = script.get(round(record.batch.t_s, 2))
             if action is not None:
                 event = OperatorEvent(t_s=0.0, action=action, source="Ada", **what[action])  # type: ignore[arg-type]
-                session.platform.post(event)
+                session.inbox.post(event)
         session.finish()
     return ticks
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.core import config
 from tests.cli.parser_tree import every_command
 
@@ -83,7 +83,7 @@ ELSEWHERE = {
 def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, str]]:
     folder = tmp_path_factory.mktemp("base")
     short = ["duration_s=0.4", "perception.enabled=false"]
-    with Session(config.load("farm", short), folder / "run") as session:
+    with simulate(config.load("farm", short), folder / "run") as session:
         for _ in session.ticks():
             pass
         session.finish()

@@ -171,7 +171,7 @@ def test_a_hostile_file_is_refused_in_one_line_that_names_it(
         ("run --for inf", "finite number"),
         (f"run --seed {'7' * 400}", "77...: must be a whole number"),
         (f"run --set seed={DIGITS}", "seed"),
-        ("run --platform banana", "invalid choice: 'banana'"),
+        ("run --platform banana", "platform = 'banana'; known: sim"),
         ("run --set platform=banana", "platform = 'banana'; known: sim"),
         ("run --foxglove --foxglove-port 99999", "from 0 to 65535"),
         ("view rviz x.mcap --ros-master junk", "http://HOST:PORT"),

@@ -102,7 +102,7 @@ def _whole(kind: str) -> str:
     if kind == "robot":
         return urdf_text()
     if kind == "profile":
-        return (ROOT.parent / "profiles" / "farm.toml").read_text("utf-8")
+        return (ROOT.parent / "core" / "profiles" / "farm.toml").read_text("utf-8")
     return json.dumps(GEOJSON, indent=1) if kind == "boundary" else FIELD
 
 

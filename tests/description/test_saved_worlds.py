@@ -199,5 +199,5 @@ def test_a_saved_person_stops_the_robot_and_is_felt(tmp_path: Path) -> None:
     for _ in range(40):
         physics.command(DriveCommand(v_mps=0.5))
         physics.advance(50)
-        touched = touched or physics.touched_body_m() is not None
+        touched = touched or physics.find_contact_body_m() is not None
     assert touched and physics.history[-1, POSITION][0] < 1.5

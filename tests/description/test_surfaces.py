@@ -12,8 +12,8 @@ from agribot.core.world import GripPatch, WorldSpec
 from agribot.description.loader import load_robot
 from agribot.description.sdf_export import write_world
 from agribot.description.worlds_sdf import load_world
-from agribot.sim.grip import friction_grid
-from agribot.sim.kernel import ground
+from agribot.sim.grip import build_friction_grid
+from agribot.sim.kernel import sample_grid
 from agribot.sim.physics import Physics
 from agribot.sim.state import VELOCITY
 
@@ -37,7 +37,7 @@ def _world(folder: Path, *planes: str) -> WorldSpec:
 
 
 def _friction(world: WorldSpec, x_m: float, y_m: float) -> float:
-    return ground(friction_grid(world), x_m, y_m)[0]
+    return sample_grid(build_friction_grid(world), x_m, y_m)[0]
 
 
 def test_a_slippery_patch_far_away_leaves_the_rest_as_it_is(tmp_path: Path) -> None:

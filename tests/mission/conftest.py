@@ -16,10 +16,10 @@ FARM_SEEDS = (1, 2, 3, 4, 5)
 
 def run_session(profile: str, settings: list[str], out_dir: str) -> Report:
     """Drive one session to its end in this process."""
-    from agribot.app.session import Session
+    from agribot.app.simulated_run import simulate
     from agribot.core import config
 
-    with Session(config.load(profile, settings), Path(out_dir)) as session:
+    with simulate(config.load(profile, settings), Path(out_dir)) as session:
         for _ in session.ticks():
             pass
         return session.finish()

@@ -7,7 +7,7 @@ import signal
 import sys
 from pathlib import Path
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.messages import OperatorEvent
 
@@ -16,11 +16,11 @@ GOAL = (-1.0, 5.0)
 
 
 def main() -> None:
-    with Session(config.load("farm", SETTINGS), Path(sys.argv[1])) as session:
+    with simulate(config.load("farm", SETTINGS), Path(sys.argv[1])) as session:
         for record in session.ticks():
             if round(record.batch.t_s, 2) == 7.0:
                 event = OperatorEvent(t_s=0.0, action="goto", source="Ada", numbers=GOAL)
-                session.platform.post(event)
+                session.inbox.post(event)
             # A state is on the disk at least once a second; here it drives 0.3 m in one.
             if record.status.leg == "to the goal" and record.status.s_m > 0.8:
                 os.kill(os.getpid(), signal.SIGKILL)

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.core.config import load
 from agribot.core.messages import GnssFix, SensorBatch, TickRecord
 from agribot.record.events import read_events
@@ -25,7 +25,7 @@ Spoil = Callable[[SensorBatch], SensorBatch]
 def driven(out: Path, spoil: Spoil, *more: str) -> tuple[Report, list[TickRecord]]:
     """The farm's first rows, with every batch spoilt after `FROM_S`."""
     records = []
-    with Session(load("farm", [*QUICK, *more]), out) as session:
+    with simulate(load("farm", [*QUICK, *more]), out) as session:
         read = session.platform.read
 
         def lied() -> SensorBatch:

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from agribot.app.mission_file import read_mission, resumed
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.autonomy.plan.coverage.area import footprint
 from agribot.autonomy.plan.plan_sweep import footprints
 from agribot.cli.main import main
@@ -69,7 +69,7 @@ def test_a_field_with_a_hole_is_worked_without_leaving_it(
 
 def test_a_run_that_was_killed_goes_on_from_its_folder(tmp_path: Path) -> None:
     config = load("farm", [*EMPTY, 'world="Farm"', "field.start_map_m=[-2,0]", "field.row_count=1"])
-    with Session(config, tmp_path / "first") as session:
+    with simulate(config, tmp_path / "first") as session:
         for record in session.ticks():
             if record.batch.t_s > 22.0:
                 break  # no finish: the computer lost its power
@@ -78,7 +78,7 @@ def test_a_run_that_was_killed_goes_on_from_its_folder(tmp_path: Path) -> None:
     assert saved.s_m > 3.0
     config = load(str(tmp_path / "first" / "config.toml"))
     assert isinstance(config, RunConfig)
-    with Session(resumed(config, saved), tmp_path / "second", saved) as session:
+    with simulate(resumed(config, saved), tmp_path / "second", saved) as session:
         first = next(record for record in session.ticks() if record.status.state == "running")
         assert first.status.s_m == pytest.approx(saved.s_m, abs=0.3)
         for _ in session.ticks():
@@ -91,15 +91,15 @@ def test_a_run_that_was_killed_goes_on_from_its_folder(tmp_path: Path) -> None:
 
 def test_called_home_it_comes_back_to_where_it_began(tmp_path: Path) -> None:
     config = load("farm", [*EMPTY, 'world="Farm"', "field.start_map_m=[-2,0]"])
-    with Session(config, tmp_path / "run") as session:
+    with simulate(config, tmp_path / "run") as session:
         ticks = session.ticks()
         next(record for record in ticks if record.status.row == 0 and record.batch.t_s > 20.0)
-        session.platform.post(OperatorEvent(t_s=0.0, action="return_home"))
+        session.inbox.post(OperatorEvent(t_s=0.0, action="return_home"))
         for _ in ticks:
             pass
         last = session.last
         report = session.finish()
-        truth = session.platform.truth()
+        truth = session.simulator.truth()
     assert last is not None and last.status.state == "cancelled"
     assert (truth.x_map_m, truth.y_map_m) == pytest.approx((-2.0, 0.0), abs=0.15)
     assert report.tracking.plants_crushed == 0
@@ -118,7 +118,7 @@ def test_every_style_of_turn_is_planned_and_driven(tmp_path: Path, style: str) -
     assert ("arc" in kinds) == (style != "pivot")
     config = load("farm", [*EMPTY, f"plan={json.dumps(str(plan))}", "record.enabled=false"])
     speeds = []
-    with Session(config, tmp_path / "run") as session:
+    with simulate(config, tmp_path / "run") as session:
         for record in session.ticks():
             speeds.append(record.estimate.v_mps)
         report = session.finish()

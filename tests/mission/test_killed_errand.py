@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from agribot.app.mission_file import read_mission, resumed
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.messages import OperatorEvent, TickRecord
 from tests.mission.killed_errand import GOAL
@@ -31,7 +31,7 @@ def test_a_run_that_was_killed_on_its_way_to_a_place_asks_and_goes_on(tmp_path: 
     settings = resumed(config.load(str(tmp_path / "first" / "config.toml")), saved)
     seen: list[str] = []
     at_goal: TickRecord | None = None
-    with Session(settings, tmp_path / "again", saved) as session:
+    with simulate(settings, tmp_path / "again", saved) as session:
         for record in session.ticks():
             status = record.status
             waits = status.state == "paused" and "resume goes on" in status.reason
@@ -39,7 +39,7 @@ def test_a_run_that_was_killed_on_its_way_to_a_place_asks_and_goes_on(tmp_path: 
             if waits and stands and (not seen or seen[-1] != status.reason):
                 seen.append(status.reason)
                 at_goal = record if "at the goal" in status.reason else at_goal
-                session.platform.post(OperatorEvent(t_s=0.0, action="resume", source="Bea"))
+                session.inbox.post(OperatorEvent(t_s=0.0, action="resume", source="Bea"))
         session.finish()
     assert "was cut off: to the goal, as Ada asked" in seen[0]
     assert at_goal is not None

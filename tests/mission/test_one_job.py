@@ -10,7 +10,7 @@ import pytest
 
 from agribot.app.mission_file import read_mission, resumed
 from agribot.app.rerun import difference, recorded_pass, rerun
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.app.whole_job import FILE_NAME, read_job
 from agribot.autonomy.weeds.track import Track
 from agribot.cli.main import main
@@ -41,7 +41,7 @@ def weed(number: int, x_m: float, y_m: float, treated_s: float | None) -> Track:
 def go_on(folder: Path, first: str, second: str, until_s: float = 1e9) -> Report | None:
     saved = read_mission(folder / first)
     settings = resumed(config.load(str(folder / first / "config.toml")), saved)
-    with Session(settings, folder / second, saved, read_job(folder / first, saved)) as session:
+    with simulate(settings, folder / second, saved, read_job(folder / first, saved)) as session:
         for record in session.ticks():
             if record.batch.t_s > until_s:
                 return None  # no finish: the computer lost its power
@@ -51,16 +51,16 @@ def go_on(folder: Path, first: str, second: str, until_s: float = 1e9) -> Report
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory) -> Job:
     folder = tmp_path_factory.mktemp("job")
-    with Session(config.load("farm", SETTINGS), folder / "whole") as session:
+    with simulate(config.load("farm", SETTINGS), folder / "whole") as session:
         for _ in session.ticks():
             pass
         whole = session.finish()
-    with Session(config.load("farm", SETTINGS), folder / "a") as session:
+    with simulate(config.load("farm", SETTINGS), folder / "a") as session:
         for record in session.ticks():
             if round(record.batch.t_s, 2) == 13.0:
                 seen = (weed(4, -5.0, 3.0, None), weed(9, 0.8, 2.5, 12.5))
                 session.weed_map.restore(seen)
-                session.platform._damage._hit_s[CRUSHED] = 13.0
+                session.simulator._damage._hit_s[CRUSHED] = 13.0
             if record.batch.t_s > 16.0:
                 break
     go_on(folder, "a", "b", until_s=12.0)
@@ -151,7 +151,7 @@ def test_a_broken_account_of_the_first_run_is_told_and_no_crash(
 def test_a_mission_without_any_account_of_the_run_before_says_so(job: Job, tmp_path: Path) -> None:
     saved = read_mission(job.folder / "a")
     settings = resumed(config.load(str(job.folder / "a" / "config.toml")), saved)
-    with Session(settings, tmp_path / "b", saved) as session:
+    with simulate(settings, tmp_path / "b", saved) as session:
         next(session.ticks())
         report = session.finish("interrupted")
     assert report.job is not None and "no account" in report.job.lacks[0]
@@ -165,7 +165,7 @@ def test_a_lost_first_run_is_told_in_the_report(job: Job, tmp_path: Path) -> Non
         (tmp_path / "a" / name).write_bytes((job.folder / "a" / name).read_bytes())
     saved = read_mission(tmp_path / "a")
     settings = resumed(config.load(str(tmp_path / "a" / "config.toml")), saved)
-    with Session(settings, tmp_path / "b", saved, read_job(tmp_path / "a", saved)) as session:
+    with simulate(settings, tmp_path / "b", saved, read_job(tmp_path / "a", saved)) as session:
         next(session.ticks())
         report = session.finish("interrupted")
     assert report.job is not None

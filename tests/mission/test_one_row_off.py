@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from agribot.app.mission_file import read_mission
-from agribot.app.session import Session
+from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.autonomy.perception_host import NoPerception
 from agribot.autonomy.plan.rows import field_rows
 from agribot.core import config
@@ -29,7 +29,7 @@ LOOK_S, FAR_M, MAX_OFFSET_M = 0.1, 1.2, 0.6
 class CameraOnPaper(NoPerception):
     """Sees the line of the row that truly lies under the robot, where one does."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: SimulatedRun) -> None:
         self._session, self._rows = session, field_rows(session.config.field)
         self._next_s, self._index = 0.0, 0
 
@@ -41,7 +41,7 @@ class CameraOnPaper(NoPerception):
                       view_body_m=(), row_line=self._line(batch.t_s)),)  # fmt: skip
 
     def _line(self, t_s: float) -> RowLine | None:
-        truth = self._session.platform.truth()
+        truth = self._session.simulator.truth()
         for row in self._rows:
             along_m, left_m, yaw_rad = map(float, beside_row(row, truth.x_map_m, truth.y_map_m))
             heading_rad = wrap_rad(truth.yaw_map_rad - yaw_rad)
@@ -66,8 +66,8 @@ def drive(
         place = {"spawn_xy_map_m": (-1.0, aside_m), "spawn_yaw_map_rad": 0.0}
         return msgspec.structs.replace(world_of_run(settings), **place)
 
-    monkeypatch.setattr("agribot.app.session.world_of_run", shifted)
-    with Session(config.load("rows-10x12", SETTINGS), folder) as session:
+    monkeypatch.setattr("agribot.app.simulated_run.world_of_run", shifted)
+    with simulate(config.load("rows-10x12", SETTINGS), folder) as session:
         session.stack.perception = CameraOnPaper(session)
         *_, last = session.ticks()
         return session.finish(), last.status

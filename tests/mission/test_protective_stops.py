@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from agribot.app.mission_file import read_mission, resumed
-from agribot.app.session import Session
+from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.core.messages import BumperSample, OperatorEvent, RobotCommand, SensorBatch, TickRecord
@@ -21,11 +21,11 @@ IN_ROW_S = 22.0
 Spoil = Callable[[SensorBatch], SensorBatch]
 
 
-def opened(out: Path, *more: str) -> Session:
-    return Session(load("farm", [*QUICK, *more]), out)
+def opened(out: Path, *more: str) -> SimulatedRun:
+    return simulate(load("farm", [*QUICK, *more]), out)
 
 
-def spoil(session: Session, change: Spoil, from_s: float = FROM_S) -> None:
+def spoil(session: SimulatedRun, change: Spoil, from_s: float = FROM_S) -> None:
     read = session.platform.read
 
     def spoilt() -> SensorBatch:
@@ -35,7 +35,7 @@ def spoil(session: Session, change: Spoil, from_s: float = FROM_S) -> None:
     session.platform.read = spoilt  # type: ignore[method-assign]
 
 
-def misdrive(session: Session, change: Callable[[RobotCommand], RobotCommand]) -> None:
+def misdrive(session: SimulatedRun, change: Callable[[RobotCommand], RobotCommand]) -> None:
     """A board that does something else than it is told, after `FROM_S`."""
     write, read = session.platform.write, session.platform.read
     now_s = [0.0]
@@ -52,7 +52,7 @@ def misdrive(session: Session, change: Callable[[RobotCommand], RobotCommand]) -
     session.platform.write = wrong  # type: ignore[method-assign]
 
 
-def stopped(session: Session, ticks: Iterator[TickRecord]) -> TickRecord:
+def stopped(session: SimulatedRun, ticks: Iterator[TickRecord]) -> TickRecord:
     """The first tick in which the supervisor stops the robot for good."""
     for record in ticks:
         assert record.batch.t_s < IN_ROW_S + 5.0, "it drives on"
@@ -74,22 +74,22 @@ def test_a_touch_stops_the_robot_in_its_tick_in_every_mode(tmp_path: Path, mode:
         ticks = session.ticks()
         for record in ticks:
             if mode == "hand":
-                session.platform.inbox.drive(0.3, 0.0, "Ann")
+                session.inbox.drive(0.3, 0.0, "Ann")
             elif mode == "goto" and record.batch.t_s > 4.0 and record.status.leg != "to the goal":
                 event = OperatorEvent(t_s=0.0, action="goto", numbers=(-2.0, 6.0))
-                session.platform.post(event)
+                session.inbox.post(event)
             if record.batch.bumper:
                 break
         assert "bumper" in record.reason
         assert record.command.drive.v_mps == 0.0
-        assert session.platform.truth().v_mps > 0.15, "it drove until then"
+        assert session.simulator.truth().v_mps > 0.15, "it drove until then"
         for _ in range(100):
-            session.platform.inbox.drive(0.3, 0.0, "Ann")
+            session.inbox.drive(0.3, 0.0, "Ann")
             record = next(ticks)
             assert record.command.drive.v_mps == 0.0
         assert record.status.stopped.startswith("the bumper touches something in front")
         assert record.status.state == "paused"
-        assert abs(session.platform.truth().v_mps) < 0.01
+        assert abs(session.simulator.truth().v_mps) < 0.01
 
 
 @pytest.mark.parametrize("actuation", ["servo", "effort"])
@@ -102,7 +102,7 @@ def test_a_dead_motor_is_named_within_a_second(
     with opened(tmp_path, f"sim.actuation='{actuation}'") as session:
         ticks = session.ticks()
         next(record for record in ticks if record.batch.t_s > FROM_S)
-        session.platform.limit_torque(wheel, 0.0)
+        session.simulator.limit_torque(wheel, 0.0)
         record = stopped(session, ticks)
     assert f"{name} " in record.reason
     assert record.batch.t_s - FROM_S < 1.0
@@ -208,9 +208,9 @@ def test_a_robot_without_fault_is_never_stopped(
             assert not record.batch.bumper
             t_s = record.batch.t_s
             if 12.0 < t_s < 13.0:
-                session.platform.inbox.drive(-0.3, 0.8 * (t_s - 12.5), "Ann")
+                session.inbox.drive(-0.3, 0.8 * (t_s - 12.5), "Ann")
             if abs(t_s - 16.0) < 0.01:
-                session.platform.post(OperatorEvent(t_s=0.0, action="resume"))
+                session.inbox.post(OperatorEvent(t_s=0.0, action="resume"))
         assert record.status.s_m > 5.0
 
 
@@ -219,25 +219,25 @@ def test_a_stopped_run_that_is_killed_stands_until_a_person_lets_it_go(tmp_path:
     with opened(first) as session:
         for record in session.ticks():
             if record.batch.t_s > FROM_S and not record.status.stopped:
-                session.platform.post(OperatorEvent(t_s=0.0, action="stop", source="Ann"))
+                session.inbox.post(OperatorEvent(t_s=0.0, action="stop", source="Ann"))
             if record.batch.t_s > FROM_S + 1.0:
                 break
     saved = read_mission(first)
     config = resumed(load(str(first / "config.toml")), saved)
-    with Session(config, again, saved) as session:
+    with simulate(config, again, saved) as session:
         session.unattended.is_attended = True
         ticks = session.ticks()
-        start = session.platform.truth()
+        start = session.simulator.truth()
         for record in ticks:
             assert record.command.drive.v_mps == 0.0
             if record.batch.t_s > 5.0:
                 break
         assert record.status.stopped == "stopped by Ann"
         for action in ("clear_stop", "resume"):
-            session.platform.post(OperatorEvent(t_s=0.0, action=action))
+            session.inbox.post(OperatorEvent(t_s=0.0, action=action))
         record = next(record for record in ticks if record.batch.t_s > 10.0)
         assert record.status.state == "running"
-        driven = session.platform.truth()
+        driven = session.simulator.truth()
         assert math.hypot(driven.x_map_m - start.x_map_m, driven.y_map_m - start.y_map_m) > 0.5
 
 

@@ -58,12 +58,12 @@ def kill_a_run(out: Path, after_s: float) -> Killed:
 
 def main() -> None:
     """The run itself, which says after each tick how far it is."""
-    from agribot.app.session import Session
+    from agribot.app.simulated_run import simulate
     from agribot.cli.page import Pacer
     from agribot.core import config
 
     settings = config.load("farm", ["perception.enabled=false"])
-    with Session(settings, Path(sys.argv[1])) as session:
+    with simulate(settings, Path(sys.argv[1])) as session:
         pacer = Pacer(1.0)
         for record in session.ticks():
             os.write(1, f"{record.batch.t_s!r}\n".encode())

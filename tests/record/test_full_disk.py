@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.errors import RecordingError
 from agribot.record.events import Event, EventLog, read_events
@@ -97,7 +97,7 @@ def test_the_robot_drives_on_and_it_is_said_at_once(
 ) -> None:
     settings = ["perception.enabled=false", "record.min_free_mb=0", "duration_s=9"]
     said: list[tuple[float, str]] = []
-    with Session(config.load("farm", settings), tmp_path / "run") as session:
+    with simulate(config.load("farm", settings), tmp_path / "run") as session:
         session.trouble_taps.append(lambda text: said.append((now_s, text)))
         limit_files((tmp_path / "run" / "run.mcap").stat().st_size + 150_000)
         now_s = 0.0

@@ -56,7 +56,7 @@ def zenoh_peer(locator: str, *latched_keys: str) -> Iterator[Talk]:
 @contextmanager
 def peer(script: str, *arguments: str) -> Iterator[Talk]:
     """A script of this folder in a process of its own, from its "ready" on."""
-    with program(sys.executable, str(ROOT / "tests" / "bridge" / script), *arguments) as talk:
+    with program(sys.executable, str(ROOT / "tests" / "ros" / script), *arguments) as talk:
         yield talk
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.errors import BridgeError
 from agribot.ros.requests import Requests, Twist, read_twist_cdr
@@ -25,11 +25,11 @@ class Robot:
 
     def __init__(self, folder: Path) -> None:
         settings = ["perception.enabled=false", "record.enabled=false", "duration_s=30"]
-        self.session = Session(config.load("farm", settings), folder)
+        self.session = simulate(config.load("farm", settings), folder)
         self.said: list[str] = []
         self.clock_s = 0.0
         self.requests = Requests(
-            self.session.platform.inbox,
+            self.session.inbox,
             allow_drive=True,
             say=self.said.append,
             now_s=lambda: self.clock_s,
@@ -46,7 +46,7 @@ class Robot:
                 self.clock_s += TICK_S / len(twists)
             record = next(self.ticks)
             self.reasons.add(record.reason)
-            drive, truth = record.command.drive, self.session.platform.truth()
+            drive, truth = record.command.drive, self.session.simulator.truth()
             assert abs(drive.v_mps) <= self.session.config.safety.max_speed_mps
             assert abs(drive.yaw_rate_radps) <= self.session.config.safety.max_yaw_rate_radps
             self.speeds_mps.append(truth.v_mps)

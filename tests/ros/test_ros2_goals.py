@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli import bridging
 from agribot.core import config
 from agribot.ros.messages import rosmsg
@@ -32,7 +32,7 @@ SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
 class Client:
     """What `ros2 action send_goal` and `ros2 param` put on the wire."""
 
-    def __init__(self, talk: Talk, session: Session) -> None:
+    def __init__(self, talk: Talk, session: SimulatedRun) -> None:
         self._talk, self.session = talk, session
         self.map_from = session.world.spawn_xy_map_m
 
@@ -114,7 +114,7 @@ def robot(out_dir: Path, *arguments: str) -> Iterator[Client]:
                 return
             time.sleep(0.002)
 
-    with Session(settings, out_dir) as session:
+    with simulate(settings, out_dir) as session:
         driver = threading.Thread(target=drive, daemon=True)
         with bridging.bridges(options, session), zenoh_peer(locator) as talk:
             driver.start()
@@ -140,7 +140,7 @@ def test_a_goal_is_driven_told_of_and_succeeds(client: Client) -> None:
     result = client.result(1)
     assert (result.status, result.result.error_code) == (SUCCEEDED, 0)
     assert client.result(1, NAVIGATE_RESULTS[1]).result.error_code == 0  # the older result
-    truth = client.session.platform.truth()
+    truth = client.session.simulator.truth()
     assert np.hypot(truth.x_map_m - places[1][0], truth.y_map_m - places[1][1]) < 0.2
     feedback = [m for m in client.heard(FEEDBACK) if m.goal_id.uuid[0] == 1]
     left = [message.feedback.number_of_poses_remaining for message in feedback]
@@ -163,7 +163,7 @@ def test_a_result_that_is_asked_for_early_comes_with_the_end_and_cancel_stops(
     assert client.result(2).status == CANCELED
     assert client.cancel(2).return_code == 3  # it is over
     assert client.cancel(77).return_code == 2  # nobody knows it
-    wait_for(lambda: abs(client.session.platform.truth().v_mps) < 0.01, "the robot to stand")
+    wait_for(lambda: abs(client.session.simulator.truth().v_mps) < 0.01, "the robot to stand")
 
 
 def test_a_new_goal_takes_the_place_of_the_one_before(client: Client) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.cli import bridging, sensor_sources
 from agribot.cli.main import main
 from agribot.core import config
@@ -23,6 +23,7 @@ from agribot.core.messages import (
     GnssFix,
     GnssQuality,
     ImuSample,
+    Inbox,
     RobotCommand,
     SensorBatch,
 )
@@ -61,6 +62,9 @@ class Ticks:
     """A platform that only ticks."""
 
     t_s = 0.0
+
+    def __init__(self) -> None:
+        self.inbox = Inbox()
 
     def read(self) -> SensorBatch:
         self.t_s += 0.02
@@ -170,7 +174,7 @@ def test_the_robot_believes_to_be_where_another_process_says_and_its_silence_is_
     assigned = [*sensor_sources.settings_of(options), "perception.enabled=false"]
     settings = config.load("farm", assigned)
     north_m = 0.8  # of where the simulated robot really stands
-    with Session(settings, tmp_path) as session:
+    with simulate(settings, tmp_path) as session:
         spawn = session.world.spawn_xy_map_m
         frame = MapFrame(settings.field.datum)
         lat_deg, lon_deg, _ = frame.geodetic_from_map(spawn[0], spawn[1] + north_m)

@@ -23,7 +23,7 @@ from agribot.core.messages import (
 from agribot.core.robot import Origin, RobotSpec, Shape
 from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim.platform import SimPlatform
-from agribot.sim.sensors.presets import imu_names, load_imu
+from agribot.sim.sensors.presets import list_imus, load_imu
 
 
 def _platform(
@@ -311,7 +311,7 @@ def test_imu_presets_differ_as_their_data_sheets(rover: RobotSpec, meadow: World
         batches = _read(_platform(rover, meadow, "rtk", seed, imu=imu), 50)
         return np.array([s.gyro_radps for b in batches for s in b.imu])
 
-    assert imu_names() == ["hector", "ideal", "mpu9265"]
+    assert list_imus() == ["hector", "ideal", "mpu9265"]
     assert np.abs(gyro("ideal")).max() < 1e-4
     assert np.std(gyro("hector") - gyro("ideal")) == pytest.approx(1e-8, rel=0.1)
     white = load_imu("mpu9265").gyro_noise_radps_per_sqrt_hz * math.sqrt(100.0)

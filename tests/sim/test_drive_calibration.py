@@ -18,7 +18,7 @@ from agribot.autonomy.estimate.drive_log import Stretch
 from agribot.cli import main as cli
 from agribot.core.config import PerceptionConfig, RunConfig, SimConfig
 from agribot.core.errors import MissionError, PlatformError
-from agribot.core.messages import DriveCommand, RobotCommand, SensorBatch, WheelSample
+from agribot.core.messages import DriveCommand, Inbox, RobotCommand, SensorBatch, WheelSample
 from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.core.world import WorldSpec
 from agribot.sim.platform import SimPlatform
@@ -145,6 +145,7 @@ def test_a_machine_that_does_not_move_ends_the_drive() -> None:
     class Stuck:
         def __init__(self) -> None:
             self.t_s = 0.0
+            self.inbox = Inbox()
             self.last = RobotCommand(t_s=0.0, drive=DriveCommand(v_mps=1.0))
 
         def read(self) -> SensorBatch:

@@ -11,7 +11,7 @@ import pytest
 
 from agribot.app.calibration.figure import TURNS, Drive, drive_figure
 from agribot.app.calibration.sensors import antenna_of_drive, magnetometer_of_drive
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.autonomy.estimate.compass import yaw_of
 from agribot.autonomy.estimate.drive_log import DriveLog
 from agribot.autonomy.estimate.mag_fit import Level, MagCalibration
@@ -86,7 +86,7 @@ def test_the_recording_of_a_mission_serves_as_well(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config = load("farm", ["perception.enabled=false", "duration_s=75", 'sim.sensors="rtk"'])
-    with Session(config, tmp_path) as session:
+    with simulate(config, tmp_path) as session:
         for _ in session.ticks():
             pass
         session.finish()
@@ -102,7 +102,7 @@ def test_a_drive_without_pictures_shows_nothing_of_the_camera(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config = load("farm", ["perception.enabled=false", "duration_s=3", 'sim.sensors="rtk"'])
-    with Session(config, tmp_path) as session:
+    with simulate(config, tmp_path) as session:
         for _ in session.ticks():
             pass
         session.finish()

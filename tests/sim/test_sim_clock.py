@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agribot.core.errors import ConfigError
-from agribot.sim.clock import Schedule, step_ns
+from agribot.sim.clock import Schedule, round_step_ns
 from agribot.sim.jit import compile_exact
-from agribot.sim.random_streams import NormalRows, stream
+from agribot.sim.random_streams import NormalRows, make_stream
 
 
 @given(
@@ -24,8 +24,8 @@ from agribot.sim.random_streams import NormalRows, stream
 def test_every_sample_falls_on_the_first_step_at_or_after_its_time(
     rate_hz: float, step_s: float
 ) -> None:
-    step = Fraction(step_ns(step_s), 10**9)
-    steps = Schedule(rate_hz, step_ns(step_s)).due(500)
+    step = Fraction(round_step_ns(step_s), 10**9)
+    steps = Schedule(rate_hz, round_step_ns(step_s)).pop_due(500)
     for k, at in enumerate(steps, start=1):
         time = Fraction(k) / Fraction(str(rate_hz))
         assert (at - 1) * step < time <= at * step
@@ -33,15 +33,15 @@ def test_every_sample_falls_on_the_first_step_at_or_after_its_time(
 
 
 def test_thirty_hertz_does_not_drift_on_a_two_millisecond_grid() -> None:
-    steps = Schedule(30.0, 2_000_000).due(500 * 3600)
+    steps = Schedule(30.0, 2_000_000).pop_due(500 * 3600)
     assert len(steps) == 30 * 3600
     assert steps[-1] == 500 * 3600
 
 
 def test_due_gives_each_step_once() -> None:
     whole, parts = Schedule(33.3, 2_000_000), Schedule(33.3, 2_000_000)
-    pieces = [step for last in range(0, 1001, 7) for step in parts.due(last)]
-    assert pieces == whole.due(1001)
+    pieces = [step for last in range(0, 1001, 7) for step in parts.pop_due(last)]
+    assert pieces == whole.pop_due(1001)
 
 
 def test_rate_above_the_physics_is_refused() -> None:
@@ -50,14 +50,14 @@ def test_rate_above_the_physics_is_refused() -> None:
 
 
 def test_streams_differ_by_name_and_by_seed_only() -> None:
-    first = stream(1, "imu").standard_normal(8)
-    assert np.array_equal(first, stream(1, "imu").standard_normal(8))
-    assert not np.array_equal(first, stream(1, "mag").standard_normal(8))
-    assert not np.array_equal(first, stream(2, "imu").standard_normal(8))
+    first = make_stream(1, "imu").standard_normal(8)
+    assert np.array_equal(first, make_stream(1, "imu").standard_normal(8))
+    assert not np.array_equal(first, make_stream(1, "mag").standard_normal(8))
+    assert not np.array_equal(first, make_stream(2, "imu").standard_normal(8))
 
 
 def test_rows_are_the_same_numbers_however_they_are_taken() -> None:
-    single, many = NormalRows(stream(3, "x"), 5), NormalRows(stream(3, "x"), 5)
+    single, many = NormalRows(make_stream(3, "x"), 5), NormalRows(make_stream(3, "x"), 5)
     one_by_one = np.concatenate([single.take(1).copy() for _ in range(3000)])
     by_seven = np.concatenate([many.take(7).copy() for _ in range(429)])[:3000]
     assert np.array_equal(one_by_one, by_seven)

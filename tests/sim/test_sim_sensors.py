@@ -15,8 +15,8 @@ from agribot.core.geo import MapFrame, yaw_from_compass_deg
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, WheelSample
 from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
-from agribot.sim.attitude import roll_pitch_yaw
-from agribot.sim.random_streams import stream
+from agribot.sim.attitude import read_roll_pitch_yaw
+from agribot.sim.random_streams import make_stream
 from agribot.sim.sensors.gnss import Antenna, HectorReceiver, OutageProcess, Receiver
 from agribot.sim.sensors.imu import Imu
 from agribot.sim.sensors.magnetometer import HectorMagnetometer, Magnetometer
@@ -29,8 +29,8 @@ from agribot.sim.sensors.presets import (
     PhysicalGnss,
     PhysicalMag,
     WheelErrors,
+    list_presets,
     load_preset,
-    preset_names,
 )
 from agribot.sim.sensors.suite import SensorSuite
 from agribot.sim.sensors.wheel_encoders import WheelEncoders
@@ -82,7 +82,7 @@ def test_legacy_position_error_has_the_moments_of_the_original(meadow: WorldSpec
 def test_legacy_drift_walks_as_slowly_as_the_original() -> None:
     errors = []
     for seed in range(150):
-        noise = HectorNoise(stream(seed, "gnss"), 5.0, 1.0 / 3600.0, 0.0)
+        noise = HectorNoise(make_stream(seed, "gnss"), 5.0, 1.0 / 3600.0, 0.0)
         start = np.array(noise.step(0.2))
         for _ in range(300):
             end = noise.step(0.2)
@@ -104,7 +104,7 @@ def test_legacy_heading_error_is_sixteen_degrees() -> None:
     preset = cast(HectorMag, load_preset("legacy").mag)
     headings = []
     for seed in range(40):
-        sensor = HectorMagnetometer(preset, FIELD_T, stream(seed, "mag"))
+        sensor = HectorMagnetometer(preset, FIELD_T, make_stream(seed, "mag"))
         for k in range(1, 101):
             x, y, _ = sensor.sample(0.2 * k, _row()).field_t
             headings.append(math.degrees(math.atan2(y, x)) - 90.0)
@@ -210,7 +210,7 @@ def test_imu_bias_and_scale_are_drawn_per_run() -> None:
     row = np.zeros(HISTORY_COLUMNS)
     row[VELOCITY_GAIN] = 0.05, 0.05, 0.05
     for seed in range(400):
-        imu = Imu(errors, 200.0, stream(seed, "imu"))
+        imu = Imu(errors, 200.0, make_stream(seed, "imu"))
         sample = imu.sample(0.005, row)
         biases.append(sample.gyro_radps)
         scales.append(np.array(sample.accel_mps2) / 10.0)
@@ -221,7 +221,7 @@ def test_imu_bias_and_scale_are_drawn_per_run() -> None:
 def test_imu_bias_walks_with_the_root_of_time() -> None:
     ends = []
     for seed in range(120):
-        imu = Imu(ImuErrors(gyro_walk_radps_per_sqrt_s=1e-4), 50.0, stream(seed, "imu"))
+        imu = Imu(ImuErrors(gyro_walk_radps_per_sqrt_s=1e-4), 50.0, make_stream(seed, "imu"))
         for k in range(1, 1251):
             sample = imu.sample(0.02 * k, np.zeros(HISTORY_COLUMNS))
         ends.append(sample.gyro_radps)
@@ -240,7 +240,7 @@ def test_iron_turns_with_the_robot() -> None:
     means = []
     for seed in range(300):
         errors = PhysicalMag(hard_iron_std_t=2e-6)
-        sensor = Magnetometer(errors, FIELD_T, stream(seed, "mag"))
+        sensor = Magnetometer(errors, FIELD_T, make_stream(seed, "mag"))
         turns = [sensor.sample(0.1, _row(k * math.pi / 2)).field_t for k in range(4)]
         means.append(np.mean(turns, axis=0) - (0.0, 0.0, -2.3e-5))
     # A whole turn averages the Earth's field away and leaves the iron.
@@ -265,7 +265,7 @@ def test_realistic_compass_is_off_by_a_few_degrees() -> None:
     preset = cast(PhysicalMag, load_preset("rtk").mag)
     errors = []
     for seed in range(300):
-        sensor = Magnetometer(preset, FIELD_T, stream(seed, "mag"))
+        sensor = Magnetometer(preset, FIELD_T, make_stream(seed, "mag"))
         x, y, _ = sensor.sample(0.1, _row(yaw_from_compass_deg(60.0))).field_t
         errors.append(math.remainder(math.degrees(math.atan2(y, x)) - 60.0, 360.0))
     assert 3.5 < np.std(errors) < 6.5
@@ -301,7 +301,7 @@ def test_attitude_is_that_of_the_quaternion() -> None:
         math.cos(half_yaw) * math.sin(half_pitch),
         math.sin(half_yaw) * math.cos(half_pitch),
     )
-    roll, pitch, yaw = roll_pitch_yaw(row)
+    roll, pitch, yaw = read_roll_pitch_yaw(row)
     assert [roll, pitch, yaw] == pytest.approx([0.0, math.radians(20.0), math.pi / 2])
 
 
@@ -309,17 +309,17 @@ def test_attitude_is_that_of_the_quaternion() -> None:
 
 
 def test_every_preset_builds_a_suite(rover: RobotSpec, meadow: WorldSpec) -> None:
-    names = preset_names()
+    names = list_presets()
     assert set(names) >= {"ideal", "legacy", "seed", "m8n", "rtk", "rtk-dual"}
     for name in names:
         preset = load_preset(name)
         suite = SensorSuite(RunConfig(sim=SimConfig(sensors=name)), rover, meadow, 2_000_000)
         history = np.tile(_row(), (501, 1))
-        fixes = suite.gnss.samples(0, 500, history, 1.0)
+        fixes = suite.gnss.take_samples(0, 500, history, 1.0)
         rate_hz = preset.gnss.rate_hz or rover.gnss.rate_hz
         late = math.ceil(getattr(preset.gnss, "latency_s", 0.0) * rate_hz)
         assert len(fixes) == rate_hz - late
-        assert len(suite.imu.samples(0, 500, history)) == 200
+        assert len(suite.imu.take_samples(0, 500, history)) == 200
 
 
 def test_unknown_preset_names_the_nearest_one() -> None:

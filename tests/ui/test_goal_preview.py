@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.app.tasks import task_of
 from agribot.autonomy.plan.task import Task
 from agribot.core import config
@@ -59,7 +59,7 @@ def test_a_place_that_cannot_be_reached_says_why(task: Task) -> None:
 def test_the_time_is_that_of_the_speed_that_the_mission_drives_at_now(tmp_path: Path) -> None:
     settings = config.load("farm", ["perception.enabled=false", "record.enabled=false", "seed=1"])
     with (
-        Session(settings, tmp_path / "run") as session,
+        simulate(settings, tmp_path / "run") as session,
         OperatorPage(session, Address(port=0)) as page,
     ):
         ticks = session.ticks()
@@ -74,7 +74,7 @@ def test_the_time_is_that_of_the_speed_that_the_mission_drives_at_now(tmp_path: 
             change = OperatorEvent(
                 t_s=0.0, action="set", source="test", text="mission.speed_mps", value=speed_mps
             )
-            session.platform.inbox.post(change)
+            session.inbox.post(change)
             next(ticks)
             status, shown = browser.ask("POST", "/api/v1/goal/preview", place)
             assert status == 200, shown

@@ -13,7 +13,7 @@ import shapefile
 from shapely import wkb
 from shapely.geometry import Polygon
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.geo import MapFrame
@@ -368,7 +368,7 @@ def test_a_program_adds_panels_without_javascript(tmp_path: Path) -> None:
     panels.listen("route", lambda stops: f"{len(stops)} stops")
     settings = config.load("farm", ["perception.enabled=false", "record.enabled=false"])
     with (
-        Session(settings, tmp_path / "run") as session,
+        simulate(settings, tmp_path / "run") as session,
         OperatorPage(session, Address(port=0), panels) as page,
     ):
         browser = Browser(page.server.port)

@@ -15,7 +15,7 @@ import msgspec
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.errors import RecordingError
 from agribot.ui import server, server_process, wire
@@ -196,7 +196,7 @@ def test_nobody_else_gets_the_port_while_the_server_is_away(
 def test_a_page_that_comes_back_sees_the_whole_run(tmp_path: Path) -> None:
     settings = config.load("farm", ["perception.enabled=false", "record.enabled=false", "seed=1"])
     with (
-        Session(settings, tmp_path / "run") as session,
+        simulate(settings, tmp_path / "run") as session,
         OperatorPage(session, Address(port=0)) as page,
     ):
         ticks = session.ticks()

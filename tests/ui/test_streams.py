@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.geo import MapFrame
 from agribot.core.messages import ByteArray
@@ -347,7 +347,7 @@ def test_a_picture_is_encoded_once_for_all_who_want_it(monkeypatch: pytest.Monke
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     settings = config.load("farm", ["perception.enabled=false", "seed=1", "duration_s=8"])
     out = tmp_path_factory.mktemp("runs") / "short"
-    with Session(settings, out) as session:
+    with simulate(settings, out) as session:
         for _ in session.ticks():
             pass
         session.finish()
@@ -418,7 +418,7 @@ def test_a_page_sees_the_recording_and_then_the_robot_again_and_never_one_in_the
 def test_the_field_in_a_replay_is_that_of_the_recording(robot: Robot, tmp_path: Path) -> None:
     settings = config.load("rows-10x12", ["perception.enabled=false", "duration_s=0.5"])
     run = robot.home / "runs" / "other"
-    with Session(settings, run) as session:
+    with simulate(settings, run) as session:
         for _ in session.ticks():
             pass
         session.finish()

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.page import Pacer
 from agribot.core import config
 from agribot.core.messages import TickRecord
@@ -25,10 +25,10 @@ SETTINGS = ["perception.enabled=false", "seed=1"]
 
 
 @contextmanager
-def simulated(folder: Path, *settings: str) -> Iterator[tuple[Session, OperatorPage, Page]]:
+def simulated(folder: Path, *settings: str) -> Iterator[tuple[SimulatedRun, OperatorPage, Page]]:
     loaded = config.load("farm", [*SETTINGS, *settings])
     with (
-        Session(loaded, folder / "run") as session,
+        simulate(loaded, folder / "run") as session,
         OperatorPage(session, Address(port=0)) as page,
         Page(page.server.port) as browser,
     ):
@@ -37,7 +37,7 @@ def simulated(folder: Path, *settings: str) -> Iterator[tuple[Session, OperatorP
 
 
 def drive(
-    session: Session, browser: Page | None, seconds: float, v_mps: float = 0.3
+    session: SimulatedRun, browser: Page | None, seconds: float, v_mps: float = 0.3
 ) -> list[TickRecord]:
     """Ticks at the pace of the clock, with a hand on the stick when a page is given."""
     ticks, records = session.ticks(), []
@@ -113,11 +113,11 @@ def test_a_server_that_hangs_counts_as_the_loss_of_the_operator_who_goes_on_afte
         resume_until_it_runs(session, browser)
 
 
-def resume_until_it_runs(session: Session, browser: Page) -> None:
+def resume_until_it_runs(session: SimulatedRun, browser: Page) -> None:
     drive_until(session, "running", lambda: browser.send(wire.ControlMission(action="resume")))
 
 
-def drive_until(session: Session, state: str, meanwhile: Callable[[], None]) -> None:
+def drive_until(session: SimulatedRun, state: str, meanwhile: Callable[[], None]) -> None:
     end_s = time.monotonic() + PATIENCE_S
     while session.last is None or session.last.status.state != state:
         assert time.monotonic() < end_s, session.last

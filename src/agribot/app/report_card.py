@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import msgspec
 
-from agribot import __version__
+from agribot.app.judge import Judge
 from agribot.app.whole_job import JobSoFar, WholeJob
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig
-from agribot.core.messages import MissionStatus, TickRecord
+from agribot.core.messages import MissionStatus, Row, TickRecord
+from agribot.core.version import __version__
 from agribot.record.events import Event, EventKind, EventLog
 from agribot.record.report import (
     EstimateReport,
@@ -27,36 +28,42 @@ from agribot.record.report import (
     WeedReport,
 )
 
-if TYPE_CHECKING:
-    from agribot.sim.referee import Referee
-
 Kind = TypeVar("Kind", bound=msgspec.Struct)
 
 
-class Drive(Protocol):
-    """What the report needs of a session that has come to its end."""
+class EndedRun(Protocol):
+    """What the report needs of a run that has come to its end."""
 
     config: RunConfig
     last: TickRecord | None
-    referee: Referee
+    judge: Judge | None
     job: WholeJob
     event_log: EventLog
     rows_before: tuple[int, ...]  # done in earlier runs of which nothing else is known
 
     @property
     def weed_map(self) -> WeedMap: ...
+    @property
+    def rows(self) -> tuple[Row, ...]: ...
     def worked_area_m2(self, rows: tuple[int, ...]) -> float: ...
 
 
-def report_card(drive: Drive, why_ended: str = "") -> Report:
-    """`why_ended` names an end from outside: an interruption or the end of the time allowed."""
-    config, referee, job = drive.config, drive.referee, drive.job.saved()
+def report_card(drive: EndedRun, why_ended: str = "") -> Report:
+    """Report what was done: by the truth where a judge knows it, else as the robot believes.
+
+    Without a judge, all that only the truth can tell is null. `why_ended` names an end from
+    outside: an interruption or the end of the time allowed.
+    """
+    config, judge, job = drive.config, drive.judge, drive.job.saved()
     status = drive.last.status if drive.last is not None else None
-    kept = (*drive.rows_before, *referee.rows_kept(status.rows_done if status else ()))
+    done = status.rows_done if status else ()
+    kept = (*drive.rows_before, *(done if judge is None else judge.list_rows_kept(done)))
     mission = _mission(drive, job, status, kept)
     events = drive.job.events(drive.event_log.events)
-    tracking = referee.tracking()
-    ok = bool(mission.success) and tracking.plants_crushed == 0 and not why_ended
+    tracking = TrackingReport()
+    if judge is not None:
+        tracking = _same_fields(judge.score_tracking(), TrackingReport)
+    ok = bool(mission.success) and not tracking.plants_crushed and not why_ended
     return Report(
         profile=config.profile,
         seed=config.seed,
@@ -64,15 +71,17 @@ def report_card(drive: Drive, why_ended: str = "") -> Report:
         version=__version__,
         ok=ok,
         reason=(
-            why_ended
-            or _reason(status, mission, tracking.plants_crushed)
-            + _objection(drive.event_log, status)
+            why_ended or _reason(status, mission, tracking) + _objection(drive.event_log, status)
         )
         + _lacking(job),
         time=_time(job),
         mission=mission,
-        tracking=_same_fields(tracking, TrackingReport),
-        estimate=_same_fields(referee.estimate(), EstimateReport),
+        tracking=tracking,
+        estimate=(
+            EstimateReport()
+            if judge is None
+            else _same_fields(judge.score_estimate(), EstimateReport)
+        ),
         perception=_perception(drive, job),
         weeds=_weeds(drive, job, kept),
         safety=SafetyReport(stops=_told(events, "stop"), faults=_told(events, "fault")),
@@ -86,7 +95,7 @@ def _lacking(job: JobSoFar) -> str:
     return f"; of the job's earlier runs the report lacks {'; '.join(job.lacks)}" * bool(job.lacks)
 
 
-def _reason(status: MissionStatus | None, mission: MissionReport, crushed: int) -> str:
+def _reason(status: MissionStatus | None, mission: MissionReport, tracking: TrackingReport) -> str:
     if status is None:
         return "the robot never ran"
     if status.state != "done":
@@ -96,8 +105,10 @@ def _reason(status: MissionStatus | None, mission: MissionReport, crushed: int) 
         kind, done, total = "waypoints", mission.waypoints_reached, mission.waypoints_total
     if done != total:
         return f"the robot believes all is done, but in truth only {done} of {total} {kind}"
-    if crushed:
-        return f"{done} of {total} {kind}, but {crushed} crop plants were crushed"
+    if tracking.plants_crushed is None:
+        return f"{done} of {total} {kind}, as the robot believes"
+    if tracking.plants_crushed:
+        return f"{done} of {total} {kind}, but {tracking.plants_crushed} crop plants were crushed"
     return f"{done} of {total} {kind}, no plant crushed"
 
 
@@ -111,14 +122,17 @@ def _objection(log: EventLog, status: MissionStatus | None) -> str:
 
 
 def _mission(
-    drive: Drive, job: JobSoFar, status: MissionStatus | None, kept: tuple[int, ...]
+    drive: EndedRun, job: JobSoFar, status: MissionStatus | None, kept: tuple[int, ...]
 ) -> MissionReport:
     """What was asked and what was truly done; rows and waypoints exclude each other."""
     if status is None:
         return MissionReport(success=False)
-    distance_m = drive.referee.tracking().distance_m
+    judge = drive.judge
+    distance_m = None if judge is None else judge.score_tracking().distance_m
     if status.waypoints_total:
-        reached = drive.referee.waypoints_kept(drive.config.mission.waypoint_radius_m)
+        reached = status.waypoints_reached
+        if judge is not None:
+            reached = judge.count_waypoints_kept(drive.config.mission.waypoint_radius_m)
         return MissionReport(
             success=status.state == "done" and reached == status.waypoints_total,
             waypoints_total=status.waypoints_total,
@@ -133,7 +147,7 @@ def _mission(
         distance_m=distance_m,
         area_m2=area_m2,
         h_per_ha=job.sim_s / 3600.0 / (area_m2 / 1e4) if area_m2 else None,
-        coverage_ratio=drive.referee.coverage_ratio(),
+        coverage_ratio=None if judge is None else judge.compute_coverage_ratio(),
         rows_unproven=tuple(sorted(row + 1 for row in status.rows_unproven)),
     )
 
@@ -147,24 +161,28 @@ def _time(job: JobSoFar) -> TimeReport:
     )
 
 
-def _perception(drive: Drive, job: JobSoFar) -> PerceptionReport:
+def _perception(drive: EndedRun, job: JobSoFar) -> PerceptionReport:
     if not job.frames:
         return PerceptionReport()
-    iou = drive.referee.iou()
-    known = [value for value in iou.values() if value is not None]
+    iou = IouReport() if drive.judge is None else IouReport(**drive.judge.compute_iou())
+    known = [value for value in (iou.weed, iou.crop, iou.soil) if value is not None]
     return PerceptionReport(
         frames=job.frames,
         fps_cpu=job.frames / job.frames_cpu_s if job.frames_cpu_s else None,
         latency_p95_s=job.latency_s.percentile(95.0),
-        iou=IouReport(**iou),
+        iou=iou,
         miou=sum(known) / len(known) if known else None,
     )
 
 
-def _weeds(drive: Drive, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
-    if not job.frames or not drive.referee.has_rows:
+def _weeds(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
+    if not job.frames or not drive.rows:
         return WeedReport()
-    return _same_fields(drive.referee.weeds(drive.weed_map.weeds(), kept), WeedReport)
+    weeds = drive.weed_map.weeds()
+    if drive.judge is not None:
+        return _same_fields(drive.judge.score_weeds(weeds, kept), WeedReport)
+    treated = sum(weed.treated_s is not None for weed in weeds)
+    return WeedReport(mapped=len(weeds), treated=treated)
 
 
 def _told(events: Sequence[Event], kind: EventKind) -> tuple[SafetyEvent, ...]:

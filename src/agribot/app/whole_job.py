@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import msgspec
 
+from agribot.app.judge import Judge
 from agribot.app.run_clock import Clock
 from agribot.autonomy.perception_host import PerceptionMeter
 from agribot.autonomy.plan.saved_mission import SavedMission
@@ -20,10 +21,7 @@ from agribot.record.events import Event, read_whole_events
 from agribot.record.replay import read_ticks, read_truth
 from agribot.record.report import RunOfJob
 from agribot.record.series import RunSeries, collect, joined
-from agribot.sim.scores import Judged
-
-if TYPE_CHECKING:
-    from agribot.sim.referee import Referee
+from agribot.sim.scores import Judgement
 
 FILE_NAME = "job.json"
 RECORDING = "run.mcap"
@@ -44,7 +42,7 @@ class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
     frames: int = 0
     frames_cpu_s: float = 0.0
     latency_s: Histogram = msgspec.field(default_factory=lambda: Histogram(width=LATENCY_BIN_S))
-    judged: Judged | None = None
+    judged: Judgement | None = None
     plants: tuple[Track, ...] = ()
     format: int = 1
 
@@ -58,12 +56,12 @@ NOTHING = JobSoFar(runs=())
 UNKNOWN = JobSoFar(runs=(), lacks=("all but the mission itself: no account of them was given",))
 
 
-class Run(Protocol):
+class RunOfNow(Protocol):
     """What is asked of the run that does the job now."""
 
     out_dir: Path
     clock: Clock
-    referee: Referee
+    judge: Judge | None
 
     @property
     def meter(self) -> PerceptionMeter | None: ...
@@ -74,16 +72,15 @@ class Run(Protocol):
 class WholeJob:
     """A tap: the time of this run counts with that of the earlier ones."""
 
-    def __init__(self, run: Run, earlier: JobSoFar = NOTHING) -> None:
-        """The referee and the weed map of the run go on with what `earlier` holds."""
+    def __init__(self, run: RunOfNow, earlier: JobSoFar = NOTHING) -> None:
+        """The judge and the weed map of the run go on with what `earlier` holds."""
         self._run, self._earlier = run, earlier
         counts = dict(earlier.latency_s.counts)
         self._latency_s, self._looked = Histogram(width=LATENCY_BIN_S, counts=counts), 0
         self._run_s = 0.0
         self.lacks = list(earlier.lacks)
         if earlier.judged is not None:
-            lost = run.referee.restore(earlier.judged)
-            self.lacks += [lost] if lost else []
+            self.lacks += _restore_judgement(run.judge, earlier.judged)
         run.weed_map.restore(plants_before(earlier))
         self._events, lost_events = events_of(earlier.runs, run.out_dir)
         self.lacks += lost_events
@@ -115,7 +112,7 @@ class WholeJob:
             frames=earlier.frames + (meter.frames if meter else 0),
             frames_cpu_s=earlier.frames_cpu_s + (meter.cpu_s if meter else 0.0),
             latency_s=self._latency_s,
-            judged=self._run.referee.judged(),
+            judged=None if self._run.judge is None else self._run.judge.export_judgement(),
             plants=self._run.weed_map.tracks,
         )
 
@@ -131,6 +128,14 @@ class WholeJob:
         series, lost = series_of(self._earlier.runs, own, self._run.out_dir)
         self.lacks += lost
         return series
+
+
+def _restore_judgement(judge: Judge | None, judged: Judgement) -> list[str]:
+    """Let the judge go on with an earlier judgement; what of it is lost, in words."""
+    if judge is None:
+        return ["what was measured before: nobody knows the truth of this run"]
+    lost = judge.restore(judged)
+    return [lost] if lost else []
 
 
 def read_job(folder: Path, saved: SavedMission) -> JobSoFar:

@@ -48,6 +48,7 @@ class Stack:
         treatment: Treatment,
         supervisor: Supervisor,
         planning: ThreadedPlanning,
+        mask_taps: list[MaskTap],
     ) -> None:
         self.localizer = localizer
         self.perception = perception
@@ -59,6 +60,7 @@ class Stack:
         self.supervisor = supervisor
         self._planning = planning
         self.taps: list[Tap] = []
+        self.mask_taps = mask_taps  # called in the network's thread
 
     def tick(self, platform: Platform) -> TickRecord:
         batch = platform.read()
@@ -115,9 +117,17 @@ def build(
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
     planning, latch = ThreadedPlanning(), Latch()
+    mask_taps: list[MaskTap] = []
+
+    def show_mask(frame_index: int, class_id: ByteArray) -> None:
+        for tap in tuple(mask_taps):
+            tap(frame_index, class_id)
+
+    if perception is None:
+        perception = perceiving(config, robot, show_mask)
     return Stack(
         localizer=Localizer(config.estimate, config.field, robot),
-        perception=perceiving(config, robot) if perception is None else perception,
+        perception=perception,
         weed_map=WeedMap(config.weeds),
         mission=Mission(task, config.mission, saved, new_tasks, planning, latch),
         follower=Follower(config.control, robot),
@@ -125,6 +135,7 @@ def build(
         treatment=Treatment(config.treatment, robot.sprayer),
         supervisor=Supervisor(config.safety, robot, latch),
         planning=planning,
+        mask_taps=mask_taps,
     )
 
 

@@ -22,7 +22,7 @@ from agribot.ros.requests import Requests
 from agribot.ros.source_uri import Place, places
 
 if TYPE_CHECKING:
-    from agribot.app.session import Session
+    from agribot.app.run import Run
     from agribot.ros.outlet import Gateway, Outlet
 
 Setting = bool | int | float | str | tuple[float, ...]
@@ -109,7 +109,7 @@ def _check_extras(options: argparse.Namespace, sources: Mapping[str, Place]) -> 
 
 
 @contextmanager
-def bridges(options: argparse.Namespace, session: Session) -> Iterator[None]:
+def bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
     """Open what the options name and let it listen to the session.
 
     Raises: AgribotError: an option is out of range, or a peer that must be there is not.
@@ -119,7 +119,7 @@ def bridges(options: argparse.Namespace, session: Session) -> Iterator[None]:
     if not wanted(options):
         yield
         return
-    requests = Requests(session.platform.inbox, allow_drive=options.allow_drive, say=say)
+    requests = Requests(session.inbox, allow_drive=options.allow_drive, say=say)
     taken = {place.topic for place in places(session.config.sources).values()}
     has_camera = session.robot.camera is not None
     out = [
@@ -188,7 +188,7 @@ def tell_losses(dropped: int, fault: str) -> None:
         say(fault)
 
 
-def _outlet(options: argparse.Namespace, session: Session, gateways: list[Gateway]) -> Outlet:
+def _outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) -> Outlet:
     from agribot.description.loader import urdf_text
     from agribot.ros.messages.camera_log import CameraLog
     from agribot.ros.outlet import Outlet, Sources
@@ -204,7 +204,7 @@ def _outlet(options: argparse.Namespace, session: Session, gateways: list[Gatewa
         plan=lambda: session.stack.mission.path,
         goals_map_m=lambda: session.shown_goals_map_m,
         weed_map=session.weed_map.plants,
-        truth=session.platform.truth,
+        truth=session.truth,
     )
     return Outlet(
         gateways, session.robot, config.field.datum, urdf_text(config.robot), camera, sources

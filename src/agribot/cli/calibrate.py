@@ -17,7 +17,7 @@ from agribot.cli.calibration_camera import seen_in_drive, toml
 from agribot.cli.ranges import seed
 from agribot.core import config as settings
 from agribot.core.robot import DriveSpec, RobotSpec
-from agribot.sim.random_streams import stream
+from agribot.sim.random_streams import make_stream
 
 if TYPE_CHECKING:
     from agribot.app.calibration.camera import CameraResult, RowViewResult, Seen
@@ -173,7 +173,7 @@ def _drive(
         ],
     )
     platform = SimPlatform(config, machine, load_world(options.world), board=board)
-    rng = stream(options.seed, "tape")
+    rng = make_stream(options.seed, "tape")
 
     def tape() -> tuple[float, float]:
         truth = platform.truth()

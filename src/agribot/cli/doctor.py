@@ -19,10 +19,10 @@ from typing import Any
 
 import msgspec
 
-from agribot import __version__
 from agribot.app.workers import usable_cpus
 from agribot.core import extras
 from agribot.core.errors import AgribotError
+from agribot.core.version import __version__
 
 LEAST_PYTHON = (3, 11)
 SELF_CHECK_S = 1.0
@@ -183,7 +183,7 @@ def self_check(findings: list[Finding]) -> Finding:
     absent = [f.what for f in findings if f.state != "ok" and f.what in ("mujoco-core", "numba")]
     if absent:
         return Finding(what=what, state="missing", detail=f"needs {' and '.join(absent)}")
-    from agribot.app.session import Session
+    from agribot.app.simulated_run import simulate
     from agribot.core import config
 
     wall_s, cpu_s = time.monotonic(), time.process_time()
@@ -191,7 +191,7 @@ def self_check(findings: list[Finding]) -> Finding:
         settings = config.load("farm", [f"duration_s={SELF_CHECK_S}", "record.enabled=false"])
         with (
             tempfile.TemporaryDirectory() as folder,
-            Session(settings, Path(folder)) as session,
+            simulate(settings, Path(folder)) as session,
         ):
             ticks = sum(1 for _ in session.ticks())
             frames = session.meter.frames if session.meter is not None else 0

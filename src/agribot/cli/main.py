@@ -11,7 +11,7 @@ import importlib
 import sys
 from collections.abc import Sequence
 
-from agribot import __version__
+from agribot.core.version import __version__
 
 # name -> (module, one line of help, an example)
 COMMANDS = {

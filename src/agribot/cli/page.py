@@ -22,7 +22,7 @@ from agribot.ui.panels import shared
 from agribot.ui.token_file import read_or_make_tokens
 
 if TYPE_CHECKING:
-    from agribot.app.session import Session
+    from agribot.app.run import Run
     from agribot.ui.operator_page import OperatorPage
     from agribot.ui.server_process import ServerProcess
 
@@ -86,7 +86,7 @@ def stays_open(options: argparse.Namespace) -> bool:
 
 
 @contextmanager
-def opened(options: argparse.Namespace, session: Session) -> Iterator[OperatorPage]:
+def opened(options: argparse.Namespace, session: Run) -> Iterator[OperatorPage]:
     """The page of a session, its address printed.
 
     Raises: ConfigError: the page's packages are missing, or its address cannot be used.
@@ -148,7 +148,7 @@ def show(server: ServerProcess, what: str, options: argparse.Namespace) -> int:
     return 0
 
 
-def stay(session: Session, page: OperatorPage, stop: list[int], *, keeps_up: bool = False) -> None:
+def stay(session: Run, page: OperatorPage, stop: list[int], *, keeps_up: bool = False) -> None:
     """Let the robot stand ready, and its page be used, until somebody interrupts."""
     sys.stderr.write(f"the robot stays ready: {page.url} (Ctrl-C ends)\n")
     sys.stderr.flush()

@@ -18,6 +18,7 @@ from agribot.autonomy.plan.rows import field_rows
 from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
 from agribot.core.messages import Row
+from agribot.core.platforms import find_platform
 from agribot.description.worlds_sdf import world_of_run
 from agribot.record.events import EventLog
 from agribot.record.report import Report
@@ -87,7 +88,7 @@ def _read_job(recording: Path, out: Path, report: Report) -> RunData:
         rows=_rows(plan, config, recording),
         plants=plants_later(read_weed_map(recording), began_s),
         events=(*earlier_events, *events_later(events.events, began_s)),
-        world=world_of_run(config) if config.platform == "sim" else None,
+        world=world_of_run(config) if find_platform(config.platform).is_simulated else None,
     )
 
 

@@ -6,7 +6,7 @@ import argparse
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -19,8 +19,9 @@ from agribot.cli.ranges import finite
 from agribot.cli.run_settings import add_setting_arguments, out_dir_of, settings_of
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
-from agribot.core.config import PlatformKind, RunConfig
+from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.platforms import find_platform
 from agribot.ros.source_uri import places
 
 if TYPE_CHECKING:
@@ -36,7 +37,9 @@ STARTING = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_setting_arguments(parser)
     parser.add_argument(
-        "--platform", choices=get_args(PlatformKind), help="what drives (default: sim)"
+        "--platform",
+        metavar="NAME",
+        help="what drives: sim (default), or module:function of your own",
     )
     parser.add_argument("--waypoints", metavar="FILE", help="visit these places (GeoJSON or CSV)")
     parser.add_argument("--plan", metavar="FILE", help="work a field plan (agribot plan --out)")
@@ -68,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from agribot.app.mission_file import resumed
-    from agribot.app.session import Session
+    from agribot.app.open_run import open_run
     from agribot.app.whole_job import NOTHING, read_job
 
     config, saved, earlier = _config(options), None, NOTHING
@@ -87,11 +90,9 @@ def run(options: argparse.Namespace) -> int:
     check_free(out_dir)
     plan_text = "" if options.field is None else _plan_of_field(config, options)
     with explained(STARTING):
-        made = Session(config, out_dir, saved, earlier, plan_text)
+        made = open_run(config, out_dir, saved, earlier, plan_text)
     with made as session, ExitStack() as parts:
-        lost = [f"of the job's earlier runs is lost: {what}" for what in session.job.lacks]
-        odd = (*session.robot.warnings, *session.world.warnings, *lost)
-        sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
+        sys.stderr.writelines(f"warning: {warning}\n" for warning in session.warnings)
         page = parts.enter_context(opened(options, session)) if wants_page(options) else None
         session.unattended.is_attended = _has_operator(options)
         progress = Progress(session.weed_map)
@@ -147,8 +148,9 @@ def _cut_off(options: argparse.Namespace) -> SavedMission:
 
 def _check(options: argparse.Namespace, config: RunConfig) -> None:
     """Raises: ConfigError: what would otherwise be missed only after a long start."""
-    if config.platform == "sim":
-        extras.require("sim", "the simulated robot")
+    extra = find_platform(config.platform).extra
+    if extra:
+        extras.require(extra, f"platform = {config.platform!r}")
     if wants_page(options):
         extras.require("ui", "the operator's page")
     bridging.check(options, places(config.sources))

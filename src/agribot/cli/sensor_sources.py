@@ -12,12 +12,12 @@ import msgspec
 from agribot.cli.bridging import checked_master, domain_from, master_from, router_from, say
 from agribot.core.config import SourceConfig
 from agribot.core.errors import ConfigError
-from agribot.core.platform import MixedPlatform, Sensor
+from agribot.core.platform import Sensor
 from agribot.ros.requests import Requests
 from agribot.ros.source_uri import Network, Place, places
 
 if TYPE_CHECKING:
-    from agribot.app.session import Session
+    from agribot.app.run import Run
     from agribot.ros.topic_source import Ear
 
     class SourceLink(Ear, Protocol):
@@ -55,7 +55,7 @@ def settings_of(options: argparse.Namespace) -> list[str]:
 
 
 @contextmanager
-def sensor_sources(options: argparse.Namespace, session: Session) -> Iterator[None]:
+def sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[None]:
     """Let the session sense what its settings take from topics.
 
     Raises: AgribotError: a URI that means nothing, or a network that cannot be reached.
@@ -64,7 +64,7 @@ def sensor_sources(options: argparse.Namespace, session: Session) -> Iterator[No
     from agribot.ros.topic_source import TopicSource
 
     wanted = places(session.config.sources)
-    refuse = Requests(session.platform.inbox, say=say).refuse
+    refuse = Requests(session.inbox, say=say).refuse
     links: dict[tuple[str, str], SourceLink] = {}
     with ExitStack() as opened:
         sources = []
@@ -78,7 +78,7 @@ def sensor_sources(options: argparse.Namespace, session: Session) -> Iterator[No
             source = TopicSource(sensor, place.topic, links[place[:2]], known, refuse)
             sources.append(source)
         if sources:
-            session.sensed = MixedPlatform(session.platform, sources)
+            session.take_sensors(sources)
         yield
 
 

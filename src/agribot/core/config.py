@@ -26,12 +26,12 @@ from agribot.core.config_tree import (
 )
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum
+from agribot.core.platforms import find_platform
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 Ratio = Annotated[float, msgspec.Meta(ge=0, le=1)]
 Count = Annotated[int, msgspec.Meta(ge=1)]
-PlatformKind = Literal["sim"]  # what a robot's sensors and motors can be
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -217,7 +217,7 @@ class RunConfig(Config, frozen=True):
 
     profile: str = "farm"
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0  # what TOML and JSON readers take
-    platform: PlatformKind = "sim"
+    platform: str = "sim"  # see agribot.core.platforms
     world: str = "Farm"
     robot: str = "agribot"
     waypoints: str = ""
@@ -280,6 +280,10 @@ def from_tree(tree: dict[str, Any], source: str) -> RunConfig:
     check_keys(tree, RunConfig, source, "")
     check_finite(tree, source, "")
     try:
-        return msgspec.convert(tree, RunConfig)
+        config = msgspec.convert(tree, RunConfig)
+        find_platform(config.platform)
     except msgspec.ValidationError as error:
         raise ConfigError(f"{source}: {with_value(str(error), tree)}") from error
+    except ConfigError as error:
+        raise ConfigError(f"{source}: {error}") from error
+    return config

@@ -7,7 +7,13 @@ from typing import Any, Literal, Protocol
 
 import msgspec
 
-from agribot.core.messages import SENSOR_WATCH, OperatorEvent, RobotCommand, SensorBatch
+from agribot.core.messages import (
+    SENSOR_WATCH,
+    Inbox,
+    OperatorEvent,
+    RobotCommand,
+    SensorBatch,
+)
 
 # Fields of a SensorBatch that may come from elsewhere.
 Sensor = Literal["gnss", "imu", "mag", "wheels", "frames"]
@@ -15,7 +21,13 @@ SILENCE_S = 2.0
 
 
 class Platform(Protocol):
-    """Nothing above this interface knows whether the robot is real."""
+    """Nothing above this interface knows whether the robot is real.
+
+    What people and programs ask of the robot lies in `inbox`; `read` empties it into the batch.
+    """
+
+    @property
+    def inbox(self) -> Inbox: ...
 
     def read(self) -> SensorBatch:
         """Wait for the next tick and return what arrived since the last one.
@@ -31,6 +43,21 @@ class Platform(Protocol):
     def close(self) -> None:
         """Stop the wheels and the implement, and release everything. Safe to call twice."""
         ...
+
+
+class TrueState(Protocol):
+    """Where the robot really is, as only a simulator knows: the body frame in the map."""
+
+    @property
+    def x_map_m(self) -> float: ...
+    @property
+    def y_map_m(self) -> float: ...
+    @property
+    def yaw_map_rad(self) -> float: ...
+    @property
+    def v_mps(self) -> float: ...
+    @property
+    def yaw_rate_radps(self) -> float: ...
 
 
 class SensorSource(Protocol):
@@ -56,6 +83,10 @@ class MixedPlatform:
         self._platform, self._sources = platform, tuple(sources)
         self._heard_s: dict[str, float] = {}
         self._silent: set[str] = set()
+
+    @property
+    def inbox(self) -> Inbox:
+        return self._platform.inbox
 
     def read(self) -> SensorBatch:
         batch = self._platform.read()

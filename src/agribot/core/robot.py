@@ -201,6 +201,8 @@ class SprayerSpec(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot as its description gives it: bodies, drive, sensors and implement."""
+
     name: str
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]

@@ -7,11 +7,11 @@ from pathlib import Path as FilePath
 
 import msgspec
 
-from agribot import __version__
 from agribot.core import topics
 from agribot.core.config import RunConfig, to_toml
 from agribot.core.messages import MappedPlant, Path, TickRecord
 from agribot.core.robot import RobotSpec
+from agribot.core.version import __version__
 from agribot.record.parts import RecordingParts
 from agribot.record.ticks import encode_tick
 from agribot.ros.messages.camera_log import CameraLog

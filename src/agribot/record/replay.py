@@ -16,6 +16,7 @@ from agribot.core.messages import (
     STOP,
     DriveCommand,
     FloatArray,
+    Inbox,
     MappedPlant,
     RobotCommand,
     Scene,
@@ -71,7 +72,10 @@ def read_truth(path: Path) -> FloatArray:
 
 
 class ReplayPlatform:
-    """Platform over `run.mcap`: read() gives what the sensors said, write() only collects."""
+    """Platform over `run.mcap`: read() gives what the sensors said, write() only collects.
+
+    What is posted into its inbox comes after what was asked of the robot then.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -79,6 +83,7 @@ class ReplayPlatform:
         self._scenes: tuple[Scene, ...] = ()
         self._sent = STOP
         self.commands: list[RobotCommand] = []
+        self.inbox = Inbox()
 
     def read(self) -> SensorBatch:
         """Raises: EndOfRecording: the last batch was already given."""
@@ -86,7 +91,13 @@ class ReplayPlatform:
         if record is None:
             raise EndOfRecording(f"{self._path} has no more ticks")
         self._scenes, self._sent = record.scenes, record.command.drive
-        return record.batch
+        events, hand = self.inbox.drain(record.batch.t_s)
+        if not (events or hand):
+            return record.batch
+        batch = record.batch
+        return msgspec.structs.replace(
+            batch, events=(*batch.events, *events), hand=(*batch.hand, *hand)
+        )
 
     def recorded_scenes(self) -> tuple[Scene, ...]:
         """What perception delivered in the tick of the batch given last."""

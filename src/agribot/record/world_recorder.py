@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from agribot import __version__
 from agribot.core.config import RunConfig, to_toml
 from agribot.core.robot import RobotSpec
+from agribot.core.version import __version__
 from agribot.record.parts import RecordingParts
 from agribot.record.recorder import CONFIG_ATTACHMENT, FLUSH_NS, URDF_ATTACHMENT
 from agribot.ros.messages import rosmsg

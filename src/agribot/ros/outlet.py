@@ -14,6 +14,7 @@ from agribot.core import topics
 from agribot.core.errors import BridgeError
 from agribot.core.geo import Datum
 from agribot.core.messages import MappedPlant, MapPoint, Path, TickRecord
+from agribot.core.platform import TrueState
 from agribot.core.robot import RobotSpec
 from agribot.core.topic import Topic
 from agribot.ros.messages import cdr
@@ -27,21 +28,6 @@ _SLOW_PERIOD_S = 1.0  # of the weed map
 _TRUTH_PERIOD_S = 0.1
 
 T = TypeVar("T")
-
-
-class TrueState(Protocol):
-    """What a simulator knows."""
-
-    @property
-    def x_map_m(self) -> float: ...
-    @property
-    def y_map_m(self) -> float: ...
-    @property
-    def yaw_map_rad(self) -> float: ...
-    @property
-    def v_mps(self) -> float: ...
-    @property
-    def yaw_rate_radps(self) -> float: ...
 
 
 class Gateway(Protocol):

@@ -11,14 +11,14 @@ from agribot.core.messages import FloatArray, Vec3
 from agribot.sim.state import POSITION, QUATERNION
 
 
-def rotation_of(row: FloatArray) -> FloatArray:
-    """Rotation `map_from_base` (3, 3) of one row."""
+def read_rotation(row: FloatArray) -> FloatArray:
+    """Return the rotation `map_from_base`, (3, 3), of one row."""
     w, x, y, z = row[QUATERNION].tolist()
     return rotation_from_quaternion(w, x, y, z)
 
 
 def rotate(row: FloatArray, vector: Vec3) -> Vec3:
-    """A vector in base axes, turned into map axes."""
+    """Turn a vector from base axes into map axes."""
     w, x, y, z = row[QUATERNION].tolist()
     a, b, c = vector
     return (
@@ -28,16 +28,16 @@ def rotate(row: FloatArray, vector: Vec3) -> Vec3:
     )
 
 
-def map_from_base(row: FloatArray) -> FloatArray:
-    """Pose of base_link in the map, (4, 4)."""
+def read_base_pose(row: FloatArray) -> FloatArray:
+    """Return the pose of base_link in the map, `map_from_base`, (4, 4)."""
     pose = np.eye(4)
-    pose[:3, :3] = rotation_of(row)
+    pose[:3, :3] = read_rotation(row)
     pose[:3, 3] = row[POSITION]
     return pose
 
 
-def roll_pitch_yaw(row: FloatArray) -> Vec3:
-    """Fixed-axis angles; pitch is negative with the nose up."""
+def read_roll_pitch_yaw(row: FloatArray) -> Vec3:
+    """Return the fixed-axis angles in the map, rad; pitch is negative with the nose up."""
     w, x, y, z = row[QUATERNION].tolist()
     return (
         math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),

@@ -9,15 +9,16 @@ from agribot.core.errors import ConfigError
 NS_PER_S = 1_000_000_000
 
 
-def step_ns(step_s: float) -> int:
-    """The physics step in whole nanoseconds."""
+def round_step_ns(step_s: float) -> int:
+    """Return the physics step in whole nanoseconds."""
     return round(step_s * NS_PER_S)
 
 
 class Schedule:
-    """Sample `k` (1, 2, ...) falls on the first physics step at or after `k / rate`.
+    """The physics steps on which a sensor samples.
 
-    Exact for any rate: 30 Hz on a 2 ms grid neither drifts nor drops a sample.
+    Sample `k` (1, 2, ...) falls on the first physics step at or after `k / rate`. Exact for any
+    rate: 30 Hz on a 2 ms grid neither drifts nor drops a sample.
     """
 
     def __init__(self, rate_hz: float, physics_step_ns: int) -> None:
@@ -39,14 +40,14 @@ class Schedule:
         return -(-sample * self._numerator // self._denominator)
 
     def pop(self) -> int:
-        """The step of the next sample, given once."""
+        """Return the step of the next sample and go on to the one after it."""
         step = self.next_step
         self._next += 1
         self.next_step = self._step(self._next)
         return step
 
-    def due(self, last_step: int) -> list[int]:
-        """Steps up to and including `last_step` on which a sample falls, each given once."""
+    def pop_due(self, last_step: int) -> list[int]:
+        """Return the steps of the samples up to and including `last_step`, each only once."""
         steps: list[int] = []
         while self.next_step <= last_step:
             steps.append(self.pop())

@@ -1,4 +1,4 @@
-"""MuJoCo with the robot in it: with the obstacles only while they are near.
+"""MuJoCo with the robot in it, and with the obstacles while they are near.
 
 A step costs half as much without 120 fixed shapes, and the motion is the same to the bit.
 """
@@ -15,7 +15,7 @@ from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
 from agribot.sim.mujoco_library import Library, load_library
-from agribot.sim.rigid_body import build_model, obstacle_boxes
+from agribot.sim.rigid_body import build_model, find_obstacle_boxes
 from agribot.sim.state import StateViews
 
 # The robot's own size plus far more than it moves in one tick.
@@ -37,14 +37,17 @@ class _Instance:
 
 
 class Engine:
-    """`library` and `views` belong to the model in use; `select` may exchange them."""
+    """Two MuJoCo models, with and without obstacles, and the choice between them.
+
+    `library` and `views` belong to the model in use; `select` may exchange them.
+    """
 
     def __init__(
         self, robot: RobotSpec, world: WorldSpec, step_s: float, *, is_effort: bool = False
     ) -> None:
         self._robot, self._world, self._step_s = robot, world, step_s
         self._is_effort = is_effort
-        self._boxes = obstacle_boxes(world)
+        self._boxes = find_obstacle_boxes(world)
         self._open = _Instance(
             robot, msgspec.structs.replace(world, obstacles=()), step_s, is_effort
         )
@@ -63,33 +66,33 @@ class Engine:
         return self._used.views
 
     def limit_torque(self, wheel: int, torque_nm: float) -> None:
-        """Let a motor give at most so much; 0 is a dead one, whose wheel rolls along."""
+        """Limit the torque of a motor; at 0 it is dead and its wheel rolls freely."""
         for instance in (self._open, self._crowded):
             if instance is not None:
                 instance.model.actuator_forcerange[wheel] = -torque_nm, torque_nm
 
-    def touched_map_m(self) -> FloatArray | None:
-        """Where the robot touches an obstacle, (3,); None while it does not."""
+    def find_contact_map_m(self) -> FloatArray | None:
+        """Return where in the map the robot touches an obstacle, (3,); None if it does not."""
         data = self._used.data
         return None if self._used is self._open or not data.ncon else data.contact.pos[0]
 
     def select(self) -> None:
-        """Use the model that the place of the robot calls for."""
+        """Use the model with obstacles where one is near, else the one without."""
         x_m, y_m = self._used.views.qpos[:2].tolist()
         moved_m = math.hypot(x_m - self._checked_at_m[0], y_m - self._checked_at_m[1])
         if moved_m < self._check_after_m:
             return
-        free_m = self._gap_m(x_m, y_m) - NEAR_M
+        free_m = self._measure_gap_m(x_m, y_m) - NEAR_M
         self._checked_at_m, self._check_after_m = (x_m, y_m), max(free_m, RECHECK_M)
-        self._use(self._open if free_m > 0.0 else self._with_obstacles())
+        self._use(self._open if free_m > 0.0 else self._load_crowded())
 
-    def _gap_m(self, x_m: float, y_m: float) -> float:
-        """From base_link to the nearest obstacle's box, in plan view."""
+    def _measure_gap_m(self, x_m: float, y_m: float) -> float:
+        """Return the distance from base_link to the nearest obstacle's box, in plan view."""
         boxes: FloatArray = self._boxes
         beyond_m = np.maximum(np.abs(boxes[:, :2] - (x_m, y_m)) - boxes[:, 2:], 0.0)
         return float(np.hypot(beyond_m[:, 0], beyond_m[:, 1]).min(initial=math.inf))
 
-    def _with_obstacles(self) -> _Instance:
+    def _load_crowded(self) -> _Instance:
         if self._crowded is None:
             self._crowded = _Instance(self._robot, self._world, self._step_s, self._is_effort)
             self._crowded.model.actuator_forcerange[:] = self._open.model.actuator_forcerange

@@ -1,4 +1,4 @@
-"""What the robot did to the field: crops crushed, plants sprayed, ground wetted."""
+"""Effects of the robot on the field: crops crushed, plants sprayed, ground wetted."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from agribot.core.errors import PlatformError
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
-from agribot.sim.footprints import Feet, mark_swept, plant_grid
+from agribot.sim.footprints import Footprints, build_plant_grid, mark_swept
 
 # A flat-fan nozzle wets a thin line across the direction of travel.
 SPRAY_FAN_LENGTH_M = 0.04
@@ -24,12 +24,14 @@ class CropDamage:
         crops = [i for i, plant in enumerate(world.plants) if plant.plant == PlantClass.CROP]
         self._index = np.array(crops, dtype=np.int64)
         plants = [world.plants[i] for i in crops]
-        self._grid = plant_grid(plants, np.array([p.stem_radius_m for p in plants], dtype=float))
+        self._grid = build_plant_grid(
+            plants, np.array([p.stem_radius_m for p in plants], dtype=float)
+        )
         self._hit_s = np.full(len(crops), np.nan)
         self._active = np.ones(4, dtype=bool)
         drive = robot.drive
         sunk_m = robot.mass_kg * world.gravity_mps2 / 4.0 / robot.tyre.normal_stiffness_npm
-        self._feet = Feet(
+        self._feet = Footprints(
             robot.wheel_xy_body_m(),
             math.sqrt(2.0 * drive.wheel_radius_m * sunk_m),
             drive.wheel_width_m / 2.0,
@@ -42,7 +44,7 @@ class CropDamage:
 
     @property
     def crushed(self) -> set[int]:
-        """Indices into the world's plants."""
+        """The crushed crops, as indices into the world's plants."""
         return set(self._index[~np.isnan(self._hit_s)].tolist())
 
 
@@ -58,11 +60,11 @@ class Sprayer:
         self._open = np.zeros(count, dtype=bool)
         self._any_open = False
         self._pending: deque[tuple[float, tuple[bool, ...]]] = deque()
-        self._grid = plant_grid(world.plants, np.zeros(len(world.plants)))
+        self._grid = build_plant_grid(world.plants, np.zeros(len(world.plants)))
         self._hit_s = np.full(len(world.plants), np.nan)
         if self._spec is not None:
             places = [(self._spec.x_body_m, y_m) for y_m in self._spec.nozzle_y_body_m()]
-            self._feet = Feet(
+            self._feet = Footprints(
                 np.array(places),
                 SPRAY_FAN_LENGTH_M / 2.0,
                 self._spec.nozzle_width_m / 2.0,
@@ -70,7 +72,7 @@ class Sprayer:
             )
 
     def command(self, t_s: float, nozzles_open: tuple[bool, ...]) -> None:
-        """An empty tuple closes all.
+        """Open and close the nozzles after the valves' latency; an empty tuple closes all.
 
         Raises: PlatformError: the number of nozzles is not that of the robot.
         """
@@ -97,6 +99,6 @@ class Sprayer:
 
     @property
     def sprayed(self) -> dict[int, float]:
-        """Index into the world's plants -> time of the first drop."""
+        """The sprayed plants: index into the world's plants -> time of the first drop, s."""
         hit = np.flatnonzero(~np.isnan(self._hit_s))
         return {int(i): float(self._hit_s[i]) for i in hit}

@@ -1,4 +1,4 @@
-"""What passes over the plants: wheels that crush crops, nozzles that spray.
+"""Areas that pass over the plants: wheels that crush crops, nozzles that spray.
 
 Footprints are boxes on the ground, swept from one tick to the next so that nothing between
 two ticks is missed.
@@ -36,7 +36,7 @@ class PlantGrid(NamedTuple):
     y_min_m: float
 
 
-class Feet(NamedTuple):
+class Footprints(NamedTuple):
     """Footprints of one kind: centres in the body frame (N, 2), half sizes along and across."""
 
     xy_body_m: FloatArray
@@ -45,7 +45,8 @@ class Feet(NamedTuple):
     base_height_m: float
 
 
-def plant_grid(plants: Sequence[Plant], radius_m: FloatArray) -> PlantGrid:
+def build_plant_grid(plants: Sequence[Plant], radius_m: FloatArray) -> PlantGrid:
+    """Sort plants into cells; `radius_m` (N,) are the radii of their stems."""
     x = np.array([plant.x_map_m for plant in plants], dtype=np.float64)
     y = np.array([plant.y_map_m for plant in plants], dtype=np.float64)
     if not plants:
@@ -65,23 +66,24 @@ def plant_grid(plants: Sequence[Plant], radius_m: FloatArray) -> PlantGrid:
 def mark_swept(
     before: FloatArray,
     after: FloatArray,
-    feet: Feet,
+    feet: Footprints,
     active: npt.NDArray[np.bool_],
     grid: PlantGrid,
     hit_s: FloatArray,
     t_s: float,
 ) -> float:
-    """Write `t_s` into `hit_s` (NaN so far) of every plant that an active foot passed over.
+    """Mark the plants that the active footprints passed over; return the area swept, m2.
 
-    `before` and `after` are rows of the physics history. A plant is hit when its stem, a disc,
-    touches the swept box. Returns the ground area swept by the active feet, m2.
+    `before` and `after` are rows of the physics history, `active` (N,) belongs to the footprints
+    and `hit_s` (M,) to the plants: NaN until a plant is hit, then the first `t_s`. A plant is hit
+    when its stem, a disc, touches the swept box.
     """
     area_m2 = 0.0
     for k in range(feet.xy_body_m.shape[0]):
         if not active[k]:
             continue
-        x0, y0 = _ground_point(before, feet.xy_body_m[k, 0], feet.xy_body_m[k, 1], feet)
-        x1, y1 = _ground_point(after, feet.xy_body_m[k, 0], feet.xy_body_m[k, 1], feet)
+        x0, y0 = _project_to_ground(before, feet.xy_body_m[k, 0], feet.xy_body_m[k, 1], feet)
+        x1, y1 = _project_to_ground(after, feet.xy_body_m[k, 0], feet.xy_body_m[k, 1], feet)
         w, z = after[3], after[6]
         norm = math.hypot(w, z)
         cos, sin = (w * w - z * z) / (norm * norm), 2.0 * w * z / (norm * norm)
@@ -94,10 +96,10 @@ def mark_swept(
 
 
 @compile_exact
-def _ground_point(
-    row: FloatArray, x_body_m: float, y_body_m: float, feet: Feet
+def _project_to_ground(
+    row: FloatArray, x_body_m: float, y_body_m: float, feet: Footprints
 ) -> tuple[float, float]:
-    """Map position of a body point on the ground."""
+    """Return the map position, x and y, of a body point on the ground."""
     w, x, y, z = row[3], row[4], row[5], row[6]
     down = -feet.base_height_m
     return (

@@ -13,8 +13,8 @@ CELL_M = 0.05  # a patch's edge is as wide as this, about the length of a tyre's
 MAX_SAMPLES = 4_000_000  # 32 MB; patches further apart get wider cells
 
 
-def friction_grid(world: WorldSpec) -> Terrain:
-    """Friction of the ground at large, which goes on outside, and of the patches that lie on it."""
+def build_friction_grid(world: WorldSpec) -> Terrain:
+    """Build the grid of the ground's friction with its patches; the edge continues outside."""
     patches = world.grip
     if not patches:
         return Terrain(np.full((2, 2), world.friction_ratio), 0.0, 0.0, 1.0)

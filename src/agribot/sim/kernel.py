@@ -35,8 +35,8 @@ FAULT_MIN_RADPS = 0.5
 
 
 @compile_exact
-def ground(grid: Terrain, x_m: float, y_m: float) -> tuple[float, float, float]:
-    """Value and its slopes along x and y; the edge's value continues outside the grid."""
+def sample_grid(grid: Terrain, x_m: float, y_m: float) -> tuple[float, float, float]:
+    """Return the value and its slopes along x and y; the edge's value continues outside."""
     values, step_m = grid.values, grid.resolution_m
     column = min(max((x_m - grid.x_min_m) / step_m, 0.0), values.shape[1] - 1.000001)
     row = min(max((y_m - grid.y_min_m) / step_m, 0.0), values.shape[0] - 1.000001)
@@ -59,26 +59,26 @@ def _dot(a: Vec3, b: Vec3) -> float:
 
 
 @compile_exact
-def _along(a: Vec3, scale: float) -> Vec3:
+def _scale(a: Vec3, scale: float) -> Vec3:
     return a[0] * scale, a[1] * scale, a[2] * scale
 
 
 @compile_exact
-def _sum(a: Vec3, b: Vec3) -> Vec3:
+def _add(a: Vec3, b: Vec3) -> Vec3:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @compile_exact
-def _ground_plane(terrain: Terrain, grip: Terrain, p_map_m: Vec3) -> tuple[float, Vec3, float]:
-    """Height, upward normal and friction of the ground below a point."""
-    height, slope_x, slope_y = ground(terrain, p_map_m[0], p_map_m[1])
+def _find_ground_plane(terrain: Terrain, grip: Terrain, p_map_m: Vec3) -> tuple[float, Vec3, float]:
+    """Return height, upward normal and friction of the ground below a point."""
+    height, slope_x, slope_y = sample_grid(terrain, p_map_m[0], p_map_m[1])
     up = 1.0 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
-    friction = ground(grip, p_map_m[0], p_map_m[1])[0]
+    friction = sample_grid(grip, p_map_m[0], p_map_m[1])[0]
     return height, (-slope_x * up, -slope_y * up, up), friction
 
 
 @compile_exact
-def _friction(
+def _compute_friction(
     tyre: TyreLaw,
     grip: float,
     load_n: float,
@@ -88,9 +88,10 @@ def _friction(
     bristle_m: FloatArray,
     dt_s: float,
 ) -> tuple[float, float]:
-    """Forces along and across the wheel; `bristle_m` (2,) is stretched, or slides at the limit.
+    """Return the friction forces along and across the wheel, N.
 
-    Rolling lays fresh tread down: z' = v - |rolling speed| z / L, at the end of the step.
+    `bristle_m` (2,), the deflection along and across, is stretched in place, or slides at the
+    limit. Rolling lays fresh tread down: z' = v - |rolling speed| z / L, at the end of the step.
     """
     kept = tyre.relaxation_length_m / (tyre.relaxation_length_m + rolled_m)
     ahead_m = (bristle_m[0] + forward_mps * dt_s) * kept
@@ -132,7 +133,7 @@ def apply_tyre_forces(
     for k in range(wheel_body.shape[0]):
         b = wheel_body[k]
         hub = (centre[b, 0], centre[b, 1], centre[b, 2])
-        height, normal, grip = _ground_plane(terrain, tyre.ground_friction, hub)
+        height, normal, grip = _find_ground_plane(terrain, tyre.ground_friction, hub)
         arm_m = (hub[2] - height) * normal[2]
         if arm_m >= tyre.radius_m:
             wrench[b, :] = 0.0
@@ -140,40 +141,40 @@ def apply_tyre_forces(
             continue
         axle = (rotation[b, 1], rotation[b, 4], rotation[b, 7])
         forward = _cross(axle, normal)
-        forward = _along(forward, 1.0 / math.sqrt(_dot(forward, forward) + TINY))
+        forward = _scale(forward, 1.0 / math.sqrt(_dot(forward, forward) + TINY))
         left = _cross(normal, forward)
         spin = (velocity[b, 0], velocity[b, 1], velocity[b, 2])
-        contact = _sum(hub, _along(normal, -arm_m))
-        lever = _sum(contact, (-velocity_at[0], -velocity_at[1], -velocity_at[2]))
-        slip = _sum((velocity[b, 3], velocity[b, 4], velocity[b, 5]), _cross(spin, lever))
+        contact = _add(hub, _scale(normal, -arm_m))
+        lever = _add(contact, (-velocity_at[0], -velocity_at[1], -velocity_at[2]))
+        slip = _add((velocity[b, 3], velocity[b, 4], velocity[b, 5]), _cross(spin, lever))
         spring_n = tyre.normal_stiffness_npm * (tyre.radius_m - arm_m)
         load_n = max(0.0, spring_n - tyre.normal_damping_nspm * _dot(slip, normal))
         spin_radps = _dot(spin, axle)
-        forward_n, left_n = _friction(
+        forward_n, left_n = _compute_friction(
             tyre, grip, load_n, _dot(slip, forward), _dot(slip, left),
             math.fabs(spin_radps) * arm_m * dt_s, bristle_m[k], dt_s,
         )  # fmt: skip
         drag_nm = -tyre.rolling_resistance * load_n * tyre.radius_m
         drag_nm *= math.tanh(spin_radps / ROLLING_FADE_RADPS)
-        force = _sum(_along(normal, load_n), _sum(_along(forward, forward_n), _along(left, left_n)))
-        arm = _sum(contact, (-com[b, 0], -com[b, 1], -com[b, 2]))
-        torque = _sum(_cross(arm, force), _along(axle, drag_nm))
+        force = _add(_scale(normal, load_n), _add(_scale(forward, forward_n), _scale(left, left_n)))
+        arm = _add(contact, (-com[b, 0], -com[b, 1], -com[b, 2]))
+        torque = _add(_cross(arm, force), _scale(axle, drag_nm))
         wrench[b, 0], wrench[b, 1], wrench[b, 2] = force
         wrench[b, 3], wrench[b, 4], wrench[b, 5] = torque
 
 
 @compile_exact
-def _toward(value: float, target: float, limit: float) -> float:
+def _move_toward(value: float, target: float, limit: float) -> float:
     return value + min(max(target - value, -limit), limit)
 
 
 @compile_exact
 def run_board(state: FloatArray, board: Board, views: StateViews, dt_s: float) -> None:
-    """One step of the motor board: timeout, ramps, wheel speeds (right and left, rear first)."""
+    """Run one step of the motor board: timeout, ramps, wheel control (right, left, rear first)."""
     state[BOARD_TIME_LEFT] -= dt_s
     alive = 1.0 if state[BOARD_TIME_LEFT] > 0.0 else 0.0
-    v = _toward(state[BOARD_V], alive * state[BOARD_TARGET_V], board.max_accel_mps2 * dt_s)
-    yaw_rate = _toward(
+    v = _move_toward(state[BOARD_V], alive * state[BOARD_TARGET_V], board.max_accel_mps2 * dt_s)
+    yaw_rate = _move_toward(
         state[BOARD_YAW_RATE],
         alive * state[BOARD_TARGET_YAW_RATE],
         board.max_yaw_accel_radps2 * dt_s,
@@ -184,16 +185,16 @@ def run_board(state: FloatArray, board: Board, views: StateViews, dt_s: float) -
     ctrl, speed = views.ctrl, views.qvel[6:10]
     for k in range(4):
         state[BOARD_TARGET + k] = left if k % 2 else right
-        ctrl[k] = _pid(k, state, board, speed[k], dt_s)
+        ctrl[k] = _run_pid(k, state, board, speed[k], dt_s)
         if not board.is_effort:
-            # MuJoCo's servo is told a speed that makes this torque, and eases it within the step;
-            # told a trace more, it stays at its limit.
+            # MuJoCo's servo gets the speed that makes this torque, and reduces it within the
+            # step; a trace more keeps it at its limit.
             ctrl[k] = speed[k] + ctrl[k] / board.p_nmspr * (1.0 + TINY)
 
 
 @compile_exact
-def _pid(k: int, state: FloatArray, board: Board, speed_radps: float, dt_s: float) -> float:
-    """Torque for wheel `k`; the integral stands still while the torque is at its limit."""
+def _run_pid(k: int, state: FloatArray, board: Board, speed_radps: float, dt_s: float) -> float:
+    """Return the torque for wheel `k`, Nm; at the limit the integral does not grow."""
     error = state[BOARD_TARGET + k] - speed_radps
     slowing = (state[BOARD_SPEED + k] - speed_radps) / dt_s
     state[BOARD_SPEED + k] = speed_radps
@@ -233,7 +234,7 @@ def record(
     dt_s: float,
     board_state: FloatArray,
 ) -> None:
-    """Write the state into `row`; `last` is the row of the step before."""
+    """Write the state into `row` of the history; `last` is the row of the step before."""
     qpos, qvel, force = views.qpos, views.qvel, views.actuator_force
     # Element by element: assigning slices would double the time of the first compilation.
     for i in range(13):
@@ -283,7 +284,9 @@ def advance(
     dt_s: float,
     history: FloatArray,
 ) -> None:
-    """Advance by `steps`; `history[0]` is the state now, `history[i]` the one after step i.
+    """Advance by `steps`, writing into `history` (steps + 1, HISTORY_COLUMNS).
+
+    `history[0]` is the state now, `history[i]` the one after step i.
 
     The half steps matter: soil forces must come from the velocities of this very step, else
     steps of 2 ms and more are unstable.

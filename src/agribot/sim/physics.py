@@ -13,12 +13,12 @@ from agribot.core.messages import WHEEL_NAMES, DriveCommand, FloatArray
 from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.core.world import HeightField, WorldSpec
 from agribot.sim import kernel
-from agribot.sim.attitude import rotation_of
+from agribot.sim.attitude import read_rotation
 from agribot.sim.clock import NS_PER_S
 from agribot.sim.engine import Engine
-from agribot.sim.grip import friction_grid
+from agribot.sim.grip import build_friction_grid
 from agribot.sim.state import HISTORY_COLUMNS, POSITION, Board, Inertial
-from agribot.sim.tyre import Terrain, tyre_law
+from agribot.sim.tyre import Terrain, make_tyre_law
 
 SETTLE_S = 1.0
 # The integral of a servo takes over what its gain alone would leave as an error of speed.
@@ -28,10 +28,11 @@ WHEEL_BODIES = np.arange(2, 6, dtype=np.int64)
 
 
 class Physics:
-    """Advances in whole steps; `history` holds the states of the last advance.
+    """The simulated rigid body, advanced in whole steps.
 
-    `board` is what the motor board believes of the drive, by default the truth. Its wheel
-    speeds go to ideal servos, or with `is_effort` through a PID per wheel to torques.
+    `history` (steps + 1, HISTORY_COLUMNS) holds the states of the last advance. `board` is the
+    drive that the motor board assumes, by default the true one. Its wheel speeds go to ideal
+    servos, or with `is_effort` through a PID per wheel to torques.
     """
 
     def __init__(
@@ -47,16 +48,16 @@ class Physics:
         self._dt_s = physics_step_ns / NS_PER_S
         self._robot = robot
         self._engine = Engine(robot, world, self._dt_s, is_effort=is_effort)
-        self._tyre = tyre_law(
+        self._tyre = make_tyre_law(
             robot.tyre,
             robot.drive.wheel_radius_m,
             robot.mass_kg,
             self._engine.wheel_mass_kg,
-            friction_grid(world),
+            build_friction_grid(world),
         )
-        self._terrain = _terrain(world.terrain)
+        self._terrain = _make_terrain(world.terrain)
         self._bristle_m = np.zeros((4, 2))
-        self._board = _board(board or robot.drive, is_effort)
+        self._board = _make_board(board or robot.drive, is_effort)
         self._board_state = np.zeros(kernel.BOARD_SIZE)
         x_m, y_m, z_m = robot.base_from_link(robot.imu.link)[:3, 3].tolist()
         self._inertial = Inertial(x_m, y_m, z_m, world.gravity_mps2)
@@ -64,7 +65,7 @@ class Physics:
         self._spawn(world.spawn_xy_map_m, world.spawn_yaw_map_rad)
 
     def command(self, drive: DriveCommand) -> None:
-        """A new body twist for the motor board, which limits it and forgets it when it is old."""
+        """Give the motor board a new body twist, which it limits and drops after its timeout."""
         limits = self._robot.drive
         v = min(max(drive.v_mps, -limits.max_speed_mps), limits.max_speed_mps)
         top = limits.max_yaw_rate_radps
@@ -74,7 +75,7 @@ class Physics:
         self._board_state[kernel.BOARD_TIME_LEFT] = limits.command_timeout_s + self._dt_s / 2
 
     def limit_torque(self, wheel: str, torque_nm: float) -> None:
-        """Weaken one motor, as a fault; 0 is a dead one, whose wheel rolls along.
+        """Limit the torque of a motor, as a fault; at 0 it is dead and its wheel rolls freely.
 
         Raises: PlatformError: no wheel has this name.
         """
@@ -82,13 +83,13 @@ class Physics:
             raise PlatformError(f"no wheel '{wheel}'; there are: {', '.join(WHEEL_NAMES)}")
         self._engine.limit_torque(WHEEL_NAMES.index(wheel), torque_nm)
 
-    def touched_body_m(self) -> tuple[float, float] | None:
-        """Where the robot touches an obstacle, in the plane of the body frame, or None."""
-        place = self._engine.touched_map_m()
+    def find_contact_body_m(self) -> tuple[float, float] | None:
+        """Return where the robot touches an obstacle, x and y in the body frame, or None."""
+        place = self._engine.find_contact_map_m()
         if place is None:
             return None
         row = self.history[-1]
-        x_m, y_m, _ = (rotation_of(row).T @ (place - row[POSITION])).tolist()
+        x_m, y_m, _ = (read_rotation(row).T @ (place - row[POSITION])).tolist()
         return x_m, y_m
 
     def advance(self, steps: int) -> FloatArray:
@@ -125,8 +126,8 @@ class Physics:
         return self.history
 
     def _spawn(self, xy_map_m: tuple[float, float], yaw_rad: float) -> None:
-        """Stand on the wheels at the exact place and heading, at rest, at step 0."""
-        start = self._standing_pose(xy_map_m, yaw_rad)
+        """Put the robot on its wheels at the exact place and heading, at rest, at step 0."""
+        start = self._find_standing_pose(xy_map_m, yaw_rad)
         self._engine.views.qpos[:7] = start
         self.history[-1, :7] = start
         self.advance(round(SETTLE_S / self._dt_s))
@@ -137,10 +138,10 @@ class Physics:
         mujoco.mju_mulQuat(
             turned, np.array([math.cos(drift / 2), 0, 0, math.sin(drift / 2)]), qpos[3:7]
         )
-        slid_to = qpos[:2] - self._base_offset(qpos[3:7])[:2]
+        slid_to = qpos[:2] - self._compute_base_offset(qpos[3:7])[:2]
         qpos[3:7] = turned
-        qpos[:2] = xy_map_m + self._base_offset(turned)[:2]
-        qpos[2] += self._ground_m(*xy_map_m) - self._ground_m(*slid_to.tolist())
+        qpos[:2] = xy_map_m + self._compute_base_offset(turned)[:2]
+        qpos[2] += self._sample_ground_m(*xy_map_m) - self._sample_ground_m(*slid_to.tolist())
         qpos[7:11] = 0.0
         qvel[:] = 0.0
         # What the wheels need to hold the robot on its slope stays.
@@ -151,20 +152,20 @@ class Physics:
         self.history = np.zeros((2, HISTORY_COLUMNS))
         self.history[-1, :7] = qpos[:7]
 
-    def _ground_m(self, x_m: float, y_m: float) -> float:
-        return kernel.ground(self._terrain, x_m, y_m)[0]
+    def _sample_ground_m(self, x_m: float, y_m: float) -> float:
+        return kernel.sample_grid(self._terrain, x_m, y_m)[0]
 
-    def _base_offset(self, quaternion: FloatArray) -> FloatArray:
-        """From the body frame's origin to base_link, in map axes."""
+    def _compute_base_offset(self, quaternion: FloatArray) -> FloatArray:
+        """Return the vector (3,) from the body frame's origin to base_link, in map axes."""
         rotation = np.zeros(9)
         mujoco.mju_quat2Mat(rotation, quaternion)
         return rotation.reshape(3, 3)[:, 2] * self._robot.base_height_m
 
-    def _standing_pose(self, xy_map_m: tuple[float, float], yaw_rad: float) -> FloatArray:
-        """Base pose with the wheels on the plane through the ground below them."""
+    def _find_standing_pose(self, xy_map_m: tuple[float, float], yaw_rad: float) -> FloatArray:
+        """Return base position and quaternion (7,), the wheels on the plane of their ground."""
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         wheels = self._robot.wheel_xy_body_m() @ np.array([[cos, sin], [-sin, cos]]) + xy_map_m
-        heights = [self._ground_m(x, y) for x, y in wheels.tolist()]
+        heights = [self._sample_ground_m(x, y) for x, y in wheels.tolist()]
         columns = np.column_stack((self._robot.wheel_xy_body_m(), np.ones(4)))
         slope_x, slope_y, height = np.linalg.lstsq(columns, np.array(heights), rcond=None)[0]
         tilt = rotation_from_rpy(math.atan(slope_y), -math.atan(slope_x), yaw_rad)
@@ -174,14 +175,14 @@ class Physics:
         return np.concatenate((origin + tilt[:, 2] * self._robot.base_height_m, quaternion))
 
 
-def _terrain(field: HeightField | None) -> Terrain:
+def _make_terrain(field: HeightField | None) -> Terrain:
     if field is None:
         return Terrain(np.zeros((2, 2)), 0.0, 0.0, 1.0)
     height_m = np.ascontiguousarray(field.height_m, dtype=np.float64)
     return Terrain(height_m, float(field.x_min_m), float(field.y_min_m), float(field.resolution_m))
 
 
-def _board(drive: DriveSpec, is_effort: bool) -> Board:
+def _make_board(drive: DriveSpec, is_effort: bool) -> Board:
     gains = (drive.servo_gain_nmspr, drive.servo_gain_nmspr / SERVO_RESET_S, 0.0)
     if is_effort:
         gains = (drive.pid_p_nmspr, drive.pid_i_nmprad, drive.pid_d_nms2prad)

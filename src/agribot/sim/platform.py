@@ -19,13 +19,13 @@ from agribot.core.messages import (
 )
 from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.core.world import WorldSpec
-from agribot.sim.attitude import roll_pitch_yaw, rotation_of
-from agribot.sim.camera_feed import CameraFeed
-from agribot.sim.clock import NS_PER_S, Schedule, step_ns
+from agribot.sim.attitude import read_roll_pitch_yaw, read_rotation
+from agribot.sim.camera_sensor import CameraSensor
+from agribot.sim.clock import NS_PER_S, Schedule, round_step_ns
 from agribot.sim.field_effects import CropDamage, Sprayer
 from agribot.sim.physics import Physics
-from agribot.sim.random_streams import stream
-from agribot.sim.sensors.suite import Channel, SensorSuite
+from agribot.sim.random_streams import make_stream
+from agribot.sim.sensors.suite import SampledSensor, SensorSuite
 from agribot.sim.sensors.tuning import check_tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 from agribot.sim.truth import Truth
@@ -42,15 +42,15 @@ class SimPlatform:
         *,
         board: DriveSpec | None = None,
     ) -> None:
-        """`board` is what the motor board believes of the drive, by default the truth.
+        """Build the world; `board` is the drive that the motor board assumes, else the true one.
 
         Raises: ConfigError: unknown sensor preset, or a rate that the physics cannot give.
         """
-        self._step_ns = step_ns(config.sim.step_s)
+        self._step_ns = round_step_ns(config.sim.step_s)
         self._robot = robot
         self._ticks = Schedule(config.tick_hz, self._step_ns)
         self._sensors = SensorSuite(config, robot, world, self._step_ns)
-        self._feed, self._frames = _camera(config, robot, world, self._step_ns)
+        self._feed, self._frames = _make_camera(config, robot, world, self._step_ns)
         self._damage = CropDamage(robot, world)
         self._sprayer = Sprayer(robot, world)
         self._physics = Physics(
@@ -81,19 +81,19 @@ class SimPlatform:
         events, hand = self.inbox.drain(t_s)
         return SensorBatch(
             t_s=t_s,
-            wheels=sensors.wheels.samples(first, last, history),
-            imu=sensors.imu.samples(first, last, history),
-            mag=sensors.mag.samples(first, last, history),
-            gnss=sensors.gnss.samples(first, last, history, t_s),
-            frames=self._frames.samples(first, last, history) if self._frames else (),
+            wheels=sensors.wheels.take_samples(first, last, history),
+            imu=sensors.imu.take_samples(first, last, history),
+            mag=sensors.mag.take_samples(first, last, history),
+            gnss=sensors.gnss.take_samples(first, last, history, t_s),
+            frames=self._frames.take_samples(first, last, history) if self._frames else (),
             events=events,
             hand=hand,
-            base=sensors.base.samples(first, last, history, t_s) if sensors.base else (),
+            base=sensors.base.take_samples(first, last, history, t_s) if sensors.base else (),
             headings=(
-                sensors.headings.samples(first, last, history, t_s) if sensors.headings else ()
+                sensors.headings.take_samples(first, last, history, t_s) if sensors.headings else ()
             ),
-            bumper=self._bumper(t_s),
-            battery=sensors.battery.samples(first, last, history),
+            bumper=self._read_bumper(t_s),
+            battery=sensors.battery.take_samples(first, last, history),
         )
 
     def write(self, command: RobotCommand) -> None:
@@ -120,13 +120,13 @@ class SimPlatform:
             self._closed = True
 
     def limit_torque(self, wheel: str, torque_nm: float) -> None:
-        """Weaken one motor, as a fault; 0 is a dead one, whose wheel rolls along."""
+        """Limit the torque of a motor, as a fault; at 0 it is dead and its wheel rolls freely."""
         self._physics.limit_torque(wheel, torque_nm)
 
     def tune(self, sensor: str, parameter: str, value: float) -> None:
-        """Change a sensor's error from any thread; the next read has it in every sample.
+        """Change a sensor's error from any thread, for all samples from the next read on.
 
-        The errors come on top of those of the preset. Sensors: gnss (m), gnss_velocity (m/s),
+        The error adds to those of the preset. Sensors: gnss (m), gnss_velocity (m/s),
         accel (m/s^2), gyro (rad/s), mag (T); parameters: gaussian_noise, offset, drift,
         drift_frequency (Hz), scale_error (1 is none).
 
@@ -136,19 +136,19 @@ class SimPlatform:
         self._tunings.append((sensor, parameter, value))
 
     def post(self, event: OperatorEvent) -> None:
-        """Hand in an operator event from any thread; the next batch carries it."""
+        """Post an operator event from any thread; the next batch carries it."""
         self.inbox.post(event)
 
     def truth(self) -> Truth:
-        """Where the robot really is; the same object until the next read."""
+        """Return the true state of the robot; the same object until the next read."""
         if self._truth is None or self._truth.t_s != self._now_s:
-            self._truth = self._look()
+            self._truth = self._measure_truth()
         return self._truth
 
-    def _look(self) -> Truth:
+    def _measure_truth(self) -> Truth:
         row = self._physics.history[-1]
-        rotation = rotation_of(row)
-        roll, pitch, yaw = roll_pitch_yaw(row)
+        rotation = read_rotation(row)
+        roll, pitch, yaw = read_roll_pitch_yaw(row)
         arm_m = rotation[:, 2] * -self._base_height_m
         origin = row[POSITION] + arm_m
         # Yaw about the body's own z axis leaves its origin where it is; tilting does not.
@@ -166,7 +166,7 @@ class SimPlatform:
         )
 
     def truth_mask(self, frame_index: int) -> ByteArray | None:
-        """True class ids (height, width) of one of the last frames; None when it is too old."""
+        """Return the true class ids of a recent frame, (height, width); None if it is too old."""
         return None if self._feed is None else self._feed.truth_mask(frame_index)
 
     @property
@@ -176,7 +176,7 @@ class SimPlatform:
 
     @property
     def sprayed(self) -> dict[int, float]:
-        """Plants that were sprayed, index -> time of the first drop."""
+        """Plants that were sprayed: index into the world's plants -> time of the first drop, s."""
         return self._sprayer.sprayed
 
     @property
@@ -195,16 +195,16 @@ class SimPlatform:
         self._damage.update(end_s, before, after)
         self._sprayer.update(end_s, before, after, end_s - start_s)
 
-    def _bumper(self, t_s: float) -> tuple[BumperSample, ...]:
-        place = self._physics.touched_body_m()
+    def _read_bumper(self, t_s: float) -> tuple[BumperSample, ...]:
+        place = self._physics.find_contact_body_m()
         return (
             () if place is None else (BumperSample(t_s=t_s, x_body_m=place[0], y_body_m=place[1]),)
         )
 
 
-def _camera(
+def _make_camera(
     config: RunConfig, robot: RobotSpec, world: WorldSpec, physics_step_ns: int
-) -> tuple[CameraFeed | None, Channel[CameraFrame] | None]:
+) -> tuple[CameraSensor | None, SampledSensor[CameraFrame] | None]:
     if not config.perception.enabled:
         return None, None
     if robot.camera is None:
@@ -212,6 +212,6 @@ def _camera(
             f"perception.enabled is true, but robot '{robot.name}' has no camera; "
             "set perception.enabled=false or add a camera to its description"
         )
-    noise = stream(config.seed, "camera") if config.sim.camera_noise else None
-    feed = CameraFeed(robot, robot.camera, world, noise, has_body=config.sim.camera_body)
-    return feed, Channel(feed, config.perception.camera_rate_hz, physics_step_ns)
+    noise = make_stream(config.seed, "camera") if config.sim.camera_noise else None
+    feed = CameraSensor(robot, robot.camera, world, noise, has_body=config.sim.camera_body)
+    return feed, SampledSensor(feed, config.perception.camera_rate_hz, physics_step_ns)

@@ -29,34 +29,34 @@ ALL_WEEDS = (*WEEDS, "chickweed", "plantain", "charlock", "chamomile")
 WEED_HEIGHT_M = (0.025, 0.17)
 
 
-def random_field(rng: np.random.Generator, *, is_wide: bool = False) -> WorldSpec:
-    """Rows along x of one crop at one stage, with weeds among them.
+def sample_field(rng: np.random.Generator, *, is_wide: bool = False) -> WorldSpec:
+    """Sample rows along x of one crop at one stage, with weeds among them.
 
-    `is_wide` draws from all species and soils; else from those that the shipped network was
+    With `is_wide` all species and soils are possible, else those that the shipped network was
     trained on.
     """
     return WorldSpec(
         name="random field",
         datum=DATUM,
-        light=random_light(rng),
-        ground=_random_ground(rng),
+        light=sample_light(rng),
+        ground=_sample_ground(rng),
         plants=(
-            *_random_rows(rng, *((ALL_CROPS, ALL_CROP_SHARE) if is_wide else (CROPS, CROP_SHARE))),
-            *_random_weeds(rng, ALL_WEEDS if is_wide else WEEDS),
+            *_sample_rows(rng, *((ALL_CROPS, ALL_CROP_SHARE) if is_wide else (CROPS, CROP_SHARE))),
+            *_sample_weeds(rng, ALL_WEEDS if is_wide else WEEDS),
         ),
-        obstacles=_random_obstacles(rng),
-        soil=random_soil(rng) if is_wide else Soil(),
+        obstacles=_sample_obstacles(rng),
+        soil=sample_soil(rng) if is_wide else Soil(),
     )
 
 
-def random_look(rng: np.random.Generator) -> Appearance:
+def sample_look(rng: np.random.Generator) -> Appearance:
     warm = rng.uniform(0.93, 1.07)
     return Appearance(
         texture_seed=int(rng.integers(40)),
-        soil_tint=_rgb(rng.uniform(0.6, 1.25) * rng.uniform(0.9, 1.1, 3)),
+        soil_tint=_to_rgb(rng.uniform(0.6, 1.25) * rng.uniform(0.9, 1.1, 3)),
         soil_contrast=rng.uniform(0.6, 1.3),
         soil_scale=rng.uniform(0.6, 1.6),
-        leaf_gain=_rgb(rng.uniform(0.9, 1.1) * rng.uniform(0.94, 1.06, 3)),
+        leaf_gain=_to_rgb(rng.uniform(0.9, 1.1) * rng.uniform(0.94, 1.06, 3)),
         hue_spread=rng.uniform(0.7, 1.4),
         white_balance=(warm, rng.uniform(0.95, 1.05), 1.0 / warm),
         exposure=rng.uniform(0.85, 1.2),
@@ -65,8 +65,11 @@ def random_look(rng: np.random.Generator) -> Appearance:
     )
 
 
-def random_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
-    """A camera and `map_from_camera`: mostly a mast in front, sometimes any height and tilt."""
+def sample_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
+    """Sample a camera and `map_from_camera`, (4, 4).
+
+    Mostly it is on a mast in front, sometimes at any height and tilt.
+    """
     if rng.random() < 0.7:
         height_m, tilt_rad = rng.uniform(0.6, 1.1), math.radians(rng.uniform(40.0, 75.0))
     else:
@@ -90,13 +93,13 @@ def random_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
     return camera, link @ LINK_FROM_OPTICAL
 
 
-def random_soil(rng: np.random.Generator) -> Soil:
-    """Each of its litters on about every other field."""
+def sample_soil(rng: np.random.Generator) -> Soil:
+    """Sample a soil; residue, stones and wet patches each occur on about every other field."""
     residue, stones, wet = np.maximum(0.0, rng.uniform(-0.8, 1.0, 3)).tolist()
     return Soil(residue_ratio=residue, stones_ratio=stones, wet_ratio=0.7 * wet)
 
 
-def _random_rows(
+def _sample_rows(
     rng: np.random.Generator,
     crops: tuple[tuple[str, float, float], ...],
     share: tuple[float, ...],
@@ -112,12 +115,12 @@ def _random_rows(
             if rng.random() >= gaps:
                 place_m = rng.normal((x_m, y_m), jitter_m)
                 size_m = float(np.clip(stage_m * rng.normal(1.0, 0.15), least_m, most_m))
-                plants.append(planted(rng, species, PlantClass.CROP, place_m, size_m))
+                plants.append(place_plant(rng, species, PlantClass.CROP, place_m, size_m))
     return plants
 
 
-def _random_weeds(rng: np.random.Generator, species: tuple[str, ...]) -> list[Plant]:
-    """Single weeds and patches of them, of one to four species."""
+def _sample_weeds(rng: np.random.Generator, species: tuple[str, ...]) -> list[Plant]:
+    """Sample single weeds and patches of them, of one to four species."""
     density_per_m2 = math.exp(rng.uniform(math.log(1.0), math.log(20.0)))
     kinds = rng.choice(species, size=int(rng.integers(1, 5)), replace=False)
     count = int(density_per_m2 * 2.0 * FIELD_HALF_M * 5.0)
@@ -129,11 +132,11 @@ def _random_weeds(rng: np.random.Generator, species: tuple[str, ...]) -> list[Pl
         if rng.random() < 0.4:
             place_m = rng.normal(patches_m[rng.integers(len(patches_m))], 0.3)
         size_m = float(np.clip(median_m * rng.lognormal(0.0, 0.45), *WEED_HEIGHT_M))
-        plants.append(planted(rng, str(rng.choice(kinds)), PlantClass.WEED, place_m, size_m))
+        plants.append(place_plant(rng, str(rng.choice(kinds)), PlantClass.WEED, place_m, size_m))
     return plants
 
 
-def planted(
+def place_plant(
     rng: np.random.Generator, species: str, plant: PlantClass, place_m: FloatArray, size_m: float
 ) -> Plant:
     return Plant(
@@ -147,7 +150,7 @@ def planted(
     )
 
 
-def random_light(rng: np.random.Generator) -> Light:
+def sample_light(rng: np.random.Generator) -> Light:
     height_rad, turn_rad = math.radians(rng.uniform(18.0, 80.0)), rng.uniform(-math.pi, math.pi)
     overcast = rng.random() < 0.3
     return Light(
@@ -161,29 +164,31 @@ def random_light(rng: np.random.Generator) -> Light:
     )
 
 
-def _random_ground(rng: np.random.Generator) -> tuple[GroundTile, ...]:
-    """Soil, and now and then something else beside it that is no weed."""
-    tiles = [ground_tile("soil", -60.0, 60.0)]
+def _sample_ground(rng: np.random.Generator) -> tuple[GroundTile, ...]:
+    """Sample the ground: soil, and sometimes grass, pavement or gravel beside it."""
+    tiles = [make_ground_tile("soil", -60.0, 60.0)]
     if rng.random() < 0.4:
         edge_m = rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 2.0)
         surface = str(rng.choice(["grass", "pavement", "gravel"], p=[0.6, 0.2, 0.2]))
-        tiles.append(ground_tile(surface, *((edge_m, 60.0) if edge_m > 0 else (-60.0, edge_m))))
+        tiles.append(
+            make_ground_tile(surface, *((edge_m, 60.0) if edge_m > 0 else (-60.0, edge_m)))
+        )
     return tuple(tiles)
 
 
-def ground_tile(surface: str, y_min_m: float, y_max_m: float) -> GroundTile:
+def make_ground_tile(surface: str, y_min_m: float, y_max_m: float) -> GroundTile:
     return GroundTile(
         surface=surface, x_min_m=-60.0, x_max_m=60.0, y_min_m=float(y_min_m), y_max_m=float(y_max_m)
     )
 
 
-def _random_obstacles(rng: np.random.Generator) -> tuple[Obstacle, ...]:
-    """Posts, boxes and balls of any colour, green ones too: not everything green is a plant."""
+def _sample_obstacles(rng: np.random.Generator) -> tuple[Obstacle, ...]:
+    """Sample posts, boxes and balls of any colour; green ones too, which are no plants."""
     obstacles = []
     for index in range(int(rng.integers(0, 4)) if rng.random() < 0.4 else 0):
         kind = str(rng.choice(["cylinder", "box", "sphere"]))
         size_m = tuple(float(s) for s in rng.uniform(0.03, 0.3, 3))
-        shape = Shape(kind=kind, size_m=(size_m[0], size_m[1], size_m[2]), rgba=_rgba(rng))
+        shape = Shape(kind=kind, size_m=(size_m[0], size_m[1], size_m[2]), rgba=_sample_rgba(rng))
         x_m, y_m = rng.uniform((-3.0, -2.0), (3.0, 2.0))
         obstacles.append(
             Obstacle(
@@ -199,10 +204,10 @@ def _random_obstacles(rng: np.random.Generator) -> tuple[Obstacle, ...]:
     return tuple(obstacles)
 
 
-def _rgba(rng: np.random.Generator) -> tuple[float, float, float, float]:
+def _sample_rgba(rng: np.random.Generator) -> tuple[float, float, float, float]:
     red, green, blue = rng.uniform(0.05, 0.95, 3)
     return float(red), float(green), float(blue), 1.0
 
 
-def _rgb(values: FloatArray) -> tuple[float, float, float]:
+def _to_rgb(values: FloatArray) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])

@@ -1,4 +1,4 @@
-"""One seeded random stream per purpose: a further sensor leaves all others as they were."""
+"""One seeded random stream per purpose: adding a sensor changes no other sensor's errors."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from agribot.core.messages import FloatArray
 BLOCK_ROWS = 1024
 
 
-def stream(seed: int, name: str) -> np.random.Generator:
-    """The generator of `name`; it depends on the seed and the name and on nothing else."""
+def make_stream(seed: int, name: str) -> np.random.Generator:
+    """Make the generator of `name`; it depends on the seed and the name only."""
     key = zlib.crc32(name.encode())
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(key,))))
 
@@ -27,7 +27,7 @@ class NormalRows:
         self._used = 0
 
     def take(self, rows: int) -> FloatArray:
-        """The next `rows` rows, (rows, columns); a view that is valid until the next call."""
+        """Return the next numbers, (rows, columns): a view that is valid until the next call."""
         if self._used + rows > len(self._block):
             left = self._block[self._used :]
             fresh = self._rng.standard_normal((max(BLOCK_ROWS, rows), self._columns))

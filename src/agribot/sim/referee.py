@@ -15,12 +15,12 @@ from agribot.core.messages import ByteArray, MappedPlant, PlantClass, Row, TickR
 from agribot.core.row_shape import beside_row, row_length_m
 from agribot.core.world import WorldSpec
 from agribot.sim.scores import (
+    ErrorSums,
     EstimateScore,
-    Judged,
-    Tally,
+    Judgement,
     TrackingScore,
     WeedScore,
-    root_mean,
+    compute_root_mean,
 )
 from agribot.sim.truth import Truth
 from agribot.sim.weed_judge import match_weeds
@@ -31,7 +31,7 @@ SAME_PLACE_M = 0.05  # ends of rows that another plan numbers anew
 
 
 class TruthSource(Protocol):
-    """What the referee asks of a simulator."""
+    """The part of a simulator that the referee reads."""
 
     @property
     def crushed(self) -> set[int]: ...
@@ -55,31 +55,31 @@ class Referee:
     ) -> None:
         self._source = source
         self._world = world
-        self._row_errors = GrowingTable(2)  # across_m, heading_rad; those not in the tally yet
+        self._row_errors = GrowingTable(2)  # across_m, heading_rad; those not in the sums yet
         self._estimate_errors = GrowingTable(3)  # x_m, y_m, yaw_rad; likewise
         self._pose_covs = GrowingTable(9)
         self._across_m = GrowingTable(1)
-        self._tally = Tally()
-        self._before: Judged | None = None
+        self._tally = ErrorSums()
+        self._before: Judgement | None = None
         self._distance_m = 0.0
         self._last_xy: tuple[float, float] | None = None
         self._confusion = np.zeros((3, 3), dtype=np.int64)
-        self.judge_anew(rows, goals_map_m)
+        self.set_task(rows, goals_map_m)
 
-    def judge_anew(
+    def set_task(
         self, rows: Sequence[Row], goals_map_m: Sequence[tuple[float, float]] = ()
     ) -> None:
-        """Another task: what was kept of the old one counts no more. Errors already made do."""
+        """Set the rows and goals to judge, forgetting the old ones; the errors so far count on."""
         self._rows = {row.index: row for row in rows}
         self._goals_map_m = tuple(goals_map_m)
         self._nearest_m = [math.inf] * len(self._goals_map_m)
         self._worst_m: dict[int, float] = {}
         self._slices: set[tuple[int, int]] = set()
 
-    def restore(self, before: Judged) -> str:
-        """Go on with the judgement of an earlier run of the job.
+    def restore(self, before: Judgement) -> str:
+        """Continue the judgement of an earlier run of the job.
 
-        Returns what of it cannot count, in words; empty where all of it does.
+        Returns the parts that cannot be continued, in words; empty if there are none.
         """
         self._before, self._tally = before, before.tally
         self._distance_m += before.distance_m
@@ -94,10 +94,10 @@ class Referee:
         self._before = None
         return "crushed and sprayed plants: the field has other plants now"
 
-    def judged(self) -> Judged:
-        """Everything so far, for the run that goes on when this one is cut off."""
-        self._settle()
-        return Judged(
+    def export_judgement(self) -> Judgement:
+        """Return everything so far, for the run that continues the job."""
+        self._add_to_sums()
+        return Judgement(
             tally=self._tally,
             distance_m=self._distance_m,
             confusion=tuple(self._confusion.ravel().tolist()),
@@ -132,7 +132,7 @@ class Referee:
         truth = self._source.truth_mask(frame_index)
         if truth is None:
             return
-        predicted = _nearest(class_id, truth.shape)
+        predicted = _resize_nearest(class_id, truth.shape)
         pairs = truth.astype(np.int64) * 3 + predicted
         self._confusion += np.bincount(pairs.ravel(), minlength=9).reshape(3, 3)
 
@@ -145,21 +145,21 @@ class Referee:
     def has_rows(self) -> bool:
         return bool(self._rows)
 
-    def rows_kept(self, rows_done: Sequence[int]) -> tuple[int, ...]:
-        """Of the rows that the robot believes done, those it truly kept within KEPT_ROW_M."""
+    def list_rows_kept(self, rows_done: Sequence[int]) -> tuple[int, ...]:
+        """Return those of `rows_done` that the robot truly kept within KEPT_ROW_M."""
         return tuple(row for row in rows_done if self._worst_m.get(row, math.inf) <= KEPT_ROW_M)
 
-    def waypoints_kept(self, radius_m: float) -> int:
-        """How many waypoints the robot truly came near, in whatever order."""
+    def count_waypoints_kept(self, radius_m: float) -> int:
+        """Count the waypoints that the robot truly came near, in any order."""
         return sum(distance_m <= radius_m for distance_m in self._nearest_m)
 
-    def coverage_ratio(self) -> float:
-        """Share of all row length that was truly driven within KEPT_ROW_M."""
+    def compute_coverage_ratio(self) -> float:
+        """Return the share of all row length that was truly driven within KEPT_ROW_M."""
         total = sum(math.ceil(row_length_m(row) / SLICE_M) for row in self._rows.values())
         return len(self._slices) / total if total else 0.0
 
-    def iou(self) -> dict[str, float | None]:
-        """Per class, from the pooled confusion matrix; None for a class that never occurred."""
+    def compute_iou(self) -> dict[str, float | None]:
+        """Return the IoU per class of all judged masks; None for a class that never occurred."""
         hit = np.diag(self._confusion)
         union = self._confusion.sum(0) + self._confusion.sum(1) - hit
         return {
@@ -167,27 +167,27 @@ class Referee:
             for plant in PlantClass
         }
 
-    def tracking(self) -> TrackingScore:
-        self._settle()
+    def score_tracking(self) -> TrackingScore:
+        self._add_to_sums()
         tally = self._tally
         is_one_run = len(self._across_m) == tally.row_ticks > 0
         p95_m = float(np.percentile(self._across_m.array(), 95)) if is_one_run else None
         return TrackingScore(
-            xte_rms_m=root_mean(tally.across_m2, tally.row_ticks),
+            xte_rms_m=compute_root_mean(tally.across_m2, tally.row_ticks),
             xte_p95_m=p95_m if is_one_run else tally.across_m.percentile(95.0),
             xte_max_m=tally.across_max_m if tally.row_ticks else None,
-            heading_rms_rad=root_mean(tally.heading_rad2, tally.row_ticks),
+            heading_rms_rad=compute_root_mean(tally.heading_rad2, tally.row_ticks),
             distance_m=self._distance_m,
             plants_total=sum(p.plant == PlantClass.CROP for p in self._world.plants),
             plants_crushed=len(self._crushed),
         )
 
-    def estimate(self) -> EstimateScore:
-        self._settle()
-        return self._tally.estimate()
+    def score_estimate(self) -> EstimateScore:
+        self._add_to_sums()
+        return self._tally.score_estimate()
 
-    def weeds(self, mapped: Sequence[MappedPlant], rows_done: Sequence[int]) -> WeedScore:
-        strips, pitch_m = [self._rows[index] for index in rows_done], self._pitch_m()
+    def score_weeds(self, mapped: Sequence[MappedPlant], rows_done: Sequence[int]) -> WeedScore:
+        strips, pitch_m = [self._rows[index] for index in rows_done], self._measure_row_pitch_m()
         found = match_weeds(mapped, self._world.plants, strips, pitch_m)
         return WeedScore(
             truth=found.truth,
@@ -198,9 +198,9 @@ class Referee:
             f1=found.f1,
             pos_error_median_m=float(np.median(found.distances_m)) if found.distances_m else None,
             treated=sum(m.treated_s is not None for m in mapped),
-            treated_true=self._sprayed(PlantClass.WEED),
-            crops_hit=self._sprayed(PlantClass.CROP),
-            spray_area_ratio=self._spray_ratio(strips, pitch_m),
+            treated_true=self._count_sprayed(PlantClass.WEED),
+            crops_hit=self._count_sprayed(PlantClass.CROP),
+            spray_area_ratio=self._compute_spray_ratio(strips, pitch_m),
         )
 
     @property
@@ -215,8 +215,8 @@ class Referee:
     def _sprayed_area_m2(self) -> float:
         return self._source.sprayed_area_m2 + (self._before.sprayed_area_m2 if self._before else 0)
 
-    def _settle(self) -> None:
-        """Bring the newest errors into the tally."""
+    def _add_to_sums(self) -> None:
+        """Add the newest errors to the sums."""
         rows = self._row_errors.array()
         for across_m in np.abs(rows[:, 0]):
             self._across_m.append((across_m,))
@@ -225,8 +225,8 @@ class Referee:
         self._row_errors, self._estimate_errors = GrowingTable(2), GrowingTable(3)
         self._pose_covs = GrowingTable(9)
 
-    def _restore_row(self, then: Row, before: Judged) -> None:
-        """A row that lies where one lies now; it may have another number, or run back."""
+    def _restore_row(self, then: Row, before: Judgement) -> None:
+        """Restore a row where one of the same place exists, of any number and direction."""
         for row in self._rows.values():
             ends = row.start_map_m, row.end_map_m
             is_same = _is_near(ends, (then.start_map_m, then.end_map_m))
@@ -259,17 +259,17 @@ class Referee:
         )
         self._pose_covs.append(estimate.pose_cov)
 
-    def _pitch_m(self) -> float:
-        """Distance between neighbouring rows; a lone row counts as one metre wide."""
+    def _measure_row_pitch_m(self) -> float:
+        """Return the distance between neighbouring rows; a lone row counts as one metre wide."""
         rows = [self._rows[index] for index in sorted(self._rows)]
         if len(rows) < 2:
             return 1.0
         return abs(float(beside_row(rows[0], *rows[1].start_map_m).left_m))
 
-    def _sprayed(self, plant: PlantClass) -> int:
+    def _count_sprayed(self, plant: PlantClass) -> int:
         return sum(self._world.plants[index].plant == plant for index in self._sprayed_plants)
 
-    def _spray_ratio(self, strips: Sequence[Row], pitch_m: float) -> float | None:
+    def _compute_spray_ratio(self, strips: Sequence[Row], pitch_m: float) -> float | None:
         area_m2 = sum(row_length_m(row) * pitch_m for row in strips)
         return self._sprayed_area_m2 / area_m2 if area_m2 else None
 
@@ -281,7 +281,7 @@ def _is_near(
     return all(math.dist(*pair) <= SAME_PLACE_M for pair in zip(ends, others, strict=True))
 
 
-def _nearest(mask: ByteArray, shape: tuple[int, ...]) -> ByteArray:
+def _resize_nearest(mask: ByteArray, shape: tuple[int, ...]) -> ByteArray:
     rows = (np.arange(shape[0]) + 0.5) * mask.shape[0] / shape[0]
     cols = (np.arange(shape[1]) + 0.5) * mask.shape[1] / shape[1]
     picked: ByteArray = mask[rows.astype(int)[:, None], cols.astype(int)[None]]

@@ -53,21 +53,24 @@ def build_model(
     return spec.compile()
 
 
-def obstacle_boxes(world: WorldSpec) -> FloatArray:
-    """Plan view of the colliding shapes: centre x, y and half sizes along x, y; (N, 4), map."""
+def find_obstacle_boxes(world: WorldSpec) -> FloatArray:
+    """Return the boxes of the colliding shapes in plan view, (N, 4).
+
+    Columns, in the map: centre x, y and half sizes along x, y.
+    """
     boxes = []
     for obstacle in world.obstacles:
-        map_from_obstacle = _obstacle_pose(obstacle)
+        map_from_obstacle = _make_obstacle_pose(obstacle)
         for shape in obstacle.shapes if obstacle.collides else ():
             if shape.kind in KINDS:
                 pose = map_from_obstacle @ shape.origin.matrix()
-                half_m = np.abs(pose[:2, :3]) @ _half_sizes_m(shape)
+                half_m = np.abs(pose[:2, :3]) @ _compute_half_sizes_m(shape)
                 boxes.append((*pose[:2, 3], *half_m))
     return np.array(boxes, dtype=np.float64).reshape(-1, 4)
 
 
-def _half_sizes_m(shape: Shape) -> FloatArray:
-    """Of the box around a shape, in its own axes."""
+def _compute_half_sizes_m(shape: Shape) -> FloatArray:
+    """Return the half sizes (3,) of the box around a shape, in the shape's axes."""
     x, y, z = shape.size_m
     if shape.kind == "box":
         return np.array([x, y, z]) / 2.0
@@ -78,7 +81,7 @@ def _add_base(body: mujoco.MjsBody, robot: RobotSpec) -> None:
     parts = [
         (robot.base_from_link(link.name), link)
         for link in robot.links
-        if _carrier(robot, link.name) == BASE
+        if _find_carrier(robot, link.name) == BASE
     ]
     _set_inertia(body, parts)
     for base_from_link, link in parts:
@@ -89,20 +92,20 @@ def _add_base(body: mujoco.MjsBody, robot: RobotSpec) -> None:
 def _add_wheel(
     spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec, name: str, is_effort: bool
 ) -> None:
-    """A hinge about the axle; the wheel body's y axis is the axle and points to the left."""
+    """Add a wheel on a hinge; the wheel body's y axis is the axle and points to the left."""
     base_from_link = robot.base_from_link(name)
     joint = next((j for j in robot.joints if j.child == name), None)
     if joint is None:
         raise DescriptionError(f"robot '{robot.name}': wheel '{name}' has no joint")
-    base_from_wheel = _axle_frame(base_from_link[:3, 3], base_from_link[:3, :3] @ joint.axis)
+    base_from_wheel = _make_axle_frame(base_from_link[:3, 3], base_from_link[:3, :3] @ joint.axis)
     wheel_from_base = inverse(base_from_wheel)
     body = base.add_body(
-        name=name, pos=base_from_wheel[:3, 3], quat=_quaternion(base_from_wheel[:3, :3])
+        name=name, pos=base_from_wheel[:3, 3], quat=_to_quaternion(base_from_wheel[:3, :3])
     )
     parts = [
         (wheel_from_base @ robot.base_from_link(link.name), link)
         for link in robot.links
-        if _carrier(robot, link.name) == name
+        if _find_carrier(robot, link.name) == name
     ]
     _set_inertia(body, parts)
     drive = robot.drive
@@ -131,16 +134,16 @@ def _add_wheel(
     motor.forcerange = [-drive.wheel_torque_nm, drive.wheel_torque_nm]
 
 
-def _carrier(robot: RobotSpec, name: str) -> str:
-    """The moving body that a link is part of: the wheel above it, else the base."""
+def _find_carrier(robot: RobotSpec, name: str) -> str:
+    """Return the moving body that a link is part of: the wheel above it, else the base."""
     parents = {joint.child: joint.parent for joint in robot.joints}
     while name not in WHEEL_NAMES and name in parents:
         name = parents[name]
     return name if name in WHEEL_NAMES else BASE
 
 
-def _axle_frame(centre_m: FloatArray, axle: FloatArray) -> FloatArray:
-    """Pose of a wheel in the base: y along the axle to the left, x level and forward."""
+def _make_axle_frame(centre_m: FloatArray, axle: FloatArray) -> FloatArray:
+    """Return a wheel's pose in the base, (4, 4): y along the axle to the left, x forward."""
     left = axle / np.linalg.norm(axle)
     if abs(left[1]) < 0.7:
         raise DescriptionError(
@@ -157,7 +160,7 @@ def _axle_frame(centre_m: FloatArray, axle: FloatArray) -> FloatArray:
 
 
 def _set_inertia(body: mujoco.MjsBody, parts: list[tuple[FloatArray, Link]]) -> None:
-    """Lump links into one rigid body (parallel axes)."""
+    """Combine links into one rigid body (parallel axis theorem)."""
     masses, centres, tensors = [], [], []
     for body_from_link, link in parts:
         body_from_com = body_from_link @ link.com.matrix()
@@ -184,12 +187,12 @@ def _set_inertia(body: mujoco.MjsBody, parts: list[tuple[FloatArray, Link]]) -> 
 
 
 def _add_obstacle(world_body: mujoco.MjsBody, obstacle: Obstacle) -> None:
-    map_from_obstacle = _obstacle_pose(obstacle)
+    map_from_obstacle = _make_obstacle_pose(obstacle)
     for shape in obstacle.shapes:
         _add_shape(world_body, map_from_obstacle, shape, OBSTACLE_BIT, obstacle.name)
 
 
-def _obstacle_pose(obstacle: Obstacle) -> FloatArray:
+def _make_obstacle_pose(obstacle: Obstacle) -> FloatArray:
     return transform(
         (obstacle.x_map_m, obstacle.y_map_m, obstacle.z_map_m), (0.0, 0.0, obstacle.yaw_rad)
     )
@@ -201,13 +204,13 @@ def _add_shape(
     if shape.kind not in KINDS:
         _LOG.warning("'%s': %s shapes have no collision in the physics", owner, shape.kind)
         return
-    half_m = _half_sizes_m(shape)
+    half_m = _compute_half_sizes_m(shape)
     pose = body_from_owner @ shape.origin.matrix()
     body.add_geom(
         type=KINDS[shape.kind],
         size=half_m if shape.kind == "box" else half_m[[0, 2, 2]],
         pos=pose[:3, 3],
-        quat=_quaternion(pose[:3, :3]),
+        quat=_to_quaternion(pose[:3, :3]),
         contype=bit,
         conaffinity=(ROBOT_BIT | OBSTACLE_BIT) ^ bit,
         friction=OBSTACLE_FRICTION,
@@ -215,7 +218,7 @@ def _add_shape(
     )
 
 
-def _quaternion(rotation: FloatArray) -> FloatArray:
+def _to_quaternion(rotation: FloatArray) -> FloatArray:
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
     return quaternion

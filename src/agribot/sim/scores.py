@@ -1,4 +1,4 @@
-"""What the referee's judgement of a job comes to, and the sums that one run hands to the next."""
+"""The referee's scores of a job, and the sums that one run hands to the next."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class TrackingScore(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class EstimateScore(msgspec.Struct, frozen=True, kw_only=True):
-    """Error of the estimate over all ticks in which it called itself good."""
+    """Error of the estimate over all ticks in which it was marked as good."""
 
     pos_rms_m: float | None
     yaw_rms_rad: float | None
@@ -49,7 +49,7 @@ class WeedScore(msgspec.Struct, frozen=True, kw_only=True):
     spray_area_ratio: float | None
 
 
-class Tally(msgspec.Struct, kw_only=True):
+class ErrorSums(msgspec.Struct, kw_only=True):
     """Sums over ticks: in rows against their line, and with a good estimate against the truth."""
 
     row_ticks: int = 0
@@ -63,7 +63,7 @@ class Tally(msgspec.Struct, kw_only=True):
     nees: float = 0.0
 
     def add_rows(self, errors: FloatArray) -> None:
-        """`errors` (N, 2): across_m, heading_rad."""
+        """Add errors against a row's line, (N, 2): across_m, heading_rad."""
         if not len(errors):
             return
         across_m = np.abs(errors[:, 0])
@@ -74,7 +74,7 @@ class Tally(msgspec.Struct, kw_only=True):
         self.across_m.add(across_m)
 
     def add_estimates(self, errors: FloatArray, covs: FloatArray) -> None:
-        """`errors` (N, 3): x_m, y_m, yaw_rad; `covs` (N, 9): their stated covariance by rows."""
+        """Add errors of the estimate, (N, 3): x_m, y_m, yaw_rad, with its covariances (N, 9)."""
         if not len(errors):
             return
         solved = np.linalg.solve(covs.reshape(-1, 3, 3), errors[..., None])[..., 0]
@@ -83,24 +83,24 @@ class Tally(msgspec.Struct, kw_only=True):
         self.yaw_rad2 += float(np.sum(errors[:, 2] ** 2))
         self.nees += float(np.einsum("ni,ni->", errors, solved))
 
-    def estimate(self) -> EstimateScore:
+    def score_estimate(self) -> EstimateScore:
         count = self.estimate_ticks
         return EstimateScore(
-            pos_rms_m=root_mean(self.position_m2, count),
-            yaw_rms_rad=root_mean(self.yaw_rad2, count),
+            pos_rms_m=compute_root_mean(self.position_m2, count),
+            yaw_rms_rad=compute_root_mean(self.yaw_rad2, count),
             nees_mean=self.nees / count if count else None,
         )
 
 
-class Judged(msgspec.Struct, frozen=True, kw_only=True):
-    """All that a referee has seen of a job, for that of the run that goes on with it.
+class Judgement(msgspec.Struct, frozen=True, kw_only=True):
+    """The referee's state in a job, for the run that continues it.
 
     `worst_m` and `slices` belong to `rows` by their index, `nearest_m` to the goals; None: not
     seen yet. Crushed and sprayed plants are indices into the world's, of which there are
     `plants_total`.
     """
 
-    tally: Tally
+    tally: ErrorSums
     distance_m: float
     confusion: tuple[int, ...]
     rows: tuple[Row, ...]
@@ -114,5 +114,6 @@ class Judged(msgspec.Struct, frozen=True, kw_only=True):
     plants_total: int
 
 
-def root_mean(square_sum: float, count: int) -> float | None:
+def compute_root_mean(square_sum: float, count: int) -> float | None:
+    """Return the root mean square; None without samples."""
     return math.sqrt(square_sum / count) if count else None

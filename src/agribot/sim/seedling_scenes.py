@@ -21,11 +21,11 @@ from agribot.sim.camera.appearance import Appearance
 from agribot.sim.random_scenes import (
     ALL_WEEDS,
     DATUM,
-    ground_tile,
-    planted,
-    random_light,
-    random_look,
-    random_soil,
+    make_ground_tile,
+    place_plant,
+    sample_light,
+    sample_look,
+    sample_soil,
 )
 
 HALF_M = 0.3
@@ -35,9 +35,9 @@ CARROT_HEIGHT_M = (0.010, 0.032)
 WEED_HEIGHT_M = (0.004, 0.045)
 
 
-def random_seedlings(rng: np.random.Generator) -> WorldSpec:
-    """A stretch of a row along x through the origin."""
-    light = random_light(rng)
+def sample_seedlings(rng: np.random.Generator) -> WorldSpec:
+    """Sample a stretch of a carrot row along x through the origin, with weeds."""
+    light = sample_light(rng)
     if rng.random() < 0.7:  # shaded, as such cameras often are
         light = Light(
             to_sun=light.to_sun, diffuse=rng.uniform(0.1, 0.35), ambient=rng.uniform(0.65, 0.95)
@@ -46,22 +46,23 @@ def random_seedlings(rng: np.random.Generator) -> WorldSpec:
         name="seedlings",
         datum=DATUM,
         light=light,
-        ground=(ground_tile("soil", -60.0, 60.0),),
-        plants=(*_carrots(rng), *_weeds(rng)),
+        ground=(make_ground_tile("soil", -60.0, 60.0),),
+        plants=(*_sample_carrots(rng), *_sample_weeds(rng)),
         obstacles=(),
-        soil=random_soil(rng) if rng.random() < 0.15 else Soil(),
+        soil=sample_soil(rng) if rng.random() < 0.15 else Soil(),
     )
 
 
-def red_infrared_look(rng: np.random.Generator) -> Appearance:
-    """The red of brown soil and green leaves is dimmed, green stands for the near infrared.
+def sample_red_infrared_look(rng: np.random.Generator) -> Appearance:
+    """Sample a look with red as red and near infrared as green.
 
-    From so near, soil is rough: its clods are small in the texture and stand out.
+    The red of brown soil and green leaves is dimmed. From so near, soil is rough: its clods are
+    small in the texture and stand out.
     """
     soil = rng.uniform(0.6, 1.4)
     leaf_red, leaf_infrared = 0.62 * rng.uniform(0.85, 1.2), 1.15 * rng.uniform(0.85, 1.15)
     return msgspec.structs.replace(
-        random_look(rng),
+        sample_look(rng),
         soil_tint=(0.66 * soil, 0.85 * soil * rng.uniform(0.95, 1.1), 0.85 * soil),
         soil_contrast=rng.uniform(1.0, 2.6),
         soil_scale=math.exp(rng.uniform(math.log(0.1), math.log(0.8))),
@@ -70,8 +71,8 @@ def red_infrared_look(rng: np.random.Generator) -> Appearance:
     )
 
 
-def red_infrared(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """The bands of such a camera, (H, W, 3) as it is; the third channel repeats the first.
+def to_red_infrared(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray:
+    """Convert a picture (H, W, 3) to the bands of such a camera, (H, W, 3): red, infrared, red.
 
     Light that is scattered fills the shadows more in the infrared than in the red, so that dark
     soil is greenish and bright soil violet: on the soil of that data set's pictures the infrared
@@ -89,8 +90,8 @@ def red_infrared(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray:
     return np.clip(both.round(), 0, 255).astype(np.uint8)
 
 
-def overhead_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
-    """A camera and `map_from_camera`, straight down on 0.13 to 0.24 m."""
+def sample_overhead_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
+    """Sample a camera that looks straight down on 0.13 to 0.24 m, and `map_from_camera` (4, 4)."""
     width_m, height_m = rng.uniform(0.13, 0.24), rng.uniform(0.4, 0.6)
     camera = CameraSpec(
         link="camera_link",
@@ -108,18 +109,18 @@ def overhead_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
     return camera, link @ LINK_FROM_OPTICAL
 
 
-def _carrots(rng: np.random.Generator) -> list[Plant]:
+def _sample_carrots(rng: np.random.Generator) -> list[Plant]:
     height_m, spacing_m = rng.uniform(*CARROT_HEIGHT_M), rng.uniform(0.02, 0.07)
     plants = []
     for x_m in np.arange(-HALF_M, HALF_M, spacing_m):
         if rng.random() < 0.8:
             place_m = rng.normal((x_m, 0.0), 0.012)
             size_m = height_m * rng.lognormal(0.0, 0.25)
-            plants.append(planted(rng, "carrot", PlantClass.CROP, place_m, size_m))
+            plants.append(place_plant(rng, "carrot", PlantClass.CROP, place_m, size_m))
     return plants
 
 
-def _weeds(rng: np.random.Generator) -> list[Plant]:
+def _sample_weeds(rng: np.random.Generator) -> list[Plant]:
     kinds = rng.choice(OTHER_WEEDS, size=int(rng.integers(1, 3)), replace=False).tolist()
     if rng.random() < 0.75:
         kinds.append(LOOKALIKE)
@@ -130,5 +131,5 @@ def _weeds(rng: np.random.Generator) -> list[Plant]:
         place_m = rng.uniform(-HALF_M, HALF_M, 2)
         size_m = float(np.clip(median_m * rng.lognormal(0.0, 0.5), *WEED_HEIGHT_M))
         species = kinds[rng.integers(len(kinds))]
-        plants.append(planted(rng, species, PlantClass.WEED, place_m, size_m))
+        plants.append(place_plant(rng, species, PlantClass.WEED, place_m, size_m))
     return plants

@@ -1,4 +1,4 @@
-"""What the physics kernel works on: MuJoCo's arrays, the motor board and the state history."""
+"""Data of the physics kernel: MuJoCo's arrays, the motor board and the state history."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WHEEL_SPEED = slice(23, 27)
 TORQUE = slice(27, 28)  # sum of the magnitudes over the four motors, Nm
 EFFORT = slice(28, 32)  # torque of each motor as it arrives at the wheel, Nm
 TARGET = slice(32, 36)  # wheel speeds that the board wants
-FAULT = slice(36, 40)  # 1 where a wheel does not do what its motor is told
+FAULT = slice(36, 40)  # 1 where a wheel does not follow the command to its motor
 WORK = slice(40, 41)  # sum of |torque * speed| of the motors since the start, J
 HISTORY_COLUMNS = 41
 
@@ -39,10 +39,10 @@ class StateViews(NamedTuple):
 
 
 class Board(NamedTuple):
-    """The motor board: ramps of the twist, its idea of the drive's geometry, wheel control.
+    """The motor board: ramps of the twist, assumed geometry of the drive, wheel control.
 
     The gains are those of each wheel's controller. With `is_effort` its torque goes to the wheel
-    as it is; else `p_nmspr` is also MuJoCo's servo, which lets the torque follow the speed.
+    unchanged; else `p_nmspr` is also the gain of MuJoCo's servo, whose torque follows the speed.
     """
 
     max_accel_mps2: float

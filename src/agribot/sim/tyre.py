@@ -27,7 +27,7 @@ class Terrain(NamedTuple):
 
 
 class TyreLaw(NamedTuple):
-    """What the kernel needs of one tyre and its ground; damping in N s/m."""
+    """Parameters of one tyre and its ground for the kernel; damping in N s/m."""
 
     radius_m: float
     normal_stiffness_npm: float
@@ -41,10 +41,10 @@ class TyreLaw(NamedTuple):
     ground_friction: Terrain
 
 
-def tyre_law(
+def make_tyre_law(
     tyre: TyreSpec, radius_m: float, mass_kg: float, wheel_mass_kg: float, ground_friction: Terrain
 ) -> TyreLaw:
-    """Dampers relative to critical ones; the kernel takes the smaller friction of both."""
+    """Derive the force law; of tyre and ground the kernel takes the smaller friction."""
     load_kg = mass_kg / 4.0
     return TyreLaw(
         radius_m=radius_m,

@@ -1,4 +1,4 @@
-"""A weed map against the true weeds."""
+"""Comparison of a weed map with the true weeds."""
 
 from __future__ import annotations
 
@@ -35,10 +35,13 @@ class Matches(NamedTuple):
 def match_weeds(
     mapped: Sequence[MappedPlant], plants: Sequence[Plant], rows: Sequence[Row], pitch_m: float
 ) -> Matches:
-    """Of the strips as wide as `pitch_m` along `rows`; `plants` are all true ones."""
+    """Match mapped to true weeds in strips of width `pitch_m` along `rows`.
+
+    `plants` are all true ones, of any class.
+    """
     weeds = [p for p in plants if p.plant == PlantClass.WEED]
-    truth = [p for p in weeds if _in_strips(p.x_map_m, p.y_map_m, rows, pitch_m)]
-    inside = [m for m in mapped if _in_strips(m.x_map_m, m.y_map_m, rows, pitch_m)]
+    truth = [p for p in weeds if _is_in_strips(p.x_map_m, p.y_map_m, rows, pitch_m)]
+    inside = [m for m in mapped if _is_in_strips(m.x_map_m, m.y_map_m, rows, pitch_m)]
     distances_m = _match(inside, weeds)
     return Matches(
         truth=len(truth),
@@ -49,7 +52,7 @@ def match_weeds(
     )
 
 
-def _in_strips(x_m: float, y_m: float, rows: Sequence[Row], pitch_m: float) -> bool:
+def _is_in_strips(x_m: float, y_m: float, rows: Sequence[Row], pitch_m: float) -> bool:
     for row in rows:
         along_m, across_m, _ = beside_row(row, x_m, y_m)
         if 0.0 <= along_m <= row_length_m(row) and abs(across_m) <= pitch_m / 2:
@@ -58,7 +61,7 @@ def _in_strips(x_m: float, y_m: float, rows: Sequence[Row], pitch_m: float) -> b
 
 
 def _match(mapped: Sequence[MappedPlant], truth: Sequence[Plant]) -> list[float]:
-    """Distances of the one-to-one pairs within MATCH_RADIUS_M (Hungarian assignment)."""
+    """Return the distances of the one-to-one pairs within MATCH_RADIUS_M (Hungarian method)."""
     if not mapped or not truth:
         return []
     mapped_xy = np.array([(m.x_map_m, m.y_map_m) for m in mapped])

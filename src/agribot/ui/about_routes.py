@@ -11,8 +11,8 @@ import msgspec
 from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
-from agribot import __version__
 from agribot.core.geo import Datum
+from agribot.core.version import __version__
 from agribot.record.weeds import WEED_COLUMNS, weed_features
 from agribot.ui import wire
 from agribot.ui.access import Caller

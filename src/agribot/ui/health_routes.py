@@ -15,7 +15,7 @@ import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
 
-from agribot import __version__
+from agribot.core.version import __version__
 from agribot.ui import wire
 from agribot.ui.answers import json_answer, need_operator
 from agribot.ui.hub import Hub

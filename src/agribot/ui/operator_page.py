@@ -13,7 +13,7 @@ import msgspec
 
 from agribot.app.calibration.robot_file import RobotFile
 from agribot.app.calibration.wizard import Wizard
-from agribot.app.session import Session
+from agribot.app.run import Run
 from agribot.autonomy.weeds.track import Track
 from agribot.core.errors import ConfigError, MissionError, RecordingError
 from agribot.core.messages import ByteArray, OperatorEvent, TickRecord
@@ -48,10 +48,10 @@ class OperatorPage:
     """
 
     def __init__(
-        self, session: Session, address: Address | None = None, panels: Panels | None = None
+        self, session: Run, address: Address | None = None, panels: Panels | None = None
     ) -> None:
         self._session = session
-        self._inbox = session.platform.inbox
+        self._inbox = session.inbox
         self._timeout_s = session.config.safety.hand_timeout_s
         self._pauses_when_lost = session.config.safety.on_operator_lost == "pause"
         self._panels = panels or Panels()
@@ -274,7 +274,7 @@ class OperatorPage:
 class SessionSource:
     """The parts of a session that the feed looks at from its own thread."""
 
-    def __init__(self, session: Session, wizard: Wizard) -> None:
+    def __init__(self, session: Run, wizard: Wizard) -> None:
         self._session, self._wizard = session, wizard
 
     def path(self) -> PlannedPath | None:

@@ -8,7 +8,7 @@ import time
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from agribot import __version__
+from agribot.core.version import __version__
 from agribot.ui import wire
 from agribot.ui.allowance import MAX_MESSAGES_PER_S, Allowance
 from agribot.ui.channel import Channel

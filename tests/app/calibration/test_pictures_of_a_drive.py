@@ -44,7 +44,7 @@ class SeeingBench(Bench):
         words = [*SETTINGS, *FIELD, *settings, *elsewhere, "perception.enabled=true"]
         sees = config.load("farm", words)
         session.stack.taps.remove(self.wizard)
-        self.wizard = Wizard(session.platform.inbox, session.robot, sees, self.file)
+        self.wizard = Wizard(session.inbox, session.robot, sees, self.file)
         session.add_tap(lambda record: self.wizard(self._with_picture(record)))
 
     def _with_picture(self, record: TickRecord) -> TickRecord:
@@ -52,7 +52,7 @@ class SeeingBench(Bench):
         if t_s < self._next_s:
             return record
         self._next_s = t_s + EVERY_S
-        truth = self.session.platform.truth()
+        truth = self.session.simulator.truth()
         x_m, y_m, yaw_rad = truth.x_map_m, truth.y_map_m, truth.yaw_map_rad
         scene = Scene(
             t_s=t_s, ready_s=t_s, frame_index=0, view_body_m=(),

@@ -13,7 +13,7 @@ from agribot.app.calibration.believed import calibrated
 from agribot.app.calibration.robot_file import RobotFile
 from agribot.app.calibration.wizard import Wizard
 from agribot.app.rerun import difference, recorded_pass, rerun
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.messages import STOP, OperatorEvent, TickRecord
 from agribot.description.loader import load_robot
@@ -35,10 +35,10 @@ class Bench:
 
     def __init__(self, folder: Path, *settings: str) -> None:
         self.config = config.load("farm", [*SETTINGS, *settings])
-        self.session = Session(self.config, folder / "run")
+        self.session = simulate(self.config, folder / "run")
         self.file = RobotFile(folder / "home", self.config.robot)
         session = self.session
-        self.wizard = Wizard(session.platform.inbox, session.robot, self.config, self.file)
+        self.wizard = Wizard(session.inbox, session.robot, self.config, self.file)
         session.add_tap(self.wizard)
         self._ticks: Iterator[TickRecord] = session.ticks()
 
@@ -46,7 +46,7 @@ class Bench:
         return self.wizard.answer({"do": what, "kind": kind, "by": "Anna"})
 
     def post(self, action: Any) -> None:
-        self.session.platform.post(OperatorEvent(t_s=0.0, action=action, source="Bert"))
+        self.session.inbox.post(OperatorEvent(t_s=0.0, action=action, source="Bert"))
 
     def tick_until(self, is_it: Callable[[TickRecord], bool], limit_s: float = 400.0) -> TickRecord:
         for record in self._ticks:
@@ -125,8 +125,8 @@ def test_the_compass_is_better_against_the_gyro_after_than_before(tmp_path: Path
 
 
 def test_a_motor_without_power_is_named(bench: Bench) -> None:
-    bench.session.platform.limit_torque("left_wheel_F", 0.0)
-    bench.session.platform.limit_torque("right_wheel_R", 0.0)
+    bench.session.simulator.limit_torque("left_wheel_F", 0.0)
+    bench.session.simulator.limit_torque("right_wheel_R", 0.0)
     found = bench.drive_to_the_end("motors")["found"]
     assert found is not None
     assert bench.do("accept")["refusal"] != ""  # nothing to take over
@@ -146,7 +146,7 @@ def test_whatever_else_is_asked_of_the_robot_ends_it_at_once(bench: Bench, actio
 
 def test_a_hand_and_the_loss_of_the_operator_end_it(bench: Bench) -> None:
     takes: dict[str, Callable[[], None]] = {
-        "Bert took the robot": lambda: bench.session.platform.inbox.drive(0.1, 0.0, "Bert"),
+        "Bert took the robot": lambda: bench.session.inbox.drive(0.1, 0.0, "Bert"),
         "Ann is not heard": lambda: bench.wizard.interrupt("Ann is not heard any more"),
     }
     for reason, take in takes.items():
@@ -176,17 +176,22 @@ def test_a_robot_that_is_held_gives_up_and_says_why(bench: Bench) -> None:
     bench.stand_ready()
     bench.do("start", "motors")
     bench.tick_until(lambda record: record.command.drive.v_mps > 0.2)
-    read = bench.session.platform.read
+    simulator = bench.session.simulator
 
     class Deaf:
+        inbox = simulator.inbox
+
         def read(self) -> Any:
-            return msgspec.structs.replace(read(), wheels=())
+            return msgspec.structs.replace(simulator.read(), wheels=())
 
         def write(self, command: Any) -> None:
-            bench.session.platform.write(command)
+            simulator.write(command)
 
         def close(self) -> None: ...
 
-    bench.session.sensed = Deaf()
-    bench.tick_until(lambda _: bench.phase() == "failed")
+    bench.session.platform = Deaf()
+    ended = bench.tick_until(lambda _: bench.phase() == "failed")
     assert "wheel encoders silent" in bench.do("look")["now"]["reason"]
+    assert bench.do("look")["now"]["reason"] == ended.status.stopped, "at once, in its own words"
+    still = bench.tick_until(lambda record: record.command.drive == STOP)
+    assert still.batch.t_s == pytest.approx(ended.batch.t_s, abs=0.05)

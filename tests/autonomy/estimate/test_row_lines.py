@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 
 import msgspec
 import pytest
 
+from agribot.autonomy.estimate.correction import Ladder
 from agribot.autonomy.estimate.ekf import ROW_BIAS, YAW, Ekf, X, Y
-from agribot.autonomy.estimate.history import Motion, MotionHistory
+from agribot.autonomy.estimate.history import Motion
 from agribot.autonomy.estimate.localizer import Localizer
-from agribot.autonomy.estimate.row_agreement import RowAgreement
+from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_lines import RowLines
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import GroundPlant, PlantClass, RowLine, Scene
@@ -37,16 +37,20 @@ class Robot:
     ) -> None:
         self.ekf = Ekf([std_m, std_m, 0.05, *[1e-3] * 7, 0.0], row_yaw_rad=0.0)
         self.ekf.x[X], self.ekf.x[Y], self.ekf.x[YAW] = x_m, y_m, yaw_rad
-        self.rejected: Counter[str] = Counter()
-        self._history = MotionHistory()
-        self._lines = RowLines(self.ekf, self._history, field, self.rejected, RowAgreement())
+        pose = PoseFilter(EstimateConfig(), field, robot(), self.ekf)
+        pose.known.add("position")
+        self.rejected, self._history = pose.rejected, pose.history
+        self._lines = RowLines(pose)
+        self.ladder = Ladder("row line", self._lines)
         self._t_s = 0.0
 
     def see(self, **changes: float | None) -> None:
-        self._lines.see(self._line(changes))
+        self.ladder.update(self._line(changes))
 
     def see_picture(self, **changes: float | None) -> None:
-        self._lines.see_picture(self._line(changes))
+        line = self._lines.pick(self._line(changes))
+        if line is not None:
+            self.ladder.update(line)
 
     def _line(self, changes: dict[str, float | None]) -> RowLine:
         self._t_s += 0.07
@@ -187,7 +191,7 @@ def test_numbers_that_are_none_and_times_that_run_back_are_refused() -> None:
     robot.see(offset_std_m=0.0)
     assert robot.rejected["row line not usable"] == 3
     robot.see()
-    robot._lines.see(msgspec.structs.replace(SEEN, t_s=0.1))
+    robot.ladder.update(msgspec.structs.replace(SEEN, t_s=0.1))
     assert robot.rejected["row line out of order"] == 1
     assert robot.ekf.x[ROW_BIAS] == pytest.approx(0.0, abs=1e-6)
 

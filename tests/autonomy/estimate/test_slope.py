@@ -8,11 +8,12 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from agribot.autonomy.estimate.correction import Ladder
 from agribot.autonomy.estimate.crop_rows import CropRows
 from agribot.autonomy.estimate.ekf import YAW, Ekf, X, Y
-from agribot.autonomy.estimate.history import Motion, MotionHistory
+from agribot.autonomy.estimate.history import Motion
 from agribot.autonomy.estimate.odometry import Odometry
-from agribot.autonomy.estimate.row_agreement import RowAgreement
+from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.core.config import EstimateConfig, FieldConfig, MissionConfig
 from agribot.core.messages import FloatArray, GroundPlant, ImuSample, PlantClass, Scene, WheelSample
 from tests.autonomy.estimate.paper_robot import robot
@@ -94,18 +95,19 @@ def test_a_robot_that_may_still_drive_still_uses_the_crop(std_m: float) -> None:
     ekf = Ekf([std_m, std_m, 0.02, *[1e-3] * 7, 0.0], row_yaw_rad=math.pi / 2.0)
     field = FieldConfig(plant_spacing_m=2.0)
     ekf.x[X], ekf.x[Y], ekf.x[YAW] = 3.0 + 0.1, 4.0, math.pi / 2.0
-    history, rejected = MotionHistory(), Counter[str]()
-    crop = CropRows(ekf, history, EstimateConfig(), field, rejected, RowAgreement())
+    pose = PoseFilter(EstimateConfig(), field, robot(), ekf)
+    pose.known.add("position")
+    crop = Ladder("scene", CropRows(pose))
     for index in range(20):
         t_s, ahead_m = 0.1 * index, 0.04 * index
-        history.append(Motion(t_s, 0.0, ahead_m, 0.0, 0.4, 0.0))
+        pose.history.append(Motion(t_s, 0.0, ahead_m, 0.0, 0.4, 0.0))
         ekf.x[Y] = 4.0 + ahead_m
         # The third row lies 10 cm to the left of where the robot believes to be, and is under it.
         plant = GroundPlant(
             x_body_m=2.0 - ahead_m, y_body_m=0.0, plant=PlantClass.CROP, area_m2=0.05,
             confidence=0.9, std_m=0.03,
         )  # fmt: skip
-        crop.see(Scene(t_s=t_s, ready_s=t_s, frame_index=index, plants=(plant,), view_body_m=()))
-    assert not rejected["row ambiguous"]
+        crop.update(Scene(t_s=t_s, ready_s=t_s, frame_index=index, plants=(plant,), view_body_m=()))
+    assert not pose.rejected["row ambiguous"]
     assert ekf.x[X] == pytest.approx(3.0, abs=0.03)
     assert math.sqrt(ekf.cov[X, X]) < 0.5 * std_m

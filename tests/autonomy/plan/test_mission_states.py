@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.plan.boustrophedon import plan_rows
-from agribot.autonomy.plan.driving import SETTLE_S
-from agribot.autonomy.plan.mission import Mission
+from agribot.autonomy.plan.mission import SETTLE_S, Mission
 from agribot.autonomy.plan.rows import field_rows
 from agribot.autonomy.plan.task import Task
 from agribot.autonomy.plan.waypoints import plan_waypoints

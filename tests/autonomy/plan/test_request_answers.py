@@ -101,7 +101,7 @@ def test_a_mission_that_has_ended_refuses_what_it_does_not_hear_any_more() -> No
     where = drive.into_row(0)
     step(drive, where, ask("cancel", "Cid"))
     told = step(drive, where, ask("resume", "Ann"), ask("mark", "Bob"))
-    assert told == {"Ann": "resume refused: the mission has ended", "Bob": ""}
+    assert told == {"Ann": "not resumed: the mission has ended", "Bob": ""}
 
 
 def test_what_was_recorded_without_ids_and_answers_is_still_read() -> None:

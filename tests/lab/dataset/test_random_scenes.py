@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agribot.sim.flora.species import SPECIES
-from agribot.sim.random_scenes import random_field, random_look, random_view
+from agribot.sim.random_scenes import sample_field, sample_look, sample_view
 
 # A seed, then what was drawn from it when the shipped network was trained.
 KNOWN = [
@@ -18,7 +18,7 @@ KNOWN = [
 
 
 def test_wide_fields_have_every_species_and_litter_on_the_soil() -> None:
-    fields = [random_field(np.random.default_rng([8, k]), is_wide=True) for k in range(40)]
+    fields = [sample_field(np.random.default_rng([8, k]), is_wide=True) for k in range(40)]
     species = {plant.species for field in fields for plant in field.plants}
     assert species == set(SPECIES)
     for plant in (plant for field in fields for plant in field.plants):
@@ -35,8 +35,8 @@ def test_a_seed_gives_the_scene_it_always_gave(
     hfov_rad: float, after: int,
 ) -> None:  # fmt: skip
     rng = np.random.default_rng(seed)
-    world, look = random_field(rng), random_look(rng)
-    camera, _ = random_view(rng)
+    world, look = sample_field(rng), sample_look(rng)
+    camera, _ = sample_view(rng)
     assert (len(world.plants), world.plants[0].species) == (plants, crop)
     assert (world.plants[0].x_map_m, world.plants[0].y_map_m) == pytest.approx(place_m)
     assert look.texture_seed == soil

@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.errors import ConfigError
@@ -55,7 +55,7 @@ def test_every_run_of_a_sweep_is_the_run_it_would_be_alone(swept: Path, tmp_path
     for name, report in found.items():
         sensors = "rtk" if "rtk" in name else "ideal"
         settings = [*SHORT, f"sim.sensors={sensors}", f"seed={report.seed}"]
-        with Session(config.load("farm", settings), tmp_path / name) as session:
+        with simulate(config.load("farm", settings), tmp_path / name) as session:
             for _ in session.ticks():
                 pass
             alone = session.finish()

@@ -6,10 +6,17 @@ import numpy as np
 import pytest
 
 from agribot.core.messages import PlantClass
-from agribot.sim.flora.fronds import carrot
+from agribot.sim.flora.fronds import grow_carrot
 from agribot.sim.flora.mesh import Leaves, Mesh
-from agribot.sim.flora.species import LODS, SPECIES, STAGES, nearest_stage, plant_lods, plant_mesh
-from agribot.sim.flora.texture import leaf_atlas, tileable_noise
+from agribot.sim.flora.species import (
+    LODS,
+    SPECIES,
+    STAGES,
+    build_plant_lods,
+    build_plant_mesh,
+    find_nearest_stage,
+)
+from agribot.sim.flora.texture import build_leaf_atlas, make_tileable_noise
 
 EVERY_SPECIES = pytest.mark.parametrize("species", sorted(SPECIES))
 
@@ -33,7 +40,7 @@ def test_there_are_crops_and_weeds() -> None:
 def test_plants_have_unit_height_and_sound_meshes(species: str) -> None:
     for variant in range(4):
         for stage in STAGES:
-            finest, *coarser = plant_lods(species, variant, stage)
+            finest, *coarser = build_plant_lods(species, variant, stage)
             assert finest.height_m == pytest.approx(1.0, abs=1e-5)
             assert all(0.55 < mesh.height_m < 1.4 for mesh in coarser)
             for mesh in (finest, *coarser):
@@ -48,7 +55,7 @@ def test_plants_have_unit_height_and_sound_meshes(species: str) -> None:
 @EVERY_SPECIES
 def test_coarser_levels_have_fewer_faces_and_about_the_same_leaf_area(species: str) -> None:
     for variant in range(4):
-        meshes = plant_lods(species, variant, 1.0)
+        meshes = build_plant_lods(species, variant, 1.0)
         faces = [len(mesh.faces) for mesh in meshes]
         assert faces == sorted(faces, reverse=True)
         assert faces[-1] <= 10
@@ -59,25 +66,25 @@ def test_coarser_levels_have_fewer_faces_and_about_the_same_leaf_area(species: s
 
 @EVERY_SPECIES
 def test_variants_differ_and_repeat(species: str) -> None:
-    first = plant_mesh(species, 3, 0, 1.0)
-    plant_lods.cache_clear()
-    again = plant_mesh(species, 3, 0, 1.0)
+    first = build_plant_mesh(species, 3, 0, 1.0)
+    build_plant_lods.cache_clear()
+    again = build_plant_mesh(species, 3, 0, 1.0)
     np.testing.assert_array_equal(first.vertices_m, again.vertices_m)
-    other = plant_mesh(species, 4, 0, 1.0)
+    other = build_plant_mesh(species, 4, 0, 1.0)
     same_shape = first.vertices_m.shape == other.vertices_m.shape
     assert not (same_shape and np.allclose(first.vertices_m, other.vertices_m))
 
 
 def test_grown_plants_have_more_leaves_than_seedlings() -> None:
     for species in SPECIES:
-        young = np.mean([len(plant_mesh(species, k, 3, STAGES[0]).faces) for k in range(8)])
-        grown = np.mean([len(plant_mesh(species, k, 3, STAGES[-1]).faces) for k in range(8)])
+        young = np.mean([len(build_plant_mesh(species, k, 3, STAGES[0]).faces) for k in range(8)])
+        grown = np.mean([len(build_plant_mesh(species, k, 3, STAGES[-1]).faces) for k in range(8)])
         assert grown > 1.5 * young, species
 
 
 def test_only_a_young_carrot_has_its_two_long_seed_leaves() -> None:
     def kinds(stage: float) -> list[Leaves]:
-        return carrot(np.random.default_rng(3), stage)
+        return grow_carrot(np.random.default_rng(3), stage)
 
     young, grown = kinds(STAGES[0]), kinds(STAGES[-1])
     longest_frond = young[0].length.max()
@@ -89,20 +96,20 @@ def test_only_a_young_carrot_has_its_two_long_seed_leaves() -> None:
 def test_chamomile_covers_less_of_its_outline_than_carrot() -> None:
     def cover(species: str) -> float:
         """Leaf area from near over that of the outlines."""
-        near, far = plant_mesh(species, 1, 0, 0.6), plant_mesh(species, 1, 3, 0.6)
+        near, far = build_plant_mesh(species, 1, 0, 0.6), build_plant_mesh(species, 1, 3, 0.6)
         return _leaf_area(near) / _leaf_area(far)
 
     assert cover("chamomile") < cover("carrot")
 
 
 def test_height_tells_the_growth_stage() -> None:
-    assert nearest_stage("sugar_beet", 0.25) == 1.0
-    assert nearest_stage("sugar_beet", 0.05) == STAGES[0]
-    assert nearest_stage("maize", 0.25) == STAGES[0]
+    assert find_nearest_stage("sugar_beet", 0.25) == 1.0
+    assert find_nearest_stage("sugar_beet", 0.05) == STAGES[0]
+    assert find_nearest_stage("maize", 0.25) == STAGES[0]
 
 
 def test_noise_tiles_and_has_unit_deviation() -> None:
-    noise = tileable_noise(np.random.default_rng(1), (128, 128), exponent=1.5)
+    noise = make_tileable_noise(np.random.default_rng(1), (128, 128), exponent=1.5)
     assert noise.std() == pytest.approx(1.0)
     seam = np.abs(noise[:, 0] - noise[:, -1]).mean()
     inside = np.abs(np.diff(noise, axis=1)).mean()
@@ -110,11 +117,11 @@ def test_noise_tiles_and_has_unit_deviation() -> None:
 
 
 def test_leaf_atlas_is_green_varied_and_repeats() -> None:
-    atlas = leaf_atlas(3)
+    atlas = build_leaf_atlas(3)
     assert atlas.shape[0] == len(SPECIES)
     mean = atlas.mean(axis=(1, 2))
     assert (mean[:, 1] > mean[:, 0]).all()
     assert (mean[:, 1] > mean[:, 2]).all()
-    leaf_atlas.cache_clear()
-    np.testing.assert_array_equal(atlas, leaf_atlas(3))
-    assert not np.array_equal(atlas, leaf_atlas(4))
+    build_leaf_atlas.cache_clear()
+    np.testing.assert_array_equal(atlas, build_leaf_atlas(3))
+    assert not np.array_equal(atlas, build_leaf_atlas(4))

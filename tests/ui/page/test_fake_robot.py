@@ -6,7 +6,7 @@ from typing import get_args
 
 import pytest
 
-from agribot.app.session import Session
+from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.messages import MissionState
 from agribot.ui import wire
@@ -19,7 +19,7 @@ SET_ON_THE_WAY = {"epoch", "mono_ms", "pace_ratio", "weed_count", "recording"}
 @pytest.fixture(scope="module")
 def real_state(tmp_path_factory: pytest.TempPathFactory) -> wire.State:
     settings = config.load("farm", ["perception.enabled=false", "duration_s=4"])
-    with Session(settings, tmp_path_factory.mktemp("runs") / "run") as session:
+    with simulate(settings, tmp_path_factory.mktemp("runs") / "run") as session:
         view = RunView(settings)
         session.add_tap(view)
         for _ in session.ticks():

@@ -171,6 +171,8 @@ class Wizard:
         estimate = record.estimate
         if record.status.state in BUSY:
             return "the mission went on"
+        if record.status.stopped:
+            return record.status.stopped
         if not record.reason or record.command.drive != STOP:
             self._free_s = record.batch.t_s
         if record.batch.t_s - self._free_s > HELD_LIMIT_S:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections.abc import Sequence
 
 import msgspec
 
-from agribot.core.messages import BaseFix, GnssFix, GnssQuality
+from agribot.autonomy.estimate.correction import Correction, Measurements
+from agribot.autonomy.estimate.history import Epoch
+from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.core.messages import BaseFix, GnssFix, GnssQuality, SensorBatch
 
 MAX_AGE_S = 5.0
 # Multipath is each antenna's own: this much remains of a fix that a base station corrects.
@@ -15,33 +18,35 @@ RESIDUAL_STD_M = 0.4
 UNCORRECTED = (GnssQuality.SINGLE, GnssQuality.DGNSS)
 
 
-class BaseCorrection:
-    """Takes orbit, clock and atmosphere off fixes without carrier corrections."""
+class BaseCorrection(Correction[BaseFix]):
+    """Keeps what the base station said last; it corrects fixes, and the pose by them only."""
 
-    def __init__(self, rejected: Counter[str]) -> None:
-        self._base: BaseFix | None = None
-        self._rejected = rejected
+    needs = None
+    needs_odometry = False
 
-    def hear(self, base: BaseFix) -> None:
-        values = (base.t_s, *base.error(), base.known_lat_deg, base.known_lon_deg)
-        if not all(map(math.isfinite, values)):
-            self._rejected["base not usable"] += 1
-        elif self._base is not None and base.t_s <= self._base.t_s:
-            self._rejected["base out of order"] += 1
-        else:
-            self._base = base
+    def samples(self, batch: SensorBatch) -> Sequence[BaseFix]:
+        return batch.base
 
-    def corrected(self, fix: GnssFix) -> GnssFix | None:
-        """The fix without what the base has wrong; None where it cannot be or need not be."""
-        base = self._base
-        if base is None or fix.quality not in UNCORRECTED:
-            return None
-        if not abs(fix.t_s - base.t_s) <= MAX_AGE_S:
-            self._rejected["base too old"] += 1
-            return None
-        lat_deg, lon_deg, alt_m = base.error()
-        return msgspec.structs.replace(
-            fix, lat_deg=fix.lat_deg - lat_deg,
-            lon_deg=fix.lon_deg - math.remainder(lon_deg, 360.0), alt_m=fix.alt_m - alt_m,
-            quality=GnssQuality.DGNSS, pos_std_m=min(fix.pos_std_m, RESIDUAL_STD_M),
-        )  # fmt: skip
+    def is_usable(self, sample: BaseFix) -> bool:
+        values = (*sample.error(), sample.known_lat_deg, sample.known_lon_deg)
+        return all(map(math.isfinite, values))
+
+    def measure(self, sample: BaseFix, epoch: Epoch) -> Measurements:
+        self.pose.base = sample
+        yield from ()
+
+
+def take_off_base_error(fix: GnssFix, pose: PoseFilter) -> GnssFix | None:
+    """Take orbit, clock and atmosphere off a fix; None where that cannot be or need not be."""
+    base = pose.base
+    if base is None or fix.quality not in UNCORRECTED:
+        return None
+    if not abs(fix.t_s - base.t_s) <= MAX_AGE_S:
+        pose.rejected["base too old"] += 1
+        return None
+    lat_deg, lon_deg, alt_m = base.error()
+    return msgspec.structs.replace(
+        fix, lat_deg=fix.lat_deg - lat_deg,
+        lon_deg=fix.lon_deg - math.remainder(lon_deg, 360.0), alt_m=fix.alt_m - alt_m,
+        quality=GnssQuality.DGNSS, pos_std_m=min(fix.pos_std_m, RESIDUAL_STD_M),
+    )  # fmt: skip

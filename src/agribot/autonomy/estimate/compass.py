@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections import Counter
+from collections.abc import Sequence
 
-from agribot.autonomy.estimate.ekf import GYRO_BIAS, MAG_BIAS, YAW, Ekf
+from agribot.autonomy.estimate.correction import Correction, Measurements
+from agribot.autonomy.estimate.ekf import GYRO_BIAS, MAG_BIAS, YAW, Row
 from agribot.autonomy.estimate.gate import Gate
-from agribot.autonomy.estimate.history import MotionHistory
+from agribot.autonomy.estimate.history import Epoch
 from agribot.autonomy.estimate.mag_fit import Level, MagCalibration, MagFit
-from agribot.autonomy.estimate.start import StartMark
-from agribot.core.config import EstimateConfig
+from agribot.autonomy.estimate.measurement import Measurement
+from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.core.geo import wrap_rad
-from agribot.core.messages import MagSample, Vec3
+from agribot.core.messages import MagSample, SensorBatch, Vec3
 
 # The first heading is the mean of this many samples.
 FIRST_SAMPLES = 8
@@ -32,6 +33,7 @@ REFERENCE_STD_RAD = math.radians(2.0)
 LEVEL_COSINE = math.cos(math.radians(4.0))
 # Without iron the heading is off by how the sensor is mounted.
 MOUNT_STD_RAD = math.radians(3.0)
+_ROW: Row = ((YAW, 1.0), (MAG_BIAS, 1.0))
 
 
 def level_field(field_t: Vec3, up_body: Vec3) -> Level | None:
@@ -90,57 +92,52 @@ class NoiseMeter:
         self._last_rad = heading_rad
 
 
-class Compass:
+class Compass(Correction[MagSample]):
     """Gives the filter its first heading, then slow corrections of it."""
 
-    def __init__(
-        self,
-        ekf: Ekf,
-        history: MotionHistory,
-        config: EstimateConfig,
-        declination_rad: float,
-        start: StartMark,
-        rejected: Counter[str],
-    ) -> None:
-        self.is_ready = False
-        self.misplaced = ""
-        self._start = start
-        self._ekf = ekf
-        self._history = history
-        self._declination_rad = declination_rad
+    needs = None
+
+    def __init__(self, pose: PoseFilter) -> None:
+        super().__init__(pose)
+        config = pose.config
+        self._declination_rad = math.radians(pose.field.declination_deg)
         self._bias_std_rad = config.mag_bias_std_rad
         self._noise = NoiseMeter(config.mag_std_rad)
         self._set = MagCalibration(offset_t=config.mag_offset_t, shape=config.mag_shape)
         self._learns = config.mag_learn
         self._fit = MagFit()
         self._learnt: MagCalibration | None = None
-        self._gate = Gate(config.gate_sigma, config.recover_after)
-        self._rejected = rejected
+        self._gate = Gate(config.gate_sigma, config.recover_after, "mag outlier")
         self._first_sum = 0j
         self._first_count = 0
-        self._last_t_s = -math.inf
 
-    def update(self, sample: MagSample, up_body: Vec3) -> None:
+    def samples(self, batch: SensorBatch) -> Sequence[MagSample]:
+        return batch.mag
+
+    def is_usable(self, sample: MagSample) -> bool:
+        return level_field(sample.field_t, self.pose.up_body) is not None
+
+    def measure(self, sample: MagSample, epoch: Epoch) -> Measurements:
+        up_body, (then, now, _) = self.pose.up_body, epoch
         level_t = level_field(sample.field_t, up_body)
-        now, then = self._history.newest, self._history.at(sample.t_s)
-        if level_t is None or not math.isfinite(sample.t_s):
-            self._rejected["mag not usable"] += 1
-        elif sample.t_s <= self._last_t_s:
-            self._rejected["mag out of order"] += 1
-        elif now is None or then is None:
-            self._rejected["mag without odometry"] += 1
-        else:
-            self._last_t_s = sample.t_s
-            is_level = up_body[2] > LEVEL_COSINE
-            level_t = self._iron_free(level_t, then.yaw_rad - now.yaw_rad, is_level=is_level)
-            yaw_rad = yaw_of(level_t, self._declination_rad)
-            self._noise.add(yaw_rad - then.yaw_rad)
-            if self.is_ready:
-                self._correct(yaw_rad + now.yaw_rad - then.yaw_rad)
-            else:
-                self._begin(yaw_rad - then.yaw_rad, now.yaw_rad)
+        if level_t is None:
+            return
+        is_level = up_body[2] > LEVEL_COSINE
+        level_t = self._take_iron_off(level_t, then.yaw_rad - now.yaw_rad, is_level=is_level)
+        yaw_rad = yaw_of(level_t, self._declination_rad)
+        self._noise.add(yaw_rad - then.yaw_rad)
+        if "yaw" not in self.pose.known:
+            self._begin(yaw_rad - then.yaw_rad, now.yaw_rad)
+            return
+        x = self.pose.ekf.x
+        residual_rad = wrap_rad(yaw_rad + now.yaw_rad - then.yaw_rad - x[YAW] - x[MAG_BIAS])
+        # The gyro carries the heading; after a run of outliers the field around the robot jumped.
+        yield Measurement(
+            (residual_rad,), (_ROW,), self._noise.variance, self._gate,
+            opens=((MAG_BIAS, residual_rad**2),),
+        )  # fmt: skip
 
-    def _iron_free(self, level_t: Level, back_rad: float, *, is_level: bool) -> Level:
+    def _take_iron_off(self, level_t: Level, back_rad: float, *, is_level: bool) -> Level:
         """Without the robot's own iron, as it is set and as it is learnt while others know better.
 
         `back_rad` is how far the robot has turned since, backwards.
@@ -148,8 +145,9 @@ class Compass:
         level_t = self._set.corrected(level_t)
         if not self._learns:
             return level_t
-        ekf = self._ekf
-        if is_level and self.is_ready and ekf.cov[YAW, YAW] < REFERENCE_STD_RAD**2:
+        ekf = self.pose.ekf
+        is_sure = "yaw" in self.pose.known and ekf.cov[YAW, YAW] < REFERENCE_STD_RAD**2
+        if is_level and is_sure:
             north_rad = math.pi / 2.0 - self._declination_rad - (ekf.x[YAW] + back_rad)
             if self._fit.add(level_t, north_rad):
                 self._learn()
@@ -161,7 +159,7 @@ class Compass:
             return
         if self._learnt is None:  # what the bias was of is gone but for the mount
             self._bias_std_rad = min(self._bias_std_rad, MOUNT_STD_RAD)
-            self._ekf.reset(MAG_BIAS, 0.0, self._bias_std_rad**2)
+            self.pose.ekf.reset(MAG_BIAS, 0.0, self._bias_std_rad**2)
         self._learnt = fitted.calibration
 
     def _begin(self, offset_rad: float, turned_rad: float) -> None:
@@ -173,37 +171,24 @@ class Compass:
         self._first_count += 1
         if self._first_count < FIRST_SAMPLES:
             return
+        ekf, start = self.pose.ekf, self.pose.start
         yaw_rad = wrap_rad(cmath.phase(self._first_sum) + turned_rad)
-        bias_rad2 = self._ekf.cov[GYRO_BIAS, GYRO_BIAS]
+        bias_rad2 = ekf.cov[GYRO_BIAS, GYRO_BIAS]
         variance = self._noise.variance / self._first_count + float(bias_rad2)
         residual_rad = 0.0
-        marked_rad = self._start.yaw_map_rad
-        if marked_rad is None:
-            self._ekf.reset(YAW, yaw_rad, math.pi**2)
+        if start.yaw_map_rad is None:
+            ekf.reset(YAW, yaw_rad, math.pi**2)
         else:
-            self._ekf.reset(YAW, wrap_rad(marked_rad + turned_rad), self._start.yaw_std_rad**2)
-            residual_rad = wrap_rad(yaw_rad - self._ekf.x[YAW])
+            ekf.reset(YAW, wrap_rad(start.yaw_map_rad + turned_rad), start.yaw_std_rad**2)
+            residual_rad = wrap_rad(yaw_rad - ekf.x[YAW])
             compass_std_rad = math.sqrt(variance + self._bias_std_rad**2)
-            self.misplaced = self._start.heading_fault(residual_rad, compass_std_rad)
-        self._ekf.reset(MAG_BIAS, 0.0, self._bias_std_rad**2)
-        self._ekf.update(((YAW, 1.0), (MAG_BIAS, 1.0)), residual_rad, variance)
-        self.is_ready = True
+            self.misplaced = start.heading_fault(residual_rad, compass_std_rad)
+        ekf.reset(MAG_BIAS, 0.0, self._bias_std_rad**2)
+        ekf.update(_ROW, residual_rad, variance)
+        self.pose.known.add("yaw")
 
-    def _correct(self, yaw_rad: float) -> None:
-        row = ((YAW, 1.0), (MAG_BIAS, 1.0))
-        ekf = self._ekf
-        residual_rad = wrap_rad(yaw_rad - ekf.x[YAW] - ekf.x[MAG_BIAS])
-        variance = self._noise.variance
-        verdict = self._gate.judge(ekf.update(row, residual_rad, variance, self._gate.limit))
-        if verdict == "reject":
-            self._rejected["mag outlier"] += 1
-        elif verdict == "recover":
-            # The gyro carries the heading; what jumped is the field around the robot.
-            ekf.inflate(MAG_BIAS, residual_rad**2)
-            ekf.update(row, residual_rad, variance)
-
-    def ageing(self, dt_s: float, turn_abs_rad: float) -> tuple[int, float, float]:
-        """How the bias ages, as Ekf.relax takes it; its spread stays what the config believes."""
+    def ageing(self, dt_s: float, turn_abs_rad: float) -> Sequence[tuple[int, float, float]]:
+        """How the bias ages; its spread stays what the config believes."""
         memory_rad = BIAS_MEMORY_RAD if self._learnt is None else LEARNT_MEMORY_RAD
         factor = math.exp(-dt_s / BIAS_MEMORY_S - turn_abs_rad / memory_rad)
-        return MAG_BIAS, factor, self._bias_std_rad**2 * (1.0 - factor * factor)
+        return ((MAG_BIAS, factor, self._bias_std_rad**2 * (1.0 - factor * factor)),)

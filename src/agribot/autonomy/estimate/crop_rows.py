@@ -9,16 +9,18 @@ half a pitch counts the wrong one, so plants are only used while the pose can te
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections.abc import Generator
 from typing import NamedTuple
 
 from agribot.autonomy.estimate.contradiction import Contradiction
-from agribot.autonomy.estimate.ekf import YAW, Ekf, Row, X, Y
-from agribot.autonomy.estimate.field_rows import FieldRows, RowFrame
-from agribot.autonomy.estimate.history import Motion, MotionHistory
-from agribot.autonomy.estimate.row_agreement import RowAgreement
+from agribot.autonomy.estimate.correction import Correction, Measurements
+from agribot.autonomy.estimate.ekf import YAW, Row, X, Y
+from agribot.autonomy.estimate.field_rows import RowFrame
+from agribot.autonomy.estimate.gate import Gate, Verdict
+from agribot.autonomy.estimate.history import Epoch, Motion
+from agribot.autonomy.estimate.measurement import Measurement
+from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_model import TELLS_APART_RATIO as TELLS_ROWS_APART_RATIO
-from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import GroundPlant, PlantClass, Scene
 
 # A drill sets plants about this far off their line, and off their place in it.
@@ -67,60 +69,46 @@ class View(NamedTuple):
     moved_m: float
 
 
-class CropRows:
-    """Corrects the filter by the crops of each scene; `rejected` counts what could not serve."""
+class CropRows(Correction[Scene]):
+    """Corrects the filter by the crops of each scene."""
 
-    def __init__(
-        self,
-        ekf: Ekf,
-        history: MotionHistory,
-        config: EstimateConfig,
-        field: FieldConfig,
-        rejected: Counter[str],
-        agreement: RowAgreement,
-    ) -> None:
-        self._agreement = agreement
-        self._ekf = ekf
-        self._history = history
-        self._field = FieldRows(field)
-        self._gate2 = config.row_gate_sigma**2
-        self._rejected = rejected
+    def __init__(self, pose: PoseFilter) -> None:
+        super().__init__(pose)
+        # What rejects too much is overruled by the contradiction of several plants, not by a run.
+        self._gate = Gate(pose.config.row_gate_sigma, outlier="crop off its row")
+        self._end_gate = Gate(pose.config.row_gate_sigma, outlier="row end elsewhere")
         self._contradiction = Contradiction()
         self._last: Motion | None = None
         self._crop_area_m2 = 0.0
         self.fitted = 0  # pictures with crop that stands on the row under the robot
         self._seen_t_s = -math.inf
 
-    def see(self, scene: Scene) -> None:
-        now, then = self._history.newest, self._history.at(scene.t_s)
-        if now is None or then is None:
-            self._rejected["scene without odometry"] += 1
+    def measure(self, sample: Scene, epoch: Epoch) -> Measurements:
+        last, self._last = self._last, epoch.then
+        if last is None:
+            self.pose.rejected["scene first"] += 1
             return
-        last, self._last = self._last, then
-        if last is None or then.t_s <= last.t_s:
-            self._rejected["scene first or out of order"] += 1
-            return
-        moved_m = math.hypot(then.x_m - last.x_m, then.y_m - last.y_m)
+        moved_m = math.hypot(epoch.then.x_m - last.x_m, epoch.then.y_m - last.y_m)
         if moved_m < MIN_MOVED_M:
             self._last = last  # creeping adds up to a move
             return
-        self._seen_t_s = scene.t_s
-        crops = self._crops(scene)
+        self._seen_t_s = sample.t_s
+        crops = self._crops(sample)
         accepted: list[Sighting] = []
         for plant in crops:
-            view = self._view(now, then, moved_m)
-            sighting = self._place(plant, view, now, then, len(crops))
-            if self._correct(sighting):
+            sighting = self._place(plant, self._view(epoch, moved_m), epoch, len(crops))
+            if (yield from self._correct(sighting)):
                 accepted.append(sighting)
-        view = self._view(now, then, moved_m)
+        view = self._view(epoch, moved_m)
         self.fitted += self._is_own_row(accepted, view)
-        if accepted and self._field.spacing_m is None:
-            self._correct_by_ends(accepted, scene, view)
+        if accepted and self.pose.rows.spacing_m is None:
+            yield from self._correct_by_ends(accepted, sample, view)
 
     def _is_own_row(self, crops: list[Sighting], view: View) -> bool:
         """Whether one stands on the row that the robot drives over, not on one beside it."""
-        row, _ = self._field.row_at(self._field.at(view.x_m, view.y_m).right_m)
-        return any(self._field.row_at(crop.at.right_m)[0] == row for crop in crops)
+        rows = self.pose.rows
+        row, _ = rows.row_at(rows.at(view.x_m, view.y_m).right_m)
+        return any(rows.row_at(crop.at.right_m)[0] == row for crop in crops)
 
     def _crops(self, scene: Scene) -> list[GroundPlant]:
         """The crops of a scene without those far too small, nearest first."""
@@ -129,9 +117,9 @@ class CropRows:
             (p for p in scene.plants if p.plant is PlantClass.CROP), key=lambda p: -p.area_m2
         ):
             if not math.isfinite(plant.x_body_m + plant.y_body_m + plant.std_m + plant.area_m2):
-                self._rejected["crop not finite"] += 1
+                self.pose.rejected["crop not finite"] += 1
             elif plant.area_m2 < MIN_SIZE_RATIO * self._crop_area_m2:
-                self._rejected["crop too small"] += 1
+                self.pose.rejected["crop too small"] += 1
                 self._crop_area_m2 += SMALL_WEIGHT * (plant.area_m2 - self._crop_area_m2)
             else:
                 change_m2 = plant.area_m2 - self._crop_area_m2
@@ -140,8 +128,8 @@ class CropRows:
                 crops.append(plant)
         return sorted(crops, key=lambda p: math.hypot(p.x_body_m, p.y_body_m))
 
-    def _view(self, now: Motion, then: Motion, moved_m: float) -> View:
-        x = self._ekf.x
+    def _view(self, epoch: Epoch, moved_m: float) -> View:
+        x, (then, now, _) = self.pose.ekf.x, epoch
         yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
         return View(
             x[X] - (now.x_m - then.x_m),
@@ -151,12 +139,11 @@ class CropRows:
             moved_m,
         )
 
-    def _place(
-        self, plant: GroundPlant, view: View, now: Motion, then: Motion, together: int
-    ) -> Sighting:
+    def _place(self, plant: GroundPlant, view: View, epoch: Epoch, together: int) -> Sighting:
+        then, now, _ = epoch
         arm_x = view.cos * plant.x_body_m - view.sin * plant.y_body_m
         arm_y = view.sin * plant.x_body_m + view.cos * plant.y_body_m
-        at = self._field.at(view.x_m + arm_x, view.y_m + arm_y)
+        at = self.pose.rows.at(view.x_m + arm_x, view.y_m + arm_y)
         lever_m = (arm_x - (now.x_m - then.x_m), arm_y - (now.y_m - then.y_m))
         look_m2 = plant.std_m**2 + together * FRAME_STD_M**2
         variance_m2 = look_m2 * _repeats(LOOK_MEMORY_M, view.moved_m)
@@ -164,69 +151,72 @@ class CropRows:
         std_m = math.sqrt(look_m2 + PLANTING_STD_M**2)
         return Sighting(plant, at, lever_m, std_m, variance_m2)
 
-    def _correct(self, seen: Sighting) -> bool:
+    def _correct(self, seen: Sighting) -> Generator[Measurement, Verdict, bool]:
         """Use one crop, across the row and where possible along it; False: it does not fit."""
-        field, ekf, at = self._field, self._ekf, seen.at
-        _, row_right_m = field.row_at(at.right_m)
-        if not -BEYOND_M <= at.along_m <= field.length_m + BEYOND_M:
-            self._rejected["crop beyond the rows"] += 1
+        rows, at = self.pose.rows, seen.at
+        if not -BEYOND_M <= at.along_m <= rows.length_m + BEYOND_M:
+            self.pose.rejected["crop beyond the rows"] += 1
             return False
         across = _row(at.right, seen.lever_m)
-        off_m = row_right_m - at.right_m
-        across_m2 = ekf.project(across)[1]
-        if across_m2 > (TELLS_ROWS_APART_RATIO * field.pitch_m) ** 2:
-            self._rejected["row ambiguous"] += 1
+        across_m2 = self.pose.ekf.project(across)[1]
+        if across_m2 > (TELLS_ROWS_APART_RATIO * rows.pitch_m) ** 2:
+            self.pose.rejected["row ambiguous"] += 1
             return False
-        fits = off_m * off_m <= self._gate2 * (across_m2 + seen.std_m**2)
-        along = _row(at.forward, seen.lever_m)
-        along_m2 = ekf.project(along)[1]
-        slot, ahead_m = field.slot_at(at.along_m, at.stretch), 0.0
-        if slot is not None and field.spacing_m is not None:
-            if along_m2 > (TELLS_PLANTS_APART_RATIO * field.spacing_m) ** 2:
-                slot = None
-            else:
-                ahead_m = (slot[1] - at.along_m) * at.stretch
-                fits = fits and ahead_m**2 <= self._gate2 * (along_m2 + seen.std_m**2)
-        if not fits:
-            self._rejected["crop off its row"] += 1
-            self._recover(seen, across, off_m)
-            return False
-        self._contradiction.settle()
-        self._agreement.hold(self._seen_t_s)
-        ekf.update(across, off_m, seen.variance_m2)
-        if slot is not None:
-            # The first correction has moved the robot a little along the row, too.
-            ekf.update(along, ahead_m, seen.variance_m2)
-        return True
+        off_m = rows.row_at(at.right_m)[1] - at.right_m
+        ahead = self._ahead(seen)
+        verdict = yield Measurement(
+            (off_m,) if ahead is None else (off_m, ahead[1]),
+            (across,) if ahead is None else (across, ahead[0]),
+            seen.std_m**2, self._gate, lasting_variance=seen.variance_m2,
+        )  # fmt: skip
+        if verdict == "accept":
+            self._contradiction.settle()
+            self.pose.agreement.hold(self._seen_t_s)
+            return True
+        yield from self._recover(seen, across, off_m)
+        return False
 
-    def _recover(self, seen: Sighting, across: Row, off_m: float) -> None:
+    def _ahead(self, seen: Sighting) -> tuple[Row, float] | None:
+        """How far ahead the plant's place in its row lies, where the pose tells which that is."""
+        at, spacing_m = seen.at, self.pose.rows.spacing_m
+        slot = self.pose.rows.slot_at(at.along_m, at.stretch)
+        if slot is None or spacing_m is None:
+            return None
+        along = _row(at.forward, seen.lever_m)
+        if self.pose.ekf.project(along)[1] > (TELLS_PLANTS_APART_RATIO * spacing_m) ** 2:
+            return None
+        return along, (slot[1] - at.along_m) * at.stretch
+
+    def _recover(self, seen: Sighting, across: Row, off_m: float) -> Measurements:
         """When plant after plant is off by the same amount, it is the pose that is wrong."""
         wrong_m = self._contradiction.add(seen.at.along_m, seen.at.right_m, off_m)
         if wrong_m is None:
             return
-        self._agreement.testify(self._seen_t_s, wrong_m)
+        self.pose.agreement.testify(self._seen_t_s, wrong_m)
+        self.pose.rejected["rows found again"] += 1
         right_x, right_y = seen.at.right
-        ekf = self._ekf
-        ekf.inflate(X, (wrong_m * right_x) ** 2)
-        ekf.inflate(Y, (wrong_m * right_y) ** 2)
-        ekf.inflate(YAW, RECOVERY_YAW_RAD**2)
-        ekf.update(across, off_m, seen.std_m**2)
-        self._rejected["rows found again"] += 1
+        yield Measurement(
+            (off_m,), (across,), seen.std_m**2,
+            opens=(
+                (X, (wrong_m * right_x) ** 2), (Y, (wrong_m * right_y) ** 2),
+                (YAW, RECOVERY_YAW_RAD**2),
+            ),
+        )  # fmt: skip
 
-    def _correct_by_ends(self, crops: list[Sighting], scene: Scene, view: View) -> None:
+    def _correct_by_ends(self, crops: list[Sighting], scene: Scene, view: View) -> Measurements:
         """The outermost plant of a row in view, with bare ground after it, is the row's end."""
-        field, ekf = self._field, self._ekf
-        for row in sorted({field.row_at(crop.at.right_m)[0] for crop in crops}):
-            mine = [crop for crop in crops if field.row_at(crop.at.right_m)[0] == row]
-            for sign, end_m in ((1.0, field.length_m), (-1.0, 0.0)):
+        rows = self.pose.rows
+        for row in sorted({rows.row_at(crop.at.right_m)[0] for crop in crops}):
+            mine = [crop for crop in crops if rows.row_at(crop.at.right_m)[0] == row]
+            for sign, end_m in ((1.0, rows.length_m), (-1.0, 0.0)):
                 last = max(mine, key=lambda crop: sign * crop.at.along_m)
                 off_m = (end_m - last.at.along_m) * last.at.stretch
                 along = _row(last.at.forward, last.lever_m)
-                along_m2 = ekf.project(along)[1]
-                std_m = math.hypot(last.std_m, END_STD_M)
-                is_near = abs(off_m) <= BEYOND_M and off_m**2 <= self._gate2 * (along_m2 + std_m**2)
-                if is_near and self._sees_beyond(last, sign, scene, view):
-                    ekf.update(along, off_m, last.variance_m2 + END_STD_M**2)
+                if abs(off_m) <= BEYOND_M and self._sees_beyond(last, sign, scene, view):
+                    yield Measurement(
+                        (off_m,), (along,), math.hypot(last.std_m, END_STD_M) ** 2, self._end_gate,
+                        lasting_variance=last.variance_m2 + END_STD_M**2,
+                    )  # fmt: skip
 
     def _sees_beyond(self, crop: Sighting, sign: float, scene: Scene, view: View) -> bool:
         """Whether the view holds the ground at the end gap after a plant."""

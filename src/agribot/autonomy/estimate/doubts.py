@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 
-from agribot.autonomy.estimate.ekf import Ekf, X, Y
-from agribot.autonomy.estimate.field_rows import FieldRows
+from agribot.autonomy.estimate.ekf import X, Y
 from agribot.autonomy.estimate.fix_watch import MAX_JUMP_M
 from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
-from agribot.autonomy.estimate.history import MotionHistory
 from agribot.autonomy.estimate.picture_watch import PictureWatch
-from agribot.autonomy.estimate.row_agreement import RowAgreement
-from agribot.core.config import EstimateConfig, FieldConfig
-from agribot.core.messages import GnssFix, GnssQuality, Scene
+from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.core.messages import Scene
 
 BELIEVE_CAMERA = "look where the robot stands, then resume to believe the camera"
 
@@ -21,20 +17,9 @@ BELIEVE_CAMERA = "look where the robot stands, then resume to believe the camera
 class Doubts:
     """`contradiction` halts a mission until a person decides, `text` only tells what is wrong."""
 
-    def __init__(
-        self,
-        ekf: Ekf,
-        history: MotionHistory,
-        config: EstimateConfig,
-        field: FieldConfig,
-        gnss: Gnss,
-        agreement: RowAgreement,
-        rejected: Counter[str],
-    ) -> None:
-        self._ekf, self._history, self._config = ekf, history, config
-        self._rows, self._gnss, self._agreement = FieldRows(field), gnss, agreement
+    def __init__(self, pose: PoseFilter, gnss: Gnss) -> None:
+        self._pose, self._gnss, self._agreement = pose, gnss, pose.agreement
         self._pictures = PictureWatch()
-        self._rejected = rejected
         self._moving_t_s = -math.inf
 
     def move(self, t_s: float) -> None:
@@ -43,9 +28,9 @@ class Doubts:
 
     def is_stale(self, scene: Scene) -> bool:
         """Whether the scene is of an old picture once again."""
-        is_stale = self._pictures.is_stale(scene, self._history.at(scene.t_s))
+        is_stale = self._pictures.is_stale(scene, self._pose.history.at(scene.t_s))
         if is_stale:
-            self._rejected["picture not new"] += 1
+            self._pose.rejected["picture not new"] += 1
         return is_stale
 
     def is_held(self, t_s: float) -> bool:
@@ -55,13 +40,6 @@ class Doubts:
     def expire(self, t_s: float) -> None:
         """What nothing has told again for long is not in doubt any more."""
         self._agreement.expire(t_s)
-
-    def compare(self, fix: GnssFix) -> None:
-        """Hold a fix that claims centimetres against what the camera sees of the rows."""
-        if fix.quality is not GnssQuality.RTK_FIXED or self._gnss.last_t_s != fix.t_s:
-            return
-        (east, north), (east_m, north_m) = self._right, self._gnss.off_m
-        self._agreement.fix(fix.t_s, east_m * east + north_m * north)
 
     @property
     def contradiction(self) -> str:
@@ -87,7 +65,7 @@ class Doubts:
             return ""
         return (
             f"GNSS contradicts the odometry: {count} fixes rejected in a row; after "
-            f"{self._config.recover_after} a robot that has not driven follows GNSS"
+            f"{self._pose.config.recover_after} a robot that has not driven follows GNSS"
         )
 
     def decide(self) -> bool:
@@ -98,7 +76,7 @@ class Doubts:
         """
         if not self.contradiction:
             return False
-        agreement, gnss, ekf = self._agreement, self._gnss, self._ekf
+        agreement, gnss, ekf = self._agreement, self._gnss, self._pose.ekf
         is_seen = self._is_seen
         if agreement.must_halt and not gnss.jump.off_m:
             camera_m, fixes_m = agreement.shown_m
@@ -119,7 +97,8 @@ class Doubts:
     @property
     def _right(self) -> tuple[float, float]:
         """Across the rows where the robot is, unit vector of the map."""
-        return self._rows.at(self._ekf.x[X], self._ekf.x[Y]).right
+        x = self._pose.ekf.x
+        return self._pose.rows.at(x[X], x[Y]).right
 
     @property
     def _is_seen(self) -> bool:

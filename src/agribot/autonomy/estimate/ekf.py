@@ -151,6 +151,10 @@ class Ekf:
             variance += weight * projected.item(state)
         return projected, variance
 
+    def distance2(self, row: Row, residual: float, variance: float) -> float:
+        """Squared normalised innovation of one scalar."""
+        return residual**2 / (self.project(row)[1] + variance)
+
     def update(self, row: Row, residual: float, variance: float, gate: float = math.inf) -> float:
         """Correct with one scalar unless its squared normalised innovation, returned, is > gate."""
         projected, prior = self.project(row)
@@ -162,21 +166,21 @@ class Ekf:
 
     def update_pair(
         self,
-        rows: tuple[Row, Row],
-        residuals: tuple[float, float],
+        rows: tuple[Row, ...],
+        residuals: tuple[float, ...],
         variance: float,
         gate: float = math.inf,
     ) -> float:
         """Correct with two scalars of equal, independent noise, gated together."""
-        first, prior_0 = self.project(rows[0])
-        _, prior_1 = self.project(rows[1])
-        cross = sum(weight * float(first[state]) for state, weight in rows[1])
+        (row_0, row_1), (r0, r1) = rows, residuals
+        first, prior_0 = self.project(row_0)
+        _, prior_1 = self.project(row_1)
+        cross = sum(weight * float(first[state]) for state, weight in row_1)
         total_0, total_1 = prior_0 + variance, prior_1 + variance
-        r0, r1 = residuals
         distance2: float = pair_distance2(r0, r1, total_0, total_1, cross)
         if distance2 <= gate:
             self._apply(first, r0, total_0)
-            self.update(rows[1], r1 - cross / total_0 * r0, variance)
+            self.update(row_1, r1 - cross / total_0 * r0, variance)
         return distance2
 
     def _apply(self, projected: FloatArray, residual: float, total: float) -> None:

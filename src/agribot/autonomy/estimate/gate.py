@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 Verdict = Literal["accept", "reject", "recover"]
 
 
 class Gate:
-    """Judges squared normalised innovations; after a run of rejections the filter is to blame."""
+    """Judges squared normalised innovations; after a run of rejections the filter is to blame.
 
-    def __init__(self, sigma: float, recover_after: int) -> None:
+    `outlier` is what a rejection is counted as, `recovery` the end of a run of them; empty where
+    nobody counts.
+    """
+
+    def __init__(
+        self, sigma: float, recover_after: float = math.inf, outlier: str = "", recovery: str = ""
+    ) -> None:
         self.limit = sigma * sigma
+        self.outlier, self.recovery = outlier, recovery
         self.rejected_in_a_row = 0
         self._recover_after = recover_after
 

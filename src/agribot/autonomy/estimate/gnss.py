@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections import Counter
+from collections.abc import Sequence
 
-from agribot.autonomy.estimate.base_correction import BaseCorrection
+from agribot.autonomy.estimate.base_correction import take_off_base_error
+from agribot.autonomy.estimate.correction import Correction, Measurements
 from agribot.autonomy.estimate.ekf import (
     GNSS_BIAS_X,
     GNSS_BIAS_Y,
     SLIP,
     WHEEL_SCALE,
     YAW,
-    Ekf,
     Row,
     X,
     Y,
 )
 from agribot.autonomy.estimate.fix_watch import MAX_JUMP_M, JumpWatch, RepeatWatch
-from agribot.autonomy.estimate.gate import Gate
+from agribot.autonomy.estimate.gate import Gate, Verdict
 from agribot.autonomy.estimate.gnss_noise import (
     CORRECTED,
     FLOAT_MEMORY_S,
@@ -27,14 +27,14 @@ from agribot.autonomy.estimate.gnss_noise import (
     bias_ageing,
     fix_noise,
 )
-from agribot.autonomy.estimate.history import Motion, MotionHistory
+from agribot.autonomy.estimate.history import Epoch, Motion
+from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
+from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
-from agribot.autonomy.estimate.start import StartMark
 from agribot.core.arithmetic import FLOATS
-from agribot.core.config import EstimateConfig
 from agribot.core.geo import MapFrame, rotation_from_rpy
-from agribot.core.messages import FloatArray, GnssFix, GnssQuality, Vec3
+from agribot.core.messages import FloatArray, GnssFix, GnssQuality, SensorBatch, Vec3
 
 # The first position is the median of this many fixes, so that no single one can spoil it.
 FIRST_FIXES = 5
@@ -42,58 +42,48 @@ UNKNOWN_M2 = 1e6
 SUSPICIOUS_REJECTIONS = 5  # in a row
 
 
-class Gnss:
+class Gnss(Correction[GnssFix]):
     """Gives the filter its first position, then corrects position, heading and wheel scale.
 
     A fix speaks of its own epoch: it is compared with where the robot was then, and the
     difference corrects where the robot is now.
     """
 
-    def __init__(
-        self,
-        ekf: Ekf,
-        history: MotionHistory,
-        config: EstimateConfig,
-        frame: MapFrame,
-        antenna_body_m: Vec3,
-        start: StartMark,
-        rejected: Counter[str],
-    ) -> None:
-        self.is_ready = False
-        self.misplaced = ""
+    needs = "yaw"
+
+    def __init__(self, pose: PoseFilter) -> None:
+        super().__init__(pose)
+        config, robot = pose.config, pose.robot
         # How far off the last rejected fix was, and how far robot and receiver have jumped so far.
         self.rejected_m, self.moved_m = (0.0, 0.0), (0.0, 0.0)
         self.off_m = (0.0, 0.0)  # where the last fix puts the robot, from where the filter has it
         self.repeats, self.jump = RepeatWatch(), JumpWatch()
         self._driven_m = self._moved_m = 0.0
-        self._rejected_fix: tuple[tuple[Row, Row], tuple[float, float], FixNoise] | None = None
+        self._rejected_fix: Measurement | None = None
         self._receiver_m = (0.0, 0.0)
-        self._start = start
         self.quality = GnssQuality.NONE
         self.last_t_s = -math.inf
-        self._ekf = ekf
-        self._history = history
-        self._frame = frame
-        self._antenna_body_m = antenna_body_m
-        self._rejected = rejected
-        self._position_gate = Gate(config.gate_sigma, config.recover_after)
+        self._frame = MapFrame(pose.field.datum)
+        x_m, y_m, z_m = robot.body_from_link(robot.gnss.link)[:3, 3].tolist()
+        self._antenna_body_m: Vec3 = (x_m, y_m, z_m)
+        self._half_track_m = robot.drive.track_m / 2.0
+        self._position_gate = Gate(config.gate_sigma, config.recover_after, "gnss outlier")
         # Spinning wheels falsify the position with every metre, so they are admitted sooner.
         self._spin_after = max(2, config.recover_after // 3)
-        self._velocity_gate = Gate(config.gate_sigma, self._spin_after)
+        self._velocity_gate = Gate(config.gate_sigma, self._spin_after, "velocity outlier")
         self._spin_watch = SpinWatch(FLOATS, self._spin_after)
         self._first: list[tuple[float, float]] = []
         self._noise: FixNoise | None = None
         self._is_corrected = self._is_differential = False
-        self.base = BaseCorrection(rejected)
 
     @property
     def rejected_in_a_row(self) -> int:
         return self._position_gate.rejected_in_a_row
 
-    def move(self, distance_m: float, turned_m: float) -> None:
-        """A step of the wheels: of the robot's middle, and of the wheels in its turn about it."""
+    def move(self, distance_m: float, turn_rad: float) -> None:
+        """A step of the wheels: of the robot's middle, and its turn about it."""
         self._driven_m += abs(distance_m)
-        self._moved_m += abs(distance_m) + abs(turned_m)
+        self._moved_m += abs(distance_m) + abs(self._half_track_m * turn_rad)
 
     def settle(self, *, believes_fixes: bool) -> None:
         """A person goes on: with the fixes that were rejected, or with the pose as it is.
@@ -101,11 +91,10 @@ class Gnss:
         What speaks against the pose that is kept counts as an error of the receiver.
         """
         if self._rejected_fix is not None and 0.0 < self.jump.off_m <= MAX_JUMP_M:
-            rows, residuals, noise = self._rejected_fix
             if believes_fixes:
-                self._recover(rows, residuals, noise)
+                self._follow(self._rejected_fix)
             else:
-                self._receiver_m = _sum(self._receiver_m, residuals)
+                self.shift(_pair(self._rejected_fix.residuals))
         self.forget()
 
     def forget(self) -> None:
@@ -117,55 +106,61 @@ class Gnss:
         """From now on the receiver is believed to be off by so much more."""
         self._receiver_m = _sum(self._receiver_m, by_m)
 
-    def update(self, fix: GnssFix, up_body: Vec3) -> None:
-        if not _is_usable(fix):
-            self._rejected["gnss not usable"] += 1
-            return
-        differential = self.base.corrected(fix)
-        told, fix = fix, differential or fix
-        now, then = self._history.newest, self._history.at(fix.t_s)
-        if fix.t_s <= self.last_t_s:
-            self._rejected["gnss out of order"] += 1
-        elif now is None or then is None:
-            self._rejected["gnss without odometry"] += 1
-        elif self.repeats.is_repeat(told, self._driven_m):
-            self._rejected["gnss repeats itself"] += 1
-        else:
-            since_last_s = min(fix.t_s - self.last_t_s, FLOAT_MEMORY_S)
-            self._noise = noise = fix_noise(fix, since_last_s)
-            self.last_t_s = fix.t_s
-            self.quality = fix.quality
-            self._follow_quality(noise, differential is not None)
-            lever_m = _level(self._antenna_body_m, up_body)
-            self._position(fix, noise, lever_m, now, then)
-            if fix.velocity_mps is not None and self.is_ready:
-                self._velocity(fix, since_last_s, lever_m, now, then)
+    def samples(self, batch: SensorBatch) -> Sequence[GnssFix]:
+        return batch.gnss
 
-    def ageing(self, dt_s: float) -> list[tuple[int, float, float]]:
-        """How the two bias states age, as Ekf.relax takes it."""
+    def is_usable(self, sample: GnssFix) -> bool:
+        is_told = sample.quality is not GnssQuality.NONE and math.isfinite(sample.pos_std_m)
+        return is_told and abs(sample.lat_deg) <= 90.0 and abs(sample.lon_deg) <= 180.0
+
+    def objection(self, sample: GnssFix) -> str:
+        return "repeats itself" if self.repeats.is_repeat(sample, self._driven_m) else ""
+
+    def measure(self, sample: GnssFix, epoch: Epoch) -> Measurements:
+        differential = take_off_base_error(sample, self.pose)
+        fix = differential or sample
+        since_last_s = min(epoch.since_last_s, FLOAT_MEMORY_S)
+        self._noise = noise = fix_noise(fix, since_last_s)
+        self.last_t_s = fix.t_s
+        self.quality = fix.quality
+        self._follow_quality(noise, differential is not None)
+        lever_m = _level(self._antenna_body_m, self.pose.up_body)
+        yield from self._position(fix, noise, lever_m, epoch)
+        if fix.velocity_mps is not None and "position" in self.pose.known:
+            yield from self._velocity(fix, since_last_s, lever_m, epoch)
+        if fix.quality is GnssQuality.RTK_FIXED:
+            self._compare_with_camera(fix.t_s)
+
+    def ageing(self, dt_s: float, turn_abs_rad: float) -> Sequence[tuple[int, float, float]]:
         return [] if self._noise is None else bias_ageing(FLOATS, self._noise, dt_s)
+
+    def _compare_with_camera(self, t_s: float) -> None:
+        """Hold a fix that claims centimetres against what the camera sees of the rows."""
+        x, (east_m, north_m) = self.pose.ekf.x, self.off_m
+        east, north = self.pose.rows.at(x[X], x[Y]).right
+        self.pose.agreement.fix(t_s, east_m * east + north_m * north)
 
     def _follow_quality(self, noise: FixNoise, is_differential: bool) -> None:
         """Corrections coming or going replace one bias by another that knows nothing of it."""
         is_corrected = self.quality in CORRECTED
         was, kind = (self._is_corrected, self._is_differential), (is_corrected, is_differential)
-        if kind != was or not self.is_ready:
+        if kind != was or "position" not in self.pose.known:
             self._receiver_m = (0.0, 0.0)
             for state in (GNSS_BIAS_X, GNSS_BIAS_Y):
-                self._ekf.reset(state, 0.0, noise.bias_std_m**2)
+                self.pose.ekf.reset(state, 0.0, noise.bias_std_m**2)
         self._is_corrected, self._is_differential = kind
 
     def _position(
-        self, fix: GnssFix, noise: FixNoise, lever_m: tuple[float, float], now: Motion, then: Motion
-    ) -> None:
+        self, fix: GnssFix, noise: FixNoise, lever_m: tuple[float, float], epoch: Epoch
+    ) -> Measurements:
         alt_m = fix.alt_m if math.isfinite(fix.alt_m) else self._frame.datum.alt_m
         east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, alt_m)
-        x = self._ekf.x
+        x, (then, now, _) = self.pose.ekf.x, epoch
         arm_x, arm_y = _turned(lever_m, x[YAW] - (now.yaw_rad - then.yaw_rad))
         moved_x, moved_y = now.x_m - then.x_m, now.y_m - then.y_m
         now_x = east_m - arm_x + moved_x - self._receiver_m[0]
         now_y = north_m - arm_y + moved_y - self._receiver_m[1]
-        if not self.is_ready:
+        if "position" not in self.pose.known:
             self._begin(now_x, now_y, fix_noise(fix, FLOAT_MEMORY_S).variance_m2, now)
             return
         rows = (
@@ -174,7 +169,10 @@ class Gnss:
         )
         self.off_m = (now_x - x[X], now_y - x[Y])
         residuals = (self.off_m[0] - x[GNSS_BIAS_X], self.off_m[1] - x[GNSS_BIAS_Y])
-        self._correct_position(rows, residuals, noise)
+        measured = Measurement(
+            residuals, rows, noise.variance_m2, self._position_gate, is_retaken=False
+        )
+        self._conclude(measured, (yield measured))
 
     def _begin(self, x_m: float, y_m: float, variance_m2: float, now: Motion) -> None:
         """Collect fixes, each moved back to the start of the odometry; then set the position.
@@ -185,96 +183,83 @@ class Gnss:
         self._first.append((x_m - now.x_m, y_m - now.y_m))
         if len(self._first) < FIRST_FIXES:
             return
+        ekf, start = self.pose.ekf, self.pose.start
         x_m = statistics.median(p[0] for p in self._first) + now.x_m
         y_m = statistics.median(p[1] for p in self._first) + now.y_m
         at_m, at_m2 = (x_m, y_m), UNKNOWN_M2
-        if self._start.xy_map_m is not None:
-            mark_m = (self._start.xy_map_m[0] + now.x_m, self._start.xy_map_m[1] + now.y_m)
-            fix_std_m = math.sqrt(variance_m2 + float(self._ekf.cov[GNSS_BIAS_X, GNSS_BIAS_X]))
-            self.misplaced = self._start.position_fault(math.dist(at_m, mark_m), fix_std_m)
+        if start.xy_map_m is not None:
+            mark_m = (start.xy_map_m[0] + now.x_m, start.xy_map_m[1] + now.y_m)
+            fix_std_m = math.sqrt(variance_m2 + float(ekf.cov[GNSS_BIAS_X, GNSS_BIAS_X]))
+            self.misplaced = start.position_fault(math.dist(at_m, mark_m), fix_std_m)
             if self.quality is not GnssQuality.RTK_FIXED:
-                at_m, at_m2 = mark_m, self._start.std_m**2
+                at_m, at_m2 = mark_m, start.std_m**2
         for state, value in zip((X, Y), at_m, strict=True):
-            self._ekf.reset(state, value, at_m2)
+            ekf.reset(state, value, at_m2)
         rows = (((X, 1.0), (GNSS_BIAS_X, 1.0)), ((Y, 1.0), (GNSS_BIAS_Y, 1.0)))
-        self._ekf.update_pair(rows, (x_m - at_m[0], y_m - at_m[1]), variance_m2)
-        self.is_ready = True
+        ekf.update_pair(rows, (x_m - at_m[0], y_m - at_m[1]), variance_m2)
+        self.pose.known.add("position")
 
-    def _correct_position(
-        self, rows: tuple[Row, Row], residuals: tuple[float, float], noise: FixNoise
-    ) -> None:
-        gate, ekf = self._position_gate, self._ekf
-        verdict = gate.judge(ekf.update_pair(rows, residuals, noise.variance_m2, gate.limit))
+    def _conclude(self, measured: Measurement, verdict: Verdict) -> None:
+        """Follow a run of rejected positions, unless it is the receiver that jumped."""
         if verdict == "accept":
             self.jump.accept(self.last_t_s, self._moved_m)
             return
-        if verdict == "reject" or self.jump.is_jump(
-            math.hypot(*residuals), self._moved_m, is_corrected=self._is_corrected
-        ):
-            self._rejected["gnss outlier"] += 1
-            self.rejected_m, self._rejected_fix = residuals, (rows, residuals, noise)
-        else:
-            self._recover(rows, residuals, noise)
+        if verdict == "recover":
+            off_m = math.hypot(*measured.residuals)
+            if not self.jump.is_jump(off_m, self._moved_m, is_corrected=self._is_corrected):
+                self._follow(measured)
+                return
+            self.pose.rejected[self._position_gate.outlier] += 1
+        self.rejected_m, self._rejected_fix = _pair(measured.residuals), measured
 
-    def _recover(
-        self, rows: tuple[Row, Row], residuals: tuple[float, float], noise: FixNoise
-    ) -> None:
+    def _follow(self, measured: Measurement) -> None:
         """With corrections the fix is right and the robot is elsewhere (carried, or slid).
 
         Without them it is the fix that jumped; the bias, which fades, must not be left with that.
         """
-        ekf = self._ekf
+        residuals, variance_m2 = _pair(measured.residuals), measured.variance
         if not self._is_corrected:
-            self._receiver_m = _sum(self._receiver_m, residuals)
-            ekf.inflate(GNSS_BIAS_X, noise.variance_m2)
-            ekf.inflate(GNSS_BIAS_Y, noise.variance_m2)
+            self.shift(residuals)
+            self.pose.ekf.inflate(GNSS_BIAS_X, variance_m2)
+            self.pose.ekf.inflate(GNSS_BIAS_Y, variance_m2)
             return
         self.moved_m = _sum(self.moved_m, residuals)
-        for state, residual in zip((X, Y), residuals, strict=True):
-            ekf.inflate(state, residual**2 + noise.variance_m2)
-        ekf.update_pair(rows, residuals, noise.variance_m2)
+        opens = tuple(
+            (state, residual**2 + variance_m2)
+            for state, residual in zip((X, Y), residuals, strict=True)
+        )
+        self.pose.open_for(measured._replace(opens=opens, is_retaken=True))
 
     def _velocity(
-        self,
-        fix: GnssFix,
-        since_last_s: float,
-        lever_m: tuple[float, float],
-        now: Motion,
-        then: Motion,
-    ) -> None:
+        self, fix: GnssFix, since_last_s: float, lever_m: tuple[float, float], epoch: Epoch
+    ) -> Measurements:
         """The course over ground shows the heading of a moving robot, and what its wheels lose."""
         if fix.velocity_mps is None or not _all_finite(*fix.velocity_mps[:2], fix.velocity_std_mps):
-            self._rejected["velocity not finite"] += 1
+            self.pose.rejected["velocity not finite"] += 1
             return
-        ekf = self._ekf
+        ekf, (then, now, _) = self.pose.ekf, epoch
         yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
         rate_radps, wheel_mps = then.yaw_rate_radps, then.wheel_mps
         east_mps, north_mps, (east_row, north_row) = antenna_velocity(
             FLOATS, yaw_rad, ekf.row_yaw_rad, ekf.x[WHEEL_SCALE], ekf.x[SLIP], wheel_mps,
             rate_radps, lever_m,
         )  # fmt: skip
-        rows = (_velocity_row(east_row), _velocity_row(north_row))
         residuals = (fix.velocity_mps[0] - east_mps, fix.velocity_mps[1] - north_mps)
         variance = velocity_variance(fix.velocity_std_mps, rate_radps, since_last_s)
-        verdict = self._velocity_gate.judge(
-            ekf.update_pair(rows, residuals, variance, self._velocity_gate.limit)
-        )
         claimed_mps, _ = ahead_and_aside(FLOATS, (east_mps, north_mps), yaw_rad)
         missing_mps, _ = ahead_and_aside(FLOATS, residuals, yaw_rad)
         spins = self._spin_watch.is_spinning(claimed_mps, missing_mps, math.sqrt(variance))
         if spins:
-            self._rejected["wheels spin"] += 1
-        if verdict == "recover" or spins:
-            lasted_s = since_last_s * self._spin_after
-            opened = doubts(
-                FLOATS, residuals, (east_mps, north_mps), yaw_rad, lasted_s,
-                is_corrected=self._is_corrected,
-            )  # fmt: skip
-            for state, doubt in opened:
-                ekf.inflate(state, doubt**2)
-            ekf.update_pair(rows, residuals, variance)
-        elif verdict == "reject":
-            self._rejected["velocity outlier"] += 1
+            self.pose.rejected["wheels spin"] += 1
+        opened = doubts(
+            FLOATS, residuals, (east_mps, north_mps), yaw_rad, since_last_s * self._spin_after,
+            is_corrected=self._is_corrected,
+        )  # fmt: skip
+        yield Measurement(
+            residuals, (_velocity_row(east_row), _velocity_row(north_row)), variance,
+            self._velocity_gate, opens=tuple((state, doubt**2) for state, doubt in opened),
+            must_open=spins,
+        )  # fmt: skip
 
 
 def _velocity_row(by: tuple[float, ...]) -> Row:
@@ -285,9 +270,9 @@ def _sum(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
     return a[0] + b[0], a[1] + b[1]
 
 
-def _is_usable(fix: GnssFix) -> bool:
-    is_told = fix.quality is not GnssQuality.NONE and _all_finite(fix.t_s, fix.pos_std_m)
-    return is_told and abs(fix.lat_deg) <= 90.0 and abs(fix.lon_deg) <= 180.0
+def _pair(residuals: tuple[float, ...]) -> tuple[float, float]:
+    east_m, north_m = residuals
+    return east_m, north_m
 
 
 def _all_finite(*values: float) -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from typing import NamedTuple
 
 import msgspec
 
@@ -16,6 +18,18 @@ class Motion(msgspec.Struct, gc=False):
     yaw_rad: float
     wheel_mps: float
     yaw_rate_radps: float
+
+
+# Where the odometry begins.
+UNMOVED = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class Epoch(NamedTuple):
+    """Motion at the capture of a sample and now, and the time since the sample before."""
+
+    then: Motion
+    now: Motion
+    since_last_s: float = math.inf
 
 
 class MotionHistory:
@@ -35,6 +49,11 @@ class MotionHistory:
     @property
     def newest(self) -> Motion | None:
         return self._ring[-1] if self._ring else None
+
+    def epoch(self, t_s: float) -> Epoch | None:
+        """Motion at a time and now; None when that is no longer or not yet known."""
+        now, then = self.newest, self.at(t_s)
+        return None if now is None or then is None else Epoch(then, now)
 
     def at(self, t_s: float) -> Motion | None:
         """Motion at a time, interpolated; None when it is no longer or not yet known."""

@@ -15,10 +15,10 @@ from collections import deque
 from statistics import NormalDist
 from typing import NamedTuple
 
-from agribot.autonomy.estimate.ekf import SLIP, WHEEL_SCALE, YAW, Ekf, X, Y
+from agribot.autonomy.estimate.ekf import SLIP, WHEEL_SCALE, YAW, X, Y
 from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
+from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.slope import SLIDE_STD_RATIO
-from agribot.core.config import EstimateConfig
 from agribot.core.geo import std_along_m
 
 # Before anything speaks against it, a receiver that lies is given this probability.
@@ -72,11 +72,22 @@ class _Anchor(NamedTuple):
         )
 
 
-class Integrity:
-    """Call `move` for every step of the wheels, `level_m` for the bound of the present pose."""
+class Bounds(NamedTuple):
+    """How far the robot may be off: anywhere, to the side of where it heads, and that of the latter
+    which the covariance alone tells, as if no GNSS were ever wrong.
+    """
 
-    def __init__(self, config: EstimateConfig, ekf: Ekf, gnss: Gnss) -> None:
-        self._ekf = ekf
+    anywhere_m: float
+    across_m: float
+    across_plain_m: float
+
+
+class Integrity:
+    """Call `move` for every step of the wheels, `bound` for the bounds of the present pose."""
+
+    def __init__(self, pose: PoseFilter, gnss: Gnss) -> None:
+        config = pose.config
+        self._ekf = pose.ekf
         self._gnss = gnss
         self._gain = _rayleigh(config.protection_risk)
         self._fault_gain = _rayleigh(config.protection_risk / FAULT_RATIO)
@@ -112,28 +123,32 @@ class Integrity:
         self._is_split = False
         self._believed_m = self._gnss.moved_m
 
-    def level_m(self, t_s: float, pos_std_m: float) -> float:
-        """Radius around the position that holds the robot."""
+    def bound(self, t_s: float, pos_std_m: float, *, is_ok: bool, is_held: bool) -> Bounds:
+        """Bound the error of the present pose; without end where that is none.
+
+        `is_held`: the camera holds it on its row, so that no fault of the GNSS moves it aside.
+        """
+        plain_m = self._across_gain * std_along_m(self._cov_m2, self._left)
+        if not is_ok:
+            return Bounds(math.inf, math.inf, plain_m)
         here = self._here(t_s, pos_std_m)
+        anywhere_m = self._anywhere_m(here)
+        return Bounds(anywhere_m, plain_m if is_held else self._across_m(here, plain_m), plain_m)
+
+    def _anywhere_m(self, here: _Anchor) -> float:
+        """Radius around the position that holds the robot."""
         self._keep(here)
         anchor = self._anchors[0]
         apart_m = math.hypot(*anchor.apart_m(here))
         alone_m = self._fault_gain * self._alone_std_m(anchor)
         self._is_split = apart_m > alone_m * (AGREE_RATIO if self._is_split else 1.0)
         self._forget(here, anchor)
-        plain_m = self._gain * pos_std_m
+        plain_m = self._gain * here.spread.position_m
         return max(plain_m + self._doubted_m(), apart_m + alone_m)
 
-    def across_m(self, t_s: float, pos_std_m: float, *, is_held: bool) -> float:
-        """How far the robot may be off to the side of where it heads; after `level_m`.
-
-        `is_held`: the camera holds it on its row, so that no fault of the GNSS moves it aside.
-        """
-        plain_m, left = self.across_plain_m, self._left
-        if is_held:
-            return plain_m
-        here = self._here(t_s, pos_std_m)
-        gnss, anchor = self._gnss, self._anchors[0]
+    def _across_m(self, here: _Anchor, plain_m: float) -> float:
+        """How far the robot may be off to the side of where it heads; after `_anywhere_m`."""
+        gnss, anchor, left = self._gnss, self._anchors[0], self._left
         moved_m = abs(_along(left, gnss.moved_m) - _along(left, self._believed_m))
         doubted_m = moved_m + (abs(_along(left, gnss.rejected_m)) if self._is_off else 0.0)
         apart_m = abs(_along(left, anchor.apart_m(here)))
@@ -145,11 +160,6 @@ class Integrity:
             + self._slid_m2(anchor)
         )
         return max(plain_m + doubted_m, apart_m + self._across_fault_gain * alone_m)
-
-    @property
-    def across_plain_m(self) -> float:
-        """What the covariance alone makes of `across_m`, as if no GNSS were ever wrong."""
-        return self._across_gain * std_along_m(self._cov_m2, self._left)
 
     @property
     def _cov_m2(self) -> Cov2:

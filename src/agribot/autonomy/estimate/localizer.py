@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from typing import Any, TypeVar
 
-from agribot.autonomy.estimate.beliefs import first_std, motion_noise, slow_ageing
-from agribot.autonomy.estimate.compass import Compass
+from agribot.autonomy.estimate.beliefs import motion_noise, slow_ageing
+from agribot.autonomy.estimate.correction import Correction, Ladder
+from agribot.autonomy.estimate.corrections import CORRECTIONS
 from agribot.autonomy.estimate.crop_rows import MIN_MOVED_M, CropRows
 from agribot.autonomy.estimate.doubts import Doubts
-from agribot.autonomy.estimate.dual_heading import DualHeading
-from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, Ekf, X, Y
+from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, X, Y
 from agribot.autonomy.estimate.gnss import Gnss
-from agribot.autonomy.estimate.history import Motion, MotionHistory
+from agribot.autonomy.estimate.history import UNMOVED, Motion
 from agribot.autonomy.estimate.integrity import Integrity
 from agribot.autonomy.estimate.odometry import Odometry, Step
-from agribot.autonomy.estimate.row_agreement import RowAgreement
+from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_lines import RowLines
 from agribot.autonomy.estimate.row_sight import RowSight
-from agribot.autonomy.estimate.start import StartMark
 from agribot.core.config import EstimateConfig, FieldConfig
-from agribot.core.geo import MapFrame, wrap_rad
+from agribot.core.geo import wrap_rad
 from agribot.core.messages import Estimate, GnssQuality, OperatorEvent, RowLine, Scene, SensorBatch
 from agribot.core.robot import RobotSpec
 
@@ -35,64 +34,45 @@ BLIND_YAW_RAD_PER_SQRT_S = 0.05
 LOST_RATIO = 1.5
 STANDING_MPS = 0.02
 
+Kind = TypeVar("Kind", bound=Correction[Any])
+
 
 class Localizer:
-    """Extended Kalman filter over wheels, gyro, GNSS, magnetometer and crop rows (see ekf.Ekf).
+    """Extended Kalman filter over wheels, gyro and whatever corrects them (see ekf.Ekf).
 
-    The result depends on the times in the samples only, not on how they are cut into batches,
-    but for the instant at which a late measurement is let in. `rejected` counts, by cause,
-    every sample that did not enter the filter.
+    `corrections.CORRECTIONS` are the sensors that do. The result depends on the times in the
+    samples only, not on how they are cut into batches, but for the instant at which a late
+    measurement is let in. `rejected` counts, by cause, every sample that did not enter the filter.
     """
 
     def __init__(self, config: EstimateConfig, field: FieldConfig, robot: RobotSpec) -> None:
-        self.rejected: Counter[str] = Counter()
+        self.pose = PoseFilter(config, field, robot)
+        self.rejected = self.pose.rejected
         self._config = config
-        self._ekf = Ekf(first_std(config), math.radians(field.row_yaw_deg))
+        self._ekf, self._history = self.pose.ekf, self.pose.history
         self._noise = motion_noise(config)
-        self._history = MotionHistory(ahead_s=config.wheel_timeout_s)
         self._odometry = Odometry(robot.drive, config.imu_timeout_s, self.rejected)
-        start = StartMark.of(field)
-        self._compass = Compass(
-            self._ekf, self._history, config, math.radians(field.declination_deg), start,
-            self.rejected,
-        )  # fmt: skip
-        x_m, y_m, z_m = robot.body_from_link(robot.gnss.link)[:3, 3].tolist()
-        self._gnss = Gnss(
-            self._ekf, self._history, config, MapFrame(field.datum), (x_m, y_m, z_m), start,
-            self.rejected,
-        )  # fmt: skip
-        agreement = RowAgreement()
-        self._doubts = Doubts(
-            self._ekf, self._history, config, field, self._gnss, agreement, self.rejected
-        )
-        self._crop_rows = CropRows(
-            self._ekf, self._history, config, field, self.rejected, agreement
-        )
-        self._row_lines = RowLines(self._ekf, self._history, field, self.rejected, agreement)
-        self._half_track_m = robot.drive.track_m / 2.0
+        self.ladders = {name: Ladder(name, build(self.pose)) for name, build in CORRECTIONS.items()}
+        self._corrections = [ladder.correction for ladder in self.ladders.values()]
+        self._gnss = self._find(Gnss)
+        self._crop_rows, self._row_lines = self._find(CropRows), self._find(RowLines)
+        self._doubts = Doubts(self.pose, self._gnss)
         self._sight = RowSight(field)
-        self._heading = DualHeading(self._ekf, self._history, config, self.rejected)
-        self._integrity = Integrity(config, self._ekf, self._gnss)
+        self._integrity = Integrity(self.pose, self._gnss)
         self._last_line: Motion | None = None
-        self._motion = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self._motion = UNMOVED
         self._unaged_s = self._unaged_rad = 0.0
         self._fix_std_m = 0.0
+
+    def _find(self, kind: type[Kind]) -> Kind:
+        return next(correction for correction in self._corrections if isinstance(correction, kind))
 
     def update(self, batch: SensorBatch) -> Estimate:
         for step in self._odometry.steps(batch.wheels, batch.imu, batch.t_s):
             self._advance(step)
-        up_body = self._odometry.up_body
-        for sample in batch.mag:
-            self._compass.update(sample, up_body)
-        for base in batch.base:
-            self._gnss.base.hear(base)
-        for fix in batch.gnss:
-            if self._compass.is_ready:
-                self._gnss.update(fix, up_body)
-                self._doubts.compare(fix)
-        for heading in batch.headings:
-            if self._compass.is_ready:
-                self._heading.update(heading)
+        self.pose.up_body = self._odometry.up_body
+        for ladder in self.ladders.values():
+            ladder.update_all(batch)
         for event in batch.events:
             self._listen(event)
         self._doubts.expire(batch.t_s)
@@ -109,12 +89,14 @@ class Localizer:
 
         A row line is made of the same leaves as the plants, so that one of them serves.
         """
-        if not self._gnss.is_ready:
+        if "position" not in self.pose.known:
             return
         if scene.row_line is None or not self._row_lines.has_lines:
-            self._crop_rows.see(scene)
+            self.ladders["scene"].update(scene)
         elif self._has_moved(scene.t_s):
-            self._row_lines.see_picture(scene.row_line)
+            line = self._row_lines.pick(scene.row_line)
+            if line is not None:
+                self.see_line(line)
         self._sight.look(scene.t_s, self._crop_rows.fitted + self._row_lines.fitted)
 
     def is_stale(self, scene: Scene) -> bool:
@@ -134,16 +116,15 @@ class Localizer:
 
     def see_line(self, line: RowLine) -> None:
         """Correct the pose by the line of the row under the robot; the next estimate shows it."""
-        if self._gnss.is_ready:
-            self._row_lines.see(line)
+        self.ladders["row line"].update(line)
 
-    def _believe(self, pose: tuple[float, ...]) -> None:
+    def _believe(self, numbers: tuple[float, ...]) -> None:
         """A person says where the robot stands; measurements correct that from now on."""
         is_moving = abs(self._motion.wheel_mps) > STANDING_MPS
-        if is_moving or not (self._gnss.is_ready and self._compass.is_ready) or not is_pose(pose):
+        if is_moving or not {"yaw", "position"} <= self.pose.known or not is_pose(numbers):
             self.rejected["pose by hand"] += 1
             return
-        x_m, y_m, yaw_rad, std_m, std_rad = pose
+        x_m, y_m, yaw_rad, std_m, std_rad = numbers
         self._ekf.reset(X, x_m, std_m**2)
         self._ekf.reset(Y, y_m, std_m**2)
         self._ekf.reset(YAW, wrap_rad(yaw_rad), std_rad**2)
@@ -172,7 +153,7 @@ class Localizer:
         self._history.append(self._motion)
         self._integrity.move(step.distance_m, step.slide_m)
         self._sight.move(step.distance_m)
-        self._gnss.move(step.distance_m, self._half_track_m * step.turn_rad)
+        self._gnss.move(step.distance_m, step.turn_rad)
         if abs(self._motion.wheel_mps) > STANDING_MPS:
             self._doubts.move(step.t_s)
         if step.is_blind:
@@ -196,14 +177,9 @@ class Localizer:
             return
         age_s, age_rad = self._unaged_s, self._unaged_rad
         self._unaged_s = self._unaged_rad = 0.0
-        self._ekf.relax(
-            [
-                *slow_ageing(self._config, age_s),
-                self._compass.ageing(age_s, age_rad),
-                *self._gnss.ageing(age_s),
-                *self._row_lines.ageing(age_s),
-            ]
-        )
+        self._ekf.relax(slow_ageing(self._config, age_s))
+        for correction in self._corrections:
+            self._ekf.relax(correction.ageing(age_s, age_rad))
 
     def _estimate(self, t_s: float) -> Estimate:
         x, motion = self._ekf.x, self._motion
@@ -216,6 +192,7 @@ class Localizer:
         middle, radius = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
         pos_std_m = math.sqrt(middle + radius)
         ok, reason = self._health(t_s, pos_std_m)
+        bounds = self._integrity.bound(t_s, pos_std_m, is_ok=ok, is_held=self._doubts.is_held(t_s))
         return Estimate(
             t_s=t_s,
             x_map_m=x[X] + forward_mps * ahead_s * math.cos(course_rad),
@@ -230,15 +207,12 @@ class Localizer:
             quality=self._quality(t_s),
             ok=ok,
             reason=reason,
-            protection_m=self._integrity.level_m(t_s, pos_std_m) if ok else math.inf,
+            protection_m=bounds.anywhere_m,
             row_seen=self._sight.is_seen(t_s),
-            across_protection_m=self._across_m(t_s, pos_std_m) if ok else math.inf,
-            across_plain_m=self._integrity.across_plain_m,
+            across_protection_m=bounds.across_m,
+            across_plain_m=bounds.across_plain_m,
             contradiction=self._doubts.contradiction if ok else "",
         )
-
-    def _across_m(self, t_s: float, pos_std_m: float) -> float:
-        return self._integrity.across_m(t_s, pos_std_m, is_held=self._doubts.is_held(t_s))
 
     def _quality(self, t_s: float) -> GnssQuality:
         silent = t_s - self._gnss.last_t_s > self._config.gnss_timeout_s
@@ -270,11 +244,11 @@ class Localizer:
             return _silent("wheel encoders", wheels_s, config.wheel_timeout_s, "motor board")
         if not imu_s <= config.imu_timeout_s:
             return _silent("IMU", imu_s, config.imu_timeout_s, "IMU and its cable")
-        if not self._compass.is_ready:
+        if "yaw" not in self.pose.known:
             return "no heading yet: waiting for the magnetometer"
-        if not self._gnss.is_ready:
+        if "position" not in self.pose.known:
             return "no position yet: waiting for GNSS fixes"
-        return self._compass.misplaced or self._gnss.misplaced
+        return next((each.misplaced for each in self._corrections if each.misplaced), "")
 
 
 def is_pose(numbers: tuple[float, ...]) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from agribot.autonomy.plan.errand import Errand
+from agribot.autonomy.plan.states import State, Stopping
 from agribot.core.messages import OperatorEvent, RequestAnswer
 
 MEANWHILE = "something else was asked of the robot meanwhile"
@@ -11,49 +12,59 @@ MEANWHILE = "something else was asked of the robot meanwhile"
 class Answers:
     """Those of this tick, and the two requests that may still be waiting for theirs.
 
-    A way is planned where the robot stands, and a task is judged beside the loop: whoever asked
-    for one is answered once it is settled, or once something else took its place.
+    The way of an errand is planned once the robot stands, and a field plan is checked beside the
+    loop: whoever asked for one is answered when it is settled, or when something else took its
+    place.
     """
 
     def __init__(self) -> None:
         self._given: list[RequestAnswer] = []
-        self._errand: Errand | None = None
-        self._task: OperatorEvent | None = None
+        self._open: OperatorEvent | None = None  # the request that is being heard
+        self._errand: tuple[Errand, OperatorEvent] | None = None
+        self._check: OperatorEvent | None = None
 
-    def give(self, id: str, refusal: str = "") -> None:
-        """Nobody waits for the answer to a request without an id."""
-        if id:
-            self._given.append(RequestAnswer(id=id, refusal=refusal))
+    def open(self, event: OperatorEvent) -> None:
+        self._open = event
 
-    def replace_errand(self, errand: Errand) -> None:
-        """From now on this one waits; whoever asked for another is answered."""
-        self._drop_errand()
-        self._errand = errand
+    def close(self, refusal: str) -> None:
+        """Answer the request that was heard, unless it waits for its answer."""
+        if self._open is not None:
+            self._give(self._open, refusal)
+            self._open = None
 
-    def settle_errand(self, errand: Errand, refusal: str = "") -> None:
-        if errand is self._errand:
-            self.give(errand.id, refusal)
+    def await_errand(self, errand: Errand) -> None:
+        """The request that is being heard asked for it, if one is."""
+        self.drop_errand()
+        if self._open is not None:
+            self._errand, self._open = (errand, self._open), None
+
+    def settle_errand(self, refusal: str = "") -> None:
+        if self._errand is not None:
+            self._give(self._errand[1], refusal)
             self._errand = None
 
-    def await_task(self, event: OperatorEvent) -> None:
-        self._task = event
+    def drop_errand(self) -> None:
+        if self._errand is not None:
+            self.settle_errand(f"{self._errand[0].refusal}: {MEANWHILE}")
 
-    def settle_task(self, refusal: str = "") -> None:
-        if self._task is not None:
-            self.give(self._task.id, refusal)
-            self._task = None
+    def await_check(self) -> None:
+        self._check, self._open = self._open, None
 
-    def drop_task(self) -> None:
-        if self._task is not None:
-            self.settle_task(f"{self._task.action} refused: {MEANWHILE}")
+    def settle_check(self, refusal: str = "") -> None:
+        if self._check is not None:
+            self._give(self._check, refusal)
+            self._check = None
 
-    def take(self, asked: Errand | None) -> tuple[RequestAnswer, ...]:
-        """All since the last call; `asked` is the errand that is still to be planned."""
-        if self._errand is not asked:
-            self._drop_errand()
+    def take(self, state: State) -> tuple[RequestAnswer, ...]:
+        """All since the last call. An errand that the state does not wait for was given up."""
+        if self._errand is not None:
+            is_waiting = isinstance(state, Stopping) and state.errand is self._errand[0]
+            if not is_waiting:
+                self.drop_errand()
         given, self._given = tuple(self._given), []
         return given
 
-    def _drop_errand(self) -> None:
-        if self._errand is not None:
-            self.settle_errand(self._errand, f"{self._errand.refusal}: {MEANWHILE}")
+    def _give(self, event: OperatorEvent, refusal: str) -> None:
+        """Nobody waits for the answer to a request without an id."""
+        if event.id:
+            self._given.append(RequestAnswer(id=event.id, refusal=refusal))

@@ -7,12 +7,13 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 from agribot.autonomy.plan.curves import Place
-from agribot.autonomy.plan.job import Job
+from agribot.autonomy.plan.job import MissionJob
 from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.saved_mission import SavedErrand
+from agribot.autonomy.plan.task import Task
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
-from agribot.core.messages import Estimate, OperatorEvent, Path
+from agribot.core.messages import Estimate, Path
 
 STANDING_MPS = 0.02
 BATTERY = "the battery"  # the source of an errand that nobody asked for
@@ -27,7 +28,6 @@ class Errand(NamedTuple):
     source: str
     plan: Callable[[Estimate], Path]
     goal: tuple[float, ...] = ()
-    id: str = ""  # of the request that asked for it
 
     @property
     def leg(self) -> str:
@@ -39,77 +39,49 @@ class Errand(NamedTuple):
             "home": "cannot return home", "goal": "goal refused", "work": "cannot go back to work",
         }[self.to]  # fmt: skip
 
-    def route(self, estimate: Estimate, config: MissionConfig) -> Route:
+    def plan_route(self, estimate: Estimate, config: MissionConfig) -> Route:
         """Raises: MissionError: there is no way that may be driven."""
         return Route(self.plan(estimate), (), config, ())
 
 
-class Errands:
-    """The one errand there may be, and its route once it has begun."""
-
-    def __init__(self) -> None:
-        self.asked: Errand | None = None  # it is planned as soon as the robot stands
-        self.current: Errand | None = None
-        self.route: Route | None = None
-        self.is_away = False  # the robot was driven elsewhere since the work stopped
-        self.cut_off: Errand | None = None  # of an earlier run: goes on only when it is resumed
-
-    def ask(self, errand: Errand) -> None:
-        self.end()
-        self.asked = errand
-
-    def begin(self, errand: Errand, route: Route) -> None:
-        self.end()
-        self.current, self.route, self.is_away = errand, route, True
-
-    def end(self) -> None:
-        self.asked = self.current = self.route = self.cut_off = None
-
-    def saved(self) -> SavedErrand | None:
-        """Asked for or under way, or still waiting for the answer of an operator."""
-        errand = self.asked or self.current or self.cut_off
-        return SavedErrand(to=errand.to, source=errand.source, goal=errand.goal) if errand else None
-
-    @property
-    def leg(self) -> str:
-        return STOPPING if self.asked else self.current.leg if self.current else ""
+def save_errand(errand: Errand | None) -> SavedErrand | None:
+    return SavedErrand(to=errand.to, source=errand.source, goal=errand.goal) if errand else None
 
 
-def home_errand(job: Job, source: str, id: str = "") -> Errand:
+def make_home_errand(task: Task, job: MissionJob | None, source: str) -> Errand:
     """Raises: MissionError: nobody knows where home is."""
-    route, plan_home = job.route, job.task.home
-    if route is None or plan_home is None:
+    plan_home = task.home
+    if job is None or plan_home is None:
         raise MissionError("nothing was planned yet")
-    ahead = route.row_ahead if job.task.has_crop else route.path.xy_map_m[:0]
-    return Errand("home", source, lambda here: plan_home(here, job.planned_from, ahead), id=id)
+    ahead = job.route.row_ahead if task.has_crop else job.route.path.xy_map_m[:0]
+    home = job.planned_from
+    return Errand("home", source, lambda here: plan_home(here, home, ahead))
 
 
-def goal_errand(job: Job, event: OperatorEvent) -> Errand:
+def make_goal_errand(task: Task, source: str, numbers: tuple[float, ...]) -> Errand:
     """Raises: MissionError: no place, or a task that knows no ways."""
-    numbers = event.numbers
     if len(numbers) not in (2, 3) or not all(math.isfinite(number) for number in numbers):
         raise MissionError("a goal is two or three finite numbers: x and y (m, map), yaw (rad)")
     goal: Place = (numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else None)
-    plan = job.task.go_to
+    plan = task.go_to
     if plan is None:
         raise MissionError("this mission drives its own path only")
-    return Errand("goal", event.source, lambda here: plan(here, goal), numbers, event.id)
+    return Errand("goal", source, lambda here: plan(here, goal), numbers)
 
 
-def restored_errand(saved: SavedErrand, job: Job) -> Errand:
+def make_work_errand(task: Task, job: MissionJob | None) -> Errand:
+    """Raises: MissionError: a task that knows no ways."""
+    plan = task.back
+    if job is None or plan is None:
+        raise MissionError("this mission drives its own path only")
+    place = job.place_to_go_on
+    return Errand("work", "the mission", lambda here: plan(here, place))
+
+
+def restore_errand(saved: SavedErrand, task: Task, job: MissionJob | None) -> Errand:
     """Raises: MissionError: as those that make it."""
     if saved.to == "home":
-        return home_errand(job, saved.source)
+        return make_home_errand(task, job, saved.source)
     if saved.to == "work":
-        return work_errand(job)
-    return goal_errand(
-        job, OperatorEvent(t_s=0.0, action="goto", source=saved.source, numbers=saved.goal)
-    )
-
-
-def work_errand(job: Job) -> Errand:
-    """Raises: MissionError: a task that knows no ways."""
-    plan, place = job.task.back, job.place_to_go_on
-    if plan is None:
-        raise MissionError("this mission drives its own path only")
-    return Errand("work", "the mission", lambda here: plan(here, place))
+        return make_work_errand(task, job)
+    return make_goal_errand(task, saved.source, saved.goal)

@@ -1,53 +1,171 @@
-"""The mission: what people and programs may ask of it while it drives."""
+"""The mission: it waits for a position, plans, drives, arrives and ends, and takes requests."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable
 from functools import partial
 
 import msgspec
 
-from agribot.autonomy.plan.account import FINAL
-from agribot.autonomy.plan.driving import Driving
+from agribot.autonomy.plan.answers import MEANWHILE, Answers
 from agribot.autonomy.plan.errand import (
     BATTERY,
+    CHECKING,
     STANDING_MPS,
     Errand,
-    Errands,
-    goal_errand,
-    home_errand,
-    work_errand,
+    make_goal_errand,
+    make_home_errand,
+    make_work_errand,
+    restore_errand,
+    save_errand,
 )
-from agribot.autonomy.plan.job import Job
-from agribot.autonomy.plan.saved_mission import check_not_carried_away
-from agribot.autonomy.plan.task import Task
+from agribot.autonomy.plan.job import Ending, MissionJob
+from agribot.autonomy.plan.job_start import list_rows, plan_job, save_unbegun
+from agribot.autonomy.plan.planning import PlanningAtOnce, PlanningDesk, PlanningHost
+from agribot.autonomy.plan.requests import Do, Refuse, react
+from agribot.autonomy.plan.route import Route
+from agribot.autonomy.plan.row_log import RowResult
+from agribot.autonomy.plan.saved_mission import SavedMission, check_not_carried_away
+from agribot.autonomy.plan.states import (
+    Driving,
+    Ended,
+    OnErrand,
+    Paused,
+    State,
+    Stopping,
+    Waiting,
+    find_away,
+    find_errand,
+    find_stood,
+    name_state,
+)
+from agribot.autonomy.plan.status import describe, find_way, make_goal
+from agribot.autonomy.plan.task import NewTasks, Task
+from agribot.autonomy.plan.watch import Watch
+from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
-from agribot.core.messages import Estimate, Goal, OperatorEvent
+from agribot.core.latch import Latch
+from agribot.core.messages import Estimate, Goal, OperatorEvent, Path
 
-# Heard after the end by a mission that stays open.
-AFTER_THE_END = (
-    "start", "goto", "return_home", "visit", "plan", "stop", "clear_stop", "set",
-)  # fmt: skip
-MOVING = ("start", "resume", "goto", "return_home")  # what sets the robot in motion by itself
-ASKED = (*MOVING, "pause", "cancel", "skip_row", "visit", "plan")  # of a mission, of nobody else
+SETTLE_S = 1.0  # the estimate must hold this long before the robot moves
+END_TOLERANCE_M = 0.01
+Handler = Callable[[OperatorEvent], str | None]  # gives why the request is refused
 
 
-class Mission(Driving):
-    """A stop pauses and latches: first `clear_stop`, then `resume`, and the work goes on at the
-    same place. Beside its job it drives errands: home, or to a place on demand, after which
-    `resume` leads back to the work.
+class Mission:
+    """Works at a task along a route that it plans itself once the robot knows where it is.
+
+    `requests.TABLE` says what it does with a request in each of its states. A stop pauses it and
+    latches: first `clear_stop`, then `resume`, and the work goes on at the same place. Beside its
+    job it drives errands: home, or to a place on demand, after which `resume` leads back.
     """
 
-    def step(self, estimate: Estimate, events: Iterable[OperatorEvent] = ()) -> Goal:
-        self._locate(estimate)
-        self._heed_stop()
-        for event in events:
-            self._latch.hear(event)
-            self._heed_stop()
-            refusal = self._handle(event)
-            if refusal is not None:
-                self._answers.give(event.id, refusal)
-        return self._go_on(estimate)
+    def __init__(
+        self,
+        task: Task,
+        config: MissionConfig,
+        saved: SavedMission | None = None,
+        new_tasks: NewTasks | None = None,
+        planning: PlanningHost | None = None,
+        latch: Latch | None = None,
+    ) -> None:
+        """`saved` is a mission that was cut off: it goes on where it was.
+
+        A mission that was stopped or paused when it was cut off waits for a person again. `latch`
+        is shared with whatever else may stop the robot.
+
+        `new_tasks` makes the tasks that an operator or a program sends under way. `planning`
+        works out long ways beside the loop; without it, they are worked out at once.
+        """
+        if saved is not None and saved.visit_name and new_tasks is not None:
+            visit = new_tasks.of_places(saved.visit, saved.visit_name)
+            task = visit._replace(bounds=task.bounds)
+        self._task, self._config = task, config
+        self._job: MissionJob | None = None  # None until its route is planned
+        self._begun = saved if saved is not None and saved.planned_from is not None else None
+        self._saved = saved
+        self._desk = PlanningDesk(planning or PlanningAtOnce())
+        self._watch = Watch(config)
+        self._new_tasks = new_tasks
+        self._last: Estimate | None = None
+        self._is_located = False
+        self._refusal = ""
+        self._answers = Answers()
+        self._ended: Ended | None = None  # as which it had, before it was sent on an errand
+        self._stays_open = config.waits_for_goals
+        self._latch = Latch() if latch is None else latch
+        self._has_stood_for_stop = False  # the latch holds, and the mission has paused for it
+        self._warning = ""
+        self._is_heeded = False  # the warning sent it home, or stopped it
+        self._is_resumed = False  # somebody bade the work begin, and is there to read a refusal
+        self._is_away = False  # the robot was driven elsewhere since the work stopped
+        self._state: State = Waiting("waiting for the first estimate")
+        self._handlers = self._list_handlers()
+        self._take_up(saved)
+
+    def _list_handlers(self) -> dict[Do, Handler]:
+        return {
+            Do.HOLD: self._turn_latch,
+            Do.RELEASE: self._turn_latch,
+            Do.PAUSE: lambda event: self._pause(f"paused by {event.source}"),
+            Do.RESUME: lambda event: self._resume(),
+            Do.BEGIN_ANEW: lambda event: self._begin_anew(),
+            Do.CANCEL: self._cancel,
+            Do.SKIP_ROW: lambda event: self._skip_row(),
+            Do.TURN_HOME: lambda event: self._turn_home(event.source),
+            Do.TURN_TO_GOAL: self._turn_to_goal,
+            Do.TAKE_PLAN: self._take_plan,
+            Do.TAKE_VISIT: self._take_visit,
+            Do.SET: self._set,
+        }
+
+    @property
+    def state(self) -> State:
+        return self._state
+
+    @property
+    def path(self) -> Path | None:
+        """None until it is planned; that of the errand while there is one."""
+        way = self._way
+        return way.path if way else None
+
+    @property
+    def task(self) -> Task:
+        return self._task
+
+    @property
+    def speed_mps(self) -> float:
+        """Along a path; changed under way, it is the new one."""
+        return self._config.speed_mps
+
+    @property
+    def row_results(self) -> tuple[RowResult, ...]:
+        return self._job.rows.results if self._job else list_rows(self._task)
+
+    @property
+    def waypoints_reached(self) -> tuple[bool, ...]:
+        return self._job.waypoints_reached if self._job else (False,) * len(self._task.waypoints)
+
+    @property
+    def _way(self) -> Route | None:
+        return find_way(self._state, self._job)
+
+    def saved(self) -> SavedMission | None:
+        """All that is needed to go on later; None before there is anything to go on with."""
+        errand, last = find_errand(self._state), self._last
+        kept = {"stopped": self._latch.reason, "paused": find_stood(self._state)}
+        if last is None or not (self._job or errand or self._is_away):
+            return msgspec.structs.replace(self._saved, **kept) if self._saved else None
+        name = name_state(self._state)
+        saved = self._job.save(name, last) if self._job else save_unbegun(self._task, name, last)
+        return msgspec.structs.replace(
+            saved, errand=save_errand(errand), is_away=self._is_away, **kept
+        )
+
+    def stay_open(self) -> None:
+        """From now on a mission that has ended still takes the requests of the column "open"."""
+        self._stays_open = True
 
     def heed(self, warning: str) -> None:
         """Go home for a warning once the robot drives; where no way home is known, stand still.
@@ -56,156 +174,397 @@ class Mission(Driving):
         """
         self._warning = warning
         self._is_heeded = self._is_heeded and bool(warning)
-        if not warning or self._is_heeded or self._state not in ("running", "waiting"):
+        drives = isinstance(self._state, Driving | OnErrand | Waiting) and not self._latch.reason
+        if not warning or self._is_heeded or not drives:
             return
         self._is_heeded = True
         self._refusal = ""
-        refusal = self._turn_home(BATTERY)
-        if refusal:
-            self._hold(f"{warning}; {refusal}")
+        self._turn_home(BATTERY)
+        if self._refusal:
+            self._pause(f"{warning}; {self._refusal}", by_itself=True)
 
-    def _handle(self, event: OperatorEvent) -> str | None:
-        """Why it is refused, "" where it is taken or not for a mission; None: that shows later."""
-        if self._state in FINAL and not (self._stays_open and event.action in AFTER_THE_END):
-            return f"{event.action} refused: the mission has ended" if event.action in ASKED else ""
-        if event.action == "cancel":
-            stood, self._errands.asked = self._paused, None
-            self._end("cancelled", f"cancelled by {event.source}")
-            self._paused = stood  # a run that goes on with this one stands as well
-        elif event.action == "set":
-            self._set(event)
-        elif event.action == "skip_row" and self._errands.route is None:
-            self._job.skip_row()
-        elif event.action in ("plan", "visit"):
-            return self._take(event)
-        else:
-            return self._handle_moving(event)
+    def step(self, estimate: Estimate, events: Iterable[OperatorEvent] = ()) -> Goal:
+        """Hear the requests of this tick, then drive on; what the robot is to do now."""
+        self._is_located = estimate.ok and math.isfinite(estimate.x_map_m + estimate.y_map_m)
+        self._last = estimate if self._is_located else self._last
+        self._heed_latch()
+        for event in events:
+            self._hear(event)
+        self._desk.look(estimate.t_s)
+        if isinstance(self._state, Stopping):
+            self._set_off(self._state, estimate)
+        if isinstance(self._state, Waiting):
+            self._wait(self._state, estimate)
+        elif isinstance(self._state, Driving | OnErrand):
+            self._drive(self._state, estimate)
+        return self._make_goal()
+
+    def _make_goal(self) -> Goal:
+        status = describe(
+            self._task, self._job, self._state, self._refusal,
+            stopped=self._latch.reason, warning=self._warning,
+        )  # fmt: skip
+        if self._desk.is_checking:
+            status = msgspec.structs.replace(status, leg=CHECKING)
+        if answers := self._answers.take(self._state):
+            status = msgspec.structs.replace(status, answers=answers)
+        is_driving = isinstance(self._state, Driving | OnErrand) and self._is_located
+        goal = make_goal(
+            self._way, self._task, self._job, status, self._watch.caution, is_driving=is_driving
+        )
+        return goal if self._watch.may_work else msgspec.structs.replace(goal, tool_on=False)
+
+    def _hear(self, event: OperatorEvent) -> None:
+        """Do what is asked and answer it, at once or when it shows what becomes of it."""
+        self._answers.open(event)
+        self._answers.close(self._obey(event))
+
+    def _obey(self, event: OperatorEvent) -> str:
+        """Why it is refused; empty where it is done, left alone or to be seen."""
+        reaction = react(
+            event.action,
+            self._state,
+            is_stopped=bool(self._latch.reason),
+            stays_open=self._stays_open,
+        )
+        if isinstance(reaction, Refuse):
+            return self._refuse(reaction.why)
+        if isinstance(reaction, Do):
+            return self._handlers[reaction](event) or ""
         return ""
 
-    def _handle_moving(self, event: OperatorEvent) -> str | None:
-        if self._is_stopped:
-            return self._refuse_stopped(event)
-        if event.action == "pause":
-            self._pause(f"paused by {event.source}")
-        elif event.action in ("start", "resume") and self._state == "paused":
-            return self._resume()
-        elif event.action == "start" and self._state in FINAL:
-            self._begin_anew()
-        elif event.action == "return_home":
-            return self._turn_home(event.source, event.id)
-        elif event.action == "goto":
-            return self._turn_to_goal(event)
-        return ""
+    def _refuse(self, why: str) -> str:
+        self._refusal = why
+        return why
 
-    def _refuse_stopped(self, event: OperatorEvent) -> str:
-        if event.action not in MOVING:
-            return ""
-        what = "goal" if event.action == "goto" else event.action
-        refusal = f"{what} refused: the robot is stopped; clear the stop first"
-        if event.action == "goto":
-            self._refusal = refusal
-        return refusal
+    def _turn_latch(self, event: OperatorEvent) -> None:
+        self._latch.hear(event)
+        self._heed_latch()
+
+    def _heed_latch(self) -> None:
+        """Stand still while the latch holds, whoever closed it."""
+        holds = bool(self._latch.reason)
+        if holds and not self._has_stood_for_stop:
+            self._pause(f"{self._latch.reason}; clear the stop, then resume")
+        elif self._has_stood_for_stop and not holds:
+            self._pause("stop cleared; waiting for resume")
+        self._has_stood_for_stop = holds
+
+    def _cancel(self, event: OperatorEvent) -> None:
+        """A run that goes on with this one stands as this one stood, and has its errand."""
+        self._end(
+            "cancelled",
+            f"cancelled by {event.source}",
+            stood=find_stood(self._state),
+            errand=find_errand(self._state),
+        )
+
+    def _skip_row(self) -> str:
+        if find_away(self._state):
+            return self._refuse("row not skipped: the robot is away from its rows")
+        if self._job is None:
+            return self._refuse("row not skipped: nothing was planned yet")
+        self._job.skip_row()
+        return ""
 
     def _resume(self) -> str:
-        """Why it is not resumed; "" where it is."""
-        errands, way = self._errands, self._way
+        state = self._state
+        if not isinstance(state, Paused):
+            return ""
         try:
-            if errands.cut_off is not None:
+            if errand := self._find_errand_to_resume(state):
                 self._drop()
-                errands.ask(errands.cut_off)
+                self._answers.await_errand(errand)
+                self._state = Stopping(errand, state.reason, state.stood, state.held)
                 return ""
-            if errands.is_away and errands.route is None and way is not None:
-                self._drop()
-                errands.ask(work_errand(self._job))
-                return ""
-            if way is not None and self._last is not None:
-                check_not_carried_away(self._last, way.place, self._config.resume_limit_m)
+            if self._way is not None and self._last is not None:
+                limit_m = self._config.resume_limit_m
+                check_not_carried_away(self._last, self._way.place, limit_m)
         except MissionError as error:
-            self._reason = f"not resumed: {error}"
-            return self._reason
+            refusal = self._refuse(f"not resumed: {error}")
+            self._state = msgspec.structs.replace(state, reason=refusal)
+            return refusal
         self._is_resumed = True
-        self._run_on("running" if way else "waiting")
+        if state.away:
+            self._run_on(OnErrand(state.away.errand, state.away.route))
+        else:
+            self._run_on(Driving(self._job) if self._job else Waiting())
         return ""
+
+    def _find_errand_to_resume(self, state: Paused) -> Errand | None:
+        """Of an earlier run, or back to where the work stopped.
+
+        Raises: MissionError: there is no way back.
+        """
+        if state.cut_off:
+            return state.cut_off
+        if self._is_away and not state.away and self._job:
+            self._drop()
+            return make_work_errand(self._task, self._job)
+        return None
 
     def _begin_anew(self) -> None:
         """The whole task once more, planned from where the robot stands."""
-        self._job, self._errands = Job(self.task, self._config), Errands()
-        self._ended, self._ok_since_s = None, None
+        self._take_task(self._task)
         self._is_resumed = True
-        self._run_on("waiting")
+        self._run_on(Waiting())
 
-    def _turn_home(self, source: str, id: str = "") -> str | None:
-        """Why it cannot; None where that shows once it stands."""
-        errands = self._errands
-        wanted = errands.current if self._state == "running" else errands.asked
-        if wanted is not None and wanted.to == "home":
+    def _turn_home(self, source: str) -> str:
+        state = self._state
+        errand = state.errand if isinstance(state, OnErrand | Stopping) else None
+        if errand is not None and errand.to == "home":
             return ""
         try:
-            errand = home_errand(self._job, source, id)
+            errand = make_home_errand(self._task, self._job, source)
         except MissionError as error:
-            self._refusal = f"cannot return home: {error}"
-            return self._refusal
+            return self._refuse(f"cannot return home: {error}")
         self._stop_for(errand, f"stops to return home, as {source} wants")
-        return None
+        return ""
 
-    def _turn_to_goal(self, event: OperatorEvent) -> str | None:
+    def _turn_to_goal(self, event: OperatorEvent) -> str:
         try:
-            errand = goal_errand(self._job, event)
+            errand = make_goal_errand(self._task, event.source, event.numbers)
         except MissionError as error:
-            self._refusal = f"goal refused: {error}"
-            return self._refusal
+            return self._refuse(f"goal refused: {error}")
         self._stop_for(errand, f"stops for a goal of {event.source}")
-        return None
+        return ""
 
     def _stop_for(self, errand: Errand, reason: str) -> None:
         """The way is planned from where the robot comes to rest."""
-        if self._state in FINAL:
-            self._ended = (self._state, self._reason)
-        self._state, self._reason = "paused", reason
+        state = self._state
+        self._ended = state if isinstance(state, Ended) else self._ended
         self._drop()
         self._refusal = ""
-        self._answers.replace_errand(errand)
-        self._errands.ask(errand)
+        self._answers.await_errand(errand)
+        held = state.held if isinstance(state, Stopping | Paused) else ""
+        self._state = Stopping(errand, reason, find_stood(state), held)
 
-    def _take(self, event: OperatorEvent) -> str | None:
-        """Another task from now on, from where the robot stands: a visit at once, a plan later."""
-        is_visit, new_tasks = event.action == "visit", self._new_tasks
-        is_moving = self._last is not None and abs(self._last.v_mps) > STANDING_MPS
-        if new_tasks is None:
-            self._refusal = f"{event.action} refused: this mission takes no other task"
-            return self._refusal
-        if is_moving and not is_visit:
-            self._refusal = "plan refused: the robot drives; pause its mission first"
-            return self._refusal
+    def _take_plan(self, event: OperatorEvent) -> str:
+        """Another task from now on for a robot that stands, once it is checked and resumed."""
+        new_tasks, last = self._new_tasks, self._last
+        if new_tasks and last and abs(last.v_mps) > STANDING_MPS:
+            return self._refuse("plan refused: the robot drives; pause its mission first")
+        return self._take(event, new_tasks.checking_s if new_tasks else 0.0)
+
+    def _take_visit(self, event: OperatorEvent) -> str:
+        """Another task at once, from where the robot is."""
+        return self._take(event, 0.0)
+
+    def _take(self, event: OperatorEvent, latency_s: float) -> str:
+        if self._new_tasks is None:
+            return self._refuse(f"{event.action} refused: this mission takes no other task")
 
         def refuse(error: MissionError) -> None:
-            self._is_checking = False
-            self._refusal = f"{event.action} refused: {error}"
-            self._answers.settle_task(self._refusal)
+            self._answers.settle_check(self._refuse(f"{event.action} refused: {error}"))
 
         self._drop()
-        self._answers.await_task(event)
-        self._is_checking = not is_visit
-        latency_s = 0.0 if is_visit else new_tasks.checking_s
-        work, then = partial(new_tasks.of, event), partial(self._work_at, event)
-        self._desk.ask(event.t_s, work, latency_s, then, refuse)
-        return None
+        self._answers.await_check()
+        work, then = partial(self._new_tasks.of, event), partial(self._work_at, event)
+        is_check = event.action == "plan"
+        self._desk.ask(event.t_s, work, latency_s, then, refuse, is_check=is_check)
+        return ""
 
     def _work_at(self, event: OperatorEvent, task: Task) -> None:
-        self._answers.settle_task()
-        self._is_checking = False
-        if event.action == "visit":
-            task = task._replace(bounds=self.task.bounds)
-        self._job, self._errands = Job(task, self._config), Errands()
-        self._ended, self._refusal, self._state = None, "", "paused"
-        self._pause(f"new {event.action} from {event.source}; resume begins it")
-        if event.action == "visit" and not self._is_stopped:
-            self._run_on("waiting")
+        self._answers.settle_check()
+        is_visit = event.action == "visit"
+        self._take_task(task._replace(bounds=self._task.bounds) if is_visit else task)
+        self._refusal = ""
+        reason = f"new {event.action} from {event.source}; resume begins it"
+        self._state = Paused(reason, stood=reason)
+        if is_visit and not self._latch.reason:
+            self._run_on(Waiting())
+
+    def _take_task(self, task: Task) -> None:
+        """Whatever was done and asked before is over."""
+        self._task, self._job, self._begun = task, None, None
+        self._ended, self._is_away = None, False
 
     def _set(self, event: OperatorEvent) -> None:
+        """A new speed counts at once, and for the time that is left."""
         if event.text != "mission.speed_mps":
             return
         self._config = msgspec.structs.replace(self._config, speed_mps=event.value)
-        self._job.change_speed(self._config)
-        if self._errands.route is not None:
-            self._errands.route.change_speed(self._config)
+        if self._job:
+            self._job.change_speed(self._config)
+        if away := find_away(self._state):
+            away.route.change_speed(self._config)
+
+    def _take_up(self, saved: SavedMission | None) -> None:
+        """Stand as the mission that was cut off stood, or until there is a goal."""
+        if saved is not None and saved.stopped:
+            self._latch.hold(saved.stopped)
+        if saved is not None and saved.asks_first:
+            if saved.planned_from is None:
+                self._wait_for_an_answer(saved)
+        elif saved is not None and (saved.stopped or saved.paused):
+            why = saved.stopped or saved.paused
+            # in its own words, however often the run is cut off
+            self._state = Paused(f"was cut off: {why}; resume goes on with it", stood=why)
+        elif self._config.waits_for_goals:
+            self._state = Paused("waits for a goal; resume begins its mission")
+
+    def _wait_for_an_answer(self, saved: SavedMission) -> None:
+        """What an operator sent the robot to goes on only when an operator says so."""
+        self._is_away, cut_off = saved.is_away, None
+        what = "away from its work" if saved.is_away else f"its visit '{saved.visit_name}'"
+        if saved.errand is not None:
+            cut_off = restore_errand(saved.errand, self._task, self._job)
+            what = f"{cut_off.leg}, as {saved.errand.source} asked"
+        reason = f"was cut off: {what}; resume goes on with it"
+        self._state = Paused(reason, cut_off=cut_off)
+
+    def _wait(self, state: Waiting, estimate: Estimate) -> None:
+        if not self._is_located:
+            self._state = Waiting(f"waiting for position: {estimate.reason or 'no estimate'}")
+            if lost := self._watch.still_lost(estimate.t_s, estimate.reason):
+                self._end("failed", lost)
+            return
+        steady_since_s = state.steady_since_s
+        steady_since_s = estimate.t_s if steady_since_s is None else steady_since_s
+        if self._desk.is_busy:
+            self._state = Waiting("planning the way", steady_since_s)
+        elif estimate.t_s - steady_since_s < SETTLE_S:
+            self._state = Waiting("waiting for the estimate to settle", steady_since_s)
+        else:
+            self._state = Waiting(state.reason, steady_since_s)
+            self._begin(estimate)
+
+    def _begin(self, estimate: Estimate) -> None:
+        """Plan from here. A refused plan ends a mission that begins by itself, and a visit.
+
+        Whoever resumes a mission can drive the robot to a better place and resume it again.
+        """
+
+        def begin(job: MissionJob) -> None:
+            self._job, self._is_away = job, False
+            job.change_speed(self._config)
+            if self._begun is not None and self._begun.asks_first:
+                self._wait_for_an_answer(self._begun)
+            else:
+                self._run_on(Driving(job))
+
+        def fail(error: MissionError) -> None:
+            if self._is_resumed and not self._task.name:
+                self._pause(f"not resumed: {error}")
+                self._refusal = f"not resumed: {error}"
+            else:
+                self._end("failed", str(error))
+
+        work = partial(plan_job, self._task, self._config, estimate, self._begun)
+        self._desk.ask(estimate.t_s, work, self._task.planning_s, begin, fail)
+
+    def _set_off(self, state: Stopping, estimate: Estimate) -> None:
+        """Plan the way of an errand from here; the robot stands until it is there."""
+        stands = abs(estimate.v_mps) <= STANDING_MPS
+        if not (self._is_located and stands) or self._desk.is_busy:
+            return
+        errand = state.errand
+
+        def leave(route: Route) -> None:
+            route.change_speed(self._config)
+            self._is_away = True
+            self._answers.settle_errand()
+            self._run_on(OnErrand(errand, route))
+
+        def stay(error: MissionError) -> None:
+            why = f"{errand.refusal}: {error}"
+            if errand.source == BATTERY:  # nobody asked for it, and may not be there to resume
+                both = "; ".join(filter(None, (self._warning, why)))
+                self._pause(both, by_itself=True)
+            else:
+                self._pause(why)
+            self._answers.settle_errand(self._refuse(why))
+
+        latency_s = self._task.errand_planning_s
+        work = partial(errand.plan_route, estimate, self._config)
+        self._desk.ask(estimate.t_s, work, latency_s, leave, stay)
+
+    def _drive(self, state: Driving | OnErrand, estimate: Estimate) -> None:
+        if estimate.contradiction:
+            self._pause(estimate.contradiction, by_itself=True)
+            return
+        route = state.job.route if isinstance(state, Driving) else state.route
+        if self._is_located:
+            reason = self._advance(state, route, estimate)
+        else:
+            reason = f"position lost: {estimate.reason or 'not finite'}"
+        if self._state is not state:
+            return
+        self._state = msgspec.structs.replace(state, reason=reason)
+        stalled = self._watch.stalled(route, estimate.t_s, reason)
+        if stalled and self._watch.is_guarding:
+            self._pause(stalled, by_itself=True)
+        elif stalled:
+            self._end("failed", stalled)
+
+    def _advance(self, state: Driving | OnErrand, route: Route, estimate: Estimate) -> str:
+        """Why the robot is held back where it has come to; empty where nothing is wrong."""
+        self._watch.caution = 1.0
+        route.progress.advance(estimate.x_map_m, estimate.y_map_m)
+        if strayed := self._watch.strayed(route, estimate, self._config.off_path_limit_m):
+            self._end("failed", strayed)
+            return ""
+        if isinstance(state, Driving):
+            state.job.work(estimate)
+        if route.progress.s_m >= route.progress.length_m - END_TOLERANCE_M:
+            self._arrive(state, estimate.t_s)
+            return ""
+        reason = ""
+        has_crop = self._task.has_crop
+        if isinstance(state, Driving) and route.is_beside_row and has_crop:
+            reason = self._watch.lost_row(route, estimate, self._config)
+        rows = self._task.rows if has_crop else ()
+        astray = self._watch.astray(route, estimate, rows, self._task.clearance_m)
+        return reason or astray
+
+    def _arrive(self, state: Driving | OnErrand, t_s: float) -> None:
+        if isinstance(state, Driving):
+            self._end(*state.job.finish(t_s))
+        elif state.errand.to == "home":
+            called = f"returned home, called by {state.errand.source}"
+            ended = self._ended or Ended("cancelled", called)
+            self._end(ended.ending, ended.reason)
+        elif state.errand.to == "work" and self._job is not None:
+            self._job.go_on()
+            self._is_away = False
+            self._watch.restart_headway()
+            self._state = Driving(self._job)
+        else:
+            source = state.errand.source
+            self._stand(f"at the goal of {source}; resume goes on with the mission", away=None)
+
+    def _run_on(self, state: Waiting | Driving | OnErrand) -> None:
+        self._drop()
+        self._state, self._refusal = state, ""
+        self._watch.restart()
+
+    def _pause(self, reason: str, *, by_itself: bool = False) -> None:
+        """Pause; `by_itself`, without having been asked: a person has to look, and to resume it.
+
+        An errand that has not begun is given up.
+        """
+        self._stand(reason, find_away(self._state), by_itself=by_itself)
+
+    def _stand(self, reason: str, away: OnErrand | None, *, by_itself: bool = False) -> None:
+        """What had ended before an errand is ended again."""
+        self._drop()
+        state = self._state
+        if isinstance(state, Ended):
+            return
+        if self._ended is not None and away is None:
+            self._state = Ended(self._ended.ending, self._ended.reason)
+            return
+        cut_off = state.cut_off if isinstance(state, Paused) else None
+        self._state = Paused(reason, reason, reason if by_itself else "", away, cut_off)
+
+    def _end(
+        self, ending: Ending, reason: str, stood: str = "", errand: Errand | None = None
+    ) -> None:
+        self._drop()
+        self._state = Ended(ending, reason, stood, find_away(self._state), errand)
+
+    def _drop(self) -> None:
+        """What is being worked out is not wanted any more."""
+        if self._desk.is_checking:
+            self._answers.settle_check(self._refuse(f"plan refused: {MEANWHILE}"))
+        self._desk.drop()

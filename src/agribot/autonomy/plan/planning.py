@@ -44,10 +44,16 @@ class PlanningDesk:
         self._host = host
         self._then: Callable[[Any], None] | None = None
         self._refuse: Callable[[MissionError], None] = lambda _: None
+        self._is_check = False
 
     @property
     def is_busy(self) -> bool:
         return self._then is not None
+
+    @property
+    def is_checking(self) -> bool:
+        """Whether what is worked out is the check of a plan, not a way."""
+        return self.is_busy and self._is_check
 
     def ask(
         self,
@@ -56,19 +62,21 @@ class PlanningDesk:
         latency_s: float,
         then: Callable[[T], None],
         refuse: Callable[[MissionError], None],
+        *,
+        is_check: bool = False,
     ) -> None:
         """Without latency, `then` or `refuse` is called at once."""
-        self._then, self._refuse = then, refuse
+        self._then, self._refuse, self._is_check = then, refuse, is_check
         self._host.ask(t_s, work, latency_s)
         self.look(t_s)
 
     def look(self, t_s: float) -> None:
         """Act on the answer, if it is time for it and nobody dropped the question."""
-        answer = self._host.take(t_s) if self._then is not None else None
-        if answer is None:
+        then = self._then
+        answer = self._host.take(t_s) if then is not None else None
+        if then is None or answer is None:
             return
-        then, self._then = self._then, None
-        assert then is not None
+        self._then = None
         try:
             found = answer()
         except MissionError as error:
@@ -76,7 +84,6 @@ class PlanningDesk:
         else:
             then(found)
 
-    def drop(self) -> bool:
-        """Something else is wanted now; whether an answer was waited for."""
-        was_busy, self._then = self.is_busy, None
-        return was_busy
+    def drop(self) -> None:
+        """Something else is wanted now."""
+        self._then = None

@@ -32,6 +32,10 @@ class Watch:
         self._stall.restart()
         self._guard.restart()
 
+    def restart_headway(self) -> None:
+        """The robot goes over to another route: what it made on the last one does not count."""
+        self._stall.restart()
+
     @property
     def may_work(self) -> bool:
         """Whether the tool may work where the robot is, if it is where it believes."""

@@ -19,6 +19,8 @@ class ImplementCommand(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RobotCommand(msgspec.Struct, frozen=True, kw_only=True):
+    """What a platform is to do from now on."""
+
     t_s: float
     drive: DriveCommand = DriveCommand()
     implement: ImplementCommand = ImplementCommand()

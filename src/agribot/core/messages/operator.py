@@ -34,7 +34,10 @@ INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but 
 
 
 class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that is asked of the robot; who judges it answers by its `id`, if it has one."""
+    """A request to the robot; what `text`, `value` and `numbers` mean depends on the action.
+
+    Whoever judges it answers by its `id`, if it has one.
+    """
 
     t_s: float
     action: OperatorAction

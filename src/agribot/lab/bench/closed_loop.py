@@ -137,7 +137,7 @@ def table(result: dict[str, Any]) -> str:
 
 
 def _drive(condition: Condition, seconds: float, model: str) -> Drive:
-    from agribot.app.session import Session
+    from agribot.app.simulated_run import simulate
 
     profile = FARM if condition.field == FARM else BEET
     with TemporaryDirectory() as folder:
@@ -150,7 +150,7 @@ def _drive(condition: Condition, seconds: float, model: str) -> Drive:
             f"perception.model={model}",
             "record.enabled=false",
         ]
-        with Session(config.load(profile, settings), Path(folder) / "run") as session:
+        with simulate(config.load(profile, settings), Path(folder) / "run") as session:
             for _ in session.ticks():
                 pass
             session.finish()

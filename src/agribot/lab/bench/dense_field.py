@@ -49,12 +49,12 @@ class DenseView:
     def __init__(self, height_m: float, down_deg: float, is_hilly: bool = False) -> None:
         from agribot.description.loader import load_robot
         from agribot.sim.camera import CameraRenderer
-        from agribot.sim.camera.scene import ground_heights
+        from agribot.sim.camera.scene import sample_ground_heights
 
         world, camera = dense_field(is_hilly), load_robot().camera
         assert camera is not None  # of our own robot
         at = np.array([[-18.0, 0.0, 0.0]])
-        up_m = height_m + float(ground_heights(world, at)[0])
+        up_m = height_m + float(sample_ground_heights(world, at)[0])
         pose = transform((-18.0, 0.0, up_m), (0.0, math.radians(down_deg), 0.02))
         self._renderer, self._camera = CameraRenderer(world, threads=1), camera
         self._map_from_camera = pose @ LINK_FROM_OPTICAL

@@ -113,11 +113,11 @@ def network_ms() -> float:
 
 def mission_rtf(*settings: str) -> float | None:
     """Simulated seconds per CPU second of the whole robot, start-up not counted."""
-    from agribot.app.session import Session
+    from agribot.app.simulated_run import simulate
 
     with TemporaryDirectory() as folder:
         chosen = config.load("farm", ["seed=1", f"duration_s={MISSION_S}", *settings])
-        with Session(chosen, Path(folder)) as session:
+        with simulate(chosen, Path(folder)) as session:
             for _ in session.ticks():
                 pass
             return session.finish().time.rtf_cpu

@@ -23,7 +23,7 @@ from agribot.core.errors import PlatformError
 from agribot.ui.address import Address
 
 if TYPE_CHECKING:
-    from agribot.app.session import Session
+    from agribot.app.simulated_run import SimulatedRun
     from agribot.ui.operator_page import OperatorPage
 
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
@@ -101,7 +101,7 @@ def run(
     The robot drives slowly, so that its mission outlasts the benchmark.
     Raises: AgribotError: the profile, the page's packages or a client do not work.
     """
-    from agribot.app.session import Session
+    from agribot.app.simulated_run import simulate
     from agribot.ui.operator_page import OperatorPage
 
     drive = f"mission.speed_mps={SLOW_MPS if growth_s else config.load(profile).mission.speed_mps}"
@@ -109,7 +109,7 @@ def run(
     settings = config.load(profile, chosen)
     with (
         tempfile.TemporaryDirectory() as folder,
-        Session(settings, Path(folder)) as session,
+        simulate(settings, Path(folder)) as session,
         OperatorPage(session, Address(port=0)) as page,
     ):
         clock = _Clock(session, 1.0 / settings.tick_hz)
@@ -203,7 +203,7 @@ def _start(module: str, words: Sequence[str]) -> subprocess.Popen[str]:
 class _Clock:
     """Drives the session at the pace of the clock and notes how late each tick is."""
 
-    def __init__(self, session: Session, period_s: float) -> None:
+    def __init__(self, session: SimulatedRun, period_s: float) -> None:
         self._ticks: Iterator[Any] = session.ticks()
         self._period_s = period_s
 

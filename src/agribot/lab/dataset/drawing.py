@@ -33,12 +33,12 @@ from agribot.lab.dataset.records import (
 from agribot.lab.dataset.run_lengths import instance_run_lengths
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.camera.renderer import CameraRenderer, Rendering
-from agribot.sim.random_scenes import random_field, random_look, random_view
+from agribot.sim.random_scenes import sample_field, sample_look, sample_view
 from agribot.sim.seedling_scenes import (
-    overhead_view,
-    random_seedlings,
-    red_infrared,
-    red_infrared_look,
+    sample_overhead_view,
+    sample_red_infrared_look,
+    sample_seedlings,
+    to_red_infrared,
 )
 
 # Keeps these fields apart from the ones that networks are trained and judged on.
@@ -66,9 +66,11 @@ class Scenes(NamedTuple):
 
 
 SCENES = {
-    "standard": Scenes(random_field, random_look, random_view),
-    "wide": Scenes(partial(random_field, is_wide=True), random_look, random_view),
-    "seedlings": Scenes(random_seedlings, red_infrared_look, overhead_view, red_infrared),
+    "standard": Scenes(sample_field, sample_look, sample_view),
+    "wide": Scenes(partial(sample_field, is_wide=True), sample_look, sample_view),
+    "seedlings": Scenes(
+        sample_seedlings, sample_red_infrared_look, sample_overhead_view, to_red_infrared
+    ),
 }
 
 

@@ -14,8 +14,8 @@ from typing import Literal
 
 import msgspec
 
-from agribot import __version__
 from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.version import __version__
 
 ABOUT = "dataset.json"
 LABELS = ("masks", "instances", "depth")

@@ -42,11 +42,11 @@ class Executor(Protocol):
 
 def drive(assignment: Assignment, stop: Stop) -> Outcome | None:
     """One whole run, as `agribot run` does it; None where it was stopped before its end."""
-    from agribot.app.session import Session
+    from agribot.app.simulated_run import simulate
 
     try:
         clear_run(assignment.out_dir)  # what an interrupted sweep left
-        with Session(assignment.job.config(), assignment.out_dir) as session:
+        with simulate(assignment.job.config(), assignment.out_dir) as session:
             for _ in session.ticks():
                 if stop():
                     session.finish(INTERRUPTED)

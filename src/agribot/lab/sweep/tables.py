@@ -12,8 +12,8 @@ from typing import Any
 
 import msgspec
 
-from agribot import __version__
 from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.version import __version__
 from agribot.lab.sweep.execution import Outcome
 from agribot.lab.sweep.plan import Job
 from agribot.record.report import Report

@@ -31,9 +31,9 @@ from agribot.sim.random_scenes import (
     CROPS,
     WEED_HEIGHT_M,
     WEEDS,
-    random_light,
-    random_look,
-    random_soil,
+    sample_light,
+    sample_look,
+    sample_soil,
 )
 
 
@@ -65,10 +65,10 @@ def _random_rows(rng: np.random.Generator, *, is_wide: bool) -> tuple[WorldSpec,
     plan = random_plan(rng, is_wide=is_wide)
     world = msgspec.structs.replace(
         generate_field(plan, int(rng.integers(2**31))),
-        light=random_light(rng),
-        soil=random_soil(rng) if is_wide else Soil(),
+        light=sample_light(rng),
+        soil=sample_soil(rng) if is_wide else Soil(),
     )
-    look = random_look(rng) if rng.random() < 0.5 else Appearance()
+    look = sample_look(rng) if rng.random() < 0.5 else Appearance()
     return world, look, math.radians(plan.rows.yaw_deg)
 
 

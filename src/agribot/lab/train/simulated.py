@@ -13,7 +13,7 @@ from agribot.core.messages import ByteArray
 from agribot.lab.train.data import LabelledImage
 from agribot.lab.train.losses import IGNORED
 from agribot.sim.camera.renderer import CameraRenderer, Rendering
-from agribot.sim.random_scenes import random_field, random_look, random_view
+from agribot.sim.random_scenes import sample_field, sample_look, sample_view
 
 VIEWS_PER_SCENE = 2
 # Beyond it a pixel covers more than a weed; the robot does not look that far either.
@@ -25,10 +25,10 @@ def draw_random_field(
 ) -> Iterator[LabelledImage]:
     """Views of one random field from random camera poses; `is_wide`: of any species and soil."""
     renderer = CameraRenderer(
-        random_field(rng, is_wide=is_wide), appearance=random_look(rng), threads=1
+        sample_field(rng, is_wide=is_wide), appearance=sample_look(rng), threads=1
     )
     for _ in range(views):
-        camera, map_from_camera = random_view(rng)
+        camera, map_from_camera = sample_view(rng)
         fine = 2 if rng.random() < 0.25 else 1
         drawn = renderer.render(
             map_from_camera, camera, noise_seed=int(rng.integers(2**31)), supersample=fine

@@ -50,7 +50,7 @@ class Instances(NamedTuple):
     solid: Bytes
 
 
-class View(NamedTuple):
+class PinholeView(NamedTuple):
     """A pinhole at `eye` (map, metres); rows of `camera_from_map` are right, down, forward."""
 
     eye: Doubles
@@ -73,7 +73,7 @@ class Lamp(NamedTuple):
     haze_per_m: float
 
 
-class Pyramid(NamedTuple):
+class TexturePyramid(NamedTuple):
     """Textures with their smaller copies: `texel` is (layers, texels of all levels, 3)."""
 
     texel: Singles
@@ -83,7 +83,7 @@ class Pyramid(NamedTuple):
 
 
 class Targets(NamedTuple):
-    """The picture while it is drawn; `place` is where in the map a pixel of terrain lies."""
+    """The picture while it is drawn, (height, width, ...); `place` holds terrain's map x and y."""
 
     colour: Singles
     inverse_depth: Singles
@@ -133,8 +133,8 @@ class Ground(NamedTuple):
     shade_step_m: float
 
 
-def pyramid(images: Singles, levels: int, contrast: float = 1.0) -> Pyramid:
-    """Pack (layers, height, width, 3) images with up to `levels` halvings.
+def build_pyramid(images: Singles, levels: int, contrast: float = 1.0) -> TexturePyramid:
+    """Pack images (layers, height, width, 3) with up to `levels` halvings.
 
     Each copy keeps `contrast` of the deviations of the one before.
     """
@@ -153,7 +153,7 @@ def pyramid(images: Singles, levels: int, contrast: float = 1.0) -> Pyramid:
         level = halves.mean(axis=(2, 4), dtype=np.float32)
         mean = level.mean(axis=(1, 2), keepdims=True)
         level = mean + (level - mean) * np.float32(contrast)
-    return Pyramid(
+    return TexturePyramid(
         np.ascontiguousarray(np.concatenate(texels, axis=1), dtype=np.float32),
         np.array(first), np.array(widths), np.array(heights),
     )  # fmt: skip

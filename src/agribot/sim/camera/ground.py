@@ -11,10 +11,10 @@ from agribot.sim.camera.arrays import (
     Ground,
     Ints,
     Lamp,
-    Pyramid,
+    PinholeView,
     Singles,
     Targets,
-    View,
+    TexturePyramid,
 )
 from agribot.sim.camera.shadows import BLOCK, BLOCK_BITS
 from agribot.sim.jit import compile_fast, inline_fast
@@ -30,11 +30,12 @@ SEAM = SHARPNESS * 2.0 ** ((_BAYER + 0.5) / 16.0 - 0.5)
 
 @compile_fast
 def find_ground(
-    row: int, view: View, ground: Ground, targets: Targets, place: Doubles, layer: Ints
+    row: int, view: PinholeView, ground: Ground, targets: Targets, place: Doubles, layer: Ints
 ) -> None:
-    """Map x, y and surface of the ground pixels of a row; layer -1 where something else is.
+    """Find map x, y and surface of the ground pixels of a row; layer -1 where something else is.
 
-    Completes the depth of flat ground where nothing was drawn before it.
+    Writes into `place` (2, width) and `layer` (width,), and completes the depth of flat ground
+    where nothing was drawn before it.
     """
     turn, eye_x, eye_y, eye_z = view.camera_from_map, view.eye[0], view.eye[1], view.eye[2]
     inverse_depth, instance, drawn = targets.inverse_depth, targets.instance, targets.place
@@ -64,26 +65,27 @@ def find_ground(
             x, y = drawn[row, column, 0], drawn[row, column, 1]
         place[0, column], place[1, column] = x, y
         if not x_edge[tile_x] <= x < x_edge[tile_x + 1]:
-            tile_x = _cell(x_edge, x)
+            tile_x = _find_cell(x_edge, x)
         if not y_edge[tile_y] <= y < y_edge[tile_y + 1]:
-            tile_y = _cell(y_edge, y)
+            tile_y = _find_cell(y_edge, y)
         layer[column] = surface[tile_y, tile_x]
 
 
 @compile_fast
-def _cell(edge: Doubles, at: float) -> int:
+def _find_cell(edge: Doubles, at: float) -> int:
     cell: int = min(max(np.searchsorted(edge, at, side="right") - 1, 0), edge.shape[0] - 2)
     return cell
 
 
 @compile_fast
 def light_ground(
-    row: int, view: View, lamp: Lamp, ground: Ground, past: Singles, inverse_depth: Singles,
+    row: int, view: PinholeView, lamp: Lamp, ground: Ground, past: Singles, inverse_depth: Singles,
     place: Doubles, layer: Ints, light: Singles, texels_per_px: Singles, texels_per_m: float,
 ) -> None:  # fmt: skip
-    """Light on the ground pixels of a row, and how many texels each of them covers.
+    """Light the ground pixels of a row, and find how many texels each of them covers.
 
-    `past` is how much of the sun reaches each of them past the robot.
+    Writes into `light` and `texels_per_px`; `past` is the share of the sun that reaches each
+    pixel past the robot. All are (width,).
     """
     shade, block, tone, height = ground.shade, ground.block, ground.tone, ground.height
     sun_x, sun_y, sun_z = lamp.to_sun[0], lamp.to_sun[1], lamp.to_sun[2]
@@ -103,7 +105,7 @@ def light_ground(
         facing, steep = sun_z, to_z
         if height.shape[0] > 0:
             reach_m = max(0.15, 0.01 / near)
-            z, slope_x, slope_y = _slope(
+            z, slope_x, slope_y = _measure_slope(
                 height, height_x_m, height_y_m, 1.0 / height_step_m, x, y, reach_m
             )
             to_z -= z
@@ -128,43 +130,43 @@ def light_ground(
 
 @compile_fast
 def lift_ground(ground: Ground, place: Doubles, layer: Ints, z: Doubles) -> None:
-    """Map z of the ground pixels of a row."""
+    """Write the map z of the ground pixels of a row into `z` (width,)."""
     height = ground.height
     for column in range(layer.shape[0]):
         z[column] = 0.0
         if height.shape[0] > 0 and layer[column] >= 0:
-            z[column] = height_at(
+            z[column] = sample_height(
                 height, ground.height_x_m, ground.height_y_m, ground.height_step_m,
                 place[0, column], place[1, column],
             )  # fmt: skip
 
 
 @inline_fast
-def _slope(
+def _measure_slope(
     height: Singles, x_min_m: float, y_min_m: float, per_m: float, x: float, y: float,
     reach_m: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Height of the terrain and its slopes along x and y; `per_m` is samples per metre."""
+    """Return a terrain's height and its slopes along x and y; `per_m` is samples per metre."""
     column, row, reach = (x - x_min_m) * per_m, (y - y_min_m) * per_m, reach_m * per_m
-    east = _between(height, column + reach, row)
-    west = _between(height, column - reach, row)
-    north = _between(height, column, row + reach)
-    south = _between(height, column, row - reach)
+    east = _interpolate(height, column + reach, row)
+    west = _interpolate(height, column - reach, row)
+    north = _interpolate(height, column, row + reach)
+    south = _interpolate(height, column, row - reach)
     mean = 0.25 * (east + west + north + south)
     return mean, (east - west) / (2 * reach_m), (north - south) / (2 * reach_m)
 
 
 @compile_fast
-def height_at(
+def sample_height(
     height: Singles, x_min_m: float, y_min_m: float, step_m: float, x: float, y: float
 ) -> float:
-    """Height of a terrain between its samples; outside them it goes on level."""
-    return _between(height, (x - x_min_m) / step_m, (y - y_min_m) / step_m)
+    """Interpolate the height of a terrain (rows, columns); outside it is level."""
+    return _interpolate(height, (x - x_min_m) / step_m, (y - y_min_m) / step_m)
 
 
 @inline_fast
-def _between(height: Singles, column: float, row: float) -> float:
-    """Value of a grid between its samples."""
+def _interpolate(height: Singles, column: float, row: float) -> float:
+    """Interpolate a grid between its samples."""
     rows, columns = height.shape
     column = min(max(column, 0.0), columns - 1.001)
     row = min(max(row, 0.0), rows - 1.001)
@@ -179,10 +181,10 @@ def _between(height: Singles, column: float, row: float) -> float:
 
 @compile_fast
 def paint_ground(
-    row: int, textures: Pyramid, repeat_per_m: float, place: Doubles, layer: Ints,
+    row: int, textures: TexturePyramid, repeat_per_m: float, place: Doubles, layer: Ints,
     light: Singles, texels_per_px: Singles, colour: Singles,
 ) -> None:  # fmt: skip
-    """Textured and lit colour of the ground pixels of a row, smooth between texels."""
+    """Paint the ground pixels of a row, textured and lit, smooth between texels."""
     texel, first = textures.texel, textures.first
     columns, rows = textures.width, textures.height
     for column in range(layer.shape[0]):

@@ -13,7 +13,7 @@ from agribot.core.geo import inverse
 from agribot.core.lens import distorted, undistorted
 from agribot.core.messages import FloatArray
 from agribot.core.robot import CameraSpec
-from agribot.sim.camera.arrays import Singles, Targets, View
+from agribot.sim.camera.arrays import PinholeView, Singles, Targets
 from agribot.sim.jit import compile_fast
 
 TOLERANCE_PX = 0.01
@@ -21,7 +21,7 @@ MAX_WIDENING = 3.0  # of the pinhole picture against the distorted one
 
 
 class Lens(NamedTuple):
-    """Where in the pinhole picture each drawn pixel of the distorted one lies.
+    """For each drawn pixel of the distorted picture, its place in the pinhole picture.
 
     `source` (height, width, 2) holds columns and rows; the pinhole picture is wider by `pad_x_px`
     on the left and right and by `pad_y_px` above and below.
@@ -32,11 +32,13 @@ class Lens(NamedTuple):
     pad_y_px: int
 
 
-def view_of(map_from_camera: FloatArray, camera: CameraSpec, fine: int, lens: Lens | None) -> View:
-    """The pinhole that is drawn, with `fine` pixels along a side of each of the camera's."""
+def make_view(
+    map_from_camera: FloatArray, camera: CameraSpec, fine: int, lens: Lens | None
+) -> PinholeView:
+    """Make the pinhole that is drawn, with `fine` pixels along a side of each of the camera's."""
     pad_x, pad_y = (lens.pad_x_px, lens.pad_y_px) if lens else (0, 0)
     width, height = camera.width_px * fine + 2 * pad_x, camera.height_px * fine + 2 * pad_y
-    return View(
+    return PinholeView(
         eye=np.array(map_from_camera[:3, 3], dtype=float),
         camera_from_map=np.ascontiguousarray(inverse(map_from_camera)[:3, :3]),
         focal_px=camera.focal_px * fine, cx_px=(width - 1) / 2.0, cy_px=(height - 1) / 2.0,
@@ -45,8 +47,10 @@ def view_of(map_from_camera: FloatArray, camera: CameraSpec, fine: int, lens: Le
 
 
 @lru_cache(maxsize=4)
-def lens_of(camera: CameraSpec, fine: int) -> Lens | None:
-    """The camera's distortion with `fine` drawn pixels along a side of a pixel; None without.
+def make_lens(camera: CameraSpec, fine: int) -> Lens | None:
+    """Make the look-up of a camera's distortion; None where it has none.
+
+    There are `fine` drawn pixels along a side of a pixel.
 
     Raises: DescriptionError: coefficients that fold the picture over itself or need a much
         wider pinhole.

@@ -1,4 +1,4 @@
-"""Which things a view shows, and where their vertices fall in the picture."""
+"""Selection of the things in a view, and projection of their vertices into the picture."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from agribot.sim.camera.arrays import (
     Instances,
     Lamp,
     Longs,
+    PinholeView,
     RobotShade,
     Singles,
-    View,
 )
 from agribot.sim.camera.robot_shadow import shade_points
 from agribot.sim.jit import compile_fast, inline_fast
@@ -26,9 +26,14 @@ FARTHEST = 1.0e9
 
 @compile_fast
 def cull(
-    forms: Forms, things: Instances, view: View, least_px: float, depth_m: Singles, size_px: Singles
+    forms: Forms,
+    things: Instances,
+    view: PinholeView,
+    least_px: float,
+    depth_m: Singles,
+    size_px: Singles,
 ) -> None:
-    """Distance and apparent size of what may be in view; depth -1 for the rest."""
+    """Write distance and apparent size (n,) of the things that may be in view; else depth -1."""
     edge_x = math.sqrt(1.0 + (view.cx_px / view.focal_px) ** 2)
     edge_y = math.sqrt(1.0 + (view.cy_px / view.focal_px) ** 2)
     turn = view.camera_from_map
@@ -57,7 +62,7 @@ def cull(
 @compile_fast
 def project(
     first: int, last: int, seen: Longs, mesh: Longs, start: Longs, forms: Forms,
-    things: Instances, view: View, lamp: Lamp, point: Singles, box: Singles,
+    things: Instances, view: PinholeView, lamp: Lamp, point: Singles, box: Singles,
 ) -> None:  # fmt: skip
     """Project and light the vertices of `seen[first:last]` into `point` (V, 6).
 
@@ -81,8 +86,8 @@ def project(
         origin = forms.first_vertex[mesh[k]]
         for j in range(origin, origin + forms.vertices[mesh[k]]):
             x, y, z = float(vertex[j, 0]), float(vertex[j, 1]), float(vertex[j, 2])
-            depth = _along(axes, 2, x, y, z)
-            column, row = _along(axes, 0, x, y, z), _along(axes, 1, x, y, z)
+            depth = _apply_axis(axes, 2, x, y, z)
+            column, row = _apply_axis(axes, 0, x, y, z), _apply_axis(axes, 1, x, y, z)
             lit = vertex[j, 3] * axes[3, 0] + vertex[j, 4] * axes[3, 1] + vertex[j, 5] * axes[3, 2]
             towards = vertex[j, 3] * (axes[4, 0] - x) + vertex[j, 4] * (axes[4, 1] - y)
             towards += vertex[j, 5] * (axes[4, 2] - z)
@@ -105,14 +110,16 @@ def project(
 
 
 @inline_fast
-def _along(axes: Doubles, row: int, x: float, y: float, z: float) -> float:
+def _apply_axis(axes: Doubles, row: int, x: float, y: float, z: float) -> float:
     return float(axes[row, 0] * x + axes[row, 1] * y + axes[row, 2] * z + axes[row, 3])
 
 
 @compile_fast
-def _aim(i: int, things: Instances, view: View, lamp: Lamp, axes: Doubles) -> None:
-    """Write the camera's axes with its place (rows 0 to 2), the sun (3) and the eye (4) as they
-    are in the mesh of a thing, so that vertices and normals need no turning.
+def _aim(i: int, things: Instances, view: PinholeView, lamp: Lamp, axes: Doubles) -> None:
+    """Write camera, sun and eye in the axes of a thing's mesh into `axes` (5, 4).
+
+    Rows 0 to 2 are the camera's axes with its place, 3 the sun, 4 the eye: vertices and normals
+    then need no turning.
     """
     turn, scale = things.rotation[i], float(things.scale[i])
     away_x = things.position[i, 0] - view.eye[0]
@@ -121,16 +128,16 @@ def _aim(i: int, things: Instances, view: View, lamp: Lamp, axes: Doubles) -> No
     to_camera, sun = view.camera_from_map, lamp.to_sun
     for k in range(3):
         for row in range(3):
-            axes[row, k] = scale * _across(
+            axes[row, k] = scale * _turn_axis(
                 to_camera[row, 0], to_camera[row, 1], to_camera[row, 2], turn, k
             )
-        axes[3, k] = _across(sun[0], sun[1], sun[2], turn, k)
-        axes[4, k] = -_across(away_x, away_y, away_z, turn, k) / scale
+        axes[3, k] = _turn_axis(sun[0], sun[1], sun[2], turn, k)
+        axes[4, k] = -_turn_axis(away_x, away_y, away_z, turn, k) / scale
         axes[k, 3] = to_camera[k, 0] * away_x + to_camera[k, 1] * away_y + to_camera[k, 2] * away_z
 
 
 @compile_fast
-def _across(x: float, y: float, z: float, turn: Singles, k: int) -> float:
+def _turn_axis(x: float, y: float, z: float, turn: Singles, k: int) -> float:
     return float(x * turn[0, k] + y * turn[1, k] + z * turn[2, k])
 
 
@@ -139,14 +146,14 @@ def shade_plants(
     first: int, last: int, seen: Longs, mesh: Longs, start: Longs, forms: Forms,
     things: Instances, lamp: Lamp, rover: RobotShade, point: Singles,
 ) -> None:  # fmt: skip
-    """Take the sun from the projected vertices of `seen[first:last]` that the robot shades.
+    """Darken the projected vertices of `seen[first:last]` that are in the robot's shadow.
 
     They keep the light of the sky; what is solid is not shaded.
     """
     vertex = forms.vertex
     for k in range(first, last):
         i = seen[k]
-        if things.solid[i] > 0 or not _near(things, forms, i, rover):
+        if things.solid[i] > 0 or not _is_near_shadow(things, forms, i, rover):
             continue
         turn, scale, origin = things.rotation[i], things.scale[i], forms.first_vertex[mesh[k]]
         count = forms.vertices[mesh[k]]
@@ -165,8 +172,8 @@ def shade_plants(
 
 
 @compile_fast
-def _near(things: Instances, forms: Forms, i: int, rover: RobotShade) -> bool:
-    """Whether a thing may be where the robot's shadow is."""
+def _is_near_shadow(things: Instances, forms: Forms, i: int, rover: RobotShade) -> bool:
+    """Return whether a thing may be where the robot's shadow is."""
     reach = forms.radius[things.form[i]] * things.scale[i]
     reach *= 1.0 + abs(rover.slope[0]) + abs(rover.slope[1])
     rise = things.position[i, 2] - rover.level_m

@@ -19,10 +19,10 @@ from agribot.sim.camera.arrays import (
     Instances,
     Ints,
     Longs,
-    Pyramid,
+    PinholeView,
     Singles,
     Targets,
-    View,
+    TexturePyramid,
 )
 from agribot.sim.camera.projection import COLUMN, DEPTH, ROW, SHADE, U, V
 from agribot.sim.jit import compile_fast, inline_fast
@@ -42,8 +42,8 @@ def draw_band(
     start: Longs,
     forms: Forms,
     things: Instances,
-    view: View,
-    textures: Pyramid,
+    view: PinholeView,
+    textures: TexturePyramid,
     point: Singles,
     box: Singles,
     targets: Targets,
@@ -97,7 +97,7 @@ def _clear(
 
 @compile_fast
 def _is_hidden(box: Singles, k: int, first_row: int, last_row: int, inverse_depth: Singles) -> bool:
-    """Whether nearer things cover the whole box of a small thing."""
+    """Return whether nearer things cover the whole box of a small thing."""
     width = inverse_depth.shape[1]
     left, right = max(0, int(box[k, 0])), min(width - 1, math.ceil(box[k, 1]))
     top, bottom = max(first_row, int(box[k, 2])), min(last_row - 1, math.ceil(box[k, 3]))
@@ -112,20 +112,20 @@ def _is_hidden(box: Singles, k: int, first_row: int, last_row: int, inverse_dept
 
 
 @compile_fast
-def clip(point: Floats, a: int, b: int, c: int, view: View, corner: Doubles) -> int:
-    """Cut a triangle at the near plane; writes projected corners, returns how many (0, 3, 4)."""
+def clip(point: Floats, a: int, b: int, c: int, view: PinholeView, corner: Doubles) -> int:
+    """Cut a triangle at the near plane; write projected corners, return how many: 0, 3 or 4."""
     index = (a, b, c)
     count = 0
     for e in range(3):
         p, q = point[index[e]], point[index[(e + 1) % 3]]
         p_right, p_down = _camera_xy(p, view)
         if p[DEPTH] >= view.near_m:
-            _put(corner[count], p_right, p_down, p[DEPTH], p[U], p[V], p[SHADE], view)
+            _write_corner(corner[count], p_right, p_down, p[DEPTH], p[U], p[V], p[SHADE], view)
             count += 1
         if (p[DEPTH] >= view.near_m) != (q[DEPTH] >= view.near_m):
             q_right, q_down = _camera_xy(q, view)
             s = (view.near_m - p[DEPTH]) / (float(q[DEPTH]) - p[DEPTH])
-            _put(
+            _write_corner(
                 corner[count], p_right + s * (q_right - p_right), p_down + s * (q_down - p_down),
                 view.near_m, p[U] + s * (q[U] - p[U]), p[V] + s * (q[V] - p[V]),
                 p[SHADE] + s * (q[SHADE] - p[SHADE]), view,
@@ -135,8 +135,8 @@ def clip(point: Floats, a: int, b: int, c: int, view: View, corner: Doubles) -> 
 
 
 @compile_fast
-def _camera_xy(p: Floats, view: View) -> tuple[float, float]:
-    """Metres right and down of a vertex; those behind the near plane are stored so."""
+def _camera_xy(p: Floats, view: PinholeView) -> tuple[float, float]:
+    """Return metres right and down of a vertex; those behind the near plane are stored so."""
     if p[DEPTH] < view.near_m:
         return float(p[COLUMN]), float(p[ROW])
     metres = p[DEPTH] / view.focal_px
@@ -144,9 +144,9 @@ def _camera_xy(p: Floats, view: View) -> tuple[float, float]:
 
 
 @compile_fast
-def _put(
+def _write_corner(
     corner: Doubles, right: float, down: float, depth: float, u: float, v: float, shade: float,
-    view: View,
+    view: PinholeView,
 ) -> None:  # fmt: skip
     corner[COLUMN] = view.cx_px + view.focal_px * right / depth
     corner[ROW] = view.cy_px + view.focal_px * down / depth
@@ -157,7 +157,7 @@ def _put(
 @compile_fast
 def _fill_cut(
     corner: Doubles, a: int, b: int, c: int, i: int, first_row: int, last_row: int,
-    things: Instances, textures: Pyramid, targets: Targets,
+    things: Instances, textures: TexturePyramid, targets: Targets,
 ) -> None:  # fmt: skip
     """Draw a part of a triangle that the near plane cut; rare, so not part of the main loop."""
     tint, width = things.tint, targets.label.shape[1]
@@ -178,8 +178,8 @@ def _fill(
     """Draw one triangle, with perspective-correct texture of the level that fits its size."""
     xa, xb, xc = float(point[a, COLUMN]), float(point[b, COLUMN]), float(point[c, COLUMN])
     ya, yb, yc = float(point[a, ROW]), float(point[b, ROW]), float(point[c, ROW])
-    left, right = _pixels(xa, xb, xc, 0, width)
-    top, bottom = _pixels(ya, yb, yc, first_row, last_row)
+    left, right = _find_pixel_range(xa, xb, xc, 0, width)
+    top, bottom = _find_pixel_range(ya, yb, yc, first_row, last_row)
     area = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)
     if left <= right and top <= bottom and area != 0.0:
         wa, wb, wc = 1.0 / point[a, DEPTH], 1.0 / point[b, DEPTH], 1.0 / point[c, DEPTH]
@@ -188,20 +188,20 @@ def _fill(
             ua, ub, uc = float(point[a, U]), float(point[b, U]), float(point[c, U])
             va, vb, vc = float(point[a, V]), float(point[b, V]), float(point[c, V])
             share = abs(((ub - ua) * (vc - va) - (uc - ua) * (vb - va)) * per_area)
-            level = _level(share * level_columns[0] * level_rows[0], level_first.shape[0] - 1)
+            level = _pick_level(share * level_columns[0] * level_rows[0], level_first.shape[0] - 1)
             columns, rows, first = level_columns[level], level_rows[level], level_first[level]
             ua, ub, uc = ua * wa * columns, ub * wb * columns, uc * wc * columns
             va, vb, vc = va * wa * rows, vb * wb * rows, vc * wc * rows
             sa, sb, sc = float(point[a, SHADE]), float(point[b, SHADE]), float(point[c, SHADE])
             da, db, dc = (yb - yc) * per_area, (yc - ya) * per_area, (ya - yb) * per_area
-            ca, cb, cc, wide = crossing(da), crossing(db), crossing(dc), float(right - left)
+            ca, cb, cc, wide = solve_zero(da), solve_zero(db), solve_zero(dc), float(right - left)
             near_step, shade_step = da * wa + db * wb + dc * wc, da * sa + db * sb + dc * sc
             u_step, v_step = da * ua + db * ub + dc * uc, da * va + db * vb + dc * vc
             for row in range(top, bottom + 1):
                 start_a = ((xb - left) * (yc - row) - (xc - left) * (yb - row)) * per_area
                 start_b = ((xc - left) * (ya - row) - (xa - left) * (yc - row)) * per_area
                 start_c = 1.0 - start_a - start_b
-                low, high = inside(start_a, start_b, start_c, da, db, dc, ca, cb, cc, wide)
+                low, high = find_inside(start_a, start_b, start_c, da, db, dc, ca, cb, cc, wide)
                 near_0, at_0 = start_a * wa + start_b * wb + start_c * wc, row * width + left
                 shade_0 = start_a * sa + start_b * sb + start_c * sc
                 u_0 = start_a * ua + start_b * ub + start_c * uc
@@ -210,8 +210,8 @@ def _fill(
                     near = near_0 + step * near_step
                     at = np.uintp(at_0 + step)
                     if near > nearness[at]:
-                        u = _texel((u_0 + step * u_step) / near, columns)
-                        v = _texel((v_0 + step * v_step) / near, rows)
+                        u = _find_texel((u_0 + step * u_step) / near, columns)
+                        v = _find_texel((v_0 + step * v_step) / near, rows)
                         cell = np.uintp(first + v * columns + u)
                         shade, rgb = shade_0 + step * shade_step, np.uintp(3) * at
                         colours[rgb] = texel[layer, cell, 0] * shade * red
@@ -221,14 +221,14 @@ def _fill(
 
 
 @inline_fast
-def _pixels(a: float, b: float, c: float, first: int, end: int) -> tuple[int, int]:
-    """First and last row or column in [first, end) between three corners."""
+def _find_pixel_range(a: float, b: float, c: float, first: int, end: int) -> tuple[int, int]:
+    """Return the first and last row or column in [first, end) between three corners."""
     low, high = max(float(first), min(a, b, c)), min(end - 1.0, max(a, b, c))
     return math.ceil(low), math.floor(high)
 
 
 @inline_fast
-def _texel(at: float, count: int) -> int:
+def _find_texel(at: float, count: int) -> int:
     return min(max(int(at), 0), count - 1)
 
 
@@ -237,7 +237,7 @@ def _is_covered(
     left: int, right: int, top: int, bottom: int, width: int, nearest: float,
     nearness: Singles,
 ) -> bool:  # fmt: skip
-    """Whether nearer things cover the whole box of a small triangle."""
+    """Return whether nearer things cover the whole box of a small triangle."""
     wanted = np.float32(CLEARLY * nearest)
     if (right - left) * (bottom - top) > SMALL_TRIANGLE_PX:
         return False
@@ -251,8 +251,8 @@ def _is_covered(
 
 
 @inline_fast
-def _level(texels_per_px: float, last: int) -> int:
-    """The copy of a texture with about one texel to a pixel; `texels_per_px` is of areas."""
+def _pick_level(texels_per_px: float, last: int) -> int:
+    """Choose the copy of a texture with about one texel to a pixel, by the ratio of areas."""
     level = 0
     while texels_per_px > 2.0 and level < last:
         texels_per_px *= 0.25
@@ -261,30 +261,30 @@ def _level(texels_per_px: float, last: int) -> int:
 
 
 @inline_fast
-def crossing(slope: float) -> float:
+def solve_zero(slope: float) -> float:
     return 0.0 if slope == 0.0 else -1.0 / slope
 
 
 @inline_fast
-def inside(
+def find_inside(
     start_a: float, start_b: float, start_c: float, da: float, db: float, dc: float,
     ca: float, cb: float, cc: float, width: float,
 ) -> tuple[int, int]:  # fmt: skip
-    """First and last step from 0 to `width` where no barycentric coordinate is negative.
+    """Return the first and last step up to `width` where no barycentric coordinate is negative.
 
     They start as `start_a`, change by `da` a step and cross zero `ca` times `start_a` steps on.
     """
-    low, high = _span(start_a, da, ca, 0.0, width)
-    low, high = _span(start_b, db, cb, low, high)
-    low, high = _span(start_c, dc, cc, low, high)
+    low, high = _clip_span(start_a, da, ca, 0.0, width)
+    low, high = _clip_span(start_b, db, cb, low, high)
+    low, high = _clip_span(start_c, dc, cc, low, high)
     return math.ceil(low - 1e-6), math.floor(high + 1e-6)
 
 
 @inline_fast
-def _span(
+def _clip_span(
     start: float, slope: float, crossing: float, low: float, high: float
 ) -> tuple[float, float]:
-    """Part of [low, high] where start + slope * x is not negative; empty if high < low."""
+    """Return the part of [low, high] where start + slope * x >= 0; empty if high < low."""
     if slope > 0.0:
         low = max(low, start * crossing)
     elif slope < 0.0:

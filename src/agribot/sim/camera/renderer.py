@@ -1,4 +1,4 @@
-"""The simulated camera: a picture, and what every pixel of it shows.
+"""The simulated camera: a picture with depth, class and plant of every pixel.
 
 Needs no graphics library: triangles are filled on the CPU. Pictures are bit-identical on
 repeat and for any number of threads.
@@ -22,27 +22,33 @@ from agribot.core.messages import ByteArray, FloatArray
 from agribot.core.robot import CameraSpec, RobotSpec
 from agribot.core.world import WorldSpec
 from agribot.sim.camera.appearance import Appearance
-from agribot.sim.camera.arrays import Lamp, Longs, RobotShade, Singles, Targets, View
-from agribot.sim.camera.lens import bend_rows, lens_of, view_of
+from agribot.sim.camera.arrays import Lamp, Longs, PinholeView, RobotShade, Singles, Targets
+from agribot.sim.camera.lens import bend_rows, make_lens, make_view
 from agribot.sim.camera.projection import cull, project, shade_plants
 from agribot.sim.camera.raster import draw_band
-from agribot.sim.camera.robot_shadow import cast_robot_shade, no_robot_shade
-from agribot.sim.camera.rover import ResolveMesh, Rover, place
+from agribot.sim.camera.robot_shadow import cast_robot_shade, make_empty_shade
+from agribot.sim.camera.rover import ResolveMesh, Rover, place_parts
 from agribot.sim.camera.scene import (
     PLAIN_LAYER,
-    ground_arrays,
-    ground_heights,
-    ground_textures,
-    joined,
-    leaf_textures,
-    obstacle_instances,
-    packed_forms,
-    plant_instances,
+    build_ground,
+    build_ground_textures,
+    build_leaf_textures,
+    join_instances,
+    make_obstacle_instances,
+    make_plant_instances,
+    pack_forms,
+    sample_ground_heights,
 )
-from agribot.sim.camera.shading import CURVE_STEPS, Picture, Sensor, cover_rows, develop_rows
-from agribot.sim.camera.shadows import bake_shadows, directness, shadow_slope
-from agribot.sim.camera.stl import packaged_mesh
-from agribot.sim.camera.terrain import draw_terrain, terrain_points
+from agribot.sim.camera.shading import (
+    CURVE_STEPS,
+    ImageBuffers,
+    ImageSensor,
+    cover_rows,
+    develop_rows,
+)
+from agribot.sim.camera.shadows import bake_shadows, compute_directness, compute_shadow_slope
+from agribot.sim.camera.stl import find_mesh_file
+from agribot.sim.camera.terrain import draw_terrain, project_terrain
 
 LOD_PX = (150.0, 70.0, 32.0, 16.0)  # below these apparent sizes the next coarser mesh is drawn
 LEAST_PX = 1.2
@@ -80,7 +86,7 @@ class CameraRenderer:
         world: WorldSpec,
         robot: RobotSpec | None = None,
         *,
-        resolve_mesh: ResolveMesh = packaged_mesh,
+        resolve_mesh: ResolveMesh = find_mesh_file,
         variants: int = 12,
         shadow_resolution_m: float = 0.01,
         appearance: Appearance | None = None,
@@ -92,25 +98,25 @@ class CameraRenderer:
         to_sun = np.array(world.light.to_sun, dtype=float)
         to_sun = to_sun / max(float(np.linalg.norm(to_sun)), 1e-9)
         self._lamp = Lamp(to_sun, world.light.diffuse, world.light.ambient, look.haze_per_m)
-        plants, plant_forms = plant_instances(world, variants, look)
-        obstacles, obstacle_forms = obstacle_instances(world.obstacles, len(plant_forms))
+        plants, plant_forms = make_plant_instances(world, variants, look)
+        obstacles, obstacle_forms = make_obstacle_instances(world.obstacles, len(plant_forms))
         self._rover = None if robot is None else Rover(robot, resolve_mesh)
         rover_forms = [] if self._rover is None else self._rover.forms
-        self._forms = packed_forms(plant_forms + obstacle_forms + rover_forms)
-        base_m = (ground_heights(world, obstacles.position), plants.position[:, 2].copy())
-        self._direct = directness(world.light.diffuse)
+        self._forms = pack_forms(plant_forms + obstacle_forms + rover_forms)
+        base_m = (sample_ground_heights(world, obstacles.position), plants.position[:, 2].copy())
+        self._direct = compute_directness(world.light.diffuse)
         shadow = bake_shadows(
             self._forms, obstacles, plants, base_m, to_sun, shadow_resolution_m, self._direct
         )
-        self._things = joined(plants, obstacles)
+        self._things = join_instances(plants, obstacles)
         self._first_part = len(self._things.form)
         if self._rover is not None:
             first_form = len(plant_forms) + len(obstacle_forms)
-            parts = self._rover.instances(first_form, PLAIN_LAYER)
-            self._things = joined(self._things, parts)
-        self._ground = ground_arrays(world, shadow, look)
-        self._leaves = leaf_textures(look.texture_seed)
-        self._surfaces = ground_textures(world, to_sun, look)
+            parts = self._rover.make_instances(first_form, PLAIN_LAYER)
+            self._things = join_instances(self._things, parts)
+        self._ground = build_ground(world, shadow, look)
+        self._leaves = build_leaf_textures(look.texture_seed)
+        self._surfaces = build_ground_textures(world, to_sun, look)
         self._targets: dict[str, Targets] = {}
 
     def render(
@@ -132,12 +138,12 @@ class CameraRenderer:
 
         Raises: DescriptionError: a pose but no robot, or a distortion that cannot be drawn.
         """
-        lens = lens_of(camera, supersample)
-        view = view_of(map_from_camera, camera, supersample, lens)
+        lens = make_lens(camera, supersample)
+        view = make_view(map_from_camera, camera, supersample, lens)
         shade = self._place_rover(map_from_body, wheel_angles_rad)
-        drawn = targets = self._buffers("drawn", view.height, view.width)
-        picture = _blank(camera)
-        with _workers(self._threads) as run:
+        drawn = targets = self._get_buffers("drawn", view.height, view.width)
+        picture = _make_blank(camera)
+        with _start_workers(self._threads) as run:
             self._draw(view, drawn, shade, float(supersample), run)
             run(
                 lambda first, last: cover_rows(
@@ -147,12 +153,12 @@ class CameraRenderer:
             )
             if lens is not None:
                 source = lens.source
-                targets = self._buffers("bent", *source.shape[:2])
+                targets = self._get_buffers("bent", *source.shape[:2])
                 run(
                     lambda first, last: bend_rows(first, last, source, drawn, targets),
                     source.shape[0],
                 )
-            sensor = _sensor(self.appearance, camera, noise_seed, targets)
+            sensor = _make_sensor(self.appearance, camera, noise_seed, targets)
             run(
                 lambda first, last: develop_rows(
                     first, last, supersample, targets, sensor, picture
@@ -167,30 +173,34 @@ class CameraRenderer:
     def _place_rover(
         self, map_from_body: FloatArray | None, wheel_angles_rad: Sequence[float] | None
     ) -> RobotShade:
-        """Put the robot's parts where they are, or away; returns its shadow."""
+        """Put the robot's parts where they are, or away; return its shadow."""
         if map_from_body is None:
             self._things.scale[self._first_part :] = 0.0
-            return no_robot_shade()
+            return make_empty_shade()
         if self._rover is None:
             raise DescriptionError(
                 "a pose of the robot was given, but the renderer knows no robot; "
                 "pass robot= to CameraRenderer"
             )
         if self._first_part == len(self._things.form):  # a robot without visuals
-            return no_robot_shade()
-        place(self._things, self._first_part, self._rover.poses(map_from_body, wheel_angles_rad))
-        slope = shadow_slope(self._lamp.to_sun, self._direct)
+            return make_empty_shade()
+        place_parts(
+            self._things,
+            self._first_part,
+            self._rover.compute_poses(map_from_body, wheel_angles_rad),
+        )
+        slope = compute_shadow_slope(self._lamp.to_sun, self._direct)
         level_m = float(map_from_body[2, 3])
         return cast_robot_shade(
             self._forms, self._things, self._first_part, level_m, slope, self._direct
         )
 
     def _draw(
-        self, view: View, targets: Targets, shade: RobotShade, detail: float, run: Run
+        self, view: PinholeView, targets: Targets, shade: RobotShade, detail: float, run: Run
     ) -> None:
         """Fill the targets with everything that stands on the ground."""
         forms, things = self._forms, self._things
-        seen, lod = self._seen(view, detail)
+        seen, lod = self._find_visible(view, detail)
         mesh: Longs = things.form[seen] + lod * forms.forms
         vertices = forms.vertices[mesh]
         start: Longs = np.cumsum(vertices) - vertices
@@ -213,14 +223,14 @@ class CameraRenderer:
             view.height,
         )  # fmt: skip
         if self.world.terrain is not None:
-            mesh_points = terrain_points(view, self._ground)
+            mesh_points = project_terrain(view, self._ground)
             run(
                 lambda first, last: draw_terrain(first, last, mesh_points, view, targets),
                 view.height,
             )
 
-    def _seen(self, view: View, detail: float) -> tuple[Longs, Longs]:
-        """Indices of the things in view, nearest first, and their levels of detail."""
+    def _find_visible(self, view: PinholeView, detail: float) -> tuple[Longs, Longs]:
+        """Return the indices of the things in view, nearest first, and their levels of detail."""
         count = len(self._things.form)
         depth_m, size_px = np.empty(count, np.float32), np.empty(count, np.float32)
         cull(self._forms, self._things, view, LEAST_PX * detail, depth_m, size_px)
@@ -229,8 +239,8 @@ class CameraRenderer:
         lod: Longs = np.searchsorted(-np.array(LOD_PX) * detail, -size_px[seen], side="left")
         return seen, lod
 
-    def _buffers(self, name: str, height: int, width: int) -> Targets:
-        """Targets of this size, the same ones as long as the size stays."""
+    def _get_buffers(self, name: str, height: int, width: int) -> Targets:
+        """Return targets of this size, the same ones as long as the size stays."""
         kept = self._targets.get(name)
         if kept is None or kept.label.shape != (height, width):
             rough = self.world.terrain is not None and name == "drawn"
@@ -245,33 +255,33 @@ class CameraRenderer:
 
 
 @contextmanager
-def _workers(threads: int) -> Iterator[Run]:
-    """How to run a function over slices of a range: in this thread, or shared by several."""
+def _start_workers(threads: int) -> Iterator[Run]:
+    """Give a function that runs work over slices of a range, in this thread or in several."""
     if threads == 1:
         yield lambda work, count: work(0, count)
         return
     with ThreadPoolExecutor(threads) as pool:
 
-        def shared(work: Callable[[int, int], None], count: int) -> None:
+        def run_shared(work: Callable[[int, int], None], count: int) -> None:
             slices = 4 * threads
             edges = [count * k // slices for k in range(slices + 1)]
             for done in [pool.submit(work, *pair) for pair in pairwise(edges)]:
                 done.result()
 
-        yield shared
+        yield run_shared
 
 
-def _blank(camera: CameraSpec) -> Picture:
+def _make_blank(camera: CameraSpec) -> ImageBuffers:
     shape = (camera.height_px, camera.width_px)
-    return Picture(
+    return ImageBuffers(
         np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.uint8),
         np.empty(shape, np.int32),
     )  # fmt: skip
 
 
-def _sensor(
+def _make_sensor(
     look: Appearance, camera: CameraSpec, noise_seed: int | None, targets: Targets
-) -> Sensor:
+) -> ImageSensor:
     gain = np.array(look.white_balance) * look.exposure
     if look.auto_exposure_level > 0.0:
         sample = targets.colour[::METER_STEP, ::METER_STEP]
@@ -285,4 +295,4 @@ def _sensor(
     noise = 0.0 if noise_seed is None else 255.0 * camera.noise_std
     # Far apart for successive seeds, so that their counters never meet in one picture.
     seed = np.uint64(((noise_seed or 0) * 0x9E3779B1 << 20) & 0xFFFFFFFFFFFFFFFF)
-    return Sensor(gain, curve, noise, seed)
+    return ImageSensor(gain, curve, noise, seed)

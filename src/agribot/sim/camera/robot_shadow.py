@@ -1,4 +1,4 @@
-"""The robot's shadow: a small map of what the sun does not reach around it, new each frame.
+"""The robot's shadow: a small map of the ground around it, new for each frame.
 
 Map points slide along the sun's rays to the level of the robot's body frame. There, each texel
 keeps the height over that level below which points are in the shade.
@@ -22,7 +22,7 @@ OVERCAST_BLUR_M = 0.06  # deviation of the blur where no light is direct
 NOTHING = -10.0  # metres: lower than any part of the robot
 
 
-def no_robot_shade() -> RobotShade:
+def make_empty_shade() -> RobotShade:
     return RobotShade(np.empty((0, 0), np.uint8), np.empty((0, 0), np.float32),
                       0.0, 0.0, 0.0, 1.0, np.zeros(2))  # fmt: skip
 
@@ -31,7 +31,7 @@ def cast_robot_shade(
     forms: Forms, things: Instances, first: int, level_m: float, slope: Doubles,
     direct: float = 1.0,
 ) -> RobotShade:  # fmt: skip
-    """Shadow of the things from index `first` on, on the level `level_m` (map z).
+    """Cast the shadow of the things from index `first` on, on the level `level_m` (map z).
 
     `slope` (2,) is how far, east and north, a shadow moves for a metre of height. The less of
     the light is `direct`, the softer the edges.
@@ -60,7 +60,7 @@ def cast_robot_shade(
 def _cast(
     forms: Forms, things: Instances, first: int, level_m: float, slope: Doubles, corner: Doubles
 ) -> tuple[float, float, float, float]:
-    """Write the corners (x, y, height over the level) of all shadows; returns their bounds."""
+    """Write the corners of all shadows, (n, 3, 3): x, y, height over the level; return bounds."""
     x_min, x_max, y_min, y_max = 1e9, -1e9, 1e9, -1e9
     vertex, face, n = forms.vertex, forms.face, 0
     for i in range(first, things.form.shape[0]):
@@ -108,7 +108,7 @@ def _cover(corner: Doubles, x_m: float, y_m: float, step_m: float, top: Singles)
 
 @compile_fast
 def _soften(top: Singles, shade: Bytes, soft_top: Singles) -> None:
-    """Mean light of 3 x 3 texels, and the highest of them."""
+    """Write the mean light of 3 x 3 texels, and the highest of their tops."""
     rows, columns = top.shape
     for row in range(rows):
         for column in range(columns):
@@ -126,7 +126,7 @@ def _soften(top: Singles, shade: Bytes, soft_top: Singles) -> None:
 def shade_points(
     count: int, x: Doubles, y: Doubles, z: Doubles, rover: RobotShade, past: Singles
 ) -> None:
-    """How much of the sun reaches points of the map past the robot: 0 to 1 into `past`."""
+    """Write the share of the sun that reaches `count` map points past the robot into `past`."""
     dark, top, level_m = rover.shade, rover.top, rover.level_m
     rows, columns, per_step = dark.shape[0], dark.shape[1], 1.0 / rover.step_m
     slope_x, slope_y = rover.slope[0], rover.slope[1]

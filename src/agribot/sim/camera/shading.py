@@ -1,4 +1,4 @@
-"""What is left after the plants: ground, sky and haze; then the sensor that takes the picture."""
+"""Shading of ground, sky and haze behind the plants; then the sensor that takes the picture."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from agribot.sim.camera.arrays import (
     Ground,
     Ints,
     Lamp,
-    Pyramid,
+    PinholeView,
     RobotShade,
     Singles,
     Targets,
-    View,
+    TexturePyramid,
 )
 from agribot.sim.camera.ground import find_ground, lift_ground, light_ground, paint_ground
 from agribot.sim.camera.robot_shadow import shade_points
@@ -28,8 +28,10 @@ Counters = npt.NDArray[np.uint64]
 CURVE_STEPS = 4  # entries of the tone curve for each grey level
 
 
-class Sensor(NamedTuple):
-    """`gain` (3,) on red, green, blue; `curve` maps 4 * value to the output, empty for none;
+class ImageSensor(NamedTuple):
+    """The image sensor's response.
+
+    `gain` (3,) is on red, green, blue; `curve` maps 4 * value to the output, empty for none;
     `noise` is the standard deviation in grey levels, `seed` that of this picture.
     """
 
@@ -39,7 +41,9 @@ class Sensor(NamedTuple):
     seed: np.uint64
 
 
-class Picture(NamedTuple):
+class ImageBuffers(NamedTuple):
+    """The finished picture: `image` (height, width, 3), the others (height, width)."""
+
     image: Bytes
     depth: Singles
     label: Bytes
@@ -48,8 +52,8 @@ class Picture(NamedTuple):
 
 @compile_fast
 def cover_rows(
-    first: int, last: int, view: View, lamp: Lamp, ground: Ground, rover: RobotShade,
-    textures: Pyramid, targets: Targets,
+    first: int, last: int, view: PinholeView, lamp: Lamp, ground: Ground, rover: RobotShade,
+    textures: TexturePyramid, targets: Targets,
 ) -> None:  # fmt: skip
     """Complete the drawn rows [first, last) with ground, haze and sky."""
     layer = np.empty(view.width, np.int32)
@@ -73,7 +77,7 @@ def cover_rows(
 
 @compile_fast
 def develop_rows(
-    first: int, last: int, fine: int, targets: Targets, sensor: Sensor, picture: Picture
+    first: int, last: int, fine: int, targets: Targets, sensor: ImageSensor, picture: ImageBuffers
 ) -> None:
     """Make the rows [first, last) of the picture from `fine` times as many drawn rows."""
     width = picture.image.shape[1]
@@ -81,7 +85,7 @@ def develop_rows(
     image = picture.image.reshape(-1)
     for row in range(first, last):
         choose_row(row, fine, targets.inverse_depth, targets.label, targets.instance, picture)
-        mean_row(row, fine, targets.colour, value)
+        average_row(row, fine, targets.colour, value)
         expose_row(sensor.gain, sensor.curve, value)
         if sensor.noise > 0.0:
             scatter_grain(sensor.seed + np.uint64(row * width), sensor.noise, bits, grain)
@@ -90,12 +94,12 @@ def develop_rows(
 
 @compile_fast
 def fade_row(
-    row: int, view: View, haze_per_m: float, inverse_depth: Singles, sky: Doubles,
+    row: int, view: PinholeView, haze_per_m: float, inverse_depth: Singles, sky: Doubles,
     clear: Doubles, colour: Singles,
 ) -> None:  # fmt: skip
-    """Sky where nothing is, and its colour over what is far.
+    """Draw the sky where nothing is, and fade distant things into its colour.
 
-    `sky` and `clear` are working space: how much of the zenith's colour, and of the thing's.
+    `sky` and `clear` (width,) are buffers: the shares of the zenith's and of the thing's colour.
     """
     turn = view.camera_from_map
     down = (row - view.cy_px) / view.focal_px
@@ -119,16 +123,17 @@ def fade_row(
 
 @compile_fast
 def choose_row(
-    row: int, fine: int, inverse_depth: Singles, label: Bytes, instance: Ints, picture: Picture
+    row: int, fine: int, inverse_depth: Singles, label: Bytes, instance: Ints, picture: ImageBuffers
 ) -> None:
-    """Depth, class and plant of each pixel: of the thing that most of its drawn pixels show,
-    the nearer one of equals.
+    """Choose depth, class and plant of each pixel of a row.
+
+    They are those of the thing that most of its drawn pixels show, the nearer one of equals.
     """
     out_depth, out_label, out_instance = picture.depth, picture.label, picture.instance
     for column in range(out_depth.shape[1]):
         r, c = row * fine, column * fine
         if fine > 1:
-            r, c = _most_common(r, c, fine, inverse_depth, label, instance)
+            r, c = _find_most_common(r, c, fine, inverse_depth, label, instance)
         near = inverse_depth[r, c]
         out_depth[row, column] = 1.0 / near if near > 0.0 else math.inf
         out_label[row, column] = label[r, c]
@@ -136,7 +141,7 @@ def choose_row(
 
 
 @compile_fast
-def _most_common(
+def _find_most_common(
     top: int, left: int, fine: int, inverse_depth: Singles, label: Bytes, instance: Ints
 ) -> tuple[int, int]:
     best_votes, best_row, best_column = 0, top, left
@@ -157,8 +162,8 @@ def _most_common(
 
 
 @compile_fast
-def mean_row(row: int, fine: int, colour: Singles, value: Doubles) -> None:
-    """Mean red, green, blue of the drawn pixels of each pixel, into `value` (3 * width)."""
+def average_row(row: int, fine: int, colour: Singles, value: Doubles) -> None:
+    """Average red, green, blue of the drawn pixels of each pixel into `value` (3 * width,)."""
     if fine == 1:
         drawn = colour.reshape(-1)
         at = np.uintp(row * value.shape[0])
@@ -191,11 +196,12 @@ def expose_row(gain: Doubles, curve: Singles, value: Doubles) -> None:
 
 @compile_fast
 def scatter_grain(seed: np.uint64, noise: float, bits: Counters, grain: Doubles) -> None:
-    """Noise of a row: for each colour the sum of three even numbers of 7 bits, mean 190.5,
-    deviation 64.0.
+    """Write the noise of a row into `grain` (3 * width,).
+
+    For each colour it is the sum of three even numbers of 7 bits, mean 190.5, deviation 64.0.
     """
     for column in range(bits.shape[0]):
-        bits[column] = _mixed_bits(seed + np.uint64(column))
+        bits[column] = _mix_bits(seed + np.uint64(column))
     scale, low = noise / 64.0, np.uint64(127)
     for column in range(bits.shape[0]):
         for k in range(3):
@@ -213,8 +219,8 @@ def write_row(at: np.uintp, value: Doubles, grain: Doubles, image: Bytes) -> Non
 
 
 @inline_fast
-def _mixed_bits(state: np.uint64) -> np.uint64:
-    """63 well-mixed bits of a counter. Source: Steele et al. 2014, SplitMix64."""
+def _mix_bits(state: np.uint64) -> np.uint64:
+    """Mix a counter to 63 random bits. Source: Steele et al. 2014, SplitMix64."""
     z = state * np.uint64(0x9E3779B97F4A7C15)
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

@@ -1,4 +1,4 @@
-"""Shadows on the ground: what the sun does not reach, baked once into blocks of a fine grid.
+"""Shadows on the ground, computed once into blocks of a fine grid.
 
 Only blocks that something shades exist, so that a large and mostly empty world stays small.
 """
@@ -25,7 +25,10 @@ OVERCAST_MARGIN_M = 0.1
 
 
 class ShadowMap(NamedTuple):
-    """`shade` (blocks, 128, 128): 255 is lit; `block` (rows, columns): index or -1 for lit."""
+    """Shadows in blocks.
+
+    `shade` (blocks, 128, 128): 255 is lit; `block` (rows, columns): index or -1 for all lit.
+    """
 
     shade: Bytes
     block: Ints
@@ -48,9 +51,9 @@ def bake_shadows(
     Plants in the shade of an obstacle get that noted in `plants.sun`. A step too fine for the
     memory is doubled until it fits. The less of the light is `direct`, the softer they are.
     """
-    slope = shadow_slope(to_sun, direct)
+    slope = compute_shadow_slope(to_sun, direct)
     groups = [
-        (things, base, _boxes(forms, things, base, slope))
+        (things, base, _find_boxes(forms, things, base, slope))
         for things, base in zip((obstacles, plants), base_m, strict=True)
         if len(things.form)
     ]
@@ -61,27 +64,27 @@ def bake_shadows(
     boxes = np.concatenate([box for _things, _base, box in groups])
     boxes += (1.0 - direct) * OVERCAST_MARGIN_M * np.array([-1.0, 1.0, -1.0, 1.0])
     x_m, y_m = float(boxes[:, 0].min()), float(boxes[:, 2].min())
-    block = _numbered(boxes, x_m, y_m, step_m)
+    block = _make_block_index(boxes, x_m, y_m, step_m)
     while block.max() >= MAX_BLOCKS:
         step_m *= 2.0
-        block = _numbered(boxes, x_m, y_m, step_m)
+        block = _make_block_index(boxes, x_m, y_m, step_m)
     shade = np.full((int(block.max()) + 1, BLOCK, BLOCK), LIT, np.uint8)
     for things, base, _box in groups:
         if things is plants:
             _note_shade(plants, shade, block, x_m, y_m, step_m)
         _bake(forms, things, base, slope, shade, block, x_m, y_m, step_m)
     for _ in range(1 + round((1.0 - direct) * OVERCAST_PASSES)):
-        shade = _softened(shade, block)
+        shade = _soften(shade, block)
     return ShadowMap(shade, block, x_m, y_m, step_m)
 
 
-def directness(diffuse: float) -> float:
-    """1 under a clear sky, 0 where all light comes from the clouds."""
+def compute_directness(diffuse: float) -> float:
+    """Return 1 under a clear sky, 0 where all light comes from the clouds."""
     return min(1.0, diffuse / CLEAR_DIFFUSE)
 
 
-def shadow_slope(to_sun: Doubles, direct: float = 1.0) -> Doubles:
-    """How far a shadow moves, east and north (2,), for a metre of height.
+def compute_shadow_slope(to_sun: Doubles, direct: float = 1.0) -> Doubles:
+    """Return how far a shadow moves, east and north (2,), for a metre of height.
 
     The less of the light is `direct`, the nearer to the foot of a thing its shadow stays.
     """
@@ -90,24 +93,24 @@ def shadow_slope(to_sun: Doubles, direct: float = 1.0) -> Doubles:
 
 
 @compile_fast
-def _boxes(forms: Forms, things: Instances, base_m: Doubles, slope: Doubles) -> Doubles:
-    """Smallest and largest x and y of each thing's shadow, (n, 4)."""
+def _find_boxes(forms: Forms, things: Instances, base_m: Doubles, slope: Doubles) -> Doubles:
+    """Return smallest and largest x and y of each thing's shadow, (n, 4), map."""
     boxes = np.empty((things.form.shape[0], 4))
     for i in range(things.form.shape[0]):
         mesh = things.form[i] + SHADOW_LOD * forms.forms
         boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3] = 1e9, -1e9, 1e9, -1e9
         for j in range(forms.vertices[mesh]):
-            x, y = _shadow_of(forms, things, i, forms.first_vertex[mesh] + j, base_m[i], slope)
+            x, y = _project_shadow(forms, things, i, forms.first_vertex[mesh] + j, base_m[i], slope)
             boxes[i, 0], boxes[i, 1] = min(boxes[i, 0], x), max(boxes[i, 1], x)
             boxes[i, 2], boxes[i, 3] = min(boxes[i, 2], y), max(boxes[i, 3], y)
     return boxes
 
 
 @compile_fast
-def _shadow_of(
+def _project_shadow(
     forms: Forms, things: Instances, i: int, vertex: int, base_m: float, slope: Doubles
 ) -> tuple[float, float]:
-    """Where the shadow of a vertex falls on level ground, metres in the map."""
+    """Return where the shadow of a vertex falls on level ground, metres in the map."""
     turn, scale, p = things.rotation[i], things.scale[i], forms.vertex[vertex]
     x = (turn[0, 0] * p[0] + turn[0, 1] * p[1] + turn[0, 2] * p[2]) * scale
     y = (turn[1, 0] * p[0] + turn[1, 1] * p[1] + turn[1, 2] * p[2]) * scale
@@ -119,18 +122,18 @@ def _shadow_of(
     )
 
 
-def _numbered(boxes: Doubles, x_m: float, y_m: float, step_m: float) -> Ints:
-    """Number the blocks that some box touches, the others -1."""
+def _make_block_index(boxes: Doubles, x_m: float, y_m: float, step_m: float) -> Ints:
+    """Return the index of each block (rows, columns) that some box touches, -1 for the others."""
     size_m = BLOCK * step_m
     columns = int((boxes[:, 1].max() - x_m) / size_m) + 1
     rows = int((boxes[:, 3].max() - y_m) / size_m) + 1
     block = np.full((rows, columns), -1, np.int32)
-    _number(boxes, x_m, y_m, size_m, block)
+    _number_blocks(boxes, x_m, y_m, size_m, block)
     return block
 
 
 @compile_fast
-def _number(boxes: Doubles, x_m: float, y_m: float, size: float, block: Ints) -> None:
+def _number_blocks(boxes: Doubles, x_m: float, y_m: float, size: float, block: Ints) -> None:
     count = 0
     for i in range(boxes.shape[0]):
         for row in range(int((boxes[i, 2] - y_m) / size), int((boxes[i, 3] - y_m) / size) + 1):
@@ -149,11 +152,11 @@ def _note_shade(
     for i in range(plants.form.shape[0]):
         column = int((plants.position[i, 0] - x_m) / step_m)
         row = int((plants.position[i, 1] - y_m) / step_m)
-        plants.sun[i] = _texel(shade, block, row, column) / LIT
+        plants.sun[i] = _read_texel(shade, block, row, column) / LIT
 
 
 @compile_fast
-def _texel(shade: Bytes, block: Ints, row: int, column: int) -> float:
+def _read_texel(shade: Bytes, block: Ints, row: int, column: int) -> float:
     r, c = row // BLOCK, column // BLOCK
     if r < 0 or c < 0 or r >= block.shape[0] or c >= block.shape[1] or block[r, c] < 0:
         return float(LIT)
@@ -171,14 +174,14 @@ def _bake(
         for t in range(forms.first_face[mesh], forms.first_face[mesh] + forms.faces[mesh]):
             for k in range(3):
                 vertex = forms.first_vertex[mesh] + forms.face[t, k]
-                east, north = _shadow_of(forms, things, i, vertex, base_m[i], slope)
+                east, north = _project_shadow(forms, things, i, vertex, base_m[i], slope)
                 x[k], y[k] = (east - x_m) / step_m - 0.5, (north - y_m) / step_m - 0.5
             _darken(x, y, shade, block)
 
 
 @compile_fast
 def _darken(x: Doubles, y: Doubles, shade: Bytes, block: Ints) -> None:
-    """Take the light from the texels whose centre is in a triangle of texel coordinates."""
+    """Darken the texels whose centre is in a triangle of texel coordinates."""
     area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
     if area == 0.0:
         return
@@ -195,8 +198,8 @@ def _darken(x: Doubles, y: Doubles, shade: Bytes, block: Ints) -> None:
 
 
 @compile_fast
-def _softened(shade: Bytes, block: Ints) -> Bytes:
-    """Mean of 3 x 3 texels: the edge of a shadow is never sharp."""
+def _soften(shade: Bytes, block: Ints) -> Bytes:
+    """Return the mean of 3 x 3 texels: the edge of a shadow is never sharp."""
     soft = np.empty_like(shade)
     for r in range(block.shape[0]):
         for c in range(block.shape[1]):
@@ -212,6 +215,8 @@ def _softened(shade: Bytes, block: Ints) -> Bytes:
                             if inside:
                                 total += shade[here, down, right]
                             else:
-                                total += _texel(shade, block, r * BLOCK + down, c * BLOCK + right)
+                                total += _read_texel(
+                                    shade, block, r * BLOCK + down, c * BLOCK + right
+                                )
                     soft[here, row, column] = np.uint8(total / 9.0 + 0.5)
     return soft

@@ -16,10 +16,10 @@ FARTHEST = 1e6  # in the file's unit, often millimetres
 OWN_PACKAGE = "package://agribot_description/"
 
 
-def packaged_mesh(name: str) -> Path:
-    """The file that a mesh name of a robot description means.
+def find_mesh_file(name: str) -> Path:
+    """Find the file of a mesh name in a robot description.
 
-    Names of our own description package are found in it; any other is taken as a path.
+    Names of our own description package are found in it; any other is a path.
     """
     if name.startswith(OWN_PACKAGE):
         folder = Path(str(resources.files("agribot"))) / "description"
@@ -28,7 +28,7 @@ def packaged_mesh(name: str) -> Path:
 
 
 def read_stl(path: Path) -> FloatArray:
-    """Triangles (n, 3, 3), counter-clockwise seen from outside.
+    """Read triangles (n, 3, 3), counter-clockwise seen from outside, in the file's unit.
 
     Raises: DescriptionError: no such file, or it is not binary STL, or nothing of a robot's size.
     """

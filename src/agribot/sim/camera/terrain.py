@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from agribot.core.messages import PlantClass
-from agribot.sim.camera.arrays import Bytes, Doubles, Ground, Ints, Singles, Targets, View
-from agribot.sim.camera.ground import TERRAIN, height_at
+from agribot.sim.camera.arrays import Bytes, Doubles, Ground, Ints, PinholeView, Singles, Targets
+from agribot.sim.camera.ground import TERRAIN, sample_height
 from agribot.sim.camera.projection import COLUMN, DEPTH, ROW, U, V
-from agribot.sim.camera.raster import clip, crossing, inside
+from agribot.sim.camera.raster import clip, find_inside, solve_zero
 from agribot.sim.jit import compile_fast
 
 SOIL = int(PlantClass.SOIL)
@@ -20,9 +20,10 @@ SPOKES = 129
 STEEP = 0.55  # looking down more than this, rings are whole circles
 
 
-def terrain_points(view: View, ground: Ground) -> Doubles:
-    """Projected mesh, (rings, spokes, 6) in the columns of a projected vertex; U, V are the map
-    x and y. Behind the near plane, column and row hold camera metres.
+def project_terrain(view: PinholeView, ground: Ground) -> Doubles:
+    """Project the mesh, (rings, spokes, 6) in the columns of a projected vertex.
+
+    U and V are the map x and y. Behind the near plane, column and row hold camera metres.
     """
     forward = view.camera_from_map[2]
     count = math.ceil(math.log(view.far_m / FIRST_RING_M) / math.log(RING_GROWTH))
@@ -33,11 +34,13 @@ def terrain_points(view: View, ground: Ground) -> Doubles:
         half_rad = min(math.pi, math.atan(half_view / math.sqrt(1.0 - forward[2] ** 2)) + 0.2)
         # The ring under the camera is part of the fan, so that it also covers what is below it.
         angle_rad = math.atan2(forward[1], forward[0]) + np.linspace(-half_rad, half_rad, SPOKES)
-    return _projected(view, ground, radius_m, angle_rad)
+    return _project_rings(view, ground, radius_m, angle_rad)
 
 
 @compile_fast
-def _projected(view: View, ground: Ground, radius_m: Doubles, angle_rad: Doubles) -> Doubles:
+def _project_rings(
+    view: PinholeView, ground: Ground, radius_m: Doubles, angle_rad: Doubles
+) -> Doubles:
     point = np.zeros((radius_m.shape[0], angle_rad.shape[0], 6))
     height, turn, eye = ground.height, view.camera_from_map, view.eye
     for ring in range(radius_m.shape[0]):
@@ -45,7 +48,7 @@ def _projected(view: View, ground: Ground, radius_m: Doubles, angle_rad: Doubles
             east = radius_m[ring] * math.cos(angle_rad[spoke])
             north = radius_m[ring] * math.sin(angle_rad[spoke])
             x, y = eye[0] + east, eye[1] + north
-            up = -eye[2] + height_at(
+            up = -eye[2] + sample_height(
                 height, ground.height_x_m, ground.height_y_m, ground.height_step_m, x, y
             )
             right = turn[0, 0] * east + turn[0, 1] * north + turn[0, 2] * up
@@ -62,9 +65,9 @@ def _projected(view: View, ground: Ground, radius_m: Doubles, angle_rad: Doubles
 
 @compile_fast
 def draw_terrain(
-    first_row: int, last_row: int, point: Doubles, view: View, targets: Targets
+    first_row: int, last_row: int, point: Doubles, view: PinholeView, targets: Targets
 ) -> None:
-    """Draw the mesh on the rows [first_row, last_row), behind what is there already."""
+    """Draw the mesh on the rows [first_row, last_row), behind the things drawn before."""
     spokes = point.shape[1]
     flat = point.reshape(-1, 6)
     corner = np.empty((4, 6))
@@ -107,12 +110,14 @@ def _fill(
     wa, wb, wc = 1.0 / point[a, DEPTH], 1.0 / point[b, DEPTH], 1.0 / point[c, DEPTH]
     da, db = (yb - yc) / area, (yc - ya) / area
     dc = -da - db
-    ca, cb, cc = crossing(da), crossing(db), crossing(dc)
+    ca, cb, cc = solve_zero(da), solve_zero(db), solve_zero(dc)
     for row in range(top, bottom + 1):
         start_a = ((xb - left) * (yc - row) - (xc - left) * (yb - row)) / area
         start_b = ((xc - left) * (ya - row) - (xa - left) * (yc - row)) / area
         start_c = 1.0 - start_a - start_b
-        low, high = inside(start_a, start_b, start_c, da, db, dc, ca, cb, cc, float(right - left))
+        low, high = find_inside(
+            start_a, start_b, start_c, da, db, dc, ca, cb, cc, float(right - left)
+        )
         for step in range(low, high + 1):
             la, lb = start_a + step * da, start_b + step * db
             la, lb, lc = la * wa, lb * wb, (1.0 - la - lb) * wc

@@ -13,13 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from agribot.core.messages import FloatArray
-from agribot.sim.flora.habit import leaf_count, leaves, spiral, stem_blade
-from agribot.sim.flora.mesh import Leaves, on_midrib
+from agribot.sim.flora.habit import arrange_spiral, choose_leaf_count, grow_leaves, stem_blade
+from agribot.sim.flora.mesh import Leaves, find_on_midrib
 
 
 class _Frond(NamedTuple):
-    """Shares of the length: of the frond for `leaflet`, of the leaflet for `lobe`, of the lobe
-    for `lobe_width`. `fork_rad` is the angle between lobes, `pairs` the number of leaflet pairs.
+    """Proportions of a frond.
+
+    `leaflet` is a share of the frond's length, `lobe` of the leaflet's, `lobe_width` of the
+    lobe's. `fork_rad` is the angle between lobes, `pairs` the number of leaflet pairs.
     """
 
     leaflet: float
@@ -34,7 +36,7 @@ def _outline(b: FloatArray) -> FloatArray:
 
 
 def _lobe(b: FloatArray) -> FloatArray:
-    """Narrow at its foot, blunt at its end."""
+    """Return the width of a blade that is narrow at its foot and blunt at its end."""
     return np.clip(np.minimum(0.35 + 1.6 * b, (1.02 - b) / 0.35), 0.0, 1.0) ** 0.8
 
 
@@ -42,73 +44,74 @@ def _strap(b: FloatArray) -> FloatArray:
     return np.clip(np.minimum(0.3 + 2.0 * b, (1.02 - b) / 0.3), 0.0, 1.0)
 
 
-def carrot(rng: np.random.Generator, stage: float) -> list[Leaves]:
-    count = leaf_count(rng, stage, 2, 9)
+def grow_carrot(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    count = choose_leaf_count(rng, stage, 2, 9)
     age = np.arange(count) / count
     length = (0.7 + 0.3 * stage) * (1 - 0.35 * age)
     upright_deg = 36 + 24 * stage + (40 - 16 * stage) * age
-    fronds = leaves(
-        rng, spiral(rng, count), length=length, width=0.60 * length, pitch_deg=upright_deg,
+    fronds = grow_leaves(
+        rng, arrange_spiral(rng, count), length=length, width=0.60 * length, pitch_deg=upright_deg,
         curl=(0.3, 1.0), profile=_outline, petiole=0.36, fold=0.1, twist=0.15,
         tone=0.9 + 0.2 * age,
     )  # fmt: skip
     shape = _Frond(leaflet=0.30, lobe=0.62, lobe_width=0.46, fork_rad=0.66,
                    pairs=2 + round(2 * stage))  # fmt: skip
-    kinds = _compound(rng, fronds, shape)
-    return [*kinds, _seed_leaves(rng, fronds)] if stage < 0.5 else kinds
+    kinds = _grow_compound(rng, fronds, shape)
+    return [*kinds, _grow_seed_leaves(rng, fronds)] if stage < 0.5 else kinds
 
 
-def chamomile(rng: np.random.Generator, stage: float) -> list[Leaves]:
-    count = leaf_count(rng, stage, 4, 11)
+def grow_chamomile(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    count = choose_leaf_count(rng, stage, 4, 11)
     age = np.arange(count) / count
     length = (0.75 + 0.25 * stage) * (1 - 0.45 * age)
-    fronds = leaves(
-        rng, spiral(rng, count), length=length, width=0.40 * length, pitch_deg=22 + 50 * age,
+    fronds = grow_leaves(
+        rng, arrange_spiral(rng, count), length=length, width=0.40 * length,
+        pitch_deg=22 + 50 * age,
         curl=(0.0, 0.6), profile=_outline, petiole=0.3, fold=0.1, twist=0.2,
         tone=0.9 + 0.2 * age,
     )  # fmt: skip
     shape = _Frond(leaflet=0.26, lobe=0.66, lobe_width=0.24, fork_rad=0.5,
                    pairs=2 + round(1.5 * stage))  # fmt: skip
-    return _compound(rng, fronds, shape)
+    return _grow_compound(rng, fronds, shape)
 
 
-def _compound(rng: np.random.Generator, fronds: Leaves, shape: _Frond) -> list[Leaves]:
+def _grow_compound(rng: np.random.Generator, fronds: Leaves, shape: _Frond) -> list[Leaves]:
     ribs = fronds._replace(width=0.045 * fronds.length, petiole=0.0, profile=stem_blade)
     tips = shape.lobe * shape.leaflet * fronds.length
-    kinds = [fronds, ribs, *_lobes(rng, ribs, shape, 0.94, tips)]
+    kinds = [fronds, ribs, *_grow_lobes(rng, ribs, shape, 0.94, tips)]
     for along in np.linspace(0.45, 0.84, shape.pairs):
         for side in (-1.0, 1.0):
             place = float(along + rng.normal(0.0, 0.015))
-            kinds += _leaflets(rng, fronds, shape, place, side)
+            kinds += _grow_leaflets(rng, fronds, shape, place, side)
     return kinds
 
 
-def _leaflets(
+def _grow_leaflets(
     rng: np.random.Generator, fronds: Leaves, shape: _Frond, along: float, side: float
 ) -> list[Leaves]:
-    """One on each frond at a share of its length, shorter towards the tip."""
-    base, rise_rad = on_midrib(fronds, along)
+    """Grow a leaflet on each frond at a share of its length, shorter towards the tip."""
+    base, rise_rad = find_on_midrib(fronds, along)
     count = len(base)
     length = shape.leaflet * (1.3 - 0.6 * along) * fronds.length * rng.uniform(0.7, 1.2, count)
-    stalks = leaves(
+    stalks = grow_leaves(
         rng, fronds.yaw_rad + side * rng.uniform(0.6, 1.05, count), length=length,
         width=0.16 * length, pitch_deg=np.degrees(0.8 * rise_rad), curl=(0.0, 0.5),
         profile=stem_blade, fold=0.2, tone=fronds.tone,
     )  # fmt: skip
     stalks = stalks._replace(base=base)
-    return [stalks, *_lobes(rng, stalks, shape, 0.55, shape.lobe * length)]
+    return [stalks, *_grow_lobes(rng, stalks, shape, 0.55, shape.lobe * length)]
 
 
-def _lobes(
+def _grow_lobes(
     rng: np.random.Generator, carriers: Leaves, shape: _Frond, along: float, length: FloatArray
 ) -> list[Leaves]:
-    """Three at the end of each carrier: one goes on, two fork off before it."""
+    """Grow three lobes at the end of each carrier: one goes on, two fork off before it."""
     lobes = []
     for turn in (-1.0, 0.0, 1.0):
-        base, rise_rad = on_midrib(carriers, along if turn else min(1.0, along + 0.3))
+        base, rise_rad = find_on_midrib(carriers, along if turn else min(1.0, along + 0.3))
         own = length * rng.uniform(0.8, 1.2, len(base)) * (0.85 if turn else 1.0)
         yaw_rad = carriers.yaw_rad + turn * shape.fork_rad * rng.uniform(0.8, 1.2, len(base))
-        lobe = leaves(
+        lobe = grow_leaves(
             rng, yaw_rad, length=own, width=shape.lobe_width * own,
             pitch_deg=np.degrees(rise_rad), curl=(0.0, 0.5), profile=_lobe, fold=0.2,
             tone=carriers.tone,
@@ -117,10 +120,10 @@ def _lobes(
     return lobes
 
 
-def _seed_leaves(rng: np.random.Generator, fronds: Leaves) -> Leaves:
+def _grow_seed_leaves(rng: np.random.Generator, fronds: Leaves) -> Leaves:
     yaw_rad = fronds.yaw_rad[0] + np.pi / 2 + np.array([0.0, np.pi]) + rng.normal(0.0, 0.3, 2)
     length = float(fronds.length.max()) * rng.uniform(0.9, 1.4, 2)
-    return leaves(
+    return grow_leaves(
         rng, yaw_rad, length=length, width=0.11 * length, pitch_deg=rng.uniform(8.0, 30.0, 2),
         curl=(0.0, 0.7), profile=_strap, petiole=0.15, fold=0.15, tone=np.full(2, 0.92),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What species are made of: leaves with small irregularities, stems and their arrangement."""
+"""Parts of all species: leaves with small irregularities, stems and their arrangement."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Colour = tuple[int, int, int]
 
 
 class Species(NamedTuple):
-    """What a species looks like.
+    """The appearance of a species.
 
     `habit` grows the leaves for a random generator and a stage in (0, 1], `leaf_rgb`,
     `rib_rgb` and `stalk_rgb` colour its cell of the leaf atlas, `veins` is the number of
@@ -43,13 +43,13 @@ def stem_blade(b: FloatArray) -> FloatArray:
     return np.ones_like(b)
 
 
-def leaves(
+def grow_leaves(
     rng: np.random.Generator, yaw_rad: FloatArray, *, length: FloatArray, width: FloatArray,
     pitch_deg: FloatArray, curl: tuple[float, float], profile: Profile, petiole: float = 0.0,
     fold: float = 0.25, wave: float = 0.0, twist: float = 0.0, base_z: FloatArray | None = None,
     tone: FloatArray | None = None,
 ) -> Leaves:  # fmt: skip
-    """Leaves with the small irregularities that every species has."""
+    """Grow a leaf for each yaw (n,) with the small irregularities that every species has."""
     count = len(yaw_rad)
     base = np.zeros((count, 3))
     base[:, 2] = 0.0 if base_z is None else base_z
@@ -66,21 +66,21 @@ def leaves(
     )  # fmt: skip
 
 
-def stalk(rng: np.random.Generator, height: float, width: float) -> Leaves:
+def grow_stalk(rng: np.random.Generator, height: float, width: float) -> Leaves:
     yaw_rad = np.array([0.0, np.pi / 3, 2 * np.pi / 3]) + rng.uniform(0, np.pi)
     ones = np.ones(3)
-    stem = leaves(
+    stem = grow_leaves(
         rng, yaw_rad, length=height * ones, width=width * ones, pitch_deg=90.0 * ones,
         curl=(0.0, 0.0), profile=stem_blade, fold=0.0,
     )  # fmt: skip
     return stem._replace(length=height * ones, pitch_rad=np.pi / 2 * ones, twist_rad=0 * ones)
 
 
-def leaf_count(rng: np.random.Generator, stage: float, few: int, many: int) -> int:
+def choose_leaf_count(rng: np.random.Generator, stage: float, few: int, many: int) -> int:
     return max(2, round(few + (many - few) * stage + rng.uniform(-1.0, 1.0)))
 
 
-def spiral(rng: np.random.Generator, count: int) -> FloatArray:
+def arrange_spiral(rng: np.random.Generator, count: int) -> FloatArray:
     turn = rng.uniform(0, 2 * np.pi) + rng.choice([-1, 1]) * GOLDEN_ANGLE_RAD * np.arange(count)
     angles: FloatArray = turn + rng.normal(0, 0.2, count)
     return angles

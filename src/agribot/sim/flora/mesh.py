@@ -1,4 +1,4 @@
-"""Leaves as curved strips, and what is built from them: meshes with normals and tones.
+"""Leaves as curved strips, and the meshes with normals and tones that are built from them.
 
 A leaf is a midrib that leaves its base at an angle and bends down, with a blade of varying
 width folded about it. The same fine midrib serves all levels of detail, so that a plant keeps
@@ -31,7 +31,7 @@ class Mesh(NamedTuple):
     tone: npt.NDArray[np.float32]
     faces: npt.NDArray[np.int32]
 
-    def scaled(self, factor: float) -> Mesh:
+    def scale(self, factor: float) -> Mesh:
         return self._replace(vertices_m=(self.vertices_m * np.float32(factor)))
 
     @property
@@ -70,14 +70,14 @@ class _Edges(NamedTuple):
     right: FloatArray
 
 
-def _widths(leaves: Leaves, along: FloatArray) -> FloatArray:
-    """Half width at the stations, (n, s)."""
+def _compute_widths(leaves: Leaves, along: FloatArray) -> FloatArray:
+    """Return the half widths at the stations `along` (s,), (n, s)."""
     blade = np.clip((along - leaves.petiole) / (1.0 - leaves.petiole), 0.0, 1.0)
     shape = np.where(along < leaves.petiole, 0.0, leaves.profile(blade))
     return 0.5 * leaves.width[:, None] * np.maximum(shape, 0.07)
 
 
-def _edges(leaves: Leaves, stations: npt.NDArray[np.int64]) -> _Edges:
+def _trace_edges(leaves: Leaves, stations: npt.NDArray[np.int64]) -> _Edges:
     along = np.linspace(0.0, 1.0, FINE_POINTS)
     angle = leaves.pitch_rad[:, None] - leaves.curl_rad[:, None] * along**1.3
     step = leaves.length[:, None] / (FINE_POINTS - 1)
@@ -86,7 +86,7 @@ def _edges(leaves: Leaves, stations: npt.NDArray[np.int64]) -> _Edges:
     x = np.hstack([start, np.cumsum(np.cos(between) * step, axis=1)])[:, stations]
     z = np.hstack([start, np.cumsum(np.sin(between) * step, axis=1)])[:, stations]
     angle, along = angle[:, stations], along[stations]
-    half = _widths(leaves, along)
+    half = _compute_widths(leaves, along)
     turn = leaves.twist_rad[:, None] * along
     up = np.stack([-np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=-1)
     side = np.sin(turn)[..., None] * up
@@ -96,24 +96,24 @@ def _edges(leaves: Leaves, stations: npt.NDArray[np.int64]) -> _Edges:
     lift_left = (half * (leaves.fold[:, None] + ripple))[..., None] * up
     lift_right = (half * (leaves.fold[:, None] - ripple))[..., None] * up
     across = half[..., None] * side
-    placed = (_placed(leaves, part) for part in (middle + across + lift_left, middle,
+    placed = (_place_points(leaves, part) for part in (middle + across + lift_left, middle,
                                                  middle - across + lift_right))  # fmt: skip
     return _Edges(*placed)
 
 
-def on_midrib(leaves: Leaves, along: float) -> tuple[FloatArray, FloatArray]:
-    """Where a share of the length of each leaf lies, (n, 3), and its angle there, (n,)."""
+def find_on_midrib(leaves: Leaves, along: float) -> tuple[FloatArray, FloatArray]:
+    """Return the points at a share of each leaf's length, (n, 3), and its pitch there, (n,)."""
     at = np.linspace(0.0, along, FINE_POINTS)
     angle = leaves.pitch_rad[:, None] - leaves.curl_rad[:, None] * at**1.3
     step = along * leaves.length[:, None] / (FINE_POINTS - 1)
     between = 0.5 * (angle[:, 1:] + angle[:, :-1])
     out = np.sum(np.cos(between) * step, axis=1)
     points = [out, np.zeros_like(out), np.sum(np.sin(between) * step, axis=1)]
-    return _placed(leaves, np.stack(points, axis=-1)[:, None, :])[:, 0], angle[:, -1]
+    return _place_points(leaves, np.stack(points, axis=-1)[:, None, :])[:, 0], angle[:, -1]
 
 
-def _placed(leaves: Leaves, points: FloatArray) -> FloatArray:
-    """Points turned by each leaf's yaw and moved to its base."""
+def _place_points(leaves: Leaves, points: FloatArray) -> FloatArray:
+    """Turn points (n, s, 3) by each leaf's yaw and move them to its base."""
     cos, sin = np.cos(leaves.yaw_rad)[:, None], np.sin(leaves.yaw_rad)[:, None]
     x, y = points[..., 0], points[..., 1]
     turned = np.stack([cos * x - sin * y, sin * x + cos * y, points[..., 2]], axis=-1)
@@ -121,12 +121,12 @@ def _placed(leaves: Leaves, points: FloatArray) -> FloatArray:
     return placed
 
 
-def leaf_strips(leaves: Leaves, segments: int) -> Mesh:
-    """Folded strips of `segments` pairs of quads, the petiole being one of them."""
+def build_leaf_strips(leaves: Leaves, segments: int) -> Mesh:
+    """Build folded strips of `segments` pairs of quads, the petiole being one of them."""
     first = round(leaves.petiole * (FINE_POINTS - 1))
     blade = np.linspace(first, FINE_POINTS - 1, segments + (first == 0)).round().astype(np.int64)
     stations = blade if first == 0 else np.concatenate([[0], blade])
-    edges = _edges(leaves, stations)
+    edges = _trace_edges(leaves, stations)
     count, size = len(leaves.length), len(stations)
     vertices = np.stack(edges, axis=2).reshape(-1, 3)
     u, v = np.meshgrid([0.04, 0.5, 0.96], stations / (FINE_POINTS - 1.0))
@@ -137,27 +137,27 @@ def leaf_strips(leaves: Leaves, segments: int) -> Mesh:
             a = 3 * row + column
             quads += [[a, a + 1, a + 4], [a, a + 4, a + 3]]
     faces = (np.array(quads)[None] + (np.arange(count) * 3 * size)[:, None, None]).reshape(-1, 3)
-    return _finished(vertices, uv, np.repeat(leaves.tone, 3 * size), faces)
+    return _finish_mesh(vertices, uv, np.repeat(leaves.tone, 3 * size), faces)
 
 
-def leaf_triangles(leaves: Leaves, widen: float) -> Mesh:
-    """One triangle for each leaf, from the broad part of the blade to the tip."""
+def build_leaf_triangles(leaves: Leaves, widen: float) -> Mesh:
+    """Build one triangle for each leaf, from the broad part of the blade to the tip."""
     first = round(leaves.petiole * (FINE_POINTS - 1))
     stations = np.array([round(0.8 * first + 0.2 * (FINE_POINTS - 1)), FINE_POINTS - 1])
-    edges = _edges(leaves._replace(width=leaves.width * widen), stations)
+    edges = _trace_edges(leaves._replace(width=leaves.width * widen), stations)
     corners = (edges.left[:, 0], edges.right[:, 0], edges.middle[:, 1])
     count, v = len(leaves.length), stations / (FINE_POINTS - 1.0)
     uv = np.tile([[0.1, v[0]], [0.9, v[0]], [0.5, v[1]]], (count, 1))
     faces = np.arange(3 * count).reshape(-1, 3)
     vertices = np.stack(corners, axis=1).reshape(-1, 3)
-    return _finished(vertices, uv, np.repeat(leaves.tone, 3), faces)
+    return _finish_mesh(vertices, uv, np.repeat(leaves.tone, 3), faces)
 
 
-def leaf_rhombi(leaves: Leaves, widen: float, *, folded: bool = False) -> Mesh:
-    """Two triangles for each leaf (base of the blade, widest place, tip), or four with the rib."""
+def build_leaf_rhombi(leaves: Leaves, widen: float, *, folded: bool = False) -> Mesh:
+    """Build two triangles for each leaf (base of the blade, widest place, tip), four if folded."""
     first = round(leaves.petiole * (FINE_POINTS - 1))
     stations = np.array([first, round(0.55 * first + 0.45 * (FINE_POINTS - 1)), FINE_POINTS - 1])
-    edges = _edges(leaves._replace(width=leaves.width * widen), stations)
+    edges = _trace_edges(leaves._replace(width=leaves.width * widen), stations)
     corners = [edges.middle[:, 0], edges.left[:, 1], edges.right[:, 1], edges.middle[:, 2]]
     v = stations / (FINE_POINTS - 1.0)
     uv = [[0.5, v[0]], [0.1, v[1]], [0.9, v[1]], [0.5, v[2]]]
@@ -169,11 +169,11 @@ def leaf_rhombi(leaves: Leaves, widen: float, *, folded: bool = False) -> Mesh:
     vertices = np.stack(corners, axis=1).reshape(-1, 3)
     count, size = len(leaves.length), len(corners)
     faces = (corner[None] + (np.arange(count) * size)[:, None, None]).reshape(-1, 3)
-    return _finished(vertices, np.tile(uv, (count, 1)), np.repeat(leaves.tone, size), faces)
+    return _finish_mesh(vertices, np.tile(uv, (count, 1)), np.repeat(leaves.tone, size), faces)
 
 
-def vertex_normals(vertices: FloatArray, faces: npt.NDArray[np.int64]) -> FloatArray:
-    """Unit normals averaged over the faces around each vertex, (N, 3)."""
+def compute_vertex_normals(vertices: FloatArray, faces: npt.NDArray[np.int64]) -> FloatArray:
+    """Average the normals of the faces (M, 3) around each vertex (N, 3) to unit normals (N, 3)."""
     corner = vertices[faces]
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     total = np.zeros_like(vertices)
@@ -183,10 +183,10 @@ def vertex_normals(vertices: FloatArray, faces: npt.NDArray[np.int64]) -> FloatA
     return unit
 
 
-def _finished(
+def _finish_mesh(
     vertices: FloatArray, uv: FloatArray, tone: FloatArray, faces: npt.NDArray[np.int64]
 ) -> Mesh:
-    normals = vertex_normals(vertices, faces)
+    normals = compute_vertex_normals(vertices, faces)
     single = np.float32
     return Mesh(
         vertices.astype(single), normals.astype(single), uv.astype(single), tone.astype(single),
@@ -194,8 +194,8 @@ def _finished(
     )  # fmt: skip
 
 
-def merged(parts: Sequence[Mesh]) -> Mesh:
-    """One mesh of several."""
+def merge_meshes(parts: Sequence[Mesh]) -> Mesh:
+    """Merge several meshes into one."""
     start = np.cumsum([0] + [len(part.vertices_m) for part in parts[:-1]])
     faces = [part.faces + np.int32(first) for part, first in zip(parts, start, strict=True)]
     return Mesh(

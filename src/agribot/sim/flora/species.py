@@ -12,15 +12,15 @@ import numpy as np
 from agribot.core.errors import DescriptionError
 from agribot.core.messages import PlantClass
 from agribot.sim.flora import crops, weeds
-from agribot.sim.flora.fronds import carrot, chamomile
+from agribot.sim.flora.fronds import grow_carrot, grow_chamomile
 from agribot.sim.flora.habit import Species, stem_blade
 from agribot.sim.flora.mesh import (
     Leaves,
     Mesh,
-    leaf_rhombi,
-    leaf_strips,
-    leaf_triangles,
-    merged,
+    build_leaf_rhombi,
+    build_leaf_strips,
+    build_leaf_triangles,
+    merge_meshes,
 )
 
 LODS = 5
@@ -29,37 +29,41 @@ STAGES = (0.25, 0.6, 1.0)  # growth stages that are modelled; plants take the ne
 # A new species goes to the end: the leaf textures are drawn in this order, and those that the
 # shipped network was trained on must not change.
 _ALL = (
-    Species("sugar_beet", PlantClass.CROP, 0.25, crops.sugar_beet, 7, (76, 128, 50),
+    Species("sugar_beet", PlantClass.CROP, 0.25, crops.grow_sugar_beet, 7, (76, 128, 50),
             (150, 184, 112), (150, 172, 104), 8, 0.10, 0),
-    Species("maize", PlantClass.CROP, 0.60, crops.maize, 7, (82, 138, 52), (142, 178, 104),
+    Species("maize", PlantClass.CROP, 0.60, crops.grow_maize, 7, (82, 138, 52), (142, 178, 104),
             (112, 152, 78), 0, 0.08, 1),
-    Species("lettuce", PlantClass.CROP, 0.18, crops.lettuce, 6, (112, 158, 66), (176, 200, 132),
-            (168, 192, 124), 7, 0.12, 2),
-    Species("grass", PlantClass.WEED, 0.15, weeds.grass, 4, (94, 138, 55), (124, 162, 84),
+    Species("lettuce", PlantClass.CROP, 0.18, crops.grow_lettuce, 6, (112, 158, 66),
+            (176, 200, 132), (168, 192, 124), 7, 0.12, 2),
+    Species("grass", PlantClass.WEED, 0.15, weeds.grow_grass, 4, (94, 138, 55), (124, 162, 84),
             (122, 130, 78), 0, 0.10, 3),
-    Species("goosefoot", PlantClass.WEED, 0.15, weeds.goosefoot, 8, (86, 131, 66), (140, 172, 114),
-            (126, 146, 96), 5, 0.14, 4),
-    Species("thistle", PlantClass.WEED, 0.15, weeds.thistle, 16, (82, 127, 62), (148, 174, 116),
-            (134, 150, 104), 6, 0.12, 5),
-    Species("amaranth", PlantClass.WEED, 0.15, weeds.amaranth, 6, (80, 122, 54), (132, 150, 98),
-            (148, 96, 82), 9, 0.12, 6),
-    Species("carrot", PlantClass.CROP, 0.20, carrot, 3, (74, 134, 52), (118, 164, 84),
+    Species("goosefoot", PlantClass.WEED, 0.15, weeds.grow_goosefoot, 8, (86, 131, 66),
+            (140, 172, 114), (126, 146, 96), 5, 0.14, 4),
+    Species("thistle", PlantClass.WEED, 0.15, weeds.grow_thistle, 16, (82, 127, 62),
+            (148, 174, 116), (134, 150, 104), 6, 0.12, 5),
+    Species("amaranth", PlantClass.WEED, 0.15, weeds.grow_amaranth, 6, (80, 122, 54),
+            (132, 150, 98), (148, 96, 82), 9, 0.12, 6),
+    Species("carrot", PlantClass.CROP, 0.20, grow_carrot, 3, (74, 134, 52), (118, 164, 84),
             (120, 158, 84), 0, 0.10, 7, is_compound=True),
-    Species("onion", PlantClass.CROP, 0.30, crops.onion, 6, (86, 134, 84), (112, 156, 108),
+    Species("onion", PlantClass.CROP, 0.30, crops.grow_onion, 6, (86, 134, 84), (112, 156, 108),
             (150, 182, 128), 0, 0.06, 8),
-    Species("chickweed", PlantClass.WEED, 0.08, weeds.chickweed, 5, (98, 148, 62),
+    Species("chickweed", PlantClass.WEED, 0.08, weeds.grow_chickweed, 5, (98, 148, 62),
             (140, 178, 96), (132, 158, 88), 3, 0.10, 9),
-    Species("plantain", PlantClass.WEED, 0.08, weeds.plantain, 6, (84, 132, 58),
+    Species("plantain", PlantClass.WEED, 0.08, weeds.grow_plantain, 6, (84, 132, 58),
             (128, 164, 92), (142, 150, 96), 0, 0.12, 10),
-    Species("charlock", PlantClass.WEED, 0.15, weeds.charlock, 12, (96, 140, 54),
+    Species("charlock", PlantClass.WEED, 0.15, weeds.grow_charlock, 12, (96, 140, 54),
             (146, 176, 100), (132, 152, 92), 6, 0.13, 11),
-    Species("chamomile", PlantClass.WEED, 0.15, chamomile, 3, (90, 140, 62), (122, 164, 88),
+    Species("chamomile", PlantClass.WEED, 0.15, grow_chamomile, 3, (90, 140, 62), (122, 164, 88),
             (124, 158, 88), 0, 0.10, 12, is_compound=True),
 )  # fmt: skip
 SPECIES: dict[str, Species] = {kind.name: kind for kind in _ALL}
 
 
-def species_named(name: str) -> Species:
+def find_species(name: str) -> Species:
+    """Find a species by its name.
+
+    Raises: DescriptionError: the species is unknown.
+    """
     found = SPECIES.get(name)
     if found is None:
         known = ", ".join(SPECIES)
@@ -67,31 +71,31 @@ def species_named(name: str) -> Species:
     return found
 
 
-def _level(kinds: list[Leaves], segments: int, lod: int) -> Mesh:
+def _build_level(kinds: list[Leaves], segments: int, lod: int) -> Mesh:
     if lod < 2:
         pieces = segments if lod == 0 else max(3, (segments + 1) // 2)
-        strips = [leaf_strips(kinds[0], pieces)]
-        strips += [leaf_strips(kind, _side_pieces(kind, pieces)) for kind in kinds[1:]]
-        return merged(strips)
+        strips = [build_leaf_strips(kinds[0], pieces)]
+        strips += [build_leaf_strips(kind, _count_side_pieces(kind, pieces)) for kind in kinds[1:]]
+        return merge_meshes(strips)
     if lod == 2:
-        return merged([leaf_rhombi(kind, 1.1, folded=True) for kind in kinds])
+        return merge_meshes([build_leaf_rhombi(kind, 1.1, folded=True) for kind in kinds])
     if lod == 3:
-        return leaf_rhombi(kinds[0], 1.2)
-    return leaf_triangles(_every_other(kinds[0]), 2.2)
+        return build_leaf_rhombi(kinds[0], 1.2)
+    return build_leaf_triangles(_thin_leaves(kinds[0]), 2.2)
 
 
-def _side_pieces(kind: Leaves, pieces: int) -> int:
-    """Stems are straight, and side leaves small."""
+def _count_side_pieces(kind: Leaves, pieces: int) -> int:
+    """Return fewer segments for side leaves, which are small, and one for straight stems."""
     return 1 if kind.profile is stem_blade else min(pieces, 4)
 
 
-def _every_other(leaves: Leaves) -> Leaves:
-    """Half of the leaves, spread over the plant."""
+def _thin_leaves(leaves: Leaves) -> Leaves:
+    """Return half of the leaves, spread over the plant."""
     thinned = {name: getattr(leaves, name)[::2] for name in Leaves._fields[:-2]}
     return leaves._replace(**thinned)
 
 
-def _with_occlusion(mesh: Mesh) -> Mesh:
+def _add_occlusion(mesh: Mesh) -> Mesh:
     """Darken what lies low and inside, where neighbouring leaves hide the sky."""
     outward = np.hypot(mesh.vertices_m[:, 0], mesh.vertices_m[:, 1])
     outward = outward / max(float(outward.max()), 1e-6)
@@ -100,26 +104,26 @@ def _with_occlusion(mesh: Mesh) -> Mesh:
 
 
 @lru_cache(maxsize=2048)
-def plant_lods(species: str, seed_variant: int, stage: float) -> tuple[Mesh, ...]:
-    """All levels of detail of one plant of unit height, finest first."""
-    kind = species_named(species)
+def build_plant_lods(species: str, seed_variant: int, stage: float) -> tuple[Mesh, ...]:
+    """Build all levels of detail of one plant of unit height, finest first."""
+    kind = find_species(species)
     rng = np.random.default_rng([kind.cell, seed_variant, round(stage * 1000)])
     leaves = kind.habit(rng, stage)
     near = leaves[1:] if kind.is_compound else leaves
-    levels = [_level(near if lod < 3 else leaves, kind.segments, lod) for lod in range(LODS)]
+    levels = [_build_level(near if lod < 3 else leaves, kind.segments, lod) for lod in range(LODS)]
     factor = 1.0 / levels[0].height_m
-    return tuple(_with_occlusion(level.scaled(factor)) for level in levels)
+    return tuple(_add_occlusion(level.scale(factor)) for level in levels)
 
 
-def plant_mesh(species: str, seed_variant: int, lod: int, stage: float) -> Mesh:
-    """A plant of unit height; multiply the vertices by its size.
+def build_plant_mesh(species: str, seed_variant: int, lod: int, stage: float) -> Mesh:
+    """Return a plant of unit height; multiply the vertices by its size.
 
     Raises: DescriptionError: the species is unknown.
     """
-    return plant_lods(species, seed_variant, stage)[lod]
+    return build_plant_lods(species, seed_variant, stage)[lod]
 
 
-def nearest_stage(species: str, size_m: float) -> float:
-    """The modelled growth stage of a plant of this height."""
-    grown = size_m / species_named(species).nominal_size_m
+def find_nearest_stage(species: str, size_m: float) -> float:
+    """Return the modelled growth stage of a plant of this height."""
+    grown = size_m / find_species(species).nominal_size_m
     return min(STAGES, key=lambda stage: abs(stage - grown))

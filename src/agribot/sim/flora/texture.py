@@ -17,7 +17,7 @@ CELL_HEIGHT = 128
 PETIOLE_V = 0.3  # part of a leaf texture, from the base, that petioles and stems take
 
 
-def tileable_noise(
+def make_tileable_noise(
     rng: np.random.Generator,
     shape: tuple[int, int],
     *,
@@ -25,7 +25,7 @@ def tileable_noise(
     coarsest: float = 2.0,
     finest: float | None = None,
 ) -> FloatArray:
-    """Periodic Gaussian noise of unit deviation with an amplitude of frequency^-exponent.
+    """Make periodic Gaussian noise of unit deviation with an amplitude of frequency^-exponent.
 
     `coarsest` and `finest` bound the spatial frequency in cycles per longer side.
     """
@@ -43,8 +43,8 @@ def tileable_noise(
     return field
 
 
-def _vein_pattern(kind: Species, u: FloatArray, v: FloatArray) -> FloatArray:
-    """How much of the rib colour shows, 0 to 1; u in [-1, 1] across, v in [0, 1] along."""
+def _draw_veins(kind: Species, u: FloatArray, v: FloatArray) -> FloatArray:
+    """Return the share of the rib's colour, 0 to 1; u in [-1, 1] across, v in [0, 1] along."""
     if kind.veins == 0:
         pattern: FloatArray = 0.8 * np.exp(-((u / 0.09) ** 2)) + 0.10 * np.cos(u * 40) + 0 * v
         return np.clip(pattern, 0.0, 1.0)
@@ -56,14 +56,14 @@ def _vein_pattern(kind: Species, u: FloatArray, v: FloatArray) -> FloatArray:
     return np.clip(pattern, 0.0, 1.0)
 
 
-def _leaf_cell(rng: np.random.Generator, kind: Species) -> FloatArray:
+def _draw_leaf_cell(rng: np.random.Generator, kind: Species) -> FloatArray:
     shape = (CELL_HEIGHT, CELL_WIDTH)
     u = np.linspace(-1.0, 1.0, CELL_WIDTH)[None, :]
     v = np.linspace(0.0, 1.0, CELL_HEIGHT)[:, None]
-    blotch = tileable_noise(rng, shape, exponent=1.3)[..., None]
+    blotch = make_tileable_noise(rng, shape, exponent=1.3)[..., None]
     colour: FloatArray = np.array(kind.leaf_rgb) * (1 + kind.wear * blotch)
     colour = colour + np.array([10.0, 2.0, -6.0]) * (np.abs(u) ** 3)[..., None]
-    rib = _vein_pattern(kind, u, v)[..., None]
+    rib = _draw_veins(kind, u, v)[..., None]
     colour = colour * (1 - 0.6 * rib) + np.array(kind.rib_rgb) * 0.6 * rib
     stalk = np.clip((PETIOLE_V - v) / 0.06, 0.0, 1.0)[..., None]
     stalk = stalk * (0.35 + 0.65 * np.exp(-((u / 0.7) ** 2)))[..., None]
@@ -74,8 +74,8 @@ def _leaf_cell(rng: np.random.Generator, kind: Species) -> FloatArray:
 
 
 @lru_cache(maxsize=4)
-def leaf_atlas(seed: int) -> npt.NDArray[np.float32]:
-    """Leaf surfaces (species, height, width, 3), values 0 to 255, in the order of the cells."""
+def build_leaf_atlas(seed: int) -> npt.NDArray[np.float32]:
+    """Build the leaf surfaces (species, height, width, 3), 0 to 255, in the order of the cells."""
     rng = np.random.default_rng([seed, 77])
-    cells = [_leaf_cell(rng, kind) for kind in SPECIES.values()]
+    cells = [_draw_leaf_cell(rng, kind) for kind in SPECIES.values()]
     return np.clip(np.stack(cells), 0.0, 255.0).astype(np.float32)

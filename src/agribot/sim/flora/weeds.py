@@ -1,4 +1,6 @@
-"""Weeds as functions of a random generator and a growth stage.
+"""Weeds: leaves as functions of a random generator and a growth stage in (0, 1].
+
+A `_blade` is the width of a leaf along its blade: `b` (...,) from 0 at the base to 1 at the tip.
 
 Habits follow the look of the seedlings and rosettes of the real species; no scan or photograph
 is used.
@@ -9,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from agribot.core.messages import FloatArray
-from agribot.sim.flora.habit import leaf_count, leaves, spiral, stalk
+from agribot.sim.flora.habit import arrange_spiral, choose_leaf_count, grow_leaves, grow_stalk
 from agribot.sim.flora.mesh import Leaves
 
 
@@ -22,13 +24,13 @@ def _grass_blade(b: FloatArray) -> FloatArray:
 
 
 def _goosefoot_blade(b: FloatArray) -> FloatArray:
-    """Rhombic with a few blunt teeth."""
+    """Return the width of a rhombus with a few blunt teeth."""
     rhombus = np.minimum(b / 0.35, (1.0 - b) / 0.65)
     return np.clip(rhombus * (1 + 0.22 * np.cos(2 * np.pi * 3.5 * b)), 0, 1.1)
 
 
 def _thistle_blade(b: FloatArray) -> FloatArray:
-    """Lobed almost to the rib."""
+    """Return the width of a blade that is lobed almost to the rib."""
     body = np.sin(np.pi * np.clip(b, 0, 1) ** 0.85) ** 0.8
     return body * (0.72 + 0.42 * np.sin(2 * np.pi * 5.0 * b))
 
@@ -38,68 +40,70 @@ def _plantain_blade(b: FloatArray) -> FloatArray:
 
 
 def _charlock_blade(b: FloatArray) -> FloatArray:
-    """Lyrate: a broad end lobe, small ones along the rib below it."""
+    """Return the width of a lyrate blade: a broad end lobe, small ones along the rib."""
     lobes = 0.30 + 0.16 * np.cos(2 * np.pi * 4.0 * b)
     return np.where(b < 0.45, lobes, np.sin(np.pi * np.clip((b - 0.36) / 0.64, 0, 1)) ** 0.7)
 
 
-def grass(rng: np.random.Generator, stage: float) -> list[Leaves]:
-    count = leaf_count(rng, stage, 5, 18)
+def grow_grass(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    count = choose_leaf_count(rng, stage, 5, 18)
     length = rng.uniform(0.55, 1.1, count)
     return [
-        leaves(rng, rng.uniform(0, 2 * np.pi, count), length=length,
+        grow_leaves(rng, rng.uniform(0, 2 * np.pi, count), length=length,
                 width=np.full(count, 0.075 - 0.03 * stage), pitch_deg=rng.uniform(35, 82, count),
                 curl=(0.3, 1.6), profile=_grass_blade, fold=0.4),
     ]  # fmt: skip
 
 
-def goosefoot(rng: np.random.Generator, stage: float) -> list[Leaves]:
-    count = leaf_count(rng, stage, 4, 16)
+def grow_goosefoot(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    count = choose_leaf_count(rng, stage, 4, 16)
     place = (np.arange(count) + 0.5) / count
     stem = 0.35 + 0.5 * stage
     length = 0.62 * (1 - 0.55 * place) * (1.25 - 0.35 * stage)
-    blades = leaves(
-        rng, spiral(rng, count), length=length, width=0.62 * length, pitch_deg=18 + 45 * place**2,
+    blades = grow_leaves(
+        rng, arrange_spiral(rng, count), length=length, width=0.62 * length,
+        pitch_deg=18 + 45 * place**2,
         curl=(0.2, 0.8), profile=_goosefoot_blade, petiole=0.28, fold=0.15, wave=0.1,
         base_z=stem * (0.12 + 0.86 * place), tone=0.9 + 0.22 * place,
     )  # fmt: skip
-    return [blades, stalk(rng, stem, 0.028)]
+    return [blades, grow_stalk(rng, stem, 0.028)]
 
 
-def amaranth(rng: np.random.Generator, stage: float) -> list[Leaves]:
-    count = leaf_count(rng, stage, 4, 14)
+def grow_amaranth(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    count = choose_leaf_count(rng, stage, 4, 14)
     place = (np.arange(count) + 0.5) / count
     stem = 0.25 + 0.5 * stage
     length = 0.75 * (1 - 0.5 * place) * (1.2 - 0.3 * stage)
-    blades = leaves(
-        rng, spiral(rng, count), length=length, width=0.42 * length, pitch_deg=25 + 35 * place,
+    blades = grow_leaves(
+        rng, arrange_spiral(rng, count), length=length, width=0.42 * length,
+        pitch_deg=25 + 35 * place,
         curl=(0.3, 0.9), profile=_ovate_blade, petiole=0.4, fold=0.25,
         base_z=stem * (0.2 + 0.8 * place**0.7), tone=0.88 + 0.22 * place,
     )  # fmt: skip
-    return [blades, stalk(rng, stem, 0.035)]
+    return [blades, grow_stalk(rng, stem, 0.035)]
 
 
-def thistle(rng: np.random.Generator, stage: float) -> list[Leaves]:
-    count = leaf_count(rng, stage, 4, 12)
+def grow_thistle(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    count = choose_leaf_count(rng, stage, 4, 12)
     age = np.arange(count) / count
     length = (0.7 + 0.3 * stage) * (1 - 0.4 * age)
     return [
-        leaves(rng, spiral(rng, count), length=length, width=0.34 * length,
+        grow_leaves(rng, arrange_spiral(rng, count), length=length, width=0.34 * length,
                 pitch_deg=26 + 40 * age, curl=(0.1, 0.6), profile=_thistle_blade, fold=0.2,
                 wave=0.45, tone=0.9 + 0.2 * age),
     ]  # fmt: skip
 
 
-def chickweed(rng: np.random.Generator, stage: float) -> list[Leaves]:
-    """A mat: pairs of small leaves along stems that lie down and rise at their ends."""
-    branches = leaf_count(rng, stage, 2, 5)
+def grow_chickweed(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    """Grow a mat: pairs of small leaves along stems that lie down and rise at their ends."""
+    branches = choose_leaf_count(rng, stage, 2, 5)
     nodes = 2 if stage > 0.4 else 1
     branch, node, side = (
         index.ravel() for index in np.mgrid[0:branches, 0:nodes, 0:2].astype(float)
     )
     out = (node + 1.0) / nodes * (0.5 + 0.6 * stage) * rng.uniform(0.8, 1.2, len(branch))
     along = rng.uniform(0, 2 * np.pi) + branch * 2 * np.pi / branches + 0.25 * node
-    blades = leaves(
+    blades = grow_leaves(
         rng, along + (side - 0.5) * 2.2, length=np.full(len(branch), 0.62),
         width=np.full(len(branch), 0.34), pitch_deg=24 + 22 * node, curl=(0.1, 0.6),
         profile=_ovate_blade, petiole=0.2, fold=0.2, base_z=0.12 + 0.34 * node,
@@ -108,33 +112,34 @@ def chickweed(rng: np.random.Generator, stage: float) -> list[Leaves]:
     base = blades.base.copy()
     base[:, 0], base[:, 1] = out * np.cos(along), out * np.sin(along)
     reach = np.linspace(0, 2 * np.pi, branches, endpoint=False) + along[0]
-    stems = leaves(
+    stems = grow_leaves(
         rng, reach, length=np.full(branches, 0.6 + 0.6 * stage), width=np.full(branches, 0.05),
         pitch_deg=np.full(branches, 18.0), curl=(-0.3, 0.2), profile=_plantain_blade, fold=0.1,
     )  # fmt: skip
     return [blades._replace(base=base), stems]
 
 
-def plantain(rng: np.random.Generator, stage: float) -> list[Leaves]:
-    """A flat rosette of broad leaves with parallel veins."""
-    count = leaf_count(rng, stage, 3, 10)
+def grow_plantain(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    """Grow a flat rosette of broad leaves with parallel veins."""
+    count = choose_leaf_count(rng, stage, 3, 10)
     age = np.arange(count) / count
     length = (0.75 + 0.25 * stage) * (1 - 0.4 * age)
     return [
-        leaves(rng, spiral(rng, count), length=length, width=0.52 * length,
+        grow_leaves(rng, arrange_spiral(rng, count), length=length, width=0.52 * length,
                pitch_deg=16 + 36 * age, curl=(0.0, 0.5), profile=_plantain_blade, petiole=0.24,
                fold=0.22, wave=0.12, tone=0.88 + 0.24 * age),
     ]  # fmt: skip
 
 
-def charlock(rng: np.random.Generator, stage: float) -> list[Leaves]:
-    count = leaf_count(rng, stage, 3, 10)
+def grow_charlock(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    count = choose_leaf_count(rng, stage, 3, 10)
     place = (np.arange(count) + 0.5) / count
     stem = 0.12 + 0.5 * stage
     length = 0.85 * (1 - 0.45 * place) * (1.2 - 0.25 * stage)
-    blades = leaves(
-        rng, spiral(rng, count), length=length, width=0.5 * length, pitch_deg=26 + 34 * place,
+    blades = grow_leaves(
+        rng, arrange_spiral(rng, count), length=length, width=0.5 * length,
+        pitch_deg=26 + 34 * place,
         curl=(0.3, 0.9), profile=_charlock_blade, petiole=0.22, fold=0.25, wave=0.3,
         base_z=stem * 0.9 * place, tone=0.9 + 0.2 * place,
     )  # fmt: skip
-    return [blades, stalk(rng, stem, 0.04)]
+    return [blades, grow_stalk(rng, stem, 0.04)]

@@ -1,4 +1,4 @@
-"""A second receiver at a known place; it can share the rover's errors of orbit and atmosphere."""
+"""A second GNSS receiver at a known place, which can share the rover's slow errors."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 from agribot.core.geo import MapFrame
 from agribot.core.messages import BaseFix, FloatArray, Vec3
 from agribot.core.world import WorldSpec
-from agribot.sim.random_streams import NormalRows, stream
+from agribot.sim.random_streams import NormalRows, make_stream
 from agribot.sim.sensors.gnss import HectorReceiver, Receiver
 from agribot.sim.sensors.noise import GaussMarkov, HectorNoise
 from agribot.sim.sensors.presets import HectorGnss, PhysicalGnss
@@ -21,10 +21,10 @@ ErrorStep = Callable[[float], Vec3]
 
 
 class BaseStation:
-    """At the world's pole, or at the datum where there is none.
+    """A receiver at the world's pole, or at the datum where there is none.
 
-    With `is_common` it has the slow errors of `rover` as they were at the rover's last fix, and
-    its own fast ones; else all errors are its own.
+    With `is_common` it has the slow errors of `rover`, those of orbits and atmosphere, as they
+    were at the rover's last fix, and its own fast ones; else all errors are its own.
     """
 
     def __init__(
@@ -36,23 +36,23 @@ class BaseStation:
         *,
         is_common: bool,
     ) -> None:
-        self._place_m = _place(world)
+        self._place_m = _find_place(world)
         self._frame = MapFrame(world.datum)
         self._known = self._frame.geodetic_from_map(*self._place_m)
         self._rover = rover if is_common else None
         if isinstance(errors, HectorGnss):
             self._std_m = math.hypot(errors.drift_m, errors.gaussian_m)
-            self._step = _hector_step(errors, seed, is_common)
+            self._step = _make_hector_step(errors, seed, is_common)
         else:
             self._std_m = errors.reported_std_m
-            self._step = _physical_step(errors, seed, is_common)
+            self._step = _make_physical_step(errors, seed, is_common)
         self._t_s = 0.0
 
     def sample(self, t_s: float, row: FloatArray) -> BaseFix:
-        """The fix at the time of one row of the physics history; the row itself is the rover's."""
+        """Return the fix at `t_s`; the row of the physics history is the rover's."""
         dt_s, self._t_s = t_s - self._t_s, t_s
         error = self._step(dt_s)
-        shared = (0.0, 0.0, 0.0) if self._rover is None else self._rover.common_error()
+        shared = (0.0, 0.0, 0.0) if self._rover is None else self._rover.compute_common_error()
         east, north, up = (
             place + own + common
             for place, own, common in zip(self._place_m, error, shared, strict=True)
@@ -71,31 +71,31 @@ class BaseStation:
         )
 
 
-def _place(world: WorldSpec) -> Vec3:
+def _find_place(world: WorldSpec) -> Vec3:
     for obstacle in world.obstacles:
         if obstacle.name == POLE:
             return obstacle.x_map_m, obstacle.y_map_m, obstacle.z_map_m + ANTENNA_HEIGHT_M
     return 0.0, 0.0, ANTENNA_HEIGHT_M
 
 
-def _hector_step(errors: HectorGnss, seed: int, is_common: bool) -> ErrorStep:
+def _make_hector_step(errors: HectorGnss, seed: int, is_common: bool) -> ErrorStep:
     drift_m = 0.0 if is_common else errors.drift_m
-    rng = stream(seed, "base station")
+    rng = make_stream(seed, "base station")
     return HectorNoise(rng, drift_m, errors.drift_frequency_hz, errors.gaussian_m).step
 
 
-def _physical_step(errors: PhysicalGnss, seed: int, is_common: bool) -> ErrorStep:
+def _make_physical_step(errors: PhysicalGnss, seed: int, is_common: bool) -> ErrorStep:
     ratio = errors.vertical_ratio
     wanders = [
         GaussMarkov(
-            stream(seed, f"base station wander {index}"),
+            make_stream(seed, f"base station wander {index}"),
             (wander.std_m, wander.std_m, ratio * wander.std_m),
             wander.tau_s,
         )
         for index, wander in enumerate(errors.wander)
         if not (is_common and wander.common)
     ]
-    normal = NormalRows(stream(seed, "base station"), 3)
+    normal = NormalRows(make_stream(seed, "base station"), 3)
     white = (errors.white_std_m, errors.white_std_m, ratio * errors.white_std_m)
 
     def step(dt_s: float) -> Vec3:

@@ -1,4 +1,4 @@
-"""Battery: what motors and electronics take out of it.
+"""Battery: voltage and charge under the load of motors and electronics.
 
 The pack is an assumption, the original robot's is not documented: six lithium-ion cells in
 series, 10 Ah. Electronics: a small single-board computer, camera and receivers.
@@ -24,7 +24,7 @@ class Battery:
         self._t_s = 0.0
 
     def sample(self, t_s: float, row: FloatArray) -> BatterySample:
-        """The reading for one row of the physics history; power is the mean since the last."""
+        """Return the reading for one row of the history; power is the mean since the last."""
         work_j = float(row[WORK][0])
         dt_s = t_s - self._t_s
         used_j = (work_j - self._work_j) / DRIVE_EFFICIENCY + ELECTRONICS_W * dt_s

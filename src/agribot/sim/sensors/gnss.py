@@ -7,7 +7,7 @@ import math
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, Vec3
 from agribot.sim.attitude import rotate
-from agribot.sim.random_streams import NormalRows, stream
+from agribot.sim.random_streams import NormalRows, make_stream
 from agribot.sim.sensors.noise import GaussMarkov, HectorNoise
 from agribot.sim.sensors.presets import FloatOutages, HectorGnss, PhysicalGnss
 from agribot.sim.sensors.tuning import Tuning
@@ -24,8 +24,8 @@ class Antenna:
         self._frame = MapFrame(datum)
         self._arm_m = arm_m
 
-    def motion(self, row: FloatArray) -> tuple[Vec3, Vec3]:
-        """Position and velocity in the map."""
+    def compute_motion(self, row: FloatArray) -> tuple[Vec3, Vec3]:
+        """Return position, m, and velocity, m/s, in the map."""
         x, y, z = self._arm_m
         wx, wy, wz = row[ANGULAR].tolist()
         ax, ay, az = rotate(row, self._arm_m)
@@ -34,7 +34,7 @@ class Antenna:
         vx, vy, vz = row[VELOCITY].tolist()
         return (px + ax, py + ay, pz + az), (vx + ux, vy + uy, vz + uz)
 
-    def geodetic(self, east_m: float, north_m: float, up_m: float) -> Vec3:
+    def to_geodetic(self, east_m: float, north_m: float, up_m: float) -> Vec3:
         return self._frame.geodetic_from_map(east_m, north_m, up_m)
 
 
@@ -46,28 +46,28 @@ class HectorReceiver:
 
     def __init__(self, errors: HectorGnss, antenna: Antenna, seed: int) -> None:
         self._antenna = antenna
-        self.tuning, self.velocity_tuning = _tunings(seed)
+        self.tuning, self.velocity_tuning = _make_tunings(seed)
         self._position = HectorNoise(
-            stream(seed, "gnss"), errors.drift_m, errors.drift_frequency_hz, errors.gaussian_m
+            make_stream(seed, "gnss"), errors.drift_m, errors.drift_frequency_hz, errors.gaussian_m
         )
         self._velocity = HectorNoise(
-            stream(seed, "gnss velocity"), 0.0, 0.0, errors.velocity_gaussian_mps
+            make_stream(seed, "gnss velocity"), 0.0, 0.0, errors.velocity_gaussian_mps
         )
         self._std_m = math.hypot(errors.drift_m, errors.gaussian_m)
         self._velocity_std_mps = max(errors.velocity_gaussian_mps, BEST_VELOCITY_STD_MPS)
         self._t_s = 0.0
 
-    def common_error(self) -> Vec3:
-        """What a receiver near by has, too."""
+    def compute_common_error(self) -> Vec3:
+        """Return the error that a receiver near by has, too: east, north, up, m."""
         return self._position.drift
 
     def sample(self, t_s: float, row: FloatArray) -> GnssFix:
-        """The fix for one row of the physics history."""
-        (east, north, up), velocity = self._antenna.motion(row)
+        """Return the fix for one row of the physics history."""
+        (east, north, up), velocity = self._antenna.compute_motion(row)
         dt_s, self._t_s = t_s - self._t_s, t_s
         de, dn, du = self._position.step(dt_s)
         seen_m = self.tuning.apply(t_s, (east + de, north + dn, up + du))
-        lat_deg, lon_deg, alt_m = self._antenna.geodetic(*seen_m)
+        lat_deg, lon_deg, alt_m = self._antenna.to_geodetic(*seen_m)
         ve, vn, vu = self._velocity.step(dt_s)
         seen_mps = (velocity[0] + ve, velocity[1] + vn, velocity[2] + vu)
         return GnssFix(
@@ -90,25 +90,25 @@ class Receiver:
         self.is_fixed = errors.quality == GnssQuality.RTK_FIXED
         self._errors = errors
         self._antenna = antenna
-        self.tuning, self.velocity_tuning = _tunings(seed)
+        self.tuning, self.velocity_tuning = _make_tunings(seed)
         ratio = errors.vertical_ratio
         self._white = (errors.white_std_m, errors.white_std_m, ratio * errors.white_std_m)
         self._wander = [
             GaussMarkov(
-                stream(seed, f"gnss wander {index}"),
+                make_stream(seed, f"gnss wander {index}"),
                 (wander.std_m, wander.std_m, ratio * wander.std_m),
                 wander.tau_s,
             )
             for index, wander in enumerate(errors.wander)
         ]
-        self._normal = NormalRows(stream(seed, "gnss"), 6)
+        self._normal = NormalRows(make_stream(seed, "gnss"), 6)
         self._outages = (
             None if errors.outages is None else OutageProcess(errors.outages, ratio, seed)
         )
         self._t_s = 0.0
 
-    def common_error(self) -> Vec3:
-        """What a receiver near by has, too."""
+    def compute_common_error(self) -> Vec3:
+        """Return the error that a receiver near by has, too: east, north, up, m."""
         terms = [
             wander.value
             for wander, settings in zip(self._wander, self._errors.wander, strict=True)
@@ -118,8 +118,8 @@ class Receiver:
         return x, y, z
 
     def sample(self, t_s: float, row: FloatArray) -> GnssFix:
-        """The fix for one row of the physics history."""
-        (east, north, up), velocity = self._antenna.motion(row)
+        """Return the fix for one row of the physics history."""
+        (east, north, up), velocity = self._antenna.compute_motion(row)
         dt_s, self._t_s = t_s - self._t_s, t_s
         normal = self._normal.take(1)[0].tolist()
         errors = [std * n for std, n in zip(self._white, normal, strict=False)]
@@ -131,7 +131,7 @@ class Receiver:
         self.is_fixed = quality == GnssQuality.RTK_FIXED
         de, dn, du = (error + sum(t[axis] for t in terms) for axis, error in enumerate(errors))
         seen_m = self.tuning.apply(t_s, (east + de, north + dn, up + du))
-        lat_deg, lon_deg, alt_m = self._antenna.geodetic(*seen_m)
+        lat_deg, lon_deg, alt_m = self._antenna.to_geodetic(*seen_m)
         speed = self._errors.velocity_std_mps
         ve, vn, vu = (v + speed * n for v, n in zip(velocity, normal[3:], strict=True))
         return GnssFix(
@@ -146,30 +146,32 @@ class Receiver:
         )
 
 
-def _tunings(seed: int) -> tuple[Tuning, Tuning]:
-    """Of position and velocity."""
-    return Tuning(stream(seed, "tuning gnss")), Tuning(stream(seed, "tuning gnss velocity"))
+def _make_tunings(seed: int) -> tuple[Tuning, Tuning]:
+    """Make the tunings of position and velocity."""
+    return Tuning(make_stream(seed, "tuning gnss")), Tuning(
+        make_stream(seed, "tuning gnss velocity")
+    )
 
 
 class OutageProcess:
-    """When the ambiguities are lost, and the error of the float solution meanwhile."""
+    """Spells in which the ambiguities are lost, and the error of the float solution in them."""
 
     def __init__(self, outages: FloatOutages, vertical_ratio: float, seed: int) -> None:
         self.std_m = outages.std_m
         self._outages = outages
-        self._rng = stream(seed, "gnss outages")
+        self._rng = make_stream(seed, "gnss outages")
         std = (outages.std_m, outages.std_m, vertical_ratio * outages.std_m)
-        self._error = GaussMarkov(stream(seed, "gnss float"), std, outages.tau_s)
+        self._error = GaussMarkov(make_stream(seed, "gnss float"), std, outages.tau_s)
         self._start_s = self._rng.exponential(outages.mean_gap_s)
-        self._end_s = self._start_s + self._duration_s()
+        self._end_s = self._start_s + self._sample_duration_s()
 
     def step(self, t_s: float, dt_s: float) -> Vec3 | None:
-        """The float solution's error, or None while the ambiguities are fixed."""
+        """Return the float solution's error, or None while the ambiguities are fixed."""
         if t_s >= self._end_s:
             self._start_s = self._end_s + self._rng.exponential(self._outages.mean_gap_s)
-            self._end_s = self._start_s + self._duration_s()
+            self._end_s = self._start_s + self._sample_duration_s()
             self._error.restart()
         return self._error.step(dt_s) if t_s >= self._start_s else None
 
-    def _duration_s(self) -> float:
+    def _sample_duration_s(self) -> float:
         return float(self._rng.uniform(self._outages.min_duration_s, self._outages.max_duration_s))

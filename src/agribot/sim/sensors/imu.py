@@ -17,7 +17,7 @@ GAINS = slice(VELOCITY_GAIN.start, ANGLE_GAIN.stop)
 
 
 class Imu:
-    """Body axes; the mean over the interval is what the sensor's low-pass filter leaves."""
+    """Samples in body axes: means over the interval, as the sensor's low-pass filter gives."""
 
     def __init__(
         self,
@@ -26,16 +26,16 @@ class Imu:
         rng: np.random.Generator,
         tuning: tuple[Tuning, Tuning] | None = None,
     ) -> None:
-        """`tuning` is that of the accelerometer and that of the gyro."""
+        """Draw the fixed errors; `tuning` is that of the accelerometer and that of the gyro."""
         self._tuning = tuning
         scale = np.repeat([errors.accel_scale_std_ratio, errors.gyro_scale_std_ratio], 3)
         self._scale: list[float] = (1.0 + scale * rng.standard_normal(6)).tolist()
-        self._errors = _error_rows(errors, rate_hz, rng)
+        self._errors = _generate_errors(errors, rate_hz, rng)
         self._gains = [0.0] * 6
         self._t_s = 0.0
 
     def sample(self, t_s: float, row: FloatArray) -> ImuSample:
-        """The reading for one row of the physics history."""
+        """Return the reading for one row of the physics history."""
         rate = 1.0 / (t_s - self._t_s)
         now, last, scale = row[GAINS].tolist(), self._gains, self._scale
         error = next(self._errors)
@@ -55,10 +55,13 @@ class Imu:
         return ImuSample(t_s=t_s, accel_mps2=accel, gyro_radps=gyro)
 
 
-def _error_rows(
+def _generate_errors(
     errors: ImuErrors, rate_hz: float, rng: np.random.Generator
 ) -> Iterator[list[float]]:
-    """Bias, its random walk and white noise of each sample: acceleration, angular rate."""
+    """Yield the sum of bias, its random walk and white noise of each sample.
+
+    Six numbers: acceleration, m/s^2, then angular rate, rad/s.
+    """
     bias = np.repeat([errors.accel_bias_std_mps2, errors.gyro_bias_std_radps], 3)
     bias = bias * rng.standard_normal(6)
     walk = np.repeat([errors.accel_walk_mps2_per_sqrt_s, errors.gyro_walk_radps_per_sqrt_s], 3)

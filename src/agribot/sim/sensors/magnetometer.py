@@ -8,7 +8,7 @@ import numpy as np
 
 from agribot.core.geo import rotation_from_rpy
 from agribot.core.messages import FloatArray, MagSample, Vec3
-from agribot.sim.attitude import rotation_of
+from agribot.sim.attitude import read_rotation
 from agribot.sim.random_streams import NormalRows
 from agribot.sim.sensors.noise import HectorNoise
 from agribot.sim.sensors.presets import HectorMag, PhysicalMag
@@ -35,12 +35,12 @@ class Magnetometer:
         self._normal = NormalRows(rng, 3)
 
     def sample(self, t_s: float, row: FloatArray) -> MagSample:
-        """The reading for one row of the physics history."""
-        field_t = self._soft @ (rotation_of(row).T @ self._field_t) + self._hard_t
+        """Return the reading for one row of the physics history."""
+        field_t = self._soft @ (read_rotation(row).T @ self._field_t) + self._hard_t
         field_t += self._motor_t_per_nm * row[TORQUE] + self._noise_t * self._normal.take(1)[0]
         x, y, z = field_t.tolist()
         field = (x, y, z)
-        return MagSample(t_s=t_s, field_t=_tuned(self._tuning, t_s, field))
+        return MagSample(t_s=t_s, field_t=_apply_tuning(self._tuning, t_s, field))
 
 
 class HectorMagnetometer:
@@ -69,20 +69,20 @@ class HectorMagnetometer:
         self._t_s = 0.0
 
     def sample(self, t_s: float, row: FloatArray) -> MagSample:
-        """The reading for one row of the physics history."""
-        x, y, z = (rotation_of(row).T @ self._field_t).tolist()
+        """Return the reading for one row of the physics history."""
+        x, y, z = (read_rotation(row).T @ self._field_t).tolist()
         ex, ey, ez = self._noise.step(t_s - self._t_s)
         self._t_s = t_s
         field = (x + ex, y + ey, z + ez)
-        return MagSample(t_s=t_s, field_t=_tuned(self._tuning, t_s, field))
+        return MagSample(t_s=t_s, field_t=_apply_tuning(self._tuning, t_s, field))
 
 
-def turned_field(field_enu_t: Vec3, declination_deg: float) -> Vec3:
-    """The field with its horizontal part turned towards East."""
+def turn_field(field_enu_t: Vec3, declination_deg: float) -> Vec3:
+    """Turn the horizontal part of a field (east, north, up) towards East."""
     east, north, up = field_enu_t
     cos, sin = math.cos(math.radians(declination_deg)), math.sin(math.radians(declination_deg))
     return east * cos + north * sin, north * cos - east * sin, up
 
 
-def _tuned(tuning: Tuning | None, t_s: float, field_t: Vec3) -> Vec3:
+def _apply_tuning(tuning: Tuning | None, t_s: float, field_t: Vec3) -> Vec3:
     return field_t if tuning is None else tuning.apply(t_s, field_t)

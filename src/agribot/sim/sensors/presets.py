@@ -49,7 +49,7 @@ class FloatOutages(Settings, frozen=True, kw_only=True):
 
 
 class HeadingErrors(Settings, frozen=True, kw_only=True):
-    """Of a second antenna."""
+    """Errors of the heading from a second antenna."""
 
     rate_hz: float = 10.0
     std_rad: float
@@ -96,7 +96,7 @@ class HectorMag(Settings, frozen=True, kw_only=True, tag_field="model", tag="hec
 
 
 class PhysicalMag(Settings, frozen=True, kw_only=True, tag_field="model", tag="physical"):
-    """What calibration leaves over, in tesla; motor currents add a field along a fixed axis."""
+    """Errors that remain after calibration, T; motor currents add a field along a fixed axis."""
 
     rate_hz: float | None = None
     noise_std_t: float = 0.0
@@ -121,31 +121,37 @@ class SensorPreset(Settings, frozen=True, kw_only=True):
     wheels: WheelErrors = WheelErrors()
 
 
-def preset_names() -> list[str]:
-    return _names("presets")
+def list_presets() -> list[str]:
+    return _list_names("presets")
 
 
 def load_preset(name: str) -> SensorPreset:
-    """Raises: ConfigError: no preset has this name."""
-    return msgspec.convert(_read("presets", name, "sim.sensors"), SensorPreset)
+    """Read a preset.
+
+    Raises: ConfigError: no preset has this name.
+    """
+    return msgspec.convert(_read_preset("presets", name, "sim.sensors"), SensorPreset)
 
 
-def imu_names() -> list[str]:
-    return _names("imu_presets")
+def list_imus() -> list[str]:
+    return _list_names("imu_presets")
 
 
 def load_imu(name: str) -> ImuErrors:
-    """Raises: ConfigError: no IMU has this name."""
-    return msgspec.convert(_read("imu_presets", name, "sim.imu"), ImuErrors)
+    """Read the errors of an IMU.
+
+    Raises: ConfigError: no IMU has this name.
+    """
+    return msgspec.convert(_read_preset("imu_presets", name, "sim.imu"), ImuErrors)
 
 
-def _names(folder: str) -> list[str]:
+def _list_names(folder: str) -> list[str]:
     files = resources.files("agribot.sim.sensors") / folder
     return sorted(p.name.removesuffix(".toml") for p in files.iterdir())
 
 
-def _read(folder: str, name: str, setting: str) -> dict[str, Any]:
-    known = _names(folder)
+def _read_preset(folder: str, name: str, setting: str) -> dict[str, Any]:
+    known = _list_names(folder)
     if name not in known:
         close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
         hint = f"; did you mean '{close[0]}'?" if close else ""

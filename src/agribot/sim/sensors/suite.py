@@ -21,13 +21,13 @@ from agribot.core.messages import (
 from agribot.core.robot import RobotSpec, SensorMount
 from agribot.core.world import WorldSpec
 from agribot.sim.clock import NS_PER_S, Schedule
-from agribot.sim.random_streams import stream
+from agribot.sim.random_streams import make_stream
 from agribot.sim.sensors.base_station import BASE_RATE_HZ, BaseStation
 from agribot.sim.sensors.battery import BATTERY_RATE_HZ, Battery
 from agribot.sim.sensors.dual_antenna import DualAntenna
 from agribot.sim.sensors.gnss import Antenna, HectorReceiver, Receiver
 from agribot.sim.sensors.imu import Imu
-from agribot.sim.sensors.magnetometer import HectorMagnetometer, Magnetometer, turned_field
+from agribot.sim.sensors.magnetometer import HectorMagnetometer, Magnetometer, turn_field
 from agribot.sim.sensors.presets import (
     HectorGnss,
     HectorMag,
@@ -46,6 +46,8 @@ Sample = TypeVar("Sample")
 
 
 class HasTime(Protocol):
+    """Anything with a capture time."""
+
     @property
     def t_s(self) -> float: ...
 
@@ -53,20 +55,27 @@ class HasTime(Protocol):
 Timed = TypeVar("Timed", bound=HasTime)
 
 
-class Sensor(Protocol[Sample_co]):
+class SensorModel(Protocol[Sample_co]):
+    """A sensor that reads a sample out of one row of the physics history."""
+
     def sample(self, t_s: float, row: FloatArray) -> Sample_co: ...
 
 
-class Channel(Generic[Sample]):
-    """A sensor and its schedule."""
+class SampledSensor(Generic[Sample]):
+    """A sensor model with the schedule of its samples."""
 
-    def __init__(self, sensor: Sensor[Sample], rate_hz: float, physics_step_ns: int) -> None:
+    def __init__(self, sensor: SensorModel[Sample], rate_hz: float, physics_step_ns: int) -> None:
         self._sensor = sensor
         self._schedule = Schedule(rate_hz, physics_step_ns)
         self._step_ns = physics_step_ns
 
-    def samples(self, first_step: int, last_step: int, history: FloatArray) -> tuple[Sample, ...]:
-        """Those of the steps after `first_step` up to `last_step`; row 0 is `first_step`."""
+    def take_samples(
+        self, first_step: int, last_step: int, history: FloatArray
+    ) -> tuple[Sample, ...]:
+        """Take the samples of the steps after `first_step` up to `last_step`.
+
+        `history` is (steps + 1, HISTORY_COLUMNS); its row 0 is that of `first_step`.
+        """
         schedule = self._schedule
         if schedule.next_step > last_step:
             return ()
@@ -74,24 +83,24 @@ class Channel(Generic[Sample]):
         return tuple(
             [
                 sensor.sample(step * step_ns / NS_PER_S, history[step - first_step])
-                for step in schedule.due(last_step)
+                for step in schedule.pop_due(last_step)
             ]
         )
 
 
-class LateChannel(Generic[Timed]):
-    """A channel whose samples arrive `latency_s` after their time; None is no sample."""
+class DelayedSensor(Generic[Timed]):
+    """A sensor whose samples arrive `latency_s` after their time; None is no sample."""
 
-    def __init__(self, channel: Channel[Timed | None], latency_s: float) -> None:
+    def __init__(self, channel: SampledSensor[Timed | None], latency_s: float) -> None:
         self._channel = channel
         self._latency_s = latency_s
         self._late: deque[Timed] = deque()
 
-    def samples(
+    def take_samples(
         self, first_step: int, last_step: int, history: FloatArray, t_s: float
     ) -> tuple[Timed, ...]:
-        """Those that have arrived by `t_s`."""
-        for sample in self._channel.samples(first_step, last_step, history):
+        """Take the samples of these steps; return those that have arrived by `t_s`."""
+        for sample in self._channel.take_samples(first_step, last_step, history):
             if sample is not None:
                 self._late.append(sample)
         arrived = []
@@ -101,6 +110,8 @@ class LateChannel(Generic[Timed]):
 
 
 class SensorSuite:
+    """The sensors of one run, each with its own random stream."""
+
     def __init__(
         self,
         config: RunConfig,
@@ -108,55 +119,62 @@ class SensorSuite:
         world: WorldSpec,
         physics_step_ns: int,
     ) -> None:
-        """Raises: ConfigError: unknown preset, or a rate that the physics cannot give."""
+        """Build the sensors.
+
+        Raises: ConfigError: unknown preset, or a rate that the physics cannot give.
+        """
         preset, seed = load_preset(config.sim.sensors), config.seed
         imu_errors = load_imu(config.sim.imu) if config.sim.imu else preset.imu
         self._tunings = {
-            name: Tuning(stream(seed, f"tuning {name}")) for name in ("accel", "gyro", "mag")
+            name: Tuning(make_stream(seed, f"tuning {name}")) for name in ("accel", "gyro", "mag")
         }
         wheels = WheelEncoders(preset.wheels, robot.drive)
-        self.wheels: Channel[WheelSample] = Channel(wheels, preset.wheels.rate_hz, physics_step_ns)
-        imu_hz = _rate_hz(imu_errors.rate_hz, robot.imu, DEFAULT_IMU_HZ)
+        self.wheels: SampledSensor[WheelSample] = SampledSensor(
+            wheels, preset.wheels.rate_hz, physics_step_ns
+        )
+        imu_hz = _choose_rate_hz(imu_errors.rate_hz, robot.imu, DEFAULT_IMU_HZ)
         tunings = self._tunings["accel"], self._tunings["gyro"]
-        imu = Imu(imu_errors, imu_hz, stream(seed, "imu"), tunings)
-        self.imu: Channel[ImuSample] = Channel(imu, imu_hz, physics_step_ns)
-        self.mag: Channel[MagSample] = Channel(
-            _magnetometer(preset, config, world, self._tunings["mag"]),
-            _rate_hz(preset.mag.rate_hz, robot.mag, DEFAULT_MAG_HZ),
+        imu = Imu(imu_errors, imu_hz, make_stream(seed, "imu"), tunings)
+        self.imu: SampledSensor[ImuSample] = SampledSensor(imu, imu_hz, physics_step_ns)
+        self.mag: SampledSensor[MagSample] = SampledSensor(
+            _make_magnetometer(preset, config, world, self._tunings["mag"]),
+            _choose_rate_hz(preset.mag.rate_hz, robot.mag, DEFAULT_MAG_HZ),
             physics_step_ns,
         )
-        receiver = _receiver(preset, robot, world, seed)
+        receiver = _make_receiver(preset, robot, world, seed)
         self._tunings |= {"gnss": receiver.tuning, "gnss_velocity": receiver.velocity_tuning}
-        gnss_hz = _rate_hz(preset.gnss.rate_hz, robot.gnss, DEFAULT_GNSS_HZ)
-        self.gnss: LateChannel[GnssFix] = LateChannel(
-            Channel(receiver, gnss_hz, physics_step_ns), receiver.latency_s
+        gnss_hz = _choose_rate_hz(preset.gnss.rate_hz, robot.gnss, DEFAULT_GNSS_HZ)
+        self.gnss: DelayedSensor[GnssFix] = DelayedSensor(
+            SampledSensor(receiver, gnss_hz, physics_step_ns), receiver.latency_s
         )
-        self.headings = _dual_antenna(preset, receiver, seed, physics_step_ns)
-        self.base = _base_station(preset, config, receiver, world, physics_step_ns)
-        self.battery: Channel[BatterySample] = Channel(Battery(), BATTERY_RATE_HZ, physics_step_ns)
+        self.headings = _make_dual_antenna(preset, receiver, seed, physics_step_ns)
+        self.base = _make_base_station(preset, config, receiver, world, physics_step_ns)
+        self.battery: SampledSensor[BatterySample] = SampledSensor(
+            Battery(), BATTERY_RATE_HZ, physics_step_ns
+        )
 
     def tune(self, sensor: str, parameter: str, value: float) -> None:
-        """For the samples from now on; the names were checked by `check_tuning`."""
+        """Set an error for the samples from now on; `check_tuning` has checked the names."""
         self._tunings[sensor].set(parameter, value)
 
 
-def _rate_hz(preset_hz: float | None, mount: SensorMount, default_hz: float) -> float:
+def _choose_rate_hz(preset_hz: float | None, mount: SensorMount, default_hz: float) -> float:
     return preset_hz or mount.rate_hz or default_hz
 
 
-def _magnetometer(
+def _make_magnetometer(
     preset: SensorPreset, config: RunConfig, world: WorldSpec, tuning: Tuning
 ) -> Magnetometer | HectorMagnetometer:
-    rng, declination_deg = stream(config.seed, "mag"), config.sim.declination_deg
+    rng, declination_deg = make_stream(config.seed, "mag"), config.sim.declination_deg
     if isinstance(preset.mag, HectorMag):
         turned_deg = preset.mag.declination_deg + declination_deg
         errors = msgspec.structs.replace(preset.mag, declination_deg=turned_deg)
         return HectorMagnetometer(errors, world.field_enu_t, rng, tuning)
-    field_t = turned_field(world.field_enu_t, declination_deg)
+    field_t = turn_field(world.field_enu_t, declination_deg)
     return Magnetometer(preset.mag, field_t, rng, tuning)
 
 
-def _receiver(
+def _make_receiver(
     preset: SensorPreset, robot: RobotSpec, world: WorldSpec, seed: int
 ) -> Receiver | HectorReceiver:
     x_m, y_m, z_m = robot.base_from_link(robot.gnss.link)[:3, 3].tolist()
@@ -166,25 +184,25 @@ def _receiver(
     return Receiver(preset.gnss, antenna, seed)
 
 
-def _dual_antenna(
+def _make_dual_antenna(
     preset: SensorPreset, receiver: Receiver | HectorReceiver, seed: int, physics_step_ns: int
-) -> LateChannel[GnssHeading] | None:
+) -> DelayedSensor[GnssHeading] | None:
     errors = None if isinstance(preset.gnss, HectorGnss) else preset.gnss.heading
     if errors is None:
         return None
-    sensor = DualAntenna(errors, receiver, stream(seed, "gnss heading"))
-    return LateChannel(Channel(sensor, errors.rate_hz, physics_step_ns), receiver.latency_s)
+    sensor = DualAntenna(errors, receiver, make_stream(seed, "gnss heading"))
+    return DelayedSensor(SampledSensor(sensor, errors.rate_hz, physics_step_ns), receiver.latency_s)
 
 
-def _base_station(
+def _make_base_station(
     preset: SensorPreset,
     config: RunConfig,
     receiver: Receiver | HectorReceiver,
     world: WorldSpec,
     physics_step_ns: int,
-) -> LateChannel[BaseFix] | None:
+) -> DelayedSensor[BaseFix] | None:
     if config.sim.base_station == "off":
         return None
     is_common = config.sim.base_station == "common"
     station = BaseStation(preset.gnss, receiver, world, config.seed, is_common=is_common)
-    return LateChannel(Channel(station, BASE_RATE_HZ, physics_step_ns), receiver.latency_s)
+    return DelayedSensor(SampledSensor(station, BASE_RATE_HZ, physics_step_ns), receiver.latency_s)

@@ -1,4 +1,4 @@
-"""Errors that are set while the simulation runs, on top of those of the preset."""
+"""Errors that are set while the simulation runs, in addition to those of the preset."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SENSORS = {
 
 
 class Tuning:
-    """Three axes alike: `value * scale_error + offset + drift + noise`."""
+    """The same error on three axes: `value * scale_error + offset + drift + noise`."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
@@ -39,7 +39,7 @@ class Tuning:
         self._t_s = 0.0
 
     def set(self, parameter: str, value: float) -> None:
-        """From the next sample on; the drift starts anew at N(0, drift)."""
+        """Set a parameter from the next sample on; the drift starts anew at N(0, drift)."""
         self._values[parameter] = value
         self._is_active = self._values != NEUTRAL
         values = self._values
@@ -61,7 +61,10 @@ class Tuning:
 
 
 def check_tuning(sensor: str, parameter: str, value: float) -> None:
-    """Raises: ConfigError: unknown name, or a value that the parameter cannot have."""
+    """Check the names and the value of an error.
+
+    Raises: ConfigError: unknown name, or a value that the parameter cannot have.
+    """
     for what, name, known in (
         ("sensor", sensor, list(SENSORS)),
         ("parameter", parameter, list(NEUTRAL)),

@@ -23,7 +23,7 @@ class WheelEncoders:
         self._t_s = 0.0
 
     def sample(self, t_s: float, row: FloatArray) -> WheelSample:
-        """The reading for one row of the physics history."""
+        """Return the reading for one row of the physics history."""
         a, b, c, d = row[WHEEL_ANGLE].tolist()
         tick = self._tick_rad
         if tick:
@@ -44,9 +44,9 @@ class WheelEncoders:
             ),
             effort_nm=(e, f, g, h),
             target_radps=(p, q, r, s),
-            faults=_names(faults) if any(faults) else (),
+            faults=_list_faulty(faults) if any(faults) else (),
         )  # fmt: skip
 
 
-def _names(faults: list[float]) -> tuple[str, ...]:
+def _list_faulty(faults: list[float]) -> tuple[str, ...]:
     return tuple(name for name, fault in zip(WHEEL_NAMES, faults, strict=True) if fault)

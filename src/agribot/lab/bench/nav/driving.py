@@ -8,7 +8,7 @@ from agribot.autonomy.control.batch import BatchFollower
 from agribot.autonomy.estimate.batch.localizer import BatchEstimate
 from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.caution import caution_ratio
-from agribot.autonomy.plan.driving import END_TOLERANCE_M, SETTLE_S
+from agribot.autonomy.plan.mission import END_TOLERANCE_M, SETTLE_S
 from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.rows import field_rows
 from agribot.core.config import MissionConfig

@@ -14,7 +14,7 @@ from agribot.core.geo import LINK_FROM_OPTICAL, transform
 from agribot.core.messages import ByteArray, CameraFrame, FloatArray
 from agribot.core.robot import CameraSpec, RobotSpec, Shape
 from agribot.core.world import WorldSpec
-from agribot.sim.attitude import map_from_base
+from agribot.sim.attitude import read_base_pose
 from agribot.sim.state import WHEEL_ANGLE
 
 if TYPE_CHECKING:
@@ -24,11 +24,12 @@ KEPT_MASKS = 20
 _LOG = logging.getLogger(__name__)
 
 
-class CameraFeed:
-    """`noise` is the stream of the per-frame noise seeds, or None for clean images.
+class CameraSensor:
+    """The simulated camera as a sensor: frames from rows of the physics history.
 
-    With `has_body` the robot itself and its shadow are in the picture. The renderer is compiled
-    when this returns: the first picture takes no longer than any other.
+    `noise` is the stream of the noise seeds of the frames, or None for clean images. With
+    `has_body` the robot itself and its shadow are in the picture. The constructor compiles the
+    renderer, so that the first picture takes no longer than any other.
     """
 
     def __init__(
@@ -43,8 +44,8 @@ class CameraFeed:
         # Compiling the renderer takes seconds; runs without a camera must not pay for it.
         from agribot.sim.camera import CameraRenderer
 
-        seen = drawable(robot) if has_body else None
-        self._renderer: CameraRenderer = CameraRenderer(world, seen)
+        visible = keep_drawable(robot) if has_body else None
+        self._renderer: CameraRenderer = CameraRenderer(world, visible)
         self._base_from_body = transform((0.0, 0.0, -robot.base_height_m)) if has_body else None
         self._camera = camera
         self._base_from_camera = robot.base_from_link(camera.link) @ LINK_FROM_OPTICAL
@@ -56,7 +57,7 @@ class CameraFeed:
     def sample(self, t_s: float, row: FloatArray) -> CameraFrame:
         """Render the view from one row of the physics history."""
         seed = None if self._noise is None else int(self._noise.integers(2**31))
-        picture = self._draw(map_from_base(row), seed, row[WHEEL_ANGLE].tolist())
+        picture = self._draw(read_base_pose(row), seed, row[WHEEL_ANGLE].tolist())
         frame = CameraFrame(t_s=t_s, index=self._index, image_rgb=picture.image_rgb)
         self._masks[self._index] = picture.class_id
         if len(self._masks) > KEPT_MASKS:
@@ -77,18 +78,18 @@ class CameraFeed:
         )
 
     def truth_mask(self, frame_index: int) -> ByteArray | None:
-        """True class ids of a recent frame, (height, width); None when it is too old."""
+        """Return the true class ids of a recent frame, (height, width); None if it is too old."""
         return self._masks.get(frame_index)
 
 
-def drawable(robot: RobotSpec) -> RobotSpec:
-    """The robot without the visuals whose meshes cannot be read; a warning names each."""
-    from agribot.sim.camera.stl import packaged_mesh, read_stl
+def keep_drawable(robot: RobotSpec) -> RobotSpec:
+    """Return the robot without the visuals whose meshes cannot be read; warn of each."""
+    from agribot.sim.camera.stl import find_mesh_file, read_stl
 
     def can_be_drawn(shape: Shape) -> bool:
         try:
             if shape.kind == "mesh":
-                read_stl(packaged_mesh(shape.mesh))
+                read_stl(find_mesh_file(shape.mesh))
         except DescriptionError as error:
             _LOG.warning("left out of the camera's picture: %s", error)
             return False

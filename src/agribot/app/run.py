@@ -1,40 +1,42 @@
-"""One simulated run from settings to report: platform, stack and all that listens to them."""
+"""One run from settings to report: platform, stack and all that listens to them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Self
 
 import msgspec
 
 from agribot.app import whole_job
-from agribot.app.calibration.believed import calibrated
-from agribot.app.field_work import field_work, read_plan_text
+from agribot.app.judge import Judge
 from agribot.app.mission_file import MissionFile
 from agribot.app.report_card import report_card
-from agribot.app.robot_stack import build_stack
 from agribot.app.run_clock import Clock
 from agribot.app.run_folder import RunFolder
 from agribot.app.run_recording import RunRecording, files_to_run_again
-from agribot.app.tasks import read_goals, row_ends
+from agribot.app.run_setup import PLAN_FILE, RunSetup
+from agribot.app.tasks import row_ends
 from agribot.app.unattended import Unattended
-from agribot.app.whole_job import JobSoFar, WholeJob
+from agribot.app.whole_job import WholeJob
 from agribot.autonomy.perception_host import PerceptionMeter
-from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.task import Task
-from agribot.autonomy.stack import MaskTap, Tap, perceiving
+from agribot.autonomy.stack import MaskTap, Stack, Tap
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core import config as settings
-from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
-from agribot.core.messages import ByteArray, MappedPlant, MapPoint, OperatorEvent, Row, TickRecord
+from agribot.core.messages import (
+    Inbox,
+    MappedPlant,
+    MapPoint,
+    OperatorEvent,
+    Row,
+    TickRecord,
+)
 from agribot.core.messages import Path as PlannedPath
-from agribot.core.platform import Platform
+from agribot.core.platform import MixedPlatform, Platform, SensorSource, TrueState
 from agribot.core.row_shape import row_length_m
-from agribot.description.loader import load_robot, urdf_text
-from agribot.description.worlds_sdf import world_of_run
+from agribot.description.loader import urdf_text
 from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
 from agribot.record.run_files import write_run_files
@@ -42,57 +44,35 @@ from agribot.record.series import RunData, SeriesTap
 
 ENDED = ("done", "cancelled", "failed")
 COMING_TO_REST_S = 2.0
-PLAN_FILE = "plan.geojson"
 REST_TICKS = 5  # a robot that rocks back passes through standstill
 
 
-class Session:
-    """Opens everything before the robot may move, so that bad input is refused at rest.
+class Run:
+    """A stack that drives a platform, simulated or real, and the files and taps of that drive.
 
-    Use it as a context: `ticks()` drives, `finish()` writes the files of the run.
+    Everything is open before the robot may move, so that bad input is refused at rest. Use it as
+    a context: `ticks()` drives, `finish()` writes the files of the run.
     """
 
     def __init__(
         self,
-        config: RunConfig,
-        out_dir: Path,
-        saved: SavedMission | None = None,
-        earlier: JobSoFar = whole_job.NOTHING,
-        plan_text: str = "",
+        setup: RunSetup,
+        platform: Platform,
+        stack: Stack,
+        taps: Sequence[Tap] = (),
+        judge: Judge | None = None,
     ) -> None:
-        """`saved` is a mission to go on with; the simulated robot stands where it was left.
+        """`taps` come before those of the run itself; `judge` knows the truth, where anybody does.
 
-        `earlier` is what the runs before did of the job; the report then tells of all of it.
-        `plan_text` is a field plan that is in no file yet: the run keeps it in its folder.
-
-        Raises: AgribotError: something in the settings or on the disk does not fit, or the folder
-            holds a run.
+        Raises: AgribotError: the disk takes no files, or the folder holds a run.
         """
-        from agribot.sim.platform import SimPlatform
-        from agribot.sim.referee import Referee
-
-        if plan_text:
-            config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
-        self.config, self.out_dir = config, out_dir
-        described = load_robot(config.robot)
-        self.robot = calibrated(described, config.calibration)
-        goals_map_m = read_goals(config)
-        self._plan_text = plan_text or read_plan_text(config)
-        self.world = world_of_run(config)
-        if saved is not None:
-            self.world = msgspec.structs.replace(
-                self.world, spawn_xy_map_m=saved.pose[:2], spawn_yaw_map_rad=saved.pose[2]
-            )
-        self.platform = SimPlatform(config, described, self.world, board=self.robot.drive)
-        self.sensed: Platform = self.platform  # with sensors from elsewhere, if any
-        self._mask_taps: list[MaskTap] = []
-        perception = perceiving(config, self.robot, self._show_mask)
-        work = field_work(self._plan_text, config, self.robot)
-        self.stack = build_stack(config, self.robot, goals_map_m, perception, work, saved)
+        self.config, self.out_dir = setup.config, setup.out_dir
+        self.robot, self.platform, self.stack = setup.robot, platform, stack
+        self.judge = judge
+        self._plan_text, self._first_taps = setup.plan_text, tuple(taps)
         self._task = self.task
+        saved, earlier = setup.saved, setup.earlier
         self.rows_before = whole_job.rows_only_believed(saved, earlier)
-        self.referee = Referee(self.platform, self.world, self.rows, self.goals_map_m)
-        self._mask_taps.append(self.referee.judge_mask)
         self.clock = Clock()
         is_unknown = saved is not None and earlier is whole_job.NOTHING
         self.job = WholeJob(self, whole_job.UNKNOWN if is_unknown else earlier)
@@ -100,8 +80,8 @@ class Session:
         self.trouble_taps: list[Callable[[str], None]] = []
         self.is_written = True  # every file of the run's end could be written
         before = whole_job.plants_before(earlier)
-        files = files_to_run_again(goals_map_m, saved, before, self._plan_text)
-        self._open_all_files(files, plan_text)
+        files = files_to_run_again(setup.goals_map_m, saved, before, setup.plan_text)
+        self._open_all_files(files, setup.plan_text if setup.is_plan_new else "")
 
     def _open_all_files(self, recorded: Mapping[str, tuple[str, bytes]], new_plan: str) -> None:
         """Or none of them: the folder is as it was before, and can be tried again."""
@@ -125,7 +105,7 @@ class Session:
         self._files.callback(self.recording.close)
         self._mission_file = MissionFile(out_dir, self.stack.mission, self._tell)
         self._files.callback(self._mission_file.close)
-        self.stack.taps += [self._show_truth, self.referee, self._series, self.event_log]
+        self.stack.taps += [*self._first_taps, self._series, self.event_log]
         self._job_file = MissionFile(out_dir, self.job, self._tell, whole_job.FILE_NAME)
         self._files.callback(self._job_file.close)
         self.unattended = Unattended(self.config.mission.stall_timeout_s)
@@ -146,6 +126,26 @@ class Session:
             self._folder.give_back()
         else:
             self._folder.close()
+
+    @property
+    def inbox(self) -> Inbox:
+        """What people and programs ask of the robot; anybody may post, from any thread."""
+        return self.platform.inbox
+
+    @property
+    def truth(self) -> Callable[[], TrueState] | None:
+        """Where the robot really is, for those who show it; None where nobody knows."""
+        return None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is odd about the robot or earlier runs, but does not keep it from driving."""
+        lost = (f"of the job's earlier runs is lost: {what}" for what in self.job.lacks)
+        return (*self.robot.warnings, *lost)
+
+    def take_sensors(self, sources: Sequence[SensorSource]) -> None:
+        """Let sensors from elsewhere stand in for the platform's own; before the first tick."""
+        self.platform = MixedPlatform(self.platform, sources)
 
     @property
     def task(self) -> Task:
@@ -197,7 +197,7 @@ class Session:
 
     def add_mask_tap(self, tap: MaskTap) -> None:
         """`tap(frame_index, class_id)` is called in the network's thread."""
-        self._mask_taps.append(tap)
+        self.stack.mask_taps.append(tap)
 
     def ticks(self) -> Iterator[TickRecord]:
         """Drive until the mission ends, the time allowed is over, or nobody clears a stop."""
@@ -212,7 +212,7 @@ class Session:
         The report is made and its recording closed by then; events are still logged, another
         recording may be begun, and the robot drives to places and takes new plans.
         """
-        over = (self.referee, self._series, self.job, self._job_file)
+        over = (self.judge, self._series, self.job, self._job_file)
         self.stack.taps = [tap for tap in self.stack.taps if tap not in over]
         self.stack.mission.stay_open()
         while True:
@@ -242,7 +242,7 @@ class Session:
         return report
 
     def _tick(self) -> TickRecord:
-        self.last = self.stack.tick(self.sensed)
+        self.last = self.stack.tick(self.platform)
         return self.last
 
     def _has_ended(self) -> bool:
@@ -259,7 +259,7 @@ class Session:
             return
         t_s = self.last.batch.t_s
         if not self._has_ended():
-            self.platform.post(OperatorEvent(t_s=t_s, action="cancel", source="session"))
+            self.inbox.post(OperatorEvent(t_s=t_s, action="cancel", source="session"))
         self._tick()
         still = 0
         while still < REST_TICKS and self.last.batch.t_s < t_s + COMING_TO_REST_S:
@@ -284,7 +284,8 @@ class Session:
         if task is self._task:
             return
         self._task, self.rows_before = task, ()
-        self.referee.judge_anew(self.rows, self.goals_map_m)
+        if self.judge is not None:
+            self.judge.set_task(self.rows, self.goals_map_m)
         if task.work is None:
             return
         path = self.out_dir / PLAN_FILE
@@ -295,16 +296,6 @@ class Session:
         except RecordingError as error:
             self._tell(record.batch.t_s, str(error))
 
-    def _show_mask(self, frame_index: int, class_id: ByteArray) -> None:
-        for tap in self._mask_taps:
-            tap(frame_index, class_id)
-
-    def _show_truth(self, record: TickRecord) -> None:
-        truth = self.platform.truth()
-        pose = (truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
-        self._series.truth(record.batch.t_s, pose)
-        self.recording.truth(record.batch.t_s, pose, (truth.v_mps, truth.yaw_rate_radps))
-
     def _data(self) -> RunData:
         return RunData(
             config=self.config,
@@ -314,5 +305,4 @@ class Session:
             goals_map_m=self.shown_goals_map_m,
             plants=self.job.plants(self.weed_map.plants()),
             events=self.job.events(self.event_log.events),
-            world=self.world,
         )

@@ -16,10 +16,10 @@ from agribot.core.geo import rotation_from_rpy
 from agribot.core.messages import ByteArray, FloatArray, PlantClass, RobotCommand, Vec3
 from agribot.core.robot import CameraSpec, Origin, RobotSpec, Shape
 from agribot.core.world import Light, Plant, WorldSpec
-from agribot.sim.attitude import map_from_base
-from agribot.sim.camera_feed import KEPT_MASKS, CameraFeed
+from agribot.sim.attitude import read_base_pose
+from agribot.sim.camera_sensor import KEPT_MASKS, CameraSensor
 from agribot.sim.platform import SimPlatform
-from agribot.sim.random_streams import stream
+from agribot.sim.random_streams import make_stream
 from agribot.sim.state import HISTORY_COLUMNS
 from tests.waiting import PATIENCE_S
 
@@ -31,14 +31,14 @@ import sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
 from agribot.core import config
-from agribot.app.session import Session
+from agribot.app.simulated_run import SimulatedRun, simulate
 
 def compiled():
     modules = [m for name, m in sys.modules.items() if name.startswith("agribot.sim.camera")]
     loops = {loop for m in modules for loop in vars(m).values() if isinstance(loop, Dispatcher)}
     return {(loop.__name__, len(loop.signatures)) for loop in loops}
 
-with Session(config.load("farm", ["record.enabled=false"]), Path(sys.argv[1])) as session:
+with simulate(config.load("farm", ["record.enabled=false"]), Path(sys.argv[1])) as session:
     before, frames = compiled(), 0
     for record in session.ticks():
         frames += len(record.batch.frames)
@@ -113,8 +113,8 @@ def test_a_plant_appears_where_the_pinhole_says_also_when_the_robot_tilts(
 ) -> None:
     roll, pitch, yaw = (math.radians(angle) for angle in rpy_deg)
     row = _row(seeing, x_m, y_m, (roll, pitch, yaw))
-    assert map_from_base(row)[:3, :3] == pytest.approx(rotation_from_rpy(roll, pitch, yaw))
-    feed = CameraFeed(seeing, _camera(seeing), garden, None)
+    assert read_base_pose(row)[:3, :3] == pytest.approx(rotation_from_rpy(roll, pitch, yaw))
+    feed = CameraSensor(seeing, _camera(seeing), garden, None)
     frame = feed.sample(1.0, row)
     mask = feed.truth_mask(frame.index)
     assert mask is not None
@@ -123,7 +123,7 @@ def test_a_plant_appears_where_the_pinhole_says_also_when_the_robot_tilts(
     p_map_m = np.array([plant.x_map_m, plant.y_map_m, plant.size_m / 2, 1.0])
     base_from_optical = seeing.body_from_camera()
     base_from_optical[2, 3] -= seeing.base_height_m
-    p_camera_m = np.linalg.inv(map_from_base(row) @ base_from_optical) @ p_map_m
+    p_camera_m = np.linalg.inv(read_base_pose(row) @ base_from_optical) @ p_map_m
     u_px, v_px, _ = _camera(seeing).matrix() @ (p_camera_m[:3] / p_camera_m[2])
     assert (columns.mean(), rows.mean()) == pytest.approx((u_px, v_px), abs=2.5)
 
@@ -143,7 +143,7 @@ def test_the_robot_shades_what_it_sees_with_the_sun_behind_it_and_no_label_chang
 
     def frame(to_sun: Vec3, has_body: bool) -> tuple[FloatArray, ByteArray]:
         lit = msgspec.structs.replace(garden, light=Light(to_sun=to_sun))
-        feed = CameraFeed(robot, _camera(robot), lit, None, has_body=has_body)
+        feed = CameraSensor(robot, _camera(robot), lit, None, has_body=has_body)
         seen = feed.sample(0.0, _row(robot, 1.0, 1.2, (0.0, 0.0, 0.0)))
         mask = feed.truth_mask(seen.index)
         assert mask is not None
@@ -164,13 +164,13 @@ def test_a_visual_whose_mesh_is_missing_is_left_out_with_a_warning(
 ) -> None:
     lost = Shape(kind="mesh", size_m=(1.0, 1.0, 1.0), mesh="package://elsewhere/body.dae")
     robot = _with_deck(seeing, lost)
-    feed = CameraFeed(robot, _camera(robot), garden, None, has_body=True)
+    feed = CameraSensor(robot, _camera(robot), garden, None, has_body=True)
     assert feed.sample(0.0, _row(robot, 1.0, 1.2, (0.0, 0.0, 0.0))).image_rgb.any()
     assert "elsewhere/body.dae" in caplog.text
 
 
 def test_only_the_last_masks_are_kept(seeing: RobotSpec, garden: WorldSpec) -> None:
-    feed = CameraFeed(seeing, _camera(seeing), garden, None)
+    feed = CameraSensor(seeing, _camera(seeing), garden, None)
     for k in range(KEPT_MASKS + 5):
         feed.sample(0.1 * k, _row(seeing, 1.0, 1.2, (0.0, 0.0, 0.0)))
     assert feed.truth_mask(4) is None
@@ -184,8 +184,8 @@ def test_noise_differs_from_frame_to_frame_and_repeats_with_the_seed(
     row = _row(seeing, 1.0, 1.2, (0.0, 0.0, 0.0))
 
     def frames(seed: int | None) -> list[FloatArray]:
-        noise = None if seed is None else stream(seed, "camera")
-        feed = CameraFeed(seeing, _camera(seeing), garden, noise)
+        noise = None if seed is None else make_stream(seed, "camera")
+        feed = CameraSensor(seeing, _camera(seeing), garden, noise)
         return [feed.sample(0.1 * k, row).image_rgb.astype(float) for k in range(2)]
 
     first, second = frames(1)

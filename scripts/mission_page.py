@@ -1,0 +1,86 @@
+"""Print docs/mission.md: `python scripts/mission_page.py > docs/mission.md`."""
+
+from __future__ import annotations
+
+import sys
+
+from agribot.autonomy.plan.requests import TABLE, Column, Do, Ignore, Reaction, Refuse
+from agribot.core.messages import OperatorAction
+
+HEAD = """# The mission and what it is asked
+
+Written by `scripts/mission_page.py` from
+[`requests.py`](../src/agribot/autonomy/plan/requests.py).
+
+A mission is in one of these states ([`states.py`](../src/agribot/autonomy/plan/states.py)).
+Status, page and recording know them by the word in the second column.
+
+| state | word | what the robot does | what ends it |
+|---|---|---|---|
+"""
+STATES = (
+    ("waiting", "`waiting`", "stands until its position holds and its way is planned", "itself"),
+    ("driving", "`running`", "drives its route and works", "the end of the route, or a fault"),
+    (
+        "on an errand",
+        "`running`",
+        "drives home, to a place, or back to the work, with the tool off",
+        "the end of the way, or a fault",
+    ),
+    ("stopping", "`paused`", "comes to rest for an errand and plans its way there", "itself"),
+    ("paused", "`paused`", "stands", "a person or a program that resumes it or sends it on"),
+    (
+        "ended",
+        "`done`, `cancelled`, `failed`",
+        "stands",
+        "nothing; one that stays open (`--stay`, `mission.waits_for_goals`) can be sent on",
+    ),
+)
+RULES = """
+A **stop** is latched in one place, `core/latch.py`, whoever closes it: a person, the supervisor, or
+the run that was cut off before. While it holds, the mission is paused or has ended, and the column
+*stopped* counts first; where that says "-", the state's own column counts. A mission that has ended
+and does not stay open takes nothing, stopped or not.
+
+A request is done, *refused* (the status tells why in `refusal`), or left alone for the reason in
+brackets. What is to be done is still refused where it cannot be: no way leads there, the plan is
+not good, the robot was carried away.
+
+"""
+COLUMNS: dict[Column, str] = {
+    "stopped": "stopped",
+    "waiting": "waiting",
+    "driving": "driving",
+    "on_errand": "on an errand",
+    "stopping": "stopping",
+    "paused": "paused",
+    "open": "ended, open",
+    "ended": "ended",
+}
+
+
+def page() -> str:
+    head = f"| request | {' | '.join(COLUMNS.values())} |\n|{'---|' * (len(COLUMNS) + 1)}\n"
+    states = "".join(f"| {' | '.join(state)} |\n" for state in STATES)
+    return HEAD + states + RULES + head + "".join(map(_row, TABLE))
+
+
+def _row(action: OperatorAction) -> str:
+    cells = (_cell(TABLE[action].get(column)) for column in COLUMNS)
+    return f"| `{action}` | {' | '.join(cells)} |\n"
+
+
+def _cell(reaction: Reaction | None) -> str:
+    match reaction:
+        case Do():
+            return reaction.value
+        case Refuse():
+            return f"*{reaction.why}*"
+        case Ignore():
+            return f"({reaction.why})"
+        case None:
+            return "-"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page())

@@ -1,0 +1,42 @@
+"""A run on the platform that its settings choose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from agribot.app import whole_job
+from agribot.app.run import Run
+from agribot.app.run_setup import prepare_run
+from agribot.app.simulated_run import SimulatedRun
+from agribot.app.whole_job import JobSoFar
+from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.core import extras
+from agribot.core.config import RunConfig
+from agribot.core.platforms import find_platform
+
+
+def open_run(
+    config: RunConfig,
+    out_dir: Path,
+    saved: SavedMission | None = None,
+    earlier: JobSoFar = whole_job.NOTHING,
+    plan_text: str = "",
+) -> Run:
+    """Prepare a run on the platform of its settings; the arguments are those of `prepare_run`.
+
+    Raises: AgribotError: the settings do not fit, or the platform cannot be opened.
+    """
+    kind = find_platform(config.platform)
+    if kind.extra:
+        extras.require(kind.extra, f"platform = {config.platform!r}")
+    setup = prepare_run(config, out_dir, saved, earlier, plan_text)
+    if kind.is_simulated:
+        return SimulatedRun(setup)
+    open_platform = kind.find_opener()
+    stack = setup.build_stack()  # first: it moves nothing if it is refused
+    try:
+        platform = open_platform(setup.config, setup.robot)
+    except BaseException:
+        stack.close()
+        raise
+    return Run(setup, platform, stack)

@@ -1,0 +1,83 @@
+"""What a run begins with, read and checked before anything may move."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from agribot.app import whole_job
+from agribot.app.calibration.believed import calibrated
+from agribot.app.field_work import field_work, read_plan_text
+from agribot.app.robot_stack import build_stack
+from agribot.app.tasks import read_goals
+from agribot.app.whole_job import JobSoFar
+from agribot.autonomy.plan.coverage.drive import FieldWork
+from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.stack import Stack
+from agribot.core.config import RunConfig
+from agribot.core.messages import MapPoint
+from agribot.core.robot import RobotSpec
+from agribot.description.loader import load_robot
+
+PLAN_FILE = "plan.geojson"
+
+
+class RunSetup(NamedTuple):
+    """Settings, robot and task of a run, and what earlier runs of the same job left.
+
+    `described` is the robot as its description says, `robot` the same as calibration corrects it.
+    `plan_text` is the field plan, empty without one; `is_plan_new` where it is in no file yet.
+    """
+
+    config: RunConfig
+    out_dir: Path
+    described: RobotSpec
+    robot: RobotSpec
+    goals_map_m: tuple[MapPoint, ...]
+    plan_text: str
+    is_plan_new: bool
+    work: FieldWork | None
+    saved: SavedMission | None
+    earlier: JobSoFar
+
+    def build_stack(self) -> Stack:
+        """Raises: AgribotError: settings, robot and task do not fit each other."""
+        return build_stack(
+            self.config, self.robot, self.goals_map_m, work=self.work, saved=self.saved
+        )
+
+
+def prepare_run(
+    config: RunConfig,
+    out_dir: Path,
+    saved: SavedMission | None = None,
+    earlier: JobSoFar = whole_job.NOTHING,
+    plan_text: str = "",
+) -> RunSetup:
+    """Read all that the settings of a run name.
+
+    `saved` is a mission to go on with, `earlier` what the runs before did of the job; the report
+    then tells of all of it. `plan_text` is a field plan that is in no file yet: the run keeps it
+    in its folder.
+
+    Raises: AgribotError: something in the settings or on the disk does not fit.
+    """
+    if plan_text:
+        config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
+    described = load_robot(config.robot)
+    robot = calibrated(described, config.calibration)
+    text = plan_text or read_plan_text(config)
+    return RunSetup(
+        config=config,
+        out_dir=out_dir,
+        described=described,
+        robot=robot,
+        goals_map_m=read_goals(config),
+        plan_text=text,
+        is_plan_new=bool(plan_text),
+        work=field_work(text, config, robot),
+        saved=saved,
+        earlier=earlier,
+    )

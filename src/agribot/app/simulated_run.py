@@ -1,0 +1,87 @@
+"""A run on the simulated robot: its world, its truth, and the referee who judges by it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from agribot.app import whole_job
+from agribot.app.run import Run
+from agribot.app.run_setup import RunSetup, prepare_run
+from agribot.app.whole_job import JobSoFar
+from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.core.config import RunConfig
+from agribot.core.messages import TickRecord
+from agribot.core.platform import TrueState
+from agribot.core.world import WorldSpec
+from agribot.description.worlds_sdf import world_of_run
+from agribot.record.series import RunData
+
+if TYPE_CHECKING:
+    from agribot.sim.platform import SimPlatform
+    from agribot.sim.referee import Referee
+
+
+class SimulatedRun(Run):
+    """`world` is what is simulated, `simulator` what does so, `referee` scores the run by truth."""
+
+    world: WorldSpec
+    simulator: SimPlatform
+    referee: Referee
+
+    def __init__(self, setup: RunSetup) -> None:
+        """Raises: AgribotError: as `Run`, or the world and the robot do not fit each other."""
+        from agribot.sim.platform import SimPlatform
+        from agribot.sim.referee import Referee
+
+        self.world = _world(setup)
+        self.simulator = SimPlatform(
+            setup.config, setup.described, self.world, board=setup.robot.drive
+        )
+        stack = setup.build_stack()
+        task = stack.mission.task
+        self.referee = Referee(self.simulator, self.world, tuple(task.rows), tuple(task.waypoints))
+        stack.mask_taps.append(self.referee.judge_mask)
+        taps = (self._show_truth, self.referee)
+        super().__init__(setup, self.simulator, stack, taps, self.referee)
+
+    @property
+    def truth(self) -> Callable[[], TrueState]:
+        return self.simulator.truth
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        return (*self.world.warnings, *super().warnings)
+
+    def _show_truth(self, record: TickRecord) -> None:
+        truth = self.simulator.truth()
+        pose = (truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
+        self._series.truth(record.batch.t_s, pose)
+        self.recording.truth(record.batch.t_s, pose, (truth.v_mps, truth.yaw_rate_radps))
+
+    def _data(self) -> RunData:
+        return msgspec.structs.replace(super()._data(), world=self.world)
+
+
+def simulate(
+    config: RunConfig,
+    out_dir: Path,
+    saved: SavedMission | None = None,
+    earlier: JobSoFar = whole_job.NOTHING,
+    plan_text: str = "",
+) -> SimulatedRun:
+    """Prepare a run and simulate its robot; the arguments are those of `prepare_run`."""
+    return SimulatedRun(prepare_run(config, out_dir, saved, earlier, plan_text))
+
+
+def _world(setup: RunSetup) -> WorldSpec:
+    """The world of the settings; a robot that goes on stands in it where it was left."""
+    world, saved = world_of_run(setup.config), setup.saved
+    if saved is None:
+        return world
+    return msgspec.structs.replace(
+        world, spawn_xy_map_m=saved.pose[:2], spawn_yaw_map_rad=saved.pose[2]
+    )

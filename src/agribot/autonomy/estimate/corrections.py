@@ -1,0 +1,28 @@
+"""The sensors that correct the pose, in the order in which those of one batch do so.
+
+A further one is a class in a file of its own, and a line here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from agribot.autonomy.estimate.base_correction import BaseCorrection
+from agribot.autonomy.estimate.compass import Compass
+from agribot.autonomy.estimate.correction import Correction
+from agribot.autonomy.estimate.crop_rows import CropRows
+from agribot.autonomy.estimate.dual_heading import DualHeading
+from agribot.autonomy.estimate.gnss import Gnss
+from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.autonomy.estimate.row_lines import RowLines
+
+# What a sample that is refused is counted as, and the sensor.
+CORRECTIONS: dict[str, Callable[[PoseFilter], Correction[Any]]] = {
+    "mag": Compass,
+    "base": BaseCorrection,
+    "gnss": Gnss,
+    "antenna heading": DualHeading,
+    "row line": RowLines,
+    "scene": CropRows,
+}

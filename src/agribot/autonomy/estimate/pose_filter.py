@@ -1,0 +1,86 @@
+"""What all corrections of the pose share: the filter, the motion behind it, the rows, the start."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import Literal
+
+from agribot.autonomy.estimate.beliefs import first_std
+from agribot.autonomy.estimate.ekf import Ekf
+from agribot.autonomy.estimate.field_rows import FieldRows
+from agribot.autonomy.estimate.gate import Verdict
+from agribot.autonomy.estimate.history import MotionHistory
+from agribot.autonomy.estimate.measurement import Measurement
+from agribot.autonomy.estimate.row_agreement import RowAgreement
+from agribot.autonomy.estimate.start import StartMark
+from agribot.core.config import EstimateConfig, FieldConfig
+from agribot.core.messages import BaseFix, Vec3
+from agribot.core.robot import RobotSpec
+
+Known = Literal["yaw", "position"]
+
+
+class PoseFilter:
+    """The Kalman filter and what surrounds it; every correction is given this one object.
+
+    `rejected` counts, by cause, every sample that did not enter the filter. `known` is what has
+    been measured once, `up_body` the vertical in body axes, `base` what a receiver at a known place
+    said last.
+    """
+
+    def __init__(
+        self, config: EstimateConfig, field: FieldConfig, robot: RobotSpec, ekf: Ekf | None = None
+    ) -> None:
+        self.config, self.field, self.robot = config, field, robot
+        self.ekf = ekf or Ekf(first_std(config), math.radians(field.row_yaw_deg))
+        self.history = MotionHistory(ahead_s=config.wheel_timeout_s)
+        self.rejected: Counter[str] = Counter()
+        self.start = StartMark.of(field)
+        self.rows = FieldRows(field)
+        self.agreement = RowAgreement()
+        self.known: set[Known] = set()
+        self.up_body: Vec3 = (0.0, 0.0, 1.0)
+        self.base: BaseFix | None = None
+
+    def correct(self, measured: Measurement) -> Verdict:
+        """Let a measurement through its gate, or count that it was rejected."""
+        gate, distance2 = measured.gate, 0.0
+        if gate is None:
+            self.open_for(measured)
+            return "accept"
+        if measured.is_judged_first:
+            distance2 = self._distance2(measured)
+        else:
+            distance2 = self._take(measured, measured.variance, gate.limit)
+        verdict = gate.judge(distance2)
+        if verdict == "accept" and measured.is_judged_first:
+            self._take(measured, measured.taken_variance(distance2))
+        if verdict == "recover" and gate.recovery:
+            self.rejected[gate.recovery] += 1
+        if verdict == "recover" or measured.must_open:
+            self.open_for(measured, distance2)
+        elif verdict == "reject":
+            self.rejected[gate.outlier] += 1
+        return verdict
+
+    def open_for(self, measured: Measurement, distance2: float = 0.0) -> None:
+        """Trust the states less that a measurement blames, then take it, whatever its residual."""
+        for state, variance in measured.opens:
+            self.ekf.inflate(state, variance)
+        if measured.is_retaken:
+            self._take(measured, measured.taken_variance(distance2))
+
+    def _distance2(self, measured: Measurement) -> float:
+        """Of the residual that fits worst."""
+        pairs = zip(measured.rows, measured.residuals, strict=True)
+        return max(self.ekf.distance2(row, off, measured.variance) for row, off in pairs)
+
+    def _take(self, measured: Measurement, variance: float, limit: float = math.inf) -> float:
+        """Correct with what lies within a limit; the squared distance of the last residual."""
+        rows, residuals, distance2 = measured.rows, measured.residuals, 0.0
+        if len(rows) == 2 and not measured.is_judged_first:
+            return self.ekf.update_pair(rows, residuals, variance, limit)
+        for row, residual in zip(rows, residuals, strict=True):
+            distance2 = self.ekf.update(row, residual, variance, limit)
+        return distance2

@@ -1,0 +1,83 @@
+"""The platforms by name: what the setting `platform` chooses from."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from agribot.core.errors import ConfigError
+from agribot.core.platform import Platform
+
+# Takes the settings of the run (`RunConfig`) and the robot (`RobotSpec`).
+OpenPlatform = Callable[[Any, Any], Platform]
+
+
+class PlatformKind(NamedTuple):
+    """How a platform is opened, and what it needs.
+
+    `opener` takes the settings of a run and the robot, and returns a `Platform`; as a text it is
+    "module:function", imported when it is wanted. It is None for the simulator, which also makes
+    the world of the run. `extra` is the extra of the installation that it needs.
+    """
+
+    opener: OpenPlatform | str | None
+    extra: str = ""
+
+    @property
+    def is_simulated(self) -> bool:
+        return self.opener is None
+
+    def find_opener(self) -> OpenPlatform:
+        """Import what opens it.
+
+        Raises: ConfigError: there is no such function, or the simulator opens itself.
+        """
+        if self.opener is None:
+            raise ConfigError("the simulator needs a world; open it with SimulatedRun")
+        return _import(self.opener) if isinstance(self.opener, str) else self.opener
+
+
+_KINDS: dict[str, PlatformKind] = {"sim": PlatformKind(opener=None, extra="sim")}
+
+
+def register_platform(name: str, opener: OpenPlatform | str, extra: str = "") -> None:
+    """Let `platform = "NAME"` in the settings of a run open this platform.
+
+    Raises: ConfigError: the name is taken.
+    """
+    if name in _KINDS:
+        raise ConfigError(f"the platform {name!r} is registered already; choose another name")
+    _KINDS[name] = PlatformKind(opener, extra)
+
+
+def find_platform(name: str) -> PlatformKind:
+    """Find a registered platform, or take a name such as "my_robot:open_platform" at its word.
+
+    Raises: ConfigError: neither.
+    """
+    if name in _KINDS:
+        return _KINDS[name]
+    if ":" in name:
+        return PlatformKind(opener=name)
+    close = difflib.get_close_matches(name, _KINDS, n=1, cutoff=0.5)
+    hint = f"; did you mean {close[0]!r}?" if close else ""
+    raise ConfigError(
+        f"platform = {name!r}{hint}; known: {', '.join(_KINDS)}; or name your own as "
+        "module:function"
+    )
+
+
+def _import(target: str) -> OpenPlatform:
+    module_name, _, name = target.partition(":")
+    try:
+        found = getattr(import_module(module_name), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ConfigError(
+            f"platform = {target!r}: {error}; write module:function of an installed module"
+        ) from error
+    if not callable(found):
+        raise ConfigError(f"platform = {target!r} is not a function but {type(found).__name__}")
+    opener: OpenPlatform = found
+    return opener

@@ -1,0 +1,152 @@
+"""A run drives whatever platform its settings name, also where nobody knows the truth."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+
+import pytest
+
+from agribot.app.open_run import open_run
+from agribot.app.simulated_run import SimulatedRun
+from agribot.cli.main import main
+from agribot.core import config, platforms
+from agribot.core.errors import ConfigError
+from agribot.core.messages import Inbox, OperatorEvent, RobotCommand, SensorBatch
+
+BENCH = '''
+from agribot.core.messages import (
+    GnssFix, GnssQuality, ImuSample, Inbox, MagSample, SensorBatch, WheelSample,
+)
+
+class Bench:
+    """A robot on blocks: its sensors speak, it stays where it is."""
+
+    def __init__(self, config, robot):
+        self.inbox, self.tick, self.is_closed = Inbox(), 0, False
+        self.datum = config.field.datum
+
+    def read(self):
+        self.tick += 1
+        t_s = self.tick * 0.02
+        events, hand = self.inbox.drain(t_s)
+        fix = GnssFix(t_s=t_s, lat_deg=self.datum.lat_deg, lon_deg=self.datum.lon_deg,
+                      alt_m=self.datum.alt_m, pos_std_m=0.02, quality=GnssQuality.RTK_FIXED)
+        return SensorBatch(
+            t_s=t_s, events=events, hand=hand,
+            wheels=(WheelSample(t_s=t_s, angle_rad=(0.0,) * 4, speed_radps=(0.0,) * 4),),
+            imu=(ImuSample(t_s=t_s, gyro_radps=(0.0,) * 3, accel_mps2=(0.0, 0.0, 9.81)),),
+            mag=(MagSample(t_s=t_s, field_t=(0.0, 3e-5, -3e-5)),) if self.tick % 5 == 0 else (),
+            gnss=(fix,) if self.tick % 10 == 0 else (),
+        )
+
+    def write(self, command):
+        self.command = command
+
+    def close(self):
+        self.is_closed = True
+'''
+SETTINGS = ["perception.enabled=false", "duration_s=3"]
+
+
+@pytest.fixture
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The name of a platform that is one file of somebody's own."""
+    (tmp_path / "my_bench.py").write_text(BENCH)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(platforms, "_KINDS", dict(platforms._KINDS))
+    platforms.register_platform("bench", "my_bench:Bench")
+    return "bench"
+
+
+def test_a_platform_of_ones_own_is_one_file_and_a_registration(bench: str, tmp_path: Path) -> None:
+    settings = config.load("farm", [f"platform={bench}", *SETTINGS])
+    with open_run(settings, tmp_path / "run") as run:
+        assert not isinstance(run, SimulatedRun)
+        ticks = list(run.ticks())
+        report = run.finish()
+    estimate = ticks[-1].estimate
+    assert math.hypot(estimate.x_map_m, estimate.y_map_m) < 0.2  # the stack took its sensors
+    assert run.platform.is_closed  # type: ignore[attr-defined]
+    assert "3 s, as asked" in report.reason
+
+
+def test_a_report_without_truth_has_nulls_where_only_the_truth_could_tell(
+    bench: str, tmp_path: Path
+) -> None:
+    words = ["run", "farm", "--platform", bench, "--out", str(tmp_path / "run")]
+    main([*words, *(word for setting in SETTINGS for word in ("--set", setting))])
+    report = json.loads((tmp_path / "run" / "report.json").read_text())
+    assert set(report["tracking"].values()) == {None}
+    assert set(report["estimate"].values()) == {None}
+    assert report["mission"]["coverage_ratio"] is None
+    assert report["mission"]["rows_total"] == 6  # what the robot knows itself stays
+    assert report["mission"]["rows_done"] == 0
+    assert not report["ok"]
+    assert (tmp_path / "run" / "report.html").exists()
+
+
+def test_a_drive_without_truth_replays_to_the_same_commands(
+    bench: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with open_run(config.load("farm", [f"platform={bench}", *SETTINGS]), tmp_path / "run") as run:
+        list(run.ticks())
+        run.finish()
+    assert main(["replay", str(tmp_path / "run" / "run.mcap")]) == 0
+    assert "identical" in capsys.readouterr().out
+
+
+def test_a_platform_may_be_named_by_module_and_function(bench: str, tmp_path: Path) -> None:
+    with open_run(
+        config.load("farm", ["platform=my_bench:Bench", *SETTINGS]), tmp_path / "run"
+    ) as run:
+        assert next(run.ticks()).batch.t_s == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("banana", "known: sim"),
+        ("no_such_module:open", "No module named 'no_such_module'"),
+        ("json:no_such_name", "has no attribute 'no_such_name'"),
+        ("json:__name__", "is not a function but str"),
+    ],
+)
+def test_a_platform_that_is_none_is_refused_before_anything_is_written(
+    name: str, words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigError, match="platform = ") as refusal:
+        open_run(config.load("farm", [f"platform='{name}'", *SETTINGS]), tmp_path / "run")
+    assert words in str(refusal.value)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_name_is_registered_once() -> None:
+    with pytest.raises(ConfigError, match="'sim' is registered already"):
+        platforms.register_platform("sim", lambda config, robot: Silent())
+
+
+def test_requests_reach_any_platform_through_its_inbox(bench: str, tmp_path: Path) -> None:
+    settings = config.load("farm", [f"platform={bench}", *SETTINGS])
+    with open_run(settings, tmp_path / "run") as run:
+        ticks = run.ticks()
+        next(ticks)
+        run.inbox.post(OperatorEvent(t_s=0.0, action="stop", source="a person"))
+        assert next(ticks).status.stopped == "stopped by a person"
+        assert "my_bench" in sys.modules
+
+
+class Silent:
+    """The least that is a platform."""
+
+    def __init__(self) -> None:
+        self.inbox = Inbox()
+
+    def read(self) -> SensorBatch:
+        return SensorBatch(t_s=0.0)
+
+    def write(self, command: RobotCommand) -> None: ...
+
+    def close(self) -> None: ...
