@@ -13,7 +13,7 @@ QUICK := $(wildcard tests/test_*.py) tests/core $(filter-out $(DRIVING),$(wildca
 
 WORKERS := -n logical --maxprocesses 4 --dist loadfile
 
-.PHONY: run test nightly quick check format lint types clean
+.PHONY: run test nightly quick check format lint types generate clean
 
 run: $(VENV)/.run
 	$(BIN)/agribot run farm --ui --speed 1
@@ -36,6 +36,10 @@ format: $(VENV)/.dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 	$(BIN)/python scripts/lint_page.py --fix
+
+# What the operator's page takes from Python: its messages and its list of screens.
+generate: $(VENV)/.dev
+	$(BIN)/python scripts/generate_wire.py
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
