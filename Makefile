@@ -13,7 +13,7 @@ QUICK := $(wildcard tests/test_*.py) tests/core $(filter-out $(DRIVING),$(wildca
 
 WORKERS := -n logical --maxprocesses 4 --dist loadfile
 
-.PHONY: run test nightly quick check format lint types generate clean
+.PHONY: run test nightly quick check pages generate format lint types clean
 
 run: $(VENV)/.run
 	$(BIN)/agribot run farm --ui --speed 1
@@ -31,6 +31,10 @@ quick: lint types
 	$(BIN)/python -m pytest -q -m 'not slow' $(QUICK)
 
 check: lint types test
+
+# The pages that are made from the code: references, architecture, the table of rooms.
+pages: $(VENV)/.dev
+	$(BIN)/python scripts/write_pages.py
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .

@@ -9,7 +9,7 @@ from agribot.core.messages import OperatorAction
 
 HEAD = """# The mission and what it is asked
 
-Written by `scripts/mission_page.py` from
+Written by `make pages` from
 [`requests.py`](../src/agribot/autonomy/plan/requests.py).
 
 A mission is in one of these states ([`states.py`](../src/agribot/autonomy/plan/states.py)).

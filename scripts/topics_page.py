@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import sys
 
-from agribot.core.topic import Topic
-from agribot.core.topics import TOPICS
+from agribot.core.topics import TOPICS, Topic
 
 HEAD = """# Topics
 
-Written by `scripts/topics_page.py` from [`topics.py`](../src/agribot/core/topics.py).
+Written by `make pages` from [`topics.py`](../src/agribot/core/topics.py).
 Rates are nominal; "-" is "when it changes". Latched topics reach those who come late. The
 original's name and type are what the ROS 1 bridge adds.
 

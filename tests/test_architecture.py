@@ -210,7 +210,10 @@ def test_the_bare_package_loads_nothing() -> None:
 
 
 def test_the_vocabulary_and_the_decisions_about_motion_need_only_numpy_and_msgspec() -> None:
-    light = {"core", *(f"autonomy/{part}" for part in ("estimate", "plan", "control", "weeds"))}
+    light = {
+        "core",
+        *(f"autonomy/{part}" for part in ("estimate", "plan", "control", "weeds", "implements")),
+    }
     modules = [module_of(path) for path in sources() if room_of(module_of(path)) in light]
     assert loaded_by(*modules) <= LIGHT
 

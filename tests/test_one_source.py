@@ -12,7 +12,7 @@ from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core import config
 from agribot.core.messages import DriveCommand, RobotCommand
 from agribot.core.robot import RobotSpec
-from agribot.description.loader import load_robot, urdf_text
+from agribot.description.loader import export_urdf, load_robot
 from agribot.description.worlds_sdf import load_world
 from agribot.sim.platform import SimPlatform
 
@@ -65,8 +65,8 @@ def test_a_changed_wheel_radius_reaches_physics_odometry_and_exported_urdf(
     assert believed_m == pytest.approx(true_m, rel=0.02)
     assert usual_believed_m == pytest.approx(usual_true_m, rel=0.02)
 
-    assert 'radius="0.12"' in urdf_text(bigger_wheels)
-    assert 'radius="0.09"' in urdf_text()
+    assert 'radius="0.12"' in export_urdf(bigger_wheels)
+    assert 'radius="0.09"' in export_urdf()
 
 
 def test_physics_that_disagrees_with_odometry_is_seen_as_wrong_distance(

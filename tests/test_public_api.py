@@ -10,9 +10,10 @@ import pytest
 import agribot
 
 NAMES = {
-    "AgribotError", "OperatorEvent", "OperatorPage", "Platform", "RobotCommand", "RobotSpec", "Run",
-    "RunConfig", "SensorBatch", "SensorSource", "SimulatedRun", "TickRecord", "__version__", "load",
-    "load_robot", "messages", "open_run", "panels", "register_platform", "simulate", "topics",
+    "AgribotError", "Implement", "ImplementKind", "ImplementSpec", "OperatorEvent", "OperatorPage",
+    "Platform", "RobotCommand", "RobotSpec", "Run", "RunConfig", "SensorBatch", "SensorSource",
+    "SimulatedRun", "TickRecord", "__version__", "load", "load_robot", "messages", "open_run",
+    "panels", "register_implement", "register_platform", "simulate", "topics",
 }  # fmt: skip
 
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from agribot.core import messages, topics
     from agribot.core.config import RunConfig, load
     from agribot.core.errors import AgribotError
+    from agribot.core.implement.kind import Implement, ImplementKind, register_implement
+    from agribot.core.implement.spec import ImplementSpec
     from agribot.core.messages import OperatorEvent, RobotCommand, SensorBatch, TickRecord
     from agribot.core.platform import Platform, SensorSource
     from agribot.core.platforms import register_platform
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
 # Where each name lives; a module stands for itself.
 _HOMES = {
     "AgribotError": "agribot.core.errors",
+    "Implement": "agribot.core.implement.kind",
+    "ImplementKind": "agribot.core.implement.kind",
+    "ImplementSpec": "agribot.core.implement.spec",
     "OperatorEvent": "agribot.core.messages",
     "OperatorPage": "agribot.ui.operator_page",
     "Platform": "agribot.core.platform",
@@ -45,15 +50,17 @@ _HOMES = {
     "messages": "agribot.core",
     "open_run": "agribot.app.open_run",
     "panels": "agribot.ui",
+    "register_implement": "agribot.core.implement.kind",
     "register_platform": "agribot.core.platforms",
     "simulate": "agribot.app.simulated_run",
     "topics": "agribot.core",
 }
 
 __all__ = [
-    "AgribotError", "OperatorEvent", "OperatorPage", "Platform", "RobotCommand", "RobotSpec", "Run",
-    "RunConfig", "SensorBatch", "SensorSource", "SimulatedRun", "TickRecord", "__version__", "load",
-    "load_robot", "messages", "open_run", "panels", "register_platform", "simulate", "topics",
+    "AgribotError", "Implement", "ImplementKind", "ImplementSpec", "OperatorEvent", "OperatorPage",
+    "Platform", "RobotCommand", "RobotSpec", "Run", "RunConfig", "SensorBatch", "SensorSource",
+    "SimulatedRun", "TickRecord", "__version__", "load", "load_robot", "messages", "open_run",
+    "panels", "register_implement", "register_platform", "simulate", "topics",
 ]  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.app.rerun import difference, recorded_pass, rerun
+from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import simulate
 from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest, footprint
 from agribot.autonomy.plan.coverage.planner import plan_field
@@ -119,7 +119,7 @@ def test_a_replay_has_the_same_commands_bit_by_bit(
     runs: tuple[list[TickRecord], Path],
 ) -> None:
     path = runs[1] / "run.mcap"
-    before = recorded_pass(path)
+    before = read_pass(path)
     again, _ = rerun(path, config.load("farm", SETTINGS))
-    assert difference(before, again).first is None
+    assert compare_passes(before, again).first is None
     assert [t.status for t in before] == [t.status for t in again]

@@ -20,7 +20,7 @@ ALSO_IN_THE_BASE = {"ruamel"}
 
 class Hidden(importlib.abc.MetaPathFinder):
     def __init__(self) -> None:
-        found = list(extras.requirements())
+        found = list(extras.read_requirements())
         base = {one.module.split(".")[0] for one in found if not one.extra} | ALSO_IN_THE_BASE
         self.modules = {one.module.split(".")[0] for one in found if one.extra} - base
 

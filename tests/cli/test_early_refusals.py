@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from agribot.cli.bridging import checked_master
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError
+from agribot.ros.ros1.master import check_master
 
 
 @pytest.fixture(autouse=True)
@@ -36,7 +36,7 @@ def test_an_absent_package_of_a_network_is_named_first(
     line: str, absent: str, words: str, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("agribot.core.extras._is_there", lambda module: module != absent)
+    monkeypatch.setattr("agribot.core.extras._is_installed", lambda module: module != absent)
     assert main(line.split()) == 2
     assert words in capsys.readouterr().err
 
@@ -59,7 +59,7 @@ def test_an_absent_package_of_a_network_is_named_first(
 def test_an_address_that_is_none_is_refused_first(
     line: str, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("agribot.core.extras._is_there", lambda _: True)
+    monkeypatch.setattr("agribot.core.extras._is_installed", lambda _: True)
     assert main(line.split()) == 2
     assert words in capsys.readouterr().err
 
@@ -75,7 +75,7 @@ def test_an_address_that_is_none_is_refused_first(
     ],
 )
 def test_addresses_of_masters_are_taken_as_they_are(uri: str) -> None:
-    assert checked_master(uri) == uri
+    assert check_master(uri) == uri
 
 
 @pytest.mark.parametrize(
@@ -89,4 +89,4 @@ def test_addresses_of_masters_are_taken_as_they_are(uri: str) -> None:
 )  # fmt: skip
 def test_what_is_no_address_of_a_master_is_refused(uri: str) -> None:
     with pytest.raises(ConfigError, match="write it as http://HOST:PORT"):
-        checked_master(uri)
+        check_master(uri)

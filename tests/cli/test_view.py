@@ -85,7 +85,7 @@ def test_the_foxglove_layout_shows_topics_and_fields_that_exist(
     named = set(re.findall(r'"(/[a-z_/]+)((?:\.[a-z_]+)*)"', text))
     assert len(named) >= 10
     for name, fields in named:
-        topic = topics.by_name(name)
+        topic = topics.find_topic(name)
         assert topic is not None, name
         ros_type = topic.ros_type
         for field in fields.split(".")[1:]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agribot.core.config import RunConfig, load, profile_names, to_toml
+from agribot.core.config import RunConfig, list_profiles, load, to_toml
 from agribot.core.errors import ConfigError
 
 
@@ -24,12 +24,12 @@ def write(folder: Path, text: str) -> str:
 
 
 def test_there_is_a_farm_profile_and_every_profile_loads_under_its_own_name() -> None:
-    assert "farm" in profile_names()
-    for name in profile_names():
+    assert "farm" in list_profiles()
+    for name in list_profiles():
         assert load(name).profile == name
 
 
-@pytest.mark.parametrize("name", profile_names())
+@pytest.mark.parametrize("name", list_profiles())
 def test_the_resolved_settings_of_a_run_reload_equal(name: str, tmp_path: Path) -> None:
     config = load(name, ["seed=7", "mission.speed_mps=0.55", "sim.weed_density_per_m2=3.5"])
     assert load(write(tmp_path, to_toml(config))) == config

@@ -14,12 +14,12 @@ from agribot.core.histogram import Histogram
 
 def test_what_was_appended_comes_out_row_by_row() -> None:
     table = GrowingTable(3)
-    assert table.array().shape == (0, 3)
+    assert table.to_array().shape == (0, 3)
     rows = [(1.0, 2.0, 3.0), (4.0, float("nan"), -6.0)]
     for row in rows:
         table.append(row)
     assert len(table) == 2
-    assert np.array_equal(table.array(), rows, equal_nan=True)
+    assert np.array_equal(table.to_array(), rows, equal_nan=True)
 
 
 def test_a_row_of_another_length_is_refused_and_leaves_the_table_as_it_was() -> None:
@@ -28,16 +28,16 @@ def test_a_row_of_another_length_is_refused_and_leaves_the_table_as_it_was() -> 
     for row in ((), (1.0,), (1.0, 2.0, 3.0)):
         with pytest.raises(ValueError, match="2 columns"):
             table.append(row)
-    assert np.array_equal(table.array(), [(1.0, 2.0)])
+    assert np.array_equal(table.to_array(), [(1.0, 2.0)])
 
 
 def test_an_array_that_was_given_out_does_not_change_with_the_table() -> None:
     table = GrowingTable(1)
     table.append((1.0,))
-    given = table.array()
+    given = table.to_array()
     table.append((2.0,))
     assert given.tolist() == [[1.0]]
-    assert table.array().tolist() == [[1.0], [2.0]]
+    assert table.to_array().tolist() == [[1.0], [2.0]]
 
 
 def test_an_hour_of_ticks_takes_little_more_than_its_bytes() -> None:

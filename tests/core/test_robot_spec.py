@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from agribot.core.errors import DescriptionError
+from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import (
     CameraSpec,
@@ -17,7 +18,6 @@ from agribot.core.robot import (
     Origin,
     RobotSpec,
     SensorMount,
-    SprayerSpec,
     TyreSpec,
 )
 
@@ -30,8 +30,8 @@ DRIVE = DriveSpec(
     wheel_width_m=0.1,
     track_m=0.8,
     wheelbase_m=0.5,
-    told_diameter_m=0.36,
-    told_separation_m=0.65,
+    plugin_diameter_m=0.36,
+    plugin_separation_m=0.65,
     yaw_multiplier=1.5,
     torque_nm=30.0,
     gear_ratio=1.0,
@@ -192,9 +192,9 @@ def test_wheel_speeds_give_back_the_twist_through_the_effective_separation() -> 
 
 def test_nozzles_are_counted_from_the_left_and_centred() -> None:
     boom = SprayerSpec(
-        x_body_m=0.0, nozzle_count=4, nozzle_spacing_m=0.1, nozzle_width_m=0.1, latency_s=0.1
+        x_body_m=0.0, section_count=4, section_spacing_m=0.1, section_width_m=0.1, latency_s=0.1
     )
-    assert boom.nozzle_y_body_m() == pytest.approx((0.15, 0.05, -0.05, -0.15))
+    assert boom.section_y_body_m() == pytest.approx((0.15, 0.05, -0.05, -0.15))
 
 
 def test_the_mass_is_that_of_all_links() -> None:

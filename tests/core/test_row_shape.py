@@ -14,15 +14,20 @@ from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Row
 from agribot.core.row_shape import (
-    beside_row,
     end_yaw_rad,
+    project_on_row,
+    reverse_row,
     row_length_m,
     row_points_map_m,
     start_yaw_rad,
-    turned_round,
 )
 from agribot.description.field_generator import generate_field
-from agribot.description.field_plan import CropPlan, FieldPlan, RowsPlan, WeedsPlan
+from agribot.description.field_settings import (
+    CropSettings,
+    FieldSettings,
+    RowsSettings,
+    WeedsSettings,
+)
 
 QUARTER = Row(index=0, start_map_m=(10.0, 0.0), end_map_m=(0.0, 10.0), curvature_radpm=0.1)
 BENDS = [0.0, 0.04, -0.04]
@@ -49,7 +54,7 @@ def test_a_quarter_circle_about_the_origin_has_its_length_and_leads_north_then_w
 
 
 def test_a_place_inside_the_circle_lies_left_of_a_row_that_bends_left() -> None:
-    along_m, left_m, yaw_rad = beside_row(QUARTER, 9.0 * math.cos(0.3), 9.0 * math.sin(0.3))
+    along_m, left_m, yaw_rad = project_on_row(QUARTER, 9.0 * math.cos(0.3), 9.0 * math.sin(0.3))
     assert along_m == pytest.approx(3.0)
     assert left_m == pytest.approx(1.0)
     assert yaw_rad == pytest.approx(math.pi / 2.0 + 0.3)
@@ -58,8 +63,8 @@ def test_a_place_inside_the_circle_lies_left_of_a_row_that_bends_left() -> None:
 @pytest.mark.parametrize("bend", BENDS)
 def test_from_its_other_end_a_row_is_the_same_line(bend: float) -> None:
     row = field_rows(_field(bend))[2]
-    back = turned_round(row)
-    there, here = beside_row(row, 5.0, 1.0), beside_row(back, 5.0, 1.0)
+    back = reverse_row(row)
+    there, here = project_on_row(row, 5.0, 1.0), project_on_row(back, 5.0, 1.0)
     assert here.along_m == pytest.approx(row_length_m(row) - there.along_m)
     assert here.left_m == pytest.approx(-there.left_m)
     assert math.cos(here.yaw_rad - there.yaw_rad) == pytest.approx(-1.0)
@@ -70,22 +75,22 @@ def test_rows_of_a_field_stay_one_pitch_apart_along_their_whole_length(bend: flo
     rows = field_rows(_field(bend))
     for row, following in pairwise(rows):
         for x_m, y_m in row_points_map_m(following):
-            assert beside_row(row, x_m, y_m).left_m == pytest.approx(-1.0, abs=0.0015)
+            assert project_on_row(row, x_m, y_m).left_m == pytest.approx(-1.0, abs=0.0015)
 
 
 @pytest.mark.parametrize("bend", BENDS)
 def test_the_rows_of_a_field_are_those_on_which_the_generator_puts_its_crop(bend: float) -> None:
-    plan = FieldPlan(
-        rows=RowsPlan(
+    plan = FieldSettings(
+        rows=RowsSettings(
             count=5, length_m=12.0, first_row_start_map_m=(3.0, -2.0), yaw_deg=37.0,
             curvature_radpm=bend,
         ),
-        crop=CropPlan(spacing_m=0.25),
-        weeds=WeedsPlan(density_per_m2=0.0),
+        crop=CropSettings(spacing_m=0.25),
+        weeds=WeedsSettings(density_per_m2=0.0),
     )  # fmt: skip
     rows = field_rows(_field(bend))
     for plant in generate_field(plan, 1).plants:
-        nearest = min(abs(beside_row(row, plant.x_map_m, plant.y_map_m).left_m) for row in rows)
+        nearest = min(abs(project_on_row(row, plant.x_map_m, plant.y_map_m).left_m) for row in rows)
         assert nearest < 1e-5
 
 

@@ -16,8 +16,8 @@ import pytest
 from agribot.core import config
 from agribot.core.errors import AgribotError, DescriptionError
 from agribot.description.field_generator import generate_field
-from agribot.description.field_plan import read_field_plan
-from agribot.description.loader import load_robot, urdf_text
+from agribot.description.field_settings import read_field_settings
+from agribot.description.loader import export_urdf, load_robot
 from agribot.description.package import ROOT
 from agribot.description.worlds_sdf import load_world
 
@@ -81,13 +81,13 @@ def read_world(folder: Path, text: str) -> None:
 def read_field(folder: Path, text: str) -> None:
     (folder / "edge.geojson").write_text(json.dumps(GEOJSON), "utf-8")
     (folder / "field.toml").write_text(text, "utf-8")
-    generate_field(read_field_plan(folder / "field.toml"), 0, folder)
+    generate_field(read_field_settings(folder / "field.toml"), 0, folder)
 
 
 def read_boundary(folder: Path, text: str) -> None:
     (folder / "edge.geojson").write_text(text, "utf-8")
     (folder / "field.toml").write_text(FIELD, "utf-8")
-    generate_field(read_field_plan(folder / "field.toml"), 0, folder)
+    generate_field(read_field_settings(folder / "field.toml"), 0, folder)
 
 
 def read_profile(folder: Path, text: str) -> None:
@@ -100,7 +100,7 @@ def _whole(kind: str) -> str:
     if kind in packaged:
         return (ROOT / packaged[kind]).read_text("utf-8")
     if kind == "robot":
-        return urdf_text()
+        return export_urdf()
     if kind == "profile":
         return (ROOT.parent / "core" / "profiles" / "farm.toml").read_text("utf-8")
     return json.dumps(GEOJSON, indent=1) if kind == "boundary" else FIELD
@@ -164,7 +164,7 @@ def test_a_field_of_absurd_size_is_refused_before_it_grows(
 def test_a_robot_without_mass_rate_or_place_is_refused(
     tmp_path: Path, pattern: str, new: str
 ) -> None:
-    text, count = re.subn(pattern, new, urdf_text())
+    text, count = re.subn(pattern, new, export_urdf())
     assert count > 0
     with pytest.raises(DescriptionError):
         read_robot(tmp_path, text)
@@ -173,7 +173,7 @@ def test_a_robot_without_mass_rate_or_place_is_refused(
 def test_a_body_that_was_left_without_its_mass_is_refused_though_its_camera_has_one(
     tmp_path: Path,
 ) -> None:
-    text, count = re.subn(r'<mass value="3\.4672"', '<mass value="0"', urdf_text())
+    text, count = re.subn(r'<mass value="3\.4672"', '<mass value="0"', export_urdf())
     assert count == 1
     with pytest.raises(DescriptionError, match=r"base_link.*0\.001 kg.*at least 0\.08"):
         read_robot(tmp_path, text)

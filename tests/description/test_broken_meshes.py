@@ -16,13 +16,13 @@ import pytest
 from PIL import Image
 
 from agribot.core.errors import AgribotError, DescriptionError
-from agribot.description.loader import load_robot, urdf_text
-from agribot.description.mesh_files import box, stl_bytes
+from agribot.description.loader import export_urdf, load_robot
+from agribot.description.mesh_files import encode_stl, make_box
 from agribot.description.ros_map import load_ros_map
 from agribot.description.worlds_sdf import load_world
 from agribot.sim.camera.stl import read_stl
 
-CUBE = box((0.0, 0.0, 0.5), (1.0, 1.0, 1.0))
+CUBE = make_box((0.0, 0.0, 0.5), (1.0, 1.0, 1.0))
 OBJ = "\n".join(f"v {x} {y} {z}" for x, y, z in CUBE.reshape(-1, 3))
 ASCII = "solid cube\n" + "\n".join(
     "facet normal 0 0 1\nouter loop\n"
@@ -35,7 +35,7 @@ DAE = f"""<COLLADA><asset><unit meter="0.5"/><up_axis>Z_UP</up_axis></asset><mes
 <float_array id="cube-positions-array" count="{CUBE.size}">{NUMBERS}</float_array>
 </mesh></COLLADA>"""
 MESHES = {
-    "cube.stl": stl_bytes(CUBE),
+    "cube.stl": encode_stl(CUBE),
     "text.stl": ASCII.encode(),
     "cube.obj": OBJ.encode(),
     "cube.dae": DAE.encode(),
@@ -101,7 +101,7 @@ def read_visual(folder: Path, name: str) -> None:
 
 def read_robot(folder: Path, name: str) -> None:
     """A robot whose wheels have the mesh as their only shape: the radius comes from it."""
-    text = urdf_text().replace("package://agribot_description/meshes/wheel.stl", name)
+    text = export_urdf().replace("package://agribot_description/meshes/wheel.stl", name)
     assert name in text
     (folder / "robot.urdf").write_text(text, "utf-8")
     load_robot(str(folder / "robot.urdf"))

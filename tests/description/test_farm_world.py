@@ -16,7 +16,7 @@ from agribot.core.robot import Shape
 from agribot.core.world import Obstacle, Plant, WorldSpec
 from agribot.description.loader import load_robot
 from agribot.description.package import ROOT
-from agribot.description.worlds_sdf import load_world, world_names
+from agribot.description.worlds_sdf import list_worlds, load_world
 from tests import machine
 
 HEADLAND_M = 1.8
@@ -206,10 +206,10 @@ def test_weeds_differ_in_kind_size_and_shape(farm: WorldSpec) -> None:
 
 
 def test_packaged_worlds_are_listed_and_all_load() -> None:
-    assert world_names() == [
+    assert list_worlds() == [
         "Farm", "beet", "empty", "final", "hills", "rows-10x12", "volcano", "world1",
     ]  # fmt: skip
-    for name in world_names():
+    for name in list_worlds():
         assert load_world(name).warnings == ()
 
 

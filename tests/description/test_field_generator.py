@@ -19,21 +19,21 @@ from agribot.core.geo import MapFrame
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.robot import Shape
 from agribot.core.world import Obstacle, Plant, Soil, WorldSpec
-from agribot.description.field_generator import PACKAGED, generate_field, row_offsets_m
-from agribot.description.field_plan import (
-    CropPlan,
-    FieldPlan,
-    RowsPlan,
-    SoilPlan,
-    WeedsPlan,
-    read_field_plan,
+from agribot.description.field_generator import PACKAGED, compute_row_offsets_m, generate_field
+from agribot.description.field_settings import (
+    CropSettings,
+    FieldSettings,
+    RowsSettings,
+    SoilSettings,
+    WeedsSettings,
+    read_field_settings,
 )
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
-from agribot.description.worlds_sdf import check_world, load_world, world_names
+from agribot.description.worlds_sdf import check_world, list_worlds, load_world
 from tests import machine
 
-NO_WEEDS = WeedsPlan(density_per_m2=0.0)
+NO_WEEDS = WeedsSettings(density_per_m2=0.0)
 
 
 def _of(world: WorldSpec, kind: PlantClass) -> list[Plant]:
@@ -44,13 +44,13 @@ def _xy(plants: list[Plant]) -> FloatArray:
     return np.array([(p.x_map_m, p.y_map_m) for p in plants]).reshape(-1, 2)
 
 
-def _crops(plan: FieldPlan, seed: int = 0) -> FloatArray:
+def _crops(plan: FieldSettings, seed: int = 0) -> FloatArray:
     return _xy(_of(generate_field(plan, seed), PlantClass.CROP))
 
 
 def test_rows_stand_where_the_plan_says() -> None:
-    rows = RowsPlan(count=3, length_m=4.0, pitch_m=1.5, first_row_start_map_m=(2.0, 1.0))
-    xy = _crops(FieldPlan(rows=rows, crop=CropPlan(spacing_m=0.5), weeds=NO_WEEDS))
+    rows = RowsSettings(count=3, length_m=4.0, pitch_m=1.5, first_row_start_map_m=(2.0, 1.0))
+    xy = _crops(FieldSettings(rows=rows, crop=CropSettings(spacing_m=0.5), weeds=NO_WEEDS))
     expected = {(2.0 + 1.5 * row, 1.0 + 0.5 * k) for row in range(3) for k in range(9)}
     assert {(round(x, 6), round(y, 6)) for x, y in xy.tolist()} == expected
 
@@ -58,7 +58,8 @@ def test_rows_stand_where_the_plan_says() -> None:
 def test_rows_may_look_anywhere() -> None:
     """Turned by a heading, the field is the same about its first plant."""
     north, turned = (
-        _crops(FieldPlan(rows=RowsPlan(yaw_deg=yaw), weeds=NO_WEEDS)) for yaw in (90.0, 20.0)
+        _crops(FieldSettings(rows=RowsSettings(yaw_deg=yaw), weeds=NO_WEEDS))
+        for yaw in (90.0, 20.0)
     )
     turn = np.exp(1j * math.radians(20.0 - 90.0))
     about = (north - north[0]) @ np.array([1.0, 1j]) * turn
@@ -66,8 +67,8 @@ def test_rows_may_look_anywhere() -> None:
 
 
 def test_bent_rows_keep_their_distance_and_spacing() -> None:
-    rows = RowsPlan(count=3, length_m=20.0, pitch_m=1.0, curvature_radpm=0.05, yaw_deg=0.0)
-    xy = _crops(FieldPlan(rows=rows, crop=CropPlan(spacing_m=0.5), weeds=NO_WEEDS))
+    rows = RowsSettings(count=3, length_m=20.0, pitch_m=1.0, curvature_radpm=0.05, yaw_deg=0.0)
+    xy = _crops(FieldSettings(rows=rows, crop=CropSettings(spacing_m=0.5), weeds=NO_WEEDS))
     centre = np.array([1.0, 2.0 + 20.0])  # 20 m to the left of the first row
     radius_m = np.hypot(*(xy - centre).T)
     np.testing.assert_allclose(np.unique(radius_m.round(4)), [20.0, 21.0, 22.0])
@@ -77,23 +78,23 @@ def test_bent_rows_keep_their_distance_and_spacing() -> None:
 
 
 def test_rows_bent_beyond_their_centre_are_refused() -> None:
-    rows = RowsPlan(count=12, curvature_radpm=-0.1)
+    rows = RowsSettings(count=12, curvature_radpm=-0.1)
     with pytest.raises(DescriptionError, match=r"row 10 .* bent too tightly"):
-        generate_field(FieldPlan(rows=rows), 0)
+        generate_field(FieldSettings(rows=rows), 0)
 
 
 def test_tramlines_leave_room_after_every_few_rows() -> None:
-    rows = RowsPlan(count=6, pitch_m=1.0, tramline_every=2, tramline_m=0.5)
-    assert row_offsets_m(rows) == [0.0, 1.0, 2.5, 3.5, 5.0, 6.0]
+    rows = RowsSettings(count=6, pitch_m=1.0, tramline_every=2, tramline_m=0.5)
+    assert compute_row_offsets_m(rows) == [0.0, 1.0, 2.5, 3.5, 5.0, 6.0]
 
 
 def test_missing_plants_and_gaps_thin_the_rows_as_much_as_asked() -> None:
-    rows, crop = RowsPlan(count=40, length_m=25.0), CropPlan(missing_ratio=0.2)
+    rows, crop = RowsSettings(count=40, length_m=25.0), CropSettings(missing_ratio=0.2)
     full = 40 * 101
-    missing = full - len(_crops(FieldPlan(rows=rows, crop=crop, weeds=NO_WEEDS)))
+    missing = full - len(_crops(FieldSettings(rows=rows, crop=crop, weeds=NO_WEEDS)))
     assert abs(missing - 0.2 * full) < 4 * math.sqrt(full * 0.2 * 0.8)
-    gaps = CropPlan(gaps_per_row=1.0, gap_length_m=2.0)
-    xy = _crops(FieldPlan(rows=rows, crop=gaps, weeds=NO_WEEDS), 3)
+    gaps = CropSettings(gaps_per_row=1.0, gap_length_m=2.0)
+    xy = _crops(FieldSettings(rows=rows, crop=gaps, weeds=NO_WEEDS), 3)
     jumps_m = np.concatenate([np.diff(xy[xy[:, 0] == x, 1]) for x in np.unique(xy[:, 0])])
     wide = jumps_m[jumps_m > 0.3]
     assert 15 < len(wide) < 65 and wide.min() >= 2.0
@@ -101,15 +102,16 @@ def test_missing_plants_and_gaps_thin_the_rows_as_much_as_asked() -> None:
 
 def test_jitter_stays_within_its_bound() -> None:
     still, moved = (
-        _crops(FieldPlan(crop=CropPlan(jitter_m=jitter), weeds=NO_WEEDS)) for jitter in (0.0, 0.05)
+        _crops(FieldSettings(crop=CropSettings(jitter_m=jitter), weeds=NO_WEEDS))
+        for jitter in (0.0, 0.05)
     )
     shift_m = np.abs(moved - still)
     assert 0.04 < shift_m.max() <= 0.05 + 1e-6
 
 
 def test_growth_height_sets_the_size_of_the_crops() -> None:
-    crop = CropPlan(height_m=0.4, height_spread_ratio=0.25, species="maize")
-    crops = _of(generate_field(FieldPlan(crop=crop), 0), PlantClass.CROP)
+    crop = CropSettings(height_m=0.4, height_spread_ratio=0.25, species="maize")
+    crops = _of(generate_field(FieldSettings(crop=crop), 0), PlantClass.CROP)
     sizes = [plant.size_m for plant in crops]
     assert {plant.species for plant in crops} == {"maize"}
     assert 0.3 <= min(sizes) < 0.32 and 0.48 < max(sizes) <= 0.5
@@ -117,9 +119,9 @@ def test_growth_height_sets_the_size_of_the_crops() -> None:
 
 @pytest.mark.parametrize("cluster_ratio", [0.0, 0.6])
 def test_weeds_are_as_many_as_asked_and_off_the_crops(cluster_ratio: float) -> None:
-    plan = FieldPlan(
-        rows=RowsPlan(count=4, pitch_m=3.0, length_m=15.0),
-        weeds=WeedsPlan(density_per_m2=2.0, cluster_ratio=cluster_ratio, crop_distance_m=0.05),
+    plan = FieldSettings(
+        rows=RowsSettings(count=4, pitch_m=3.0, length_m=15.0),
+        weeds=WeedsSettings(density_per_m2=2.0, cluster_ratio=cluster_ratio, crop_distance_m=0.05),
     )
     counts = []
     for seed in range(12):
@@ -133,8 +135,8 @@ def test_weeds_are_as_many_as_asked_and_off_the_crops(cluster_ratio: float) -> N
 
 def test_clusters_bring_weeds_closer_together() -> None:
     def nearest_m(ratio: float) -> float:
-        weeds = WeedsPlan(density_per_m2=1.0, cluster_ratio=ratio)
-        xy = _xy(_of(generate_field(FieldPlan(weeds=weeds), 5), PlantClass.WEED))
+        weeds = WeedsSettings(density_per_m2=1.0, cluster_ratio=ratio)
+        xy = _xy(_of(generate_field(FieldSettings(weeds=weeds), 5), PlantClass.WEED))
         gaps_m = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
         return float(np.median(np.partition(gaps_m, 1, axis=1)[:, 1]))
 
@@ -142,13 +144,13 @@ def test_clusters_bring_weeds_closer_together() -> None:
 
 
 def test_same_seed_grows_the_same_field_and_another_another() -> None:
-    plan = read_field_plan(ROOT / "fields" / "beet.toml")
+    plan = read_field_settings(ROOT / "fields" / "beet.toml")
     assert generate_field(plan, 4).plants == generate_field(plan, 4).plants
     assert generate_field(plan, 4).plants != generate_field(plan, 5).plants
 
 
 def test_a_boundary_keeps_plants_inside_the_polygon(tmp_path: Path) -> None:
-    plan = FieldPlan(boundary="field.geojson", rows=RowsPlan(count=10, length_m=12.0))
+    plan = FieldSettings(boundary="field.geojson", rows=RowsSettings(count=10, length_m=12.0))
     frame = MapFrame(plan.datum)
     corners = [(0.5, 1.5), (8.57, 1.5), (0.5, 13.61)]  # a triangle
     ring = [list(frame.geodetic_from_map(x, y)[1::-1]) for x, y in (*corners, corners[0])]
@@ -193,7 +195,7 @@ def test_the_command_writes_a_world_that_reads_back_to_the_same_plants(
     plan, out = ROOT / "fields" / "beet.toml", tmp_path / "x.world"
     command = ["world", "generate", str(plan), "--seed", "9", "-o", str(out), "--json"]
     assert main(command) == 0
-    world = generate_field(read_field_plan(plan), 9)
+    world = generate_field(read_field_settings(plan), 9)
     assert load_world(str(out)).plants == world.plants
     assert json.loads(capsys.readouterr().out)["crop"] == len(_of(world, PlantClass.CROP))
     assert check_world(str(out)) == ()
@@ -206,7 +208,7 @@ def _pose(obstacle: Obstacle, shape: Shape) -> FloatArray:
     return transform(at, (0.0, 0.0, obstacle.yaw_rad)) @ shape.origin.matrix()
 
 
-@pytest.mark.parametrize("name", world_names())
+@pytest.mark.parametrize("name", list_worlds())
 def test_a_world_is_the_same_after_writing_and_reading(name: str, tmp_path: Path) -> None:
     first = load_world(name, seed=3)
     file = tmp_path / "again.world"
@@ -251,7 +253,7 @@ def test_a_written_world_passes_the_sdf_checker(name: str, tmp_path: Path) -> No
 
 @pytest.mark.parametrize(("name", "seed"), sorted(PACKAGED.items()))
 def test_the_packaged_generated_worlds_are_current(tmp_path: Path, name: str, seed: int) -> None:
-    plan = read_field_plan(ROOT / "fields" / f"{name}.toml")
+    plan = read_field_settings(ROOT / "fields" / f"{name}.toml")
     write_world(generate_field(plan, seed), tmp_path / f"{name}.world")
     kept = (ROOT / "worlds" / f"{name}.world").read_text("utf-8")
     assert (tmp_path / f"{name}.world").read_text("utf-8") == kept, (
@@ -261,7 +263,7 @@ def test_the_packaged_generated_worlds_are_current(tmp_path: Path, name: str, se
 
 @pytest.mark.parametrize("name", sorted(PACKAGED))
 def test_a_profile_drives_the_rows_of_its_generated_world(name: str) -> None:
-    settings, plan = config.load(name), read_field_plan(ROOT / "fields" / f"{name}.toml")
+    settings, plan = config.load(name), read_field_settings(ROOT / "fields" / f"{name}.toml")
     field, rows = settings.field, plan.rows
     assert settings.world == name and field.datum == plan.datum == load_world(name).datum
     assert field.first_row_start_map_m == rows.first_row_start_map_m
@@ -283,8 +285,8 @@ def test_the_benchmark_has_ten_rows_of_49_plants_and_a_start_known_to_5_cm_and_2
 
 
 def test_litter_and_tracks_of_a_plan_survive_the_file(tmp_path: Path) -> None:
-    soil = SoilPlan(residue_ratio=0.5, stones_ratio=0.25, wet_ratio=0.125, track_gauge_m=0.78)
-    plan = FieldPlan(weeds=NO_WEEDS, soil=soil, rows=RowsPlan(count=3, length_m=4.0))
+    soil = SoilSettings(residue_ratio=0.5, stones_ratio=0.25, wet_ratio=0.125, track_gauge_m=0.78)
+    plan = FieldSettings(weeds=NO_WEEDS, soil=soil, rows=RowsSettings(count=3, length_m=4.0))
     field = generate_field(plan, 0)
     write_world(field, tmp_path / "x.world")
     again = load_world(str(tmp_path / "x.world"))
@@ -298,7 +300,9 @@ def test_litter_and_tracks_of_a_plan_survive_the_file(tmp_path: Path) -> None:
 
 
 def test_tracks_beside_bent_rows_are_refused() -> None:
-    bent = FieldPlan(rows=RowsPlan(curvature_radpm=0.01), soil=SoilPlan(track_gauge_m=0.78))
+    bent = FieldSettings(
+        rows=RowsSettings(curvature_radpm=0.01), soil=SoilSettings(track_gauge_m=0.78)
+    )
     with pytest.raises(DescriptionError, match="straight rows"):
         generate_field(bent, 0)
 

@@ -15,7 +15,7 @@ from agribot.core.errors import DescriptionError
 from agribot.core.geo import transform
 from agribot.core.messages import WHEEL_NAMES, DriveCommand, RobotCommand
 from agribot.core.robot import RobotSpec
-from agribot.description.loader import check_robot, load_robot, parse_robot, urdf_text
+from agribot.description.loader import check_robot, export_urdf, load_robot, parse_robot
 from agribot.description.worlds_sdf import load_world
 from agribot.sim.physics import Physics
 from agribot.sim.platform import SimPlatform
@@ -170,7 +170,7 @@ def test_repeated_names_and_impossible_inertias_are_mended(tmp_path: Path) -> No
 def test_the_exported_urdf_is_the_robot_as_it_is_driven(tmp_path: Path) -> None:
     """A recording carries this text: it must read back to the same robot, without a warning."""
     file = _file(tmp_path, BODY + _wheels(axis="0 -1 0"))
-    again, first = parse_robot(urdf_text(file), "rover"), load_robot(file)
+    again, first = parse_robot(export_urdf(file), "rover"), load_robot(file)
     assert again.warnings == ()
     assert again.drive == first.drive and again.tyre == first.tyre and again.imu == first.imu
     for link in first.links:
@@ -196,7 +196,7 @@ GZ_SIM = """
 def test_plugins_and_sensors_of_gz_sim_are_read(tmp_path: Path) -> None:
     robot = load_robot(_file(tmp_path, BODY + _wheels() + GZ_SIM))
     assert (robot.imu.rate_hz, robot.gnss.rate_hz, robot.mag.rate_hz) == (150.0, 4.0, 10.0)
-    assert (robot.drive.told_diameter_m, robot.drive.told_separation_m) == (0.34, 0.57)
+    assert (robot.drive.plugin_diameter_m, robot.drive.plugin_separation_m) == (0.34, 0.57)
 
 
 OLD_XACRO = """<?xml version="1.0"?>
@@ -260,7 +260,8 @@ def test_a_check_names_every_fault_with_its_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = _file(
-        tmp_path, FAULTY + urdf_text().partition("?>")[2].split(">", 1)[1].rpartition("</robot>")[0]
+        tmp_path,
+        FAULTY + export_urdf().partition("?>")[2].split(">", 1)[1].rpartition("</robot>")[0],
     )
     lines = Path(file).read_text().splitlines()
     assert main(["describe", "--robot", file, "--check", "--json"]) == 1

@@ -13,7 +13,7 @@ import pytest
 from agribot.cli.main import main
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.world import WorldSpec
-from agribot.description.terrain import height_at, png_bytes
+from agribot.description.terrain import encode_png, sample_height
 from agribot.description.worlds_sdf import check_world, load_world
 
 HEAD = """<?xml version="1.0"?>
@@ -192,7 +192,7 @@ def _ramp() -> FloatArray:
 
 
 def _terrain(folder: Path, body: str) -> WorldSpec:
-    (folder / "ramp.png").write_bytes(png_bytes(_ramp()))
+    (folder / "ramp.png").write_bytes(encode_png(_ramp()))
     return load_world(_file(folder, body, ground=""))
 
 
@@ -201,14 +201,14 @@ def test_a_height_map_becomes_terrain_with_north_at_the_top(tmp_path: Path) -> N
     land = world.terrain
     assert land is not None and (land.x_min_m, land.y_min_m, land.resolution_m) == (-3.0, -2.0, 1.0)
     np.testing.assert_allclose(land.height_m, _ramp() - 0.5, atol=2.0 / 65535)
-    assert height_at(land, 5.0, 2.0) == pytest.approx(1.5, abs=1e-4)
+    assert sample_height(land, 5.0, 2.0) == pytest.approx(1.5, abs=1e-4)
     tile = world.ground[0]
     assert (tile.x_min_m, tile.y_min_m, tile.x_max_m, tile.y_max_m) == (-3.0, -2.0, 5.0, 2.0)
 
 
 @pytest.mark.parametrize("heading_deg", [90.0, 180.0, -90.0, 33.0])
 def test_terrain_turns_with_the_heading(tmp_path: Path, heading_deg: float) -> None:
-    (tmp_path / "ramp.png").write_bytes(png_bytes(_ramp()))
+    (tmp_path / "ramp.png").write_bytes(encode_png(_ramp()))
     file = Path(_file(tmp_path, _height_map("ramp.png"), ground=""))
     heading = f"<heading_deg>{heading_deg}</heading_deg></spherical_coordinates>"
     file.write_text(file.read_text().replace("</spherical_coordinates>", heading))
@@ -218,7 +218,7 @@ def test_terrain_turns_with_the_heading(tmp_path: Path, heading_deg: float) -> N
     for x_m, y_m in ((0.0, 0.0), (2.0, -1.0), (-3.0, 1.0)):
         at = (x_m + 1j * y_m) * turn
         expected_m = ((x_m + 4.0) / 4.0 + (y_m + 2.0) / 4.0) * 2.0 / 3.0
-        assert height_at(land, at.real, at.imag) == pytest.approx(expected_m, abs=0.02)
+        assert sample_height(land, at.real, at.imag) == pytest.approx(expected_m, abs=0.02)
 
 
 def test_a_volcano_stands_in_for_a_height_map_nobody_has(tmp_path: Path) -> None:

@@ -10,18 +10,18 @@ import pytest
 from agribot.autonomy.plan.rows import field_rows
 from agribot.core import config
 from agribot.core.messages import DriveCommand, FloatArray, PlantClass, RobotCommand
-from agribot.core.row_shape import beside_row, row_points_map_m
+from agribot.core.row_shape import project_on_row, row_points_map_m
 from agribot.core.world import WorldSpec
 from agribot.description.package import ROOT
 from agribot.description.sdf_library import ModelLibrary
 from agribot.description.terrain import (
     LANDSCAPES,
-    height_at,
-    landscape_file,
+    find_landscape_file,
     load_heights,
-    volcano,
+    make_volcano,
+    sample_height,
 )
-from agribot.description.worlds_sdf import check_world, load_world, world_names
+from agribot.description.worlds_sdf import check_world, list_worlds, load_world
 from agribot.sim.platform import SimPlatform
 
 Place = tuple[float, float]
@@ -40,7 +40,7 @@ def _include_names(world: str) -> list[str]:
     return [element.findtext("name", "") for element in root.iter("include")]
 
 
-@pytest.mark.parametrize("name", world_names())
+@pytest.mark.parametrize("name", list_worlds())
 def test_a_strict_check_of_a_packaged_world_finds_nothing(name: str) -> None:
     assert check_world(name) == ()
     names = _include_names(name)
@@ -97,7 +97,7 @@ def test_volcano_is_150_m_wide_and_50_m_high_with_a_crater() -> None:
     rows, columns = land.height_m.shape
     assert (rows - 1) * land.resolution_m == (columns - 1) * land.resolution_m == 150.0
     assert (land.height_m.min(), land.height_m.max()) == (0.0, 50.0)
-    middle = height_at(land, 0.0, 0.0)
+    middle = sample_height(land, 0.0, 0.0)
     assert 25.0 < middle < 45.0  # lower than the rim around it
     edge = np.concatenate([land.height_m[0], land.height_m[-1]])
     assert edge.max() < 1.0
@@ -110,14 +110,14 @@ def test_volcano_has_wide_slopes_of_15_degrees_and_more() -> None:
 
 
 def test_another_seed_makes_another_volcano() -> None:
-    assert np.array_equal(volcano(7, 65), volcano(7, 65))
-    assert not np.allclose(volcano(7, 65), volcano(8, 65))
+    assert np.array_equal(make_volcano(7, 65), make_volcano(7, 65))
+    assert not np.allclose(make_volcano(7, 65), make_volcano(8, 65))
 
 
 @pytest.mark.parametrize("name", LANDSCAPES)
 def test_height_maps_are_current(name: str) -> None:
     made = LANDSCAPES[name]()
-    kept = load_heights(landscape_file(name)) * made.max()
+    kept = load_heights(find_landscape_file(name)) * made.max()
     np.testing.assert_allclose(
         kept, made, atol=made.max() / 60000, err_msg="run python -m agribot.description.terrain"
     )
@@ -133,8 +133,8 @@ def test_the_hill_falls_by_10_degrees_across_its_bent_rows_and_the_crop_stands_o
         along /= np.hypot(along[:, 0], along[:, 1])[:, None]
         right = np.stack([along[:, 1], -along[:, 0]], axis=1)
         down_m = [
-            height_at(world.terrain, *(at - around_m * side))
-            - height_at(world.terrain, *(at + around_m * side))
+            sample_height(world.terrain, *(at - around_m * side))
+            - sample_height(world.terrain, *(at + around_m * side))
             for at, side in zip(places, right, strict=True)
         ]
         slope_deg = np.degrees(np.arctan(np.array(down_m) / (2.0 * around_m)))
@@ -142,11 +142,11 @@ def test_the_hill_falls_by_10_degrees_across_its_bent_rows_and_the_crop_stands_o
         assert slope_deg.min() > 8.5 and slope_deg.max() < 12.0
     assert all(abs(row.curvature_radpm) > 0.02 for row in rows)
     for x_m, y_m in _crops(world):
-        nearest = min((beside_row(row, x_m, y_m) for row in rows), key=lambda b: abs(b.left_m))
+        nearest = min((project_on_row(row, x_m, y_m) for row in rows), key=lambda b: abs(b.left_m))
         assert abs(nearest.left_m) < 1e-4
         assert nearest.along_m / 2.0 == pytest.approx(round(nearest.along_m / 2.0), abs=1e-4)
     for oak in world.obstacles:
-        ground_m = height_at(world.terrain, oak.x_map_m, oak.y_map_m)
+        ground_m = sample_height(world.terrain, oak.x_map_m, oak.y_map_m)
         assert oak.z_map_m == pytest.approx(ground_m, abs=0.001)
 
 

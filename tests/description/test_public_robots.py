@@ -9,7 +9,7 @@ import pytest
 from agribot.core.errors import DescriptionError
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import RobotSpec
-from agribot.description.loader import check_robot, load_robot, parse_robot, urdf_text
+from agribot.description.loader import check_robot, export_urdf, load_robot, parse_robot
 
 MACRO = """<?xml version="1.0"?>
 <robot xmlns:xacro="http://ros.org/wiki/xacro">
@@ -120,7 +120,7 @@ def test_a_part_in_an_absent_package_is_left_out_and_named_once(tmp_path: Path) 
 
 def test_the_robot_without_the_absent_part_reads_back_as_it_is(tmp_path: Path) -> None:
     file = _package(tmp_path, before=SICK, body=LASER)
-    again, first = parse_robot(urdf_text(file), "rover"), load_robot(file)
+    again, first = parse_robot(export_urdf(file), "rover"), load_robot(file)
     assert again.warnings == () and _names(again) == _names(first)
 
 

@@ -14,14 +14,14 @@ import pytest
 
 from agribot.core.messages import FloatArray
 from agribot.description import mesh_files
-from agribot.description.export import ARTEFACT, tree_text, write_artefact
-from agribot.description.loader import load_robot, urdf_text
+from agribot.description.export import ARTEFACT, format_tree, write_artefact
+from agribot.description.loader import export_urdf, load_robot
 from agribot.description.package import PACKAGE, ROOT
 from tests import machine
 
 
 def test_packaged_urdf_is_current() -> None:
-    assert ARTEFACT.read_text("utf-8") == urdf_text(), "run python -m agribot.description.export"
+    assert ARTEFACT.read_text("utf-8") == export_urdf(), "run python -m agribot.description.export"
 
 
 def test_packaged_urdf_is_what_the_writer_writes(tmp_path: Path) -> None:
@@ -41,7 +41,7 @@ def test_plugin_tags_are_spelt_as_the_plugins_read_them() -> None:
 
 def test_tree_shows_every_link_once_below_its_parent() -> None:
     robot = load_robot()
-    lines = tree_text(robot).splitlines()
+    lines = format_tree(robot).splitlines()
     assert lines[0] == robot.name and lines[1] == "dummy_link"
     named = [re.sub(r"[│├└─ ]*(\w+).*", r"\1", line) for line in lines[1:]]
     assert sorted(named) == sorted(link.name for link in robot.links)
@@ -51,7 +51,7 @@ def test_tree_shows_every_link_once_below_its_parent() -> None:
 
 def test_meshes_are_current() -> None:
     for name, build in mesh_files.MESHES.items():
-        assert (mesh_files.FOLDER / name).read_bytes() == mesh_files.stl_bytes(build()), (
+        assert (mesh_files.FOLDER / name).read_bytes() == mesh_files.encode_stl(build()), (
             "run python -m agribot.description.mesh_files"
         )
 
@@ -59,7 +59,7 @@ def test_meshes_are_current() -> None:
 def test_every_mesh_is_used_and_every_used_mesh_is_there() -> None:
     used = {
         re.sub(rf"^package://{PACKAGE}/meshes/", "", mesh.get("filename", ""))
-        for mesh in ET.fromstring(urdf_text()).iter("mesh")
+        for mesh in ET.fromstring(export_urdf()).iter("mesh")
     }
     there = {file.name for file in mesh_files.FOLDER.iterdir()}
     assert used == there == set(mesh_files.MESHES)
@@ -123,6 +123,6 @@ def _run(command: list[str]) -> str:
 @pytest.mark.parametrize("legacy", ["false", "true"])
 def test_urdf_passes_the_checkers_of_ros_and_gazebo(tmp_path: Path, legacy: str) -> None:
     file = tmp_path / "robot.urdf"
-    file.write_text(urdf_text(mappings={"legacy_camera": legacy}), "utf-8")
+    file.write_text(export_urdf(mappings={"legacy_camera": legacy}), "utf-8")
     assert "Successfully Parsed" in _run(["check_urdf", str(file)])
     assert "Valid." in _run(["ign", "sdf", "-k", str(file)])

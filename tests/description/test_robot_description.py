@@ -13,7 +13,7 @@ import pytest
 from agribot.core.geo import LINK_FROM_OPTICAL, transform
 from agribot.core.messages import WHEEL_NAMES, FloatArray, Vec3
 from agribot.core.robot import RobotSpec
-from agribot.description.loader import load_robot, urdf_text
+from agribot.description.loader import export_urdf, load_robot
 from agribot.description.package import ROOT
 
 FRAMES: dict[str, tuple[Vec3, Vec3]] = {  # in base_link: xyz in m, rpy in rad
@@ -73,7 +73,7 @@ def test_every_frame_is_where_the_machine_has_it(robot: RobotSpec, frame: str) -
 
 
 def test_exported_urdf_has_the_same_frames_as_the_spec(robot: RobotSpec) -> None:
-    exported = _urdf_forward_kinematics(urdf_text())
+    exported = _urdf_forward_kinematics(export_urdf())
     assert set(exported) == {link.name for link in robot.links}
     base_from_root = np.linalg.inv(exported["base_link"])
     for name, root_from_link in exported.items():
@@ -117,7 +117,7 @@ def test_drive_measures_the_geometry_and_keeps_what_the_plugin_was_told(robot: R
     drive = robot.drive
     assert (drive.wheel_radius_m, drive.wheel_width_m) == (0.09, 0.05)
     assert (drive.track_m, drive.wheelbase_m) == pytest.approx((0.7816, 0.5038), abs=1e-12)
-    assert (drive.told_diameter_m, drive.told_separation_m) == (0.2, 0.65)
+    assert (drive.plugin_diameter_m, drive.plugin_separation_m) == (0.2, 0.65)
     assert (drive.torque_nm, drive.gear_ratio, drive.rate_hz) == (20.0, 10.0, 100.0)
 
 
@@ -181,11 +181,11 @@ def test_optical_frame_of_the_urdf_is_that_of_the_spec(robot: RobotSpec) -> None
 
 
 def test_sprayer_reaches_from_wheel_to_wheel(robot: RobotSpec) -> None:
-    sprayer = robot.sprayer
+    sprayer = robot.implement
     assert sprayer is not None
-    nozzles = sprayer.nozzle_y_body_m()
+    nozzles = sprayer.section_y_body_m()
     assert len(nozzles) == 9 and nozzles[0] == pytest.approx(0.4)
-    assert 2 * nozzles[0] + sprayer.nozzle_width_m > robot.drive.track_m
+    assert 2 * nozzles[0] + sprayer.section_width_m > robot.drive.track_m
     assert sprayer.x_body_m == -0.35
 
 
@@ -202,7 +202,7 @@ def test_nothing_but_legs_and_wheels_hangs_lower_than_a_crop(robot: RobotSpec) -
 
 
 def test_seven_named_colours() -> None:
-    materials = ET.fromstring(urdf_text()).findall("material")
+    materials = ET.fromstring(export_urdf()).findall("material")
     palette = {
         m.get("name"): tuple(float(v) for v in m.find("color").get("rgba", "").split())  # type: ignore[union-attr]
         for m in materials
@@ -232,7 +232,7 @@ def test_one_number_changes_drive_height_frames_and_export(tmp_path: Path) -> No
     assert robot.drive.wheel_speeds_radps(0.6, 0.0)[0] == pytest.approx(5.0)
     for name in WHEEL_NAMES:
         path = f"link[@name='{name}']/collision/geometry/cylinder"
-        cylinder = ET.fromstring(urdf_text(str(top))).find(path)
+        cylinder = ET.fromstring(export_urdf(str(top))).find(path)
         assert cylinder is not None and cylinder.get("radius") == "0.12"
     assert robot.link("left_wheel_F").visuals[0].size_m[1] == pytest.approx(0.12 / 0.09)
 

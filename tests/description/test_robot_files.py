@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 
 from agribot.core.errors import DescriptionError
-from agribot.description.loader import check_robot, load_robot, urdf_text
+from agribot.description.loader import check_robot, export_urdf, load_robot
 from agribot.description.package import ROOT
-from agribot.description.robot_sdf import sdf_text
+from agribot.description.robot_sdf import export_sdf
 
 
 def _urdf_without(folder: Path, pattern: str) -> str:
     """The packaged robot as a URDF file, with what matches the pattern taken out."""
-    text, count = re.subn(pattern, "", urdf_text(), flags=re.DOTALL)
+    text, count = re.subn(pattern, "", export_urdf(), flags=re.DOTALL)
     assert count > 0
     file = folder / "robot.urdf"
     file.write_text(text, "utf-8")
@@ -26,7 +26,7 @@ def _urdf_without(folder: Path, pattern: str) -> str:
 
 def test_a_plain_urdf_reads_like_its_xacro(tmp_path: Path) -> None:
     file = tmp_path / "robot.urdf"
-    file.write_text(urdf_text(), "utf-8")
+    file.write_text(export_urdf(), "utf-8")
     assert load_robot(str(file)) == load_robot()
 
 
@@ -36,7 +36,7 @@ def test_tag_names_may_have_any_case(tmp_path: Path) -> None:
 
     # Inside the plugins only, as in the descriptions of the original robot.
     plugins = re.compile(r"<plugin .*?(?=</plugin>)", re.DOTALL)
-    text = plugins.sub(lambda m: re.sub(r"</?\w+>", flat, m.group(0)), urdf_text())
+    text = plugins.sub(lambda m: re.sub(r"</?\w+>", flat, m.group(0)), export_urdf())
     assert "<updaterate>" in text and "<updateRate>" not in text
     file = tmp_path / "robot.urdf"
     file.write_text(text, "utf-8")
@@ -85,7 +85,7 @@ def test_what_is_left_out_is_replaced_with_a_warning_and_fails_a_strict_check(
 def test_a_robot_without_camera_or_sprayer_can_still_drive(tmp_path: Path) -> None:
     pattern = r'<sensor name="camera".*?</sensor>|<sprayer>.*?</sprayer>'
     robot = load_robot(_urdf_without(tmp_path, pattern))
-    assert robot.camera is None and robot.sprayer is None
+    assert robot.camera is None and robot.implement is None
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_a_robot_without_camera_or_sprayer_can_still_drive(tmp_path: Path) -> No
 def test_a_wrong_value_is_named_with_its_place(
     tmp_path: Path, before: str, after: str, words: tuple[str, ...]
 ) -> None:
-    text = urdf_text()
+    text = export_urdf()
     assert before in text
     file = tmp_path / "robot.urdf"
     file.write_text(text.replace(before, after), "utf-8")
@@ -113,7 +113,7 @@ def test_a_wrong_value_is_named_with_its_place(
 
 
 def test_sensors_of_the_new_gazebo_are_understood(tmp_path: Path) -> None:
-    root = ET.fromstring(urdf_text())
+    root = ET.fromstring(export_urdf())
     for block in root.findall("gazebo"):
         for plugin in block.findall("plugin"):
             if "hector" in plugin.get("filename", ""):
@@ -155,7 +155,7 @@ def test_unknown_argument_names_the_known_ones() -> None:
 
 def test_arguments_for_a_plain_urdf_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "robot.urdf"
-    file.write_text(urdf_text(), "utf-8")
+    file.write_text(export_urdf(), "utf-8")
     _expect_error(lambda: load_robot(str(file), {"legacy_camera": "true"}), "not a xacro file")
 
 
@@ -201,12 +201,12 @@ def test_what_xacro_cannot_expand_names_the_file(
 
 
 def test_a_failed_reading_leaves_nothing_behind(tmp_path: Path) -> None:
-    before = urdf_text()
+    before = export_urdf()
     top = _broken_set(tmp_path, "agribot_parts.urdf.xacro", "</link>", "</lnk>")
     for _ in range(3):
         with pytest.raises(DescriptionError):
             load_robot(top)
-    assert urdf_text() == before
+    assert export_urdf() == before
 
 
 def test_packages_are_found_by_the_name_of_a_folder_above(tmp_path: Path) -> None:
@@ -225,7 +225,7 @@ def test_a_file_that_is_no_robot_is_refused(tmp_path: Path) -> None:
 
 
 def _urdf_with(folder: Path, old: str, new: str) -> str:
-    text = urdf_text()
+    text = export_urdf()
     assert old in text
     file = folder / "robot.urdf"
     file.write_text(text.replace(old, new, 1), "utf-8")
@@ -251,7 +251,7 @@ def test_lens_distortion_is_read_from_sdf_and_from_the_ros_plugin(
     robot = load_robot(_urdf_with(tmp_path, old, new))
     assert robot.camera is not None
     assert robot.camera.distortion == lens
-    written = ET.fromstring(sdf_text(robot)).find(".//camera/distortion")
+    written = ET.fromstring(export_sdf(robot)).find(".//camera/distortion")
     assert written is not None
     assert [float(written.findtext(name, "")) for name in ("k1", "k2", "p1", "p2")] == list(lens)
 

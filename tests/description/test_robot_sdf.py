@@ -13,10 +13,10 @@ import pytest
 from agribot.cli.main import main
 from agribot.core.messages import WHEEL_NAMES, FloatArray
 from agribot.core.robot import RobotSpec
-from agribot.description.elements import Source
+from agribot.description.elements import SourceFile
 from agribot.description.loader import load_robot
 from agribot.description.poses import read_pose
-from agribot.description.robot_sdf import sdf_text
+from agribot.description.robot_sdf import export_sdf
 from tests import machine
 
 
@@ -27,14 +27,14 @@ def robot() -> RobotSpec:
 
 @pytest.fixture(scope="module")
 def model(robot: RobotSpec) -> ET.Element:
-    found = ET.fromstring(sdf_text(robot)).find("model")
+    found = ET.fromstring(export_sdf(robot)).find("model")
     assert found is not None
     return found
 
 
 def _poses(model: ET.Element) -> dict[str, FloatArray]:
     """Links and frames in the frame of the model."""
-    source = Source("robot.sdf")
+    source = SourceFile("robot.sdf")
     links = {e.get("name", ""): read_pose(e, source, "link") for e in model.findall("link")}
     frames = {
         e.get("name", ""): links[e.get("attached_to", "")] @ read_pose(e, source, "frame")
@@ -79,12 +79,12 @@ def test_sensors_and_drive_are_those_of_the_robot(robot: RobotSpec, model: ET.El
 
 def test_the_command_prints_it(capsys: pytest.CaptureFixture[str], robot: RobotSpec) -> None:
     assert main(["describe", "--sdf"]) == 0
-    assert capsys.readouterr().out == sdf_text(robot)
+    assert capsys.readouterr().out == export_sdf(robot)
 
 
 def test_the_sdf_checker_accepts_it(tmp_path: Path, robot: RobotSpec) -> None:
     machine.require("ign")
-    (tmp_path / "robot.sdf").write_text(sdf_text(robot))
+    (tmp_path / "robot.sdf").write_text(export_sdf(robot))
     done = subprocess.run(
         ["ign", "sdf", "-k", str(tmp_path / "robot.sdf")],
         capture_output=True, text=True, check=False,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from agribot.app.mission_file import read_mission, resumed
+from agribot.app.mission_file import continue_config, read_mission
 from agribot.app.simulated_run import simulate
 from agribot.autonomy.plan.coverage.area import footprint
 from agribot.autonomy.plan.plan_sweep import footprints
@@ -78,7 +78,7 @@ def test_a_run_that_was_killed_goes_on_from_its_folder(tmp_path: Path) -> None:
     assert saved.s_m > 3.0
     config = load(str(tmp_path / "first" / "config.toml"))
     assert isinstance(config, RunConfig)
-    with simulate(resumed(config, saved), tmp_path / "second", saved) as session:
+    with simulate(continue_config(config, saved), tmp_path / "second", saved) as session:
         first = next(record for record in session.ticks() if record.status.state == "running")
         assert first.status.s_m == pytest.approx(saved.s_m, abs=0.3)
         for _ in session.ticks():

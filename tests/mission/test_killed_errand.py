@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from agribot.app.mission_file import read_mission, resumed
+from agribot.app.mission_file import continue_config, read_mission
 from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.messages import OperatorEvent, TickRecord
@@ -28,7 +28,7 @@ def test_a_run_that_was_killed_on_its_way_to_a_place_asks_and_goes_on(tmp_path: 
     kill_on_the_way(tmp_path / "first")
     saved = read_mission(tmp_path / "first")
     assert saved.errand is not None and saved.errand.goal == GOAL
-    settings = resumed(config.load(str(tmp_path / "first" / "config.toml")), saved)
+    settings = continue_config(config.load(str(tmp_path / "first" / "config.toml")), saved)
     seen: list[str] = []
     at_goal: TickRecord | None = None
     with simulate(settings, tmp_path / "again", saved) as session:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import msgspec
 import pytest
 
-from agribot.app.mission_file import read_mission, resumed
-from agribot.app.rerun import difference, recorded_pass, rerun
+from agribot.app.mission_file import continue_config, read_mission
+from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import simulate
 from agribot.app.whole_job import FILE_NAME, read_job
 from agribot.autonomy.weeds.track import Track
@@ -40,7 +40,7 @@ def weed(number: int, x_m: float, y_m: float, treated_s: float | None) -> Track:
 
 def go_on(folder: Path, first: str, second: str, until_s: float = 1e9) -> Report | None:
     saved = read_mission(folder / first)
-    settings = resumed(config.load(str(folder / first / "config.toml")), saved)
+    settings = continue_config(config.load(str(folder / first / "config.toml")), saved)
     with simulate(settings, folder / second, saved, read_job(folder / first, saved)) as session:
         for record in session.ticks():
             if record.batch.t_s > until_s:
@@ -115,9 +115,9 @@ def test_page_and_rows_show_the_whole_job(job: Job) -> None:
 
 def test_a_run_that_went_on_replays_bit_by_bit_with_the_map_it_took_over(job: Job) -> None:
     path = job.folder / "c" / "run.mcap"
-    before = recorded_pass(path)
+    before = read_pass(path)
     again, plants = rerun(path, config.load(str(job.folder / "c" / "config.toml")))
-    assert difference(before, again).first is None
+    assert compare_passes(before, again).first is None
     assert {plant.id for plant in plants} == {4, 9}
 
 
@@ -150,7 +150,7 @@ def test_a_broken_account_of_the_first_run_is_told_and_no_crash(
 
 def test_a_mission_without_any_account_of_the_run_before_says_so(job: Job, tmp_path: Path) -> None:
     saved = read_mission(job.folder / "a")
-    settings = resumed(config.load(str(job.folder / "a" / "config.toml")), saved)
+    settings = continue_config(config.load(str(job.folder / "a" / "config.toml")), saved)
     with simulate(settings, tmp_path / "b", saved) as session:
         next(session.ticks())
         report = session.finish("interrupted")
@@ -164,7 +164,7 @@ def test_a_lost_first_run_is_told_in_the_report(job: Job, tmp_path: Path) -> Non
     for name in ("mission.json", "config.toml"):
         (tmp_path / "a" / name).write_bytes((job.folder / "a" / name).read_bytes())
     saved = read_mission(tmp_path / "a")
-    settings = resumed(config.load(str(tmp_path / "a" / "config.toml")), saved)
+    settings = continue_config(config.load(str(tmp_path / "a" / "config.toml")), saved)
     with simulate(settings, tmp_path / "b", saved, read_job(tmp_path / "a", saved)) as session:
         next(session.ticks())
         report = session.finish("interrupted")

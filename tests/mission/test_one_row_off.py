@@ -15,9 +15,9 @@ from agribot.autonomy.plan.rows import field_rows
 from agribot.core import config
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import MissionStatus, RowLine, Scene, SensorBatch
-from agribot.core.row_shape import beside_row, row_length_m
+from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import WorldSpec
-from agribot.description.worlds_sdf import world_of_run
+from agribot.description.worlds_sdf import load_run_world
 from agribot.record.report import Report
 
 SETTINGS = ["seed=1", "perception.enabled=false", "record.enabled=false", "field.row_count=3",
@@ -43,7 +43,7 @@ class CameraOnPaper(NoPerception):
     def _line(self, t_s: float) -> RowLine | None:
         truth = self._session.simulator.truth()
         for row in self._rows:
-            along_m, left_m, yaw_rad = map(float, beside_row(row, truth.x_map_m, truth.y_map_m))
+            along_m, left_m, yaw_rad = map(float, project_on_row(row, truth.x_map_m, truth.y_map_m))
             heading_rad = wrap_rad(truth.yaw_map_rad - yaw_rad)
             sign = 1.0 if math.cos(heading_rad) > 0.0 else -1.0
             ahead_m = along_m + sign * FAR_M
@@ -64,7 +64,7 @@ def drive(
 
     def shifted(settings: config.RunConfig) -> WorldSpec:
         place = {"spawn_xy_map_m": (-1.0, aside_m), "spawn_yaw_map_rad": 0.0}
-        return msgspec.structs.replace(world_of_run(settings), **place)
+        return msgspec.structs.replace(load_run_world(settings), **place)
 
     monkeypatch.setattr("agribot.app.simulated_run.world_of_run", shifted)
     with simulate(config.load("rows-10x12", SETTINGS), folder) as session:

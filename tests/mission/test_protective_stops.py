@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agribot.app.mission_file import read_mission, resumed
+from agribot.app.mission_file import continue_config, read_mission
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.main import main
 from agribot.core.config import load
@@ -223,7 +223,7 @@ def test_a_stopped_run_that_is_killed_stands_until_a_person_lets_it_go(tmp_path:
             if record.batch.t_s > FROM_S + 1.0:
                 break
     saved = read_mission(first)
-    config = resumed(load(str(first / "config.toml")), saved)
+    config = continue_config(load(str(first / "config.toml")), saved)
     with simulate(config, again, saved) as session:
         session.unattended.is_attended = True
         ticks = session.ticks()

@@ -87,7 +87,7 @@ def robot(with_camera: bool = True) -> RobotSpec:
         joints=tuple(joints),
         drive=DriveSpec(
             wheel_radius_m=0.09, wheel_width_m=0.05, track_m=0.78, wheelbase_m=0.6,
-            told_diameter_m=0.2, told_separation_m=0.65, yaw_multiplier=1.6, torque_nm=20.0,
+            plugin_diameter_m=0.2, plugin_separation_m=0.65, yaw_multiplier=1.6, torque_nm=20.0,
             gear_ratio=1.0, encoder_ticks_per_rev=1000, command_timeout_s=0.5,
             max_speed_mps=1.0, max_yaw_rate_radps=1.2, max_accel_mps2=1.0,
             max_yaw_accel_radps2=3.0, rotor_inertia_kgm2=0.001, servo_gain_nmspr=10.0,
@@ -191,7 +191,7 @@ def tick(index: int, noise: np.random.Generator, with_camera: bool = False) -> T
         command=RobotCommand(
             t_s=t_s,
             drive=DriveCommand(v_mps=SPEED_MPS, yaw_rate_radps=0.01),
-            implement=ImplementCommand(nozzles_open=(False, True, False)),
+            implement=ImplementCommand(sections_on=(False, True, False)),
         ),
     )
 

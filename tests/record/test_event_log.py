@@ -43,10 +43,10 @@ def test_a_stop_is_one_event_though_its_number_changes_every_tick(log: EventLog)
             log(_changed(record, 0.0, reason))
         else:
             log(_changed(record, 0.4, ""))
-    (stop,) = log.of_kind("stop")
+    (stop,) = log.list_kind("stop")
     assert stop.reason == "position uncertain: 1.10 m > 1.0 m"
     assert stop.t_s == pytest.approx(records[10].batch.t_s)
-    assert len(log.of_kind("clear")) == 1
+    assert len(log.list_kind("clear")) == 1
 
 
 def test_a_standing_robot_is_held_not_stopped(log: EventLog) -> None:
@@ -63,7 +63,7 @@ def test_a_lost_position_is_a_fault_with_the_filters_reason(log: EventLog) -> No
     lost = msgspec.structs.replace(bad.estimate, ok=False, reason="no wheel data for 0.4 s")
     log(good)
     log(msgspec.structs.replace(bad, estimate=lost))
-    (fault,) = log.of_kind("fault")
+    (fault,) = log.list_kind("fault")
     assert fault.reason == "no wheel data for 0.4 s"
 
 
@@ -72,7 +72,7 @@ def test_a_sensor_in_doubt_is_a_fault_once_although_the_position_is_known(log: E
         doubt = f"GNSS repeats its position while the wheels turned 0.{index} m"
         named = msgspec.structs.replace(record.estimate, reason=doubt if index % 20 > 5 else "")
         log(msgspec.structs.replace(record, estimate=named))
-    assert [fault.reason for fault in log.of_kind("fault")] == [
+    assert [fault.reason for fault in log.list_kind("fault")] == [
         "GNSS repeats its position while the wheels turned 0.6 m",
         "GNSS repeats its position while the wheels turned 0.26 m",
     ]
@@ -106,5 +106,5 @@ def test_a_stop_that_nobody_has_cleared_goes_on_while_nothing_asks_the_robot_to_
         status = msgspec.structs.replace(record.status, stopped=stopped)
         reason = "stopped by Ann; clear the stop to go on" if index == 1 else ""
         log(msgspec.structs.replace(_changed(record, 0.0, reason), status=status))
-        assert len(log.of_kind("clear")) == (1 if index == 5 else 0)
-    assert len(log.of_kind("hold")) == 1
+        assert len(log.list_kind("clear")) == (1 if index == 5 else 0)
+    assert len(log.list_kind("hold")) == 1

@@ -30,7 +30,7 @@ from agribot.record.replay import (
     read_weed_map,
     recorded_scenes,
 )
-from agribot.record.ticks import without_pixels
+from agribot.record.ticks import strip_pixels
 from agribot.ros.messages.transforms import static_transforms
 from tests.record import record_samples as samples
 
@@ -188,7 +188,7 @@ def test_values_of_the_original_are_recorded_under_their_successors(run: Path) -
 
 def test_recorded_ticks_are_the_ticks(run: Path, records: list[TickRecord]) -> None:
     again = [samples.without_frames(record) for record in read_ticks(run)]
-    assert again == [samples.without_frames(without_pixels(record)) for record in records]
+    assert again == [samples.without_frames(strip_pixels(record)) for record in records]
     assert list(recorded_scenes(run)) == [record.scenes for record in records]
 
 

@@ -17,10 +17,10 @@ from PIL import Image
 from agribot.core.config import load
 from agribot.core.errors import RecordingError
 from agribot.core.messages import PlantClass
-from agribot.record.drawing import png, thin
+from agribot.record.drawing import encode_png, thin
 from agribot.record.events import Event
-from agribot.record.map_figure import map_figure
-from agribot.record.page import report_page
+from agribot.record.map_figure import draw_map
+from agribot.record.page import render_report
 from agribot.record.plots import true_cross_track_m
 from agribot.record.report import (
     MissionReport,
@@ -33,7 +33,7 @@ from agribot.record.report import (
     to_json,
     write_report,
 )
-from agribot.record.row_table import row_summaries
+from agribot.record.row_table import summarise_rows
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap, collect
 from tests.record import record_samples as samples
@@ -57,6 +57,7 @@ CONTRACT: dict[str, Any] = {
     "safety": ["stops", "faults"],
     "marks": None,
     "job": None,
+    "implement": None,
 }  # fmt: skip
 NASTY = '<script>alert("x")</script> & more'
 
@@ -132,7 +133,7 @@ def test_an_unwritable_report_says_where(tmp_path: Path) -> None:
 
 
 def test_the_page_loads_nothing_from_anywhere() -> None:
-    page = report_page(_report(), _data())
+    page = render_report(_report(), _data())
     assert not re.search(r"https?:|//[a-z]+\.", page)
     assert "@import" not in page
     links = _Links()
@@ -143,7 +144,7 @@ def test_the_page_loads_nothing_from_anywhere() -> None:
 
 
 def test_the_page_escapes_what_it_was_given() -> None:
-    page = report_page(_report(reason=NASTY, profile="<b>farm"), _data())
+    page = render_report(_report(reason=NASTY, profile="<b>farm"), _data())
     assert "<script" not in page
     assert "<b>farm" not in page
     assert page.count("&lt;script&gt;") >= 2
@@ -151,7 +152,7 @@ def test_the_page_escapes_what_it_was_given() -> None:
 
 def test_the_page_shows_the_numbers_and_the_settings() -> None:
     weeds = WeedReport(truth=9, mapped=7, precision=0.875, recall=0.75, treated=5, crops_hit=0)
-    page = report_page(_report(weeds=weeds), _data())
+    page = render_report(_report(weeds=weeds), _data())
     assert "0.88 / 0.75" in page
     assert "of 9 true ones" in page
     assert "row_pitch_m = 1.0" in page
@@ -159,7 +160,7 @@ def test_the_page_shows_the_numbers_and_the_settings() -> None:
 
 
 def test_a_failed_run_is_not_dressed_as_good() -> None:
-    page = report_page(_report(ok=False, reason="mission failed: off the path"), _data())
+    page = render_report(_report(ok=False, reason="mission failed: off the path"), _data())
     assert "Not good" in page
     assert 'class="verdict ok"' not in page
 
@@ -172,7 +173,7 @@ def test_a_run_that_ended_at_once_still_gets_its_files(tmp_path: Path) -> None:
 
 
 def test_the_map_is_1200_pixels_wide_and_shows_path_and_weeds() -> None:
-    image = Image.open(io.BytesIO(png(map_figure(_data())))).convert("RGB")
+    image = Image.open(io.BytesIO(encode_png(draw_map(_data())))).convert("RGB")
     assert image.width == 1200
     pixels = np.asarray(image).astype(int)
     red = (pixels[..., 0] > 180) & (pixels[..., 1] < 90) & (pixels[..., 2] < 90)
@@ -185,7 +186,7 @@ def test_what_stands_in_the_field_is_a_circle_on_the_map() -> None:
     data = _data()
     field = msgspec.structs.replace(data.config.field, obstacles_map_m=((-4.0, 2.0, 0.3),))
     config = msgspec.structs.replace(data.config, field=field)
-    figure = map_figure(msgspec.structs.replace(data, config=config))
+    figure = draw_map(msgspec.structs.replace(data, config=config))
     (axes,) = figure.axes
     (post,) = axes.patches
     assert isinstance(post, Circle)
@@ -195,8 +196,8 @@ def test_what_stands_in_the_field_is_a_circle_on_the_map() -> None:
 
 
 def test_both_axes_of_the_map_have_the_same_scale() -> None:
-    figure = map_figure(_data())
-    png(figure)
+    figure = draw_map(_data())
+    encode_png(figure)
     (axes,) = figure.axes
     box = axes.get_window_extent()
     x_scale = box.width / np.ptp(axes.get_xlim())
@@ -216,7 +217,7 @@ def test_left_of_the_row_is_positive_whichever_way_it_is_driven() -> None:
 
 
 def test_rows_sum_up_their_own_ticks_and_weeds() -> None:
-    summaries = row_summaries(_data())
+    summaries = summarise_rows(_data())
     first, rest = summaries[0], summaries[1:]
     assert first.distance_m == pytest.approx(500 * 0.02 * samples.SPEED_MPS, rel=0.01)
     assert first.cross_track_rms_m == pytest.approx(0.03)
@@ -225,7 +226,7 @@ def test_rows_sum_up_their_own_ticks_and_weeds() -> None:
 
 
 def test_without_truth_the_rows_use_what_the_robot_believes() -> None:
-    first = row_summaries(_data(truth=False))[0]
+    first = summarise_rows(_data(truth=False))[0]
     assert first.cross_track_rms_m == pytest.approx(0.01, rel=0.2)
 
 
@@ -242,10 +243,10 @@ def test_series_of_a_live_run_and_of_its_recording_are_equal() -> None:
 
 def test_the_table_of_rows_tells_over_how_much_of_a_row_its_crop_was_seen() -> None:
     data = _data()
-    assert row_summaries(data)[0].seen_m is None  # no camera looked
+    assert summarise_rows(data)[0].seen_m is None  # no camera looked
     seen = np.where(data.series.t_s < 6.0, 1.0, 0.0)
     looked = msgspec.structs.replace(data.series, row_seen=seen)
-    first = row_summaries(msgspec.structs.replace(data, series=looked))[0]
+    first = summarise_rows(msgspec.structs.replace(data, series=looked))[0]
     assert first.seen_m == pytest.approx(0.6 * first.distance_m, abs=0.05)
 
 

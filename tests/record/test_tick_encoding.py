@@ -6,14 +6,14 @@ import pytest
 
 from agribot.core.errors import RecordingError
 from agribot.core.messages import CropCover
-from agribot.record.ticks import decode_tick, encode_tick, without_pixels
+from agribot.record.ticks import decode_tick, encode_tick, strip_pixels
 from tests.record import record_samples as samples
 
 
 def test_a_tick_survives_encoding_but_for_its_pixels() -> None:
     for record in samples.ticks(30, with_camera=True):
         decoded = decode_tick(encode_tick(record))
-        assert samples.without_frames(decoded) == samples.without_frames(without_pixels(record))
+        assert samples.without_frames(decoded) == samples.without_frames(strip_pixels(record))
         assert [f.index for f in decoded.batch.frames] == [f.index for f in record.batch.frames]
         assert all(f.image_rgb.shape == (0, 0, 3) for f in decoded.batch.frames)
 

@@ -8,7 +8,7 @@ from agribot.core import topics
 from agribot.core.errors import BridgeError
 from agribot.core.geo import Datum
 from agribot.core.messages import TickRecord
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages.camera_log import CameraLog
 from agribot.ros.outlet import QUEUE_TICKS, Gateway, Outlet, Sources
 from tests.record import record_samples as samples

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agribot.core import topics
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages.rosmsg import to_cdr, typestore
 from agribot.ros.ros1.types import inlet, outputs, ros1_types
 from tests.record.bag.random_messages import Dice

@@ -17,7 +17,7 @@ import pytest
 from agribot.core import topics
 from agribot.core.geo import Datum
 from agribot.core.messages import Inbox, TickRecord
-from agribot.core.topic import STREAM, Topic
+from agribot.core.topics import STREAM, Topic
 from agribot.ros.messages.camera_log import CameraLog
 from agribot.ros.messages.rosmsg import typestore
 from agribot.ros.outlet import Gateway, Outlet, Sources

@@ -10,7 +10,7 @@ import pytest
 import xxhash
 
 from agribot.core import topics
-from agribot.core.topic import LATCHED, LATEST, STREAM, Qos
+from agribot.core.topics import LATCHED, LATEST, STREAM, Qos
 from agribot.ros.messages.rosmsg import typestore
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.services import EVENT_INFO, ActionText, add_action, service_types

@@ -192,11 +192,11 @@ def test_the_robot_believes_to_be_where_another_process_says_and_its_silence_is_
             for record in session.ticks():
                 seen.extend(record.batch.gnss)
                 time.sleep(max(0.0, pace_s + record.batch.t_s - time.monotonic()))
-                if session.event_log.of_kind("fault") or record.batch.t_s > 60.0:
+                if session.event_log.list_kind("fault") or record.batch.t_s > 60.0:
                     break
             speaker.join()
             assert session.last is not None
-        faults = [event.reason for event in session.event_log.of_kind("fault")]
+        faults = [event.reason for event in session.event_log.list_kind("fault")]
     assert seen
     assert {(sample.lat_deg, sample.lon_deg) for sample in seen} == {(lat_deg, lon_deg)}
     assert any("gnss from /their/fix is silent" in fault for fault in faults)

@@ -7,6 +7,7 @@ import math
 import pytest
 
 from agribot.core.geo import Datum
+from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import (
     CameraSpec,
@@ -17,7 +18,6 @@ from agribot.core.robot import (
     RobotSpec,
     SensorMount,
     Shape,
-    SprayerSpec,
     TyreSpec,
 )
 from agribot.core.world import WorldSpec
@@ -66,8 +66,8 @@ def rover() -> RobotSpec:
         wheel_width_m=0.05,
         track_m=2 * HALF_TRACK_M,
         wheelbase_m=2 * HALF_WHEELBASE_M,
-        told_diameter_m=0.2,
-        told_separation_m=0.65,
+        plugin_diameter_m=0.2,
+        plugin_separation_m=0.65,
         yaw_multiplier=1 + (HALF_WHEELBASE_M / HALF_TRACK_M) ** 2,
         torque_nm=20.0,
         gear_ratio=10.0,
@@ -113,11 +113,11 @@ def rover() -> RobotSpec:
             clip_near_m=0.02,
             clip_far_m=300.0,
         ),
-        sprayer=SprayerSpec(
+        implement=SprayerSpec(
             x_body_m=-0.4,
-            nozzle_count=8,
-            nozzle_spacing_m=0.1,
-            nozzle_width_m=0.1,
+            section_count=8,
+            section_spacing_m=0.1,
+            section_width_m=0.1,
             latency_s=0.1,
         ),
     )

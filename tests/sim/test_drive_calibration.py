@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from agribot import description
-from agribot.app.calibration.figure import FIGURE, Drive, drive_figure, gain
+from agribot.app.calibration.figure import FIGURE, DriveSamples, drive_figure, measure_gain
 from agribot.autonomy.estimate.drive_fit import fit_drive
 from agribot.autonomy.estimate.drive_log import Stretch
 from agribot.cli import main as cli
@@ -30,7 +30,7 @@ ROLLING_RADIUS_M = RADIUS_M - 5.112 * 9.8 / 4 / 1e4
 
 def _drive(
     rover: RobotSpec, world: WorldSpec, sensors: str, seed: int, board: DriveSpec | None = None
-) -> Drive:
+) -> DriveSamples:
     config = RunConfig(
         seed=seed, perception=PerceptionConfig(enabled=False), sim=SimConfig(sensors=sensors)
     )
@@ -39,7 +39,7 @@ def _drive(
 
 
 @pytest.fixture(scope="module")
-def driven(rover: RobotSpec, meadow: WorldSpec) -> Drive:
+def driven(rover: RobotSpec, meadow: WorldSpec) -> DriveSamples:
     return _drive(rover, meadow, "ideal", 0)
 
 
@@ -61,12 +61,12 @@ def test_fit_does_not_believe_a_wrong_description(rover: RobotSpec, meadow: Worl
     fit = fit_drive(drive.batches, drive.stretches)
     assert fit.wheel_radius_m == pytest.approx(RADIUS_M, rel=0.035)
     assert fit.separation_m == pytest.approx(SEPARATION_M, rel=0.035)
-    reached = gain(drive, fit)
+    reached = measure_gain(drive, fit)
     assert reached.speed == pytest.approx(ROLLING_RADIUS_M / 0.1, rel=0.01)
     assert reached.yaw_rate == pytest.approx(0.09 / 0.1 * 0.7816 / SEPARATION_M, rel=0.04)
 
 
-def test_fit_finds_the_scale_of_the_gyro(driven: Drive) -> None:
+def test_fit_finds_the_scale_of_the_gyro(driven: DriveSamples) -> None:
     def scaled(batch: SensorBatch) -> SensorBatch:
         imu = tuple(
             msgspec.structs.replace(
@@ -83,7 +83,7 @@ def test_fit_finds_the_scale_of_the_gyro(driven: Drive) -> None:
     assert fit.separation_m == pytest.approx(true.separation_m, rel=1e-3)
 
 
-def test_a_tape_replaces_gnss(driven: Drive) -> None:
+def test_a_tape_replaces_gnss(driven: DriveSamples) -> None:
     batches = [msgspec.structs.replace(batch, gnss=()) for batch in driven.batches]
     fit = fit_drive(driven.batches, driven.stretches)
     legs = {
@@ -108,7 +108,7 @@ def _rolled(batches: list[SensorBatch], stretch: Stretch) -> float:
     return float(np.mean(np.subtract(inside[-1].angle_rad, inside[0].angle_rad)))
 
 
-def test_a_dead_encoder_makes_the_fit_bad(driven: Drive) -> None:
+def test_a_dead_encoder_makes_the_fit_bad(driven: DriveSamples) -> None:
     def dead(sample: WheelSample) -> WheelSample:
         return msgspec.structs.replace(sample, angle_rad=(0.0, *sample.angle_rad[1:]))
 
@@ -120,7 +120,7 @@ def test_a_dead_encoder_makes_the_fit_bad(driven: Drive) -> None:
     assert "rear right" in complaint and "encoder" in complaint
 
 
-def test_legs_that_contradict_each_other_make_the_fit_bad(driven: Drive) -> None:
+def test_legs_that_contradict_each_other_make_the_fit_bad(driven: DriveSamples) -> None:
     stretches = [
         msgspec.structs.replace(s, distance_m=4.4 if "ahead" in s.name else 3.6) if s.is_leg else s
         for s in driven.stretches
@@ -130,7 +130,7 @@ def test_legs_that_contradict_each_other_make_the_fit_bad(driven: Drive) -> None
     )
 
 
-def test_coarse_gnss_is_not_passed_off_as_a_measurement(driven: Drive) -> None:
+def test_coarse_gnss_is_not_passed_off_as_a_measurement(driven: DriveSamples) -> None:
     def coarse(batch: SensorBatch) -> SensorBatch:
         fixes = tuple(
             msgspec.structs.replace(fix, pos_std_m=5.0, velocity_mps=None) for fix in batch.gnss
@@ -171,7 +171,7 @@ def test_a_machine_that_does_not_move_ends_the_drive() -> None:
     assert platform.t_s < 60.0
 
 
-def test_figure_comes_home(driven: Drive) -> None:
+def test_figure_comes_home(driven: DriveSamples) -> None:
     turned = sum(m.travel * np.sign(m.yaw_rate_radps) for m in FIGURE if not m.is_leg)
     along = sum(m.travel * np.sign(m.v_mps) for m in FIGURE if m.is_leg)
     assert turned == pytest.approx(0.0)

@@ -54,14 +54,14 @@ def _wall(world: WorldSpec, x_map_m: float) -> WorldSpec:
 
 
 def test_told_geometry_turns_as_coulomb_friction_says(rover: RobotSpec, meadow: WorldSpec) -> None:
-    physics = Physics(rover, meadow, 2_000_000, board=rover.drive.told())
+    physics = Physics(rover, meadow, 2_000_000, board=rover.drive.with_plugin_geometry())
     _, yaw_rate = _steady(physics, 0.002, 0.0, 1.0)
     assert abs(RAW_YAW_RATIO - 0.528) < 0.001
     assert yaw_rate == pytest.approx(RAW_YAW_RATIO, rel=0.03)
 
 
 def test_told_geometry_drives_a_tenth_too_slow(rover: RobotSpec, meadow: WorldSpec) -> None:
-    physics = Physics(rover, meadow, 2_000_000, board=rover.drive.told())
+    physics = Physics(rover, meadow, 2_000_000, board=rover.drive.with_plugin_geometry())
     v, yaw_rate = _steady(physics, 0.002, 0.5, 0.0)
     assert 0.440 <= v <= 0.451
     assert abs(yaw_rate) < 1e-6

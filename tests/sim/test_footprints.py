@@ -13,11 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agribot.core.errors import PlatformError
-from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.implement.kind import ImplementEffect
+from agribot.core.messages import FloatArray, ImplementCommand, PlantClass
 from agribot.core.robot import RobotSpec
 from agribot.core.world import Plant, WorldSpec
-from agribot.sim.field_effects import CropDamage, Sprayer
+from agribot.sim.field_effects import CropDamage
 from agribot.sim.footprints import Footprints, build_plant_grid, mark_swept
+from agribot.sim.implements.kinds import fit_effect
 from agribot.sim.state import HISTORY_COLUMNS
 
 
@@ -110,13 +112,17 @@ def test_grid_finds_the_same_plants_as_a_search_over_all(
     assert np.array_equal(~np.isnan(hit_s), np.hypot(*beyond.T) <= 0.02)
 
 
+def _fit(robot: RobotSpec, world: WorldSpec) -> ImplementEffect:
+    return fit_effect(robot.implement, world, robot.base_height_m)
+
+
 def _spray(
-    sprayer: Sprayer, robot: RobotSpec, nozzles: dict[int, tuple[bool, ...]], ticks: int
+    sprayer: ImplementEffect, robot: RobotSpec, nozzles: dict[int, tuple[bool, ...]], ticks: int
 ) -> None:
     """1 cm per tick of 20 ms along East from 0; commands by tick."""
     for k in range(ticks):
         if k in nozzles:
-            sprayer.command(0.02 * k, nozzles[k])
+            sprayer.command(0.02 * k, ImplementCommand(sections_on=nozzles[k]))
         sprayer.update(
             0.02 * (k + 1), _at(robot, 0.01 * k, 0.0), _at(robot, 0.01 * (k + 1), 0.0), 0.02
         )
@@ -126,37 +132,37 @@ def test_an_open_nozzle_sprays_its_own_strip(rover: RobotSpec, meadow: WorldSpec
     # Boom at x = -0.4 m; the third nozzle of eight is at y = +0.15 m and 0.1 m wide.
     lateral_m = [0.09, 0.11, 0.19, 0.21, -0.15]
     world = _world(meadow, [_plant(0.0, y, PlantClass.WEED) for y in lateral_m])
-    sprayer = Sprayer(rover, world)
+    sprayer = _fit(rover, world)
     only_third = tuple(k == 2 for k in range(8))
     _spray(sprayer, rover, {0: only_third}, 100)
-    assert set(sprayer.sprayed) == {1, 2}
+    assert set(sprayer.treated) == {1, 2}
     # The fan is 4 cm long: the first drop falls 2 cm before the boom is above, at 0.38 m.
-    assert sprayer.sprayed[1] == pytest.approx(0.38 / 0.01 * 0.02, abs=0.021)
+    assert sprayer.treated[1] == pytest.approx(0.38 / 0.01 * 0.02, abs=0.021)
 
 
 def test_valves_follow_after_their_latency(rover: RobotSpec, meadow: WorldSpec) -> None:
-    sprayer = Sprayer(rover, meadow)
+    sprayer = _fit(rover, meadow)
     _spray(sprayer, rover, {0: (True,) * 8, 10: (False,) * 8}, 100)
     # Open for 10 ticks, 0.1 s late at both ends; eight strips of 0.1 m.
-    assert sprayer.area_m2 == pytest.approx(8 * 0.1 * 10 * 0.01, rel=1e-6)
+    assert sprayer.worked_m2 == pytest.approx(8 * 0.1 * 10 * 0.01, rel=1e-6)
 
 
 def test_no_drop_falls_before_the_latency_is_over(rover: RobotSpec, meadow: WorldSpec) -> None:
     world = _world(meadow, [_plant(-0.4, 0.15, PlantClass.WEED)])
-    sprayer = Sprayer(rover, world)
-    sprayer.command(0.0, (True,) * 8)
+    sprayer = _fit(rover, world)
+    sprayer.command(0.0, ImplementCommand(sections_on=(True,) * 8))
     for k in range(10):
         sprayer.update(0.02 * (k + 1), _at(rover, 0, 0), _at(rover, 0, 0), 0.02)
     # The first tick that begins 0.1 s after the command.
-    assert sprayer.sprayed == {0: pytest.approx(0.12)}
+    assert sprayer.treated == {0: pytest.approx(0.12)}
 
 
 def test_an_empty_command_closes_all_nozzles(rover: RobotSpec, meadow: WorldSpec) -> None:
-    sprayer = Sprayer(rover, meadow)
+    sprayer = _fit(rover, meadow)
     _spray(sprayer, rover, {0: (True,) * 8, 10: ()}, 100)
-    assert sprayer.area_m2 == pytest.approx(0.08, rel=1e-6)
+    assert sprayer.worked_m2 == pytest.approx(0.08, rel=1e-6)
 
 
 def test_wrong_number_of_nozzles_is_refused(rover: RobotSpec, meadow: WorldSpec) -> None:
     with pytest.raises(PlatformError, match="3 nozzles; the robot has 8"):
-        Sprayer(rover, meadow).command(0.0, (True, True, False))
+        _fit(rover, meadow).command(0.0, ImplementCommand(sections_on=(True, True, False)))

@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.app.calibration.figure import TURNS, Drive, drive_figure
-from agribot.app.calibration.sensors import antenna_of_drive, magnetometer_of_drive
+from agribot.app.calibration.figure import TURNS, DriveSamples, drive_figure
+from agribot.app.calibration.sensors import calibrate_antenna, calibrate_magnetometer
 from agribot.app.simulated_run import simulate
 from agribot.autonomy.estimate.compass import yaw_of
 from agribot.autonomy.estimate.drive_log import DriveLog
@@ -24,14 +24,14 @@ from agribot.core.world import WorldSpec
 from agribot.sim.platform import SimPlatform
 
 
-def turned(rover: RobotSpec, world: WorldSpec, sensors: str, seed: int) -> Drive:
+def turned(rover: RobotSpec, world: WorldSpec, sensors: str, seed: int) -> DriveSamples:
     config = RunConfig(
         seed=seed, perception=PerceptionConfig(enabled=False), sim=SimConfig(sensors=sensors)
     )
     return drive_figure(SimPlatform(config, rover, world), rover.drive, figure=TURNS)
 
 
-def scatter_rad(driven: Drive, calibration: MagCalibration) -> float:
+def scatter_rad(driven: DriveSamples, calibration: MagCalibration) -> float:
     """Of the compass against the gyro over all readings, without what is common to all."""
     log = DriveLog(driven.batches, driven.stretches)
     errors: list[float] = []
@@ -51,7 +51,7 @@ def test_the_iron_of_four_robots_is_found_and_taken_off(
     before, after = [], []
     for seed in range(4):
         driven = turned(rover, meadow, "m8n", seed)
-        result = magnetometer_of_drive(driven, 0.0)
+        result = calibrate_magnetometer(driven, 0.0)
         assert result.ok, result.reasons
         assert result.fit.sectors == 36
         before.append(scatter_rad(driven, MagCalibration()))
@@ -62,7 +62,7 @@ def test_the_iron_of_four_robots_is_found_and_taken_off(
 
 def test_the_antenna_is_found_where_it_was_mounted(rover: RobotSpec, meadow: WorldSpec) -> None:
     for seed in range(3):
-        result = antenna_of_drive(turned(rover, meadow, "rtk", seed), rover)
+        result = calibrate_antenna(turned(rover, meadow, "rtk", seed), rover)
         assert result.ok, result.reasons
         assert (result.fit.x_m, result.fit.y_m) == pytest.approx(
             (result.described_x_m, result.described_y_m), abs=0.01
@@ -73,13 +73,13 @@ def test_without_corrections_or_turns_it_says_what_is_missing(
     rover: RobotSpec, meadow: WorldSpec
 ) -> None:
     driven = turned(rover, meadow, "m8n", 0)
-    assert "receiver with corrections" in antenna_of_drive(driven, rover).reasons[0]
+    assert "receiver with corrections" in calibrate_antenna(driven, rover).reasons[0]
     legs = [stretch for stretch in driven.stretches if stretch.is_leg]
     with pytest.raises(MissionError, match="turn a full circle"):
-        antenna_of_drive(driven._replace(stretches=legs), rover)
+        calibrate_antenna(driven._replace(stretches=legs), rover)
     still = [msgspec.structs.replace(batch, mag=()) for batch in driven.batches]
     with pytest.raises(MissionError, match="turn the robot a full circle"):
-        magnetometer_of_drive(driven._replace(batches=still), 0.0)
+        calibrate_magnetometer(driven._replace(batches=still), 0.0)
 
 
 def test_the_recording_of_a_mission_serves_as_well(

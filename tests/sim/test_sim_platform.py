@@ -38,7 +38,7 @@ def _command(v: float = 0.0, yaw_rate: float = 0.0, nozzles: int = 0) -> RobotCo
     return RobotCommand(
         t_s=0.0,
         drive=DriveCommand(v_mps=v, yaw_rate_radps=yaw_rate),
-        implement=ImplementCommand(nozzles_open=(True,) * nozzles),
+        implement=ImplementCommand(sections_on=(True,) * nozzles),
     )
 
 
@@ -232,9 +232,9 @@ def test_driving_over_a_crop_and_spraying_a_weed_is_noticed(
     _run(platform, _command(0.8, nozzles=8), 150)
     assert platform.crushed == {0}
     # Eight nozzles cover +-0.4 m, crops and weeds alike.
-    assert set(platform.sprayed) == {0, 1, 2}
+    assert set(platform.treated) == {0, 1, 2}
     travelled_m = platform.truth().x_map_m
-    assert platform.sprayed_area_m2 == pytest.approx(0.8 * travelled_m, rel=0.05)
+    assert platform.worked_m2 == pytest.approx(0.8 * travelled_m, rel=0.05)
 
 
 def test_valves_close_when_commands_stop(rover: RobotSpec, meadow: WorldSpec) -> None:
@@ -242,10 +242,10 @@ def test_valves_close_when_commands_stop(rover: RobotSpec, meadow: WorldSpec) ->
     _run(platform, _command(0.8, nozzles=8), 100)
     for _ in range(32):
         platform.read()
-    area_m2 = platform.sprayed_area_m2
+    area_m2 = platform.worked_m2
     for _ in range(50):
         platform.read()
-    assert platform.sprayed_area_m2 == area_m2
+    assert platform.worked_m2 == area_m2
 
 
 def test_closed_platform_says_so(rover: RobotSpec, meadow: WorldSpec) -> None:

@@ -15,7 +15,7 @@ pytest.importorskip("websockets")
 
 from agribot.autonomy.plan.rows import field_rows
 from agribot.core import config
-from agribot.description.loader import load_robot, urdf_text
+from agribot.description.loader import export_urdf, load_robot
 from agribot.ui import wire
 from agribot.ui.about import about_run
 from agribot.ui.address import Address
@@ -97,7 +97,7 @@ class Robot:
     def _about(self, port: int) -> About:
         settings, robot = config.load("farm"), load_robot("agribot")
         field = field_of(settings, field_rows(settings.field))
-        urdf, run = urdf_text("agribot"), self.home / "runs" / "now"
+        urdf, run = export_urdf("agribot"), self.home / "runs" / "now"
         return about_run(self.address, port, settings, robot, urdf, field, run)
 
 

@@ -225,6 +225,12 @@ export interface ReplayProgress {
   speed: number
 }
 
+/** One thing that the implement tells of itself, in its own words. */
+export interface ImplementLine {
+  name: string
+  text: string
+}
+
 /**
  * The robot at one of its ticks, and the samples of its signals since the state before.
  *
@@ -252,7 +258,7 @@ export interface State {
   mode: Mode
   stop: string
   reason: string
-  nozzles_open: boolean[]
+  implement: ImplementLine[]
   weed_count: number
   pace_ratio: number | null
   recording: string | null

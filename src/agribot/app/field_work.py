@@ -54,12 +54,12 @@ def planned(
 ) -> tuple[SavedPlan, Certificate]:
     """Plan a field in the map of a run, beginning where the robot is put down.
 
-    Without a width, the implement is as wide as the boom of the robot.
+    Without a width, it is that of the robot's own implement.
     """
     if width_m is None:
-        if robot.sprayer is None:
+        if robot.implement is None:
             raise MissionError(f"{robot.name} has no implement; give --implement-width M")
-        width_m = robot.sprayer.nozzle_count * robot.sprayer.nozzle_spacing_m
+        width_m = robot.implement.width_m
     area, datum = read_field(field, config.field.datum)
     request = PlanRequest(implement_width_m=width_m, tool_x_m=robot.tool_x_m)
     shape = footprint(robot, width_m)

@@ -15,11 +15,11 @@ from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import TickRecord
-from agribot.record.whole_file import write_at_once
+from agribot.core.whole_file import write_at_once
 
 FILE_NAME = "mission.json"
 PERIOD_S = 1.0
-LEFT_STD_M = 0.1  # how well the robot knew where it was left, and rolled on since
+LEFT_STD_M = 0.1  # 1 sigma of where the robot was left, and of rolling on since
 
 
 class Resumable(Protocol):
@@ -33,27 +33,28 @@ class MissionFile:
 
     Every write replaces the whole file at once: whoever reads it sees the old or the new state.
     A thread writes, so that a slow disk does not hold up the control loop; a state that waits
-    for it gives way to a newer one. `say` hears, with the time, of a disk that begins to fail.
+    for it gives way to a newer one. `on_failure` gets the time and the error of a disk that begins
+    to fail.
     """
 
     def __init__(
         self,
         folder: Path,
         mission: Resumable,
-        say: Callable[[float, str], None],
+        on_failure: Callable[[float, str], None],
         name: str = FILE_NAME,
     ) -> None:
         self._path = folder / name
-        self._mission, self._say = mission, say
+        self._mission, self._on_failure = mission, on_failure
         self._state = ("", "")
         self._next_s = self._now_s = 0.0
         self._newest: deque[bytes] = deque(maxlen=1)
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="mission-file")
-        self._failure = self._told = ""
+        self._failure = self._reported = ""
 
     def __call__(self, record: TickRecord) -> None:
         self._now_s = record.batch.t_s
-        self._complain()
+        self._report_failure()
         state = record.status.state, record.status.stopped
         if state == self._state and record.batch.t_s < self._next_s:
             return
@@ -61,7 +62,7 @@ class MissionFile:
         self.write()
 
     def write(self) -> None:
-        """Have the state of now written, whenever the thread comes to it."""
+        """Let the thread write the present state."""
         saved = self._mission.saved()
         if saved is not None:
             self._newest.append(msgspec.json.encode(saved))
@@ -70,13 +71,13 @@ class MissionFile:
     def close(self) -> None:
         """Wait for the last write. Safe to call twice."""
         self._writer.shutdown()
-        self._complain()
+        self._report_failure()
 
-    def _complain(self) -> None:
+    def _report_failure(self) -> None:
         failure = self._failure
-        if failure and not self._told:
-            self._say(self._now_s, failure)
-        self._told = failure
+        if failure and not self._reported:
+            self._on_failure(self._now_s, failure)
+        self._reported = failure
 
     def _write_newest(self) -> None:
         try:
@@ -92,8 +93,8 @@ class MissionFile:
             self._failure = ""
 
 
-def resumed(config: RunConfig, saved: SavedMission) -> RunConfig:
-    """The settings of the run that goes on: its start mark is where the robot was left."""
+def continue_config(config: RunConfig, saved: SavedMission) -> RunConfig:
+    """Return the settings of a run that goes on: its start mark is where the robot stopped."""
     if config.field.start_map_m is None:
         return config
     field = msgspec.structs.replace(
@@ -106,7 +107,10 @@ def resumed(config: RunConfig, saved: SavedMission) -> RunConfig:
 
 
 def read_mission(folder: Path) -> SavedMission:
-    """Raises: MissionError: no saved mission, a broken one, or one that has ended."""
+    """Read the saved mission of a run's folder.
+
+    Raises: MissionError: no saved mission, a broken one, or one that has ended.
+    """
     path = folder / FILE_NAME
     try:
         saved = msgspec.json.decode(path.read_bytes(), type=SavedMission)

@@ -12,10 +12,12 @@ from agribot.app.whole_job import JobSoFar, WholeJob
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig
 from agribot.core.messages import MissionStatus, Row, TickRecord
+from agribot.core.robot import RobotSpec
 from agribot.core.version import __version__
 from agribot.record.events import Event, EventKind, EventLog
 from agribot.record.report import (
     EstimateReport,
+    ImplementReport,
     IouReport,
     JobReport,
     MissionReport,
@@ -35,6 +37,7 @@ class EndedRun(Protocol):
     """What the report needs of a run that has come to its end."""
 
     config: RunConfig
+    robot: RobotSpec
     last: TickRecord | None
     judge: Judge | None
     job: WholeJob
@@ -84,6 +87,7 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         ),
         perception=_perception(drive, job),
         weeds=_weeds(drive, job, kept),
+        implement=_implement(drive, job, kept),
         safety=SafetyReport(stops=_told(events, "stop"), faults=_told(events, "fault")),
         marks=_told(events, "mark"),
         job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,
@@ -178,11 +182,30 @@ def _perception(drive: EndedRun, job: JobSoFar) -> PerceptionReport:
 def _weeds(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
     if not job.frames or not drive.rows:
         return WeedReport()
-    weeds = drive.weed_map.weeds()
-    if drive.judge is not None:
-        return _same_fields(drive.judge.score_weeds(weeds, kept), WeedReport)
-    treated = sum(weed.treated_s is not None for weed in weeds)
-    return WeedReport(mapped=len(weeds), treated=treated)
+    weeds, spec = drive.weed_map.weeds(), drive.robot.implement
+    if drive.judge is None:
+        treated = sum(weed.treated_s is not None for weed in weeds)
+        return WeedReport(mapped=len(weeds), treated=treated)
+    score = drive.judge.score_weeds(weeds, kept)
+    is_wet = spec is not None and spec.wets_ground
+    return msgspec.structs.replace(
+        _same_fields(score, WeedReport),
+        spray_area_ratio=score.worked_area_ratio if is_wet else None,
+    )
+
+
+def _implement(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> ImplementReport | None:
+    spec, judge = drive.robot.implement, drive.judge
+    if spec is None:
+        return None
+    return ImplementReport(
+        kind=spec.kind,
+        verb=spec.verb,
+        width_m=spec.width_m,
+        worked_m2=None if judge is None else judge.worked_m2,
+        worked_area_ratio=None if judge is None else judge.compute_worked_area_ratio(kept),
+        lines=job.implement,
+    )
 
 
 def _told(events: Sequence[Event], kind: EventKind) -> tuple[SafetyEvent, ...]:

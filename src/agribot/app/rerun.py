@@ -1,7 +1,7 @@
 """The stack again on a recording, as it was or with other settings, and what that changes.
 
 The sensors are those of the recorded drive: they do not answer to commands that differ. A rerun
-shows what the stack would have believed, mapped and wanted, not where the robot would have gone.
+shows what the stack would have estimated, mapped and planned, not where the robot would have gone.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from agribot.app.calibration.believed import calibrated
+from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.field_work import field_work
 from agribot.app.robot_stack import build_stack
 from agribot.app.run_recording import (
@@ -25,8 +25,7 @@ from agribot.app.run_recording import (
 from agribot.autonomy.perception_host import RecordedPerception
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.weeds.track import Track
-from agribot.core.config import RunConfig, from_tree
-from agribot.core.config_tree import assign, without_none
+from agribot.core.config import RunConfig, assign, drop_none, from_tree
 from agribot.core.errors import EndOfRecording, RecordingError
 from agribot.core.messages import STOP, MappedPlant, MapPoint, PlantClass, TickRecord
 from agribot.description.loader import parse_robot
@@ -38,8 +37,8 @@ LATEST_FIRST_TICK_S = 1.0  # of a recording that began with its run
 _FIXED = ("perception", "sim", "record", "platform", "world", "robot", "seed", "tick_hz")
 
 
-class Outcome(msgspec.Struct, frozen=True, kw_only=True):
-    """One pass of the stack over a recording, as the robot believes it; null: no such value."""
+class PassSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """One pass of the stack over a recording by its own estimate; null: no such value."""
 
     ticks: int
     end_s: float
@@ -56,12 +55,12 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     pos_std_mean_m: float | None
     weeds_mapped: int
     weeds_treated: int
-    nozzle_open_s: float
+    implement_on_s: float
     stops: int
 
 
-class Difference(msgspec.Struct, frozen=True, kw_only=True):
-    """Between the passes, tick by tick; `first` is None when every command is the same."""
+class PassDifference(msgspec.Struct, frozen=True, kw_only=True):
+    """The difference of two passes, tick by tick; `first` is None when all commands agree."""
 
     first: int | None
     ticks: int
@@ -71,21 +70,27 @@ class Difference(msgspec.Struct, frozen=True, kw_only=True):
     position_rms_m: float | None
 
 
-def with_settings(config: RunConfig, settings: Sequence[str]) -> RunConfig:
-    """Raises: ConfigError: a setting that does not exist or does not fit."""
-    tree = without_none(msgspec.to_builtins(config))
+def change_settings(config: RunConfig, settings: Sequence[str]) -> RunConfig:
+    """Apply `a.b=c` settings to those of a run.
+
+    Raises: ConfigError: a setting that does not exist or does not fit.
+    """
+    tree = drop_none(msgspec.to_builtins(config))
     for setting in settings:
         assign(tree, setting)
     return from_tree(tree, " ".join(f"--with {setting}" for setting in settings))
 
 
-def without_effect(settings: Iterable[str]) -> list[str]:
-    """Those settings that a rerun cannot try, because the recording was made with them."""
+def find_ineffective(settings: Iterable[str]) -> list[str]:
+    """Find the settings that a rerun cannot try, because the recording was made with them."""
     return [s for s in settings if s.partition("=")[0].split(".")[0].strip() in _FIXED]
 
 
-def recorded_pass(path: Path) -> list[TickRecord]:
-    """Raises: RecordingError: no ticks, or a part that does not begin at the beginning."""
+def read_pass(path: Path) -> list[TickRecord]:
+    """Read the recorded ticks.
+
+    Raises: RecordingError: no ticks, or a part that does not begin at the beginning.
+    """
     number = part_number(path)
     if number:
         raise RecordingError(
@@ -104,8 +109,8 @@ def recorded_pass(path: Path) -> list[TickRecord]:
 
 
 def rerun(path: Path, config: RunConfig) -> tuple[list[TickRecord], tuple[MappedPlant, ...]]:
-    """Every tick of the stack on the recorded batches and scenes, and its weed map at the end."""
-    robot = calibrated(parse_robot(read_urdf(path), "recorded robot"), config.calibration)
+    """Run the stack on the recorded batches and scenes; return its ticks and its last weed map."""
+    robot = apply_calibration(parse_robot(read_urdf(path), "recorded robot"), config.calibration)
     goals = read_attachment(path, GOALS_ATTACHMENT)
     goals_map_m = msgspec.json.decode(goals, type=tuple[MapPoint, ...])
     text = read_attachment(path, PLAN_ATTACHMENT).decode() if config.plan else ""
@@ -114,14 +119,14 @@ def rerun(path: Path, config: RunConfig) -> tuple[list[TickRecord], tuple[Mapped
     resumed = read_attachment(path, SAVED_ATTACHMENT)
     saved = msgspec.json.decode(resumed, type=SavedMission | None)
     stack = build_stack(config, robot, goals_map_m, perception, work, saved)
-    stack.weed_map.restore(_earlier_plants(path))
+    stack.weed_map.restore(_read_earlier_plants(path))
     ticks: list[TickRecord] = []
     stack.taps.append(ticks.append)
     platform = ReplayPlatform(path)
     try:
         while True:
             stack.tick(platform)
-            # Wheels did as they were told then, whatever other settings tell them now.
+            # The wheels obeyed the recorded command, whatever other settings command now.
             stack.supervisor.sent = platform.recorded_drive()
     except EndOfRecording:
         pass
@@ -131,8 +136,8 @@ def rerun(path: Path, config: RunConfig) -> tuple[list[TickRecord], tuple[Mapped
     return ticks, stack.weed_map.plants()
 
 
-def _earlier_plants(path: Path) -> tuple[Track, ...]:
-    """The weed map that the run began with; recordings of older versions have none."""
+def _read_earlier_plants(path: Path) -> tuple[Track, ...]:
+    """Read the weed map that the run began with; older recordings have none."""
     try:
         plants = read_attachment(path, EARLIER_ATTACHMENT)
     except RecordingError:
@@ -140,16 +145,16 @@ def _earlier_plants(path: Path) -> tuple[Track, ...]:
     return msgspec.json.decode(plants, type=tuple[Track, ...])
 
 
-def outcome(ticks: Sequence[TickRecord], plants: Sequence[MappedPlant]) -> Outcome:
+def summarise_pass(ticks: Sequence[TickRecord], plants: Sequence[MappedPlant]) -> PassSummary:
     last = ticks[-1]
     t_s = np.array([tick.batch.t_s for tick in ticks])
     step_s = np.diff(t_s, prepend=t_s[0])
     speed_mps = np.array([abs(tick.estimate.v_mps) for tick in ticks])
     tracked = [abs(tick.tracking.cross_track_m) for tick in ticks if tick.tracking is not None]
     known = [tick.estimate.pos_std_m for tick in ticks if tick.estimate.ok]
-    spraying = np.array([any(tick.command.implement.nozzles_open) for tick in ticks])
+    is_working = np.array([tick.command.implement.is_on for tick in ticks])
     weeds = [plant for plant in plants if plant.plant == PlantClass.WEED]
-    return Outcome(
+    return PassSummary(
         ticks=len(ticks),
         end_s=float(t_s[-1]),
         state=last.status.state,
@@ -165,13 +170,13 @@ def outcome(ticks: Sequence[TickRecord], plants: Sequence[MappedPlant]) -> Outco
         pos_std_mean_m=float(np.mean(known)) if known else None,
         weeds_mapped=len(weeds),
         weeds_treated=sum(weed.treated_s is not None for weed in weeds),
-        nozzle_open_s=float(np.sum(step_s[spraying])),
-        stops=_stops(ticks),
+        implement_on_s=float(np.sum(step_s[is_working])),
+        stops=_count_stops(ticks),
     )
 
 
-def difference(before: Sequence[TickRecord], after: Sequence[TickRecord]) -> Difference:
-    """Of two passes over the same batches."""
+def compare_passes(before: Sequence[TickRecord], after: Sequence[TickRecord]) -> PassDifference:
+    """Compare two passes over the same batches."""
     pairs = list(zip(before, after, strict=False))
     unequal = [i for i, (a, b) in enumerate(pairs) if a.command != b.command]
     if len(before) != len(after):
@@ -182,7 +187,7 @@ def difference(before: Sequence[TickRecord], after: Sequence[TickRecord]) -> Dif
         for a, b in pairs
         if a.estimate.ok and b.estimate.ok
     ]
-    return Difference(
+    return PassDifference(
         first=unequal[0] if unequal else None,
         ticks=len(unequal),
         share=len(unequal) / max(len(before), len(after), 1),
@@ -194,8 +199,8 @@ def difference(before: Sequence[TickRecord], after: Sequence[TickRecord]) -> Dif
     )
 
 
-def _stops(ticks: Sequence[TickRecord]) -> int:
-    """How often the supervisor brought a moving robot to a halt."""
+def _count_stops(ticks: Sequence[TickRecord]) -> int:
+    """Count how often the supervisor brought a moving robot to a halt."""
     held = [bool(tick.reason) and tick.command.drive == STOP for tick in ticks]
     moving = [False, *(tick.command.drive != STOP for tick in ticks)]
     return sum(now and before for now, before in zip(held, moving, strict=False))

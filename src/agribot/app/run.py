@@ -25,6 +25,7 @@ from agribot.autonomy.stack import MaskTap, Stack, Tap
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core import config as settings
 from agribot.core.errors import RecordingError
+from agribot.core.implement.kind import ReportLine
 from agribot.core.messages import (
     Inbox,
     MappedPlant,
@@ -36,7 +37,7 @@ from agribot.core.messages import (
 from agribot.core.messages import Path as PlannedPath
 from agribot.core.platform import MixedPlatform, Platform, SensorSource, TrueState
 from agribot.core.row_shape import row_length_m
-from agribot.description.loader import urdf_text
+from agribot.description.loader import export_urdf
 from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
 from agribot.record.run_files import write_run_files
@@ -178,9 +179,13 @@ class Run:
         return self.stack.weed_map
 
     @property
+    def implement_lines(self) -> tuple[ReportLine, ...]:
+        return self.stack.treatment.report()
+
+    @property
     def urdf(self) -> str:
         """The robot's description with everything expanded."""
-        return urdf_text(self.config.robot)
+        return export_urdf(self.config.robot)
 
     @property
     def meter(self) -> PerceptionMeter | None:

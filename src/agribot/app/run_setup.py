@@ -8,7 +8,7 @@ from typing import NamedTuple
 import msgspec
 
 from agribot.app import whole_job
-from agribot.app.calibration.believed import calibrated
+from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.field_work import field_work, read_plan_text
 from agribot.app.robot_stack import build_stack
 from agribot.app.tasks import read_goals
@@ -67,7 +67,7 @@ def prepare_run(
     if plan_text:
         config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
     described = load_robot(config.robot)
-    robot = calibrated(described, config.calibration)
+    robot = apply_calibration(described, config.calibration)
     text = plan_text or read_plan_text(config)
     return RunSetup(
         config=config,

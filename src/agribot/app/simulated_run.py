@@ -17,7 +17,7 @@ from agribot.core.config import RunConfig
 from agribot.core.messages import TickRecord
 from agribot.core.platform import TrueState
 from agribot.core.world import WorldSpec
-from agribot.description.worlds_sdf import world_of_run
+from agribot.description.worlds_sdf import load_run_world
 from agribot.record.series import RunData
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def simulate(
 
 def _world(setup: RunSetup) -> WorldSpec:
     """The world of the settings; a robot that goes on stands in it where it was left."""
-    world, saved = world_of_run(setup.config), setup.saved
+    world, saved = load_run_world(setup.config), setup.saved
     if saved is None:
         return world
     return msgspec.structs.replace(

@@ -16,11 +16,12 @@ from agribot.autonomy.weeds.map import WeedMap
 from agribot.autonomy.weeds.track import Track
 from agribot.core.errors import RecordingError
 from agribot.core.histogram import Histogram
+from agribot.core.implement.kind import ReportLine
 from agribot.core.messages import MappedPlant, TickRecord
 from agribot.record.events import Event, read_whole_events
 from agribot.record.replay import read_ticks, read_truth
 from agribot.record.report import RunOfJob
-from agribot.record.series import RunSeries, collect, joined
+from agribot.record.series import RunSeries, collect, join_series
 from agribot.sim.scores import Judgement
 
 FILE_NAME = "job.json"
@@ -44,6 +45,7 @@ class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
     latency_s: Histogram = msgspec.field(default_factory=lambda: Histogram(width=LATENCY_BIN_S))
     judged: Judgement | None = None
     plants: tuple[Track, ...] = ()
+    implement: tuple[ReportLine, ...] = ()
     format: int = 1
 
     @property
@@ -67,6 +69,8 @@ class RunOfNow(Protocol):
     def meter(self) -> PerceptionMeter | None: ...
     @property
     def weed_map(self) -> WeedMap: ...
+    @property
+    def implement_lines(self) -> tuple[ReportLine, ...]: ...
 
 
 class WholeJob:
@@ -114,6 +118,7 @@ class WholeJob:
             latency_s=self._latency_s,
             judged=None if self._run.judge is None else self._run.judge.export_judgement(),
             plants=self._run.weed_map.tracks,
+            implement=add_lines(earlier.implement, self._run.implement_lines),
         )
 
     def events(self, own: Iterable[Event]) -> tuple[Event, ...]:
@@ -164,6 +169,14 @@ def rows_only_believed(saved: SavedMission | None, earlier: JobSoFar) -> tuple[i
     return tuple(row.index for row in saved.rows if row.done)
 
 
+def add_lines(earlier: Sequence[ReportLine], own: Sequence[ReportLine]) -> tuple[ReportLine, ...]:
+    """Add the figures of an implement up, name by name."""
+    sums: dict[tuple[str, str], float] = {(line.name, line.unit): 0 for line in (*earlier, *own)}
+    for line in (*earlier, *own):
+        sums[line.name, line.unit] += line.value
+    return tuple(ReportLine(name, value, unit) for (name, unit), value in sums.items())
+
+
 def plants_before(earlier: JobSoFar) -> tuple[Track, ...]:
     """The weed map that a run takes over, on its own clock: all of it was seen before zero."""
     passed_s = earlier.runs[-1].run_s if earlier.runs else 0.0
@@ -199,7 +212,7 @@ def series_of(
         except RecordingError as error:
             lost.append(f"plots and table of rows: {error}")
         began_s += run.run_s
-    return joined([*parts, (own, began_s)]), lost
+    return join_series([*parts, (own, began_s)]), lost
 
 
 def events_of(earlier: Sequence[RunOfJob], beside: Path) -> tuple[list[Event], list[str]]:

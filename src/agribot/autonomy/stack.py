@@ -8,6 +8,7 @@ from agribot.autonomy.control.follower import Follower
 from agribot.autonomy.control.hand_drive import HandControl
 from agribot.autonomy.control.supervise import Supervisor
 from agribot.autonomy.estimate.localizer import Localizer
+from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.plants import observe
 from agribot.autonomy.perceive.segmenter import Segmenter
@@ -17,7 +18,6 @@ from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.task import NewTasks, Task
 from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.autonomy.weeds.map import WeedMap
-from agribot.autonomy.weeds.treatment import Treatment
 from agribot.core.config import RunConfig
 from agribot.core.latch import Latch
 from agribot.core.messages import (
@@ -73,7 +73,7 @@ class Stack:
             self.weed_map.add(scene)
             self.localizer.see(scene)
         takeover = self.hand.listen(batch)
-        self.treatment.listen(batch.events)
+        self.treatment.apply_events(batch.events)
         self.mission.heed(self.supervisor.warning)
         goal = self.mission.step(estimate, (*batch.events, *takeover))
         drive, tracking = self.follower.step(estimate, goal)
@@ -132,7 +132,7 @@ def build(
         mission=Mission(task, config.mission, saved, new_tasks, planning, latch),
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
-        treatment=Treatment(config.treatment, robot.sprayer),
+        treatment=Treatment(config.treatment, robot.implement),
         supervisor=Supervisor(config.safety, robot, latch),
         planning=planning,
         mask_taps=mask_taps,

@@ -73,13 +73,13 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from agribot.record.bag.info import in_words, read_info
+    from agribot.record.bag.info import format_info, read_info
 
     info = read_info(options.recording)
     if options.json:
         sys.stdout.write(msgspec.json.encode(info).decode() + "\n")
     else:
-        sys.stdout.write(in_words(info))
+        sys.stdout.write(format_info(info))
     return 0
 
 
@@ -129,12 +129,12 @@ def _losses(result: ConvertResult) -> list[str]:
 
 
 def _track(options: argparse.Namespace) -> int:
-    from agribot.record.bag.track import SUFFIXES, read_track, track_file
+    from agribot.record.bag.track import SUFFIXES, encode_track, read_track
 
     if options.out.suffix not in SUFFIXES:
         raise RecordingError(f"{options.out} is no track file; end it in {', '.join(SUFFIXES)}")
     track = read_track(options.recording, options.topic)
-    write_file(options.out, track_file(track, options.out.suffix, options.recording.stem))
+    write_file(options.out, encode_track(track, options.out.suffix, options.recording.stem))
     result = {
         "out": str(options.out),
         "topic": track.topic,

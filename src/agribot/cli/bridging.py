@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
-from urllib.parse import urlsplit
 
 import msgspec
 
@@ -17,9 +15,10 @@ from agribot.cli.ranges import finite, port
 from agribot.core import extras, topics
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
+from agribot.drivers.schemes import SourceUri, read_sources, require_extras
 from agribot.ros.requests import Requests
-from agribot.ros.source_uri import Place, places
+from agribot.ros.ros1.master import MASTER, check_master
 
 if TYPE_CHECKING:
     from agribot.app.run import Run
@@ -77,14 +76,14 @@ def wanted(options: argparse.Namespace) -> bool:
     return any(getattr(options, name) for name in BRIDGES)
 
 
-def check(options: argparse.Namespace, sources: Mapping[str, Place] | None = None) -> None:
+def check(options: argparse.Namespace, sources: Mapping[str, SourceUri] | None = None) -> None:
     """Refuse before a long start what could not be opened after it.
 
     `sources` are the topics that sensors come from, by sensor.
     Raises: ConfigError: a package is not installed, or an option is out of range.
     """
     _check_extras(options, sources or {})
-    away = {(place.network, place.at) for place in (sources or {}).values()}
+    away = {(place.scheme, place.at) for place in (sources or {}).values()}
     networks = {network for network, _ in away}
     if options.ros2 or options.dds or "ros2" in networks:
         domain_from(options)
@@ -92,20 +91,18 @@ def check(options: argparse.Namespace, sources: Mapping[str, Place] | None = Non
         master_from(options)
     for network, at in away:
         if network == "ros1" and at:
-            checked_master(f"http://{at}")
+            check_master(f"http://{at}")
     if wanted(options):
         _check_image_rate(options)
 
 
-def _check_extras(options: argparse.Namespace, sources: Mapping[str, Place]) -> None:
+def _check_extras(options: argparse.Namespace, sources: Mapping[str, SourceUri]) -> None:
     for option, extra in (("ros2", "ros"), ("foxglove", "foxglove")):
         if getattr(options, option):
             extras.require(extra, f"--{option}")
     if options.dds:
         extras.require("dds", "--dds (no wheels for Linux on ARM and Python 3.14: take --ros2)")
-    for sensor, place in sources.items():
-        if place.network == "ros2":
-            extras.require("ros", f"--source {sensor}={place.network}:{place.topic}")
+    require_extras(sources)
 
 
 @contextmanager
@@ -114,13 +111,13 @@ def bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
 
     Raises: AgribotError: an option is out of range, or a peer that must be there is not.
     """
-    from agribot.description.loader import urdf_text
+    from agribot.description.loader import export_urdf
 
     if not wanted(options):
         yield
         return
     requests = Requests(session.inbox, allow_drive=options.allow_drive, say=say)
-    taken = {place.topic for place in places(session.config.sources).values()}
+    taken = {place.path for place in read_sources(session.config.sources).values()}
     has_camera = session.robot.camera is not None
     out = [
         topic  # what others publish for this robot, it does not say again
@@ -128,7 +125,7 @@ def bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
         if not taken & {topic.name, topic.seed_alias}
     ]
     gateways = open_gateways(
-        options, out, urdf_text(session.config.robot), requests, flat_settings(session.config)
+        options, out, export_urdf(session.config.robot), requests, flat_settings(session.config)
     )
     try:
         outlet = _outlet(options, session, gateways)
@@ -189,7 +186,7 @@ def tell_losses(dropped: int, fault: str) -> None:
 
 
 def _outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) -> Outlet:
-    from agribot.description.loader import urdf_text
+    from agribot.description.loader import export_urdf
     from agribot.ros.messages.camera_log import CameraLog
     from agribot.ros.outlet import Outlet, Sources
 
@@ -207,7 +204,7 @@ def _outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) 
         truth=session.truth,
     )
     return Outlet(
-        gateways, session.robot, config.field.datum, urdf_text(config.robot), camera, sources
+        gateways, session.robot, config.field.datum, export_urdf(config.robot), camera, sources
     )
 
 
@@ -292,30 +289,7 @@ def router_from(options: argparse.Namespace) -> str:
 
 
 def master_from(options: argparse.Namespace) -> str:
-    from agribot.ros.ros1.gateway import MASTER
-
-    return checked_master(str(options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER))
-
-
-def checked_master(uri: str) -> str:
-    """Raises: ConfigError: not the address of a ROS 1 master."""
-    from agribot.ros.ros1.gateway import MASTER
-
-    if not _is_address(uri):
-        raise ConfigError(f"ROS master {uri[:80]}: write it as http://HOST:PORT, like {MASTER}")
-    return uri
-
-
-def _is_address(uri: str) -> bool:
-    """A host, a port or none, and nothing behind them; IPv6 in brackets."""
-    try:
-        parts = urlsplit(uri)
-        is_port = parts.port != 0 and not parts.netloc.endswith(":")
-    except ValueError:
-        return False
-    is_host = bool(parts.hostname) and "@" not in parts.netloc and not re.search(r"\s", uri)
-    is_bare = parts.path in {"", "/"} and not (parts.query or parts.fragment)
-    return parts.scheme in {"http", "https"} and is_host and is_port and is_bare
+    return check_master(str(options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER))
 
 
 def _ros1(

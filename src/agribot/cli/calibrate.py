@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from agribot.app.calibration.figure import FIGURE
-from agribot.app.calibration.wheels import WheelsResult, judge, wheels_text
+from agribot.app.calibration.wheels import WheelsResult, assess_wheels, format_wheels
 from agribot.cli.calibration_camera import seen_in_drive, toml
 from agribot.cli.ranges import seed
 from agribot.core import config as settings
@@ -20,8 +20,8 @@ from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.sim.random_streams import make_stream
 
 if TYPE_CHECKING:
-    from agribot.app.calibration.camera import CameraResult, RowViewResult, Seen
-    from agribot.app.calibration.figure import Drive, Motion
+    from agribot.app.calibration.camera import CameraDrive, CameraResult, RowViewResult
+    from agribot.app.calibration.figure import DriveSamples, FigureMotion
     from agribot.app.calibration.sensors import AntennaResult, MagResult
 
     Outcome = tuple[WheelsResult | MagResult | AntennaResult | CameraResult | RowViewResult, str]
@@ -97,58 +97,58 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _wheels(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
-    from agribot.app.calibration.figure import gain
+    from agribot.app.calibration.figure import measure_gain
     from agribot.autonomy.estimate.drive_fit import fit_drive
 
     described = _drive(options, machine, robot.drive)
-    told = _drive(options, machine, robot.drive.told())
+    told = _drive(options, machine, robot.drive.with_plugin_geometry())
     fit = fit_drive(described.batches, described.stretches)
-    result = judge(robot.drive, fit, gain(described, fit), gain(told, fit))
-    return result, wheels_text(robot.drive, result)
+    result = assess_wheels(robot.drive, fit, measure_gain(described, fit), measure_gain(told, fit))
+    return result, format_wheels(robot.drive, result)
 
 
 def _magnetometer(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
     from agribot.app.calibration.figure import TURNS
     from agribot.app.calibration.sensors import (
-        magnetometer_of_drive,
-        magnetometer_of_recording,
-        magnetometer_text,
+        calibrate_magnetometer,
+        calibrate_recorded_magnetometer,
+        format_magnetometer,
     )
 
     if options.recording:
-        result = magnetometer_of_recording(Path(options.recording))
+        result = calibrate_recorded_magnetometer(Path(options.recording))
     else:
-        result = magnetometer_of_drive(_drive(options, machine, robot.drive, TURNS), 0.0)
-    return result, magnetometer_text(result)
+        result = calibrate_magnetometer(_drive(options, machine, robot.drive, TURNS), 0.0)
+    return result, format_magnetometer(result)
 
 
 def _antenna(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
     from agribot.app.calibration.figure import TURNS
-    from agribot.app.calibration.sensors import antenna_of_drive, antenna_text
+    from agribot.app.calibration.sensors import calibrate_antenna, format_antenna
 
-    result = antenna_of_drive(_drive(options, machine, robot.drive, TURNS), robot)
-    return result, antenna_text(result)
+    result = calibrate_antenna(_drive(options, machine, robot.drive, TURNS), robot)
+    return result, format_antenna(result)
 
 
 def _camera(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
-    from agribot.app.calibration.camera import camera_of, camera_text
+    from agribot.app.calibration.camera import calibrate_camera, format_camera
 
-    result = camera_of(_seen(options, robot, machine))
-    return result, camera_text(result)
+    result = calibrate_camera(_seen(options, robot, machine))
+    return result, format_camera(result)
 
 
 def _row_view(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
-    from agribot.app.calibration.camera import row_view_of, row_view_text
+    from agribot.app.calibration.camera import assess_row_view, format_row_view
 
-    result = row_view_of(_seen(options, robot, machine))
-    return result, row_view_text(result)
+    result = assess_row_view(_seen(options, robot, machine))
+    return result, format_row_view(result)
 
 
-def _seen(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Seen:
-    from agribot.app.calibration.camera import seen_in_recording
+def _seen(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> CameraDrive:
+    from agribot.app.calibration.camera import observe_recording
 
     if options.recording:
-        return seen_in_recording(Path(options.recording))
+        return observe_recording(Path(options.recording))
     return seen_in_drive(robot, machine, options.profile, options.sensors, options.seed)
 
 
@@ -156,8 +156,8 @@ def _drive(
     options: argparse.Namespace,
     machine: RobotSpec,
     board: DriveSpec,
-    figure: Sequence[Motion] = FIGURE,
-) -> Drive:
+    figure: Sequence[FigureMotion] = FIGURE,
+) -> DriveSamples:
     """Drive the figure with a machine whose motor board believes in the geometry `board`."""
     from agribot.app.calibration.figure import drive_figure
     from agribot.autonomy.estimate.drive_fit import TAPE_STD_M

@@ -13,16 +13,16 @@ from agribot.core.robot import RobotSpec
 from agribot.description.worlds_sdf import load_world
 
 if TYPE_CHECKING:
-    from agribot.app.calibration.camera import Seen
+    from agribot.app.calibration.camera import CameraDrive
 
 DRIVE_S = 75.0
 
 
 def seen_in_drive(
     robot: RobotSpec, machine: RobotSpec, profile: str, sensors: str, seed: int
-) -> Seen:
+) -> CameraDrive:
     """The first minutes of a profile's mission, with the camera as the machine has it."""
-    from agribot.app.calibration.camera import seen_in
+    from agribot.app.calibration.camera import observe_ticks
     from agribot.app.robot_stack import build_stack
     from agribot.sim.platform import SimPlatform
 
@@ -40,7 +40,7 @@ def seen_in_drive(
                 return
 
     try:
-        return seen_in(ticks(), robot, config)
+        return observe_ticks(ticks(), robot, config)
     finally:
         platform.close()
         stack.close()

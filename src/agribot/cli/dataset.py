@@ -14,10 +14,10 @@ import msgspec
 
 from agribot.app.workers import results, usable_cpus
 from agribot.cli.counting import CountProgress
+from agribot.cli.ids_option import add_ids_option
 from agribot.cli.ranges import seed
 from agribot.cli.stopping import stop_on_signal
 from agribot.core.errors import ConfigError, RecordingError
-from agribot.lab.dataset.ids_option import add_ids_option
 
 LARGEST_SIDE_PX = 8192
 MOST_LINES = 20  # of problems, on the terminal

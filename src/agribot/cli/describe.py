@@ -37,9 +37,9 @@ def _show(options: argparse.Namespace) -> int:
 
 
 def run(options: argparse.Namespace) -> int:
-    from agribot.description.export import tree_text
-    from agribot.description.loader import check_robot, load_robot, urdf_text
-    from agribot.description.robot_sdf import sdf_text
+    from agribot.description.export import format_tree
+    from agribot.description.loader import check_robot, export_urdf, load_robot
+    from agribot.description.robot_sdf import export_sdf
 
     if options.check:
         return print_findings(check_robot(options.robot), options.json)
@@ -48,11 +48,11 @@ def run(options: argparse.Namespace) -> int:
     if options.ui:
         return _show(options)
     if options.urdf:
-        sys.stdout.write(urdf_text(options.robot))
+        sys.stdout.write(export_urdf(options.robot))
     elif options.sdf:
-        sys.stdout.write(sdf_text(robot))
+        sys.stdout.write(export_sdf(robot))
     elif options.tree:
-        sys.stdout.write(tree_text(robot) + "\n")
+        sys.stdout.write(format_tree(robot) + "\n")
     elif not options.json:
         drive = robot.drive
         sys.stdout.write(

@@ -81,7 +81,7 @@ def describe_machine() -> dict[str, Any]:
 def packages() -> Iterator[Finding]:
     """What the installed package asks for, by extra; only what every robot needs can be bad."""
     try:
-        wanted = list(extras.requirements())
+        wanted = list(extras.read_requirements())
     except importlib.metadata.PackageNotFoundError:
         detail = "is imported but not installed; pip install . in its folder"
         yield Finding(what="agribot", state="bad", detail=detail)

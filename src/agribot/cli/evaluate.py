@@ -15,9 +15,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from agribot.cli.ids_option import add_ids_option
 from agribot.cli.ranges import threads
 from agribot.core.errors import ConfigError
-from agribot.lab.dataset.ids_option import add_ids_option
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

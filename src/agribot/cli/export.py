@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from agribot.cli.ids_option import add_ids_option
 from agribot.core.errors import AgribotError, ConfigError
 from agribot.core.messages import ByteArray
-from agribot.lab.dataset.ids_option import add_ids_option
 
 SPEED_FRAMES = 15
 

@@ -14,9 +14,15 @@ from agribot.core.messages import ByteArray, FloatArray, PlantClass
 from agribot.core.robot import CameraSpec
 from agribot.core.world import HeightField, Light, WorldSpec
 from agribot.description.field_generator import generate_field
-from agribot.description.field_plan import CropPlan, FieldPlan, RowsPlan, SoilPlan, WeedsPlan
+from agribot.description.field_settings import (
+    CropSettings,
+    FieldSettings,
+    RowsSettings,
+    SoilSettings,
+    WeedsSettings,
+)
 from agribot.description.loader import load_robot
-from agribot.description.terrain import height_at
+from agribot.description.terrain import sample_height
 from agribot.description.worlds_sdf import load_world
 
 if TYPE_CHECKING:
@@ -43,7 +49,7 @@ class View(NamedTuple):
 
     def pose(self, land: HeightField | None) -> FloatArray:
         """`map_from_camera`, (4, 4)."""
-        ground_m = 0.0 if land is None else height_at(land, self.x_m, self.y_m)
+        ground_m = 0.0 if land is None else sample_height(land, self.x_m, self.y_m)
         angles = (0.0, math.radians(self.down_deg), math.radians(self.yaw_deg))
         return transform((self.x_m, self.y_m, ground_m + self.up_m), angles) @ LINK_FROM_OPTICAL
 
@@ -131,22 +137,22 @@ def _field(
 ) -> WorldSpec:  # fmt: skip
     """Rows to the North, the middle one starting at the origin."""
     count = 9
-    plan = FieldPlan(
+    plan = FieldSettings(
         name=species,
         spawn_xy_map_m=(0.0, -3.0),
-        rows=RowsPlan(
+        rows=RowsSettings(
             count=count, length_m=14.0, pitch_m=pitch_m, curvature_radpm=curvature_radpm,
             first_row_start_map_m=(-(count // 2) * pitch_m, 0.0),
         ),
-        crop=CropPlan(
+        crop=CropSettings(
             species=species, spacing_m=spacing_m, height_m=height_m, height_spread_ratio=0.15,
             jitter_m=0.012, missing_ratio=0.03,
         ),
-        weeds=WeedsPlan(
+        weeds=WeedsSettings(
             species=weeds, density_per_m2=density_per_m2, height_min_m=0.03, height_max_m=0.09,
             crop_distance_m=0.06, cluster_ratio=0.5,
         ),
-        soil=SoilPlan(**soil),
+        soil=SoilSettings(**soil),
     )  # fmt: skip
     return _lit(generate_field(plan, 4), light)
 

@@ -138,8 +138,8 @@ def _show(image_rgb: Any, seen: Any, out: Path, title: str) -> None:
     from PIL import Image, ImageDraw
 
     from agribot.autonomy.perceive.pictures import enlarged
+    from agribot.core.whole_file import write_at_once
     from agribot.lab.train.figures import tinted
-    from agribot.record.whole_file import write_at_once
 
     out.mkdir(parents=True, exist_ok=True)
     found = enlarged(seen.class_id, seen.confidence, image_rgb.shape[:2])

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from agribot.core.errors import ConfigError
+from agribot.core.whole_file import make_at_once
 from agribot.gis.mbtiles import described_map, import_mbtiles, map_files
 from agribot.gis.tile_grid import bounds_from
 from agribot.ui.address import home
@@ -17,7 +18,7 @@ from agribot.ui.address import home
 _NAME = re.compile(r"^[^\W_][\w.-]{0,62}$")
 _RASTERS = (".tif", ".tiff", ".vrt", ".jp2", ".img")
 DEFAULT_ZOOMS = "0-19"
-TOLD_EVERY = 500  # tiles
+SHOWN_EVERY = 500  # tiles
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,13 +57,13 @@ def run(options: argparse.Namespace) -> int:
     if options.action == "import":
         maps = [_import(options, folder)]
     elif options.action == "remove":
-        maps = [_removed(options.name, folder)]
+        maps = [_remove(options.name, folder)]
     else:
         maps = [described_map(path) for path in map_files(folder).values()]
     if options.json:
         sys.stdout.write(json.dumps(maps) + "\n")
     else:
-        sys.stdout.writelines(_line(one) for one in maps)
+        sys.stdout.writelines(_format_map(one) for one in maps)
         sys.stdout.write("" if maps else f"no maps in {folder}\n")
     return 0
 
@@ -85,27 +86,25 @@ def _import(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
     if suffix == ".mbtiles":
         return import_mbtiles(source, folder, name)
     if suffix == ".pmtiles":
-        return _made(source, target, map_import.import_pmtiles)
+        return _convert(source, target, map_import.import_pmtiles)
     if suffix == ".geo":
-        return _made(source, target, map_import.import_geo)
+        return _convert(source, target, map_import.import_geo)
     if suffix in _RASTERS:
-        return _made(source, target, map_import.import_geotiff)
+        return _convert(source, target, map_import.import_geotiff)
     raise ConfigError(
         f"{source.name}: only .mbtiles, .pmtiles, .geo, {', '.join(_RASTERS)} and URLs with "
         "{z}, {x} and {y} can be imported"
     )
 
 
-def _made(source: Path, target: Path, convert: Any) -> dict[str, Any]:
-    """A new file takes the place of an old one only when it is whole."""
-    half = target.with_suffix(".writing")
-    half.unlink(missing_ok=True)
-    try:
-        convert(source, half, _tell)
-        described_map(half)
-        half.replace(target)
-    finally:
-        half.unlink(missing_ok=True)
+def _convert(source: Path, target: Path, convert: Any) -> dict[str, Any]:
+    """Convert a map file; a new one takes the place of an old one only when it is whole."""
+
+    def make(beside: Path) -> None:
+        convert(source, beside, _show_progress)
+        described_map(beside)
+
+    make_at_once(target, make)
     return described_map(target)
 
 
@@ -120,7 +119,7 @@ def _from_server(options: argparse.Namespace, target: Path) -> None:
     else:
         bounds = bounds_from(options.bbox)
         map_import.import_from_server(
-            options.source, target, bounds, zooms, options.attribution, _tell
+            options.source, target, bounds, zooms, options.attribution, _show_progress
         )
 
 
@@ -132,7 +131,7 @@ def _zooms(text: str) -> tuple[int, int]:
         raise ConfigError(f"--zoom {text}: write two numbers, as in 15-20") from error
 
 
-def _removed(name: str, folder: Path) -> dict[str, Any]:
+def _remove(name: str, folder: Path) -> dict[str, Any]:
     path = map_files(folder).get(name)
     if path is None:
         raise ConfigError(f"there is no map '{name}'; see agribot map list")
@@ -141,12 +140,12 @@ def _removed(name: str, folder: Path) -> dict[str, Any]:
     return known
 
 
-def _tell(done: int, count: int) -> None:
-    if done % TOLD_EVERY == 0 or done == count:
+def _show_progress(done: int, count: int) -> None:
+    if done % SHOWN_EVERY == 0 or done == count:
         sys.stderr.write(f"{done} of {count} tiles\n")
 
 
-def _line(one: dict[str, Any]) -> str:
+def _format_map(one: dict[str, Any]) -> str:
     zooms = f"zoom {one['minzoom']} to {one['maxzoom']}"
     live = ", more are fetched when they are looked at" if one["live"] else ""
     source = one["attribution"] or "no source"

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.link import Link
 from agribot.ros.nodes.stage import Said, Stage
 

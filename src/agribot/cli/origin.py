@@ -9,16 +9,14 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from contextlib import closing
 from pathlib import Path
 
 import msgspec
 
-from agribot.core.config import RunConfig
-from agribot.core.config_tree import check_finite, did_you_mean, read_toml
+from agribot.core.config import RunConfig, check_finite, read_toml, suggest_name
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.geo import Datum
-from agribot.ros.source_uri import read_uri
+from agribot.drivers.schemes import open_source, read_uri
 from agribot.ui.address import home
 
 FILE_NAME = "origins.toml"
@@ -82,7 +80,7 @@ def _named(name: str) -> Datum:
     known = read_origins(path)
     if name not in known:
         have = f"known: {', '.join(sorted(known))}" if known else f"{path} is not there"
-        raise ConfigError(f"--origin {name}: no such origin{did_you_mean(name, [*known])}; {have}")
+        raise ConfigError(f"--origin {name}: no such origin{suggest_name(name, [*known])}; {have}")
     return known[name]
 
 
@@ -114,16 +112,14 @@ def _origin(name: str, entry: object, path: Path) -> Datum:
 def _first_fix(uri: str, options: argparse.Namespace) -> Datum:
     """Of a receiver or a base station, by whatever network it speaks."""
     from agribot.cli.bridging import say
-    from agribot.cli.sensor_sources import opened_link
+    from agribot.cli.sensor_sources import source_context
     from agribot.core.messages import GnssFix
-    from agribot.ros.messages.sensor_readers import gnss_fix
-    from agribot.ros.topic_source import TopicSource
+    from agribot.description.loader import load_robot
 
     place, start_s = read_uri("--origin", uri), time.monotonic()
     sys.stderr.write(f"waiting for the first valid fix of {uri}\n")
-    with closing(opened_link(place, options, say)) as link:
-        known = {"sensor_msgs/msg/NavSatFix": gnss_fix}
-        source = TopicSource("gnss", place.topic, link, known, say)
+    with source_context(load_robot(), options, say) as context:
+        source = open_source("gnss", place, context)
         while time.monotonic() - start_s < PATIENCE_S:
             for fix in source.take(time.monotonic() - start_s):
                 assert isinstance(fix, GnssFix)

@@ -62,8 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from agribot.gis.plan_file import plan_text
-    from agribot.record.drawing import png
-    from agribot.record.plan_figure import plan_figure
+    from agribot.record.drawing import encode_png
+    from agribot.record.plan_figure import draw_plan
     from agribot.record.report import write_file
 
     if options.action == "convert":
@@ -73,8 +73,8 @@ def run(options: argparse.Namespace) -> int:
     else:
         saved, certificate = _planned(options)
     if options.png:
-        figure = plan_figure(saved.plan, saved.area, saved.request, certificate)
-        write_file(Path(options.png), png(figure))
+        figure = draw_plan(saved.plan, saved.area, saved.request, certificate)
+        write_file(Path(options.png), encode_png(figure))
     for warning in saved.plan.warnings:
         sys.stderr.write(f"warning: {warning}\n")
     sys.stderr.write(_summary(certificate, MapFrame(saved.datum)))

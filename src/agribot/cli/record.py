@@ -58,14 +58,14 @@ def _order(actions: Any, name: str) -> argparse.ArgumentParser:
 
 
 def run(options: argparse.Namespace) -> int:
-    from agribot.record.bag.info import in_words, read_info
+    from agribot.record.bag.info import format_info, read_info
     from agribot.record.recovery import recover
 
     if options.action in ORDERS:
         return _tell_robot(options)
     if options.action == "info":
         info = read_info(options.recording)
-        text = msgspec.json.encode(info).decode() + "\n" if options.json else in_words(info)
+        text = msgspec.json.encode(info).decode() + "\n" if options.json else format_info(info)
         sys.stdout.write(text)
         return 0
     source: Path = options.recording

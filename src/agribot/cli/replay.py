@@ -15,7 +15,7 @@ import msgspec
 from agribot.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from agribot.app.rerun import Difference, Outcome
+    from agribot.app.rerun import PassDifference, PassSummary
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,12 +53,12 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _check(path: Path) -> dict[str, int | bool | None]:
-    from agribot.app.rerun import difference, recorded_pass, rerun
+    from agribot.app.rerun import compare_passes, read_pass, rerun
     from agribot.record.replay import read_config
 
-    recorded = recorded_pass(path)
+    recorded = read_pass(path)
     replayed, _ = rerun(path, read_config(path))
-    first = difference(recorded, replayed).first
+    first = compare_passes(recorded, replayed).first
     return {"ticks": len(recorded), "identical": first is None, "first_difference": first}
 
 
@@ -70,31 +70,31 @@ def _verdict(result: dict[str, int | bool | None]) -> str:
 
 def _compare(path: Path, settings: list[str], as_json: bool) -> int:
     from agribot.app.rerun import (
-        difference,
-        outcome,
-        recorded_pass,
+        change_settings,
+        compare_passes,
+        find_ineffective,
+        read_pass,
         rerun,
-        with_settings,
-        without_effect,
+        summarise_pass,
     )
     from agribot.record.replay import read_config
 
     config = read_config(path)
-    changed = with_settings(config, settings)
-    recorded = recorded_pass(path)
+    changed = change_settings(config, settings)
+    recorded = read_pass(path)
     before, plants_before = rerun(path, config)
     after, plants_after = rerun(path, changed)
-    is_repeatable = difference(recorded, before).first is None
+    is_repeatable = compare_passes(recorded, before).first is None
     notes = [
         f"{setting} has no effect here: the recording was made with the old value"
-        for setting in without_effect(settings)
+        for setting in find_ineffective(settings)
     ]
     if not is_repeatable:
         notes.append("this version already decides otherwise than the one that recorded")
     for note in notes:
         sys.stderr.write(f"note: {note}\n")
-    old, new = outcome(before, plants_before), outcome(after, plants_after)
-    apart = difference(before, after)
+    old, new = summarise_pass(before, plants_before), summarise_pass(after, plants_after)
+    apart = compare_passes(before, after)
     if as_json:
         result = {
             "recording": str(path), "settings": settings, "repeatable": is_repeatable,
@@ -106,11 +106,11 @@ def _compare(path: Path, settings: list[str], as_json: bool) -> int:
     return 0
 
 
-def _table(old: Outcome, new: Outcome, apart: Difference) -> str:
-    from agribot.app.rerun import Outcome
+def _table(old: PassSummary, new: PassSummary, apart: PassDifference) -> str:
+    from agribot.app.rerun import PassSummary
 
     lines = [f"{'':20} {'recorded':>14} {'replayed':>14} {'change':>12}"]
-    for name in Outcome.__struct_fields__:
+    for name in PassSummary.__struct_fields__:
         a, b = getattr(old, name), getattr(new, name)
         change = ""
         if a != b:

@@ -19,7 +19,7 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
 from agribot.core.messages import Row
 from agribot.core.platforms import find_platform
-from agribot.description.worlds_sdf import world_of_run
+from agribot.description.worlds_sdf import load_run_world
 from agribot.record.events import EventLog
 from agribot.record.report import Report
 from agribot.record.series import RunData, SeriesTap
@@ -88,7 +88,7 @@ def _read_job(recording: Path, out: Path, report: Report) -> RunData:
         rows=_rows(plan, config, recording),
         plants=plants_later(read_weed_map(recording), began_s),
         events=(*earlier_events, *events_later(events.events, began_s)),
-        world=world_of_run(config) if find_platform(config.platform).is_simulated else None,
+        world=load_run_world(config) if find_platform(config.platform).is_simulated else None,
     )
 
 
@@ -106,11 +106,11 @@ def _rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
 def _file_names(bag: Bag) -> set[str]:
     """Also of the further parts of a long recording: the report is in the last one."""
     from agribot.record.bag.opening import open_bag
-    from agribot.record.mcap_records import parts_of
+    from agribot.record.mcap_records import list_parts
 
     names = set(bag.file_names)
     if not bag.path.is_dir():
-        for part in parts_of(bag.path)[1:]:
+        for part in list_parts(bag.path)[1:]:
             with open_bag(part) as following:
                 names |= set(following.file_names)
     return names

@@ -22,7 +22,7 @@ from agribot.core import extras
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.platforms import find_platform
-from agribot.ros.source_uri import places
+from agribot.drivers.schemes import read_sources
 
 if TYPE_CHECKING:
     from agribot.autonomy.plan.saved_mission import SavedMission
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plan", metavar="FILE", help="work a field plan (agribot plan --out)")
     parser.add_argument("--field", metavar="FILE", help="plan this field (GeoJSON) and work it")
     parser.add_argument("--implement-width", type=finite, metavar="M",
-                        help="for --field (default: the robot's boom)")  # fmt: skip
+                        help="for --field (default: that of the robot)")  # fmt: skip
     parser.add_argument("--resume", metavar="RUNDIR", help="go on with a run that was cut off")
     parser.add_argument(
         "--clear-stop",
@@ -70,12 +70,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from agribot.app.mission_file import resumed
+    from agribot.app.mission_file import continue_config
     from agribot.app.open_run import open_run
     from agribot.app.whole_job import NOTHING, read_job
 
     config, saved, earlier = _config(options), None, NOTHING
-    has_sources = bool(places(config.sources))
+    has_sources = bool(read_sources(config.sources))
     is_live = bridging.wanted(options) or has_sources
     _check(options, config)
     pace = pace_from(options.speed or ("1" if is_live else "max"))
@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
         check_not_driven(Path(options.resume))
         saved = _cut_off(options)
         earlier = read_job(Path(options.resume), saved)
-        config = resumed(config, saved)
+        config = continue_config(config, saved)
     elif options.clear_stop:
         raise MissionError("--clear-stop is for a run that goes on; give --resume RUNDIR as well")
     out_dir = out_dir_of(options.out, Path(config.profile).stem)
@@ -153,7 +153,7 @@ def _check(options: argparse.Namespace, config: RunConfig) -> None:
         extras.require(extra, f"platform = {config.platform!r}")
     if wants_page(options):
         extras.require("ui", "the operator's page")
-    bridging.check(options, places(config.sources))
+    bridging.check(options, read_sources(config.sources))
 
 
 def _plan_of_field(config: RunConfig, options: argparse.Namespace) -> str:
@@ -190,8 +190,9 @@ def _summary(report: Report, out_dir: Path) -> str:
             f"precision {_number(weeds.precision)}, recall {_number(weeds.recall)}, "
             f"treated {weeds.treated}"
         )
+        verb = report.implement.verb if report.implement else "treated"
         lines.append(
-            f"{_number(weeds.treated_true)} weeds sprayed, {_number(weeds.crops_hit)} crops hit"
+            f"{_number(weeds.treated_true)} weeds {verb}, {_number(weeds.crops_hit)} crops hit"
         )
     lines.append(
         f"{_number(spent.sim_s, unit=' s')} simulated in {_number(spent.wall_s, unit=' s')}, "

@@ -83,14 +83,14 @@ class _World:
     def __init__(self, options: argparse.Namespace) -> None:
         from agribot.app.run_clock import Clock
         from agribot.description.loader import load_robot
-        from agribot.description.worlds_sdf import world_of_run
+        from agribot.description.worlds_sdf import load_run_world
         from agribot.sim.platform import SimPlatform
 
         self._started_s = time.monotonic()
         camera = f"perception.enabled={str(options.camera).lower()}"
         self.config = settings_of(options, before=[camera])
         self.robot = load_robot(self.config.robot)
-        self.world: WorldSpec = world_of_run(self.config)
+        self.world: WorldSpec = load_run_world(self.config)
         self.platform = SimPlatform(self.config, self.robot, self.world)
         self.recorder = self._recorder(options.out) if self.config.record.enabled else None
         self.taps: list[WorldTap] = [] if self.recorder is None else [self.recorder]
@@ -148,13 +148,13 @@ class _World:
         )
 
     def _recorder(self, wanted: Path | None) -> WorldRecorder:
-        from agribot.description.loader import urdf_text
+        from agribot.description.loader import export_urdf
         from agribot.record.world_recorder import WorldRecorder
 
         out_dir = out_dir_of(wanted, "sim")
         check_holds_no_run(out_dir)
         return WorldRecorder(
-            out_dir / "run.mcap", self.config, self.robot, urdf_text(self.config.robot)
+            out_dir / "run.mcap", self.config, self.robot, export_urdf(self.config.robot)
         )
 
 

@@ -9,12 +9,17 @@ from typing import Any
 
 import msgspec
 
+from agribot.cli.ids_option import add_ids_option
 from agribot.cli.ranges import finite, seed
+from agribot.cli.train_options import (
+    add_drawn_options,
+    add_recipe_options,
+    apply_recipe_options,
+    check_drawn_options,
+    check_recipe_options,
+)
 from agribot.core.errors import ConfigError
-from agribot.lab.dataset.ids_option import add_ids_option
-from agribot.lab.train.drawn_options import add_drawn_options, check_drawn_options
 from agribot.lab.train.networks import STRIDE_PX, read_size
-from agribot.lab.train.recipe_options import add_recipe_options, begun, check_recipe_options
 
 DATA_CHOICES = ("sim", "cwfid", "bonn", "phenobench", "folder")
 
@@ -207,7 +212,7 @@ def _plan(args: argparse.Namespace, source: Any, crew: Any) -> Any:
         model=args.model,
         processes=crew.size,
     )
-    plan = begun(plan, args)
+    plan = apply_recipe_options(plan, args)
     if args.steps is None:
         steps = steps_within(args.minutes, source.batches, plan, args.out, crew)
         plan = msgspec.structs.replace(plan, steps=steps)

@@ -13,14 +13,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agribot.cli.ranges import seed
+from agribot.cli.ranges import positive, seed
 from agribot.core.errors import DescriptionError, RecordingError
 from agribot.core.geo import LINK_FROM_OPTICAL, transform
 from agribot.core.messages import ByteArray, FloatArray
 from agribot.core.world import WorldSpec
 
 if TYPE_CHECKING:
-    from agribot.description.elements import Finding
+    from agribot.description.elements import FileFinding
+    from agribot.description.ros_map import RosMap
+
+MAP_SUFFIXES = {".yaml", ".yml"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,10 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     check = actions.add_parser(
         "check",
-        help="say what a world file contains, or what is wrong",
+        help="say what a world file or a map contains, or what is wrong",
         epilog="example: agribot world check Farm --strict",
     )
-    check.add_argument("world", metavar="NAME|FILE")
+    check.add_argument("world", metavar="NAME|FILE", help="a world, or a map's .yaml file")
     check.add_argument(
         "--strict", action="store_true", help="list every fault as FILE:LINE and fail on any"
     )
@@ -58,6 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     render.add_argument(
         "--view", choices=("field", "rover"), default="field", help="from high, or as the robot"
     )
+    _add_map(actions)
     pictures = actions.add_parser(
         "gallery",
         help="one picture of worlds, cameras, crops, light and labels",
@@ -66,25 +70,50 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     pictures.add_argument("-o", "--out", required=True, metavar="PNG")
 
 
+def _add_map(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    occupancy = actions.add_parser(
+        "map",
+        help="an occupancy map of a world for ROS's map_server",
+        epilog="example: agribot world map Farm -o farm.yaml",
+    )
+    occupancy.add_argument("world", metavar="NAME|FILE")
+    occupancy.add_argument(
+        "-o", "--out", required=True, metavar="X.yaml", help="the picture is written beside it"
+    )
+    occupancy.add_argument(
+        "--size", type=positive, default=20.0, metavar="M", help="side of the square (20)"
+    )
+    occupancy.add_argument(
+        "--resolution", type=positive, default=0.1, metavar="M", help="side of a cell (0.1)"
+    )
+    occupancy.add_argument("--json", action="store_true")
+
+
 def run(options: argparse.Namespace) -> int:
-    from agribot.description.worlds_sdf import world_names
+    from agribot.description.worlds_sdf import list_worlds
 
     if options.action == "list":
-        sys.stdout.write("\n".join(world_names()) + "\n")
+        sys.stdout.write("\n".join(list_worlds()) + "\n")
         return 0
-    actions = {"check": _check, "generate": _generate, "render": _render, "gallery": _gallery}
+    actions = {
+        "check": _check,
+        "generate": _generate,
+        "map": _write_map,
+        "render": _render,
+        "gallery": _gallery,
+    }
     return actions[options.action](options)
 
 
 def _generate(options: argparse.Namespace) -> int:
     from agribot.description.field_generator import generate_field
-    from agribot.description.field_plan import read_field_plan
+    from agribot.description.field_settings import read_field_settings
     from agribot.description.sdf_export import write_world
 
     field, out = Path(options.field), Path(options.out)
     if out.suffix not in {".world", ".sdf"}:
         raise DescriptionError(f"-o {out}: name a file that ends in .world or .sdf")
-    world = generate_field(read_field_plan(field), options.seed, field.parent)
+    world = generate_field(read_field_settings(field), options.seed, field.parent)
     write_world(world, out)
     kinds = Counter(plant.plant.name.lower() for plant in world.plants)
     summary = {"world": str(out), "seed": options.seed, **kinds}
@@ -98,6 +127,8 @@ def _generate(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     from agribot.description.worlds_sdf import check_world, load_world
 
+    if Path(options.world).suffix in MAP_SUFFIXES:
+        return _check_map(options)
     if options.strict:
         return print_findings(check_world(options.world), options.json)
     world = load_world(options.world)
@@ -120,7 +151,44 @@ def _check(options: argparse.Namespace) -> int:
     return 0
 
 
-def print_findings(findings: Sequence[Finding], as_json: bool) -> int:
+def _check_map(options: argparse.Namespace) -> int:
+    from agribot.description.ros_map import load_ros_map
+
+    _print_map(options.world, load_ros_map(Path(options.world)), options.json)
+    return 0
+
+
+def _write_map(options: argparse.Namespace) -> int:
+    from agribot.description.ros_map import make_world_map, save_ros_map
+    from agribot.description.worlds_sdf import load_world
+
+    out = Path(options.out)
+    if out.suffix not in MAP_SUFFIXES:
+        raise DescriptionError(f"-o {out}: name a file that ends in .yaml or .yml")
+    ros_map = make_world_map(load_world(options.world), options.size, options.resolution)
+    save_ros_map(ros_map, out)
+    _print_map(str(out), ros_map, options.json)
+    return 0
+
+
+def _print_map(name: str, ros_map: RosMap, as_json: bool) -> None:
+    rows, columns = ros_map.cells.shape
+    datum = ros_map.datum
+    summary = {
+        "map": name,
+        "datum": None if datum is None else [datum.lat_deg, datum.lon_deg],
+        "origin_map_m": [ros_map.x_min_m, ros_map.y_min_m],
+        "resolution_m": ros_map.resolution_m,
+        "cells": [rows, columns],
+        **ros_map.count_cells(),
+    }
+    if as_json:
+        sys.stdout.write(json.dumps(summary) + "\n")
+    else:
+        sys.stdout.write("".join(f"{key}: {value}\n" for key, value in summary.items()))
+
+
+def print_findings(findings: Sequence[FileFinding], as_json: bool) -> int:
     """Tell what a strict check found; the exit status."""
     if as_json:
         faults = [{"file": f.file, "line": f.line, "text": f.text} for f in findings]
@@ -200,9 +268,9 @@ def _overlook(world: WorldSpec) -> FloatArray:
 
 
 def _ground_m(world: WorldSpec, x_m: float, y_m: float) -> float:
-    from agribot.description.terrain import height_at
+    from agribot.description.terrain import sample_height
 
-    return 0.0 if world.terrain is None else height_at(world.terrain, x_m, y_m)
+    return 0.0 if world.terrain is None else sample_height(world.terrain, x_m, y_m)
 
 
 def _rise_m(world: WorldSpec, x_m: float, y_m: float, step_m: tuple[float, float]) -> float:

@@ -55,7 +55,7 @@ def world_bridges(
 
     Raises: AgribotError: an option is out of range, or a peer that must be there is not.
     """
-    from agribot.description.loader import urdf_text
+    from agribot.description.loader import export_urdf
     from agribot.ros.messages.camera_log import CameraLog
     from agribot.ros.world_outlet import WorldOutlet
 
@@ -69,7 +69,7 @@ def world_bridges(
         for topic in out_topics(options, has_camera=has_camera, allow_drive=is_free)
         if topic.name in _OUT
     ]
-    urdf = urdf_text(config.robot)
+    urdf = export_urdf(config.robot)
     gateways = open_gateways(options, out, urdf, requests, None)
     camera = CameraLog(
         robot, options.image_rate, config.record.jpeg_quality, keeps_raw=options.raw_images

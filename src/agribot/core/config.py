@@ -6,24 +6,18 @@ error that names the file, the key and the nearest known one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import msgspec
 import tomli_w
 
-from agribot.core.config_tree import (
-    assign,
-    check_finite,
-    check_keys,
-    did_you_mean,
-    parse_toml,
-    read_toml,
-    with_value,
-    without_none,
-)
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum
 from agribot.core.platforms import find_platform
@@ -99,7 +93,7 @@ class EstimateConfig(Config, frozen=True):
     mag_learn: bool = True
     gate_sigma: Positive = 4.0
     recover_after: Count = 25  # rejected in a row before the filter opens up
-    # Of the protection level: how often the position may be farther off than it says.
+    # Of the protection level: how often the true error may be larger.
     protection_risk: Annotated[float, msgspec.Meta(gt=0, lt=0.1)] = 1e-3
     row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
     gnss_timeout_s: Positive = 10.0
@@ -115,7 +109,7 @@ class ControlConfig(Config, frozen=True):
 
 
 class CalibrationConfig(Config, frozen=True):
-    """What `agribot calibrate` measured of this very robot; None: as its description says."""
+    """What `agribot calibrate` measured of one robot; None: as in its description."""
 
     wheel_radius_m: Positive | None = None  # rolling, under load
     yaw_multiplier: Positive | None = None  # effective separation over the track
@@ -146,7 +140,7 @@ class SafetyConfig(Config, frozen=True):
     # Wheels or IMU silent for longer stop the robot; so late the wheels may follow a command.
     sensor_timeout_s: Positive = 0.3
     # Of the battery's charge: with less than the first the robot goes home, with less than the
-    # second it stands. Where it tells its voltage only, that of the pack counts; 0: not known.
+    # second it stands. Where it sends the voltage alone, that of the pack counts; 0: not known.
     low_charge_ratio: Ratio = 0.2
     empty_charge_ratio: Ratio = 0.08
     low_battery_v: NonNegative = 0.0
@@ -238,7 +232,7 @@ class RunConfig(Config, frozen=True):
     sources: SourceConfig = SourceConfig()
 
 
-def profile_names() -> list[str]:
+def list_profiles() -> list[str]:
     folder = resources.files("agribot.core") / "profiles"
     return sorted(
         p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml")
@@ -258,7 +252,7 @@ def load(profile: str, settings: Iterable[str] = ()) -> RunConfig:
 
 
 def to_toml(config: RunConfig) -> str:
-    return tomli_w.dumps(without_none(msgspec.to_builtins(config)))
+    return tomli_w.dumps(drop_none(msgspec.to_builtins(config)))
 
 
 def _read_profile(profile: str) -> tuple[str, dict[str, Any]]:
@@ -267,23 +261,132 @@ def _read_profile(profile: str) -> tuple[str, dict[str, Any]]:
         if not path.is_file():
             raise ConfigError(f"profile file {profile} does not exist; check the path")
         return profile, read_toml(path)
-    if profile not in profile_names():
+    if profile not in list_profiles():
         raise ConfigError(
-            f"unknown profile '{profile}'{did_you_mean(profile, profile_names())}; "
-            f"known: {', '.join(profile_names())}, or a path to a .toml file"
+            f"unknown profile '{profile}'{suggest_name(profile, list_profiles())}; "
+            f"known: {', '.join(list_profiles())}, or a path to a .toml file"
         )
     text = (resources.files("agribot.core") / "profiles" / f"{profile}.toml").read_text("utf-8")
     return f"{profile}.toml", parse_toml(text, f"{profile}.toml")
 
 
 def from_tree(tree: dict[str, Any], source: str) -> RunConfig:
+    """Check a plain tree and give it types; `source` names it in errors."""
     check_keys(tree, RunConfig, source, "")
     check_finite(tree, source, "")
     try:
         config = msgspec.convert(tree, RunConfig)
         find_platform(config.platform)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{source}: {with_value(str(error), tree)}") from error
+        raise ConfigError(f"{source}: {name_setting(str(error), tree)}") from error
     except ConfigError as error:
         raise ConfigError(f"{source}: {error}") from error
     return config
+
+
+def assign(tree: dict[str, Any], setting: str) -> None:
+    """Set one `key.subkey=value` in a tree."""
+    key, separator, text = setting.partition("=")
+    if not separator or not key:
+        raise ConfigError(f"--set {setting}: write it as key.subkey=value")
+    *parents, leaf = key.strip().split(".")
+    node = tree
+    for name in parents:
+        child = node.setdefault(name, {})
+        if not isinstance(child, dict):
+            raise ConfigError(f"--set {setting}: '{name}' is a value, not a group of settings")
+        node = child
+    node[leaf] = _parse_value(text.strip())
+
+
+def _parse_value(text: str) -> object:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file as a plain tree.
+
+    Raises: ConfigError: no such file, or not TOML in UTF-8.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}; check the path") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path} is not text in UTF-8 ({error}); save it as UTF-8") from error
+    return parse_toml(text, str(path))
+
+
+def parse_toml(text: str, source: str) -> dict[str, Any]:
+    """Parse TOML text as a plain tree.
+
+    Raises: ConfigError: not TOML; names the source.
+    """
+    try:
+        return tomllib.loads(text)
+    except RecursionError as error:
+        raise ConfigError(f"{source} is not valid TOML: nested too deeply") from error
+    except ValueError as error:  # also a number of thousands of digits
+        raise ConfigError(f"{source} is not valid TOML: {error}") from error
+
+
+def name_setting(message: str, tree: dict[str, Any]) -> str:
+    """Put the setting and its value in front of a message of msgspec."""
+    found = re.search(r"^(.*) - at `\$\.([\w.]+)(.*)`$", message)
+    if found is None:
+        return message
+    expected, key, rest = found.groups()
+    value: Any = tree
+    for name in key.split("."):
+        value = value[name]
+    return f"{key} = {value!r}: {expected[0].lower()}{expected[1:]}" + (rest and f" at {rest}")
+
+
+def check_finite(value: object, source: str, at: str) -> None:
+    """Refuse numbers that are not finite anywhere in a tree; `at` is where it hangs."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            check_finite(inner, source, f"{at}.{key}" if at else key)
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            check_finite(inner, source, f"{at}[{index}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"{source}: {at} = {value}: write a finite number")
+
+
+def check_keys(tree: Mapping[str, Any], struct: type[msgspec.Struct], source: str, at: str) -> None:
+    """Refuse keys that the struct does not have and words that it does not know."""
+    known = {field.name: field.type for field in msgspec.structs.fields(struct)}
+    for key, value in tree.items():
+        where = f"{at}.{key}" if at else key
+        if key not in known:
+            raise ConfigError(
+                f"{source}: unknown setting '{where}'{suggest_name(key, list(known))}; "
+                f"known here: {', '.join(known)}"
+            )
+        kind = known[key]
+        if get_origin(kind) is Literal and value not in get_args(kind):
+            raise ConfigError(
+                f"{source}: {where} = {value!r}{suggest_name(str(value), list(get_args(kind)))}; "
+                f"known: {', '.join(get_args(kind))}"
+            )
+        if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+            check_keys(value, kind, source, where)
+
+
+def suggest_name(word: str, known: list[str]) -> str:
+    """Return "; did you mean 'x'?" for the nearest known word; empty where none is near."""
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    return f"; did you mean '{close[0]}'?" if close else ""
+
+
+def drop_none(tree: dict[str, Any]) -> dict[str, Any]:
+    """Leave out the keys without a value: TOML has no null, an absent key says the same."""
+    return {
+        key: drop_none(value) if isinstance(value, dict) else value
+        for key, value in tree.items()
+        if value is not None
+    }

@@ -1,4 +1,4 @@
-"""Which extra of the package brings a module that is not there, read off the package's metadata."""
+"""Find which extra of the package brings a module that is missing, from the package's metadata."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _REQUIREMENT = re.compile(
 
 
 class Requirement(NamedTuple):
-    """What the installed package asks for; `extra` is empty for what every robot needs."""
+    """A package that agribot asks for; `extra` is empty for what every robot needs."""
 
     package: str
     least: str | None
@@ -42,8 +42,11 @@ class Requirement(NamedTuple):
         return MODULE_OF.get(name, name.replace("-", "_"))
 
 
-def requirements() -> Iterator[Requirement]:
-    """Raises: importlib.metadata.PackageNotFoundError: agribot itself is not installed."""
+def read_requirements() -> Iterator[Requirement]:
+    """Read what the installed package asks for from its metadata.
+
+    Raises: importlib.metadata.PackageNotFoundError: agribot itself is not installed.
+    """
     for line in importlib.metadata.requires("agribot") or ():
         found = _REQUIREMENT.match(line)
         if found:
@@ -51,38 +54,42 @@ def requirements() -> Iterator[Requirement]:
 
 
 def require(extra: str, purpose: str) -> None:
-    """Refuse before any work what could not be done to its end.
+    """Refuse work that could not be finished because a module of an extra is missing.
 
     Raises: ConfigError: a module of the extra is not installed.
     """
-    absent = [one.package for one in _known() if one.extra == extra and not _is_there(one.module)]
+    absent = [
+        one.package
+        for one in _list_requirements()
+        if one.extra == extra and not _is_installed(one.module)
+    ]
     if absent:
-        raise ConfigError(f"{purpose} needs {', '.join(absent)}: {advice(extra)}")
+        raise ConfigError(f"{purpose} needs {', '.join(absent)}: {format_install(extra)}")
 
 
 def explain(error: ModuleNotFoundError) -> str:
-    """What to install, in one line; empty where no package of ours brings the module."""
+    """Say what to install, in one line; empty where no package of ours brings the module."""
     missing = error.name or ""
-    for one in _known():
+    for one in _list_requirements():
         if missing == one.module or missing.split(".")[0] == one.module.split(".")[0]:
-            return f"this needs {one.package}, which is not installed: {advice(one.extra)}"
+            return f"this needs {one.package}, which is not installed: {format_install(one.extra)}"
     return ""
 
 
-def advice(extra: str) -> str:
+def format_install(extra: str) -> str:
     return f"pip install 'agribot[{extra}]'" if extra else "pip install --force-reinstall agribot"
 
 
-def _known() -> list[Requirement]:
-    """Those of users before those of contributors, who ask for some packages a second time."""
+def _list_requirements() -> list[Requirement]:
+    """List the requirements of users before those of contributors, which repeat some."""
     try:
-        found = list(requirements())
+        found = list(read_requirements())
     except importlib.metadata.PackageNotFoundError:
         return []
     return sorted(found, key=lambda one: one.extra == FOR_CONTRIBUTORS)
 
 
-def _is_there(module: str) -> bool:
+def _is_installed(module: str) -> bool:
     try:
         return importlib.util.find_spec(module) is not None
     except ModuleNotFoundError:  # of the package around it

@@ -17,13 +17,13 @@ WGS84_E2 = 6.69437999014e-3
 
 
 def wrap_rad(angle_rad: float) -> float:
-    """The same angle in (-pi, pi]."""
+    """Wrap an angle to (-pi, pi]."""
     wrapped = math.remainder(angle_rad, math.tau)
     return math.pi if wrapped == -math.pi else wrapped
 
 
 def compass_deg_from_yaw(yaw_map_rad: float) -> float:
-    """Heading clockwise from North in [0, 360) of a yaw counter-clockwise from East."""
+    """Convert a yaw, counter-clockwise from East, to degrees clockwise from North in [0, 360)."""
     compass_deg = (90.0 - math.degrees(yaw_map_rad)) % 360.0
     return 0.0 if compass_deg == 360.0 else compass_deg  # a tiny negative angle rounds up to 360
 
@@ -33,7 +33,7 @@ def yaw_from_compass_deg(compass_deg: float) -> float:
 
 
 def ecef_from_geodetic(lat_deg: float, lon_deg: float, alt_m: float) -> FloatArray:
-    """Earth-centred, Earth-fixed position in metres, (3,)."""
+    """Convert to an Earth-centred, Earth-fixed position in metres, (3,)."""
     lat, lon = math.radians(lat_deg), math.radians(lon_deg)
     normal_m = WGS84_A_M / math.sqrt(1.0 - WGS84_E2 * math.sin(lat) ** 2)
     return np.array(
@@ -46,7 +46,7 @@ def ecef_from_geodetic(lat_deg: float, lon_deg: float, alt_m: float) -> FloatArr
 
 
 def geodetic_from_ecef(ecef_m: FloatArray) -> Vec3:
-    """Latitude and longitude in degrees, altitude in metres.
+    """Convert a position (3,) in metres to latitude, longitude (degrees) and altitude (m).
 
     Source: Bowring 1985, three iterations; below 10 nm of error within 10 km of the surface.
     """
@@ -94,13 +94,13 @@ class MapFrame:
         )
 
     def map_from_geodetic(self, lat_deg: float, lon_deg: float, alt_m: float) -> Vec3:
-        """East, North, Up in metres."""
+        """Convert to East, North, Up in metres."""
         delta = ecef_from_geodetic(lat_deg, lon_deg, alt_m) - self._origin_ecef_m
         east, north, up = self._enu_from_ecef @ delta
         return float(east), float(north), float(up)
 
     def geodetic_from_map(self, east_m: float, north_m: float, up_m: float = 0.0) -> Vec3:
-        """Latitude and longitude in degrees, altitude in metres."""
+        """Convert to latitude and longitude in degrees and altitude in metres."""
         enu = np.array([east_m, north_m, up_m])
         return geodetic_from_ecef(self._origin_ecef_m + self._enu_from_ecef.T @ enu)
 
@@ -142,7 +142,7 @@ def std_along_m(cov_m2: Vec3, direction: tuple[float, float]) -> float:
 
 
 def rotation_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> FloatArray:
-    """Rotation matrix (3, 3) of URDF's fixed-axis roll, pitch, yaw: Rz @ Ry @ Rx."""
+    """Make the rotation (3, 3) of URDF's fixed-axis roll, pitch, yaw: Rz @ Ry @ Rx."""
     cr, sr = math.cos(roll_rad), math.sin(roll_rad)
     cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
     cy, sy = math.cos(yaw_rad), math.sin(yaw_rad)
@@ -156,7 +156,7 @@ def rotation_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Floa
 
 
 def rotation_from_quaternion(w: float, x: float, y: float, z: float) -> FloatArray:
-    """Rotation `parent_from_child` (3, 3) of a unit quaternion."""
+    """Make the rotation `parent_from_child` (3, 3) of a unit quaternion."""
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -167,7 +167,7 @@ def rotation_from_quaternion(w: float, x: float, y: float, z: float) -> FloatArr
 
 
 def rpy_from_rotation(rotation: FloatArray) -> Vec3:
-    """Fixed-axis roll, pitch, yaw; inverse of `rotation_from_rpy` for |pitch| < 90 degrees."""
+    """Find the fixed-axis roll, pitch, yaw of a rotation (3, 3) with |pitch| < 90 degrees."""
     sin_pitch = max(-1.0, min(1.0, -float(rotation[2, 0])))
     return (
         math.atan2(rotation[2, 1], rotation[2, 2]),
@@ -177,7 +177,7 @@ def rpy_from_rotation(rotation: FloatArray) -> Vec3:
 
 
 def transform(xyz_m: Vec3, rpy_rad: Vec3 = (0.0, 0.0, 0.0)) -> FloatArray:
-    """Homogeneous (4, 4) matrix `parent_from_child` of a URDF origin."""
+    """Make the homogeneous matrix `parent_from_child` (4, 4) of a URDF origin."""
     parent_from_child = np.eye(4)
     parent_from_child[:3, :3] = rotation_from_rpy(*rpy_rad)
     parent_from_child[:3, 3] = xyz_m
@@ -185,6 +185,7 @@ def transform(xyz_m: Vec3, rpy_rad: Vec3 = (0.0, 0.0, 0.0)) -> FloatArray:
 
 
 def inverse(parent_from_child: FloatArray) -> FloatArray:
+    """Invert a rigid transform (4, 4): `child_from_parent`, (4, 4)."""
     rotation = parent_from_child[:3, :3].T
     child_from_parent = np.eye(4)
     child_from_parent[:3, :3] = rotation
@@ -193,7 +194,7 @@ def inverse(parent_from_child: FloatArray) -> FloatArray:
 
 
 def is_backwards(xy_m: FloatArray, yaw_rad: FloatArray) -> npt.NDArray[np.bool_]:
-    """Whether a body on its way through poses (N, 2) and (N,) leaves each against its heading.
+    """Tell for poses (N, 2), (N,) of a way whether the body leaves each against its heading.
 
     Where it stands, and at the end, as it came.
     """

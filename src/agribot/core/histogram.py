@@ -1,4 +1,4 @@
-"""Many numbers as counts: it stays small, can be saved, and joins with another of its kind."""
+"""A histogram of many numbers: small, can be saved, and can be joined with another."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ import numpy.typing as npt
 
 
 class Histogram(msgspec.Struct, kw_only=True):
-    """How many numbers lie in [i width, (i + 1) width), by i; only bins that hold any."""
+    """Counts of the numbers in [i width, (i + 1) width), by i; only bins that hold any."""
 
     width: float
     counts: dict[int, int] = {}
 
     def add(self, values: npt.ArrayLike) -> None:
+        """Count finite numbers of any shape."""
         bins, counts = np.unique(np.floor(np.asarray(values) / self.width), return_counts=True)
         for index, count in zip(bins.astype(int).tolist(), counts.tolist(), strict=True):
             self.counts[index] = self.counts.get(index, 0) + count
 
     def percentile(self, percent: float) -> float | None:
-        """Within half a width of that of the numbers themselves; None where there are none."""
+        """Give a percentile to within half a width; None where there are no numbers."""
         if not self.counts:
             return None
         indices = sorted(self.counts)

@@ -1,4 +1,4 @@
-"""What counts as a number in JSON from outside."""
+"""Recognise numbers in JSON from outside."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stop that holds a robot until a person lets it go: the one place where it is kept."""
+"""The latched stop that holds a robot until a person clears it."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ ITERATIONS = 60
 Coefficients = tuple[float, float, float, float]
 
 
-def distorted(ideal: FloatArray, coefficients: Coefficients) -> FloatArray:
-    """Where a lens puts the image points (..., 2) of a pinhole."""
+def distort(ideal: FloatArray, coefficients: Coefficients) -> FloatArray:
+    """Map the ideal image points of a pinhole, (..., 2), to where the lens puts them, (..., 2)."""
     k1, k2, p1, p2 = coefficients
     x, y = ideal[..., 0], ideal[..., 1]
     r2 = x * x + y * y
@@ -30,12 +30,12 @@ def distorted(ideal: FloatArray, coefficients: Coefficients) -> FloatArray:
     return seen
 
 
-def undistorted(seen: FloatArray, coefficients: Coefficients) -> FloatArray:
-    """The inverse of `distorted`, by damped fixed-point steps.
+def undistort(seen: FloatArray, coefficients: Coefficients) -> FloatArray:
+    """Invert `distort` by damped fixed-point steps; (..., 2) to (..., 2).
 
-    Strong coefficients have none at the edges: compare `distorted` of the result with `seen`.
+    Strong coefficients have none at the edges: compare `distort` of the result with `seen`.
     """
     ideal = seen.copy()
     for _ in range(ITERATIONS):
-        ideal = np.clip(ideal + 0.7 * (seen - distorted(ideal, coefficients)), -10.0, 10.0)
+        ideal = np.clip(ideal + 0.7 * (seen - distort(ideal, coefficients)), -10.0, 10.0)
     return ideal

@@ -61,22 +61,22 @@ class TrueState(Protocol):
 
 
 class SensorSource(Protocol):
-    """One sensor that comes from elsewhere than the platform, `name` says from where."""
+    """One sensor that comes from elsewhere than the platform; `name` is its origin."""
 
     sensor: Sensor
     name: str
 
     def take(self, t_s: float) -> tuple[Any, ...]:
-        """Samples that arrived since the last call, oldest first, stamped by the robot's clock."""
+        """Take the samples since the last call, oldest first, stamped by the robot's clock."""
         ...
 
     def close(self) -> None: ...
 
 
 class MixedPlatform:
-    """A platform some of whose sensors come from elsewhere; its own samples of these are dropped.
+    """A platform with some sensors from elsewhere; its own samples of these are dropped.
 
-    A source that says nothing for `SILENCE_S` is a fault, which the batch carries as a note.
+    A source without a sample for `SILENCE_S` is a fault, which the batch carries as a note.
     """
 
     def __init__(self, platform: Platform, sources: Sequence[SensorSource]) -> None:
@@ -109,7 +109,7 @@ class MixedPlatform:
     def _watch(
         self, source: SensorSource, t_s: float, *, has_samples: bool
     ) -> Iterator[OperatorEvent]:
-        """A note when it falls silent, of value 1, and one when it speaks again."""
+        """Note when a source falls silent, with value 1, and when it sends again, with 0."""
         name = f"{source.sensor} from {source.name}"
         last_s = self._heard_s.setdefault(name, t_s)
         if has_samples:

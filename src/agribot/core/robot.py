@@ -12,6 +12,7 @@ import numpy as np
 
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import LINK_FROM_OPTICAL, transform
+from agribot.core.implement.spec import ImplementSpec
 from agribot.core.messages import WHEEL_NAMES, FloatArray, Vec3
 
 
@@ -22,7 +23,7 @@ class Origin(msgspec.Struct, frozen=True, kw_only=True):
     rpy_rad: Vec3 = (0.0, 0.0, 0.0)
 
     def matrix(self) -> FloatArray:
-        """`parent_from_child`, (4, 4)."""
+        """Make `parent_from_child`, (4, 4)."""
         return transform(self.xyz_m, self.rpy_rad)
 
 
@@ -85,7 +86,7 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Skid-steer drive.
 
     `wheel_radius_m`, `track_m` and `wheelbase_m` are measured on the geometry.
-    `told_diameter_m` and `told_separation_m` are what the original drive plugin was told
+    `plugin_diameter_m` and `plugin_separation_m` are what the original drive plugin was given
     (wrongly); they matter only for its compatibility mode. `yaw_multiplier` scales the track
     to the effective separation of a skidding vehicle, (a^2 + b^2) / b^2 for equal friction.
     `torque_nm` is the drive plugin's limit at each wheel; encoder ticks count on the motor shaft.
@@ -95,8 +96,8 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     wheel_width_m: float
     track_m: float
     wheelbase_m: float
-    told_diameter_m: float
-    told_separation_m: float
+    plugin_diameter_m: float
+    plugin_separation_m: float
     yaw_multiplier: float
     torque_nm: float
     gear_ratio: float
@@ -127,17 +128,17 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     def effective_separation_m(self) -> float:
         return self.track_m * self.yaw_multiplier
 
-    def told(self) -> DriveSpec:
-        """The same drive as the original plugin was told it is."""
+    def with_plugin_geometry(self) -> DriveSpec:
+        """Return the drive with the geometry that the original's plugin was configured with."""
         return msgspec.structs.replace(
             self,
-            wheel_radius_m=self.told_diameter_m / 2.0,
-            track_m=self.told_separation_m,
+            wheel_radius_m=self.plugin_diameter_m / 2.0,
+            track_m=self.plugin_separation_m,
             yaw_multiplier=1.0,
         )
 
     def wheel_speeds_radps(self, v_mps: float, yaw_rate_radps: float) -> tuple[float, float]:
-        """Left and right wheel speed for a body twist."""
+        """Compute the left and right wheel speed for a body twist."""
         half_m = self.effective_separation_m / 2.0
         return (
             (v_mps - yaw_rate_radps * half_m) / self.wheel_radius_m,
@@ -166,7 +167,7 @@ class CameraSpec(msgspec.Struct, frozen=True, kw_only=True):
         return self.width_px / (2.0 * math.tan(self.hfov_rad / 2.0))
 
     def matrix(self) -> FloatArray:
-        """Intrinsic matrix (3, 3); pixel (0, 0) has its centre at (0, 0), as in CameraInfo."""
+        """Make the intrinsic matrix (3, 3), as in CameraInfo: pixel (0, 0) is centred at (0, 0)."""
         focal = self.focal_px
         return np.array(
             [
@@ -178,26 +179,11 @@ class CameraSpec(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SensorMount(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a sensor sits and how often it speaks; `tags` keeps the plugin's own numbers."""
+    """Where a sensor sits and its rate; `tags` keeps the plugin's own numbers."""
 
     link: str
     rate_hz: float
     tags: dict[str, str] = {}
-
-
-class SprayerSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """A boom of nozzles across the robot, at `x_body_m`."""
-
-    x_body_m: float
-    nozzle_count: int
-    nozzle_spacing_m: float
-    nozzle_width_m: float
-    latency_s: float
-
-    def nozzle_y_body_m(self) -> tuple[float, ...]:
-        """Lateral position of each nozzle, from left to right."""
-        first_m = (self.nozzle_count - 1) / 2.0 * self.nozzle_spacing_m
-        return tuple(first_m - i * self.nozzle_spacing_m for i in range(self.nozzle_count))
 
 
 class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
@@ -212,7 +198,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
     gnss: SensorMount
     mag: SensorMount
     camera: CameraSpec | None = None
-    sprayer: SprayerSpec | None = None
+    implement: ImplementSpec | None = None
     warnings: tuple[str, ...] = ()  # what the description left out and what is used instead
 
     def link(self, name: str) -> Link:
@@ -224,8 +210,8 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def tool_x_m(self) -> float:
-        """Where on the body the tool works: the boom, or the origin where there is none."""
-        return self.sprayer.x_body_m if self.sprayer else 0.0
+        """Where on the body the implement works: the origin where there is none."""
+        return self.implement.x_body_m if self.implement else 0.0
 
     @property
     def base_height_m(self) -> float:
@@ -233,7 +219,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
         return self.drive.wheel_radius_m - float(self.base_from_link(WHEEL_NAMES[0])[2, 3])
 
     def base_from_link(self, name: str) -> FloatArray:
-        """Pose of a link in base_link with all joints at zero, (4, 4)."""
+        """Compute the pose of a link in base_link with all joints at zero, (4, 4)."""
         self.link(name)
         parents = {joint.child: joint for joint in self.joints}
         base_from_link = np.eye(4)
@@ -254,17 +240,17 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
         return root_from_link
 
     def body_from_link(self, name: str) -> FloatArray:
-        """Pose of a link in the body frame: on the ground, below base_link, (4, 4)."""
+        """Compute the pose of a link in the body frame: on the ground, below base_link, (4, 4)."""
         return transform((0.0, 0.0, self.base_height_m)) @ self.base_from_link(name)
 
     def body_from_camera(self) -> FloatArray:
-        """Pose of the camera's optical frame in the body frame, (4, 4)."""
+        """Compute the pose of the camera's optical frame in the body frame, (4, 4)."""
         if self.camera is None:
             raise DescriptionError(f"robot '{self.name}' has no camera sensor in its description")
         return self.body_from_link(self.camera.link) @ LINK_FROM_OPTICAL
 
     def wheel_xy_body_m(self) -> FloatArray:
-        """Ground contact of the four wheels in the order of WHEEL_NAMES, (4, 2)."""
+        """List the ground contacts of the four wheels in the order of WHEEL_NAMES, (4, 2)."""
         return np.array([self.base_from_link(name)[:2, 3] for name in WHEEL_NAMES])
 
     @property

@@ -14,36 +14,37 @@ from agribot.core.messages import FloatArray, Row
 SAGITTA_M = 0.001  # chords that stand for an arc keep this close to it
 
 
-class Beside(NamedTuple):
-    """How far along a line a place lies, how far left of it, and where the line leads there."""
+class PlaceOnLine(NamedTuple):
+    """A place by a line: how far along it, how far left of it, and the line's yaw there."""
 
     along_m: Number
     left_m: Number
     yaw_rad: Number
 
 
-def beside_line(
+def project_on_line(
     start_map_m: tuple[float, float],
     yaw_rad: float,
     curvature_radpm: float,
     x_map_m: Number,
     y_map_m: Number,
-) -> Beside:
-    """Of a line that starts at a place towards `yaw_rad` and bends left by the curvature."""
+) -> PlaceOnLine:
+    """Project a place on a line that starts towards `yaw_rad` and bends left by the curvature."""
     dx, dy = x_map_m - start_map_m[0], y_map_m - start_map_m[1]
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     ahead_m, left_m = dx * cos + dy * sin, dy * cos - dx * sin
     if not curvature_radpm:
-        return Beside(ahead_m, left_m, yaw_rad)
+        return PlaceOnLine(ahead_m, left_m, yaw_rad)
     # Seen from the centre of the circle, in radii.
     out, on = 1.0 - curvature_radpm * left_m, curvature_radpm * ahead_m
     turned_rad = np.arctan2(on, out)
     off_m = (1.0 - np.hypot(on, out)) / curvature_radpm
-    return Beside(turned_rad / curvature_radpm, off_m, yaw_rad + turned_rad)
+    return PlaceOnLine(turned_rad / curvature_radpm, off_m, yaw_rad + turned_rad)
 
 
-def beside_row(row: Row, x_map_m: Number, y_map_m: Number) -> Beside:
-    return beside_line(
+def project_on_row(row: Row, x_map_m: Number, y_map_m: Number) -> PlaceOnLine:
+    """Project a place on the line of a crop row."""
+    return project_on_line(
         row.start_map_m, start_yaw_rad(row), row.curvature_radpm, x_map_m, y_map_m
     )  # fmt: skip
 
@@ -54,7 +55,7 @@ def row_length_m(row: Row) -> float:
 
 
 def chord_yaw_rad(row: Row) -> float:
-    """From the first plant to the last one."""
+    """Compute the direction from the first plant to the last one."""
     (x0, y0), (x1, y1) = row.start_map_m, row.end_map_m
     return math.atan2(y1 - y0, x1 - x0)
 
@@ -67,8 +68,8 @@ def end_yaw_rad(row: Row) -> float:
     return chord_yaw_rad(row) + _turn_rad(row) / 2.0
 
 
-def turned_round(row: Row) -> Row:
-    """The same line from its other end."""
+def reverse_row(row: Row) -> Row:
+    """Return the same line from its other end."""
     return msgspec.structs.replace(
         row,
         start_map_m=row.end_map_m,
@@ -78,7 +79,7 @@ def turned_round(row: Row) -> Row:
 
 
 def row_points_map_m(row: Row) -> FloatArray:
-    """Corners of chords from the first plant to the last one, (N, 2); two of a straight row."""
+    """Return corners of chords from the first to the last plant, (N, 2); two of a straight row."""
     ends = np.array([row.start_map_m, row.end_map_m])
     turn_rad = _turn_rad(row)
     if not turn_rad:

@@ -16,35 +16,35 @@ from typing import Any
 import xacro
 import xacro.substitution_args as substitution
 
-from agribot.description.elements import Source
-from agribot.description.package import PACKAGE, named_package_folder, package_folder
+from agribot.description.elements import SourceFile
+from agribot.description.package import PACKAGE, find_named_package_folder, find_package_folder
 
 FIND = re.compile(r"\$\(find\s+([^)\s]+)\s*\)")
 
 
 class AbsentPackages:
-    """Finds packages for xacro without a ROS index, and goes without those that are absent."""
+    """Finds packages for xacro without a ROS index, and leaves out those that are absent."""
 
-    def __init__(self, top: Path, source: Source) -> None:
+    def __init__(self, top: Path, source: SourceFile) -> None:
         self._top = top
         self._source = source
         self._left_out = False
 
     @contextmanager
-    def left_out(self) -> Iterator[None]:
-        """Within, xacro looks next to the file for packages and leaves absent ones out."""
+    def leave_out(self) -> Iterator[None]:
+        """Make xacro look for packages next to the file and leave absent ones out, while open."""
         ask_ros = substitution._eval_find
         include, call = xacro.process_include, xacro.handle_macro_call
 
         def find(package: str) -> str:
-            folder = package_folder(package, self._top) or _asked(ask_ros, package)
+            folder = find_package_folder(package, self._top) or _find_ros_package(ask_ros, package)
             if folder is None:
                 self._warn(f"package '{package}' is not on this machine; the robot goes without it")
                 return f"package://{package}"
             return str(folder)
 
         def include_known(node: Any, macros: Any, symbols: Any, func: Any) -> None:
-            package = self._missing(node.getAttribute("filename"), symbols, ask_ros)
+            package = self._find_missing(node.getAttribute("filename"), symbols, ask_ros)
             if package is None:
                 include(node, macros, symbols, func)
                 return
@@ -68,44 +68,44 @@ class AbsentPackages:
             xacro.process_include, xacro.handle_macro_call = include, call
 
     def cut_loose_ends(self, root: ET.Element) -> None:
-        """Take out what hangs on links that were left out."""
+        """Remove the joints and links that hang on links that were left out."""
         if not self._left_out:
             return
-        while loose := self._loose_joints(root):
+        while loose := self._find_loose_joints(root):
             for joint in loose:
                 self._warn(f"joint '{joint.get('name')}' ends on a link that is left out", joint)
                 root.remove(joint)
-                self._remove_links(root, _end(joint, "child"))
+                self._remove_links(root, _find_end(joint, "child"))
         links = {link.get("name") for link in root.findall("link")}
         for block in root.findall("gazebo"):
             if block.get("reference") not in {None, *links}:
                 root.remove(block)
 
-    def _missing(self, spec: str, symbols: Any, ask_ros: Any) -> str | None:
-        """The absent package that an include needs, or None."""
+    def _find_missing(self, spec: str, symbols: Any, ask_ros: Any) -> str | None:
+        """Return the absent package that an include needs, or None."""
         found = FIND.search(spec)
         if found is None:
             return None
         package = found.group(1)
-        if package == PACKAGE or named_package_folder(package, self._top) is not None:
+        if package == PACKAGE or find_named_package_folder(package, self._top) is not None:
             return None
-        if _asked(ask_ros, package) is not None:
+        if _find_ros_package(ask_ros, package) is not None:
             return None
-        if package_folder(package, self._top) is None:
+        if find_package_folder(package, self._top) is None:
             return package
         file = str(xacro.eval_text(spec, symbols))
         return None if Path(file).is_file() or glob.glob(file) else package
 
-    def _loose_joints(self, root: ET.Element) -> list[ET.Element]:
+    def _find_loose_joints(self, root: ET.Element) -> list[ET.Element]:
         links = {link.get("name") for link in root.findall("link")}
         return [
             joint
             for joint in root.findall("joint")
-            if not {_end(joint, "parent"), _end(joint, "child")} <= links
+            if not {_find_end(joint, "parent"), _find_end(joint, "child")} <= links
         ]
 
     def _remove_links(self, root: ET.Element, name: str | None) -> None:
-        """A link that nothing holds any more; its own joints are loose then."""
+        """Remove a link that no joint holds any more; its own joints are loose then."""
         for link in root.findall("link"):
             if link.get("name") == name:
                 root.remove(link)
@@ -115,8 +115,8 @@ class AbsentPackages:
         self._source.warn(text, element)
 
 
-def _asked(ask_ros: Any, package: str) -> Path | None:
-    """The package as a ROS installation knows it, where there is one."""
+def _find_ros_package(ask_ros: Any, package: str) -> Path | None:
+    """Return the package's folder in a ROS installation; None where there is none."""
     try:
         return Path(ask_ros(package))
     except (ImportError, LookupError, ValueError, OSError):
@@ -133,6 +133,6 @@ def _is_unknown_macro(node: Any, macros: Any, symbols: Any) -> bool:
     return False
 
 
-def _end(joint: ET.Element, which: str) -> str | None:
+def _find_end(joint: ET.Element, which: str) -> str | None:
     element = joint.find(which)
     return None if element is None else element.get("link")

@@ -1,4 +1,4 @@
-"""Other people's robots: drive, tyres and sensors that their description does not tell of."""
+"""Other people's robots: drive, tyres and sensors that their description leaves out."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from agribot.description.devices import (
     GNSS_PLUGINS,
     IMU_PLUGINS,
     MAG_PLUGINS,
-    told_by_plugin,
-    wheel_size,
+    find_wheel_size,
+    is_in_plugin,
 )
-from agribot.description.elements import Source
+from agribot.description.elements import SourceFile
 from agribot.description.tags import find_extra, find_plugin, find_sensor
 
 # The packaged robot, whose drive and tyres others are scaled from.
@@ -44,11 +44,11 @@ SENSORS = (
 
 
 def adopt_devices(
-    root: ET.Element, links: Sequence[Link], joints: Sequence[Joint], source: Source
+    root: ET.Element, links: Sequence[Link], joints: Sequence[Joint], source: SourceFile
 ) -> None:
-    """Add the tags that are missing, with values that fit the size and mass of the robot."""
+    """Add the missing tags, with values that fit the size and mass of the robot."""
     foreign = not [*root.findall("gazebo/agribot"), *root.findall("agribot")]
-    radius_m, _width_m = wheel_size(links, source)
+    radius_m, _width_m = find_wheel_size(links, source)
     at_m = {joint.child: joint.origin.xyz_m for joint in joints if joint.child in WHEEL_NAMES}
     half_base_m = abs(at_m["left_wheel_F"][0] - at_m["left_wheel_R"][0]) / 2.0
     half_track_m = abs(at_m["left_wheel_F"][1] - at_m["right_wheel_F"][1]) / 2.0
@@ -72,20 +72,20 @@ def adopt_devices(
         "relaxation_length_m": 0.03 * math.sqrt(radius_m / RADIUS_M),
         "ground_mu1": 100.0, "ground_mu2": 50.0,
     }  # fmt: skip
-    _drive_plugin(root, torque_nm, radius_m, 2.0 * half_track_m, source)
-    _extra(root, "drive", drive, source)
-    _extra(root, "tyre", tyre, source)
-    _contact(root, source)
+    _add_drive_plugin(root, torque_nm, radius_m, 2.0 * half_track_m, source)
+    _add_extra(root, "drive", drive, source)
+    _add_extra(root, "tyre", tyre, source)
+    _add_contact(root, source)
     for kind in SENSORS:
-        _sensor(root, kind, links, source)
+        _add_sensor(root, kind, links, source)
         if foreign:
-            _seat(root, kind, links, source)
+            _move_to_base(root, kind, links, source)
     if foreign and find_sensor(root, ("camera",)) is None:
-        _camera(root, half_base_m, at_m["left_wheel_F"][2] - radius_m, source)
+        _add_camera(root, half_base_m, at_m["left_wheel_F"][2] - radius_m, source)
 
 
-def _drive_plugin(
-    root: ET.Element, torque_nm: float, radius_m: float, track_m: float, source: Source
+def _add_drive_plugin(
+    root: ET.Element, torque_nm: float, radius_m: float, track_m: float, source: SourceFile
 ) -> None:
     told = {
         "updateRate": 50.0, "torque": torque_nm,
@@ -100,14 +100,14 @@ def _drive_plugin(
     else:
         plugin = found.element
     for tag, value in told.items():
-        if found is not None and told_by_plugin(found, tag):
+        if found is not None and is_in_plugin(found, tag):
             continue
-        ET.SubElement(plugin, tag).text = _word(value)
+        ET.SubElement(plugin, tag).text = _format_number(value)
         if found is not None:
             source.warn(f"{found.what}: <{tag}> is missing; {value:.4g} is used", plugin)
 
 
-def _extra(root: ET.Element, group: str, numbers: dict[str, float], source: Source) -> None:
+def _add_extra(root: ET.Element, group: str, numbers: dict[str, float], source: SourceFile) -> None:
     block = find_extra(root, group, source)
     if block is None:
         source.warn(f"<agribot>: <{group}> is missing; numbers that fit the mass are used")
@@ -119,12 +119,12 @@ def _extra(root: ET.Element, group: str, numbers: dict[str, float], source: Sour
         element = block.element
     for tag, value in numbers.items():
         if block is None or tag not in block.tags:
-            ET.SubElement(element, tag).text = _word(value)
+            ET.SubElement(element, tag).text = _format_number(value)
             if block is not None:
                 source.warn(f"{block.what}: <{tag}> is missing; {value:.4g} is used", element)
 
 
-def _contact(root: ET.Element, source: Source) -> None:
+def _add_contact(root: ET.Element, source: SourceFile) -> None:
     name = WHEEL_NAMES[0]
     blocks = [block for block in root.findall("gazebo") if block.get("reference") == name]
     for tag in ("mu1", "mu2"):
@@ -136,7 +136,9 @@ def _contact(root: ET.Element, source: Source) -> None:
         source.warn(f"wheels: <{tag}> is missing; a friction of 1 is used", quiet=True)
 
 
-def _sensor(root: ET.Element, kind: SensorKind, links: Sequence[Link], source: Source) -> None:
+def _add_sensor(
+    root: ET.Element, kind: SensorKind, links: Sequence[Link], source: SourceFile
+) -> None:
     plugin = find_plugin(root, kind.plugins, source)
     if plugin is not None and "updaterate" in plugin.tags:
         if not (plugin.tags.get("bodyname") or plugin.link):
@@ -145,21 +147,23 @@ def _sensor(root: ET.Element, kind: SensorKind, links: Sequence[Link], source: S
         return
     found = find_sensor(root, kind.types)
     if found is None:
-        link = next((x.name for x in links if _speaks_of(x.name, kind.words)), "base_link")
+        link = next((x.name for x in links if _has_word(x.name, kind.words)), "base_link")
         source.warn(f"no {kind.what}; one at {kind.rate_hz:g} Hz on '{link}' is used")
         block = ET.SubElement(root, "gazebo", {"reference": link})
         name = {"name": kind.types[-1], "type": kind.types[-1]}
-        ET.SubElement(ET.SubElement(block, "sensor", name), "update_rate").text = _word(
+        ET.SubElement(ET.SubElement(block, "sensor", name), "update_rate").text = _format_number(
             kind.rate_hz
         )
         return
     _link, sensor = found
     if sensor.find("update_rate") is None:
-        ET.SubElement(sensor, "update_rate").text = _word(kind.rate_hz)
+        ET.SubElement(sensor, "update_rate").text = _format_number(kind.rate_hz)
         source.warn(f"{kind.what}: <update_rate> is missing; {kind.rate_hz:g} Hz is used", sensor)
 
 
-def _seat(root: ET.Element, kind: SensorKind, links: Sequence[Link], source: Source) -> None:
+def _move_to_base(
+    root: ET.Element, kind: SensorKind, links: Sequence[Link], source: SourceFile
+) -> None:
     """Put a plugin on base_link that names a link which does not exist."""
     plugin = find_plugin(root, kind.plugins, source)
     body = "" if plugin is None else plugin.tags.get("bodyname", "")
@@ -171,19 +175,19 @@ def _seat(root: ET.Element, kind: SensorKind, links: Sequence[Link], source: Sou
             element.text = "base_link"
 
 
-def _speaks_of(name: str, words: tuple[str, ...]) -> bool:
+def _has_word(name: str, words: tuple[str, ...]) -> bool:
     return any(word in name.lower() for word in words)
 
 
-def _camera(root: ET.Element, front_m: float, ground_m: float, source: Source) -> None:
-    """The usual camera on a mast over the front axle, looking down at the row ahead."""
+def _add_camera(root: ET.Element, front_m: float, ground_m: float, source: SourceFile) -> None:
+    """Add the default camera on a mast over the front axle, looking down at the row ahead."""
     names = {link.get("name") for link in root.findall("link")}
     name = next(n for n in ("camera_link", "agribot_camera_link") if n not in names or n[0] == "a")
     source.warn(f"no camera; one at {CAMERA_HEIGHT_M} m over the ground is used")
     ET.SubElement(root, "link", {"name": name})
     joint = ET.SubElement(root, "joint", {"name": f"base_link_to_{name}", "type": "fixed"})
-    xyz = f"{_word(front_m)} 0 {_word(CAMERA_HEIGHT_M + ground_m)}"
-    ET.SubElement(joint, "origin", {"xyz": xyz, "rpy": f"0 {_word(CAMERA_PITCH_RAD)} 0"})
+    xyz = f"{_format_number(front_m)} 0 {_format_number(CAMERA_HEIGHT_M + ground_m)}"
+    ET.SubElement(joint, "origin", {"xyz": xyz, "rpy": f"0 {_format_number(CAMERA_PITCH_RAD)} 0"})
     ET.SubElement(joint, "parent", {"link": "base_link"})
     ET.SubElement(joint, "child", {"link": name})
     block = ET.SubElement(root, "gazebo", {"reference": name})
@@ -197,5 +201,5 @@ def _camera(root: ET.Element, front_m: float, ground_m: float, source: Source) -
     ET.SubElement(sensor, "update_rate").text = "30"
 
 
-def _word(value: float) -> str:
+def _format_number(value: float) -> str:
     return f"{np.float64(value):.9g}"

@@ -19,16 +19,16 @@ from agribot.core.messages import WHEEL_NAMES, FloatArray
 from agribot.core.robot import Joint, Link
 from agribot.description.adopt_masses import (
     BASE,
-    along,
+    compute_axis_rpy,
+    format_numbers,
     give_wheel_mass,
     mend_inertias,
-    words,
 )
-from agribot.description.elements import Source
+from agribot.description.elements import SourceFile
 from agribot.description.markup import PlacedElement
-from agribot.description.mesh_bounds import mesh_bounds_m
-from agribot.description.package import package_folder
-from agribot.description.poses import origin_of
+from agribot.description.mesh_bounds import measure_mesh_m
+from agribot.description.package import find_package_folder
+from agribot.description.poses import to_origin
 
 BASE_WORDS = ("base", "chassis", "body", "base_footprint")
 ACROSS = 0.7  # of an axle: the part of it that lies across the robot
@@ -37,7 +37,7 @@ WIDTH_PER_RADIUS = 0.5
 
 
 class Wheel(NamedTuple):
-    """A turning link in base_link; `axle` points about to the left."""
+    """A turning link; `centre_m` and `axle`, (3,), are in base_link, the axle about leftwards."""
 
     joint: Joint
     centre_m: FloatArray
@@ -45,8 +45,8 @@ class Wheel(NamedTuple):
     flipped: bool
 
 
-def name_apart(root: ET.Element, source: Source) -> None:
-    """Give links and joints that repeat a name one of their own; others mean the first."""
+def make_names_unique(root: ET.Element, source: SourceFile) -> None:
+    """Rename links and joints that repeat a name; references mean the first of them."""
     for kind in ("link", "joint"):
         seen: Counter[str] = Counter()
         for element in root.findall(kind):
@@ -58,8 +58,8 @@ def name_apart(root: ET.Element, source: Source) -> None:
                 source.warn(f"the {kind} name '{name}' is taken; this one is '{new}'", element)
 
 
-def adopt_base(root: ET.Element, joints: Sequence[Joint], source: Source) -> None:
-    """Name the link that carries the wheels base_link, where no link bears that name."""
+def adopt_base(root: ET.Element, joints: Sequence[Joint], source: SourceFile) -> None:
+    """Name the link that carries the wheels base_link, where no link has that name."""
     names = [link.get("name", "") for link in root.findall("link")]
     if BASE in names or not names:
         return
@@ -71,14 +71,18 @@ def adopt_base(root: ET.Element, joints: Sequence[Joint], source: Source) -> Non
 
 
 def adopt_wheels(
-    root: ET.Element, links: Sequence[Link], joints: Sequence[Joint], source: Source, folder: Path
+    root: ET.Element,
+    links: Sequence[Link],
+    joints: Sequence[Joint],
+    source: SourceFile,
+    folder: Path,
 ) -> None:
     """Name four wheels by their place, put them on base_link and give them size and mass.
 
     Raises: DescriptionError: there are no four wheels whose axles lie across the robot.
     """
-    poses = _poses(links, joints)
-    wheels = _chosen(_candidates(joints, poses), joints, source)
+    poses = _compute_poses(links, joints)
+    wheels = _choose_wheels(_find_candidates(joints, poses), joints, source)
     for name, wheel in zip(WHEEL_NAMES, wheels, strict=True):
         if wheel.joint.child != name:
             source.warn(f"link '{wheel.joint.child}' is taken for {name}, from its place")
@@ -91,15 +95,15 @@ def adopt_wheels(
     for name, wheel in zip(WHEEL_NAMES, wheels, strict=True):
         _rename(root, name, f"{name}_other")
         _rename(root, f"{name}/new", name)
-        element = _named(root, "link", name)
+        element = _find_named(root, "link", name)
         size = _give_cylinder(element, wheel, source, folder)
         if element.find("inertial") is None:
             give_wheel_mass(element, wheel.joint.axis, size, source)
     mend_inertias(root, source)
 
 
-def _poses(links: Sequence[Link], joints: Sequence[Joint]) -> dict[str, FloatArray]:
-    """Pose of every link in base_link with all joints at zero."""
+def _compute_poses(links: Sequence[Link], joints: Sequence[Joint]) -> dict[str, FloatArray]:
+    """Return the pose of every link in base_link, (4, 4), with all joints at zero."""
     parents = {joint.child: joint for joint in joints}
 
     def root_from(name: str) -> FloatArray:
@@ -114,7 +118,7 @@ def _poses(links: Sequence[Link], joints: Sequence[Joint]) -> dict[str, FloatArr
     return {link.name: base_from_root @ root_from(link.name) for link in links}
 
 
-def _candidates(joints: Sequence[Joint], poses: dict[str, FloatArray]) -> list[Wheel]:
+def _find_candidates(joints: Sequence[Joint], poses: dict[str, FloatArray]) -> list[Wheel]:
     found = []
     for joint in joints:
         turns = joint.kind == "continuous" or (
@@ -131,8 +135,8 @@ def _candidates(joints: Sequence[Joint], poses: dict[str, FloatArray]) -> list[W
     return found
 
 
-def _chosen(wheels: list[Wheel], joints: Sequence[Joint], source: Source) -> list[Wheel]:
-    """Four wheels in the order of WHEEL_NAMES: rear and front, right and left."""
+def _choose_wheels(wheels: list[Wheel], joints: Sequence[Joint], source: SourceFile) -> list[Wheel]:
+    """Choose four wheels, in the order of WHEEL_NAMES: rear and front, right and left."""
     own = {wheel.joint.child: wheel for wheel in wheels if wheel.joint.child in WHEEL_NAMES}
     if len(own) == len(WHEEL_NAMES):
         return [own[name] for name in WHEEL_NAMES]
@@ -158,9 +162,11 @@ def _chosen(wheels: list[Wheel], joints: Sequence[Joint], source: Source) -> lis
     return [wheel for pair in pairs for wheel in pair]
 
 
-def _mount(root: ET.Element, wheel: Wheel, poses: dict[str, FloatArray], source: Source) -> None:
+def _mount(
+    root: ET.Element, wheel: Wheel, poses: dict[str, FloatArray], source: SourceFile
+) -> None:
     """Turn a wheel's joint into a continuous one on base_link whose axis points to the left."""
-    joint, element = wheel.joint, _named(root, "joint", wheel.joint.name)
+    joint, element = wheel.joint, _find_named(root, "joint", wheel.joint.name)
     if joint.parent != BASE:
         parent = element.find("parent")
         if parent is not None:
@@ -168,9 +174,9 @@ def _mount(root: ET.Element, wheel: Wheel, poses: dict[str, FloatArray], source:
         origin = element.find("origin")
         if origin is None:
             origin = ET.SubElement(element, "origin")
-        pose = origin_of(poses[joint.child])
-        origin.set("xyz", words(pose.xyz_m))
-        origin.set("rpy", words(pose.rpy_rad))
+        pose = to_origin(poses[joint.child])
+        origin.set("xyz", format_numbers(pose.xyz_m))
+        origin.set("rpy", format_numbers(pose.rpy_rad))
         source.warn(f"joint '{joint.name}' hangs on '{joint.parent}'; it is put on {BASE}", element)
     if joint.kind != "continuous":
         element.set("type", "continuous")
@@ -178,63 +184,67 @@ def _mount(root: ET.Element, wheel: Wheel, poses: dict[str, FloatArray], source:
         axis = element.find("axis")
         if axis is None:
             axis = ET.SubElement(element, "axis")
-        axis.set("xyz", words([-value for value in joint.axis]))
+        axis.set("xyz", format_numbers([-value for value in joint.axis]))
         source.warn(
             f"joint '{joint.name}' turns backwards; its axis is turned round", element, quiet=True
         )
 
 
 def _give_cylinder(
-    element: ET.Element, wheel: Wheel, source: Source, folder: Path
+    element: ET.Element, wheel: Wheel, source: SourceFile, folder: Path
 ) -> tuple[float, float]:
-    """Radius and width of the wheel; it gets a cylinder to collide with if it has none."""
+    """Return radius and width of a wheel; add a collision cylinder if it has none."""
     cylinder = element.find("collision/geometry/cylinder")
     if cylinder is not None:
         where = f"link '{wheel.joint.child}' <cylinder>"
         return tuple(  # type: ignore[return-value]
-            source.number(cylinder.get(key), f"{where} {key}") for key in ("radius", "length")
+            source.parse_number(cylinder.get(key), f"{where} {key}") for key in ("radius", "length")
         )
-    radius_m, width_m, told = _size(element, wheel, source, folder)
+    radius_m, width_m, told = _find_size(element, wheel, source, folder)
     source.warn(
         f"wheel '{wheel.joint.child}' collides with no cylinder; one of {radius_m:.4g} m radius "
         f"and {width_m:.4g} m width is used, {told}",
         element,
     )
     collision = ET.SubElement(element, "collision")
-    ET.SubElement(collision, "origin", {"xyz": "0 0 0", "rpy": words(along(wheel.joint.axis))})
+    ET.SubElement(
+        collision,
+        "origin",
+        {"xyz": "0 0 0", "rpy": format_numbers(compute_axis_rpy(wheel.joint.axis))},
+    )
     geometry = ET.SubElement(collision, "geometry")
-    size = {"radius": words([radius_m]), "length": words([width_m])}
+    size = {"radius": format_numbers([radius_m]), "length": format_numbers([width_m])}
     ET.SubElement(geometry, "cylinder", size)
     return radius_m, width_m
 
 
-def _size(
-    element: ET.Element, wheel: Wheel, source: Source, folder: Path
+def _find_size(
+    element: ET.Element, wheel: Wheel, source: SourceFile, folder: Path
 ) -> tuple[float, float, str]:
-    """Radius, width and where they come from."""
+    """Return radius, width and where they come from."""
     where = f"link '{wheel.joint.child}'"
     for kind in ("collision", "visual"):
         for form in element.findall(f"{kind}/geometry/cylinder"):
-            radius_m = source.number(form.get("radius"), f"{where} <cylinder radius>")
-            return radius_m, source.number(form.get("length"), where), f"from its <{kind}>"
+            radius_m = source.parse_number(form.get("radius"), f"{where} <cylinder radius>")
+            return radius_m, source.parse_number(form.get("length"), where), f"from its <{kind}>"
         for form in element.findall(f"{kind}/geometry/sphere"):
-            radius_m = source.number(form.get("radius"), f"{where} <sphere radius>")
+            radius_m = source.parse_number(form.get("radius"), f"{where} <sphere radius>")
             return radius_m, WIDTH_PER_RADIUS * radius_m, "from its sphere"
         for form in element.findall(f"{kind}/geometry/mesh"):
-            file = _mesh_file(form.get("filename", ""), folder)
-            bounds = None if file is None else mesh_bounds_m(file)
+            file = _find_mesh_file(form.get("filename", ""), folder)
+            bounds = None if file is None else measure_mesh_m(file)
             if bounds is not None:
-                scale = np.array(source.vec3(form.get("scale", "1 1 1"), where))
+                scale = np.array(source.parse_vec3(form.get("scale", "1 1 1"), where))
                 extent = np.sort((bounds[1] - bounds[0]) * np.abs(scale))
                 return float(extent[2]) / 2.0, float(extent[0]), "from its mesh"
     return DEFAULT_RADIUS_M, WIDTH_PER_RADIUS * DEFAULT_RADIUS_M, "a guess"
 
 
-def _mesh_file(uri: str, folder: Path) -> Path | None:
+def _find_mesh_file(uri: str, folder: Path) -> Path | None:
     scheme, _, rest = uri.rpartition("://")
     if scheme in {"package", "model"}:
         package, _, inner = rest.partition("/")
-        above = package_folder(package, folder / "robot.urdf")
+        above = find_package_folder(package, folder / "robot.urdf")
         path = None if above is None else above / inner
     else:
         path = folder / rest
@@ -242,7 +252,7 @@ def _mesh_file(uri: str, folder: Path) -> Path | None:
 
 
 def _rename(root: ET.Element, old: str, new: str) -> None:
-    """A link's name, everywhere that it is spoken of."""
+    """Rename a link, with all references to it."""
     for link in root.findall("link"):
         if link.get("name") == old:
             link.set("name", new)
@@ -257,6 +267,6 @@ def _rename(root: ET.Element, old: str, new: str) -> None:
                 element.text = new
 
 
-def _named(root: ET.Element, kind: str, name: str) -> ET.Element:
+def _find_named(root: ET.Element, kind: str, name: str) -> ET.Element:
     found = next((e for e in root.findall(kind) if e.get("name") == name), None)
     return PlacedElement(kind, {"name": name}) if found is None else found

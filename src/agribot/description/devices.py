@@ -1,4 +1,4 @@
-"""Drive, tyres, sensors and implement of a URDF tree."""
+"""Drive, tyres and sensors of a URDF tree."""
 
 from __future__ import annotations
 
@@ -15,17 +15,16 @@ from agribot.core.robot import (
     Joint,
     Link,
     SensorMount,
-    SprayerSpec,
     TyreSpec,
 )
-from agribot.description.elements import Source
+from agribot.description.elements import SourceFile
 from agribot.description.tags import (
     TagBlock,
-    contact_tags,
+    collect_contact_tags,
     find_extra,
     find_plugin,
     find_sensor,
-    plugin_names,
+    list_plugin_names,
 )
 
 DRIVE_PLUGINS = ("skid_steer", "skidsteer", "diff_drive", "diffdrive", "diff-drive")
@@ -49,76 +48,76 @@ MAG_PLUGINS = ("ros_magnetic", "magnetometer")
 
 
 def read_drive(
-    root: ET.Element, links: Sequence[Link], joints: Sequence[Joint], source: Source
+    root: ET.Element, links: Sequence[Link], joints: Sequence[Joint], source: SourceFile
 ) -> DriveSpec:
-    """Measured geometry from the links and joints; torque and rates from the tags."""
-    plugin = _required_plugin(root, DRIVE_PLUGINS, "drive plugin (skid steer)", source)
-    extra = _required_extra(root, "drive", source)
-    wheels = [_wheel(name, links, joints, source) for name in WHEEL_NAMES]
-    radius_m, width_m = wheel_size(links, source)
+    """Read the drive: geometry from the links and joints, torque and rates from the tags."""
+    plugin = _require_plugin(root, DRIVE_PLUGINS, "drive plugin (skid steer)", source)
+    extra = _require_extra(root, "drive", source)
+    wheels = [_find_wheel(name, links, joints, source) for name in WHEEL_NAMES]
+    radius_m, width_m = find_wheel_size(links, source)
     at_m = {name: joint.origin.xyz_m for name, (_, joint) in zip(WHEEL_NAMES, wheels, strict=True)}
     return DriveSpec(
         wheel_radius_m=radius_m,
         wheel_width_m=width_m,
         track_m=at_m["left_wheel_F"][1] - at_m["right_wheel_F"][1],
         wheelbase_m=at_m["left_wheel_F"][0] - at_m["left_wheel_R"][0],
-        told_diameter_m=_told(plugin, "wheelDiameter", "wheel_radius", 2.0),
-        told_separation_m=_told(plugin, "wheelSeparation", "wheel_separation", 1.0),
-        yaw_multiplier=extra.positive("yaw_multiplier"),
-        torque_nm=plugin.positive("torque"),
+        plugin_diameter_m=_read_plugin_number(plugin, "wheelDiameter", "wheel_radius", 2.0),
+        plugin_separation_m=_read_plugin_number(plugin, "wheelSeparation", "wheel_separation", 1.0),
+        yaw_multiplier=extra.read_positive("yaw_multiplier"),
+        torque_nm=plugin.read_positive("torque"),
         gear_ratio=wheels[0][1].gear_ratio,
-        encoder_ticks_per_rev=round(extra.positive("encoder_ticks_per_rev")),
-        command_timeout_s=extra.positive("command_timeout_s"),
-        max_speed_mps=extra.positive("max_speed_mps"),
-        max_yaw_rate_radps=extra.positive("max_yaw_rate_radps"),
-        max_accel_mps2=extra.positive("max_accel_mps2"),
-        max_yaw_accel_radps2=extra.positive("max_yaw_accel_radps2"),
-        rotor_inertia_kgm2=extra.number("rotor_inertia_kgm2"),
-        servo_gain_nmspr=extra.positive("servo_gain_nmspr"),
-        rate_hz=plugin.positive("updateRate"),
-        **{name: extra.number(name) for name in PID_TAGS if name in extra.tags},
-        **{name: extra.positive(name) for name in MOTOR_TAGS if name in extra.tags},
+        encoder_ticks_per_rev=round(extra.read_positive("encoder_ticks_per_rev")),
+        command_timeout_s=extra.read_positive("command_timeout_s"),
+        max_speed_mps=extra.read_positive("max_speed_mps"),
+        max_yaw_rate_radps=extra.read_positive("max_yaw_rate_radps"),
+        max_accel_mps2=extra.read_positive("max_accel_mps2"),
+        max_yaw_accel_radps2=extra.read_positive("max_yaw_accel_radps2"),
+        rotor_inertia_kgm2=extra.read_number("rotor_inertia_kgm2"),
+        servo_gain_nmspr=extra.read_positive("servo_gain_nmspr"),
+        rate_hz=plugin.read_positive("updateRate"),
+        **{name: extra.read_number(name) for name in PID_TAGS if name in extra.tags},
+        **{name: extra.read_positive(name) for name in MOTOR_TAGS if name in extra.tags},
     )
 
 
-def read_tyre(root: ET.Element, joints: Sequence[Joint], source: Source) -> TyreSpec:
-    """Tyre of the wheels, with the smaller friction of wheel and ground in each direction."""
-    extra = _required_extra(root, "tyre", source)
+def read_tyre(root: ET.Element, joints: Sequence[Joint], source: SourceFile) -> TyreSpec:
+    """Read the tyre, with the smaller friction of wheel and ground in each direction."""
+    extra = _require_extra(root, "tyre", source)
     if extra.tags.get("friction_rule", "min") != "min":
         raise source.fail(
             "<agribot><tyre>", f"friction_rule '{extra.tags['friction_rule']}' is unknown; use min"
         )
     name = WHEEL_NAMES[0]
-    wheel = contact_tags(root, name, source)
-    first = min(wheel.number("mu1"), extra.number("ground_mu1"))
-    second = min(wheel.number("mu2"), extra.number("ground_mu2"))
+    wheel = collect_contact_tags(root, name, source)
+    first = min(wheel.read_number("mu1"), extra.read_number("ground_mu1"))
+    second = min(wheel.read_number("mu2"), extra.read_number("ground_mu2"))
     axle = next(np.array(joint.axis) for joint in joints if joint.child == name)
-    along = np.array(source.vec3(wheel.tags.get("fdir1", "1 0 0"), f"{name} <fdir1>"))
+    along = np.array(source.parse_vec3(wheel.tags.get("fdir1", "1 0 0"), f"{name} <fdir1>"))
     first_is_sideways = abs(float(axle @ along)) > 0.7 * float(np.linalg.norm(along))
     return TyreSpec(
         friction_longitudinal_ratio=second if first_is_sideways else first,
         friction_lateral_ratio=first if first_is_sideways else second,
-        normal_stiffness_npm=extra.positive("normal_stiffness_npm"),
-        normal_damping_ratio=extra.number("normal_damping_ratio"),
-        bristle_stiffness_npm=extra.positive("bristle_stiffness_npm"),
-        relaxation_length_m=extra.positive("relaxation_length_m"),
-        rolling_resistance_ratio=extra.number("rolling_resistance_ratio"),
+        normal_stiffness_npm=extra.read_positive("normal_stiffness_npm"),
+        normal_damping_ratio=extra.read_number("normal_damping_ratio"),
+        bristle_stiffness_npm=extra.read_positive("bristle_stiffness_npm"),
+        relaxation_length_m=extra.read_positive("relaxation_length_m"),
+        rolling_resistance_ratio=extra.read_number("rolling_resistance_ratio"),
     )
 
 
 def read_mounts(
-    root: ET.Element, links: Sequence[Link], source: Source
+    root: ET.Element, links: Sequence[Link], source: SourceFile
 ) -> tuple[SensorMount, SensorMount, SensorMount]:
-    """IMU, GNSS receiver and magnetometer."""
+    """Read the mounts of IMU, GNSS receiver and magnetometer."""
     known = {link.name for link in links}
     return (
-        _mount(root, IMU_PLUGINS, ("imu",), "IMU", known, source),
-        _mount(root, GNSS_PLUGINS, ("gps", "navsat"), "GNSS receiver", known, source),
-        _mount(root, MAG_PLUGINS, ("magnetometer",), "magnetometer", known, source),
+        _read_mount(root, IMU_PLUGINS, ("imu",), "IMU", known, source),
+        _read_mount(root, GNSS_PLUGINS, ("gps", "navsat"), "GNSS receiver", known, source),
+        _read_mount(root, MAG_PLUGINS, ("magnetometer",), "magnetometer", known, source),
     )
 
 
-def read_camera(root: ET.Element, links: Sequence[Link], source: Source) -> CameraSpec | None:
+def read_camera(root: ET.Element, links: Sequence[Link], source: SourceFile) -> CameraSpec | None:
     found = find_sensor(root, ("camera",))
     if found is None:
         return None
@@ -130,7 +129,7 @@ def read_camera(root: ET.Element, links: Sequence[Link], source: Source) -> Came
         if told is None and path in CAMERA_DEFAULTS:
             source.warn(f"camera sensor: <{path}> is missing; {CAMERA_DEFAULTS[path]:g} is used")
             return CAMERA_DEFAULTS[path]
-        value = source.number(told, f"camera sensor <{path}>")
+        value = source.parse_number(told, f"camera sensor <{path}>")
         least, most = CAMERA_LIMITS.get(path, (0.0, math.inf))
         if not least <= value <= most:
             raise source.fail(
@@ -147,18 +146,18 @@ def read_camera(root: ET.Element, links: Sequence[Link], source: Source) -> Came
         noise_std=number("camera/noise/stddev") if sensor.find("camera/noise") is not None else 0.0,
         clip_near_m=number("camera/clip/near"),
         clip_far_m=number("camera/clip/far"),
-        distortion=_distortion(sensor, source),
+        distortion=_read_distortion(sensor, source),
     )
 
 
-def _distortion(sensor: ET.Element, source: Source) -> tuple[float, float, float, float]:
-    """k1, k2, p1, p2 of SDF's <distortion>, else of the ROS camera plugin."""
+def _read_distortion(sensor: ET.Element, source: SourceFile) -> tuple[float, float, float, float]:
+    """Read k1, k2, p1, p2 of SDF's <distortion>, else of the ROS camera plugin."""
 
     def told(modern: str, classic: str) -> float:
         for path in (f"camera/distortion/{modern}", f"plugin/{classic}"):
             text = sensor.findtext(path)
             if text is not None:
-                return source.number(text, f"camera sensor <{path}>")
+                return source.parse_number(text, f"camera sensor <{path}>")
         return 0.0
 
     if told("k3", "distortionK3"):
@@ -171,21 +170,8 @@ def _distortion(sensor: ET.Element, source: Source) -> tuple[float, float, float
     )
 
 
-def read_sprayer(root: ET.Element, source: Source) -> SprayerSpec | None:
-    block = find_extra(root, "sprayer", source)
-    if block is None:
-        return None
-    return SprayerSpec(
-        x_body_m=block.number("x_body_m"),
-        nozzle_count=round(block.positive("nozzle_count")),
-        nozzle_spacing_m=block.positive("nozzle_spacing_m"),
-        nozzle_width_m=block.positive("nozzle_width_m"),
-        latency_s=block.number("latency_s"),
-    )
-
-
-def _wheel(
-    name: str, links: Sequence[Link], joints: Sequence[Joint], source: Source
+def _find_wheel(
+    name: str, links: Sequence[Link], joints: Sequence[Joint], source: SourceFile
 ) -> tuple[Link, Joint]:
     link = next((link for link in links if link.name == name), None)
     joint = next((joint for joint in joints if joint.child == name), None)
@@ -202,8 +188,8 @@ def _wheel(
     return link, joint
 
 
-def wheel_size(links: Sequence[Link], source: Source) -> tuple[float, float]:
-    """Radius and width, from the cylinder that a wheel collides with."""
+def find_wheel_size(links: Sequence[Link], source: SourceFile) -> tuple[float, float]:
+    """Return radius and width of the collision cylinder of a wheel."""
     wheel = next(link for link in links if link.name == WHEEL_NAMES[0])
     for shape in wheel.collisions:
         if shape.kind == "cylinder":
@@ -217,28 +203,28 @@ def wheel_size(links: Sequence[Link], source: Source) -> tuple[float, float]:
 MODERN = {"wheeldiameter": "wheel_radius", "wheelseparation": "wheel_separation"}
 
 
-def told_by_plugin(plugin: TagBlock, name: str) -> bool:
-    """Whether a drive plugin has the number, in the classic spelling or that of gz-sim."""
+def is_in_plugin(plugin: TagBlock, name: str) -> bool:
+    """Return whether a drive plugin has the number, in the classic spelling or that of gz-sim."""
     return name.lower() in plugin.tags or MODERN.get(name.lower()) in plugin.tags
 
 
-def _told(plugin: TagBlock, classic: str, modern: str, factor: float) -> float:
-    """What the drive plugin was told, in the classic spelling or that of gz-sim."""
+def _read_plugin_number(plugin: TagBlock, classic: str, modern: str, factor: float) -> float:
+    """Read a number of the drive plugin, in the classic spelling or that of gz-sim."""
     if classic.lower() not in plugin.tags and modern in plugin.tags:
-        return factor * plugin.positive(modern)
-    return plugin.positive(classic)
+        return factor * plugin.read_positive(modern)
+    return plugin.read_positive(classic)
 
 
-def _required_plugin(
-    root: ET.Element, parts: tuple[str, ...], what: str, source: Source
+def _require_plugin(
+    root: ET.Element, parts: tuple[str, ...], what: str, source: SourceFile
 ) -> TagBlock:
     plugin = find_plugin(root, parts, source)
     if plugin is None:
-        raise source.fail("plugins", f"no {what}; there are: {plugin_names(root)}")
+        raise source.fail("plugins", f"no {what}; there are: {list_plugin_names(root)}")
     return plugin
 
 
-def _required_extra(root: ET.Element, group: str, source: Source) -> TagBlock:
+def _require_extra(root: ET.Element, group: str, source: SourceFile) -> TagBlock:
     block = find_extra(root, group, source)
     if block is None:
         raise source.fail(
@@ -247,30 +233,30 @@ def _required_extra(root: ET.Element, group: str, source: Source) -> TagBlock:
     return block
 
 
-def _mount(
+def _read_mount(
     root: ET.Element,
     plugins: tuple[str, ...],
     kinds: tuple[str, ...],
     what: str,
     links: set[str],
-    source: Source,
+    source: SourceFile,
 ) -> SensorMount:
     plugin = find_plugin(root, plugins, source)
     if plugin is not None and "updaterate" in plugin.tags:
         link = plugin.tags.get("bodyname") or plugin.link
-        rate_hz = plugin.positive("updateRate")
+        rate_hz = plugin.read_positive("updateRate")
         _check_link(link, links, what, source)
         return SensorMount(link=link, rate_hz=rate_hz, tags=plugin.tags)
     found = find_sensor(root, kinds)
     if found is None:
-        raise source.fail("sensors", f"no {what}; there are: {plugin_names(root)}")
+        raise source.fail("sensors", f"no {what}; there are: {list_plugin_names(root)}")
     link, sensor = found
     block = TagBlock(sensor, f"sensor '{sensor.get('name')}'", source, link)
     _check_link(link, links, what, source)
-    return SensorMount(link=link, rate_hz=block.positive("update_rate"), tags=block.tags)
+    return SensorMount(link=link, rate_hz=block.read_positive("update_rate"), tags=block.tags)
 
 
-def _check_link(link: str, links: set[str], what: str, source: Source) -> None:
+def _check_link(link: str, links: set[str], what: str, source: SourceFile) -> None:
     if link not in links:
         raise source.fail(
             what,

@@ -11,15 +11,15 @@ from typing import NamedTuple
 
 from agribot.core.errors import DescriptionError
 from agribot.core.messages import Vec3
-from agribot.description.markup import place_of
+from agribot.description.markup import find_place
 
 LARGEST = 1e12  # stiffnesses of other simulators reach 1e9
 
 
-class Finding(NamedTuple):
-    """Something odd in a file; line 0 where it has no place of its own.
+class FileFinding(NamedTuple):
+    """A problem in a file; line 0 where it has no place of its own.
 
-    `summary` is what a user is told who only wants the file read: "" keeps it quiet.
+    `summary` is the text for a user who only loads the file; "" shows nothing.
     """
 
     file: str
@@ -32,36 +32,36 @@ class Finding(NamedTuple):
 
 
 class PlacedError(DescriptionError):
-    """An error that knows where it is."""
+    """An error with its place in a file."""
 
-    def __init__(self, finding: Finding) -> None:
+    def __init__(self, finding: FileFinding) -> None:
         super().__init__(str(finding))
         self.finding = finding
 
 
-class Source:
-    """The file that elements come from, and what was found odd in it.
+class SourceFile:
+    """The file that elements come from, and the problems found in it.
 
-    A collecting source notes the errors that `attempt` sees and goes on; others raise them.
+    With `collecting`, `attempt` notes errors and goes on; otherwise it raises them.
     """
 
     def __init__(self, file: str, *, collecting: bool = False) -> None:
         self.file = file
         self.collecting = collecting
-        self.findings: list[Finding] = []
+        self.findings: list[FileFinding] = []
         self._places: list[tuple[str, int]] = []
 
     def fail(self, where: str, what: str) -> DescriptionError:
-        return PlacedError(self._finding(f"{where}: {what}"))
+        return PlacedError(self._make_finding(f"{where}: {what}"))
 
     def warn(self, text: str, element: ET.Element | None = None, *, quiet: bool = False) -> None:
-        """Note something odd but harmless; `quiet` ones only show in a check of the file."""
-        self.findings.append(self._finding(text, element, quiet=quiet))
+        """Note a harmless problem; a `quiet` one only shows in a check of the file."""
+        self.findings.append(self._make_finding(text, element, quiet=quiet))
 
     @contextmanager
     def attempt(self, element: ET.Element) -> Iterator[None]:
-        """Name the place of `element` in what goes wrong inside."""
-        self._places.append(place_of(element))
+        """Name the place of `element` in the errors raised inside."""
+        self._places.append(find_place(element))
         try:
             yield
         except DescriptionError as error:
@@ -75,26 +75,26 @@ class Source:
         """Keep an error as a finding."""
         finding = getattr(error, "finding", None)
         if finding is None:
-            finding = self._finding(str(error).removeprefix(f"{self.file}: "))
+            finding = self._make_finding(str(error).removeprefix(f"{self.file}: "))
         self.findings.append(finding)
 
-    def warnings(self) -> tuple[str, ...]:
-        """What the user of the file should know, each text once."""
+    def list_warnings(self) -> tuple[str, ...]:
+        """Return the texts for the user of the file, each once."""
         counted = Counter(finding.summary for finding in self.findings if finding.summary)
         return tuple(
             text if times == 1 else f"{text} ({times} times)" for text, times in counted.items()
         )
 
-    def _finding(
+    def _make_finding(
         self, text: str, element: ET.Element | None = None, *, quiet: bool = False
-    ) -> Finding:
+    ) -> FileFinding:
         file, line = self._places[-1] if self._places else ("", 0)
-        if element is not None and place_of(element)[1]:
-            file, line = place_of(element)
-        return Finding(file or self.file, line, text, "" if quiet else text)
+        if element is not None and find_place(element)[1]:
+            file, line = find_place(element)
+        return FileFinding(file or self.file, line, text, "" if quiet else text)
 
-    def numbers(self, text: str | None, count: int, where: str) -> tuple[float, ...]:
-        """Exactly `count` numbers separated by blanks.
+    def parse_numbers(self, text: str | None, count: int, where: str) -> tuple[float, ...]:
+        """Parse exactly `count` numbers separated by blanks.
 
         Raises: DescriptionError: a different count, not numbers, or not finite.
         """
@@ -111,21 +111,21 @@ class Source:
             raise self.fail(where, f"needs {count} numbers, found {len(values)} in '{text or ''}'")
         return values
 
-    def number(self, text: str | None, where: str) -> float:
-        return self.numbers(text, 1, where)[0]
+    def parse_number(self, text: str | None, where: str) -> float:
+        return self.parse_numbers(text, 1, where)[0]
 
-    def vec3(self, text: str | None, where: str) -> Vec3:
-        x, y, z = self.numbers(text, 3, where)
+    def parse_vec3(self, text: str | None, where: str) -> Vec3:
+        x, y, z = self.parse_numbers(text, 3, where)
         return x, y, z
 
-    def child(self, element: ET.Element, tag: str, where: str) -> ET.Element:
+    def require_child(self, element: ET.Element, tag: str, where: str) -> ET.Element:
         child = element.find(tag)
         if child is None:
             has = ", ".join(f"<{inner.tag}>" for inner in element) or "nothing"
             raise self.fail(where, f"<{tag}> is missing; it has {has}")
         return child
 
-    def attribute(self, element: ET.Element, name: str, where: str) -> str:
+    def require_attribute(self, element: ET.Element, name: str, where: str) -> str:
         value = element.get(name)
         if value is None:
             raise self.fail(where, f"<{element.tag}> has no attribute '{name}'")

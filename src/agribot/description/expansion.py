@@ -12,9 +12,9 @@ import xacro
 
 from agribot.core.errors import DescriptionError
 from agribot.description.absent_packages import AbsentPackages
-from agribot.description.elements import Source
+from agribot.description.elements import SourceFile
 from agribot.description.markup import parse_xml, read_xml
-from agribot.description.xacro_arithmetic import bounded_arithmetic
+from agribot.description.xacro_arithmetic import bound_arithmetic
 from agribot.description.xacro_dialect import OldDialect
 
 # xacro keeps the files it works on in module variables.
@@ -33,8 +33,8 @@ class _Arguments(dict[str, str]):
         return super().__contains__(name)
 
 
-def expand(path: Path, mappings: Mapping[str, str], source: Source) -> ET.Element:
-    """The URDF tree of a xacro or URDF file; packages that are not here are left out.
+def expand(path: Path, mappings: Mapping[str, str], source: SourceFile) -> ET.Element:
+    """Expand a xacro or URDF file to its URDF tree, without the packages that are absent.
 
     Raises: DescriptionError: the file or one of its own package is missing or broken, or
         `mappings` names an argument that no file declares.
@@ -48,7 +48,7 @@ def expand(path: Path, mappings: Mapping[str, str], source: Source) -> ET.Elemen
         )
     if path.suffix == ".xacro":
         dialect, absent = OldDialect(source), AbsentPackages(path, source)
-        root = parse_xml(_expanded(path, mappings, dialect, absent), path.name)
+        root = parse_xml(_run_xacro(path, mappings, dialect, absent), path.name)
         dialect.place(root)
         absent.cut_loose_ends(root)
     else:
@@ -60,27 +60,28 @@ def expand(path: Path, mappings: Mapping[str, str], source: Source) -> ET.Elemen
     return root
 
 
-def _expanded(
+def _run_xacro(
     path: Path, mappings: Mapping[str, str], dialect: OldDialect, absent: AbsentPackages
 ) -> str:
     arguments = _Arguments(mappings)
-    with _XACRO_LOCK, absent.left_out(), dialect.understood(), bounded_arithmetic():
+    with _XACRO_LOCK, absent.leave_out(), dialect.accept(), bound_arithmetic():
         xacro.init_stacks(str(path))
         try:
             document = xacro.parse(None, str(path))
             xacro.process_doc(document, mappings=arguments)
         except ExpatError as error:
             raise DescriptionError(
-                f"{_current_file(path)}: not well-formed XML: {error}; mend that line"
+                f"{_find_current_file(path)}: not well-formed XML: {error}; mend that line"
             ) from error
         except RecursionError as error:
+            file = _find_current_file(path)
             raise DescriptionError(
-                f"{_current_file(path)}: xacro cannot expand it: a file or macro includes itself"
+                f"{file}: xacro cannot expand it: a file or macro includes itself"
             ) from error
-        except Exception as error:  # xacro raises whatever the file makes it run into
+        except Exception as error:  # xacro raises any kind of error on a broken file
             reason = " ".join(str(error).split()) or type(error).__name__
             raise DescriptionError(
-                f"{_current_file(path)}: xacro cannot expand it: {reason}"
+                f"{_find_current_file(path)}: xacro cannot expand it: {reason}"
             ) from error
     unknown = sorted(set(mappings) - arguments.declared)
     if unknown:
@@ -91,7 +92,7 @@ def _expanded(
     return str(document.toxml())
 
 
-def _current_file(top: Path) -> str:
-    """The file that xacro was working on when it gave up."""
+def _find_current_file(top: Path) -> str:
+    """Return the file that xacro was working on when it failed."""
     stack = [name for name in (xacro.filestack or []) if name]
     return stack[-1] if stack else str(top)

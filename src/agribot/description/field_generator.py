@@ -1,4 +1,4 @@
-"""Fields by chance: rows of crops with gaps, and weeds in between, from a plan and a seed.
+"""Random fields: rows of crops with gaps, and weeds in between, from a plan and a seed.
 
 `python -m agribot.description.field_generator` writes the generated worlds of the package again;
 a test holds their text.
@@ -16,7 +16,7 @@ from agribot.core.errors import DescriptionError
 from agribot.core.geo import MapFrame
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.world import GroundTile, Plant, Soil, WorldSpec
-from agribot.description.field_plan import FieldPlan, RowsPlan, read_field_plan
+from agribot.description.field_settings import FieldSettings, RowsSettings, read_field_settings
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
 
@@ -27,34 +27,34 @@ SOIL_M = 6.0  # beyond the outermost crops
 PACKAGED = {"beet": 1, "rows-10x12": 1}  # plan -> seed of the worlds that come along
 
 
-def generate_field(plan: FieldPlan, seed: int, folder: Path = Path()) -> WorldSpec:
-    """A world with the field of a plan; the same plan and seed give the same plants.
+def generate_field(plan: FieldSettings, seed: int, folder: Path = Path()) -> WorldSpec:
+    """Generate a world with the field of a plan; the same plan and seed give the same plants.
 
     `folder` is where the plan's boundary file lies.
     Raises: DescriptionError: no crop is left, or the boundary cannot be read.
     """
     rng = [np.random.default_rng([seed, part]) for part in range(2)]
-    rows = [_row(plan, index, rng[0]) for index in range(plan.rows.count)]
+    rows = [_place_row(plan, index, rng[0]) for index in range(plan.rows.count)]
     crops_xy_m = np.concatenate(rows)
-    ring = _boundary(plan, folder)
+    ring = _read_boundary(plan, folder)
     if ring is not None:
-        crops_xy_m = crops_xy_m[_inside(crops_xy_m, ring)]
+        crops_xy_m = crops_xy_m[_find_inside(crops_xy_m, ring)]
     if len(crops_xy_m) == 0:
         raise DescriptionError(
             f"field '{plan.name}' has no crop left: lower crop.missing_ratio or crop.gaps_per_row, "
             "or move rows.first_row_start_map_m into the boundary"
         )
-    weeds_xy_m = _weeds(plan, crops_xy_m, rng[1])
+    weeds_xy_m = _place_weeds(plan, crops_xy_m, rng[1])
     if ring is not None:
-        weeds_xy_m = weeds_xy_m[_inside(weeds_xy_m, ring)]
-    plants = [_crop(plan, at, rng[0]) for at in crops_xy_m]
-    plants += [_weed(plan, at, rng[1]) for at in weeds_xy_m]
+        weeds_xy_m = weeds_xy_m[_find_inside(weeds_xy_m, ring)]
+    plants = [_make_crop(plan, at, rng[0]) for at in crops_xy_m]
+    plants += [_make_weed(plan, at, rng[1]) for at in weeds_xy_m]
     return WorldSpec(
         name=plan.name,
         datum=plan.datum,
         spawn_xy_map_m=plan.spawn_xy_map_m,
         spawn_yaw_map_rad=math.radians(plan.spawn_yaw_deg),
-        ground=(*_ground(crops_xy_m, plan.spawn_xy_map_m), *_tracks(plan)),
+        ground=(*_make_ground(crops_xy_m, plan.spawn_xy_map_m), *_make_tracks(plan)),
         soil=Soil(
             residue_ratio=plan.soil.residue_ratio,
             stones_ratio=plan.soil.stones_ratio,
@@ -64,8 +64,8 @@ def generate_field(plan: FieldPlan, seed: int, folder: Path = Path()) -> WorldSp
     )
 
 
-def row_offsets_m(rows: RowsPlan) -> list[float]:
-    """How far each row lies to the right of the first one, tramlines counted."""
+def compute_row_offsets_m(rows: RowsSettings) -> list[float]:
+    """Return how far each row lies to the right of the first one, with tramlines."""
     every = rows.tramline_every
     return [
         index * rows.pitch_m + (index // every * rows.tramline_m if every else 0.0)
@@ -73,10 +73,10 @@ def row_offsets_m(rows: RowsPlan) -> list[float]:
     ]
 
 
-def _row(plan: FieldPlan, index: int, rng: np.random.Generator) -> FloatArray:
-    """Places of the crops of a row, (n, 2)."""
+def _place_row(plan: FieldSettings, index: int, rng: np.random.Generator) -> FloatArray:
+    """Place the crops of a row; return their map positions, (n, 2)."""
     rows, crop = plan.rows, plan.crop
-    offset_m = row_offsets_m(rows)[index]
+    offset_m = compute_row_offsets_m(rows)[index]
     stretch = 1.0 + rows.curvature_radpm * offset_m  # of an outer row against the first one
     if stretch <= 0.1:
         raise DescriptionError(
@@ -91,11 +91,11 @@ def _row(plan: FieldPlan, index: int, rng: np.random.Generator) -> FloatArray:
         start_m = rng.uniform(0.0, max(rows.length_m - crop.gap_length_m, 0.0))
         kept &= (along_m < start_m) | (along_m > start_m + crop.gap_length_m)
     jitter_m = rng.uniform(-crop.jitter_m, crop.jitter_m, (count, 2))
-    return (_bent(rows, along_m, offset_m) + jitter_m)[kept]
+    return (_bend(rows, along_m, offset_m) + jitter_m)[kept]
 
 
-def _bent(rows: RowsPlan, along_m: FloatArray, offset_m: float) -> FloatArray:
-    """Points beside the curve of the first row, (n, 2)."""
+def _bend(rows: RowsSettings, along_m: FloatArray, offset_m: float) -> FloatArray:
+    """Return map points (n, 2) beside the first row's curve, at `along_m` (n,) on it."""
     yaw, bend = math.radians(rows.yaw_deg), rows.curvature_radpm
     heading = yaw + bend * along_m
     if bend:
@@ -109,8 +109,10 @@ def _bent(rows: RowsPlan, along_m: FloatArray, offset_m: float) -> FloatArray:
     return places
 
 
-def _weeds(plan: FieldPlan, crops_xy_m: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Places of weeds off the crops, scattered and in patches, (n, 2)."""
+def _place_weeds(
+    plan: FieldSettings, crops_xy_m: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """Place weeds off the crops (m, 2), scattered and in patches; return positions, (n, 2)."""
     weeds = plan.weeds
     low, high = crops_xy_m.min(axis=0) - weeds.margin_m, crops_xy_m.max(axis=0) + weeds.margin_m
     total = weeds.density_per_m2 * float(np.prod(high - low))
@@ -128,19 +130,21 @@ def _weeds(plan: FieldPlan, crops_xy_m: FloatArray, rng: np.random.Generator) ->
     return kept
 
 
-def _crop(plan: FieldPlan, at_m: FloatArray, rng: np.random.Generator) -> Plant:
+def _make_crop(plan: FieldSettings, at_m: FloatArray, rng: np.random.Generator) -> Plant:
     spread = plan.crop.height_spread_ratio
     height_m = plan.crop.height_m * float(rng.uniform(1.0 - spread, 1.0 + spread))
-    return _plant(plan.crop.species, PlantClass.CROP, at_m, height_m, plan.crop.stem_radius_m, rng)
+    return _make_plant(
+        plan.crop.species, PlantClass.CROP, at_m, height_m, plan.crop.stem_radius_m, rng
+    )
 
 
-def _weed(plan: FieldPlan, at_m: FloatArray, rng: np.random.Generator) -> Plant:
+def _make_weed(plan: FieldSettings, at_m: FloatArray, rng: np.random.Generator) -> Plant:
     species = plan.weeds.species[int(rng.integers(len(plan.weeds.species)))]
     height_m = float(rng.uniform(plan.weeds.height_min_m, plan.weeds.height_max_m))
-    return _plant(species, PlantClass.WEED, at_m, height_m, 0.02, rng)
+    return _make_plant(species, PlantClass.WEED, at_m, height_m, 0.02, rng)
 
 
-def _plant(
+def _make_plant(
     species: str, kind: PlantClass, at_m: FloatArray, height_m: float, stem_radius_m: float,
     rng: np.random.Generator,
 ) -> Plant:  # fmt: skip
@@ -156,8 +160,8 @@ def _plant(
     )
 
 
-def _ground(crops_xy_m: FloatArray, spawn: tuple[float, float]) -> tuple[GroundTile, ...]:
-    """Soil under the field and the robot, grass around it."""
+def _make_ground(crops_xy_m: FloatArray, spawn: tuple[float, float]) -> tuple[GroundTile, ...]:
+    """Make soil under the field and the robot, grass around it."""
     points = np.concatenate([crops_xy_m, [spawn]])
     low, high = np.floor(points.min(axis=0)), np.ceil(points.max(axis=0))
 
@@ -170,8 +174,8 @@ def _ground(crops_xy_m: FloatArray, spawn: tuple[float, float]) -> tuple[GroundT
     return tile("grass", SOIL_M + AROUND_M), tile("soil", SOIL_M)
 
 
-def _tracks(plan: FieldPlan) -> list[GroundTile]:
-    """Strips where wheels went, a pair astride each row."""
+def _make_tracks(plan: FieldSettings) -> list[GroundTile]:
+    """Make the tracks of wheels, a pair astride each row."""
     rows, soil = plan.rows, plan.soil
     if not soil.track_gauge_m:
         return []
@@ -183,9 +187,9 @@ def _tracks(plan: FieldPlan) -> list[GroundTile]:
     ends_m = np.array([-1.0, rows.length_m + 1.0])
     half_m = soil.track_width_m / 2.0
     tiles = []
-    for offset_m in row_offsets_m(rows):
+    for offset_m in compute_row_offsets_m(rows):
         for side_m in (-soil.track_gauge_m / 2.0, soil.track_gauge_m / 2.0):
-            edges = [_bent(rows, ends_m, offset_m + side_m + edge) for edge in (-half_m, half_m)]
+            edges = [_bend(rows, ends_m, offset_m + side_m + edge) for edge in (-half_m, half_m)]
             low = np.min(edges, axis=(0, 1)).round(DIGITS).tolist()
             high = np.max(edges, axis=(0, 1)).round(DIGITS).tolist()
             tiles.append(
@@ -197,8 +201,8 @@ def _tracks(plan: FieldPlan) -> list[GroundTile]:
     return tiles
 
 
-def _boundary(plan: FieldPlan, folder: Path) -> FloatArray | None:
-    """Outer ring of the plan's GeoJSON polygon in the map, (n, 2)."""
+def _read_boundary(plan: FieldSettings, folder: Path) -> FloatArray | None:
+    """Read the outer ring of the plan's GeoJSON polygon in the map, (n, 2)."""
     if not plan.boundary:
         return None
     try:
@@ -215,10 +219,10 @@ def _boundary(plan: FieldPlan, folder: Path) -> FloatArray | None:
         ) from error
 
 
-def _inside(
+def _find_inside(
     points: FloatArray, ring: FloatArray
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Which points (n, 2) lie inside a ring (m, 2), by counting the edges to their right."""
+    """Return which points (n, 2) lie inside a ring (m, 2), by counting the edges to their right."""
     inside = np.zeros(len(points), dtype=bool)
     x, y = points[:, 0], points[:, 1]
     for (x0, y0), (x1, y1) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
@@ -231,6 +235,6 @@ def _inside(
 if __name__ == "__main__":
     for field, field_seed in PACKAGED.items():
         write_world(
-            generate_field(read_field_plan(ROOT / "fields" / f"{field}.toml"), field_seed),
+            generate_field(read_field_settings(ROOT / "fields" / f"{field}.toml"), field_seed),
             ROOT / "worlds" / f"{field}.world",
         )

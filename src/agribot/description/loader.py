@@ -11,14 +11,15 @@ from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import Link, RobotSpec
 from agribot.description import devices
 from agribot.description.adopt_devices import adopt_devices
-from agribot.description.adopt_wheels import adopt_base, adopt_wheels, name_apart
-from agribot.description.elements import Finding, Source
+from agribot.description.adopt_wheels import adopt_base, adopt_wheels, make_names_unique
+from agribot.description.elements import FileFinding, SourceFile
 from agribot.description.expansion import expand
+from agribot.description.implements import read_implement
 from agribot.description.kinematics import read_joints, read_links
 from agribot.description.markup import parse_xml
-from agribot.description.package import packaged_or_file, robot_files
+from agribot.description.package import find_packaged_or_file, list_robot_files
 
-# Of the wheels together: what is lighter was forgotten, and no physics can stand on it.
+# Of the wheels together: a lighter body lacks its mass, and its physics would be unstable.
 MIN_BODY_RATIO = 0.05
 
 
@@ -28,58 +29,60 @@ def load_robot(
     """Read a packaged robot, or a .xacro or .urdf file.
 
     `mappings` are values for the file's xacro arguments, such as {"legacy_camera": "true"}.
-    Robots of other makers get our names for their wheels and usual values for what their
-    description leaves out; `warnings` says which.
+    Robots of other makers get our names for their wheels and default values for missing parts;
+    `warnings` lists them.
 
     Raises: DescriptionError: unknown name, broken file, or no four wheels to drive with.
     """
-    return _read(*_opened(name_or_path, mappings or {}))
+    return _read_robot(*_open_source(name_or_path, mappings or {}))
 
 
 def parse_robot(urdf: str, source_name: str) -> RobotSpec:
-    """Read plain URDF text, as a recording holds it; errors name `source_name`."""
-    return _read(parse_xml(urdf, source_name), Source(source_name), Path(source_name))
+    """Read plain URDF text, such as a recording's; errors name `source_name`."""
+    return _read_robot(parse_xml(urdf, source_name), SourceFile(source_name), Path(source_name))
 
 
-def check_robot(name_or_path: str = "agribot") -> tuple[Finding, ...]:
-    """Everything that is wrong or left out in a description, in the order of its lines.
+def check_robot(name_or_path: str = "agribot") -> tuple[FileFinding, ...]:
+    """List all errors and gaps of a description, in the order of its lines.
 
     Raises: DescriptionError: unknown name, or no such file.
     """
-    path = _robot_path(name_or_path)
+    path = _find_robot_file(name_or_path)
     if not path.is_file():
         raise DescriptionError(f"robot file {path} does not exist; check the path")
-    source = Source(path.name, collecting=True)
+    source = SourceFile(path.name, collecting=True)
     try:
-        _read(expand(path, {}, source), source, path)
+        _read_robot(expand(path, {}, source), source, path)
     except DescriptionError as error:
         source.note(error)
     return tuple(sorted(dict.fromkeys(source.findings), key=lambda f: (f.file, f.line)))
 
 
-def urdf_text(name_or_path: str = "agribot", mappings: Mapping[str, str] | None = None) -> str:
-    """The expanded description as URDF text; the same bytes on every machine."""
-    root, source, path = _opened(name_or_path, mappings or {})
+def export_urdf(name_or_path: str = "agribot", mappings: Mapping[str, str] | None = None) -> str:
+    """Expand a description to URDF text; the same bytes on every machine."""
+    root, source, path = _open_source(name_or_path, mappings or {})
     _adopt(root, source, path.parent)
     ET.indent(root)
     return f'<?xml version="1.0"?>\n{ET.tostring(root, encoding="unicode")}\n'
 
 
-def _opened(name_or_path: str, mappings: Mapping[str, str]) -> tuple[ET.Element, Source, Path]:
-    path = _robot_path(name_or_path)
-    source = Source(path.name)
+def _open_source(
+    name_or_path: str, mappings: Mapping[str, str]
+) -> tuple[ET.Element, SourceFile, Path]:
+    path = _find_robot_file(name_or_path)
+    source = SourceFile(path.name)
     return expand(path, mappings, source), source, path
 
 
-def _adopt(root: ET.Element, source: Source, folder: Path) -> None:
-    """Complete the tree in place, so that it is a robot as the rest of AGRIBOT knows them."""
-    name_apart(root, source)
+def _adopt(root: ET.Element, source: SourceFile, folder: Path) -> None:
+    """Complete the tree in place with all links, names and tags that AGRIBOT needs."""
+    make_names_unique(root, source)
     adopt_base(root, read_joints(root, source), source)
     adopt_wheels(root, read_links(root, source), read_joints(root, source), source, folder)
     adopt_devices(root, read_links(root, source), read_joints(root, source), source)
 
 
-def _read(root: ET.Element, source: Source, path: Path) -> RobotSpec:
+def _read_robot(root: ET.Element, source: SourceFile, path: Path) -> RobotSpec:
     _adopt(root, source, path.parent)
     links = read_links(root, source)
     joints = read_joints(root, source)
@@ -96,13 +99,13 @@ def _read(root: ET.Element, source: Source, path: Path) -> RobotSpec:
         gnss=gnss,
         mag=mag,
         camera=devices.read_camera(root, links, source),
-        sprayer=devices.read_sprayer(root, source),
-        warnings=source.warnings(),
+        implement=read_implement(root, source),
+        warnings=source.list_warnings(),
     )
 
 
-def _check_masses(links: Sequence[Link], source: Source) -> None:
-    """Every wheel and the rest of the robot need a mass, and none may be negative."""
+def _check_masses(links: Sequence[Link], source: SourceFile) -> None:
+    """Check that every wheel and the rest of the robot have a mass, and none is negative."""
     wheels = {link.name: link.mass_kg for link in links if link.name in WHEEL_NAMES}
     bodies = {**wheels, "base_link": sum(link.mass_kg for link in links if link.name not in wheels)}
     for name, mass_kg in {**{link.name: link.mass_kg for link in links}, **bodies}.items():
@@ -119,5 +122,5 @@ def _check_masses(links: Sequence[Link], source: Source) -> None:
         )
 
 
-def _robot_path(name_or_path: str) -> Path:
-    return packaged_or_file("robot", name_or_path, robot_files(), (".xacro", ".urdf"))
+def _find_robot_file(name_or_path: str) -> Path:
+    return find_packaged_or_file("robot", name_or_path, list_robot_files(), (".xacro", ".urdf"))

@@ -1,4 +1,4 @@
-"""XML trees whose elements know the file and the line they stand in."""
+"""XML trees whose elements have their file and line."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from agribot.core.errors import DescriptionError
 
 
 class PlacedElement(ET.Element):
-    """An element with the place it was read from; line 0 means that it was made up."""
+    """An element with the place it was read from; line 0 means that it comes from no file."""
 
     file: str = ""
     line: int = 0
 
 
 def parse_xml(text: bytes | str, file: str) -> ET.Element:
-    """The top element of a document.
+    """Parse a document; return its top element.
 
     Raises: DescriptionError: not well-formed; names the file and the line.
     """
@@ -27,12 +27,12 @@ def parse_xml(text: bytes | str, file: str) -> ET.Element:
     parser.buffer_text = True
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        named = {_full(key): value for key, value in attributes.items()}
-        element = builder.start(_full(tag), named)
+        named = {_expand_name(key): value for key, value in attributes.items()}
+        element = builder.start(_expand_name(tag), named)
         element.file, element.line = file, parser.CurrentLineNumber
 
     parser.StartElementHandler = start
-    parser.EndElementHandler = lambda tag: builder.end(_full(tag))
+    parser.EndElementHandler = lambda tag: builder.end(_expand_name(tag))
     parser.CharacterDataHandler = builder.data
     try:
         parser.Parse(text.encode() if isinstance(text, str) else text, True)
@@ -43,7 +43,10 @@ def parse_xml(text: bytes | str, file: str) -> ET.Element:
 
 
 def read_xml(path: Path) -> ET.Element:
-    """Raises: DescriptionError: no such file, or not well-formed."""
+    """Read a document; return its top element.
+
+    Raises: DescriptionError: no such file, or not well-formed.
+    """
     try:
         text = path.read_bytes()
     except OSError as error:
@@ -51,11 +54,11 @@ def read_xml(path: Path) -> ET.Element:
     return parse_xml(text, path.name)
 
 
-def place_of(element: ET.Element) -> tuple[str, int]:
-    """File and line; empty and 0 for an element that was not read from a file."""
+def find_place(element: ET.Element) -> tuple[str, int]:
+    """Return file and line; empty and 0 for an element that was not read from a file."""
     return getattr(element, "file", ""), getattr(element, "line", 0)
 
 
-def _full(name: str) -> str:
-    """Expat's `uri}name` in the spelling of ElementTree."""
+def _expand_name(name: str) -> str:
+    """Convert expat's `uri}name` to the spelling of ElementTree."""
     return "{" + name if "}" in name else name

@@ -1,4 +1,4 @@
-"""How large the mesh of a file is: enough to stand in for it with a box."""
+"""The size of a mesh file, for a box in its place."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from agribot.core.messages import FloatArray
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 
-def mesh_bounds_m(path: Path) -> tuple[FloatArray, FloatArray] | None:
-    """Lowest and highest corner, (3,) each; None where the file cannot be understood."""
-    read = {".stl": _stl, ".obj": _obj, ".dae": _dae}.get(path.suffix.lower())
+def measure_mesh_m(path: Path) -> tuple[FloatArray, FloatArray] | None:
+    """Return the lowest and highest corner, (3,) each, m; None where the file cannot be read."""
+    read = {".stl": _read_stl, ".obj": _read_obj, ".dae": _read_dae}.get(path.suffix.lower())
     if read is None:
         return None
     try:
@@ -27,27 +27,27 @@ def mesh_bounds_m(path: Path) -> tuple[FloatArray, FloatArray] | None:
     return points.min(axis=0), points.max(axis=0)
 
 
-def _stl(data: bytes) -> FloatArray:
+def _read_stl(data: bytes) -> FloatArray:
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= 84 else 0
     if count > 0 and 84 + 50 * count <= len(data) < 84 + 50 * count + 50:
         record = np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("spare", "<u2")])
         corners: FloatArray = np.frombuffer(data, record, count, 84)["corner"].astype(np.float64)
         return corners.reshape(-1, 3)
-    return _rows(data, rb"vertex\s+")
+    return _read_rows(data, rb"vertex\s+")
 
 
-def _obj(data: bytes) -> FloatArray:
-    return _rows(data, rb"(?m)^v\s+")
+def _read_obj(data: bytes) -> FloatArray:
+    return _read_rows(data, rb"(?m)^v\s+")
 
 
-def _rows(data: bytes, before: bytes) -> FloatArray:
+def _read_rows(data: bytes, before: bytes) -> FloatArray:
     three = rb"\s+".join([rb"(" + NUMBER.encode() + rb")"] * 3)
     found = re.findall(before + three, data)
     return np.array([[float(word) for word in row] for row in found]).reshape(-1, 3)
 
 
-def _dae(data: bytes) -> FloatArray:
-    """Points as they stand in the file: nodes that move them are not followed."""
+def _read_dae(data: bytes) -> FloatArray:
+    """Read the points (n, 3) of the file; transforms of its nodes are ignored."""
     text = data.decode("utf-8", "replace")
     unit = re.search(rf'<unit[^>]*meter="({NUMBER})"', text)
     arrays = re.findall(r'<float_array[^>]*id="[^"]*[Pp]osition[^"]*"[^>]*>([^<]*)<', text)

@@ -36,8 +36,8 @@ WHEEL_PROFILE_M = (
 )
 
 
-def box(centre_m: Vec3, size_m: Vec3) -> FloatArray:
-    """Twelve outward triangles (12, 3, 3)."""
+def make_box(centre_m: Vec3, size_m: Vec3) -> FloatArray:
+    """Make a box of outward triangles (12, 3, 3)."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     faces = [
         (0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1),
@@ -47,8 +47,8 @@ def box(centre_m: Vec3, size_m: Vec3) -> FloatArray:
     return triangles
 
 
-def lathe(profile_m: Sequence[Sequence[tuple[float, float]]]) -> FloatArray:
-    """A closed solid around the x axis.
+def make_lathed(profile_m: Sequence[Sequence[tuple[float, float]]]) -> FloatArray:
+    """Make a closed solid around the x axis.
 
     Args:
         profile_m: one cross-section for each step around the axis, each from the axis to the
@@ -76,8 +76,8 @@ def lathe(profile_m: Sequence[Sequence[tuple[float, float]]]) -> FloatArray:
     return np.array(triangles)
 
 
-def wheel() -> FloatArray:
-    """A wheel with chevron lugs; the axle is the x axis."""
+def make_wheel() -> FloatArray:
+    """Make a wheel with chevron lugs, triangles (N, 3, 3); the axle is the x axis."""
 
     def section(step: int) -> list[tuple[float, float]]:
         def tread_m(shift: int) -> float:
@@ -86,52 +86,57 @@ def wheel() -> FloatArray:
         left = [*WHEEL_PROFILE_M, (-WHEEL_WIDTH_M / 2.0, tread_m(0))]
         return [*left, (0.0, tread_m(1)), *((-x, radius) for x, radius in reversed(left))]
 
-    return lathe([section(step) for step in range(WHEEL_SEGMENTS)])
+    return make_lathed([section(step) for step in range(WHEEL_SEGMENTS)])
 
 
-def chassis() -> FloatArray:
-    """Deck, legs, axle stubs, a case on the deck and the spray boom with its nozzles."""
+def make_chassis() -> FloatArray:
+    """Make deck, legs, axle stubs, a case and the spray boom, triangles (N, 3, 3)."""
     deck_m = (2 * HALF_WHEELBASE_M + 0.14, 2 * HALF_TRACK_M - 0.13, 0.05)
     stub_m = HALF_TRACK_M - WHEEL_WIDTH_M / 2.0 - LEG_Y_M
-    parts = [box((0.0, 0.0, 0.0), deck_m), box((-0.1, 0.0, 0.09), (0.28, 0.34, 0.13))]
+    parts = [make_box((0.0, 0.0, 0.0), deck_m), make_box((-0.1, 0.0, 0.09), (0.28, 0.34, 0.13))]
     for front in (-1.0, 1.0):
         for left in (-1.0, 1.0):
             x_m = front * HALF_WHEELBASE_M
             parts += [
-                box((x_m, left * LEG_Y_M, -AXLE_DROP_M / 2), (0.03, 0.03, AXLE_DROP_M)),
-                box((x_m, left * (LEG_Y_M + stub_m / 2), -AXLE_DROP_M), (0.02, stub_m, 0.02)),
+                make_box((x_m, left * LEG_Y_M, -AXLE_DROP_M / 2), (0.03, 0.03, AXLE_DROP_M)),
+                make_box((x_m, left * (LEG_Y_M + stub_m / 2), -AXLE_DROP_M), (0.02, stub_m, 0.02)),
             ]
-    parts.append(box((BOOM_X_M, 0.0, 0.035), (0.02, 0.84, 0.02)))
-    parts += [box((-0.32, y_m, 0.035), (0.08, 0.02, 0.02)) for y_m in (-0.25, 0.25)]
+    parts.append(make_box((BOOM_X_M, 0.0, 0.035), (0.02, 0.84, 0.02)))
+    parts += [make_box((-0.32, y_m, 0.035), (0.08, 0.02, 0.02)) for y_m in (-0.25, 0.25)]
     for nozzle in range(NOZZLES):
         y_m = ((NOZZLES - 1) / 2.0 - nozzle) * NOZZLE_SPACING_M
-        parts.append(box((BOOM_X_M, y_m, 0.01), (0.015, 0.015, 0.04)))
+        parts.append(make_box((BOOM_X_M, y_m, 0.01), (0.015, 0.015, 0.04)))
     return np.concatenate(parts)
 
 
-def camera_housing() -> FloatArray:
-    """A housing that looks along x, with its lens at the origin."""
+def make_camera_housing() -> FloatArray:
+    """Make a housing that looks along x, with its lens at the origin, triangles (N, 3, 3)."""
     lens = [(-0.012, 0.0), (-0.012, 0.018), (0.0, 0.018), (0.0, 0.0)]
-    return np.concatenate([box((-0.03, 0.0, 0.0), (0.04, 0.06, 0.05)), lathe([lens] * 16)])
-
-
-def sensor_box() -> FloatArray:
-    """A housing of 5 cm with a lid."""
     return np.concatenate(
-        [box((0.0, 0.0, -0.005), (0.05, 0.05, 0.04)), box((0.0, 0.0, 0.02), (0.042, 0.042, 0.01))]
+        [make_box((-0.03, 0.0, 0.0), (0.04, 0.06, 0.05)), make_lathed([lens] * 16)]
+    )
+
+
+def make_sensor_box() -> FloatArray:
+    """Make a housing of 5 cm with a lid, triangles (N, 3, 3)."""
+    return np.concatenate(
+        [
+            make_box((0.0, 0.0, -0.005), (0.05, 0.05, 0.04)),
+            make_box((0.0, 0.0, 0.02), (0.042, 0.042, 0.01)),
+        ]
     )
 
 
 MESHES: dict[str, Callable[[], FloatArray]] = {
-    "chassis.stl": chassis,
-    "wheel.stl": wheel,
-    "camera_housing.stl": camera_housing,
-    "sensor_box.stl": sensor_box,
+    "chassis.stl": make_chassis,
+    "wheel.stl": make_wheel,
+    "camera_housing.stl": make_camera_housing,
+    "sensor_box.stl": make_sensor_box,
 }
 
 
-def stl_bytes(triangles_m: FloatArray) -> bytes:
-    """Binary STL, rounded to a micrometre so that every machine writes the same bytes."""
+def encode_stl(triangles_m: FloatArray) -> bytes:
+    """Encode triangles (N, 3, 3) as binary STL, rounded to a micrometre: the same everywhere."""
     corners = np.round(triangles_m, 6) + 0.0  # no negative zeros
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -147,7 +152,7 @@ def stl_bytes(triangles_m: FloatArray) -> bytes:
 def write_meshes(folder: Path = FOLDER) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name, build in MESHES.items():
-        (folder / name).write_bytes(stl_bytes(build()))
+        (folder / name).write_bytes(encode_stl(build()))
 
 
 if __name__ == "__main__":

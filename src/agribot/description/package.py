@@ -1,4 +1,4 @@
-"""The files of this package, under the name that descriptions call them by."""
+"""The files of this package, under the name that descriptions use for it."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ GAZEBO_PATHS = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODE
 ROOT = Path(__file__).resolve().parent
 
 
-def robot_files() -> dict[str, Path]:
-    """The packaged robots by name: their top-level xacro files."""
+def list_robot_files() -> dict[str, Path]:
+    """List the packaged robots by name: their top-level xacro files."""
     return {"agribot": ROOT / "urdf" / "agribot_sensors.urdf.xacro"}
 
 
-def world_files() -> dict[str, Path]:
-    """The packaged worlds by name."""
+def list_world_files() -> dict[str, Path]:
+    """List the packaged worlds by name."""
     return {path.stem: path for path in sorted((ROOT / "worlds").glob("*.world"))}
 
 
-def package_folder(package: str, asking_file: Path) -> Path | None:
-    """Folder that `$(find package)` and `package://package` mean in `asking_file`.
+def find_package_folder(package: str, asking_file: Path) -> Path | None:
+    """Find the folder of `$(find package)` and `package://package` in `asking_file`.
 
-    As `named_package_folder`, else the one that holds the file's `urdf` folder.
+    It is that of `find_named_package_folder`, else the one that holds the file's `urdf` folder.
     """
-    named = named_package_folder(package, asking_file)
+    named = find_named_package_folder(package, asking_file)
     if named is not None:
         return named
     for folder in asking_file.resolve().parents:
@@ -40,46 +40,49 @@ def package_folder(package: str, asking_file: Path) -> Path | None:
     return ROOT if package == PACKAGE else None
 
 
-def named_package_folder(package: str, asking_file: Path) -> Path | None:
-    """The folder of a package that bears its name.
+def find_named_package_folder(package: str, asking_file: Path) -> Path | None:
+    """Find the folder of a package that has its name.
 
-    That is the folder above the file, else one beside those folders, else one that
-    ROS_PACKAGE_PATH, AMENT_PREFIX_PATH or Gazebo's resource paths lead to.
+    It is a folder above the file, else one beside those folders, else one in ROS_PACKAGE_PATH,
+    AMENT_PREFIX_PATH or Gazebo's resource paths.
     """
     parents = asking_file.resolve().parents
     for folder in parents:
         if folder.name == package:
             return folder
     beside = [folder / package for folder in list(parents)[:NEIGHBOURS]]
-    return next((folder for folder in [*beside, *_told_folders(package)] if folder.is_dir()), None)
+    return next(
+        (folder for folder in [*beside, *_list_environment_folders(package)] if folder.is_dir()),
+        None,
+    )
 
 
-def resource_folders() -> tuple[Path, ...]:
-    """Folders in which Gazebo would look for models, in its order."""
-    return tuple(path for name in GAZEBO_PATHS for path in _listed(name))
+def list_resource_folders() -> tuple[Path, ...]:
+    """List the folders in which Gazebo looks for models, in its order."""
+    return tuple(path for name in GAZEBO_PATHS for path in _split_path_variable(name))
 
 
-def _told_folders(package: str) -> Iterator[Path]:
-    """Where the environment says that a package may lie, as ROS and Gazebo look for it."""
-    for path in (path for name in ROS_PATHS for path in _listed(name)):
+def _list_environment_folders(package: str) -> Iterator[Path]:
+    """Yield the folders of a package that the variables of ROS and Gazebo name."""
+    for path in (path for name in ROS_PATHS for path in _split_path_variable(name)):
         if path.name == package:
             yield path
         for depth in ("", "*/", "*/*/"):
             yield from sorted(path.glob(depth + package))
-    for prefix in _listed("AMENT_PREFIX_PATH"):
+    for prefix in _split_path_variable("AMENT_PREFIX_PATH"):
         yield prefix / "share" / package
-    for folder in resource_folders():
+    for folder in list_resource_folders():
         yield folder / package
 
 
-def _listed(variable: str) -> list[Path]:
+def _split_path_variable(variable: str) -> list[Path]:
     return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
 
 
-def packaged_or_file(
+def find_packaged_or_file(
     kind: str, name_or_path: str, known: dict[str, Path], suffixes: tuple[str, str]
 ) -> Path:
-    """A packaged file by its name, or any path with one of the suffixes.
+    """Find a packaged file by its name, or any path with one of the suffixes.
 
     Raises: DescriptionError: neither; the message lists the known names.
     """

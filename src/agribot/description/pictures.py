@@ -1,4 +1,4 @@
-"""Pictures that mean numbers: height maps and occupancy maps."""
+"""Pictures that hold numbers: height maps and occupancy maps."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ FULL_SCALE = 65535.0  # of a picture with 16 bits
 
 
 def read_grey(path: Path, most_px: int) -> FloatArray:
-    """Grey of a picture from 0 black to 1 white, its lowest row first.
+    """Read the grey (rows, columns) of a picture, 0 black to 1 white, its lowest row first.
 
-    The size is judged before anything is unpacked: a small file can hold a very large picture.
+    The size is checked before anything is unpacked: a small file can hold a very large picture.
     Raises: DescriptionError: no picture that can be read, or a side longer than `most_px`.
     """
     from PIL import Image

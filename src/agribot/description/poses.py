@@ -10,38 +10,38 @@ import numpy as np
 from agribot.core.geo import transform
 from agribot.core.messages import FloatArray
 from agribot.core.robot import Origin
-from agribot.description.elements import Source
+from agribot.description.elements import SourceFile
 
 
-def read_pose(element: ET.Element, source: Source, where: str) -> FloatArray:
-    """`parent_from_element`, (4, 4); the identity where there is no <pose>."""
+def read_pose(element: ET.Element, source: SourceFile, where: str) -> FloatArray:
+    """Read `parent_from_element`, (4, 4); the identity where there is no <pose>."""
     pose = element.find("pose")
     if pose is None or not (pose.text or "").strip():
         return np.eye(4)
-    x, y, z, roll, pitch, yaw = source.numbers(pose.text, 6, f"{where} <pose>")
+    x, y, z, roll, pitch, yaw = source.parse_numbers(pose.text, 6, f"{where} <pose>")
     if pose.get("degrees", "false").lower() in {"true", "1"}:
         roll, pitch, yaw = math.radians(roll), math.radians(pitch), math.radians(yaw)
     return transform((x, y, z), (roll, pitch, yaw))
 
 
-def yaw_of(matrix: FloatArray) -> float:
+def extract_yaw(matrix: FloatArray) -> float:
     return math.atan2(matrix[1, 0], matrix[0, 0])
 
 
-def origin_of(matrix: FloatArray) -> Origin:
-    """The origin whose `matrix()` this is."""
+def to_origin(matrix: FloatArray) -> Origin:
+    """Convert a pose (4, 4) to the origin whose `matrix()` it is."""
     across = math.hypot(matrix[0, 0], matrix[1, 0])
     pitch = math.atan2(-matrix[2, 0], across)
     if across > 1e-9:
-        roll, yaw = math.atan2(matrix[2, 1], matrix[2, 2]), yaw_of(matrix)
+        roll, yaw = math.atan2(matrix[2, 1], matrix[2, 2]), extract_yaw(matrix)
     else:  # looking straight up or down: roll and yaw turn about the same axis
         roll, yaw = 0.0, math.atan2(-matrix[0, 1], matrix[1, 1])
     x, y, z = matrix[:3, 3].tolist()
     return Origin(xyz_m=(x, y, z), rpy_rad=(roll, pitch, yaw))
 
 
-def level(yaw_rad: float) -> FloatArray:
-    """A turn about the vertical, exact for whole quarter turns, (4, 4)."""
+def make_yaw_rotation(yaw_rad: float) -> FloatArray:
+    """Make a rotation about the vertical, (4, 4), exact for whole quarter turns."""
     quarters = yaw_rad / (math.pi / 2)
     if abs(quarters - round(quarters)) < 1e-12:
         cos, sin = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(quarters) % 4]

@@ -1,7 +1,7 @@
-"""Occupancy maps as ROS's map_server keeps them: a YAML file and a picture.
+"""Occupancy maps in the format of ROS's map_server: a YAML file and a picture.
 
-Geo-anchored: `datum` in the YAML says where on Earth the map's frame lies; map_server passes
-over it.
+They are geo-referenced: `datum` in the YAML is the place of the map's frame on Earth, which
+map_server ignores.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import numpy.typing as npt
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import Datum
 from agribot.core.world import Obstacle, WorldSpec
-from agribot.description.package import ROOT
 from agribot.description.pictures import read_grey
 
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1
@@ -28,9 +27,10 @@ Cells = npt.NDArray[np.int8]
 
 
 class RosMap(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """`cells` holds OCCUPIED, FREE or UNKNOWN, rows from South to North, (height, width).
+    """An occupancy map.
 
-    The lower left corner of the first cell lies at `x_min_m`, `y_min_m` in the map.
+    `cells` (height, width) are OCCUPIED, FREE or UNKNOWN, rows from South to North. The lower
+    left corner of the first cell lies at `x_min_m`, `y_min_m` in the map.
     """
 
     cells: Cells
@@ -41,13 +41,18 @@ class RosMap(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     free_ratio: float = 0.196
     datum: Datum | None = None
 
-    def at(self, x_map_m: float, y_map_m: float) -> int:
-        """The cell at a place; UNKNOWN outside the map."""
+    def read_cell(self, x_map_m: float, y_map_m: float) -> int:
+        """Return the cell at a place; UNKNOWN outside the map."""
         row = math.floor((y_map_m - self.y_min_m) / self.resolution_m)
         column = math.floor((x_map_m - self.x_min_m) / self.resolution_m)
         rows, columns = self.cells.shape
         inside = 0 <= row < rows and 0 <= column < columns
         return int(self.cells[row, column]) if inside else UNKNOWN
+
+    def count_cells(self) -> dict[str, int]:
+        """Count the cells of each state."""
+        states = {"occupied": OCCUPIED, "free": FREE, "unknown": UNKNOWN}
+        return {name: int((self.cells == state).sum()) for name, state in states.items()}
 
 
 def load_ros_map(path: Path) -> RosMap:
@@ -55,9 +60,9 @@ def load_ros_map(path: Path) -> RosMap:
 
     Raises: DescriptionError: a file or key is missing, or a value makes no sense.
     """
-    keys = _keys(path)
-    origin = _numbers(keys, "origin", path)
-    (resolution_m,) = _numbers(keys, "resolution", path)
+    keys = _read_keys(path)
+    origin = _parse_numbers(keys, "origin", path)
+    (resolution_m,) = _parse_numbers(keys, "resolution", path)
     if len(origin) != 3 or origin[2] != 0.0 or resolution_m <= 0.0:
         raise DescriptionError(
             f"{path.name}: origin {origin} and resolution {resolution_m:g}: only maps that are not "
@@ -67,11 +72,11 @@ def load_ros_map(path: Path) -> RosMap:
     if not picture.is_file():
         raise DescriptionError(f"{path.name}: image '{keys.get('image', '')}' cannot be read")
     shades = read_grey(picture, MAX_CELLS)
-    occupied, free = (_numbers(keys, k, path)[0] for k in ("occupied_thresh", "free_thresh"))
-    darkness = shades if _numbers(keys, "negate", path)[0] else 1.0 - shades
+    occupied, free = (_parse_numbers(keys, k, path)[0] for k in ("occupied_thresh", "free_thresh"))
+    darkness = shades if _parse_numbers(keys, "negate", path)[0] else 1.0 - shades
     cells = np.full(shades.shape, UNKNOWN, dtype=np.int8)
     cells[darkness > occupied], cells[darkness < free] = OCCUPIED, FREE
-    place = _numbers(keys, "datum", path) if "datum" in keys else ()
+    place = _parse_numbers(keys, "datum", path) if "datum" in keys else ()
     return RosMap(
         cells=cells,
         resolution_m=resolution_m,
@@ -110,26 +115,35 @@ def save_ros_map(ros_map: RosMap, path: Path) -> None:
         raise DescriptionError(f"cannot write {path}: {error.strerror}; choose another") from error
 
 
-def map_of_world(
-    world: WorldSpec, size_m: float = 20.0, resolution_m: float = 0.1, min_m: float = -10.0
-) -> RosMap:
-    """A square map with the solid things of a world on it; all the rest is free."""
-    count = round(size_m / resolution_m)
+def make_world_map(world: WorldSpec, size_m: float = 20.0, resolution_m: float = 0.1) -> RosMap:
+    """Make a square map about the datum: occupied by a world's solid obstacles, else free.
+
+    Raises: DescriptionError: no cell, or more than MAX_CELLS along a side.
+    """
+    count, min_m = round(size_m / resolution_m), -size_m / 2.0
+    if not 1 <= count <= MAX_CELLS:
+        raise DescriptionError(
+            f"a map of {size_m:g} m with cells of {resolution_m:g} m has {count} cells along a "
+            f"side; choose size and resolution for 1 to {MAX_CELLS}"
+        )
     middle_m = min_m + (np.arange(count) + 0.5) * resolution_m
     x, y = np.meshgrid(middle_m, middle_m)
     cells = np.zeros((count, count), dtype=np.int8)
     for obstacle in world.obstacles:
         if obstacle.collides:
-            cells[_covered(obstacle, x, y, resolution_m / 2.0)] = OCCUPIED
+            cells[_find_covered(obstacle, x, y, resolution_m / 2.0)] = OCCUPIED
     return RosMap(
         cells=cells, resolution_m=resolution_m, x_min_m=min_m, y_min_m=min_m, datum=world.datum
     )
 
 
-def _covered(
+def _find_covered(
     obstacle: Obstacle, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], reach_m: float
 ) -> npt.NDArray[np.bool_]:
-    """Cells that the plan view of an obstacle's shapes touches, taking each as its box."""
+    """Return the cells (height, width) that the boxes of an obstacle's shapes touch in plan view.
+
+    `x` and `y` (height, width) are the middles of the cells.
+    """
     cos, sin = math.cos(obstacle.yaw_rad), math.sin(obstacle.yaw_rad)
     along = (x - obstacle.x_map_m) * cos + (y - obstacle.y_map_m) * sin
     across = (y - obstacle.y_map_m) * cos - (x - obstacle.x_map_m) * sin
@@ -145,8 +159,8 @@ def _covered(
     return covered
 
 
-def _keys(path: Path) -> dict[str, str]:
-    """The flat `key: value` lines of the YAML that map_server reads."""
+def _read_keys(path: Path) -> dict[str, str]:
+    """Read the flat `key: value` lines of the YAML that map_server reads."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -155,7 +169,7 @@ def _keys(path: Path) -> dict[str, str]:
     return {key: value.strip("'\"") for key, value in pairs}
 
 
-def _numbers(keys: dict[str, str], key: str, path: Path) -> tuple[float, ...]:
+def _parse_numbers(keys: dict[str, str], key: str, path: Path) -> tuple[float, ...]:
     try:
         values = tuple(float(word) for word in keys[key].strip("[]").split(","))
     except KeyError as error:
@@ -167,8 +181,3 @@ def _numbers(keys: dict[str, str], key: str, path: Path) -> tuple[float, ...]:
     if not all(math.isfinite(value) for value in values):
         raise DescriptionError(f"{path.name}: {key}: '{keys[key]}' is not finite")
     return values
-
-
-def map_files() -> dict[str, Path]:
-    """The packaged maps by name."""
-    return {path.stem: path for path in sorted((ROOT / "maps").glob("*.yaml"))}

@@ -1,4 +1,4 @@
-"""Procedural plants: crops where the world puts them, weeds by chance."""
+"""Procedural plants: crops where the world puts them, weeds at random."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 from agribot.core.errors import DescriptionError
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.world import Plant
-from agribot.description.elements import Source
-from agribot.description.sdf_models import tag
+from agribot.description.elements import SourceFile
+from agribot.description.sdf_models import qualify_tag
 
 MAX_DRAWS = 200  # of a place for one weed, before the field counts as full
 SEEDS = 2**31
@@ -34,7 +34,7 @@ class Companions(NamedTuple):
 
 
 class Crop(NamedTuple):
-    """A crop plant to be grown at a place in the map."""
+    """A crop plant to grow at a place in the map."""
 
     x_map_m: float
     y_map_m: float
@@ -46,7 +46,7 @@ class Crop(NamedTuple):
 
 
 class WeedArea(NamedTuple):
-    """A rectangle, in the frame of the world file, with so many weeds in all."""
+    """A rectangle, in the frame of the world file, with a density of weeds."""
 
     corner_m: tuple[float, float]
     size_m: tuple[float, float]
@@ -59,20 +59,20 @@ class WeedArea(NamedTuple):
         return self.size_m[0] * self.size_m[1]
 
 
-def read_crop(model: ET.Element, x_map_m: float, y_map_m: float, source: Source) -> Crop | None:
-    """The crop that a model declares, if it does."""
-    element = model.find(tag("crop"))
+def read_crop(model: ET.Element, x_map_m: float, y_map_m: float, source: SourceFile) -> Crop | None:
+    """Read the crop that a model declares, or None."""
+    element = model.find(qualify_tag("crop"))
     if element is None:
         return None
     where = f"model '{model.get('name')}' <agribot:crop>"
 
     def number(key: str) -> float:
-        return source.number(element.get(key), f"{where} {key}")
+        return source.parse_number(element.get(key), f"{where} {key}")
 
     return Crop(
         x_map_m=x_map_m,
         y_map_m=y_map_m,
-        species=source.attribute(element, "species", where),
+        species=source.require_attribute(element, "species", where),
         height_m=number("height_m"),
         height_spread_ratio=number("height_spread_ratio"),
         stem_radius_m=number("stem_radius_m"),
@@ -80,38 +80,40 @@ def read_crop(model: ET.Element, x_map_m: float, y_map_m: float, source: Source)
     )
 
 
-def read_weed_areas(world: ET.Element, source: Source) -> tuple[WeedArea, ...]:
+def read_weed_areas(world: ET.Element, source: SourceFile) -> tuple[WeedArea, ...]:
     areas = []
-    for element in world.findall(tag("weeds")):
+    for element in world.findall(qualify_tag("weeds")):
         with source.attempt(element):
             areas.append(_read_area(element, source))
     return tuple(areas)
 
 
-def read_plants(world: ET.Element, map_from_world: FloatArray, source: Source) -> tuple[Plant, ...]:
-    """The plants that a world lists one by one, as generated and exported fields do."""
+def read_plants(
+    world: ET.Element, map_from_world: FloatArray, source: SourceFile
+) -> tuple[Plant, ...]:
+    """Read the plants that a world lists one by one, as generated and exported fields do."""
     plants: list[Plant] = []
     turn_rad = math.atan2(map_from_world[1, 0], map_from_world[0, 0])
-    for element in world.findall(tag("plant")):
+    for element in world.findall(qualify_tag("plant")):
         with source.attempt(element):
             plants.append(_read_plant(element, map_from_world, turn_rad, source))
     return tuple(plants)
 
 
 def _read_plant(
-    element: ET.Element, map_from_world: FloatArray, turn_rad: float, source: Source
+    element: ET.Element, map_from_world: FloatArray, turn_rad: float, source: SourceFile
 ) -> Plant:
     where = "<agribot:plant>"
 
     def number(key: str) -> float:
-        return source.number(element.get(key), f"{where} {key}")
+        return source.parse_number(element.get(key), f"{where} {key}")
 
-    kind = source.attribute(element, "class", where).upper()
+    kind = source.require_attribute(element, "class", where).upper()
     if kind not in {"CROP", "WEED"}:
         raise source.fail(where, f"class '{kind.lower()}' is neither crop nor weed")
     x_m, y_m = (map_from_world @ np.array([number("x"), number("y"), 0.0, 1.0]))[:2].tolist()
     return Plant(
-        species=source.attribute(element, "species", where),
+        species=source.require_attribute(element, "species", where),
         plant=PlantClass[kind],
         x_map_m=x_m,
         y_map_m=y_m,
@@ -122,19 +124,20 @@ def _read_plant(
     )
 
 
-def grow(
+def grow_plants(
     crops: Sequence[Crop],
     areas: Sequence[WeedArea],
     map_from_world: FloatArray,
     seed: int,
     density_per_m2: float | None,
 ) -> tuple[Plant, ...]:
-    """All plants of a world; crops never change with the weeds' density.
+    """Grow all plants of a world; crops never change with the weeds' density.
 
     The density counts every weed: those scattered over an area and those beside its crops.
+    `map_from_world` is (4, 4).
     """
     rng = [np.random.default_rng([seed, part]) for part in range(3)]
-    plants = [_crop_plant(crop, rng[0]) for crop in crops]
+    plants = [_grow_crop(crop, rng[0]) for crop in crops]
     crops_xy_m = np.array([(crop.x_map_m, crop.y_map_m) for crop in crops]).reshape(-1, 2)
     wanted = sum(area.density_per_m2 * area.area_m2 for area in areas)
     asked = wanted
@@ -150,44 +153,42 @@ def grow(
     distance_m = max((area.crop_distance_m for area in areas), default=0.0)
     for crop in crops:
         if crop.companions is not None:
-            plants += _companion_plants(
-                crop, crop.companions, share, distance_m, crops_xy_m, rng[1]
-            )
+            plants += _grow_companions(crop, crop.companions, share, distance_m, crops_xy_m, rng[1])
     for area in areas:
         density = area.density_per_m2 if density_per_m2 is None else density_per_m2
         part = density * area.area_m2 / asked if asked > 0.0 else 0.0
         count = int(rng[2].poisson(max(0.0, density * area.area_m2 - beside * part)))
-        plants += _scattered(area, count, map_from_world, crops_xy_m, rng[2])
+        plants += _scatter_weeds(area, count, map_from_world, crops_xy_m, rng[2])
     return tuple(plants)
 
 
-def _read_kind(element: ET.Element, source: Source, where: str) -> WeedKind:
+def _read_kind(element: ET.Element, source: SourceFile, where: str) -> WeedKind:
     low_m, high_m = (
-        source.number(element.get(key), f"{where} {key}")
+        source.parse_number(element.get(key), f"{where} {key}")
         for key in ("height_min_m", "height_max_m")
     )
-    species = tuple(source.attribute(element, "species", where).split())
+    species = tuple(source.require_attribute(element, "species", where).split())
     if not species or not 0.0 < low_m <= high_m:
         raise source.fail(where, "needs at least one species and 0 < height_min_m <= height_max_m")
     return WeedKind(species, low_m, high_m)
 
 
-def _read_companions(model: ET.Element, source: Source) -> Companions | None:
-    element = model.find(tag("companions"))
+def _read_companions(model: ET.Element, source: SourceFile) -> Companions | None:
+    element = model.find(qualify_tag("companions"))
     if element is None:
         return None
     where = f"model '{model.get('name')}' <agribot:companions>"
     return Companions(
-        source.number(element.get("mean_count"), f"{where} mean_count"),
-        source.number(element.get("radius_m"), f"{where} radius_m"),
+        source.parse_number(element.get("mean_count"), f"{where} mean_count"),
+        source.parse_number(element.get("radius_m"), f"{where} radius_m"),
         _read_kind(element, source, where),
     )
 
 
-def _read_area(element: ET.Element, source: Source) -> WeedArea:
+def _read_area(element: ET.Element, source: SourceFile) -> WeedArea:
     where = "<agribot:weeds>"
     x_min, x_max, y_min, y_max, density, distance = (
-        source.number(element.get(key), f"{where} {key}")
+        source.parse_number(element.get(key), f"{where} {key}")
         for key in ("x_min", "x_max", "y_min", "y_max", "density_per_m2", "crop_distance_m")
     )
     if not (x_min < x_max and y_min < y_max and density >= 0.0):
@@ -198,7 +199,7 @@ def _read_area(element: ET.Element, source: Source) -> WeedArea:
     )  # fmt: skip
 
 
-def _crop_plant(crop: Crop, rng: np.random.Generator) -> Plant:
+def _grow_crop(crop: Crop, rng: np.random.Generator) -> Plant:
     spread = crop.height_spread_ratio
     return Plant(
         species=crop.species,
@@ -212,7 +213,7 @@ def _crop_plant(crop: Crop, rng: np.random.Generator) -> Plant:
     )
 
 
-def _weed_plant(x_map_m: float, y_map_m: float, kind: WeedKind, rng: np.random.Generator) -> Plant:
+def _grow_weed(x_map_m: float, y_map_m: float, kind: WeedKind, rng: np.random.Generator) -> Plant:
     return Plant(
         species=kind.species[int(rng.integers(len(kind.species)))],
         plant=PlantClass.WEED,
@@ -229,7 +230,7 @@ def _is_free(x_m: float, y_m: float, crops_xy_m: FloatArray, distance_m: float) 
     return bool((gaps >= distance_m).all())
 
 
-def _companion_plants(
+def _grow_companions(
     crop: Crop,
     companions: Companions,
     share: float,
@@ -246,14 +247,14 @@ def _companion_plants(
             x_m = crop.x_map_m + math.sqrt(square_m2) * math.cos(angle)
             y_m = crop.y_map_m + math.sqrt(square_m2) * math.sin(angle)
             if _is_free(x_m, y_m, crops_xy_m, distance_m):
-                weeds.append(_weed_plant(x_m, y_m, companions.kind, rng))
+                weeds.append(_grow_weed(x_m, y_m, companions.kind, rng))
                 break
         else:
-            raise _no_room(distance_m)
+            raise _make_no_room_error(distance_m)
     return weeds
 
 
-def _scattered(
+def _scatter_weeds(
     area: WeedArea,
     count: int,
     map_from_world: FloatArray,
@@ -266,14 +267,14 @@ def _scattered(
             at_m = np.array(area.corner_m) + rng.uniform(size=2) * np.array(area.size_m)
             x_m, y_m = (map_from_world @ np.array([*at_m, 0.0, 1.0]))[:2].tolist()
             if _is_free(x_m, y_m, crops_xy_m, area.crop_distance_m):
-                weeds.append(_weed_plant(x_m, y_m, area.kind, rng))
+                weeds.append(_grow_weed(x_m, y_m, area.kind, rng))
                 break
         else:
-            raise _no_room(area.crop_distance_m)
+            raise _make_no_room_error(area.crop_distance_m)
     return weeds
 
 
-def _no_room(distance_m: float) -> DescriptionError:
+def _make_no_room_error(distance_m: float) -> DescriptionError:
     return DescriptionError(
         f"no place for a weed {distance_m:g} m from every crop after {MAX_DRAWS} draws; "
         "make crop_distance_m smaller"

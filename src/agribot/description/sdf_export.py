@@ -12,7 +12,7 @@ import numpy as np
 from agribot.core.errors import DescriptionError
 from agribot.core.robot import Shape
 from agribot.core.world import GripPatch, GroundTile, HeightField, Obstacle, Plant, Soil, WorldSpec
-from agribot.description.sdf_models import NAMESPACE, tag
+from agribot.description.sdf_models import NAMESPACE, qualify_tag
 
 COLOURS = {
     "soil": "0.42 0.32 0.24 1", "grass": "0.3 0.45 0.2 1", "pavement": "0.45 0.45 0.45 1",
@@ -27,7 +27,7 @@ def write_world(world: WorldSpec, path: Path) -> None:
 
     Raises: DescriptionError: a place that cannot be written.
     """
-    root = world_element(world, f"{path.stem}.npy")
+    root = build_world_element(world, f"{path.stem}.npy")
     ET.indent(root)
     ET.register_namespace("agribot", NAMESPACE)
     text = ET.tostring(root, encoding="unicode")
@@ -39,88 +39,90 @@ def write_world(world: WorldSpec, path: Path) -> None:
         raise DescriptionError(f"cannot write {path}: {error.strerror}; choose another") from error
 
 
-def world_element(world: WorldSpec, terrain_file: str) -> ET.Element:
-    """The <sdf> tree of a world; its frame is the map: x East, y North, z up."""
+def build_world_element(world: WorldSpec, terrain_file: str) -> ET.Element:
+    """Build the <sdf> tree of a world; its frame is the map: x East, y North, z up."""
     root = ET.Element("sdf", {"version": "1.9"})
     top = ET.SubElement(root, "world", {"name": world.name})
-    _text(top, "gravity", (0.0, 0.0, -world.gravity_mps2))
-    _text(top, "magnetic_field", world.field_enu_t)
+    _add_text(top, "gravity", (0.0, 0.0, -world.gravity_mps2))
+    _add_text(top, "magnetic_field", world.field_enu_t)
     place = ET.SubElement(top, "spherical_coordinates")
-    _text(place, "surface_model", "EARTH_WGS84")
-    _text(place, "world_frame_orientation", "ENU")
-    _text(place, "latitude_deg", (world.datum.lat_deg,))
-    _text(place, "longitude_deg", (world.datum.lon_deg,))
-    _text(place, "elevation", (world.datum.alt_m,))
-    _text(place, "heading_deg", "0")
-    _light(top, world)
+    _add_text(place, "surface_model", "EARTH_WGS84")
+    _add_text(place, "world_frame_orientation", "ENU")
+    _add_text(place, "latitude_deg", (world.datum.lat_deg,))
+    _add_text(place, "longitude_deg", (world.datum.lon_deg,))
+    _add_text(place, "elevation", (world.datum.alt_m,))
+    _add_text(place, "heading_deg", "0")
+    _add_light(top, world)
     spawn = ET.SubElement(top, "frame", {"name": "robot_spawn"})
-    _text(spawn, "pose", (*world.spawn_xy_map_m, 0.0, 0.0, 0.0, world.spawn_yaw_map_rad))
-    _ground(top, world, terrain_file)
+    _add_text(spawn, "pose", (*world.spawn_xy_map_m, 0.0, 0.0, 0.0, world.spawn_yaw_map_rad))
+    _add_ground(top, world, terrain_file)
     if world.soil != Soil():
         values = msgspec.to_builtins(world.soil)
-        ET.SubElement(top, tag("soil"), {name: repr(value) for name, value in values.items()})
+        ET.SubElement(
+            top, qualify_tag("soil"), {name: repr(value) for name, value in values.items()}
+        )
     names: set[str] = set()
     for obstacle in world.obstacles:
-        _obstacle(top, obstacle, names)
+        _add_obstacle(top, obstacle, names)
     for plant in world.plants:
-        _plant(top, plant)
+        _add_plant(top, plant)
     return root
 
 
-def _text(parent: ET.Element, name: str, value: str | tuple[float, ...]) -> ET.Element:
+def _add_text(parent: ET.Element, name: str, value: str | tuple[float, ...]) -> ET.Element:
     element = ET.SubElement(parent, name)
     element.text = value if isinstance(value, str) else " ".join(repr(float(v)) for v in value)
     return element
 
 
-def _light(top: ET.Element, world: WorldSpec) -> None:
+def _add_light(top: ET.Element, world: WorldSpec) -> None:
     light = world.light
     scene = ET.SubElement(top, "scene")
-    _text(scene, "ambient", (light.ambient,) * 3 + (1.0,))
-    _text(scene, "background", (0.7, 0.7, 0.7, 1.0))
+    _add_text(scene, "ambient", (light.ambient,) * 3 + (1.0,))
+    _add_text(scene, "background", (0.7, 0.7, 0.7, 1.0))
     sun = ET.SubElement(top, "light", {"name": "sun", "type": "directional"})
-    _text(sun, "cast_shadows", "true")
-    _text(sun, "pose", (0.0, 0.0, SUN_DISTANCE_M, 0.0, 0.0, 0.0))
-    _text(sun, "diffuse", (light.diffuse,) * 3 + (1.0,))
-    _text(sun, "direction", tuple(-value for value in light.to_sun))
+    _add_text(sun, "cast_shadows", "true")
+    _add_text(sun, "pose", (0.0, 0.0, SUN_DISTANCE_M, 0.0, 0.0, 0.0))
+    _add_text(sun, "diffuse", (light.diffuse,) * 3 + (1.0,))
+    _add_text(sun, "direction", tuple(-value for value in light.to_sun))
 
 
-def _ground(top: ET.Element, world: WorldSpec, terrain_file: str) -> None:
+def _add_ground(top: ET.Element, world: WorldSpec, terrain_file: str) -> None:
     model = ET.SubElement(top, "model", {"name": "ground"})
-    _text(model, "static", "true")
+    _add_text(model, "static", "true")
     link = ET.SubElement(model, "link", {"name": "link"})
     felt = ET.SubElement(link, "collision", {"name": "ground_collision"})
     land = world.terrain
     tiles = world.ground
     if land is not None:
-        _height_map(felt, land, terrain_file)
+        _add_height_map(felt, land, terrain_file)
         seen = ET.SubElement(link, "visual", {"name": "land"})
-        _height_map(seen, land, terrain_file)
+        _add_height_map(seen, land, terrain_file)
         tiles = tiles[1:]  # the first one is the terrain itself
     else:
-        _rectangle(felt, _hull([*tiles, *world.grip] if world.grip else tiles[:1]), 0.0)
-    _grip(felt, world.friction_ratio)
+        _add_rectangle(felt, _find_hull([*tiles, *world.grip] if world.grip else tiles[:1]), 0.0)
+    _add_grip(felt, world.friction_ratio)
     for index, patch in enumerate(world.grip):
         part = ET.SubElement(link, "collision", {"name": f"grip_{index}"})
-        _plate(part, patch, (index + 1) * LAYER_M)
-        _grip(part, patch.friction_ratio)
+        _add_plate(part, patch, (index + 1) * LAYER_M)
+        _add_grip(part, patch.friction_ratio)
     for index, tile in enumerate(tiles):
         visual = ET.SubElement(link, "visual", {"name": f"{tile.surface}_{index + 1}"})
-        _rectangle(visual, tile, index * LAYER_M)
+        _add_rectangle(visual, tile, index * LAYER_M)
         material = ET.SubElement(visual, "material")
         for light in ("ambient", "diffuse"):
-            _text(material, light, COLOURS.get(tile.surface, "0.5 0.5 0.5 1"))
-        _text(visual, tag("surface"), tile.surface)
+            _add_text(material, light, COLOURS.get(tile.surface, "0.5 0.5 0.5 1"))
+        _add_text(visual, qualify_tag("surface"), tile.surface)
 
 
-def _grip(part: ET.Element, friction_ratio: float) -> None:
+def _add_grip(part: ET.Element, friction_ratio: float) -> None:
     ode = ET.SubElement(ET.SubElement(ET.SubElement(part, "surface"), "friction"), "ode")
-    _text(ode, "mu", (friction_ratio,))
-    _text(ode, "mu2", (friction_ratio,))
+    _add_text(ode, "mu", (friction_ratio,))
+    _add_text(ode, "mu2", (friction_ratio,))
 
 
-def _hull(tiles: Sequence[GroundTile | GripPatch]) -> GroundTile:
-    """The rectangle around rectangles."""
+def _find_hull(tiles: Sequence[GroundTile | GripPatch]) -> GroundTile:
+    """Return the rectangle around rectangles."""
     return GroundTile(
         surface="",
         x_min_m=min(tile.x_min_m for tile in tiles),
@@ -130,68 +132,68 @@ def _hull(tiles: Sequence[GroundTile | GripPatch]) -> GroundTile:
     )
 
 
-def _plate(part: ET.Element, patch: GripPatch, height_m: float) -> None:
-    """A thin box, because a plane has no end for Gazebo."""
+def _add_plate(part: ET.Element, patch: GripPatch, height_m: float) -> None:
+    """Add a thin box, because a plane is infinite in Gazebo."""
     x_m, y_m = (patch.x_min_m + patch.x_max_m) / 2.0, (patch.y_min_m + patch.y_max_m) / 2.0
-    _text(part, "pose", (x_m, y_m, height_m, 0.0, 0.0, 0.0))
+    _add_text(part, "pose", (x_m, y_m, height_m, 0.0, 0.0, 0.0))
     box = ET.SubElement(ET.SubElement(part, "geometry"), "box")
-    _text(box, "size", (patch.x_max_m - patch.x_min_m, patch.y_max_m - patch.y_min_m, LAYER_M))
-    _text(part, tag("surface"), "soil")
+    _add_text(box, "size", (patch.x_max_m - patch.x_min_m, patch.y_max_m - patch.y_min_m, LAYER_M))
+    _add_text(part, qualify_tag("surface"), "soil")
 
 
-def _rectangle(part: ET.Element, tile: GroundTile, height_m: float) -> None:
+def _add_rectangle(part: ET.Element, tile: GroundTile, height_m: float) -> None:
     x_m, y_m = (tile.x_min_m + tile.x_max_m) / 2.0, (tile.y_min_m + tile.y_max_m) / 2.0
-    _text(part, "pose", (x_m, y_m, height_m, 0.0, 0.0, 0.0))
+    _add_text(part, "pose", (x_m, y_m, height_m, 0.0, 0.0, 0.0))
     plane = ET.SubElement(ET.SubElement(part, "geometry"), "plane")
-    _text(plane, "normal", "0 0 1")
-    _text(plane, "size", (tile.x_max_m - tile.x_min_m, tile.y_max_m - tile.y_min_m))
+    _add_text(plane, "normal", "0 0 1")
+    _add_text(plane, "size", (tile.x_max_m - tile.x_min_m, tile.y_max_m - tile.y_min_m))
 
 
-def _height_map(part: ET.Element, land: HeightField, file: str) -> None:
+def _add_height_map(part: ET.Element, land: HeightField, file: str) -> None:
     rows, columns = land.height_m.shape
     size = ((columns - 1) * land.resolution_m, (rows - 1) * land.resolution_m)
     middle = (land.x_min_m + size[0] / 2.0, land.y_min_m + size[1] / 2.0, 0.0)
     shape = ET.SubElement(ET.SubElement(part, "geometry"), "heightmap")
-    _text(shape, "uri", file)
-    _text(shape, "size", (*size, max(float(np.ptp(land.height_m)), 1e-3)))
-    _text(shape, "pos", middle)
+    _add_text(shape, "uri", file)
+    _add_text(shape, "size", (*size, max(float(np.ptp(land.height_m)), 1e-3)))
+    _add_text(shape, "pos", middle)
 
 
-def _obstacle(top: ET.Element, obstacle: Obstacle, names: set[str]) -> None:
-    """One model for each obstacle; what is only to be seen joins the solid part's name."""
+def _add_obstacle(top: ET.Element, obstacle: Obstacle, names: set[str]) -> None:
+    """Add a model for an obstacle; one that is only visible has the name of its solid part."""
     name = obstacle.name.removesuffix("/visual") if not obstacle.collides else obstacle.name
     own = name if name not in names else f"{name}_seen"
     names.add(own)
     model = ET.SubElement(top, "model", {"name": own})
-    _text(model, "static", "true")
+    _add_text(model, "static", "true")
     at = (obstacle.x_map_m, obstacle.y_map_m, obstacle.z_map_m)
-    _text(model, "pose", (*at, 0.0, 0.0, obstacle.yaw_rad))
-    _text(model, tag("kind"), obstacle.kind)
+    _add_text(model, "pose", (*at, 0.0, 0.0, obstacle.yaw_rad))
+    _add_text(model, qualify_tag("kind"), obstacle.kind)
     link = ET.SubElement(model, "link", {"name": "link"})
     for index, shape in enumerate(obstacle.shapes):
         for part in ("collision", "visual") if obstacle.collides else ("visual",):
-            _shape(ET.SubElement(link, part, {"name": f"{part}_{index}"}), shape, part)
+            _add_shape(ET.SubElement(link, part, {"name": f"{part}_{index}"}), shape, part)
 
 
-def _shape(part: ET.Element, shape: Shape, kind: str) -> None:
-    _text(part, "pose", (*shape.origin.xyz_m, *shape.origin.rpy_rad))
+def _add_shape(part: ET.Element, shape: Shape, kind: str) -> None:
+    _add_text(part, "pose", (*shape.origin.xyz_m, *shape.origin.rpy_rad))
     form = ET.SubElement(ET.SubElement(part, "geometry"), shape.kind)
     if shape.kind == "box":
-        _text(form, "size", shape.size_m)
+        _add_text(form, "size", shape.size_m)
     else:
-        _text(form, "radius", shape.size_m[:1])
+        _add_text(form, "radius", shape.size_m[:1])
         if shape.kind == "cylinder":
-            _text(form, "length", shape.size_m[1:2])
+            _add_text(form, "length", shape.size_m[1:2])
     if kind == "visual":
         material = ET.SubElement(part, "material")
-        _text(material, "ambient", shape.rgba)
-        _text(material, "diffuse", shape.rgba)
+        _add_text(material, "ambient", shape.rgba)
+        _add_text(material, "diffuse", shape.rgba)
 
 
-def _plant(top: ET.Element, plant: Plant) -> None:
+def _add_plant(top: ET.Element, plant: Plant) -> None:
     ET.SubElement(
         top,
-        tag("plant"),
+        qualify_tag("plant"),
         {
             "class": plant.plant.name.lower(),
             "species": plant.species,

@@ -1,4 +1,4 @@
-"""What an SDF world says about its place on Earth, its sky and its fields."""
+"""The header of an SDF world: place on Earth, magnetic field, gravity, light and soil."""
 
 from __future__ import annotations
 
@@ -10,50 +10,50 @@ import numpy as np
 from agribot.core.geo import Datum
 from agribot.core.messages import FloatArray, Vec3
 from agribot.core.world import Light, Soil
-from agribot.description.elements import Source
-from agribot.description.poses import level
-from agribot.description.sdf_models import tag
+from agribot.description.elements import SourceFile
+from agribot.description.poses import make_yaw_rotation
+from agribot.description.sdf_models import qualify_tag
 
 # Yaw of the x axis from East in each of the orientations that SDF knows with z up.
 FRAME_YAW_DEG = {"ENU": 0.0, "NWU": 90.0}
-# Gazebo's default, which it writes into every world it saves, in some releases rounded. It is
-# that of no particular place, and lies the same in the axes of every file.
+# Gazebo's default, which it writes into every world it saves, in some releases rounded. It
+# belongs to no particular place, and is the same in the axes of every file.
 GAZEBO_FIELD_T = (5.5645e-6, 2.28758e-5, -4.23884e-5)
 ROUNDED_T = 5e-7
 
 
 class Header:
-    """Everything but the models; vectors and poses of the file are turned into the map frame."""
+    """Everything but the models, with vectors and poses turned into the map frame."""
 
-    def __init__(self, world: ET.Element, source: Source) -> None:
+    def __init__(self, world: ET.Element, source: SourceFile) -> None:
         self._world = world
         self._source = source
-        self.datum, heading_deg = self._place()
-        self.map_from_world: FloatArray = level(math.radians(heading_deg))
-        self.gravity_mps2 = -self._vec3("gravity", (0.0, 0.0, -9.8))[2]
-        self.field_enu_t = self._field()
-        self.light = self._light()
-        self.soil = self._soil()
+        self.datum, heading_deg = self._read_place()
+        self.map_from_world: FloatArray = make_yaw_rotation(math.radians(heading_deg))
+        self.gravity_mps2 = -self._read_vec3("gravity", (0.0, 0.0, -9.8))[2]
+        self.field_enu_t = self._read_field()
+        self.light = self._read_light()
+        self.soil = self._read_soil()
 
-    def _number(self, path: str, default: float) -> float:
+    def _read_number(self, path: str, default: float) -> float:
         element, value = self._world.find(path), default
         if element is not None:
             with self._source.attempt(element):
-                value = self._source.number(element.text, f"<{path}>")
+                value = self._source.parse_number(element.text, f"<{path}>")
         return value
 
-    def _vec3(self, path: str, default: Vec3) -> Vec3:
+    def _read_vec3(self, path: str, default: Vec3) -> Vec3:
         element, value = self._world.find(path), default
         if element is not None:
             with self._source.attempt(element):
-                value = self._source.vec3(element.text, f"<{path}>")
+                value = self._source.parse_vec3(element.text, f"<{path}>")
         return value
 
-    def _field(self) -> Vec3:
-        """As written; Gazebo's default points to true North, with its own strength and dip."""
-        written = self._vec3("magnetic_field", GAZEBO_FIELD_T)
+    def _read_field(self) -> Vec3:
+        """Read the magnetic field, T; Gazebo's default is turned to true North."""
+        written = self._read_vec3("magnetic_field", GAZEBO_FIELD_T)
         if not np.allclose(written, GAZEBO_FIELD_T, rtol=0.0, atol=ROUNDED_T):
-            return self._turned(written)
+            return self._turn_to_map(written)
         if self._world.find("magnetic_field") is not None:
             self._source.warn(
                 "<magnetic_field> is Gazebo's default, that of no place; it is taken to point to "
@@ -61,16 +61,16 @@ class Header:
             )
         return 0.0, math.hypot(*GAZEBO_FIELD_T[:2]), GAZEBO_FIELD_T[2]
 
-    def _turned(self, vector: Vec3) -> Vec3:
-        """A direction of the file in the map frame."""
+    def _turn_to_map(self, vector: Vec3) -> Vec3:
+        """Turn a direction of the file into the map frame."""
         east, north, up = (self.map_from_world[:3, :3] @ np.array(vector)).tolist()
         return east, north, up
 
-    def _place(self) -> tuple[Datum, float]:
-        """Datum, and the yaw of the file's x axis from East in degrees."""
-        told = self._hector_reference()
-        if told is not None:
-            return told
+    def _read_place(self) -> tuple[Datum, float]:
+        """Read the datum, and the yaw of the file's x axis from East in degrees."""
+        reference = self._read_hector_reference()
+        if reference is not None:
+            return reference
         if self._world.find("spherical_coordinates") is None:
             self._source.warn(
                 "no <spherical_coordinates>: the map lies at 0 N, 0 E and x points East"
@@ -80,8 +80,8 @@ class Header:
             raise self._source.fail(
                 "<world_frame_orientation>", f"'{frame}' is not read; use ENU and heading_deg"
             )
-        latitude_deg = self._number("spherical_coordinates/latitude_deg", 0.0)
-        longitude_deg = self._number("spherical_coordinates/longitude_deg", 0.0)
+        latitude_deg = self._read_number("spherical_coordinates/latitude_deg", 0.0)
+        longitude_deg = self._read_number("spherical_coordinates/longitude_deg", 0.0)
         if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
             raise self._source.fail(
                 "<spherical_coordinates>",
@@ -91,56 +91,58 @@ class Header:
         datum = Datum(
             lat_deg=latitude_deg,
             lon_deg=longitude_deg,
-            alt_m=self._number("spherical_coordinates/elevation", 0.0),
+            alt_m=self._read_number("spherical_coordinates/elevation", 0.0),
         )
-        heading_deg = self._number("spherical_coordinates/heading_deg", 0.0)
+        heading_deg = self._read_number("spherical_coordinates/heading_deg", 0.0)
         return datum, heading_deg + FRAME_YAW_DEG[frame]
 
-    def _hector_reference(self) -> tuple[Datum, float] | None:
-        """Old worlds carry a robot whose GPS plugin says where they are, with x to the North."""
+    def _read_hector_reference(self) -> tuple[Datum, float] | None:
+        """Read the place in the GPS plugin of a robot in old worlds, with x to the North."""
         for plugin in self._world.iter("plugin"):
             tags = {element.tag.lower(): element.text for element in plugin}
             if "ros_gps" not in plugin.get("filename", "") or "referencelatitude" not in tags:
                 continue
             latitude, longitude, compass = (
-                self._source.number(tags.get(name, "0"), f"GPS plugin <{name}>")
+                self._source.parse_number(tags.get(name, "0"), f"GPS plugin <{name}>")
                 for name in ("referencelatitude", "referencelongitude", "referenceheading")
             )
             return Datum(lat_deg=latitude, lon_deg=longitude), 90.0 - compass
         return None
 
-    def _soil(self) -> Soil:
-        element, ratios = self._world.find(tag("soil")), {}
+    def _read_soil(self) -> Soil:
+        element, ratios = self._world.find(qualify_tag("soil")), {}
         for name, text in {} if element is None else element.attrib.items():
             where = f"<agribot:soil> {name}"
             if name not in Soil.__struct_fields__:
                 raise self._source.fail(where, f"use {', '.join(Soil.__struct_fields__)}")
-            ratios[name] = self._source.number(text, where)
+            ratios[name] = self._source.parse_number(text, where)
             if not 0.0 <= ratios[name] <= 1.0:
                 raise self._source.fail(where, f"{ratios[name]:g} must be from 0 to 1")
         return Soil(**ratios)
 
-    def _light(self) -> Light:
+    def _read_light(self) -> Light:
         suns = [e for e in self._world.findall("light") if e.get("type") == "directional"]
         light = Light()
         if suns:
             with self._source.attempt(suns[0]):
-                light = self._sun(suns[0])
+                light = self._read_sun(suns[0])
         return light
 
-    def _sun(self, sun: ET.Element) -> Light:
-        from_sun = self._source.vec3(sun.findtext("direction", "0 0 -1"), "<direction>")
+    def _read_sun(self, sun: ET.Element) -> Light:
+        from_sun = self._source.parse_vec3(sun.findtext("direction", "0 0 -1"), "<direction>")
         if from_sun[2] >= 0.0:
             raise self._source.fail("<light> <direction>", "the sun must shine downwards, z < 0")
-        east, north, up = (-np.array(self._turned(from_sun)) / np.linalg.norm(from_sun)).tolist()
+        east, north, up = (
+            -np.array(self._turn_to_map(from_sun)) / np.linalg.norm(from_sun)
+        ).tolist()
         return Light(
             to_sun=(east, north, up),
-            diffuse=self._grey(sun.findtext("diffuse"), Light().diffuse),
-            ambient=self._grey(self._world.findtext("scene/ambient"), Light().ambient),
+            diffuse=self._read_grey(sun.findtext("diffuse"), Light().diffuse),
+            ambient=self._read_grey(self._world.findtext("scene/ambient"), Light().ambient),
         )
 
-    def _grey(self, text: str | None, default: float) -> float:
+    def _read_grey(self, text: str | None, default: float) -> float:
         if text is None:
             return default
-        colour = self._source.numbers(" ".join(text.split()[:3]), 3, "<light>")
+        colour = self._source.parse_numbers(" ".join(text.split()[:3]), 3, "<light>")
         return round(sum(colour) / 3.0, 9)

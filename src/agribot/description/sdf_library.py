@@ -1,4 +1,4 @@
-"""Finding the models and files that a world names by `model://`, `package://` or `file://`."""
+"""Search for the models and files that a world names by `model://`, `package://` or `file://`."""
 
 from __future__ import annotations
 
@@ -10,10 +10,15 @@ from urllib.parse import unquote
 
 from agribot.core.errors import DescriptionError
 from agribot.description.markup import read_xml
-from agribot.description.package import PACKAGE, ROOT, named_package_folder, resource_folders
+from agribot.description.package import (
+    PACKAGE,
+    ROOT,
+    find_named_package_folder,
+    list_resource_folders,
+)
 
 SCHEMES = re.compile(r"^(model|package|file|https?)://")
-# Names of Gazebo's public models -> what this package has of the kind.
+# Names of Gazebo's public models -> this package's model of the same kind.
 ALIASES = {
     "pine_tree": "pine", "oak_tree": "oak", "house_1": "house", "house_2": "house",
     "house_3": "house", "asphalt_plane": "pavement_plane", "gas_station": "house",
@@ -28,12 +33,12 @@ class ModelLibrary:
         self._world_file = world_file
         here = world_file.resolve().parent
         near = (here, here / "models", here.parent / "models")
-        self.folders = (*near, *resource_folders(), ROOT / "models")
+        self.folders = (*near, *list_resource_folders(), ROOT / "models")
         self._read: dict[str, ET.Element | None] = {}
         self._ours: dict[str, ET.Element | None] = {}
 
     def find(self, uri: str) -> ET.Element | None:
-        """The <model> element behind a URI, or None if no folder has it.
+        """Find the <model> element of a URI, or None if no folder has it.
 
         Raises: DescriptionError: the model's file is broken.
         """
@@ -41,22 +46,22 @@ class ModelLibrary:
             self._read[uri] = self._load(uri)
         return self._read[uri]
 
-    def stand_in(self, uri: str) -> ET.Element | None:
-        """The packaged <model> of the kind whose folder a mesh's URI names, or None.
+    def find_stand_in(self, uri: str) -> ET.Element | None:
+        """Find the packaged <model> of the kind whose folder a mesh's URI names, or None.
 
-        Worlds that Gazebo saved carry the parts of every model with them, but not its meshes.
+        Worlds that Gazebo saved contain the parts of every model, but not its meshes.
         """
-        return self._packaged(mesh_folder(uri)) if uri.startswith("model://") else None
+        return self._find_packaged(parse_mesh_folder(uri)) if uri.startswith("model://") else None
 
-    def file(self, uri: str) -> Path | None:
-        """The file behind a URI or a relative path; None where it is not on this machine."""
+    def find_file(self, uri: str) -> Path | None:
+        """Find the file of a URI or a relative path; None where it is not on this machine."""
         name = unquote(SCHEMES.sub("", uri)).strip()
         if name.startswith("/"):
             return Path(name) if os.path.isfile(name) else None
         inner = name.removeprefix(f"{PACKAGE}/")
         folders = (*self.folders, ROOT)
         if uri.startswith("package://"):
-            package = named_package_folder(name.partition("/")[0], self._world_file)
+            package = find_named_package_folder(name.partition("/")[0], self._world_file)
             folders = folders if package is None else (package.parent, *folders)
         for folder in folders:
             for candidate in (folder / name, folder / inner):
@@ -65,45 +70,47 @@ class ModelLibrary:
         return None
 
     def _load(self, uri: str) -> ET.Element | None:
-        name = kind_of(uri)
+        name = parse_kind(uri)
         folder = next((f / name for f in self.folders if name and os.path.isdir(f / name)), None)
         if folder is None:
-            return self._packaged(name)
-        return read_xml(folder / _sdf_name(folder)).find("model")
+            return self._find_packaged(name)
+        return read_xml(folder / _find_sdf_name(folder)).find("model")
 
-    def _packaged(self, name: str) -> ET.Element | None:
-        """The package's own model of this name or kind."""
+    def _find_packaged(self, name: str) -> ET.Element | None:
+        """Find the package's own model of this name or kind."""
         if name not in self._ours:
             # Worlds of the original AGRIBOT write CropWithWeed for crop_with_weed.
             known = ALIASES.get(name.lower(), name)
             folders = sorted((ROOT / "models").iterdir())
-            folder = next((folder for folder in folders if _same(folder.name, known)), None)
-            found = None if folder is None else read_xml(folder / _sdf_name(folder)).find("model")
+            folder = next((folder for folder in folders if _is_same_name(folder.name, known)), None)
+            found = (
+                None if folder is None else read_xml(folder / _find_sdf_name(folder)).find("model")
+            )
             self._ours[name] = found
         return self._ours[name]
 
 
-def kind_of(uri: str) -> str:
-    """The name of a model in its URI: the last part of the path."""
+def parse_kind(uri: str) -> str:
+    """Return the name of a model in its URI: the last part of the path."""
     return SCHEMES.sub("", uri).strip().strip("/").rpartition("/")[2]
 
 
-def mesh_folder(uri: str) -> str:
-    """The name of the model whose folder a mesh lies in: the first part of the path."""
+def parse_mesh_folder(uri: str) -> str:
+    """Return the name of the model whose folder a mesh is in: the first part of the path."""
     return SCHEMES.sub("", uri).partition("/")[0]
 
 
 def is_crop_with_weed(name: str) -> bool:
-    """Whether a model's name is that of the original's crop, maybe with a number behind it."""
-    return _same(re.sub(r"[\d_]*$", "", name), "crop_with_weed")
+    """Return whether a model is the original's crop by its name, maybe with a number at its end."""
+    return _is_same_name(re.sub(r"[\d_]*$", "", name), "crop_with_weed")
 
 
-def _same(left: str, right: str) -> bool:
+def _is_same_name(left: str, right: str) -> bool:
     return left.replace("_", "").lower() == right.replace("_", "").lower()
 
 
-def _sdf_name(folder: Path) -> str:
-    """The model's file: the newest that model.config names, else any .sdf."""
+def _find_sdf_name(folder: Path) -> str:
+    """Return the model's file: the newest that model.config names, else any .sdf."""
     config = folder / "model.config"
     if config.is_file():
         named = [element.text or "" for element in read_xml(config).findall("sdf")]

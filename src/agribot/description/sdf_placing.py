@@ -1,4 +1,4 @@
-"""Which models stand in a world, under which name and where."""
+"""The models in a world, with their names and poses."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from typing import NamedTuple
 import numpy as np
 
 from agribot.core.messages import FloatArray
-from agribot.description.elements import Source
+from agribot.description.elements import SourceFile
 from agribot.description.markup import PlacedElement
 from agribot.description.poses import read_pose
-from agribot.description.sdf_library import ModelLibrary, kind_of
-from agribot.description.sdf_models import surface_from_words, tag
+from agribot.description.sdf_library import ModelLibrary, parse_kind
+from agribot.description.sdf_models import guess_surface, qualify_tag
 
 SPAWN_FRAME = "robot_spawn"
 DRIVES = ("skid_steer", "skidsteer", "diff_drive", "diff-drive", "diffdrive")
 GROUND_WORDS = ("plane", "ground", "terrain", "field", "floor", "road", "heightmap")
-GROUND_M = 100.0  # side of the square that stands in for a ground nobody has
+GROUND_M = 100.0  # side of the square in the place of an absent ground
 # Kinds of things in a world that are neither models nor read elsewhere.
 PASSED_OVER = ("actor", "population", "road")
 
 
-class Standing(NamedTuple):
-    """A model standing in a world, or included by it."""
+class PlacedModel(NamedTuple):
+    """A model in a world or included by it; `map_from_model` is (4, 4)."""
 
     name: str
     kind: str
@@ -32,18 +32,22 @@ class Standing(NamedTuple):
     map_from_model: FloatArray
 
 
-class _Found(NamedTuple):
+class _FoundModel(NamedTuple):
     name: str
     kind: str
     element: ET.Element
     placed: ET.Element  # that holds the <pose>
 
 
-class Placing:
+class WorldModels:
     """Reads the models of one world."""
 
     def __init__(
-        self, world: ET.Element, source: Source, library: ModelLibrary, map_from_world: FloatArray
+        self,
+        world: ET.Element,
+        source: SourceFile,
+        library: ModelLibrary,
+        map_from_world: FloatArray,
     ) -> None:
         self._world, self._source, self._library = world, source, library
         self._map_from_world = map_from_world
@@ -53,19 +57,19 @@ class Placing:
             for element in world.findall(kind)
         }
 
-    def spawn(self) -> FloatArray | None:
-        """Where the world says that the robot starts, (4, 4) in the map."""
+    def find_spawn(self) -> FloatArray | None:
+        """Return the robot's start pose that the world states, (4, 4) in the map, or None."""
         frame = self._frames.get(SPAWN_FRAME)
         if frame is None:
             return None
-        pose: FloatArray = self._map_from_world @ self._world_from(frame, SPAWN_FRAME)
+        pose: FloatArray = self._map_from_world @ self._find_world_pose(frame, SPAWN_FRAME)
         return pose
 
-    def models(self) -> list[Standing]:
-        """Models in the order of the file, each with a name of its own."""
-        found = self._found()
+    def list_models(self) -> list[PlacedModel]:
+        """List the models in the order of the file, each with a unique name."""
+        found = self._find_models()
         counts = Counter(model.name for model in found)
-        states = self._states()
+        states = self._read_states()
         seen: Counter[str] = Counter()
         taken = set(counts)
         models = []
@@ -74,22 +78,24 @@ class Placing:
             seen[model.name] += 1
             name = model.name
             if number:
-                name = self._free_name(model, number, counts[model.name], taken)
+                name = self._choose_free_name(model, number, counts[model.name], taken)
             with self._source.attempt(model.placed):
                 saved = states.get(model.name, [])
                 if len(saved) == counts[model.name]:
                     world_from_model = saved[number]
                 else:
-                    world_from_model = self._world_from(model.placed, model.name)
+                    world_from_model = self._find_world_pose(model.placed, model.name)
                 models.append(
-                    Standing(
+                    PlacedModel(
                         name, model.kind, model.element, self._map_from_world @ world_from_model
                     )
                 )
         return models
 
-    def _free_name(self, model: _Found, number: int, count: int, taken: set[str]) -> str:
-        """A name that nobody has; the second of a kind tells the user, a check hears of all."""
+    def _choose_free_name(
+        self, model: _FoundModel, number: int, count: int, taken: set[str]
+    ) -> str:
+        """Choose a free name; the second of a kind warns the user, all show in a check."""
         name = f"{model.name}_{number}"
         while name in taken:
             name += "_"
@@ -107,39 +113,39 @@ class Placing:
             )
         return name
 
-    def _found(self) -> list[_Found]:
+    def _find_models(self) -> list[_FoundModel]:
         found = []
         for element in [*self._world, *self._world.findall("state/insertions/model")]:
             with self._source.attempt(element):
                 if element.tag == "model":
                     name = element.get("name", "model")
-                    kind = element.findtext(tag("kind"), name)
-                    found.append(_Found(name, kind, element, element))
+                    kind = element.findtext(qualify_tag("kind"), name)
+                    found.append(_FoundModel(name, kind, element, element))
                 elif element.tag == "include":
-                    found += self._included(element)
+                    found += self._include(element)
                 elif element.tag in PASSED_OVER:
                     self._source.warn(
                         f"<{element.tag} name='{element.get('name', '')}'> is not read; left out"
                     )
         return found
 
-    def _included(self, element: ET.Element) -> list[_Found]:
+    def _include(self, element: ET.Element) -> list[_FoundModel]:
         uri = (element.findtext("uri") or "").strip()
-        kind = kind_of(uri)
+        kind = parse_kind(uri)
         if kind == "sun":
             return []
         model = self._library.find(uri)
         if model is None:
-            model = self._stand_in(uri, kind)
+            model = self._make_stand_in(uri, kind)
         name = element.findtext("name") or model.get("name") or kind
         placed = element if element.find("pose") is not None else model
-        return [_Found(name, kind, model, placed)]
+        return [_FoundModel(name, kind, model, placed)]
 
-    def _stand_in(self, uri: str, kind: str) -> ET.Element:
-        """A box, or a piece of ground where the name speaks of one."""
+    def _make_stand_in(self, uri: str, kind: str) -> ET.Element:
+        """Make a box, or a piece of ground where the name suggests one."""
         if any(word in kind.lower() for word in GROUND_WORDS):
             what, shape = "level ground", f"<plane><size>{GROUND_M} {GROUND_M}</size></plane>"
-            pose, surface = "0 0 0", surface_from_words(kind)
+            pose, surface = "0 0 0", guess_surface(kind)
         else:
             what, shape, pose, surface = "a box", "<box><size>1 1 1</size></box>", "0 0 0.5", ""
         self._source.warn(f"model '{uri}' is in no model folder; {what} stands in for it")
@@ -150,11 +156,11 @@ class Placing:
         geometry = ET.SubElement(part, "geometry")
         geometry.append(ET.fromstring(shape))
         if surface:
-            ET.SubElement(part, tag("surface")).text = surface
+            ET.SubElement(part, qualify_tag("surface")).text = surface
         return model
 
-    def _states(self) -> dict[str, list[FloatArray]]:
-        """Poses of a saved <state>, which replace those of the models."""
+    def _read_states(self) -> dict[str, list[FloatArray]]:
+        """Read the poses of a saved <state>, which replace those of the models."""
         states: dict[str, list[FloatArray]] = {}
         for model in self._world.findall("state/model"):
             with self._source.attempt(model):
@@ -163,8 +169,8 @@ class Placing:
                     states.setdefault(model.get("name", ""), []).append(pose)
         return states
 
-    def _world_from(self, element: ET.Element, name: str, depth: int = 8) -> FloatArray:
-        """Pose of an element in the world, along the frames that it is relative to."""
+    def _find_world_pose(self, element: ET.Element, name: str, depth: int = 8) -> FloatArray:
+        """Return an element's pose in the world, (4, 4), through the frames it is relative to."""
         pose = read_pose(element, self._source, f"{element.tag} '{name}'")
         written = element.find("pose")
         relative = "" if written is None else written.get("relative_to", "")
@@ -179,12 +185,12 @@ class Placing:
                 "its pose is taken as it stands"
             )
             return pose
-        placed: FloatArray = np.asarray(self._world_from(base, relative, depth - 1) @ pose)
+        placed: FloatArray = np.asarray(self._find_world_pose(base, relative, depth - 1) @ pose)
         return placed
 
 
 def is_robot(model: ET.Element) -> bool:
-    """Old worlds carry the robot itself; it is placed there and described elsewhere."""
+    """Return whether a model is the robot itself, which old worlds contain."""
     return any(
         word in (plugin.get("filename", "") + plugin.get("name", "")).lower()
         for plugin in model.iter("plugin")

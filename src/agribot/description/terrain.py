@@ -26,15 +26,15 @@ MAX_SAMPLES = 4097  # along one side
 # Where the arcs of the hills' crop rows have their centre, North and West of the heights' middle.
 HILL_TOP_XY_M = (-4.0, 3.0 - 1.0 + 1.0 / 0.03)
 SWELL_M = 0.5
-# What numpy.load says of damaged files; it takes some for archives and some for Python 2's.
+# The errors of numpy.load on damaged files; it takes some for archives and some for Python 2's.
 NOT_NPY = (OSError, ValueError, TypeError, AttributeError, KeyError, OverflowError, SyntaxError,
            EOFError, tokenize.TokenError, zipfile.BadZipFile)  # fmt: skip
 
 
-def volcano(
+def make_volcano(
     seed: int, samples: int = 257, size_m: float = 150.0, top_m: float = 50.0
 ) -> FloatArray:
-    """A cone with a crater, gullies and rough lava, (samples, samples), rows to the North.
+    """Make a cone with a crater, gullies and rough lava, (samples, samples), rows to the North.
 
     The foot is level at 0 and the rim at about `top_m`.
     """
@@ -53,30 +53,30 @@ def volcano(
     cone = np.where(reach < rim, crater, flank)
     gullies = np.abs(np.cos(9 * angle + rng.uniform(0.0, math.tau) + 2.0 * reach)) ** 0.7
     cone -= 0.035 * gullies * np.clip(4.0 * flank * (1.0 - flank), 0.0, 1.0)
-    height = cone + 0.012 * _noise(rng, samples, 4) * np.clip(1.5 * flank, 0.0, 1.0)
+    height = cone + 0.012 * _make_noise(rng, samples, 4) * np.clip(1.5 * flank, 0.0, 1.0)
     height -= height.min()
     rise: FloatArray = height * (top_m / float(height.max()))
     return rise
 
 
-def hills(
+def make_hills(
     seed: int, samples: int = 129, size_m: float = 48.0, slope_deg: float = 10.0
 ) -> FloatArray:
-    """The flank of a round hill with long gentle swells, (samples, samples), from 0 up.
+    """Make the flank of a round hill with long gentle swells, (samples, samples), from 0 up.
 
     Contour lines are arcs about HILL_TOP_XY_M, in the frame of the heights.
     """
     at_m = np.linspace(-size_m / 2.0, size_m / 2.0, samples)
     x, y = np.meshgrid(at_m, at_m)
     away_m = np.hypot(x - HILL_TOP_XY_M[0], y - HILL_TOP_XY_M[1])
-    swell = _noise(np.random.default_rng([seed, 42]), samples, 2)
+    swell = _make_noise(np.random.default_rng([seed, 42]), samples, 2)
     height = SWELL_M * (swell / float(np.ptp(swell))) - math.tan(math.radians(slope_deg)) * away_m
     rise: FloatArray = height - height.min()
     return rise
 
 
-def _noise(rng: np.random.Generator, samples: int, cycles: int) -> FloatArray:
-    """Smooth random heights with about unit spread: a few waves in all directions."""
+def _make_noise(rng: np.random.Generator, samples: int, cycles: int) -> FloatArray:
+    """Make smooth random heights of about unit spread: a few waves in all directions."""
     at = np.linspace(0.0, math.tau, samples)
     x, y = np.meshgrid(at, at)
     total = np.zeros((samples, samples))
@@ -88,12 +88,12 @@ def _noise(rng: np.random.Generator, samples: int, cycles: int) -> FloatArray:
 
 
 def load_heights(path: Path) -> FloatArray:
-    """A height map as ratios 0 to 1 of its full scale, rows from South to North.
+    """Load a height map (rows, columns) as ratios 0 to 1 of its full scale, rows to the North.
 
     Pictures have North at the top; .npy files hold metres, rows to the North, and stay metres.
     Raises: DescriptionError: nothing that can be read, not finite, or too large.
     """
-    heights = _samples(path) if path.suffix == ".npy" else read_grey(path, MAX_SAMPLES)
+    heights = _read_samples(path) if path.suffix == ".npy" else read_grey(path, MAX_SAMPLES)
     if heights.ndim != 2 or not 2 <= min(heights.shape) <= max(heights.shape) <= MAX_SAMPLES:
         raise DescriptionError(
             f"{path.name} has {heights.shape} samples; a height map needs 2 x 2 to "
@@ -102,7 +102,7 @@ def load_heights(path: Path) -> FloatArray:
     return heights
 
 
-def _samples(path: Path) -> FloatArray:
+def _read_samples(path: Path) -> FloatArray:
     try:  # mapped, so that a wrong size in the file's head does not fill the memory
         heights = np.load(path, mmap_mode="r", allow_pickle=False)
         if heights.size > MAX_SAMPLES**2 or not np.isfinite(heights).all():
@@ -113,8 +113,8 @@ def _samples(path: Path) -> FloatArray:
     return metres
 
 
-def png_bytes(heights_m: FloatArray) -> bytes:
-    """A 16-bit height map with North at the top; 0 to the highest sample fill its scale."""
+def encode_png(heights_m: FloatArray) -> bytes:
+    """Encode heights as a 16-bit PNG, North at the top; 0 to the highest sample fill its scale."""
     from PIL import Image
 
     scaled = np.flipud(heights_m) * (FULL_SCALE / float(heights_m.max()))
@@ -123,12 +123,12 @@ def png_bytes(heights_m: FloatArray) -> bytes:
     return file.getvalue()
 
 
-def placed(
+def place_heights(
     heights_m: FloatArray, size_m: tuple[float, float], map_from_field: FloatArray
 ) -> HeightField:
-    """Heights over a rectangle about the origin of a frame, as terrain along the map's axes.
+    """Place heights over a rectangle about a frame's origin, as terrain along the map's axes.
 
-    A frame that is turned by quarters keeps its samples; any other is resampled.
+    A frame that is turned by quarter turns keeps its samples; any other is resampled.
     """
     rows, columns = heights_m.shape
     half = np.array(size_m) / 2.0
@@ -144,22 +144,22 @@ def placed(
     column = (u + half[0]) / size_m[0] * (columns - 1)
     row = (v + half[1]) / size_m[1] * (rows - 1)
     return HeightField(
-        height_m=_sampled(heights_m, row, column) + map_from_field[2, 3],
+        height_m=_interpolate(heights_m, row, column) + map_from_field[2, 3],
         x_min_m=round(float(low[0]), 9),
         y_min_m=round(float(low[1]), 9),
         resolution_m=step_m,
     )
 
 
-def height_at(field: HeightField, x_map_m: float, y_map_m: float) -> float:
-    """Height of the terrain below a place; outside it goes on level."""
+def sample_height(field: HeightField, x_map_m: float, y_map_m: float) -> float:
+    """Return the height of the terrain below a place; outside it is level."""
     row = np.array([(y_map_m - field.y_min_m) / field.resolution_m])
     column = np.array([(x_map_m - field.x_min_m) / field.resolution_m])
-    return float(_sampled(field.height_m, row, column)[0])
+    return float(_interpolate(field.height_m, row, column)[0])
 
 
-def _sampled(grid: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
-    """Bilinear values at fractional rows and columns, held at the edges."""
+def _interpolate(grid: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
+    """Interpolate a grid at fractional rows and columns, held at the edges."""
     row = np.clip(np.where(np.abs(row - np.round(row)) < 1e-9, np.round(row), row), 0, None)
     column = np.clip(
         np.where(np.abs(column - np.round(column)) < 1e-9, np.round(column), column), 0, None
@@ -174,16 +174,16 @@ def _sampled(grid: FloatArray, row: FloatArray, column: FloatArray) -> FloatArra
 
 
 LANDSCAPES: dict[str, Callable[[], FloatArray]] = {
-    "volcano": lambda: volcano(7),
-    "hills": lambda: hills(3),
+    "volcano": lambda: make_volcano(7),
+    "hills": lambda: make_hills(3),
 }
 
 
-def landscape_file(name: str) -> Path:
+def find_landscape_file(name: str) -> Path:
     return ROOT / "models" / name / f"{name}.png"
 
 
 if __name__ == "__main__":
     for _name, _make in LANDSCAPES.items():
-        landscape_file(_name).parent.mkdir(parents=True, exist_ok=True)
-        landscape_file(_name).write_bytes(png_bytes(_make()))
+        find_landscape_file(_name).parent.mkdir(parents=True, exist_ok=True)
+        find_landscape_file(_name).write_bytes(encode_png(_make()))

@@ -12,41 +12,41 @@ from agribot.core.errors import DescriptionError
 from agribot.core.messages import FloatArray
 from agribot.core.robot import Shape
 from agribot.core.world import HeightField, Obstacle, WorldSpec
-from agribot.description.elements import Finding, Source
-from agribot.description.markup import place_of, read_xml
-from agribot.description.package import packaged_or_file, world_files
-from agribot.description.poses import level, origin_of, yaw_of
-from agribot.description.scatter import Crop, grow, read_crop, read_plants, read_weed_areas
+from agribot.description.elements import FileFinding, SourceFile
+from agribot.description.markup import find_place, read_xml
+from agribot.description.package import find_packaged_or_file, list_world_files
+from agribot.description.poses import extract_yaw, make_yaw_rotation, to_origin
+from agribot.description.scatter import Crop, grow_plants, read_crop, read_plants, read_weed_areas
 from agribot.description.sdf_header import Header
 from agribot.description.sdf_library import ModelLibrary, is_crop_with_weed
 from agribot.description.sdf_models import ModelParts, Patch, Relief, read_parts
-from agribot.description.sdf_placing import Placing, Standing, is_robot
+from agribot.description.sdf_placing import PlacedModel, WorldModels, is_robot
 from agribot.description.surfaces import Surfaces
-from agribot.description.terrain import load_heights, placed, volcano
+from agribot.description.terrain import load_heights, make_volcano, place_heights
 
-CLEAR_M = 2.0  # between the robot's start and the middle of a box that stands in for something
+CLEAR_M = 2.0  # between the robot's start and the middle of a box in an absent model's place
 
 
-def world_names() -> list[str]:
-    return sorted(world_files())
+def list_worlds() -> list[str]:
+    return sorted(list_world_files())
 
 
 def load_world(
     name_or_path: str, *, seed: int = 0, weed_density_per_m2: float | None = None
 ) -> WorldSpec:
-    """Read a packaged world or a .world or .sdf file, and let its plants grow.
+    """Read a packaged world or a .world or .sdf file, and grow its plants.
 
-    The same file, seed and density give the same plants. What is odd but harmless in the file
-    (repeated names, models or meshes nobody has) ends up in `warnings`.
+    The same file, seed and density give the same plants. Harmless problems of the file (repeated
+    names, absent models or meshes) are in `warnings`.
 
     Raises: DescriptionError: unknown name, broken file, or a world without ground.
     """
-    path = _world_path(name_or_path)
-    return _WorldReader(path, Source(path.name)).read(seed, weed_density_per_m2)
+    path = _find_world_file(name_or_path)
+    return _WorldReader(path, SourceFile(path.name)).read(seed, weed_density_per_m2)
 
 
-def world_of_run(config: RunConfig) -> WorldSpec:
-    """The world of the settings, at their datum where that was chosen for the run."""
+def load_run_world(config: RunConfig) -> WorldSpec:
+    """Load the world of the settings, at their datum where that was chosen for the run."""
     density_per_m2 = config.sim.weed_density_per_m2
     world = load_world(config.world, seed=config.seed, weed_density_per_m2=density_per_m2)
     if not config.field.datum_source:
@@ -54,13 +54,13 @@ def world_of_run(config: RunConfig) -> WorldSpec:
     return msgspec.structs.replace(world, datum=config.field.datum)
 
 
-def check_world(name_or_path: str) -> tuple[Finding, ...]:
-    """Everything that is wrong or odd in a world file, in the order of its lines.
+def check_world(name_or_path: str) -> tuple[FileFinding, ...]:
+    """List all errors and problems of a world file, in the order of its lines.
 
     Raises: DescriptionError: unknown name, or no such file.
     """
-    path = _world_path(name_or_path)
-    source = Source(path.name, collecting=True)
+    path = _find_world_file(name_or_path)
+    source = SourceFile(path.name, collecting=True)
     if not path.is_file():
         raise DescriptionError(f"{path} does not exist; check the path")
     try:
@@ -70,14 +70,14 @@ def check_world(name_or_path: str) -> tuple[Finding, ...]:
     return tuple(sorted(dict.fromkeys(source.findings), key=lambda f: (f.file, f.line)))
 
 
-def _world_path(name_or_path: str) -> Path:
-    return packaged_or_file("world", name_or_path, world_files(), (".world", ".sdf"))
+def _find_world_file(name_or_path: str) -> Path:
+    return find_packaged_or_file("world", name_or_path, list_world_files(), (".world", ".sdf"))
 
 
 class _WorldReader:
-    """One reading of one file: what it has collected so far."""
+    """Collects the parts of one file."""
 
-    def __init__(self, path: Path, source: Source) -> None:
+    def __init__(self, path: Path, source: SourceFile) -> None:
         self._source = source
         self._library = ModelLibrary(path)
         root = read_xml(path)
@@ -95,61 +95,61 @@ class _WorldReader:
         self._stand_ins: set[str] = set()
 
     def read(self, seed: int, weed_density_per_m2: float | None) -> WorldSpec:
-        placing = Placing(self._world, self._source, self._library, self._map_from_world)
-        spawn = placing.spawn()
-        for model in placing.models():
+        placing = WorldModels(self._world, self._source, self._library, self._map_from_world)
+        spawn = placing.find_spawn()
+        for model in placing.list_models():
             if is_robot(model.element):
                 spawn = model.map_from_model if spawn is None else spawn
                 continue
             with self._source.attempt(model.element):
-                self._take(model)
+                self._take_model(model)
         areas = read_weed_areas(self._world, self._source)
-        plants = grow(self._crops, areas, self._map_from_world, seed, weed_density_per_m2)
+        plants = grow_plants(self._crops, areas, self._map_from_world, seed, weed_density_per_m2)
         plants += read_plants(self._world, self._map_from_world, self._source)
         where = np.eye(4) if spawn is None else spawn
-        self._clear(float(where[0, 3]), float(where[1, 3]))
-        terrain = self._terrain()
+        self._clear_start(float(where[0, 3]), float(where[1, 3]))
+        terrain = self._read_terrain()
         surfaces = Surfaces(self._patches, self._reliefs, terrain, self._source)
-        friction_ratio, grip = surfaces.friction()
+        friction_ratio, grip = surfaces.find_friction()
         return WorldSpec(
             name=self._world.get("name", ""),
             datum=self._header.datum,
             spawn_xy_map_m=(float(where[0, 3]), float(where[1, 3])),
-            spawn_yaw_map_rad=yaw_of(where),
+            spawn_yaw_map_rad=extract_yaw(where),
             gravity_mps2=self._header.gravity_mps2,
             field_enu_t=self._header.field_enu_t,
             friction_ratio=friction_ratio,
             grip=grip,
             light=self._header.light,
-            ground=surfaces.tiles(),
+            ground=surfaces.list_tiles(),
             soil=self._header.soil,
             terrain=terrain,
             plants=plants,
             obstacles=tuple(self._obstacles),
-            warnings=self._source.warnings(),
+            warnings=self._source.list_warnings(),
         )
 
-    def _take(self, model: Standing) -> None:
-        """One model: a crop, or things that stand there and the ground they bring along."""
-        crop = self._crop(model)
+    def _take_model(self, model: PlacedModel) -> None:
+        """Take a model: a crop, or obstacles and the ground they contain."""
+        crop = self._read_crop(model)
         if crop is not None:
             self._crops.append(crop)
             return
-        if place_of(model.element)[1] == 0:
+        if find_place(model.element)[1] == 0:
             self._stand_ins.add(model.name)
         parts = read_parts(model.element, self._source, self._library)
-        self._obstacles += _obstacles(model, parts)
+        self._obstacles += _make_obstacles(model, parts)
         self._patches += [(model.map_from_model, patch) for patch in parts.patches]
         self._reliefs += [(model.map_from_model, relief) for relief in parts.reliefs]
 
-    def _clear(self, x_m: float, y_m: float) -> None:
-        """Take stand-ins away from the place where the robot starts."""
+    def _clear_start(self, x_m: float, y_m: float) -> None:
+        """Remove boxes in the place of absent models from where the robot starts."""
         for thing in [o for o in self._obstacles if o.name in self._stand_ins]:
             if max(abs(thing.x_map_m - x_m), abs(thing.y_map_m - y_m)) < CLEAR_M:
                 self._obstacles.remove(thing)
                 self._source.warn(f"'{thing.name}' would stand on the robot; it is left out")
 
-    def _crop(self, model: Standing) -> Crop | None:
+    def _read_crop(self, model: PlacedModel) -> Crop | None:
         x_m, y_m = model.map_from_model[:2, 3].tolist()
         crop = read_crop(model.element, x_m, y_m, self._source)
         if crop is None and (is_crop_with_weed(model.kind) or is_crop_with_weed(model.name)):
@@ -157,44 +157,44 @@ class _WorldReader:
             crop = None if ours is None else read_crop(ours, x_m, y_m, self._source)
         return crop
 
-    def _terrain(self) -> HeightField | None:
-        """The first height map of the world; a height map is felt and seen alike."""
+    def _read_terrain(self) -> HeightField | None:
+        """Read the first height map of the world, which is both solid and visible."""
         for frame, relief in self._reliefs:
             with self._source.attempt(relief.element):
-                return self._height_field(frame, relief)
+                return self._read_height_field(frame, relief)
         return None
 
-    def _height_field(self, frame: FloatArray, relief: Relief) -> HeightField:
+    def _read_height_field(self, frame: FloatArray, relief: Relief) -> HeightField:
         element, source = relief.element, self._source
-        size = source.vec3(element.findtext("size", "1 1 1"), "<heightmap> <size>")
+        size = source.parse_vec3(element.findtext("size", "1 1 1"), "<heightmap> <size>")
         if min(size) <= 0.0:
             raise source.fail("<heightmap>", f"<size> is {size}; all three must be positive")
         uri = (element.findtext("uri") or "").strip()
-        file = self._library.file(uri)
+        file = self._library.find_file(uri)
         if file is not None and file.suffix.lower() in {".png", ".npy", ".jpg", ".jpeg", ".tif"}:
             heights = load_heights(file)
             heights_m = heights if file.suffix == ".npy" else heights * size[2]
         else:
             source.warn(f"height map '{uri}' is not on this machine; a volcano stands in for it")
-            heights_m = volcano(0, size_m=min(size[:2]), top_m=size[2])
+            heights_m = make_volcano(0, size_m=min(size[:2]), top_m=size[2])
         pos = np.eye(4)
-        pos[:2, 3] = source.vec3(element.findtext("pos", "0 0 0"), "<heightmap> <pos>")[:2]
+        pos[:2, 3] = source.parse_vec3(element.findtext("pos", "0 0 0"), "<heightmap> <pos>")[:2]
         if file is not None:
-            pos[2, 3] = source.vec3(element.findtext("pos", "0 0 0"), "<heightmap> <pos>")[2]
-        return placed(heights_m, (size[0], size[1]), frame @ relief.model_from_relief @ pos)
+            pos[2, 3] = source.parse_vec3(element.findtext("pos", "0 0 0"), "<heightmap> <pos>")[2]
+        return place_heights(heights_m, (size[0], size[1]), frame @ relief.model_from_relief @ pos)
 
 
-def _obstacles(model: Standing, parts: ModelParts) -> list[Obstacle]:
-    """The solid part of a model, and apart from it what is only to be seen."""
-    yaw_rad = yaw_of(model.map_from_model)
-    tilt = level(-yaw_rad) @ model.map_from_model
+def _make_obstacles(model: PlacedModel, parts: ModelParts) -> list[Obstacle]:
+    """Make obstacles of a model's solid part and, separately, of its only visible part."""
+    yaw_rad = extract_yaw(model.map_from_model)
+    tilt = make_yaw_rotation(-yaw_rad) @ model.map_from_model
     tilt[:3, 3] = 0.0
     upright = bool(np.allclose(tilt, np.eye(4), atol=1e-12))
     x_m, y_m, z_m = model.map_from_model[:3, 3].tolist()
 
     def shapes(collides: bool) -> tuple[Shape, ...]:
         chosen = [part.shape for part in parts.shapes if part.collides == collides]
-        return tuple(shape if upright else _tilted(shape, tilt) for shape in chosen)
+        return tuple(shape if upright else _tilt_shape(shape, tilt) for shape in chosen)
 
     return [
         Obstacle(
@@ -212,11 +212,11 @@ def _obstacles(model: Standing, parts: ModelParts) -> list[Obstacle]:
     ]
 
 
-def _tilted(shape: Shape, tilt: FloatArray) -> Shape:
+def _tilt_shape(shape: Shape, tilt: FloatArray) -> Shape:
     return Shape(
         kind=shape.kind,
         size_m=shape.size_m,
-        origin=origin_of(tilt @ shape.origin.matrix()),
+        origin=to_origin(tilt @ shape.origin.matrix()),
         mesh=shape.mesh,
         rgba=shape.rgba,
     )

@@ -1,4 +1,4 @@
-"""Bounds for the expressions of xacro files, so that a tower of powers is refused."""
+"""Bounds for the expressions of xacro files, so that nested powers are refused."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 import xacro
 import xacro.substitution_args as substitution
 
-MAX_BITS = 4096  # of a whole number; a robot's are of some 50
+MAX_BITS = 4096  # of a whole number; those of robots have about 50
 MAX_ITEMS = 100_000  # of a text or list that is repeated
 MAX_EXPONENT = 64  # that $(eval ...) may write
 
 
-def power(base: Any, exponent: Any) -> Any:
+def raise_to_power(base: Any, exponent: Any) -> Any:
     is_whole = isinstance(base, int) and isinstance(exponent, int)
     if is_whole and exponent > 0 and base.bit_length() * exponent > MAX_BITS:
         raise ValueError(f"a power with more than {MAX_BITS} bits; write it as a decimal number")
@@ -36,12 +36,12 @@ def multiply(left: Any, right: Any) -> Any:
 
 
 # Names that an expression cannot write itself: xacro refuses those that begin so.
-_GUARDS = {"__power": power, "__shift": shift, "__multiply": multiply}
+_GUARDS = {"__power": raise_to_power, "__shift": shift, "__multiply": multiply}
 _GUARD_OF = {ast.Pow: "__power", ast.LShift: "__shift", ast.Mult: "__multiply"}
 
 
-class _Guarded(ast.NodeTransformer):
-    """Calls of the guards in the place of operators."""
+class _OperatorGuard(ast.NodeTransformer):
+    """Replaces operators by calls of the guards."""
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         self.generic_visit(node)
@@ -53,7 +53,7 @@ class _Guarded(ast.NodeTransformer):
 
 
 def evaluate(expression: str, symbols: dict[str, Any], names: Any = None) -> Any:
-    """Stands in for xacro's own evaluation; it refuses the same names.
+    """Evaluate an expression in the place of xacro's own function; refuse the same names.
 
     Raises: ValueError: a number or text that would grow beyond the limits.
     """
@@ -62,13 +62,16 @@ def evaluate(expression: str, symbols: dict[str, Any], names: Any = None) -> Any
     forbidden = [name for name in used if name.startswith("__")]
     if forbidden:
         raise xacro.XacroException("Use of invalid name(s): ", ", ".join(forbidden))
-    guarded = ast.fix_missing_locations(_Guarded().visit(tree))
+    guarded = ast.fix_missing_locations(_OperatorGuard().visit(tree))
     symbols.update(__builtins__=_GUARDS)
     return eval(compile(guarded, "<expression>", "eval"), symbols, names)
 
 
 def _check_substitution(text: str) -> None:
-    """Raises: ValueError: an operator that may grow without limit."""
+    """Check an expression of `$(eval ...)`.
+
+    Raises: ValueError: an operator that may grow without limit.
+    """
     for node in ast.walk(ast.parse(text.strip(), mode="eval")):
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow | ast.LShift):
             by = node.right
@@ -78,8 +81,8 @@ def _check_substitution(text: str) -> None:
 
 
 @contextmanager
-def bounded_arithmetic() -> Iterator[None]:
-    """Within, what xacro evaluates cannot grow beyond the limits."""
+def bound_arithmetic() -> Iterator[None]:
+    """Keep xacro's expressions within the limits, while open."""
     evaluate_freely, substitute = xacro.safe_eval, substitution._eval
 
     def substitute_bounded(text: str, context: Any) -> Any:

@@ -10,7 +10,7 @@ from typing import Any
 
 import xacro
 
-from agribot.description.elements import Finding, Source
+from agribot.description.elements import FileFinding, SourceFile
 from agribot.description.markup import PlacedElement
 
 DIRECTIVES = {"property", "macro", "include", "if", "unless", "insert_block", "arg"}
@@ -19,15 +19,15 @@ FOREIGN = {"plugin", "sensor"}
 
 
 class OldDialect:
-    """Translates while xacro reads, and remembers what it read to find places again."""
+    """Translates while xacro reads, and keeps the texts to find the places of elements."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: SourceFile) -> None:
         self._source = source
         self._texts: dict[str, list[str]] = {}
 
     @contextmanager
-    def understood(self) -> Iterator[None]:
-        """Within, xacro understands both dialects."""
+    def accept(self) -> Iterator[None]:
+        """Make xacro accept both dialects, while open."""
         parse, call = xacro.parse, xacro.handle_macro_call
 
         def parse_both(inp: Any, filename: str | None = None) -> Any:
@@ -72,14 +72,14 @@ class OldDialect:
                 (n for n, line in enumerate(text.splitlines(), 1) if f"<{old[0]}" in line), 0
             )
             what = f"<{'>, <'.join(old)}> without the prefix xacro:, as before ROS Jade"
-            self._source.findings.append(Finding(file.name, line, what, f"{file.name}: {what}"))
+            self._source.findings.append(FileFinding(file.name, line, what, f"{file.name}: {what}"))
         for number, words in enumerate(text.splitlines(), 1):
             if words.strip().endswith(">>"):
-                self._source.findings.append(Finding(file.name, number, "a '>' too many", ""))
+                self._source.findings.append(FileFinding(file.name, number, "a '>' too many", ""))
 
 
 def _translate(node: Any) -> set[str]:
-    """Prefix the directives below a node; returns those that had none."""
+    """Prefix the directives below a node; return those that had none."""
     found = set()
     for child in node.childNodes:
         if child.nodeType != child.ELEMENT_NODE or child.tagName in FOREIGN:

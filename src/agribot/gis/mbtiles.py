@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from agribot.core.errors import ConfigError
+from agribot.core.whole_file import make_at_once
 
 _MEDIA = ((b"\x89PNG", "image/png"), (b"\xff\xd8", "image/jpeg"), (b"RIFF", "image/webp"))
 MAX_ZOOM = 24
@@ -110,9 +111,7 @@ def import_mbtiles(source: Path, folder: Path, name: str) -> dict[str, Any]:
     described_map(source)
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / f"{name}.mbtiles"
-    half = target.with_suffix(".writing")
-    shutil.copyfile(source, half)
-    half.replace(target)
+    make_at_once(target, lambda beside: shutil.copyfile(source, beside))
     return described_map(target)
 
 

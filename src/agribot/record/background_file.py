@@ -30,7 +30,7 @@ class BackgroundFile:
         self._waiting_bytes = self._size = 0
         self._is_closing = False
         self._failure: OSError | None = None
-        self._thread = threading.Thread(target=self._work, name="recording", daemon=True)
+        self._thread = threading.Thread(target=self._run_writer, name="recording", daemon=True)
         self._thread.start()
 
     @property
@@ -38,11 +38,11 @@ class BackgroundFile:
         return self._is_closing
 
     def tell(self) -> int:
-        """Where the next byte goes, whether those before are on the disk yet or not."""
+        """Return where the next byte goes, whether those before are on the disk yet or not."""
         return self._size
 
     def write(self, data: bytes | bytearray | memoryview) -> int:
-        self._complain()
+        self._raise_failure()
         if self._waiting_bytes > WAITING_BYTES:
             raise OSError("the disk has not taken anything for too long")
         copied = bytes(data)
@@ -54,18 +54,18 @@ class BackgroundFile:
         return len(copied)
 
     def flush(self) -> None:
-        """The thread is at it already."""
-        self._complain()
+        """Raise the last error of the disk; the thread writes on its own."""
+        self._raise_failure()
 
     def drain(self) -> None:
         """Wait until everything so far is written, or cannot be."""
         with self._wake:
             while self._waiting_bytes and self._thread.is_alive():
                 self._wake.wait(0.1)
-        self._complain()
+        self._raise_failure()
 
     def end(self) -> None:
-        """Nothing more is to come; the thread closes the file when it has written the rest."""
+        """Let the thread close the file when it has written the rest."""
         with self._wake:
             self._is_closing = True
             self._wake.notify_all()
@@ -82,18 +82,18 @@ class BackgroundFile:
                 raise OSError(f"the disk has not taken anything for {STALLED_S:g} s")
             waiting_bytes = self._waiting_bytes
             self._thread.join(STALLED_S)
-        self._complain()
+        self._raise_failure()
 
-    def _complain(self) -> None:
+    def _raise_failure(self) -> None:
         failure, self._failure = self._failure, None
         if failure is not None:
             raise failure
 
-    def _work(self) -> None:
+    def _run_writer(self) -> None:
         with self._file:
-            self._write_what_comes()
+            self._write_queue()
 
-    def _write_what_comes(self) -> None:
+    def _write_queue(self) -> None:
         while True:
             with self._wake:
                 while not (self._waiting or self._is_closing):
@@ -113,7 +113,7 @@ class BackgroundFile:
                 self._wake.notify_all()
 
     def _make_room(self) -> None:
-        """A file that is cut anywhere can be read up to there."""
+        """Cut the end off: a file that is cut anywhere can be read up to there."""
         with suppress(OSError):  # a pipe cannot be cut
             size_bytes = self._file.tell()
             self._file.truncate(max(size_bytes - ROOM_BYTES, size_bytes // 2))

@@ -42,7 +42,7 @@ _UNUSED = re.compile(
 
 
 def new_figure(width_in: float, height_in: float) -> tuple[Figure, Axes]:
-    """An empty figure; it belongs to no window and no global state."""
+    """Make an empty figure that belongs to no window and no global state."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width_in, height_in))
         figure.set_layout_engine("constrained", w_pad=0.12, h_pad=0.12)
@@ -53,7 +53,7 @@ def new_figure(width_in: float, height_in: float) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def png(figure: Figure, width_px: int = 1200) -> bytes:
+def encode_png(figure: Figure, width_px: int = 1200) -> bytes:
     buffer = io.BytesIO()
     with mpl.rc_context(_STYLE):
         figure.savefig(
@@ -62,8 +62,8 @@ def png(figure: Figure, width_px: int = 1200) -> bytes:
     return buffer.getvalue()
 
 
-def svg(figure: Figure, label: str) -> str:
-    """For use inside HTML: no references to anywhere, text and axes in the page's colour."""
+def encode_svg(figure: Figure, label: str) -> str:
+    """Encode for use inside HTML: no references, text and axes in the page's colour."""
     buffer = io.BytesIO()
     with mpl.rc_context(_STYLE):
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
@@ -73,23 +73,23 @@ def svg(figure: Figure, label: str) -> str:
 
 
 def thin(x: FloatArray, y: FloatArray, limit: int = _MAX_POINTS) -> tuple[FloatArray, FloatArray]:
-    """At most about `limit` points: the lowest and the highest of each stretch, so peaks stay."""
+    """Reduce a line (N,), (N,) to about `limit` points; the extremes of each stretch stay."""
     if len(x) <= limit:
         return x, y
     bins = np.array_split(np.arange(len(x)), limit // 2)
     low = np.nan_to_num(y, nan=np.inf)
     high = np.nan_to_num(y, nan=-np.inf)
     picked = [index for b in bins for index in (b[np.argmin(low[b])], b[np.argmax(high[b])])]
-    keep = np.unique(np.concatenate([np.array(picked), np.flatnonzero(_gap_edges(y))]))
+    keep = np.unique(np.concatenate([np.array(picked), np.flatnonzero(_find_gap_edges(y))]))
     return x[keep], y[keep]
 
 
-def every(values: FloatArray, limit: int = _MAX_POINTS) -> FloatArray:
-    """Every k-th row, so that at most about `limit` remain."""
+def sample_every(values: FloatArray, limit: int = _MAX_POINTS) -> FloatArray:
+    """Take every k-th row of (N, ...), so that at most about `limit` remain."""
     return values[:: max(1, -(-len(values) // limit))]
 
 
-def _gap_edges(y: FloatArray) -> Any:
-    """The first NaN of each gap: without it a line would be drawn across."""
+def _find_gap_edges(y: FloatArray) -> Any:
+    """Find the first NaN of each gap of (N,): without it a line would cross the gap."""
     missing = np.isnan(y)
     return missing & ~np.concatenate([[False], missing[:-1]])

@@ -39,7 +39,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class EventSieve:
-    """Finds what changed: call it with every TickRecord."""
+    """Find what changed: call it with every TickRecord."""
 
     def __init__(self) -> None:
         self._found: list[Event] = []
@@ -70,10 +70,10 @@ class EventSieve:
             self._add(press.t_s, "fault" if press.value else "clear", press.text)
             return
         kind: EventKind = "mark" if press.action == "mark" else "operator"
-        self._add(press.t_s, kind, f"{_what(press)} ({press.source})")
+        self._add(press.t_s, kind, f"{_describe_press(press)} ({press.source})")
 
     def _note_hand(self, t_s: float, record: TickRecord) -> None:
-        """Who drives by hand; a stick that is let go is no event of its own."""
+        """Note who drives by hand; letting a stick go is no event of its own."""
         for request in record.batch.hand:
             if request.source != self._driver and (request.v_mps or request.yaw_rate_radps):
                 self._driver = request.source
@@ -87,15 +87,15 @@ class EventSieve:
             self._add(t_s, "ready" if ok else "fault", ready if ok else record.estimate.reason)
 
     def _note_doubt(self, t_s: float, record: TickRecord) -> None:
-        """What is wrong with a sensor that the estimate does without."""
-        doubt = _without_numbers(record.estimate.reason) if record.estimate.ok else ""
+        """Note what is wrong with a sensor that the estimate does without."""
+        doubt = _mask_numbers(record.estimate.reason) if record.estimate.ok else ""
         if doubt and doubt != self._doubt:
             self._add(t_s, "fault", record.estimate.reason)
         self._doubt = doubt
 
     def _note_mission(self, t_s: float, record: TickRecord) -> None:
         status = record.status
-        now = (status.state, _without_numbers(status.reason), status.refusal)
+        now = (status.state, _mask_numbers(status.reason), status.refusal)
         before, self._mission = self._mission, now
         if now[:2] != before[:2]:
             reason = f"{status.state}: {status.reason}" if status.reason else status.state
@@ -114,8 +114,8 @@ class EventSieve:
         self._warning = warning
 
     def _note_supervisor(self, t_s: float, record: TickRecord) -> None:
-        objection = _without_numbers(record.reason)
-        is_held = bool(record.status.stopped) and not objection  # nobody asks it to move
+        objection = _mask_numbers(record.reason)
+        is_held = bool(record.status.stopped) and not objection  # no motion is requested
         if objection == self._objection or is_held:
             return
         self._objection = objection
@@ -133,12 +133,12 @@ class EventSieve:
 class EventLog:
     """A tap that writes one line for each change, never one for each tick.
 
-    Where the disk fails under way, `say` hears of it once; the events are kept, and written as
+    `on_failure` is called once when the disk fails under way; the events are kept, and written as
     soon as the disk takes them. Raises: RecordingError: the file cannot be created.
     """
 
-    def __init__(self, path: Path, say: Callable[[str], None] = lambda _: None) -> None:
-        self._path, self._say = path, say
+    def __init__(self, path: Path, on_failure: Callable[[str], None] = lambda _: None) -> None:
+        self._path, self._on_failure = path, on_failure
         self._events: list[Event] = []
         self._sieve = EventSieve()
         self._waiting = b""
@@ -147,17 +147,17 @@ class EventLog:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("wb", buffering=0)
         except OSError as error:
-            raise self._failure(error) from error
+            raise self._make_error(error) from error
 
     @property
     def events(self) -> tuple[Event, ...]:
         return tuple(self._events)
 
-    def since(self, index: int) -> list[Event]:
-        """Those after the first `index` events; any thread may ask."""
+    def list_since(self, index: int) -> list[Event]:
+        """List the events after the first `index`; any thread may call it."""
         return self._events[index:]
 
-    def of_kind(self, kind: EventKind) -> tuple[Event, ...]:
+    def list_kind(self, kind: EventKind) -> tuple[Event, ...]:
         return tuple(event for event in self._events if event.kind == kind)
 
     def __call__(self, record: TickRecord) -> None:
@@ -165,19 +165,19 @@ class EventLog:
             self.add(event)
 
     def add(self, event: Event) -> None:
-        """One that no tick tells of, such as a recording that could not be begun."""
+        """Add an event that no tick holds, such as a recording that could not be begun."""
         self._events.append(event)
         self._waiting += msgspec.json.encode(event) + b"\n"
         self._write()
 
     def close(self) -> None:
-        """Safe to call twice."""
+        """Write what waits and close the file. Safe to call twice."""
         if not self._file.closed:
             self._write()
             self._file.close()
 
     def _write(self) -> None:
-        """What does not fit as a whole waits: the file holds whole lines only."""
+        """Write whole lines only; what does not fit waits."""
         if not self._waiting:
             return
         end = self._file.tell()
@@ -191,11 +191,11 @@ class EventLog:
                 self._file.truncate(end)
             if not self._has_failed:
                 self._has_failed = True
-                self._say(str(self._failure(error)))
+                self._on_failure(str(self._make_error(error)))
         else:
             self._waiting, self._has_failed = b"", False
 
-    def _failure(self, error: OSError) -> RecordingError:
+    def _make_error(self, error: OSError) -> RecordingError:
         return RecordingError(
             f"cannot write {self._path}: {error.strerror or error}; "
             "check that the folder is writable and the disk has room"
@@ -203,7 +203,10 @@ class EventLog:
 
 
 def read_events(path: Path) -> tuple[Event, ...]:
-    """Raises: RecordingError: no such file, or a line in it is no event."""
+    """Read an event log.
+
+    Raises: RecordingError: no such file, or a line in it is no event.
+    """
     try:
         lines = path.read_bytes().splitlines()
         return tuple(msgspec.json.decode(line, type=Event) for line in lines if line)
@@ -214,7 +217,7 @@ def read_events(path: Path) -> tuple[Event, ...]:
 
 
 def read_whole_events(path: Path) -> tuple[Event, ...]:
-    """Those that can be read: a run that was killed may have left half a line.
+    """Read the events that are whole: a run that was killed may have left half a line.
 
     Raises: RecordingError: no such file.
     """
@@ -229,7 +232,7 @@ def read_whole_events(path: Path) -> tuple[Event, ...]:
     return tuple(events)
 
 
-def _what(press: OperatorEvent) -> str:
+def _describe_press(press: OperatorEvent) -> str:
     if press.action == "set":
         return f"sets {press.text} = {press.value:g}"
     if press.numbers:
@@ -239,6 +242,6 @@ def _what(press: OperatorEvent) -> str:
     return press.text if press.action == "note" else press.action
 
 
-def _without_numbers(reason: str) -> str:
-    """A reason whose numbers change with every tick is still the same reason."""
+def _mask_numbers(reason: str) -> str:
+    """Mask the numbers of a reason: one whose numbers change is still the same reason."""
     return _NUMBER.sub("#", reason)

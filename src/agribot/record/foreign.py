@@ -1,4 +1,4 @@
-"""What a recording of another robot, or a cut one of ours, tells of a drive."""
+"""Headings, speeds and tracks in a recording of another robot, or in a cut one of agribot."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _UNKNOWN_POS_STD_M, _UNKNOWN_YAW_STD_RAD = 100.0, math.pi / 2
 _DISTANCE_NAMES = ("/agribot/distance", "distance")
 
 
-class Line(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """A plotted series: (N, 2) of seconds since the start and value, and where it comes from."""
+class PlotLine(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """A plotted series (N, 2) of seconds since the start and value, and its topic."""
 
     label: str
     points: FloatArray
@@ -39,14 +39,14 @@ class ForeignData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
     `tracks` are (N, 2) metres East and North of the first fix, of odometry in its own frame, of
     a recording with neither in the outermost frame of its tf.
-    `missing` says what could not be shown and what would have been needed.
+    `missing` lists what could not be shown and what that needs.
     """
 
-    heading_raw: tuple[Line, ...]
-    heading_filtered: tuple[Line, ...]
-    distance: tuple[Line, ...]
-    speed: tuple[Line, ...]
-    tracks: tuple[Line, ...]
+    heading_raw: tuple[PlotLine, ...]
+    heading_filtered: tuple[PlotLine, ...]
+    distance: tuple[PlotLine, ...]
+    speed: tuple[PlotLine, ...]
+    tracks: tuple[PlotLine, ...]
     missing: tuple[str, ...]
     notes: tuple[str, ...]
     duration_s: float
@@ -67,19 +67,19 @@ class _Collector:
         self.rules: dict[int, list[tuple[str, str, _Extract]]] = {}
         self.rows: dict[tuple[str, str], list[tuple[float, ...]]] = {}
 
-    def want(self, topic: BagTopic, plot: str, label: str, extract: _Extract) -> None:
+    def request(self, topic: BagTopic, plot: str, label: str, extract: _Extract) -> None:
         self.rules.setdefault(topic.id, []).append((plot, label, extract))
 
-    def lines(self, plot: str) -> tuple[Line, ...]:
+    def lines(self, plot: str) -> tuple[PlotLine, ...]:
         return tuple(
-            Line(label=label, points=np.array(rows, dtype=float).reshape(len(rows), -1))
+            PlotLine(label=label, points=np.array(rows, dtype=float).reshape(len(rows), -1))
             for (kind, label), rows in self.rows.items()
             if kind == plot and rows
         )
 
 
 def read_foreign(path: Path) -> ForeignData:
-    """What there is of a drive in a recording of another robot.
+    """Read what a recording of another robot holds of a drive.
 
     Raises: RecordingError: it cannot be read, or nothing in it can be shown.
     """
@@ -87,7 +87,7 @@ def read_foreign(path: Path) -> ForeignData:
         collector = _Collector()
         for topic in bag.topics:
             if bag.knows(topic) and topic.count > 1:
-                _rules(topic, collector)
+                _add_rules(topic, collector)
         start_ns, end_ns = bag.times_ns or (0, 0)
         wanted = frozenset(t.name for t in bag.topics if t.id in collector.rules)
         for message in bag.messages(wanted) if wanted else ():
@@ -100,14 +100,14 @@ def read_foreign(path: Path) -> ForeignData:
                     collector.rows.setdefault((plot, label), []).append(row)
         if not collector.lines("track"):
             _follow_frames(bag, collector)
-        data = _data(bag, collector, (end_ns - start_ns) * 1e-9)
+        data = _make_data(bag, collector, (end_ns - start_ns) * 1e-9)
         if data.is_empty:
-            raise RecordingError(nothing_shown(bag))
+            raise RecordingError(explain_nothing_to_show(bag))
         return data
 
 
-def nothing_shown(bag: Bag) -> str:
-    """One line that says what a recording holds, and what of such could be shown."""
+def explain_nothing_to_show(bag: Bag) -> str:
+    """Say in one line what a recording holds, and what could have been shown."""
     return (
         f"{bag.path} holds nothing that can be shown; it has {bag.contents}; what can be: "
         "NavSatFix, GPSFix, Odometry, tf with a frame that moves, Imu, MagneticField, Twist, and "
@@ -123,20 +123,21 @@ def _follow_frames(bag: Bag, collector: _Collector) -> None:
         collector.rows["track", label] = rows
 
 
-def _data(bag: Bag, collector: _Collector, duration_s: float) -> ForeignData:
+def _make_data(bag: Bag, collector: _Collector, duration_s: float) -> ForeignData:
     plots = {name: collector.lines(name) for name in ("raw", "filtered", "distance", "speed")}
     timed = collector.lines("track")
-    tracks = tuple(Line(label=line.label, points=line.points[:, 1:]) for line in timed)
+    tracks = tuple(PlotLine(label=line.label, points=line.points[:, 1:]) for line in timed)
     plots["distance"] += tuple(
-        Line(label=f"driven, by {line.label}", points=_driven(line.points)) for line in timed
+        PlotLine(label=f"driven, by {line.label}", points=_sum_distance(line.points))
+        for line in timed
     )
-    wishes = {
+    needs = {
         "raw": "raw heading: no Float64 called Rawheading and no magnetometer",
         "filtered": "filtered heading: no Float64 called Filteredheading, no odometry, no IMU",
         "distance": "distance: no Float64 called distance, no fixes, no odometry and no moving tf",
         "speed": "speed: no odometry, Twist or GPSFix",
     }
-    missing = [wish for name, wish in wishes.items() if not plots[name]]
+    missing = [need for name, need in needs.items() if not plots[name]]
     if not tracks:
         missing.append("track: no fix with a position, no odometry and no tf that moves")
     return ForeignData(
@@ -152,38 +153,38 @@ def _data(bag: Bag, collector: _Collector, duration_s: float) -> ForeignData:
     )
 
 
-def _rules(topic: BagTopic, collector: _Collector) -> None:
+def _add_rules(topic: BagTopic, collector: _Collector) -> None:
     kind, name = topic.ros_type, topic.name
     if kind == _NUMBER:
         for plot, names in (
             ("raw", _RAW_NAMES), ("filtered", _FILTERED_NAMES), ("distance", _DISTANCE_NAMES),
         ):  # fmt: skip
             if any(name.lower().strip("/").endswith(n.lower().strip("/")) for n in names):
-                collector.want(topic, plot, name, lambda message: _finite(message.data))
+                collector.request(topic, plot, name, lambda message: _drop_not_finite(message.data))
     elif kind in (NAVSATFIX, *GPSFIXES):
-        collector.want(topic, "track", name, _Places())
+        collector.request(topic, "track", name, _Places())
         if kind in GPSFIXES:
-            collector.want(topic, "speed", name, lambda message: _finite(message.speed))
+            collector.request(topic, "speed", name, lambda message: _drop_not_finite(message.speed))
     elif kind == ODOMETRY:
-        collector.want(topic, "track", name, _place_of_odometry)
-        collector.want(topic, "filtered", name, _compass_of_odometry)
-        collector.want(topic, "speed", name, lambda m: _finite(m.twist.twist.linear.x))
+        collector.request(topic, "track", name, _read_odometry_place)
+        collector.request(topic, "filtered", name, _read_odometry_compass)
+        collector.request(topic, "speed", name, lambda m: _drop_not_finite(m.twist.twist.linear.x))
     else:
-        _heading_and_speed_rules(topic, collector)
+        _add_heading_and_speed_rules(topic, collector)
 
 
-def _heading_and_speed_rules(topic: BagTopic, collector: _Collector) -> None:
+def _add_heading_and_speed_rules(topic: BagTopic, collector: _Collector) -> None:
     kind, name = topic.ros_type, topic.name
     if kind == "sensor_msgs/msg/Imu":
-        collector.want(topic, "filtered", name, _compass_of_imu)
+        collector.request(topic, "filtered", name, _read_imu_compass)
     elif kind == "sensor_msgs/msg/MagneticField":
-        collector.want(topic, "raw", name, lambda m: _field_compass(m.magnetic_field))
+        collector.request(topic, "raw", name, lambda m: _compass_deg_from_field(m.magnetic_field))
     elif kind == "geometry_msgs/msg/Vector3Stamped" and "mag" in name.lower():
-        collector.want(topic, "raw", name, lambda m: _field_compass(m.vector))
+        collector.request(topic, "raw", name, lambda m: _compass_deg_from_field(m.vector))
     elif kind == "geometry_msgs/msg/Twist":
-        collector.want(topic, "speed", name, lambda m: _finite(m.linear.x))
+        collector.request(topic, "speed", name, lambda m: _drop_not_finite(m.linear.x))
     elif kind == "geometry_msgs/msg/TwistStamped":
-        collector.want(topic, "speed", name, lambda m: _finite(m.twist.linear.x))
+        collector.request(topic, "speed", name, lambda m: _drop_not_finite(m.twist.linear.x))
 
 
 class _Places:
@@ -202,7 +203,7 @@ class _Places:
         return east_m, north_m
 
 
-def _place_of_odometry(message: Any) -> tuple[float, float] | None:
+def _read_odometry_place(message: Any) -> tuple[float, float] | None:
     x_m2, y_m2 = message.pose.covariance[0], message.pose.covariance[7]
     if max(x_m2, y_m2) > _UNKNOWN_POS_STD_M**2:
         return None
@@ -210,24 +211,24 @@ def _place_of_odometry(message: Any) -> tuple[float, float] | None:
     return position.x, position.y
 
 
-def _compass_of_odometry(message: Any) -> float | None:
+def _read_odometry_compass(message: Any) -> float | None:
     if message.pose.covariance[35] > _UNKNOWN_YAW_STD_RAD**2:
         return None
-    return _compass(message.pose.pose.orientation)
+    return _compass_deg_from_quaternion(message.pose.pose.orientation)
 
 
-def _driven(timed: FloatArray) -> FloatArray:
-    """(N, 3) of seconds and place to (N, 2) of seconds and metres driven since the first."""
+def _sum_distance(timed: FloatArray) -> FloatArray:
+    """Convert seconds and place, (N, 3), to seconds and metres driven since the first, (N, 2)."""
     steps_m = np.hypot(*np.diff(timed[:, 1:3], axis=0, prepend=timed[:1, 1:3]).T)
     return np.column_stack([timed[:, 0], np.cumsum(steps_m)])
 
 
-def _finite(value: float) -> float | None:
+def _drop_not_finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _compass(q: Any) -> float | None:
-    """Clockwise from North of a quaternion in an East-North-Up frame."""
+def _compass_deg_from_quaternion(q: Any) -> float | None:
+    """Compute the heading clockwise from North in an East-North-Up frame."""
     norm = q.x**2 + q.y**2 + q.z**2 + q.w**2
     if not math.isfinite(norm) or norm < 0.5:
         return None
@@ -235,12 +236,12 @@ def _compass(q: Any) -> float | None:
     return compass_deg_from_yaw(yaw)
 
 
-def _compass_of_imu(message: Any) -> float | None:
+def _read_imu_compass(message: Any) -> float | None:
     if message.orientation_covariance[0] == -1.0:  # it measures no orientation
         return None
-    return _compass(message.orientation)
+    return _compass_deg_from_quaternion(message.orientation)
 
 
-def _field_compass(field: Any) -> float | None:
-    """Of a level magnetometer, clockwise from magnetic North."""
-    return _finite(math.degrees(math.atan2(field.y, field.x)) % 360.0)
+def _compass_deg_from_field(field: Any) -> float | None:
+    """Compute the heading of a level magnetometer, clockwise from magnetic North."""
+    return _drop_not_finite(math.degrees(math.atan2(field.y, field.x)) % 360.0)

@@ -1,4 +1,4 @@
-"""The report of a foreign recording: plots of what is there, words for what is not."""
+"""The report of a foreign recording: plots of what it holds, and a list of what it lacks."""
 
 from __future__ import annotations
 
@@ -10,37 +10,47 @@ import msgspec
 import numpy as np
 from matplotlib.figure import Figure
 
-from agribot.record.drawing import BLUE, GREEN, GREY, ORANGE, RED, every, new_figure, png, svg
-from agribot.record.foreign import ForeignData, Line
+from agribot.record.drawing import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    encode_png,
+    encode_svg,
+    new_figure,
+    sample_every,
+)
+from agribot.record.foreign import ForeignData, PlotLine
 from agribot.record.report import write_file
 
 _COLOURS = (BLUE, ORANGE, GREEN, RED, GREY)
 
 
 def write_foreign_report(folder: Path, recording: Path, data: ForeignData) -> dict[str, object]:
-    """report.html, report.json, heading.png, distance.png, speed.png and track.png.
+    """Write report.html, report.json, heading.png, distance.png, speed.png and track.png.
 
     A plot without data is not written. Returns what report.json says.
     Raises: RecordingError: a file cannot be written.
     """
     figures = {
-        "track": _track(data.tracks),
-        "heading": _plot(data.heading_raw, data.heading_filtered, "Heading (°)"),
-        "distance": _plot((), data.distance, "Distance (m)"),
-        "speed": _plot((), data.speed, "Speed (m/s)"),
+        "track": _draw_track(data.tracks),
+        "heading": _draw_lines(data.heading_raw, data.heading_filtered, "Heading (°)"),
+        "distance": _draw_lines((), data.distance, "Distance (m)"),
+        "speed": _draw_lines((), data.speed, "Speed (m/s)"),
     }
     for name, figure in figures.items():
         if figure is not None:
-            write_file(folder / f"{name}.png", png(figure))
-    summary = _summary(recording, data)
+            write_file(folder / f"{name}.png", encode_png(figure))
+    summary = _summarise(recording, data)
     text = msgspec.json.format(msgspec.json.encode(summary), indent=2)
     write_file(folder / "report.json", text + b"\n")
-    write_file(folder / "report.html", _page(recording, data, figures).encode())
+    write_file(folder / "report.html", _render_page(recording, data, figures).encode())
     return summary
 
 
-def _summary(recording: Path, data: ForeignData) -> dict[str, object]:
-    def sources(lines: tuple[Line, ...]) -> dict[str, int]:
+def _summarise(recording: Path, data: ForeignData) -> dict[str, object]:
+    def sources(lines: tuple[PlotLine, ...]) -> dict[str, int]:
         return {line.label: len(line.points) for line in lines}
 
     return {
@@ -57,17 +67,19 @@ def _summary(recording: Path, data: ForeignData) -> dict[str, object]:
     }
 
 
-def _plot(dots: tuple[Line, ...], lines: tuple[Line, ...], ylabel: str) -> Figure | None:
+def _draw_lines(
+    dots: tuple[PlotLine, ...], lines: tuple[PlotLine, ...], ylabel: str
+) -> Figure | None:
     if not dots and not lines:
         return None
     figure, axes = new_figure(11.0, 3.2)
     for line, colour in zip(dots, (GREY, RED, GREEN), strict=False):
-        points = every(line.points)
+        points = sample_every(line.points)
         axes.plot(
             points[:, 0], points[:, 1], ".", color=colour, markersize=3, label=f"{line.label}, raw"
         )
     for line, colour in zip(lines, _COLOURS, strict=False):
-        points = every(line.points)
+        points = sample_every(line.points)
         values = points[:, 1].copy()
         if dots or ylabel.startswith("Heading"):  # no stroke across where a heading passes North
             values[1:][np.abs(np.diff(points[:, 1])) > 180.0] = np.nan
@@ -80,12 +92,12 @@ def _plot(dots: tuple[Line, ...], lines: tuple[Line, ...], ylabel: str) -> Figur
     return figure
 
 
-def _track(lines: tuple[Line, ...]) -> Figure | None:
+def _draw_track(lines: tuple[PlotLine, ...]) -> Figure | None:
     if not lines:
         return None
     figure, axes = new_figure(8.0, 6.5)
     for line, colour in zip(lines, _COLOURS, strict=False):
-        points = every(line.points, 4000)
+        points = sample_every(line.points, 4000)
         axes.plot(points[:, 0], points[:, 1], color=colour, linewidth=1.6, label=line.label)
         axes.plot(*points[0], "o", color=colour, markersize=8, markerfacecolor="white")
     axes.set(xlabel="x or East of the first fix (m)", ylabel="y or North of the first fix (m)")
@@ -97,11 +109,11 @@ def _track(lines: tuple[Line, ...]) -> Figure | None:
     return figure
 
 
-def _page(recording: Path, data: ForeignData, figures: dict[str, Figure | None]) -> str:
+def _render_page(recording: Path, data: ForeignData, figures: dict[str, Figure | None]) -> str:
     css = resources.files("agribot.record").joinpath("report.css").read_text("utf-8")
     name = escape(recording.name)
     cards = "".join(
-        f'<h2>{key.title()}</h2>\n<div class="card">{svg(figure, f"{key} plot")}</div>\n'
+        f'<h2>{key.title()}</h2>\n<div class="card">{encode_svg(figure, f"{key} plot")}</div>\n'
         for key, figure in figures.items()
         if figure is not None
     )

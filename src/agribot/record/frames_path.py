@@ -1,4 +1,4 @@
-"""The path of a robot as its frames tell it, for recordings without fixes and odometry."""
+"""The path of a robot from its tf frames, for recordings without fixes and odometry."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 # Frames that move with the robot, the most usual first; else the one that moves furthest.
 BASE_FRAMES = ("base_footprint", "base_link", "dummy_link", "base", "footprint")
 MOVED_M = 0.05  # less is the jitter of a robot that stands
-SHORTEST = 1e-3  # a quaternion shorter than this tells no direction
+SHORTEST = 1e-3  # a quaternion shorter than this has no direction
 MAX_DEPTH = 32  # of the tree of frames
 
 Edge = tuple[str, str]  # parent and child
@@ -29,7 +29,7 @@ class FramesPath(NamedTuple):
 
 
 def read_frames_path(bag: Bag) -> FramesPath | None:
-    """Where the robot's base went in the outermost frame; None if no frame moves."""
+    """Read the way of the robot's base in the outermost frame; None if no frame moves."""
     names = frozenset(t.name for t in bag.topics if t.ros_type in TF_TYPES and bag.knows(t))
     if not names or bag.times_ns is None:
         return None
@@ -37,23 +37,23 @@ def read_frames_path(bag: Bag) -> FramesPath | None:
     for message in bag.messages(names):
         t_s = (message.log_ns - bag.times_ns[0]) * 1e-9
         edges += [
-            (t_s, (_frame(stamped.header.frame_id), _frame(stamped.child_frame_id)), pose)
+            (t_s, (_clean_name(stamped.header.frame_id), _clean_name(stamped.child_frame_id)), pose)
             for stamped in bag.value(message).transforms
-            if (pose := _matrix(stamped.transform)) is not None
+            if (pose := _make_matrix(stamped.transform)) is not None
         ]
     parents = {child: parent for _, (parent, child), _ in edges}
-    moving = _moved_m(edges)
-    candidates = [name for name in BASE_FRAMES if _moves(name, parents, moving)]
+    moving = _measure_moves_m(edges)
+    candidates = [name for name in BASE_FRAMES if _is_moving(name, parents, moving)]
     frame = next(iter(candidates), max(moving, key=lambda child: moving[child], default=""))
-    if not frame or not _moves(frame, parents, moving):
+    if not frame or not _is_moving(frame, parents, moving):
         return None
-    chain = _chain(frame, parents)
-    points = _followed(edges, chain)
+    chain = _find_chain(frame, parents)
+    points = _follow_chain(edges, chain)
     return FramesPath(frame, parents[chain[-1]], points) if len(points) > 1 else None
 
 
-def _followed(edges: list[tuple[float, Edge, FloatArray]], chain: list[str]) -> FloatArray:
-    """Place of the first link of the chain in the parent of its last, whenever one changes."""
+def _follow_chain(edges: list[tuple[float, Edge, FloatArray]], chain: list[str]) -> FloatArray:
+    """Compute seconds and place of the chain's first link in its outermost frame, (N, 3)."""
     latest: dict[str, FloatArray] = {}
     rows = []
     for t_s, (_, child), pose in edges:
@@ -68,8 +68,8 @@ def _followed(edges: list[tuple[float, Edge, FloatArray]], chain: list[str]) -> 
     return np.array(rows, dtype=float).reshape(-1, 3)
 
 
-def _chain(frame: str, parents: dict[str, str]) -> list[str]:
-    """From a frame outwards: every frame that has a parent."""
+def _find_chain(frame: str, parents: dict[str, str]) -> list[str]:
+    """List the frames from one outwards that have a parent."""
     chain: list[str] = []
     while frame in parents and frame not in chain and len(chain) < MAX_DEPTH:
         chain.append(frame)
@@ -77,12 +77,12 @@ def _chain(frame: str, parents: dict[str, str]) -> list[str]:
     return chain
 
 
-def _moves(frame: str, parents: dict[str, str], moving: dict[str, float]) -> bool:
-    return any(link in moving for link in _chain(frame, parents))
+def _is_moving(frame: str, parents: dict[str, str], moving: dict[str, float]) -> bool:
+    return any(link in moving for link in _find_chain(frame, parents))
 
 
-def _moved_m(edges: list[tuple[float, Edge, FloatArray]]) -> dict[str, float]:
-    """How far each frame gets from where it first was in its parent, if it does."""
+def _measure_moves_m(edges: list[tuple[float, Edge, FloatArray]]) -> dict[str, float]:
+    """Measure how far each frame gets from its first place in its parent, if it moves."""
     first: dict[str, FloatArray] = {}
     furthest_m: dict[str, float] = {}
     for _, (_, child), pose in edges:
@@ -91,12 +91,12 @@ def _moved_m(edges: list[tuple[float, Edge, FloatArray]]) -> dict[str, float]:
     return {child: away_m for child, away_m in furthest_m.items() if away_m > MOVED_M}
 
 
-def _frame(name: str) -> str:
+def _clean_name(name: str) -> str:
     return name.strip("/")
 
 
-def _matrix(told: Any) -> FloatArray | None:
-    at, turn = told.translation, told.rotation
+def _make_matrix(transform: Any) -> FloatArray | None:
+    at, turn = transform.translation, transform.rotation
     quaternion = np.array([turn.x, turn.y, turn.z, turn.w])
     norm = float(np.linalg.norm(quaternion))
     if not np.isfinite([at.x, at.y, at.z, norm]).all() or norm < SHORTEST:

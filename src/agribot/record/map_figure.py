@@ -11,7 +11,7 @@ from matplotlib.patches import Circle
 
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.row_shape import row_points_map_m, start_yaw_rad
-from agribot.record.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, every, new_figure
+from agribot.record.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure, sample_every
 from agribot.record.series import RunData
 
 _MARGIN_M = 0.8
@@ -22,10 +22,10 @@ _LEFT_IN, _RIGHT_IN, _BELOW_IN, _TITLE_IN = 0.75, 0.25, 0.65, 0.85
 _BAR_LENGTHS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
 
 
-def map_figure(data: RunData) -> Figure:
-    """Metres East and North of the field's datum, equal scales."""
-    x_min, x_max, y_min, y_max = _extent_m(data)
-    figure, axes, legend_at = _layout((y_max - y_min) / (x_max - x_min))
+def draw_map(data: RunData) -> Figure:
+    """Draw metres East and North of the field's datum, equal scales."""
+    x_min, x_max, y_min, y_max = _find_extent_m(data)
+    figure, axes, legend_at = _lay_out((y_max - y_min) / (x_max - x_min))
     _draw_field(axes, data)
     _draw_paths(axes, data)
     _draw_plants(axes, data)
@@ -51,8 +51,8 @@ def map_figure(data: RunData) -> Figure:
     return figure
 
 
-def _layout(aspect: float) -> tuple[Figure, Axes, tuple[float, float]]:
-    """For a height-to-width ratio; the last is the legend's upper left corner in the figure."""
+def _lay_out(aspect: float) -> tuple[Figure, Axes, tuple[float, float]]:
+    """Lay out for a height-to-width ratio; last comes the legend's upper left corner."""
     is_tall = aspect > 1.0
     width_in = max(_LONGER_SIDE_IN / aspect, _SHORTER_SIDE_MIN_IN) if is_tall else _LONGER_SIDE_IN
     height_in = _LONGER_SIDE_IN if is_tall else max(_LONGER_SIDE_IN * aspect, _SHORTER_SIDE_MIN_IN)
@@ -106,13 +106,13 @@ def _draw_truth(axes: Axes, data: RunData) -> None:
 
 def _draw_paths(axes: Axes, data: RunData) -> None:
     if data.plan is not None:
-        plan = every(data.plan.xy_map_m)
+        plan = sample_every(data.plan.xy_map_m)
         axes.plot(plan[:, 0], plan[:, 1], color=GREY, linewidth=1.0, label="plan", zorder=3)
     series = data.series
-    driven = every(np.column_stack([series.x_map_m, series.y_map_m]), 4000)
+    driven = sample_every(np.column_stack([series.x_map_m, series.y_map_m]), 4000)
     axes.plot(driven[:, 0], driven[:, 1], color=BLUE, linewidth=2.2, label="driven", zorder=4)
     if len(series.truth):
-        truth = every(series.truth, 4000)
+        truth = sample_every(series.truth, 4000)
         axes.plot(
             truth[:, 1], truth[:, 2], color=INK, linewidth=0.7, linestyle=(0, (3, 2)),
             label="truly driven", zorder=5,
@@ -152,7 +152,7 @@ def _draw_points(axes: Axes, data: RunData) -> None:
             *xy[0], marker="o", markersize=13, markerfacecolor="white", markeredgecolor=BLUE,
             markeredgewidth=3, linestyle="none", label="start", zorder=8,
         )  # fmt: skip
-    stops = _places_of_stops(data)
+    stops = _find_stops(data)
     if len(stops):
         axes.plot(
             stops[:, 0], stops[:, 1], linestyle="none", marker="X", markersize=11, color=ORANGE,
@@ -160,7 +160,7 @@ def _draw_points(axes: Axes, data: RunData) -> None:
         )  # fmt: skip
 
 
-def _places_of_stops(data: RunData) -> FloatArray:
+def _find_stops(data: RunData) -> FloatArray:
     series = data.series
     times_s = [e.t_s for e in data.events if e.kind in {"stop", "fault"}]
     known = np.isfinite(series.x_map_m)
@@ -175,8 +175,8 @@ def _known(data: RunData) -> FloatArray:
     return xy[np.isfinite(xy).all(axis=1)]
 
 
-def _extent_m(data: RunData) -> tuple[float, float, float, float]:
-    """x_min, x_max, y_min, y_max of all that is drawn, with a margin."""
+def _find_extent_m(data: RunData) -> tuple[float, float, float, float]:
+    """Find x_min, x_max, y_min, y_max of all that is drawn, with a margin."""
     places = [point for row in data.rows for point in row_points_map_m(row).tolist()]
     places += [*data.goals_map_m, *((p.x_map_m, p.y_map_m) for p in data.plants)]
     places += [(x_m, y_m) for x_m, y_m, _ in data.config.field.obstacles_map_m]

@@ -11,9 +11,9 @@ from mcap.records import Attachment, Channel, Header, Message, Metadata
 from mcap.writer import CompressionType, Writer
 
 from agribot.core.errors import RecordingError
-from agribot.core.topic import Qos, Topic
+from agribot.core.topics import Qos, Topic
 from agribot.record.background_file import BackgroundFile
-from agribot.record.mcap_records import McapRecords, parts_of
+from agribot.record.mcap_records import McapRecords, list_parts
 from agribot.ros.messages.rosmsg import typestore
 
 LIBRARY = "agribot"
@@ -35,7 +35,7 @@ class McapFile:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = BackgroundFile(path)
         except OSError as error:
-            raise _refusal("create", path, error) from error
+            raise _make_error("create", path, error) from error
         stream: Any = self._file
         self._writer = Writer(stream, compression=CompressionType.LZ4)
         self._writer.start(profile="ros2", library=LIBRARY)
@@ -53,39 +53,39 @@ class McapFile:
         channel = self._channels.get(topic.name)
         if channel is None:
             channel = self._channels[topic.name] = self._register(topic)
-        with self._giving_up("write"):
+        with self._give_up_on_error("write"):
             self._writer.add_message(channel, log_ns, data, max(publish_ns, 0))
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        with self._giving_up("write"):
+        with self._give_up_on_error("write"):
             self._writer.add_attachment(0, 0, name, media_type, data)
 
     def describe(self, name: str, values: dict[str, str]) -> None:
-        """A metadata record: a few words that tools show without opening a message."""
-        with self._giving_up("write"):
+        """Write a metadata record: a few words that tools show without opening a message."""
+        with self._give_up_on_error("write"):
             self._writer.add_metadata(name, values)
 
     def flush(self) -> None:
-        with self._giving_up("write"):
+        with self._give_up_on_error("write"):
             self._writer.flush()  # type: ignore[no-untyped-call]
 
     def drain(self) -> None:
-        """Close the chunk and wait for the disk, for whoever has the time."""
+        """Close the chunk and wait for the disk."""
         self.flush()
-        with self._giving_up("write"):
+        with self._give_up_on_error("write"):
             self._file.drain()
 
     def end(self) -> None:
         """Write the index, without waiting for the disk; `close` waits."""
         if self._file.closed:
             return
-        with self._giving_up("finish"):
+        with self._give_up_on_error("finish"):
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.end()
 
     def close(self) -> None:
         self.end()
-        with self._giving_up("finish"):
+        with self._give_up_on_error("finish"):
             self._file.close()
 
     def _register(self, topic: Topic) -> int:
@@ -98,30 +98,30 @@ class McapFile:
             schema = self._writer.register_schema(topic.ros_type, "ros2msg", text.encode())
             self._schemas[topic.ros_type] = schema
         metadata = {
-            "offered_qos_profiles": qos_yaml(topic.qos),
+            "offered_qos_profiles": format_qos(topic.qos),
             "topic_type_hash": typestore().hash_rihs01(topic.ros_type),
         }
         return int(self._writer.register_channel(topic.name, "cdr", schema, metadata))
 
     @contextmanager
-    def _giving_up(self, verb: str) -> Iterator[None]:
-        """A file that fails is given up: what reached the disk before stays readable."""
+    def _give_up_on_error(self, verb: str) -> Iterator[None]:
+        """Give up a file that fails: what reached the disk before stays readable."""
         try:
             yield
         except OSError as error:
             self._file.end()
-            raise _refusal(verb, self.path, error) from error
+            raise _make_error(verb, self.path, error) from error
 
 
-def _refusal(verb: str, path: Path, error: OSError) -> RecordingError:
+def _make_error(verb: str, path: Path, error: OSError) -> RecordingError:
     return RecordingError(
         f"cannot {verb} recording {path}: {error.strerror or error}; "
         "check that the folder is writable and the disk has room, or choose another --out"
     )
 
 
-def qos_yaml(qos: Qos) -> str:
-    """As rosbag2 stores it, so that a player offers latched topics latched again."""
+def format_qos(qos: Qos) -> str:
+    """Format as rosbag2 stores it, so that a player offers latched topics latched again."""
     forever = "{sec: 9223372036, nsec: 854775807}"
     return (
         f"- history: keep_last\n  depth: {qos.depth}\n"
@@ -134,17 +134,17 @@ def qos_yaml(qos: Qos) -> str:
 
 
 def read_records(path: Path) -> Iterator[Any]:
-    """Channels, messages and attachments in file order, up to the first incomplete record.
+    """Read channels, messages and attachments in file order, up to the first incomplete record.
 
     A robot that lost power leaves a file without its end: everything before the cut is read.
     Further parts of the recording follow. Raises: RecordingError: no such file, or no MCAP file.
     """
-    for part in parts_of(path):
+    for part in list_parts(path):
         yield from McapRecords(part)
 
 
 def read_messages(path: Path, topic: Topic) -> Iterator[Message]:
-    """The messages of one topic in file order."""
+    """Read the messages of one topic in file order."""
     channel_id = None
     for record in read_records(path):
         if isinstance(record, Header):  # another part, with numbers of its own
@@ -156,7 +156,10 @@ def read_messages(path: Path, topic: Topic) -> Iterator[Message]:
 
 
 def read_attachment(path: Path, name: str) -> bytes:
-    """Raises: RecordingError: the recording has no attachment of this name."""
+    """Read a file inside the recording.
+
+    Raises: RecordingError: the recording has no attachment of this name.
+    """
     for record in read_records(path):
         if isinstance(record, Attachment) and record.name == name:
             return bytes(record.data)
@@ -164,7 +167,10 @@ def read_attachment(path: Path, name: str) -> bytes:
 
 
 def part_number(path: Path) -> int:
-    """0 for a whole recording or its first part. Raises: RecordingError: no MCAP file."""
+    """Read the number of a part: 0 for a whole recording or its first part.
+
+    Raises: RecordingError: no MCAP file.
+    """
     for record in McapRecords(path):
         if isinstance(record, Metadata) and record.name == LIBRARY:
             return int(record.metadata.get("part", "0"))

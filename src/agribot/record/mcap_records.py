@@ -32,8 +32,8 @@ def part_path(first: Path, number: int) -> Path:
     return first if number == 0 else first.with_name(f"{first.stem}-{number:04d}{first.suffix}")
 
 
-def parts_of(path: Path) -> list[Path]:
-    """The given part of a recording and all that follow it: run.mcap, run-0001.mcap, ..."""
+def list_parts(path: Path) -> list[Path]:
+    """List the given part of a recording and all that follow it: run.mcap, run-0001.mcap, ..."""
     found = _NUMBERED.fullmatch(path.stem)
     first, number = path, 0
     if found is not None:
@@ -70,9 +70,9 @@ class McapRecords:
                     f"{self.path} is not an MCAP recording; give the run.mcap of a run"
                 )
             self.good_bytes = file.tell()
-            yield from self._sound(file, size)
+            yield from self._read_sound_records(file, size)
 
-    def _sound(self, file: IO[bytes], size: int) -> Iterator[Any]:
+    def _read_sound_records(self, file: IO[bytes], size: int) -> Iterator[Any]:
         while True:
             head = file.read(_RECORD_HEAD.size)
             if len(head) < _RECORD_HEAD.size:
@@ -82,15 +82,15 @@ class McapRecords:
                 self.is_whole = True
             if opcode in {0, Opcode.DATA_END} or length > size - file.tell():
                 return
-            records = _parsed(opcode, file.read(length))
+            records = _parse_record(opcode, file.read(length))
             if records is None:
                 return
             self.good_bytes = file.tell()
             yield from records
 
 
-def _parsed(opcode: int, body: bytes) -> list[Any] | None:
-    """None for bytes that are damaged."""
+def _parse_record(opcode: int, body: bytes) -> list[Any] | None:
+    """Parse a record; None for bytes that are damaged."""
     stream = ReadDataStream(io.BytesIO(body))
     try:
         if opcode == Opcode.CHUNK:

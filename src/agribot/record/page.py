@@ -9,34 +9,37 @@ from pathlib import Path
 from agribot.core.config import to_toml
 from agribot.core.messages import MappedPlant, PlantClass
 from agribot.record import plots
-from agribot.record.drawing import svg
-from agribot.record.map_figure import map_figure
+from agribot.record.drawing import encode_svg
+from agribot.record.map_figure import draw_map
 from agribot.record.report import Report, write_file
-from agribot.record.row_table import RowSummary, row_summaries
+from agribot.record.row_table import RowSummary, summarise_rows
 from agribot.record.series import RunData
-from agribot.record.tiles import tiles
+from agribot.record.tiles import make_tiles
 
 _OPEN_ROWS = 12  # longer tables start folded
 
 
 def write_page(path: Path, report: Report, data: RunData) -> None:
-    """Raises: RecordingError: the file cannot be written."""
-    write_file(path, report_page(report, data).encode())
+    """Write report.html.
+
+    Raises: RecordingError: the file cannot be written.
+    """
+    write_file(path, render_report(report, data).encode())
 
 
-def report_page(report: Report, data: RunData) -> str:
+def render_report(report: Report, data: RunData) -> str:
     css = resources.files("agribot.record").joinpath("report.css").read_text("utf-8")
     title = f"AGRIBOT run: {report.profile}"
     parts = [
-        _header(report),
-        f'<dl class="tiles">{"".join(_tile(*tile) for tile in tiles(report))}</dl>',
-        f"<h2>Map</h2>\n<div class='card map'>{svg(map_figure(data), 'Map of the run')}</div>",
-        _rows_section(data),
-        _plots_section(data),
-        _weeds_section(data.plants),
-        _events_section(data),
-        _settings_section(data),
-        _footer(report),
+        _render_header(report),
+        f'<dl class="tiles">{"".join(_render_tile(*tile) for tile in make_tiles(report))}</dl>',
+        f"<h2>Map</h2>\n<div class='card map'>{encode_svg(draw_map(data), 'Map of the run')}</div>",
+        _render_rows(data),
+        _render_plots(data),
+        _render_weeds(data.plants),
+        _render_events(data),
+        _render_settings(data),
+        _render_footer(report),
     ]
     body = "\n".join(parts)
     return (
@@ -47,78 +50,78 @@ def report_page(report: Report, data: RunData) -> str:
     )
 
 
-def _header(report: Report) -> str:
+def _render_header(report: Report) -> str:
     verdict = "Done" if report.ok else "Not good"
     return (
         f'<header><p class="eyebrow">AGRIBOT run report, sensors {escape(report.sensors)}, '
         f"seed {report.seed}</p>\n<h1>{escape(report.profile)}</h1>\n"
         f'<div class="verdict{" ok" if report.ok else ""}"><strong>{verdict}</strong> '
-        f"<span>{escape(report.reason)}</span></div>{_runs(report)}</header>"
+        f"<span>{escape(report.reason)}</span></div>{_render_runs(report)}</header>"
     )
 
 
-def _runs(report: Report) -> str:
-    """Of a job in several runs; the clock of the page is that of the first."""
+def _render_runs(report: Report) -> str:
+    """Render the table of a job in several runs; the page's clock is that of the first."""
     if report.job is None:
         return ""
     runs = ", ".join(f"{escape(run.folder)} ({run.run_s:.1f} s)" for run in report.job.runs)
     return f'<p class="none">One job in {len(report.job.runs)} runs: {runs}.</p>'
 
 
-def _footer(report: Report) -> str:
+def _render_footer(report: Report) -> str:
     where = "The recording run.mcap in the same folder holds"
     if report.job is not None:
         where = "The recordings run.mcap in the folders of its runs hold"
     return f"<footer>AGRIBOT {escape(report.version)}. {where} everything shown here.</footer>"
 
 
-def _tile(name: str, value: str, note: str) -> str:
+def _render_tile(name: str, value: str, note: str) -> str:
     small = f"<small>{escape(note)}</small>" if note else ""
     return f'<div class="tile"><dt>{escape(name)}</dt><dd>{escape(value)}</dd>{small}</div>'
 
 
-def _rows_section(data: RunData) -> str:
+def _render_rows(data: RunData) -> str:
     if not data.rows:
         return ""
     heads = (
         "Row", "Driven (m)", "Crop seen (m)", "Time (s)", "Mean speed (m/s)",
         "Cross-track rms (cm)", "Cross-track max (cm)", "Weeds mapped", "Weeds treated",
     )  # fmt: skip
-    body = [_row_cells(summary) for summary in row_summaries(data)]
-    return "<h2>Rows</h2>\n" + _table(heads, body)
+    body = [_format_row(summary) for summary in summarise_rows(data)]
+    return "<h2>Rows</h2>\n" + _render_table(heads, body)
 
 
-def _row_cells(row: RowSummary) -> list[str]:
+def _format_row(row: RowSummary) -> list[str]:
     return [
         str(row.index + 1),
         f"{row.distance_m:.1f}",
-        _number(row.seen_m, 1),
+        _format_number(row.seen_m, 1),
         f"{row.duration_s:.1f}",
-        _number(row.speed_mps, 2),
-        _number(row.cross_track_rms_m, 1, 100.0),
-        _number(row.cross_track_max_m, 1, 100.0),
+        _format_number(row.speed_mps, 2),
+        _format_number(row.cross_track_rms_m, 1, 100.0),
+        _format_number(row.cross_track_max_m, 1, 100.0),
         str(row.weeds_mapped),
         str(row.weeds_treated),
     ]
 
 
-def _plots_section(data: RunData) -> str:
+def _render_plots(data: RunData) -> str:
     figures = (
-        ("Cross-track", plots.cross_track_figure, True),
-        ("Heading", plots.heading_figure, False),
-        ("Speed", plots.speed_figure, False),
-        ("Position", plots.position_figure, False),
-        ("Weeds", plots.weeds_figure, False),
+        ("Cross-track", plots.draw_cross_track, True),
+        ("Heading", plots.draw_heading, False),
+        ("Speed", plots.draw_speed, False),
+        ("Position", plots.draw_position, False),
+        ("Weeds", plots.draw_weeds, False),
     )
     cards = [
         f'<div class="card{" wide" if wide else ""}"><h3>{name}</h3>'
-        f"{svg(draw(data), f'{name} plot')}</div>"
+        f"{encode_svg(draw(data), f'{name} plot')}</div>"
         for name, draw, wide in figures
     ]
     return f'<h2>Plots</h2>\n<div class="plots">{"".join(cards)}</div>'
 
 
-def _weeds_section(plants: tuple[MappedPlant, ...]) -> str:
+def _render_weeds(plants: tuple[MappedPlant, ...]) -> str:
     weeds = [plant for plant in plants if plant.plant == PlantClass.WEED]
     if not weeds:
         return '<h2>Weeds</h2>\n<p class="none">No weed was mapped.</p>'
@@ -135,14 +138,16 @@ def _weeds_section(plants: tuple[MappedPlant, ...]) -> str:
             f"{1e4 * weed.area_m2:.0f}",
             f"{weed.confidence:.2f}",
             str(weed.sightings),
-            _number(weed.treated_s, 1),
+            _format_number(weed.treated_s, 1),
         ]
         for weed in weeds
     ]
-    return "<h2>Weeds</h2>\n" + _folded(f"{len(weeds)} weeds on the map", _table(heads, body), body)
+    return "<h2>Weeds</h2>\n" + _fold_table(
+        f"{len(weeds)} weeds on the map", _render_table(heads, body), body
+    )
 
 
-def _events_section(data: RunData) -> str:
+def _render_events(data: RunData) -> str:
     if not data.events:
         return '<h2>Events</h2>\n<p class="none">None.</p>'
     rows = [
@@ -156,10 +161,10 @@ def _events_section(data: RunData) -> str:
         '<th class="left">Kind</th><th class="left" style="width:100%">What</th></tr></thead>'
         f"<tbody>{''.join(rows)}</tbody></table></div>"
     )
-    return "<h2>Events</h2>\n" + _folded(f"{len(rows)} events", table, rows)
+    return "<h2>Events</h2>\n" + _fold_table(f"{len(rows)} events", table, rows)
 
 
-def _settings_section(data: RunData) -> str:
+def _render_settings(data: RunData) -> str:
     toml = escape(to_toml(data.config))
     return (
         "<h2>Settings</h2>\n<details><summary>All settings of the run, resolved</summary>"
@@ -167,7 +172,7 @@ def _settings_section(data: RunData) -> str:
     )
 
 
-def _table(heads: tuple[str, ...], body: list[list[str]]) -> str:
+def _render_table(heads: tuple[str, ...], body: list[list[str]]) -> str:
     head = "".join(
         f"<th{' class=left' if i == 0 else ''}>{escape(text)}</th>" for i, text in enumerate(heads)
     )
@@ -186,10 +191,10 @@ def _table(heads: tuple[str, ...], body: list[list[str]]) -> str:
     )
 
 
-def _folded(summary: str, table: str, body: list[list[str]] | list[str]) -> str:
+def _fold_table(summary: str, table: str, body: list[list[str]] | list[str]) -> str:
     is_open = " open" if len(body) <= _OPEN_ROWS else ""
     return f"<details{is_open}><summary>{escape(summary)}</summary>{table}</details>"
 
 
-def _number(value: float | None, decimals: int, scale: float = 1.0) -> str:
+def _format_number(value: float | None, decimals: int, scale: float = 1.0) -> str:
     return "–" if value is None else f"{value * scale:.{decimals}f}"

@@ -14,16 +14,16 @@ from pathlib import Path
 
 from agribot.core.config import RecordConfig
 from agribot.core.errors import RecordingError
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.record.mcap_file import McapFile
-from agribot.record.mcap_records import part_path, parts_of
+from agribot.record.mcap_records import list_parts, part_path
 
 _MB = 1_000_000
 _LIVE_RATIO = 0.9  # of the clock's pace; a simulation that runs ahead of it can wait
 
 
 class RecordingParts:
-    """Writes like one McapFile. Limits are looked after at each `flush`, every second.
+    """Write like one McapFile. The limits are checked at each `flush`, every second.
 
     Over `max_total_mb`, or with less than `min_free_mb` left on the disk, the oldest finished
     parts go. Where none is left to go, or the disk fails, recording ends and `ended_because` says
@@ -43,7 +43,7 @@ class RecordingParts:
         self._finished_bytes: dict[int, int] = {}
         self._now_ns = self._flushed_ns = 0
         self._flushed_wall_s = 0.0
-        for stale in parts_of(path)[1:]:  # of an earlier run in the same folder
+        for stale in list_parts(path)[1:]:  # of an earlier run in the same folder
             stale.unlink(missing_ok=True)
         self._file = McapFile(path)
         self._ending: list[McapFile] = []  # parts on their way to the disk
@@ -65,11 +65,11 @@ class RecordingParts:
             self._end_early(error)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Files that come before the first message are in every part."""
+        """Attach a file; those that come before the first message are in every part."""
         if not self._has_messages:
             self._kept_files.append((name, media_type, data))
         if not self._file.closed:
-            with self._surviving():
+            with self._end_on_error():
                 self._file.attach(name, media_type, data)
 
     def describe(self, name: str, values: dict[str, str]) -> None:
@@ -77,34 +77,34 @@ class RecordingParts:
         self._file.describe(name, values)
 
     def flush(self) -> None:
-        """Waits for the disk only where time passes faster than on the clock."""
+        """Flush; wait for the disk only where simulated time runs faster than the clock."""
         if self.ended_because:
             return
         wall_s, passed_s = time.monotonic(), (self._now_ns - self._flushed_ns) * 1e-9
         is_live = wall_s - self._flushed_wall_s >= _LIVE_RATIO * passed_s
         self._flushed_ns, self._flushed_wall_s = self._now_ns, wall_s
-        with self._surviving():
+        with self._end_on_error():
             if is_live:
                 self._file.flush()
             else:
                 self._file.drain()
             if 0 < self._limits.max_file_mb * _MB <= self._file.size_bytes:
-                self._next_part()
+                self._begin_part()
             self._make_room()
 
     def drain(self) -> None:
-        """Wait for the disk; before the robot moves there is time."""
+        """Wait for the disk."""
         self._file.drain()
 
     def close(self) -> None:
         for file in (*self._ending, self._file):
-            with self._surviving():
+            with self._end_on_error():
                 file.close()
         self._ending.clear()
 
     @contextmanager
-    def _surviving(self) -> Iterator[None]:
-        """Once messages have come, a disk that fails ends the recording and nothing else."""
+    def _end_on_error(self) -> Iterator[None]:
+        """End the recording, and nothing else, when the disk fails after the first message."""
         try:
             yield
         except (RecordingError, OSError) as error:
@@ -115,7 +115,7 @@ class RecordingParts:
     def _end_early(self, error: Exception) -> None:
         self.ended_because = self.ended_because or str(error)
 
-    def _next_part(self) -> None:
+    def _begin_part(self) -> None:
         self._file.end()
         self._ending.append(self._file)
         self._finished_bytes[self._number] = self._file.size_bytes
@@ -130,7 +130,7 @@ class RecordingParts:
         self._file.flush()
 
     def _make_room(self) -> None:
-        while why := self._too_much():
+        while why := self._find_excess():
             if not self._finished_bytes:
                 self.ended_because = why
                 self._file.close()
@@ -139,8 +139,8 @@ class RecordingParts:
             part_path(self.path, oldest).unlink(missing_ok=True)
             del self._finished_bytes[oldest]
 
-    def _too_much(self) -> str:
-        """Why room is needed; empty when it is not."""
+    def _find_excess(self) -> str:
+        """Say why room is needed; empty when it is not."""
         limits = self._limits
         total_mb = (sum(self._finished_bytes.values()) + self._file.size_bytes) / _MB
         if 0 < limits.max_total_mb < total_mb:

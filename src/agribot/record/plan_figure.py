@@ -27,10 +27,10 @@ _LONGER_SIDE_IN = 9.0
 _BAND_ALPHA = 0.22
 
 
-def plan_figure(
+def draw_plan(
     plan: FieldPlan, area: FieldArea, request: PlanRequest, certificate: Certificate
 ) -> Figure:
-    """Metres East and North of the field's datum, equal scales; bands as wide as the tool."""
+    """Draw metres East and North of the field's datum; bands are as wide as the tool."""
     corners = np.array(area.boundary)
     low, high = corners.min(axis=0), corners.max(axis=0)
     width_m, height_m = (high - low) + 2.0
@@ -71,7 +71,7 @@ def _draw_legs(axes: Axes, plan: FieldPlan, request: PlanRequest) -> None:
         lines = [leg.xy_map_m for leg in legs]
         if legs[0].tool_on:
             axes.add_collection(PolyCollection(
-                _bands([tool_line(xy, request.tool_x_m) for xy in lines],
+                _make_bands([tool_line(xy, request.tool_x_m) for xy in lines],
                        request.implement_width_m / 2.0), facecolors=_COLOURS[kind],
                 edgecolors="none", alpha=_BAND_ALPHA, zorder=2))  # fmt: skip
         axes.add_collection(LineCollection(
@@ -79,8 +79,8 @@ def _draw_legs(axes: Axes, plan: FieldPlan, request: PlanRequest) -> None:
             zorder=4 if legs[0].tool_on else 6))  # fmt: skip
 
 
-def _bands(lines: list[FloatArray], half_width_m: float) -> list[FloatArray]:
-    """The ground beside every piece of the lines, each (4, 2)."""
+def _make_bands(lines: list[FloatArray], half_width_m: float) -> list[FloatArray]:
+    """Make the ground beside every piece of the lines, each (4, 2)."""
     starts = np.concatenate([line[:-1] for line in lines])
     ends = np.concatenate([line[1:] for line in lines])
     along = ends - starts

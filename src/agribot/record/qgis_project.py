@@ -43,34 +43,36 @@ class Layer(NamedTuple):
 
 
 def write_qgis(recording: Path, folder: Path) -> Path:
-    """The project; a layer that the recording knows nothing of is left out.
+    """Write the project and its layers; a layer without data is left out.
 
     Raises: RecordingError: nothing in it has a place on Earth, or a file cannot be written.
     """
-    layers = _layers(recording)
+    layers = _make_layers(recording)
     for layer in layers:
         text = msgspec.json.encode(layer.root)
         write_file(folder / f"{layer.name}.geojson", text + b"\n")
-    write_file(folder / PROJECT, _project(layers))
+    write_file(folder / PROJECT, _make_project(layers))
     return folder / PROJECT
 
 
-def _layers(recording: Path) -> list[Layer]:
-    """From the bottom to the top."""
+def _make_layers(recording: Path) -> list[Layer]:
+    """Make the layers from the bottom to the top."""
     try:
         config = read_config(recording)
     except RecordingError:
         track = read_track(recording)
-        return [_line("track", [(p.lon_deg, p.lat_deg) for p in track.points], _GREEN)]
+        return [_make_line("track", [(p.lon_deg, p.lat_deg) for p in track.points], _GREEN)]
     track = read_track(recording, topics.ODOMETRY.name)
-    layers = [_line("track", [(p.lon_deg, p.lat_deg) for p in track.points], _GREEN)]
+    layers = [_make_line("track", [(p.lon_deg, p.lat_deg) for p in track.points], _GREEN)]
     frame = MapFrame(config.field.datum)
     for message in list(read_messages(recording, topics.PATH))[-1:]:
         path: Any = typestore().deserialize_cdr(message.data, topics.PATH.ros_type)
-        layers.append(_line("plan", _places(frame, [s.pose for s in path.poses]), _BLUE))
+        layers.append(
+            _make_line("plan", _place_on_earth(frame, [s.pose for s in path.poses]), _BLUE)
+        )
     for message in list(read_messages(recording, topics.GOALS))[-1:]:
         goals: Any = typestore().deserialize_cdr(message.data, topics.GOALS.ros_type)
-        layers.append(_points("goals", _places(frame, goals.poses), _DARK))
+        layers.append(_make_points("goals", _place_on_earth(frame, goals.poses), _DARK))
     try:
         weeds = weeds_geojson(read_weed_map(recording), config.field.datum)
     except RecordingError:
@@ -78,26 +80,26 @@ def _layers(recording: Path) -> list[Layer]:
     return [*layers, Layer("weeds", "Point", weeds, {"weed": _RED, "crop": _GREEN}, by="class")]
 
 
-def _places(frame: MapFrame, poses: Sequence[Any]) -> list[tuple[float, float]]:
+def _place_on_earth(frame: MapFrame, poses: Sequence[Any]) -> list[tuple[float, float]]:
     found = [frame.geodetic_from_map(pose.position.x, pose.position.y) for pose in poses]
     return [(lon_deg, lat_deg) for lat_deg, lon_deg, _ in found]
 
 
-def _line(name: str, places: Sequence[tuple[float, float]], colour: Colour) -> Layer:
-    geometry = {"type": "LineString", "coordinates": _rounded(places)}
-    return Layer(name, "Line", _collection([geometry]), {"": colour})
+def _make_line(name: str, places: Sequence[tuple[float, float]], colour: Colour) -> Layer:
+    geometry = {"type": "LineString", "coordinates": _round_places(places)}
+    return Layer(name, "Line", _make_collection([geometry]), {"": colour})
 
 
-def _points(name: str, places: Sequence[tuple[float, float]], colour: Colour) -> Layer:
-    geometries = [{"type": "Point", "coordinates": place} for place in _rounded(places)]
-    return Layer(name, "Point", _collection(geometries), {"": colour})
+def _make_points(name: str, places: Sequence[tuple[float, float]], colour: Colour) -> Layer:
+    geometries = [{"type": "Point", "coordinates": place} for place in _round_places(places)]
+    return Layer(name, "Point", _make_collection(geometries), {"": colour})
 
 
-def _rounded(places: Sequence[tuple[float, float]]) -> list[list[float]]:
+def _round_places(places: Sequence[tuple[float, float]]) -> list[list[float]]:
     return [[round(lon_deg, _DECIMALS), round(lat_deg, _DECIMALS)] for lon_deg, lat_deg in places]
 
 
-def _collection(geometries: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def _make_collection(geometries: Sequence[dict[str, Any]]) -> dict[str, Any]:
     features = [
         {"type": "Feature", "properties": {"number": number}, "geometry": geometry}
         for number, geometry in enumerate(geometries, start=1)
@@ -105,10 +107,10 @@ def _collection(geometries: Sequence[dict[str, Any]]) -> dict[str, Any]:
     return {"type": "FeatureCollection", "features": features}
 
 
-def _project(layers: Sequence[Layer]) -> bytes:
+def _make_project(layers: Sequence[Layer]) -> bytes:
     root = ElementTree.Element("qgis", projectname="AGRIBOT", version=_VERSION)
     ElementTree.SubElement(root, "title").text = "AGRIBOT"
-    _reference(ElementTree.SubElement(root, "projectCrs"))
+    _add_reference(ElementTree.SubElement(root, "projectCrs"))
     systems = ElementTree.SubElement(ElementTree.SubElement(root, "properties"), "SpatialRefSys")
     ElementTree.SubElement(systems, "ProjectionsEnabled", type="int").text = "1"
     tree = ElementTree.SubElement(root, "layer-tree-group")
@@ -118,12 +120,12 @@ def _project(layers: Sequence[Layer]) -> bytes:
         )
     found = ElementTree.SubElement(root, "projectlayers")
     for layer in layers:
-        found.append(_map_layer(layer))
+        found.append(_make_map_layer(layer))
     ElementTree.indent(root)
     return b"<!DOCTYPE qgis>\n" + ElementTree.tostring(root) + b"\n"
 
 
-def _map_layer(layer: Layer) -> ElementTree.Element:
+def _make_map_layer(layer: Layer) -> ElementTree.Element:
     node = ElementTree.Element("maplayer", type="vector", geometry=layer.geometry)
     for name, text in (
         ("id", layer.id),
@@ -132,18 +134,18 @@ def _map_layer(layer: Layer) -> ElementTree.Element:
     ):
         ElementTree.SubElement(node, name).text = text
     ElementTree.SubElement(node, "provider", encoding="UTF-8").text = "ogr"
-    _reference(ElementTree.SubElement(node, "srs"))
-    node.append(_renderer(layer))
+    _add_reference(ElementTree.SubElement(node, "srs"))
+    node.append(_make_renderer(layer))
     return node
 
 
-def _reference(node: ElementTree.Element) -> None:
+def _add_reference(node: ElementTree.Element) -> None:
     system = ElementTree.SubElement(node, "spatialrefsys")
     for name, text in {"srsid": "3452", "srid": "4326", "authid": _WGS84}.items():
         ElementTree.SubElement(system, name).text = text
 
 
-def _renderer(layer: Layer) -> ElementTree.Element:
+def _make_renderer(layer: Layer) -> ElementTree.Element:
     node = ElementTree.Element("renderer-v2", type="singleSymbol")
     if layer.by:
         node.set("type", "categorizedSymbol")
@@ -155,11 +157,11 @@ def _renderer(layer: Layer) -> ElementTree.Element:
             )
     symbols = ElementTree.SubElement(node, "symbols")
     for number, colour in enumerate(layer.colours.values()):
-        symbols.append(_symbol(layer.geometry, number, colour))
+        symbols.append(_make_symbol(layer.geometry, number, colour))
     return node
 
 
-def _symbol(geometry: str, number: int, colour: Colour) -> ElementTree.Element:
+def _make_symbol(geometry: str, number: int, colour: Colour) -> ElementTree.Element:
     is_line = geometry == "Line"
     node = ElementTree.Element("symbol", name=str(number), type="line" if is_line else "marker")
     kind = "SimpleLine" if is_line else "SimpleMarker"

@@ -76,13 +76,13 @@ class RunRecorder:
     def truth(
         self, t_s: float, pose: tuple[float, float, float], twist: tuple[float, float] = (0.0, 0.0)
     ) -> None:
-        """True x_map_m, y_map_m, yaw_map_rad and forward and yaw rate; a simulator has them."""
+        """Record the true x_map_m, y_map_m, yaw_map_rad and forward and yaw rate of a simulator."""
         self._feed.truth(t_s, pose, twist)
 
     def set_plan(
         self, t_s: float, plan: Path | None, goals_map_m: Sequence[tuple[float, float]]
     ) -> None:
-        """A new path and its waypoints, when the mission planned again."""
+        """Record a new path and its waypoints, when the mission planned again."""
         self._feed.set_plan(t_s, plan, goals_map_m)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:

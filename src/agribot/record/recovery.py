@@ -1,4 +1,4 @@
-"""A recording that was cut off or has no index, written again as a whole one."""
+"""Write a recording that was cut off or has no index again as a whole one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Recovery(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def recover(source: Path, target: Path) -> Recovery:
-    """Everything sound in `source` with an index, in `target`.
+    """Write everything sound in `source` with an index to `target`.
 
     Raises: RecordingError: nothing can be read, or the target exists or cannot be written.
     """
@@ -59,7 +59,7 @@ def recover(source: Path, target: Path) -> Recovery:
 
 
 class _Copy:
-    """Takes the records of one file and writes them into another, with ids of its own."""
+    """A copy of the records of one file into another, with ids of its own."""
 
     def __init__(self, writer: Writer) -> None:
         self._writer = writer
@@ -71,7 +71,7 @@ class _Copy:
 
     def __call__(self, record: Any) -> None:
         if isinstance(record, Message):
-            self._message(record)
+            self._copy_message(record)
         elif isinstance(record, Header):
             self.is_started = True
             self._writer.start(profile=record.profile, library=record.library)
@@ -81,7 +81,7 @@ class _Copy:
                     record.name, record.encoding, record.data
                 )
         elif isinstance(record, Channel):
-            self._channel(record)
+            self._copy_channel(record)
         elif isinstance(record, Attachment):
             self.files += 1
             self._writer.add_attachment(
@@ -94,14 +94,14 @@ class _Copy:
         if self.is_started:
             self._writer.finish()  # type: ignore[no-untyped-call]
 
-    def _channel(self, record: Channel) -> None:
+    def _copy_channel(self, record: Channel) -> None:
         if record.id not in self.channels and record.schema_id in self._schemas:
             self.channels[record.id] = self._writer.register_channel(
                 record.topic, record.message_encoding, self._schemas[record.schema_id],
                 record.metadata,
             )  # fmt: skip
 
-    def _message(self, record: Message) -> None:
+    def _copy_message(self, record: Message) -> None:
         channel = self.channels.get(record.channel_id)
         if channel is None:
             return

@@ -30,7 +30,7 @@ from agribot.ros.messages.rosmsg import typestore
 
 
 def read_config(path: Path) -> RunConfig:
-    """The resolved settings of the recorded run.
+    """Read the resolved settings of the recorded run.
 
     Raises: RecordingError: not a recording, or one with settings this version does not know.
     """
@@ -49,19 +49,19 @@ def read_urdf(path: Path) -> str:
 
 
 def read_ticks(path: Path) -> Generator[TickRecord]:
-    """Every recorded tick in order; of a cut-off recording, those before the cut."""
+    """Read every recorded tick in order; of a cut-off recording, those before the cut."""
     for message in read_messages(path, topics.TICK):
         yield decode_tick(message.data)
 
 
 def read_weed_map(path: Path) -> tuple[MappedPlant, ...]:
-    """The weed map at the end of the run; only a run that was closed has one."""
+    """Read the weed map at the end of the run; only a run that was closed has one."""
     data = read_attachment(path, WEED_MAP_ATTACHMENT)
     return msgspec.json.decode(data, type=tuple[MappedPlant, ...])
 
 
 def read_truth(path: Path) -> FloatArray:
-    """(N, 4): t_s, true x_map_m, y_map_m, yaw_map_rad; no rows where nothing knew the truth."""
+    """Read the truth, (N, 4): t_s, x_map_m, y_map_m, yaw_map_rad; no rows where none was known."""
     rows = []
     for message in read_messages(path, topics.GROUND_TRUTH):
         odometry = typestore().deserialize_cdr(message.data, topics.GROUND_TRUTH.ros_type)
@@ -86,7 +86,10 @@ class ReplayPlatform:
         self.inbox = Inbox()
 
     def read(self) -> SensorBatch:
-        """Raises: EndOfRecording: the last batch was already given."""
+        """Return the next recorded batch.
+
+        Raises: EndOfRecording: the last batch was already given.
+        """
         record = next(self._ticks, None)
         if record is None:
             raise EndOfRecording(f"{self._path} has no more ticks")
@@ -100,11 +103,11 @@ class ReplayPlatform:
         )
 
     def recorded_scenes(self) -> tuple[Scene, ...]:
-        """What perception delivered in the tick of the batch given last."""
+        """Return what perception delivered in the tick of the last batch."""
         return self._scenes
 
     def recorded_drive(self) -> DriveCommand:
-        """What the motors were told in the tick of the batch given last."""
+        """Return the drive command of the tick of the last batch."""
         return self._sent
 
     def write(self, command: RobotCommand) -> None:
@@ -115,6 +118,6 @@ class ReplayPlatform:
 
 
 def recorded_scenes(path: Path) -> Generator[tuple[Scene, ...]]:
-    """The scenes of each tick in order, to stand in for the network."""
+    """Read the scenes of each tick in order, to stand in for the network."""
     for record in read_ticks(path):
         yield record.scenes

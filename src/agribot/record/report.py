@@ -1,4 +1,4 @@
-"""The report of a run: the numbers that others read. A value nobody measured is null, never 0."""
+"""The report of a run as numbers. A value that was not measured is null, never 0."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from pathlib import Path
 import msgspec
 
 from agribot.core.errors import RecordingError
-from agribot.record.whole_file import write_at_once
+from agribot.core.implement.kind import ReportLine
+from agribot.core.whole_file import write_at_once
 
 
 class TimeReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -81,6 +82,20 @@ class WeedReport(msgspec.Struct, frozen=True, kw_only=True):
     spray_area_ratio: float | None = None
 
 
+class ImplementReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What the implement did; `verb` says it of a weed: "sprayed".
+
+    The worked ground is the truth of a simulator, the lines are what the implement believes.
+    """
+
+    kind: str
+    verb: str
+    width_m: float
+    worked_m2: float | None = None
+    worked_area_ratio: float | None = None
+    lines: tuple[ReportLine, ...] = ()
+
+
 class SafetyEvent(msgspec.Struct, frozen=True, kw_only=True):
     t_s: float
     reason: str
@@ -123,20 +138,27 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     safety: SafetyReport = SafetyReport()
     marks: tuple[SafetyEvent, ...] = ()
     job: JobReport | None = None
+    implement: ImplementReport | None = None
 
 
 def to_json(report: Report) -> bytes:
-    """Indented; a number that is not finite becomes null."""
+    """Encode with indentation; a number that is not finite becomes null."""
     return msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n"
 
 
 def write_report(path: Path, report: Report) -> None:
-    """Raises: RecordingError: the file cannot be written."""
+    """Write report.json.
+
+    Raises: RecordingError: the file cannot be written.
+    """
     write_file(path, to_json(report))
 
 
 def read_report(path: Path) -> Report:
-    """Raises: RecordingError: no such file, or it is no report of this version."""
+    """Read report.json.
+
+    Raises: RecordingError: no such file, or it is no report of this version.
+    """
     try:
         return msgspec.json.decode(path.read_bytes(), type=Report)
     except OSError as error:

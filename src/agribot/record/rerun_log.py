@@ -1,4 +1,4 @@
-"""A recording in Rerun's terms: map, pictures, curves and a place on Earth."""
+"""A recording for Rerun: map, pictures, curves and a place on Earth."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Show = Callable[[Any], None]
 
 
 def write_rerun(recording: Path, target: Path | None) -> int:
-    """Into an .rrd file, or with None into the viewer, which is started; how many messages.
+    """Write an .rrd file, or with None send to the viewer, which is started; count the messages.
 
     Of another robot's recording: its tracks and curves, and how many points they have.
 
@@ -42,7 +42,7 @@ def write_rerun(recording: Path, target: Path | None) -> int:
             "agribot view rerun needs rerun-sdk: pip install 'agribot[view]'"
         ) from error
     stream: Any = rerun.RecordingStream(_NAME)
-    shower, count = _Shower(rerun, stream), 0
+    shower, count = _RerunWriter(rerun, stream), 0
     with open_bag(recording) as bag:
         known = {t.name for t in bag.topics if t.count and t.name in shower.shows and bag.knows(t)}
         foreign = None if known else read_foreign(recording)
@@ -50,7 +50,7 @@ def write_rerun(recording: Path, target: Path | None) -> int:
             stream.spawn()
         else:
             stream.save(str(target))
-        stream.send_blueprint(_layout(rerun.blueprint))
+        stream.send_blueprint(_lay_out(rerun.blueprint))
         for message in bag.messages(frozenset(known)) if known else ():
             stream.set_time(_TIMELINE, duration=message.log_ns * 1e-9)
             shower.shows[message.topic.name](bag.value(message))
@@ -62,8 +62,8 @@ def write_rerun(recording: Path, target: Path | None) -> int:
     return count
 
 
-def _layout(views: Any) -> Any:
-    """Map and camera above, curves that belong together below."""
+def _lay_out(views: Any) -> Any:
+    """Put map and camera above, curves that belong together below."""
 
     def curves(name: str, *topics_of_it: str) -> Any:
         contents = [f"/curves/{topic}" for topic in topics_of_it]
@@ -95,8 +95,8 @@ def _layout(views: Any) -> Any:
     )
 
 
-class _Shower:
-    """What each topic looks like; the tracks are drawn when all is known."""
+class _RerunWriter:
+    """What each topic looks like; the tracks are drawn when all messages are read."""
 
     def __init__(self, rerun: Any, stream: Any) -> None:
         self._rerun, self._stream = rerun, stream
@@ -123,7 +123,7 @@ class _Shower:
             self._lines(f"map/{name}", [points], colour)
 
     def foreign(self, data: ForeignData) -> int:
-        """Tracks and the first curve of each kind; how many points they have."""
+        """Log tracks and the first curve of each kind; count their points."""
         curves = {
             "speed_mps": data.speed, "heading/raw": data.heading_raw,
             "heading/filtered": data.heading_filtered, "distance": data.distance,

@@ -1,4 +1,4 @@
-"""What happened in each crop row."""
+"""What happened in each crop row, as a table."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from agribot.core.messages import MappedPlant, PlantClass, Row
-from agribot.core.row_shape import beside_row, row_length_m
+from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.record.plots import true_cross_track_m
 from agribot.record.series import RunData
 
@@ -24,11 +24,11 @@ class RowSummary(msgspec.Struct, frozen=True, kw_only=True):
     cross_track_max_m: float | None
     weeds_mapped: int
     weeds_treated: int
-    seen_m: float | None  # with crop in view where the row is to be; None without a camera
+    seen_m: float | None  # with crop in view where the row should be; None without a camera
 
 
-def row_summaries(data: RunData) -> tuple[RowSummary, ...]:
-    """One for each row of the field; a weed belongs to the row that it is nearest to."""
+def summarise_rows(data: RunData) -> tuple[RowSummary, ...]:
+    """Summarise each row of the field; a weed belongs to the row that it is nearest to."""
     series = data.series
     across_m = true_cross_track_m(series, data.rows)
     if not np.isfinite(across_m).any():
@@ -62,11 +62,11 @@ def row_summaries(data: RunData) -> tuple[RowSummary, ...]:
 
 
 def nearest_row(plant: MappedPlant, rows: tuple[Row, ...]) -> int:
-    """Index of the row whose segment is nearest; `rows` must not be empty."""
+    """Find the index of the row whose segment is nearest; `rows` must not be empty."""
     return min(rows, key=lambda row: _distance_m(plant.x_map_m, plant.y_map_m, row)).index
 
 
 def _distance_m(x_m: float, y_m: float, row: Row) -> float:
-    along_m, left_m, _ = beside_row(row, x_m, y_m)
+    along_m, left_m, _ = project_on_row(row, x_m, y_m)
     beyond_m = max(-along_m, along_m - row_length_m(row), 0.0)
     return math.hypot(beyond_m, left_m)

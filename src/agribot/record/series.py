@@ -1,4 +1,4 @@
-"""What the plots need of a run: a few numbers for each tick instead of whole records."""
+"""The numbers of each tick that the plots need, instead of whole records."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MIN_COURSE_SPEED_MPS = 0.15  # below it, the direction of a GNSS velocity is mo
 
 
 class RunSeries(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """Arrays over the N ticks, NaN where the tick had no value.
+    """Arrays over the N ticks, (N,) each, NaN where the tick had no value.
 
     `distance_m` (N,) is driven distance by the estimate; `row` (N,) the row being worked, -1
     between rows; `row_seen` (N,) is 1 where a camera sees crop where that row is to be, else 0.
@@ -62,7 +62,7 @@ class RunData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 class SeriesTap:
-    """Collects the series while the robot runs."""
+    """A tap that collects the series while the robot runs."""
 
     def __init__(self) -> None:
         self._ticks = GrowingTable(10)
@@ -98,11 +98,11 @@ class SeriesTap:
                     self._course.append((fix.t_s, course))
 
     def truth(self, t_s: float, pose: tuple[float, float, float]) -> None:
-        """True x_map_m, y_map_m, yaw_map_rad, of a simulator."""
+        """Record the true x_map_m, y_map_m, yaw_map_rad of a simulator."""
         self._truth.append((t_s, *pose))
 
     def series(self) -> RunSeries:
-        ticks = self._ticks.array()
+        ticks = self._ticks.to_array()
         return RunSeries(
             t_s=ticks[:, 0],
             x_map_m=ticks[:, 1],
@@ -114,15 +114,15 @@ class SeriesTap:
             cross_track_m=ticks[:, 7],
             row=ticks[:, 8].astype(np.int64),
             row_seen=ticks[:, 9],
-            distance_m=_driven_m(ticks[:, 0], ticks[:, 4]),
-            raw_compass=self._raw.array(),
-            course_compass=self._course.array(),
-            truth=self._truth.array(),
+            distance_m=_sum_distance_m(ticks[:, 0], ticks[:, 4]),
+            raw_compass=self._raw.to_array(),
+            course_compass=self._course.to_array(),
+            truth=self._truth.to_array(),
         )
 
 
 def collect(records: Iterable[TickRecord], truth: FloatArray | None = None) -> RunSeries:
-    """The series of a recording; `truth` as `replay.read_truth` gives it."""
+    """Collect the series of a recording; `truth` is as `replay.read_truth` gives it."""
     tap = SeriesTap()
     for record in records:
         tap(record)
@@ -130,18 +130,18 @@ def collect(records: Iterable[TickRecord], truth: FloatArray | None = None) -> R
     return series if truth is None else msgspec.structs.replace(series, truth=truth)
 
 
-def joined(parts: Sequence[tuple[RunSeries, float]]) -> RunSeries:
-    """One series of several, each with the time at which it began on the clock of the first."""
+def join_series(parts: Sequence[tuple[RunSeries, float]]) -> RunSeries:
+    """Join series, each with the time at which it began on the clock of the first."""
     driven_m = 0.0
     columns: dict[str, list[Any]] = {name: [] for name in RunSeries.__struct_fields__}
     for series, began_s in parts:
         for name, values in columns.items():
-            values.append(_later(name, getattr(series, name), began_s, driven_m))
+            values.append(_shift_column(name, getattr(series, name), began_s, driven_m))
         driven_m += float(series.distance_m[-1]) if len(series.distance_m) else 0.0
     return RunSeries(**{name: np.concatenate(values) for name, values in columns.items()})
 
 
-def _later(name: str, values: FloatArray, began_s: float, driven_m: float) -> FloatArray:
+def _shift_column(name: str, values: FloatArray, began_s: float, driven_m: float) -> FloatArray:
     if name == "distance_m":
         return values + driven_m
     if name == "t_s":
@@ -152,6 +152,6 @@ def _later(name: str, values: FloatArray, began_s: float, driven_m: float) -> Fl
     return values
 
 
-def _driven_m(t_s: FloatArray, speed_mps: FloatArray) -> FloatArray:
+def _sum_distance_m(t_s: FloatArray, speed_mps: FloatArray) -> FloatArray:
     steps_s = np.diff(t_s, prepend=t_s[:1])
     return np.cumsum(np.abs(speed_mps) * steps_s)

@@ -30,8 +30,8 @@ _ENCODER = msgspec.msgpack.Encoder(enc_hook=_encode_numpy)
 _DECODER = msgspec.msgpack.Decoder(TickRecord, dec_hook=_decode_array)
 
 
-def without_pixels(record: TickRecord) -> TickRecord:
-    """The same record with an empty image in every frame."""
+def strip_pixels(record: TickRecord) -> TickRecord:
+    """Return the same record with an empty image in every frame."""
     if not record.batch.frames:
         return record
     frames = tuple(
@@ -43,11 +43,14 @@ def without_pixels(record: TickRecord) -> TickRecord:
 
 
 def encode_tick(record: TickRecord) -> bytes:
-    return _ENCODER.encode(without_pixels(record))
+    return _ENCODER.encode(strip_pixels(record))
 
 
 def decode_tick(data: bytes) -> TickRecord:
-    """Raises: RecordingError: the bytes are no TickRecord of this version."""
+    """Decode the bytes of `encode_tick`.
+
+    Raises: RecordingError: the bytes are no TickRecord of this version.
+    """
     try:
         return _DECODER.decode(data)
     except msgspec.MsgspecError as error:

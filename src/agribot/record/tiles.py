@@ -9,12 +9,13 @@ Tile = tuple[str, str, str]  # name, value, note
 NOTHING = "–"
 
 
-def tiles(report: Report) -> list[Tile]:
-    """Only what applies to the run; a value that nobody measured shows a dash."""
+def make_tiles(report: Report) -> list[Tile]:
+    """Make the tiles that apply to the run; a value that was not measured shows a dash."""
     return [
         *_mission(report),
         *_tracking(report),
         *_weeds(report),
+        *_implement(report),
         *_perception(report),
         _time(report),
     ]
@@ -24,13 +25,16 @@ def _mission(report: Report) -> list[Tile]:
     mission = report.mission
     result: list[Tile] = []
     if mission.rows_total:
-        share = f"coverage {percent(mission.coverage_ratio)}"
-        result.append(("Rows done", f"{_count(mission.rows_done)} of {mission.rows_total}", share))
+        share = f"coverage {format_percent(mission.coverage_ratio)}"
+        result.append(
+            ("Rows done", f"{_format_count(mission.rows_done)} of {mission.rows_total}", share)
+        )
     else:
-        reached = f"{_count(mission.waypoints_reached)} of {_count(mission.waypoints_total)}"
+        total = _format_count(mission.waypoints_total)
+        reached = f"{_format_count(mission.waypoints_reached)} of {total}"
         result.append(("Waypoints reached", reached, ""))
-    rate = number(mission.h_per_ha, 1, " h/ha")
-    result.append(("Driven", number(mission.distance_m, 1, " m"), rate))
+    rate = format_number(mission.h_per_ha, 1, " h/ha")
+    result.append(("Driven", format_number(mission.distance_m, 1, " m"), rate))
     return result
 
 
@@ -38,18 +42,18 @@ def _tracking(report: Report) -> list[Tile]:
     tracking, estimate = report.tracking, report.estimate
     if tracking.xte_p95_m is None and estimate.pos_rms_m is None:
         return []
-    plants = f"of {_count(tracking.plants_total)} plants"
+    plants = f"of {_format_count(tracking.plants_total)} plants"
     return [
         (
             "Cross-track, 95 %",
-            number(tracking.xte_p95_m, 1, " cm", 100.0),
-            f"true; largest {number(tracking.xte_max_m, 1, ' cm', 100.0)}",
+            format_number(tracking.xte_p95_m, 1, " cm", 100.0),
+            f"true; largest {format_number(tracking.xte_max_m, 1, ' cm', 100.0)}",
         ),
-        ("Crops crushed", _count(tracking.plants_crushed), plants),
+        ("Crops crushed", _format_count(tracking.plants_crushed), plants),
         (
             "Position error, rms",
-            number(estimate.pos_rms_m, 1, " cm", 100.0),
-            f"true; NEES {number(estimate.nees_mean, 1)} (ideal 3)",
+            format_number(estimate.pos_rms_m, 1, " cm", 100.0),
+            f"true; NEES {format_number(estimate.nees_mean, 1)} (ideal 3)",
         ),
     ]
 
@@ -59,18 +63,36 @@ def _weeds(report: Report) -> list[Tile]:
     if weeds.mapped is None:
         return []
     truth = f"of {weeds.truth} true ones" if weeds.truth is not None else ""
+    implement = report.implement
+    ratio = implement.worked_area_ratio if implement else weeds.spray_area_ratio
+    worked = f"{format_percent(ratio)} {implement.verb if implement else 'treated'}"
     return [
-        ("Weeds mapped along the rows", _count(weeds.mapped), truth),
+        ("Weeds mapped along the rows", _format_count(weeds.mapped), truth),
         (
             "Precision / recall",
-            f"{number(weeds.precision, 2)} / {number(weeds.recall, 2)}",
-            f"median error {number(weeds.pos_error_median_m, 1, ' cm', 100.0)}",
+            f"{format_number(weeds.precision, 2)} / {format_number(weeds.recall, 2)}",
+            f"median error {format_number(weeds.pos_error_median_m, 1, ' cm', 100.0)}",
         ),
         (
             "Weeds treated",
-            _count(weeds.treated),
-            f"{_count(weeds.crops_hit)} crops hit, {percent(weeds.spray_area_ratio)} sprayed",
+            _format_count(weeds.treated),
+            f"{_format_count(weeds.crops_hit)} crops hit, {worked}",
         ),
+    ]
+
+
+def _implement(report: Report) -> list[Tile]:
+    """The figures of the implement, under its own names."""
+    implement = report.implement
+    if implement is None:
+        return []
+    return [
+        (
+            f"{implement.kind}: {line.name}".capitalize(),
+            f"{line.value:.4g}{' ' * bool(line.unit)}{line.unit}",
+            "as the robot believes",
+        )
+        for line in implement.lines
     ]
 
 
@@ -78,29 +100,30 @@ def _perception(report: Report) -> list[Tile]:
     perception = report.perception
     if not perception.frames:
         return []
-    iou = f"weed IoU {number(perception.iou.weed, 2)}, mean {number(perception.miou, 2)}"
+    mean = format_number(perception.miou, 2)
+    iou = f"weed IoU {format_number(perception.iou.weed, 2)}, mean {mean}"
     return [("Frames seen", str(perception.frames), iou)]
 
 
 def _time(report: Report) -> Tile:
     spent = report.time
-    speed = f"{number(spent.rtf_cpu, 1)} x real time per CPU s"
-    return ("Time in the field", _duration(spent.sim_s), speed if spent.rtf_cpu else "")
+    speed = f"{format_number(spent.rtf_cpu, 1)} x real time per CPU s"
+    return ("Time in the field", _format_duration(spent.sim_s), speed if spent.rtf_cpu else "")
 
 
-def number(value: float | None, decimals: int, unit: str = "", scale: float = 1.0) -> str:
+def format_number(value: float | None, decimals: int, unit: str = "", scale: float = 1.0) -> str:
     return NOTHING if value is None else f"{value * scale:.{decimals}f}{unit}"
 
 
-def percent(ratio: float | None) -> str:
-    return number(ratio, 0 if ratio is None or ratio >= 0.1 else 1, " %", 100.0)
+def format_percent(ratio: float | None) -> str:
+    return format_number(ratio, 0 if ratio is None or ratio >= 0.1 else 1, " %", 100.0)
 
 
-def _count(value: int | None) -> str:
+def _format_count(value: int | None) -> str:
     return NOTHING if value is None else str(value)
 
 
-def _duration(seconds: float | None) -> str:
+def _format_duration(seconds: float | None) -> str:
     if seconds is None:
         return NOTHING
     minutes, rest = divmod(round(seconds), 60)

@@ -47,7 +47,7 @@ class PlantOnMap(Protocol):
 
 
 def weeds_geojson(plants: Iterable[PlantOnMap], datum: Datum) -> dict[str, Any]:
-    """A FeatureCollection of points, one for each mapped plant.
+    """Make a FeatureCollection of points, one for each mapped plant.
 
     `std_m` is the larger axis of the 1-sigma ellipse; `treated_s` is null for an untreated plant.
     """
@@ -55,18 +55,21 @@ def weeds_geojson(plants: Iterable[PlantOnMap], datum: Datum) -> dict[str, Any]:
 
 
 def weed_features(plants: Iterable[PlantOnMap], datum: Datum) -> Iterator[dict[str, Any]]:
-    """The features of that collection, one by one."""
+    """Make the features of that collection, one by one."""
     frame = MapFrame(datum)
-    return (_feature(plant, frame) for plant in plants)
+    return (_make_feature(plant, frame) for plant in plants)
 
 
 def write_weeds(path: Path, plants: Iterable[MappedPlant], datum: Datum) -> None:
-    """Raises: RecordingError: the file cannot be written."""
+    """Write the weed map.
+
+    Raises: RecordingError: the file cannot be written.
+    """
     text = msgspec.json.format(msgspec.json.encode(weeds_geojson(plants, datum)), indent=1)
     write_file(path, text + b"\n")
 
 
-def _feature(plant: PlantOnMap, frame: MapFrame) -> dict[str, Any]:
+def _make_feature(plant: PlantOnMap, frame: MapFrame) -> dict[str, Any]:
     lat_deg, lon_deg, _ = frame.geodetic_from_map(plant.x_map_m, plant.y_map_m)
     return {
         "type": "Feature",

@@ -1,4 +1,4 @@
-"""Recording of a world without a robot's mind: sensors, drive commands and the truth."""
+"""Recording of a simulated world alone: sensors, drive commands and the truth."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from agribot.ros.messages.world_feed import WorldFeed, WorldTick
 
 
 class WorldRecorder:
-    """Call it once per tick, as a WorldFeed; a process killed later loses at most a second.
+    """A recorder to call once per tick; a process killed later loses at most a second.
 
     Raises: RecordingError: the file cannot be created or written.
     """

@@ -8,7 +8,7 @@ from typing import Any
 
 from agribot.core.errors import BridgeError
 from agribot.core.messages import TickRecord
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages.rosmsg import typestore
 
 HOST = "127.0.0.1"

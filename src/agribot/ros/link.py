@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 
 
 class Link(Protocol):

@@ -16,7 +16,7 @@ from agribot.core.geo import Datum
 from agribot.core.messages import MappedPlant, MapPoint, Path, TickRecord
 from agribot.core.platform import TrueState
 from agribot.core.robot import RobotSpec
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages import cdr
 from agribot.ros.messages.camera_log import CameraLog
 from agribot.ros.messages.rosmsg import nanoseconds

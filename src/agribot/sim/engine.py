@@ -11,6 +11,7 @@ import msgspec
 import mujoco
 import numpy as np
 
+from agribot.core.implement.kind import Pull
 from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
@@ -21,6 +22,7 @@ from agribot.sim.state import StateViews
 # The robot's own size plus far more than it moves in one tick.
 NEAR_M = 1.5
 RECHECK_M = 0.2
+BASE_BODY = 1
 
 
 class _Instance:
@@ -70,6 +72,16 @@ class Engine:
         for instance in (self._open, self._crowded):
             if instance is not None:
                 instance.model.actuator_forcerange[wheel] = -torque_nm, torque_nm
+
+    def pull_base(self, pull: Pull | None) -> None:
+        """Let a force act on the base until it is told another; None is no force."""
+        views = self._used.views
+        if pull is None:
+            views.xfrc_applied[BASE_BODY] = 0.0
+            return
+        arm_m = np.array(pull.place_map_m) - views.xipos[BASE_BODY]
+        views.xfrc_applied[BASE_BODY, :3] = pull.force_map_n
+        views.xfrc_applied[BASE_BODY, 3:] = np.cross(arm_m, pull.force_map_n)
 
     def find_contact_map_m(self) -> FloatArray | None:
         """Return where in the map the robot touches an obstacle, (3,); None if it does not."""

@@ -1,4 +1,4 @@
-"""Areas that pass over the plants: wheels that crush crops, nozzles that spray.
+"""Areas that pass over the plants: wheels that crush crops, sections of an implement.
 
 Footprints are boxes on the ground, swept from one tick to the next so that nothing between
 two ticks is missed.

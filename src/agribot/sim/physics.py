@@ -9,6 +9,7 @@ import numpy as np
 
 from agribot.core.errors import PlatformError
 from agribot.core.geo import rotation_from_rpy
+from agribot.core.implement.kind import Pull
 from agribot.core.messages import WHEEL_NAMES, DriveCommand, FloatArray
 from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.core.world import HeightField, WorldSpec
@@ -56,6 +57,7 @@ class Physics:
             build_friction_grid(world),
         )
         self._terrain = _make_terrain(world.terrain)
+        self._is_pulled = False
         self._bristle_m = np.zeros((4, 2))
         self._board = _make_board(board or robot.drive, is_effort)
         self._board_state = np.zeros(kernel.BOARD_SIZE)
@@ -73,6 +75,13 @@ class Physics:
         self._board_state[kernel.BOARD_TARGET_YAW_RATE] = min(max(drive.yaw_rate_radps, -top), top)
         # Half a step of grace, so that rounding decides nothing.
         self._board_state[kernel.BOARD_TIME_LEFT] = limits.command_timeout_s + self._dt_s / 2
+
+    def pull(self, pull: Pull | None) -> None:
+        """Let the soil pull at the body from now on; None lets go."""
+        if pull is None and not self._is_pulled:
+            return
+        self._is_pulled = pull is not None
+        self._engine.pull_base(pull)
 
     def limit_torque(self, wheel: str, torque_nm: float) -> None:
         """Limit the torque of a motor, as a fault; at 0 it is dead and its wheel rolls freely.

@@ -12,6 +12,7 @@ from agribot.core.messages import (
     BumperSample,
     ByteArray,
     CameraFrame,
+    ImplementCommand,
     Inbox,
     OperatorEvent,
     RobotCommand,
@@ -22,7 +23,8 @@ from agribot.core.world import WorldSpec
 from agribot.sim.attitude import read_roll_pitch_yaw, read_rotation
 from agribot.sim.camera_sensor import CameraSensor
 from agribot.sim.clock import NS_PER_S, Schedule, round_step_ns
-from agribot.sim.field_effects import CropDamage, Sprayer
+from agribot.sim.field_effects import CropDamage
+from agribot.sim.implements.kinds import fit_effect
 from agribot.sim.physics import Physics
 from agribot.sim.random_streams import make_stream
 from agribot.sim.sensors.suite import SampledSensor, SensorSuite
@@ -44,7 +46,9 @@ class SimPlatform:
     ) -> None:
         """Build the world; `board` is the drive that the motor board assumes, else the true one.
 
-        Raises: ConfigError: unknown sensor preset, or a rate that the physics cannot give.
+        Raises:
+            ConfigError: unknown sensor preset, or a rate that the physics cannot give.
+            DescriptionError: the robot has an implement of a kind that nobody registered.
         """
         self._step_ns = round_step_ns(config.sim.step_s)
         self._robot = robot
@@ -52,7 +56,7 @@ class SimPlatform:
         self._sensors = SensorSuite(config, robot, world, self._step_ns)
         self._feed, self._frames = _make_camera(config, robot, world, self._step_ns)
         self._damage = CropDamage(robot, world)
-        self._sprayer = Sprayer(robot, world)
+        self._implement = fit_effect(robot.implement, world, robot.base_height_m)
         self._physics = Physics(
             robot, world, self._step_ns, board=board, is_effort=config.sim.actuation == "effort"
         )
@@ -97,9 +101,9 @@ class SimPlatform:
         )
 
     def write(self, command: RobotCommand) -> None:
-        """Hand a command to the motor board and the valves.
+        """Hand a command to the motor board and the implement.
 
-        Raises: PlatformError: a number is not finite, or the nozzles are not the robot's.
+        Raises: PlatformError: a number is not finite, or the command is for another implement.
         """
         drive = command.drive
         if not (math.isfinite(drive.v_mps) and math.isfinite(drive.yaw_rate_radps)):
@@ -109,14 +113,14 @@ class SimPlatform:
             )
         if self._closed:
             raise PlatformError("the simulator is closed and takes no commands")
-        self._sprayer.command(self._now_s, command.implement.nozzles_open)
+        self._implement.command(self._now_s, command.implement)
         self._physics.command(drive)
         self._silent_after_s = self._now_s + self._robot.drive.command_timeout_s
 
     def close(self) -> None:
         if not self._closed:
             self._physics.command(STOP)
-            self._sprayer.command(self._now_s, ())
+            self._implement.command(self._now_s, ImplementCommand())
             self._closed = True
 
     def limit_torque(self, wheel: str, torque_nm: float) -> None:
@@ -175,14 +179,14 @@ class SimPlatform:
         return self._damage.crushed
 
     @property
-    def sprayed(self) -> dict[int, float]:
-        """Plants that were sprayed: index into the world's plants -> time of the first drop, s."""
-        return self._sprayer.sprayed
+    def treated(self) -> dict[int, float]:
+        """Plants that the implement worked on: index -> time of the first touch, s."""
+        return self._implement.treated
 
     @property
-    def sprayed_area_m2(self) -> float:
-        """Ground swept by open nozzles; passing twice counts twice."""
-        return self._sprayer.area_m2
+    def worked_m2(self) -> float:
+        """Ground that the implement worked; passing twice counts twice."""
+        return self._implement.worked_m2
 
     @property
     def _now_s(self) -> float:
@@ -191,9 +195,10 @@ class SimPlatform:
     def _affect_field(self, start_s: float, end_s: float) -> None:
         before, after = self._physics.history[0], self._physics.history[-1]
         if start_s > self._silent_after_s:
-            self._sprayer.command(start_s, ())
+            self._implement.command(start_s, ImplementCommand())
         self._damage.update(end_s, before, after)
-        self._sprayer.update(end_s, before, after, end_s - start_s)
+        self._implement.update(end_s, before, after, end_s - start_s)
+        self._physics.pull(self._implement.pull())
 
     def _read_bumper(self, t_s: float) -> tuple[BumperSample, ...]:
         place = self._physics.find_contact_body_m()

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from agribot.core.geo import wrap_rad
 from agribot.core.growing_table import GrowingTable
 from agribot.core.messages import ByteArray, MappedPlant, PlantClass, Row, TickRecord
-from agribot.core.row_shape import beside_row, row_length_m
+from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import WorldSpec
 from agribot.sim.scores import (
     ErrorSums,
@@ -36,9 +36,9 @@ class TruthSource(Protocol):
     @property
     def crushed(self) -> set[int]: ...
     @property
-    def sprayed(self) -> dict[int, float]: ...
+    def treated(self) -> dict[int, float]: ...
     @property
-    def sprayed_area_m2(self) -> float: ...
+    def worked_m2(self) -> float: ...
     def truth(self) -> Truth: ...
     def truth_mask(self, frame_index: int) -> ByteArray | None: ...
 
@@ -92,7 +92,7 @@ class Referee:
         if before.plants_total == len(self._world.plants):
             return ""
         self._before = None
-        return "crushed and sprayed plants: the field has other plants now"
+        return "crushed and treated plants: the field has other plants now"
 
     def export_judgement(self) -> Judgement:
         """Return everything so far, for the run that continues the job."""
@@ -107,8 +107,8 @@ class Referee:
             goals_map_m=self._goals_map_m,
             nearest_m=tuple(n if math.isfinite(n) else None for n in self._nearest_m),
             crushed=tuple(sorted(self._crushed)),
-            sprayed=tuple(sorted(self._sprayed_plants)),
-            sprayed_area_m2=self._sprayed_area_m2,
+            treated=tuple(sorted(self._treated_plants)),
+            worked_m2=self.worked_m2,
             plants_total=len(self._world.plants),
         )
 
@@ -171,7 +171,7 @@ class Referee:
         self._add_to_sums()
         tally = self._tally
         is_one_run = len(self._across_m) == tally.row_ticks > 0
-        p95_m = float(np.percentile(self._across_m.array(), 95)) if is_one_run else None
+        p95_m = float(np.percentile(self._across_m.to_array(), 95)) if is_one_run else None
         return TrackingScore(
             xte_rms_m=compute_root_mean(tally.across_m2, tally.row_ticks),
             xte_p95_m=p95_m if is_one_run else tally.across_m.percentile(95.0),
@@ -186,6 +186,17 @@ class Referee:
         self._add_to_sums()
         return self._tally.score_estimate()
 
+    @property
+    def worked_m2(self) -> float:
+        """Ground that the implement truly worked; passing twice counts twice."""
+        return self._source.worked_m2 + (self._before.worked_m2 if self._before else 0)
+
+    def compute_worked_area_ratio(self, rows_done: Sequence[int]) -> float | None:
+        """Divide the worked ground by that of the finished rows, each as wide as their pitch."""
+        pitch_m = self._measure_row_pitch_m()
+        area_m2 = sum(row_length_m(self._rows[index]) * pitch_m for index in rows_done)
+        return self.worked_m2 / area_m2 if area_m2 else None
+
     def score_weeds(self, mapped: Sequence[MappedPlant], rows_done: Sequence[int]) -> WeedScore:
         strips, pitch_m = [self._rows[index] for index in rows_done], self._measure_row_pitch_m()
         found = match_weeds(mapped, self._world.plants, strips, pitch_m)
@@ -198,9 +209,9 @@ class Referee:
             f1=found.f1,
             pos_error_median_m=float(np.median(found.distances_m)) if found.distances_m else None,
             treated=sum(m.treated_s is not None for m in mapped),
-            treated_true=self._count_sprayed(PlantClass.WEED),
-            crops_hit=self._count_sprayed(PlantClass.CROP),
-            spray_area_ratio=self._compute_spray_ratio(strips, pitch_m),
+            treated_true=self._count_treated(PlantClass.WEED),
+            crops_hit=self._count_treated(PlantClass.CROP),
+            worked_area_ratio=self.compute_worked_area_ratio(rows_done),
         )
 
     @property
@@ -208,20 +219,16 @@ class Referee:
         return self._source.crushed.union(self._before.crushed if self._before else ())
 
     @property
-    def _sprayed_plants(self) -> set[int]:
-        return set(self._source.sprayed).union(self._before.sprayed if self._before else ())
-
-    @property
-    def _sprayed_area_m2(self) -> float:
-        return self._source.sprayed_area_m2 + (self._before.sprayed_area_m2 if self._before else 0)
+    def _treated_plants(self) -> set[int]:
+        return set(self._source.treated).union(self._before.treated if self._before else ())
 
     def _add_to_sums(self) -> None:
         """Add the newest errors to the sums."""
-        rows = self._row_errors.array()
+        rows = self._row_errors.to_array()
         for across_m in np.abs(rows[:, 0]):
             self._across_m.append((across_m,))
         self._tally.add_rows(rows)
-        self._tally.add_estimates(self._estimate_errors.array(), self._pose_covs.array())
+        self._tally.add_estimates(self._estimate_errors.to_array(), self._pose_covs.to_array())
         self._row_errors, self._estimate_errors = GrowingTable(2), GrowingTable(3)
         self._pose_covs = GrowingTable(9)
 
@@ -239,7 +246,7 @@ class Referee:
             self._slices |= {(row.index, p if is_same else last - p) for p in places}
 
     def _judge_row(self, row: Row, x_m: float, y_m: float, yaw_rad: float) -> None:
-        along_m, across_m, row_yaw_rad = map(float, beside_row(row, x_m, y_m))
+        along_m, across_m, row_yaw_rad = map(float, project_on_row(row, x_m, y_m))
         if not 0.0 <= along_m <= row_length_m(row):
             return
         heading = wrap_rad(yaw_rad - row_yaw_rad)
@@ -264,14 +271,10 @@ class Referee:
         rows = [self._rows[index] for index in sorted(self._rows)]
         if len(rows) < 2:
             return 1.0
-        return abs(float(beside_row(rows[0], *rows[1].start_map_m).left_m))
+        return abs(float(project_on_row(rows[0], *rows[1].start_map_m).left_m))
 
-    def _count_sprayed(self, plant: PlantClass) -> int:
-        return sum(self._world.plants[index].plant == plant for index in self._sprayed_plants)
-
-    def _compute_spray_ratio(self, strips: Sequence[Row], pitch_m: float) -> float | None:
-        area_m2 = sum(row_length_m(row) * pitch_m for row in strips)
-        return self._sprayed_area_m2 / area_m2 if area_m2 else None
+    def _count_treated(self, plant: PlantClass) -> int:
+        return sum(self._world.plants[index].plant == plant for index in self._treated_plants)
 
 
 def _is_near(

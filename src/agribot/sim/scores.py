@@ -46,7 +46,7 @@ class WeedScore(msgspec.Struct, frozen=True, kw_only=True):
     treated: int
     treated_true: int
     crops_hit: int
-    spray_area_ratio: float | None
+    worked_area_ratio: float | None
 
 
 class ErrorSums(msgspec.Struct, kw_only=True):
@@ -96,7 +96,7 @@ class Judgement(msgspec.Struct, frozen=True, kw_only=True):
     """The referee's state in a job, for the run that continues it.
 
     `worst_m` and `slices` belong to `rows` by their index, `nearest_m` to the goals; None: not
-    seen yet. Crushed and sprayed plants are indices into the world's, of which there are
+    seen yet. Crushed and treated plants are indices into the world's, of which there are
     `plants_total`.
     """
 
@@ -109,8 +109,8 @@ class Judgement(msgspec.Struct, frozen=True, kw_only=True):
     goals_map_m: tuple[tuple[float, float], ...]
     nearest_m: tuple[float | None, ...]
     crushed: tuple[int, ...]
-    sprayed: tuple[int, ...]
-    sprayed_area_m2: float
+    treated: tuple[int, ...] = msgspec.field(name="sprayed")
+    worked_m2: float = msgspec.field(name="sprayed_area_m2")
     plants_total: int
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from agribot.core.messages import MappedPlant, PlantClass, Row
-from agribot.core.row_shape import beside_row, row_length_m
+from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import Plant
 
 MATCH_RADIUS_M = 0.10  # a mapped weed farther from every true one is a false alarm
@@ -54,7 +54,7 @@ def match_weeds(
 
 def _is_in_strips(x_m: float, y_m: float, rows: Sequence[Row], pitch_m: float) -> bool:
     for row in rows:
-        along_m, across_m, _ = beside_row(row, x_m, y_m)
+        along_m, across_m, _ = project_on_row(row, x_m, y_m)
         if 0.0 <= along_m <= row_length_m(row) and abs(across_m) <= pitch_m / 2:
             return True
     return False

@@ -11,8 +11,8 @@ import msgspec
 from agribot.core.config import RunConfig, load
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import RobotSpec
-from agribot.description.loader import load_robot, urdf_text
-from agribot.description.package import package_folder, packaged_or_file, robot_files
+from agribot.description.loader import export_urdf, load_robot
+from agribot.description.package import find_package_folder, find_packaged_or_file, list_robot_files
 from agribot.ui import wire
 from agribot.ui.address import Address
 from agribot.ui.ground import field_of
@@ -67,7 +67,7 @@ def about_run(
 def about_robot(address: Address, port: int, name: str) -> About:
     """Of a description alone: nothing runs."""
     config = msgspec.structs.replace(load("farm"), robot=name)
-    robot, urdf, field = load_robot(name), urdf_text(name), field_of(config, ())
+    robot, urdf, field = load_robot(name), export_urdf(name), field_of(config, ())
     about = about_run(address, port, config, robot, urdf, field, Path())
     return msgspec.structs.replace(about, source="description")
 
@@ -97,7 +97,7 @@ def footprint_body_m(robot: RobotSpec) -> list[wire.Vec2]:
 
 def urdf_for_page(urdf: str, robot_name: str) -> tuple[str, dict[str, str]]:
     """The description with mesh names relative to itself, and the file behind each name."""
-    file = packaged_or_file("robot", robot_name, robot_files(), (".xacro", ".urdf"))
+    file = find_packaged_or_file("robot", robot_name, list_robot_files(), (".xacro", ".urdf"))
     meshes: dict[str, str] = {}
 
     def served(match: re.Match[str]) -> str:
@@ -114,7 +114,7 @@ def urdf_for_page(urdf: str, robot_name: str) -> tuple[str, dict[str, str]]:
 def _mesh_path(uri: str, asking_file: Path) -> Path | None:
     parts = urlparse(uri)
     if parts.scheme == "package":
-        folder = package_folder(parts.netloc, asking_file)
+        folder = find_package_folder(parts.netloc, asking_file)
         return None if folder is None else folder / parts.path.lstrip("/")
     if parts.scheme in {"", "file"}:
         return asking_file.parent / parts.path

@@ -59,7 +59,7 @@ class OperatorPage:
         self.address = address or Address()
         self.server = ServerProcess(self.address, self._about, self._server_lost)
         self._lock = threading.Lock()
-        self._view = RunView(session.config)
+        self._view = RunView(session.config, session.robot.implement)
         file = RobotFile(self.address.home, session.config.robot)
         self._wizard = Wizard(self._inbox, session.robot, session.config, file)
         self._source = SessionSource(session, self._wizard)
@@ -284,10 +284,10 @@ class SessionSource:
         return self._session.weed_map.confirmed()
 
     def events_since(self, index: int) -> list[Event]:
-        return self._session.event_log.since(index)
+        return self._session.event_log.list_since(index)
 
     def recording(self) -> str:
         return self._session.recording.name
 
     def calibration(self) -> wire.CalibrationProgress | None:
-        return msgspec.convert(self._wizard.shown(), wire.CalibrationProgress | None)
+        return msgspec.convert(self._wizard.describe_progress(), wire.CalibrationProgress | None)

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from agribot.core import topics
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.record.mcap_file import read_messages
 from agribot.ros.messages.rosmsg import typestore
 

@@ -83,9 +83,9 @@ def _plan(wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec) -> Made:
 def _width_m(wanted: wire.PlanWish, robot: RobotSpec) -> float:
     if wanted.implement_width_m is not None:
         return wanted.implement_width_m
-    if robot.sprayer is None:
+    if robot.implement is None:
         raise MissionError(f"{robot.name} has no implement; give the width of the one to be used")
-    return robot.sprayer.nozzle_count * robot.sprayer.nozzle_spacing_m
+    return robot.implement.width_m
 
 
 def _thin_leg(xy_map_m: FloatArray, frame: MapFrame) -> list[wire.Vec2]:

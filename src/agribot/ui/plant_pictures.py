@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image
 
 from agribot.autonomy.perceive.ground import ground_to_pixels
-from agribot.core.lens import distorted
+from agribot.core.lens import distort
 from agribot.core.messages import ByteArray, FloatArray, GroundPlant, PlantClass, Scene, TickRecord
 from agribot.core.robot import RobotSpec
 from agribot.ui.recent_frames import RecentFrames, Shot
@@ -127,7 +127,7 @@ class PlantPictures:
         seen = [ground_to_pixels(points, k_px, mount) for points in (feet_m, sides_m)]
         sizes_px: FloatArray = 2.0 * np.linalg.norm(seen[1] - seen[0], axis=1)
         ideal = (seen[0] - k_px[:2, 2]) / camera.focal_px
-        centres_px: FloatArray = distorted(ideal, camera.distortion) * camera.focal_px
+        centres_px: FloatArray = distort(ideal, camera.distortion) * camera.focal_px
         return centres_px + k_px[:2, 2], sizes_px
 
     def _nearest(self, x_m: float, y_m: float) -> int | None:

@@ -10,11 +10,13 @@ from pathlib import Path
 import msgspec
 
 from agribot.core import topics
-from agribot.core.errors import RecordingError
+from agribot.core.errors import DescriptionError, RecordingError
+from agribot.core.implement.spec import ImplementSpec
 from agribot.core.messages import MappedPlant, TickRecord
+from agribot.description.loader import parse_robot
 from agribot.record.events import Event, EventSieve
 from agribot.record.mcap_file import read_messages
-from agribot.record.replay import read_config, read_ticks, read_weed_map
+from agribot.record.replay import read_config, read_ticks, read_urdf, read_weed_map
 from agribot.ros.messages.rosmsg import typestore
 from agribot.ui import wire
 from agribot.ui.channel import Channel
@@ -72,7 +74,8 @@ class Replay(Channel):
 
         Raises: RecordingError: no recording, or nothing in it.
         """
-        view, sieve, events = RunView(read_config(path)), EventSieve(), list[Event]()
+        view = RunView(read_config(path), _read_implement(path))
+        sieve, events = EventSieve(), list[Event]()
 
         def look(record: TickRecord) -> None:
             view(record)
@@ -166,6 +169,14 @@ class Replay(Channel):
             events.append(shown_event(event))
         if events:
             self.publish_growth(wire.NewEvents(events=events))
+
+
+def _read_implement(path: Path) -> ImplementSpec | None:
+    """That of the recorded robot; None where its description is lost or of a kind unknown here."""
+    try:
+        return parse_robot(read_urdf(path), path.name).implement
+    except (RecordingError, DescriptionError):
+        return None
 
 
 def _moments(path: Path, view: RunView, look: Callable[[TickRecord], None]) -> list[Moment]:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from agribot.core.config_tree import check_finite
+from agribot.core.config import check_finite
 from agribot.core.errors import ConfigError
 from agribot.ui import wire
 from agribot.ui.hand import STILL, HandRequest, Wish

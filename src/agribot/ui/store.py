@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from agribot.record.whole_file import write_at_once
+from agribot.core.whole_file import write_at_once
 from agribot.ui.answers import Unusable
 
 _NAME = re.compile(r"^[^\W_][\w .()-]{0,62}$")

@@ -7,6 +7,7 @@ from collections import deque
 
 from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig
+from agribot.core.implement.spec import ImplementSpec, describe_command
 from agribot.core.messages import (
     BatterySample,
     Estimate,
@@ -35,7 +36,8 @@ _MODES: dict[MissionState, wire.Mode] = {
 class RunView:
     """A tap; `state()` may be called from another thread. `trace_map_m` only ever grows."""
 
-    def __init__(self, config: RunConfig) -> None:
+    def __init__(self, config: RunConfig, implement: ImplementSpec | None = None) -> None:
+        self._implement = implement
         self._hand_timeout_s = config.safety.hand_timeout_s
         self.record: TickRecord | None = None
         self.ticks = 0
@@ -83,7 +85,7 @@ class RunView:
             mode=self._mode(record),
             stop=status.stopped,
             reason=record.reason or status.reason,
-            nozzles_open=list(record.command.implement.nozzles_open),
+            implement=self._describe_implement(record),
             signals=_take(self._signals),
         )
 
@@ -131,6 +133,10 @@ class RunView:
         counts = self.topics
         for name in ("wheels", "imu", "mag", "gnss", "frames", "battery"):
             counts[name] = counts.get(name, 0) + len(getattr(batch, name))
+
+    def _describe_implement(self, record: TickRecord) -> list[wire.ImplementLine]:
+        lines = describe_command(self._implement, record.command.implement)
+        return [wire.ImplementLine(name=line.name, text=line.text) for line in lines]
 
     def _mode(self, record: TickRecord) -> wire.Mode:
         state = record.status.state

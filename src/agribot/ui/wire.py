@@ -250,6 +250,13 @@ class ReplayProgress(msgspec.Struct, frozen=True, kw_only=True):
     speed: float
 
 
+class ImplementLine(msgspec.Struct, frozen=True, kw_only=True):
+    """One thing that the implement tells of itself, in its own words."""
+
+    name: str
+    text: str
+
+
 class State(Message, frozen=True, kw_only=True):
     """The robot at one of its ticks, and the samples of its signals since the state before.
 
@@ -276,7 +283,7 @@ class State(Message, frozen=True, kw_only=True):
     mode: Mode = "waiting"
     stop: str = ""
     reason: str = ""
-    nozzles_open: list[bool] = []
+    implement: list[ImplementLine] = []
     weed_count: int = 0
     pace_ratio: float | None = None
     recording: str | None = None

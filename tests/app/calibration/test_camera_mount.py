@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.app.calibration.believed import calibrated
+from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.core.config import CalibrationConfig
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import rotation_from_rpy, rpy_from_rotation
@@ -38,7 +38,7 @@ def on_a_turned_mast(robot: RobotSpec) -> RobotSpec:
 def test_the_camera_turns_and_rises_over_its_place_and_nothing_else_moves(
     mounted: RobotSpec,
 ) -> None:
-    moved = calibrated(mounted, MEASURED)
+    moved = apply_calibration(mounted, MEASURED)
     assert mounted.camera is not None
     before, after = (robot.body_from_link(mounted.camera.link) for robot in (mounted, moved))
     np.testing.assert_allclose(after[:2, 3], before[:2, 3], atol=1e-12)
@@ -50,7 +50,7 @@ def test_the_camera_turns_and_rises_over_its_place_and_nothing_else_moves(
 
 def test_its_height_is_over_the_ground_also_on_wheels_of_another_size() -> None:
     bigger = msgspec.structs.replace(MEASURED, wheel_radius_m=0.12)
-    robot = calibrated(load_robot(), bigger)
+    robot = apply_calibration(load_robot(), bigger)
     assert robot.camera is not None
     assert robot.body_from_link(robot.camera.link)[2, 3] == pytest.approx(0.95)
 
@@ -59,11 +59,11 @@ def test_a_robot_without_a_camera_or_a_joint_for_it_says_so() -> None:
     robot = load_robot()
     blind = msgspec.structs.replace(robot, camera=None)
     with pytest.raises(DescriptionError, match="no camera"):
-        calibrated(blind, MEASURED)
+        apply_calibration(blind, MEASURED)
     assert robot.camera is not None
     fixed = msgspec.structs.replace(robot.camera, link="base_link")
     with pytest.raises(DescriptionError, match="hangs on no joint"):
-        calibrated(msgspec.structs.replace(robot, camera=fixed), MEASURED)
+        apply_calibration(msgspec.structs.replace(robot, camera=fixed), MEASURED)
 
 
 def test_roll_pitch_and_yaw_come_back_from_their_rotation() -> None:

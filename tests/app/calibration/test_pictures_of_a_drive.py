@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.app.calibration.believed import calibrated
+from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.calibration.wizard import Wizard
 from agribot.autonomy.perceive.plants import HEIGHT_RATIO
 from agribot.core import config
@@ -93,7 +93,7 @@ def test_a_wrong_mount_is_found_and_the_next_run_believes_the_right_one(tmp_path
     seems = next(c for c in found["changes"] if c["label"] == "Plants seem to move by")
     assert seems["after"] < 0.5 * seems["before"]
     next_run = config.load("farm", [*SETTINGS, *WRONG, *bench.file.settings()])
-    believed, real = calibrated(load_robot(), next_run.calibration), load_robot()
+    believed, real = apply_calibration(load_robot(), next_run.calibration), load_robot()
     turned = believed.body_from_camera()[:3, :3].T @ real.body_from_camera()[:3, :3]
     off_rad = math.acos(min(1.0, (float(np.trace(turned)) - 1.0) / 2.0))
     assert math.degrees(off_rad) < 1.0  # it was off by 3.7

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agribot.app.calibration.believed import calibrated
+from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.calibration.robot_file import RobotFile
 from agribot.cli.run_settings import add_setting_arguments, settings_of
 from agribot.core import config
@@ -59,11 +59,11 @@ def test_a_run_believes_the_file_and_an_option_more(
 
 def test_the_antenna_moves_and_nothing_else() -> None:
     robot = load_robot()
-    moved = calibrated(robot, CalibrationConfig(antenna_m=(0.31, -0.07)))
+    moved = apply_calibration(robot, CalibrationConfig(antenna_m=(0.31, -0.07)))
     before = robot.body_from_link(robot.gnss.link)[:3, 3]
     after = moved.body_from_link(moved.gnss.link)[:3, 3]
     assert after[:2] == pytest.approx([0.31, -0.07])
     assert after[2] == pytest.approx(before[2])
     for link in (robot.imu.link, robot.mag.link):
         assert np.array_equal(robot.body_from_link(link), moved.body_from_link(link))
-    assert calibrated(robot, CalibrationConfig()) is robot
+    assert apply_calibration(robot, CalibrationConfig()) is robot

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agribot.app.calibration.camera import steady
+from agribot.app.calibration.camera import drop_unsteady
 from agribot.autonomy.perceive.mount_fit import Look
 from agribot.core.messages import GroundPlant, PlantClass
 
@@ -23,10 +23,10 @@ def test_sights_in_which_a_plant_is_larger_or_cut_are_left_out() -> None:
         Look(0.1 * i, (STEP_M * i, 0.0, 0.0), (plant(1.6 - STEP_M * i, area_m2),))
         for i, area_m2 in enumerate(areas_m2)
     ]
-    kept = [bool(look.plants) for look in steady(looks)]
+    kept = [bool(look.plants) for look in drop_unsteady(looks)]
     assert kept == [False, True, True, True, True, True, True, False]
 
 
 def test_a_plant_that_was_not_followed_is_left_out() -> None:
     looks = [Look(0.1 * i, (STEP_M * i, 0.0, 0.0), (plant(1.0, 0.005),)) for i in range(8)]
-    assert not any(look.plants for look in steady(looks))
+    assert not any(look.plants for look in drop_unsteady(looks))

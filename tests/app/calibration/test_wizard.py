@@ -9,10 +9,10 @@ from typing import Any
 import msgspec
 import pytest
 
-from agribot.app.calibration.believed import calibrated
+from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.calibration.robot_file import RobotFile
 from agribot.app.calibration.wizard import Wizard
-from agribot.app.rerun import difference, recorded_pass, rerun
+from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.messages import STOP, OperatorEvent, TickRecord
@@ -60,7 +60,7 @@ class Bench:
         self.tick_until(lambda record: record.batch.t_s > 1.0)
 
     def phase(self) -> str:
-        now = self.wizard.shown()
+        now = self.wizard.describe_progress()
         return now["phase"] if now else "idle"
 
     def drive_to_the_end(self, kind: str) -> dict[str, Any]:
@@ -92,12 +92,12 @@ def test_a_wheel_of_another_size_is_found_and_taken_over_by_the_next_run(tmp_pat
         assert bench.do("accept")["refusal"] == ""
         session.finish("enough")
     (path,) = (tmp_path / "run").glob("run.mcap")
-    before = recorded_pass(path)
+    before = read_pass(path)
     again, _ = rerun(path, bench.config)
-    assert difference(before, again).first is None  # bit by bit, the drive included
+    assert compare_passes(before, again).first is None  # bit by bit, the drive included
     next_run = config.load("farm", [*SETTINGS, *bench.file.settings()])
     assert next_run.calibration.wheel_radius_m == pytest.approx(radius["after"], abs=1e-5)
-    believed = calibrated(load_robot(), next_run.calibration)
+    believed = apply_calibration(load_robot(), next_run.calibration)
     assert believed.drive.wheel_radius_m == next_run.calibration.wheel_radius_m
 
 
@@ -109,7 +109,7 @@ def test_the_compass_is_better_against_the_gyro_after_than_before(tmp_path: Path
         seen = [0]
         while bench.phase() == "driving":
             bench.tick_until(lambda record: True)
-            seen.append(sum((bench.wizard.shown() or {})["directions"]))
+            seen.append(sum((bench.wizard.describe_progress() or {})["directions"]))
         found = bench.wait_for_result()["found"]
     assert found["ok"], found["reasons"]
     assert seen == sorted(seen) and 1 <= seen[100] <= 3  # standing, then a straight leg

@@ -63,7 +63,7 @@ def test_the_supervisor_lets_a_hand_drive_without_mission_or_position(state: Mis
         command, reason = gate.send(MISSION, estimate=lost, state=state, is_by_hand=True)
     assert reason == ""
     assert command.drive.v_mps == pytest.approx(0.4)
-    assert not any(command.implement.nozzles_open)
+    assert not command.implement.is_on
 
 
 def test_a_stop_holds_against_a_hand_until_it_is_cleared() -> None:

@@ -33,7 +33,7 @@ SPOT = Path(
     row=np.zeros(2, dtype=np.int64), s_m=np.zeros(2),
 )  # fmt: skip
 FORWARD = DriveCommand(v_mps=0.4, yaw_rate_radps=0.2)
-OPEN = ImplementCommand(nozzles_open=(True, False, True))
+OPEN = ImplementCommand(sections_on=(True, False, True))
 
 
 class Gate:
@@ -95,7 +95,7 @@ def goal(state: MissionState) -> Goal:
 
 def assert_stopped(sent: RobotCommand, reason: str, *words: str) -> None:
     assert sent.drive == STOP
-    assert sent.implement.nozzles_open == (False, False, False)
+    assert sent.implement.sections_on == (False, False, False)
     for word in words:
         assert word in reason
 
@@ -236,7 +236,7 @@ def test_a_pause_may_ramp_down_but_never_hold_speed() -> None:
     assert speeds[0] < FORWARD.v_mps
     assert speeds[-1] == 0.0
     sent, _ = gate.send(state="paused")
-    assert sent.implement.nozzles_open == (False, False, False)
+    assert sent.implement.sections_on == (False, False, False)
 
 
 def test_after_a_stop_the_robot_gains_speed_no_faster_than_the_drive() -> None:
@@ -251,7 +251,7 @@ def test_after_a_stop_the_robot_gains_speed_no_faster_than_the_drive() -> None:
 def test_an_open_nozzle_over_a_standing_robot_is_closed() -> None:
     gate = Gate().cruise()
     sent, reason = gate.send(DriveCommand(yaw_rate_radps=0.2))
-    assert sent.implement.nozzles_open == (False, False, False)
+    assert sent.implement.sections_on == (False, False, False)
     assert reason == ""
 
 
@@ -310,7 +310,7 @@ def test_output_is_finite_and_never_faster_than_what_was_asked_for(
         assert abs(drive.v_mps) <= min(_size(v_mps), config.max_speed_mps)
         assert abs(drive.yaw_rate_radps) <= min(_size(yaw_rate_radps), config.max_yaw_rate_radps)
         assert drive.v_mps * (v_mps if math.isfinite(v_mps) else 0.0) >= 0.0
-        assert all(a <= b for a, b in zip(sent.implement.nozzles_open, (1, 0, 1), strict=True))
+        assert all(a <= b for a, b in zip(sent.implement.sections_on, (1, 0, 1), strict=True))
         if not ok and (v_mps, yaw_rate_radps) != (0.0, 0.0):
             assert drive == STOP
             assert reason

@@ -37,7 +37,7 @@ def robot(antenna_body_m: tuple[float, float, float] = (0.0, 0.0, 0.6)) -> Robot
         )
     drive = DriveSpec(
         wheel_radius_m=RADIUS_M, wheel_width_m=0.08, track_m=2 * HALF_TRACK_M, wheelbase_m=0.5,
-        told_diameter_m=0.18, told_separation_m=0.65, yaw_multiplier=YAW_MULTIPLIER,
+        plugin_diameter_m=0.18, plugin_separation_m=0.65, yaw_multiplier=YAW_MULTIPLIER,
         torque_nm=20.0, gear_ratio=10.0, encoder_ticks_per_rev=400, command_timeout_s=0.5,
         max_speed_mps=1.0, max_yaw_rate_radps=1.2, max_accel_mps2=1.5, max_yaw_accel_radps2=3.0,
         rotor_inertia_kgm2=1e-4, servo_gain_nmspr=1.0, rate_hz=100.0,

@@ -39,7 +39,7 @@ def rover() -> RobotSpec:
         ),
         drive=DriveSpec(
             wheel_radius_m=0.13, wheel_width_m=WHEEL_WIDTH_M, track_m=2 * HALF_TRACK_M,
-            wheelbase_m=2 * HALF_BASE_M, told_diameter_m=0.26, told_separation_m=0.65,
+            wheelbase_m=2 * HALF_BASE_M, plugin_diameter_m=0.26, plugin_separation_m=0.65,
             yaw_multiplier=1.4, torque_nm=10.0, gear_ratio=1.0, encoder_ticks_per_rev=1000,
             command_timeout_s=0.5, max_speed_mps=1.0, max_yaw_rate_radps=1.5, max_accel_mps2=1.5,
             max_yaw_accel_radps2=4.0, rotor_inertia_kgm2=0.001, servo_gain_nmspr=1.0, rate_hz=100.0,

@@ -17,7 +17,7 @@ from agribot.autonomy.plan.saved_mission import PoseTuple, SavedMission
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import FieldConfig
 from agribot.core.messages import Estimate, FloatArray, Goal, Path
-from agribot.core.row_shape import beside_row
+from agribot.core.row_shape import project_on_row
 from tests.autonomy.plan.planting import FARM_START, MISSION, rover
 from tests.autonomy.plan.test_mission_states import Ride
 
@@ -207,7 +207,7 @@ def along_rows_m(places: FloatArray) -> list[FloatArray]:
     """Of each row, how far along it the tool worked."""
     found = []
     for row in ROWS:
-        beside = beside_row(row, places[:, 0], places[:, 1])
+        beside = project_on_row(row, places[:, 0], places[:, 1])
         along = np.asarray(beside.along_m)[np.abs(np.asarray(beside.left_m)) < 0.1]
         found.append(along[(along >= 0.0) & (along <= 4.0)])
     return found

@@ -14,7 +14,7 @@ from agribot.autonomy.plan.speed import speed_profile
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Path, Row
-from agribot.core.row_shape import beside_row, row_length_m
+from agribot.core.row_shape import project_on_row, row_length_m
 from tests.autonomy.plan.planting import (
     FARM,
     FARM_START,
@@ -187,7 +187,7 @@ def test_bent_rows_are_driven_along_their_arcs_with_the_wheels_off_the_crop(
     assert rows_in_order(path) == [0, 1, 2, 3, 4, 5]
     for row in rows:
         on_row = path.row == row.index
-        along_m, left_m, _ = beside_row(row, *path.xy_map_m[on_row].T)
+        along_m, left_m, _ = project_on_row(row, *path.xy_map_m[on_row].T)
         assert np.abs(left_m).max() < 1e-6
         assert along_m.min() < 0.03 and along_m.max() > row_length_m(row) - 0.03
     speed_mps = np.array(speed_profile(path, MISSION))

@@ -197,4 +197,4 @@ def test_an_interruption_leaves_readable_images_and_the_rest_can_be_drawn(tmp_pa
     assert len(coco["images"]) == len(records)
     for entry in coco["images"]:
         assert read(folder, entry["file_name"]).shape == (72, 96, 3)
-    assert not list(folder.rglob("*.part"))
+    assert not list(folder.rglob("*.new"))

@@ -16,7 +16,7 @@ from agribot.cli.main import main
 from agribot.core import topics
 from agribot.core.errors import RecordingError
 from agribot.record.bag.convert import ConvertOptions, convert
-from agribot.record.bag.info import in_words, read_info
+from agribot.record.bag.info import format_info, read_info
 from agribot.record.replay import read_config, read_ticks, read_truth, read_weed_map
 from tests.record.bag import bag_samples as samples
 
@@ -133,7 +133,7 @@ def test_info_counts_what_is_there(run: Path, tmp_path: Path) -> None:
     assert by_name[topics.PATH.name].latched
     assert not by_name[topics.FIX.name].latched
     assert "goals.json" in info.files
-    text = in_words(info)
+    text = format_info(info)
     assert "sensor_msgs/msg/NavSatFix" in text
     assert "config.toml" in text
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from agribot.record.bag.definitions import (
+    make_transcoder,
     name_in_ros1,
     name_in_ros2,
+    read_shipped_texts,
     ros1_store,
     ros2_store,
-    shipped_texts,
-    transcoder,
 )
 from tests.record.bag import bag_samples
 
@@ -52,7 +52,7 @@ def golden(name: str) -> dict[str, str]:
 
 
 def test_the_types_of_the_original_tools_are_shipped() -> None:
-    shipped = {name.replace("/msg/", "/") for name in shipped_texts()}
+    shipped = {name.replace("/msg/", "/") for name in read_shipped_texts()}
     assert {*MARTI, *GPS} <= shipped
 
 
@@ -96,8 +96,8 @@ def test_a_textured_marker_is_the_same_after_both_ros_versions() -> None:
     name = "marti_visualization_msgs/msg/TexturedMarker"
     marker = make[name](head, "tiles", 7, 0, lifetime, image, pose, 0.25, 0.5)
     wire = bytes(two.serialize_cdr(marker, name))
-    to_one = transcoder(two, name, True, one, name, False)
-    to_two = transcoder(one, name, False, two, name, True)
+    to_one = make_transcoder(two, name, True, one, name, False)
+    to_two = make_transcoder(one, name, False, two, name, True)
     assert to_two(to_one(wire)) == wire
     # ROS 1 by hand: seq, stamp, frame, then namespace, id, action.
     head_bytes = b"\0\0\0\0" + b"\5\0\0\0" + b"\7\0\0\0" + b"\3\0\0\0map"

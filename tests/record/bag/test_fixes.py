@@ -77,7 +77,7 @@ def test_a_bag_changes_its_fixes_and_changes_them_back(tmp_path: Path) -> None:
 
 @given(lat_deg=st.floats(-79.9, 83.9), lon_deg=st.floats(-180.0, 179.999))
 def test_utm_is_that_of_the_official_grid(lat_deg: float, lon_deg: float) -> None:
-    zone = utm.zone_of(lat_deg, lon_deg)
+    zone = utm.find_zone(lat_deg, lon_deg)
     official = Transformer.from_crs(
         "EPSG:4326",
         CRS.from_epsg((32700 if zone.is_south else 32600) + zone.number),
@@ -112,8 +112,8 @@ def test_odometry_on_the_grid_leads_back_to_the_fix(lat_deg: float, lon_deg: flo
 def test_zones_follow_the_map_with_its_exceptions(
     lat_deg: float, lon_deg: float, zone: str
 ) -> None:
-    assert str(utm.zone_of(lat_deg, lon_deg)) == zone
-    assert utm.parse_zone(zone.lower()) == utm.zone_of(lat_deg, lon_deg)
+    assert str(utm.find_zone(lat_deg, lon_deg)) == zone
+    assert utm.parse_zone(zone.lower()) == utm.find_zone(lat_deg, lon_deg)
 
 
 def test_a_fix_without_position_or_time_gives_no_odometry() -> None:
@@ -142,7 +142,7 @@ def test_what_is_no_zone_is_refused(text: str) -> None:
 
 def test_beyond_the_grid_and_without_a_zone_there_is_no_way() -> None:
     with pytest.raises(RecordingError, match="UTM ends"):
-        utm.zone_of(85.0, 0.0)
+        utm.find_zone(85.0, 0.0)
     store = ros2_store()
     odometry = utm.odometry_from_fix(samples.nav_sat_fix(store, 5), store)
     with pytest.raises(RecordingError, match="does not say its UTM zone"):

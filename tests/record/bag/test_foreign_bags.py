@@ -16,7 +16,7 @@ from agribot.cli.main import main
 from agribot.core import topics
 from agribot.core.errors import RecordingError
 from agribot.record.bag.convert import convert
-from agribot.record.bag.definitions import new_ros1_store
+from agribot.record.bag.definitions import make_ros1_store
 from agribot.record.bag.info import read_info
 from agribot.record.mcap_file import McapFile
 from agribot.ros.messages import rosmsg
@@ -140,7 +140,7 @@ def test_missing_files_and_empty_folders_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_type_of_somebody_else_goes_along_with_its_definition(tmp_path: Path) -> None:
-    store = new_ros1_store()
+    store = make_ros1_store()
     store.register(get_types_from_msg("Header header\nfloat32[] teeth\n", "rake/msg/Rake"))
     writer = rosbag1.Writer(tmp_path / "rake.bag")
     with writer:

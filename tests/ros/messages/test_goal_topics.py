@@ -17,7 +17,7 @@ from agribot.core import topics
 from agribot.core.config import FieldConfig
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import Goal, TickRecord
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages.camera_log import CameraLog
 from agribot.ros.messages.rosmsg import typestore
 from agribot.ros.messages.topic_feed import TopicFeed

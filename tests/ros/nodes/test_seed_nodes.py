@@ -14,7 +14,7 @@ from agribot.autonomy.estimate.pole_origin import PoleOrigin
 from agribot.core import topics
 from agribot.core.geo import Datum, MapFrame, compass_deg_from_yaw, wrap_rad
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, ImuSample, MagSample
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
 from agribot.ros.nodes.autonomous_drive import AutonomousDrive
 from agribot.ros.nodes.autonomous_drive_action import ActionSettings, AutonomousDriveAction

@@ -174,7 +174,7 @@ class FakeRobot:
             mission=self._mission(row),
             mode=self.mode,
             stop=self.stop,
-            nozzles_open=[False, True, False],
+            implement=[wire.ImplementLine(name="Nozzles", text="○●○")],
             weed_count=len(self.weeds),
             pace_ratio=1.0,
             recording="2026-05-03-171500-farm",

@@ -20,10 +20,10 @@ ARM = """<link name="arm"><visual><geometry><box size="0.4 0.05 0.05"/></geometr
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     """Our own robot with an arm that slides up and down, as a file of the user's."""
-    from agribot.description.loader import urdf_text
+    from agribot.description.loader import export_urdf
 
     file = tmp_path_factory.mktemp("described") / "armed.urdf"
-    file.write_text(urdf_text("agribot").replace("</robot>", ARM))
+    file.write_text(export_urdf("agribot").replace("</robot>", ARM))
     with described(file) as robot:
         yield robot
 

@@ -7,6 +7,7 @@ import { duration, fixed, metres, NONE } from '../format.ts'
 import { compassText } from '../geo.ts'
 import { mapControls } from '../map/controls.ts'
 import { openMap } from '../map/shared.ts'
+import type { ImplementLine } from '../wire.ts'
 import { MissionButtons } from './mission-buttons.ts'
 
 const TEXT_EVERY_MS = 200
@@ -106,7 +107,7 @@ class Facts {
     this.row('Off the path', () => metres(absolute(state()?.cross_track_m)))
     this.row('Position ±', () => metres(state()?.pos_std_m))
     this.row('Weeds', () => String(state()?.weed_count ?? app.store.weeds.size))
-    this.row('Nozzles', () => nozzleText(state()?.nozzles_open), 'nozzles')
+    this.row('Implement', () => implementText(state()?.implement), 'implement')
   }
 
   private row(name: string, text: () => string, kind = ''): void {
@@ -146,7 +147,7 @@ function legText(leg: string | undefined): string {
   return leg ? leg[0].toUpperCase() + leg.slice(1) : ''
 }
 
-function nozzleText(nozzles: boolean[] | undefined): string {
-  if (!nozzles?.length) return NONE
-  return nozzles.map((open) => (open ? '●' : '○')).join('')
+/** What the implement does, in its own words. */
+function implementText(lines: ImplementLine[] | undefined): string {
+  return lines?.map(({ name, text }) => `${name} ${text}`).join(', ') || NONE
 }

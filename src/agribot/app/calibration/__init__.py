@@ -1,1 +1,1 @@
-"""What driving a figure tells of the robot, and how it gets into the robot's own settings."""
+"""Calibration of a robot by driving a figure, and the robot's own settings that result."""

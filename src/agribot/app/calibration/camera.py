@@ -1,4 +1,4 @@
-"""What pictures of a drive tell of the camera's mount, and of the rows that it sees."""
+"""Calibrate the camera's mount from pictures of a drive, and assess the row lines in them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from agribot.app.calibration.believed import calibrated
-from agribot.app.calibration.figure import Drive
-from agribot.app.calibration.verdict import verdict_lines
+from agribot.app.calibration.advice import format_advice
+from agribot.app.calibration.figure import DriveSamples
+from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.row_view import Glance, RowViewFit, fit_row_view
 from agribot.autonomy.perceive.mount_fit import Look, MountFit, fit_mount, follow
@@ -32,7 +32,7 @@ STEADY_RATIO = 0.15
 
 
 class CameraResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What --json prints; `camera_xyz_m` and `camera_rpy_rad` are of the camera in base_link.
+    """The result as printed by --json; `camera_*` is the pose of the camera in base_link.
 
     `settings` are for `agribot run --set`.
     """
@@ -51,8 +51,8 @@ class RowViewResult(msgspec.Struct, frozen=True, kw_only=True):
     fit: RowViewFit
 
 
-class Seen(NamedTuple):
-    """What the camera saw, and where the robot was then as its other sensors tell."""
+class CameraDrive(NamedTuple):
+    """The scenes of a drive, and the poses of the robot by its other sensors."""
 
     robot: RobotSpec
     config: RunConfig
@@ -71,29 +71,30 @@ class Seen(NamedTuple):
         return float(np.quantile(self.track[:, 5], 0.1))
 
     @property
-    def settled(self) -> list[Scene]:
+    def settled_scenes(self) -> list[Scene]:
         from_s = float(self.track[0, 0]) + SETTLE_S
         return [scene for scene in self.scenes if scene.t_s >= from_s]
 
 
-def seen_in_recording(path: Path) -> Seen:
+def observe_recording(path: Path) -> CameraDrive:
+    """Read the scenes of a recording and estimate the poses without them."""
     config = read_config(path)
-    robot = calibrated(parse_robot(read_urdf(path), "recorded robot"), config.calibration)
-    return seen_in(((tick.batch, tick.scenes) for tick in read_ticks(path)), robot, config)
+    robot = apply_calibration(parse_robot(read_urdf(path), "recorded robot"), config.calibration)
+    return observe_ticks(((tick.batch, tick.scenes) for tick in read_ticks(path)), robot, config)
 
 
-def seen_in_figure(driven: Drive, robot: RobotSpec, config: RunConfig) -> Seen:
-    """The robot has long left the mark that its field may state."""
+def observe_figure(driven: DriveSamples, robot: RobotSpec, config: RunConfig) -> CameraDrive:
+    """Estimate the poses of a figure, without the start mark that the robot has left."""
     field = msgspec.structs.replace(config.field, start_map_m=None, start_yaw_deg=None)
     config = msgspec.structs.replace(config, field=field)
     shown = chain([tuple(driven.scenes)], repeat(()))
-    return seen_in(zip(driven.batches, shown, strict=False), robot, config)
+    return observe_ticks(zip(driven.batches, shown, strict=False), robot, config)
 
 
-def seen_in(
+def observe_ticks(
     ticks: Iterable[tuple[SensorBatch, tuple[Scene, ...]]], robot: RobotSpec, config: RunConfig
-) -> Seen:
-    """The poses are those of a filter that sees no pictures: they must not prove themselves.
+) -> CameraDrive:
+    """Collect scenes, and poses of a filter that uses no pictures, so that none proves itself.
 
     Raises: MissionError: no picture, or no pose.
     """
@@ -112,17 +113,20 @@ def seen_in(
         )
     table = np.array(track)
     table[:, 3] = np.unwrap(table[:, 3])
-    return Seen(robot, config, sorted(scenes, key=lambda scene: scene.t_s), table)
+    return CameraDrive(robot, config, sorted(scenes, key=lambda scene: scene.t_s), table)
 
 
-def camera_of(seen: Seen, *, one_way: bool = False) -> CameraResult:
-    """`one_way`: the robot looked into one direction all the time, and by what its own heading
-    errs there, the camera seems to be turned. Over both directions of rows it cancels.
+def calibrate_camera(seen: CameraDrive, *, one_way: bool = False) -> CameraResult:
+    """Fit the camera's mount to plants that were followed through several pictures.
+
+    `one_way`: the robot faced one direction all the time, so that an error of its own heading looks
+    like a turned camera. Over both directions of rows it cancels.
 
     Raises: MissionError: no plant was followed; DescriptionError: a robot without camera.
     """
     robot = seen.robot
-    looks = steady([Look(s.t_s, seen.pose(s.t_s), s.plants) for s in seen.settled if s.plants])
+    scenes = [scene for scene in seen.settled_scenes if scene.plants]
+    looks = drop_unsteady([Look(s.t_s, seen.pose(s.t_s), s.plants) for s in scenes])
     fit = fit_mount(looks, robot.body_from_camera())
     if fit is None or robot.camera is None:
         raise MissionError(
@@ -145,8 +149,8 @@ def camera_of(seen: Seen, *, one_way: bool = False) -> CameraResult:
     )  # fmt: skip
 
 
-def steady(looks: Sequence[Look]) -> list[Look]:
-    """Without the sights of a plant that is not as large as otherwise.
+def drop_unsteady(looks: Sequence[Look]) -> list[Look]:
+    """Drop the sightings of a plant in which its size differs from its usual one.
 
     Its leaves touch those of another there, or the edge of the picture cuts it: what is seen is
     not its middle.
@@ -167,22 +171,25 @@ def steady(looks: Sequence[Look]) -> list[Look]:
     ]
 
 
-def row_view_of(seen: Seen) -> RowViewResult:
-    """Raises: MissionError: no picture within a row showed its line."""
+def assess_row_view(seen: CameraDrive) -> RowViewResult:
+    """Compare the row lines in pictures with the rows of the field.
+
+    Raises: MissionError: no picture within a row showed its line.
+    """
     t_s, pos_std_m, yaw_std_rad = seen.track[:, 0], seen.track[:, 4], seen.track[:, 5]
     glances = [
         Glance(
             seen.pose(s.t_s), s.row_line, float(np.interp(s.t_s, t_s, pos_std_m)),
             float(np.interp(s.t_s, t_s, yaw_std_rad)),
         )
-        for s in seen.settled
+        for s in seen.settled_scenes
     ]  # fmt: skip
     fit = fit_row_view(glances, seen.config.field)
     reasons = fit.complaints()
     return RowViewResult(ok=not reasons, reasons=reasons, fit=fit)
 
 
-def camera_text(result: CameraResult) -> str:
+def format_camera(result: CameraResult) -> str:
     fit = result.fit
     lines = [
         f"against its description the camera is {name} by {value:+.2f} +- {std:.2f} {unit}"
@@ -199,14 +206,14 @@ def camera_text(result: CameraResult) -> str:
     )
     described = (
         "or set in the xacro files of the robot:",
-        f'  <xacro:arg name="camera_xyz" default="{_three(result.camera_xyz_m)}"/>',
-        f'  <xacro:arg name="camera_rpy" default="{_three(result.camera_rpy_rad)}"/>',
+        f'  <xacro:arg name="camera_xyz" default="{_format_numbers(result.camera_xyz_m)}"/>',
+        f'  <xacro:arg name="camera_rpy" default="{_format_numbers(result.camera_rpy_rad)}"/>',
     )
-    lines += verdict_lines(result.settings, result.reasons, described)
+    lines += format_advice(result.settings, result.reasons, described)
     return "\n".join(lines) + "\n"
 
 
-def row_view_text(result: RowViewResult) -> str:
+def format_row_view(result: RowViewResult) -> str:
     fit = result.fit
     lines = [
         f"rows seen in {fit.lines} of {fit.pictures} pictures taken inside rows",
@@ -223,5 +230,5 @@ def row_view_text(result: RowViewResult) -> str:
     return "\n".join([*lines, *(f"not good: {reason}" for reason in result.reasons)]) + "\n"
 
 
-def _three(values: Sequence[float]) -> str:
+def _format_numbers(values: Sequence[float]) -> str:
     return " ".join(f"{value:.4f}" for value in values)

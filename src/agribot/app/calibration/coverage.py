@@ -1,4 +1,4 @@
-"""Which directions a robot that turns has shown its compass so far."""
+"""The directions that a turning robot has shown its compass so far."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from agribot.core.messages import SensorBatch
 
 
 class Coverage:
-    """By the gyro from where it began, as the fit at the end of the drive has it."""
+    """Directions by the gyro from the start, as the fit at the end of the drive has them."""
 
     def __init__(self) -> None:
         self.seen = [False] * SECTORS

@@ -19,11 +19,12 @@ REST_S = 3.0
 LEG_M, LEG_MPS = 4.0, 0.4
 SPIN_RAD, SPIN_RADPS = 2.0 * math.tau, 0.8
 ARC_RAD, ARC_MPS, ARC_RADPS = math.tau, 0.3, 0.4
-# A motion that takes so much longer than commanded has failed; the told geometry needs 1.9.
+# A motion that takes so much longer than commanded has failed; with the geometry of the original's
+# plugin it is 1.9.
 PATIENCE = 4.0
 
 
-class Motion(NamedTuple):
+class FigureMotion(NamedTuple):
     """A command and how far it is held: metres by the wheels, or radians by the gyro."""
 
     name: str
@@ -41,58 +42,58 @@ class Motion(NamedTuple):
         return self.travel / abs(self.v_mps if self.is_leg else self.yaw_rate_radps)
 
 
-# Twice around to both sides, between legs that tell the heading by GNSS.
+# Twice around to both sides, between legs that show the heading by GNSS.
 TURNS = (
-    Motion("leg 1, ahead", LEG_MPS, 0.0, LEG_M),
-    Motion("spin left", 0.0, SPIN_RADPS, SPIN_RAD),
-    Motion("spin right", 0.0, -SPIN_RADPS, SPIN_RAD),
-    Motion("leg 2, back", -LEG_MPS, 0.0, LEG_M),
+    FigureMotion("leg 1, ahead", LEG_MPS, 0.0, LEG_M),
+    FigureMotion("spin left", 0.0, SPIN_RADPS, SPIN_RAD),
+    FigureMotion("spin right", 0.0, -SPIN_RADPS, SPIN_RAD),
+    FigureMotion("leg 2, back", -LEG_MPS, 0.0, LEG_M),
 )
 # Turns to both sides cancel; a leg after each of them sees its angle by GNSS.
 FIGURE = (
-    Motion("leg 1, ahead", LEG_MPS, 0.0, LEG_M),
-    Motion("spin left", 0.0, SPIN_RADPS, SPIN_RAD),
-    Motion("leg 2, back", -LEG_MPS, 0.0, LEG_M),
-    Motion("spin right", 0.0, -SPIN_RADPS, SPIN_RAD),
-    Motion("leg 3, ahead", LEG_MPS, 0.0, LEG_M),
-    Motion("arc left", ARC_MPS, ARC_RADPS, ARC_RAD),
-    Motion("leg 4, back", -LEG_MPS, 0.0, LEG_M),
-    Motion("arc right", ARC_MPS, -ARC_RADPS, ARC_RAD),
-    Motion("leg 5, ahead", LEG_MPS, 0.0, LEG_M),
+    FigureMotion("leg 1, ahead", LEG_MPS, 0.0, LEG_M),
+    FigureMotion("spin left", 0.0, SPIN_RADPS, SPIN_RAD),
+    FigureMotion("leg 2, back", -LEG_MPS, 0.0, LEG_M),
+    FigureMotion("spin right", 0.0, -SPIN_RADPS, SPIN_RAD),
+    FigureMotion("leg 3, ahead", LEG_MPS, 0.0, LEG_M),
+    FigureMotion("arc left", ARC_MPS, ARC_RADPS, ARC_RAD),
+    FigureMotion("leg 4, back", -LEG_MPS, 0.0, LEG_M),
+    FigureMotion("arc right", ARC_MPS, -ARC_RADPS, ARC_RAD),
+    FigureMotion("leg 5, ahead", LEG_MPS, 0.0, LEG_M),
 )
-# Ahead and back over little ground, or on none: the wheels themselves measure it.
+# Ahead and back over little ground, or jacked up: the wheels themselves measure it.
 TEST_RUN = (
-    Motion("wheels ahead", 0.25, 0.0, 1.0),
-    Motion("wheels back", -0.25, 0.0, 1.0),
+    FigureMotion("wheels ahead", 0.25, 0.0, 1.0),
+    FigureMotion("wheels back", -0.25, 0.0, 1.0),
 )
 
 
 # Along a crop row and back to where it began.
 ALONG_ROW = (
-    Motion("along the row", LEG_MPS, 0.0, 8.0),
-    Motion("back", -LEG_MPS, 0.0, 8.0),
+    FigureMotion("along the row", LEG_MPS, 0.0, 8.0),
+    FigureMotion("back", -LEG_MPS, 0.0, 8.0),
 )
 
 
 # The same with the nose swung to both sides: plants that cross the picture show a roll. What the
 # swings overshoot cancels, as every other one begins to the other side.
-def _swing(first: str, second: str, yaw_rate_radps: float) -> tuple[Motion, ...]:
+def _make_swing(first: str, second: str, yaw_rate_radps: float) -> tuple[FigureMotion, ...]:
     return (
-        Motion("along the row", LEG_MPS, 0.0, 1.3),
-        Motion(f"swing {first}", ARC_MPS, yaw_rate_radps, 0.3),
-        Motion(f"swing {second}", ARC_MPS, -yaw_rate_radps, 0.6),
-        Motion("swing back", ARC_MPS, yaw_rate_radps, 0.3),
+        FigureMotion("along the row", LEG_MPS, 0.0, 1.3),
+        FigureMotion(f"swing {first}", ARC_MPS, yaw_rate_radps, 0.3),
+        FigureMotion(f"swing {second}", ARC_MPS, -yaw_rate_radps, 0.6),
+        FigureMotion("swing back", ARC_MPS, yaw_rate_radps, 0.3),
     )
 
 
-_SWINGS = (*_swing("left", "right", ARC_RADPS), *_swing("right", "left", -ARC_RADPS))
-_BACK = Motion("back", -LEG_MPS, 0.0, 8.7)
+_SWINGS = (*_make_swing("left", "right", ARC_RADPS), *_make_swing("right", "left", -ARC_RADPS))
+_BACK = FigureMotion("back", -LEG_MPS, 0.0, 8.7)
 # Twice, as few plants of a dense row are seen whole and alone.
 SWINGING = (*_SWINGS, *_SWINGS, _BACK, *_SWINGS, *_SWINGS, _BACK)
 
 
-class Drive(NamedTuple):
-    """`scenes` are what the camera saw under way, where somebody adds them."""
+class DriveSamples(NamedTuple):
+    """The samples of a drive; `scenes` are those of the camera, where somebody adds them."""
 
     batches: list[SensorBatch]
     stretches: list[Stretch]
@@ -100,7 +101,7 @@ class Drive(NamedTuple):
 
 
 class Gain(msgspec.Struct, frozen=True, kw_only=True):
-    """Speed and yaw rate that were reached, relative to what was commanded."""
+    """Speed and yaw rate that were reached, relative to the command."""
 
     speed: float
     yaw_rate: float
@@ -112,20 +113,20 @@ Tape = Callable[[], tuple[float, float]]
 class FigureDrive:
     """A figure as one command for every batch of the sensors, whoever reads and writes them.
 
-    `tape` tells a place, if somebody marks the legs' ends.
+    `tape` gives the measured place at the legs' ends, where there is one.
     """
 
     def __init__(
-        self, drive: DriveSpec, figure: Sequence[Motion] = FIGURE, tape: Tape | None = None
+        self, drive: DriveSpec, figure: Sequence[FigureMotion] = FIGURE, tape: Tape | None = None
     ) -> None:
-        self.driven = Drive([], [], [])
-        self.motion: Motion | None = None
+        self.driven = DriveSamples([], [], [])
+        self.motion: FigureMotion | None = None
         self.travelled = 0.0  # of the motion, in its unit
         self._drive, self._figure, self._tape = drive, figure, tape
         self._commands = self._run()
 
     def step(self, batch: SensorBatch) -> DriveCommand | None:
-        """What to command now; None when the figure is over.
+        """Return the command for now; None when the figure is over.
 
         Raises: PlatformError: a motion does not come to its end.
         """
@@ -171,7 +172,7 @@ class FigureDrive:
         while self._now_s < end_s:
             yield DriveCommand()
 
-    def _move(self, motion: Motion) -> Iterator[DriveCommand]:
+    def _move(self, motion: FigureMotion) -> Iterator[DriveCommand]:
         self.motion, self.travelled = motion, 0.0
         command = DriveCommand(v_mps=motion.v_mps, yaw_rate_radps=motion.yaw_rate_radps)
         limit_s, last_s = self._now_s + PATIENCE * motion.duration_s, self._now_s
@@ -197,8 +198,8 @@ def drive_figure(
     platform: Platform,
     drive: DriveSpec,
     tape: Tape | None = None,
-    figure: Sequence[Motion] = FIGURE,
-) -> Drive:
+    figure: Sequence[FigureMotion] = FIGURE,
+) -> DriveSamples:
     """Drive a figure on a platform that nothing else drives.
 
     Raises: PlatformError: a motion does not come to its end.
@@ -214,8 +215,8 @@ def drive_figure(
     return figure_drive.driven
 
 
-def gain(driven: Drive, fit: DriveFit) -> Gain:
-    """Mean over the middle half of each leg and turn, by the fitted geometry and gyro."""
+def measure_gain(driven: DriveSamples, fit: DriveFit) -> Gain:
+    """Average over the middle half of each leg and turn, by the fitted geometry and gyro."""
     log = DriveLog(driven.batches, driven.stretches)
     speeds, rates = [], []
     for motion, stretch in zip(FIGURE, driven.stretches, strict=True):

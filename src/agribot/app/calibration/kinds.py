@@ -1,4 +1,4 @@
-"""THE table of calibrations: what each one does, the figure it drives, and what it finds."""
+"""THE table of calibrations: what each one does, the figure it drives, and how it evaluates it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from agribot.app.calibration.camera import camera_of, row_view_of, seen_in_figure
+from agribot.app.calibration.camera import assess_row_view, calibrate_camera, observe_figure
 from agribot.app.calibration.figure import (
     ALONG_ROW,
     FIGURE,
@@ -17,11 +17,15 @@ from agribot.app.calibration.figure import (
     SWINGING,
     TEST_RUN,
     TURNS,
-    Drive,
-    Motion,
+    DriveSamples,
+    FigureMotion,
 )
-from agribot.app.calibration.sensors import antenna_of_drive, compass_errors, magnetometer_of_drive
-from agribot.app.calibration.wheels import wheel_settings, yaw_multiplier
+from agribot.app.calibration.sensors import (
+    calibrate_antenna,
+    calibrate_magnetometer,
+    measure_compass_errors,
+)
+from agribot.app.calibration.wheels import make_wheel_settings, yaw_multiplier
 from agribot.autonomy.estimate.drive_fit import fit_drive
 from agribot.autonomy.estimate.drive_log import DriveLog
 from agribot.autonomy.estimate.mag_fit import MagCalibration
@@ -37,7 +41,7 @@ ByDirection = tuple[float | None, ...]
 
 
 class Change(msgspec.Struct, frozen=True, kw_only=True):
-    """One number before and after, as a person reads it; None: not known."""
+    """One number before and after, as it is shown; None: not known."""
 
     label: str
     unit: str
@@ -46,7 +50,7 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
     std: float | None = None
 
 
-class Found(msgspec.Struct, frozen=True, kw_only=True):
+class CalibrationResult(msgspec.Struct, frozen=True, kw_only=True):
     """`settings` are of the form a.b=c; none where there is nothing to take over.
 
     `reasons` say why the result must not be used; empty where `ok`. `errors_deg` are those of the
@@ -66,9 +70,9 @@ class Kind(NamedTuple):
     name: str
     title: str
     about: str
-    figure: Sequence[Motion]
+    figure: Sequence[FigureMotion]
     space_m: float
-    find: Callable[[Drive, RobotSpec, RunConfig], Found]
+    find: Callable[[DriveSamples, RobotSpec, RunConfig], CalibrationResult]
     needs_pictures: bool = False  # of plants: the square is a field, with a row under the robot
     shows_directions: bool = False  # that the compass has seen
 
@@ -86,11 +90,11 @@ class Kind(NamedTuple):
         return sum(motion.duration_s for motion in self.figure) + rests * REST_S
 
 
-def _wheels(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
+def _find_wheels(driven: DriveSamples, robot: RobotSpec, _: RunConfig) -> CalibrationResult:
     fit, drive = fit_drive(driven.batches, driven.stretches), robot.drive
     multiplier, multiplier_std = yaw_multiplier(drive, fit)
     reasons = fit.complaints()
-    return Found(
+    return CalibrationResult(
         ok=not reasons,
         reasons=reasons,
         changes=(
@@ -103,15 +107,15 @@ def _wheels(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
             Change(label="Gyro scale, for information", unit="", before=1.0,
                    after=fit.gyro_scale, std=fit.gyro_scale_std),
         ),
-        settings=wheel_settings(drive, fit),
+        settings=make_wheel_settings(drive, fit),
     )  # fmt: skip
 
 
-def _magnetometer(driven: Drive, _: RobotSpec, config: RunConfig) -> Found:
-    result, believed = magnetometer_of_drive(driven, 0.0), config.estimate
+def _find_magnetometer(driven: DriveSamples, _: RobotSpec, config: RunConfig) -> CalibrationResult:
+    result, believed = calibrate_magnetometer(driven, 0.0), config.estimate
     fitted = result.fit.calibration
     used = MagCalibration(offset_t=believed.mag_offset_t, shape=believed.mag_shape)
-    before, after = (compass_errors(driven, iron) for iron in (used, fitted))
+    before, after = (measure_compass_errors(driven, iron) for iron in (used, fitted))
     offsets = [
         Change(label=f"Hard iron {side}", unit="uT", before=before_t * 1e6, after=after_t * 1e6)
         for side, before_t, after_t in zip(
@@ -123,23 +127,23 @@ def _magnetometer(driven: Drive, _: RobotSpec, config: RunConfig) -> Found:
         before=math.degrees(before.scatter_rad), after=math.degrees(after.scatter_rad),
     )  # fmt: skip
     seen = Change(label="Directions seen, of 36", unit="", before=None, after=result.fit.sectors)
-    return Found(
+    return CalibrationResult(
         ok=result.ok,
         reasons=result.reasons,
         changes=(scatter, *offsets, seen),
         settings=result.settings,
-        errors_deg=(_degrees(before.by_direction()), _degrees(after.by_direction())),
+        errors_deg=(_to_degrees(before.by_direction()), _to_degrees(after.by_direction())),
     )
 
 
-def _degrees(angles_rad: Iterable[float | None]) -> ByDirection:
+def _to_degrees(angles_rad: Iterable[float | None]) -> ByDirection:
     return tuple(None if rad is None else math.degrees(rad) for rad in angles_rad)
 
 
-def _antenna(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
-    result = antenna_of_drive(driven, robot)
+def _find_antenna(driven: DriveSamples, robot: RobotSpec, _: RunConfig) -> CalibrationResult:
+    result = calibrate_antenna(driven, robot)
     fit = result.fit
-    return Found(
+    return CalibrationResult(
         ok=result.ok,
         reasons=result.reasons,
         changes=(
@@ -152,8 +156,8 @@ def _antenna(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
     )  # fmt: skip
 
 
-def _camera(driven: Drive, robot: RobotSpec, config: RunConfig) -> Found:
-    result = camera_of(seen_in_figure(driven, robot, config), one_way=True)
+def _find_camera(driven: DriveSamples, robot: RobotSpec, config: RunConfig) -> CalibrationResult:
+    result = calibrate_camera(observe_figure(driven, robot, config), one_way=True)
     fit, link = result.fit, robot.camera.link if robot.camera else ""
     before_rad = rpy_from_rotation(robot.base_from_link(link)[:3, :3])
     height_m = float(robot.body_from_link(link)[2, 3])
@@ -173,7 +177,7 @@ def _camera(driven: Drive, robot: RobotSpec, config: RunConfig) -> Found:
             strict=True,
         )
     ]
-    return Found(
+    return CalibrationResult(
         ok=result.ok,
         reasons=result.reasons,
         changes=(
@@ -188,11 +192,11 @@ def _camera(driven: Drive, robot: RobotSpec, config: RunConfig) -> Found:
     )  # fmt: skip
 
 
-def _row_view(driven: Drive, robot: RobotSpec, config: RunConfig) -> Found:
-    """Against where the rows are: none of it is to be taken over."""
-    result = row_view_of(seen_in_figure(driven, robot, config))
+def _find_row_view(driven: DriveSamples, robot: RobotSpec, config: RunConfig) -> CalibrationResult:
+    """Compare with where the rows are; there is nothing to take over."""
+    result = assess_row_view(observe_figure(driven, robot, config))
     fit = result.fit
-    return Found(
+    return CalibrationResult(
         ok=result.ok,
         reasons=result.reasons,
         changes=(
@@ -207,8 +211,8 @@ def _row_view(driven: Drive, robot: RobotSpec, config: RunConfig) -> Found:
     )  # fmt: skip
 
 
-def _motors(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
-    """Every wheel over the middle half of each leg, against what was commanded."""
+def _find_motors(driven: DriveSamples, robot: RobotSpec, _: RunConfig) -> CalibrationResult:
+    """Compare every wheel over the middle half of each leg with the command."""
     log, ratios = DriveLog(driven.batches, driven.stretches), []
     for motion, stretch in zip(TEST_RUN, driven.stretches, strict=True):
         quarter_s = (stretch.end_s - stretch.start_s) / 4.0
@@ -217,7 +221,7 @@ def _motors(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
         ratios.append(rolled_rad / commanded_rad)
     reached = np.array(ratios)  # (legs, wheels)
     worst = reached[np.abs(reached - 1.0).argmax(axis=0), range(len(WHEEL_NAMES))]
-    names = [_spoken(name) for name in WHEEL_NAMES]
+    names = [_name_wheel(name) for name in WHEEL_NAMES]
     reasons = tuple(
         f"the {name} wheel reached {ratio:.0%} of the speed commanded, not within "
         f"{WHEEL_TOLERANCE_RATIO:.0%} of it; check motor, driver, encoder and their cables"
@@ -229,10 +233,10 @@ def _motors(driven: Drive, robot: RobotSpec, _: RunConfig) -> Found:
                after=100.0 * ratio)
         for name, ratio in zip(names, worst.tolist(), strict=True)
     )  # fmt: skip
-    return Found(ok=not reasons, reasons=reasons, changes=changes)
+    return CalibrationResult(ok=not reasons, reasons=reasons, changes=changes)
 
 
-def _spoken(wheel: str) -> str:
+def _name_wheel(wheel: str) -> str:
     side, _, end = wheel.partition("_wheel_")
     return f"{'front' if end == 'F' else 'rear'} {side}"
 
@@ -243,27 +247,27 @@ KINDS = {
         Kind("drive", "Wheels and turning",
              "Drives five straight legs of 4 m, two turns on the spot and two circles, and fits "
              "wheel radius and effective separation to GNSS and gyro.",
-             FIGURE, 10.0, _wheels),
+             FIGURE, 10.0, _find_wheels),
         Kind("magnetometer", "Compass",
              "Drives 4 m ahead, turns twice round to both sides and drives back; takes the "
              "robot's own iron out of the compass.",
-             TURNS, 10.0, _magnetometer, shows_directions=True),
+             TURNS, 10.0, _find_magnetometer, shows_directions=True),
         Kind("antenna", "GNSS antenna",
              "Drives 4 m ahead, turns twice round to both sides and drives back; finds where the "
              "antenna sits. Needs a receiver with corrections.",
-             TURNS, 10.0, _antenna),
+             TURNS, 10.0, _find_antenna),
         Kind("camera", "Camera's mount",
              "Drives 9 m along a crop row, swinging its nose to both sides, and back, twice; finds "
              "pitch, yaw, roll and height of the camera from plants that it sees again. Needs a "
              "receiver with corrections.",
-             SWINGING, 18.0, _camera, needs_pictures=True),
+             SWINGING, 18.0, _find_camera, needs_pictures=True),
         Kind("row-view", "Rows in the picture",
              "Drives 8 m along a dense row of the field and back, and compares where the camera "
              "sees the row with where it is. Needs a receiver with corrections. Changes nothing.",
-             ALONG_ROW, 16.0, _row_view, needs_pictures=True),
+             ALONG_ROW, 16.0, _find_row_view, needs_pictures=True),
         Kind("motors", "Motors",
              "Runs all wheels ahead and back for 1 m, with the robot jacked up or on free ground, "
              "and compares each with what was commanded. Changes nothing.",
-             TEST_RUN, 4.0, _motors),
+             TEST_RUN, 4.0, _find_motors),
     )
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""The settings of one very robot on disk: what was measured of it, kept from run to run.
+"""The settings of one robot on disk: what was measured of it, kept from run to run.
 
 Every change keeps the file before it, so that each can be undone, the newest first.
 """
@@ -12,10 +12,9 @@ from typing import Any
 import msgspec
 import tomli_w
 
-from agribot.core.config import from_tree
-from agribot.core.config_tree import assign, read_toml
+from agribot.core.config import assign, from_tree, read_toml
 from agribot.core.errors import ConfigError, RecordingError
-from agribot.record.whole_file import write_at_once
+from agribot.core.whole_file import write_at_once
 
 
 class RobotFile:
@@ -26,14 +25,17 @@ class RobotFile:
         self.path = home / "robots" / f"{Path(robot).name.split('.')[0]}.toml"
 
     def settings(self) -> tuple[str, ...]:
-        """As a.b=c, in the order of the file; none where there is none.
+        """List the settings as a.b=c, in the order of the file; none where there is none.
 
         Raises: ConfigError: broken, or a setting that does not exist or does not fit.
         """
-        return tuple(_flat(self._tree(), ""))
+        return tuple(_flatten(self._tree(), ""))
 
     def add(self, settings: Iterable[str]) -> None:
-        """Raises: ConfigError: one that does not fit. RecordingError: it cannot be written."""
+        """Add settings, keeping the file before as a backup.
+
+        Raises: ConfigError: one that does not fit. RecordingError: it cannot be written.
+        """
         tree = self._tree()
         for setting in settings:
             assign(tree, setting)
@@ -54,7 +56,7 @@ class RobotFile:
         return bool(self._backups())
 
     def undo(self) -> None:
-        """Back to what the file was before its newest change.
+        """Restore the file as it was before its newest change.
 
         Raises: ConfigError: there is none to take back.
         """
@@ -86,9 +88,9 @@ class RobotFile:
         return tree
 
 
-def _flat(tree: Mapping[str, Any], at: str) -> Iterable[str]:
+def _flatten(tree: Mapping[str, Any], at: str) -> Iterable[str]:
     for key, value in tree.items():
         if isinstance(value, Mapping):
-            yield from _flat(value, f"{at}{key}.")
+            yield from _flatten(value, f"{at}{key}.")
         else:
             yield f"{at}{key}={msgspec.json.encode(value).decode()}"

@@ -1,4 +1,4 @@
-"""What a turn on the spot tells of the magnetometer and the GNSS antenna."""
+"""Calibrate the magnetometer and the GNSS antenna from a turn on the spot."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from agribot.app.calibration.figure import Drive
-from agribot.app.calibration.verdict import verdict_lines
+from agribot.app.calibration.advice import format_advice
+from agribot.app.calibration.figure import DriveSamples
 from agribot.autonomy.estimate.antenna_fit import AntennaFit, fit_antenna
 from agribot.autonomy.estimate.compass import level_field, yaw_of
 from agribot.autonomy.estimate.drive_log import DriveLog
@@ -26,7 +26,7 @@ GRAVITY_SHARE = 0.02  # of the accelerometer in the direction of up, per reading
 
 
 class MagResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What --json prints; `settings` are for `agribot run --set`."""
+    """The result as printed by --json; `settings` are for `agribot run --set`."""
 
     ok: bool
     reasons: tuple[str, ...]
@@ -43,24 +43,24 @@ class AntennaResult(msgspec.Struct, frozen=True, kw_only=True):
     settings: tuple[str, ...]
 
 
-def magnetometer_of_drive(driven: Drive, declination_rad: float) -> MagResult:
-    """Headings by the gyro from where the drive began: the ellipse needs no more."""
+def calibrate_magnetometer(driven: DriveSamples, declination_rad: float) -> MagResult:
+    """Fit with headings by the gyro from the start: the ellipse needs no others."""
     log = DriveLog(driven.batches, driven.stretches)
     start_s = driven.stretches[0].start_s
     headings = ((batch, log.turned_rad(start_s, batch.t_s)) for batch in driven.batches)
-    return _magnetometer(headings, declination_rad)
+    return _fit_headings(headings, declination_rad)
 
 
-def magnetometer_of_recording(path: Path) -> MagResult:
-    """Headings as the robot believed them; a mission that turned on headlands has enough."""
+def calibrate_recorded_magnetometer(path: Path) -> MagResult:
+    """Fit with the estimated headings of a mission; one with headland turns has enough."""
     config: RunConfig = read_config(path)
     headings = (
         (tick.batch, tick.estimate.yaw_map_rad) for tick in read_ticks(path) if tick.estimate.ok
     )
-    return _magnetometer(headings, math.radians(config.field.declination_deg))
+    return _fit_headings(headings, math.radians(config.field.declination_deg))
 
 
-def _magnetometer(
+def _fit_headings(
     headings: Iterable[tuple[SensorBatch, float]], declination_rad: float
 ) -> MagResult:
     fit, up = MagFit(), np.array([0.0, 0.0, 1.0])
@@ -87,7 +87,7 @@ def _magnetometer(
 
 
 class CompassErrors(NamedTuple):
-    """Of single readings against the gyro, (N,), without what is common to all of them."""
+    """Errors of single readings against the gyro, (N,), without their common part."""
 
     turned_rad: FloatArray
     error_rad: FloatArray
@@ -98,13 +98,13 @@ class CompassErrors(NamedTuple):
         return float(np.sqrt(np.mean(self.error_rad**2)))
 
     def by_direction(self) -> tuple[float | None, ...]:
-        """Mean error in each of the directions, radians; None where there was no reading."""
+        """Average in each direction, radians; None where there was no reading."""
         sectors = np.array([sector_of(math.pi / 2.0 - yaw_rad) for yaw_rad in self.turned_rad])
         means = (self.error_rad[sectors == index] for index in range(SECTORS))
         return tuple(float(of.mean()) if len(of) else None for of in means)
 
 
-def compass_errors(driven: Drive, iron: MagCalibration) -> CompassErrors:
+def measure_compass_errors(driven: DriveSamples, iron: MagCalibration) -> CompassErrors:
     log, start_s = DriveLog(driven.batches, driven.stretches), driven.stretches[0].start_s
     samples = [sample for batch in driven.batches for sample in batch.mag]
     turned_rad = np.array([log.turned_rad(start_s, sample.t_s) for sample in samples])
@@ -114,7 +114,7 @@ def compass_errors(driven: Drive, iron: MagCalibration) -> CompassErrors:
     return CompassErrors(turned_rad, error_rad)
 
 
-def antenna_of_drive(driven: Drive, robot: RobotSpec) -> AntennaResult:
+def calibrate_antenna(driven: DriveSamples, robot: RobotSpec) -> AntennaResult:
     fit = fit_antenna(DriveLog(driven.batches, driven.stretches), driven.stretches)
     x_m, y_m, _ = robot.body_from_link(robot.gnss.link)[:3, 3].tolist()
     reasons = fit.complaints()
@@ -128,7 +128,7 @@ def antenna_of_drive(driven: Drive, robot: RobotSpec) -> AntennaResult:
     )
 
 
-def magnetometer_text(result: MagResult) -> str:
+def format_magnetometer(result: MagResult) -> str:
     fit = result.fit
     lines = [
         f"field {fit.field_t * 1e6:.1f} uT, hard iron "
@@ -137,10 +137,10 @@ def magnetometer_text(result: MagResult) -> str:
         f"headings good to {math.degrees(fit.std_rad):.2f} degrees, single readings scatter by "
         f"{math.degrees(fit.scatter_rad):.2f}, {fit.sectors} of 36 directions seen",
     ]
-    return "\n".join([*lines, *verdict_lines(result.settings, result.reasons)]) + "\n"
+    return "\n".join([*lines, *format_advice(result.settings, result.reasons)]) + "\n"
 
 
-def antenna_text(result: AntennaResult) -> str:
+def format_antenna(result: AntennaResult) -> str:
     fit = result.fit
     lines = [
         f"antenna {fit.x_m:+.3f} m ahead and {fit.y_m:+.3f} m left of the turning centre, "
@@ -148,5 +148,5 @@ def antenna_text(result: AntennaResult) -> str:
         f"described: {result.described_x_m:+.3f} m ahead, {result.described_y_m:+.3f} m left",
     ]
     described = ("or set the origin of the antenna's joint in the robot's xacro files",)
-    lines += verdict_lines(result.settings, result.reasons, described)
+    lines += format_advice(result.settings, result.reasons, described)
     return "\n".join(lines) + "\n"

@@ -1,11 +1,11 @@
-"""What driving a figure tells of the wheels: rolling radius and effective separation."""
+"""Rolling radius and effective separation of the wheels from driving a figure."""
 
 from __future__ import annotations
 
 import msgspec
 
+from agribot.app.calibration.advice import format_advice
 from agribot.app.calibration.figure import Gain
-from agribot.app.calibration.verdict import verdict_lines
 from agribot.autonomy.estimate.drive_fit import DriveFit
 from agribot.core.robot import DriveSpec
 
@@ -31,11 +31,11 @@ class WheelsResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def yaw_multiplier(drive: DriveSpec, fit: DriveFit) -> tuple[float, float]:
-    """The effective separation over the track, and its sigma."""
+    """Compute the effective separation over the track, and its sigma."""
     return fit.separation_m / drive.track_m, fit.separation_std_m / drive.track_m
 
 
-def wheel_settings(drive: DriveSpec, fit: DriveFit) -> tuple[str, ...]:
+def make_wheel_settings(drive: DriveSpec, fit: DriveFit) -> tuple[str, ...]:
     multiplier, _ = yaw_multiplier(drive, fit)
     return (
         f"calibration.wheel_radius_m={fit.wheel_radius_m:.5f}",
@@ -43,8 +43,8 @@ def wheel_settings(drive: DriveSpec, fit: DriveFit) -> tuple[str, ...]:
     )
 
 
-def judge(drive: DriveSpec, fit: DriveFit, described: Gain, told: Gain) -> WheelsResult:
-    """What the fit says about the description."""
+def assess_wheels(drive: DriveSpec, fit: DriveFit, described: Gain, original: Gain) -> WheelsResult:
+    """Compare the fit with the description."""
     multiplier, multiplier_std = yaw_multiplier(drive, fit)
     reasons = fit.complaints()
     return WheelsResult(
@@ -58,24 +58,26 @@ def judge(drive: DriveSpec, fit: DriveFit, described: Gain, told: Gain) -> Wheel
         wheel_radius_off_ratio=fit.wheel_radius_m / drive.wheel_radius_m - 1.0,
         yaw_multiplier_off_ratio=multiplier / drive.yaw_multiplier - 1.0,
         described_gain=described,
-        told_gain=told,
-        settings=wheel_settings(drive, fit),
+        told_gain=original,
+        settings=make_wheel_settings(drive, fit),
     )
 
 
-def wheels_text(drive: DriveSpec, result: WheelsResult) -> str:
+def format_wheels(drive: DriveSpec, result: WheelsResult) -> str:
     fit = result.fit
     lines = [
         "                 fitted     1 sigma   described  off by",
-        _line("wheel radius", fit.wheel_radius_m, fit.wheel_radius_std_m, drive.wheel_radius_m),
-        _line(
+        _format_line(
+            "wheel radius", fit.wheel_radius_m, fit.wheel_radius_std_m, drive.wheel_radius_m
+        ),
+        _format_line(
             "separation", fit.separation_m, fit.separation_std_m, drive.effective_separation_m
         ),
-        _line(
+        _format_line(
             "yaw multiplier", result.yaw_multiplier, result.yaw_multiplier_std,
             drive.yaw_multiplier,
         ),
-        _line("gyro scale", fit.gyro_scale, fit.gyro_scale_std, 1.0),
+        _format_line("gyro scale", fit.gyro_scale, fit.gyro_scale_std, 1.0),
         f"reached / commanded, as described: speed {result.described_gain.speed:.3f}, "
         f"yaw rate {result.described_gain.yaw_rate:.3f}",
         f"reached / commanded, as told:      speed {result.told_gain.speed:.3f}, "
@@ -86,11 +88,11 @@ def wheels_text(drive: DriveSpec, result: WheelsResult) -> str:
         f'  <xacro:property name="wheel_radius" value="{fit.wheel_radius_m:.4f}"/>',
         f'  <xacro:property name="yaw_multiplier" value="{result.yaw_multiplier:.3f}"/>',
     )
-    lines += verdict_lines(result.settings, result.reasons, described)
+    lines += format_advice(result.settings, result.reasons, described)
     return "\n".join(lines) + "\n"
 
 
-def _line(name: str, value: float, std: float, described: float) -> str:
+def _format_line(name: str, value: float, std: float, described: float) -> str:
     return (
         f"{name:15} {value:8.4f}  +-{std:8.4f}  {described:8.4f}  {value / described - 1.0:+7.1%}"
     )

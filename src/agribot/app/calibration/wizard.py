@@ -1,4 +1,4 @@
-"""A calibration beside a running stack: it drives as a hand does and ends with old and new values.
+"""A calibration beside a running stack: it drives as an operator does and ends with a result.
 
 Its commands go through the inbox like those of a person, so that stops, hands, limits and the
 watchdog of the base hold it, on every platform alike, and a replay of the recording repeats it.
@@ -14,7 +14,7 @@ import msgspec
 
 from agribot.app.calibration.coverage import Coverage
 from agribot.app.calibration.figure import FigureDrive
-from agribot.app.calibration.kinds import KINDS, Found, Kind
+from agribot.app.calibration.kinds import KINDS, CalibrationResult, Kind
 from agribot.app.calibration.robot_file import RobotFile
 from agribot.autonomy.plan.errand import STANDING_MPS
 from agribot.core.config import RunConfig
@@ -40,7 +40,7 @@ class Wizard:
         self._record: TickRecord | None = None
         self._kind: Kind | None = None
         self._drive, self._coverage = FigureDrive(robot.drive), Coverage()
-        self._found: Found | None = None
+        self._found: CalibrationResult | None = None
         self._phase, self._reason, self._source = "idle", "", ""
         self._start_map_m = (math.nan, math.nan)
         self._free_s = -math.inf
@@ -49,24 +49,24 @@ class Wizard:
         with self._lock:
             self._record = record
             for event in record.batch.events:
-                self._listen(event)
+                self._on_event(event)
             hand = record.batch.hand
             if hand and hand[-1].source != self._source:
                 self.interrupt(f"{hand[-1].source} took the robot")
-            if self._phase == "driving" and (objection := self._objection(record)):
+            if self._phase == "driving" and (objection := self._find_objection(record)):
                 self._fail(objection)
             if self._phase == "driving":
                 self._drive.driven.scenes.extend(record.scenes)
                 self._drive_on(record.batch)
 
     def interrupt(self, why: str) -> None:
-        """Somebody else drives, or nobody watches any more: the robot is not ours."""
+        """End the drive because somebody else drives, or nobody watches any more."""
         with self._lock:
             if self._phase == "driving":
                 self._fail(why)
 
-    def shown(self) -> dict[str, Any] | None:
-        """How far it is, for every state that a page gets; None while nothing is going on."""
+    def describe_progress(self) -> dict[str, Any] | None:
+        """Describe the progress for the page's state; None while nothing is going on."""
         kind, phase = self._kind, self._phase
         if kind is None or phase == "idle":
             return None
@@ -81,7 +81,7 @@ class Wizard:
         }
 
     def answer(self, values: dict[str, Any]) -> dict[str, Any]:
-        """Do one of look, start, cancel, accept and undo; what is the case then.
+        """Do one of look, start, cancel, accept and undo, and return the state after it.
 
         `refusal` says why it was not done.
         """
@@ -100,9 +100,9 @@ class Wizard:
                     self._note(by, f"went back to the earlier {self._file.path}")
         except AgribotError as error:
             refusal = str(error)
-        return {**self._described(), "refusal": refusal}
+        return {**self._describe(), "refusal": refusal}
 
-    def _described(self) -> dict[str, Any]:
+    def _describe(self) -> dict[str, Any]:
         try:
             settings, broken = self._file.settings(), ""
         except AgribotError as error:
@@ -113,7 +113,7 @@ class Wizard:
                  "ground": kind.ground, "duration_s": round(kind.duration_s)}
                 for kind in KINDS.values()
             ],
-            "now": self.shown(),
+            "now": self.describe_progress(),
             "found": msgspec.to_builtins(self._found) if self._phase == "found" else None,
             "file": str(self._file.path),
             "settings": settings,
@@ -122,7 +122,10 @@ class Wizard:
         }  # fmt: skip
 
     def _begin(self, name: str, by: str) -> None:
-        """Raises: MissionError: there is no such calibration, or the robot is not free for it."""
+        """Begin to drive the figure of a calibration.
+
+        Raises: MissionError: there is no such calibration, or the robot is not free for it.
+        """
         record, kind = self._record, KINDS.get(name)
         if kind is None:
             raise MissionError(f"there is no calibration '{name[:40]}'; known: {', '.join(KINDS)}")
@@ -154,7 +157,10 @@ class Wizard:
             self._phase, self._found = "idle", None
 
     def _accept(self, by: str) -> None:
-        """Raises: MissionError: nothing to accept. ConfigError, RecordingError: as the file."""
+        """Write the result into the robot's file.
+
+        Raises: MissionError: nothing to accept. ConfigError, RecordingError: as the file.
+        """
         found = self._found
         if self._phase != "found" or found is None or not found.ok or not found.settings:
             raise MissionError("there is no result that may be taken over; calibrate first")
@@ -162,12 +168,12 @@ class Wizard:
         self._note(by, f"took over {', '.join(found.settings)} into {self._file.path}")
         self._phase, self._found = "idle", None
 
-    def _listen(self, event: OperatorEvent) -> None:
+    def _on_event(self, event: OperatorEvent) -> None:
         if event.action not in HARMLESS and self._phase == "driving":
             self._fail(f"ended by '{event.action}' of {event.source}")
 
-    def _objection(self, record: TickRecord) -> str:
-        """Why the robot must not go on; empty where it may."""
+    def _find_objection(self, record: TickRecord) -> str:
+        """Say why the robot must not go on; empty where it may."""
         estimate = record.estimate
         if record.status.state in BUSY:
             return "the mission went on"
@@ -195,12 +201,12 @@ class Wizard:
         if command is None:
             self._phase = "computing"
             self._inbox.drive(0.0, 0.0, self._source)
-            threading.Thread(target=self._find, name="calibration", daemon=True).start()
+            threading.Thread(target=self._compute_result, name="calibration", daemon=True).start()
         else:
             self._inbox.drive(command.v_mps, command.yaw_rate_radps, self._source)
 
-    def _find(self) -> None:
-        """In a thread of its own: a fit takes longer than a tick."""
+    def _compute_result(self) -> None:
+        """Fit in a thread of its own: that takes longer than a tick."""
         kind, driven = self._kind, self._drive.driven
         assert kind is not None
         try:

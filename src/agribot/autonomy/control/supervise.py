@@ -2,7 +2,7 @@
 
 It trusts nobody: a touch, wheels that do not as told, silent sensors, an uncertain pose, numbers
 that are none, a tilt, a place outside the field and an operator's stop all end in zero speed and
-a closed implement.
+an implement that is off.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from agribot.core.messages import (
     DriveCommand,
     Estimate,
     Goal,
-    ImplementCommand,
     MissionStatus,
     Path,
     RobotCommand,
@@ -62,6 +61,7 @@ class Supervisor:
         self._max_yaw_rate_radps = min(config.max_yaw_rate_radps, robot.drive.max_yaw_rate_radps)
         self._max_accel_mps2 = robot.drive.max_accel_mps2
         self._max_yaw_accel_radps2 = robot.drive.max_yaw_accel_radps2
+        self._works_backwards = robot.implement is None or robot.implement.works_backwards
         self._sensors = SensorWatch(config)
         self._wheels = WheelWatch(robot.drive, config.sensor_timeout_s)
         self._bumper = Bumper()
@@ -91,7 +91,7 @@ class Supervisor:
         Of a robot that is to stand while its wheels turn on, the reason tells that.
         A person who drives by hand sees where the robot is: neither its own position nor the
         fence nor the mission holds it then, but stops, touches, silent sensors and limits do.
-        A closed implement at standstill and the ramp after a stop need no reason.
+        An implement switched off at standstill and the ramp after a stop need no reason.
         """
         status = goal.status
         self._fence_in(goal)
@@ -104,7 +104,7 @@ class Supervisor:
         if hazard and not self._latch.reason:
             self._held_kind = hazard.kind
             self._latch.hold(hazard.reason)
-        fault = self._fault(command.drive, batch.t_s)
+        fault = self._fault(command, batch.t_s)
         if not fault and not is_by_hand:
             fault = self._mission_fault(command.drive, estimate, goal)
         if fault:
@@ -120,9 +120,15 @@ class Supervisor:
             reason = motion.runaway or reason
         self._last = self.sent = drive
         implement = command.implement
-        if abs(drive.v_mps) < STANDSTILL_MPS or status.state != "running":
-            implement = ImplementCommand(nozzles_open=(False,) * len(implement.nozzles_open))
+        if not self._may_work(drive, status):
+            implement = implement.switch_off()
         return RobotCommand(t_s=command.t_s, drive=drive, implement=implement), reason
+
+    def _may_work(self, drive: DriveCommand, status: MissionStatus) -> bool:
+        """Whether the implement may do what it is told: on the move in a running mission only."""
+        if abs(drive.v_mps) < STANDSTILL_MPS or status.state != "running":
+            return False
+        return drive.v_mps > 0.0 or self._works_backwards
 
     def _hear(self, batch: SensorBatch, status: MissionStatus) -> None:
         if status.state == "running":
@@ -188,11 +194,14 @@ class Supervisor:
         where = " and ".join(self._bumper.sides)
         return f"the bumper touches something {where}; only straight away from it by hand"
 
-    def _fault(self, drive: DriveCommand, t_s: float) -> str:
+    def _fault(self, command: RobotCommand, t_s: float) -> str:
+        drive = command.drive
         if self._latch.reason:
             return f"{self._latch.reason}; clear the stop to go on"
         if not math.isfinite(drive.v_mps + drive.yaw_rate_radps):
             return f"command is not finite: {drive.v_mps} m/s, {drive.yaw_rate_radps} rad/s"
+        if not command.implement.is_finite:
+            return f"implement command is not finite: {command.implement.setpoints}"
         return self._sensors.unheard() or self._sensors.silence(t_s)
 
     def _mission_fault(self, drive: DriveCommand, estimate: Estimate, goal: Goal) -> str:
@@ -264,7 +273,7 @@ def _gained(wanted: float, last: float, step: float) -> float:
 
 def _moves(command: RobotCommand) -> bool:
     drive = command.drive
-    return drive != STOP or any(command.implement.nozzles_open)
+    return drive != STOP or command.implement.is_on
 
 
 def _idle_mission(status: MissionStatus) -> str:

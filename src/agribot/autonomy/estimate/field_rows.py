@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from agribot.core.arithmetic import Number
 from agribot.core.config import FieldConfig
-from agribot.core.row_shape import beside_line
+from agribot.core.row_shape import project_on_line
 
 
 class RowPlace(NamedTuple):
@@ -58,7 +58,9 @@ class FieldRows:
             return RowFrame(along_m, right_m, self._yaw_map_rad, self.forward, self.right, 1.0)
         along_m, left_m, yaw_rad = map(
             float,
-            beside_line(self._origin_map_m, self._yaw_map_rad, self._bend_radpm, x_map_m, y_map_m),
+            project_on_line(
+                self._origin_map_m, self._yaw_map_rad, self._bend_radpm, x_map_m, y_map_m
+            ),
         )
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         _, row_right_m = self.row_at(-left_m)

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from agribot.autonomy.perceive.crop_cover import CoverGrid
 from agribot.core.errors import PerceptionError
-from agribot.core.lens import distorted, undistorted
+from agribot.core.lens import distort, undistort
 from agribot.core.messages import FloatArray
 from agribot.core.robot import CameraSpec
 
@@ -82,8 +82,8 @@ def _straightened(pixels_px: FloatArray, camera: CameraSpec) -> FloatArray:
         return pixels_px
     centre_px, focal_px = camera.matrix()[:2, 2], camera.focal_px
     seen = (pixels_px - centre_px) / focal_px
-    ideal = undistorted(seen, camera.distortion)
-    error_px = float(np.abs(distorted(ideal, camera.distortion) - seen).max()) * focal_px
+    ideal = undistort(seen, camera.distortion)
+    error_px = float(np.abs(distort(ideal, camera.distortion) - seen).max()) * focal_px
     if error_px > MAX_LENS_ERROR_PX:
         raise PerceptionError(
             f"the lens distortion {camera.distortion} cannot be undone over the whole picture: "

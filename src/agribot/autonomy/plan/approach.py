@@ -17,9 +17,9 @@ from agribot.core.errors import MissionError
 from agribot.core.messages import Row
 from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import (
-    beside_row,
     chord_yaw_rad,
     end_yaw_rad,
+    project_on_row,
     row_length_m,
     row_points_map_m,
     start_yaw_rad,
@@ -110,10 +110,10 @@ def _via_poses(ring: Sequence[tuple[float, float]], direction: int) -> list[Pose
 
 def _exits(start: Pose, rows: Sequence[Row], headland_m: float) -> list[Pose]:
     """Poses just past both ends of the row under the robot, outwards; none outside the rows."""
-    row = min(rows, key=lambda row: abs(beside_row(row, start.x_m, start.y_m).left_m))
+    row = min(rows, key=lambda row: abs(project_on_row(row, start.x_m, start.y_m).left_m))
     first = Pose(*row.start_map_m, start_yaw_rad(row))
     last = Pose(*row.end_map_m, end_yaw_rad(row))
-    along_m, left_m, _ = beside_row(row, start.x_m, start.y_m)
+    along_m, left_m, _ = project_on_row(row, start.x_m, start.y_m)
     if not -headland_m <= along_m <= row_length_m(row) + headland_m or abs(left_m) > 1.0:
         return []
     back = Pose(first.x_m, first.y_m, first.yaw_rad + math.pi)

@@ -18,9 +18,9 @@ from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import (
     chord_yaw_rad,
     end_yaw_rad,
+    reverse_row,
     row_length_m,
     start_yaw_rad,
-    turned_round,
 )
 
 MAX_TURN_RADIUS_M = 0.5  # wider pitches get a straight piece, so that the headland stays narrow
@@ -131,7 +131,7 @@ def _passes(rows: Sequence[Row], is_first_flipped: bool) -> list[Row]:
         is_flipped = is_first_flipped
         if passes:
             is_flipped = math.cos(chord_yaw_rad(row) - chord_yaw_rad(passes[-1])) > 0.0
-        passes.append(turned_round(row) if is_flipped else row)
+        passes.append(reverse_row(row) if is_flipped else row)
     return passes
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from agribot.core.messages import Row
-from agribot.core.row_shape import beside_row, row_length_m
+from agribot.core.row_shape import project_on_row, row_length_m
 
 # A stretch belongs to the row that it lies on, up to the error of a robot that drives it.
 BESIDE_M = 0.25
@@ -118,12 +118,12 @@ def whole_row(row: Row) -> Stretch:
 
 def _along_m(row: Row, x_m: float, y_m: float) -> float:
     """Within the row: the tool reaches past its ends."""
-    return min(max(float(beside_row(row, x_m, y_m).along_m), 0.0), row_length_m(row))
+    return min(max(float(project_on_row(row, x_m, y_m).along_m), 0.0), row_length_m(row))
 
 
 def _on_row(row: Row, stretch: Stretch) -> _Piece | None:
     ends = ((stretch.from_x_m, stretch.from_y_m), (stretch.to_x_m, stretch.to_y_m))
-    if any(abs(float(beside_row(row, *end).left_m)) > BESIDE_M for end in ends):
+    if any(abs(float(project_on_row(row, *end).left_m)) > BESIDE_M for end in ends):
         return None
     first_m, last_m = sorted(_along_m(row, *end) for end in ends)
     if last_m == first_m and stretch[:2] != stretch[2:]:

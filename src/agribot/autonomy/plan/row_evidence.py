@@ -10,7 +10,7 @@ from agribot.autonomy.plan.caution import across_std_m
 from agribot.autonomy.plan.row_log import Doubt
 from agribot.autonomy.plan.task import Task
 from agribot.core.messages import Estimate, GnssQuality, Row
-from agribot.core.row_shape import beside_row
+from agribot.core.row_shape import project_on_row
 
 # Known across the rows to this share of their distance (1 sigma), one is told from the next.
 TELLS_APART_RATIO = 0.25
@@ -19,7 +19,7 @@ TELLS_APART_RATIO = 0.25
 def row_pitch_m(rows: Sequence[Row]) -> float:
     """The least distance between neighbouring rows; infinite for a lone one."""
     gaps_m = [
-        abs(float(beside_row(row, *following.start_map_m).left_m))
+        abs(float(project_on_row(row, *following.start_map_m).left_m))
         for row, following in pairwise(rows)
     ]
     return min((gap_m for gap_m in gaps_m if gap_m > 0.0), default=math.inf)

@@ -11,7 +11,7 @@ from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.stall import StallWatch
 from agribot.core.config import MissionConfig
 from agribot.core.messages import Estimate, Path, Row
-from agribot.core.row_shape import beside_row, row_length_m
+from agribot.core.row_shape import project_on_row, row_length_m
 
 # Wheels of a robot this near to a row, or past its ends, may reach its plants.
 BESIDE_CROP_M, PAST_CROP_M = 0.6, 0.4
@@ -103,7 +103,7 @@ def _in_crop(path: Path, rows: Sequence[Row]) -> list[bool]:
     """For each point of a path, whether it runs in or next to a row."""
     found = np.zeros(len(path.s_m), dtype=bool)
     for row in rows:
-        along_m, left_m, _ = beside_row(row, path.xy_map_m[:, 0], path.xy_map_m[:, 1])
+        along_m, left_m, _ = project_on_row(row, path.xy_map_m[:, 0], path.xy_map_m[:, 1])
         is_along = (along_m >= -PAST_CROP_M) & (along_m <= row_length_m(row) + PAST_CROP_M)
         found |= is_along & (np.abs(left_m) <= BESIDE_CROP_M)
     return list(map(bool, found))

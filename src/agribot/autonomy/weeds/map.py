@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 
 from agribot.autonomy.weeds.cells import CellIndex
-from agribot.autonomy.weeds.no_spray import NoSprayArea
+from agribot.autonomy.weeds.crop_ground import CropGround
 from agribot.autonomy.weeds.poses import PoseAt, PoseHistory
 from agribot.autonomy.weeds.track import GONE_LOGIT, Sighting, Track, new_track, sighting
 from agribot.autonomy.weeds.view import View
@@ -25,7 +25,7 @@ class WeedMap:
     """Feed every estimate to `track_pose`, every scene to `add`; ask for `weeds` and `crops`.
 
     Crops are mapped like weeds, so that the treatment can spare them; crops that cannot be told
-    apart are at least ground of `no_spray`. A scene whose capture pose is unknown is dropped and
+    apart are at least ground of `crop_ground`. A scene whose capture pose is unknown is dropped and
     counted in `scenes_dropped`.
     """
 
@@ -36,7 +36,7 @@ class WeedMap:
         self._cells = CellIndex(max(0.25, config.merge_radius_m))
         self._tentative: deque[tuple[float, int]] = deque()
         self._next_id = 1
-        self.no_spray = NoSprayArea()
+        self.crop_ground = CropGround()
         self.scenes_used = 0
         self.scenes_dropped = 0
 
@@ -52,7 +52,7 @@ class WeedMap:
             return
         self.scenes_used += 1
         if scene.crop_cover is not None:
-            self.no_spray.add(scene.crop_cover, pose)
+            self.crop_ground.add(scene.crop_cover, pose)
         seen = [sighting(p, pose) for p in scene.plants if p.plant != PlantClass.SOIL]
         touched = self._associate(seen, scene.t_s)
         self._count_misses(View(scene.view_body_m, pose), scene.t_s)
@@ -106,9 +106,10 @@ class WeedMap:
         """Tracks in a rectangle, and some just outside; the map must not change meanwhile."""
         return self._cells.inside(x_min_m, y_min_m, x_max_m, y_max_m)
 
-    def mark_treated(self, track: Track, t_s: float) -> None:
+    def mark_treated(self, id: int, t_s: float) -> None:
         """Note the first treatment of a plant; a treated plant is never forgotten."""
-        if track.treated_s is None:
+        track = self._tracks.get(id)
+        if track is not None and track.treated_s is None:
             track.treated_s = t_s
 
     def _confirmed(self, plant: PlantClass) -> tuple[MappedPlant, ...]:

@@ -1,6 +1,8 @@
-"""What the robot is told to do."""
+"""Commands to the robot's wheels and implement."""
 
 from __future__ import annotations
+
+import math
 
 import msgspec
 
@@ -12,10 +14,29 @@ class DriveCommand(msgspec.Struct, frozen=True, kw_only=True):
     yaw_rate_radps: float = 0.0
 
 
-class ImplementCommand(msgspec.Struct, frozen=True, kw_only=True):
-    """State of each spray nozzle, from left to right; empty where there is no implement."""
+class ImplementCommand(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Which sections of the implement work, from left to right; none where there is no implement.
 
-    nozzles_open: tuple[bool, ...] = ()
+    `setpoints` are numbers that a kind of implement wants beside that, by names with their units,
+    such as `depth_m`. They do nothing by themselves: an implement with all sections off is at rest.
+    Recordings know the sections by the name of those of a sprayer.
+    """
+
+    sections_on: tuple[bool, ...] = msgspec.field(name="nozzles_open", default=())
+    setpoints: dict[str, float] = {}
+
+    @property
+    def is_on(self) -> bool:
+        """Whether any section works."""
+        return any(self.sections_on)
+
+    @property
+    def is_finite(self) -> bool:
+        return all(math.isfinite(value) for value in self.setpoints.values())
+
+    def switch_off(self) -> ImplementCommand:
+        """The command to the same implement that is safe always: nothing works."""
+        return ImplementCommand(sections_on=(False,) * len(self.sections_on))
 
 
 class RobotCommand(msgspec.Struct, frozen=True, kw_only=True):

@@ -11,10 +11,10 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     """Pose of the body in the map; `pose_cov` is the 3x3 covariance of x, y and yaw by rows.
 
     `ok` is False until the filter has a position and a heading, and again when inputs go
-    silent; `reason` then says why, or what is wrong with a sensor that the pose does without.
+    silent; `reason` is then the cause, or what is wrong with a sensor that the pose does without.
     `protection_m` bounds the error, faults of GNSS included, `across_protection_m` that to the
     side of where the robot heads, of which the covariance alone makes `across_plain_m`.
-    `contradiction` tells of sensors between which a person decides.
+    `contradiction` names sensors that disagree, between which a person decides.
     """
 
     t_s: float
@@ -31,7 +31,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     ok: bool
     reason: str = ""
     protection_m: float = float("inf")
-    row_seen: bool | None = None  # crop, where the robot's row is to be; None: no camera looks
+    row_seen: bool | None = None  # crop where the row should be; None: no camera
     across_protection_m: float = float("inf")
     across_plain_m: float = 0.0
     contradiction: str = ""

@@ -1,9 +1,4 @@
-"""What people and other programs ask of a running robot, and the one door through which it comes.
-
-A page, a gamepad, a keyboard or a bridge posts into the `Inbox` from whatever thread it lives in.
-The platform empties it once per tick into the `SensorBatch`, stamped with the platform's clock, so
-that a recording holds every request and a replay repeats it.
-"""
+"""What people and other programs ask of a running robot, and the inbox that takes it."""
 
 from __future__ import annotations
 
@@ -17,7 +12,7 @@ T = TypeVar("T")
 # "start" begins a mission that has ended once more; one that is paused it resumes.
 # A note changes nothing: it is what a person or a page wants to have in the recording.
 # "set" changes one of LIVE_SETTINGS, named in `text`, to `value`.
-# "pose_estimate" tells a standing robot in `numbers` where it is: x and y (m, map), yaw (rad),
+# "pose_estimate" gives a standing robot its pose in `numbers`: x and y (m, map), yaw (rad),
 # and 1 sigma of the place (m) and of the yaw (rad).
 # "goto" sends the robot to the place in `numbers`: x, y (m, map) and, where it matters, yaw (rad).
 # "visit" makes places its mission, x and y (m, map) of each in `numbers`; `text` is its name.
@@ -29,7 +24,7 @@ OperatorAction = Literal[
 ]  # fmt: skip
 LIVE_SETTINGS = ("mission.speed_mps", "treatment.enabled")
 
-SENSOR_WATCH = "sensors"  # source of the notes that tell of a sensor's silence
+SENSOR_WATCH = "sensors"  # source of the notes on silent sensors
 INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but never a stop
 
 
@@ -58,10 +53,10 @@ class HandDrive(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Inbox:
-    """Thread-safe: any thread posts, the platform drains. Stamps given by the sender are dropped.
+    """A thread-safe queue of requests: any thread posts, the platform drains it.
 
-    Of drive requests only the newest counts. Stops are kept apart, so that no flood of other
-    requests can push one out.
+    Stamps given by the sender are dropped. Of drive requests only the newest counts. Stops are
+    kept apart, so that no flood of other requests can push one out.
     """
 
     def __init__(self) -> None:
@@ -73,24 +68,24 @@ class Inbox:
         (self._stops if event.action == "stop" else self._events).append(event)
 
     def drive(self, v_mps: float, yaw_rate_radps: float, source: str) -> None:
-        """Ask for a twist; numbers that are none are passed on and refused by the supervisor."""
+        """Request a twist; the supervisor refuses numbers that are not finite."""
         self._hand.append(
             HandDrive(t_s=0.0, v_mps=v_mps, yaw_rate_radps=yaw_rate_radps, source=source)
         )
 
     def drain(self, t_s: float) -> tuple[tuple[OperatorEvent, ...], tuple[HandDrive, ...]]:
-        """What was asked since the last call, stamped `t_s`; stops come last and so win."""
+        """Take the requests since the last call, stamped `t_s`; stops come last and so win."""
         if not (self._stops or self._events or self._hand):
             return (), ()
-        events = [*_taken(self._events), *_taken(self._stops)]
+        events = [*_empty_queue(self._events), *_empty_queue(self._stops)]
         return (
             tuple(msgspec.structs.replace(event, t_s=t_s) for event in events),
-            tuple(msgspec.structs.replace(hand, t_s=t_s) for hand in _taken(self._hand)),
+            tuple(msgspec.structs.replace(hand, t_s=t_s) for hand in _empty_queue(self._hand)),
         )
 
 
-def _taken(queue: deque[T]) -> list[T]:
-    """Empties the queue while others may still append to it."""
+def _empty_queue(queue: deque[T]) -> list[T]:
+    """Empty the queue while others may still append to it."""
     taken = []
     while queue:
         taken.append(queue.popleft())

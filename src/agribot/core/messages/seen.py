@@ -30,7 +30,7 @@ class GroundPlant(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RowLine(msgspec.Struct, frozen=True, kw_only=True):
-    """The crop row under the robot, as one frame shows it; whoever looks cannot tell which row.
+    """The crop row under the robot, as one frame shows it; the frame does not show which row.
 
     `offset_m` is how far the body's origin stands to the left of the row, `heading_rad` the
     robot's heading against the row's direction that it faces, counter-clockwise; both are None
@@ -82,7 +82,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     view_body_m: tuple[tuple[float, float], ...]
     class_ratio: Vec3 = (0.0, 0.0, 0.0)
     row_line: RowLine | None = None
-    crop_cover: CropCover | None = None  # None: of a camera, or a recording, that tells none
+    crop_cover: CropCover | None = None  # None: the camera or the recording has none
     picture_crc32: int = 0  # of the picture's bytes; 0 where nobody worked it out
 
 

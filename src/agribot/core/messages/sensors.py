@@ -26,7 +26,7 @@ class GnssQuality(IntEnum):
 class WheelSample(msgspec.Struct, frozen=True, kw_only=True):
     """Encoder reading of the four wheels, in the order of WHEEL_NAMES.
 
-    A board may also tell the torque at the wheels, the speeds it wants, and disobedient wheels.
+    A board may also send the torque at the wheels, the commanded speeds, and faulty wheels.
     """
 
     t_s: float

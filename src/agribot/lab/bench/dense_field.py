@@ -13,7 +13,12 @@ from agribot.core.geo import LINK_FROM_OPTICAL, transform
 from agribot.core.messages import DriveCommand, RobotCommand
 from agribot.core.world import HeightField, WorldSpec
 from agribot.description.field_generator import generate_field
-from agribot.description.field_plan import CropPlan, FieldPlan, RowsPlan, WeedsPlan
+from agribot.description.field_settings import (
+    CropSettings,
+    FieldSettings,
+    RowsSettings,
+    WeedsSettings,
+)
 
 CAMERA_RATE_HZ = 30.0
 SEED = 1
@@ -24,15 +29,17 @@ NADIR, ACROSS, FORWARD = (1.2, 89.9), (0.88, 45.0), (0.28, 0.0)
 @cache
 def dense_field(is_hilly: bool = False) -> WorldSpec:
     """40 rows of sugar beet of 40 m, every 18 cm, with 4 weeds on a square metre: 10,816 plants."""
-    plan = FieldPlan(
+    plan = FieldSettings(
         name="dense",
         spawn_xy_map_m=(-17.0, 0.0),
         spawn_yaw_deg=0.0,
-        rows=RowsPlan(
+        rows=RowsSettings(
             count=40, length_m=40.0, pitch_m=0.5, first_row_start_map_m=(-20.0, 9.75), yaw_deg=0.0
         ),
-        crop=CropPlan(spacing_m=0.18, height_spread_ratio=0.2, jitter_m=0.02, missing_ratio=0.05),
-        weeds=WeedsPlan(density_per_m2=4.0, cluster_ratio=0.5),
+        crop=CropSettings(
+            spacing_m=0.18, height_spread_ratio=0.2, jitter_m=0.02, missing_ratio=0.05
+        ),
+        weeds=WeedsSettings(density_per_m2=4.0, cluster_ratio=0.5),
     )
     world = generate_field(plan, SEED)
     if not is_hilly:

@@ -18,6 +18,7 @@ from agribot.app.workers import Stop
 from agribot.core.errors import RecordingError
 from agribot.core.messages import ByteArray, FloatArray, PlantClass
 from agribot.core.robot import CameraSpec
+from agribot.core.whole_file import write_at_once
 from agribot.core.world import Plant, WorldSpec
 from agribot.lab.dataset.records import (
     COLOURED,
@@ -28,7 +29,6 @@ from agribot.lab.dataset.records import (
     image_name,
     record_path,
     stem,
-    write,
 )
 from agribot.lab.dataset.run_lengths import instance_run_lengths
 from agribot.sim.camera.appearance import Appearance
@@ -120,7 +120,7 @@ def draw_field(job: FieldJob, stop: Stop) -> int:
         record = _record(index, job.field, camera, map_from_camera, picture, world.plants)
         try:
             _write_image(job.folder, recipe, index, picture)
-            write(record_path(job.folder, index), encoded(record))
+            write_at_once(record_path(job.folder, index), encoded(record))
         except OSError as error:
             raise RecordingError(
                 f"cannot write into {job.folder}: {error.strerror or error}; make room and run "
@@ -192,7 +192,7 @@ def _write_image(folder: Path, recipe: Recipe, index: int, picture: Rendering) -
         image = _packed(image_rgb, "JPEG", quality=JPEG_QUALITY)
     else:
         image = _packed(image_rgb, "PNG", compress_level=1)
-    write(folder / image_name(recipe, index), image)
+    write_at_once(folder / image_name(recipe, index), image)
     name = f"{stem(index)}.png"
     labels: dict[str, Pixels] = {
         "masks": picture.class_id,
@@ -202,7 +202,7 @@ def _write_image(folder: Path, recipe: Recipe, index: int, picture: Rendering) -
     if recipe.colour_masks:
         labels[COLOURED] = PALETTE[picture.class_id]
     for kind, pixels in labels.items():
-        write(folder / kind / name, _packed(pixels, "PNG", compress_level=1))
+        write_at_once(folder / kind / name, _packed(pixels, "PNG", compress_level=1))
 
 
 def depth_mm(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:

@@ -7,7 +7,6 @@ exists is complete.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
@@ -16,6 +15,7 @@ import msgspec
 
 from agribot.core.errors import ConfigError, RecordingError
 from agribot.core.version import __version__
+from agribot.core.whole_file import write_at_once
 
 ABOUT = "dataset.json"
 LABELS = ("masks", "instances", "depth")
@@ -95,7 +95,7 @@ def claim(folder: Path, recipe: Recipe) -> None:
         for name in folders(recipe):
             (folder / name).mkdir(parents=True, exist_ok=True)
         if not about.is_file():
-            write(about, encoded(recipe))
+            write_at_once(about, encoded(recipe))
     except OSError as error:
         raise RecordingError(
             f"cannot write into {folder}: {error.strerror or error}; choose another --out folder"
@@ -138,10 +138,3 @@ def read_records(folder: Path) -> Iterator[ImageRecord]:
 
 def encoded(value: object) -> bytes:
     return msgspec.json.encode(value) + b"\n"
-
-
-def write(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all."""
-    beside = path.with_name(path.name + ".part")
-    beside.write_bytes(data)
-    os.replace(beside, path)

@@ -12,13 +12,13 @@ import numpy as np
 
 from agribot.core.errors import RecordingError
 from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.whole_file import write_at_once
 from agribot.lab.dataset.records import (
     ImageRecord,
     Recipe,
     encoded,
     image_name,
     read_records,
-    write,
 )
 from agribot.sim.random_scenes import ALL_CROPS, ALL_WEEDS, CROPS, WEEDS
 
@@ -54,7 +54,7 @@ def write_tables(folder: Path, recipe: Recipe) -> dict[str, Any]:
     }
     try:
         for name, data in tables.items():
-            write(folder / name, data)
+            write_at_once(folder / name, data)
     except OSError as error:
         raise RecordingError(
             f"cannot write the tables of {folder}: {error.strerror or error}; make room and run "

@@ -14,10 +14,10 @@ import msgspec
 
 from agribot.core.errors import ConfigError, RecordingError
 from agribot.core.version import __version__
+from agribot.core.whole_file import write_at_once
 from agribot.lab.sweep.execution import Outcome
 from agribot.lab.sweep.plan import Job
 from agribot.record.report import Report
-from agribot.record.whole_file import write_at_once
 
 # Lists have no place in a table of numbers: how many there were has.
 COUNTED = ("safety.stops", "safety.faults")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from agribot.core.errors import AgribotError
 from agribot.core.messages import ByteArray
+from agribot.core.whole_file import make_at_once
 from agribot.lab.train.fit import Progress
 
 LabelledImage = tuple[ByteArray, ByteArray]
@@ -83,6 +83,7 @@ class DataSet(msgspec.Struct, frozen=True, kw_only=True):
 def _write_png(path: Path, pixels: ByteArray) -> None:
     from PIL import Image
 
-    beside = path.with_suffix(".part")
-    Image.fromarray(pixels).save(beside, format="PNG", compress_level=1)
-    os.replace(beside, path)
+    def save(beside: Path) -> None:
+        Image.fromarray(pixels).save(beside, format="PNG", compress_level=1)
+
+    make_at_once(path, save)

@@ -16,7 +16,12 @@ from agribot.core.geo import transform
 from agribot.core.messages import WHEEL_NAMES, FloatArray, PlantClass
 from agribot.core.world import Plant, Soil, WorldSpec
 from agribot.description.field_generator import generate_field
-from agribot.description.field_plan import CropPlan, FieldPlan, RowsPlan, WeedsPlan
+from agribot.description.field_settings import (
+    CropSettings,
+    FieldSettings,
+    RowsSettings,
+    WeedsSettings,
+)
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
 from agribot.lab.train.data import LabelledImage
@@ -72,15 +77,15 @@ def _random_rows(rng: np.random.Generator, *, is_wide: bool) -> tuple[WorldSpec,
     return world, look, math.radians(plan.rows.yaw_deg)
 
 
-def random_plan(rng: np.random.Generator, *, is_wide: bool = False) -> FieldPlan:
+def random_plan(rng: np.random.Generator, *, is_wide: bool = False) -> FieldSettings:
     """Five rows, from dense seedlings to single tall plants, clean to full of weeds."""
     crops, share = (ALL_CROPS, ALL_CROP_SHARE) if is_wide else (CROPS, CROP_SHARE)
     species, least_m, most_m = crops[rng.choice(len(crops), p=share)]
     kinds = rng.choice(ALL_WEEDS if is_wide else WEEDS, size=int(rng.integers(1, 5)), replace=False)
     low_m, high_m = np.sort(rng.uniform(*WEED_HEIGHT_M, 2))
-    return FieldPlan(
-        rows=RowsPlan(count=5, length_m=6.0, pitch_m=float(rng.uniform(0.45, 1.1))),
-        crop=CropPlan(
+    return FieldSettings(
+        rows=RowsSettings(count=5, length_m=6.0, pitch_m=float(rng.uniform(0.45, 1.1))),
+        crop=CropSettings(
             species=species,
             spacing_m=math.exp(rng.uniform(math.log(0.12), math.log(2.0))),
             height_m=float(rng.uniform(least_m, most_m)),
@@ -89,7 +94,7 @@ def random_plan(rng: np.random.Generator, *, is_wide: bool = False) -> FieldPlan
             missing_ratio=float(rng.uniform(0.0, 0.2)),
             gaps_per_row=0.3,
         ),
-        weeds=WeedsPlan(
+        weeds=WeedsSettings(
             density_per_m2=math.exp(rng.uniform(math.log(0.3), math.log(12.0))),
             species=tuple(str(kind) for kind in kinds),
             height_min_m=float(low_m),

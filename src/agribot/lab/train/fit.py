@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import csv
 import math
-import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from agribot.core.errors import AgribotError
+from agribot.core.whole_file import make_at_once
 from agribot.lab.train.architectures import architecture
 from agribot.lab.train.losses import CLASS_WEIGHTS, OVERLAP_LOSSES, segmentation_loss
 from agribot.lab.train.processes import Crew
@@ -173,8 +173,8 @@ class Trainer:
             "rows": self._rows,
             "cpu_s": self.cpu_s,
         }
-        _replace(self._folder / CHECKPOINT, lambda path: torch.save(state, path))
-        _replace(self._folder / LOG, self._write_log)
+        make_at_once(self._folder / CHECKPOINT, lambda path: torch.save(state, path))
+        make_at_once(self._folder / LOG, self._write_log)
 
     def _write_log(self, path: Path) -> None:
         with path.open("w", newline="", encoding="utf-8") as file:
@@ -197,7 +197,8 @@ class Trainer:
         self._optimiser.load_state_dict(state["optimiser"])
         self._rows = state["rows"]
         self.cpu_s = state["cpu_s"]
-        _replace(self._folder / LOG, self._write_log)  # it may be gone, or ahead of the checkpoint
+        # The log may be gone, or ahead of the checkpoint.
+        make_at_once(self._folder / LOG, self._write_log)
         progress(f"going on from step {self.step} of {self._folder / CHECKPOINT}")
 
 
@@ -230,10 +231,3 @@ def _parameter_groups(network: nn.Module, weight_decay: float) -> list[dict[str,
         {"params": [p for p in parameters if p.ndim > 1], "weight_decay": weight_decay},
         {"params": [p for p in parameters if p.ndim <= 1], "weight_decay": 0.0},
     ]
-
-
-def _replace(path: Path, write: Callable[[Path], None]) -> None:
-    """Write beside `path`, then move: a kill leaves the old file or the new one, never half."""
-    beside = path.with_suffix(path.suffix + ".part")
-    write(beside)
-    os.replace(beside, path)

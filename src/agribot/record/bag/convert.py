@@ -1,4 +1,4 @@
-"""One recording into another format: every message, or a word about each that cannot go along."""
+"""Convert a recording to another format; every message that cannot be converted is counted."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import msgspec
 from agribot.core.errors import RecordingError
 from agribot.record.bag import envelope, fixes, utm
 from agribot.record.bag.definitions import (
+    collect_definitions,
+    make_transcoder,
     name_in_ros1,
     name_in_ros2,
     serialize,
-    transcoder,
-    with_parts,
 )
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.sinks import Compression, Sink, Storage, open_sink
@@ -50,8 +50,8 @@ class ConvertResult(msgspec.Struct, frozen=True, kw_only=True):
     notes: tuple[str, ...]
 
 
-class _Lane(NamedTuple):
-    """Where messages of one source topic go; `data` gives None for one that does not."""
+class _Route(NamedTuple):
+    """Where messages of one source topic go; `data` gives None for one that is skipped."""
 
     number: int
     data: Callable[[BagMessage], bytes | None]
@@ -63,7 +63,7 @@ def convert(
     options: ConvertOptions | None = None,
     on_message: Callable[[int, int], None] = lambda done, total: None,
 ) -> ConvertResult:
-    """Any readable recording to .bag, .mcap, .db3 or a rosbag2 folder.
+    """Convert any readable recording to .bag, .mcap, .db3 or a rosbag2 folder.
 
     Raises: RecordingError: the source cannot be read, the target exists or cannot be written.
     """
@@ -73,11 +73,11 @@ def convert(
             bag.find(name)
         with open_sink(target, options.compression, options.storage) as sink:
             conversion = _Conversion(bag, sink, options)
-            conversion.files()
+            conversion.copy_files()
             for done, message in enumerate(bag.messages(conversion.wanted), start=1):
                 conversion(message)
                 on_message(done, bag.count)
-            return conversion.result()
+            return conversion.make_result()
 
 
 class _Conversion:
@@ -92,23 +92,23 @@ class _Conversion:
         self._count_in = self._count_out = 0
         self.wanted = frozenset(options.topics) or None
         chosen = [t for t in bag.topics if self.wanted is None or t.name in self.wanted]
-        self._lanes = {topic.id: list(self._lanes_of(topic)) for topic in chosen}
+        self._routes = {topic.id: list(self._make_routes(topic)) for topic in chosen}
 
     def __call__(self, message: BagMessage) -> None:
         self._count_in += 1
-        for lane in self._lanes[message.topic.id]:
+        for route in self._routes[message.topic.id]:
             try:
-                data = lane.data(message)
+                data = route.data(message)
             except RecordingError:
                 raise
             except Exception as error:  # noqa: BLE001  generated code, bytes of any kind
                 self._skip(message.topic, f"bytes that are no {message.topic.ros_type}: {error}")
                 continue
             if data is not None:
-                self._sink.write(lane.number, message.log_ns, message.publish_ns, data)
+                self._sink.write(route.number, message.log_ns, message.publish_ns, data)
                 self._count_out += 1
 
-    def files(self) -> None:
+    def copy_files(self) -> None:
         """Files inside the source: as such in an MCAP, else as messages at its first moment."""
         if self.wanted is not None:
             return
@@ -119,10 +119,10 @@ class _Conversion:
                 continue
             if self._files_number is None:
                 self._files_number = self._add(envelope.FILES_TOPIC, envelope.ROS_TYPE, True)
-            data = self._serialized(envelope.wrap_file(file, self._store), envelope.ROS_TYPE)
+            data = self._serialize(envelope.wrap_file(file, self._store), envelope.ROS_TYPE)
             self._sink.write(self._files_number, t_ns, t_ns, data)
 
-    def result(self) -> ConvertResult:
+    def make_result(self) -> ConvertResult:
         return ConvertResult(
             messages_in=self._count_in,
             messages_out=self._count_out,
@@ -132,44 +132,44 @@ class _Conversion:
             notes=tuple(self._bag.notes),
         )
 
-    def _lanes_of(self, topic: BagTopic) -> Iterator[_Lane]:
+    def _make_routes(self, topic: BagTopic) -> Iterator[_Route]:
         if not topic.is_ros:
-            yield self._foreign_lane(topic)
+            yield self._route_wrapped(topic)
         elif not self._bag.knows(topic):
             reason = f"no definition of {topic.ros_type} in the recording and none known here"
-            yield self._skipping_lane(topic, reason)
+            yield self._route_nowhere(topic, reason)
         elif topic.ros_type == envelope.ROS_TYPE and self._sink.holds_anything:
-            yield self._unwrapping_lane(topic)
+            yield self._route_unwrapped(topic)
         else:
-            yield self._fix_lane(topic) or self._plain_lane(topic)
-            yield from self._utm_lanes(topic)
+            yield self._route_fix(topic) or self._route_as_it_is(topic)
+            yield from self._route_utm(topic)
 
-    def _plain_lane(self, topic: BagTopic) -> _Lane:
+    def _route_as_it_is(self, topic: BagTopic) -> _Route:
         name = name_in_ros2 if self._sink.is_ros2 else name_in_ros1
         ros_type = name(topic.ros_type)
         if ros_type not in self._store.fielddefs:
-            parts = with_parts(self._bag.store().fielddefs, topic.ros_type)
+            parts = collect_definitions(self._bag.store().fielddefs, topic.ros_type)
             new = {part: text for part, text in parts.items() if part not in self._store.fielddefs}
             self._store.register(new)
-        recode = transcoder(
+        recode = make_transcoder(
             self._bag.store(), topic.ros_type, topic.encoding == "cdr",
             self._store, ros_type, self._sink.is_ros2,
         )  # fmt: skip
         number = self._add(topic.name, ros_type, topic.is_latched, topic.qos_yaml)
-        return _Lane(number, lambda message: recode(message.data))
+        return _Route(number, lambda message: recode(message.data))
 
-    def _fix_lane(self, topic: BagTopic) -> _Lane | None:
+    def _route_fix(self, topic: BagTopic) -> _Route | None:
         is_ros2, store = self._sink.is_ros2, self._store
         if self._options.fixes_as == "gpsfix" and topic.ros_type == fixes.NAVSATFIX:
             kind = fixes.gpsfix_type(is_ros2)
-            return self._value_lane(
+            return self._route_values(
                 topic,
                 topic.name,
                 kind,
                 lambda fix: fixes.gpsfix_from_navsatfix(fix, store, is_ros2),
             )
         if self._options.fixes_as == "navsatfix" and topic.ros_type in fixes.GPSFIXES:
-            return self._value_lane(
+            return self._route_values(
                 topic,
                 topic.name,
                 fixes.NAVSATFIX,
@@ -177,39 +177,39 @@ class _Conversion:
             )
         return None
 
-    def _utm_lanes(self, topic: BagTopic) -> Iterator[_Lane]:
+    def _route_utm(self, topic: BagTopic) -> Iterator[_Route]:
         zone, store = self._options.zone, self._store
         if topic.name in self._options.utm_of:
             _require(topic, (fixes.NAVSATFIX, *fixes.GPSFIXES))
-            yield self._value_lane(
+            yield self._route_values(
                 topic, f"{topic.name}/utm", utm.ODOMETRY,
                 lambda fix: utm.odometry_from_fix(fix, store, zone, append_zone=True),
             )  # fmt: skip
         if topic.name in self._options.fix_of:
             _require(topic, (utm.ODOMETRY,))
-            yield self._value_lane(
+            yield self._route_values(
                 topic, f"{topic.name}/fix", fixes.NAVSATFIX,
                 lambda odometry: utm.fix_from_odometry(odometry, store, zone),
             )  # fmt: skip
 
-    def _value_lane(
+    def _route_values(
         self, topic: BagTopic, name: str, ros_type: str, make: Callable[[Any], Any]
-    ) -> _Lane:
+    ) -> _Route:
         number = self._add(name, ros_type, topic.is_latched, topic.qos_yaml)
 
         def data(message: BagMessage) -> bytes | None:
             made = make(self._bag.value(message))
-            return None if made is None else self._serialized(made, ros_type)
+            return None if made is None else self._serialize(made, ros_type)
 
-        return _Lane(number, data)
+        return _Route(number, data)
 
-    def _foreign_lane(self, topic: BagTopic) -> _Lane:
+    def _route_wrapped(self, topic: BagTopic) -> _Route:
         if self._sink.holds_anything:
             self._names[topic.name] = topic.schema_name or topic.encoding
-            return _Lane(self._sink.add(topic), lambda message: message.data)
+            return _Route(self._sink.add(topic), lambda message: message.data)
         if topic.definition:
             reason = f"{topic.encoding} messages of {topic.schema_name} fit only into an .mcap"
-            return self._skipping_lane(topic, reason)
+            return self._route_nowhere(topic, reason)
         label = envelope.Label(
             encoding=topic.encoding,
             schema_name=topic.schema_name,
@@ -219,26 +219,26 @@ class _Conversion:
 
         def data(message: BagMessage) -> bytes:
             wrapped = envelope.wrap(label, message.data, self._store)
-            return self._serialized(wrapped, envelope.ROS_TYPE)
+            return self._serialize(wrapped, envelope.ROS_TYPE)
 
-        return _Lane(number, data)
+        return _Route(number, data)
 
-    def _skipping_lane(self, topic: BagTopic, reason: str) -> _Lane:
+    def _route_nowhere(self, topic: BagTopic, reason: str) -> _Route:
         def data(_: BagMessage) -> bytes | None:
             self._skip(topic, reason)
             return None
 
-        return _Lane(-1, data)
+        return _Route(-1, data)
 
-    def _unwrapping_lane(self, topic: BagTopic) -> _Lane:
-        """Arrays that are envelopes become what they hold, others go on as they are."""
-        plain: list[_Lane] = []
+    def _route_unwrapped(self, topic: BagTopic) -> _Route:
+        """Turn arrays that are envelopes into what they hold; others stay as they are."""
+        plain: list[_Route] = []
 
         def data(message: BagMessage) -> bytes | None:
             found = envelope.unwrap(self._bag.value(message))
             if found is None:
                 if not plain:
-                    plain.append(self._plain_lane(topic))
+                    plain.append(self._route_as_it_is(topic))
                 number, content = plain[0].number, plain[0].data(message) or b""
             else:
                 label, content = found
@@ -246,14 +246,14 @@ class _Conversion:
                     self._sink.attach(BagFile(label.file_name, label.media_type, content))
                     self._count_in -= 1  # it was no message before either
                     return None
-                number = self._number_of(topic, label)
+                number = self._find_number(topic, label)
             self._sink.write(number, message.log_ns, message.publish_ns, content)
             self._count_out += 1
             return None
 
-        return _Lane(-1, data)
+        return _Route(-1, data)
 
-    def _number_of(self, topic: BagTopic, label: envelope.Label) -> int:
+    def _find_number(self, topic: BagTopic, label: envelope.Label) -> int:
         key = (topic.name, label.schema_name)
         if key not in self._enveloped:
             opened = BagTopic(
@@ -271,7 +271,7 @@ class _Conversion:
         )
         return self._sink.add(added)
 
-    def _serialized(self, message: Any, ros_type: str) -> bytes:
+    def _serialize(self, message: Any, ros_type: str) -> bytes:
         return serialize(self._store, ros_type, self._sink.is_ros2, message)
 
     def _skip(self, topic: BagTopic, reason: str) -> None:

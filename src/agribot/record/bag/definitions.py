@@ -1,7 +1,7 @@
 """Message types of both ROS versions, and the same message from one to the other.
 
 The maintained type libraries of rosbags hold what ROS itself ships. Here come on top the types
-of gps_umd and marti_messages that the tools of the original AGRIBOT speak, as .msg texts of our
+of gps_umd and marti_messages that the tools of the original AGRIBOT use, as .msg texts of our
 own in `record/msg`; their md5 sums are those of the originals.
 """
 
@@ -25,8 +25,8 @@ _IN_ROS2_STORES = {"tf2_msgs"}
 _ROS1_PACKAGE, _ROS2_PACKAGE = "gps_common", "gps_msgs"
 
 
-def shipped_texts() -> dict[str, str]:
-    """ROS 1 type name, such as gps_common/msg/GPSFix, to its .msg text."""
+def read_shipped_texts() -> dict[str, str]:
+    """Read the shipped .msg texts by ROS 1 type name, such as gps_common/msg/GPSFix."""
     texts = {}
     for package in (resources.files("agribot") / _SHIPPED).iterdir():
         for file in package.iterdir():
@@ -35,21 +35,21 @@ def shipped_texts() -> dict[str, str]:
     return texts
 
 
-def new_ros1_store() -> Typestore:
-    """ROS 1 Noetic and the shipped types; one's own, so that it may learn further types."""
+def make_ros1_store() -> Typestore:
+    """Make a store of ROS 1 Noetic and the shipped types, which may learn further types."""
     store = get_typestore(Stores.ROS1_NOETIC)
     types: dict[str, Any] = {}
-    for name, text in shipped_texts().items():
+    for name, text in read_shipped_texts().items():
         types.update(get_types_from_msg(text, name))
     store.register(types)
     return store
 
 
-def new_ros2_store() -> Typestore:
-    """ROS 2 Jazzy and the shipped types under their names in ROS 2; one's own."""
+def make_ros2_store() -> Typestore:
+    """Make a store of ROS 2 Jazzy and the shipped types, which may learn further types."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types: dict[str, Any] = {}
-    for name, text in shipped_texts().items():
+    for name, text in read_shipped_texts().items():
         if name.partition("/")[0] not in _IN_ROS2_STORES:
             types.update(get_types_from_msg(text, name_in_ros2(name)))
     store.register(types)
@@ -58,14 +58,14 @@ def new_ros2_store() -> Typestore:
 
 @functools.cache
 def ros1_store() -> Typestore:
-    """Shared: for reading only."""
-    return new_ros1_store()
+    """Return the shared store of ROS 1 types: for reading only."""
+    return make_ros1_store()
 
 
 @functools.cache
 def ros2_store() -> Typestore:
-    """Shared: for reading only."""
-    return new_ros2_store()
+    """Return the shared store of ROS 2 types: for reading only."""
+    return make_ros2_store()
 
 
 def name_in_ros2(ros_type: str) -> str:
@@ -80,7 +80,7 @@ def name_in_ros1(ros_type: str) -> str:
     return f"{_ROS1_PACKAGE}/{rest}" if package == _ROS2_PACKAGE else ros_type
 
 
-def transcoder(
+def make_transcoder(
     source: Typestore,
     source_type: str,
     from_ros2: bool,
@@ -88,7 +88,7 @@ def transcoder(
     target_type: str,
     to_ros2: bool,
 ) -> Transcoder:
-    """Bytes of `source_type` as `source` defines it to bytes of `target_type` in `target`.
+    """Make a function from bytes of one type definition to bytes of another.
 
     Where the two definitions differ, fields go by name; one that only the target has is zero.
     """
@@ -120,20 +120,20 @@ def serialize(store: Typestore, ros_type: str, is_ros2: bool, message: Any) -> b
     return bytes(store.serialize_ros1(message, ros_type))
 
 
-def with_parts(defined: Any, ros_type: str) -> dict[str, Any]:
-    """The definition of a type and of all types inside it."""
+def collect_definitions(defined: Any, ros_type: str) -> dict[str, Any]:
+    """Collect the definition of a type and of all types inside it."""
     found: dict[str, Any] = {}
     waiting = [ros_type]
     while waiting:
         name = waiting.pop()
         if name not in found:
             found[name] = defined[name]
-            waiting += inner_types(defined, name)
+            waiting += list_inner_types(defined, name)
     return found
 
 
-def inner_types(defined: Any, ros_type: str) -> list[str]:
-    """Names of the message types that the fields of a type have."""
+def list_inner_types(defined: Any, ros_type: str) -> list[str]:
+    """List the message types that the fields of a type have."""
     names = []
     for _, description in defined[ros_type][1]:
         kind = description

@@ -43,7 +43,7 @@ def wrap_file(file: BagFile, store: Typestore) -> Any:
 
 
 def unwrap(message: Any) -> tuple[Label, bytes] | None:
-    """None for an array that is no envelope."""
+    """Take what an envelope holds out of it; None for an array that is no envelope."""
     dimensions = message.layout.dim
     if len(dimensions) != 1 or not dimensions[0].label.startswith(_MARK):
         return None

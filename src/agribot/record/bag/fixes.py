@@ -31,8 +31,8 @@ def gpsfix_type(is_ros2: bool) -> str:
     return GPSFIX_ROS2 if is_ros2 else GPSFIX_ROS1
 
 
-def header_in(store: Typestore, stamp: Any, frame_id: str) -> Any:
-    """A std_msgs/Header of either ROS version."""
+def make_header(store: Typestore, stamp: Any, frame_id: str) -> Any:
+    """Make a std_msgs/Header of either ROS version."""
     time = store.types["builtin_interfaces/msg/Time"](stamp.sec, stamp.nanosec)
     kind = store.types["std_msgs/msg/Header"]
     has_seq = store.fielddefs["std_msgs/msg/Header"][1][0][0] == "seq"
@@ -40,7 +40,7 @@ def header_in(store: Typestore, stamp: Any, frame_id: str) -> Any:
 
 
 def gpsfix_from_navsatfix(fix: Any, store: Typestore, is_ros2: bool) -> Any:
-    """The GPSFix of `store` for a NavSatFix of any store."""
+    """Make the GPSFix of `store` for a NavSatFix of any store."""
     ros_type = gpsfix_type(is_ros2)
     stamp, frame = fix.header.stamp, fix.header.frame_id
     source = _SOURCE_GPS if fix.status.service & _SERVICES_OF_SOURCE_GPS else 0
@@ -48,7 +48,7 @@ def gpsfix_from_navsatfix(fix: Any, store: Typestore, is_ros2: bool) -> Any:
         source |= _SOURCE_MAGNETIC
     nothing = np.zeros(0, dtype=np.int32)
     status = store.types[ros_type.replace("GPSFix", "GPSStatus")](
-        header=header_in(store, stamp, frame),
+        header=make_header(store, stamp, frame),
         satellites_used=0,
         satellite_used_prn=nothing,
         satellites_visible=0,
@@ -71,7 +71,7 @@ def gpsfix_from_navsatfix(fix: Any, store: Typestore, is_ros2: bool) -> Any:
         )
     }  # fmt: skip
     return store.types[ros_type](
-        header=header_in(store, stamp, frame),
+        header=make_header(store, stamp, frame),
         status=status,
         latitude=fix.latitude,
         longitude=fix.longitude,
@@ -85,7 +85,7 @@ def gpsfix_from_navsatfix(fix: Any, store: Typestore, is_ros2: bool) -> Any:
 
 
 def navsatfix_from_gpsfix(fix: Any, store: Typestore) -> Any:
-    """The NavSatFix of `store` for a GPSFix of any store."""
+    """Make the NavSatFix of `store` for a GPSFix of any store."""
     service = _SERVICE_GPS if fix.status.position_source & _SOURCE_GPS else 0
     if fix.status.position_source & _SOURCE_MAGNETIC:
         service |= _SERVICE_COMPASS
@@ -94,7 +94,7 @@ def navsatfix_from_gpsfix(fix: Any, store: Typestore) -> Any:
         code if _NO_FIX <= code <= _GBAS else _NO_FIX, service
     )
     return store.types[NAVSATFIX](
-        header_in(store, fix.header.stamp, fix.header.frame_id),
+        make_header(store, fix.header.stamp, fix.header.frame_id),
         status,
         fix.latitude,
         fix.longitude,
@@ -105,7 +105,7 @@ def navsatfix_from_gpsfix(fix: Any, store: Typestore) -> Any:
 
 
 def _errors_95(covariance: Any, covariance_type: int) -> dict[str, float]:
-    """Two sigma (2DRMS in the plane); zero where the receiver does not know its covariance."""
+    """Compute two sigma (2DRMS in the plane); zero where the covariance is not known."""
     variances = [max(float(v), 0.0) for v in covariance[[0, 4, 8]]]
     if not covariance_type or not all(map(math.isfinite, variances)):
         return {"err": 0.0, "err_horz": 0.0, "err_vert": 0.0}

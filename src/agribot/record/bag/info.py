@@ -1,4 +1,4 @@
-"""What a recording holds, in numbers and in words."""
+"""What a recording holds: topics, counts, rates and times."""
 
 from __future__ import annotations
 
@@ -39,7 +39,10 @@ class BagInfo(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_info(path: Path) -> BagInfo:
-    """Raises: RecordingError: it cannot be read."""
+    """Summarise a recording.
+
+    Raises: RecordingError: it cannot be read.
+    """
     with open_bag(path) as bag:
         start_s, end_s = (t * 1e-9 for t in bag.times_ns) if bag.times_ns else (None, None)
         duration_s = end_s - start_s if start_s is not None and end_s is not None else 0.0
@@ -59,7 +62,7 @@ def read_info(path: Path) -> BagInfo:
         )
 
 
-def in_words(info: BagInfo) -> str:
+def format_info(info: BagInfo) -> str:
     kind = f"{info.kind}, {info.compression} compression" if info.compression else info.kind
     lines = [
         f"{info.path}: {kind}, {info.size_bytes / 1e6:.2f} MB",

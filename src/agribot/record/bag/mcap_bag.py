@@ -16,7 +16,10 @@ from agribot.record.mcap_records import McapRecords
 
 
 class McapBag(Bag):
-    """Raises: RecordingError: no such file, or no MCAP file."""
+    """An MCAP file of any program. Raises: RecordingError: no such file, or no MCAP file.
+
+    Raises: RecordingError: no such file, or no MCAP file.
+    """
 
     kind = "MCAP"
 
@@ -40,7 +43,7 @@ class McapBag(Bag):
                 yield BagFile(record.name, record.media_type, bytes(record.data))
 
     def _read_summary(self) -> bool:
-        """False where the file has no sound index with the number of messages."""
+        """Read the summary; False where the file has no sound index with message counts."""
         try:
             with self.path.open("rb") as file:
                 summary = make_reader(file).get_summary()

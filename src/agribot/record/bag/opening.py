@@ -1,4 +1,4 @@
-"""Find out what a recording is and open it; what it is not is refused with the reason."""
+"""Open a recording of any kind; what cannot be opened is refused with the reason."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SQLITE_MAGIC = b"SQLite format 3\x00"
 
 @contextlib.contextmanager
 def open_bag(path: Path) -> Iterator[Bag]:
-    """A ROS 1 `.bag`, a ROS 2 `.db3` or rosbag2 folder, or an MCAP file.
+    """Open a ROS 1 `.bag`, a ROS 2 `.db3` or rosbag2 folder, or an MCAP file.
 
     Raises: RecordingError: no such file, empty, of another kind, or damaged beyond reading.
     """
@@ -34,7 +34,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
 def _open(path: Path) -> Bag:
     if path.is_dir():
         return _open_folder(path)
-    start = _start_of(path)
+    start = _read_start(path)
     if not start:
         raise RecordingError(f"{path} is empty (0 bytes); there is nothing to read")
     if start.startswith(MAGIC):
@@ -53,7 +53,7 @@ def _open(path: Path) -> Bag:
 
 
 def _open_ros1(path: Path) -> Bag:
-    """By its index; without one, or with one that is damaged, record by record."""
+    """Open by the index; without a sound one, record by record."""
     if has_no_index(path):
         return UnindexedBag(path)
     try:
@@ -77,7 +77,7 @@ def _open_folder(path: Path) -> Bag:
     return FolderBag(path, [_open(part) for part in parts])
 
 
-def _start_of(path: Path) -> bytes:
+def _read_start(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
             return file.read(16)

@@ -27,7 +27,7 @@ class RosbagsBag(Bag):
         super().__init__(path)
         self._is_ros1 = is_ros1
         self.kind = "ROS 1 bag" if self._is_ros1 else "rosbag2"
-        with _damage_refused(path):
+        with _refuse_damage(path):
             self._reader: Any = rosbag1.Reader(path) if self._is_ros1 else rosbag2.Reader(path)
             self._reader.open()
         self._is_open = True
@@ -44,7 +44,7 @@ class RosbagsBag(Bag):
         if not wanted:
             return
         topics = {(c.id, c.topic): by_id[id(c)] for c in wanted}
-        with _damage_refused(self.path):
+        with _refuse_damage(self.path):
             for connection, t_ns, data in self._reader.messages(connections=wanted):
                 topic = topics[connection.id, connection.topic]
                 yield BagMessage(topic, t_ns, t_ns, bytes(data))
@@ -78,7 +78,7 @@ class RosbagsBag(Bag):
 
 
 @contextlib.contextmanager
-def _damage_refused(path: Path) -> Iterator[None]:
+def _refuse_damage(path: Path) -> Iterator[None]:
     try:
         yield
     except (RecordingError, GeneratorExit):

@@ -25,10 +25,10 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import RecordingError
-from agribot.core.topic import LATCHED, STREAM
-from agribot.record.bag.definitions import new_ros1_store, new_ros2_store
+from agribot.core.topics import LATCHED, STREAM
+from agribot.record.bag.definitions import make_ros1_store, make_ros2_store
 from agribot.record.bag.source import BagFile, BagTopic
-from agribot.record.mcap_file import LIBRARY, qos_yaml
+from agribot.record.mcap_file import LIBRARY, format_qos
 
 Compression = Literal["none", "lz4", "bz2"]
 Storage = Literal["sqlite3", "mcap"]
@@ -64,9 +64,9 @@ class Sink(Protocol):
 
 
 def compress_for_ros1(data: bytes) -> bytes:
-    """An LZ4 frame with the one set of options that ROS 1's own reader (roslz4) takes.
+    """Compress to an LZ4 frame with the one set of options that ROS 1's reader (roslz4) takes.
 
-    Blocks stand alone, a checksum of the whole content ends it, its size is not told.
+    Blocks stand alone, a checksum of the whole content ends it, its size is left out.
     """
     frame: bytes = lz4.frame.compress(
         data,
@@ -83,7 +83,7 @@ class Ros1Sink:
     holds_anything = False
 
     def __init__(self, path: Path, compression: Compression) -> None:
-        self.store = new_ros1_store()
+        self.store = make_ros1_store()
         self._writer = rosbag1.Writer(path)
         if compression != "none":
             self._writer.set_compression(rosbag1.Writer.CompressionFormat[compression.upper()])
@@ -118,7 +118,7 @@ class Rosbag2Sink:
     holds_anything = False
 
     def __init__(self, folder: Path, storage: Storage) -> None:
-        self.store = new_ros2_store()
+        self.store = make_ros2_store()
         plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
         self._writer = rosbag2.Writer(folder, version=9, storage_plugin=plugin)
         self._writer.open()
@@ -153,7 +153,7 @@ class McapSink:
     holds_anything = True
 
     def __init__(self, path: Path) -> None:
-        self.store = new_ros2_store()
+        self.store = make_ros2_store()
         self._file = path.open("xb")
         self._writer = Writer(self._file, compression=CompressionType.LZ4)
         self._writer.start(profile="ros2", library=LIBRARY)
@@ -168,7 +168,7 @@ class McapSink:
         schema = self._schema(topic.ros_type, "ros2msg", text.encode())
         metadata = {
             "offered_qos_profiles": topic.qos_yaml
-            or qos_yaml(LATCHED if topic.is_latched else STREAM),
+            or format_qos(LATCHED if topic.is_latched else STREAM),
             "topic_type_hash": self.store.hash_rihs01(topic.ros_type),
         }
         return int(self._writer.register_channel(topic.name, "cdr", schema, metadata))
@@ -196,7 +196,7 @@ class McapSink:
 def open_sink(
     path: Path, compression: Compression = "none", storage: Storage = "sqlite3"
 ) -> Iterator[Sink]:
-    """By the name of the target: .bag, .mcap, .db3, or a folder for a whole rosbag2.
+    """Open a target by its name: .bag, .mcap, .db3, or a folder for a whole rosbag2.
 
     It appears under its name when it is complete; an error leaves nothing behind.
     Raises: RecordingError: it exists, or cannot be written.
@@ -209,21 +209,21 @@ def open_sink(
         path.parent.mkdir(parents=True, exist_ok=True)
         workshop = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
     except OSError as error:
-        raise _unwritable(path, error) from error
+        raise _make_error(path, error) from error
     try:
-        sink = _make(workshop / path.name, compression, storage)
+        sink = _make_sink(workshop / path.name, compression, storage)
         try:
             yield sink
         finally:
             sink.close()
-        os.replace(_product(workshop, path), path)
+        os.replace(_take_product(workshop, path), path)
     except OSError as error:
-        raise _unwritable(path, error) from error
+        raise _make_error(path, error) from error
     finally:
         shutil.rmtree(workshop, ignore_errors=True)
 
 
-def _make(path: Path, compression: Compression, storage: Storage) -> Sink:
+def _make_sink(path: Path, compression: Compression, storage: Storage) -> Sink:
     if path.suffix == ".bag":
         return Ros1Sink(path, compression)
     if path.suffix == ".mcap":
@@ -233,14 +233,14 @@ def _make(path: Path, compression: Compression, storage: Storage) -> Sink:
     return Rosbag2Sink(path, storage)
 
 
-def _product(workshop: Path, path: Path) -> Path:
-    """A single database comes out of its folder; it brings its own description along."""
+def _take_product(workshop: Path, path: Path) -> Path:
+    """Take a single database out of its folder; it has its own description inside."""
     if path.suffix == ".db3":
         return workshop / path.stem / path.name
     return workshop / path.name
 
 
-def _unwritable(path: Path, error: OSError) -> RecordingError:
+def _make_error(path: Path, error: OSError) -> RecordingError:
     return RecordingError(
         f"cannot write {path}: {error.strerror or error}; "
         "check that the folder is writable and the disk has room"

@@ -1,4 +1,4 @@
-"""Any recording as one thing: topics, messages, files inside and honest notes."""
+"""Any recording behind one interface: topics, messages, files inside, and notes on damage."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rosbags.typesys import get_typestore as rosbags_store
 from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import RecordingError
-from agribot.record.bag.definitions import deserialize, inner_types, ros1_store, ros2_store
+from agribot.record.bag.definitions import deserialize, list_inner_types, ros1_store, ros2_store
 
 _IDL_RULE = "=" * 80 + "\n"
 
@@ -77,15 +77,15 @@ class Bag:
         self._store: Typestore | None = None
 
     def messages(self, names: frozenset[str] | None = None) -> Iterator[BagMessage]:
-        """Of the topics called `names`, or of all, in the order of the recording."""
+        """Iterate over the topics called `names`, or all, in the order of the recording."""
         raise NotImplementedError
 
     def files(self) -> Iterator[BagFile]:
-        """The files inside, in the order they were attached."""
+        """Iterate over the files inside, in the order they were attached."""
         yield from ()
 
     def close(self) -> None:
-        """Safe to call twice."""
+        """Close the recording. Safe to call twice."""
 
     @property
     def count(self) -> int:
@@ -98,7 +98,10 @@ class Bag:
         return ", ".join(held) or "no messages"
 
     def find(self, name: str) -> BagTopic:
-        """Raises: RecordingError: no such topic; the message lists those there are."""
+        """Find a topic by its name.
+
+        Raises: RecordingError: no such topic; the message lists those there are.
+        """
         for topic in self.topics:
             if topic.name == name:
                 return topic
@@ -106,17 +109,20 @@ class Bag:
         raise RecordingError(f"{self.path} has no topic {name}; it has: {known}")
 
     def store(self) -> Typestore:
-        """The types as this recording defines them, else as ROS and we do."""
+        """Return the types as this recording defines them, else as ROS and agribot do."""
         if self._store is None:
             self._store = self._read_definitions()
         return self._store
 
     def knows(self, topic: BagTopic) -> bool:
-        """Whether the messages of the topic can be understood."""
+        """Tell whether the messages of the topic can be read."""
         return topic.is_ros and is_complete(self.store(), topic.ros_type)
 
     def value(self, message: BagMessage) -> Any:
-        """The message as an object. Raises: RecordingError: its bytes do not fit its type."""
+        """Decode a message into an object.
+
+        Raises: RecordingError: its bytes do not fit its type.
+        """
         topic = message.topic
         try:
             return deserialize(self.store(), topic.ros_type, topic.encoding == "cdr", message.data)
@@ -132,7 +138,7 @@ class Bag:
             if topic.is_ros and topic.definition:
                 try:
                     is_idl = topic.definition_format == "idl"
-                    types.update(_parse(topic.ros_type, topic.definition, is_idl))
+                    types.update(_parse_definition(topic.ros_type, topic.definition, is_idl))
                 except (TypesysError, ValueError, AssertionError, LookupError) as error:
                     self.notes.append(
                         f"the definition of {topic.ros_type} inside cannot be understood ({error})"
@@ -145,14 +151,14 @@ class Bag:
 
 
 def is_complete(store: Typestore, ros_type: str) -> bool:
-    """Whether the type and all types inside it are defined."""
+    """Tell whether the type and all types inside it are defined."""
     return ros_type in store.fielddefs and all(
-        is_complete(store, inner) for inner in inner_types(store.fielddefs, ros_type)
+        is_complete(store, inner) for inner in list_inner_types(store.fielddefs, ros_type)
     )
 
 
 @functools.lru_cache(maxsize=512)  # parsing takes tens of milliseconds, and all bags have the same
-def _parse(ros_type: str, definition: str, is_idl: bool) -> dict[str, Any]:
+def _parse_definition(ros_type: str, definition: str, is_idl: bool) -> dict[str, Any]:
     if not is_idl:
         return dict(get_types_from_msg(definition, ros_type))
     if not definition.startswith(f"{_IDL_RULE}IDL: "):

@@ -16,7 +16,7 @@ _WIDEST = 64  # longer arrays stay in one column, as JSON
 
 
 def write_table(source: Path, topic_name: str, target: Path) -> int:
-    """Writes `target` as CSV and returns the number of rows.
+    """Write one row for each message to `target` as CSV and return the number of rows.
 
     The first column is the recorder's time in seconds. Arrays of a length that changes, and long
     ones, are JSON in one column. Raises: RecordingError: no such topic, or no ROS messages.
@@ -56,19 +56,19 @@ def _flatten(store: Any, ros_type: str, value: Any, prefix: str, cells: dict[str
         elif kind == "ARRAY" and isinstance(inner, np.ndarray) and len(inner) <= _WIDEST:
             cells |= {f"{label}[{i}]": item for i, item in enumerate(inner.tolist())}
         elif kind in ("ARRAY", "SEQUENCE"):
-            cells[label] = json.dumps(_plain(inner))
+            cells[label] = json.dumps(_simplify(inner))
         else:
             cells[label] = inner
 
 
-def _plain(value: Any) -> Any:
+def _simplify(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, list):
-        return [_plain(item) for item in value]
+        return [_simplify(item) for item in value]
     if hasattr(value, "__dataclass_fields__"):
         return {
-            name: _plain(getattr(value, name))
+            name: _simplify(getattr(value, name))
             for name in value.__dataclass_fields__
             if not name.startswith("__")
         }

@@ -33,7 +33,7 @@ _CLOCK_SET_S = 10 * 365 * 86400.0  # stamps below are simulated time or that of 
 
 
 class TrackPoint(msgspec.Struct, frozen=True, kw_only=True):
-    """`std_m` is the horizontal 1 sigma; None where the recording does not tell."""
+    """`std_m` is the horizontal 1 sigma; None where the recording has none."""
 
     t_s: float
     lat_deg: float
@@ -42,23 +42,23 @@ class TrackPoint(msgspec.Struct, frozen=True, kw_only=True):
     std_m: float | None = None
 
 
-class Track(msgspec.Struct, frozen=True, kw_only=True):
-    """`without_fix` messages had no position."""
+class GeoTrack(msgspec.Struct, frozen=True, kw_only=True):
+    """Points of a drive; `without_fix` messages had no position."""
 
     topic: str
     points: tuple[TrackPoint, ...]
     without_fix: int
 
 
-def read_track(path: Path, topic_name: str = "") -> Track:
-    """Of the given topic, or of the robot's own fixes, or of the first topic that has fixes.
+def read_track(path: Path, topic_name: str = "") -> GeoTrack:
+    """Read the track of the given topic, the robot's own fixes, or the first topic with fixes.
 
     Poses in the map of a run of ours are placed by the datum in its settings.
     Raises: RecordingError: no such topic, or none with positions.
     """
     with open_bag(path) as bag:
-        topic = bag.find(topic_name) if topic_name else _find(bag)
-        point_of = _reader(bag, topic)
+        topic = bag.find(topic_name) if topic_name else _find_topic(bag)
+        point_of = _choose_reader(bag, topic)
         points, missing = [], 0
         for message in bag.messages(frozenset({topic.name})):
             point = point_of(bag.value(message))
@@ -66,21 +66,24 @@ def read_track(path: Path, topic_name: str = "") -> Track:
                 missing += 1
             else:
                 points.append(point)
-        return Track(topic=topic.name, points=tuple(points), without_fix=missing)
+        return GeoTrack(topic=topic.name, points=tuple(points), without_fix=missing)
 
 
-def track_file(track: Track, suffix: str, name: str) -> bytes:
-    """The bytes of a .gpx, .kml or .csv. Raises: RecordingError: another suffix."""
+def encode_track(track: GeoTrack, suffix: str, name: str) -> bytes:
+    """Encode a track as the bytes of a .gpx, .kml or .csv file.
+
+    Raises: RecordingError: another suffix.
+    """
     if suffix == ".gpx":
-        return _gpx(track, name)
+        return _encode_gpx(track, name)
     if suffix == ".kml":
-        return _kml(track, name)
+        return _encode_kml(track, name)
     if suffix == ".csv":
-        return _csv(track)
+        return _encode_csv(track)
     raise RecordingError(f"'{suffix}' is no track format; choose {', '.join(SUFFIXES)}")
 
 
-def _find(bag: Bag) -> BagTopic:
+def _find_topic(bag: Bag) -> BagTopic:
     found = [topic for topic in bag.topics if topic.ros_type in FIXES and topic.count]
     if not found:
         raise RecordingError(
@@ -92,19 +95,19 @@ def _find(bag: Bag) -> BagTopic:
     return (preferred or found)[0]
 
 
-def _reader(bag: Bag, topic: BagTopic) -> Callable[[Any], TrackPoint | None]:
+def _choose_reader(bag: Bag, topic: BagTopic) -> Callable[[Any], TrackPoint | None]:
     if topic.ros_type in FIXES:
-        return _point_of_fix
+        return _read_fix
     if topic.ros_type not in POSES:
         raise RecordingError(
             f"{topic.name} is {topic.ros_type or topic.encoding}; "
             f"a track needs {', '.join((*FIXES, *POSES))}"
         )
     frame = _map_frame(bag)
-    return lambda message: _point_of_pose(message, frame)
+    return lambda message: _read_pose(message, frame)
 
 
-def _point_of_fix(fix: Any) -> TrackPoint | None:
+def _read_fix(fix: Any) -> TrackPoint | None:
     if fix.status.status < 0 or not (math.isfinite(fix.latitude) and math.isfinite(fix.longitude)):
         return None
     variance = float(fix.position_covariance[0] + fix.position_covariance[4]) / 2.0
@@ -118,7 +121,7 @@ def _point_of_fix(fix: Any) -> TrackPoint | None:
     )
 
 
-def _point_of_pose(message: Any, frame: MapFrame) -> TrackPoint:
+def _read_pose(message: Any, frame: MapFrame) -> TrackPoint:
     outer = message.pose
     pose = getattr(outer, "pose", outer)
     lat_deg, lon_deg, alt_m = frame.geodetic_from_map(pose.position.x, pose.position.y)
@@ -146,8 +149,8 @@ def _seconds(stamp: Any) -> float:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
-def _moments(track: Track) -> Iterator[tuple[TrackPoint, str]]:
-    """Points with their UTC time, empty for simulated time."""
+def _list_times(track: GeoTrack) -> Iterator[tuple[TrackPoint, str]]:
+    """List the points with their UTC time, empty for simulated time."""
     for point in track.points:
         text = ""
         if point.t_s > _CLOCK_SET_S:
@@ -156,22 +159,22 @@ def _moments(track: Track) -> Iterator[tuple[TrackPoint, str]]:
         yield point, text
 
 
-def _gpx(track: Track, name: str) -> bytes:
+def _encode_gpx(track: GeoTrack, name: str) -> bytes:
     root = ElementTree.Element("gpx", xmlns=_GPX, version="1.1", creator="AGRIBOT")
     line = ElementTree.SubElement(root, "trk")
     ElementTree.SubElement(line, "name").text = name
     segment = ElementTree.SubElement(line, "trkseg")
-    for point, time in _moments(track):
+    for point, time in _list_times(track):
         node = ElementTree.SubElement(
             segment, "trkpt", lat=f"{point.lat_deg:.9f}", lon=f"{point.lon_deg:.9f}"
         )
         ElementTree.SubElement(node, "ele").text = f"{point.alt_m:.3f}"
         if time:
             ElementTree.SubElement(node, "time").text = time
-    return _xml(root)
+    return _encode_xml(root)
 
 
-def _kml(track: Track, name: str) -> bytes:
+def _encode_kml(track: GeoTrack, name: str) -> bytes:
     root = ElementTree.Element("kml", xmlns=_KML)
     document = ElementTree.SubElement(root, "Document")
     ElementTree.SubElement(document, "name").text = name
@@ -182,20 +185,20 @@ def _kml(track: Track, name: str) -> bytes:
     ElementTree.SubElement(line, "coordinates").text = " ".join(
         f"{p.lon_deg:.9f},{p.lat_deg:.9f},{p.alt_m:.3f}" for p in track.points
     )
-    return _xml(root)
+    return _encode_xml(root)
 
 
-def _csv(track: Track) -> bytes:
+def _encode_csv(track: GeoTrack) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("t_s", "time_utc", "lat_deg", "lon_deg", "alt_m", "std_m"))
-    for p, time in _moments(track):
+    for p, time in _list_times(track):
         std = "" if p.std_m is None else f"{p.std_m:.4f}"
         place = (f"{p.lat_deg:.9f}", f"{p.lon_deg:.9f}", f"{p.alt_m:.3f}")
         writer.writerow((f"{p.t_s:.9f}", time, *place, std))
     return text.getvalue().encode()
 
 
-def _xml(root: ElementTree.Element) -> bytes:
+def _encode_xml(root: ElementTree.Element) -> bytes:
     ElementTree.indent(root)
     return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"

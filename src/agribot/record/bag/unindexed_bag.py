@@ -37,7 +37,7 @@ class _Damage(Exception):
 
 
 def has_no_index(path: Path) -> bool:
-    """Whether the header says so, or points behind the end of the file."""
+    """Tell whether the header says so, or points behind the end of the file."""
     try:
         with path.open("rb") as file:
             file.read(len(_MAGIC))
@@ -49,7 +49,10 @@ def has_no_index(path: Path) -> bool:
 
 
 class UnindexedBag(Bag):
-    """Raises: RecordingError: cut off before the first message."""
+    """A ROS 1 bag without an index. Raises: RecordingError: cut off before the first message.
+
+    Raises: RecordingError: cut off before the first message.
+    """
 
     kind = "ROS 1 bag"
 
@@ -61,8 +64,8 @@ class UnindexedBag(Bag):
         low, high = 2**64, -1
         for record in self._records():
             if record.op == _MESSAGE:
-                t_ns = _time_ns(record.fields)
-                counts[_connection_of(record.fields)] += 1
+                t_ns = _read_time_ns(record.fields)
+                counts[_read_connection(record.fields)] += 1
                 low, high = min(low, t_ns), max(high, t_ns)
         if not counts:
             raise RecordingError(f"{path} was cut off before its first message; nothing to read")
@@ -80,9 +83,9 @@ class UnindexedBag(Bag):
     def messages(self, names: frozenset[str] | None = None) -> Iterator[BagMessage]:
         topics = {t.id: t for t in self.topics if names is None or t.name in names}
         for record in self._records():
-            topic = topics.get(_connection_of(record.fields)) if record.op == _MESSAGE else None
+            topic = topics.get(_read_connection(record.fields)) if record.op == _MESSAGE else None
             if topic is not None:
-                t_ns = _time_ns(record.fields)
+                t_ns = _read_time_ns(record.fields)
                 yield BagMessage(topic, t_ns, t_ns, record.body)
 
     def _records(self) -> Iterator[_Record]:
@@ -91,7 +94,7 @@ class UnindexedBag(Bag):
             file.read(len(_MAGIC))
             try:
                 while (record := _read_record(file, size)) is not None:
-                    for inner in _unpacked(record):
+                    for inner in _unpack(record):
                         _check_time(inner)
                         self._note_connection(inner)
                         yield inner
@@ -102,8 +105,8 @@ class UnindexedBag(Bag):
     def _note_connection(self, record: _Record) -> None:
         if record.op != _CONNECTION:
             return
-        number = _connection_of(record.fields)
-        about = _fields(record.body)
+        number = _read_connection(record.fields)
+        about = _parse_fields(record.body)
         self._connections.setdefault(
             number,
             BagTopic(
@@ -118,8 +121,8 @@ class UnindexedBag(Bag):
         )
 
 
-def _unpacked(record: _Record) -> Iterator[_Record]:
-    """The records inside a chunk, or the record itself."""
+def _unpack(record: _Record) -> Iterator[_Record]:
+    """Iterate over the records inside a chunk, or over the record itself."""
     if record.op != _CHUNK:
         yield record
         return
@@ -133,18 +136,21 @@ def _unpacked(record: _Record) -> Iterator[_Record]:
 
 
 def _read_record(file: IO[bytes], size: int) -> _Record | None:
-    """None at the end. Raises: _Damage: not enough or senseless bytes."""
-    head = _sized(file, size)
+    """Read a record; None at the end.
+
+    Raises: _Damage: not enough bytes, or bytes without sense.
+    """
+    head = _read_sized(file, size)
     if head is None:
         return None
-    fields = _fields(head)
-    body = _sized(file, size)
+    fields = _parse_fields(head)
+    body = _read_sized(file, size)
     if body is None or len(fields.get("op", b"")) != 1:
         raise _Damage
     return _Record(fields["op"][0], fields, body)
 
 
-def _sized(file: IO[bytes], size: int) -> bytes | None:
+def _read_sized(file: IO[bytes], size: int) -> bytes | None:
     raw = file.read(_LENGTH.size)
     if not raw:
         return None
@@ -156,7 +162,7 @@ def _sized(file: IO[bytes], size: int) -> bytes | None:
     return file.read(length)
 
 
-def _fields(data: bytes) -> dict[str, bytes]:
+def _parse_fields(data: bytes) -> dict[str, bytes]:
     fields, at = {}, 0
     while at + _LENGTH.size <= len(data):
         (length,) = _LENGTH.unpack_from(data, at)
@@ -168,17 +174,20 @@ def _fields(data: bytes) -> dict[str, bytes]:
     return fields
 
 
-def _connection_of(fields: dict[str, bytes]) -> int:
+def _read_connection(fields: dict[str, bytes]) -> int:
     return int.from_bytes(fields.get("conn", b""), "little")
 
 
 def _check_time(record: _Record) -> None:
-    """Raises: _Damage: a message without one."""
+    """Refuse a message without a time.
+
+    Raises: _Damage: a message without one.
+    """
     if record.op == _MESSAGE:
-        _time_ns(record.fields)
+        _read_time_ns(record.fields)
 
 
-def _time_ns(fields: dict[str, bytes]) -> int:
+def _read_time_ns(fields: dict[str, bytes]) -> int:
     raw = fields.get("time", b"")
     if len(raw) != _TIME.size:
         raise _Damage

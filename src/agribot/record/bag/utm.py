@@ -15,10 +15,10 @@ import numpy as np
 from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import RecordingError
-from agribot.record.bag.fixes import header_in
+from agribot.record.bag.fixes import make_header
 
 ODOMETRY = "nav_msgs/msg/Odometry"
-ROT_COVARIANCE = 99999.0  # rad^2: a position says nothing of the orientation
+ROT_COVARIANCE = 99999.0  # rad^2: a position holds no orientation
 
 _ZONE = re.compile(r"(?:.*?utm_)?(\d{1,2})([NS])", re.IGNORECASE)
 _NAVSATFIX_STATUS_FIX, _SERVICE_GPS = 0, 1
@@ -34,7 +34,7 @@ class UtmZone(msgspec.Struct, frozen=True):
 
 
 def parse_zone(text: str) -> UtmZone:
-    """43N for the northern, 43S for the southern half of zone 43.
+    """Parse 43N (northern half of zone 43) or 43S (southern half).
 
     Raises: RecordingError: anything else.
     """
@@ -46,8 +46,8 @@ def parse_zone(text: str) -> UtmZone:
     return UtmZone(int(found[1]), found[2].upper() == "S")
 
 
-def zone_of(lat_deg: float, lon_deg: float) -> UtmZone:
-    """Six degrees of longitude each, with the exceptions of Norway and Svalbard.
+def find_zone(lat_deg: float, lon_deg: float) -> UtmZone:
+    """Find the zone of a place: six degrees of longitude each, but for Norway and Svalbard.
 
     Raises: RecordingError: beyond 80 degrees South or 84 degrees North there is no UTM.
     """
@@ -63,13 +63,13 @@ def zone_of(lat_deg: float, lon_deg: float) -> UtmZone:
 
 
 def utm_from_geodetic(lat_deg: float, lon_deg: float, zone: UtmZone) -> tuple[float, float]:
-    """Easting and northing in metres."""
+    """Convert to easting and northing in metres."""
     east_m, north_m = _projection(zone)(lon_deg, lat_deg)
     return float(east_m), float(north_m)
 
 
 def geodetic_from_utm(east_m: float, north_m: float, zone: UtmZone) -> tuple[float, float]:
-    """Latitude and longitude in degrees."""
+    """Convert to latitude and longitude in degrees."""
     lon_deg, lat_deg = _projection(zone)(east_m, north_m, inverse=True)
     return float(lat_deg), float(lon_deg)
 
@@ -83,7 +83,7 @@ def odometry_from_fix(
     rot_covariance: float = ROT_COVARIANCE,
     append_zone: bool = False,
 ) -> Any | None:
-    """Odometry for a NavSatFix or GPSFix, in its own zone unless one is given.
+    """Make odometry of a NavSatFix or GPSFix, in its own zone unless one is given.
 
     None without a fix, or for one that was never stamped. `frame_id` is that of the fix unless
     given; `append_zone` writes the zone behind it (map/utm_43N), so that the way back knows it.
@@ -94,7 +94,7 @@ def odometry_from_fix(
         return None
     if not (math.isfinite(fix.latitude) and math.isfinite(fix.longitude)):
         return None
-    zone = zone or zone_of(fix.latitude, fix.longitude)
+    zone = zone or find_zone(fix.latitude, fix.longitude)
     east_m, north_m = utm_from_geodetic(fix.latitude, fix.longitude, zone)
     frame = frame_id or fix.header.frame_id
     if append_zone:
@@ -110,7 +110,7 @@ def odometry_from_fix(
     still = make["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
     twist = make["geometry_msgs/msg/Twist"](still, still)
     return make[ODOMETRY](
-        header_in(store, stamp, frame),
+        make_header(store, stamp, frame),
         child_frame_id,
         make["geometry_msgs/msg/PoseWithCovariance"](pose, covariance.ravel()),
         make["geometry_msgs/msg/TwistWithCovariance"](twist, np.zeros(36)),
@@ -120,7 +120,7 @@ def odometry_from_fix(
 def fix_from_odometry(
     odometry: Any, store: Typestore, zone: UtmZone | None = None, frame_id: str = ""
 ) -> Any:
-    """NavSatFix for odometry on the UTM grid; without `zone`, its frame has to end in one.
+    """Make a NavSatFix of odometry on the UTM grid; without `zone`, its frame must end in one.
 
     Raises: RecordingError: no zone is known.
     """
@@ -136,7 +136,7 @@ def fix_from_odometry(
     covariance = np.reshape(odometry.pose.covariance, (6, 6))[:3, :3]
     status = store.types["sensor_msgs/msg/NavSatStatus"](_NAVSATFIX_STATUS_FIX, _SERVICE_GPS)
     return store.types["sensor_msgs/msg/NavSatFix"](
-        header_in(store, odometry.header.stamp, frame_id or frame.partition("/utm_")[0]),
+        make_header(store, odometry.header.stamp, frame_id or frame.partition("/utm_")[0]),
         status,
         lat_deg,
         lon_deg,

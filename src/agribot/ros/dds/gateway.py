@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from agribot.core import topics
 from agribot.core.errors import BridgeError
 from agribot.core.messages import TickRecord
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.dds.node import DdsNode
 from agribot.ros.requests import Requests, read_twist_cdr
 

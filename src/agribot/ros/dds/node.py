@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from agribot.core.errors import BridgeError
-from agribot.core.topic import LATCHED, Qos, Topic
+from agribot.core.topics import LATCHED, Qos, Topic
 from agribot.ros.dds.types import dds_store, dds_type
 
 _DISCOVERY = Topic(

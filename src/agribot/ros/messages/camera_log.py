@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from agribot.core.geo import inverse
-from agribot.core.lens import distorted
+from agribot.core.lens import distort
 from agribot.core.messages import ByteArray, CameraFrame, PlantClass, Scene
 from agribot.core.robot import RobotSpec
 
@@ -56,7 +56,7 @@ class CameraLog:
             p_optical = self._optical_from_body @ (plant.x_body_m, plant.y_body_m, 0.0, 1.0)
             if p_optical[2] <= self._camera.clip_near_m:
                 continue
-            seen = distorted(p_optical[:2] / p_optical[2], self._camera.distortion)
+            seen = distort(p_optical[:2] / p_optical[2], self._camera.distortion)
             u_px, v_px, _ = k_px @ (*seen, 1.0)
             radius_m = (max(plant.area_m2, 1e-4) / np.pi) ** 0.5
             radius_px = max(4.0, self._camera.focal_px * radius_m / p_optical[2])

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from agribot.core import topics
 from agribot.core.messages import WHEEL_NAMES, CameraFrame, SensorBatch, WheelSample
 from agribot.core.robot import RobotSpec
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages import cdr, rosmsg
 from agribot.ros.messages.camera_log import CameraLog
 from agribot.ros.messages.device_rosmsg import battery_state, pole_fix, touched_point

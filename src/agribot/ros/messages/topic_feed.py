@@ -9,7 +9,7 @@ from agribot.core import topics
 from agribot.core.geo import Datum, MapFrame, compass_deg_from_yaw, wrap_rad
 from agribot.core.messages import Estimate, MappedPlant, MissionStatus, Path, TickRecord
 from agribot.core.robot import RobotSpec
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages import cdr, rosmsg
 from agribot.ros.messages.camera_log import CameraLog
 from agribot.ros.messages.markers import weed_markers

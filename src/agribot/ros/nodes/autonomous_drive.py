@@ -9,7 +9,7 @@ from typing import Any
 from agribot.autonomy.control.go_to_goal import GoToGoal
 from agribot.core import topics
 from agribot.core.messages import STOP
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
 from agribot.ros.nodes.stage import Endless, Said
 

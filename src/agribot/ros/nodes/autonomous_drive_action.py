@@ -12,7 +12,7 @@ import numpy as np
 
 from agribot.core import topics
 from agribot.core.messages import MissionState, MissionStatus
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
 from agribot.ros.nodes.stage import Said
 

@@ -10,7 +10,7 @@ from agribot.autonomy.estimate.compass_heading import CompassHeading
 from agribot.core import topics
 from agribot.core.geo import compass_deg_from_yaw, wrap_rad
 from agribot.core.messages import ImuSample, MagSample
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
 from agribot.ros.messages.sensor_readers import seconds
 from agribot.ros.nodes.stage import Endless, Said

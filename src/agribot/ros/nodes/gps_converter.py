@@ -9,7 +9,7 @@ from typing import Any
 from agribot.autonomy.estimate.pole_origin import PoleOrigin, is_place
 from agribot.core import topics
 from agribot.core.geo import Datum, MapFrame
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
 from agribot.ros.messages.sensor_readers import seconds
 from agribot.ros.nodes.stage import Endless, Said

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from agribot.core import topics
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.nodes.stage import Endless, Said
 
 MAX_SAMPLES = 200_000  # of one topic: hours at 20 Hz

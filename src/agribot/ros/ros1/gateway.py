@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from agribot.core import topics
 from agribot.core.errors import BridgeError
 from agribot.core.messages import TickRecord
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.requests import Requests
 from agribot.ros.ros1.hearing import Hearing
+from agribot.ros.ros1.master import MASTER
 from agribot.ros.ros1.node import Node, Publication
 from agribot.ros.ros1.types import Convert, outputs, read_twist
-
-MASTER = "http://127.0.0.1:11311"
 
 
 class Ros1Gateway:

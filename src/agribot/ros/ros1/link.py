@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from agribot.core.errors import BridgeError
-from agribot.core.topic import Topic
-from agribot.ros.ros1.gateway import MASTER
+from agribot.core.topics import Topic
 from agribot.ros.ros1.hearing import ANY, Hearing
+from agribot.ros.ros1.master import MASTER
 from agribot.ros.ros1.node import Node, Publication
 from agribot.ros.ros1.types import Convert, inlet, outputs, ros1_name, ros1_types
 

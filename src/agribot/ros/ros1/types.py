@@ -13,7 +13,7 @@ from rosbags.typesys.store import Typestore
 
 from agribot.core import topics
 from agribot.core.errors import BridgeError
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages.rosmsg import MAP_FRAME, header, make, to_cdr
 from agribot.ros.messages.rosmsg import typestore as ros2_types
 from agribot.ros.requests import Twist

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from agribot.core import topics
 from agribot.core.errors import BridgeError
 from agribot.core.messages import LIVE_SETTINGS, OperatorAction, TickRecord
-from agribot.core.topic import Qos, Topic
+from agribot.core.topics import Qos, Topic
 from agribot.ros.requests import PAUSE_SERVICE, SERVICES, Requests, read_twist_cdr
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.goals import GoalServer

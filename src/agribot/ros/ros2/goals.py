@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from agribot.core.messages import MissionState, TickRecord
-from agribot.core.topic import LATCHED, Topic
+from agribot.core.topics import LATCHED, Topic
 from agribot.ros.messages.rosmsg import MAP_FRAME, pose_stamped
 from agribot.ros.requests import Requests
 from agribot.ros.ros2.node import Ros2Node

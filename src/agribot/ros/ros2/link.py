@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from agribot.core.errors import BridgeError
-from agribot.core.topic import Topic
+from agribot.core.topics import Topic
 from agribot.ros.messages.rosmsg import typestore
 from agribot.ros.ros2.node import ROUTER, Ros2Node, Writer
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import BridgeError
-from agribot.core.topic import Qos, Topic
+from agribot.core.topics import Qos, Topic
 from agribot.ros.messages.rosmsg import typestore
 from agribot.ros.ros2 import wire
 

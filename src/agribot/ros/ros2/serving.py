@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rosbags.typesys.store import Typestore
 
-from agribot.core.topic import Qos
+from agribot.core.topics import Qos
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.node import Ros2Node
 

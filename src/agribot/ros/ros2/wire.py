@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 
 import msgspec
 
-from agribot.core.topic import Qos
+from agribot.core.topics import Qos
 
 ADMIN_SPACE = "@ros2_lv"
 GID_SIZE = 16

@@ -10,7 +10,7 @@ import numpy as np
 
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import inverse
-from agribot.core.lens import distorted, undistorted
+from agribot.core.lens import distort, undistort
 from agribot.core.messages import FloatArray
 from agribot.core.robot import CameraSpec
 from agribot.sim.camera.arrays import PinholeView, Singles, Targets
@@ -64,8 +64,8 @@ def make_lens(camera: CameraSpec, fine: int) -> Lens | None:
     )
     row, column = np.mgrid[0:height, 0:width]
     seen = np.stack([column - (width - 1) / 2.0, row - (height - 1) / 2.0], axis=-1) / focal_px
-    ideal = undistorted(seen, camera.distortion)
-    error_px = np.abs(distorted(ideal, camera.distortion) - seen).max() * camera.focal_px
+    ideal = undistort(seen, camera.distortion)
+    error_px = np.abs(distort(ideal, camera.distortion) - seen).max() * camera.focal_px
     reach = np.abs(ideal).reshape(-1, 2).max(axis=0) * focal_px
     widening = float((reach / (np.array([width, height]) / 2.0)).max())
     if not (error_px < TOLERANCE_PX and widening < MAX_WIDENING):

@@ -125,7 +125,7 @@ def footprint(
 ) -> Footprint:
     """From the collision shapes and wheels of the description and the width of the implement.
 
-    The implement works at `tool_x_m`; without it, where the robot's own boom is.
+    The implement works at `tool_x_m`; without it, where the robot's own does.
     """
     tool_x_m = robot.tool_x_m if tool_x_m is None else tool_x_m
     corners = [np.array([[0.0, 0.0, 0.0]])]

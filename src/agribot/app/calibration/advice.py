@@ -1,14 +1,14 @@
-"""What to do with a calibration's result, as lines for a person."""
+"""What to do with a calibration's result, as lines of text."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 
-def verdict_lines(
+def format_advice(
     settings: Sequence[str], reasons: Sequence[str], described: Sequence[str] = ()
 ) -> list[str]:
-    """`settings` and what to write into the robot's description, or why neither must be used."""
+    """Format how to use the settings, with further lines `described`, or the reasons why not."""
     if reasons:
         return [f"do not use it: {reason}" for reason in reasons]
     return ["to use it:", *(f"  --set '{setting}'" for setting in settings), *described]

@@ -1,4 +1,4 @@
-"""What a field to be generated looks like: the settings of a FIELD.toml."""
+"""The settings of a field to be generated: those of a FIELD.toml."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Annotated
 
 import msgspec
 
-from agribot.core.config_tree import read_toml
+from agribot.core.config import read_toml
 from agribot.core.errors import ConfigError, DescriptionError
 from agribot.core.geo import Datum
 
-# Limits that no field exceeds, so that a slip of the pen cannot exhaust the memory.
+# Limits that no field exceeds, so that a typing error cannot exhaust the memory.
 LARGEST_M = 1e4
 MOST_PLANTS = 200_000
 Positive = Annotated[float, msgspec.Meta(gt=0, le=LARGEST_M)]
@@ -19,11 +19,11 @@ NonNegative = Annotated[float, msgspec.Meta(ge=0, le=LARGEST_M)]
 Ratio = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
-class Plan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class FieldSection(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Base of the settings."""
 
 
-class RowsPlan(Plan, frozen=True):
+class RowsSettings(FieldSection, frozen=True):
     """Parallel rows; each further one lies `pitch_m` to the right of the row direction.
 
     `curvature_radpm` bends them, to the left where it is positive. After every
@@ -40,8 +40,8 @@ class RowsPlan(Plan, frozen=True):
     tramline_m: NonNegative = 0.5
 
 
-class CropPlan(Plan, frozen=True):
-    """`height_m` is the growth height; gaps are stretches of a row where nothing came up."""
+class CropSettings(FieldSection, frozen=True):
+    """Crop plants of `height_m`; gaps are stretches of a row without plants."""
 
     species: str = "sugar_beet"
     spacing_m: Annotated[float, msgspec.Meta(ge=0.02)] = 0.25
@@ -54,7 +54,7 @@ class CropPlan(Plan, frozen=True):
     gap_length_m: Positive = 1.0
 
 
-class WeedsPlan(Plan, frozen=True):
+class WeedsSettings(FieldSection, frozen=True):
     """Weeds over the field and `margin_m` around it; `cluster_ratio` of them in patches."""
 
     density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] = 1.5
@@ -68,8 +68,8 @@ class WeedsPlan(Plan, frozen=True):
     cluster_radius_m: Positive = 0.3
 
 
-class SoilPlan(Plan, frozen=True):
-    """What lies on the soil, 0 nothing to 1 a lot, and the tracks of earlier passes.
+class SoilSettings(FieldSection, frozen=True):
+    """Residue, stones and wet patches on the soil, 0 none to 1 a lot, and tracks.
 
     Tracks are `track_width_m` wide and `track_gauge_m` apart (0: none), one pair astride each
     row; rows must be straight and along an axis of the map.
@@ -82,26 +82,29 @@ class SoilPlan(Plan, frozen=True):
     track_width_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
 
 
-class FieldPlan(Plan, frozen=True):
-    """`boundary` is a GeoJSON polygon beside the file: plants stand inside it only."""
+class FieldSettings(FieldSection, frozen=True):
+    """A whole field; `boundary` is a GeoJSON polygon beside the file that holds all plants."""
 
     name: str = "field"
     datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)
     spawn_xy_map_m: tuple[float, float] = (-2.0, 0.0)
     spawn_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
     boundary: str = ""
-    rows: RowsPlan = RowsPlan()
-    crop: CropPlan = CropPlan()
-    weeds: WeedsPlan = WeedsPlan()
-    soil: SoilPlan = SoilPlan()
+    rows: RowsSettings = RowsSettings()
+    crop: CropSettings = CropSettings()
+    weeds: WeedsSettings = WeedsSettings()
+    soil: SoilSettings = SoilSettings()
 
 
-def read_field_plan(path: Path) -> FieldPlan:
-    """Raises: DescriptionError: no such file, not TOML, an unknown key or a value out of range."""
+def read_field_settings(path: Path) -> FieldSettings:
+    """Read a FIELD.toml.
+
+    Raises: DescriptionError: no such file, not TOML, an unknown key or a value out of range.
+    """
     try:
         tree = read_toml(path)
         _check_numbers(tree, path.name, "")
-        plan = msgspec.convert(tree, FieldPlan)
+        plan = msgspec.convert(tree, FieldSettings)
     except ConfigError as error:
         raise DescriptionError(str(error)) from error
     except msgspec.ValidationError as error:
@@ -118,7 +121,7 @@ def read_field_plan(path: Path) -> FieldPlan:
 
 
 def _check_numbers(value: object, file: str, at: str) -> None:
-    """Finite, and no farther than a field can be; TOML itself allows nan and inf."""
+    """Check that numbers are finite and not larger than a field; TOML allows nan and inf."""
     if isinstance(value, dict):
         for key, inner in value.items():
             _check_numbers(inner, file, f"{at}.{key}" if at else str(key))
@@ -129,7 +132,7 @@ def _check_numbers(value: object, file: str, at: str) -> None:
         raise DescriptionError(f"{file}: {at} = {value}: must be a number within {MOST_PLANTS}")
 
 
-def _check_size(plan: FieldPlan, file: str) -> None:
+def _check_size(plan: FieldSettings, file: str) -> None:
     rows, weeds = plan.rows, plan.weeds
     crops = rows.count * (rows.length_m / plan.crop.spacing_m + 1.0)
     breadth_m = (rows.count - 1) * rows.pitch_m + 2.0 * weeds.margin_m

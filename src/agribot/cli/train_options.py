@@ -1,4 +1,4 @@
-"""The options of `agribot train` that say how a network begins and how it learns."""
+"""The options of `agribot train`: what is drawn, how a network begins and how it learns."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def add_recipe_options(group: argparse._ArgumentGroup) -> None:
 
 
 def check_recipe_options(args: argparse.Namespace) -> None:
-    """Of `args.start`, make a path, or nothing where the plan says how to begin.
+    """Make a path of `args.start`, or None where the plan says how to begin.
 
     `args.asked` becomes what the plan has to hold instead of its own.
 
@@ -59,12 +59,12 @@ def check_recipe_options(args: argparse.Namespace) -> None:
     usual = IMAGENET if architecture(args.model).load_imagenet else RANDOM
     wanted = args.start or usual
     args.is_imagenet = wanted == IMAGENET
-    args.recipe_words = _words(args, "" if wanted == usual else Path(wanted).name)
+    args.recipe_words = _format_options(args, "" if wanted == usual else Path(wanted).name)
     args.start = None if wanted in {IMAGENET, RANDOM} else model_path(wanted)
 
 
-def _words(args: argparse.Namespace, start: str) -> str:
-    """The options as they stand in a command, each with a space after it, or nothing."""
+def _format_options(args: argparse.Namespace, start: str) -> str:
+    """Return the options as they stand in a command, each with a space after it."""
     words = f"--start {start} " if start else ""
     if args.class_weights is not None:
         words += f"--class-weights {args.class_weights} "
@@ -73,19 +73,21 @@ def _words(args: argparse.Namespace, start: str) -> str:
     return words
 
 
-def begun(plan: Any, args: argparse.Namespace) -> Any:
-    """The plan with the weights it begins with, the rate that suits them, and what was asked."""
+def apply_recipe_options(plan: Any, args: argparse.Namespace) -> Any:
+    """Return the plan with its first weights, the rate that suits them, and what was asked."""
     from agribot.lab.train.start import IMAGENET, IMAGENET_LEARNING_RATE, LEARNING_RATE
 
     if args.is_imagenet:
         plan = msgspec.structs.replace(plan, start=IMAGENET, learning_rate=IMAGENET_LEARNING_RATE)
     elif args.start:
-        plan = msgspec.structs.replace(plan, start=_told(args.start), learning_rate=LEARNING_RATE)
+        plan = msgspec.structs.replace(
+            plan, start=_describe_start(args.start), learning_rate=LEARNING_RATE
+        )
     return msgspec.structs.replace(plan, **args.asked)
 
 
 def read_class_weights(text: str) -> tuple[float, float, float]:
-    """(weed, crop, soil) of "1,2,0.6".
+    """Read the weights of weed, crop and soil from "1,2,0.6".
 
     Raises: ConfigError: not three finite numbers above 0.
     """
@@ -102,7 +104,56 @@ def read_class_weights(text: str) -> tuple[float, float, float]:
     return weed, crop, soil
 
 
-def _told(path: Path) -> str:
+def _describe_start(path: Path) -> str:
     from agribot.lab.train.card import sha256
 
     return f"{path.stem} {sha256(path)[:16]}"
+
+
+def add_drawn_options(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--variety",
+        choices=("standard", "wide"),
+        default="standard",
+        help="wide: all species, and soil with residue, stones and wet patches",
+    )
+    group.add_argument("--images", type=int, default=2000, help="to train on")
+    group.add_argument(
+        "--row-images",
+        type=int,
+        metavar="N",
+        help="as many of them from the robot's camera along rows (default: half)",
+    )
+    group.add_argument(
+        "--turn-images",
+        type=int,
+        metavar="N",
+        help="as many of them from the robot's camera in turns beside rows (default: 1 of 6)",
+    )
+    group.add_argument("--test-images", type=int, default=120, help="of each test set")
+    group.add_argument("--cache", type=Path, help="where they lie (default: OUT/images)")
+
+
+def check_drawn_options(args: argparse.Namespace) -> None:
+    """Fill in the counts that were left out.
+
+    Raises: ConfigError: a count that is out of range.
+    """
+    if args.with_sim < 0 or (args.with_sim and args.data == "sim"):
+        raise ConfigError(
+            f"--with-sim {args.with_sim}: a number of images to add to photographs; leave it out "
+            "with --data sim"
+        )
+    if args.row_images is None:
+        args.row_images = args.images // 2
+    if args.turn_images is None:
+        args.turn_images = args.images // 6
+    for option in ("row_images", "turn_images"):
+        if not 0 <= (count := getattr(args, option)) <= args.images:
+            flag = option.replace("_", "-")
+            raise ConfigError(f"--{flag} {count}: must be from 0 to --images")
+    if (on_robot := args.row_images + args.turn_images) > args.images:
+        raise ConfigError(
+            f"--row-images and --turn-images ask for {on_robot} of the {args.images} of --images; "
+            "give more images, or fewer of these"
+        )

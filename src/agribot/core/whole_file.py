@@ -1,4 +1,4 @@
-"""Writes a file at once: whoever reads it sees the old or the new content, never half of it."""
+"""Replace a file at once: whoever reads it sees the old or the new content, never half of it."""
 
 from __future__ import annotations
 
@@ -7,21 +7,23 @@ import os
 import secrets
 import shutil
 import stat
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-# Of a folder that takes no second file beside the first, or lets none take its place.
+# Errors of a folder that takes no second file, or lets none replace the first.
 _NO_ROOM_BESIDE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EBUSY)
 
 
 def write_at_once(path: Path, data: bytes, *, is_synced: bool = False) -> None:
-    """Write beside the file and put that in its place; an older file keeps its permissions.
+    """Write a temporary file beside the path and put it in its place.
 
-    Links are followed. What is there and is no regular file, such as a pipe, is written directly,
-    and so is a file whose folder takes no other one. `is_synced` waits for the disk first.
+    An older file keeps its permissions. Links are followed. What is there and is no regular file,
+    such as a pipe, is written directly, and so is a file whose folder takes no other one.
+    `is_synced` waits for the disk first.
     Raises: OSError: it cannot be written.
     """
-    old = _status(path)
+    old = _read_status(path)
     if old is not None and not stat.S_ISREG(old.st_mode):
         path.write_bytes(data)
         return
@@ -41,6 +43,22 @@ def write_at_once(path: Path, data: bytes, *, is_synced: bool = False) -> None:
         path.write_bytes(data)
 
 
+def make_at_once(path: Path, make: Callable[[Path], object]) -> None:
+    """Let `make` write a temporary file beside the path, then put it in its place.
+
+    It is for files that a library writes by their path. What an earlier call that was killed left
+    is removed, and so is the temporary file when `make` fails; the old file then stays.
+    Raises: OSError: it cannot be replaced; whatever `make` raises.
+    """
+    beside = path.with_name(f".{path.name}.new")
+    beside.unlink(missing_ok=True)
+    try:
+        make(beside)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
 def _write_new(path: Path, data: bytes, is_synced: bool) -> None:
     with path.open("xb") as file:
         file.write(data)
@@ -49,8 +67,8 @@ def _write_new(path: Path, data: bytes, is_synced: bool) -> None:
             os.fsync(file.fileno())
 
 
-def _status(path: Path) -> os.stat_result | None:
-    """Of what the path leads to; None where nothing is there."""
+def _read_status(path: Path) -> os.stat_result | None:
+    """Return the status of what the path leads to; None where nothing is there."""
     try:
         return path.stat()
     except FileNotFoundError:

@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.weeds.map import WeedMap
-from agribot.autonomy.weeds.treatment import Treatment
 from agribot.core.config import WeedConfig
-from agribot.core.robot import SprayerSpec
+from agribot.core.implement.sprayer import SprayerSpec
 from tests.autonomy.weeds.weed_field import add_sightings, make_estimate
 
 BOOM = SprayerSpec(
-    x_body_m=-0.3, nozzle_count=8, nozzle_spacing_m=0.1, nozzle_width_m=0.1, latency_s=0.1
+    x_body_m=-0.3, section_count=8, section_spacing_m=0.1, section_width_m=0.1, latency_s=0.1
 )
 TICK_S = 0.02
 JET_M = 0.03  # length of the spray's footprint along the way
@@ -37,11 +37,11 @@ class Field:
         self._commands.append((t_s, nozzles))
         at_s = t_s - self.latency_s + 1e-9
         flowing = next((open_ for sent_s, open_ in self._commands[::-1] if sent_s <= at_s), ())
-        half_m = self.sprayer.nozzle_width_m / 2
-        for y_m, is_open in zip(self.sprayer.nozzle_y_body_m(), flowing, strict=False):
+        half_m = self.sprayer.section_width_m / 2
+        for y_m, is_open in zip(self.sprayer.section_y_body_m(), flowing, strict=False):
             if not is_open:
                 continue
-            self.wet_m2 += step_m * self.sprayer.nozzle_width_m
+            self.wet_m2 += step_m * self.sprayer.section_width_m
             for name, place in self.plants.items():
                 px, py = body_from_map(place, pose)
                 x, y = px - self.sprayer.x_body_m, py - y_m
@@ -69,6 +69,11 @@ def make_map(
     return weed_map
 
 
+def figure(treatment: Treatment, name: str) -> float:
+    """What the implement reports of itself under this name."""
+    return next(line.value for line in treatment.report() if line.name == name)
+
+
 def drive_over(
     treatment: Treatment,
     weed_map: WeedMap,
@@ -88,7 +93,7 @@ def drive_over(
         t_s = from_s + i * TICK_S
         estimate = make_estimate(t_s, x, y, yaw, v_mps=v_mps, yaw_rate_radps=yaw_rate_radps)
         command = treatment.step(estimate, weed_map, tool_on)
-        truth.step(t_s, (x, y, yaw), command.nozzles_open, abs(v_mps) * TICK_S)
+        truth.step(t_s, (x, y, yaw), command.sections_on, abs(v_mps) * TICK_S)
         middle = yaw + yaw_rate_radps * TICK_S / 2
         x += v_mps * TICK_S * math.cos(middle)
         y += v_mps * TICK_S * math.sin(middle)

@@ -9,20 +9,20 @@ import msgspec
 import numpy as np
 import pytest
 
+from agribot.autonomy.implements.treatment import Treatment
+from agribot.autonomy.weeds.crop_ground import CropGround
 from agribot.autonomy.weeds.map import WeedMap
-from agribot.autonomy.weeds.no_spray import NoSprayArea
 from agribot.autonomy.weeds.poses import PoseAt
-from agribot.autonomy.weeds.treatment import Treatment
 from agribot.core.config import TreatmentConfig, WeedConfig
+from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import CropCover, PlantClass
-from agribot.core.robot import SprayerSpec
-from tests.autonomy.weeds.spray_ground import Field, drive_over
+from tests.autonomy.implements.spray_ground import Field, drive_over
 from tests.autonomy.weeds.weed_field import make_estimate, make_plant, make_scene
 
 CELL_M, ROWS, COLUMNS = 0.025, 48, 64
 CORNER_M = (0.3, -0.8)
 BOOM = SprayerSpec(
-    x_body_m=-0.35, nozzle_count=9, nozzle_spacing_m=0.1, nozzle_width_m=0.1, latency_s=0.05
+    x_body_m=-0.35, section_count=9, section_spacing_m=0.1, section_width_m=0.1, latency_s=0.05
 )
 IsCrop = Callable[[float, float], bool]
 POSE = PoseAt(t_s=0.0, x_map_m=0.0, y_map_m=0.0, yaw_map_rad=0.0, cov=(0.0,) * 9)
@@ -146,7 +146,7 @@ def test_no_drop_falls_on_leaves_also_in_a_curve() -> None:
 def test_two_looks_close_a_cell_and_two_in_a_row_that_show_no_crop_open_it_again(
     seen: str, closed: str
 ) -> None:
-    area = NoSprayArea()
+    area = CropGround()
 
     def is_covered() -> bool:
         return area.covers(1.0, 0.0, 0.0, 0.05, 0.05)
@@ -160,7 +160,7 @@ def test_two_looks_close_a_cell_and_two_in_a_row_that_show_no_crop_open_it_again
 
 
 def test_the_area_turns_with_the_robot_and_forgets_what_lies_far_behind() -> None:
-    area = NoSprayArea()
+    area = CropGround()
     north = msgspec.structs.replace(POSE, x_map_m=5.0, y_map_m=-3.0, yaw_map_rad=math.pi / 2)
 
     def patch(x_m: float, y_m: float) -> bool:

@@ -1,4 +1,4 @@
-"""The robot as its description has it, with what was measured of this very one."""
+"""The robot of its description, corrected by what was measured of it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from agribot.core.geo import inverse, rotation_from_rpy, rpy_from_rotation
 from agribot.core.robot import Joint, Origin, RobotSpec
 
 
-def calibrated(robot: RobotSpec, measured: CalibrationConfig) -> RobotSpec:
-    """The same robot where nothing was measured.
+def apply_calibration(robot: RobotSpec, measured: CalibrationConfig) -> RobotSpec:
+    """Return the robot with the measured geometry; the same where nothing was measured.
 
     Raises: DescriptionError: an antenna or a camera that is measured but hangs on no joint.
     """
@@ -24,20 +24,20 @@ def calibrated(robot: RobotSpec, measured: CalibrationConfig) -> RobotSpec:
     if drive is not robot.drive:
         robot = msgspec.structs.replace(robot, drive=drive)
     if measured.antenna_m is not None:
-        robot = _with_antenna(robot, measured.antenna_m)
-    return _with_camera(robot, measured)
+        robot = _move_antenna(robot, measured.antenna_m)
+    return _move_camera(robot, measured)
 
 
-def _with_antenna(robot: RobotSpec, antenna_m: tuple[float, float]) -> RobotSpec:
-    """The height stays."""
+def _move_antenna(robot: RobotSpec, antenna_m: tuple[float, float]) -> RobotSpec:
+    """Move the antenna in the plane; its height stays."""
     link = robot.gnss.link
-    joint = _joint_of(robot, link, f"calibration.antenna_m = {list(antenna_m)}: the antenna's")
+    joint = _find_joint(robot, link, f"calibration.antenna_m = {list(antenna_m)}: the antenna's")
     shift_m = (*(np.array(antenna_m) - robot.base_from_link(link)[:2, 3]).tolist(), 0.0)
-    return _with_origin(robot, joint, _shifted(robot, joint, shift_m))
+    return _replace_origin(robot, joint, _shift_origin(robot, joint, shift_m))
 
 
-def _with_camera(robot: RobotSpec, measured: CalibrationConfig) -> RobotSpec:
-    """Its place above the ground's plane stays: pictures of a drive do not show it."""
+def _move_camera(robot: RobotSpec, measured: CalibrationConfig) -> RobotSpec:
+    """Turn and raise the camera; its place in the ground's plane stays, which no picture shows."""
     height_m, rpy_rad = measured.camera_height_m, measured.camera_rpy_rad
     if height_m is None and rpy_rad is None:
         return robot
@@ -45,21 +45,24 @@ def _with_camera(robot: RobotSpec, measured: CalibrationConfig) -> RobotSpec:
         raise DescriptionError(
             f"calibration.camera_*: robot '{robot.name}' has no camera; leave the settings out"
         )
-    joint = _joint_of(robot, robot.camera.link, "calibration.camera_*: the camera's")
+    joint = _find_joint(robot, robot.camera.link, "calibration.camera_*: the camera's")
     if rpy_rad is not None:
         parent_from_base = inverse(robot.base_from_link(joint.parent))
         turned = parent_from_base[:3, :3] @ rotation_from_rpy(*rpy_rad)
         origin = msgspec.structs.replace(joint.origin, rpy_rad=rpy_from_rotation(turned))
-        robot = _with_origin(robot, joint, origin)
+        robot = _replace_origin(robot, joint, origin)
     if height_m is not None:
-        joint = _joint_of(robot, joint.child, "")
+        joint = _find_joint(robot, joint.child, "")
         shift_m = (0.0, 0.0, height_m - float(robot.body_from_link(joint.child)[2, 3]))
-        robot = _with_origin(robot, joint, _shifted(robot, joint, shift_m))
+        robot = _replace_origin(robot, joint, _shift_origin(robot, joint, shift_m))
     return robot
 
 
-def _joint_of(robot: RobotSpec, link: str, whose: str) -> Joint:
-    """Raises: DescriptionError: none, or that of the whole robot."""
+def _find_joint(robot: RobotSpec, link: str, whose: str) -> Joint:
+    """Find the joint that carries a link.
+
+    Raises: DescriptionError: none, or that of the whole robot.
+    """
     joint = next((joint for joint in robot.joints if joint.child == link), None)
     if joint is None or link == "base_link":
         raise DescriptionError(
@@ -69,14 +72,16 @@ def _joint_of(robot: RobotSpec, link: str, whose: str) -> Joint:
     return joint
 
 
-def _shifted(robot: RobotSpec, joint: Joint, shift_base_m: tuple[float, float, float]) -> Origin:
-    """The parent may be turned against the base."""
+def _shift_origin(
+    robot: RobotSpec, joint: Joint, shift_base_m: tuple[float, float, float]
+) -> Origin:
+    """Shift a joint's origin in the base's axes, against which its parent may be turned."""
     shift_m = robot.base_from_link(joint.parent)[:3, :3].T @ np.array(shift_base_m)
     x_m, y_m, z_m = (np.array(joint.origin.xyz_m) + shift_m).tolist()
     return msgspec.structs.replace(joint.origin, xyz_m=(x_m, y_m, z_m))
 
 
-def _with_origin(robot: RobotSpec, joint: Joint, origin: Origin) -> RobotSpec:
+def _replace_origin(robot: RobotSpec, joint: Joint, origin: Origin) -> RobotSpec:
     moved = msgspec.structs.replace(joint, origin=origin)
     joints = tuple(moved if each is joint else each for each in robot.joints)
     return msgspec.structs.replace(robot, joints=joints)

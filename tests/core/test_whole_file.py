@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from agribot.core.errors import RecordingError
+from agribot.core.whole_file import make_at_once, write_at_once
 from agribot.record.report import write_file
-from agribot.record.whole_file import write_at_once
 
 
 def names(folder: Path) -> list[str]:
@@ -92,7 +92,7 @@ def test_a_file_in_a_folder_that_takes_no_other_one_is_written(
     def refuse(*_: object) -> None:
         raise OSError(refusal, os.strerror(refusal))
 
-    monkeypatch.setattr("agribot.record.whole_file._write_new", refuse)
+    monkeypatch.setattr("agribot.core.whole_file._write_new", refuse)
     write_file(path, b"newer")
     assert path.read_bytes() == b"newer"
     with pytest.raises(RecordingError, match=r"cannot write .*another\.geojson"):
@@ -119,3 +119,49 @@ def test_a_name_as_long_as_names_may_be_is_written(tmp_path: Path) -> None:
     path = tmp_path / ("é" * 120 + ".geojson")
     write_file(path, b"the plan")
     assert path.read_bytes() == b"the plan"
+
+
+def test_a_file_made_by_a_library_takes_the_place_of_the_older_one_when_it_is_whole(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "farm.mbtiles"
+    path.write_bytes(b"older")
+
+    def make(beside: Path) -> None:
+        beside.write_bytes(b"half")
+        assert path.read_bytes() == b"older"
+        beside.write_bytes(b"whole")
+
+    make_at_once(path, make)
+    assert path.read_bytes() == b"whole"
+    assert names(tmp_path) == ["farm.mbtiles"]
+
+
+def test_a_file_that_a_library_cannot_make_leaves_the_older_one_and_nothing_else(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "farm.mbtiles"
+    path.write_bytes(b"older")
+
+    def fail(beside: Path) -> None:
+        beside.write_bytes(b"half")
+        raise ValueError("not a map")
+
+    with pytest.raises(ValueError, match="not a map"):
+        make_at_once(path, fail)
+    assert path.read_bytes() == b"older"
+    assert names(tmp_path) == ["farm.mbtiles"]
+
+
+def test_what_a_killed_program_left_beside_a_file_is_gone_after_the_next_try(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "farm.mbtiles"
+
+    def make(beside: Path) -> None:
+        assert not beside.exists()
+        beside.write_bytes(b"whole")
+
+    (tmp_path / ".farm.mbtiles.new").write_bytes(b"half")
+    make_at_once(path, make)
+    assert names(tmp_path) == ["farm.mbtiles"]

@@ -6,10 +6,10 @@ from collections import deque
 
 import numpy as np
 
-from agribot.autonomy.weeds.treatment import Treatment
+from agribot.autonomy.implements.treatment import Treatment
 from agribot.core.config import TreatmentConfig
 from agribot.core.messages import Scene
-from tests.autonomy.weeds.spray_ground import BOOM, Field
+from tests.autonomy.implements.spray_ground import BOOM, Field, figure
 from tests.autonomy.weeds.weed_field import (
     SPEED_MPS,
     TICK_S,
@@ -50,20 +50,21 @@ def see_and_spray(seed: int, eyes: Eyes) -> tuple[Walk, Field, Treatment]:
         while coming and coming[0].t_s + LATENCY_S <= t_s:
             strip.map.add(coming.popleft())
         command = treatment.step(estimate, strip.map, True)
-        ground.step(t_s, (pose[0], pose[1], pose[2]), command.nozzles_open, SPEED_MPS * TICK_S)
+        ground.step(t_s, (pose[0], pose[1], pose[2]), command.sections_on, SPEED_MPS * TICK_S)
     return strip, ground, treatment
 
 
 def test_a_drive_wets_nearly_every_weed_no_crop_and_little_ground() -> None:
-    wet = weeds = crops_wet = agree = 0
+    wet = weeds = crops_wet = 0
+    agree = 0.0
     ratios = []
     for seed in range(8):
         strip, ground, treatment = see_and_spray(seed, Eyes())
         weeds += len(strip.weeds_m)
         wet += sum(name.startswith("weed") for name in ground.hit)
         crops_wet += sum(name.startswith("crop") for name in ground.hit)
-        agree += treatment.weeds_treated
-        ratios.append(treatment.sprayed_m2 / treatment.passed_m2)
+        agree += figure(treatment, "weeds treated")
+        ratios.append(figure(treatment, "sprayed") / figure(treatment, "passed"))
         assert strip.map.scenes_dropped == 0
     assert wet >= 0.95 * weeds
     assert crops_wet == 0

@@ -4,16 +4,16 @@ import math
 
 import numpy as np
 
-from agribot.autonomy.weeds.treatment import Treatment
+from agribot.autonomy.implements.treatment import Treatment
 from agribot.core.config import TreatmentConfig
-from tests.autonomy.weeds.spray_ground import BOOM, Field, drive_over, make_map
+from tests.autonomy.implements.spray_ground import BOOM, Field, drive_over, figure, make_map
 
 
 def test_a_weed_inside_the_guard_ring_of_a_crop_is_left_alone() -> None:
     weed_map = make_map([(1.06, 0.03)], [(1.0, 0.03)])
     treatment = Treatment(TreatmentConfig(), BOOM)
     drive_over(treatment, weed_map, Field())
-    assert treatment.sprayed_m2 == 0.0
+    assert figure(treatment, "sprayed") == 0.0
     assert weed_map.weeds()[0].treated_s is None
 
 

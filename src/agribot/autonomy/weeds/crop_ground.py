@@ -1,15 +1,15 @@
-"""Ground under leaves of crop, known to be plants of the map or not: nothing sprays there."""
+"""Ground under leaves of crop, known to be plants of the map or not: no implement works there."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from agribot.autonomy.weeds.poses import PoseAt
+from agribot.core.implement.plants import Disc
 from agribot.core.messages import CropCover, FloatArray
 
 IndexArray = npt.NDArray[np.int64]
@@ -26,16 +26,8 @@ RING_M, RING_STEPS, ALONE_RATIO = 0.075, 48, 0.1
 NEWS_RATIO, CLOSED = 0.35, 0.5
 
 
-class Disc(NamedTuple):
-    """Ground around a plant, in the map."""
-
-    x_map_m: float
-    y_map_m: float
-    radius_m: float
-
-
-class NoSprayArea:
-    """Call `add` for every cover with the pose of its capture; ask `covers` before spraying.
+class CropGround:
+    """Call `add` for every cover with the pose of its capture; ask `covers` before working.
 
     A ring of cells of the map that moves along with the robot: a cell that is entered anew,
     `SIDE_CELLS` farther on, forgets what it held.
@@ -107,6 +99,17 @@ class NoSprayArea:
             dx_m, dy_m = (i + 0.5) * CELL_M - disc.x_map_m, (j + 0.5) * CELL_M - disc.y_map_m
             is_unknown &= np.hypot(dx_m, dy_m) > disc.radius_m
         return bool(is_unknown.any())
+
+    def is_seen(
+        self, x_map_m: float, y_map_m: float, yaw_map_rad: float, half_x_m: float, half_y_m: float
+    ) -> bool:
+        """Whether all of a box on the ground was looked at, with half sides as in `covers`."""
+        cos, sin = math.cos(yaw_map_rad), math.sin(yaw_map_rad)
+        along_m, across_m = _steps(half_x_m)[:, None], _steps(half_y_m)[None, :]
+        i = np.floor((x_map_m + cos * along_m - sin * across_m) / CELL_M).astype(np.int64)
+        j = np.floor((y_map_m + sin * along_m + cos * across_m) / CELL_M).astype(np.int64)
+        at = (i % SIDE_CELLS, j % SIDE_CELLS)
+        return bool(((self._owner[0][at] == i) & (self._owner[1][at] == j)).all())
 
     def is_alone(self, plant: Disc) -> bool:
         """Whether hardly any crop grows around the disc: its leaves are those of one plant."""

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.weeds.map import WeedMap
-from agribot.autonomy.weeds.treatment import Treatment
 from agribot.core.config import TreatmentConfig, WeedConfig
-from agribot.core.robot import SprayerSpec
-from tests.autonomy.weeds.spray_ground import BOOM, TICK_S, Field, drive_over, make_map
+from agribot.core.implement.sprayer import SprayerSpec
+from tests.autonomy.implements.spray_ground import BOOM, TICK_S, Field, drive_over, figure, make_map
 from tests.autonomy.weeds.weed_field import add_sightings, make_estimate
 
 
@@ -23,7 +23,7 @@ def test_every_weed_under_the_boom_is_hit_and_marked() -> None:
     assert set(truth.hit) == set(truth.plants)
     for name, weed in zip(truth.plants, weed_map.weeds(), strict=True):
         assert weed.treated_s == pytest.approx(truth.hit[name], abs=0.05)
-    assert treatment.weeds_treated == len(places)
+    assert figure(treatment, "weeds treated") == len(places)
 
 
 def test_most_of_the_ground_stays_dry_and_the_account_agrees_with_the_ground() -> None:
@@ -31,9 +31,9 @@ def test_most_of_the_ground_stays_dry_and_the_account_agrees_with_the_ground() -
     truth = Field()
     treatment = Treatment(TreatmentConfig(), BOOM)
     drive_over(treatment, weed_map, truth)
-    assert treatment.sprayed_m2 == pytest.approx(truth.wet_m2, rel=0.02)
-    assert treatment.passed_m2 == pytest.approx(3.0 * 0.8, rel=0.02)
-    assert 0.0 < treatment.sprayed_m2 < 0.03 * treatment.passed_m2
+    assert figure(treatment, "sprayed") == pytest.approx(truth.wet_m2, rel=0.02)
+    assert figure(treatment, "passed") == pytest.approx(3.0 * 0.8, rel=0.02)
+    assert 0.0 < figure(treatment, "sprayed") < 0.03 * figure(treatment, "passed")
 
 
 @pytest.mark.parametrize("latency_s", [0.0, 0.04, 0.1, 0.3, 0.5])
@@ -42,7 +42,11 @@ def test_latency_and_speed_are_led_so_that_the_spray_is_centred_on_the_weed(
     latency_s: float, v_mps: float
 ) -> None:
     sprayer = SprayerSpec(
-        x_body_m=-0.3, nozzle_count=8, nozzle_spacing_m=0.1, nozzle_width_m=0.1, latency_s=latency_s
+        x_body_m=-0.3,
+        section_count=8,
+        section_spacing_m=0.1,
+        section_width_m=0.1,
+        latency_s=latency_s,
     )
     weed_map = make_map([(1.0, 0.05)])
     truth = Field(sprayer=sprayer, latency_s=latency_s, plants={"weed": (1.0, 0.05)})
@@ -53,7 +57,7 @@ def test_latency_and_speed_are_led_so_that_the_spray_is_centred_on_the_weed(
         before_m2 = truth.wet_m2
         t_s = 10.0 + i * TICK_S
         command = treatment.step(make_estimate(t_s, x, 0.0, 0.0, v_mps=v_mps), weed_map, True)
-        truth.step(t_s, (x, 0.0, 0.0), command.nozzles_open, v_mps * TICK_S)
+        truth.step(t_s, (x, 0.0, 0.0), command.sections_on, v_mps * TICK_S)
         if truth.wet_m2 > before_m2:
             wet_x_m.append(x - 0.3)
         x += v_mps * TICK_S
@@ -66,7 +70,7 @@ def test_latency_and_speed_are_led_so_that_the_spray_is_centred_on_the_weed(
 def test_ignoring_the_latency_would_miss() -> None:
     """Guards the test above: the same spray with an unled latency lands beside the weed."""
     unled = SprayerSpec(
-        x_body_m=-0.3, nozzle_count=8, nozzle_spacing_m=0.1, nozzle_width_m=0.1, latency_s=0.0
+        x_body_m=-0.3, section_count=8, section_spacing_m=0.1, section_width_m=0.1, latency_s=0.0
     )
     truth = Field(sprayer=unled, latency_s=0.3, plants={"weed": (1.0, 0.05)})
     drive_over(Treatment(TreatmentConfig(), unled), make_map([(1.0, 0.05)]), truth)
@@ -77,7 +81,7 @@ def test_ignoring_the_latency_would_miss() -> None:
 def test_the_turn_during_the_latency_is_led_too() -> None:
     """In 0.4 s the left end of the boom swings by 7 cm, more than the spray reaches."""
     slow = SprayerSpec(
-        x_body_m=-0.3, nozzle_count=8, nozzle_spacing_m=0.1, nozzle_width_m=0.1, latency_s=0.4
+        x_body_m=-0.3, section_count=8, section_spacing_m=0.1, section_width_m=0.1, latency_s=0.4
     )
     places = []
     for t_s, y_m in ((2.0, 0.33), (2.8, -0.31), (3.4, 0.12), (4.1, 0.36), (4.8, -0.36)):
@@ -97,8 +101,8 @@ def test_only_the_nozzles_over_the_weed_open() -> None:
     for i in range(400):
         estimate = make_estimate(10.0 + i * TICK_S, 0.008 * i, 0.0, 0.0)
         command = treatment.step(estimate, weed_map, True)
-        assert len(command.nozzles_open) == 8
-        opened |= {i for i, is_open in enumerate(command.nozzles_open) if is_open}
+        assert len(command.sections_on) == 8
+        opened |= {i for i, is_open in enumerate(command.sections_on) if is_open}
     assert opened == {2}  # from left to right: 0.35, 0.25, 0.15 ...
 
 
@@ -107,7 +111,7 @@ def test_a_weed_between_two_nozzles_opens_both() -> None:
     treatment = Treatment(TreatmentConfig(), BOOM)
     drive_over(treatment, make_map([(1.0, 0.103)]), truth)
     one_m2 = 0.1 * 0.09
-    assert 1.7 * one_m2 < treatment.sprayed_m2 < 2.3 * one_m2
+    assert 1.7 * one_m2 < figure(treatment, "sprayed") < 2.3 * one_m2
 
 
 def test_the_next_pass_does_not_spray_again() -> None:
@@ -115,10 +119,10 @@ def test_the_next_pass_does_not_spray_again() -> None:
     weed_map = make_map(places)
     treatment = Treatment(TreatmentConfig(), BOOM)
     end_s = drive_over(treatment, weed_map, Field())
-    first_m2, first_s = treatment.sprayed_m2, [weed.treated_s for weed in weed_map.weeds()]
+    first_m2, first_s = figure(treatment, "sprayed"), [weed.treated_s for weed in weed_map.weeds()]
     drive_over(treatment, weed_map, Field(), from_s=end_s + 5, start=(3.0, 0.4, math.pi))
     assert first_m2 > 0.0
-    assert treatment.sprayed_m2 == first_m2
+    assert figure(treatment, "sprayed") == first_m2
     assert [weed.treated_s for weed in weed_map.weeds()] == first_s
 
 
@@ -126,10 +130,10 @@ def test_new_sightings_of_a_treated_weed_do_not_spray_it_again() -> None:
     weed_map = make_map([(1.0, 0.2)])
     treatment = Treatment(TreatmentConfig(), BOOM)
     end_s = drive_over(treatment, weed_map, Field())
-    first_m2 = treatment.sprayed_m2
+    first_m2 = figure(treatment, "sprayed")
     add_sightings(weed_map, [(1.03, 0.22)], from_s=end_s)
     drive_over(treatment, weed_map, Field(), from_s=end_s + 5)
-    assert treatment.sprayed_m2 == first_m2
+    assert figure(treatment, "sprayed") == first_m2
 
 
 def test_a_weed_missed_with_the_tool_off_is_sprayed_on_the_next_pass() -> None:
@@ -137,7 +141,7 @@ def test_a_weed_missed_with_the_tool_off_is_sprayed_on_the_next_pass() -> None:
     treatment = Treatment(TreatmentConfig(), BOOM)
     truth = Field(plants={"weed": (1.0, 0.2)})
     end_s = drive_over(treatment, weed_map, truth, tool_on=False)
-    assert truth.wet_m2 == treatment.sprayed_m2 == 0.0
+    assert truth.wet_m2 == figure(treatment, "sprayed") == 0.0
     assert weed_map.weeds()[0].treated_s is None
     drive_over(treatment, weed_map, truth, from_s=end_s + 5)
     assert "weed" in truth.hit
@@ -154,14 +158,14 @@ def test_nozzles_stay_shut_at_rest_without_position_and_when_disabled(
     for i in range(50):
         for x_m in (1.24, 1.28, 1.3, 1.32):
             estimate = make_estimate(10.0 + i * TICK_S, x_m, 0.0, 0.0, v_mps=v_mps, ok=ok)
-            assert not any(treatment.step(estimate, weed_map, True).nozzles_open)
+            assert not any(treatment.step(estimate, weed_map, True).sections_on)
 
 
 def test_a_robot_without_sprayer_commands_nothing() -> None:
     command = Treatment(TreatmentConfig(), None).step(
         make_estimate(0.0, 1.0, 0.0, 0.0), make_map([(0.7, 0.0)]), True
     )
-    assert command.nozzles_open == ()
+    assert command.sections_on == ()
 
 
 def test_unconfirmed_weeds_are_left_alone() -> None:
@@ -169,7 +173,7 @@ def test_unconfirmed_weeds_are_left_alone() -> None:
     add_sightings(weed_map, [(1.0, 0.05)], times=2)
     treatment = Treatment(TreatmentConfig(), BOOM)
     drive_over(treatment, weed_map, Field())
-    assert treatment.sprayed_m2 == 0.0
+    assert figure(treatment, "sprayed") == 0.0
 
 
 @pytest.mark.parametrize("pause_x_m", [1.26, 1.29, 1.31, 1.34])
@@ -181,14 +185,14 @@ def test_a_stop_over_a_weed_neither_floods_it_nor_leaves_it_out(pause_x_m: float
     for i in range(100):
         t_s = end_s + i * TICK_S
         command = treatment.step(make_estimate(t_s, pause_x_m, 0.0, 0.0, v_mps=0.0), weed_map, True)
-        truth.step(t_s, (pause_x_m, 0.0, 0.0), command.nozzles_open, 0.0)
-        assert not any(command.nozzles_open)
+        truth.step(t_s, (pause_x_m, 0.0, 0.0), command.sections_on, 0.0)
+        assert not any(command.sections_on)
     drive_over(
         treatment, weed_map, truth, from_s=end_s + 2.0, way_m=1.0, start=(pause_x_m, 0.0, 0.0)
     )
     assert "weed" in truth.hit
     assert weed_map.weeds()[0].treated_s is not None
-    assert treatment.sprayed_m2 < 2.5 * 0.1 * 0.1
+    assert figure(treatment, "sprayed") < 2.5 * 0.1 * 0.1
 
 
 def test_nine_of_ten_weeds_are_hit_when_the_map_is_two_centimetres_off() -> None:

@@ -1,0 +1,35 @@
+"""Write every page that is made from the code: `python scripts/write_pages.py`, or `make pages`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import architecture_page
+import commands_page
+import mission_page
+import python_page
+import settings_page
+import topics_page
+
+ROOT = Path(__file__).parents[1]
+# Where each lies, and what makes it.
+PAGES: dict[str, Callable[[], str]] = {
+    "CONTRIBUTING.md": architecture_page.contributing,
+    "docs/architecture.md": architecture_page.page,
+    "docs/commands.md": commands_page.page,
+    "docs/field-file.md": settings_page.field_page,
+    "docs/mission.md": mission_page.page,
+    "docs/python.md": python_page.page,
+    "docs/settings.md": settings_page.page,
+    "docs/topics.md": topics_page.page,
+}
+
+
+def main() -> None:
+    for name, make in PAGES.items():
+        (ROOT / name).write_text(make(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

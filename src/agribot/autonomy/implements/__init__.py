@@ -1,0 +1,1 @@
+"""What an implement does and when, decided from the pose and the plants around it."""

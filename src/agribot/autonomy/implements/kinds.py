@@ -1,0 +1,30 @@
+"""The implements of this program by their kind, and those that were registered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from agribot.autonomy.implements.sprayer import SpotSprayer
+from agribot.core.config import TreatmentConfig
+from agribot.core.errors import DescriptionError
+from agribot.core.implement.kind import Implement, find_registered
+from agribot.core.implement.spec import ImplementSpec
+
+KINDS: dict[str, Callable[[Any, TreatmentConfig], Implement]] = {
+    "sprayer": SpotSprayer,
+}
+
+
+def fit_implement(spec: ImplementSpec, config: TreatmentConfig) -> Implement:
+    """Make what decides for the implement of a robot.
+
+    Raises: DescriptionError: nobody registered its kind.
+    """
+    kind = find_registered(spec.kind)
+    control = KINDS.get(spec.kind) if kind is None else kind.control
+    if control is None:
+        raise DescriptionError(
+            f"nothing decides for an implement '{spec.kind}'; register its kind first"
+        )
+    return control(spec, config)

@@ -1,0 +1,52 @@
+"""Sections over leaves of crop: off, but for those over a plant that stands by itself."""
+
+from __future__ import annotations
+
+import math
+
+from agribot.autonomy.implements.tool_frame import ToolPose
+from agribot.core.implement.plants import Disc, KnownPlant, PlantMap
+from agribot.core.messages import PlantClass
+
+# Leaf tips of a plant reach so much farther than a disc of its area.
+LEAVES_RATIO, MAX_LEAVES_M = 2.0, 0.45
+
+
+def spare_leaves(
+    is_on: tuple[bool, ...],
+    section_y_m: tuple[float, ...],
+    tool: ToolPose,
+    half_x_m: float,
+    half_y_m: float,
+    plants: PlantMap,
+) -> tuple[bool, ...]:
+    """Switch off every section whose box on the ground has leaves of crop in it.
+
+    Boxes reach `half_x_m` along and `half_y_m` across around the middle of a section, `section_y_m`
+    to the left of the tool point. Leaves of a plant that stands alone in the map do not count: its
+    stem is spared by its place.
+    """
+    if not any(is_on):
+        return is_on
+    x_m, y_m, yaw_rad = tool
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    reach_m = half_x_m + section_y_m[0] + half_y_m + MAX_LEAVES_M
+    ground = plants.crop_ground
+    crops = [
+        Disc(plant.x_map_m, plant.y_map_m, _leaf_reach_m(plant))
+        for plant in plants.inside(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
+        if plant.is_confirmed and plant.plant == PlantClass.CROP
+    ]
+    known = [crop for crop in crops if ground.is_alone(crop)]
+    return tuple(
+        works
+        and not ground.covers(
+            x_m - sin * left_m, y_m + cos * left_m, yaw_rad, half_x_m, half_y_m, known
+        )
+        for works, left_m in zip(is_on, section_y_m, strict=True)
+    )
+
+
+def _leaf_reach_m(plant: KnownPlant) -> float:
+    """How far the leaves of a crop in the map reach from its stem."""
+    return min(LEAVES_RATIO * math.sqrt(plant.area_m2 / math.pi), MAX_LEAVES_M)

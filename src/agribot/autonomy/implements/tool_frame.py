@@ -1,0 +1,86 @@
+"""Plants as seen from the tool point: now, and when a command given now will take effect."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from agribot.core.implement.plants import KnownPlant, PlantMap
+from agribot.core.messages import Estimate, PlantClass
+
+
+class Placed(NamedTuple):
+    """A plant at `x_m` ahead of the tool point and `y_m` to the left of it."""
+
+    plant: KnownPlant
+    x_m: float
+    y_m: float
+
+
+class ToolPose(NamedTuple):
+    """Tool point and heading in the map."""
+
+    x_map_m: float
+    y_map_m: float
+    yaw_map_rad: float
+
+
+def find_near(
+    estimate: Estimate, plants: PlantMap, tool_x_m: float, ahead_m: float, half_width_m: float
+) -> list[Placed]:
+    """Weeds, and crops that are confirmed, up to `ahead_m` before and behind the tool point."""
+    cos_yaw, sin_yaw = math.cos(estimate.yaw_map_rad), math.sin(estimate.yaw_map_rad)
+    x_map_m = estimate.x_map_m + cos_yaw * tool_x_m
+    y_map_m = estimate.y_map_m + sin_yaw * tool_x_m
+    # Half sides of the upright rectangle around the turned one, ahead_m by half_width_m.
+    east_m = abs(cos_yaw) * ahead_m + abs(sin_yaw) * half_width_m
+    north_m = abs(sin_yaw) * ahead_m + abs(cos_yaw) * half_width_m
+    near: list[Placed] = []
+    for plant in plants.inside(
+        x_map_m - east_m, y_map_m - north_m, x_map_m + east_m, y_map_m + north_m
+    ):
+        dx_m, dy_m = plant.x_map_m - x_map_m, plant.y_map_m - y_map_m
+        x_m = cos_yaw * dx_m + sin_yaw * dy_m
+        if abs(x_m) > ahead_m:
+            continue
+        if plant.is_confirmed or plant.plant == PlantClass.WEED:
+            near.append(Placed(plant, x_m, cos_yaw * dy_m - sin_yaw * dx_m))
+    return near
+
+
+def move_on(
+    near: Sequence[Placed], estimate: Estimate, tool_x_m: float, delay_s: float
+) -> list[Placed]:
+    """The same plants seen from the tool point `delay_s` later."""
+    way_m, turn_rad, course_rad = _predict_way(estimate, delay_s)
+    from_x_m = tool_x_m - way_m * math.cos(course_rad)
+    from_y_m = -way_m * math.sin(course_rad)
+    cos_turn, sin_turn = math.cos(turn_rad), math.sin(turn_rad)
+    return [
+        Placed(
+            plant,
+            cos_turn * (x_m + from_x_m) + sin_turn * (y_m + from_y_m) - tool_x_m,
+            cos_turn * (y_m + from_y_m) - sin_turn * (x_m + from_x_m),
+        )
+        for plant, x_m, y_m in near
+    ]
+
+
+def predict_tool(estimate: Estimate, tool_x_m: float, delay_s: float) -> ToolPose:
+    """Where the tool point will be `delay_s` later."""
+    way_m, turn_rad, course_rad = _predict_way(estimate, delay_s)
+    yaw_rad = estimate.yaw_map_rad + turn_rad
+    course_map_rad = estimate.yaw_map_rad + course_rad
+    return ToolPose(
+        estimate.x_map_m + way_m * math.cos(course_map_rad) + math.cos(yaw_rad) * tool_x_m,
+        estimate.y_map_m + way_m * math.sin(course_map_rad) + math.sin(yaw_rad) * tool_x_m,
+        yaw_rad,
+    )
+
+
+def _predict_way(estimate: Estimate, delay_s: float) -> tuple[float, float, float]:
+    """Distance, turn, and course against the heading now."""
+    turn_rad = estimate.yaw_rate_radps * delay_s
+    way_m = estimate.v_mps * delay_s
+    return way_m, turn_rad, estimate.slip_rad + turn_rad / 2.0

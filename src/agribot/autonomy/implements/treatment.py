@@ -1,0 +1,47 @@
+"""The implement under the mission: whether it may work now, and what it then does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import msgspec
+
+from agribot.autonomy.implements.kinds import fit_implement
+from agribot.core.config import TreatmentConfig
+from agribot.core.implement.kind import ReportLine
+from agribot.core.implement.plants import PlantMap
+from agribot.core.implement.spec import ImplementSpec
+from agribot.core.messages import Estimate, ImplementCommand, OperatorEvent
+
+
+class Treatment:
+    """Call `step` every tick, tool on or off; a robot without an implement has nothing to do."""
+
+    def __init__(self, config: TreatmentConfig, spec: ImplementSpec | None) -> None:
+        """Raises: DescriptionError: nobody registered the kind of the implement."""
+        self._config, self._spec = config, spec
+        self._implement = None if spec is None else fit_implement(spec, config)
+
+    def apply_events(self, events: Iterable[OperatorEvent]) -> None:
+        """Switch the treatment on or off under way, when an operator sets it."""
+        for event in events:
+            if event.action == "set" and event.text == "treatment.enabled":
+                is_on = event.value != 0.0
+                self._config = msgspec.structs.replace(self._config, enabled=is_on)
+
+    def step(self, estimate: Estimate, plants: PlantMap, tool_on: bool) -> ImplementCommand:
+        """What each section is to do, from left to right; none without an implement."""
+        if self._implement is None:
+            return ImplementCommand()
+        may_work = self._config.enabled and tool_on and self._can_work(estimate)
+        return self._implement.step(estimate, plants, may_work=may_work)
+
+    def report(self) -> tuple[ReportLine, ...]:
+        """Give the implement's figures of the run so far."""
+        return () if self._implement is None else self._implement.report()
+
+    def _can_work(self, estimate: Estimate) -> bool:
+        spec = self._spec
+        if spec is None or not estimate.ok or abs(estimate.v_mps) < spec.min_speed_mps:
+            return False
+        return spec.works_backwards or estimate.v_mps > 0.0

@@ -1,0 +1,135 @@
+"""A kind of implement: its description, its mind, its physics; and the kinds that are known.
+
+The kinds of this program stand in three tables, one on each side of the seam: `SPECS` here,
+`agribot.autonomy.implements.kinds` and `agribot.sim.implements.kinds`. A kind from elsewhere is one
+`ImplementKind`, handed to `register_implement` or
+named by an installed package as an entry point of the group `agribot.implements`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+
+import msgspec
+
+from agribot.core.config import TreatmentConfig
+from agribot.core.errors import DescriptionError
+from agribot.core.implement.plants import PlantMap
+from agribot.core.implement.spec import ImplementSpec
+from agribot.core.implement.sprayer import SprayerSpec
+from agribot.core.messages import Estimate, FloatArray, ImplementCommand, Vec3
+from agribot.core.world import WorldSpec
+
+Spec = TypeVar("Spec", bound=ImplementSpec)
+
+
+class ReportLine(msgspec.Struct, frozen=True):
+    """A figure of a run, such as 12 "blade lifts"; those of the runs of one job add up."""
+
+    name: str
+    value: float
+    unit: str = ""
+
+
+class Implement(Protocol):
+    """Decides in every tick which sections work. Pure: no clock, no I/O, no threads."""
+
+    def step(self, estimate: Estimate, plants: PlantMap, *, may_work: bool) -> ImplementCommand:
+        """Call it every tick; without `may_work` the command has all sections off."""
+        ...
+
+    def report(self) -> tuple[ReportLine, ...]:
+        """Give the figures of the run so far, as the implement believes them."""
+        ...
+
+
+class Pull(NamedTuple):
+    """A force of the soil on the robot and where it acts, in the map."""
+
+    force_map_n: Vec3
+    place_map_m: Vec3
+
+
+class ImplementEffect(Protocol):
+    """What an implement does to a simulated field, and the field to the robot."""
+
+    def command(self, t_s: float, command: ImplementCommand) -> None:
+        """Take a command given at `t_s`; one without sections switches all of them off.
+
+        Raises: PlatformError: it is not for this implement.
+        """
+        ...
+
+    def update(self, t_s: float, before: FloatArray, after: FloatArray, dt_s: float) -> None:
+        """Work over the tick that ends at `t_s`, between two rows of the physics history."""
+        ...
+
+    def pull(self) -> Pull | None:
+        """Give the force on the robot in the coming tick; None where there is none."""
+        ...
+
+    @property
+    def treated(self) -> dict[int, float]:
+        """Plants that it worked on: index into the world's plants -> time of the first touch."""
+        ...
+
+    @property
+    def worked_m2(self) -> float:
+        """Ground that it worked; passing twice counts twice."""
+        ...
+
+
+class ImplementKind(NamedTuple, Generic[Spec]):
+    """All that a new kind of implement brings along; the robot's description has its numbers.
+
+    `effect` gets the description, the world, and the height of base_link over the ground.
+    """
+
+    spec: type[Spec]
+    control: Callable[[Spec, TreatmentConfig], Implement]
+    effect: Callable[[Spec, WorldSpec, float], ImplementEffect]
+
+
+GROUP = "agribot.implements"  # of the entry points that installed packages register kinds by
+
+SPECS: dict[str, type[ImplementSpec]] = {SprayerSpec.kind: SprayerSpec}
+_registered: dict[str, ImplementKind[Any]] = {}
+
+
+def register_implement(kind: ImplementKind[Any]) -> None:
+    """Make a kind known, so that a robot's description may have it.
+
+    Raises: DescriptionError: another kind has its name.
+    """
+    name = kind.spec.kind
+    if name in SPECS or _registered.get(name, kind) != kind:
+        raise DescriptionError(f"there is an implement '{name}' already; choose another name")
+    _registered[name] = kind
+
+
+def find_registered(name: str) -> ImplementKind[Any] | None:
+    return _registered.get(name)
+
+
+def find_spec_type(name: str) -> type[ImplementSpec] | None:
+    """Find how a kind is described: one of this program, a registered or an installed one.
+
+    Raises: DescriptionError: an installed package has one that cannot be loaded.
+    """
+    if name not in SPECS and name not in _registered:
+        for point in entry_points(group=GROUP, name=name):
+            try:
+                register_implement(point.load())
+            except (ImportError, AttributeError) as error:
+                raise DescriptionError(
+                    f"implement '{name}' of {point.value}: {error}; mend that package"
+                ) from error
+    kind = _registered.get(name)
+    return SPECS.get(name) if kind is None else kind.spec
+
+
+def list_kinds() -> tuple[str, ...]:
+    """The kinds of this program and the registered ones, by name."""
+    return tuple(sorted({*SPECS, *_registered}))

@@ -1,0 +1,80 @@
+"""What an implement may know of the plants around it; the weed map is one such."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple, Protocol
+
+from agribot.core.messages import PlantClass
+
+
+class Disc(NamedTuple):
+    """Ground around a plant, in the map."""
+
+    x_map_m: float
+    y_map_m: float
+    radius_m: float
+
+
+class KnownPlant(Protocol):
+    """A plant as far as it is known; `std_m` is 1 sigma of its place, `area_m2` of its leaves."""
+
+    @property
+    def id(self) -> int: ...
+    @property
+    def plant(self) -> PlantClass: ...
+    @property
+    def x_map_m(self) -> float: ...
+    @property
+    def y_map_m(self) -> float: ...
+    @property
+    def std_m(self) -> float: ...
+    @property
+    def area_m2(self) -> float: ...
+    @property
+    def is_confirmed(self) -> bool: ...
+    @property
+    def treated_s(self) -> float | None: ...
+
+
+class CropCells(Protocol):
+    """Ground as the last looks showed it: under leaves of crop, bare, or not looked at."""
+
+    def covers(
+        self,
+        x_map_m: float,
+        y_map_m: float,
+        yaw_map_rad: float,
+        half_x_m: float,
+        half_y_m: float,
+        known: Sequence[Disc] = (),
+    ) -> bool:
+        """Whether crop covers any of a box on the ground, but for what lies in the discs."""
+        ...
+
+    def is_seen(
+        self, x_map_m: float, y_map_m: float, yaw_map_rad: float, half_x_m: float, half_y_m: float
+    ) -> bool:
+        """Whether all of a box on the ground was looked at."""
+        ...
+
+    def is_alone(self, plant: Disc) -> bool:
+        """Whether hardly any crop grows around the disc: its leaves are those of one plant."""
+        ...
+
+
+class PlantMap(Protocol):
+    """The plants around the robot, for its implement to work on and to spare."""
+
+    @property
+    def crop_ground(self) -> CropCells: ...
+
+    def inside(
+        self, x_min_m: float, y_min_m: float, x_max_m: float, y_max_m: float
+    ) -> Iterable[KnownPlant]:
+        """Plants in a rectangle of the map, and some just outside."""
+        ...
+
+    def mark_treated(self, id: int, t_s: float) -> None:
+        """Note the first treatment of a plant."""
+        ...

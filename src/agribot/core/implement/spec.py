@@ -1,0 +1,65 @@
+"""What every implement tells of itself: where on the robot it works, and what it can do."""
+
+from __future__ import annotations
+
+from typing import ClassVar, NamedTuple
+
+import msgspec
+
+from agribot.core.config import Count, NonNegative, Positive
+from agribot.core.messages import ImplementCommand
+
+
+class StateLine(NamedTuple):
+    """What an implement does now, in its own words: "Nozzles", "●○○"."""
+
+    name: str
+    text: str
+
+
+class ImplementSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """Sections side by side across the robot, each of which works or does not.
+
+    Their middles stand `section_spacing_m` apart at `x_body_m`, the tool point, and each works a
+    strip of `section_width_m`. A command takes effect `latency_s` after it was given. The fields of
+    a kind are the tags of its block in the robot's description, `<agribot><KIND>`.
+    """
+
+    kind: ClassVar[str]
+    sections: ClassVar[str] = "sections"  # the word for them
+    verb: ClassVar[str] = "treated"  # what it has done to a weed
+    min_speed_mps: ClassVar[float] = 0.0  # slower than this, it may not work
+    works_backwards: ClassVar[bool] = True
+    wets_ground: ClassVar[bool] = False
+
+    x_body_m: float
+    section_count: Count
+    section_spacing_m: Positive
+    section_width_m: Positive
+    latency_s: NonNegative
+
+    @property
+    def width_m(self) -> float:
+        """Working width: what a field is planned for."""
+        return self.section_count * self.section_spacing_m
+
+    def section_y_body_m(self) -> tuple[float, ...]:
+        """Lateral position of each section, from left to right."""
+        first_m = (self.section_count - 1) / 2.0 * self.section_spacing_m
+        return tuple(first_m - i * self.section_spacing_m for i in range(self.section_count))
+
+    def describe(self, command: ImplementCommand) -> tuple[StateLine, ...]:
+        """Tell a command in lines for a person to read."""
+        return _describe_sections(self.sections, command)
+
+
+def describe_command(
+    spec: ImplementSpec | None, command: ImplementCommand
+) -> tuple[StateLine, ...]:
+    """Tell a command in the words of its implement, in plain ones where nobody knows it."""
+    return _describe_sections("implement", command) if spec is None else spec.describe(command)
+
+
+def _describe_sections(name: str, command: ImplementCommand) -> tuple[StateLine, ...]:
+    marks = "".join("●" if is_on else "○" for is_on in command.sections_on)
+    return (StateLine(name.capitalize(), marks),) if marks else ()

@@ -1,0 +1,37 @@
+"""Sensors from other people's ROS topics: `ros2:/fix`, `ros1://HOST:PORT/imu/data`."""
+
+from __future__ import annotations
+
+from agribot.core.platform import Sensor
+from agribot.drivers.schemes import SourceContext, SourceUri
+from agribot.ros.messages.sensor_readers import readers
+from agribot.ros.ros1.master import check_master
+from agribot.ros.topic_source import Ear, TopicSource
+
+NODE = "agribot_sensors"
+
+
+def open_ros2_topic(sensor: Sensor, uri: SourceUri, context: SourceContext) -> TopicSource:
+    """Raises: BridgeError: the network cannot be reached."""
+    from agribot.ros.ros2.link import Ros2Link
+
+    router = f"tcp/{uri.at}" if uri.at else context.ros.router()
+    link = context.share(
+        ("ros2", uri.at),
+        lambda: Ros2Link(NODE, domain=context.ros.domain(), router=router, listen=not uri.at),
+    )
+    return _open_topic(sensor, uri, context, link)
+
+
+def open_ros1_topic(sensor: Sensor, uri: SourceUri, context: SourceContext) -> TopicSource:
+    """Raises: BridgeError: the master cannot be reached."""
+    from agribot.ros.ros1.link import Ros1Link
+
+    master = check_master(f"http://{uri.at}") if uri.at else context.ros.master()
+    link = context.share(("ros1", uri.at), lambda: Ros1Link(NODE, context.refuse, master))
+    return _open_topic(sensor, uri, context, link)
+
+
+def _open_topic(sensor: Sensor, uri: SourceUri, context: SourceContext, link: Ear) -> TopicSource:
+    known = readers(sensor, context.robot)
+    return TopicSource(sensor, uri.path, link, known, context.refuse)

@@ -1,0 +1,150 @@
+"""Where a sensor comes from, as a URI: `ros2:/fix`, `ros1://HOST:PORT/imu/data`, `SCHEME:...`.
+
+One line of the table opens one kind of source. A driver of your own is one file with a function
+`open_source(sensor, uri, context)`, and one call of `register_scheme`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from importlib import import_module
+from typing import Any, NamedTuple, TypeVar
+from urllib.parse import urlsplit
+
+import msgspec
+
+from agribot.core import extras
+from agribot.core.config import SourceConfig
+from agribot.core.errors import ConfigError
+from agribot.core.platform import Sensor, SensorSource
+from agribot.core.robot import RobotSpec
+
+Opened = TypeVar("Opened")
+_SENSOR_OF: dict[str, Sensor] = {"camera": "frames"}  # settings name it for people
+
+
+class SourceUri(NamedTuple):
+    """`at` is what stands behind two slashes, such as HOST:PORT; `path` what comes after it."""
+
+    scheme: str
+    at: str
+    path: str
+
+
+class RosNetwork(NamedTuple):
+    """Where ROS 2 and ROS 1 are, if a URI does not say; asked when a source needs it.
+
+    Each raises a ConfigError where what was asked for is none.
+    """
+
+    domain: Callable[[], int]
+    router: Callable[[], str]
+    master: Callable[[], str]
+
+
+class SourceContext:
+    """What sources are opened with, and what they share; it closes all of it.
+
+    `refuse` is told what a source does not take, and why. Use it as a context.
+    """
+
+    def __init__(self, robot: RobotSpec, ros: RosNetwork, refuse: Callable[[str], None]) -> None:
+        self.robot, self.ros, self.refuse = robot, ros, refuse
+        self._shared: dict[object, Any] = {}
+        self._opened = ExitStack()
+
+    def share(self, key: object, open_it: Callable[[], Opened]) -> Opened:
+        """Open a connection once for all sources that name it by the same key."""
+        if key not in self._shared:
+            connection: Any = open_it()
+            self._opened.callback(connection.close)
+            self._shared[key] = connection
+        shared: Opened = self._shared[key]
+        return shared
+
+    def __enter__(self) -> SourceContext:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._opened.close()
+
+
+OpenSource = Callable[[Sensor, SourceUri, SourceContext], SensorSource]
+
+
+class SourceKind(NamedTuple):
+    """What opens the sources of a scheme; a text is "module:function", imported when wanted."""
+
+    opener: OpenSource | str
+    extra: str = ""  # of the installation, that it needs
+    example: str = ""  # how its URIs are written
+
+
+_KINDS: dict[str, SourceKind] = {
+    "ros2": SourceKind("agribot.drivers.ros_topics:open_ros2_topic", "ros", "ros2:/topic"),
+    "ros1": SourceKind("agribot.drivers.ros_topics:open_ros1_topic", "", "ros1:/topic"),
+}
+
+
+def register_scheme(
+    scheme: str, opener: OpenSource | str, extra: str = "", example: str = ""
+) -> None:
+    """Let `--source SENSOR=SCHEME:...` open sources of your own.
+
+    Raises: ConfigError: the scheme is taken.
+    """
+    if scheme in _KINDS:
+        raise ConfigError(f"the scheme {scheme!r} is registered already; choose another name")
+    _KINDS[scheme] = SourceKind(opener, extra, example or f"{scheme}:...")
+
+
+def find_kind(scheme: str) -> SourceKind:
+    """Raises: KeyError: nobody registered it."""
+    return _KINDS[scheme]
+
+
+def read_uri(option: str, uri: str, name: str = "") -> SourceUri:
+    """Read what `option` names, after `name` if it has one.
+
+    Raises: ConfigError: a URI of no known scheme, or one that names nothing.
+    """
+    try:
+        parts = urlsplit(uri)
+    except ValueError:  # half an IPv6 address
+        parts = urlsplit("")
+    if parts.scheme not in _KINDS or not parts.path.strip("/"):
+        known = " or ".join(f"{name}{kind.example}" for kind in _KINDS.values())
+        raise ConfigError(f"{option} {name}{uri}: write {known}, or leave it out")
+    return SourceUri(parts.scheme, parts.netloc, "/" + parts.path.strip("/"))
+
+
+def read_sources(sources: SourceConfig) -> dict[str, SourceUri]:
+    """Sensor -> URI, of those that come from elsewhere.
+
+    Raises: ConfigError: a URI that means nothing.
+    """
+    wanted = msgspec.structs.asdict(sources)
+    return {name: read_uri("--source", uri, f"{name}=") for name, uri in wanted.items() if uri}
+
+
+def require_extras(sources: Mapping[str, SourceUri]) -> None:
+    """Raises: MissingExtraError: a source needs packages that are not installed."""
+    for name, uri in sources.items():
+        extra = _KINDS[uri.scheme].extra
+        if extra:
+            extras.require(extra, f"--source {name}={uri.scheme}:{uri.path}")
+
+
+def open_source(name: str, uri: SourceUri, context: SourceContext) -> SensorSource:
+    """Open the source of a sensor, which `name` calls as the settings do.
+
+    Raises: AgribotError: it cannot be opened.
+    """
+    sensor = _SENSOR_OF.get(name) or msgspec.convert(name, Sensor)
+    opener = _KINDS[uri.scheme].opener
+    if isinstance(opener, str):
+        module_name, _, function = opener.partition(":")
+        opener = getattr(import_module(module_name), function)
+    source: SensorSource = opener(sensor, uri, context)
+    return source

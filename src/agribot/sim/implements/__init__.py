@@ -1,0 +1,1 @@
+"""What implements do to the simulated field, and the field to the robot."""

@@ -1,0 +1,84 @@
+"""Sections of an implement over the plants of a world: when they work, and what they pass over."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from agribot.core.errors import PlatformError
+from agribot.core.implement.spec import ImplementSpec
+from agribot.core.messages import FloatArray
+from agribot.core.world import Plant
+from agribot.sim.footprints import Footprints, build_plant_grid, mark_swept
+
+SAME_TIME_S = 1e-9
+
+Mask = npt.NDArray[np.bool_]
+
+
+class DelayedSections:
+    """Sections that follow a command `latency_s` after it was given."""
+
+    def __init__(self, spec: ImplementSpec) -> None:
+        self._spec = spec
+        self._off = self._told = (False,) * spec.section_count
+        self._pending: deque[tuple[float, tuple[bool, ...]]] = deque()
+        self.is_on: Mask = np.zeros(spec.section_count, dtype=bool)
+
+    def command(self, t_s: float, sections_on: tuple[bool, ...]) -> None:
+        """An empty tuple switches all of them off.
+
+        Raises: PlatformError: the number of sections is not that of the robot.
+        """
+        told, words = sections_on or self._off, self._spec.sections
+        if len(told) != len(self._off):
+            raise PlatformError(
+                f"command for {len(told)} {words}; the robot has {len(self._off)}, "
+                "as its description says"
+            )
+        if told != self._told:
+            self._told = told
+            self._pending.append((t_s + self._spec.latency_s, told))
+
+    def advance(self, t_s: float) -> None:
+        """Let every command take effect that is due at `t_s`."""
+        while self._pending and self._pending[0][0] <= t_s + SAME_TIME_S:
+            self.is_on[:] = self._pending.popleft()[1]
+
+
+class Swath:
+    """The ground under the sections, and the plants of a world that they touch.
+
+    `length_m` is how far along the way a section works at once; a plant is touched when its disc of
+    `radius_m` (N,) meets that ground.
+    """
+
+    def __init__(
+        self,
+        spec: ImplementSpec,
+        plants: Sequence[Plant],
+        radius_m: FloatArray,
+        length_m: float,
+        base_height_m: float,
+    ) -> None:
+        self._grid = build_plant_grid(plants, radius_m)
+        self._hit_s = np.full(len(plants), np.nan)
+        self._feet = Footprints(
+            np.array([(spec.x_body_m, y_m) for y_m in spec.section_y_body_m()]),
+            length_m / 2.0,
+            spec.section_width_m / 2.0,
+            base_height_m,
+        )
+
+    def sweep(self, t_s: float, before: FloatArray, after: FloatArray, is_on: Mask) -> float:
+        """Work the ground between two rows of the physics history; returns its area in m2."""
+        return mark_swept(before, after, self._feet, is_on, self._grid, self._hit_s, t_s)
+
+    @property
+    def touched(self) -> dict[int, float]:
+        """Index of a plant -> time of the first touch."""
+        hit = np.flatnonzero(~np.isnan(self._hit_s))
+        return {int(i): float(self._hit_s[i]) for i in hit}

@@ -1,0 +1,36 @@
+"""Pages that are made from the code say what the code says."""
+
+from __future__ import annotations
+
+import runpy
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SCRIPTS = ROOT / "scripts"
+NAMES = (
+    "CONTRIBUTING.md", "docs/architecture.md", "docs/commands.md", "docs/field-file.md",
+    "docs/mission.md", "docs/python.md", "docs/settings.md", "docs/topics.md",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def pages() -> dict[str, str]:
+    before = list(sys.path)
+    sys.path.insert(0, str(SCRIPTS))
+    try:
+        made = runpy.run_path(str(SCRIPTS / "write_pages.py"))["PAGES"]
+        return {name: make() for name, make in made.items()}
+    finally:
+        sys.path[:] = before
+
+
+def test_every_page_that_can_be_made_is_checked_here(pages: dict[str, str]) -> None:
+    assert set(pages) == set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_page_is_as_the_code_makes_it(name: str, pages: dict[str, str]) -> None:
+    assert (ROOT / name).read_text(encoding="utf-8") == pages[name], "run: make pages"
