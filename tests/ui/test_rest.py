@@ -118,7 +118,7 @@ def test_a_drawn_field_is_planned_with_a_certificate(browser: Browser) -> None:
     assert all(72.787 < lon < 72.7873 and 21.161 < lat < 21.1613 for lon, lat in plan["path"])
     crossed = field([ring[0], ring[2], ring[1], ring[3], ring[0]])
     _, refusal = browser.ask("POST", "/api/v1/plan", {**request, "field": crossed})
-    assert not refusal.ok
+    assert not refusal["ok"]
     assert refusal["reasons"][0]["text"]
     assert browser.ask("POST", "/api/v1/plan", {"field": 3})[0] == 422
     assert browser.ask("POST", "/api/v1/plan/apply", request)[0] == 409, "without the seat"
