@@ -34,3 +34,14 @@ def test_every_page_that_can_be_made_is_checked_here(pages: dict[str, str]) -> N
 @pytest.mark.parametrize("name", NAMES)
 def test_a_page_is_as_the_code_makes_it(name: str, pages: dict[str, str]) -> None:
     assert (ROOT / name).read_text(encoding="utf-8") == pages[name], "run: make pages"
+
+
+def test_every_setting_says_what_it_is(pages: dict[str, str]) -> None:
+    rows = [
+        line
+        for name in ("docs/settings.md", "docs/field-file.md")
+        for line in pages[name].splitlines()
+        if line.startswith("| `")
+    ]
+    assert len(rows) > 130
+    assert [row for row in rows if row.endswith("|  |")] == []

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from agribot.app.simulated_run import simulate
-from agribot.app.tasks import task_of
+from agribot.app.tasks import choose_task
 from agribot.autonomy.plan.task import Task
 from agribot.core import config
 from agribot.core.errors import MissionError
@@ -28,7 +28,7 @@ SPEED_MPS = 0.8
 
 @pytest.fixture(scope="module")
 def task() -> Task:
-    return task_of(config.load("farm"), load_robot("agribot"), (), None)
+    return choose_task(config.load("farm"), load_robot("agribot"), (), None)
 
 
 def beside(task: Task, off_m: float) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agribot.app.tasks import task_of, tasks_under_way
+from agribot.app.tasks import TasksUnderWay, choose_task
 from agribot.autonomy.perception_host import PerceptionHost
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.saved_mission import SavedMission
@@ -26,5 +26,5 @@ def build_stack(
     network, as a replay does; `saved` is a mission to go on with.
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
-    task = task_of(config, robot, waypoints_map_m, work)
-    return build(config, robot, task, tasks_under_way(task, config, robot), perception, saved)
+    task = choose_task(config, robot, waypoints_map_m, work)
+    return build(config, robot, task, TasksUnderWay(task, config, robot), perception, saved)

@@ -16,10 +16,10 @@ from agribot.app.run_clock import Clock
 from agribot.app.run_folder import RunFolder
 from agribot.app.run_recording import RunRecording, files_to_run_again
 from agribot.app.run_setup import PLAN_FILE, RunSetup
-from agribot.app.tasks import row_ends
 from agribot.app.unattended import Unattended
 from agribot.app.whole_job import WholeJob
 from agribot.autonomy.perception_host import PerceptionMeter
+from agribot.autonomy.plan.rows import row_ends
 from agribot.autonomy.plan.task import Task
 from agribot.autonomy.stack import MaskTap, Stack, Tap
 from agribot.autonomy.weeds.map import WeedMap

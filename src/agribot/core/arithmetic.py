@@ -1,4 +1,4 @@
-"""One formula for one robot and for hundreds: the functions that floats and arrays do not share.
+"""One formula for one robot and for many: the functions that floats and arrays do not share.
 
 A formula that is written against `Arithmetic` runs on Python floats in the robot, where the
 call of a NumPy function would cost more than the sum, and on arrays in the benchmarks, one
@@ -8,34 +8,38 @@ element per robot. The results agree to rounding.
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from agribot.core.geo import wrap_rad
+from agribot.core.messages import FloatArray
 
-# A float, or an array with one element per robot.
-Number = Any
+# A float, or an array with one element per robot; what goes in comes out.
+Number = TypeVar("Number", float, FloatArray)
+Mask = npt.NDArray[np.bool_]
+Condition = bool | Mask
 
 
-class Arithmetic(Protocol):
+class Arithmetic(Protocol[Number]):
     """What a formula may use besides + - * / and abs()."""
 
-    def cos(self, angle_rad: Number) -> Number: ...
+    def cos(self, angle_rad: Number, /) -> Number: ...
 
-    def sin(self, angle_rad: Number) -> Number: ...
+    def sin(self, angle_rad: Number, /) -> Number: ...
 
-    def sqrt(self, square: Number) -> Number: ...
+    def sqrt(self, square: Number, /) -> Number: ...
 
-    def exp(self, power: Number) -> Number: ...
+    def exp(self, power: Number | float, /) -> Number | float: ...
 
-    def least(self, a: Number, b: Number) -> Number: ...
+    def least(self, a: Number | float, b: Number | float, /) -> Number: ...
 
-    def most(self, a: Number, b: Number) -> Number: ...
+    def most(self, a: Number | float, b: Number | float, /) -> Number: ...
 
-    def choose(self, condition: Number, a: Number, b: Number) -> Number: ...
+    def choose(self, condition: Condition, a: Number | float, b: Number | float, /) -> Number: ...
 
-    def wrap(self, angle_rad: Number) -> Number: ...
+    def wrap(self, angle_rad: Number, /) -> Number: ...
 
 
 class FloatArithmetic:
@@ -45,34 +49,16 @@ class FloatArithmetic:
     sin = staticmethod(math.sin)
     sqrt = staticmethod(math.sqrt)
     exp = staticmethod(math.exp)
+    wrap = staticmethod(wrap_rad)
 
-    def least(self, a: Number, b: Number) -> Number:
+    def least(self, a: float, b: float, /) -> float:
         return a if a < b else b
 
-    def most(self, a: Number, b: Number) -> Number:
+    def most(self, a: float, b: float, /) -> float:
         return a if a > b else b
 
-    def choose(self, condition: Number, a: Number, b: Number) -> Number:
+    def choose(self, condition: Condition, a: float, b: float, /) -> float:
         return a if condition else b
 
-    def wrap(self, angle_rad: Number) -> Number:
-        return wrap_rad(angle_rad)
 
-
-class ArrayArithmetic:
-    """For many robots, element by element."""
-
-    cos = staticmethod(np.cos)
-    sin = staticmethod(np.sin)
-    sqrt = staticmethod(np.sqrt)
-    exp = staticmethod(np.exp)
-    least = staticmethod(np.minimum)
-    most = staticmethod(np.maximum)
-    choose = staticmethod(np.where)
-
-    def wrap(self, angle_rad: Number) -> Number:
-        return angle_rad - math.tau * np.round(angle_rad / math.tau)
-
-
-FLOATS: Arithmetic = FloatArithmetic()
-ARRAYS: Arithmetic = ArrayArithmetic()
+FLOATS: Arithmetic[float] = FloatArithmetic()

@@ -40,40 +40,44 @@ class FieldConfig(Config, frozen=True):
     curvature are those of the first row, at its first plant.
     """
 
-    datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)
+    datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)  # the origin of the map on Earth
     datum_source: str = ""  # what `--origin` took the datum from; a simulated world goes there
+    # Of magnetic north, east positive.
     declination_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)] = 0.0
-    first_row_start_map_m: tuple[float, float] = (1.0, 2.0)
+    first_row_start_map_m: tuple[float, float] = (1.0, 2.0)  # the first plant of the first row
+    # Direction of the rows, counter-clockwise from East.
     row_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
-    row_length_m: Positive = 10.0
+    row_length_m: Positive = 10.0  # from the first plant to the last
+    # Of the first row, left positive; 0: straight.
     row_curvature_radpm: Annotated[float, msgspec.Meta(ge=-0.2, le=0.2)] = 0.0
-    row_pitch_m: Positive = 1.0
-    row_count: Annotated[int, msgspec.Meta(ge=1, le=10000)] = 6
+    row_pitch_m: Positive = 1.0  # from row to row
+    row_count: Annotated[int, msgspec.Meta(ge=1, le=10000)] = 6  # how many rows
     plant_spacing_m: Positive | None = None  # from plant to plant in a row; None: not regular
     # East, North and radius of what stands in the way: the pole of a base station, a well.
     obstacles_map_m: tuple[tuple[float, float, NonNegative], ...] = ()
     # The mark on which the robot is put down before a run, and how well; None: anywhere.
     start_map_m: tuple[float, float] | None = None
+    # Heading of the robot on the mark.
     start_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] | None = None
-    start_std_m: Positive = 0.05
-    start_yaw_std_deg: Positive = 3.0
+    start_std_m: Positive = 0.05  # how well it is put on the mark
+    start_yaw_std_deg: Positive = 3.0  # how well it is turned there
 
 
 class MissionConfig(Config, frozen=True):
-    speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 0.4
-    turn_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 0.3
+    speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 0.4  # along rows and straights
+    turn_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 0.3  # in turns
     headland_m: Positive = 1.0  # straight run past the last plant before turning
     plant_clearance_m: NonNegative = 0.15  # wheel edge to plant stem, in plan
     obstacle_clearance_m: NonNegative = 0.3  # from the robot's body to field.obstacles_map_m
-    waypoint_radius_m: Positive = 0.15
-    max_waypoint_distance_m: Positive = 1000.0
+    waypoint_radius_m: Positive = 0.15  # so near, a waypoint counts as reached
+    max_waypoint_distance_m: Positive = 1000.0  # farther from the origin, a waypoint is refused
     off_path_limit_m: Positive = 0.5  # farther from the path than this, the mission fails
     resume_limit_m: Positive = 0.5  # moved farther while it stood, the robot does not go on
     waits_for_goals: bool = False  # begins when it is resumed, visits what it is sent to, and stays
     stall_timeout_s: Positive = 60.0  # without headway for so long, the mission fails
     # Known across the row so well (1 sigma) the robot drives at full speed, so badly not at all.
     full_speed_std_m: Positive = 0.08
-    max_row_std_m: Positive = 0.25
+    max_row_std_m: Positive = 0.25  # known across the row so badly, the robot does not drive
 
 
 class EstimateConfig(Config, frozen=True):
@@ -81,31 +85,31 @@ class EstimateConfig(Config, frozen=True):
 
     gyro_bias_std_radps: Positive = 0.0035  # 0.2 deg/s: MEMS turn-on bias
     gyro_walk_rad_per_sqrt_s: Positive = 0.0004  # 0.02 deg: data sheets say 0.01
-    wheel_scale_std_ratio: Positive = 0.04
+    wheel_scale_std_ratio: Positive = 0.04  # of the wheels' radius: tyre pressure and load
     slip_std_rad: Positive = 0.026  # 1.5 deg of crabbing across a slope
-    position_walk_m_per_sqrt_m: Positive = 0.018
+    position_walk_m_per_sqrt_m: Positive = 0.018  # of wheels on soil, along and across
     mag_std_rad: Positive = 0.07  # 4 deg after calibration
     mag_bias_std_rad: Positive = 0.087  # 5 deg of hard iron
     # Own iron of the robot, from `agribot calibrate magnetometer`; T forward and left, and (xx, xy,
     # yy) of what makes a circle of the ellipse. What is left of it is learnt while driving.
     mag_offset_t: tuple[float, float] = (0.0, 0.0)
-    mag_shape: tuple[float, float, float] = (1.0, 0.0, 1.0)
-    mag_learn: bool = True
-    gate_sigma: Positive = 4.0
+    mag_shape: tuple[float, float, float] = (1.0, 0.0, 1.0)  # the ellipse's xx, xy, yy
+    mag_learn: bool = True  # learn what is left of the robot's own iron while driving
+    gate_sigma: Positive = 4.0  # readings farther off are rejected
     recover_after: Count = 25  # rejected in a row before the filter opens up
     # Of the protection level: how often the true error may be larger.
     protection_risk: Annotated[float, msgspec.Meta(gt=0, lt=0.1)] = 1e-3
     row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
-    gnss_timeout_s: Positive = 10.0
+    gnss_timeout_s: Positive = 10.0  # without a fix for so long, GNSS counts as silent
     dead_reckoning_std_m: Positive = 1.0  # without GNSS, the pose is good up to this 1 sigma
-    wheel_timeout_s: Positive = 0.3
-    imu_timeout_s: Positive = 0.3
+    wheel_timeout_s: Positive = 0.3  # so long without a wheel reading, the pose is not good
+    imu_timeout_s: Positive = 0.3  # so long without an IMU reading, the pose is not good
 
 
 class ControlConfig(Config, frozen=True):
     length_m: Positive = 0.4  # distance in which an error of the path is taken out
     delay_s: NonNegative = 0.2  # actuator lag and dead time that the follower looks ahead
-    max_yaw_rate_radps: Positive = 1.0
+    max_yaw_rate_radps: Positive = 1.0  # that the follower asks for
 
 
 class CalibrationConfig(Config, frozen=True):
@@ -121,11 +125,11 @@ class CalibrationConfig(Config, frozen=True):
 class SafetyConfig(Config, frozen=True):
     """Limits of the supervisor, the last gate before the motors."""
 
-    max_pos_std_m: Positive = 3.0
-    max_yaw_std_rad: Positive = 0.6
-    max_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 1.0
-    max_yaw_rate_radps: Positive = 1.2
-    max_tilt_rad: Positive = 0.6
+    max_pos_std_m: Positive = 3.0  # known worse, the robot stands
+    max_yaw_std_rad: Positive = 0.6  # heading known worse, the robot stands
+    max_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 1.0  # of any command
+    max_yaw_rate_radps: Positive = 1.2  # of any command
+    max_tilt_rad: Positive = 0.6  # tilted more, the robot stops
     geofence_margin_m: Positive = 5.0  # around the path, where no boundary of a field is known
     # So far the robot, where it believes to stand, may get over a field's boundary: a plan keeps
     # 5 cm off it, and the robot its way to 4 cm where it turns.
@@ -133,7 +137,7 @@ class SafetyConfig(Config, frozen=True):
     # The boundary is also kept for a robot that is off by `fence_sigma` times the 1 sigma of its
     # position, along its body and across it; such a robot may get over it by `fence_unsure_m`.
     fence_unsure_m: NonNegative = 0.3
-    fence_sigma: NonNegative = 2.0
+    fence_sigma: NonNegative = 2.0  # how many 1 sigma of the position the boundary is kept for
     hand_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.2  # of a request to drive
     # Whoever had the seat of the page is gone, or its server is: the mission goes on or pauses.
     on_operator_lost: Literal["continue", "pause"] = "continue"
@@ -142,39 +146,41 @@ class SafetyConfig(Config, frozen=True):
     # Of the battery's charge: with less than the first the robot goes home, with less than the
     # second it stands. Where it sends the voltage alone, that of the pack counts; 0: not known.
     low_charge_ratio: Ratio = 0.2
-    empty_charge_ratio: Ratio = 0.08
+    empty_charge_ratio: Ratio = 0.08  # of the battery; below it the robot stands
+    # Below it the robot goes home, where only the voltage is known.
     low_battery_v: NonNegative = 0.0
-    empty_battery_v: NonNegative = 0.0
+    empty_battery_v: NonNegative = 0.0  # below it the robot stands, where only the voltage is known
     clock_jump_s: Positive = 1.0  # between two ticks; the motor board has stopped by then
 
 
 class PerceptionConfig(Config, frozen=True):
-    enabled: bool = True
-    model: str = "agribot-sim"
-    camera_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=60)] = 10.0
+    enabled: bool = True  # a camera looks
+    model: str = "agribot-sim"  # the network: a packaged name or an ONNX file
+    camera_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=60)] = 10.0  # pictures a second
+    # From the picture to its plants; a run waits for it, so that it repeats.
     latency_s: Annotated[float, msgspec.Meta(gt=0, le=5)] = 0.2
-    min_plant_area_m2: NonNegative = 2e-4
-    min_confidence: Ratio = 0.6
+    min_plant_area_m2: NonNegative = 2e-4  # smaller spots on the ground are no plants
+    min_confidence: Ratio = 0.6  # less sure spots are no plants
     max_range_m: Positive = 1.6  # pixel footprint beyond it is too long for a position
-    threads: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1
+    threads: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1  # of the network
 
 
 class WeedConfig(Config, frozen=True):
-    merge_radius_m: Positive = 0.12
-    min_sightings: Count = 3
-    min_confidence: Ratio = 0.5
+    merge_radius_m: Positive = 0.12  # sightings so near are one plant
+    min_sightings: Count = 3  # before a plant is in the map
+    min_confidence: Ratio = 0.5  # of a plant in the map
 
 
 class TreatmentConfig(Config, frozen=True):
-    enabled: bool = True
-    margin_m: NonNegative = 0.04
-    crop_guard_m: NonNegative = 0.05
+    enabled: bool = True  # the implement works
+    margin_m: NonNegative = 0.04  # around a weed, in which it is treated too
+    crop_guard_m: NonNegative = 0.05  # around the stem of a crop plant, which is never treated
 
 
 class RecordConfig(Config, frozen=True):
-    enabled: bool = True
-    image_rate_hz: NonNegative = 1.0
-    jpeg_quality: Annotated[int, msgspec.Meta(ge=1, le=95)] = 80
+    enabled: bool = True  # run.mcap is written
+    image_rate_hz: NonNegative = 1.0  # pictures a second in the recording; 0: none
+    jpeg_quality: Annotated[int, msgspec.Meta(ge=1, le=95)] = 80  # of these pictures
     max_file_mb: NonNegative = 0.0  # a new file begins at this size; 0: one file
     max_total_mb: NonNegative = 0.0  # above it, the oldest files go; 0: no limit
     min_free_mb: NonNegative = 200.0  # of the disk; below it, files go or recording ends
@@ -184,19 +190,21 @@ class RecordConfig(Config, frozen=True):
 class SourceConfig(Config, frozen=True):
     """Where a sensor comes from if not from the platform: ros2:/fix, ros1:/fix; empty: its own."""
 
-    gnss: str = ""
-    imu: str = ""
-    mag: str = ""
-    wheels: str = ""
-    camera: str = ""
+    gnss: str = ""  # position
+    imu: str = ""  # gyro and accelerometer
+    mag: str = ""  # magnetometer
+    wheels: str = ""  # encoders
+    camera: str = ""  # pictures
 
 
 class SimConfig(Config, frozen=True):
     # Physics: in steps of 8 ms the packaged robot's tyres, stiff against roll, would shake it.
     step_s: Annotated[float, msgspec.Meta(ge=0.0005, le=0.005)] = 0.002
+    # Preset of sensor errors: ideal, rtk, rtk-dual, m8n, seed, legacy, or a file.
     sensors: str = "rtk"
+    # In place of the world's own.
     weed_density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
-    camera_noise: bool = True
+    camera_noise: bool = True  # of the sensor and the picture
     camera_body: bool = True  # the robot and its shadow in its own camera's picture
     # Wheels by an ideal speed servo, or by a PID per wheel that commands torque.
     actuation: Literal["servo", "effort"] = "servo"
@@ -209,15 +217,16 @@ class SimConfig(Config, frozen=True):
 class RunConfig(Config, frozen=True):
     """All settings of one run; `config.toml` of the output folder holds them resolved."""
 
-    profile: str = "farm"
-    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0  # what TOML and JSON readers take
-    platform: str = "sim"  # see agribot.core.platforms
-    world: str = "Farm"
-    robot: str = "agribot"
-    waypoints: str = ""
+    profile: str = "farm"  # the settings that a run begins with: a packaged name or a TOML file
+    # Of all randomness; up to what TOML and JSON readers take.
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
+    platform: str = "sim"  # what drives: `sim`, a registered platform, or module:function
+    world: str = "Farm"  # what is simulated: a packaged name or an SDF file
+    robot: str = "agribot"  # its description: a packaged name, URDF or xacro
+    waypoints: str = ""  # a file of places to visit, the task instead of the rows of the field
     plan: str = ""  # a certified field plan, the task instead of the rows of the field
-    tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0
-    duration_s: Positive | None = None
+    tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0  # of the control loop
+    duration_s: Positive | None = None  # the run ends after it; none: with its mission
     field: FieldConfig = FieldConfig()
     mission: MissionConfig = MissionConfig()
     estimate: EstimateConfig = EstimateConfig()

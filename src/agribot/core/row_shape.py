@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Generic, NamedTuple
 
 import msgspec
 import numpy as np
@@ -14,12 +14,12 @@ from agribot.core.messages import FloatArray, Row
 SAGITTA_M = 0.001  # chords that stand for an arc keep this close to it
 
 
-class PlaceOnLine(NamedTuple):
+class PlaceOnLine(NamedTuple, Generic[Number]):
     """A place by a line: how far along it, how far left of it, and the line's yaw there."""
 
     along_m: Number
     left_m: Number
-    yaw_rad: Number
+    yaw_rad: Number | float
 
 
 def project_on_line(
@@ -28,7 +28,7 @@ def project_on_line(
     curvature_radpm: float,
     x_map_m: Number,
     y_map_m: Number,
-) -> PlaceOnLine:
+) -> PlaceOnLine[Number]:
     """Project a place on a line that starts towards `yaw_rad` and bends left by the curvature."""
     dx, dy = x_map_m - start_map_m[0], y_map_m - start_map_m[1]
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
@@ -42,7 +42,7 @@ def project_on_line(
     return PlaceOnLine(turned_rad / curvature_radpm, off_m, yaw_rad + turned_rad)
 
 
-def project_on_row(row: Row, x_map_m: Number, y_map_m: Number) -> PlaceOnLine:
+def project_on_row(row: Row, x_map_m: Number, y_map_m: Number) -> PlaceOnLine[Number]:
     """Project a place on the line of a crop row."""
     return project_on_line(
         row.start_map_m, start_yaw_rad(row), row.curvature_radpm, x_map_m, y_map_m

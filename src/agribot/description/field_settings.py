@@ -30,42 +30,50 @@ class RowsSettings(FieldSection, frozen=True):
     `tramline_every` rows there is `tramline_m` more room (0: no tramlines).
     """
 
-    count: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 6
+    count: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 6  # how many rows
+    # From the first plant to the last.
     length_m: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 10.0
-    pitch_m: Positive = 1.0
-    first_row_start_map_m: tuple[float, float] = (1.0, 2.0)
+    pitch_m: Positive = 1.0  # from row to row
+    first_row_start_map_m: tuple[float, float] = (1.0, 2.0)  # the first plant of the first row
+    # Direction of the rows, counter-clockwise from East.
     yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
+    # Left positive; 0: straight.
     curvature_radpm: Annotated[float, msgspec.Meta(ge=-0.2, le=0.2)] = 0.0
-    tramline_every: Annotated[int, msgspec.Meta(ge=0)] = 0
-    tramline_m: NonNegative = 0.5
+    tramline_every: Annotated[int, msgspec.Meta(ge=0)] = 0  # rows between two tramlines; 0: none
+    tramline_m: NonNegative = 0.5  # more room where one lies
 
 
 class CropSettings(FieldSection, frozen=True):
     """Crop plants of `height_m`; gaps are stretches of a row without plants."""
 
-    species: str = "sugar_beet"
-    spacing_m: Annotated[float, msgspec.Meta(ge=0.02)] = 0.25
-    height_m: Positive = 0.2
+    species: str = "sugar_beet"  # sugar_beet, lettuce, maize, carrot, onion
+    spacing_m: Annotated[float, msgspec.Meta(ge=0.02)] = 0.25  # from plant to plant
+    height_m: Positive = 0.2  # of the plants
+    # Of the heights, both ways at most.
     height_spread_ratio: Annotated[float, msgspec.Meta(ge=0, le=0.9)] = 0.1
-    stem_radius_m: NonNegative = 0.02
-    jitter_m: NonNegative = 0.0
-    missing_ratio: Ratio = 0.0
+    stem_radius_m: NonNegative = 0.02  # where a wheel crushes the plant
+    jitter_m: NonNegative = 0.0  # off its place, both ways at most
+    missing_ratio: Ratio = 0.0  # of the plants that did not come up
+    # Stretches where nothing came up, on average.
     gaps_per_row: Annotated[float, msgspec.Meta(ge=0, le=100)] = 0.0
-    gap_length_m: Positive = 1.0
+    gap_length_m: Positive = 1.0  # of such a stretch
 
 
 class WeedsSettings(FieldSection, frozen=True):
     """Weeds over the field and `margin_m` around it; `cluster_ratio` of them in patches."""
 
+    # Over the field and its margin.
     density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] = 1.5
+    # That grow, as often one as the other.
     species: tuple[str, ...] = ("grass", "goosefoot", "thistle", "amaranth")
-    height_min_m: Positive = 0.04
-    height_max_m: Positive = 0.15
-    crop_distance_m: NonNegative = 0.1
-    margin_m: NonNegative = 0.5
-    cluster_ratio: Ratio = 0.0
+    height_min_m: Positive = 0.04  # of the smallest
+    height_max_m: Positive = 0.15  # of the tallest
+    crop_distance_m: NonNegative = 0.1  # none stands nearer to a crop plant
+    margin_m: NonNegative = 0.5  # around the rows, in which weeds grow too
+    cluster_ratio: Ratio = 0.0  # of the weeds that stand in patches
+    # Weeds in a patch, on average.
     cluster_size: Annotated[float, msgspec.Meta(ge=1, le=1000)] = 6.0
-    cluster_radius_m: Positive = 0.3
+    cluster_radius_m: Positive = 0.3  # of a patch, in which most of it lies
 
 
 class SoilSettings(FieldSection, frozen=True):
@@ -75,21 +83,23 @@ class SoilSettings(FieldSection, frozen=True):
     row; rows must be straight and along an axis of the map.
     """
 
-    residue_ratio: Ratio = 0.0
-    stones_ratio: Ratio = 0.0
-    wet_ratio: Ratio = 0.0
+    residue_ratio: Ratio = 0.0  # straw and leaves: 0 none, 1 a lot
+    stones_ratio: Ratio = 0.0  # 0 none, 1 a lot
+    wet_ratio: Ratio = 0.0  # 0 dry, 1 wet all over
+    # Between the tracks of earlier passes; 0: none.
     track_gauge_m: Annotated[float, msgspec.Meta(ge=0, le=5)] = 0.0
-    track_width_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
+    track_width_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1  # of one track
 
 
 class FieldSettings(FieldSection, frozen=True):
     """A whole field; `boundary` is a GeoJSON polygon beside the file that holds all plants."""
 
-    name: str = "field"
-    datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)
-    spawn_xy_map_m: tuple[float, float] = (-2.0, 0.0)
+    name: str = "field"  # of the field
+    datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)  # the origin of the map on Earth
+    spawn_xy_map_m: tuple[float, float] = (-2.0, 0.0)  # where the robot is put down
+    # Its heading there, counter-clockwise from East.
     spawn_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 90.0
-    boundary: str = ""
+    boundary: str = ""  # a GeoJSON polygon beside the file; plants stand inside it only
     rows: RowsSettings = RowsSettings()
     crop: CropSettings = CropSettings()
     weeds: WeedsSettings = WeedsSettings()

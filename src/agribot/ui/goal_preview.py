@@ -21,10 +21,10 @@ def preview_goal(
     """
     if not estimate.ok or not math.isfinite(estimate.x_map_m + estimate.y_map_m):
         raise MissionError("the robot does not know where it is")
-    if task.go_to is None:
+    if not task.has_ways:
         raise MissionError("this mission drives its own path only")
     x_m, y_m, *yaw_rad = numbers
-    path = task.go_to(estimate, (x_m, y_m, yaw_rad[0] if yaw_rad else None))
+    path = task.plan_to(estimate, (x_m, y_m, yaw_rad[0] if yaw_rad else None))
     length_m = float(path.s_m[-1])
     return wire.GoalPreview(
         points_map_m=thin_path(path).points_map_m,

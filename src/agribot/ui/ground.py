@@ -10,7 +10,7 @@ import msgspec
 
 from agribot.app.field_work import field_work
 from agribot.app.run_recording import GOALS_ATTACHMENT, PLAN_ATTACHMENT
-from agribot.app.tasks import task_of
+from agribot.app.tasks import choose_task
 from agribot.autonomy.plan.coverage.area import FieldArea
 from agribot.core.config import RunConfig
 from agribot.core.errors import AgribotError
@@ -81,7 +81,7 @@ def read_field(path: Path) -> wire.Field:
     goals = msgspec.json.decode(attached, type=tuple[MapPoint, ...])
     plan = read_attachment(path, PLAN_ATTACHMENT).decode() if config.plan else ""
     work = field_work(plan, config, robot)
-    task = task_of(config, robot, goals, work)
+    task = choose_task(config, robot, goals, work)
     return field_of(config, task.rows, goals, work.area if work else None)
 
 

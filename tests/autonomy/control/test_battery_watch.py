@@ -11,13 +11,13 @@ import pytest
 from agribot.autonomy.control.battery_watch import LASTING_S, BatteryWatch
 from agribot.autonomy.plan.errand import STOPPING
 from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.task import Task
 from agribot.core.config import SafetyConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import STOP, BatterySample, DriveCommand, Path, SensorBatch
 from agribot.record.events import EventSieve
 from tests.autonomy.control.kinematic_rover import TICK_S
 from tests.autonomy.control.test_supervisor import Gate, assert_stopped
+from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import MISSION
 from tests.autonomy.plan.test_mission_errands import HEADLAND, Drive
 from tests.autonomy.plan.test_mission_resume import ROWS, plan, ride
@@ -158,7 +158,7 @@ def test_a_battery_whose_way_home_cannot_be_planned_holds_the_robot_and_says_so(
     def no_way(*_: object) -> Path:
         raise MissionError("a post stands in the way")
 
-    one = Ride(Mission(Task(plan, ROWS, home=no_way), MISSION))
+    one = Ride(Mission(PaperTask(plan, ROWS, home=no_way), MISSION))
     one.settle()
     one.along(0.0, 3.0)
     for _ in range(20):
@@ -170,7 +170,7 @@ def test_a_battery_whose_way_home_cannot_be_planned_holds_the_robot_and_says_so(
 
 
 def test_without_a_way_home_a_low_battery_stops_the_robot_where_it_is() -> None:
-    one = Ride(Mission(Task(plan, ROWS), MISSION))
+    one = Ride(Mission(PaperTask(plan, ROWS), MISSION))
     one.settle()
     one.along(0.0, 3.0)
     one.mission.heed("battery low: 19 % left")

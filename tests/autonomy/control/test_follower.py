@@ -16,7 +16,6 @@ from agribot.autonomy.plan.coverage.turns import three_point_turn
 from agribot.autonomy.plan.curves import Pose, Segment, sample
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import field_rows
-from agribot.autonomy.plan.task import Task
 from agribot.core.config import ControlConfig, FieldConfig, MissionConfig, SafetyConfig
 from agribot.core.messages import (
     STOP,
@@ -30,6 +29,7 @@ from agribot.core.messages import (
     RobotCommand,
 )  # fmt: skip
 from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
+from tests.autonomy.plan.paper_task import PaperTask
 
 ROBOT = farm_robot()
 START = (-2.0, 0.0, math.pi / 2)
@@ -46,7 +46,7 @@ class Drive:
     ) -> None:  # fmt: skip
         rows = field_rows(field)
         self.path = plan_rows(rows, start, ROBOT, MISSION)
-        self.mission = Mission(Task(lambda _: self.path, rows), MISSION)
+        self.mission = Mission(PaperTask(lambda _: self.path, rows), MISSION)
         self.follower = Follower(control or ControlConfig(), ROBOT)
         self.supervisor = Supervisor(SafetyConfig(), ROBOT)
         self.rover = Rover(start, soil, np.random.default_rng(seed))
@@ -294,7 +294,7 @@ class Way:
 
     def __init__(self, path: Path, soil: Soil) -> None:
         self.rover = Rover((0.0, 0.0, 0.0), soil, np.random.default_rng(1))
-        self.mission = Mission(Task(lambda _: path), MISSION)
+        self.mission = Mission(PaperTask(lambda _: path), MISSION)
         self.follower = Follower(ControlConfig(), ROBOT)
         self.log: FloatArray = np.zeros((0, 4))
 

@@ -7,8 +7,9 @@ import pytest
 
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.spin_watch import SpinWatch
-from agribot.core.arithmetic import ARRAYS, FLOATS
+from agribot.core.arithmetic import FLOATS
 from agribot.core.config import EstimateConfig, FieldConfig
+from agribot.lab.bench.nav.batch.arrays import ARRAYS
 from tests.autonomy.estimate.noisy_rover import M8N, record
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import error, play
@@ -63,6 +64,6 @@ def test_one_robot_and_many_are_watched_alike() -> None:
         claimed, residual = rng.uniform(-0.5, 0.5, 2), rng.normal(0.0, 0.4, 2)
         together = many.is_spinning(claimed, residual, np.full(2, 0.07))
         one = alone.is_spinning(float(claimed[0]), float(residual[0]), 0.07)
-        assert bool(together[0]) == one
+        assert bool(np.asarray(together)[0]) == one
         found.add(one)
     assert found == {False, True}

@@ -18,9 +18,9 @@ from agribot.autonomy.plan.caution import (
 )
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import field_rows
-from agribot.autonomy.plan.task import Task
 from agribot.core.config import FieldConfig, MissionConfig
 from agribot.core.messages import Estimate, GnssQuality, Goal, OperatorAction
+from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at, rover
 
 CONFIG = MissionConfig()
@@ -119,7 +119,7 @@ class Ride:
     def __init__(self) -> None:
         rows = field_rows(FieldConfig(row_count=2, row_length_m=4.0))
         self.path = plan_rows(rows, FARM_START, rover(), MISSION)
-        self.mission = Mission(Task(lambda _: self.path, rows, clearance_m=LIMIT_M), MISSION)
+        self.mission = Mission(PaperTask(lambda _: self.path, rows, clearance_m=LIMIT_M), MISSION)
         self.t_s = 0.0
         for _ in range(100):
             self.be_at(0.0)

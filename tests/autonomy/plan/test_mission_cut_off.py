@@ -9,19 +9,21 @@ import pytest
 
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.saved_mission import SavedMission
-from agribot.autonomy.plan.task import NewTasks, Task
+from agribot.autonomy.plan.task import Task
 from agribot.autonomy.plan.waypoints import plan_waypoints
-from agribot.core.messages import Estimate, OperatorEvent, Path
+from agribot.core.field_bounds import FieldBounds
+from agribot.core.messages import Estimate, MapPoint, OperatorEvent, Path
+from tests.autonomy.plan.paper_task import PaperTask, PaperTasks
 from tests.autonomy.plan.planting import MISSION, at, rover
 from tests.autonomy.plan.test_mission_errands import HEADLAND, NORTH, Drive, no_places, task
 from tests.autonomy.plan.test_mission_states import Ride
 
 
-def places(where: Sequence[tuple[float, float]], name: str) -> Task:
+def places(where: Sequence[MapPoint], name: str, bounds: FieldBounds | None) -> Task:
     def plan(here: Estimate) -> Path:
         return plan_waypoints(where, (here.x_map_m, here.y_map_m, NORTH), rover(), MISSION)
 
-    return Task(plan, waypoints=where, name=name)
+    return PaperTask(plan, waypoints=where, name=name, bounds=bounds)
 
 
 def no_plan(text: str) -> Task:
@@ -35,7 +37,7 @@ class Again(Drive):
         saved = mission.saved()
         assert saved is not None
         kept = msgspec.json.decode(msgspec.json.encode(saved), type=SavedMission)
-        Ride.__init__(self, Mission(task(), MISSION, kept, NewTasks(no_plan, places)))
+        Ride.__init__(self, Mission(task(), MISSION, kept, PaperTasks(no_plan, places)))
         self.start = kept.pose[:2]
         self.first = self.settle()
 
@@ -93,7 +95,7 @@ def test_the_way_home_is_asked_about_too_and_another_goal_takes_its_place() -> N
 
 
 def test_a_visit_goes_on_with_the_places_that_are_left() -> None:
-    drive = Ride(Mission(task(), MISSION, new_tasks=NewTasks(no_plan, places)))
+    drive = Ride(Mission(task(), MISSION, new_tasks=PaperTasks(no_plan, places)))
     drive.settle()
     event = OperatorEvent(
         t_s=0.0, action="visit", source="Bea", text="the traps", numbers=(-2.0, 3.0, -2.0, 6.0)
@@ -117,7 +119,7 @@ def test_a_visit_goes_on_with_the_places_that_are_left() -> None:
 
 def test_a_goto_before_any_work_is_kept_as_well() -> None:
     waits = msgspec.structs.replace(MISSION, waits_for_goals=True)
-    drive = Ride(Mission(task(), waits, new_tasks=NewTasks(no_plan, no_places)))
+    drive = Ride(Mission(task(), waits, new_tasks=PaperTasks(no_plan, no_places)))
     drive.be_at(-2.0, 0.0)
     goto = OperatorEvent(t_s=0.0, action="goto", source="Ada", numbers=(-2.0, 8.0))
     drive.mission.step(at(-2.0, 0.0, drive.t_s), [goto])
@@ -126,7 +128,7 @@ def test_a_goto_before_any_work_is_kept_as_well() -> None:
     saved = drive.mission.saved()
     assert saved is not None and saved.planned_from is None
     kept = msgspec.json.decode(msgspec.json.encode(saved), type=SavedMission)
-    again = Ride(Mission(task(), waits, kept, NewTasks(no_plan, no_places)))
+    again = Ride(Mission(task(), waits, kept, PaperTasks(no_plan, no_places)))
     first = again.be_at(*kept.pose[:2])
     assert "to the goal, as Ada asked" in first.status.reason
     goal = again.be_at(*kept.pose[:2], "resume")

@@ -15,10 +15,12 @@ from agribot.autonomy.plan.curves import Place
 from agribot.autonomy.plan.goal_way import fence_around, plan_to_place
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import field_rows
-from agribot.autonomy.plan.task import NewTasks, Task
+from agribot.autonomy.plan.task import Task
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
-from agribot.core.messages import Estimate, Goal, OperatorEvent, Path
+from agribot.core.field_bounds import FieldBounds
+from agribot.core.messages import Estimate, Goal, MapPoint, OperatorEvent, Path
+from tests.autonomy.plan.paper_task import PaperTask, PaperTasks
 from tests.autonomy.plan.planting import MISSION, at, point_at, rover
 from tests.autonomy.plan.test_mission_states import Ride
 
@@ -36,18 +38,17 @@ def task(rows_taken: int = 3) -> Task:
         fence = fence_around([*ENDS, start[:2]], 5.0)
         return plan_to_place(goal, start, rows, fence, rover(), MISSION)
 
-    return Task(
+    return PaperTask(
         lambda here: plan_rows(rows, (here.x_map_m, here.y_map_m, NORTH), rover(), MISSION),
         rows,
         home=lambda here, pose, _: plan_home(
             rows, (here.x_map_m, here.y_map_m, NORTH), (*pose[:2], NORTH), rover(), MISSION
         ),
         go_to=go_to,
-        back=go_to,
     )
 
 
-def no_places(places: Sequence[tuple[float, float]], name: str) -> Task:
+def no_places(places: Sequence[MapPoint], name: str, bounds: FieldBounds | None) -> Task:
     raise AssertionError(f"{name} is no visit")
 
 
@@ -56,7 +57,7 @@ class Drive(Ride):
 
     def __init__(self) -> None:
         super().__init__(
-            Mission(task(), MISSION, new_tasks=NewTasks(lambda text: task(int(text)), no_places))
+            Mission(task(), MISSION, new_tasks=PaperTasks(lambda text: task(int(text)), no_places))
         )
         self.settle()
 
@@ -254,7 +255,7 @@ def test_a_plan_that_cannot_be_read_leaves_the_mission_as_it_is() -> None:
     def refuse(_: str) -> Task:
         raise MissionError("not a plan")
 
-    ride = Ride(Mission(task(), MISSION, new_tasks=NewTasks(refuse, no_places)))
+    ride = Ride(Mission(task(), MISSION, new_tasks=PaperTasks(refuse, no_places)))
     goal = ride.settle()
     event = OperatorEvent(t_s=0.0, action="plan", text="x")
     after = ride.mission.step(at(-2.0, 0.0, ride.t_s + 0.02), [event])

@@ -21,9 +21,9 @@ from agribot.autonomy.plan.states import (
     Stopping,
     Waiting,
 )
-from agribot.autonomy.plan.task import NewTasks
 from agribot.core.latch import Latch
 from agribot.core.messages import Goal, MissionStatus, OperatorAction, OperatorEvent
+from tests.autonomy.plan.paper_task import PaperTasks
 from tests.autonomy.plan.planting import MISSION, at, point_at
 from tests.autonomy.plan.test_mission_cut_off import places
 from tests.autonomy.plan.test_mission_errands import HEADLAND, Drive, task
@@ -56,7 +56,7 @@ class Asked(Ride):
     """A mission over three rows that takes everything, in a state of one's choice."""
 
     def __init__(self, saved: SavedMission | None = None) -> None:
-        new_tasks = NewTasks(lambda text: task(int(text)), places)
+        new_tasks = PaperTasks(lambda text: task(int(text)), places)
         super().__init__(Mission(task(), MISSION, saved, new_tasks, latch=Latch()))
         self.where = self.start
 

@@ -14,10 +14,10 @@ from agribot.autonomy.plan.certify import certify
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import field_rows
 from agribot.autonomy.plan.saved_mission import PoseTuple, SavedMission
-from agribot.autonomy.plan.task import Task
 from agribot.core.config import FieldConfig
 from agribot.core.messages import Estimate, FloatArray, Goal, Path
 from agribot.core.row_shape import project_on_row
+from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, rover
 from tests.autonomy.plan.test_mission_states import Ride
 
@@ -36,7 +36,7 @@ def home(estimate: Estimate, pose: PoseTuple, _: FloatArray) -> Path:
 
 
 def ride(saved: SavedMission | None = None) -> Ride:
-    return Ride(Mission(Task(plan, ROWS, home=home), MISSION, saved))
+    return Ride(Mission(PaperTask(plan, ROWS, home=home), MISSION, saved))
 
 
 def row_at_m(one: Ride, row: int, part: float = 0.5) -> float:
@@ -84,7 +84,7 @@ def test_a_robot_that_was_carried_away_does_not_go_on_and_says_how_far() -> None
 
 def test_another_task_is_not_taken_for_the_saved_one() -> None:
     saved, _ = cut_off()
-    other = Ride(Mission(Task(plan, ROWS, [(0.0, 0.0)]), MISSION, saved))
+    other = Ride(Mission(PaperTask(plan, ROWS, [(0.0, 0.0)]), MISSION, saved))
     longer = msgspec.structs.replace(saved, length_m=saved.length_m + 1.0)
     again = ride(longer)
     for one in (other, again):
@@ -226,7 +226,7 @@ def test_killed_anywhere_and_planned_anew_every_row_is_worked_and_none_twice(
     saved = first.mission.saved()
     assert saved is not None
     saved = msgspec.json.decode(msgspec.json.encode(saved), type=SavedMission)
-    task = Task(from_the_far_side, ROWS, rest=rest if has_rest else None)
+    task = PaperTask(from_the_far_side, ROWS, rest=rest if has_rest else None)
     again = Ride(Mission(task, MISSION, saved))
     again.start = saved.pose[:2]
     status = again.settle().status
@@ -255,7 +255,7 @@ def test_rows_that_were_all_worked_are_not_worked_again_under_another_plan() -> 
     one.along(0.0, row_at_m(one, 2, 1.0) + 0.7)
     saved = one.mission.saved()
     assert saved is not None
-    again = Ride(Mission(Task(from_the_far_side, ROWS, rest=rest), MISSION, saved))
+    again = Ride(Mission(PaperTask(from_the_far_side, ROWS, rest=rest), MISSION, saved))
     again.start = saved.pose[:2]
     status = again.settle().status
     assert (status.state, status.reason) == (
@@ -272,7 +272,7 @@ def test_rows_that_were_skipped_stay_so_under_another_plan(has_rest: bool) -> No
     one.along(0.0, s_m)
     one.be_at(*one.place(s_m), "skip_row")
     saved = msgspec.json.decode(msgspec.json.encode(one.mission.saved()), type=SavedMission)
-    task = Task(from_the_far_side, ROWS, rest=rest if has_rest else None)
+    task = PaperTask(from_the_far_side, ROWS, rest=rest if has_rest else None)
     again = Ride(Mission(task, MISSION, saved))
     again.start = saved.pose[:2]
     assert again.settle().status.rows_done == (0,)
@@ -293,7 +293,7 @@ def test_what_was_worked_on_another_field_does_not_count() -> None:
     def plan_there(estimate: Estimate) -> Path:
         return plan_rows(elsewhere, (38.0, 0.0, math.pi / 2), rover(), MISSION)
 
-    again = Ride(Mission(Task(plan_there, elsewhere), MISSION, saved))
+    again = Ride(Mission(PaperTask(plan_there, elsewhere), MISSION, saved))
     again.start = saved.pose[:2]
     status = again.settle().status
     assert status.state == "failed"

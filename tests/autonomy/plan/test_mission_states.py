@@ -8,11 +8,11 @@ import pytest
 from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.mission import SETTLE_S, Mission
 from agribot.autonomy.plan.rows import field_rows
-from agribot.autonomy.plan.task import Task
 from agribot.autonomy.plan.waypoints import plan_waypoints
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, Goal, OperatorEvent, Path
+from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, at, event, point_at, rover
 
 TWO_ROWS = FieldConfig(row_count=2, row_length_m=4.0)
@@ -56,7 +56,7 @@ def path() -> Path:
 
 @pytest.fixture
 def ride(path: Path) -> Ride:
-    return Ride(Mission(Task(lambda _: path, ROWS), MISSION))
+    return Ride(Mission(PaperTask(lambda _: path, ROWS), MISSION))
 
 
 def test_waits_until_the_estimate_has_held_for_a_second(ride: Ride) -> None:
@@ -182,7 +182,7 @@ def test_a_robot_pushed_back_along_its_path_has_not_left_it(ride: Ride) -> None:
 
 
 def test_the_neighbouring_row_never_captures_progress(path: Path) -> None:
-    wide = Mission(Task(lambda _: path, ROWS), MISSION)
+    wide = Mission(PaperTask(lambda _: path, ROWS), MISSION)
     ride = Ride(wide)
     ride.settle()
     first = float(path.s_m[path.row == 0][0])
@@ -209,7 +209,7 @@ def test_a_lost_estimate_stands_still_and_goes_on_by_itself(ride: Ride) -> None:
 def test_waypoints_are_counted_only_in_order_and_only_when_reached() -> None:
     points = [(1.0, 0.0), (4.0, 0.0), (4.0, 3.0)]
     path = plan_waypoints(points, (-2.0, 0.0, 0.0), rover(), MISSION)
-    ride = Ride(Mission(Task(lambda _: path, (), points), MISSION))
+    ride = Ride(Mission(PaperTask(lambda _: path, (), points), MISSION))
     ride.settle()
     reached = [goal.status.waypoints_reached for goal in ride.along(0.0, float(path.s_m[-1]))]
     assert reached == sorted(reached)
@@ -220,7 +220,7 @@ def test_waypoints_are_counted_only_in_order_and_only_when_reached() -> None:
 def test_a_missed_waypoint_fails_the_mission_and_is_named() -> None:
     points = [(1.0, 0.0), (4.0, 0.0)]
     path = plan_waypoints(points, (-2.0, 0.0, 0.0), rover(), MISSION)
-    ride = Ride(Mission(Task(lambda _: path, (), points), MISSION))
+    ride = Ride(Mission(PaperTask(lambda _: path, (), points), MISSION))
     ride.settle()
     ride.along(0.0, 2.5)
     ride.along(2.5, 3.5, beside_m=0.0)
@@ -238,7 +238,7 @@ def test_plans_once_from_where_the_robot_stands_when_it_has_settled(path: Path) 
         asked.append((estimate.x_map_m, estimate.y_map_m))
         return path
 
-    ride = Ride(Mission(Task(plan, ROWS), MISSION))
+    ride = Ride(Mission(PaperTask(plan, ROWS), MISSION))
     before = ride.be_at(-2.0, 0.0)
     assert before.path is None
     assert before.status.length_m == 0.0
@@ -255,21 +255,21 @@ def test_a_refused_plan_fails_the_mission_with_the_planners_words() -> None:
     def plan(_: Estimate) -> Path:
         raise MissionError("no way to the field")
 
-    goal = Ride(Mission(Task(plan, ROWS), MISSION)).settle()
+    goal = Ride(Mission(PaperTask(plan, ROWS), MISSION)).settle()
     assert (goal.status.state, goal.status.reason) == ("failed", "no way to the field")
     assert goal.path is None
     assert goal.max_speed_mps == 0.0
 
 
 def test_a_path_that_misses_its_waypoints_is_refused(path: Path) -> None:
-    goal = Ride(Mission(Task(lambda _: path, ROWS, [(50.0, 50.0)]), MISSION)).settle()
+    goal = Ride(Mission(PaperTask(lambda _: path, ROWS, [(50.0, 50.0)]), MISSION)).settle()
     assert goal.status.state == "failed"
     assert "passes waypoint 1 at" in goal.status.reason
 
 
 def test_a_path_over_unknown_rows_is_refused() -> None:
     farm_path = plan_rows(field_rows(FARM), FARM_START, rover(), MISSION)
-    goal = Ride(Mission(Task(lambda _: farm_path, ROWS), MISSION)).settle()
+    goal = Ride(Mission(PaperTask(lambda _: farm_path, ROWS), MISSION)).settle()
     assert goal.status.state == "failed"
     assert "rows [2, 3, 4, 5]" in goal.status.reason
 

@@ -7,9 +7,9 @@ import pytest
 
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.saved_mission import SavedMission
-from agribot.autonomy.plan.task import Task
 from agribot.core.latch import Latch
 from agribot.core.messages import Goal
+from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import MISSION, at
 from tests.autonomy.plan.test_mission_resume import ROWS, home, plan, ride, row_at_m
 from tests.autonomy.plan.test_mission_states import Ride
@@ -129,7 +129,7 @@ def test_a_file_of_an_older_version_holds_no_stop() -> None:
 
 def test_a_latch_that_others_close_pauses_the_mission_with_its_reason() -> None:
     latch = Latch()
-    one = Ride(Mission(Task(plan, ROWS, home=home), MISSION, latch=latch))
+    one = Ride(Mission(PaperTask(plan, ROWS, home=home), MISSION, latch=latch))
     one.settle()
     one.along(0.0, 2.0)
     place = one.place(2.0)

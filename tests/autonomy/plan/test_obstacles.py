@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.app.tasks import task_of, tasks_under_way
+from agribot.app.tasks import TasksUnderWay, choose_task
 from agribot.autonomy.plan.boustrophedon import plan_home, plan_rows
 from agribot.autonomy.plan.curves import Pose, Segment, sample
 from agribot.autonomy.plan.goal_way import plan_to_place
@@ -70,7 +70,7 @@ def test_the_first_row_is_reached_around_a_post_in_the_way(east_m: float, north_
 def test_the_farm_knows_the_pole_of_its_base_station() -> None:
     farm, robot = config.load("farm", []), load_robot()
     assert farm.field.obstacles_map_m == ((0.0, 0.0, 0.05),)
-    path = task_of(farm, robot).plan(at_start())
+    path = choose_task(farm, robot).plan(at_start())
     assert smallest_gap_m(path, posts((0.0, 0.0, 0.05))) >= farm.mission.obstacle_clearance_m
 
 
@@ -90,14 +90,14 @@ def test_the_distance_counts_from_the_side_of_the_body(beside_m: float, is_clear
 def test_a_post_on_a_row_refuses_the_mission_with_its_place() -> None:
     farm = config.load("farm", ["field.obstacles_map_m=[[3.0,7.0,0.1]]"])
     with pytest.raises(MissionError, match=r"obstacle at East 3.00 m, North 7.00 m"):
-        task_of(farm, load_robot()).plan(at_start())
+        choose_task(farm, load_robot()).plan(at_start())
 
 
 def test_waypoints_past_a_post_are_refused_with_its_place() -> None:
     field = msgspec.structs.replace(FARM, obstacles_map_m=((2.0, 0.3, 0.1),))
     settings = config.RunConfig(field=field, mission=MISSION)
-    listed = task_of(settings, load_robot(), waypoints_map_m=((4.0, 0.0),))
-    visit = tasks_under_way(listed, settings, load_robot()).of_places(((4.0, 0.0),), "visit")
+    listed = choose_task(settings, load_robot(), waypoints_map_m=((4.0, 0.0),))
+    visit = TasksUnderWay(listed, settings, load_robot()).visit(((4.0, 0.0),), "visit", None)
     for task in (listed, visit):
         with pytest.raises(MissionError, match=r"obstacle at East 2\.00 m, North 0\.30 m"):
             task.plan(at(0.0, 0.0, 0.0))

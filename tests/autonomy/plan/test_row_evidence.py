@@ -12,9 +12,9 @@ from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.row_evidence import row_pitch_m
 from agribot.autonomy.plan.rows import field_rows
-from agribot.autonomy.plan.task import Task
 from agribot.core.config import FieldConfig
 from agribot.core.messages import Estimate, GnssQuality, MissionStatus
+from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, point_at, rover
 
 ROWS = field_rows(FieldConfig(row_count=2, row_length_m=4.0))
@@ -24,7 +24,7 @@ Look = Callable[[int, float], dict[str, object]]
 
 
 def mission(*, has_crop: bool = True) -> Mission:
-    return Mission(Task(lambda _: PATH, ROWS, has_crop=has_crop), MISSION)
+    return Mission(PaperTask(lambda _: PATH, ROWS, has_crop=has_crop), MISSION)
 
 
 def drive(one: Mission, look: Look, from_m: float = 0.0, to_m: float = LENGTH_M) -> MissionStatus:
@@ -106,7 +106,7 @@ def test_what_was_not_seen_before_a_crash_is_not_forgotten() -> None:
     saved = first.saved()
     assert saved is not None
     again = msgspec.json.decode(msgspec.json.encode(saved), type=type(saved))
-    second = Mission(Task(lambda _: PATH, ROWS), MISSION, again)
+    second = Mission(PaperTask(lambda _: PATH, ROWS), MISSION, again)
     place = point_at(PATH, saved.s_m)
     t_s = 0.0
     while (status := second.step(at(*place, t_s)).status).state == "waiting":

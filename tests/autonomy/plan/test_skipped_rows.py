@@ -13,10 +13,10 @@ from agribot.autonomy.plan.certify import certify
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import field_rows
 from agribot.autonomy.plan.saved_mission import SavedMission
-from agribot.autonomy.plan.task import Task
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, Path
+from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import MISSION, rover
 from tests.autonomy.plan.test_mission_states import Ride
 
@@ -35,7 +35,7 @@ def around(path: Path, index: int, skipped: int) -> Path:
 
 
 def ride(saved: SavedMission | None = None) -> Ride:
-    return Ride(Mission(Task(plan, ROWS, around=around), MISSION, saved))
+    return Ride(Mission(PaperTask(plan, ROWS, around=around), MISSION, saved))
 
 
 def after_row_m(one: Ride, row: int) -> float:
@@ -121,7 +121,7 @@ def test_without_a_clear_way_around_the_row_is_passed_with_the_tool_off() -> Non
     def closed(path: Path, index: int, skipped: int) -> Path:
         raise MissionError("no way around")
 
-    one = Ride(Mission(Task(plan, ROWS, around=closed), MISSION))
+    one = Ride(Mission(PaperTask(plan, ROWS, around=closed), MISSION))
     one.settle()
     s_m = after_row_m(one, 0)
     one.along(0.0, s_m)

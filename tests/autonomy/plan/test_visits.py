@@ -10,11 +10,12 @@ import pytest
 from agribot.autonomy.plan.curves import Pose, Segment, sample
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.saved_mission import SavedMission
-from agribot.autonomy.plan.task import NewTasks, Task
+from agribot.autonomy.plan.task import Task
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import Estimate, GnssQuality, Goal, OperatorAction, OperatorEvent, Path
+from tests.autonomy.plan.paper_task import PaperTask, PaperTasks
 
 
 def at(t_s: float, x_m: float, y_m: float = 0.0) -> Estimate:
@@ -30,13 +31,13 @@ def ahead(estimate: Estimate, length_m: float) -> Path:
     return sample(pose, [Segment(length_m, 0.0)])
 
 
-def visiting(points: Sequence[tuple[float, float]], name: str) -> Task:
+def visiting(points: Sequence[tuple[float, float]], name: str, bounds: FieldBounds | None) -> Task:
     def plan(estimate: Estimate) -> Path:
         if points[-1][0] < estimate.x_map_m:
             raise MissionError("behind the robot")
         return ahead(estimate, points[-1][0] - estimate.x_map_m)
 
-    return Task(plan, waypoints=points, name=name)
+    return PaperTask(plan, waypoints=points, name=name, bounds=bounds)
 
 
 def no_plan(text: str) -> Task:
@@ -61,8 +62,8 @@ class Drive:
 
         self.only_from_m = only_from_m
         config = MissionConfig(waits_for_goals=waits)
-        task = Task(plan, bounds=bounds)
-        self.mission = Mission(task, config, saved, NewTasks(no_plan, visiting))
+        task = PaperTask(plan, bounds=bounds)
+        self.mission = Mission(task, config, saved, PaperTasks(no_plan, visiting))
         self.t_s = self.x_m = 0.0
 
     def step(self, *events: OperatorEvent, seconds: float = 0.1) -> Goal:

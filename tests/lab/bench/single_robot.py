@@ -6,14 +6,9 @@ import math
 from collections.abc import Sequence
 
 from agribot.autonomy.control.follower import Follower
-from agribot.autonomy.estimate.batch.compass import BatchYaw
-from agribot.autonomy.estimate.batch.gnss import BatchFix
-from agribot.autonomy.estimate.batch.localizer import BatchHeading
-from agribot.autonomy.estimate.batch.row_lines import BatchLine
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import field_rows
-from agribot.autonomy.plan.task import Task
 from agribot.core.geo import MapFrame
 from agribot.core.messages import (
     DriveCommand,
@@ -28,8 +23,13 @@ from agribot.core.messages import (
     WheelSample,
 )
 from agribot.core.robot import RobotSpec
+from agribot.lab.bench.nav.batch.compass import BatchYaw
+from agribot.lab.bench.nav.batch.gnss import BatchFix
+from agribot.lab.bench.nav.batch.localizer import BatchHeading
+from agribot.lab.bench.nav.batch.row_lines import BatchLine
 from agribot.lab.bench.nav.missions import Reading
 from agribot.lab.bench.nav.scenario import DT_S, TICK_STEPS, Scenario
+from tests.autonomy.plan.paper_task import PaperTask
 
 TICK_S = TICK_STEPS * DT_S
 
@@ -38,7 +38,7 @@ class SingleRobot:
     def __init__(self, index: int, scenario: Scenario, robot: RobotSpec, path: Path) -> None:
         field = scenario.field()
         self.localizer = Localizer(scenario.estimate(), field, robot)
-        self.mission = Mission(Task(lambda _: path, field_rows(field)), scenario.mission())
+        self.mission = Mission(PaperTask(lambda _: path, field_rows(field)), scenario.mission())
         self._follower = Follower(scenario.control(), robot)
         self._index, self._radius_m = index, robot.drive.wheel_radius_m
         self._frame = MapFrame(field.datum)

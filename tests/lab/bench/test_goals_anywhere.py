@@ -10,7 +10,6 @@ import pytest
 from agribot.autonomy.control.follower import Follower
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.task import Task
 from agribot.autonomy.plan.waypoints import plan_waypoints
 from agribot.core.config import ControlConfig, EstimateConfig, FieldConfig, MissionConfig
 from agribot.core.geo import Datum, MapFrame, wrap_rad
@@ -25,6 +24,7 @@ from agribot.core.messages import (
 from agribot.description.loader import load_robot
 from agribot.lab.bench.nav.plant import Plant, Proprioception
 from agribot.lab.bench.nav.scenario import DT_S, TICK_STEPS, Soil
+from tests.autonomy.plan.paper_task import PaperTask
 
 ROBOT = load_robot()
 PLACES = {
@@ -43,7 +43,7 @@ def final_distance_m(place: tuple[float, float], bearing_deg: float, seed: int) 
     goal_m = (6.0 * math.cos(yaw_rad), 6.0 * math.sin(yaw_rad))
     mission_config = MissionConfig()
     localizer = Localizer(EstimateConfig(), field, ROBOT)
-    task = Task(
+    task = PaperTask(
         lambda e: plan_waypoints(
             (goal_m,), (e.x_map_m, e.y_map_m, e.yaw_map_rad), ROBOT, mission_config
         ),

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from agribot.autonomy.estimate.batch.localizer import BatchLocalizer
 from agribot.description.loader import load_robot
+from agribot.lab.bench.nav.batch.localizer import BatchLocalizer
 from agribot.lab.bench.nav.driving import Driving
 from agribot.lab.bench.nav.missions import Sensors, hear
 from agribot.lab.bench.nav.plant import Plant

@@ -12,7 +12,6 @@ import pytest
 from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import field_rows
-from agribot.autonomy.plan.task import Task
 from agribot.core import topics
 from agribot.core.config import FieldConfig
 from agribot.core.geo import Datum, MapFrame
@@ -21,6 +20,7 @@ from agribot.core.topics import Topic
 from agribot.ros.messages.camera_log import CameraLog
 from agribot.ros.messages.rosmsg import typestore
 from agribot.ros.messages.topic_feed import TopicFeed
+from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, rover
 from tests.autonomy.plan.test_mission_states import Ride
 from tests.record import record_samples as samples
@@ -66,7 +66,7 @@ class Listener:
 @pytest.fixture
 def ride() -> Ride:
     path = plan_rows(ROWS, FARM_START, rover(), MISSION)
-    return Ride(Mission(Task(lambda _: path, ROWS, go_to=lambda *_: path), MISSION))
+    return Ride(Mission(PaperTask(lambda _: path, ROWS, go_to=lambda *_: path), MISSION))
 
 
 def test_in_a_row_it_is_the_rows_end_and_in_a_turn_the_next_rows_start(ride: Ride) -> None:

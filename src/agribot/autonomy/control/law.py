@@ -14,14 +14,16 @@ USUAL_ERROR_M = 0.04  # no reason to slow down
 SLOWING_M, HASTE_M, MAX_HASTE = 0.3, 0.1, 1.6
 
 
-def offset(m: Arithmetic, dx_m: Number, dy_m: Number, yaw_rad: Number) -> tuple[Number, Number]:
+def offset(
+    m: Arithmetic[Number], dx_m: Number, dy_m: Number, yaw_rad: Number
+) -> tuple[Number, Number]:
     """Along and to the left of a direction."""
     cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
     return cos * dx_m + sin * dy_m, cos * dy_m - sin * dx_m
 
 
 def ahead(
-    m: Arithmetic,
+    m: Arithmetic[Number],
     pose: tuple[Number, Number, Number],
     v_mps: Number,
     yaw_rate_radps: Number,
@@ -40,18 +42,18 @@ def ahead(
     )
 
 
-def caution(m: Arithmetic, cross_track_m: Number, heading_rad: Number) -> Number:
+def caution(m: Arithmetic[Number], cross_track_m: Number, heading_rad: Number) -> Number:
     """Part of the speed that is left when the robot is beside its line or looks elsewhere."""
     beside = m.most(0.25, 1.0 - _unusual_m(m, cross_track_m) / SLOWING_M)
     return beside * m.most(0.15, m.cos(m.least(1.2 * abs(heading_rad), 1.5)))
 
 
-def _unusual_m(m: Arithmetic, cross_track_m: Number) -> Number:
+def _unusual_m(m: Arithmetic[Number], cross_track_m: Number) -> Number:
     return m.most(abs(cross_track_m) - USUAL_ERROR_M, 0.0)
 
 
 def steer(
-    m: Arithmetic,
+    m: Arithmetic[Number],
     errors: tuple[Number, Number, Number],
     slip_rad: Number,
     max_speed_mps: Number,
@@ -80,9 +82,9 @@ def steer(
     return v_mps, limited(m, yaw_rate, max_yaw_rate_radps)
 
 
-def limited(m: Arithmetic, value: Number, limit: Number) -> Number:
+def limited(m: Arithmetic[Number], value: Number, limit: Number | float) -> Number:
     return m.least(m.most(value, -limit), limit)
 
 
-def ramped(m: Arithmetic, wanted: Number, last: Number, step: float) -> Number:
+def ramped(m: Arithmetic[Number], wanted: Number, last: Number, step: float) -> Number:
     return m.least(m.most(wanted, last - step), last + step)

@@ -73,7 +73,7 @@ class Gnss(Correction[GnssFix]):
         self._velocity_gate = Gate(config.gate_sigma, self._spin_after, "velocity outlier")
         self._spin_watch = SpinWatch(FLOATS, self._spin_after)
         self._first: list[tuple[float, float]] = []
-        self._noise: FixNoise | None = None
+        self._noise: FixNoise[float] | None = None
         self._is_corrected = self._is_differential = False
 
     @property
@@ -140,7 +140,7 @@ class Gnss(Correction[GnssFix]):
         east, north = self.pose.rows.at(x[X], x[Y]).right
         self.pose.agreement.fix(t_s, east_m * east + north_m * north)
 
-    def _follow_quality(self, noise: FixNoise, is_differential: bool) -> None:
+    def _follow_quality(self, noise: FixNoise[float], is_differential: bool) -> None:
         """Corrections coming or going replace one bias by another that knows nothing of it."""
         is_corrected = self.quality in CORRECTED
         was, kind = (self._is_corrected, self._is_differential), (is_corrected, is_differential)
@@ -151,7 +151,7 @@ class Gnss(Correction[GnssFix]):
         self._is_corrected, self._is_differential = kind
 
     def _position(
-        self, fix: GnssFix, noise: FixNoise, lever_m: tuple[float, float], epoch: Epoch
+        self, fix: GnssFix, noise: FixNoise[float], lever_m: tuple[float, float], epoch: Epoch
     ) -> Measurements:
         alt_m = fix.alt_m if math.isfinite(fix.alt_m) else self._frame.datum.alt_m
         east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, alt_m)
@@ -248,7 +248,7 @@ class Gnss(Correction[GnssFix]):
         variance = velocity_variance(fix.velocity_std_mps, rate_radps, since_last_s)
         claimed_mps, _ = ahead_and_aside(FLOATS, (east_mps, north_mps), yaw_rad)
         missing_mps, _ = ahead_and_aside(FLOATS, residuals, yaw_rad)
-        spins = self._spin_watch.is_spinning(claimed_mps, missing_mps, math.sqrt(variance))
+        spins = bool(self._spin_watch.is_spinning(claimed_mps, missing_mps, math.sqrt(variance)))
         if spins:
             self.pose.rejected["wheels spin"] += 1
         opened = doubts(

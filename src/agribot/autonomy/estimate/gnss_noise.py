@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Generic
+
 import msgspec
 
 from agribot.autonomy.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y
 from agribot.autonomy.estimate.models import repeats
-from agribot.core.arithmetic import FLOATS, Arithmetic, Number
+from agribot.core.arithmetic import FLOATS, Arithmetic, Condition, Number
 from agribot.core.messages import GnssFix, GnssQuality
 
 CORRECTED = (GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT)
@@ -22,22 +24,22 @@ FLOAT_MEMORY_S = 15.0
 FLOAT_STD_M = 0.3
 
 
-class FixNoise(msgspec.Struct, frozen=True, kw_only=True):
+class FixNoise(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
     """What the filter believes of a fix: white variance, and spread and walk of the bias."""
 
-    variance_m2: Number
-    bias_std_m: Number
+    variance_m2: Number | float
+    bias_std_m: Number | float
     bias_walk_m_per_sqrt_s: float
 
 
 def noise_model(
-    m: Arithmetic,
+    m: Arithmetic[Number],
     pos_std_m: Number,
-    is_float: Number,
+    is_float: Condition,
     since_last_s: float,
     *,
     is_corrected: bool,
-) -> FixNoise:
+) -> FixNoise[Number]:
     std_m = m.most(pos_std_m, MIN_POS_STD_M)
     if not is_corrected:
         return FixNoise(
@@ -55,13 +57,15 @@ def noise_model(
     )
 
 
-def fix_noise(fix: GnssFix, since_last_s: float) -> FixNoise:
+def fix_noise(fix: GnssFix, since_last_s: float) -> FixNoise[float]:
     is_float = fix.quality is GnssQuality.RTK_FLOAT
     is_corrected = fix.quality in CORRECTED
     return noise_model(FLOATS, fix.pos_std_m, is_float, since_last_s, is_corrected=is_corrected)
 
 
-def bias_ageing(m: Arithmetic, noise: FixNoise, dt_s: float) -> list[tuple[int, Number, Number]]:
+def bias_ageing(
+    m: Arithmetic[Number], noise: FixNoise[Number], dt_s: float
+) -> list[tuple[int, Number | float, Number | float]]:
     """How the two bias states age, as Ekf.relax takes it."""
     variance = noise.bias_std_m**2
     factor = m.exp(-(noise.bias_walk_m_per_sqrt_s**2) * dt_s / (2.0 * variance))

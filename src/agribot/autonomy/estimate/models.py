@@ -14,7 +14,7 @@ TURN_CENTRE_STD_M, TURN_MEMORY_S = 0.03, 2.0
 
 
 def motion(
-    m: Arithmetic,
+    m: Arithmetic[Number],
     middle_rad: Number,
     row_yaw_rad: float,
     wheel_scale: Number,
@@ -55,7 +55,7 @@ def walk_across(
 
 
 def antenna_velocity(
-    m: Arithmetic,
+    m: Arithmetic[Number],
     yaw_rad: Number,
     row_yaw_rad: float,
     wheel_scale: Number,
@@ -77,7 +77,7 @@ def antenna_velocity(
     )  # fmt: skip
 
 
-def velocity_variance(std_mps: Number, rate_radps: Number, since_last_s: Number) -> Number:
+def velocity_variance(std_mps: float, rate_radps: Number, since_last_s: float) -> Number:
     return (
         (VELOCITY_FACTOR * std_mps) ** 2
         + VELOCITY_FLOOR_MPS**2

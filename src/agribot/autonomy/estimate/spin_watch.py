@@ -2,38 +2,41 @@
 
 from __future__ import annotations
 
+from typing import Generic
+
 from agribot.autonomy.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, WHEEL_SCALE, YAW, X, Y
-from agribot.core.arithmetic import Arithmetic, Number
+from agribot.core.arithmetic import Arithmetic, Condition, Number
 
 # Slip leaves more than half of the way, also in the worst soil that is driven.
 LOST_RATIO = 0.5
 
 
-class SpinWatch:
+class SpinWatch(Generic[Number]):
     """Means over the last fixes of what the wheels claim and of what the receiver misses of it.
 
     Of one robot or, with arrays, of many. A mean over eight fixes scatters by a quarter of the
     sigma of one, so a whole sigma is no chance.
     """
 
-    def __init__(self, m: Arithmetic, fixes: int) -> None:
-        self._m, self._fixes = m, fixes
-        self._claimed_mps: Number = 0.0
-        self._missing_mps: Number = 0.0
+    def __init__(self, m: Arithmetic[Number], fixes: int) -> None:
+        self._m: Arithmetic[Number] = m
+        self._fixes = fixes
+        self._claimed_mps: Number | float = 0.0
+        self._missing_mps: Number | float = 0.0
 
-    def is_spinning(self, claimed_mps: Number, residual_mps: Number, std_mps: Number) -> Number:
+    def is_spinning(self, claimed_mps: Number, residual_mps: Number, std_mps: Number) -> Condition:
         """`residual_mps` is the receiver's velocity along the robot less the claimed one."""
         self._claimed_mps += (claimed_mps - self._claimed_mps) / self._fixes
         self._missing_mps -= (residual_mps + self._missing_mps) / self._fixes
         is_less = self._missing_mps * self._claimed_mps > 0.0
         least_mps = self._m.most(std_mps, LOST_RATIO * abs(self._claimed_mps))
-        spins = is_less & (abs(self._missing_mps) > least_mps)
-        self._missing_mps = self._missing_mps * (1.0 - spins)
+        spins: Condition = is_less & (abs(self._missing_mps) > least_mps)
+        self._missing_mps = self._m.choose(spins, 0.0 * self._missing_mps, self._missing_mps)
         return spins
 
 
 def ahead_and_aside(
-    m: Arithmetic, vector: tuple[Number, Number], yaw_rad: Number
+    m: Arithmetic[Number], vector: tuple[Number, Number], yaw_rad: Number
 ) -> tuple[Number, Number]:
     """The parts along and to the left of the robot of a vector in the map."""
     cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
@@ -41,7 +44,7 @@ def ahead_and_aside(
 
 
 def doubts(
-    m: Arithmetic,
+    m: Arithmetic[Number],
     residuals: tuple[Number, Number],
     expected_mps: tuple[Number, Number],
     yaw_rad: Number,
@@ -57,8 +60,10 @@ def doubts(
     speed_mps = m.most(m.sqrt(expected_mps[0] ** 2 + expected_mps[1] ** 2), 0.05)
     wrong_m = m.sqrt(residuals[0] ** 2 + residuals[1] ** 2) * lasted_s
     places = (X, Y) if is_corrected else (X, Y, GNSS_BIAS_X, GNSS_BIAS_Y)
-    return (
+    opened = [
         (WHEEL_SCALE, m.least(abs(ahead_mps) / speed_mps, 1.0)),
         (YAW, m.least(abs(aside_mps) / speed_mps, 1.0)),
-        *((state, wrong_m) for state in places),
-    )
+    ]
+    for state in places:
+        opened.append((state, wrong_m))
+    return tuple(opened)

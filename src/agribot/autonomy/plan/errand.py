@@ -50,12 +50,12 @@ def save_errand(errand: Errand | None) -> SavedErrand | None:
 
 def make_home_errand(task: Task, job: MissionJob | None, source: str) -> Errand:
     """Raises: MissionError: nobody knows where home is."""
-    plan_home = task.home
-    if job is None or plan_home is None:
+    if job is None:
         raise MissionError("nothing was planned yet")
+    _check_ways(task)
     ahead = job.route.row_ahead if task.has_crop else job.route.path.xy_map_m[:0]
     home = job.planned_from
-    return Errand("home", source, lambda here: plan_home(here, home, ahead))
+    return Errand("home", source, lambda here: task.plan_home(here, home, ahead))
 
 
 def make_goal_errand(task: Task, source: str, numbers: tuple[float, ...]) -> Errand:
@@ -63,19 +63,17 @@ def make_goal_errand(task: Task, source: str, numbers: tuple[float, ...]) -> Err
     if len(numbers) not in (2, 3) or not all(math.isfinite(number) for number in numbers):
         raise MissionError("a goal is two or three finite numbers: x and y (m, map), yaw (rad)")
     goal: Place = (numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else None)
-    plan = task.go_to
-    if plan is None:
-        raise MissionError("this mission drives its own path only")
-    return Errand("goal", source, lambda here: plan(here, goal), numbers)
+    _check_ways(task)
+    return Errand("goal", source, lambda here: task.plan_to(here, goal), numbers)
 
 
 def make_work_errand(task: Task, job: MissionJob | None) -> Errand:
     """Raises: MissionError: a task that knows no ways."""
-    plan = task.back
-    if job is None or plan is None:
-        raise MissionError("this mission drives its own path only")
+    if job is None:
+        raise MissionError("nothing was planned yet")
+    _check_ways(task)
     place = job.place_to_go_on
-    return Errand("work", "the mission", lambda here: plan(here, place))
+    return Errand("work", "the mission", lambda here: task.plan_back(here, place))
 
 
 def restore_errand(saved: SavedErrand, task: Task, job: MissionJob | None) -> Errand:
@@ -85,3 +83,8 @@ def restore_errand(saved: SavedErrand, task: Task, job: MissionJob | None) -> Er
     if saved.to == "work":
         return make_work_errand(task, job)
     return make_goal_errand(task, saved.source, saved.goal)
+
+
+def _check_ways(task: Task) -> None:
+    if not task.has_ways:
+        raise MissionError("this mission drives its own path only")

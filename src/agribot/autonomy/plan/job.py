@@ -50,7 +50,7 @@ class MissionJob:
         self._tool_m = (math.nan, math.nan)
         self._detours = detours
         for index, row in detours:
-            path = task.around(path, index, row) if task.around else path
+            path = task.plan_around(path, index, row)
         self.route = self._make_route(path)
 
     @property
@@ -150,11 +150,11 @@ class MissionJob:
         route, here = self.route, self.rows.here
         row = here if here >= 0 and not self.rows.is_skipped(here) else route.next_row
         self.rows.skip(row)
-        if row in (-1, here) or self.task.around is None:
+        if row in (-1, here):
             return
         index = route.progress.index
         try:
-            path = self.task.around(route.path, index, row)
+            path = self.task.plan_around(route.path, index, row)
         except MissionError:
             return  # it is passed with the tool off
         self._detours += ((index, row),)

@@ -8,10 +8,10 @@ from agribot.autonomy.plan.covered import CoveredRows
 from agribot.autonomy.plan.job import MissionJob
 from agribot.autonomy.plan.row_log import RowResult
 from agribot.autonomy.plan.saved_mission import (
-    PoseTuple,
     SavedMission,
     check_not_carried_away,
     check_same_task,
+    pose_of,
     task_name,
 )
 from agribot.autonomy.plan.task import Task
@@ -30,7 +30,7 @@ def plan_job(
     Raises: MissionError: no path, the robot was carried away, or the task is another one.
     """
     if saved is None or saved.planned_from is None:
-        return MissionJob(task, config, task.plan(estimate), _pose(estimate))
+        return MissionJob(task, config, task.plan(estimate), pose_of(estimate))
     check_not_carried_away(estimate, saved.pose[:2], config.resume_limit_m)
     x_m, y_m, yaw_rad = saved.planned_from
     then = msgspec.structs.replace(estimate, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad)
@@ -58,8 +58,8 @@ def _plan_rest(
     left = [row.index for row in task.rows if row.index not in done + skipped]
     if not left:
         raise MissionError("every row was worked or skipped before; nothing is left to resume")
-    path = task.rest(estimate, left) if task.rest else task.plan(estimate)
-    job = MissionJob(task, config, path, _pose(estimate), covered)
+    path = task.plan_rest(estimate, left)
+    job = MissionJob(task, config, path, pose_of(estimate), covered)
     job.leave_out(done, skipped)
     return job
 
@@ -71,7 +71,7 @@ def save_unbegun(task: Task, state: MissionState, last: Estimate) -> SavedMissio
         state=state,
         t_s=last.t_s,
         planned_from=None,
-        pose=_pose(last),
+        pose=pose_of(last),
         length_m=0.0,
         s_m=0.0,
         row=-1,
@@ -85,7 +85,3 @@ def save_unbegun(task: Task, state: MissionState, last: Estimate) -> SavedMissio
 def list_rows(task: Task) -> tuple[RowResult, ...]:
     """Of a task that has not begun."""
     return tuple(RowResult(index=row.index) for row in task.rows)
-
-
-def _pose(estimate: Estimate) -> PoseTuple:
-    return estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad

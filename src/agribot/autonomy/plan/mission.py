@@ -41,7 +41,7 @@ from agribot.autonomy.plan.states import (
     name_state,
 )
 from agribot.autonomy.plan.status import describe, find_way, make_goal
-from agribot.autonomy.plan.task import NewTasks, Task
+from agribot.autonomy.plan.task import NewTasks, Task, read_places
 from agribot.autonomy.plan.watch import Watch
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
@@ -79,8 +79,7 @@ class Mission:
         works out long ways beside the loop; without it, they are worked out at once.
         """
         if saved is not None and saved.visit_name and new_tasks is not None:
-            visit = new_tasks.of_places(saved.visit, saved.visit_name)
-            task = visit._replace(bounds=task.bounds)
+            task = new_tasks.visit(saved.visit, saved.visit_name, task.bounds)
         self._task, self._config = task, config
         self._job: MissionJob | None = None  # None until its route is planned
         self._begun = saved if saved is not None and saved.planned_from is not None else None
@@ -103,22 +102,6 @@ class Mission:
         self._state: State = Waiting("waiting for the first estimate")
         self._handlers = self._list_handlers()
         self._take_up(saved)
-
-    def _list_handlers(self) -> dict[Do, Handler]:
-        return {
-            Do.HOLD: self._turn_latch,
-            Do.RELEASE: self._turn_latch,
-            Do.PAUSE: lambda event: self._pause(f"paused by {event.source}"),
-            Do.RESUME: lambda event: self._resume(),
-            Do.BEGIN_ANEW: lambda event: self._begin_anew(),
-            Do.CANCEL: self._cancel,
-            Do.SKIP_ROW: lambda event: self._skip_row(),
-            Do.TURN_HOME: lambda event: self._turn_home(event.source),
-            Do.TURN_TO_GOAL: self._turn_to_goal,
-            Do.TAKE_PLAN: self._take_plan,
-            Do.TAKE_VISIT: self._take_visit,
-            Do.SET: self._set,
-        }
 
     @property
     def state(self) -> State:
@@ -237,6 +220,22 @@ class Mission:
         self._refusal = why
         return why
 
+    def _list_handlers(self) -> dict[Do, Handler]:
+        return {
+            Do.HOLD: self._turn_latch,
+            Do.RELEASE: self._turn_latch,
+            Do.PAUSE: lambda event: self._pause(f"paused by {event.source}"),
+            Do.RESUME: lambda event: self._resume(),
+            Do.BEGIN_ANEW: lambda event: self._begin_anew(),
+            Do.CANCEL: self._cancel,
+            Do.SKIP_ROW: lambda event: self._skip_row(),
+            Do.TURN_HOME: lambda event: self._turn_home(event.source),
+            Do.TURN_TO_GOAL: self._turn_to_goal,
+            Do.TAKE_PLAN: self._take_plan,
+            Do.TAKE_VISIT: self._take_visit,
+            Do.SET: self._set,
+        }
+
     def _turn_latch(self, event: OperatorEvent) -> None:
         self._latch.hear(event)
         self._heed_latch()
@@ -342,36 +341,37 @@ class Mission:
     def _take_plan(self, event: OperatorEvent) -> str:
         """Another task from now on for a robot that stands, once it is checked and resumed."""
         new_tasks, last = self._new_tasks, self._last
-        if new_tasks and last and abs(last.v_mps) > STANDING_MPS:
+        if new_tasks is None:
+            return self._refuse("plan refused: this mission takes no other task")
+        if last and abs(last.v_mps) > STANDING_MPS:
             return self._refuse("plan refused: the robot drives; pause its mission first")
-        return self._take(event, new_tasks.checking_s if new_tasks else 0.0)
+        make = partial(new_tasks.read_plan, event.text)
+        return self._take(event, make, new_tasks.checking_s)
 
     def _take_visit(self, event: OperatorEvent) -> str:
         """Another task at once, from where the robot is."""
-        return self._take(event, 0.0)
+        new_tasks, name, bounds = self._new_tasks, event.text or "visit", self._task.bounds
+        if new_tasks is None:
+            return self._refuse("visit refused: this mission takes no other task")
+        return self._take(event, lambda: new_tasks.visit(read_places(event), name, bounds), 0.0)
 
-    def _take(self, event: OperatorEvent, latency_s: float) -> str:
-        if self._new_tasks is None:
-            return self._refuse(f"{event.action} refused: this mission takes no other task")
-
+    def _take(self, event: OperatorEvent, make: Callable[[], Task], latency_s: float) -> str:
         def refuse(error: MissionError) -> None:
             self._answers.settle_check(self._refuse(f"{event.action} refused: {error}"))
 
         self._drop()
         self._answers.await_check()
-        work, then = partial(self._new_tasks.of, event), partial(self._work_at, event)
-        is_check = event.action == "plan"
-        self._desk.ask(event.t_s, work, latency_s, then, refuse, is_check=is_check)
+        then, is_check = partial(self._work_at, event), event.action == "plan"
+        self._desk.ask(event.t_s, make, latency_s, then, refuse, is_check=is_check)
         return ""
 
     def _work_at(self, event: OperatorEvent, task: Task) -> None:
         self._answers.settle_check()
-        is_visit = event.action == "visit"
-        self._take_task(task._replace(bounds=self._task.bounds) if is_visit else task)
+        self._take_task(task)
         self._refusal = ""
         reason = f"new {event.action} from {event.source}; resume begins it"
         self._state = Paused(reason, stood=reason)
-        if is_visit and not self._latch.reason:
+        if event.action == "visit" and not self._latch.reason:
             self._run_on(Waiting())
 
     def _take_task(self, task: Task) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
-from agribot.core.messages import Row
+from agribot.core.messages import MapPoint, Row
 
 SHORTEST_ARC_RATIO = 0.1  # of an inner row against the first one
 
@@ -42,6 +43,11 @@ def field_rows(field: FieldConfig) -> tuple[Row, ...]:
             )
         )
     return tuple(rows)
+
+
+def row_ends(rows: Sequence[Row]) -> tuple[MapPoint, ...]:
+    """Both ends of every row, the goals that a map shows for a mission over rows."""
+    return tuple(end for row in rows for end in (row.start_map_m, row.end_map_m))
 
 
 def _check_bend(field: FieldConfig) -> None:

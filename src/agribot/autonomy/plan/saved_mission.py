@@ -67,6 +67,10 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
         return self.errand is not None or self.is_away or bool(self.visit_name)
 
 
+def pose_of(estimate: Estimate) -> PoseTuple:
+    return estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad
+
+
 def task_name(rows: Sequence[int], waypoints: Sequence[tuple[float, float]], path: Path) -> str:
     """The same for the same rows, waypoints and path."""
     text = msgspec.json.encode((list(rows), list(waypoints)))

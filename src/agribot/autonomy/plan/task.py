@@ -2,80 +2,131 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Protocol
 
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.curves import Place
-from agribot.autonomy.plan.route import AT_ORIGIN, Tool
+from agribot.autonomy.plan.route import Tool
 from agribot.autonomy.plan.saved_mission import PoseTuple
 from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds
-from agribot.core.messages import Estimate, FloatArray, OperatorEvent, Path, Row
-
-Planner = Callable[[Estimate], Path]
-# The way from where the robot is to its home pose, first along the rest of the row under it (N, 2).
-HomePlanner = Callable[[Estimate, PoseTuple, FloatArray], Path]
-# The path up to one of its points, and from there over the rows that it still works but one.
-Detour = Callable[[Path, int, int], Path]
-# From where the robot stands over these rows only, by number.
-RestPlanner = Callable[[Estimate, Sequence[int]], Path]
-PlacePlanner = Callable[[Estimate, Place], Path]
+from agribot.core.messages import Estimate, FloatArray, MapPoint, OperatorEvent, Path, Row
 
 
-class Task(NamedTuple):
-    """`plan` is asked once, from where the robot stands when its estimate has settled.
+class Task(Protocol):
+    """Rows or waypoints, and the planners of every way that a mission over them drives.
 
-    `waypoints` are places in the map that the planned path visits, in its order. Where there
-    is crop, the robot slows down as it knows less well where the rows are. `home`, `go_to` and
-    `back` plan the ways home, to any place, and back to a place of the path; `around` leaves a
-    skipped row out of the path, without it the row is passed with the tool off; `rest` plans over
-    the rows that an interrupted mission has not worked yet. All planners
-    raise a MissionError that says why they find no way. `work` is the field plan that the task
-    was made of, `bounds` the field that must not be left, `text` what the plan was read from under
-    way, `name` that of a visit. `planning_s` is given to the planner of its path,
-    `errand_planning_s` to those of other ways, off the control loop; none where they take less
-    than a tick.
+    All planners raise a MissionError that says why they find no way. Where a planner begins at
+    `here`, it is called once the robot stands there and its estimate has settled.
     """
 
-    plan: Planner
-    rows: Sequence[Row] = ()
-    waypoints: Sequence[tuple[float, float]] = ()
-    tool: Tool = AT_ORIGIN
-    has_crop: bool = True
-    home: HomePlanner | None = None
-    go_to: PlacePlanner | None = None
-    back: PlacePlanner | None = None
-    around: Detour | None = None
-    rest: RestPlanner | None = None
-    work: FieldWork | None = None
-    bounds: FieldBounds | None = None
-    text: str = ""
-    name: str = ""
-    planning_s: float = 0.0
-    errand_planning_s: float = 0.0
-    clearance_m: float = math.inf
+    @property
+    def rows(self) -> Sequence[Row]:
+        """What is worked, by the index that the path names; none where places are visited."""
+        ...
+
+    @property
+    def waypoints(self) -> Sequence[MapPoint]:
+        """Places that the planned path visits, in its order."""
+        ...
+
+    @property
+    def tool(self) -> Tool: ...
+
+    @property
+    def has_crop(self) -> bool:
+        """Whether the robot slows down as it knows less well where the rows are."""
+        ...
+
+    @property
+    def clearance_m(self) -> float:
+        """How far the robot may be off a row before a wheel reaches crop."""
+        ...
+
+    @property
+    def bounds(self) -> FieldBounds | None:
+        """The field that must not be left."""
+        ...
+
+    @property
+    def work(self) -> FieldWork | None:
+        """The field plan that the task was made of."""
+        ...
+
+    @property
+    def text(self) -> str:
+        """What a field plan that came under way was read from."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """Of a visit; empty for all other tasks."""
+        ...
+
+    @property
+    def planning_s(self) -> float:
+        """Time given to `plan`, off the control loop; 0 where it takes less than a tick."""
+        ...
+
+    @property
+    def errand_planning_s(self) -> float:
+        """Time given to the planners of ways beside the work."""
+        ...
+
+    @property
+    def has_ways(self) -> bool:
+        """Whether it plans ways beside its own path: home, to places and back."""
+        ...
+
+    def plan(self, here: Estimate) -> Path:
+        """Plan the whole task."""
+        ...
+
+    def plan_rest(self, here: Estimate, indices: Sequence[int]) -> Path:
+        """Plan over the rows that an interrupted mission has left, or over all, where it cannot."""
+        ...
+
+    def plan_around(self, path: Path, index: int, skipped: int) -> Path:
+        """Keep a path up to one of its points, and leave a row out of the rest of it."""
+        ...
+
+    def plan_home(self, here: Estimate, home: PoseTuple, row_ahead: FloatArray) -> Path:
+        """Plan the way home, first along what is left of the row under the robot, (N, 2)."""
+        ...
+
+    def plan_to(self, here: Estimate, goal: Place) -> Path:
+        """Plan a way to a place that somebody points at."""
+        ...
+
+    def plan_back(self, here: Estimate, place: Place) -> Path:
+        """Plan a way to a place of the task's own path."""
+        ...
 
 
-class NewTasks(NamedTuple):
-    """Tasks that come in under way: of the text of a field plan, of places and their name.
+class NewTasks(Protocol):
+    """Makes the tasks that come in under way."""
 
-    `checking_s` is given to the check of a field plan, off the control loop.
+    @property
+    def checking_s(self) -> float:
+        """Time given to the check of a field plan, off the control loop."""
+        ...
 
-    Raises: MissionError: it is no plan, or one that must not be driven.
+    def read_plan(self, text: str) -> Task:
+        """Read a field plan. Raises: MissionError: it is none, or must not be driven."""
+        ...
+
+    def visit(self, places: Sequence[MapPoint], name: str, bounds: FieldBounds | None) -> Task:
+        """Visit places, inside the field of the task before."""
+        ...
+
+
+def read_places(event: OperatorEvent) -> tuple[MapPoint, ...]:
+    """Take the places of a visit, (x_map_m, y_map_m) each, out of a request.
+
+    Raises: MissionError: it names none.
     """
-
-    of_plan: Callable[[str], Task]
-    of_places: Callable[[Sequence[tuple[float, float]], str], Task]
-
-    checking_s: float = 0.0
-
-    def of(self, event: OperatorEvent) -> Task:
-        """A plan, or a visit of places."""
-        if event.action == "plan":
-            return self.of_plan(event.text)
-        xs_m, ys_m = event.numbers[::2], event.numbers[1::2]
-        if not xs_m or len(xs_m) != len(ys_m):
-            raise MissionError("it names no places: x and y (m, map) of each")
-        return self.of_places(tuple(zip(xs_m, ys_m, strict=True)), event.text or "visit")
+    xs_m, ys_m = event.numbers[::2], event.numbers[1::2]
+    if not xs_m or len(xs_m) != len(ys_m):
+        raise MissionError("it names no places: x and y (m, map) of each")
+    return tuple(zip(xs_m, ys_m, strict=True))

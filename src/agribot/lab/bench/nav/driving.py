@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from agribot.autonomy.control.batch import BatchFollower
-from agribot.autonomy.estimate.batch.localizer import BatchEstimate
 from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.caution import caution_ratio
 from agribot.autonomy.plan.mission import END_TOLERANCE_M, SETTLE_S
@@ -14,6 +12,9 @@ from agribot.autonomy.plan.rows import field_rows
 from agribot.core.config import MissionConfig
 from agribot.core.messages import FloatArray, Path
 from agribot.core.robot import RobotSpec
+from agribot.lab.bench.nav.batch.arrays import clamp
+from agribot.lab.bench.nav.batch.follower import BatchFollower
+from agribot.lab.bench.nav.batch.localizer import BatchEstimate
 from agribot.lab.bench.nav.scenario import DT_S, TICK_STEPS, Scenario
 
 AHEAD = 50  # points, as agribot.autonomy.plan.progress
@@ -43,7 +44,7 @@ class BatchProgress:
         yaw_rad = path.yaw_map_rad[index]
         dx, dy = x_m - path.xy_map_m[index, 0], y_m - path.xy_map_m[index, 1]
         along_m = np.cos(yaw_rad) * dx + np.sin(yaw_rad) * dy
-        on_m = path.s_m[index] + np.clip(along_m, 0.0, self._spacing_m[index])
+        on_m = path.s_m[index] + clamp(along_m, 0.0, self._spacing_m[index])
         self.s_m = np.maximum(self.s_m, on_m)
 
     def _square_m2(self, index: np.ndarray, x_m: FloatArray, y_m: FloatArray) -> FloatArray:

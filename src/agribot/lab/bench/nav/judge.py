@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 
 from agribot.core.messages import FloatArray
+from agribot.lab.bench.nav.batch.arrays import clamp
 from agribot.lab.bench.nav.plant import Plant
 from agribot.lab.bench.nav.scenario import (
     CRUSH_M,
@@ -68,10 +69,10 @@ class Judge:
         self._crush(plant, active)
 
     def _cover(self, plant: Plant, works: np.ndarray) -> None:
-        beside = np.clip(np.round(plant.y_m / PITCH_M), 0, ROWS - 1)
+        beside = clamp(np.rint(plant.y_m / PITCH_M), 0, ROWS - 1)
         near = abs(plant.y_m - beside * PITCH_M) < ROW_LIMIT_M
         near &= works & (plant.x_m >= 0.0) & (plant.x_m <= ROW_LENGTH_M)
-        slot = np.round(plant.x_m[near] / SPACING_M).astype(np.int64)
+        slot = np.rint(plant.x_m[near] / SPACING_M).astype(np.int64)
         self._covered[beside[near].astype(np.int64), slot, self._robots[near]] = True
 
     def _crush(self, plant: Plant, active: np.ndarray) -> None:
@@ -79,8 +80,8 @@ class Judge:
         for ahead_m, left_m in WHEELS_BODY_M:
             x_m = plant.x_m + ahead_m * cos - left_m * sin
             y_m = plant.y_m + ahead_m * sin + left_m * cos
-            row = np.clip(np.round(y_m / PITCH_M), 0, ROWS - 1)
-            slot = np.clip(np.round(x_m / SPACING_M), 0, PLANTS - 1)
+            row = clamp(np.rint(y_m / PITCH_M), 0, ROWS - 1)
+            slot = clamp(np.rint(x_m / SPACING_M), 0, PLANTS - 1)
             square = (x_m - slot * SPACING_M) ** 2 + (y_m - row * PITCH_M) ** 2
             hit = active & (square < CRUSH_M**2)
             if hit.any():
@@ -94,7 +95,7 @@ class Judge:
         """Squared errors over variances: lateral (expected 1) and of the whole pose (3)."""
         works = row >= 0
         error = np.stack([x_m - plant.x_m, y_m - plant.y_m, yaw_rad - plant.yaw_rad])
-        error[2] -= 2.0 * np.pi * np.round(error[2] / (2.0 * np.pi))
+        error[2] -= 2.0 * np.pi * np.rint(error[2] / (2.0 * np.pi))
         self._nees += works * error[1] ** 2 / cov[1, 1]
         solved = np.linalg.solve(cov.transpose(2, 0, 1), error.T[:, :, None])[:, :, 0]
         self._nees_pose += works * (solved * error.T).sum(axis=1)

@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from agribot.autonomy.estimate.batch.compass import BatchYaw
-from agribot.autonomy.estimate.batch.gnss import BatchFix
-from agribot.autonomy.estimate.batch.localizer import BatchHeading, BatchLocalizer
-from agribot.autonomy.estimate.batch.row_lines import BatchLine
 from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
+from agribot.lab.bench.nav.batch.compass import BatchYaw
+from agribot.lab.bench.nav.batch.gnss import BatchFix
+from agribot.lab.bench.nav.batch.localizer import BatchHeading, BatchLocalizer
+from agribot.lab.bench.nav.batch.row_lines import BatchLine
 from agribot.lab.bench.nav.driving import Driving
 from agribot.lab.bench.nav.judge import NEES_PERIOD_S, Judge, Outcome
 from agribot.lab.bench.nav.plant import Plant, Proprioception

@@ -11,10 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agribot.autonomy.estimate.batch.compass import BatchYaw
-from agribot.autonomy.estimate.batch.gnss import BatchFix
 from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
+from agribot.lab.bench.nav.batch.arrays import clamp
+from agribot.lab.bench.nav.batch.compass import BatchYaw
+from agribot.lab.bench.nav.batch.gnss import BatchFix
 from agribot.lab.bench.nav.judge import Judge, Outcome
 from agribot.lab.bench.nav.missions import Sensors, Stop
 from agribot.lab.bench.nav.plant import Plant
@@ -64,7 +65,7 @@ class OriginalController:
         angle_deg = np.where(angle_deg < -180.0, angle_deg + 360.0, angle_deg)
         change_deg, self._angle_deg = angle_deg - self._angle_deg, angle_deg
         arrives = np.hypot(dx, dy) <= ARRIVED_M
-        rate = np.clip(GAIN_P * angle_deg + GAIN_D * change_deg, -MAX_RADPS, MAX_RADPS)
+        rate = clamp(GAIN_P * angle_deg + GAIN_D * change_deg, -MAX_RADPS, MAX_RADPS)
         straight = abs(angle_deg) < STRAIGHT_DEG
         speed = np.where(abs(angle_deg) > PIVOT_DEG, 0.0, CORRECTING_MPS)
         self.waypoint = self.waypoint + (arrives & ~self.is_done)

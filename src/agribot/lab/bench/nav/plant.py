@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from agribot.core.messages import FloatArray
+from agribot.lab.bench.nav.batch.arrays import clamp
 from agribot.lab.bench.nav.draws import Coins, Draws, wander
 from agribot.lab.bench.nav.scenario import DT_S, HEADLAND_M, START_STD_M, START_STD_RAD, Soil
 
@@ -41,10 +42,10 @@ class Plant:
         soil, normal = self._soil, self._draws.normals()
         self._waiting = [*self._waiting[1:], (v_mps, yaw_rate_radps)]
         asked_mps, asked_radps = self._waiting[0]
-        dv = np.clip((asked_mps - self.wheel_mps) / DRIVE_LAG_S, -MAX_ACCEL_MPS2, MAX_ACCEL_MPS2)
+        dv = clamp((asked_mps - self.wheel_mps) / DRIVE_LAG_S, -MAX_ACCEL_MPS2, MAX_ACCEL_MPS2)
         self.wheel_mps = self.wheel_mps + dv * DT_S
         dw = (asked_radps - self._wheel_radps) / DRIVE_LAG_S
-        dw = np.clip(dw, -MAX_YAW_ACCEL_RADPS2, MAX_YAW_ACCEL_RADPS2)
+        dw = clamp(dw, -MAX_YAW_ACCEL_RADPS2, MAX_YAW_ACCEL_RADPS2)
         self._wheel_radps = self._wheel_radps + dw * DT_S
         self._slip_now = wander(self._slip_now, soil.slip_std_ratio, SLIP_MEMORY_S, DT_S, normal[0])
         self._gain_now = wander(

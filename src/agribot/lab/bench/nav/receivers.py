@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agribot.autonomy.estimate.batch.ekf import Mask
-from agribot.autonomy.estimate.batch.gnss import BatchFix
-from agribot.autonomy.estimate.batch.localizer import BatchHeading
 from agribot.core.messages import FloatArray
+from agribot.lab.bench.nav.batch.ekf import Mask
+from agribot.lab.bench.nav.batch.gnss import BatchFix
+from agribot.lab.bench.nav.batch.localizer import BatchHeading
 from agribot.lab.bench.nav.draws import Coins, Draws, wander
 from agribot.lab.bench.nav.plant import Plant
 from agribot.lab.bench.nav.scenario import DT_S, Gnss

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agribot.autonomy.estimate.batch.ekf import Mask
-from agribot.autonomy.estimate.batch.row_lines import BatchLine
-from agribot.core.arithmetic import ARRAYS
 from agribot.core.messages import FloatArray
+from agribot.lab.bench.nav.batch.arrays import ARRAYS, clamp
+from agribot.lab.bench.nav.batch.ekf import Mask
+from agribot.lab.bench.nav.batch.row_lines import BatchLine
 from agribot.lab.bench.nav.draws import Coins, Draws, wander
 from agribot.lab.bench.nav.plant import Plant
 from agribot.lab.bench.nav.scenario import DT_S, PITCH_M, ROW_LENGTH_M, ROWS, Vision
@@ -44,12 +44,12 @@ class RowCamera:
         lasts_s = vision.dropout_min_s + (vision.dropout_max_s - vision.dropout_min_s) * coin[1]
         self._dark_s = np.where(goes_dark, lasts_s, self._dark_s - dt_s * dark)
         sign = np.where(np.cos(plant.yaw_rad) > 0.0, 1.0, -1.0)
-        row = np.round(plant.y_m / PITCH_M)
+        row = np.rint(plant.y_m / PITCH_M)
         beside_m = plant.y_m - row * PITCH_M
         heading_rad = ARRAYS.wrap(plant.yaw_rad - np.where(sign > 0.0, 0.0, math.pi))
         near_m, far_m = plant.x_m + sign * VIEW_M[0], plant.x_m + sign * VIEW_M[1]
-        first_m = np.clip(np.minimum(near_m, far_m), 0.0, ROW_LENGTH_M)
-        in_view_m = np.clip(np.maximum(near_m, far_m), 0.0, ROW_LENGTH_M) - first_m
+        first_m = clamp(np.minimum(near_m, far_m), 0.0, ROW_LENGTH_M)
+        in_view_m = clamp(np.maximum(near_m, far_m), 0.0, ROW_LENGTH_M) - first_m
         looks = (
             (row >= 0.0) & (row < ROWS) & (abs(beside_m) < MAX_OFFSET_M)
             & (abs(heading_rad) < MAX_HEADING_RAD) & ~(self._dark_s > 0.0)

@@ -19,10 +19,10 @@ from agribot.autonomy.control.yaw_gain import (
     MIN_RATE_RADPS,
     PRIOR_RAD2PS,
 )
-from agribot.core.arithmetic import ARRAYS
 from agribot.core.config import ControlConfig
 from agribot.core.messages import FloatArray, Path
 from agribot.core.robot import RobotSpec
+from agribot.lab.bench.nav.batch.arrays import ARRAYS, clamp
 
 Pose = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -36,7 +36,7 @@ class BatchYawGain:
 
     @property
     def ratio(self) -> FloatArray:
-        ratio: FloatArray = np.clip(self._together / self._power, LOWEST_RATIO, HIGHEST_RATIO)
+        ratio: FloatArray = clamp(self._together / self._power, LOWEST_RATIO, HIGHEST_RATIO)
         return ratio
 
     def learn(
@@ -116,7 +116,7 @@ class BatchFollower:
 
     def _index(self, s_m: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
         index = np.searchsorted(self._path.s_m, s_m, side="right") - 1
-        return np.clip(index, 0, len(self._path.s_m) - 1)
+        return np.minimum(np.maximum(index, 0), len(self._path.s_m) - 1)
 
     def _offset(
         self,

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.estimate.batch.ekf import BatchEkf, BatchRow, Mask
-from agribot.autonomy.estimate.batch.motion import BatchGate, BatchHistory, BatchMotion
 from agribot.autonomy.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, X, Y
 from agribot.autonomy.estimate.gnss import FIRST_FIXES, UNKNOWN_M2
 from agribot.autonomy.estimate.gnss_noise import FLOAT_MEMORY_S, FixNoise, bias_ageing, noise_model
 from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
 from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
 from agribot.autonomy.estimate.start import StartMark
-from agribot.core.arithmetic import ARRAYS
 from agribot.core.config import EstimateConfig
 from agribot.core.messages import FloatArray
+from agribot.lab.bench.nav.batch.arrays import ARRAYS
+from agribot.lab.bench.nav.batch.ekf import BatchEkf, BatchRow, Mask
+from agribot.lab.bench.nav.batch.motion import BatchGate, BatchHistory, BatchMotion
 
 Pair = tuple[FloatArray, FloatArray]
 
@@ -58,7 +59,7 @@ class BatchGnss:
         self._velocity_gate = BatchGate(count, config.gate_sigma, self._spin_after)
         self._spin_watch = SpinWatch(ARRAYS, self._spin_after)
         self._first: list[Pair] = []
-        self._noise: FixNoise | None = None
+        self._noise: FixNoise[FloatArray] | None = None
         self._last_t_s = -math.inf
         self._receiver_m = np.zeros((2, count))
 
@@ -76,16 +77,16 @@ class BatchGnss:
         if self.is_ready:
             self._velocity(fix, since_last_s, now, then)
 
-    def _noise_of(self, fix: BatchFix, since_last_s: float) -> FixNoise:
+    def _noise_of(self, fix: BatchFix, since_last_s: float) -> FixNoise[FloatArray]:
         return noise_model(
             ARRAYS, fix.pos_std_m, fix.is_float, since_last_s, is_corrected=self._is_corrected
         )
 
-    def ageing(self, dt_s: float) -> list[tuple[int, FloatArray, FloatArray]]:
+    def ageing(self, dt_s: float) -> Sequence[tuple[int, FloatArray | float, FloatArray | float]]:
         return [] if self._noise is None else bias_ageing(ARRAYS, self._noise, dt_s)
 
     def _position(
-        self, fix: BatchFix, noise: FixNoise, now: BatchMotion, then: BatchMotion
+        self, fix: BatchFix, noise: FixNoise[FloatArray], now: BatchMotion, then: BatchMotion
     ) -> None:
         x = self._ekf.x
         yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
@@ -110,7 +111,7 @@ class BatchGnss:
         self,
         x_m: FloatArray,
         y_m: FloatArray,
-        variance_m2: FloatArray,
+        variance_m2: FloatArray | float,
         is_float: Mask,
         now: BatchMotion,
     ) -> None:
@@ -140,7 +141,7 @@ class BatchGnss:
         self.is_ready = True
 
     def _correct_position(
-        self, rows: tuple[BatchRow, BatchRow], residuals: Pair, noise: FixNoise
+        self, rows: tuple[BatchRow, BatchRow], residuals: Pair, noise: FixNoise[FloatArray]
     ) -> None:
         gate, ekf = self._position_gate, self._ekf
         _, recovers = gate.judge(ekf.update_pair(rows, residuals, noise.variance_m2, gate.limit))
@@ -148,8 +149,8 @@ class BatchGnss:
             return
         if not self._is_corrected:
             self._receiver_m += recovers * np.stack(residuals)
-            ekf.inflate(GNSS_BIAS_X, recovers * noise.variance_m2)
-            ekf.inflate(GNSS_BIAS_Y, recovers * noise.variance_m2)
+            ekf.inflate(GNSS_BIAS_X, np.where(recovers, noise.variance_m2, 0.0))
+            ekf.inflate(GNSS_BIAS_Y, np.where(recovers, noise.variance_m2, 0.0))
             return
         for state, residual in zip((X, Y), residuals, strict=True):
             ekf.inflate(state, recovers * (residual**2 + noise.variance_m2))

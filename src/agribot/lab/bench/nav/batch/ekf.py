@@ -20,8 +20,8 @@ from agribot.autonomy.estimate.ekf import (
     Y,
 )
 from agribot.autonomy.estimate.models import motion, pair_distance2, walk_across
-from agribot.core.arithmetic import ARRAYS
 from agribot.core.messages import FloatArray
+from agribot.lab.bench.nav.batch.arrays import ARRAYS
 
 Mask = npt.NDArray[np.bool_]
 # As ekf.Row, but a coefficient may also be an array with one element per robot.

@@ -8,25 +8,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.estimate.batch.compass import BatchCompass, BatchYaw
-from agribot.autonomy.estimate.batch.ekf import BatchEkf
-from agribot.autonomy.estimate.batch.gnss import BatchFix, BatchGnss
-from agribot.autonomy.estimate.batch.motion import (
-    BatchGate,
-    BatchHistory,
-    BatchMotion,
-    BatchStandstill,
-)
-from agribot.autonomy.estimate.batch.row_lines import BatchLine, BatchRowLines
 from agribot.autonomy.estimate.beliefs import first_std, motion_noise, slow_ageing
 from agribot.autonomy.estimate.dual_heading import STD_FACTOR
 from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, X, Y
 from agribot.autonomy.estimate.localizer import AGEING_PERIOD_S
 from agribot.autonomy.estimate.start import StartMark
-from agribot.core.arithmetic import ARRAYS
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
+from agribot.lab.bench.nav.batch.arrays import ARRAYS
+from agribot.lab.bench.nav.batch.compass import BatchCompass, BatchYaw
+from agribot.lab.bench.nav.batch.ekf import BatchEkf
+from agribot.lab.bench.nav.batch.gnss import BatchFix, BatchGnss
+from agribot.lab.bench.nav.batch.motion import (
+    BatchGate,
+    BatchHistory,
+    BatchMotion,
+    BatchStandstill,
+)
+from agribot.lab.bench.nav.batch.row_lines import BatchLine, BatchRowLines
 
 
 class BatchHeading(NamedTuple):

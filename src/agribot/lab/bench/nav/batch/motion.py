@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.estimate.batch.ekf import Mask
 from agribot.autonomy.estimate.standstill import (
     FLOOR_STD_RADPS,
     MAX_RATE_RADPS,
@@ -15,6 +14,7 @@ from agribot.autonomy.estimate.standstill import (
     WINDOW_S,
 )
 from agribot.core.messages import FloatArray
+from agribot.lab.bench.nav.batch.ekf import Mask
 
 
 class BatchMotion(NamedTuple):

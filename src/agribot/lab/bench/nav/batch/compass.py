@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.estimate.batch.ekf import BatchEkf, BatchRow
-from agribot.autonomy.estimate.batch.motion import BatchGate, BatchHistory, BatchMotion
 from agribot.autonomy.estimate.compass import (
     BIAS_MEMORY_RAD,
     BIAS_MEMORY_S,
@@ -18,9 +16,11 @@ from agribot.autonomy.estimate.compass import (
 )
 from agribot.autonomy.estimate.ekf import GYRO_BIAS, MAG_BIAS, YAW
 from agribot.autonomy.estimate.start import StartMark
-from agribot.core.arithmetic import ARRAYS
 from agribot.core.config import EstimateConfig
 from agribot.core.messages import FloatArray
+from agribot.lab.bench.nav.batch.arrays import ARRAYS
+from agribot.lab.bench.nav.batch.ekf import BatchEkf, BatchRow
+from agribot.lab.bench.nav.batch.motion import BatchGate, BatchHistory, BatchMotion
 
 _ROW: BatchRow = ((YAW, 1.0), (MAG_BIAS, 1.0))
 

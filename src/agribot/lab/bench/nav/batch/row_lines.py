@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from agribot.autonomy.estimate import row_model as model
-from agribot.autonomy.estimate.batch.ekf import BatchEkf, BatchRow, Mask
-from agribot.autonomy.estimate.batch.motion import BatchGate, BatchHistory, BatchMotion
 from agribot.autonomy.estimate.ekf import ROW_BIAS, YAW, X, Y
 from agribot.autonomy.estimate.field_rows import FieldRows
-from agribot.core.arithmetic import ARRAYS
 from agribot.core.config import FieldConfig
 from agribot.core.messages import FloatArray
+from agribot.lab.bench.nav.batch.arrays import ARRAYS, clamp
+from agribot.lab.bench.nav.batch.ekf import BatchEkf, BatchRow, Mask
+from agribot.lab.bench.nav.batch.motion import BatchGate, BatchHistory, BatchMotion
 
 
 class BatchLine(NamedTuple):
@@ -97,8 +97,8 @@ class BatchRowLines:
         known = seen & ~(across_m2 > (model.TELLS_APART_RATIO * field.pitch_m) ** 2)
         row_right_m = np.zeros_like(right_m)
         if self._last_row:
-            index = np.round((right_m + sign * line.offset_m) / field.pitch_m)
-            row_right_m = np.clip(index, 0.0, self._last_row) * field.pitch_m
+            index = np.rint((right_m + sign * line.offset_m) / field.pitch_m)
+            row_right_m = clamp(index, 0.0, self._last_row) * field.pitch_m
         residual_m = row_right_m - sign * line.offset_m - right_m + sign * ekf.x[ROW_BIAS]
         variance = model.offset_variance(line.offset_std_m)
         distance2 = residual_m**2 / (ekf.project(row)[1] + variance)

@@ -1,0 +1,69 @@
+"""The crop rows of the settings as a task."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from agribot.autonomy.plan.boustrophedon import plan_home, plan_rows, plan_without
+from agribot.autonomy.plan.caution import protection_limit_m
+from agribot.autonomy.plan.curves import Place
+from agribot.autonomy.plan.route import Tool
+from agribot.autonomy.plan.rows import field_rows, row_ends
+from agribot.autonomy.plan.saved_mission import PoseTuple, pose_of
+from agribot.autonomy.plan.tasks.surroundings import Surroundings
+from agribot.core.config import FieldConfig, RunConfig
+from agribot.core.messages import Estimate, FloatArray, MapPoint, Path
+from agribot.core.robot import RobotSpec
+
+
+class RowTask:
+    """Drive over every row of the field once, neighbours in alternating direction."""
+
+    waypoints: tuple[MapPoint, ...] = ()
+    has_crop = has_ways = True
+    bounds = work = None
+    text = name = ""
+    planning_s = errand_planning_s = 0.0
+
+    def __init__(self, config: RunConfig, robot: RobotSpec) -> None:
+        """Raises: MissionError: the rows are bent too tightly."""
+        self.rows = field_rows(config.field)
+        self.tool = Tool(x_m=robot.tool_x_m)
+        self.clearance_m = row_clearance_m(config.field, robot)
+        self._mission, self._robot = config.mission, robot
+        self._around = Surroundings(self.rows, config, robot)
+        self._ends = row_ends(self.rows)
+
+    def plan(self, here: Estimate) -> Path:
+        obstacles = self._around.obstacles
+        path = plan_rows(self.rows, pose_of(here), self._robot, self._mission, (), obstacles)
+        return self._around.check(path)
+
+    def plan_rest(self, here: Estimate, indices: Sequence[int]) -> Path:
+        left = [row for row in self.rows if row.index in indices]
+        obstacles = self._around.obstacles
+        path = plan_rows(left, pose_of(here), self._robot, self._mission, self.rows, obstacles)
+        return self._around.check(path)
+
+    def plan_around(self, path: Path, index: int, skipped: int) -> Path:
+        obstacles = self._around.obstacles
+        rest = plan_without(path, index, skipped, self.rows, self._robot, self._mission, obstacles)
+        return self._around.check(rest)
+
+    def plan_home(self, here: Estimate, home: PoseTuple, row_ahead: FloatArray) -> Path:
+        obstacles = self._around.obstacles
+        path = plan_home(self.rows, pose_of(here), home, self._robot, self._mission, obstacles)
+        return self._around.check(path)
+
+    def plan_to(self, here: Estimate, goal: Place) -> Path:
+        return self._around.plan_to(here, goal, self._ends)
+
+    def plan_back(self, here: Estimate, place: Place) -> Path:
+        return self.plan_to(here, place)
+
+
+def row_clearance_m(field: FieldConfig, robot: RobotSpec) -> float:
+    """How far a robot may be off a row of the field before a wheel reaches crop."""
+    pitch_m = field.row_pitch_m if field.row_count > 1 else math.inf
+    return protection_limit_m(robot.drive, pitch_m)
