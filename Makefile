@@ -14,7 +14,7 @@ QUICK := $(filter-out $(DEAR),$(wildcard tests/test_*.py tests/app/test_*.py)) t
 
 WORKERS := -n logical --maxprocesses 4 --dist loadfile
 
-.PHONY: run test nightly quick check pages format lint types clean
+.PHONY: run test nightly quick check pages generate format lint types clean
 
 run: $(VENV)/.run
 	$(BIN)/agribot run farm --ui --speed 1
@@ -42,6 +42,10 @@ format: $(VENV)/.dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 	$(BIN)/python scripts/lint_page.py --fix
+
+# What the operator's page takes from Python: its messages and its list of screens.
+generate: $(VENV)/.dev
+	$(BIN)/python scripts/generate_wire.py
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
