@@ -19,7 +19,7 @@ from agribot.app.run_setup import PLAN_FILE, RunSetup
 from agribot.app.unattended import Unattended
 from agribot.app.whole_job import WholeJob
 from agribot.autonomy.perception_host import PerceptionMeter
-from agribot.autonomy.plan.rows import row_ends
+from agribot.autonomy.plan.rows import list_row_ends
 from agribot.autonomy.plan.task import Task
 from agribot.autonomy.stack import MaskTap, Stack, Tap
 from agribot.autonomy.weeds.map import WeedMap
@@ -165,7 +165,7 @@ class Run:
     @property
     def shown_goals_map_m(self) -> tuple[MapPoint, ...]:
         """The waypoints, or both ends of every row: what a map shows as goals."""
-        return self.goals_map_m or row_ends(self.rows)
+        return self.goals_map_m or list_row_ends(self.rows)
 
     @property
     def planned_path(self) -> PlannedPath | None:

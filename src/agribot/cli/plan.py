@@ -15,8 +15,9 @@ from agribot.core.geo import MapFrame
 from agribot.core.robot import RobotSpec
 
 if TYPE_CHECKING:
-    from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest, Point
+    from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest
     from agribot.autonomy.plan.plan_certificate import Certificate
+    from agribot.core.messages import MapPoint
     from agribot.gis.plan_file import SavedPlan
 
 SHORTEST_AB_M = 1.0
@@ -107,7 +108,7 @@ def _convert(options: argparse.Namespace) -> int:
 
 
 def _make_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
-    from agribot.autonomy.plan.coverage.area import footprint
+    from agribot.autonomy.plan.coverage.area import measure_footprint
     from agribot.autonomy.plan.coverage.planner import plan_field
     from agribot.autonomy.plan.plan_certificate import certify_plan
     from agribot.description.loader import load_robot
@@ -131,17 +132,17 @@ def _make_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
         area = msgspec.structs.replace(area, ab_line=points)
     robot = load_robot(options.robot)
     request = _make_request(options, area, frame, robot)
-    shape = footprint(robot, request.implement_width_m, request.tool_x_m)
+    shape = measure_footprint(robot, request.implement_width_m, request.tool_x_m)
     plan = plan_field(area, shape, request)
     return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)
 
 
-def _is_near(point: Point) -> bool:
+def _is_near(point: MapPoint) -> bool:
     return math.hypot(*point) <= FARTHEST_AB_M
 
 
 def _verify_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
-    from agribot.autonomy.plan.coverage.area import footprint
+    from agribot.autonomy.plan.coverage.area import measure_footprint
     from agribot.autonomy.plan.plan_certificate import certify_plan
     from agribot.description.loader import load_robot
     from agribot.gis.plan_file import read_plan
@@ -150,7 +151,9 @@ def _verify_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
         raise MissionError("give the plan to verify: agribot plan verify plan.geojson")
     saved = read_plan(Path(options.file))
     request = saved.request
-    shape = footprint(load_robot(options.robot), request.implement_width_m, request.tool_x_m)
+    shape = measure_footprint(
+        load_robot(options.robot), request.implement_width_m, request.tool_x_m
+    )
     return saved, certify_plan(saved.plan, saved.area, shape, saved.request)
 
 
@@ -171,7 +174,7 @@ def _make_request(
     ):
         if not low <= value <= high:
             raise MissionError(f"{name} {value:g}: must be from {low:g} to {high:g}")
-    start: Point | None = None
+    start: MapPoint | None = None
     if options.start:
         lon_deg, lat_deg = _parse_numbers("--start", options.start, 2)
         start = _place_on_map(lon_deg, lat_deg, frame)
@@ -205,7 +208,7 @@ def _parse_numbers(name: str, text: str, count: int) -> list[float]:
     return values
 
 
-def _place_on_map(lon_deg: float, lat_deg: float, frame: MapFrame) -> Point:
+def _place_on_map(lon_deg: float, lat_deg: float, frame: MapFrame) -> MapPoint:
     if abs(lat_deg) > 90.0:
         raise MissionError(f"latitude {lat_deg} is outside -90 to 90 degrees; give lon,lat")
     east_m, north_m, _ = frame.map_from_geodetic(lat_deg, lon_deg, frame.datum.alt_m)

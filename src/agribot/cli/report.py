@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from agribot.app.field_work import work_from
+from agribot.app.field_work import read_work
 from agribot.app.tasks import TakenPlans
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
 from agribot.core.messages import Row
@@ -99,8 +99,8 @@ def _read_rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]
 
     if plan:
         robot = parse_robot(read_urdf(recording), recording.name)
-        return work_from(plan, "the recorded plan", config, robot).rows
-    return () if config.waypoints else field_rows(config.field)
+        return read_work(plan, "the recorded plan", config, robot).rows
+    return () if config.waypoints else lay_rows(config.field)
 
 
 def _list_file_names(bag: Bag) -> set[str]:

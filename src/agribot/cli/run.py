@@ -171,12 +171,14 @@ def _plan_field(config: RunConfig, options: argparse.Namespace) -> str:
 
     Raises: MissionError: no field, or one that cannot be worked, and why.
     """
-    from agribot.app.field_work import planned
+    from agribot.app.field_work import plan_field_file
     from agribot.description.loader import load_robot
     from agribot.gis.plan_file import format_plan
 
     robot = load_robot(config.robot)
-    saved, certificate = planned(Path(options.field), config, robot, options.implement_width)
+    saved, certificate = plan_field_file(
+        Path(options.field), config, robot, options.implement_width
+    )
     if not certificate.ok:
         problem = certificate.problems[0]
         raise MissionError(f"{options.field}: {problem.rule}: {problem.message}")
