@@ -8,7 +8,7 @@ import pytest
 
 from agribot.cli import bridging, origin
 from agribot.cli.main import main
-from agribot.cli.run_settings import add_setting_arguments, settings_of
+from agribot.cli.run_settings import add_setting_arguments, read_settings
 from agribot.core import config
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
@@ -46,7 +46,7 @@ def settings(*words: str) -> RunConfig:
     parser = argparse.ArgumentParser()
     add_setting_arguments(parser)
     bridging.add_arguments(parser)
-    return settings_of(parser.parse_args(["farm", *words]))
+    return read_settings(parser.parse_args(["farm", *words]))
 
 
 def fix(place: Datum, quality: GnssQuality = GnssQuality.SINGLE) -> str:
@@ -90,8 +90,8 @@ def test_a_run_at_a_named_origin_has_its_fixes_its_map_and_its_page_there(
     kept = read_config(out / "run.mcap")
     assert kept.field.datum == HOME
     shown = field_of(kept, ())
-    assert shown["datum"] == {"lat_deg": HOME.lat_deg, "lon_deg": HOME.lon_deg}
-    assert shown["datum_source"] == "home"
+    assert (shown.datum.lat_deg, shown.datum.lon_deg) == (HOME.lat_deg, HOME.lon_deg)
+    assert shown.datum_source == "home"
 
 
 @pytest.mark.parametrize("is_auto", [True, False], ids=["auto", "named topic"])

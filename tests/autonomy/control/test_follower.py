@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -11,11 +12,11 @@ from agribot.autonomy.control.follower import Follower
 from agribot.autonomy.control.supervise import Supervisor
 from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.coverage.area import Leg, LegKind
-from agribot.autonomy.plan.coverage.drive import drive_path
-from agribot.autonomy.plan.coverage.turns import three_point_turn
+from agribot.autonomy.plan.coverage.drive import sample_legs
+from agribot.autonomy.plan.coverage.turns import plan_three_point_turn
 from agribot.autonomy.plan.curves import Pose, Segment, sample
 from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import ControlConfig, FieldConfig, MissionConfig, SafetyConfig
 from agribot.core.messages import (
     STOP,
@@ -28,6 +29,7 @@ from agribot.core.messages import (
     Path,
     RobotCommand,
 )  # fmt: skip
+from tests import nightly
 from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
 from tests.autonomy.plan.paper_task import PaperTask
 
@@ -44,7 +46,7 @@ class Drive:
         self, soil: Soil, seed: int = 0, control: ControlConfig | None = None,
         field: FieldConfig = TWO_ROWS, start: tuple[float, float, float] = START,
     ) -> None:  # fmt: skip
-        rows = field_rows(field)
+        rows = lay_rows(field)
         self.path = plan_rows(rows, start, ROBOT, MISSION)
         self.mission = Mission(PaperTask(lambda _: self.path, rows), MISSION)
         self.follower = Follower(control or ControlConfig(), ROBOT)
@@ -80,8 +82,9 @@ class Drive:
         return float(np.quantile(np.abs(self.log[:, 0]), 0.95))
 
 
-def test_twenty_soils_are_driven_within_three_centimetres() -> None:
-    for seed in range(20):
+@nightly.all_or_first("seeds", range(20), in_suite=6)
+def test_any_soil_is_driven_within_three_centimetres(seeds: Sequence[int]) -> None:
+    for seed in seeds:
         drive = Drive(Soil.of_seed(np.random.default_rng(seed)), seed)
         status = drive.run()
         assert status.state == "done", f"seed {seed}: {status.reason}"
@@ -90,11 +93,12 @@ def test_twenty_soils_are_driven_within_three_centimetres() -> None:
         assert drive.reasons == {""}
 
 
-def test_delay_compensation_halves_the_error_of_the_turns() -> None:
+@nightly.all_or_first("seeds", range(5), in_suite=2)
+def test_delay_compensation_halves_the_error_of_the_turns(seeds: Sequence[int]) -> None:
     blind = ControlConfig(delay_s=0.0)
     with_s: list[float] = []
     without_s: list[float] = []
-    for seed in range(5):
+    for seed in seeds:
         soil = Soil.of_seed(np.random.default_rng(seed))
         for control, results in ((ControlConfig(), with_s), (blind, without_s)):
             drive = Drive(soil, seed, control)
@@ -312,12 +316,14 @@ class Way:
 
 
 def leg_path(*legs: tuple[LegKind, FloatArray]) -> Path:
-    return drive_path([Leg(kind=kind, xy_map_m=xy) for kind, xy in legs], [None] * len(legs))
+    return sample_legs([Leg(kind=kind, xy_map_m=xy) for kind, xy in legs], [None] * len(legs))
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_three_point_turn_is_driven_forwards_back_and_forwards(seed: int) -> None:
-    way = three_point_turn(Pose(2.0, 0.0, 0.0), Pose(2.0, 0.6, math.pi), shapely.box(-9, -9, 9, 9))
+    way = plan_three_point_turn(
+        Pose(2.0, 0.0, 0.0), Pose(2.0, 0.6, math.pi), shapely.box(-9, -9, 9, 9)
+    )
     assert way is not None
     into, back, out = way
     path = leg_path(
