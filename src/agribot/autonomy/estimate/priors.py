@@ -18,8 +18,8 @@ GYRO_BIAS_WALK_RADPS_PER_SQRT_S = 7e-5
 WHEEL_SCALE_MEMORY_S, SLIP_MEMORY_S = 30.0, 200.0
 
 
-def first_std(config: EstimateConfig) -> tuple[float, ...]:
-    """1 sigma of each state before the first measurement."""
+def initial_std(config: EstimateConfig) -> tuple[float, ...]:
+    """Give 1 sigma of each state before the first measurement."""
     return (
         1e3, 1e3, math.pi, config.gyro_bias_std_radps, config.wheel_scale_std_ratio,
         config.slip_std_rad, GYRO_SCALE_STD_RATIO, 1.0, 1.0, config.mag_bias_std_rad, 0.0,
@@ -36,7 +36,7 @@ def motion_noise(config: EstimateConfig) -> MotionNoise:
 
 
 def slow_ageing(config: EstimateConfig, age_s: float) -> tuple[tuple[int, float, float], ...]:
-    """Ageing of gyro bias, wheel scale and slip, as Ekf.relax takes it."""
+    """Say how gyro bias, wheel scale and slip age, as Ekf.relax takes it."""
     return (
         (GYRO_BIAS, 1.0, GYRO_BIAS_WALK_RADPS_PER_SQRT_S**2 * age_s),
         _fading(WHEEL_SCALE, config.wheel_scale_std_ratio, age_s / WHEEL_SCALE_MEMORY_S),
