@@ -247,9 +247,9 @@ def _check_count(bounds: Bounds, first: int, last: int) -> int:
 def _make_metadata(
     target: Path, bounds: Bounds, first: int, last: int, picture_format: str
 ) -> dict[str, str]:
-    said = {"name": target.stem, "bounds": bounds.to_text(), "minzoom": str(first),
+    metadata = {"name": target.stem, "bounds": bounds.to_text(), "minzoom": str(first),
             "maxzoom": str(last), "type": "baselayer"}  # fmt: skip
-    return {**said, "format": picture_format} if picture_format else said
+    return {**metadata, "format": picture_format} if picture_format else metadata
 
 
 def _load_rasterio() -> Any:

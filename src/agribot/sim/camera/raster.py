@@ -118,12 +118,12 @@ def clip(point: Floats, a: int, b: int, c: int, view: PinholeView, corner: Doubl
     count = 0
     for e in range(3):
         p, q = point[index[e]], point[index[(e + 1) % 3]]
-        p_right, p_down = _camera_xy(p, view)
+        p_right, p_down = _find_camera_xy(p, view)
         if p[DEPTH] >= view.near_m:
             _write_corner(corner[count], p_right, p_down, p[DEPTH], p[U], p[V], p[SHADE], view)
             count += 1
         if (p[DEPTH] >= view.near_m) != (q[DEPTH] >= view.near_m):
-            q_right, q_down = _camera_xy(q, view)
+            q_right, q_down = _find_camera_xy(q, view)
             s = (view.near_m - p[DEPTH]) / (float(q[DEPTH]) - p[DEPTH])
             _write_corner(
                 corner[count], p_right + s * (q_right - p_right), p_down + s * (q_down - p_down),
@@ -135,7 +135,7 @@ def clip(point: Floats, a: int, b: int, c: int, view: PinholeView, corner: Doubl
 
 
 @compile_fast
-def _camera_xy(p: Floats, view: PinholeView) -> tuple[float, float]:
+def _find_camera_xy(p: Floats, view: PinholeView) -> tuple[float, float]:
     """Return metres right and down of a vertex; those behind the near plane are stored so."""
     if p[DEPTH] < view.near_m:
         return float(p[COLUMN]), float(p[ROW])

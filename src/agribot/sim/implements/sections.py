@@ -24,24 +24,24 @@ class DelayedSections:
 
     def __init__(self, spec: ImplementSpec) -> None:
         self._spec = spec
-        self._off = self._told = (False,) * spec.section_count
+        self._off = self._wanted = (False,) * spec.section_count
         self._pending: deque[tuple[float, tuple[bool, ...]]] = deque()
         self.is_on: Mask = np.zeros(spec.section_count, dtype=bool)
 
     def command(self, t_s: float, sections_on: tuple[bool, ...]) -> None:
-        """An empty tuple switches all of them off.
+        """Switch the sections after the latency; an empty tuple switches all of them off.
 
         Raises: PlatformError: the number of sections is not that of the robot.
         """
-        told, words = sections_on or self._off, self._spec.sections
-        if len(told) != len(self._off):
+        wanted, words = sections_on or self._off, self._spec.sections
+        if len(wanted) != len(self._off):
             raise PlatformError(
-                f"command for {len(told)} {words}; the robot has {len(self._off)}, "
+                f"command for {len(wanted)} {words}; the robot has {len(self._off)}, "
                 "as its description says"
             )
-        if told != self._told:
-            self._told = told
-            self._pending.append((t_s + self._spec.latency_s, told))
+        if wanted != self._wanted:
+            self._wanted = wanted
+            self._pending.append((t_s + self._spec.latency_s, wanted))
 
     def advance(self, t_s: float) -> None:
         """Let every command take effect that is due at `t_s`."""
