@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 
 from agribot.lab.train.card import ModelCard
-from agribot.lab.train.evaluate import CLASS_NAMES, scores
+from agribot.lab.train.evaluate import CLASS_NAMES, compute_scores
 
 
 class Recipe(NamedTuple):
@@ -102,7 +102,7 @@ def _table(names: list[str], options: argparse.Namespace) -> list[str]:
 def _line(name: str, cards: list[ModelCard]) -> str:
     judged = [score for card in cards for score in card.test.values()]
     pooled = np.sum([score.confusion for score in judged], axis=0)
-    result = scores(pooled.astype(np.int64), sum(score.images for score in judged))
+    result = compute_scores(pooled.astype(np.int64), sum(score.images for score in judged))
     minutes = sum(card.training_cpu_min for card in cards)
     cells = [f"{result.miou:.3f}", *(f"{result.iou[kind] or 0.0:.3f}" for kind in CLASS_NAMES)]
     cells.append(", ".join(f"{score.miou:.3f}" for score in judged))

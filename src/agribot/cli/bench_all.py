@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """The worst status of all; one that cannot run is named, and the others still do."""
+    """Return the worst status of all; one that cannot run is named, and the others still do."""
     card: dict[str, Any] = {"cpus": os.cpu_count(), "machine": platform.machine()}
     status = 0
     for name, (module_name, short) in SHORT.items():

@@ -54,11 +54,11 @@ def run(options: argparse.Namespace) -> int:
     if not 1.0 <= options.seconds <= 3600.0:
         raise ConfigError(f"--seconds {options.seconds:g}: must be from 1 to 3600")
     wanted = closed_loop.conditions(fields, lights, ratios, read_seeds(options.seeds))
-    result = closed_loop.run(wanted, options.seconds, options.model, _say)
-    _say("\n" + closed_loop.table(result))
+    result = closed_loop.run_conditions(wanted, options.seconds, options.model, _say)
+    _say("\n" + closed_loop.format_table(result))
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
-    return 0 if closed_loop.holds(result) else 1
+    return 0 if closed_loop.meets_limits(result) else 1
 
 
 def _say(text: str) -> None:

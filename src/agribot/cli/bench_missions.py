@@ -44,9 +44,9 @@ def run(options: argparse.Namespace) -> int:
     if not 1 <= options.workers <= 1024:
         raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
     extras.require("sim", "agribot bench missions")
-    wanted = missions.jobs(profiles, read_seeds(options.seeds) if options.seeds else None)
+    wanted = missions.list_jobs(profiles, read_seeds(options.seeds) if options.seeds else None)
     result = drive(SweepFolder(options.out.resolve(), wanted), ProcessExecutor(options.workers))
-    short = missions.shortfalls(result["summary"])
+    short = missions.find_shortfalls(result["summary"])
     for line in short:
         sys.stderr.write(f"agribot bench missions: {line}\n")
     if options.json:

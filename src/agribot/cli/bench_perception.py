@@ -9,8 +9,8 @@ import sys
 from agribot.cli.ranges import threads
 from agribot.cli.word_list import words_of
 from agribot.core.errors import ConfigError
-from agribot.lab.bench.perception import HEIGHT_PX, NETWORKS, WIDTH_PX, table
-from agribot.lab.bench.perception import run as measure
+from agribot.lab.bench.perception import HEIGHT_PX, NETWORKS, WIDTH_PX, format_table
+from agribot.lab.bench.perception import time_networks as measure
 from agribot.lab.train.networks import STRIDE_PX, read_size
 
 
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
             value = getattr(options, option)
             raise ConfigError(f"--{option} {value}: must be from 1 to {most}")
     result = measure(networks, options.threads, options.frames, read_size(options.size, STRIDE_PX))
-    sys.stderr.write(table(result) + "\n")
+    sys.stderr.write(format_table(result) + "\n")
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     return 0

@@ -19,8 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from agribot.lab.bench.sim import FIGURES
-    from agribot.lab.bench.sim import run as measure
+    from agribot.lab.bench.sim import FIGURES, measure
 
     result = measure(words_of("--only", options.only, FIGURES), _say)
     if options.json:

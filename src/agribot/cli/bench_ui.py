@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from agribot.lab.bench.ui import run as measure
+    from agribot.lab.bench.ui import measure_page as measure
 
     try:
         clients = [int(word) for word in options.clients.split(",")]

@@ -157,7 +157,7 @@ def _split(options: argparse.Namespace) -> int:
 
 def _generate(options: argparse.Namespace) -> int:
     _check_ranges(options)
-    from agribot.lab.dataset.drawing import draw_field, missing_fields
+    from agribot.lab.dataset.drawing import draw_field, list_missing_fields
     from agribot.lab.dataset.records import Recipe, claim
     from agribot.lab.dataset.tables import write_tables
 
@@ -173,7 +173,7 @@ def _generate(options: argparse.Namespace) -> int:
         variety=options.variety,
     )
     claim(folder, recipe)
-    jobs = missing_fields(folder, recipe, options.images)
+    jobs = list_missing_fields(folder, recipe, options.images)
     done = there = options.images - sum(len(job.indices) for job in jobs)
     progress = CountProgress(options.images, "images")
     started_s = time.monotonic()

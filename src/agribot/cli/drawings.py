@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 
 from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.core.messages import ByteArray
-from agribot.lab.train.figures import tinted
+from agribot.lab.train.figures import tint
 
 MASK_RGB = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], dtype=np.uint8)
 PANEL_WIDTH_PX = 640  # a wider picture is shrunk for its panel
@@ -27,7 +27,7 @@ def write_drawings(
         if kind == "mask":
             picture = MASK_RGB[found.class_id]
         elif kind == "overlay":
-            picture = tinted(image_rgb, found.class_id)
+            picture = tint(image_rgb, found.class_id)
         else:
             picture = panel(image_rgb, found)
         # A lossy mask would hold colours that are no class.
@@ -42,7 +42,7 @@ def panel(image_rgb: ByteArray, found: PictureClasses) -> ByteArray:
     """Picture, overlay and confidence side by side, with titles."""
     # The least possible confidence, a third, is black.
     sure = ((found.confidence.astype(np.float32) - 85.0) * 1.5).clip(0, 255).astype(np.uint8)
-    parts = (image_rgb, tinted(image_rgb, found.class_id), np.repeat(sure[..., None], 3, axis=2))
+    parts = (image_rgb, tint(image_rgb, found.class_id), np.repeat(sure[..., None], 3, axis=2))
     height, width = found.class_id.shape
     shown_width = min(width, PANEL_WIDTH_PX)
     shown_height = max(1, round(height * shown_width / width))

@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     from agribot.lab.dataset.classes import read_ids
     from agribot.lab.train.judgement import Judgement
     from agribot.lab.train.networks import open_network, read_size
-    from agribot.lab.train.photographs import find_pairs, fold_of
+    from agribot.lab.train.photographs import find_pairs, split_fold
 
     folder = args.folder or args.data_dir
     if folder is None:
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     segmenter = open_network(args.model, args.threads, args.size)
     pairs, problems = find_pairs(folder, args.data, args.images, args.masks, read_ids(args.ids))
     if args.fold is not None:
-        pairs = fold_of(pairs, args.folds, args.fold)[1]
+        pairs = split_fold(pairs, args.folds, args.fold)[1]
     for text in problems:
         _say(f"left out: {text}")
     judgement = Judgement()
@@ -77,9 +77,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print_scores(judgement: Any) -> None:
-    from agribot.lab.train.judgement import table
+    from agribot.lab.train.judgement import format_scores
 
-    sys.stdout.write(table(judgement.scores) + "\n")
+    sys.stdout.write(format_scores(judgement.scores) + "\n")
     outlines = ", ".join(
         f"{name} {'-' if value is None else f'{value:.3f}'}"
         for name, value in judgement.boundary_f1.items()
@@ -95,7 +95,7 @@ def _print_scores(judgement: Any) -> None:
 def _summary(
     args: argparse.Namespace, folder: Path, judgement: Any, map_shape: tuple[int, int]
 ) -> dict[str, Any]:
-    from agribot.lab.train.networks import card_of
+    from agribot.lab.train.networks import read_card
 
     result = judgement.scores
     height_px, width_px = map_shape
@@ -112,7 +112,7 @@ def _summary(
         "f1": result.f1,
         "boundary_f1": judgement.boundary_f1,
         "confusion": result.confusion,
-        "params": card_of(args.model).get("parameters"),
+        "params": read_card(args.model).get("parameters"),
     }
 
 

@@ -53,9 +53,11 @@ def run(args: argparse.Namespace) -> int:
         source = Path(folder) / "source.onnx"
         if args.size:
             from agribot.lab.train.networks import STRIDE_PX, read_size
-            from agribot.lab.train.resizing import at_size
+            from agribot.lab.train.resizing import resize_network
 
-            source.write_bytes(at_size(model_path(args.model), *read_size(args.size, STRIDE_PX)))
+            source.write_bytes(
+                resize_network(model_path(args.model), *read_size(args.size, STRIDE_PX))
+            )
         else:
             shutil.copy(model_path(args.model), source)
         _convert(args, source, before, problems)
@@ -72,23 +74,23 @@ def _convert(args: argparse.Namespace, source: Path, before: Any, problems: list
     if args.precision == "fp32":
         shutil.copy(source, args.out)
     elif args.precision == "fp16":
-        precision.to_fp16(source, args.out)
+        precision.convert_to_fp16(source, args.out)
     else:
         pictures = _pictures(args.calibrate, problems)
         first = next(pictures, None)
         if first is None:
             raise ConfigError(f"--calibrate {args.calibrate}: no picture there that can be read")
-        precision.to_int8(source, args.out, [first, *pictures])
+        precision.quantise_to_int8(source, args.out, [first, *pictures])
 
 
 def _pictures(folder: Path, problems: list[str]) -> Iterator[ByteArray]:
     from agribot.lab.dataset.pictures import SUFFIXES, read_picture
-    from agribot.lab.train.precision import some_of
+    from agribot.lab.train.precision import sample_pictures
 
     if not folder.is_dir():
         raise ConfigError(f"--calibrate {folder} is no folder; check the path")
     files = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES)
-    for file in some_of(files):
+    for file in sample_pictures(files):
         try:
             yield read_picture(file)
         except AgribotError as error:

@@ -139,11 +139,11 @@ def _show(image_rgb: Any, seen: Any, out: Path, title: str) -> None:
 
     from agribot.autonomy.perceive.pictures import enlarged
     from agribot.core.whole_file import write_at_once
-    from agribot.lab.train.figures import tinted
+    from agribot.lab.train.figures import tint
 
     out.mkdir(parents=True, exist_ok=True)
     found = enlarged(seen.class_id, seen.confidence, image_rgb.shape[:2])
-    picture = Image.fromarray(tinted(image_rgb, found.class_id))
+    picture = Image.fromarray(tint(image_rgb, found.class_id))
     ImageDraw.Draw(picture).text((8, 8), title, fill="white")
     encoded = io.BytesIO()
     picture.save(encoded, format="JPEG", quality=88)

@@ -8,7 +8,7 @@ import sys
 from typing import Any
 
 from agribot.autonomy.perceive.segmenter import model_names, model_path
-from agribot.lab.train.networks import card_of
+from agribot.lab.train.networks import read_card
 
 DEFAULT = "agribot-sim"
 
@@ -22,7 +22,7 @@ def run(args: argparse.Namespace) -> int:
     """Raises: PerceptionError: no such network."""
     if args.name:
         return _one(args)
-    cards = {name: card_of(name) for name in model_names()}
+    cards = {name: read_card(name) for name in model_names()}
     for name, card in cards.items():
         sys.stderr.write(line(name, card) + "\n")
     if args.json:
@@ -38,7 +38,7 @@ def _one(args: argparse.Namespace) -> int:
     else:
         sys.stderr.write(f"{path} has no card beside it\n")
     if args.json:
-        sys.stdout.write(json.dumps(card_of(args.name)) + "\n")
+        sys.stdout.write(json.dumps(read_card(args.name)) + "\n")
     return 0
 
 

@@ -17,12 +17,12 @@ from agribot.core.errors import ConfigError
 from agribot.lab.sweep.execution import (
     Assignment,
     Executor,
-    Outcome,
     ProcessExecutor,
     RayExecutor,
+    RunOutcome,
 )
 from agribot.lab.sweep.plan import plan, read_seeds
-from agribot.lab.sweep.tables import SweepFolder, markdown
+from agribot.lab.sweep.tables import SweepFolder, format_markdown
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,7 +64,7 @@ def drive(folder: SweepFolder, executor: Executor) -> dict[str, Any]:
     result = folder.write_tables(errors)
     done = f"{result['runs_ok']} of {result['runs_total']} runs good"
     files = f"{folder.path}/runs.csv, summary.csv, summary.md, sweep-report.json"
-    sys.stderr.write(f"{done}\n\n{markdown(result['summary'])}\n{files}\n")
+    sys.stderr.write(f"{done}\n\n{format_markdown(result['summary'])}\n{files}\n")
     return result
 
 
@@ -78,9 +78,9 @@ def status(result: dict[str, Any]) -> int:
     return 0 if result["runs_ok"] == result["runs_total"] else 1
 
 
-def _drive_all(folder: SweepFolder, executor: Executor) -> list[Outcome]:
+def _drive_all(folder: SweepFolder, executor: Executor) -> list[RunOutcome]:
     """Run what is missing; return the runs that gave no report."""
-    done = set(folder.finished())
+    done = set(folder.read_finished())
     missing = [
         Assignment(job=job, out_dir=folder.run_dir(job))
         for job in folder.jobs

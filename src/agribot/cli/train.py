@@ -90,33 +90,33 @@ def run(args: argparse.Namespace) -> int:
     Raises: ConfigError: an option is out of range.
     """
     _check(args)
-    from agribot.lab.train.processes import join, part, use_threads
+    from agribot.lab.train.processes import join_group, leave_group, use_threads
 
     use_threads(args.threads)
-    crew = join(args.device)
+    group = join_group(args.device)
     try:
-        source = crew.leader_first(lambda: _source(args))
-        plan = _plan(args, source, crew)
-        return _train(args, source, plan, crew)
+        source = group.run_leader_first(lambda: _source(args))
+        plan = _plan(args, source, group)
+        return _train(args, source, plan, group)
     finally:
-        part()
+        leave_group()
 
 
-def _train(args: argparse.Namespace, source: Any, plan: Any, crew: Any) -> int:
-    from agribot.lab.train.architectures import architecture
+def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
+    from agribot.lab.train.architectures import find_architecture
     from agribot.lab.train.card import read_held_out
     from agribot.lab.train.export import export_onnx
     from agribot.lab.train.figures import write_curves
     from agribot.lab.train.fit import LOG, Trainer
-    from agribot.lab.train.precision import some_of, to_int8
+    from agribot.lab.train.precision import quantise_to_int8, sample_pictures
 
     held_out = read_held_out(args.scores_from, plan) if args.scores_from else None
-    trainer = Trainer(plan, source.batches, args.out, crew, args.start)
-    network = trainer.run(_progress if crew.leads else lambda text: None).cpu()
-    if not crew.leads:
+    trainer = Trainer(plan, source.batches, args.out, group, args.start)
+    network = trainer.run(_progress if group.is_leader else lambda text: None).cpu()
+    if not group.is_leader:
         return 0
     onnx_path = args.out / f"{args.name}.onnx"
-    features = architecture(args.model).features
+    features = find_architecture(args.model).features
     calibration = _calibrated(network, features, source)
     height_px, width_px = source.input_size_px
     is_small = args.precision == "int8"
@@ -131,7 +131,7 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, crew: Any) -> int:
         temperature=calibration.temperature if calibration else 1.0,
     )
     if is_small:
-        to_int8(plain_path, onnx_path, some_of(source.pictures))
+        quantise_to_int8(plain_path, onnx_path, sample_pictures(source.pictures))
     card = msgspec.structs.replace(
         _judge(args, trainer, onnx_path, source), held_out=held_out, calibration=calibration
     )
@@ -177,23 +177,23 @@ def _progress(text: str) -> None:
 
 def _source(args: argparse.Namespace) -> Any:
     if args.data == "sim":
-        from agribot.lab.train.sources import simulated_source
+        from agribot.lab.train.sources import make_simulated_source
 
-        return simulated_source(args, _progress)
-    from agribot.lab.train.sources import photo_source
+        return make_simulated_source(args, _progress)
+    from agribot.lab.train.sources import make_photo_source
 
-    return photo_source(args, _progress)
+    return make_photo_source(args, _progress)
 
 
-def _plan(args: argparse.Namespace, source: Any, crew: Any) -> Any:
+def _plan(args: argparse.Namespace, source: Any, group: Any) -> Any:
     """The plan of a training under way in the folder, else a new one.
 
     Raises: ConfigError: processes that measure how many steps fit in would not agree.
     """
-    from agribot.lab.train.fit import TrainingPlan, load_checkpoint, steps_within
+    from agribot.lab.train.fit import TrainingPlan, count_steps_within, load_checkpoint
 
-    if crew.size > 1 and args.steps is None:
-        raise ConfigError(f"{crew.size} processes train together: give --steps, not --minutes")
+    if group.size > 1 and args.steps is None:
+        raise ConfigError(f"{group.size} processes train together: give --steps, not --minutes")
     state = load_checkpoint(args.out)
     if state is not None and args.steps is None:
         plan = msgspec.convert(state["plan"], TrainingPlan)
@@ -210,11 +210,11 @@ def _plan(args: argparse.Namespace, source: Any, crew: Any) -> Any:
         steps=args.steps or 1000,
         seed=args.seed,
         model=args.model,
-        processes=crew.size,
+        processes=group.size,
     )
     plan = apply_recipe_options(plan, args)
     if args.steps is None:
-        steps = steps_within(args.minutes, source.batches, plan, args.out, crew)
+        steps = count_steps_within(args.minutes, source.batches, plan, args.out, group)
         plan = msgspec.structs.replace(plan, steps=steps)
     return plan
 
@@ -239,7 +239,7 @@ def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any)
     from agribot.autonomy.perceive.segmenter import Segmenter
     from agribot.lab.train import card
     from agribot.lab.train.evaluate import evaluate
-    from agribot.lab.train.network import parameter_count
+    from agribot.lab.train.network import count_parameters
 
     segmenter = Segmenter(onnx_path)
     tests = {
@@ -261,13 +261,13 @@ def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any)
         plan=trainer.plan,
         train_images=source.train_images,
         precision=args.precision,
-        parameters=parameter_count(trainer.network),
+        parameters=count_parameters(trainer.network),
         input_height_px=segmenter.map_shape[0],
         input_width_px=segmenter.map_shape[1],
         file_bytes=onnx_path.stat().st_size,
-        sha256=card.sha256(onnx_path),
-        cpu_ms_per_frame=round(card.cpu_ms_per_frame(segmenter), 1),
-        cpu_ms_conditions=card.speed_conditions(threads=1),
+        sha256=card.hash_file(onnx_path),
+        cpu_ms_per_frame=round(card.measure_cpu_ms_per_frame(segmenter), 1),
+        cpu_ms_conditions=card.describe_speed_conditions(threads=1),
         training_cpu_min=round(trainer.cpu_s / 60.0, 1),
         test=tests,
     )

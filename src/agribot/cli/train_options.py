@@ -43,7 +43,7 @@ def check_recipe_options(args: argparse.Namespace) -> None:
     Raises: ConfigError: an option that is out of range, or no such network.
     """
     from agribot.autonomy.perceive.segmenter import model_path
-    from agribot.lab.train.architectures import architecture
+    from agribot.lab.train.architectures import find_architecture
     from agribot.lab.train.start import IMAGENET, RANDOM
 
     args.asked = {}
@@ -56,7 +56,7 @@ def check_recipe_options(args: argparse.Namespace) -> None:
                 f"{HIGHEST_RATE}"
             )
         args.asked["learning_rate"] = args.learning_rate
-    usual = IMAGENET if architecture(args.model).load_imagenet else RANDOM
+    usual = IMAGENET if find_architecture(args.model).load_imagenet else RANDOM
     wanted = args.start or usual
     args.is_imagenet = wanted == IMAGENET
     args.recipe_words = _format_options(args, "" if wanted == usual else Path(wanted).name)
@@ -105,9 +105,9 @@ def read_class_weights(text: str) -> tuple[float, float, float]:
 
 
 def _describe_start(path: Path) -> str:
-    from agribot.lab.train.card import sha256
+    from agribot.lab.train.card import hash_file
 
-    return f"{path.stem} {sha256(path)[:16]}"
+    return f"{path.stem} {hash_file(path)[:16]}"
 
 
 def add_drawn_options(group: argparse._ArgumentGroup) -> None:

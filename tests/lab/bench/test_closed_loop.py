@@ -9,7 +9,13 @@ pytest.importorskip("torch")
 
 from agribot.core.messages import PlantClass
 from agribot.lab.bench import closed_loop
-from agribot.lab.bench.closed_loop import LEAST_IOU, Condition, conditions, holds, table
+from agribot.lab.bench.closed_loop import (
+    LEAST_IOU,
+    Condition,
+    conditions,
+    format_table,
+    meets_limits,
+)
 
 DRIVEN_S = 2.0
 
@@ -17,7 +23,7 @@ DRIVEN_S = 2.0
 @pytest.fixture(scope="module")
 def result() -> dict[str, Any]:
     wanted = conditions(["beet"], ["low sun"], [1.0], [1])
-    return closed_loop.run(wanted, DRIVEN_S)
+    return closed_loop.run_conditions(wanted, DRIVEN_S)
 
 
 def test_every_pixel_of_every_frame_of_a_drive_is_judged(result: dict[str, Any]) -> None:
@@ -29,7 +35,7 @@ def test_every_pixel_of_every_frame_of_a_drive_is_judged(result: dict[str, Any])
     assert 0 < judged <= drive["frames"]
     assert result["fields"]["beet"]["confusion"] == drive["scores"]["confusion"]
     assert result["by"]["light"]["low sun"]["iou"] == drive["scores"]["iou"]
-    assert "field beet" in table(result)
+    assert "field beet" in format_table(result)
 
 
 def test_the_beet_field_fails_below_its_limits_and_other_fields_do_not(
@@ -37,12 +43,12 @@ def test_the_beet_field_fails_below_its_limits_and_other_fields_do_not(
 ) -> None:
     good = copy.deepcopy(result)
     good["fields"]["beet"]["iou"].update(LEAST_IOU)
-    assert holds(good)
+    assert meets_limits(good)
     good["fields"]["beet"]["iou"]["weed"] -= 0.001
-    assert not holds(good)
+    assert not meets_limits(good)
     good["fields"]["beet"]["iou"]["weed"] = None
-    assert not holds(good)
-    assert holds({"fields": {"farm": {"iou": {"weed": 0.0, "crop": 0.0}}}})
+    assert not meets_limits(good)
+    assert meets_limits({"fields": {"farm": {"iou": {"weed": 0.0, "crop": 0.0}}}})
 
 
 def test_growth_stages_are_of_crops_and_not_of_the_farm() -> None:
@@ -53,7 +59,7 @@ def test_growth_stages_are_of_crops_and_not_of_the_farm() -> None:
 
 def test_a_condition_changes_the_crop_its_height_and_the_light() -> None:
     def crops(ratio: float) -> list[float]:
-        world = closed_loop._world(
+        world = closed_loop._make_world(
             Condition(field="lettuce", light="overcast", height_ratio=ratio, seed=3)
         )
         assert world.light == closed_loop.LIGHTS["overcast"]

@@ -14,7 +14,7 @@ SHORT = ("duration_s=2", "record.enabled=false", "perception.enabled=false")
 
 
 def test_every_profile_meets_its_receivers_and_the_first_seeds_come_first() -> None:
-    jobs = missions.jobs(["farm", "rows-10x12", "hills", "beet"], None)
+    jobs = missions.list_jobs(["farm", "rows-10x12", "hills", "beet"], None)
     assert len({job.name for job in jobs}) == len(jobs) == 4 * 10 + 20 + 2 * 10 + 5
     seeds = [job.seed for job in jobs]
     assert seeds == sorted(seeds)
@@ -48,10 +48,10 @@ def test_a_cross_track_error_above_the_limit_is_named() -> None:
         "std": {"tracking.xte_rms_m": None},
         "count": {"tracking.xte_rms_m": 1},
     }
-    assert missions.shortfalls([entry]) == [
+    assert missions.find_shortfalls([entry]) == [
         "rows-10x12 sim.sensors=m8n: cross-track RMS 5.0 cm > 4 cm"
     ]
-    assert missions.shortfalls([{**entry, "profile": "farm"}]) == []
+    assert missions.find_shortfalls([{**entry, "profile": "farm"}]) == []
 
 
 def test_an_unknown_profile_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,12 +3,12 @@ from __future__ import annotations
 import pytest
 
 from agribot.lab.bench.dense_field import CAMERA_RATE_HZ, CameraLoop, dense_field
-from agribot.lab.bench.sim import FIGURES, run
+from agribot.lab.bench.sim import FIGURES, measure
 
 
 def test_only_the_wanted_figures_are_measured_and_each_is_told() -> None:
     lines: list[str] = []
-    result = run(["network_ms", "physics_rtf"], lines.append)
+    result = measure(["network_ms", "physics_rtf"], lines.append)
     assert result["network_ms"] > 0.0
     assert result["physics_rtf"] > 1.0  # real time at least, or no robot could be simulated
     assert "mission_rtf" not in result

@@ -7,8 +7,8 @@ import time
 
 import pytest
 
-from agribot.lab.bench.ui import GOOD_AGE_S, Link, ages_wanted
-from agribot.lab.bench.ui_link import DELAY_S, Line
+from agribot.lab.bench.ui import GOOD_AGE_S, LinkDelay, check_delays
+from agribot.lab.bench.ui_link import DELAY_S, SlowConnection
 
 DATA = bytes(range(256)) * 200  # 51 kB
 
@@ -28,8 +28,8 @@ async def _through(bytes_per_s: float) -> tuple[bytes, float]:
         await _close(writer)
 
     async with await asyncio.start_server(send, "127.0.0.1", 0) as far:
-        line = Line(bytes_per_s, far.sockets[0].getsockname()[1])
-        async with line.opened() as port:
+        line = SlowConnection(bytes_per_s, far.sockets[0].getsockname()[1])
+        async with line.open() as port:
             reader, writer = await asyncio.open_connection("127.0.0.1", port)
             from_s = time.monotonic()
             writer.write(b"go")
@@ -48,11 +48,11 @@ def test_a_line_carries_all_in_order_and_no_faster_than_its_rate() -> None:
 @pytest.mark.parametrize(("mbit_per_s", "most_s"), [(10.0, GOOD_AGE_S), (1.0, 2 * GOOD_AGE_S)])
 def test_a_picture_that_is_too_old_fails_the_benchmark(mbit_per_s: float, most_s: float) -> None:
     def limit(age_s: float) -> bool:
-        link = Link(
+        link = LinkDelay(
             mbit_per_s=mbit_per_s, state_hz=30.0, state_age_p95_s=0.1, camera_hz=9.0,
             camera_age_p95_s=age_s,
         )  # fmt: skip
-        return ages_wanted([link])[0].ok
+        return check_delays([link])[0].ok
 
     assert limit(most_s)
     assert not limit(most_s + 0.01)

@@ -20,9 +20,9 @@ from agribot.app.simulated_run import simulate
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.errors import ConfigError
-from agribot.lab.sweep.execution import Assignment, Outcome, RayExecutor
-from agribot.lab.sweep.plan import Job, plan, read_seeds
-from agribot.lab.sweep.tables import flattened, markdown, pooled_rms_m, summarise
+from agribot.lab.sweep.execution import Assignment, RayExecutor, RunOutcome
+from agribot.lab.sweep.plan import SweepJob, plan, read_seeds
+from agribot.lab.sweep.tables import flatten, format_markdown, pooled_rms_m, summarise
 from agribot.record.report import Report, TimeReport, TrackingReport, read_report
 
 SHORT = ("duration_s=2", "record.enabled=false", "perception.enabled=false")
@@ -96,7 +96,7 @@ def test_the_table_for_people_pools_the_missions_of_each_combination(swept: Path
 
 
 def test_the_error_of_a_combination_is_that_of_all_its_missions_together() -> None:
-    jobs = [Job(name=n, profile="farm", seed=0, fixed=(), settings=()) for n in "abc"]
+    jobs = [SweepJob(name=n, profile="farm", seed=0, fixed=(), settings=()) for n in "abc"]
     empty = Report(profile="farm", seed=0, sensors="rtk", version="0", ok=True, reason="")
     found = {
         name: msgspec.structs.replace(
@@ -106,7 +106,7 @@ def test_the_error_of_a_combination_is_that_of_all_its_missions_together() -> No
     }
     (entry,) = summarise(jobs, found)
     assert pooled_rms_m(entry) == pytest.approx(0.05)
-    (line,) = markdown([entry]).splitlines()[2:]
+    (line,) = format_markdown([entry]).splitlines()[2:]
     assert "| 2 of 3 |" in line  # the third gave no report
     assert "| 5.0 cm | - | 20.0 cm | 2 |" in line
 
@@ -177,14 +177,14 @@ def test_what_is_no_list_of_seeds_is_refused(text: str) -> None:
 
 
 def test_null_values_are_left_out_of_means() -> None:
-    jobs = [Job(name=n, profile="farm", seed=0, fixed=(), settings=()) for n in "ab"]
+    jobs = [SweepJob(name=n, profile="farm", seed=0, fixed=(), settings=()) for n in "ab"]
     first = Report(profile="farm", seed=0, sensors="rtk", version="0", ok=True, reason="")
     weeds = msgspec.structs.replace(first.weeds, f1=0.5)
     (entry,) = summarise(jobs, {"a": first, "b": msgspec.structs.replace(first, weeds=weeds)})
     assert (entry["mean"]["weeds.f1"], entry["count"]["weeds.f1"]) == (0.5, 1)
     assert entry["std"]["weeds.f1"] is None
     assert entry["mean"]["ok"] == 1.0
-    assert flattened(first)["safety.stops"] == 0
+    assert flatten(first)["safety.stops"] == 0
 
 
 def test_without_ray_the_option_says_what_to_install(
@@ -243,17 +243,17 @@ class RayThatLosesANode(SimpleNamespace):
         exceptions = SimpleNamespace(RayError=MemoryError)
         super().__init__(exceptions=exceptions, init=lambda address: None)
 
-    def remote(self, function: Callable[..., Outcome]) -> SimpleNamespace:
+    def remote(self, function: Callable[..., RunOutcome]) -> SimpleNamespace:
         return SimpleNamespace(remote=lambda assignment: (function, assignment))
 
     def wait(self, tasks: list[Any], num_returns: int, timeout: float) -> tuple[Any, Any]:
         assert timeout > 0
         return tasks[:num_returns], tasks[num_returns:]
 
-    def get(self, task: tuple[Callable[..., Outcome], Assignment]) -> Outcome:
+    def get(self, task: tuple[Callable[..., RunOutcome], Assignment]) -> RunOutcome:
         if task[1].job.seed == 2:
             raise MemoryError("Task was killed\nthe node was low on memory")
-        return Outcome(job=task[1].job)
+        return RunOutcome(job=task[1].job)
 
 
 def test_a_node_that_fails_costs_its_run_alone(

@@ -17,7 +17,7 @@ from agribot.core.messages import CameraFrame, FloatArray, GroundPlant, PlantCla
 from agribot.core.world import WorldSpec
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
-from agribot.lab.train.farm import row_pose
+from agribot.lab.train.farm import choose_row_pose
 from agribot.sim.camera.renderer import CameraRenderer
 
 # A plant that shows fewer of the image's pixels is hidden by another one and may be missed,
@@ -60,7 +60,7 @@ def look_at_farm(model: str, worlds: int, views: int) -> dict[PlantClass, Found]
         world, rng = load_world("Farm", seed=seed), np.random.default_rng([31, seed])
         renderer = CameraRenderer(world, threads=1)
         for index in range(views):
-            map_from_body = row_pose(rng, world)
+            map_from_body = choose_row_pose(rng, world)
             drawn = renderer.render(
                 map_from_body @ robot.body_from_camera(), robot.camera, noise_seed=index
             )

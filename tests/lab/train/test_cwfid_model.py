@@ -14,7 +14,7 @@ from agribot.autonomy.perceive.segmenter import Segmenter, model_path
 from agribot.core.config import load
 from agribot.lab.train.card import ModelCard
 from agribot.lab.train.evaluate import evaluate
-from agribot.lab.train.photographs import find_pairs, fold_of, read_pairs
+from agribot.lab.train.photographs import find_pairs, read_pairs, split_fold
 
 MODELS = {"cwfid": ("agribot-m", "int8"), "cwfid-s": ("agribot-s", "int8")}
 DATA = Path(os.environ.get("AGRIBOT_DATA", "")) / "cwfid-train"
@@ -69,7 +69,7 @@ def test_the_scores_stated_are_those_of_another_training_with_pictures_held_out(
 def test_pictures_that_it_was_trained_on_score_above_those_held_out(card: ModelCard) -> None:
     assert card.held_out is not None
     segmenter = Segmenter(card.name)
-    pairs = fold_of(find_pairs(DATA, "cwfid")[0], 5, 0)[1]
+    pairs = split_fold(find_pairs(DATA, "cwfid")[0], 5, 0)[1]
     found = evaluate(
         lambda image_rgb: classify(segmenter, image_rgb).class_id,
         read_pairs(pairs, pytest.fail),

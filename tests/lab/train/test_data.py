@@ -8,7 +8,7 @@ import pytest
 
 from agribot.core.errors import AgribotError
 from agribot.core.messages import ByteArray
-from agribot.lab.train.augment import augmented_batch
+from agribot.lab.train.augment import augment_batch
 from agribot.lab.train.data import DataSet
 from tests.lab.train.drawn_images import SHAPE, drawn_image, drawn_scene
 
@@ -63,8 +63,8 @@ def test_a_folder_of_another_seed_is_refused(tmp_path: Path) -> None:
 def test_augmentation_repeats_with_its_seed_and_keeps_labels_on_their_pixels() -> None:
     images = [drawn_image(np.random.default_rng(seed)) for seed in range(6)]
     pixels, labels = [i for i, _ in images], [label for _, label in images]
-    batch, target = augmented_batch(pixels, labels, 64, np.random.default_rng(1))
-    again, _ = augmented_batch(pixels, labels, 64, np.random.default_rng(1))
+    batch, target = augment_batch(pixels, labels, 64, np.random.default_rng(1))
+    again, _ = augment_batch(pixels, labels, 64, np.random.default_rng(1))
     assert batch.shape == (6, 3, 64, 64) and target.shape == (6, 64, 64)
     assert (batch == again).all()
     assert set(target.flatten().tolist()) <= {0, 1, 2}

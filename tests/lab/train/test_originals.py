@@ -9,12 +9,12 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from agribot.lab.train.architectures import ARCHITECTURES, architecture
+from agribot.lab.train.architectures import ARCHITECTURES, find_architecture
 from agribot.lab.train.originals import (
     BonnetResidual,
     OriginalBonnet,
     OriginalUNet,
-    keras_parameter_count,
+    count_keras_parameters,
     unpooling_mask,
 )
 
@@ -69,7 +69,7 @@ def test_layers_and_parameters_are_those_of_the_original(
     seen = run_through(network, channels)
     assert [shape_of(convolution) for convolution, _ in seen] == layers
     assert all(convolution.bias is not None for convolution, _ in seen)
-    assert keras_parameter_count(network) == parameters
+    assert count_keras_parameters(network) == parameters
 
 
 def test_bonnet_halves_four_times_and_comes_back() -> None:
@@ -150,7 +150,10 @@ def test_the_mask_agrees_with_numpy_on_random_values() -> None:
 @pytest.mark.parametrize(("faithful", "corrected"), [("original-bonnet", "bonnet")])
 def test_only_the_faithful_head_loses_negative_logits(faithful: str, corrected: str) -> None:
     torch.manual_seed(3)
-    bad, good = architecture(faithful).build().eval(), architecture(corrected).build().eval()
+    bad, good = (
+        find_architecture(faithful).build().eval(),
+        find_architecture(corrected).build().eval(),
+    )
     good.load_state_dict(bad.state_dict())
     x = torch.rand(1, 10, 32, 32)
     with torch.inference_mode():
@@ -174,7 +177,9 @@ def test_a_pixel_with_only_negative_logits_teaches_the_faithful_head_nothing() -
 def test_the_original_unet_has_a_linear_head() -> None:
     torch.manual_seed(0)
     with torch.inference_mode():
-        assert (architecture("original-unet").build().eval()(torch.rand(1, 3, 32, 32)) < 0.0).any()
+        assert (
+            find_architecture("original-unet").build().eval()(torch.rand(1, 3, 32, 32)) < 0.0
+        ).any()
 
 
 def test_ours_are_bigger_than_bonnet_yet_small() -> None:

@@ -9,7 +9,14 @@ from PIL import Image
 from agribot.core.errors import ConfigError
 from agribot.core.messages import PlantClass
 from agribot.lab.dataset.pictures import PictureError
-from agribot.lab.train.photographs import KINDS, Pair, find_pairs, fold_of, read_label, read_pairs
+from agribot.lab.train.photographs import (
+    KINDS,
+    Pair,
+    find_pairs,
+    read_label,
+    read_pairs,
+    split_fold,
+)
 from tests.lab.train.drawn_images import drawn_image
 from tests.lab.train.photo_folder import photo_folder, spoil
 
@@ -52,7 +59,7 @@ def test_the_bonn_layout_pairs_by_name_and_keeps_days_apart(tmp_path: Path) -> N
     pairs, problems = find_pairs(tmp_path, "bonn")
     assert [pair.group for pair in pairs] == ["CKA_160421", "CKA_160523"]
     assert problems == []
-    train, held = fold_of(pairs, 2, 1)
+    train, held = split_fold(pairs, 2, 1)
     assert [pair.group for pair in train] == ["CKA_160421"]
     assert [pair.group for pair in held] == ["CKA_160523"]
 
@@ -104,11 +111,11 @@ def pair(name: str, group: str = "") -> Pair:
 
 def test_folds_share_nothing_and_cover_everything() -> None:
     pairs = [pair(str(index)) for index in range(39)]
-    held = [fold_of(pairs, 5, fold)[1] for fold in range(5)]
+    held = [split_fold(pairs, 5, fold)[1] for fold in range(5)]
     names = [p.image for part in held for p in part]
     assert sorted(names) == sorted(p.image for p in pairs)
     for fold in range(5):
-        train, test = fold_of(pairs, 5, fold)
+        train, test = split_fold(pairs, 5, fold)
         assert not {p.image for p in train} & {p.image for p in test}
         assert len(train) + len(test) == 39
 
@@ -116,11 +123,11 @@ def test_folds_share_nothing_and_cover_everything() -> None:
 def test_a_field_is_never_on_both_sides() -> None:
     pairs = [pair(f"{group}{index}", group) for group in "abcdef" for index in range(4)]
     for fold in range(3):
-        train, test = fold_of(pairs, 3, fold)
+        train, test = split_fold(pairs, 3, fold)
         assert not {p.group for p in train} & {p.group for p in test}
 
 
 @pytest.mark.parametrize(("folds", "fold"), [(1, 0), (9, 0), (3, 3), (3, -1)])
 def test_impossible_folds_are_refused(folds: int, fold: int) -> None:
     with pytest.raises(ConfigError, match="--fold"):
-        fold_of([pair(str(index)) for index in range(8)], folds, fold)
+        split_fold([pair(str(index)) for index in range(8)], folds, fold)

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from agribot.cli.train import run
 from agribot.core.errors import ConfigError
-from agribot.lab.train.processes import Crew, join
+from agribot.lab.train.processes import TrainingGroup, join_group
 from tests.lab.train.command_line import parsed
 
 ROOT = Path(__file__).parents[3]
@@ -44,21 +44,23 @@ def test_two_processes_learn_what_one_learns_from_the_doubled_batch(tmp_path: Pa
 
 
 def test_a_process_alone_needs_no_meeting() -> None:
-    crew = join("cpu")
-    assert (crew.rank, crew.size, crew.device, crew.leads) == (0, 1, "cpu", True)
-    assert crew.leader_first(lambda: "done") == "done"
+    group = join_group("cpu")
+    assert (group.rank, group.size, group.device, group.is_leader) == (0, 1, "cpu", True)
+    assert group.run_leader_first(lambda: "done") == "done"
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
 def test_a_gpu_that_is_not_there_is_named() -> None:
     with pytest.raises(ConfigError, match="--device cuda"):
-        join("cuda")
+        join_group("cuda")
 
 
 def test_several_processes_need_a_number_of_steps(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agribot.lab.train.processes.join", lambda device: Crew(size=2))
+    monkeypatch.setattr(
+        "agribot.lab.train.processes.join_group", lambda device: TrainingGroup(size=2)
+    )
     monkeypatch.setattr("agribot.cli.train._source", lambda args: None)
     monkeypatch.setattr("torch.distributed.barrier", lambda: None)
     with pytest.raises(ConfigError, match="--steps"):

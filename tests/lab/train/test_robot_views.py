@@ -10,7 +10,7 @@ from agribot.cli.train import run
 from agribot.core.errors import ConfigError
 from agribot.core.messages import PlantClass
 from agribot.description.field_generator import generate_field
-from agribot.lab.train.farm import draw_row_crop, draw_turn, random_plan, turn_pose
+from agribot.lab.train.farm import choose_plan, choose_turn_pose, draw_row_crop, draw_turn
 from agribot.sim.random_scenes import CROPS, WEEDS
 from tests.lab.train.command_line import parsed
 
@@ -35,9 +35,9 @@ def test_a_robot_on_a_row_sees_its_crop_in_the_middle_of_the_picture() -> None:
 
 def test_robots_that_turn_look_anywhere_with_crop_in_reach() -> None:
     rng = np.random.default_rng(3)
-    world = generate_field(random_plan(rng), 5)
+    world = generate_field(choose_plan(rng), 5)
     crops_m = np.array([(p.x_map_m, p.y_map_m) for p in world.plants if p.plant == PlantClass.CROP])
-    poses = [turn_pose(rng, world) for _ in range(400)]
+    poses = [choose_turn_pose(rng, world) for _ in range(400)]
     headings = np.array([math.atan2(pose[1, 0], pose[0, 0]) for pose in poses])
     quarters, _ = np.histogram(headings, 4, (-math.pi, math.pi))
     assert quarters.min() > 60
@@ -54,12 +54,12 @@ def test_one_seed_gives_the_same_views_of_the_same_turn() -> None:
 
 def test_plans_vary_and_keep_to_the_species_of_their_variety() -> None:
     rng = np.random.default_rng(0)
-    plans = [random_plan(rng) for _ in range(60)]
+    plans = [choose_plan(rng) for _ in range(60)]
     assert {plan.crop.species for plan in plans} == {name for name, *_ in CROPS}
     assert {name for plan in plans for name in plan.weeds.species} == set(WEEDS)
     spacings_m = [plan.crop.spacing_m for plan in plans]
     assert min(spacings_m) < 0.2 and max(spacings_m) > 1.5
-    wide = {random_plan(rng, is_wide=True).crop.species for _ in range(60)}
+    wide = {choose_plan(rng, is_wide=True).crop.species for _ in range(60)}
     assert {"carrot", "onion"} <= wide
 
 

@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from agribot.core.errors import ConfigError, PerceptionError
-from agribot.lab.train.architectures import architecture
+from agribot.lab.train.architectures import find_architecture
 from agribot.lab.train.export import export_onnx
 from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.fit import Trainer, TrainingPlan
@@ -77,7 +77,7 @@ def test_a_file_of_another_network_is_refused(
     model: str, exported: tuple[CropWeedNet, Path]
 ) -> None:
     with pytest.raises(ConfigError, match="convolutions"):
-        start_from(exported[1], architecture(model).build(), torch.zeros(1, 3, 64, 64))
+        start_from(exported[1], find_architecture(model).build(), torch.zeros(1, 3, 64, 64))
 
 
 def test_a_file_that_is_no_network_is_named(tmp_path: Path) -> None:

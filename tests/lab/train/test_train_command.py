@@ -12,7 +12,7 @@ from agribot.cli.train import run
 from agribot.core.errors import AgribotError, ConfigError
 from agribot.core.messages import PlantClass
 from agribot.lab.train.card import ModelCard
-from agribot.lab.train.sources import photo_source
+from agribot.lab.train.sources import make_photo_source
 from tests.lab.train.command_line import parsed
 from tests.lab.train.photo_folder import photo_folder, spoil
 
@@ -83,7 +83,7 @@ def test_masks_whose_classes_look_swapped_are_asked_about_before_anything_is_lea
         run(parsed(*words, "--steps", "1"))
     assert not (tmp_path / "out").exists()
     named = parsed(*words, "--ids", "0=soil,1=crop,2=weed")
-    source = photo_source(named, print)
+    source = make_photo_source(named, print)
     assert "--ids 0=soil,1=crop,2=weed" in source.command
     _, labels = source.batches(np.random.default_rng(0))
     assert float((labels == PlantClass.SOIL).float().mean()) > 0.5
@@ -100,11 +100,11 @@ def test_masks_whose_colours_look_swapped_are_doubted_without_advice_that_fits_v
         Image.fromarray(mask).save(path)
     words = ("--data", "folder", "--data-dir", str(folder), "--out", str(tmp_path / "out"))
     with pytest.raises(ConfigError) as refused:
-        photo_source(parsed(*words), print)
+        make_photo_source(parsed(*words), print)
     assert "Paint yours so" in str(refused.value)
     assert "--ids 0=soil,1=crop,2=weed" not in str(refused.value)
     with pytest.raises(ConfigError, match="leave --ids out"):
-        photo_source(parsed(*words, "--ids", "0=soil,1=crop,2=weed"), print)
+        make_photo_source(parsed(*words, "--ids", "0=soil,1=crop,2=weed"), print)
 
 
 @pytest.mark.slow
@@ -124,12 +124,12 @@ def test_simulated_images_give_a_quarter_of_each_batch_of_photographs(tmp_path: 
     folder = photo_folder(tmp_path / "photos", 3)
     words: tuple[str, ...] = ("--data", "folder", "--data-dir", str(folder), "--with-sim", "2")
     args = parsed(*words, "--out", str(tmp_path / "out"))
-    source = photo_source(args, lambda text: None)
+    source = make_photo_source(args, lambda text: None)
     images, labels = source.batches(np.random.default_rng(0))
     again, _ = source.batches(np.random.default_rng(0))
     assert len(images) == len(labels) == source.recipe.batch_size
     assert bool((images == again).all())
-    alone = photo_source(
+    alone = make_photo_source(
         parsed(*words[:4], "--out", str(tmp_path / "out")), lambda text: None
     ).batches(np.random.default_rng(0))[0]
     drawn = len(images) // 4

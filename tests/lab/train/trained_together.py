@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from agribot.lab.train.architectures import ARCHITECTURES, Architecture
 from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.fit import Trainer, TrainingPlan
-from agribot.lab.train.processes import join, part
+from agribot.lab.train.processes import join_group, leave_group
 from tests.lab.train.drawn_images import batch_of_four
 
 IMAGES, STEPS = 4, 12
@@ -30,23 +30,23 @@ def plain() -> nn.Module:
 def main(out: Path) -> None:
     torch.set_num_threads(1)
     ARCHITECTURES["plain"] = Architecture(plain, centred_rgb, "of this test")
-    crew = join("cpu")
+    group = join_group("cpu")
     step = 0
 
     def share(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         nonlocal step
         images, labels = batch_of_four(np.random.default_rng(step))
         step += 1
-        own = slice(crew.rank, None, crew.size)
+        own = slice(group.rank, None, group.size)
         return images[own], labels[own]
 
     plan = TrainingPlan(
-        steps=STEPS, bf16=False, model="plain", overlap_loss="none", processes=crew.size
+        steps=STEPS, bf16=False, model="plain", overlap_loss="none", processes=group.size
     )
-    trainer = Trainer(plan, share, out.parent / f"{out.stem}-training", crew)
+    trainer = Trainer(plan, share, out.parent / f"{out.stem}-training", group)
     average = trainer.run(lambda text: None).state_dict()
-    torch.save(average, out.with_name(f"{out.stem}-{crew.rank}.pt"))
-    part()
+    torch.save(average, out.with_name(f"{out.stem}-{group.rank}.pt"))
+    leave_group()
     left = sorted(name for name in thread_names() if "gloo" in name)
     if left:
         sys.exit(f"the meeting is over, its threads go on: {', '.join(left)}")

@@ -24,7 +24,7 @@ from agribot.description.field_settings import FieldSettings, read_field_setting
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
 from agribot.description.worlds_sdf import load_world
-from agribot.lab.train.evaluate import CLASS_NAMES, Scores, scores
+from agribot.lab.train.evaluate import CLASS_NAMES, Scores, compute_scores
 
 Confusion = npt.NDArray[np.int64]
 FARM = "farm"
@@ -33,7 +33,7 @@ BEET = "beet"
 LEAST_IOU = {"weed": 0.70, "crop": 0.85}
 
 
-def _sun(height_deg: float, diffuse: float, ambient: float) -> Light:
+def _make_sun(height_deg: float, diffuse: float, ambient: float) -> Light:
     """From the side of the rows, which run north."""
     height_rad, turn_rad = math.radians(height_deg), math.radians(-20.0)
     across = math.cos(height_rad)
@@ -45,9 +45,9 @@ def _sun(height_deg: float, diffuse: float, ambient: float) -> Light:
 
 
 LIGHTS = {
-    "noon": _sun(65.0, 0.80, 0.50),
-    "low sun": _sun(22.0, 0.90, 0.40),
-    "overcast": _sun(50.0, 0.12, 0.90),
+    "noon": _make_sun(65.0, 0.80, 0.50),
+    "low sun": _make_sun(22.0, 0.90, 0.40),
+    "overcast": _make_sun(50.0, 0.12, 0.90),
 }
 # Field -> species and its middle height, metres. The packaged network was never shown the last two.
 CROPS = {
@@ -70,7 +70,7 @@ class Condition(msgspec.Struct, frozen=True, kw_only=True):
     seed: int
 
 
-class Drive(msgspec.Struct, frozen=True, kw_only=True):
+class ClosedLoopDrive(msgspec.Struct, frozen=True, kw_only=True):
     condition: Condition
     frames: int
     scores: Scores
@@ -89,7 +89,7 @@ def conditions(
     ]
 
 
-def run(
+def run_conditions(
     wanted: Sequence[Condition],
     seconds: float,
     model: str = "agribot-sim",
@@ -102,7 +102,7 @@ def run(
     drives = []
     for condition in wanted:
         drives.append(_drive(condition, seconds, model))
-        tell(_line(_name(condition), drives[-1].scores))
+        tell(_format_line(_format_name(condition), drives[-1].scores))
     pooled = {name: _pool(drives, name) for name in dict.fromkeys(c.field for c in wanted)}
     return {
         "model": model,
@@ -110,8 +110,8 @@ def run(
         "drives": [msgspec.to_builtins(drive) for drive in drives],
         "fields": {name: msgspec.to_builtins(score) for name, score in pooled.items()},
         "by": {
-            "light": _grouped(drives, lambda c: c.light),
-            "height_ratio": _grouped(
+            "light": _group(drives, lambda c: c.light),
+            "height_ratio": _group(
                 [d for d in drives if d.condition.height_ratio is not None],
                 lambda c: f"{c.height_ratio:g}",
             ),
@@ -119,7 +119,7 @@ def run(
     }
 
 
-def holds(result: dict[str, Any]) -> bool:
+def meets_limits(result: dict[str, Any]) -> bool:
     """Whether the beet field, where it was driven, keeps LEAST_IOU."""
     beet = result["fields"].get(BEET)
     return beet is None or all(
@@ -127,22 +127,24 @@ def holds(result: dict[str, Any]) -> bool:
     )
 
 
-def table(result: dict[str, Any]) -> str:
-    """The pooled results as lines of text."""
+def format_table(result: dict[str, Any]) -> str:
+    """Format the pooled results as lines of text."""
     lines = [f"{'':34}" + "".join(f"{name:>8}" for name in (*CLASS_NAMES, "mIoU", "frames"))]
     groups = {"field": result["fields"], **result["by"]}
     for kind, group in groups.items():
-        lines += [_line(f"{kind} {name}", msgspec.convert(s, Scores)) for name, s in group.items()]
+        lines += [
+            _format_line(f"{kind} {name}", msgspec.convert(s, Scores)) for name, s in group.items()
+        ]
     return "\n".join(lines)
 
 
-def _drive(condition: Condition, seconds: float, model: str) -> Drive:
+def _drive(condition: Condition, seconds: float, model: str) -> ClosedLoopDrive:
     from agribot.app.simulated_run import simulate
 
     profile = FARM if condition.field == FARM else BEET
     with TemporaryDirectory() as folder:
         world = Path(folder) / "field.world"
-        write_world(_world(condition), world)
+        write_world(_make_world(condition), world)
         settings = [
             f"world={world}",
             f"seed={condition.seed}",
@@ -156,19 +158,22 @@ def _drive(condition: Condition, seconds: float, model: str) -> Drive:
             session.finish()
             confusion, meter = session.referee.confusion, session.meter
     frames = meter.frames if meter is not None else 0
-    return Drive(condition=condition, frames=frames, scores=scores(confusion, frames))
+    return ClosedLoopDrive(
+        condition=condition, frames=frames, scores=compute_scores(confusion, frames)
+    )
 
 
-def _world(condition: Condition) -> WorldSpec:
+def _make_world(condition: Condition) -> WorldSpec:
+    """Make the packaged beet field with another crop, growth and seed."""
     if condition.field == FARM:
         world = load_world("Farm", seed=condition.seed)
     else:
-        world = generate_field(_plan(condition), condition.seed)
+        world = generate_field(_make_plan(condition), condition.seed)
     return msgspec.structs.replace(world, light=LIGHTS[condition.light])
 
 
-def _plan(condition: Condition) -> FieldSettings:
-    """The packaged beet field with another crop, growth and chance."""
+def _make_plan(condition: Condition) -> FieldSettings:
+    """Plan the packaged beet field with another crop, growth and seed."""
     plan = read_field_settings(ROOT / "fields" / "beet.toml")
     species, height_m = CROPS[condition.field]
     crop = msgspec.structs.replace(
@@ -177,29 +182,29 @@ def _plan(condition: Condition) -> FieldSettings:
     return msgspec.structs.replace(plan, crop=crop)
 
 
-def _pool(drives: Sequence[Drive], field: str) -> Scores:
+def _pool(drives: Sequence[ClosedLoopDrive], field: str) -> Scores:
     return _sum([drive for drive in drives if drive.condition.field == field])
 
 
-def _sum(drives: Sequence[Drive]) -> Scores:
+def _sum(drives: Sequence[ClosedLoopDrive]) -> Scores:
     confusion = np.sum([drive.scores.confusion for drive in drives], axis=0)
-    return scores(confusion.astype(np.int64), sum(drive.frames for drive in drives))
+    return compute_scores(confusion.astype(np.int64), sum(drive.frames for drive in drives))
 
 
-def _grouped(drives: Sequence[Drive], key: Callable[[Condition], str]) -> dict[str, Any]:
-    def groups() -> Iterator[tuple[str, list[Drive]]]:
+def _group(drives: Sequence[ClosedLoopDrive], key: Callable[[Condition], str]) -> dict[str, Any]:
+    def groups() -> Iterator[tuple[str, list[ClosedLoopDrive]]]:
         for name in dict.fromkeys(key(drive.condition) for drive in drives):
             yield name, [drive for drive in drives if key(drive.condition) == name]
 
     return {name: msgspec.to_builtins(_sum(group)) for name, group in groups()}
 
 
-def _name(condition: Condition) -> str:
+def _format_name(condition: Condition) -> str:
     stage = "" if condition.height_ratio is None else f" x {condition.height_ratio:g}"
     return f"{condition.field}{stage}, {condition.light}, seed {condition.seed}"
 
 
-def _line(name: str, score: Scores) -> str:
+def _format_line(name: str, score: Scores) -> str:
     cells = (score.iou[label] for label in CLASS_NAMES)
     shown = "".join("       -" if value is None else f"{value:8.3f}" for value in cells)
     return f"{name:34}{shown}{score.miou:8.3f}{score.images:8d}"

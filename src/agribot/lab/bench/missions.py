@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from agribot.lab.sweep.plan import Job, plan
+from agribot.lab.sweep.plan import SweepJob, plan
 from agribot.lab.sweep.tables import pooled_rms_m
 
 # Nobody reads hundreds of recordings; a run that failed is repeated with its own.
@@ -31,7 +31,7 @@ CASES = (
 )
 
 
-def jobs(profiles: Sequence[str], seeds: Sequence[int] | None) -> tuple[Job, ...]:
+def list_jobs(profiles: Sequence[str], seeds: Sequence[int] | None) -> tuple[SweepJob, ...]:
     """All runs, the first seed of everything before the second: what fails shows early."""
     found = [
         msgspec.structs.replace(job, name=f"{case.profile}-{job.name}")
@@ -44,7 +44,7 @@ def jobs(profiles: Sequence[str], seeds: Sequence[int] | None) -> tuple[Job, ...
     return tuple(sorted(found, key=lambda job: job.seed))
 
 
-def shortfalls(summary: Sequence[dict[str, Any]]) -> list[str]:
+def find_shortfalls(summary: Sequence[dict[str, Any]]) -> list[str]:
     """Where the cross-track error is larger than the case allows, in words."""
     limits = {case.profile: case.max_rms_m for case in CASES}
     short = []

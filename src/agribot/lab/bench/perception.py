@@ -1,4 +1,4 @@
-"""What a picture costs end to end: resize, network and class map, decoding left out."""
+"""What a picture costs from end to end: resize, network and class map, without decoding."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ NETWORKS = (
 CALIBRATION_IMAGES = 2  # of noise: enough to time, not to be accurate
 
 
-def run(
+def time_networks(
     networks: tuple[str, ...] = NETWORKS,
     threads: int = 2,
     frames: int = 30,
@@ -42,8 +42,8 @@ def run(
     """
     names = (*(name for name in networks if name != ORIGINAL), ORIGINAL)
     with tempfile.TemporaryDirectory() as folder:
-        segmenters = {name: _segmenter(name, Path(folder), size_px, threads) for name in names}
-        wall_ms, cpu_ms = _timed(segmenters, frames)
+        segmenters = {name: _open_segmenter(name, Path(folder), size_px, threads) for name in names}
+        wall_ms, cpu_ms = _time_frames(segmenters, frames)
     original_ms = float(np.median(cpu_ms[ORIGINAL]))
     rows = []
     for name in names:
@@ -71,8 +71,8 @@ def run(
     }
 
 
-def table(result: dict[str, Any]) -> str:
-    """The result as lines of text."""
+def format_table(result: dict[str, Any]) -> str:
+    """Format the result as lines of text."""
     lines = [
         f"{result['width_px']} x {result['height_px']}, {result['threads']} threads, random "
         f"weights, median of {result['frames']} frames",
@@ -86,19 +86,19 @@ def table(result: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _segmenter(name: str, folder: Path, size_px: tuple[int, int], threads: int) -> Any:
+def _open_segmenter(name: str, folder: Path, size_px: tuple[int, int], threads: int) -> Any:
     import torch
 
     from agribot.autonomy.perceive.segmenter import Segmenter
-    from agribot.lab.train.architectures import architecture
+    from agribot.lab.train.architectures import find_architecture
     from agribot.lab.train.export import export_onnx
 
     torch.manual_seed(0)
-    known = architecture(name.removesuffix(INT8))
+    known = find_architecture(name.removesuffix(INT8))
     path = folder / f"{name}.onnx"
     export_onnx(known.build().eval(), path, *size_px, features=known.features)
     if name.endswith(INT8):
-        from agribot.lab.train.precision import to_int8
+        from agribot.lab.train.precision import quantise_to_int8
 
         whole, path = path, folder / "quantised" / path.name
         path.parent.mkdir(exist_ok=True)
@@ -106,14 +106,14 @@ def _segmenter(name: str, folder: Path, size_px: tuple[int, int], threads: int) 
         pictures = [
             noise.integers(0, 256, PICTURE_SHAPE, dtype=np.uint8) for _ in range(CALIBRATION_IMAGES)
         ]
-        to_int8(whole, path, pictures)
+        quantise_to_int8(whole, path, pictures)
     return Segmenter(path, threads)
 
 
-def _timed(
+def _time_frames(
     segmenters: dict[str, Any], frames: int
 ) -> tuple[dict[str, list[float]], dict[str, list[float]]]:
-    """Wall and CPU milliseconds of each frame of each network; a first frame is for warming up."""
+    """Time each frame of each network in wall and CPU ms, after a first one that warms up."""
     image_rgb = np.random.default_rng(0).integers(0, 256, PICTURE_SHAPE, dtype=np.uint8)
     wall_ms: dict[str, list[float]] = {name: [] for name in segmenters}
     cpu_ms: dict[str, list[float]] = {name: [] for name in segmenters}

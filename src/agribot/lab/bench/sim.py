@@ -36,7 +36,7 @@ class Figure(NamedTuple):
     measure: Callable[[], float | None]
 
 
-def run(
+def measure(
     names: Sequence[str] = (), tell: Callable[[str], None] = lambda line: None
 ) -> dict[str, Any]:
     """Measure the named figures, or all, one after the other; `tell` gets a line of each."""
@@ -48,8 +48,8 @@ def run(
     return {"cpus": os.cpu_count(), "machine": platform.machine(), **measured}
 
 
-def cpu_s(work: Callable[[], object]) -> float:
-    """Median CPU seconds of one call, after one that is not counted."""
+def measure_cpu_s(work: Callable[[], object]) -> float:
+    """Measure the median CPU seconds of one call, after one that is not counted."""
     work()
     spent = []
     for _ in range(REPEATS):
@@ -59,16 +59,16 @@ def cpu_s(work: Callable[[], object]) -> float:
     return statistics.median(spent)
 
 
-def physics_rtf(world: str = "empty") -> float:
+def measure_physics_rtf(world: str = "empty") -> float:
     from agribot.description.loader import load_robot
     from agribot.sim.physics import Physics
 
     physics = Physics(load_robot(), load_world(world), 2_000_000)
     physics.command(DriveCommand(v_mps=0.4, yaw_rate_radps=0.2))
-    return 1.0 / cpu_s(lambda: physics.advance(500))
+    return 1.0 / measure_cpu_s(lambda: physics.advance(500))
 
 
-def sensors_rtf() -> float:
+def measure_sensors_rtf() -> float:
     from agribot.description.loader import load_robot
     from agribot.sim.platform import SimPlatform
 
@@ -81,10 +81,10 @@ def sensors_rtf() -> float:
             command = DriveCommand(v_mps=0.2, yaw_rate_radps=0.3)
             robot_platform.write(RobotCommand(t_s=0.0, drive=command))
 
-    return 1.0 / cpu_s(one_second)
+    return 1.0 / measure_cpu_s(one_second)
 
 
-def render_ms() -> float:
+def measure_render_ms() -> float:
     from agribot.description.loader import load_robot
     from agribot.sim.camera import CameraRenderer
 
@@ -92,27 +92,27 @@ def render_ms() -> float:
     camera = robot.camera
     assert camera is not None  # of our own robot
     pose = transform((1.0, 5.0, 0.0), (0.0, 0.0, math.pi / 2)) @ robot.body_from_camera()
-    return 1e3 * cpu_s(lambda: renderer.render(pose, camera, noise_seed=0))
+    return 1e3 * measure_cpu_s(lambda: renderer.render(pose, camera, noise_seed=0))
 
 
-def dense_render_ms(view: tuple[float, float], *, is_hilly: bool = False) -> float:
+def measure_dense_render_ms(view: tuple[float, float], *, is_hilly: bool = False) -> float:
     dense = DenseView(*view, is_hilly=is_hilly)
-    return 1e3 * cpu_s(dense.render)
+    return 1e3 * measure_cpu_s(dense.render)
 
 
-def camera_loop_rtf() -> float:
+def measure_camera_loop_rtf() -> float:
     loop = CameraLoop()
-    return 1.0 / cpu_s(lambda: loop.advance(1.0))
+    return 1.0 / measure_cpu_s(lambda: loop.advance(1.0))
 
 
-def network_ms() -> float:
+def measure_network_ms() -> float:
     segmenter = Segmenter("agribot-sim")
     image = np.zeros((480, 640, 3), dtype=np.uint8)
-    return 1e3 * cpu_s(lambda: segmenter.segment(image))
+    return 1e3 * measure_cpu_s(lambda: segmenter.segment(image))
 
 
-def mission_rtf(*settings: str) -> float | None:
-    """Simulated seconds per CPU second of the whole robot, start-up not counted."""
+def measure_mission_rtf(*settings: str) -> float | None:
+    """Measure simulated seconds per CPU second of the whole robot, start-up not counted."""
     from agribot.app.simulated_run import simulate
 
     with TemporaryDirectory() as folder:
@@ -123,8 +123,8 @@ def mission_rtf(*settings: str) -> float | None:
             return session.finish().time.rtf_cpu
 
 
-def import_ms() -> float:
-    """Wall time of `import agribot` over that of a bare interpreter, least of several."""
+def measure_import_ms() -> float:
+    """Measure the wall time of `import agribot` over a bare interpreter's, least of several."""
 
     def least(code: str) -> float:
         spent = []
@@ -140,36 +140,41 @@ def import_ms() -> float:
 
 NO_CAMERA, NO_RECORDING = "perception.enabled=false", "record.enabled=false"
 FIGURES = {
-    "import_ms": Figure("import of agribot and its messages (ms)", import_ms),
-    "physics_rtf": Figure("physics alone, 2 ms steps (x real time)", physics_rtf),
-    "sensors_rtf": Figure("physics and all sensors but the camera (x real time)", sensors_rtf),
+    "import_ms": Figure("import of agribot and its messages (ms)", measure_import_ms),
+    "physics_rtf": Figure("physics alone, 2 ms steps (x real time)", measure_physics_rtf),
+    "sensors_rtf": Figure(
+        "physics and all sensors but the camera (x real time)", measure_sensors_rtf
+    ),
     "physics_hills_rtf": Figure(
-        "physics alone on hills, 2 ms steps (x real time)", lambda: physics_rtf("hills")
+        "physics alone on hills, 2 ms steps (x real time)", lambda: measure_physics_rtf("hills")
     ),
-    "render_ms": Figure("one 640x480 frame with labels (CPU ms)", render_ms),
+    "render_ms": Figure("one 640x480 frame with labels (CPU ms)", measure_render_ms),
     "render_nadir_ms": Figure(
-        "the same over 10,816 plants, straight down (CPU ms)", lambda: dense_render_ms(NADIR)
+        "the same over 10,816 plants, straight down (CPU ms)",
+        lambda: measure_dense_render_ms(NADIR),
     ),
-    "render_45_ms": Figure("the same, 45 degrees down (CPU ms)", lambda: dense_render_ms(ACROSS)),
+    "render_45_ms": Figure(
+        "the same, 45 degrees down (CPU ms)", lambda: measure_dense_render_ms(ACROSS)
+    ),
     "render_forward_ms": Figure(
-        "the same, level and 28 cm over the soil (CPU ms)", lambda: dense_render_ms(FORWARD)
+        "the same, level and 28 cm over the soil (CPU ms)", lambda: measure_dense_render_ms(FORWARD)
     ),
     "render_hills_ms": Figure(
         "the same on hills, 45 degrees down (CPU ms)",
-        lambda: dense_render_ms(ACROSS, is_hilly=True),
+        lambda: measure_dense_render_ms(ACROSS, is_hilly=True),
     ),
     "camera_loop_rtf": Figure(
-        "physics, all sensors and the camera at 30 Hz there (x real time)", camera_loop_rtf
+        "physics, all sensors and the camera at 30 Hz there (x real time)", measure_camera_loop_rtf
     ),
-    "network_ms": Figure("network on one frame (CPU ms)", network_ms),
+    "network_ms": Figure("network on one frame (CPU ms)", measure_network_ms),
     "mission_rtf": Figure(
         "whole robot, no camera, no recording (x real time)",
-        lambda: mission_rtf(NO_CAMERA, NO_RECORDING),
+        lambda: measure_mission_rtf(NO_CAMERA, NO_RECORDING),
     ),
     "mission_recorded_rtf": Figure(
-        "whole robot, no camera, recording (x real time)", lambda: mission_rtf(NO_CAMERA)
+        "whole robot, no camera, recording (x real time)", lambda: measure_mission_rtf(NO_CAMERA)
     ),
     "mission_camera_rtf": Figure(
-        "whole robot, 10 Hz camera and network, recording (x real time)", mission_rtf
+        "whole robot, 10 Hz camera and network, recording (x real time)", measure_mission_rtf
     ),
 }

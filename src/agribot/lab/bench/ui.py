@@ -34,7 +34,7 @@ SLOW_MPS = 0.15
 GOOD_MBIT_PER_S, GOOD_AGE_S = 10.0, 0.25
 
 
-class Growth(msgspec.Struct, frozen=True, kw_only=True):
+class MemoryGrowth(msgspec.Struct, frozen=True, kw_only=True):
     """Memory while one client reads everything, and of a page in Chromium where there is one.
 
     `page_heap_growth_bytes` is what JavaScript holds after collecting its garbage.
@@ -45,8 +45,8 @@ class Growth(msgspec.Struct, frozen=True, kw_only=True):
     page_heap_growth_bytes: int | None
 
 
-class Link(msgspec.Struct, frozen=True, kw_only=True):
-    """How old states and pictures are where one page sees the robot over a slow line."""
+class LinkDelay(msgspec.Struct, frozen=True, kw_only=True):
+    """How old states and pictures are where one page sees the robot over a slow connection."""
 
     mbit_per_s: float
     state_hz: float
@@ -56,7 +56,7 @@ class Link(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Limit(msgspec.Struct, frozen=True, kw_only=True):
-    """A figure and what it should be; a figure that nobody measured has no verdict."""
+    """A figure and its limit; a figure that was not measured is not assessed."""
 
     name: str
     value: float | None
@@ -88,7 +88,7 @@ class Phase(msgspec.Struct, frozen=True, kw_only=True):
     lateness_max_s: float
 
 
-def run(
+def measure_page(
     clients: Sequence[int] = (0, 1, 16),
     seconds: float = 20.0,
     camera: bool = True,
@@ -96,7 +96,7 @@ def run(
     growth_s: float = 0.0,
     links_mbit_per_s: Sequence[float] = (),
 ) -> dict[str, Any]:
-    """Measure each number of clients for so long, in order, then slow lines, then memory's growth.
+    """Measure each number of clients for so long, then slow connections, then memory's growth.
 
     The robot drives slowly, so that its mission outlasts the benchmark.
     Raises: AgribotError: the profile, the page's packages or a client do not work.
@@ -114,10 +114,12 @@ def run(
     ):
         clock = _Clock(session, 1.0 / settings.tick_hz)
         clock.drive(WARM_UP_S)
-        phases = [_phase(clock, page, count, seconds) for count in clients]
-        links = [_link(clock, page, mbit_per_s, seconds) for mbit_per_s in links_mbit_per_s]
-        growth = _growth(clock, page, growth_s) if growth_s else None
-    limits = [*limits_of(phases, growth), *ages_wanted(links)]
+        phases = [_measure_phase(clock, page, count, seconds) for count in clients]
+        links = [
+            _measure_delay(clock, page, mbit_per_s, seconds) for mbit_per_s in links_mbit_per_s
+        ]
+        growth = _measure_growth(clock, page, growth_s) if growth_s else None
+    limits = [*check_limits(phases, growth), *check_delays(links)]
     return {
         "benchmark": "ui",
         "camera": camera,
@@ -130,8 +132,8 @@ def run(
     }
 
 
-def limits_of(phases: Sequence[Phase], growth: Growth | None) -> list[Limit]:
-    """What the page may cost: of a core, of memory; and the rate at which it is told."""
+def check_limits(phases: Sequence[Phase], growth: MemoryGrowth | None) -> list[Limit]:
+    """Compare the page's CPU, memory and rate of messages with what they may be."""
     by_clients = {phase.clients: phase for phase in phases}
     one, many = by_clients.get(1), max(phases, key=lambda phase: phase.clients)
     limits = []
@@ -153,8 +155,8 @@ def limits_of(phases: Sequence[Phase], growth: Growth | None) -> list[Limit]:
     return limits
 
 
-def ages_wanted(links: Sequence[Link]) -> list[Limit]:
-    """A picture may be 0.25 s old where a good radio carries it, and twice that over a bad one."""
+def check_delays(links: Sequence[LinkDelay]) -> list[Limit]:
+    """Compare delays: a picture may be 0.25 s old by a good radio, twice that by a bad one."""
     return [
         Limit(
             name=f"age of pictures over {link.mbit_per_s:g} Mbit/s, p95, s",
@@ -165,27 +167,29 @@ def ages_wanted(links: Sequence[Link]) -> list[Limit]:
     ]
 
 
-def _link(clock: _Clock, page: OperatorPage, mbit_per_s: float, seconds: float) -> Link:
+def _measure_delay(
+    clock: _Clock, page: OperatorPage, mbit_per_s: float, seconds: float
+) -> LinkDelay:
     words = [str(page.server.port), page.address.operator_token, str(mbit_per_s), str(seconds)]
-    seen = _result_of(_start("agribot.lab.bench.ui_link", words), clock)
-    return Link(mbit_per_s=mbit_per_s, **seen)
+    seen = _wait_for_result(_start("agribot.lab.bench.ui_link", words), clock)
+    return LinkDelay(mbit_per_s=mbit_per_s, **seen)
 
 
-def _growth(clock: _Clock, page: OperatorPage, seconds: float) -> Growth:
+def _measure_growth(clock: _Clock, page: OperatorPage, seconds: float) -> MemoryGrowth:
     pid = page.server.process.pid
     assert pid is not None  # it runs
     watching = _start_clients(page, 1, 0, seconds + SETTLE_S)
     browsing = _start_browser(page, seconds)
     clock.drive(SETTLE_S)
-    before_bytes = _rss_bytes(pid)
+    before_bytes = _read_rss_bytes(pid)
     clock.drive(seconds)
-    after_bytes = _rss_bytes(pid)
-    _result_of(watching, clock)
+    after_bytes = _read_rss_bytes(pid)
+    _wait_for_result(watching, clock)
     try:
-        heap = _result_of(browsing, clock).get("heap_growth_bytes")
+        heap = _wait_for_result(browsing, clock).get("heap_growth_bytes")
     except PlatformError:
         heap = None  # no browser here, as it has said itself
-    return Growth(
+    return MemoryGrowth(
         seconds=seconds, server_growth_bytes=after_bytes - before_bytes, page_heap_growth_bytes=heap
     )
 
@@ -201,14 +205,14 @@ def _start(module: str, words: Sequence[str]) -> subprocess.Popen[str]:
 
 
 class _Clock:
-    """Drives the session at the pace of the clock and notes how late each tick is."""
+    """A clock that drives the session in real time and notes how late each tick is."""
 
     def __init__(self, session: SimulatedRun, period_s: float) -> None:
         self._ticks: Iterator[Any] = session.ticks()
         self._period_s = period_s
 
     def drive(self, seconds: float) -> list[float]:
-        """Lateness of every tick; one that is missed does not make the next ones late."""
+        """Return how late each tick is; one that is missed does not make the next ones late."""
         late_s: list[float] = []
         end_s = time.monotonic() + seconds
         due_s = time.monotonic()
@@ -229,23 +233,23 @@ class _Clock:
         return self._period_s
 
 
-def _phase(clock: _Clock, page: OperatorPage, clients: int, seconds: float) -> Phase:
+def _measure_phase(clock: _Clock, page: OperatorPage, clients: int, seconds: float) -> Phase:
     stalled = 1 if clients > 1 else 0
     pid = page.server.process.pid
     assert pid is not None  # it runs
     watching = _start_clients(page, clients, stalled, seconds) if clients else None
     if watching is not None:
         clock.drive(2.0)  # until they are connected
-    cpu_before_s, from_s = _cpu_s(pid), time.monotonic()
+    cpu_before_s, from_s = _read_cpu_s(pid), time.monotonic()
     late_s = sorted(clock.drive(seconds))
-    passed_s, cpu_s = time.monotonic() - from_s, _cpu_s(pid) - cpu_before_s
-    seen = _result_of(watching, clock)
+    passed_s, cpu_s = time.monotonic() - from_s, _read_cpu_s(pid) - cpu_before_s
+    seen = _wait_for_result(watching, clock)
     return Phase(
         clients=clients,
         stalled=stalled,
         seconds=round(passed_s, 2),
         server_cpu_ratio=round(cpu_s / passed_s, 4),
-        server_rss_bytes=_rss_bytes(pid),
+        server_rss_bytes=_read_rss_bytes(pid),
         state_hz=seen.get("state_hz"),
         camera_hz=seen.get("camera_hz"),
         ticks=len(late_s),
@@ -262,8 +266,8 @@ def _start_clients(
     return _start("agribot.lab.bench.ui_clients", [*words, str(seconds)])
 
 
-def _result_of(watching: subprocess.Popen[str] | None, clock: _Clock) -> dict[str, Any]:
-    """The robot keeps its pace until the clients have gone."""
+def _wait_for_result(watching: subprocess.Popen[str] | None, clock: _Clock) -> dict[str, Any]:
+    """Keep the robot's pace until the clients have gone, and return their result."""
     if watching is None:
         return {}
     while watching.poll() is None:
@@ -275,10 +279,10 @@ def _result_of(watching: subprocess.Popen[str] | None, clock: _Clock) -> dict[st
     return result
 
 
-def _cpu_s(pid: int) -> float:
+def _read_cpu_s(pid: int) -> float:
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / TICKS_PER_S
 
 
-def _rss_bytes(pid: int) -> int:
+def _read_rss_bytes(pid: int) -> int:
     return int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1]) * PAGE_BYTES

@@ -16,7 +16,7 @@ ARGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"
 SETTLE_MS = 20_000.0
 
 
-def _heap_bytes(session: Any) -> int:
+def _read_heap_bytes(session: Any) -> int:
     session.send("HeapProfiler.collectGarbage")
     metrics = session.send("Performance.getMetrics")["metrics"]
     return next(int(one["value"]) for one in metrics if one["name"] == "JSHeapUsedSize")
@@ -39,9 +39,9 @@ def main(words: Sequence[str]) -> int:
         session = page.context.new_cdp_session(page)
         session.send("Performance.enable")
         page.wait_for_timeout(SETTLE_MS)
-        before = _heap_bytes(session)
+        before = _read_heap_bytes(session)
         page.wait_for_timeout(1e3 * float(seconds))
-        result = {"heap_bytes": before, "heap_growth_bytes": _heap_bytes(session) - before}
+        result = {"heap_bytes": before, "heap_growth_bytes": _read_heap_bytes(session) - before}
         browser.close()
     sys.stdout.write(json.dumps(result) + "\n")
     return 0

@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from websockets.asyncio.client import connect
 
 
-def page_line(port: int, token: str, path: str, through: int | None = None) -> connect:
-    """A socket of the page's server at `port`; `through` is where to reach it, if elsewhere."""
+def connect_page(port: int, token: str, path: str, through: int | None = None) -> connect:
+    """Connect to a socket of the page's server at `port`; `through` is where to reach it."""
     return connect(
         f"ws://127.0.0.1:{port}{path}",
         additional_headers={"Authorization": f"Bearer {token}"},
@@ -30,9 +30,9 @@ def page_line(port: int, token: str, path: str, through: int | None = None) -> c
 
 
 async def _watch(port: int, token: str, path: str, seconds: float, *, acks: bool) -> float:
-    """Messages of the wanted kind per second."""
+    """Count messages of the wanted kind per second."""
     count = 0
-    async with page_line(port, token, path) as line:
+    async with connect_page(port, token, path) as line:
         from_s = time.monotonic()
         while time.monotonic() - from_s < seconds:
             with contextlib.suppress(TimeoutError):
@@ -44,7 +44,7 @@ async def _watch(port: int, token: str, path: str, seconds: float, *, acks: bool
 
 
 async def _stall(port: int, token: str, seconds: float) -> None:
-    """Connects and never reads."""
+    """Connect and never read."""
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     writer.write(
         f"GET /ws/v1?tab=stalled HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n"
@@ -58,7 +58,7 @@ async def _stall(port: int, token: str, seconds: float) -> None:
     writer.transport.abort()
 
 
-async def _all(
+async def _run_clients(
     port: int, token: str, clients: int, stalled: int, seconds: float
 ) -> dict[str, float]:
     reading = range(clients - stalled)
@@ -73,7 +73,7 @@ async def _all(
 
 def main(words: Sequence[str]) -> None:
     port, token, clients, stalled, seconds = words
-    result = asyncio.run(_all(int(port), token, int(clients), int(stalled), float(seconds)))
+    result = asyncio.run(_run_clients(int(port), token, int(clients), int(stalled), float(seconds)))
     sys.stdout.write(json.dumps(result) + "\n")
 
 

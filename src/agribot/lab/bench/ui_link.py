@@ -15,7 +15,7 @@ import sys
 import time
 from collections.abc import AsyncIterator, Sequence
 
-from agribot.lab.bench.ui_clients import page_line
+from agribot.lab.bench.ui_clients import connect_page
 from agribot.ui.camera import HEAD
 
 DELAY_S = 0.02  # each way
@@ -24,8 +24,8 @@ LINE_BYTES = 16_384  # that wait in the radio before it takes no more
 SETTLE_S = 8.0
 
 
-class Line:
-    """Both connections of a page share what comes down; what goes up is little, and is not held."""
+class SlowConnection:
+    """A slow connection, shared by both sockets of a page; only what comes down is held back."""
 
     def __init__(self, bytes_per_s: float, port: int) -> None:
         self._bytes_per_s, self._port = bytes_per_s, port
@@ -33,8 +33,8 @@ class Line:
         self._tasks: set[asyncio.Task[None]] = set()
 
     @contextlib.asynccontextmanager
-    async def opened(self) -> AsyncIterator[int]:
-        """Gives the port at which a page finds the robot behind this line."""
+    async def open(self) -> AsyncIterator[int]:
+        """Open the connection and give the port at which a page finds the robot behind it."""
         server = await asyncio.start_server(self._carry, "127.0.0.1", 0, limit=LINE_BYTES)
         async with server:
             yield server.sockets[0].getsockname()[1]
@@ -49,15 +49,15 @@ class Line:
         socket.setblocking(False)
         await asyncio.get_running_loop().sock_connect(socket, ("127.0.0.1", self._port))
         far, far_out = await asyncio.open_connection(sock=socket, limit=LINE_BYTES)
-        ways = (self._way(near, far_out, rate=False), self._way(far, near_out, rate=True))
+        ways = (self._delay(near, far_out, rate=False), self._delay(far, near_out, rate=True))
         self._tasks |= {asyncio.create_task(way) for way in ways}
 
-    async def _way(
+    async def _delay(
         self, source: asyncio.StreamReader, sink: asyncio.StreamWriter, *, rate: bool
     ) -> None:
-        """Pieces leave one after another at the line's rate and arrive after its delay."""
+        """Send piece after piece at the connection's rate, each after its delay."""
         under_way: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue()
-        arriving = asyncio.create_task(_arrive(under_way, sink))
+        arriving = asyncio.create_task(_deliver(under_way, sink))
         try:
             while piece := await source.read(PIECE_BYTES):
                 now_s = time.monotonic()
@@ -74,10 +74,10 @@ class Line:
                 await sink.wait_closed()
 
 
-async def _arrive(
+async def _deliver(
     under_way: asyncio.Queue[tuple[float, bytes]], sink: asyncio.StreamWriter
 ) -> None:
-    """Up to the empty piece that ends it."""
+    """Deliver up to the empty piece that ends it."""
     while True:
         due_s, piece = await under_way.get()
         if not piece:
@@ -87,14 +87,14 @@ async def _arrive(
 
 
 async def _watch(address: tuple[int, int], token: str, path: str, seconds: float) -> list[float]:
-    """Ages in ms of what came once it has settled: pictures, or states."""
+    """List the ages in ms of pictures or states, once the connection has settled."""
     port, through = address
     ages_ms: list[float] = []
-    async with page_line(port, token, path, through) as line:
+    async with connect_page(port, token, path, through) as line:
         from_s = time.monotonic()
         while (passed_s := time.monotonic() - from_s) < seconds + SETTLE_S:
             message = await asyncio.wait_for(line.recv(), 10.0)
-            wall_ms = _made_ms(message)
+            wall_ms = _read_made_ms(message)
             if isinstance(message, bytes) and message[0] == 0:
                 await line.send("a")
             if wall_ms is not None and passed_s > SETTLE_S:
@@ -102,7 +102,7 @@ async def _watch(address: tuple[int, int], token: str, path: str, seconds: float
     return ages_ms
 
 
-def _made_ms(message: str | bytes) -> float | None:
+def _read_made_ms(message: str | bytes) -> float | None:
     if isinstance(message, bytes):
         kind, _, _, _, wall_ms = HEAD.unpack_from(message)
         return float(wall_ms) if kind == 0 else None
@@ -110,27 +110,29 @@ def _made_ms(message: str | bytes) -> float | None:
     return float(told["wall_ms"]) if told["k"] == "s" else None
 
 
-async def _all(port: int, token: str, mbit_per_s: float, seconds: float) -> dict[str, float]:
-    async with Line(mbit_per_s * 1e6 / 8.0, port).opened() as through:
+async def _run_watchers(
+    port: int, token: str, mbit_per_s: float, seconds: float
+) -> dict[str, float]:
+    async with SlowConnection(mbit_per_s * 1e6 / 8.0, port).open() as through:
         states, pictures = await asyncio.gather(
             _watch((port, through), token, "/ws/v1?tab=far", seconds),
             _watch((port, through), token, "/ws/cam/main?mask=1", seconds),
         )
     return {
         "state_hz": round(len(states) / seconds, 2),
-        "state_age_p95_s": _p95_s(states),
+        "state_age_p95_s": _compute_p95_s(states),
         "camera_hz": round(len(pictures) / seconds, 2),
-        "camera_age_p95_s": _p95_s(pictures),
+        "camera_age_p95_s": _compute_p95_s(pictures),
     }
 
 
-def _p95_s(ages_ms: list[float]) -> float:
+def _compute_p95_s(ages_ms: list[float]) -> float:
     return round(sorted(ages_ms)[int(0.95 * (len(ages_ms) - 1))] / 1e3, 4)
 
 
 def main(words: Sequence[str]) -> None:
     port, token, mbit_per_s, seconds = words
-    result = asyncio.run(_all(int(port), token, float(mbit_per_s), float(seconds)))
+    result = asyncio.run(_run_watchers(int(port), token, float(mbit_per_s), float(seconds)))
     sys.stdout.write(json.dumps(result) + "\n")
 
 

@@ -1,1 +1,1 @@
-"""Labelled images: drawn by the simulator, checked and split, whoever made them."""
+"""Labelled images: drawn by the simulator, checked and split, whatever their origin."""

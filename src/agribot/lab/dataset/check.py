@@ -1,4 +1,4 @@
-"""Does every image have a mask that fits, and what do the masks hold?"""
+"""Check that every image has a mask that fits, and what the masks hold."""
 
 from __future__ import annotations
 
@@ -17,21 +17,22 @@ from agribot.lab.dataset.classes import (
     MaskIds,
     advise_ids,
     advise_swapped,
-    classes_of,
-    say_no_classes,
+    explain_no_classes,
+    read_classes,
 )
 from agribot.lab.dataset.layouts import Item, Layout
 
 
-class Problem(msgspec.Struct, frozen=True, kw_only=True):
+class DatasetProblem(msgspec.Struct, frozen=True, kw_only=True):
     kind: str
     file: str
     detail: str = ""
 
 
 class CheckReport(msgspec.Struct, frozen=True, kw_only=True):
-    """`pixel_ratio` is over all pixels of known class in readable pairs; null where there are
-    none. `without_plants` counts the masks that are all soil.
+    """The result of a check; `without_plants` counts the masks that are all soil.
+
+    `pixel_ratio` is over all pixels of known class in readable pairs; null where there are none.
     """
 
     folder: str
@@ -43,38 +44,38 @@ class CheckReport(msgspec.Struct, frozen=True, kw_only=True):
     sizes: dict[str, int]
     pixel_ratio: dict[str, float | None]
     without_plants: int
-    problems: tuple[Problem, ...]
+    problems: tuple[DatasetProblem, ...]
 
 
-class Tally:
-    """What the checked pairs add up to."""
+class CheckTally:
+    """The sums over the checked pairs."""
 
     def __init__(self) -> None:
-        self.problems: list[Problem] = []
+        self.problems: list[DatasetProblem] = []
         self.classes = ClassTally()
         self.sizes: Counter[str] = Counter()
         self.pairs = self.without_plants = 0
         self.holds_values = False
 
     def note(self, kind: str, file: str, detail: str = "") -> None:
-        self.problems.append(Problem(kind=kind, file=file, detail=detail))
+        self.problems.append(DatasetProblem(kind=kind, file=file, detail=detail))
 
 
 def check(
     layout: Layout, progress: Callable[[int], None], ids: MaskIds | None = None
 ) -> CheckReport:
-    """Open every file of a layout; `progress` is told how many items are done.
+    """Open every file of a layout; `progress` gets how many items are done.
 
-    `ids` says what the values of the masks mean, and colours are refused; where it is None, the
+    `ids` is the meaning of the values of the masks, and colours are refused; where it is None, the
     usual meaning of values and colours is taken and doubted where the pictures speak against it.
     """
-    tally = Tally()
+    tally = CheckTally()
     for name in layout.doubles:
         tally.note("two files of one name", name)
     for done, item in enumerate(layout.items, 1):
         _check_item(layout.root, item, tally, ids or {})
         progress(done)
-    doubt = "" if ids else tally.classes.doubt()
+    doubt = "" if ids else tally.classes.explain_doubt()
     if doubt:
         advice = advise_swapped(holds_values=tally.holds_values)
         tally.note("classes look swapped", str(layout.root), f"{doubt}; {advice}")
@@ -92,24 +93,26 @@ def check(
     )
 
 
-def _check_item(root: Path, item: Item, tally: Tally, ids: MaskIds) -> None:
+def _check_item(root: Path, item: Item, tally: CheckTally, ids: MaskIds) -> None:
     if item.image is None and item.mask is not None:
         tally.note("mask without image", item.mask)
     elif item.mask is None and item.image is not None:
         tally.note("image without mask", item.image)
     if item.image is None or item.mask is None:
         return
-    image, mask = _opened(root, item.image, tally), _opened(root, item.mask, tally)
+    image, mask = _open_image(root, item.image, tally), _open_image(root, item.mask, tally)
     if image is None or mask is None:
         return
     if image.size != mask.size:
         tally.note(
-            "sizes differ", item.image, f"image {_size(image)}, mask {_size(mask)} px: {item.mask}"
+            "sizes differ",
+            item.image,
+            f"image {_format_size(image)}, mask {_format_size(mask)} px: {item.mask}",
         )
         return
-    classes = classes_of(mask, ids)
+    classes = read_classes(mask, ids)
     if classes is None:
-        tally.note("no class mask", item.mask, say_no_classes(mask, is_named=True))
+        tally.note("no class mask", item.mask, explain_no_classes(mask, is_named=True))
         return
     counts = np.bincount(classes.ravel(), minlength=256)
     if counts[UNKNOWN]:
@@ -117,12 +120,12 @@ def _check_item(root: Path, item: Item, tally: Tally, ids: MaskIds) -> None:
         tally.note("unknown class", item.mask, f"{int(counts[UNKNOWN])} pixels{advice}")
     tally.holds_values |= mask.mode == "L"
     tally.pairs += 1
-    tally.sizes[_size(image)] += 1
+    tally.sizes[_format_size(image)] += 1
     tally.without_plants += not counts[PlantClass.WEED] + counts[PlantClass.CROP]
     tally.classes.add(np.asarray(image.convert("RGB")), classes)
 
 
-def _opened(root: Path, name: str, tally: Tally) -> Image.Image | None:
+def _open_image(root: Path, name: str, tally: CheckTally) -> Image.Image | None:
     try:
         with Image.open(root / name) as image:
             image.load()
@@ -132,5 +135,5 @@ def _opened(root: Path, name: str, tally: Tally) -> Image.Image | None:
         return None
 
 
-def _size(image: Image.Image) -> str:
+def _format_size(image: Image.Image) -> str:
     return f"{image.width}x{image.height}"

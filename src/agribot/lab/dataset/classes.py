@@ -55,15 +55,15 @@ def read_ids(text: str | None) -> dict[int, int] | None:
     return {UNLABELLED: UNLABELLED, **ids}
 
 
-def classes_of(mask: Image.Image, ids: MaskIds) -> ByteArray | None:
-    """Classes (height, width) of a mask of values or of colours; UNKNOWN where there is none.
+def read_classes(mask: Image.Image, ids: MaskIds) -> ByteArray | None:
+    """Read the classes (height, width) of a mask of values or of colours; UNKNOWN where none.
 
     With `ids` a mask of values is wanted. Without them 8-bit grey holds values, those of
     `PlantClass` and 255 where nothing counts, and every other mask is one of colours. None for a
     picture that is not of the kind wanted.
     """
     if ids or mask.mode == "L":
-        values = values_of(mask)
+        values = read_values(mask)
         return None if values is None else _look_up(values, ids)
     if mask.mode not in COLOUR_MODES:
         return None
@@ -74,8 +74,8 @@ def classes_of(mask: Image.Image, ids: MaskIds) -> ByteArray | None:
     return classes
 
 
-def values_of(mask: Image.Image) -> npt.NDArray[np.int64] | None:
-    """Values (height, width) that a mask holds; None where it shows colours or can hold no classes.
+def read_values(mask: Image.Image) -> npt.NDArray[np.int64] | None:
+    """Read the values (height, width) of a mask; None where it shows colours or no classes.
 
     Grey is a value, in three equal channels too. A palette mask is what it shows, grey or the
     colours of classes; where it shows any other colour, its values are the indexes.
@@ -93,8 +93,8 @@ def values_of(mask: Image.Image) -> npt.NDArray[np.int64] | None:
     return None
 
 
-def say_no_classes(mask: Image.Image, *, is_named: bool) -> str:
-    """Say why `classes_of` found none; `is_named`: the ids are those of the option --ids."""
+def explain_no_classes(mask: Image.Image, *, is_named: bool) -> str:
+    """Say why `read_classes` found none; `is_named`: the ids are those of the option --ids."""
     if mask.mode not in COLOUR_MODES:
         return (
             f"a mask of mode {mask.mode} holds no classes; save class ids 0, 1, 2 as 8-bit grey, "
@@ -110,7 +110,7 @@ def say_no_classes(mask: Image.Image, *, is_named: bool) -> str:
 
 def advise_ids(mask: Image.Image) -> str:
     """Say how the unknown classes of a mask that was read without ids may be read, or ""."""
-    if values_of(mask) is None:
+    if read_values(mask) is None:
         return ""
     return f"; if it holds other values, say what they mean, such as --ids {EXAMPLE_IDS}"
 
@@ -169,11 +169,11 @@ class ClassTally:
             for kind in PlantClass
         }
 
-    def doubt(self) -> str:
+    def explain_doubt(self) -> str:
         """Say why the classes look swapped; "" where they do not."""
-        return self._doubt_amount() or self._doubt_colour()
+        return self._doubt_ratio() or self._doubt_colour()
 
-    def _doubt_amount(self) -> str:
+    def _doubt_ratio(self) -> str:
         weed_ratio = self.ratios()["weed"]
         if weed_ratio is None or weed_ratio <= MOST_WEED_RATIO:
             return ""

@@ -25,7 +25,7 @@ from agribot.lab.dataset.records import (
     ImageRecord,
     Recipe,
     SeenPlant,
-    encoded,
+    encode,
     image_name,
     record_path,
     stem,
@@ -52,17 +52,17 @@ JPEG_QUALITY = 95
 PALETTE = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], np.uint8)  # weed, crop, soil
 
 
-def _as_it_is(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray:
+def _keep_colours(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray:
     return image_rgb
 
 
 class Scenes(NamedTuple):
-    """How the pictures of a variety come about; `developed` turns the colours into its bands."""
+    """How the pictures of a variety are drawn; `developed` turns the colours into its bands."""
 
     field: Callable[[np.random.Generator], WorldSpec]
     look: Callable[[np.random.Generator], Appearance]
     view: Callable[[np.random.Generator], tuple[CameraSpec, FloatArray]]
-    developed: Developer = _as_it_is
+    developed: Developer = _keep_colours
 
 
 SCENES = {
@@ -75,7 +75,7 @@ SCENES = {
 
 
 class FieldJob(msgspec.Struct, frozen=True, kw_only=True):
-    """The images of one field that are wanted."""
+    """The images to draw of one field."""
 
     folder: Path
     recipe: Recipe
@@ -83,8 +83,8 @@ class FieldJob(msgspec.Struct, frozen=True, kw_only=True):
     indices: tuple[int, ...]
 
 
-def missing_fields(folder: Path, recipe: Recipe, images: int) -> list[FieldJob]:
-    """Jobs for those of the first `images` images that are not there yet."""
+def list_missing_fields(folder: Path, recipe: Recipe, images: int) -> list[FieldJob]:
+    """List jobs for those of the first `images` images that are not there yet."""
     jobs = []
     for first in range(0, images, recipe.views_per_field):
         indices = range(first, min(first + recipe.views_per_field, images))
@@ -113,14 +113,14 @@ def draw_field(job: FieldJob, stop: Stop) -> int:
     for index in job.indices:
         if stop():
             break
-        camera, map_from_camera, noise_seed = view_of(recipe, index)
+        camera, map_from_camera, noise_seed = choose_view(recipe, index)
         picture = renderer.render(
             map_from_camera, camera, noise_seed=noise_seed, supersample=recipe.supersample
         )
-        record = _record(index, job.field, camera, map_from_camera, picture, world.plants)
+        record = _make_record(index, job.field, camera, map_from_camera, picture, world.plants)
         try:
             _write_image(job.folder, recipe, index, picture)
-            write_at_once(record_path(job.folder, index), encoded(record))
+            write_at_once(record_path(job.folder, index), encode(record))
         except OSError as error:
             raise RecordingError(
                 f"cannot write into {job.folder}: {error.strerror or error}; make room and run "
@@ -130,8 +130,8 @@ def draw_field(job: FieldJob, stop: Stop) -> int:
     return drawn
 
 
-def view_of(recipe: Recipe, index: int) -> tuple[CameraSpec, FloatArray, int]:
-    """Camera, `map_from_camera` (4, 4) and noise seed of an image, from its number alone."""
+def choose_view(recipe: Recipe, index: int) -> tuple[CameraSpec, FloatArray, int]:
+    """Choose camera, `map_from_camera` (4, 4) and noise seed of an image from its number alone."""
     field, view = divmod(index, recipe.views_per_field)
     # A seed list that ends in 0 would be the field's own: numpy fills short lists with zeros.
     rng = np.random.default_rng([recipe.seed, STREAM, field, view + 1])
@@ -140,7 +140,7 @@ def view_of(recipe: Recipe, index: int) -> tuple[CameraSpec, FloatArray, int]:
     return camera, map_from_camera, int(rng.integers(2**31))
 
 
-def _record(
+def _make_record(
     index: int,
     field: int,
     camera: CameraSpec,
@@ -157,11 +157,13 @@ def _record(
         cx_px=(camera.width_px - 1) / 2.0,
         cy_px=(camera.height_px - 1) / 2.0,
         map_from_camera=tuple(tuple(row) for row in map_from_camera.tolist()),
-        plants=_seen(picture.instance + 1, plants),
+        plants=_list_seen_plants(picture.instance + 1, plants),
     )
 
 
-def _seen(instance: npt.NDArray[np.int32], plants: Sequence[Plant]) -> tuple[SeenPlant, ...]:
+def _list_seen_plants(
+    instance: npt.NDArray[np.int32], plants: Sequence[Plant]
+) -> tuple[SeenPlant, ...]:
     boxes = ndimage.find_objects(instance)
     areas = np.bincount(instance.ravel(), minlength=1)
     seen = []
@@ -189,9 +191,9 @@ def _write_image(folder: Path, recipe: Recipe, index: int, picture: Rendering) -
     rng = np.random.default_rng([recipe.seed, STREAM, index, DEVELOPED])
     image_rgb = SCENES[recipe.variety].developed(picture.image_rgb, rng)
     if recipe.format == "jpg":
-        image = _packed(image_rgb, "JPEG", quality=JPEG_QUALITY)
+        image = _encode_image(image_rgb, "JPEG", quality=JPEG_QUALITY)
     else:
-        image = _packed(image_rgb, "PNG", compress_level=1)
+        image = _encode_image(image_rgb, "PNG", compress_level=1)
     write_at_once(folder / image_name(recipe, index), image)
     name = f"{stem(index)}.png"
     labels: dict[str, Pixels] = {
@@ -202,16 +204,16 @@ def _write_image(folder: Path, recipe: Recipe, index: int, picture: Rendering) -
     if recipe.colour_masks:
         labels[COLOURED] = PALETTE[picture.class_id]
     for kind, pixels in labels.items():
-        write_at_once(folder / kind / name, _packed(pixels, "PNG", compress_level=1))
+        write_at_once(folder / kind / name, _encode_image(pixels, "PNG", compress_level=1))
 
 
 def depth_mm(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
-    """Distance along the optical axis in millimetres; 0 where it is none or above 65.535 m."""
+    """Convert the distance along the optical axis to mm; 0 where none or above 65.535 m."""
     rounded = np.rint(np.where(np.isfinite(depth_m), depth_m, 0.0) * 1000.0)
     return np.where(rounded <= MOST_DEPTH_MM, rounded, 0.0).astype(np.uint16)
 
 
-def _packed(pixels: Pixels, format: str, **options: int) -> bytes:
+def _encode_image(pixels: Pixels, format: str, **options: int) -> bytes:
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, format=format, **options)
     return buffer.getvalue()

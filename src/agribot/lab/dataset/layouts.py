@@ -21,8 +21,9 @@ ENDING = re.compile(r"[._-](image|img|rgb|mask|annotation|annotations|label|labe
 
 
 class Item(msgspec.Struct, frozen=True, kw_only=True):
-    """Paths are relative to the root of the set; a missing partner is None. `group` is the
-    sub-folder of a collection, empty in a single set.
+    """A pair of files, relative to the root of the set; a missing partner is None.
+
+    `group` is the sub-folder of a collection, empty in a single set.
     """
 
     key: str
@@ -47,13 +48,13 @@ def find_layout(root: Path, images: str | None = None, masks: str | None = None)
     items: list[Item] = []
     doubles: list[str] = []
     for group in (root, *sorted(path for path in root.iterdir() if path.is_dir())):
-        image_folder = _first(group, (images,) if images else IMAGE_FOLDERS)
-        mask_folder = _first(group, (masks,) if masks else MASK_FOLDERS)
+        image_folder = _find_first(group, (images,) if images else IMAGE_FOLDERS)
+        mask_folder = _find_first(group, (masks,) if masks else MASK_FOLDERS)
         if image_folder is None or mask_folder is None:
             continue
         name = "" if group == root else group.name
-        pictures, more = _by_key(root, image_folder)
-        labels, others = _by_key(root, mask_folder)
+        pictures, more = _index_files(root, image_folder)
+        labels, others = _index_files(root, mask_folder)
         doubles += more + others
         items += (
             Item(key=key, group=name, image=pictures.get(key), mask=labels.get(key))
@@ -69,11 +70,11 @@ def find_layout(root: Path, images: str | None = None, masks: str | None = None)
     return Layout(root=root, items=tuple(items), doubles=tuple(doubles))
 
 
-def _first(group: Path, names: Sequence[str]) -> Path | None:
+def _find_first(group: Path, names: Sequence[str]) -> Path | None:
     return next((group / name for name in names if (group / name).is_dir()), None)
 
 
-def _by_key(root: Path, folder: Path) -> tuple[dict[str, str], list[str]]:
+def _index_files(root: Path, folder: Path) -> tuple[dict[str, str], list[str]]:
     found: dict[str, str] = {}
     doubles = []
     for path in sorted(folder.rglob("*")):

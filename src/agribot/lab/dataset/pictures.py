@@ -22,20 +22,20 @@ class PictureError(AgribotError):
 
 
 def read_picture(path: Path, most_px: int = LARGEST_PX) -> ByteArray:
-    """(height, width, 3) uint8, turned upright as its EXIF tag says; alpha is dropped.
+    """Read (height, width, 3) uint8, upright as its EXIF tag says; alpha is dropped.
 
     Raises: PictureError.
     """
     with _open(path, most_px) as image:
         try:
             upright = ImageOps.exif_transpose(image) or image
-            return _rgb(upright, path)
+            return _to_rgb(upright, path)
         except (OSError, SyntaxError, ValueError, MemoryError) as error:
-            raise PictureError(f"{path}: cannot be decoded ({_reason(error)})") from error
+            raise PictureError(f"{path}: cannot be decoded ({_explain(error)})") from error
 
 
 def open_mask(path: Path) -> Image.Image:
-    """A mask as stored, upright: what its values mean is for the data set to say.
+    """Open a mask as stored, upright; the meaning of its values belongs to the data set.
 
     Raises: PictureError.
     """
@@ -44,7 +44,7 @@ def open_mask(path: Path) -> Image.Image:
             image.load()
             return (ImageOps.exif_transpose(image) or image).copy()
         except (OSError, SyntaxError, ValueError, MemoryError) as error:
-            raise PictureError(f"{path}: cannot be decoded ({_reason(error)})") from error
+            raise PictureError(f"{path}: cannot be decoded ({_explain(error)})") from error
 
 
 def _open(path: Path, most_px: int = LARGEST_PX) -> Image.Image:
@@ -57,7 +57,7 @@ def _open(path: Path, most_px: int = LARGEST_PX) -> Image.Image:
     except Image.DecompressionBombError as error:
         raise PictureError(f"{path}: has too many pixels; cut it into pieces ({error})") from error
     except (OSError, SyntaxError, ValueError) as error:
-        raise PictureError(f"{path}: is no picture ({_reason(error)})") from error
+        raise PictureError(f"{path}: is no picture ({_explain(error)})") from error
     if image.width * image.height > most_px:
         image.close()
         raise PictureError(
@@ -68,7 +68,7 @@ def _open(path: Path, most_px: int = LARGEST_PX) -> Image.Image:
     return image
 
 
-def _rgb(image: Image.Image, path: Path) -> ByteArray:
+def _to_rgb(image: Image.Image, path: Path) -> ByteArray:
     if image.mode in DEEP_MODES:
         values = np.asarray(image).astype(np.int64)
         # 16-bit sensors fill the range; smaller values are 8-bit ones in a wide file.
@@ -79,6 +79,6 @@ def _rgb(image: Image.Image, path: Path) -> ByteArray:
     return np.asarray(image.convert("RGB"))
 
 
-def _reason(error: BaseException) -> str:
+def _explain(error: BaseException) -> str:
     text = str(error).splitlines()[0] if str(error) else type(error).__name__
     return text.split(" '/")[0]

@@ -73,7 +73,7 @@ def stem(index: int) -> str:
 
 
 def image_name(recipe: Recipe, index: int) -> str:
-    """Path of an image inside the data set."""
+    """Return the path of an image inside the data set."""
     return f"images/{stem(index)}.{recipe.format}"
 
 
@@ -86,7 +86,7 @@ def folders(recipe: Recipe) -> tuple[str, ...]:
 
 
 def claim(folder: Path, recipe: Recipe) -> None:
-    """Make the folders of a data set, or find it there and of the same recipe.
+    """Make the folders of a data set, or check that those there are of the same recipe.
 
     Raises: ConfigError: the folder holds something else. RecordingError: it cannot be written.
     """
@@ -95,7 +95,7 @@ def claim(folder: Path, recipe: Recipe) -> None:
         for name in folders(recipe):
             (folder / name).mkdir(parents=True, exist_ok=True)
         if not about.is_file():
-            write_at_once(about, encoded(recipe))
+            write_at_once(about, encode(recipe))
     except OSError as error:
         raise RecordingError(
             f"cannot write into {folder}: {error.strerror or error}; choose another --out folder"
@@ -114,7 +114,10 @@ def claim(folder: Path, recipe: Recipe) -> None:
 
 
 def read_recipe(folder: Path) -> Recipe:
-    """Raises: RecordingError: `dataset.json` is missing or broken."""
+    """Read `dataset.json`.
+
+    Raises: RecordingError: `dataset.json` is missing or broken.
+    """
     path = folder / ABOUT
     try:
         return msgspec.json.decode(path.read_bytes(), type=Recipe)
@@ -123,7 +126,7 @@ def read_recipe(folder: Path) -> Recipe:
 
 
 def read_records(folder: Path) -> Iterator[ImageRecord]:
-    """Records of all complete images, in order.
+    """Read the records of all complete images, in order.
 
     Raises: RecordingError: a record is broken.
     """
@@ -136,5 +139,5 @@ def read_records(folder: Path) -> Iterator[ImageRecord]:
             ) from error
 
 
-def encoded(value: object) -> bytes:
+def encode(value: object) -> bytes:
     return msgspec.json.encode(value) + b"\n"

@@ -9,7 +9,7 @@ Ints = npt.NDArray[np.integer]
 
 
 def instance_run_lengths(instance: Ints) -> dict[int, str]:
-    """Compressed run lengths of every value above 0 in an instance mask (height, width)."""
+    """Compress the run lengths of every value above 0 in an instance mask (height, width)."""
     line = np.asarray(instance).ravel(order="F").astype(np.int64)
     edges = np.flatnonzero(np.diff(line)) + 1
     first = np.concatenate([[0], edges])
@@ -22,20 +22,21 @@ def instance_run_lengths(instance: Ints) -> dict[int, str]:
     names, starts = np.unique(value[order], return_index=True)
     codes = {}
     for name, runs in zip(names.tolist(), np.split(order, starts[1:]), strict=True):
-        codes[name] = compressed(_counts(first[runs], last[runs], line.size))
+        codes[name] = compress(_count_runs(first[runs], last[runs], line.size))
     return codes
 
 
-def _counts(first: Ints, last: Ints, size: int) -> list[int]:
-    """Lengths of background, plant, background and so on, from the first pixel to the last."""
+def _count_runs(first: Ints, last: Ints, size: int) -> list[int]:
+    """Count background, plant, background and so on, from the first pixel to the last."""
     bounds = np.stack([first, last], axis=1).ravel()
     counts: list[int] = np.diff(np.concatenate([[0], bounds, [size]])).tolist()
     return counts if counts[-1] else counts[:-1]
 
 
-def compressed(counts: list[int]) -> str:
-    """Five bits in a character, the sixth says that more follow; from the fourth number on, the
-    difference to the last but one.
+def compress(counts: list[int]) -> str:
+    """Encode five bits in a character; the sixth says that more follow.
+
+    From the fourth number on it is the difference to the last but one.
     """
     text = bytearray()
     for index, count in enumerate(counts):

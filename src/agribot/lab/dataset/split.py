@@ -1,4 +1,4 @@
-"""Training, validation and test sets that share no field, no day and no file."""
+"""Split into training, validation and test sets that share no field, no day and no file."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def split(layout: Layout, by: str, ratios: Sequence[float], seed: int) -> Split:
 
     Raises: ConfigError: the groups are unknown or fewer than the parts that want images.
     """
-    group_of = _groups(layout, by)
+    group_of = _group_images(layout, by)
     members = defaultdict[str, list[str]](list)
     for image, group in group_of.items():
         members[group].append(image)
@@ -86,7 +86,7 @@ def split(layout: Layout, by: str, ratios: Sequence[float], seed: int) -> Split:
 def assign(
     sizes: Mapping[str, int], wanted: Mapping[str, float], seed: int, by: str
 ) -> dict[str, str]:
-    """The part of each group: big groups first, each to where most images are missing.
+    """Choose the part of each group: big ones first, each to where most images are missing.
 
     Raises: ConfigError: fewer groups than parts.
     """
@@ -113,9 +113,9 @@ def assign(
 def prove(
     root: Path, images: Mapping[str, Sequence[str]], group_of: Mapping[str, str], by: str
 ) -> Proof:
-    """Look for leaks in a split, in its lists and in the bytes of its files."""
-    parts_of_image = _places((part, name) for part in PARTS for name in images[part])
-    parts_of_group = _places((p, group_of[name]) for p in PARTS for name in images[p])
+    """Search a split for leaks, in its lists and in the bytes of its files."""
+    parts_of_image = _index_places((part, name) for part in PARTS for name in images[part])
+    parts_of_group = _index_places((p, group_of[name]) for p in PARTS for name in images[p])
     seen: dict[str, tuple[str, str]] = {}
     equal = []
     for part in PARTS:
@@ -135,7 +135,7 @@ def prove(
 
 
 def read_ratios(text: str) -> tuple[float, ...]:
-    """Three shares of training, validation and test; any sum.
+    """Read three shares of training, validation and test, of any sum.
 
     Raises: ConfigError: not three numbers of which one is above 0 and none below.
     """
@@ -148,39 +148,39 @@ def read_ratios(text: str) -> tuple[float, ...]:
     return ratios
 
 
-def _places(pairs: Iterable[tuple[str, str]]) -> dict[str, set[str]]:
+def _index_places(pairs: Iterable[tuple[str, str]]) -> dict[str, set[str]]:
     places = defaultdict[str, set[str]](set)
     for part, name in pairs:
         places[name].add(part)
     return places
 
 
-def _groups(layout: Layout, by: str) -> dict[str, str]:
-    """Group of every image that has a mask."""
+def _group_images(layout: Layout, by: str) -> dict[str, str]:
+    """Find the group of every image that has a mask."""
     items = [item for item in layout.items if item.image is not None and item.mask is not None]
     if not items:
         raise ConfigError(f"{layout.root} has no image with a mask; see agribot dataset check")
-    fields = _fields(layout.root) if by == "field" else {}
+    fields = _read_fields(layout.root) if by == "field" else {}
     groups = {}
     for item in items:
         image = item.image or ""
         if by == "image":
             groups[image] = image
         elif by == "day":
-            groups[image] = _day(image)
+            groups[image] = _read_day(image)
         else:
             groups[image] = fields.get(image, item.group or "the only field")
     return groups
 
 
-def _fields(root: Path) -> dict[str, str]:
+def _read_fields(root: Path) -> dict[str, str]:
     if not (root / ABOUT).is_file():
         return {}
     recipe = read_recipe(root)
     return {image_name(recipe, r.index): f"field {r.field:06d}" for r in read_records(root)}
 
 
-def _day(image: str) -> str:
+def _read_day(image: str) -> str:
     found = DAY.search(image)
     if found is None:
         raise ConfigError(

@@ -16,7 +16,7 @@ from agribot.core.whole_file import write_at_once
 from agribot.lab.dataset.records import (
     ImageRecord,
     Recipe,
-    encoded,
+    encode,
     image_name,
     read_records,
 )
@@ -48,9 +48,11 @@ def write_tables(folder: Path, recipe: Recipe) -> dict[str, Any]:
     """
     records = list(read_records(folder))
     tables = {
-        "poses.csv": _csv(POSE_COLUMNS, (_pose_row(recipe, record) for record in records)),
-        "plants.csv": _csv(PLANT_COLUMNS, _plant_rows(recipe, records)),
-        "annotations.json": encoded(coco(recipe, records)),
+        "poses.csv": _encode_csv(
+            POSE_COLUMNS, (_make_pose_row(recipe, record) for record in records)
+        ),
+        "plants.csv": _encode_csv(PLANT_COLUMNS, _make_plant_rows(recipe, records)),
+        "annotations.json": encode(make_coco(recipe, records)),
     }
     try:
         for name, data in tables.items():
@@ -64,12 +66,12 @@ def write_tables(folder: Path, recipe: Recipe) -> dict[str, Any]:
         "images": len(records),
         "fields": len({record.field for record in records}),
         "plants": sum(len(record.plants) for record in records),
-        "pixel_ratio": _pixel_ratio(records),
+        "pixel_ratio": _compute_pixel_ratio(records),
     }
 
 
-def coco(recipe: Recipe, records: Sequence[ImageRecord]) -> dict[str, Any]:
-    """One COCO object-detection file; segmentations are compressed run lengths, without loss."""
+def make_coco(recipe: Recipe, records: Sequence[ImageRecord]) -> dict[str, Any]:
+    """Make one COCO object-detection file; segmentations are compressed run lengths."""
     ids = {category: number for number, category in enumerate(CATEGORIES, 1)}
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
@@ -101,7 +103,7 @@ def coco(recipe: Recipe, records: Sequence[ImageRecord]) -> dict[str, Any]:
     }
 
 
-def _pose_row(recipe: Recipe, record: ImageRecord) -> tuple[object, ...]:
+def _make_pose_row(recipe: Recipe, record: ImageRecord) -> tuple[object, ...]:
     map_from_camera = np.array(record.map_from_camera)
     return (
         image_name(recipe, record.index), record.field, *map_from_camera[:3, 3].tolist(),
@@ -110,7 +112,9 @@ def _pose_row(recipe: Recipe, record: ImageRecord) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def _plant_rows(recipe: Recipe, records: Iterable[ImageRecord]) -> Iterable[tuple[object, ...]]:
+def _make_plant_rows(
+    recipe: Recipe, records: Iterable[ImageRecord]
+) -> Iterable[tuple[object, ...]]:
     for record in records:
         for plant in record.plants:
             yield (
@@ -119,7 +123,7 @@ def _plant_rows(recipe: Recipe, records: Iterable[ImageRecord]) -> Iterable[tupl
             )  # fmt: skip
 
 
-def _pixel_ratio(records: Sequence[ImageRecord]) -> dict[str, float | None]:
+def _compute_pixel_ratio(records: Sequence[ImageRecord]) -> dict[str, float | None]:
     total = sum(record.width_px * record.height_px for record in records)
     area = {
         kind: sum(p.area_px for record in records for p in record.plants if p.plant == kind)
@@ -132,7 +136,7 @@ def _pixel_ratio(records: Sequence[ImageRecord]) -> dict[str, float | None]:
 
 
 def quaternion_xyzw(rotation: FloatArray) -> tuple[float, float, float, float]:
-    """Unit quaternion of a rotation matrix (3, 3), w not negative."""
+    """Compute the unit quaternion of a rotation matrix (3, 3), w not negative."""
     r = rotation
     # Its eigenvector of the largest eigenvalue is the quaternion, for every rotation alike.
     symmetric = np.array([
@@ -146,7 +150,7 @@ def quaternion_xyzw(rotation: FloatArray) -> tuple[float, float, float, float]:
     return x, y, z, w
 
 
-def _csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> bytes:
+def _encode_csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> bytes:
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)

@@ -12,7 +12,7 @@ import msgspec
 from agribot.app.run_folder import clear_run
 from agribot.app.workers import Stop, results
 from agribot.core.errors import AgribotError, ConfigError
-from agribot.lab.sweep.plan import Job
+from agribot.lab.sweep.plan import SweepJob
 from agribot.record.report import Report
 
 INTERRUPTED = "interrupted by the operator"
@@ -23,25 +23,25 @@ RAY_ANSWERS_WITHIN_S = 5.0
 class Assignment(msgspec.Struct, frozen=True, kw_only=True):
     """A run and the folder for its files."""
 
-    job: Job
+    job: SweepJob
     out_dir: Path
 
 
-class Outcome(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of a run: its report, or why there is none."""
+class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """The report of a run, or why there is none."""
 
-    job: Job
+    job: SweepJob
     report: Report | None = None
     error: str = ""
 
 
 class Executor(Protocol):
-    def run(self, assignments: Sequence[Assignment], stop: Stop) -> Iterator[Outcome]:
-        """Outcomes as they come; once `stop()` is true, only those of runs under way, if any."""
+    def run(self, assignments: Sequence[Assignment], stop: Stop) -> Iterator[RunOutcome]:
+        """Iterate over the outcomes; once `stop()` is true, only of runs that have begun."""
 
 
-def drive(assignment: Assignment, stop: Stop) -> Outcome | None:
-    """One whole run, as `agribot run` does it; None where it was stopped before its end."""
+def drive(assignment: Assignment, stop: Stop) -> RunOutcome | None:
+    """Drive one whole run, as `agribot run` does; None where it was stopped before its end."""
     from agribot.app.simulated_run import simulate
 
     try:
@@ -51,9 +51,9 @@ def drive(assignment: Assignment, stop: Stop) -> Outcome | None:
                 if stop():
                     session.finish(INTERRUPTED)
                     return None
-            return Outcome(job=assignment.job, report=session.finish())
+            return RunOutcome(job=assignment.job, report=session.finish())
     except AgribotError as error:
-        return Outcome(job=assignment.job, error=str(error))
+        return RunOutcome(job=assignment.job, error=str(error))
 
 
 class ProcessExecutor:
@@ -62,7 +62,7 @@ class ProcessExecutor:
     def __init__(self, workers: int) -> None:
         self._workers = workers
 
-    def run(self, assignments: Sequence[Assignment], stop: Stop) -> Iterator[Outcome]:
+    def run(self, assignments: Sequence[Assignment], stop: Stop) -> Iterator[RunOutcome]:
         done = results(drive, assignments, self._workers, stop)
         return (outcome for outcome in done if outcome is not None)
 
@@ -71,7 +71,10 @@ class RayExecutor:
     """A Ray cluster with agribot on every node; all of them write the folders of the runs."""
 
     def __init__(self, address: str) -> None:
-        """Raises: ConfigError: ray is not installed or the cluster does not answer."""
+        """Connect to the cluster.
+
+        Raises: ConfigError: ray is not installed or the cluster does not answer.
+        """
         self._ray = _import_ray()
         try:
             _expect_answer(address)
@@ -82,7 +85,7 @@ class RayExecutor:
                 "and give its address, or leave out --ray"
             ) from error
 
-    def run(self, assignments: Sequence[Assignment], stop: Stop) -> Iterator[Outcome]:
+    def run(self, assignments: Sequence[Assignment], stop: Stop) -> Iterator[RunOutcome]:
         remote = self._ray.remote(_drive_to_the_end)
         running = {remote.remote(assignment): assignment.job for assignment in assignments}
         while running:
@@ -92,18 +95,18 @@ class RayExecutor:
                 return
             done, _ = self._ray.wait(list(running), num_returns=1, timeout=RAY_POLL_S)
             for reference in done:
-                yield self._outcome(reference, running.pop(reference))
+                yield self._await_outcome(reference, running.pop(reference))
 
-    def _outcome(self, reference: Any, job: Job) -> Outcome:
+    def _await_outcome(self, reference: Any, job: SweepJob) -> RunOutcome:
         try:
-            outcome: Outcome = self._ray.get(reference)
+            outcome: RunOutcome = self._ray.get(reference)
         except self._ray.exceptions.RayError as error:  # the node, its memory or its installation
-            return Outcome(job=job, error=f"its node failed: {str(error).splitlines()[-1]}")
+            return RunOutcome(job=job, error=f"its node failed: {str(error).splitlines()[-1]}")
         return outcome
 
 
 def _expect_answer(address: str) -> None:
-    """Ray itself tries for minutes, and ends the process when it gives up.
+    """Refuse an address without an answer; Ray tries for minutes and then ends the process.
 
     Raises: OSError: nothing listens at HOST:PORT; other addresses are left to Ray.
     """
@@ -112,7 +115,7 @@ def _expect_answer(address: str) -> None:
         socket.create_connection((host, int(port)), RAY_ANSWERS_WITHIN_S).close()
 
 
-def _drive_to_the_end(assignment: Assignment) -> Outcome:
+def _drive_to_the_end(assignment: Assignment) -> RunOutcome:
     outcome = drive(assignment, lambda: False)
     assert outcome is not None  # nothing stops it
     return outcome

@@ -15,7 +15,7 @@ MOST_RUNS = 100_000
 UNSAFE = re.compile(r"[^A-Za-z0-9._=,+-]+")
 
 
-class Job(msgspec.Struct, frozen=True, kw_only=True):
+class SweepJob(msgspec.Struct, frozen=True, kw_only=True):
     """One run. `settings` are what is varied, `fixed` what all runs share; both as `a.b=c`."""
 
     name: str  # also of its folder
@@ -25,7 +25,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     settings: tuple[str, ...]
 
     def config(self) -> config.RunConfig:
-        """The settings that `agribot run` with the same options would have.
+        """Resolve the settings that `agribot run` with the same options would have.
 
         Raises: ConfigError: one of them is unknown or out of range.
         """
@@ -34,12 +34,12 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
 
 def plan(
     profile: str, seeds: Sequence[int], fixed: Sequence[str], varied: Sequence[str]
-) -> tuple[Job, ...]:
-    """All runs, in the order of their names; every one has been checked.
+) -> tuple[SweepJob, ...]:
+    """List all runs in the order of their names, and check every one.
 
     Raises: ConfigError: a setting is wrong, is varied twice, or there are too many runs.
     """
-    axes = [_axis(text) for text in varied]
+    axes = [_parse_axis(text) for text in varied]
     keys = [axis[0].partition("=")[0] for axis in axes] + ["seed"]
     double = {key for key in keys if keys.count(key) > 1}
     if double:
@@ -53,7 +53,7 @@ def plan(
     for number, (settings, seed) in enumerate(itertools.product(combinations, seeds), 1):
         words = [str(number).zfill(digits), *settings, f"seed={seed}"]
         jobs.append(
-            Job(
+            SweepJob(
                 name=UNSAFE.sub("_", "-".join(words))[:120],
                 profile=profile,
                 seed=seed,
@@ -67,7 +67,7 @@ def plan(
 
 
 def read_seeds(text: str) -> tuple[int, ...]:
-    """Seeds of a list such as `1-8` or `1,3,10-12`, each once, in order.
+    """Read seeds from a list such as `1-8` or `1,3,10-12`, each once, in order.
 
     Raises: ConfigError: it is no such list.
     """
@@ -81,7 +81,7 @@ def read_seeds(text: str) -> tuple[int, ...]:
     return tuple(seeds)
 
 
-def _axis(text: str) -> list[str]:
+def _parse_axis(text: str) -> list[str]:
     key, _, values = text.partition("=")
     words = [word.strip() for word in values.split(",")]
     if not key.strip() or not all(words):

@@ -15,8 +15,8 @@ import msgspec
 from agribot.core.errors import ConfigError, RecordingError
 from agribot.core.version import __version__
 from agribot.core.whole_file import write_at_once
-from agribot.lab.sweep.execution import Outcome
-from agribot.lab.sweep.plan import Job
+from agribot.lab.sweep.execution import RunOutcome
+from agribot.lab.sweep.plan import SweepJob
 from agribot.record.report import Report
 
 # Lists have no place in a table of numbers: how many there were has.
@@ -27,8 +27,11 @@ Value = str | int | float | bool | None
 class SweepFolder:
     """`sweep.json` says which runs belong to it, `results/` holds those that are finished."""
 
-    def __init__(self, path: Path, jobs: Sequence[Job]) -> None:
-        """Raises: ConfigError: the folder holds another sweep. RecordingError: no such folder."""
+    def __init__(self, path: Path, jobs: Sequence[SweepJob]) -> None:
+        """Open a sweep's folder, or make it.
+
+        Raises: ConfigError: the folder holds another sweep. RecordingError: no such folder.
+        """
         self.path = path
         self.jobs = tuple(jobs)
         plan = {"version": __version__, "jobs": self.jobs}
@@ -36,23 +39,23 @@ class SweepFolder:
         try:
             (path / "results").mkdir(parents=True, exist_ok=True)
             if not about.is_file():
-                write_at_once(about, _json(plan))
+                write_at_once(about, _encode_json(plan))
             found = about.read_bytes()
         except OSError as error:
             raise RecordingError(
                 f"cannot write into {path}: {error.strerror or error}; choose another --out folder"
             ) from error
-        if found != _json(plan):
+        if found != _encode_json(plan):
             raise ConfigError(
                 f"{path} holds another sweep (its sweep.json differs); give the same options "
                 "again or another --out folder"
             )
 
-    def run_dir(self, job: Job) -> Path:
+    def run_dir(self, job: SweepJob) -> Path:
         return self.path / "runs" / job.name
 
-    def finished(self) -> dict[str, Report]:
-        """Reports of the runs that need not run again, by name."""
+    def read_finished(self) -> dict[str, Report]:
+        """Read the reports of the runs that need not run again, by name."""
         found = {}
         for job in self.jobs:
             path = self._result(job)
@@ -60,7 +63,7 @@ class SweepFolder:
                 found[job.name] = _read(path)
         return found
 
-    def keep(self, job: Job, report: Report) -> None:
+    def keep(self, job: SweepJob, report: Report) -> None:
         try:
             write_at_once(self._result(job), msgspec.json.encode(report) + b"\n")
         except OSError as error:
@@ -69,10 +72,10 @@ class SweepFolder:
                 "same command again"
             ) from error
 
-    def write_tables(self, errors: Sequence[Outcome]) -> dict[str, Any]:
+    def write_tables(self, errors: Sequence[RunOutcome]) -> dict[str, Any]:
         """Write runs.csv, summary.csv, summary.md and sweep-report.json; return the latter."""
-        reports = self.finished()
-        rows = [_row(job, reports[job.name]) for job in self.jobs if job.name in reports]
+        reports = self.read_finished()
+        rows = [_make_row(job, reports[job.name]) for job in self.jobs if job.name in reports]
         failed = {outcome.job.name: outcome.error for outcome in errors}
         summary = summarise(self.jobs, reports)
         result = {
@@ -83,11 +86,11 @@ class SweepFolder:
             "summary": summary,
         }
         try:
-            write_at_once(self.path / "runs.csv", _csv(rows))
-            write_at_once(self.path / "summary.csv", _csv(_flat_summary(summary)))
-            report_json = msgspec.json.format(_json({**result, "runs": rows}), indent=1)
+            write_at_once(self.path / "runs.csv", _encode_csv(rows))
+            write_at_once(self.path / "summary.csv", _encode_csv(_flat_summary(summary)))
+            report_json = msgspec.json.format(_encode_json({**result, "runs": rows}), indent=1)
             write_at_once(self.path / "sweep-report.json", report_json)
-            write_at_once(self.path / "summary.md", markdown(summary).encode())
+            write_at_once(self.path / "summary.md", format_markdown(summary).encode())
         except OSError as error:
             raise RecordingError(
                 f"cannot write into {self.path}: {error.strerror or error}; make room and run the "
@@ -95,12 +98,12 @@ class SweepFolder:
             ) from error
         return result
 
-    def _result(self, job: Job) -> Path:
+    def _result(self, job: SweepJob) -> Path:
         return self.path / "results" / f"{job.name}.json"
 
 
-def summarise(jobs: Sequence[Job], reports: dict[str, Report]) -> list[dict[str, Any]]:
-    """Mean, sample standard deviation and largest value over the seeds of each combination.
+def summarise(jobs: Sequence[SweepJob], reports: dict[str, Report]) -> list[dict[str, Any]]:
+    """Compute mean, standard deviation and largest value over the seeds of each combination.
 
     A key that is null in some runs is averaged over the others, of which `count` tells; true
     counts as 1. The standard deviation of a single value is null.
@@ -109,7 +112,7 @@ def summarise(jobs: Sequence[Job], reports: dict[str, Report]) -> list[dict[str,
     for profile, settings in dict.fromkeys((job.profile, job.settings) for job in jobs):
         every = [job for job in jobs if (job.profile, job.settings) == (profile, settings)]
         of_these = [job for job in every if job.name in reports]
-        flat = [flattened(reports[job.name]) for job in of_these]
+        flat = [flatten(reports[job.name]) for job in of_these]
         columns: dict[str, list[float]] = {}
         for values in flat:
             for key, value in values.items():
@@ -131,8 +134,8 @@ def summarise(jobs: Sequence[Job], reports: dict[str, Report]) -> list[dict[str,
     return summary
 
 
-def markdown(summary: Iterable[dict[str, Any]]) -> str:
-    """How the missions of each combination went, one line each; "-" where nothing was measured.
+def format_markdown(summary: Iterable[dict[str, Any]]) -> str:
+    """Format one line for each combination; "-" where nothing was measured.
 
     RMS is over all missions together, p95 their mean, max the worst instant of all.
     """
@@ -150,18 +153,18 @@ def markdown(summary: Iterable[dict[str, Any]]) -> str:
             " ".join(f"{key}={value}" for key, value in entry["settings"].items()) or "-",
             f"{round(runs * mean.get('ok', 0.0))} of {entry['seeds']}",
             f"{done} of {total}",
-            _shown(pooled_rms_m(entry), 100.0, " cm"),
-            _shown(mean.get("tracking.xte_p95_m"), 100.0, " cm"),
-            _shown(entry["max"].get("tracking.xte_max_m"), 100.0, " cm"),
+            _format_value(pooled_rms_m(entry), 100.0, " cm"),
+            _format_value(mean.get("tracking.xte_p95_m"), 100.0, " cm"),
+            _format_value(entry["max"].get("tracking.xte_max_m"), 100.0, " cm"),
             f"{round(runs * mean.get('tracking.plants_crushed', 0.0))}",
-            _shown(mean.get("mission.h_per_ha"), 1.0, ""),
+            _format_value(mean.get("mission.h_per_ha"), 1.0, ""),
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
 
 def pooled_rms_m(entry: dict[str, Any]) -> float | None:
-    """Cross-track RMS over all missions of a combination; None where none was measured."""
+    """Compute the cross-track RMS over all missions of a combination; None where none has one."""
     mean_m, std_m = (entry[what].get("tracking.xte_rms_m") for what in ("mean", "std"))
     if mean_m is None:
         return None
@@ -169,12 +172,12 @@ def pooled_rms_m(entry: dict[str, Any]) -> float | None:
     return math.sqrt(mean_m**2 + (std_m or 0.0) ** 2 * (count - 1) / count)
 
 
-def _shown(value: float | None, scale: float, unit: str) -> str:
+def _format_value(value: float | None, scale: float, unit: str) -> str:
     return "-" if value is None else f"{scale * value:.1f}{unit}"
 
 
-def flattened(report: Report) -> dict[str, Value]:
-    """Keys of report.json with their groups in front, such as `tracking.xte_rms_m`."""
+def flatten(report: Report) -> dict[str, Value]:
+    """Put the groups in front of the keys of report.json, such as `tracking.xte_rms_m`."""
     flat: dict[str, Value] = {}
 
     def visit(tree: dict[str, Any], at: str) -> None:
@@ -189,8 +192,8 @@ def flattened(report: Report) -> dict[str, Value]:
     return flat
 
 
-def _row(job: Job, report: Report) -> dict[str, Value]:
-    return {"run": job.name, **dict(_split(s) for s in job.settings), **flattened(report)}
+def _make_row(job: SweepJob, report: Report) -> dict[str, Value]:
+    return {"run": job.name, **dict(_split(s) for s in job.settings), **flatten(report)}
 
 
 def _flat_summary(summary: Iterable[dict[str, Any]]) -> list[dict[str, Value]]:
@@ -210,7 +213,7 @@ def _split(setting: str) -> tuple[str, str]:
     return key, value
 
 
-def _csv(rows: Sequence[dict[str, Value]]) -> bytes:
+def _encode_csv(rows: Sequence[dict[str, Value]]) -> bytes:
     columns = dict.fromkeys(key for row in rows for key in row)
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, list(columns), lineterminator="\n")
@@ -228,5 +231,5 @@ def _read(path: Path) -> Report:
         ) from error
 
 
-def _json(value: object) -> bytes:
+def _encode_json(value: object) -> bytes:
     return msgspec.json.encode(value)

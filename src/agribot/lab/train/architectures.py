@@ -60,8 +60,11 @@ ARCHITECTURES = {
 }
 
 
-def architecture(name: str) -> Architecture:
-    """Raises: ConfigError: no network has this name."""
+def find_architecture(name: str) -> Architecture:
+    """Find a network by its name.
+
+    Raises: ConfigError: no network has this name.
+    """
     if name not in ARCHITECTURES:
         raise ConfigError(f"no network is called {name}; known: {', '.join(ARCHITECTURES)}")
     return ARCHITECTURES[name]

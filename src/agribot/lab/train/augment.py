@@ -1,4 +1,4 @@
-"""What one training image becomes: a random crop of it, at a random scale, in other light."""
+"""Augment a training image: a random crop, at a random scale, in other light."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ BLUR_SIGMA_PX = 1.2
 WINDOW_TRIES = 2
 
 
-def augmented_batch(
+def augment_batch(
     images_rgb: list[ByteArray], labels: list[ByteArray], crop_px: int, rng: np.random.Generator
 ) -> tuple[Tensor, Tensor]:
-    """(N, 3, crop_px, crop_px) float32 in 0..255 and (N, crop_px, crop_px) int64."""
+    """Make (N, 3, crop_px, crop_px) float32 in 0..255 and (N, crop_px, crop_px) int64."""
     crops = [_crop(i, c, crop_px, rng) for i, c in zip(images_rgb, labels, strict=True)]
-    images = torch.stack([_recoloured(image, rng) for image, _ in crops])
+    images = torch.stack([_recolour(image, rng) for image, _ in crops])
     return images, torch.stack([label for _, label in crops])
 
 
@@ -46,7 +46,7 @@ def _crop(
 
 
 def _window(label: ByteArray, size_px: int, rng: np.random.Generator) -> tuple[slice, slice]:
-    """A random square; of several tries the one with most weed, the class that is rare."""
+    """Choose a random square; of several tries the one with most weed, the rare class."""
     height, width = label.shape
     best, most = (slice(0, size_px), slice(0, size_px)), -1
     for _ in range(int(rng.integers(1, WINDOW_TRIES + 1))):
@@ -59,8 +59,8 @@ def _window(label: ByteArray, size_px: int, rng: np.random.Generator) -> tuple[s
     return best
 
 
-def _recoloured(image: Tensor, rng: np.random.Generator) -> Tensor:
-    """Exposure, contrast, white balance, gamma, blur and noise of another camera or hour."""
+def _recolour(image: Tensor, rng: np.random.Generator) -> Tensor:
+    """Vary exposure, contrast, white balance, gamma, blur and noise."""
     gain = torch.from_numpy(rng.uniform(0.85, 1.18) * rng.uniform(0.95, 1.05, (3, 1, 1)))
     image = (image * gain.to(torch.float32)).clamp(0.0, 255.0)
     image = 255.0 * (image / 255.0) ** rng.uniform(0.85, 1.18)
@@ -69,13 +69,13 @@ def _recoloured(image: Tensor, rng: np.random.Generator) -> Tensor:
     mean = image.mean()
     image = mean + (image - mean) * rng.uniform(0.9, 1.12)
     if rng.random() < 0.2:
-        image = _blurred(image, rng.uniform(0.3, BLUR_SIGMA_PX))
+        image = _blur(image, rng.uniform(0.3, BLUR_SIGMA_PX))
     noise_std = rng.uniform(0.0, 4.0)
     noise = torch.from_numpy(rng.standard_normal(image.shape, dtype=np.float32))
     return (image + noise_std * noise).clamp(0.0, 255.0)
 
 
-def _blurred(image: Tensor, sigma_px: float) -> Tensor:
+def _blur(image: Tensor, sigma_px: float) -> Tensor:
     taps = torch.exp(-0.5 * (torch.arange(-3.0, 4.0) / sigma_px) ** 2)
     taps = (taps / taps.sum()).to(image.dtype)
     padded = functional.pad(image[:, None], (3, 3, 3, 3), mode="reflect")
@@ -83,6 +83,6 @@ def _blurred(image: Tensor, sigma_px: float) -> Tensor:
     return functional.conv2d(across, taps.view(1, 1, 7, 1))[:, 0]
 
 
-def valid_labels(label: ByteArray) -> ByteArray:
-    """Anything that is no class, such as a renderer's sky, becomes a pixel that does not count."""
+def clean_labels(label: ByteArray) -> ByteArray:
+    """Replace what is no class, such as a renderer's sky, by pixels that do not count."""
     return np.where(label < 3, label, np.uint8(IGNORED))

@@ -1,6 +1,6 @@
-"""One temperature for all logits, so that a network is right as often as it says it is.
+"""One temperature for all logits, so that the confidence is the share of right answers.
 
-Dividing logits by a number changes no class, only how sure the network sounds. Source: Guo et al.
+Dividing logits by a number changes no class, only the confidence. Source: Guo et al.
 2017 (temperature scaling, expected calibration error).
 """
 
@@ -17,7 +17,7 @@ from torch.nn import functional
 
 from agribot.core.messages import PlantClass
 from agribot.lab.train.data import LabelledImage
-from agribot.lab.train.evaluate import resized_nearest
+from agribot.lab.train.evaluate import resize_nearest
 
 # Class logits (1, 3, h, w) of an image (1, H, W, 3) uint8.
 Logits = Callable[[Tensor], Tensor]
@@ -38,10 +38,10 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
 def calibrate(
     logits: Logits, aside: Iterable[LabelledImage], tests: Iterable[LabelledImage]
 ) -> Calibration:
-    """The temperature of least negative log-likelihood on images that nothing else uses."""
-    values, truth, images = _sampled(logits, aside)
+    """Find the temperature of least negative log-likelihood on images that nothing else uses."""
+    values, truth, images = _sample_pixels(logits, aside)
     temperature = fit_temperature(values, truth)
-    judged, judged_truth, _ = _sampled(logits, tests)
+    judged, judged_truth, _ = _sample_pixels(logits, tests)
     return Calibration(
         temperature=round(temperature, 4),
         images=images,
@@ -51,7 +51,7 @@ def calibrate(
 
 
 def fit_temperature(logits: Tensor, truth: Tensor) -> float:
-    """For logits (N, 3) and true classes (N,)."""
+    """Fit to logits (N, 3) and true classes (N,)."""
     log_temperature = torch.zeros(1, requires_grad=True)
     search = torch.optim.LBFGS([log_temperature], max_iter=50, line_search_fn="strong_wolfe")
 
@@ -66,20 +66,20 @@ def fit_temperature(logits: Tensor, truth: Tensor) -> float:
 
 
 def calibration_error(logits: Tensor, truth: Tensor) -> float:
-    """Expected calibration error: mean over pixels of |accuracy - confidence| of their bin."""
+    """Average |accuracy - confidence| of their bin over the pixels, logits (N, 3), truth (N,)."""
     sure, said = logits.softmax(dim=1).max(dim=1)
     surplus = sure.double() - (said == truth).double()
     in_bin = (sure * BINS).long().clamp(max=BINS - 1)
     return float(torch.bincount(in_bin, surplus, BINS).abs().sum() / len(truth))
 
 
-def _sampled(logits: Logits, pairs: Iterable[LabelledImage]) -> tuple[Tensor, Tensor, int]:
-    """Logits (N, 3) and classes (N,) of every so many pixels that count, and how many images."""
+def _sample_pixels(logits: Logits, pairs: Iterable[LabelledImage]) -> tuple[Tensor, Tensor, int]:
+    """Take logits (N, 3) and classes (N,) of every so many pixels, and the number of images."""
     values, truths, images = [], [], 0
     for image_rgb, label in pairs:
         with torch.inference_mode():
             found = logits(torch.from_numpy(image_rgb.copy())[None])[0]
-        small = resized_nearest(label, tuple(found.shape[1:]))[::EVERY_PX, ::EVERY_PX]
+        small = resize_nearest(label, tuple(found.shape[1:]))[::EVERY_PX, ::EVERY_PX]
         counted = torch.from_numpy(small < len(PlantClass))
         values.append(found[:, ::EVERY_PX, ::EVERY_PX].permute(1, 2, 0)[counted])
         truths.append(torch.from_numpy(small.astype(np.int64))[counted])

@@ -27,7 +27,7 @@ SIM_LIMITS = (
 
 
 class HeldOut(msgspec.Struct, frozen=True, kw_only=True):
-    """What a training of the same recipe scored on images that were kept from it."""
+    """The scores of a training of the same recipe on images that were kept from it."""
 
     command: str
     steps: int
@@ -68,7 +68,7 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
 
     def markdown(self) -> str:
         test = self.test if self.held_out is None else self.held_out.test
-        tables = "\n\n".join(_table(name, scores) for name, scores in test.items())
+        tables = "\n\n".join(_format_scores(name, scores) for name, scores in test.items())
         return f"""# {self.name}
 
 Crop/weed segmentation: every pixel of a camera image is weed ({int(PlantClass.WEED)}), \
@@ -114,7 +114,7 @@ Limits: {self.limits}
         )
 
     def _origin(self) -> str:
-        """Where the scores come from."""
+        """Describe where the scores come from."""
         pooled = (
             "from one confusion matrix over all pixels of a test set, at the resolution of the "
             "labels"
@@ -133,7 +133,7 @@ Limits: {self.limits}
         )
 
 
-def _table(name: str, scores: Scores) -> str:
+def _format_scores(name: str, scores: Scores) -> str:
     lines = [
         f"## {name}: {scores.images} images, mean IoU {scores.miou:.3f}",
         "",
@@ -147,8 +147,8 @@ def _table(name: str, scores: Scores) -> str:
     return "\n".join(lines)
 
 
-def cpu_ms_per_frame(segmenter: Segmenter, frames: int = 20) -> float:
-    """Median CPU time of one 640 x 480 frame on this machine."""
+def measure_cpu_ms_per_frame(segmenter: Segmenter, frames: int = 20) -> float:
+    """Measure the median CPU time of one 640 x 480 frame on this machine."""
     image_rgb = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
     segmenter.segment(image_rgb)
     times_ms = []
@@ -159,19 +159,19 @@ def cpu_ms_per_frame(segmenter: Segmenter, frames: int = 20) -> float:
     return float(np.median(times_ms))
 
 
-def speed_conditions(threads: int) -> str:
+def describe_speed_conditions(threads: int) -> str:
     return (
         f"640 x 480 input, ONNX Runtime {version('onnxruntime')}, {threads} thread, "
         f"{platform.machine()} CPU"
     )
 
 
-def sha256(path: Path) -> str:
+def hash_file(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def read_held_out(path: Path, plan: TrainingPlan) -> HeldOut:
-    """The scores of the card of a training by the same recipe, with images held out.
+    """Read the scores of a training by the same recipe, with images held out, from its card.
 
     Raises: ConfigError: no card, no held-out images, or another recipe.
     """

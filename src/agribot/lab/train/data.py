@@ -64,7 +64,7 @@ class DataSet(msgspec.Struct, frozen=True, kw_only=True):
                 yield np.asarray(image.convert("RGB")), np.asarray(label)
 
     def _check_origin(self) -> None:
-        """One folder holds the images of one seed."""
+        """Refuse a folder that holds the images of another seed."""
         path = self.folder / self.name / ABOUT
         origin = {
             "seed": self.seed,

@@ -1,4 +1,4 @@
-"""An encoder that has seen a million photographs: EfficientNet-Lite0, with or without its weights.
+"""EfficientNet-Lite0, an encoder with or without its weights of a million photographs.
 
 Inverted residuals without squeeze-and-excitation and with ReLU6, which 8-bit numbers keep well.
 Source: Tan and Le 2019 (EfficientNet); Liu 2020 (the Lite variant); Sandler et al. 2018 (blocks).
@@ -19,7 +19,7 @@ STEM_CHANNELS = 32
 EPSILON = 1e-3  # of the normalisations, as the weights were made with
 
 
-class Stage(NamedTuple):
+class EncoderSpec(NamedTuple):
     blocks: int
     kernel_px: int
     stride: int
@@ -28,13 +28,13 @@ class Stage(NamedTuple):
 
 
 STAGES = (
-    Stage(1, 3, 1, 1, 16),
-    Stage(2, 3, 2, 6, 24),
-    Stage(2, 5, 2, 6, 40),
-    Stage(3, 3, 2, 6, 80),
-    Stage(3, 5, 1, 6, 112),
-    Stage(4, 5, 2, 6, 192),
-    Stage(1, 3, 1, 6, 320),
+    EncoderSpec(1, 3, 1, 1, 16),
+    EncoderSpec(2, 3, 2, 6, 24),
+    EncoderSpec(2, 5, 2, 6, 40),
+    EncoderSpec(3, 3, 2, 6, 80),
+    EncoderSpec(3, 5, 1, 6, 112),
+    EncoderSpec(4, 5, 2, 6, 192),
+    EncoderSpec(1, 3, 1, 6, 320),
 )
 STAGES_TO_STRIDE_16 = 5
 
@@ -53,7 +53,7 @@ class DepthwiseConv(nn.Conv2d):
             return super().forward(x.float()).to(torch.get_autocast_dtype("cpu"))
 
 
-def _conv(
+def _make_conv(
     channels_in: int, channels_out: int, kernel_px: int = 1, stride: int = 1, groups: int = 1
 ) -> nn.Sequential:
     kind = nn.Conv2d if groups == 1 else DepthwiseConv
@@ -67,15 +67,17 @@ def _conv(
 class InvertedResidual(nn.Module):
     """Widen, filter each channel, narrow; added to the input where both have one shape."""
 
-    def __init__(self, channels_in: int, stage: Stage, stride: int) -> None:
+    def __init__(self, channels_in: int, stage: EncoderSpec, stride: int) -> None:
         super().__init__()
         wide = channels_in * stage.expansion
-        widen = [_conv(channels_in, wide), nn.ReLU6(inplace=True)] if stage.expansion > 1 else []
+        widen = (
+            [_make_conv(channels_in, wide), nn.ReLU6(inplace=True)] if stage.expansion > 1 else []
+        )
         self.layers = nn.Sequential(
             *widen,
-            _conv(wide, wide, stage.kernel_px, stride, groups=wide),
+            _make_conv(wide, wide, stage.kernel_px, stride, groups=wide),
             nn.ReLU6(inplace=True),
-            _conv(wide, stage.channels),
+            _make_conv(wide, stage.channels),
         )
         self.adds = stride == 1 and channels_in == stage.channels
 
@@ -89,7 +91,7 @@ class LiteEncoder(nn.Module):
 
     def __init__(self, stages: int = len(STAGES)) -> None:
         super().__init__()
-        self.stem = nn.Sequential(_conv(3, STEM_CHANNELS, 3, stride=2), nn.ReLU6(inplace=True))
+        self.stem = nn.Sequential(_make_conv(3, STEM_CHANNELS, 3, stride=2), nn.ReLU6(inplace=True))
         used, channels = STAGES[:stages], STEM_CHANNELS
         self.stages = nn.ModuleList()
         for stage in used:
@@ -128,7 +130,7 @@ def load_imagenet(encoder: LiteEncoder) -> None:
     stored = torch.load(path, map_location="cpu", weights_only=True)
     # Both list a layer's values in the order in which it computes; only the names differ. The
     # file goes on where a shortened encoder ends, and with the layers that name objects.
-    values = [value for name, value in _in_order(stored) if "num_batches" not in name]
+    values = [value for name, value in _order_layers(stored) if "num_batches" not in name]
     own = [value for name, value in encoder.state_dict().items() if "num_batches" not in name]
     if [mine.shape for mine in own] != [theirs.shape for theirs in values[: len(own)]]:
         raise ConfigError(f"{path}: holds another network; install {PACKAGE} {VERSION}")
@@ -137,8 +139,8 @@ def load_imagenet(encoder: LiteEncoder) -> None:
             mine.copy_(theirs)
 
 
-def _in_order(stored: dict[str, Tensor]) -> list[tuple[str, Tensor]]:
-    """Of every block the layers as they follow each other: widen, filter, narrow."""
+def _order_layers(stored: dict[str, Tensor]) -> list[tuple[str, Tensor]]:
+    """Order the layers of every block as they follow each other: widen, filter, narrow."""
     layers = ("_expand_conv", "_bn0", "_depthwise_conv", "_bn1", "_project_conv", "_bn2")
 
     def place(name: str) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""How good a class map is: every number from one confusion matrix over all pixels."""
+"""Scores of a class map: every number from one confusion matrix over all pixels."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ class Scores(msgspec.Struct, frozen=True, kw_only=True):
     confusion: list[list[int]]
 
 
-def confusion_matrix(truth: ByteArray, guess: ByteArray) -> Confusion:
-    """Pixel counts (3, 3), rows the truth; pixels whose truth is no class do not count."""
+def count_confusion(truth: ByteArray, guess: ByteArray) -> Confusion:
+    """Count pixels (3, 3), rows the truth; pixels whose truth is no class do not count."""
     counted = truth < len(PlantClass)
     pairs = truth[counted].astype(np.int64) * len(PlantClass) + guess[counted]
     shape = (len(PlantClass), len(PlantClass))
     return np.bincount(pairs, minlength=shape[0] * shape[1]).reshape(shape)
 
 
-def scores(confusion: Confusion, images: int) -> Scores:
+def compute_scores(confusion: Confusion, images: int) -> Scores:
     hits = np.diag(confusion).astype(np.float64)
     truth, guess = confusion.sum(axis=1), confusion.sum(axis=0)
     with np.errstate(invalid="ignore"):
         iou = hits / (truth + guess - hits)
         return Scores(
             images=images,
-            iou=_by_class(iou),
+            iou=_name_classes(iou),
             miou=float(np.nanmean(iou)),
-            precision=_by_class(hits / guess),
-            recall=_by_class(hits / truth),
-            f1=_by_class(2.0 * hits / (truth + guess)),
+            precision=_name_classes(hits / guess),
+            recall=_name_classes(hits / truth),
+            f1=_name_classes(2.0 * hits / (truth + guess)),
             confusion=confusion.tolist(),
         )
 
@@ -61,13 +61,13 @@ def evaluate(
     confusion = np.zeros((len(PlantClass), len(PlantClass)), dtype=np.int64)
     images = 0
     for image_rgb, truth in pairs:
-        confusion += confusion_matrix(truth, classify(image_rgb))
+        confusion += count_confusion(truth, classify(image_rgb))
         images += 1
-    return scores(confusion, images)
+    return compute_scores(confusion, images)
 
 
-def resized_nearest(class_id: ByteArray, shape: tuple[int, ...]) -> ByteArray:
-    """The class map at another (height, width), by the pixel that covers each centre."""
+def resize_nearest(class_id: ByteArray, shape: tuple[int, ...]) -> ByteArray:
+    """Resize the class map to (height, width), by the pixel that covers each centre."""
     rows, columns = (
         ((np.arange(size) + 0.5) * (source / size)).astype(np.int64)
         for size, source in zip(shape, class_id.shape, strict=True)
@@ -76,7 +76,7 @@ def resized_nearest(class_id: ByteArray, shape: tuple[int, ...]) -> ByteArray:
     return resized
 
 
-def _by_class(values: npt.NDArray[np.float64]) -> ByClass:
+def _name_classes(values: npt.NDArray[np.float64]) -> ByClass:
     return {
         name: None if np.isnan(value) else float(value)
         for name, value in zip(CLASS_NAMES, values, strict=True)

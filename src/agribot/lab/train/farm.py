@@ -25,7 +25,7 @@ from agribot.description.field_settings import (
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
 from agribot.lab.train.data import LabelledImage
-from agribot.lab.train.simulated import label_of
+from agribot.lab.train.simulated import make_label
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.camera.renderer import CameraRenderer
 from agribot.sim.random_scenes import (
@@ -43,31 +43,31 @@ from agribot.sim.random_scenes import (
 
 
 def draw_farm(rng: np.random.Generator, views: int) -> Iterator[LabelledImage]:
-    """Views from a robot that drives along the crop rows of one Farm world with its own weeds."""
+    """Draw views from a robot along the crop rows of one Farm world with its own weeds."""
     world = load_world("Farm", seed=int(rng.integers(2**31)))
     row_yaw_rad = math.radians(load("farm").field.row_yaw_deg)
-    return _driven(world, Appearance(), row_yaw_rad, rng, views)
+    return _drive_rows(world, Appearance(), row_yaw_rad, rng, views)
 
 
 def draw_row_crop(
     rng: np.random.Generator, views: int, *, is_wide: bool = False
 ) -> Iterator[LabelledImage]:
-    """Views from a robot along the rows of a generated field of any growth and weediness."""
-    world, look, row_yaw_rad = _random_rows(rng, is_wide=is_wide)
-    return _driven(world, look, row_yaw_rad, rng, views)
+    """Draw views from a robot along the rows of a generated field of any growth and weediness."""
+    world, look, row_yaw_rad = _choose_rows(rng, is_wide=is_wide)
+    return _drive_rows(world, look, row_yaw_rad, rng, views)
 
 
 def draw_turn(
     rng: np.random.Generator, views: int, *, is_wide: bool = False
 ) -> Iterator[LabelledImage]:
-    """Views from a robot that turns beside such rows, or comes to them: from any side."""
-    world, look, _ = _random_rows(rng, is_wide=is_wide)
-    return _driven(world, look, None, rng, views)
+    """Draw views from a robot that turns beside such rows, or comes to them from any side."""
+    world, look, _ = _choose_rows(rng, is_wide=is_wide)
+    return _drive_rows(world, look, None, rng, views)
 
 
-def _random_rows(rng: np.random.Generator, *, is_wide: bool) -> tuple[WorldSpec, Appearance, float]:
-    """A field, its look, and the direction of its rows."""
-    plan = random_plan(rng, is_wide=is_wide)
+def _choose_rows(rng: np.random.Generator, *, is_wide: bool) -> tuple[WorldSpec, Appearance, float]:
+    """Choose a field, its look, and the direction of its rows."""
+    plan = choose_plan(rng, is_wide=is_wide)
     world = msgspec.structs.replace(
         generate_field(plan, int(rng.integers(2**31))),
         light=sample_light(rng),
@@ -77,8 +77,8 @@ def _random_rows(rng: np.random.Generator, *, is_wide: bool) -> tuple[WorldSpec,
     return world, look, math.radians(plan.rows.yaw_deg)
 
 
-def random_plan(rng: np.random.Generator, *, is_wide: bool = False) -> FieldSettings:
-    """Five rows, from dense seedlings to single tall plants, clean to full of weeds."""
+def choose_plan(rng: np.random.Generator, *, is_wide: bool = False) -> FieldSettings:
+    """Choose five rows, from dense seedlings to single tall plants, clean to full of weeds."""
     crops, share = (ALL_CROPS, ALL_CROP_SHARE) if is_wide else (CROPS, CROP_SHARE)
     species, least_m, most_m = crops[rng.choice(len(crops), p=share)]
     kinds = rng.choice(ALL_WEEDS if is_wide else WEEDS, size=int(rng.integers(1, 5)), replace=False)
@@ -105,21 +105,23 @@ def random_plan(rng: np.random.Generator, *, is_wide: bool = False) -> FieldSett
     )
 
 
-def _driven(
+def _drive_rows(
     world: WorldSpec,
     look: Appearance,
     row_yaw_rad: float | None,
     rng: np.random.Generator,
     views: int,
 ) -> Iterator[LabelledImage]:
-    """Along rows of this direction, or anyhow."""
+    """Draw views along rows of this direction, or of any."""
     robot = load_robot()
     body_from_camera, camera = robot.body_from_camera(), robot.camera
     assert camera is not None  # body_from_camera() has looked
     renderer = CameraRenderer(world, robot, appearance=look, threads=1)
     for _ in range(views):
         map_from_body = (
-            turn_pose(rng, world) if row_yaw_rad is None else row_pose(rng, world, row_yaw_rad)
+            choose_turn_pose(rng, world)
+            if row_yaw_rad is None
+            else choose_row_pose(rng, world, row_yaw_rad)
         )
         drawn = renderer.render(
             map_from_body @ body_from_camera,
@@ -128,14 +130,14 @@ def _driven(
             map_from_body=map_from_body,
             wheel_angles_rad=rng.uniform(0.0, math.tau, len(WHEEL_NAMES)).tolist(),
         )
-        yield drawn.image_rgb, label_of(drawn)
+        yield drawn.image_rgb, make_label(drawn)
 
 
-def row_pose(
+def choose_row_pose(
     rng: np.random.Generator, world: WorldSpec, row_yaw_rad: float = math.pi / 2.0
 ) -> FloatArray:
-    """`map_from_body` on a crop row, up to 2 m before a plant, a little off the row."""
-    plant = _some_crop(rng, world)
+    """Choose `map_from_body` (4, 4) on a crop row, up to 2 m before a plant, a little off."""
+    plant = _choose_crop(rng, world)
     yaw_rad = row_yaw_rad + rng.choice([0.0, math.pi]) + rng.normal(0.0, 0.06)
     before_m, aside_m = rng.uniform(0.2, 2.0), rng.normal(0.0, 0.06)
     x_m = plant.x_map_m - before_m * math.cos(yaw_rad) - aside_m * math.sin(yaw_rad)
@@ -143,15 +145,15 @@ def row_pose(
     return transform((x_m, y_m, 0.0), (0.0, 0.0, yaw_rad))
 
 
-def turn_pose(rng: np.random.Generator, world: WorldSpec) -> FloatArray:
-    """`map_from_body` with a plant within 2.5 m, ahead or to the side."""
-    plant, yaw_rad = _some_crop(rng, world), rng.uniform(-math.pi, math.pi)
+def choose_turn_pose(rng: np.random.Generator, world: WorldSpec) -> FloatArray:
+    """Choose `map_from_body` (4, 4) with a plant within 2.5 m, ahead or to the side."""
+    plant, yaw_rad = _choose_crop(rng, world), rng.uniform(-math.pi, math.pi)
     away_m, bearing_rad = rng.uniform(0.5, 2.5), yaw_rad + rng.normal(0.0, 0.5)
     x_m = plant.x_map_m - away_m * math.cos(bearing_rad)
     y_m = plant.y_map_m - away_m * math.sin(bearing_rad)
     return transform((x_m, y_m, 0.0), (0.0, 0.0, yaw_rad))
 
 
-def _some_crop(rng: np.random.Generator, world: WorldSpec) -> Plant:
+def _choose_crop(rng: np.random.Generator, world: WorldSpec) -> Plant:
     crops = [plant for plant in world.plants if plant.plant == PlantClass.CROP]
     return crops[int(rng.integers(len(crops)))]

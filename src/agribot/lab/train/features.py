@@ -1,4 +1,4 @@
-"""What a network is shown of an image: plain colours, or the colour indices of the original."""
+"""The input of a network: plain colours, or the colour indices of the original."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ CHANNELS = (
 
 
 def centred_rgb(image_rgb: Tensor) -> Tensor:
-    """(N, 3, H, W) uint8 or float in 0..255 to [-1, 1]."""
+    """Scale (N, 3, H, W) uint8 or float in 0..255 to [-1, 1]."""
     return image_rgb.to(torch.float32) * (2.0 / 255.0) - 1.0
 
 
 def unit_rgb(image_rgb: Tensor) -> Tensor:
-    """(N, 3, H, W) in 0..255 to [0, 1]."""
+    """Scale (N, 3, H, W) in 0..255 to [0, 1]."""
     return image_rgb.to(torch.float32) / 255.0
 
 
 def ten_channels(image_rgb: Tensor) -> Tensor:
-    """(N, 3, H, W) in 0..255 to the ten CHANNELS, finite on every image.
+    """Convert (N, 3, H, W) in 0..255 to the ten CHANNELS, finite on every image.
 
     Excess green and red, the colour index of vegetation extraction with its sign turned and the
     normalised difference index (0 on black, where it is undefined); then hue over 360 degrees,
@@ -41,7 +41,7 @@ def ten_channels(image_rgb: Tensor) -> Tensor:
 
 
 def _hsv(red: Tensor, green: Tensor, blue: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Hue and saturation in [0, 1], value in the unit of the input."""
+    """Compute hue and saturation in [0, 1], value in the unit of the input."""
     value = torch.maximum(torch.maximum(red, green), blue)
     spread = value - torch.minimum(torch.minimum(red, green), blue)
     divisor = torch.where(spread > 0.0, spread, torch.ones_like(spread))

@@ -18,31 +18,31 @@ OVERLAY_RGB = np.array([[230, 40, 40], [40, 200, 60], [0, 0, 0]], dtype=np.float
 
 
 def write_figures(judgement: Judgement, folder: Path) -> list[Path]:
-    """Confusion matrix, reliability, curves by class, IoU by image, and the worst images."""
+    """Draw confusion matrix, reliability, curves by class, IoU by image, and the worst images."""
     folder.mkdir(parents=True, exist_ok=True)
     return [
-        _confusion(judgement, folder / "confusion.png"),
-        _reliability(judgement, folder / "reliability.png"),
-        _precision_recall(judgement, folder / "curves.png"),
-        _by_image(judgement, folder / "images.png"),
-        _worst(judgement.worst, folder / "worst.png"),
+        _draw_confusion(judgement, folder / "confusion.png"),
+        _draw_reliability(judgement, folder / "reliability.png"),
+        _draw_precision_recall(judgement, folder / "curves.png"),
+        _draw_by_image(judgement, folder / "images.png"),
+        _draw_worst(judgement.worst, folder / "worst.png"),
     ]
 
 
-def _new(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Any, Any]:
+def _make_figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Any, Any]:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), dpi=120, layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 
-def _saved(figure: Any, path: Path) -> Path:
+def _save(figure: Any, path: Path) -> Path:
     figure.savefig(path)
     return path
 
 
-def _confusion(judgement: Judgement, path: Path) -> Path:
-    figure, axes = _new(4.6, 4.0)
+def _draw_confusion(judgement: Judgement, path: Path) -> Path:
+    figure, axes = _make_figure(4.6, 4.0)
     axis = axes[0, 0]
     counts = judgement.confusion
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
@@ -56,11 +56,11 @@ def _confusion(judgement: Judgement, path: Path) -> Path:
     axis.set_xlabel("said by the network")
     axis.set_ylabel("truth")
     axis.set_title(f"Pixels of {len(judgement.images)} images, mIoU {judgement.scores.miou:.3f}")
-    return _saved(figure, path)
+    return _save(figure, path)
 
 
-def _reliability(judgement: Judgement, path: Path) -> Path:
-    figure, axes = _new(4.6, 4.6, 2, 1)
+def _draw_reliability(judgement: Judgement, path: Path) -> Path:
+    figure, axes = _make_figure(4.6, 4.6, 2, 1)
     found = judgement.reliability
     points = [
         (sure, right)
@@ -80,11 +80,11 @@ def _reliability(judgement: Judgement, path: Path) -> Path:
     below.set_xlabel("confidence")
     for axis in (above, below):
         axis.set_xlim(0.3, 1.01)
-    return _saved(figure, path)
+    return _save(figure, path)
 
 
-def _precision_recall(judgement: Judgement, path: Path) -> Path:
-    figure, axes = _new(4.6, 4.0)
+def _draw_precision_recall(judgement: Judgement, path: Path) -> Path:
+    figure, axes = _make_figure(4.6, 4.0)
     axis = axes[0, 0]
     for kind, name, colour in zip(PlantClass, CLASS_NAMES, INK, strict=True):
         precision, recall = judgement.precision_recall(kind)
@@ -98,12 +98,12 @@ def _precision_recall(judgement: Judgement, path: Path) -> Path:
     axis.set_ylabel("precision")
     axis.set_title("Pixels by class; the dot is the class map")
     axis.legend(frameon=False, loc="lower left")
-    return _saved(figure, path)
+    return _save(figure, path)
 
 
-def _by_image(judgement: Judgement, path: Path) -> Path:
+def _draw_by_image(judgement: Judgement, path: Path) -> Path:
     ordered = sorted(judgement.images, key=lambda score: score.miou)
-    figure, axes = _new(max(5.0, 0.16 * len(ordered) + 2.0), 3.4)
+    figure, axes = _make_figure(max(5.0, 0.16 * len(ordered) + 2.0), 3.4)
     axis = axes[0, 0]
     for name, colour in zip(CLASS_NAMES, INK, strict=True):
         values = [np.nan if s.iou[name] is None else s.iou[name] for s in ordered]
@@ -116,16 +116,16 @@ def _by_image(judgement: Judgement, path: Path) -> Path:
     axis.set_ylabel("IoU")
     axis.set_title("Image by image, worst first")
     axis.legend(frameon=False, ncols=4, loc="lower right")
-    return _saved(figure, path)
+    return _save(figure, path)
 
 
-def _worst(thumbnails: list[Thumbnail], path: Path) -> Path:
-    figure, axes = _new(9.0, 2.4 * max(1, len(thumbnails)), max(1, len(thumbnails)), 3)
+def _draw_worst(thumbnails: list[Thumbnail], path: Path) -> Path:
+    figure, axes = _make_figure(9.0, 2.4 * max(1, len(thumbnails)), max(1, len(thumbnails)), 3)
     for row, one in zip(axes, thumbnails, strict=False):
         pictures = (
             one.image_rgb,
-            tinted(one.image_rgb, one.truth),
-            tinted(one.image_rgb, one.guess),
+            tint(one.image_rgb, one.truth),
+            tint(one.image_rgb, one.guess),
         )
         titles = (Path(one.name).name, "truth", f"network, mIoU {one.miou:.3f}")
         for axis, picture, title in zip(row, pictures, titles, strict=True):
@@ -133,11 +133,11 @@ def _worst(thumbnails: list[Thumbnail], path: Path) -> Path:
             axis.set_title(title, fontsize=8)
     for axis in axes.flat:
         axis.set_axis_off()
-    return _saved(figure, path)
+    return _save(figure, path)
 
 
-def tinted(image_rgb: ByteArray, class_id: ByteArray, strength: float = 0.7) -> ByteArray:
-    """The image with weeds in red and crops in green; soil stays as it is."""
+def tint(image_rgb: ByteArray, class_id: ByteArray, strength: float = 0.7) -> ByteArray:
+    """Tint weeds red and crops green in an image (H, W, 3); soil stays as it is."""
     plants = class_id < 2
     colours = OVERLAY_RGB[np.minimum(class_id, 2)]
     mixed = image_rgb * (1.0 - strength) + colours * strength
@@ -146,12 +146,12 @@ def tinted(image_rgb: ByteArray, class_id: ByteArray, strength: float = 0.7) -> 
 
 
 def write_curves(log: Path, path: Path) -> Path:
-    """The loss of every step of a training, and its moving mean."""
+    """Draw the loss of every step of a training, and its moving mean."""
     with log.open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     steps = np.array([int(row["step"]) for row in rows])
     loss = np.array([float(row["loss"]) for row in rows])
-    figure, axes = _new(6.0, 3.2)
+    figure, axes = _make_figure(6.0, 3.2)
     axis = axes[0, 0]
     axis.plot(steps, loss, color="#cccccc", lw=0.6)
     window = max(1, len(loss) // 60)
@@ -159,4 +159,4 @@ def write_curves(log: Path, path: Path) -> Path:
     axis.plot(steps[window - 1 :], smooth, color=INK[2], lw=1.4)
     axis.set_ylabel("loss")
     axis.set_xlabel("step")
-    return _saved(figure, path)
+    return _save(figure, path)

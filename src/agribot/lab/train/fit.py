@@ -17,9 +17,9 @@ from torch import Tensor, nn
 
 from agribot.core.errors import AgribotError
 from agribot.core.whole_file import make_at_once
-from agribot.lab.train.architectures import architecture
+from agribot.lab.train.architectures import find_architecture
 from agribot.lab.train.losses import CLASS_WEIGHTS, OVERLAP_LOSSES, segmentation_loss
-from agribot.lab.train.processes import Crew
+from agribot.lab.train.processes import TrainingGroup
 from agribot.lab.train.start import IMAGENET, load_imagenet, start_from
 
 # Random batch of images (N, 3, S, S) float32 in 0..255 and labels (N, S, S) int64.
@@ -33,7 +33,7 @@ GRADIENT_LIMIT = 5.0
 
 
 class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """All that decides the result of a training, besides the data."""
+    """All settings that decide the result of a training, besides the data."""
 
     steps: int
     seed: int = 0
@@ -53,14 +53,14 @@ class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
     data: str = ""  # which photographs: another fold must not go on in the same folder
 
     def rate_at(self, step: int) -> float:
-        """Linear warm-up, then a cosine to 0.5 % of the top rate."""
+        """Compute the rate: linear warm-up, then a cosine to 0.5 % of the top rate."""
         warm = min(1.0, (step + 1) / max(1, min(self.warmup_steps, self.steps // 5)))
         cosine = 0.5 * (1.0 + math.cos(math.pi * step / self.steps))
         return self.learning_rate * warm * (0.995 * cosine + 0.005)
 
 
 class Trainer:
-    """Holds the network, its moving average and the optimiser between steps.
+    """The network, its moving average and the optimiser between steps.
 
     Every step draws its batch from a generator of (seed, step, rank of the process): a training
     that was killed goes on from its checkpoint as if nothing had happened.
@@ -71,19 +71,19 @@ class Trainer:
         plan: TrainingPlan,
         batches: BatchSource,
         folder: Path,
-        crew: Crew | None = None,
+        group: TrainingGroup | None = None,
         start: Path | None = None,
     ) -> None:
         self.plan = plan
-        self._crew = crew or Crew()
+        self._crew = group or TrainingGroup()
         self.step = 0
         self._batches = batches
         self._folder = folder
         self._rows: list[dict[str, float]] = []
         self.cpu_s = 0.0
         torch.manual_seed(plan.seed)
-        self._features = architecture(plan.model).features
-        self.network = architecture(plan.model).build()
+        self._features = find_architecture(plan.model).features
+        self.network = find_architecture(plan.model).build()
         if plan.start == IMAGENET:
             load_imagenet(plan.model, self.network)
         self.network.to(self._crew.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -91,13 +91,13 @@ class Trainer:
             images, _ = batches(np.random.default_rng([plan.seed, 0]))
             start_from(start, self.network, self._features(images.to(self._crew.device)))
         self.average = copy.deepcopy(self.network).eval()
-        self._together = self._crew.together(self.network)
+        self._together = self._crew.average_gradients(self.network)
         self._optimiser = torch.optim.AdamW(
-            _parameter_groups(self.network, plan.weight_decay), plan.learning_rate
+            _group_parameters(self.network, plan.weight_decay), plan.learning_rate
         )
 
     def run(self, progress: Progress) -> nn.Module:
-        """Train up to the plan's last step; returns the averaged network."""
+        """Train up to the plan's last step; return the averaged network."""
         self._folder.mkdir(parents=True, exist_ok=True)
         self._resume(progress)
         zero_s = time.process_time() - self.cpu_s
@@ -107,7 +107,7 @@ class Trainer:
             self.cpu_s = time.process_time() - zero_s
             self._note(loss)
             if self.step % self.plan.checkpoint_every == 0 or self.step == self.plan.steps:
-                if self._crew.leads:
+                if self._crew.is_leader:
                     self._save()
                 recent = [row["loss"] for row in self._rows[-50:]]
                 progress(
@@ -118,7 +118,7 @@ class Trainer:
         return self.average
 
     def advance(self) -> float:
-        """One optimiser step; returns its loss."""
+        """Do one optimiser step; return its loss."""
         rate = self.plan.rate_at(self.step)
         for group in self._optimiser.param_groups:
             group["lr"] = rate
@@ -210,11 +210,15 @@ def load_checkpoint(folder: Path) -> dict[str, Any] | None:
     return state
 
 
-def steps_within(
-    minutes: float, batches: BatchSource, plan: TrainingPlan, folder: Path, crew: Crew | None = None
+def count_steps_within(
+    minutes: float,
+    batches: BatchSource,
+    plan: TrainingPlan,
+    folder: Path,
+    group: TrainingGroup | None = None,
 ) -> int:
-    """How many steps fit into `minutes` of CPU time, from a few trial steps."""
-    trial = Trainer(plan, batches, folder, crew)
+    """Estimate the steps that fit into `minutes` of CPU time, from a few trial steps."""
+    trial = Trainer(plan, batches, folder, group)
     trial.network.train()
     trial.advance()
     started_s = time.process_time()
@@ -224,8 +228,8 @@ def steps_within(
     return max(50, int(minutes * 60.0 / step_s))
 
 
-def _parameter_groups(network: nn.Module, weight_decay: float) -> list[dict[str, Any]]:
-    """Only convolution weights decay; biases and normalisation do not."""
+def _group_parameters(network: nn.Module, weight_decay: float) -> list[dict[str, Any]]:
+    """Separate the weights of convolutions, which decay, from biases and normalisation."""
     parameters = list(network.parameters())
     return [
         {"params": [p for p in parameters if p.ndim > 1], "weight_decay": weight_decay},

@@ -1,4 +1,4 @@
-"""All that is said about a network on a labelled set, gathered image by image."""
+"""The scores of a network on a labelled set, gathered image by image."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from agribot.lab.train.evaluate import (
     ByClass,
     Confusion,
     Scores,
-    confusion_matrix,
-    resized_nearest,
-    scores,
+    compute_scores,
+    count_confusion,
+    resize_nearest,
 )
 
 # Smaller pieces of vegetation are no plants to look for, at the resolution of the labels.
@@ -38,7 +38,7 @@ class ImageScore(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Reliability(msgspec.Struct, frozen=True, kw_only=True):
-    """Pixels by confidence: how often the network is right when it says it is this sure.
+    """Pixels by confidence: how often the network is right at each.
 
     `calibration_error` is the mean over pixels of the distance between the two. Source: Guo et
     al. 2017 (expected calibration error).
@@ -59,7 +59,7 @@ class Thumbnail(NamedTuple):
 
 
 class Judgement:
-    """Pools images; the numbers come from one confusion matrix over all their pixels."""
+    """Scores of pooled images: one confusion matrix over all their pixels."""
 
     def __init__(self, keep_worst: int = 6) -> None:
         size = len(PlantClass)
@@ -76,10 +76,10 @@ class Judgement:
     def add(
         self, name: str, image_rgb: ByteArray, truth: ByteArray, guess: PictureClasses
     ) -> ImageScore:
-        confusion = confusion_matrix(truth, guess.class_id)
+        confusion = count_confusion(truth, guess.class_id)
         self.confusion += confusion
         self._outlines += boundary_counts(truth, guess.class_id)
-        one = scores(confusion, 1)
+        one = compute_scores(confusion, 1)
         score = ImageScore(name=name, miou=one.miou, iou=one.iou)
         self.images.append(score)
         counted = truth < len(PlantClass)
@@ -94,7 +94,7 @@ class Judgement:
 
     @property
     def scores(self) -> Scores:
-        return scores(self.confusion, len(self.images))
+        return compute_scores(self.confusion, len(self.images))
 
     @property
     def boundary_f1(self) -> ByClass:
@@ -118,8 +118,8 @@ class Judgement:
         sure = np.bincount(bins, share * (wrong + right), RELIABILITY_BINS)
         total = max(1.0, float(pixels.sum()))
         return Reliability(
-            confidence=_ratios(sure, pixels),
-            accuracy=_ratios(hits, pixels),
+            confidence=_divide(sure, pixels),
+            accuracy=_divide(hits, pixels),
             pixels=tuple(int(n) for n in pixels),
             calibration_error=float(np.abs(sure - hits).sum() / total),
         )
@@ -132,7 +132,7 @@ class Judgement:
             self._by_share[kind] += pairs.reshape(256, 2)
 
     def precision_recall(self, kind: PlantClass) -> tuple[Curve, Curve]:
-        """Precision and recall of a class as its least probability falls from 1 to 0."""
+        """Compute precision and recall as the least probability of a class falls from 1 to 0."""
         others, own = self._by_share[kind][::-1].T.cumsum(axis=1)
         said = others + own
         kept = said > 0
@@ -143,29 +143,29 @@ class Judgement:
     ) -> None:
         height, width = truth.shape
         shape = (max(1, round(height * THUMB_WIDTH_PX / width)), THUMB_WIDTH_PX)
-        small = [resized_nearest(image_rgb[..., k], shape) for k in range(3)]
+        small = [resize_nearest(image_rgb[..., k], shape) for k in range(3)]
         self.worst.append(
             Thumbnail(
                 score.name,
                 score.miou,
                 np.stack(small, axis=-1),
-                resized_nearest(truth, shape),
-                resized_nearest(guess, shape),
+                resize_nearest(truth, shape),
+                resize_nearest(guess, shape),
             )
         )
         self.worst.sort(key=lambda thumbnail: thumbnail.miou)
         del self.worst[self._keep_worst :]
 
 
-def _ratios(
+def _divide(
     above: npt.NDArray[np.number], below: npt.NDArray[np.number]
 ) -> tuple[float | None, ...]:
     pairs = zip(above.tolist(), below.tolist(), strict=True)
     return tuple(a / b if b else None for a, b in pairs)
 
 
-def table(result: Scores) -> str:
-    """The scores as lines of text."""
+def format_scores(result: Scores) -> str:
+    """Format the scores as lines of text."""
     lines = [f"{'class':6} {'IoU':>7} {'precision':>10} {'recall':>7} {'F1':>7}"]
     for name in CLASS_NAMES:
         values = (result.iou, result.precision, result.recall, result.f1)

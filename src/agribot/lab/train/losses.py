@@ -1,4 +1,4 @@
-"""What the network is taught to make small."""
+"""The losses that training reduces; logits are (N, classes, H, W)."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ IGNORED = 255
 
 
 def dice_loss(logits: Tensor, target: Tensor) -> Tensor:
-    """1 - mean overlap of the classes present in the batch; `target` (N, H, W) int64.
+    """Compute 1 - mean overlap of the classes in the batch; `target` (N, H, W) int64.
 
     It sees small classes as large as big ones, which cross-entropy does not.
     Source: Milletari et al. 2016.
     """
-    guess, truth = _shares(logits, target)
+    guess, truth = _mask_shares(logits, target)
     overlap = (guess * truth).sum(dim=(0, 2, 3))
     total = guess.sum(dim=(0, 2, 3)) + truth.sum(dim=(0, 2, 3))
     present = truth.sum(dim=(0, 2, 3)) > 0
@@ -30,15 +30,15 @@ def dice_loss(logits: Tensor, target: Tensor) -> Tensor:
     return 1.0 - ratio[present].mean()
 
 
-def _shares(logits: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
-    """Probabilities and one-hot truth, (N, classes, H, W), both 0 where a pixel does not count."""
+def _mask_shares(logits: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
+    """Return probabilities and one-hot truth, (N, classes, H, W), 0 on pixels without class."""
     valid = (target != IGNORED).unsqueeze(1)
     truth = functional.one_hot(target.clamp(max=CLASS_COUNT - 1), CLASS_COUNT)
     return logits.softmax(dim=1) * valid, truth.permute(0, 3, 1, 2) * valid
 
 
 def lovasz_softmax(logits: Tensor, target: Tensor, most_px: int = 65_536) -> Tensor:
-    """Surrogate of 1 - mean IoU of the classes present; `target` (N, H, W) int64.
+    """Compute a surrogate of 1 - mean IoU of the classes present; `target` (N, H, W) int64.
 
     Of a large batch, `most_px` random pixels stand for all: the sort is the cost on a CPU.
     Source: Berman et al. 2018.
@@ -66,7 +66,7 @@ def lovasz_softmax(logits: Tensor, target: Tensor, most_px: int = 65_536) -> Ten
 def weighted_cross_entropy(
     logits: Tensor, target: Tensor, class_weights: tuple[float, float, float]
 ) -> Tensor:
-    """Mean over pixels of -weight(true class) log p(true class), as the original's loss.
+    """Average -weight(true class) log p(true class) over pixels, as the original's loss.
 
     PyTorch's own divides by the sum of the weights instead, which the batch decides.
     """
@@ -76,11 +76,11 @@ def weighted_cross_entropy(
 
 
 def iou_loss(logits: Tensor, target: Tensor) -> Tensor:
-    """1 - mean soft intersection over union of the classes present in the batch.
+    """Compute 1 - mean soft intersection over union of the classes present in the batch.
 
     Source: Rahman and Wang 2016.
     """
-    guess, truth = _shares(logits, target)
+    guess, truth = _mask_shares(logits, target)
     overlap = (guess * truth).sum(dim=(0, 2, 3))
     total = (guess + truth - guess * truth).sum(dim=(0, 2, 3))
     present = truth.sum(dim=(0, 2, 3)) > 0
@@ -94,7 +94,7 @@ def segmentation_loss(
     class_weights: tuple[float, float, float] = CLASS_WEIGHTS,
     overlap: Callable[[Tensor, Tensor], Tensor] | None = dice_loss,
 ) -> Tensor:
-    """Weighted cross-entropy plus a loss of overlap, on logits of any resolution.
+    """Add weighted cross-entropy and a loss of overlap, on logits of any resolution.
 
     Without the latter it is the original's loss.
     """

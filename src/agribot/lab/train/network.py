@@ -22,7 +22,9 @@ STRIDE_PX = 32
 Widths = tuple[int, int, int, int, int]
 
 
-def _conv(channels_in: int, channels_out: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
+def _make_conv(
+    channels_in: int, channels_out: int, kernel: int = 3, stride: int = 1
+) -> nn.Sequential:
     return nn.Sequential(
         nn.Conv2d(channels_in, channels_out, kernel, stride, kernel // 2, bias=False),
         nn.BatchNorm2d(channels_out),
@@ -32,8 +34,8 @@ def _conv(channels_in: int, channels_out: int, kernel: int = 3, stride: int = 1)
 class ResidualBlock(nn.Module):
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.first = _conv(channels, channels)
-        self.second = _conv(channels, channels)
+        self.first = _make_conv(channels, channels)
+        self.second = _make_conv(channels, channels)
 
     def forward(self, x: Tensor) -> Tensor:
         inner = self.second(functional.relu(self.first(x), inplace=True))
@@ -45,7 +47,7 @@ class PlainBlock(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.only = _conv(channels, channels)
+        self.only = _make_conv(channels, channels)
 
     def forward(self, x: Tensor) -> Tensor:
         return functional.relu(self.only(x), inplace=True)
@@ -59,7 +61,7 @@ class EncoderStage(nn.Module):
 
     def __init__(self, channels_in: int, channels_out: int, blocks: int) -> None:
         super().__init__()
-        self.down = _conv(channels_in, channels_out, stride=2)
+        self.down = _make_conv(channels_in, channels_out, stride=2)
         self.blocks = nn.Sequential(*(ResidualBlock(channels_out) for _ in range(blocks)))
 
     def forward(self, x: Tensor) -> Tensor:
@@ -72,8 +74,8 @@ class DecoderStage(nn.Module):
 
     def __init__(self, channels_in: int, skip: int, channels_out: int, block: Block) -> None:
         super().__init__()
-        self.reduce = _conv(channels_in, channels_out, kernel=1)
-        self.lateral = _conv(skip, channels_out, kernel=1)
+        self.reduce = _make_conv(channels_in, channels_out, kernel=1)
+        self.lateral = _make_conv(skip, channels_out, kernel=1)
         self.block = block(channels_out)
 
     def forward(self, x: Tensor, skip: Tensor) -> Tensor:
@@ -121,7 +123,7 @@ class CropWeedNet(nn.Module):
         decoder: tuple[int, int, int, int] = (16, 24, 32, 48),
     ) -> None:
         super().__init__()
-        self.stem = _conv(3, widths[0], stride=2)
+        self.stem = _make_conv(3, widths[0], stride=2)
         self.encoder = nn.ModuleList(
             EncoderStage(widths[i], widths[i + 1], blocks[i]) for i in range(4)
         )
@@ -149,10 +151,13 @@ class LiteNet(nn.Module):
 
 
 def load_encoder(network: nn.Module) -> None:
-    """Raises: ConfigError: the package with the weights of ImageNet is not installed."""
+    """Load the encoder's weights of ImageNet.
+
+    Raises: ConfigError: the package with the weights of ImageNet is not installed.
+    """
     assert isinstance(network, LiteNet)
     load_imagenet(network.encoder)
 
 
-def parameter_count(network: nn.Module) -> int:
+def count_parameters(network: nn.Module) -> int:
     return sum(parameter.numel() for parameter in network.parameters())

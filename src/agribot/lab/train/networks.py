@@ -14,7 +14,7 @@ STRIDE_PX = 32
 
 
 def read_size(text: str, multiple_px: int = 1) -> tuple[int, int]:
-    """(height, width) of "WIDTHxHEIGHT".
+    """Read (height, width) from "WIDTHxHEIGHT".
 
     Raises: ConfigError: not two whole numbers, or no multiples.
     """
@@ -30,7 +30,10 @@ def read_size(text: str, multiple_px: int = 1) -> tuple[int, int]:
 def open_network(
     model: str | Path, threads: int = 1, size: str | None = None, providers: str = "cpu"
 ) -> Segmenter:
-    """Raises: PerceptionError: no such network; ConfigError: an impossible size."""
+    """Open a network by its name or file, at another input size if one is given.
+
+    Raises: PerceptionError: no such network; ConfigError: an impossible size.
+    """
     chosen = {
         "cpu": ("CPUExecutionProvider",),
         "cuda": ("CUDAExecutionProvider", "CPUExecutionProvider"),
@@ -43,17 +46,17 @@ def open_network(
     as_it_is = Segmenter(model, threads, chosen)
     if size is None:
         return as_it_is
-    from agribot.lab.train.resizing import at_size
+    from agribot.lab.train.resizing import resize_network
 
     height_px, width_px = read_size(size, STRIDE_PX)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "resized.onnx"
-        path.write_bytes(at_size(model_path(model), height_px, width_px))
+        path.write_bytes(resize_network(model_path(model), height_px, width_px))
         return Segmenter(path, threads, chosen)
 
 
-def card_of(model: str | Path) -> dict[str, Any]:
-    """The card beside the weights; empty where there is none."""
+def read_card(model: str | Path) -> dict[str, Any]:
+    """Read the card beside the weights; empty where there is none."""
     path = model_path(model).with_suffix(".json")
     try:
         card = json.loads(path.read_text(encoding="utf-8"))

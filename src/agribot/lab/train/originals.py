@@ -21,7 +21,7 @@ BONNET_LEVELS = 4
 BLOCKS_PER_LEVEL = 3
 
 
-def _conv_relu(channels_in: int, channels_out: int) -> nn.Sequential:
+def _make_conv_relu(channels_in: int, channels_out: int) -> nn.Sequential:
     return nn.Sequential(nn.Conv2d(channels_in, channels_out, 3, padding=1), nn.ReLU())
 
 
@@ -43,16 +43,18 @@ class OriginalUNet(nn.Module):
         super().__init__()
         deep = (*UNET_WIDTHS[1:], UNET_BOTTOM)
         self.encoder = nn.ModuleList(
-            nn.Sequential(_conv_relu(before, width), *(_conv_relu(width, width) for _ in range(2)))
+            nn.Sequential(
+                _make_conv_relu(before, width), *(_make_conv_relu(width, width) for _ in range(2))
+            )
             for before, width in zip((3, *UNET_WIDTHS), UNET_WIDTHS, strict=False)
         )
         self.bottom = nn.Sequential(
-            _conv_relu(UNET_WIDTHS[-1], UNET_BOTTOM), _conv_relu(UNET_BOTTOM, UNET_BOTTOM)
+            _make_conv_relu(UNET_WIDTHS[-1], UNET_BOTTOM), _make_conv_relu(UNET_BOTTOM, UNET_BOTTOM)
         )
         levels = list(zip(deep, UNET_WIDTHS, strict=True))[::-1]
-        self.up = nn.ModuleList(_conv_relu(below, width) for below, width in levels)
+        self.up = nn.ModuleList(_make_conv_relu(below, width) for below, width in levels)
         self.decoder = nn.ModuleList(
-            nn.Sequential(_conv_relu(2 * width, width), _conv_relu(width, width))
+            nn.Sequential(_make_conv_relu(2 * width, width), _make_conv_relu(width, width))
             for _, width in levels
         )
         self.dropout = nn.Dropout(dropout)
@@ -103,8 +105,8 @@ class OriginalBonnet(nn.Module):
         super().__init__()
         self.stem = nn.Conv2d(BONNET_CHANNELS, BONNET_WIDTH, 5, padding=2)
         self.norm = nn.BatchNorm2d(BONNET_WIDTH, eps=1e-3, momentum=0.01)
-        self.encoder = nn.ModuleList(_residuals() for _ in range(BONNET_LEVELS))
-        self.decoder = nn.ModuleList(_residuals() for _ in range(BONNET_LEVELS))
+        self.encoder = nn.ModuleList(_make_residuals() for _ in range(BONNET_LEVELS))
+        self.decoder = nn.ModuleList(_make_residuals() for _ in range(BONNET_LEVELS))
         self.head = nn.Conv2d(BONNET_WIDTH, CLASS_COUNT, 1)
         self.relu_logits = relu_logits
         _initialise(self)
@@ -123,18 +125,18 @@ class OriginalBonnet(nn.Module):
         return functional.relu(logits) if self.relu_logits else logits
 
 
-def _residuals() -> nn.Sequential:
+def _make_residuals() -> nn.Sequential:
     return nn.Sequential(*(BonnetResidual() for _ in range(BLOCKS_PER_LEVEL)))
 
 
 def unpooling_mask(full: Tensor, pooled: Tensor) -> Tensor:
-    """1 where a pixel reaches the maximum of its 2 x 2 window, else 0; equal maxima all count."""
+    """Mark with 1 the pixels that reach the maximum of their 2 x 2 window; equal ones all count."""
     enlarged = functional.interpolate(pooled, scale_factor=2.0, mode="nearest")
     return (full >= enlarged).to(full.dtype)
 
 
-def keras_parameter_count(network: nn.Module) -> int:
-    """Parameters as Keras counts them, with the running statistics of the normalisation."""
+def count_keras_parameters(network: nn.Module) -> int:
+    """Count parameters as Keras does, with the running statistics of the normalisation."""
     statistics = sum(
         buffer.numel() for name, buffer in network.named_buffers() if "running" in name
     )

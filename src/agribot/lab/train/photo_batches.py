@@ -16,7 +16,7 @@ from PIL import Image
 from torch import Tensor
 
 from agribot.core.messages import ByteArray, PlantClass
-from agribot.lab.train.evaluate import resized_nearest
+from agribot.lab.train.evaluate import resize_nearest
 from agribot.lab.train.photo_transforms import relight, warp
 
 # Largest and smallest scale, over the scale at which the network works.
@@ -39,7 +39,7 @@ class Level(NamedTuple):
 
 
 class PhotoBatches:
-    """Draws batches; the same generator state gives the same batch.
+    """A source of batches; the same generator state gives the same batch.
 
     `scale` is the network's input width over the width of the photographs.
     """
@@ -55,7 +55,7 @@ class PhotoBatches:
         self.crop_px = crop_px
         scales = np.minimum(1.0, scale * np.geomspace(*SCALE_RATIO, LEVELS) / FROM_LEVEL_RATIO[0])
         scales = np.minimum(scales, scale * SCALE_RATIO[1])
-        self._pictures = [[_level(*pair, float(s)) for s in scales] for pair in pairs]
+        self._pictures = [[_make_level(*pair, float(s)) for s in scales] for pair in pairs]
         # A turned square must not reach over the edge of its window.
         self._window_px = int(np.ceil(crop_px * 1.2))
 
@@ -105,13 +105,13 @@ class PhotoBatches:
         return level.image_rgb[window], level.label[window]
 
 
-def _level(image_rgb: ByteArray, label: ByteArray, scale: float) -> Level:
+def _make_level(image_rgb: ByteArray, label: ByteArray, scale: float) -> Level:
     height, width = (max(1, round(size * scale)) for size in label.shape)
     # Pillow's filter widens with the reduction: fine leaves do not alias.
     image = np.asarray(
         Image.fromarray(image_rgb).resize((width, height), Image.Resampling.BILINEAR)
     )
-    small = resized_nearest(label, (height, width))
+    small = resize_nearest(label, (height, width))
     sparse = small[::4, ::4]
     plants = (sparse == PlantClass.CROP) | (sparse == PlantClass.WEED)
     return Level(image, small, 4 * np.argwhere(sparse == PlantClass.CROP), 4 * np.argwhere(plants))

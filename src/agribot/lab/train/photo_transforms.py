@@ -71,7 +71,7 @@ def _transform(
 
 def relight(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray:
     """Give a picture (height, width, 3) the exposure, colours, blur and noise of another camera."""
-    image = np.asarray(cv2.LUT(image_rgb, _levels(rng)), dtype=np.uint8)
+    image = np.asarray(cv2.LUT(image_rgb, _draw_levels(rng)), dtype=np.uint8)
     if rng.random() < COLOUR_RATIO:
         image = _shift_colours(image, rng)
     if rng.random() < BLUR_RATIO:
@@ -84,7 +84,7 @@ def relight(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray:
     return image
 
 
-def _levels(rng: np.random.Generator) -> ByteArray:
+def _draw_levels(rng: np.random.Generator) -> ByteArray:
     """Draw a table (1, 256, 3) for gamma, contrast, brightness and white balance."""
     levels: npt.NDArray[np.floating] = np.repeat(np.arange(256.0)[:, None], 3, axis=1)
     if rng.random() < GAMMA_RATIO:

@@ -16,8 +16,8 @@ from agribot.lab.dataset.classes import (
     MaskIds,
     advise_ids,
     advise_swapped,
-    classes_of,
-    say_no_classes,
+    explain_no_classes,
+    read_classes,
 )
 from agribot.lab.dataset.layouts import Item, find_layout
 from agribot.lab.dataset.pictures import PictureError, open_mask, read_picture
@@ -26,7 +26,7 @@ NON_COMMERCIAL = "non-commercial research use only"
 
 
 class DataKind(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a known data set keeps its files, what its mask values mean and its conditions.
+    """Where a known data set keeps its files, the meaning of its mask values, its conditions.
 
     `ids` maps stored values to classes; empty: ids as in `PlantClass`, or red, green, black.
     """
@@ -90,7 +90,7 @@ def find_pairs(
     masks: str | None = None,
     ids: MaskIds | None = None,
 ) -> tuple[list[Pair], list[str]]:
-    """All complete pairs, sorted by name, and what is wrong with the rest.
+    """Find all complete pairs, sorted by name, and what is wrong with the rest.
 
     `ids` replaces what the values of the masks mean in data of this kind.
 
@@ -103,7 +103,7 @@ def find_pairs(
         [f"{folder / name}: another file has this name" for name in layout.doubles],
     )
     for item in layout.items:
-        pair = _pair(folder, item, known.ids if ids is None else ids)
+        pair = _make_pair(folder, item, known.ids if ids is None else ids)
         if isinstance(pair, Pair):
             pairs.append(msgspec.structs.replace(pair, is_named=ids is not None))
         else:
@@ -116,7 +116,7 @@ def find_pairs(
     return pairs, problems
 
 
-def _pair(folder: Path, item: Item, ids: MaskIds) -> Pair | str:
+def _make_pair(folder: Path, item: Item, ids: MaskIds) -> Pair | str:
     if item.image is None:
         return f"{folder / (item.mask or '')}: mask without an image"
     if item.mask is None:
@@ -127,7 +127,7 @@ def _pair(folder: Path, item: Item, ids: MaskIds) -> Pair | str:
 def read_pairs(
     pairs: Sequence[Pair], problem: Callable[[str], None]
 ) -> Iterator[tuple[ByteArray, ByteArray]]:
-    """(image_rgb, label) of each pair that is whole; `problem` is told of every other one."""
+    """Read (image_rgb, label) of each pair that is whole; `problem` gets every other one."""
     for pair in pairs:
         try:
             yield read_pair(pair)
@@ -136,7 +136,10 @@ def read_pairs(
 
 
 def read_pair(pair: Pair) -> tuple[ByteArray, ByteArray]:
-    """Raises: PictureError: a file cannot be read, or the mask does not fit the image."""
+    """Read image_rgb (height, width, 3) and label (height, width) of a pair.
+
+    Raises: PictureError: a file cannot be read, or the mask does not fit the image.
+    """
     image_rgb = read_picture(pair.image)
     label = read_label(pair.mask, pair.ids, is_named=pair.is_named)
     if label.shape != image_rgb.shape[:2]:
@@ -148,16 +151,16 @@ def read_pair(pair: Pair) -> tuple[ByteArray, ByteArray]:
 
 
 def read_label(path: Path, ids: MaskIds, *, is_named: bool = False) -> ByteArray:
-    """Class of every pixel, 255 where it does not count.
+    """Read the class of every pixel, 255 where it does not count.
 
     `is_named`: the ids are those of the option --ids, which the messages then name.
 
     Raises: PictureError: unreadable, or values that are no class.
     """
     mask = open_mask(path)
-    label = classes_of(mask, ids)
+    label = read_classes(mask, ids)
     if label is None:
-        raise PictureError(f"{path}: {say_no_classes(mask, is_named=is_named)}")
+        raise PictureError(f"{path}: {explain_no_classes(mask, is_named=is_named)}")
     unknown = int((label == UNKNOWN).sum())
     if unknown:
         allowed = f"weed 0, crop 1, soil 2, unlabelled 255; {USUAL_COLOURS}{advise_ids(mask)}"
@@ -182,22 +185,22 @@ def check_classes(
     tally = ClassTally()
     for image_rgb, label in read:
         tally.add(image_rgb, label)
-    doubt = tally.doubt()
+    doubt = tally.explain_doubt()
     if doubt:
         holds_values = any(_holds_values(pair.mask) for pair in pairs)
         raise ConfigError(f"{folder}: {doubt}; {advise_swapped(holds_values=holds_values)}")
 
 
 def _holds_values(path: Path) -> bool:
-    """Whether a mask that is read without ids is one of values."""
+    """Tell whether a mask that is read without ids is one of values."""
     try:
         return open_mask(path).mode == "L"
     except PictureError:
         return False
 
 
-def fold_of(pairs: Sequence[Pair], folds: int, fold: int) -> tuple[list[Pair], list[Pair]]:
-    """Training and held-out pairs of one fold; groups stay whole where there are enough of them.
+def split_fold(pairs: Sequence[Pair], folds: int, fold: int) -> tuple[list[Pair], list[Pair]]:
+    """Split training and held-out pairs of a fold; groups stay whole where there are enough.
 
     Raises: ConfigError: fewer pairs than folds, or no such fold.
     """

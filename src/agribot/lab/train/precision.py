@@ -15,12 +15,12 @@ CALIBRATION_IMAGES = 32
 T = TypeVar("T")
 
 
-def some_of(pictures: Sequence[T]) -> Sequence[T]:
-    """As many as the ranges of 8-bit numbers need, from the whole of a list."""
+def sample_pictures(pictures: Sequence[T]) -> Sequence[T]:
+    """Take as many as the ranges of 8-bit numbers need, from the whole of a list."""
     return pictures[:: max(1, len(pictures) // CALIBRATION_IMAGES)][:CALIBRATION_IMAGES]
 
 
-def to_int8(source: Path, target: Path, pictures: Iterable[ByteArray]) -> None:
+def quantise_to_int8(source: Path, target: Path, pictures: Iterable[ByteArray]) -> None:
     """Quantise convolutions and what lies between them; ranges come from the pictures.
 
     What stands around the network stays as it is: colours in, classes and probabilities out.
@@ -57,8 +57,8 @@ def to_int8(source: Path, target: Path, pictures: Iterable[ByteArray]) -> None:
         )
 
 
-def to_fp16(source: Path, target: Path) -> None:
-    """Weights and sums as 16-bit floats: half the file; ours to gain time only on a GPU."""
+def convert_to_fp16(source: Path, target: Path) -> None:
+    """Store weights and sums as 16-bit floats: half the file; gains time only on a GPU."""
     import onnx
     from onnxruntime.transformers.float16 import convert_float_to_float16
 

@@ -29,28 +29,28 @@ PATIENCE = timedelta(hours=12)
 Result = TypeVar("Result")
 
 
-class Crew(msgspec.Struct, frozen=True, kw_only=True):
-    """The process among all: `rank` 0 also writes files and speaks."""
+class TrainingGroup(msgspec.Struct, frozen=True, kw_only=True):
+    """One process among those that train together: `rank` 0 also writes and prints."""
 
     rank: int = 0
     size: int = 1
     device: str = "cpu"
 
     @property
-    def leads(self) -> bool:
+    def is_leader(self) -> bool:
         return self.rank == 0
 
-    def leader_first(self, work: Callable[[], Result]) -> Result:
-        """Do it in every process, in the others after the first one, which may write files."""
-        if not self.leads:
+    def run_leader_first(self, work: Callable[[], Result]) -> Result:
+        """Call in every process, in the others after the first one, which may write files."""
+        if not self.is_leader:
             distributed.barrier()
         result = work()
-        if self.leads and self.size > 1:
+        if self.is_leader and self.size > 1:
             distributed.barrier()
         return result
 
-    def together(self, network: nn.Module) -> nn.Module:
-        """The network with gradients that are the mean of all processes."""
+    def average_gradients(self, network: nn.Module) -> nn.Module:
+        """Wrap the network so that its gradients are the mean of all processes."""
         if self.size == 1:
             return network
         return nn.parallel.DistributedDataParallel(network)
@@ -61,8 +61,8 @@ def use_threads(count: int) -> None:
     torch.set_num_threads(count)
 
 
-def join(device: str = "auto") -> Crew:
-    """Meet the other processes that torchrun started, if any.
+def join_group(device: str = "auto") -> TrainingGroup:
+    """Join the other processes that torchrun started, if any.
 
     Raises: ConfigError: no such device here.
     """
@@ -79,10 +79,10 @@ def join(device: str = "auto") -> Crew:
     if size > 1 and not distributed.is_initialized():
         backend = "gloo" if device == "cpu" else "nccl"
         distributed.init_process_group(backend, timeout=PATIENCE)
-    return Crew(rank=rank, size=size, device=device)
+    return TrainingGroup(rank=rank, size=size, device=device)
 
 
-def part() -> None:
+def leave_group() -> None:
     """Leave the other processes in good order, once nothing trains together any more.
 
     The group's threads end with the last that holds it. One that still runs while Python shuts

@@ -1,4 +1,4 @@
-"""The same network at another input size: it is convolutional, only its graph names a size."""
+"""Resize a network's input: it is convolutional, only its graph names a size."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from agribot.core.errors import PerceptionError
 
 
-def at_size(path: Path, height_px: int, width_px: int) -> bytes:
-    """The file with its first resize and its outputs at (height_px, width_px).
+def resize_network(path: Path, height_px: int, width_px: int) -> bytes:
+    """Return the file with its first resize and its outputs at (height_px, width_px).
 
     Raises: PerceptionError: the file is no graph of ours.
     """

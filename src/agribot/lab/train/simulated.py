@@ -23,7 +23,7 @@ LABEL_RANGE_M = 3.0
 def draw_random_field(
     rng: np.random.Generator, views: int, *, is_wide: bool = False
 ) -> Iterator[LabelledImage]:
-    """Views of one random field from random camera poses; `is_wide`: of any species and soil."""
+    """Draw views of one random field; `is_wide`: of any species and soil."""
     renderer = CameraRenderer(
         sample_field(rng, is_wide=is_wide), appearance=sample_look(rng), threads=1
     )
@@ -33,10 +33,10 @@ def draw_random_field(
         drawn = renderer.render(
             map_from_camera, camera, noise_seed=int(rng.integers(2**31)), supersample=fine
         )
-        yield drawn.image_rgb, label_of(drawn)
+        yield drawn.image_rgb, make_label(drawn)
 
 
-def label_of(drawn: Rendering) -> ByteArray:
-    """Classes, with pixels that are too far to tell left out; the sky counts as no plant."""
+def make_label(drawn: Rendering) -> ByteArray:
+    """Label pixels with classes; those too far to tell are left out; sky counts as no plant."""
     far = (drawn.depth_m > LABEL_RANGE_M) & np.isfinite(drawn.depth_m)
     return np.where(far, np.uint8(IGNORED), drawn.class_id)

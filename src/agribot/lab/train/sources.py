@@ -1,4 +1,4 @@
-"""What a training needs of its data, wherever that comes from."""
+"""The data of a training, drawn or photographed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from torch import Tensor
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray
 from agribot.lab.dataset.classes import read_ids
-from agribot.lab.train.augment import augmented_batch
+from agribot.lab.train.augment import augment_batch
 from agribot.lab.train.card import LICENSE, SIM_LIMITS
 from agribot.lab.train.data import DataSet, LabelledImage
 from agribot.lab.train.export import INPUT_HEIGHT_PX, INPUT_WIDTH_PX
@@ -29,8 +29,8 @@ from agribot.lab.train.photographs import (
     Pair,
     check_classes,
     find_pairs,
-    fold_of,
     read_pairs,
+    split_fold,
 )
 from agribot.lab.train.simulated import VIEWS_PER_SCENE, draw_random_field
 
@@ -38,8 +38,8 @@ from agribot.lab.train.simulated import VIEWS_PER_SCENE, draw_random_field
 PHOTO_WEIGHTS = (1.0, 2.0, 0.6)
 
 
-class Source(msgspec.Struct, frozen=True, kw_only=True):
-    """`tests` holds sets that no training image is in; `problems` what could not be read.
+class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
+    """The data; `tests` are sets without any training image, `problems` unreadable files.
 
     `aside` are images for nothing but the temperature of the confidence; None: leave it as it is.
     """
@@ -59,22 +59,22 @@ class Source(msgspec.Struct, frozen=True, kw_only=True):
     problems: tuple[str, ...] = ()
 
 
-def simulated_source(args: argparse.Namespace, progress: Progress) -> Source:
-    """The training sets and the held-out sets, drawn as far as they were missing."""
+def make_simulated_source(args: argparse.Namespace, progress: Progress) -> TrainingSource:
+    """Draw what is missing of the training sets and the held-out sets."""
     counts = {
         "train-random": args.images - args.row_images - args.turn_images,
         "train-rows": args.row_images,
         "train-turns": args.turn_images,
     }
-    sets = _drawn_sets(args, counts, progress)
-    images, labels = _in_memory(
+    sets = _draw_sets(args, counts, progress)
+    images, labels = _load(
         itertools.chain.from_iterable(sets.pop(name).read(count) for name, count in counts.items())
     )
     aside = sets.pop("aside-random"), sets.pop("aside-rows")
     recipe = TrainingPlan(steps=1, data=f"sim --variety {args.variety}")
-    return Source(
+    return TrainingSource(
         aside=lambda: itertools.chain.from_iterable(s.read(args.test_images // 2) for s in aside),
-        batches=_view_batches(images, labels, recipe),
+        batches=_make_view_batches(images, labels, recipe),
         pictures=images,
         recipe=recipe,
         tests={name: partial(one.read, args.test_images) for name, one in sets.items()},
@@ -90,7 +90,7 @@ def simulated_source(args: argparse.Namespace, progress: Progress) -> Source:
     )
 
 
-def _drawn_sets(
+def _draw_sets(
     args: argparse.Namespace, counts: dict[str, int], progress: Progress
 ) -> dict[str, DataSet]:
     is_wide = args.variety == "wide"
@@ -122,8 +122,8 @@ def _drawn_sets(
     return sets
 
 
-def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
-    """Photographs of a folder, all of them or all but one fold.
+def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingSource:
+    """Read the photographs of a folder, all of them or all but one fold.
 
     Raises: ConfigError: no pairs, or an option out of range.
     """
@@ -131,7 +131,7 @@ def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
     if args.crop_px % STRIDE_PX:
         raise ConfigError(f"--crop-px {args.crop_px}: must be a multiple of {STRIDE_PX} pixels")
     read, held, problems = _read_photographs(args, progress)
-    options = _data_options(args)
+    options = _format_options(args)
     recipe = TrainingPlan(
         steps=1,
         crop_px=args.crop_px,
@@ -140,8 +140,8 @@ def photo_source(args: argparse.Namespace, progress: Progress) -> Source:
         data=f"{args.data}{options.ids}{options.fold} --train-width {args.train_width}"
         f"{options.with_sim}",
     )
-    return Source(
-        batches=_photo_batches(args, read, recipe, progress),
+    return TrainingSource(
+        batches=_make_photo_batches(args, read, recipe, progress),
         pictures=[image_rgb for image_rgb, _ in read],
         recipe=recipe,
         tests={f"fold {args.fold} of {args.folds}": held} if held else {},
@@ -171,7 +171,7 @@ def _read_photographs(
     pairs, problems = find_pairs(args.data_dir, args.data, ids=ids)
     held: list[Pair] = []
     if args.fold is not None:
-        pairs, held = fold_of(pairs, args.folds, args.fold)
+        pairs, held = split_fold(pairs, args.folds, args.fold)
     for text in problems:
         progress(f"left out: {text}")
 
@@ -195,7 +195,7 @@ class _DataOptions(NamedTuple):
     with_sim: str
 
 
-def _data_options(args: argparse.Namespace) -> _DataOptions:
+def _format_options(args: argparse.Namespace) -> _DataOptions:
     return _DataOptions(
         ids=f" --ids {args.ids}" if args.ids else "",
         fold="" if args.fold is None else f" --folds {args.folds} --fold {args.fold}",
@@ -203,10 +203,10 @@ def _data_options(args: argparse.Namespace) -> _DataOptions:
     )
 
 
-def _photo_batches(
+def _make_photo_batches(
     args: argparse.Namespace, read: list[LabelledImage], recipe: TrainingPlan, progress: Progress
 ) -> BatchSource:
-    """Crops of the photographs; with simulated images these give a quarter of every batch."""
+    """Crop the photographs; simulated images, if any, give a quarter of every batch."""
     aside = recipe.batch_size // 4 if args.with_sim else 0
 
     def scale(images: list[LabelledImage]) -> float:
@@ -233,7 +233,7 @@ def _photo_batches(
     return mixed
 
 
-def _in_memory(
+def _load(
     pairs: Iterable[LabelledImage],
 ) -> tuple[list[ByteArray], list[ByteArray]]:
     images, labels = [], []
@@ -243,12 +243,12 @@ def _in_memory(
     return images, labels
 
 
-def _view_batches(
+def _make_view_batches(
     images: list[ByteArray], labels: list[ByteArray], recipe: TrainingPlan
 ) -> BatchSource:
     def batch(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         chosen = rng.integers(len(images), size=recipe.batch_size)
-        return augmented_batch(
+        return augment_batch(
             [images[i] for i in chosen], [labels[i] for i in chosen], recipe.crop_px, rng
         )
 

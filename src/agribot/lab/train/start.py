@@ -1,4 +1,4 @@
-"""Begin a training with weights that have learned already: of a file, or of ImageNet."""
+"""Begin a training with weights of a file, or of ImageNet."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.errors import ConfigError
-from agribot.lab.train.architectures import ARCHITECTURES, architecture
+from agribot.lab.train.architectures import ARCHITECTURES, find_architecture
 
 IMAGENET, RANDOM = "imagenet", "random"
 # Top rates of a network that has learned already, and of one whose encoder has.
@@ -17,8 +17,11 @@ LEARNING_RATE, IMAGENET_LEARNING_RATE = 1e-3, 1.5e-3
 
 
 def load_imagenet(model: str, network: nn.Module) -> None:
-    """Raises: ConfigError: no weights of ImageNet for networks of this name, or not installed."""
-    load = architecture(model).load_imagenet
+    """Load the encoder's weights of ImageNet.
+
+    Raises: ConfigError: no weights of ImageNet for networks of this name, or not installed.
+    """
+    load = find_architecture(model).load_imagenet
     if load is None:
         known = [name for name, one in ARCHITECTURES.items() if one.load_imagenet]
         raise ConfigError(f"--start {IMAGENET}: not for {model}, only for {', '.join(known)}")
