@@ -91,7 +91,7 @@ def read_weed_areas(world: ET.Element, source: SourceFile) -> tuple[WeedArea, ..
 def read_plants(
     world: ET.Element, map_from_world: FloatArray, source: SourceFile
 ) -> tuple[Plant, ...]:
-    """Read the plants that a world lists one by one, as generated and exported fields do."""
+    """Read the plants that a world lists one by one; `map_from_world` is (4, 4)."""
     plants: list[Plant] = []
     turn_rad = math.atan2(map_from_world[1, 0], map_from_world[0, 0])
     for element in world.findall(qualify_tag("plant")):

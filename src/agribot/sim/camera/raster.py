@@ -48,7 +48,10 @@ def draw_band(
     box: Singles,
     targets: Targets,
 ) -> None:
-    """Clear the rows [first_row, last_row) and draw everything seen on them, nearest first."""
+    """Clear the rows [first_row, last_row) and draw everything seen on them, nearest first.
+
+    `point` (V, 6) and `box` (N, 5) are projected; `seen`, `mesh` and `start` (N,) belong to `box`.
+    """
     inverse_depth, first_face, faces = targets.inverse_depth, forms.first_face, forms.faces
     face, near_m, width = forms.face, view.near_m, view.width
     # Arrays are taken out of their tuples once: their reference counts cost more than a triangle.
@@ -113,7 +116,10 @@ def _is_hidden(box: Singles, k: int, first_row: int, last_row: int, inverse_dept
 
 @compile_fast
 def clip(point: Floats, a: int, b: int, c: int, view: PinholeView, corner: Doubles) -> int:
-    """Cut a triangle at the near plane; write projected corners, return how many: 0, 3 or 4."""
+    """Cut a triangle of `point` (V, 6) at the near plane; write its corners into `corner` (4, 6).
+
+    Returns the number of corners: 0, 3 or 4.
+    """
     index = (a, b, c)
     count = 0
     for e in range(3):

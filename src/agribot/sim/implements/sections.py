@@ -49,7 +49,7 @@ class DelayedSections:
             self.is_on[:] = self._pending.popleft()[1]
 
 
-class Swath:
+class SectionSwath:
     """The ground under the sections, and the plants of a world that they touch.
 
     `length_m` is how far along the way a section works at once; a plant is touched when its disc of
