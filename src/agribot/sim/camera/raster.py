@@ -48,10 +48,7 @@ def draw_band(
     box: Singles,
     targets: Targets,
 ) -> None:
-    """Clear the rows [first_row, last_row) and draw everything seen on them, nearest first.
-
-    `point` (V, 6) and `box` (N, 5) are projected; `seen`, `mesh` and `start` (N,) belong to `box`.
-    """
+    """Clear the rows [first_row, last_row); draw what is seen: `point` (V, 6), `box` (N, 5)."""
     inverse_depth, first_face, faces = targets.inverse_depth, forms.first_face, forms.faces
     face, near_m, width = forms.face, view.near_m, view.width
     # Arrays are taken out of their tuples once: their reference counts cost more than a triangle.
