@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from agribot.app.field_work import planned
+from agribot.app.field_work import plan_field_file
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.main import main
 from agribot.core import config
@@ -111,7 +111,7 @@ def test_a_recording_ends_and_begins_when_asked(
 def test_another_plan_replaces_the_mission_and_is_judged_in_its_place(tmp_path: Path) -> None:
     settings = config.load("farm", SETTINGS)
     with simulate(settings, tmp_path / "probe") as session:
-        plan, certificate = planned(FIELD, settings, session.robot, None)
+        plan, certificate = plan_field_file(FIELD, settings, session.robot, None)
     assert certificate.ok
     text = format_plan(plan, certificate)
     out = tmp_path / "run"

@@ -8,7 +8,7 @@ import pytest
 
 from agribot.cli import bridging, origin
 from agribot.cli.main import main
-from agribot.cli.run_settings import add_setting_arguments, settings_of
+from agribot.cli.run_settings import add_setting_arguments, read_settings
 from agribot.core import config
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
@@ -46,7 +46,7 @@ def settings(*words: str) -> RunConfig:
     parser = argparse.ArgumentParser()
     add_setting_arguments(parser)
     bridging.add_arguments(parser)
-    return settings_of(parser.parse_args(["farm", *words]))
+    return read_settings(parser.parse_args(["farm", *words]))
 
 
 def fix(place: Datum, quality: GnssQuality = GnssQuality.SINGLE) -> str:

@@ -15,7 +15,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from agribot.cli.main import main
-from agribot.cli.view import view_file
+from agribot.cli.view import find_view
 from agribot.core import topics
 from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.ros2 import wire
@@ -152,4 +152,4 @@ def test_a_viewer_without_a_recording_says_what_it_needs(
 
 def test_the_packaged_views_are_there() -> None:
     for name in ("ros1.rviz", "ros2.rviz", "foxglove.json"):
-        assert view_file(name).is_file()
+        assert find_view(name).is_file()

@@ -118,7 +118,7 @@ def robot(out_dir: Path, *arguments: str) -> Iterator[Client]:
 
     with simulate(settings, out_dir) as session:
         driver = threading.Thread(target=drive, daemon=True)
-        with bridging.bridges(options, session), zenoh_peer(locator) as talk:
+        with bridging.open_bridges(options, session), zenoh_peer(locator) as talk:
             driver.start()
             try:
                 yield Client(talk, session)

@@ -171,7 +171,7 @@ def test_the_robot_believes_to_be_where_another_process_says_and_its_silence_is_
     sensor_sources.add_arguments(parser)
     bridging.add_arguments(parser)
     options = parser.parse_args(["--source", "gnss=ros2:/their/fix", "--ros-router", locator])
-    assigned = [*sensor_sources.settings_of(options), "perception.enabled=false"]
+    assigned = [*sensor_sources.read_source_settings(options), "perception.enabled=false"]
     settings = config.load("farm", assigned)
     north_m = 0.8  # of where the simulated robot really stands
     with simulate(settings, tmp_path) as session:
@@ -179,7 +179,7 @@ def test_the_robot_believes_to_be_where_another_process_says_and_its_silence_is_
         frame = MapFrame(settings.field.datum)
         lat_deg, lon_deg, _ = frame.geodetic_from_map(spawn[0], spawn[1] + north_m)
         with (
-            sensor_sources.sensor_sources(options, session),
+            sensor_sources.open_sensor_sources(options, session),
             zenoh_peer(locator) as talk,
         ):
             message = fix(lat_deg, lon_deg, 0.0, settings.field.datum.alt_m)

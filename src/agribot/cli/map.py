@@ -77,7 +77,7 @@ def _import(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
         raise ConfigError(f"--name '{name}': give one of letters, digits and . _ -, at most 63")
     target = folder / f"{name}.mbtiles"
     if is_url:
-        _from_server(options, target)
+        _import_from_server(options, target)
         return describe_map(target)
     source = Path(options.source)
     suffix = source.suffix.lower()
@@ -108,10 +108,10 @@ def _convert(source: Path, target: Path, convert: Any) -> dict[str, Any]:
     return describe_map(target)
 
 
-def _from_server(options: argparse.Namespace, target: Path) -> None:
+def _import_from_server(options: argparse.Namespace, target: Path) -> None:
     from agribot.gis import map_import
 
-    zooms = _zooms(options.zoom)
+    zooms = _parse_zooms(options.zoom)
     if options.live:
         map_import.register_server(options.source, target, zooms, options.attribution)
     elif options.bbox is None:
@@ -123,7 +123,7 @@ def _from_server(options: argparse.Namespace, target: Path) -> None:
         )
 
 
-def _zooms(text: str) -> tuple[int, int]:
+def _parse_zooms(text: str) -> tuple[int, int]:
     try:
         first, _, last = text.partition("-")
         return int(first), int(last or first)

@@ -9,9 +9,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agribot.autonomy.plan.coverage.area import FieldArea, Line, Point
+from agribot.autonomy.plan.coverage.area import FieldArea, MapLine
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
+from agribot.core.messages import MapPoint
 from agribot.gis.formats.table import READERS, read_other
 from agribot.gis.geojson import KINDS, Feature, LonLat, parse_features, read_json
 
@@ -108,17 +109,17 @@ def _check_place(ring: Sequence[LonLat], datum: Datum, source_name: str) -> None
     )
 
 
-def _to_map(position: LonLat, frame: MapFrame) -> Point:
+def _to_map(position: LonLat, frame: MapFrame) -> MapPoint:
     east_m, north_m, _ = frame.map_from_geodetic(position[1], position[0], frame.datum.alt_m)
     return east_m, north_m
 
 
-def _to_map_ring(ring: Sequence[LonLat], frame: MapFrame) -> Line:
+def _to_map_ring(ring: Sequence[LonLat], frame: MapFrame) -> MapLine:
     points = ring[:-1] if len(ring) > 1 and ring[0] == ring[-1] else ring
     return tuple(_to_map(position, frame) for position in points)
 
 
-def _to_map_line(line: Sequence[LonLat], frame: MapFrame) -> Line:
+def _to_map_line(line: Sequence[LonLat], frame: MapFrame) -> MapLine:
     return tuple(_to_map(position, frame) for position in line)
 
 
@@ -153,11 +154,11 @@ def check_field(area: FieldArea, frame: MapFrame, source_name: str) -> FieldArea
     )  # fmt: skip
 
 
-def _list_points(ring: shapely.LinearRing) -> Line:
+def _list_points(ring: shapely.LinearRing) -> MapLine:
     return tuple((float(x), float(y)) for x, y in ring.coords[:-1])
 
 
-def _make_polygon(ring: Line, name: str, frame: MapFrame) -> shapely.Polygon:
+def _make_polygon(ring: MapLine, name: str, frame: MapFrame) -> shapely.Polygon:
     import shapely
 
     if len(ring) < 3:
@@ -186,7 +187,7 @@ def _check_lines(area: FieldArea, source_name: str, frame: MapFrame) -> None:
 
 
 def _check_rows(
-    rows: Sequence[Line], field: BaseGeometry, source_name: str, frame: MapFrame
+    rows: Sequence[MapLine], field: BaseGeometry, source_name: str, frame: MapFrame
 ) -> None:
     import shapely
 

@@ -15,7 +15,7 @@ from agribot.autonomy.plan.coverage.area import (
     FieldPlan,
     Leg,
     LegKind,
-    Line,
+    MapLine,
     PlanRequest,
 )
 from agribot.autonomy.plan.plan_certificate import Certificate
@@ -124,7 +124,7 @@ def _make_feature(geometry: str, coordinates: object, **properties: object) -> d
     }
 
 
-def _to_degrees(points: Line | FloatArray, frame: MapFrame) -> list[list[float]]:
+def _to_degrees(points: MapLine | FloatArray, frame: MapFrame) -> list[list[float]]:
     found = []
     for east_m, north_m in points:
         lat_deg, lon_deg, _ = frame.geodetic_from_map(float(east_m), float(north_m))
@@ -132,6 +132,6 @@ def _to_degrees(points: Line | FloatArray, frame: MapFrame) -> list[list[float]]
     return found
 
 
-def _to_degrees_ring(points: Line, frame: MapFrame) -> list[list[float]]:
+def _to_degrees_ring(points: MapLine, frame: MapFrame) -> list[list[float]]:
     line = _to_degrees(points, frame)
     return [*line, line[0]]

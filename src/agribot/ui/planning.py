@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from agribot.autonomy.plan.coverage.area import PlanRequest, footprint
+from agribot.autonomy.plan.coverage.area import PlanRequest, measure_footprint
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.autonomy.plan.plan_certificate import certify_plan
@@ -63,7 +63,7 @@ def _planned(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> Made:
         swath_yaw_rad=None if yaw_deg is None else math.radians(yaw_deg),
         tool_x_m=robot.tool_x_m,
     )
-    shape = footprint(robot, request.implement_width_m)
+    shape = measure_footprint(robot, request.implement_width_m)
     plan = plan_field(area, shape, request)
     certificate = certify_plan(plan, area, shape, request)
     frame = MapFrame(datum)

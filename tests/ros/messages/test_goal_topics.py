@@ -11,7 +11,7 @@ import pytest
 
 from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core import topics
 from agribot.core.config import FieldConfig
 from agribot.core.geo import Datum, MapFrame
@@ -25,7 +25,7 @@ from tests.autonomy.plan.planting import FARM_START, MISSION, at, rover
 from tests.autonomy.plan.test_mission_states import Ride
 from tests.record import record_samples as samples
 
-ROWS = field_rows(FieldConfig(row_count=2, row_length_m=4.0))
+ROWS = lay_rows(FieldConfig(row_count=2, row_length_m=4.0))
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)
 FIRST, SECOND = ((1.0, 2.0), (1.0, 6.0)), ((2.0, 2.0), (2.0, 6.0))
 

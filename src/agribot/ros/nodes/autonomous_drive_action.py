@@ -10,13 +10,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from agribot.autonomy.plan.waypoint_text import LatLon
 from agribot.core import topics
 from agribot.core.messages import MissionState, MissionStatus
 from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
 from agribot.ros.nodes.stage import OutgoingMessage
-
-LatLon = tuple[float, float]
 
 _SPEED_WINDOW_S = 10.0
 _SETTLE_S = 2.0  # the last goal's distance may still be on its way
