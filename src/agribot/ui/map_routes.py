@@ -23,7 +23,7 @@ from agribot.gis.mbtiles import (
     read_live_template,
     read_tile,
 )
-from agribot.gis.tile_grid import Tile
+from agribot.gis.tile_grid import MapTile
 from agribot.ui import wire
 from agribot.ui.answers import (
     Unusable,
@@ -64,7 +64,7 @@ async def map_tile(request: Request) -> Response:
     path = find_maps(hub.home / "maps").get(where["name"])
     if path is None:
         return refused(404, f"no map '{where['name'][:80]}'")
-    address = Tile(where["z"], where["x"], where["y"])
+    address = MapTile(where["z"], where["x"], where["y"])
     data = await anyio.to_thread.run_sync(read_tile, path, *address)
     if data is None and is_address(*address):
         data = await anyio.to_thread.run_sync(_fetched, path, address, limiter=FETCHES)
@@ -74,7 +74,7 @@ async def map_tile(request: Request) -> Response:
     return Response(data, media_type=find_media_type(data), headers=headers)
 
 
-def _fetched(path: Path, address: Tile) -> bytes | None:
+def _fetched(path: Path, address: MapTile) -> bytes | None:
     """From the server behind a live map, kept for the next time; None where there is none."""
     template = read_live_template(path)
     if not template:

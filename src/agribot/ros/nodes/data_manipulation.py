@@ -51,7 +51,7 @@ class DataManipulation(EndlessStage):
             self.reason = f"{topics.MAGNETIC.name} shows no direction: {field_t}"
             return ()
         raw_rad, yaw_rad = yaws
-        said = [
+        messages = [
             OutgoingMessage(topics.HEADING_RAW, rosmsg.make_float64(compass_deg_from_yaw(raw_rad))),
             OutgoingMessage(
                 topics.HEADING_FILTERED, rosmsg.make_float64(compass_deg_from_yaw(yaw_rad))
@@ -59,10 +59,10 @@ class DataManipulation(EndlessStage):
         ]
         if t_s - self._bearing_s > _BEARING_TIMEOUT_S:
             self.reason = f"no {topics.BEARING.name} for {_BEARING_TIMEOUT_S:g} s"
-            return said
+            return messages
         self.reason = ""
         error_deg = math.degrees(wrap_rad(self._bearing_rad - yaw_rad))
-        return [*said, OutgoingMessage(topics.ANGLE, rosmsg.make_float64(error_deg))]
+        return [*messages, OutgoingMessage(topics.ANGLE, rosmsg.make_float64(error_deg))]
 
 
 def _read_xyz(vector: Any) -> tuple[float, float, float]:

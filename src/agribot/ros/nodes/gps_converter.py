@@ -65,14 +65,16 @@ class GpsConverter(EndlessStage):
         pose = rosmsg.make_message(
             "geometry_msgs/msg/PoseStamped", head, rosmsg.make_pose(x_m, y_m, 0.0)
         )
-        said = [OutgoingMessage(topics.POSE, pose)]
+        messages = [OutgoingMessage(topics.POSE, pose)]
         if self._goal is None:
             self.reason = f"no {topics.GOAL_FIX.name} yet"
-            return said
+            return messages
         self.reason = ""
         goal_x_m, goal_y_m, _ = frame.map_from_geodetic(*self._goal, frame.datum.alt_m)
         dx_m, dy_m = goal_x_m - x_m, goal_y_m - y_m
         bearing_deg = math.degrees(math.atan2(dy_m, dx_m))
-        said.append(OutgoingMessage(topics.DISTANCE, rosmsg.make_float64(math.hypot(dx_m, dy_m))))
-        said.append(OutgoingMessage(topics.BEARING, rosmsg.make_float64(bearing_deg)))
-        return said
+        messages.append(
+            OutgoingMessage(topics.DISTANCE, rosmsg.make_float64(math.hypot(dx_m, dy_m)))
+        )
+        messages.append(OutgoingMessage(topics.BEARING, rosmsg.make_float64(bearing_deg)))
+        return messages
