@@ -13,15 +13,18 @@ import json
 import sys
 import time
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import PlanRequest, footprint
+from agribot.autonomy.plan.coverage.area import PlanRequest, measure_footprint
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.autonomy.plan.plan_certificate import certify_plan
-from agribot.autonomy.plan.random_fields import random_field
 from agribot.core.errors import MissionError
 from agribot.description.loader import load_robot
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tests.autonomy.plan.random_fields import random_field
 
 
 def main() -> int:
@@ -50,7 +53,7 @@ def measure(count: int, seed: int) -> dict[str, object]:
         rng = np.random.default_rng([seed, number])
         area, width_m = random_field(rng)
         request = PlanRequest(implement_width_m=width_m, tool_x_m=robot.tool_x_m)
-        shape = footprint(robot, width_m)
+        shape = measure_footprint(robot, width_m)
         try:
             plan = plan_field(area, shape, request)
         except MissionError as error:

@@ -9,7 +9,7 @@ import pytest
 
 from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import simulate
-from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest, footprint
+from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest, measure_footprint
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.autonomy.plan.plan_certificate import certify_plan
 from agribot.autonomy.plan.planning import PlanningDesk
@@ -17,7 +17,7 @@ from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.core import config
 from agribot.core.errors import MissionError
 from agribot.core.messages import OperatorEvent, TickRecord
-from agribot.gis.plan_file import SavedPlan, plan_text
+from agribot.gis.plan_file import SavedPlan, format_plan
 from tests.waiting import PATIENCE_S
 
 SETTINGS = [
@@ -76,10 +76,10 @@ def run(out: Path) -> list[TickRecord]:
     script = {2.0: "plan", 4.0: "resume", 7.5: "goto", 12.5: "resume"}
     with simulate(settings, out) as session:
         request = PlanRequest(implement_width_m=2.0, tool_x_m=session.robot.tool_x_m)
-        shape = footprint(session.robot, 2.0)
+        shape = measure_footprint(session.robot, 2.0)
         plan = plan_field(AREA, shape, request)
         certificate = certify_plan(plan, AREA, shape, request)
-        text = plan_text(SavedPlan(plan, AREA, request, settings.field.datum), certificate)
+        text = format_plan(SavedPlan(plan, AREA, request, settings.field.datum), certificate)
         what = {"plan": {"text": text}, "goto": {"numbers": (2.0, 3.0)}, "resume": {}}
         ticks = []
         for record in session.ticks():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.estimate.field_rows import FieldRows
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Row
@@ -62,7 +62,7 @@ def test_a_place_inside_the_circle_lies_left_of_a_row_that_bends_left() -> None:
 
 @pytest.mark.parametrize("bend", BENDS)
 def test_from_its_other_end_a_row_is_the_same_line(bend: float) -> None:
-    row = field_rows(_field(bend))[2]
+    row = lay_rows(_field(bend))[2]
     back = reverse_row(row)
     there, here = project_on_row(row, 5.0, 1.0), project_on_row(back, 5.0, 1.0)
     assert here.along_m == pytest.approx(row_length_m(row) - there.along_m)
@@ -72,7 +72,7 @@ def test_from_its_other_end_a_row_is_the_same_line(bend: float) -> None:
 
 @pytest.mark.parametrize("bend", BENDS)
 def test_rows_of_a_field_stay_one_pitch_apart_along_their_whole_length(bend: float) -> None:
-    rows = field_rows(_field(bend))
+    rows = lay_rows(_field(bend))
     for row, following in pairwise(rows):
         for x_m, y_m in row_points_map_m(following):
             assert project_on_row(row, x_m, y_m).left_m == pytest.approx(-1.0, abs=0.0015)
@@ -88,7 +88,7 @@ def test_the_rows_of_a_field_are_those_on_which_the_generator_puts_its_crop(bend
         crop=CropSettings(spacing_m=0.25),
         weeds=WeedsSettings(density_per_m2=0.0),
     )  # fmt: skip
-    rows = field_rows(_field(bend))
+    rows = lay_rows(_field(bend))
     for plant in generate_field(plan, 1).plants:
         nearest = min(abs(project_on_row(row, plant.x_map_m, plant.y_map_m).left_m) for row in rows)
         assert nearest < 1e-5
@@ -106,7 +106,7 @@ def test_coordinates_of_the_rows_change_with_the_place_as_their_directions_say(
         moved = rows.at(place[0] + step_m * direction[0], place[1] + step_m * direction[1])
         assert (moved.along_m - at.along_m) / step_m == pytest.approx(d_along, abs=1e-4)
         assert (moved.right_m - at.right_m) / step_m == pytest.approx(d_right, abs=1e-4)
-    for row in field_rows(_field(bend)):
+    for row in lay_rows(_field(bend)):
         end = rows.at(*row.end_map_m)
         assert (end.along_m, end.right_m) == pytest.approx((12.0, float(row.index)))
         assert end.stretch == pytest.approx(row_length_m(row) / 12.0)
@@ -114,4 +114,4 @@ def test_coordinates_of_the_rows_change_with_the_place_as_their_directions_say(
 
 def test_rows_that_would_run_into_each_other_are_refused() -> None:
     with pytest.raises(MissionError, match="row_curvature_radpm"):
-        field_rows(FieldConfig(row_curvature_radpm=-0.2, row_count=6))
+        lay_rows(FieldConfig(row_curvature_radpm=-0.2, row_count=6))

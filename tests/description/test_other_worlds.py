@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core import config
 from agribot.core.messages import DriveCommand, FloatArray, PlantClass, RobotCommand
 from agribot.core.row_shape import project_on_row, row_points_map_m
@@ -125,7 +125,7 @@ def test_height_maps_are_current(name: str) -> None:
 
 def test_the_hill_falls_by_10_degrees_across_its_bent_rows_and_the_crop_stands_on_them() -> None:
     world, field = load_world("hills"), config.load("hills").field
-    rows = field_rows(field)
+    rows = lay_rows(field)
     assert world.terrain is not None
     for row in rows:
         places, around_m = row_points_map_m(row), 0.2

@@ -11,8 +11,8 @@ import shapely
 
 from agribot.app.mission_file import continue_config, read_mission
 from agribot.app.simulated_run import simulate
-from agribot.autonomy.plan.coverage.area import footprint
-from agribot.autonomy.plan.plan_sweep import footprints
+from agribot.autonomy.plan.coverage.area import measure_footprint
+from agribot.autonomy.plan.plan_sweep import sweep_footprint
 from agribot.cli.main import main
 from agribot.core.config import RunConfig, load
 from agribot.core.geo import Datum, MapFrame
@@ -57,11 +57,11 @@ def test_a_field_with_a_hole_is_worked_without_leaving_it(
     assert report["mission"]["rows_done"] == report["mission"]["rows_total"] > 10
     assert report["mission"]["coverage_ratio"] > 0.95
     saved = read_plan(out / "plan.geojson", DATUM)
-    shape = footprint(load_robot("agribot"), saved.request.implement_width_m)
+    shape = measure_footprint(load_robot("agribot"), saved.request.implement_width_m)
     field = shapely.Polygon(saved.area.boundary, saved.area.holes)
     truth = read_truth(out / "run.mcap")
     ahead = np.column_stack([np.cos(truth[:, 3]), np.sin(truth[:, 3])]) * 1e-6
-    boxes = [footprints(np.array([place, place + step]), shape, None, None)[0]
+    boxes = [sweep_footprint(np.array([place, place + step]), shape, None, None)[0]
              for place, step in zip(truth[:, 1:3], ahead, strict=True)]  # fmt: skip
     assert np.all(shapely.covers(field, shapely.polygons(np.array(boxes))))
     assert main(["replay", str(out / "run.mcap")]) == 0

@@ -11,7 +11,7 @@ import pytest
 from agribot.app.mission_file import read_mission
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.autonomy.perception_host import NoPerception
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core import config
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import MissionStatus, RowLine, Scene, SensorBatch
@@ -30,7 +30,7 @@ class CameraOnPaper(NoPerception):
     """Sees the line of the row that truly lies under the robot, where one does."""
 
     def __init__(self, session: SimulatedRun) -> None:
-        self._session, self._rows = session, field_rows(session.config.field)
+        self._session, self._rows = session, lay_rows(session.config.field)
         self._next_s, self._index = 0.0, 0
 
     def step(self, batch: SensorBatch) -> tuple[Scene, ...]:

@@ -15,7 +15,7 @@ pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
 pytest.importorskip("websockets")
 
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core import config
 from agribot.description.loader import export_urdf, load_robot
 from agribot.ui.about import about_run
@@ -72,7 +72,7 @@ class Robot:
 
     def _about(self, port: int) -> About:
         settings, robot = config.load("farm"), load_robot("agribot")
-        field = field_of(settings, field_rows(settings.field))
+        field = field_of(settings, lay_rows(settings.field))
         urdf, run = export_urdf("agribot"), self.home / "runs" / "now"
         return about_run(self.address, port, settings, robot, urdf, field, run)
 

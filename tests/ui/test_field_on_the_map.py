@@ -7,7 +7,7 @@ import math
 import pytest
 
 from agribot.autonomy.plan.coverage.area import FieldArea
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core import config
 from agribot.ui.ground import field_of
 
@@ -16,7 +16,7 @@ def test_posts_are_rings_of_their_radius_and_holes_of_a_plan_are_kept() -> None:
     farm = config.load("farm", ["field.obstacles_map_m=[[3.0,-1.0,0.25]]"])
     hole = ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0))
     area = FieldArea(boundary=((0.0, 0.0), (9.0, 0.0), (9.0, 9.0)), holes=(hole,))
-    told = field_of(farm, field_rows(farm.field), area=area)
+    told = field_of(farm, lay_rows(farm.field), area=area)
     kept, post = told["obstacles_map_m"]
     assert kept == [list(corner) for corner in hole]
     assert told["boundary_map_m"] == [[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]]

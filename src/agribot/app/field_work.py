@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from agribot.autonomy.plan.coverage.area import PlanRequest, footprint
+from agribot.autonomy.plan.coverage.area import PlanRequest, measure_footprint
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.autonomy.plan.plan_certificate import Certificate, certify_plan
@@ -13,11 +13,11 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.robot import RobotSpec
 from agribot.gis.field_file import read_field
-from agribot.gis.plan_file import SavedPlan, plan_from
+from agribot.gis.plan_file import SavedPlan, parse_plan
 
 
 def read_plan_text(config: RunConfig) -> str:
-    """The plan of the settings as it stands in its file; empty where a run has none."""
+    """Read the plan of the settings as it stands in its file; empty where a run has none."""
     if not config.plan:
         return ""
     try:
@@ -26,13 +26,16 @@ def read_plan_text(config: RunConfig) -> str:
         raise MissionError(f"cannot read {config.plan}: {error}; check the path") from error
 
 
-def field_work(text: str, config: RunConfig, robot: RobotSpec) -> FieldWork | None:
-    """The plan of the settings; None without one. Raises: as `work_from`."""
-    return work_from(text, Path(config.plan).name, config, robot) if text else None
+def read_field_work(text: str, config: RunConfig, robot: RobotSpec) -> FieldWork | None:
+    """Read the plan of the settings; None without one.
+
+    Raises: MissionError: as `read_work`.
+    """
+    return read_work(text, Path(config.plan).name, config, robot) if text else None
 
 
-def work_from(text: str, name: str, config: RunConfig, robot: RobotSpec) -> FieldWork:
-    """A plan in the map of the run, for this robot.
+def read_work(text: str, name: str, config: RunConfig, robot: RobotSpec) -> FieldWork:
+    """Read a plan in the map of the run, for this robot.
 
     Raises: MissionError: not a plan, or the check refuses it for this robot, and where.
     """
@@ -40,8 +43,8 @@ def work_from(text: str, name: str, config: RunConfig, robot: RobotSpec) -> Fiel
         root = json.loads(text)
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
         raise MissionError(f"{name} is not valid JSON: {error}") from error
-    saved = plan_from(root, name, config.field.datum)
-    shape = footprint(robot, saved.request.implement_width_m, saved.request.tool_x_m)
+    saved = parse_plan(root, name, config.field.datum)
+    shape = measure_footprint(robot, saved.request.implement_width_m, saved.request.tool_x_m)
     certificate = certify_plan(saved.plan, saved.area, shape, saved.request)
     if not certificate.ok:
         problem = certificate.problems[0]
@@ -49,7 +52,7 @@ def work_from(text: str, name: str, config: RunConfig, robot: RobotSpec) -> Fiel
     return FieldWork(saved.plan, saved.area, shape, saved.request)
 
 
-def planned(
+def plan_field_file(
     field: Path, config: RunConfig, robot: RobotSpec, width_m: float | None
 ) -> tuple[SavedPlan, Certificate]:
     """Plan a field in the map of a run, beginning where the robot is put down.
@@ -62,6 +65,6 @@ def planned(
         width_m = robot.implement.width_m
     area, datum = read_field(field, config.field.datum)
     request = PlanRequest(implement_width_m=width_m, tool_x_m=robot.tool_x_m)
-    shape = footprint(robot, width_m)
+    shape = measure_footprint(robot, width_m)
     plan = plan_field(area, shape, request)
     return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from agribot.app.calibration.measured_robot import apply_calibration
-from agribot.app.field_work import field_work
+from agribot.app.field_work import read_field_work
 from agribot.app.robot_stack import build_stack
 from agribot.app.run_recording import (
     EARLIER_ATTACHMENT,
@@ -114,7 +114,7 @@ def rerun(path: Path, config: RunConfig) -> tuple[list[TickRecord], tuple[Mapped
     goals = read_attachment(path, GOALS_ATTACHMENT)
     goals_map_m = msgspec.json.decode(goals, type=tuple[MapPoint, ...])
     text = read_attachment(path, PLAN_ATTACHMENT).decode() if config.plan else ""
-    work = field_work(text, config, robot)
+    work = read_field_work(text, config, robot)
     perception = RecordedPerception(recorded_scenes(path))
     resumed = read_attachment(path, SAVED_ATTACHMENT)
     saved = msgspec.json.decode(resumed, type=SavedMission | None)

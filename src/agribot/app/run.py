@@ -19,7 +19,7 @@ from agribot.app.run_setup import PLAN_FILE, RunSetup
 from agribot.app.unattended import Unattended
 from agribot.app.whole_job import WholeJob
 from agribot.autonomy.perception_host import PerceptionMeter
-from agribot.autonomy.plan.rows import row_ends
+from agribot.autonomy.plan.rows import list_row_ends
 from agribot.autonomy.plan.task import Task
 from agribot.autonomy.stack import MaskTap, Stack, Tap
 from agribot.autonomy.weeds.map import WeedMap
@@ -165,7 +165,7 @@ class Run:
     @property
     def shown_goals_map_m(self) -> tuple[MapPoint, ...]:
         """The waypoints, or both ends of every row: what a map shows as goals."""
-        return self.goals_map_m or row_ends(self.rows)
+        return self.goals_map_m or list_row_ends(self.rows)
 
     @property
     def planned_path(self) -> PlannedPath | None:
@@ -275,7 +275,7 @@ class Run:
         write_file(self.out_dir / "config.toml", settings.to_toml(self.config).encode())
 
     def _tell(self, t_s: float, text: str) -> None:
-        """What goes wrong beside the drive: it goes on, and everybody hears of it at once."""
+        """Report what goes wrong beside the drive, which goes on."""
         self._say(text)
         self.event_log.add(Event(t_s=t_s, kind="fault", reason=text))
 
@@ -284,7 +284,7 @@ class Run:
             hear(text)
 
     def _follow_task(self, record: TickRecord) -> None:
-        """A task taken under way is judged and shown, a plan also resumed, in place of the old."""
+        """Score and show a task that was taken under way, instead of the one before it."""
         task = self.task
         if task is self._task:
             return

@@ -9,7 +9,7 @@ import msgspec
 
 from agribot.app import whole_job
 from agribot.app.calibration.measured_robot import apply_calibration
-from agribot.app.field_work import field_work, read_plan_text
+from agribot.app.field_work import read_field_work, read_plan_text
 from agribot.app.robot_stack import build_stack
 from agribot.app.tasks import read_goals
 from agribot.app.whole_job import JobSoFar
@@ -43,7 +43,10 @@ class RunSetup(NamedTuple):
     earlier: JobSoFar
 
     def build_stack(self) -> Stack:
-        """Raises: AgribotError: settings, robot and task do not fit each other."""
+        """Build the stack.
+
+        Raises: AgribotError: settings, robot and task do not fit each other.
+        """
         return build_stack(
             self.config, self.robot, self.goals_map_m, work=self.work, saved=self.saved
         )
@@ -77,7 +80,7 @@ def prepare_run(
         goals_map_m=read_goals(config),
         plan_text=text,
         is_plan_new=bool(plan_text),
-        work=field_work(text, config, robot),
+        work=read_field_work(text, config, robot),
         saved=saved,
         earlier=earlier,
     )

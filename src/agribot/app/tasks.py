@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path as FilePath
 
-from agribot.app.field_work import work_from
+from agribot.app.field_work import read_work
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.errand import CHECKING
 from agribot.autonomy.plan.task import Task
@@ -48,7 +48,7 @@ class TasksUnderWay:
 
     def read_plan(self, text: str) -> Task:
         """Read a field plan. Raises: MissionError: it is none, or must not be driven."""
-        work = work_from(text, "the plan", self._config, self._robot)
+        work = read_work(text, "the plan", self._config, self._robot)
         return FieldTask(work, self._robot.drive, text)
 
     def visit(self, places: Sequence[MapPoint], name: str, bounds: FieldBounds | None) -> Task:

@@ -13,7 +13,7 @@ from matplotlib.path import Path as Outline
 
 from agribot.autonomy.plan.coverage.area import FieldArea, FieldPlan, Leg, PlanRequest
 from agribot.autonomy.plan.plan_certificate import Certificate
-from agribot.autonomy.plan.plan_sweep import tool_line
+from agribot.autonomy.plan.plan_sweep import trace_tool
 from agribot.core.messages import FloatArray
 from agribot.record.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure
 
@@ -71,7 +71,7 @@ def _draw_legs(axes: Axes, plan: FieldPlan, request: PlanRequest) -> None:
         lines = [leg.xy_map_m for leg in legs]
         if legs[0].tool_on:
             axes.add_collection(PolyCollection(
-                _make_bands([tool_line(xy, request.tool_x_m) for xy in lines],
+                _make_bands([trace_tool(xy, request.tool_x_m) for xy in lines],
                        request.implement_width_m / 2.0), facecolors=_COLOURS[kind],
                 edgecolors="none", alpha=_BAND_ALPHA, zorder=2))  # fmt: skip
         axes.add_collection(LineCollection(

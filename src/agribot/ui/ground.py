@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from agribot.app.field_work import field_work
+from agribot.app.field_work import read_field_work
 from agribot.app.run_recording import GOALS_ATTACHMENT, PLAN_ATTACHMENT
 from agribot.app.tasks import choose_task
 from agribot.autonomy.plan.coverage.area import FieldArea
@@ -70,7 +70,7 @@ def read_field(path: Path) -> dict[str, Any]:
     attached = read_attachment(path, GOALS_ATTACHMENT)
     goals = msgspec.json.decode(attached, type=tuple[MapPoint, ...])
     plan = read_attachment(path, PLAN_ATTACHMENT).decode() if config.plan else ""
-    work = field_work(plan, config, robot)
+    work = read_field_work(plan, config, robot)
     task = choose_task(config, robot, goals, work)
     return field_of(config, task.rows, goals, work.area if work else None)
 

@@ -11,11 +11,11 @@ from agribot.autonomy.control.follower import Follower
 from agribot.autonomy.control.supervise import Supervisor
 from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.coverage.area import Leg, LegKind
-from agribot.autonomy.plan.coverage.drive import drive_path
-from agribot.autonomy.plan.coverage.turns import three_point_turn
+from agribot.autonomy.plan.coverage.drive import sample_legs
+from agribot.autonomy.plan.coverage.turns import plan_three_point_turn
 from agribot.autonomy.plan.curves import Pose, Segment, sample
 from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import ControlConfig, FieldConfig, MissionConfig, SafetyConfig
 from agribot.core.messages import (
     STOP,
@@ -44,7 +44,7 @@ class Drive:
         self, soil: Soil, seed: int = 0, control: ControlConfig | None = None,
         field: FieldConfig = TWO_ROWS, start: tuple[float, float, float] = START,
     ) -> None:  # fmt: skip
-        rows = field_rows(field)
+        rows = lay_rows(field)
         self.path = plan_rows(rows, start, ROBOT, MISSION)
         self.mission = Mission(PaperTask(lambda _: self.path, rows), MISSION)
         self.follower = Follower(control or ControlConfig(), ROBOT)
@@ -312,12 +312,14 @@ class Way:
 
 
 def leg_path(*legs: tuple[LegKind, FloatArray]) -> Path:
-    return drive_path([Leg(kind=kind, xy_map_m=xy) for kind, xy in legs], [None] * len(legs))
+    return sample_legs([Leg(kind=kind, xy_map_m=xy) for kind, xy in legs], [None] * len(legs))
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_three_point_turn_is_driven_forwards_back_and_forwards(seed: int) -> None:
-    way = three_point_turn(Pose(2.0, 0.0, 0.0), Pose(2.0, 0.6, math.pi), shapely.box(-9, -9, 9, 9))
+    way = plan_three_point_turn(
+        Pose(2.0, 0.0, 0.0), Pose(2.0, 0.6, math.pi), shapely.box(-9, -9, 9, 9)
+    )
     assert way is not None
     into, back, out = way
     path = leg_path(

@@ -17,7 +17,7 @@ from agribot.autonomy.plan.caution import (
     protection_limit_m,
 )
 from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig, MissionConfig
 from agribot.core.messages import Estimate, GnssQuality, Goal, OperatorAction
 from tests.autonomy.plan.paper_task import PaperTask
@@ -117,7 +117,7 @@ class Ride:
     """A mission over two rows of 4 m, its robot wherever it should be."""
 
     def __init__(self) -> None:
-        rows = field_rows(FieldConfig(row_count=2, row_length_m=4.0))
+        rows = lay_rows(FieldConfig(row_count=2, row_length_m=4.0))
         self.path = plan_rows(rows, FARM_START, rover(), MISSION)
         self.mission = Mission(PaperTask(lambda _: self.path, rows, clearance_m=LIMIT_M), MISSION)
         self.t_s = 0.0

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.plan.boustrophedon import plan_rows
-from agribot.autonomy.plan.certify import certify, closest_to_crop, wheel_tracks_map_m
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.certify import certify, find_closest_to_crop, trace_wheels_map_m
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray, Path
@@ -19,7 +19,7 @@ from tests.autonomy.plan.planting import (
     rover,
 )
 
-ROWS = field_rows(FARM)
+ROWS = lay_rows(FARM)
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def test_path_shifted_onto_the_plants_is_refused_with_the_place(farm_path: Path)
     assert "row " in message
     assert "East" in message
     assert "needed 0.15 m" in message
-    closest = closest_to_crop(shifted, rover(), ROWS)
+    closest = find_closest_to_crop(shifted, rover(), ROWS)
     left_m = HALF_TRACK_M - 0.35 - WHEEL_WIDTH_M / 2
     assert closest.clearance_m == pytest.approx(left_m, abs=1e-6)
     assert "left" in closest.wheel or "right" in closest.wheel
@@ -52,7 +52,7 @@ def test_path_shifted_onto_the_plants_is_refused_with_the_place(farm_path: Path)
 
 def test_known_plants_are_named_instead_of_rows(farm_path: Path) -> None:
     plants = np.array([[20.0, 20.0], farm_path.xy_map_m[500] + np.array([0.0, 0.5])])
-    beside = wheel_tracks_map_m(farm_path, rover())[1000, 2]
+    beside = trace_wheels_map_m(farm_path, rover())[1000, 2]
     plants[1] = beside
     with pytest.raises(MissionError, match="drives over plant 1"):
         certify(farm_path, ROWS, rover(), 0.15, plants)
@@ -61,16 +61,16 @@ def test_known_plants_are_named_instead_of_rows(farm_path: Path) -> None:
 def test_clearance_agrees_with_a_brute_force_search(farm_path: Path) -> None:
     rng = np.random.default_rng(3)
     plants = rng.uniform((-3.0, -1.0), (8.0, 15.0), (40, 2))
-    tracks = wheel_tracks_map_m(farm_path, rover()).reshape(-1, 2)
+    tracks = trace_wheels_map_m(farm_path, rover()).reshape(-1, 2)
     gaps = np.hypot(*(tracks[:, None, :] - plants[None]).T)
     expected_m = gaps.min() - WHEEL_WIDTH_M / 2
-    closest = closest_to_crop(farm_path, rover(), ROWS, plants)
+    closest = find_closest_to_crop(farm_path, rover(), ROWS, plants)
     assert closest.clearance_m == pytest.approx(expected_m)
     assert closest.crop == int(np.argmin(gaps.min(axis=1)))
 
 
 def test_a_field_too_narrow_for_the_wheels_is_refused() -> None:
-    rows = field_rows(FieldConfig(row_pitch_m=0.4, row_count=3))
+    rows = lay_rows(FieldConfig(row_pitch_m=0.4, row_count=3))
     path = plan_rows(rows, (0.0, -3.0, 1.57), rover(), MISSION)
     with pytest.raises(MissionError, match="drives over row"):
         certify(path, rows, rover(), 0.15)

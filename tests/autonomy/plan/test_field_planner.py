@@ -16,10 +16,9 @@ from agribot.autonomy.plan.coverage.area import (
     Footprint,
     Leg,
     PlanRequest,
-    footprint,
+    measure_footprint,
 )
 from agribot.autonomy.plan.coverage.planner import plan_field
-from agribot.autonomy.plan.random_fields import random_field
 from agribot.core.errors import MissionError
 from agribot.description.loader import load_robot
 from tests.autonomy.plan.fields import (
@@ -32,6 +31,7 @@ from tests.autonomy.plan.fields import (
     certified,
     ten_hectares,
 )
+from tests.autonomy.plan.random_fields import random_field
 
 
 def corners_outside_m(plan: FieldPlan, area: FieldArea, shape: Footprint) -> float:
@@ -75,7 +75,7 @@ def test_ten_hectares_with_two_holes_are_worked_and_certified() -> None:
 def test_a_random_field_is_worked_without_leaving_it_or_refused_with_a_reason(number: int) -> None:
     area, width_m = random_field(np.random.default_rng([7, number]))
     request = PlanRequest(implement_width_m=width_m)
-    shape = footprint(load_robot("agribot"), width_m)
+    shape = measure_footprint(load_robot("agribot"), width_m)
     try:
         plan, certificate = certified(area, request, shape)
     except MissionError as error:

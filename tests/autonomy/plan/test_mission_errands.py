@@ -12,9 +12,9 @@ import pytest
 from agribot.autonomy.plan.boustrophedon import plan_home, plan_rows
 from agribot.autonomy.plan.certify import certify
 from agribot.autonomy.plan.curves import Place
-from agribot.autonomy.plan.goal_way import fence_around, plan_to_place
+from agribot.autonomy.plan.goal_way import make_fence, plan_to_place
 from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
@@ -24,7 +24,7 @@ from tests.autonomy.plan.paper_task import PaperTask, PaperTasks
 from tests.autonomy.plan.planting import MISSION, at, point_at, rover
 from tests.autonomy.plan.test_mission_states import Ride
 
-ROWS = field_rows(FieldConfig(row_count=3, row_length_m=4.0))
+ROWS = lay_rows(FieldConfig(row_count=3, row_length_m=4.0))
 ENDS = [end for row in ROWS for end in (row.start_map_m, row.end_map_m)]
 HEADLAND = (2.0, 8.0)
 NORTH = math.pi / 2
@@ -35,7 +35,7 @@ def task(rows_taken: int = 3) -> Task:
 
     def go_to(here: Estimate, goal: Place) -> Path:
         start = (here.x_map_m, here.y_map_m, NORTH)
-        fence = fence_around([*ENDS, start[:2]], 5.0)
+        fence = make_fence([*ENDS, start[:2]], 5.0)
         return plan_to_place(goal, start, rows, fence, rover(), MISSION)
 
     return PaperTask(
@@ -156,7 +156,7 @@ def test_a_place_that_cannot_be_driven_to_is_refused_with_the_reason(
 def test_a_place_astride_a_row_is_reached_along_the_row() -> None:
     here = at(*HEADLAND, 0.0)
     start = (here.x_map_m, here.y_map_m, NORTH)
-    path = plan_to_place((2.0, 4.0, None), start, ROWS, fence_around(ENDS, 5.0), rover(), MISSION)
+    path = plan_to_place((2.0, 4.0, None), start, ROWS, make_fence(ENDS, 5.0), rover(), MISSION)
     certify(path, ROWS, rover(), MISSION.plant_clearance_m)
     assert path.xy_map_m[-1] == pytest.approx((2.0, 4.0), abs=1e-6)
 

@@ -12,7 +12,7 @@ import pytest
 from agribot.autonomy.plan.boustrophedon import plan_home, plan_rows
 from agribot.autonomy.plan.certify import certify
 from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.autonomy.plan.saved_mission import PoseTuple, SavedMission
 from agribot.core.config import FieldConfig
 from agribot.core.messages import Estimate, FloatArray, Goal, Path
@@ -21,7 +21,7 @@ from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, rover
 from tests.autonomy.plan.test_mission_states import Ride
 
-ROWS = field_rows(FieldConfig(row_count=3, row_length_m=4.0))
+ROWS = lay_rows(FieldConfig(row_count=3, row_length_m=4.0))
 HALF_ROW_M = 2.0
 
 
@@ -286,7 +286,7 @@ def test_rows_that_were_skipped_stay_so_under_another_plan(has_rest: bool) -> No
 
 def test_what_was_worked_on_another_field_does_not_count() -> None:
     saved, _ = cut_off()
-    elsewhere = field_rows(
+    elsewhere = lay_rows(
         FieldConfig(row_count=3, row_length_m=4.0, first_row_start_map_m=(40.0, 0.0))
     )
 

@@ -7,7 +7,7 @@ import pytest
 
 from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.mission import SETTLE_S, Mission
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.autonomy.plan.waypoints import plan_waypoints
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
@@ -16,7 +16,7 @@ from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, at, event, point_at, rover
 
 TWO_ROWS = FieldConfig(row_count=2, row_length_m=4.0)
-ROWS = field_rows(TWO_ROWS)
+ROWS = lay_rows(TWO_ROWS)
 
 
 class Ride:
@@ -268,7 +268,7 @@ def test_a_path_that_misses_its_waypoints_is_refused(path: Path) -> None:
 
 
 def test_a_path_over_unknown_rows_is_refused() -> None:
-    farm_path = plan_rows(field_rows(FARM), FARM_START, rover(), MISSION)
+    farm_path = plan_rows(lay_rows(FARM), FARM_START, rover(), MISSION)
     goal = Ride(Mission(PaperTask(lambda _: farm_path, ROWS), MISSION)).settle()
     assert goal.status.state == "failed"
     assert "rows [2, 3, 4, 5]" in goal.status.reason

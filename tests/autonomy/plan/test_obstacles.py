@@ -12,8 +12,8 @@ from agribot.app.tasks import TasksUnderWay, choose_task
 from agribot.autonomy.plan.boustrophedon import plan_home, plan_rows
 from agribot.autonomy.plan.curves import Pose, Segment, sample
 from agribot.autonomy.plan.goal_way import plan_to_place
-from agribot.autonomy.plan.obstacles import Obstacles, obstacles_for
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.obstacles import Obstacles, make_obstacles
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core import config
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, FloatArray, Path
@@ -21,7 +21,7 @@ from agribot.description.loader import load_robot
 from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, at, rover
 
 CLEARANCE_M = 0.3
-ROWS = field_rows(FARM)
+ROWS = lay_rows(FARM)
 FENCE = (-10.0, -10.0, 20.0, 20.0)
 
 
@@ -31,7 +31,7 @@ def at_start() -> Estimate:
 
 
 def posts(*circles: tuple[float, float, float]) -> Obstacles:
-    return obstacles_for(circles, CLEARANCE_M, load_robot())
+    return make_obstacles(circles, CLEARANCE_M, load_robot())
 
 
 def straight(length_m: float) -> Path:

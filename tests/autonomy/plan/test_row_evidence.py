@@ -11,13 +11,13 @@ import pytest
 from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.row_evidence import row_pitch_m
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.messages import Estimate, GnssQuality, MissionStatus
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, point_at, rover
 
-ROWS = field_rows(FieldConfig(row_count=2, row_length_m=4.0))
+ROWS = lay_rows(FieldConfig(row_count=2, row_length_m=4.0))
 PATH = plan_rows(ROWS, FARM_START, rover(), MISSION)
 LENGTH_M = float(PATH.s_m[-1])
 Look = Callable[[int, float], dict[str, object]]

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.plan.boustrophedon import plan_rows
-from agribot.autonomy.plan.certify import certify, closest_to_crop
+from agribot.autonomy.plan.certify import certify, find_closest_to_crop
 from agribot.autonomy.plan.curves import MIN_RADIUS_M
-from agribot.autonomy.plan.rows import field_rows
-from agribot.autonomy.plan.speed import speed_profile
+from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.speed import plan_speed_mps
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Path, Row
@@ -28,7 +28,7 @@ from tests.autonomy.plan.planting import (
 
 
 def planned(field: FieldConfig, start: tuple[float, float, float]) -> Path:
-    return plan_rows(field_rows(field), start, rover(), MISSION)
+    return plan_rows(lay_rows(field), start, rover(), MISSION)
 
 
 def rows_in_order(path: Path) -> list[int]:
@@ -37,7 +37,7 @@ def rows_in_order(path: Path) -> list[int]:
 
 
 def test_farm_rows_run_north_and_each_further_one_lies_to_the_east() -> None:
-    rows = field_rows(FARM)
+    rows = lay_rows(FARM)
     assert [row.start_map_m for row in rows] == [
         pytest.approx((1.0 + index, 2.0)) for index in range(6)
     ]
@@ -53,7 +53,7 @@ def test_farm_mission_starts_at_the_robot_and_works_every_row_once() -> None:
 
 def test_farm_wheels_keep_twenty_centimetres_off_every_row() -> None:
     path = planned(FARM, FARM_START)
-    closest = closest_to_crop(path, rover(), field_rows(FARM))
+    closest = find_closest_to_crop(path, rover(), lay_rows(FARM))
     assert closest.clearance_m >= 0.2
     straddling_m = HALF_TRACK_M - WHEEL_WIDTH_M / 2
     assert closest.clearance_m == pytest.approx(straddling_m, abs=1e-6)
@@ -69,7 +69,7 @@ def test_rows_of_any_direction_number_and_pitch_are_covered_clear_of_the_crop(
         row_pitch_m=pitch_m, row_length_m=6.0,
     )  # fmt: skip
     mission = msgspec.structs.replace(MISSION, plant_clearance_m=0.1)
-    rows = field_rows(field)
+    rows = lay_rows(field)
     path = plan_rows(rows, from_field_frame(field, -3.0, -2.0, 0.4), rover(), mission)
     certify(path, rows, rover(), 0.1)
     assert sorted(rows_in_order(path)) == list(range(count))
@@ -140,13 +140,13 @@ def test_the_way_in_goes_around_the_crop_from_every_side(
     place: tuple[float, float], yaw_deg: float
 ) -> None:
     path = planned(FARM, (*place, math.radians(yaw_deg)))
-    certify(path, field_rows(FARM), rover(), MISSION.plant_clearance_m)
+    certify(path, lay_rows(FARM), rover(), MISSION.plant_clearance_m)
 
 
 @pytest.mark.parametrize("yaw_deg", [90.0, -90.0])
 def test_a_robot_left_in_the_middle_of_a_row_leaves_along_it(yaw_deg: float) -> None:
     path = planned(FARM, (3.0, 7.0, math.radians(yaw_deg)))
-    certify(path, field_rows(FARM), rover(), MISSION.plant_clearance_m)
+    certify(path, lay_rows(FARM), rover(), MISSION.plant_clearance_m)
     assert sorted(rows_in_order(path)) == [0, 1, 2, 3, 4, 5]
 
 
@@ -181,7 +181,7 @@ def test_bent_rows_are_driven_along_their_arcs_with_the_wheels_off_the_crop(
     bend_radpm: float,
 ) -> None:
     field = msgspec.structs.replace(FARM, row_curvature_radpm=bend_radpm)
-    rows = field_rows(field)
+    rows = lay_rows(field)
     path = planned(field, FARM_START)
     certify(path, rows, rover(), MISSION.plant_clearance_m)
     assert rows_in_order(path) == [0, 1, 2, 3, 4, 5]
@@ -190,13 +190,13 @@ def test_bent_rows_are_driven_along_their_arcs_with_the_wheels_off_the_crop(
         along_m, left_m, _ = project_on_row(row, *path.xy_map_m[on_row].T)
         assert np.abs(left_m).max() < 1e-6
         assert along_m.min() < 0.03 and along_m.max() > row_length_m(row) - 0.03
-    speed_mps = np.array(speed_profile(path, MISSION))
+    speed_mps = np.array(plan_speed_mps(path, MISSION))
     middle = (path.row == 2) & (np.abs(path.s_m - path.s_m[path.row == 2].mean()) < 2.0)
     assert speed_mps[middle] == pytest.approx(MISSION.speed_mps)
 
 
 def test_a_straight_path_over_a_bent_row_is_refused_where_a_wheel_meets_the_crop() -> None:
     straight = planned(FARM, FARM_START)
-    bent = field_rows(msgspec.structs.replace(FARM, row_curvature_radpm=0.03))
+    bent = lay_rows(msgspec.structs.replace(FARM, row_curvature_radpm=0.03))
     with pytest.raises(MissionError, match="row"):
         certify(straight, bent, rover(), MISSION.plant_clearance_m)

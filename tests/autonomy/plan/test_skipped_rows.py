@@ -11,7 +11,7 @@ import pytest
 from agribot.autonomy.plan.boustrophedon import plan_rows, plan_without
 from agribot.autonomy.plan.certify import certify
 from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
@@ -20,7 +20,7 @@ from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import MISSION, rover
 from tests.autonomy.plan.test_mission_states import Ride
 
-ROWS = field_rows(FieldConfig(row_count=4, row_length_m=4.0))
+ROWS = lay_rows(FieldConfig(row_count=4, row_length_m=4.0))
 
 
 def plan(estimate: Estimate) -> Path:

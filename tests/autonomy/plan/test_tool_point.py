@@ -10,18 +10,18 @@ import pytest
 import shapely
 
 from agribot.autonomy.plan.boustrophedon import plan_rows
-from agribot.autonomy.plan.coverage.area import FieldPlan, Leg, PlanRequest, footprint
+from agribot.autonomy.plan.coverage.area import FieldPlan, Leg, PlanRequest, measure_footprint
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.plan_certificate import certify_plan
-from agribot.autonomy.plan.random_fields import random_field
 from agribot.autonomy.plan.route import Route, Tool
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray
 from agribot.description.loader import load_robot
 from tests.autonomy.plan.fields import REQUEST, SHAPE, SQUARE, WITH_HOLE, certified
 from tests.autonomy.plan.planting import FARM_START, MISSION, rover
+from tests.autonomy.plan.random_fields import random_field
 
 BEHIND_M = -0.35
 BEHIND = msgspec.structs.replace(REQUEST, tool_x_m=BEHIND_M)
@@ -97,7 +97,7 @@ def test_random_fields_are_worked_by_a_tool_behind_the_robot(number: int) -> Non
     request = PlanRequest(implement_width_m=width_m, tool_x_m=robot.tool_x_m)
     assert robot.tool_x_m == BEHIND_M
     try:
-        _, certificate = certified(area, request, footprint(robot, width_m))
+        _, certificate = certified(area, request, measure_footprint(robot, width_m))
     except MissionError as error:
         assert "no place to turn" in str(error) or "no way from" in str(error)
         return
@@ -105,7 +105,7 @@ def test_random_fields_are_worked_by_a_tool_behind_the_robot(number: int) -> Non
 
 
 def test_the_tool_works_where_it_is_itself_beside_a_row_and_never_in_a_turn() -> None:
-    rows = field_rows(FieldConfig(row_count=3, row_length_m=4.0))
+    rows = lay_rows(FieldConfig(row_count=3, row_length_m=4.0))
     path = plan_rows(rows, FARM_START, rover(), MISSION)
     reach_m = 0.3
     route = Route(path, [0, 1, 2], MISSION, (), Tool(x_m=BEHIND_M, reach_m=reach_m))
@@ -130,5 +130,5 @@ def _row_of(route: Route, index: int) -> int:
 
 def test_the_circle_of_a_turn_holds_the_implement_too() -> None:
     robot = load_robot("agribot")
-    assert footprint(robot, 3.0).turn_radius_m >= math.hypot(BEHIND_M, 1.5)
-    assert footprint(robot, 3.0, tool_x_m=0.8).front_m == 0.8
+    assert measure_footprint(robot, 3.0).turn_radius_m >= math.hypot(BEHIND_M, 1.5)
+    assert measure_footprint(robot, 3.0, tool_x_m=0.8).front_m == 0.8

@@ -10,11 +10,11 @@ import pytest
 import shapely
 
 from agribot.autonomy.plan.coverage.area import FieldPlan, Leg, LegKind, TurnStyle
-from agribot.autonomy.plan.coverage.drive import FieldWork, drive_path
-from agribot.autonomy.plan.coverage.turns import three_point_turn
+from agribot.autonomy.plan.coverage.drive import FieldWork, sample_legs
+from agribot.autonomy.plan.coverage.turns import plan_three_point_turn
 from agribot.autonomy.plan.curves import Pose
 from agribot.autonomy.plan.plan_certificate import certify_plan
-from agribot.autonomy.plan.speed import CREEP_MPS, pivots, speed_profile
+from agribot.autonomy.plan.speed import CREEP_MPS, find_pivots, plan_speed_mps
 from agribot.core.messages import FloatArray
 from tests.autonomy.plan.fields import REQUEST, ROWS, SHAPE, SQUARE, certified
 from tests.autonomy.plan.planting import MISSION
@@ -37,7 +37,7 @@ def course_rad(xy: FloatArray, first: int) -> float:
 @pytest.mark.parametrize("ahead_m", [0.7, 0.0, -0.7])
 def test_three_points_lead_from_pose_to_pose_and_back_up_once(side: float, ahead_m: float) -> None:
     start, end = Pose(0.0, 0.0, 0.0), Pose(ahead_m, side * 0.6, math.pi)
-    way = three_point_turn(start, end, OPEN)
+    way = plan_three_point_turn(start, end, OPEN)
     assert way is not None
     into, back, out = way
     for one, other in ((into, back), (back, out)):
@@ -52,9 +52,11 @@ def test_three_points_lead_from_pose_to_pose_and_back_up_once(side: float, ahead
 
 def test_three_points_are_refused_where_they_do_not_fit_or_are_not_needed() -> None:
     start = Pose(0.0, 0.0, 0.0)
-    assert three_point_turn(start, Pose(0.0, 0.6, math.pi), shapely.box(-1, -1, 0.4, 1)) is None
-    assert three_point_turn(start, Pose(0.0, 1.1, math.pi), OPEN) is None
-    assert three_point_turn(start, Pose(0.0, 0.6, 2.0), OPEN) is None
+    assert (
+        plan_three_point_turn(start, Pose(0.0, 0.6, math.pi), shapely.box(-1, -1, 0.4, 1)) is None
+    )
+    assert plan_three_point_turn(start, Pose(0.0, 1.1, math.pi), OPEN) is None
+    assert plan_three_point_turn(start, Pose(0.0, 0.6, 2.0), OPEN) is None
 
 
 @pytest.mark.parametrize("style", ["pivot", "arc", "three-point"])
@@ -94,12 +96,12 @@ def test_a_turn_in_place_before_backing_over_a_crop_row_is_refused() -> None:
 def test_backwards_the_robot_looks_against_its_way_and_stops_before_and_after() -> None:
     legs = [leg("arc", (0.0, 0.0), (1.0, 0.0)), leg("reverse", (1.0, 0.0), (0.4, 0.0)),
             leg("arc", (0.4, 0.0), (2.0, 0.0))]  # fmt: skip
-    path = drive_path(legs, [None] * 3)
+    path = sample_legs(legs, [None] * 3)
     np.testing.assert_allclose(np.abs(np.exp(1j * path.yaw_map_rad) - 1.0), 0.0, atol=1e-9)
     assert path.s_m[-1] == pytest.approx(1.0 + 0.6 + 1.6)
-    cusps = pivots(path)
+    cusps = find_pivots(path)
     assert [float(path.s_m[k]) for k in cusps] == pytest.approx([1.0, 1.6])
-    speed = speed_profile(path, MISSION)
+    speed = plan_speed_mps(path, MISSION)
     assert [speed[k] for k in cusps] == [CREEP_MPS] * 2
     assert max(speed[cusps[0] : cusps[1]]) <= MISSION.turn_speed_mps
 

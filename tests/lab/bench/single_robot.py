@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from agribot.autonomy.control.follower import Follower
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.geo import MapFrame
 from agribot.core.messages import (
     DriveCommand,
@@ -38,7 +38,7 @@ class SingleRobot:
     def __init__(self, index: int, scenario: Scenario, robot: RobotSpec, path: Path) -> None:
         field = scenario.field()
         self.localizer = Localizer(scenario.estimate(), field, robot)
-        self.mission = Mission(PaperTask(lambda _: path, field_rows(field)), scenario.mission())
+        self.mission = Mission(PaperTask(lambda _: path, lay_rows(field)), scenario.mission())
         self._follower = Follower(scenario.control(), robot)
         self._index, self._radius_m = index, robot.drive.wheel_radius_m
         self._frame = MapFrame(field.datum)

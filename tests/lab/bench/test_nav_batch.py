@@ -9,7 +9,7 @@ import pytest
 
 from agribot.description.loader import load_robot
 from agribot.lab.bench.nav.batch.localizer import BatchLocalizer
-from agribot.lab.bench.nav.driving import Driving
+from agribot.lab.bench.nav.driving import BatchDriving
 from agribot.lab.bench.nav.missions import Sensors, hear
 from agribot.lab.bench.nav.plant import Plant
 from agribot.lab.bench.nav.scenario import DT_S, TICK_STEPS, Receiver, Variant, scenario
@@ -31,7 +31,7 @@ def test_each_robot_of_a_batch_estimates_and_drives_as_the_stack_does(
     localizer = BatchLocalizer(
         len(SEEDS), what.estimate(), what.field(), robot, is_corrected=what.gnss.is_corrected
     )
-    driving = Driving(len(SEEDS), what, robot)
+    driving = BatchDriving(len(SEEDS), what, robot)
     singles = [SingleRobot(i, what, robot, driving.path) for i in range(len(SEEDS))]
     for k in range(1, round(40.0 / DT_S)):
         plant.step(driving.follower.v_mps, driving.follower.yaw_rate_radps)

@@ -8,9 +8,9 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from agribot.autonomy.plan.certify import closest_to_crop
+from agribot.autonomy.plan.certify import find_closest_to_crop
 from agribot.autonomy.plan.curves import Pose, Segment, length_m, sample
-from agribot.autonomy.plan.dubins import all_words
+from agribot.autonomy.plan.dubins import list_words
 from agribot.autonomy.plan.obstacles import NO_OBSTACLES, Obstacles
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
@@ -31,13 +31,13 @@ _MAX_VIAS = 3  # three corners lead once around a field
 # Direct ways keep their longer variants too: the shortest may cut across a row.
 _WORDS_WHEN_DIRECT = 6
 
-Route = tuple[Segment, ...]
+Segments = tuple[Segment, ...]
 
 
-def approach(
+def plan_approach(
     start: Pose, entries: Sequence[Pose], rows: Sequence[Row], robot: RobotSpec,
     mission: MissionConfig, obstacles: Obstacles = NO_OBSTACLES,
-) -> tuple[int, Route]:  # fmt: skip
+) -> tuple[int, Segments]:  # fmt: skip
     """Index of the entry that is reached first, and the shortest clear way to it.
 
     Raises: MissionError: the robot stands where it cannot leave without crushing crop, or without
@@ -46,13 +46,13 @@ def approach(
     ways = [
         (length_m(route), index, route)
         for index, entry in enumerate(entries)
-        for route in _routes(start, entry, rows, mission.headland_m, obstacles)
+        for route in _list_ways(start, entry, rows, mission.headland_m, obstacles)
     ]
     for _, index, route in sorted(ways, key=lambda way: way[:2]):
         if length_m(route) < 1e-6:
             return index, ()
         path = sample(start, route)
-        closest = closest_to_crop(path, robot, rows)
+        closest = find_closest_to_crop(path, robot, rows)
         if closest.clearance_m >= mission.plant_clearance_m and obstacles.are_clear_of(path):
             return index, route
     beside = f" and {obstacles.clearance_m:.2f} m off obstacles" if obstacles.circles else ""
@@ -62,30 +62,30 @@ def approach(
     )
 
 
-def _routes(
+def _list_ways(
     start: Pose, entry: Pose, rows: Sequence[Row], headland_m: float, obstacles: Obstacles
-) -> Iterator[Route]:
-    yield from all_words(start, entry, RADIUS_M)[:_WORDS_WHEN_DIRECT]
-    rings = [_ring(rows, max(headland_m, _RING_MIN_M)), *obstacles.rings()]
-    prefixes = [(start,), *((start, way_out) for way_out in _exits(start, rows, headland_m))]
+) -> Iterator[Segments]:
+    yield from list_words(start, entry, RADIUS_M)[:_WORDS_WHEN_DIRECT]
+    rings = [_draw_ring(rows, max(headland_m, _RING_MIN_M)), *obstacles.rings()]
+    prefixes = [(start,), *((start, way_out) for way_out in _list_exits(start, rows, headland_m))]
     for prefix in prefixes:
-        yield _chain((*prefix, entry))
+        yield _chain_words((*prefix, entry))
     for ring, direction in product(rings, (1, -1)):
-        corners = _via_poses(ring, direction)
+        corners = _list_corner_poses(ring, direction)
         for prefix, first in product(prefixes, range(4)):
             vias = [corners[(first + direction * step) % 4] for step in range(_MAX_VIAS)]
             for count in range(1, _MAX_VIAS + 1):
-                yield _chain((*prefix, *vias[:count], entry))
+                yield _chain_words((*prefix, *vias[:count], entry))
 
 
-def _chain(poses: Sequence[Pose]) -> Route:
+def _chain_words(poses: Sequence[Pose]) -> Segments:
     pieces: list[Segment] = []
     for start, end in pairwise(poses):
-        pieces += all_words(start, end, RADIUS_M)[0]
+        pieces += list_words(start, end, RADIUS_M)[0]
     return tuple(pieces)
 
 
-def _ring(rows: Sequence[Row], margin_m: float) -> list[tuple[float, float]]:
+def _draw_ring(rows: Sequence[Row], margin_m: float) -> list[tuple[float, float]]:
     """Corners of the rectangle along the rows that holds all of them, counter-clockwise."""
     yaw = chord_yaw_rad(rows[0])
     cos, sin = math.cos(yaw), math.sin(yaw)
@@ -97,7 +97,7 @@ def _ring(rows: Sequence[Row], margin_m: float) -> list[tuple[float, float]]:
     return [(a * cos - lat * sin, a * sin + lat * cos) for a, lat in corners]
 
 
-def _via_poses(ring: Sequence[tuple[float, float]], direction: int) -> list[Pose]:
+def _list_corner_poses(ring: Sequence[tuple[float, float]], direction: int) -> list[Pose]:
     """A pose at each corner, half turned from the edge it ends to the edge it begins."""
     poses = []
     for index, (x_m, y_m) in enumerate(ring):
@@ -108,7 +108,7 @@ def _via_poses(ring: Sequence[tuple[float, float]], direction: int) -> list[Pose
     return poses
 
 
-def _exits(start: Pose, rows: Sequence[Row], headland_m: float) -> list[Pose]:
+def _list_exits(start: Pose, rows: Sequence[Row], headland_m: float) -> list[Pose]:
     """Poses just past both ends of the row under the robot, outwards; none outside the rows."""
     row = min(rows, key=lambda row: abs(project_on_row(row, start.x_m, start.y_m).left_m))
     first = Pose(*row.start_map_m, start_yaw_rad(row))

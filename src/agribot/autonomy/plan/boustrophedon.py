@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agribot.autonomy.plan.approach import approach
+from agribot.autonomy.plan.approach import plan_approach
 from agribot.autonomy.plan.curves import MIN_RADIUS_M, Pose, Segment, sample
-from agribot.autonomy.plan.dubins import shortest
+from agribot.autonomy.plan.dubins import find_shortest
 from agribot.autonomy.plan.obstacles import NO_OBSTACLES, Obstacles
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
@@ -48,13 +48,13 @@ def plan_rows(
             raise MissionError(f"row {row.index} is shorter than {MIN_RADIUS_M} m; check the field")
     start = Pose(*start_pose)
     orders = [
-        _passes(ordered, is_first_flipped)
-        for ordered in _orders(rows)
+        _order_passes(ordered, is_first_flipped)
+        for ordered in _list_orders(rows)
         for is_first_flipped in (False, True)
     ]
-    entries = [_entry(order, 0, mission.headland_m) for order in orders]
-    chosen, way_in = approach(start, entries, crop or rows, robot, mission, obstacles)
-    return sample(start, (*way_in, *_coverage(orders[chosen], mission.headland_m)))
+    entries = [_find_entry(order, 0, mission.headland_m) for order in orders]
+    chosen, way_in = plan_approach(start, entries, crop or rows, robot, mission, obstacles)
+    return sample(start, (*way_in, *_chain_passes(orders[chosen], mission.headland_m)))
 
 
 def plan_without(
@@ -70,17 +70,17 @@ def plan_without(
 
     Raises: MissionError: no clear way leads around the row.
     """
-    branch = _next_turn(path, index, skipped)
+    branch = _find_next_turn(path, index, skipped)
     ahead = set(path.row[branch:].tolist()) - {-1, skipped}
     if not ahead:
-        return _joined(path, max(branch, 1), None)
+        return _join(path, max(branch, 1), None)
     x_m, y_m = path.xy_map_m[branch]
     pose = (float(x_m), float(y_m), float(path.yaw_map_rad[branch]))
     left = [row for row in rows if row.index in ahead]
-    return _joined(path, branch, plan_rows(left, pose, robot, mission, rows, obstacles))
+    return _join(path, branch, plan_rows(left, pose, robot, mission, rows, obstacles))
 
 
-def _next_turn(path: Path, index: int, skipped: int) -> int:
+def _find_next_turn(path: Path, index: int, skipped: int) -> int:
     """Where the straight under the robot ends; the point itself in a turn or before the row."""
     bends = np.flatnonzero(path.curvature_radpm[index:])
     begin = index + int(bends[0]) if len(bends) else len(path.s_m) - 1
@@ -88,7 +88,7 @@ def _next_turn(path: Path, index: int, skipped: int) -> int:
     return begin if not len(row) or begin < index + int(row[0]) else index
 
 
-def _joined(path: Path, last: int, rest: Path | None) -> Path:
+def _join(path: Path, last: int, rest: Path | None) -> Path:
     """Up to and with point `last`, and on along another path that begins there."""
     kept = slice(0, last + 1)
     names = ("xy_map_m", "yaw_map_rad", "curvature_radpm", "row")
@@ -116,15 +116,15 @@ def plan_home(
     Raises: MissionError: no such way is clear of the crop.
     """
     start = Pose(*start_pose)
-    _, way = approach(start, [Pose(*home_pose)], rows, robot, mission, obstacles)
+    _, way = plan_approach(start, [Pose(*home_pose)], rows, robot, mission, obstacles)
     return sample(start, way)
 
 
-def _orders(rows: Sequence[Row]) -> list[Sequence[Row]]:
+def _list_orders(rows: Sequence[Row]) -> list[Sequence[Row]]:
     return [rows] if len(rows) == 1 else [rows, rows[::-1]]
 
 
-def _passes(rows: Sequence[Row], is_first_flipped: bool) -> list[Row]:
+def _order_passes(rows: Sequence[Row], is_first_flipped: bool) -> list[Row]:
     """The rows in driving order, each written in its driving direction."""
     passes: list[Row] = []
     for row in rows:
@@ -135,10 +135,13 @@ def _passes(rows: Sequence[Row], is_first_flipped: bool) -> list[Row]:
     return passes
 
 
-def _coverage(passes: Sequence[Row], headland_m: float) -> list[Segment]:
+def _chain_passes(passes: Sequence[Row], headland_m: float) -> list[Segment]:
     pieces: list[Segment] = []
     for number, row in enumerate(passes):
-        entry, leave = _entry(passes, number, headland_m), _leave(passes, number, headland_m)
+        entry, leave = (
+            _find_entry(passes, number, headland_m),
+            _find_exit(passes, number, headland_m),
+        )
         first_plant_m = math.dist((entry.x_m, entry.y_m), row.start_map_m)
         last_plant_m = math.dist((leave.x_m, leave.y_m), row.end_map_m)
         pieces += (
@@ -147,21 +150,21 @@ def _coverage(passes: Sequence[Row], headland_m: float) -> list[Segment]:
             Segment(last_plant_m, 0.0),
         )
         if number + 1 < len(passes):
-            pieces += _turn(leave, _entry(passes, number + 1, headland_m))
+            pieces += _plan_turn(leave, _find_entry(passes, number + 1, headland_m))
     return pieces
 
 
-def _turn(leave: Pose, entry: Pose) -> tuple[Segment, ...]:
+def _plan_turn(leave: Pose, entry: Pose) -> tuple[Segment, ...]:
     """Semicircle where the pitch allows one; a bulb where it is too narrow for the robot."""
     offset_m = abs(
         (entry.y_m - leave.y_m) * math.cos(leave.yaw_rad)
         - (entry.x_m - leave.x_m) * math.sin(leave.yaw_rad)
     )
     radius_m = min(max(offset_m / 2.0, MIN_RADIUS_M), MAX_TURN_RADIUS_M)
-    return shortest(leave, entry, radius_m)
+    return find_shortest(leave, entry, radius_m)
 
 
-def _entry(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
+def _find_entry(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
     """Before the first plant; rows that end unevenly wait for the longer neighbour."""
     row = passes[number]
     start = Pose(*row.start_map_m, start_yaw_rad(row))
@@ -171,7 +174,7 @@ def _entry(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
     return start.ahead(-headland_m - extra_m)
 
 
-def _leave(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
+def _find_exit(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
     row = passes[number]
     end = Pose(*row.end_map_m, end_yaw_rad(row))
     extra_m = 0.0

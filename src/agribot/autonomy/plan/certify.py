@@ -46,19 +46,19 @@ def certify(
     _check_finite(path)
     _check_steps(path)
     _check_curvature(path)
-    closest = closest_to_crop(path, robot, rows, plants_xy)
+    closest = find_closest_to_crop(path, robot, rows, plants_xy)
     if closest.clearance_m >= clearance_m:
         return
     what = f"row {rows[closest.crop].index}" if plants_xy is None else f"plant {closest.crop}"
     gap = "drives over" if closest.clearance_m < 0.0 else "comes too close to"
     raise MissionError(
-        f"{closest.wheel} {gap} {what} at {_place(path, closest.point)}: clearance "
+        f"{closest.wheel} {gap} {what} at {_name_place(path, closest.point)}: clearance "
         f"{closest.clearance_m:.2f} m, needed {clearance_m:.2f} m; check the field's rows, the "
         "headland and mission.plant_clearance_m"
     )
 
 
-def closest_to_crop(
+def find_closest_to_crop(
     path: Path, robot: RobotSpec, rows: Sequence[Row], plants_xy: FloatArray | None = None
 ) -> Closest:
     if plants_xy is None:
@@ -70,7 +70,7 @@ def closest_to_crop(
         starts = ends = np.asarray(plants_xy, dtype=np.float64).reshape(-1, 2)
         owner = np.arange(len(starts))
     low_m, high_m = np.minimum(starts, ends) - REACH_M, np.maximum(starts, ends) + REACH_M
-    wheels = wheel_tracks_map_m(path, robot)
+    wheels = trace_wheels_map_m(path, robot)
     best = Closest(np.inf, "", -1, -1)
     for first in range(0, len(wheels), _CHUNK):
         chunk = wheels[first : first + _CHUNK].reshape(-1, 2)
@@ -78,7 +78,7 @@ def closest_to_crop(
         crops = np.flatnonzero(near)
         if not len(crops):
             continue
-        distance_m = _distances_m(chunk, starts[crops], ends[crops])
+        distance_m = _measure_distances_m(chunk, starts[crops], ends[crops])
         at, crop = np.unravel_index(np.argmin(distance_m), distance_m.shape)
         clearance_m = float(distance_m[at, crop]) - robot.drive.wheel_width_m / 2.0
         if clearance_m < min(best.clearance_m, REACH_M):
@@ -87,7 +87,7 @@ def closest_to_crop(
     return best
 
 
-def wheel_tracks_map_m(path: Path, robot: RobotSpec) -> FloatArray:
+def trace_wheels_map_m(path: Path, robot: RobotSpec) -> FloatArray:
     """Ground contact of each wheel at each point of the path, (N, 4, 2)."""
     cos, sin = np.cos(path.yaw_map_rad)[:, None], np.sin(path.yaw_map_rad)[:, None]
     x_body_m, y_body_m = robot.wheel_xy_body_m().T
@@ -95,7 +95,7 @@ def wheel_tracks_map_m(path: Path, robot: RobotSpec) -> FloatArray:
     return np.asarray(path.xy_map_m[:, None, :] + offsets)
 
 
-def _distances_m(points: FloatArray, starts: FloatArray, ends: FloatArray) -> FloatArray:
+def _measure_distances_m(points: FloatArray, starts: FloatArray, ends: FloatArray) -> FloatArray:
     """From each point (N, 2) to each segment (M), (N, M)."""
     along = ends - starts
     square = np.maximum(np.sum(along * along, axis=1), 1e-12)
@@ -105,7 +105,7 @@ def _distances_m(points: FloatArray, starts: FloatArray, ends: FloatArray) -> Fl
     return np.asarray(np.hypot(gap[:, :, 0], gap[:, :, 1]))
 
 
-def _place(path: Path, point: int) -> str:
+def _name_place(path: Path, point: int) -> str:
     east_m, north_m = path.xy_map_m[point]
     return f"East {east_m:.2f} m, North {north_m:.2f} m ({path.s_m[point]:.1f} m along the path)"
 
@@ -134,7 +134,7 @@ def _check_steps(path: Path) -> None:
     )
     for broken, what in rules:
         if broken.any():
-            raise MissionError(f"the path {what} at {_place(path, int(np.argmax(broken)))}")
+            raise MissionError(f"the path {what} at {_name_place(path, int(np.argmax(broken)))}")
 
 
 def _check_curvature(path: Path) -> None:
@@ -145,5 +145,6 @@ def _check_curvature(path: Path) -> None:
     tight[:-1] |= turned_rad > limit_radpm * np.diff(path.s_m) + 1e-6
     if tight.any():
         raise MissionError(
-            f"the path turns tighter than {MIN_RADIUS_M} m at {_place(path, int(np.argmax(tight)))}"
+            f"the path turns tighter than {MIN_RADIUS_M} m at "
+            f"{_name_place(path, int(np.argmax(tight)))}"
         )

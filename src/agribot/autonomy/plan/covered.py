@@ -16,7 +16,7 @@ GAP_M, MISSING_M = 0.1, 0.2
 OVERLAP_M = 0.05
 
 
-class Stretch(NamedTuple):
+class WorkedStretch(NamedTuple):
     """A worked piece of a row, from one place of the map to another, metres."""
 
     from_x_m: float
@@ -30,7 +30,7 @@ class _Piece(NamedTuple):
 
     first_m: float
     last_m: float
-    stretch: Stretch
+    stretch: WorkedStretch
 
 
 class CoveredRows:
@@ -42,7 +42,7 @@ class CoveredRows:
         self._before: dict[int, list[_Piece]] = {row.index: [] for row in rows}
         self._open: int | None = None  # the row whose last piece is growing
 
-    def stretches(self, but: Sequence[int] = ()) -> tuple[Stretch, ...]:
+    def stretches(self, but: Sequence[int] = ()) -> tuple[WorkedStretch, ...]:
         """Of all rows but these."""
         return tuple(
             piece.stretch
@@ -57,9 +57,9 @@ class CoveredRows:
         if row is None:
             self.leave()
             return
-        along_m, pieces = _along_m(row, x_m, y_m), self._pieces[index]
+        along_m, pieces = _measure_along_m(row, x_m, y_m), self._pieces[index]
         if self._open != index:
-            pieces.append(_Piece(along_m, along_m, Stretch(x_m, y_m, x_m, y_m)))
+            pieces.append(_Piece(along_m, along_m, WorkedStretch(x_m, y_m, x_m, y_m)))
             self._open = index
         piece = pieces[-1]
         if along_m > piece.last_m:
@@ -72,12 +72,12 @@ class CoveredRows:
     def leave(self) -> None:
         self._open = None
 
-    def restore(self, stretches: Iterable[Stretch]) -> bool:
+    def restore(self, stretches: Iterable[WorkedStretch]) -> bool:
         """Take over what an earlier mission worked; False if none of it lies on these rows."""
         found = False
         for stretch in stretches:
             for index, row in self._rows.items():
-                piece = _on_row(row, stretch)
+                piece = _place_on_row(row, stretch)
                 if piece is not None:
                     self._pieces[index].append(piece)
                     self._before[index].append(piece)
@@ -103,7 +103,7 @@ class CoveredRows:
         row = self._rows.get(index)
         if row is None or not self._before[index]:
             return False
-        along_m = _along_m(row, x_m, y_m)
+        along_m = _measure_along_m(row, x_m, y_m)
         whole_m = row_length_m(row) - GAP_M
         for first_m, last_m, _ in self._before[index]:
             is_behind = along_m >= first_m + OVERLAP_M or first_m <= GAP_M
@@ -112,20 +112,20 @@ class CoveredRows:
         return False
 
 
-def whole_row(row: Row) -> Stretch:
-    return Stretch(*row.start_map_m, *row.end_map_m)
+def cover_row(row: Row) -> WorkedStretch:
+    return WorkedStretch(*row.start_map_m, *row.end_map_m)
 
 
-def _along_m(row: Row, x_m: float, y_m: float) -> float:
+def _measure_along_m(row: Row, x_m: float, y_m: float) -> float:
     """Within the row: the tool reaches past its ends."""
     return min(max(float(project_on_row(row, x_m, y_m).along_m), 0.0), row_length_m(row))
 
 
-def _on_row(row: Row, stretch: Stretch) -> _Piece | None:
+def _place_on_row(row: Row, stretch: WorkedStretch) -> _Piece | None:
     ends = ((stretch.from_x_m, stretch.from_y_m), (stretch.to_x_m, stretch.to_y_m))
     if any(abs(float(project_on_row(row, *end).left_m)) > BESIDE_M for end in ends):
         return None
-    first_m, last_m = sorted(_along_m(row, *end) for end in ends)
+    first_m, last_m = sorted(_measure_along_m(row, *end) for end in ends)
     if last_m == first_m and stretch[:2] != stretch[2:]:
         return None  # on the same line, but past the row's end
     return _Piece(first_m, last_m, stretch)

@@ -60,7 +60,7 @@ def length_m(segments: Iterable[Segment]) -> float:
     return sum(segment.length_m for segment in segments)
 
 
-def end_pose(start: Pose, segments: Iterable[Segment]) -> Pose:
+def find_end_pose(start: Pose, segments: Iterable[Segment]) -> Pose:
     for segment in segments:
         start = segment.end(start)
     return start
@@ -77,16 +77,16 @@ def sample(start: Pose, segments: Iterable[Segment]) -> Path:
             continue
         count = max(1, math.ceil(segment.length_m / SPACING_M - 1e-9))
         along_m = np.arange(count, dtype=np.float64) * (segment.length_m / count)
-        blocks.append(_block(pose, segment, along_m, done_m))
+        blocks.append(_sample_segment(pose, segment, along_m, done_m))
         pose, done_m, last = segment.end(pose), done_m + segment.length_m, segment
     if not blocks:
         raise MissionError("the path has no length: start and goal are the same place")
-    blocks.append(_block(pose, last, np.zeros(1), done_m))
+    blocks.append(_sample_segment(pose, last, np.zeros(1), done_m))
     table = np.concatenate(blocks)
-    return path_from_table(table)
+    return make_path(table)
 
 
-def path_from_table(table: FloatArray) -> Path:
+def make_path(table: FloatArray) -> Path:
     """Columns x, y, yaw, curvature, row, s; the yaw may run on beyond pi."""
     return Path(
         xy_map_m=np.ascontiguousarray(table[:, :2]),
@@ -97,7 +97,9 @@ def path_from_table(table: FloatArray) -> Path:
     )
 
 
-def _block(start: Pose, segment: Segment, along_m: FloatArray, done_m: float) -> FloatArray:
+def _sample_segment(
+    start: Pose, segment: Segment, along_m: FloatArray, done_m: float
+) -> FloatArray:
     """Columns x, y, yaw, curvature, row, s of the points `along_m` into a segment."""
     curvature = segment.curvature_radpm
     yaw = start.yaw_rad + curvature * along_m

@@ -14,25 +14,25 @@ Solution = tuple[float, float, float]  # arc, middle piece, arc; in units of the
 _FULL_TURN_SLACK_RAD = 1e-9
 
 
-def shortest(start: Pose, end: Pose, radius_m: float) -> tuple[Segment, ...]:
-    return all_words(start, end, radius_m)[0]
+def find_shortest(start: Pose, end: Pose, radius_m: float) -> tuple[Segment, ...]:
+    return list_words(start, end, radius_m)[0]
 
 
-def all_words(start: Pose, end: Pose, radius_m: float) -> list[tuple[Segment, ...]]:
+def list_words(start: Pose, end: Pose, radius_m: float) -> list[tuple[Segment, ...]]:
     """Every feasible word (LSL, RSR, LSR, RSL, RLR, LRL), shortest first; never empty."""
     dx, dy = (end.x_m - start.x_m) / radius_m, (end.y_m - start.y_m) / radius_m
     bearing = math.atan2(dy, dx)
     d = math.hypot(dx, dy)
-    alpha, beta = _turn(start.yaw_rad - bearing), _turn(end.yaw_rad - bearing)
+    alpha, beta = _wrap_turn_rad(start.yaw_rad - bearing), _wrap_turn_rad(end.yaw_rad - bearing)
     words = []
     for name, solve in _WORDS.items():
         solution = solve(d, alpha, beta)
         if solution is not None:
-            words.append(_segments(name, solution, radius_m))
+            words.append(_make_segments(name, solution, radius_m))
     return sorted(words, key=length_m)
 
 
-def _segments(name: str, solution: Solution, radius_m: float) -> tuple[Segment, ...]:
+def _make_segments(name: str, solution: Solution, radius_m: float) -> tuple[Segment, ...]:
     sign = {"L": 1.0, "S": 0.0, "R": -1.0}
     return tuple(
         Segment(piece * radius_m, sign[letter] / radius_m)
@@ -40,25 +40,27 @@ def _segments(name: str, solution: Solution, radius_m: float) -> tuple[Segment, 
     )
 
 
-def _turn(angle_rad: float) -> float:
+def _wrap_turn_rad(angle_rad: float) -> float:
     """The angle in [0, 2 pi); rounding below zero is zero, not a full turn."""
     angle_rad %= math.tau
     return 0.0 if math.tau - angle_rad < _FULL_TURN_SLACK_RAD else angle_rad
 
 
-def _root(square: float) -> float | None:
+def _take_root(square: float) -> float | None:
     """Square root that forgives rounding; None where the word does not exist."""
     return math.sqrt(max(square, 0.0)) if square > -1e-9 else None
 
 
 def _lsl(d: float, alpha: float, beta: float) -> Solution | None:
-    p = _root(2 + d * d - 2 * math.cos(alpha - beta) + 2 * d * (math.sin(alpha) - math.sin(beta)))
+    p = _take_root(
+        2 + d * d - 2 * math.cos(alpha - beta) + 2 * d * (math.sin(alpha) - math.sin(beta))
+    )
     if p is None:
         return None
     if p < 1e-9:
-        return _turn(beta - alpha), 0.0, 0.0
+        return _wrap_turn_rad(beta - alpha), 0.0, 0.0
     theta = math.atan2(math.cos(beta) - math.cos(alpha), d + math.sin(alpha) - math.sin(beta))
-    return _turn(theta - alpha), p, _turn(beta - theta)
+    return _wrap_turn_rad(theta - alpha), p, _wrap_turn_rad(beta - theta)
 
 
 def _rsr(d: float, alpha: float, beta: float) -> Solution | None:
@@ -66,12 +68,14 @@ def _rsr(d: float, alpha: float, beta: float) -> Solution | None:
 
 
 def _lsr(d: float, alpha: float, beta: float) -> Solution | None:
-    p = _root(-2 + d * d + 2 * math.cos(alpha - beta) + 2 * d * (math.sin(alpha) + math.sin(beta)))
+    p = _take_root(
+        -2 + d * d + 2 * math.cos(alpha - beta) + 2 * d * (math.sin(alpha) + math.sin(beta))
+    )
     if p is None:
         return None
     theta = math.atan2(-math.cos(alpha) - math.cos(beta), d + math.sin(alpha) + math.sin(beta))
     theta -= math.atan2(-2.0, p)
-    return _turn(theta - alpha), p, _turn(theta - beta)
+    return _wrap_turn_rad(theta - alpha), p, _wrap_turn_rad(theta - beta)
 
 
 def _rsl(d: float, alpha: float, beta: float) -> Solution | None:
@@ -84,10 +88,10 @@ def _lrl(d: float, alpha: float, beta: float) -> Solution | None:
     ) / 8
     if abs(cosine) > 1.0:
         return None
-    p = _turn(math.tau - math.acos(cosine))
+    p = _wrap_turn_rad(math.tau - math.acos(cosine))
     theta = math.atan2(math.cos(alpha) - math.cos(beta), d + math.sin(alpha) - math.sin(beta))
-    t = _turn(-alpha - theta + p / 2)
-    return t, p, _turn(beta - alpha - t + p)
+    t = _wrap_turn_rad(-alpha - theta + p / 2)
+    return t, p, _wrap_turn_rad(beta - alpha - t + p)
 
 
 def _rlr(d: float, alpha: float, beta: float) -> Solution | None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from agribot.autonomy.plan.approach import RADIUS_M, approach
-from agribot.autonomy.plan.certify import certify, closest_to_crop
+from agribot.autonomy.plan.approach import RADIUS_M, plan_approach
+from agribot.autonomy.plan.certify import certify, find_closest_to_crop
 from agribot.autonomy.plan.curves import SPACING_M, Place, Pose, Segment, sample
-from agribot.autonomy.plan.dubins import shortest
+from agribot.autonomy.plan.dubins import find_shortest
 from agribot.autonomy.plan.obstacles import NO_OBSTACLES, Obstacles
 from agribot.autonomy.plan.waypoints import plan_waypoints
 from agribot.core.config import MissionConfig
@@ -19,14 +19,14 @@ from agribot.core.row_shape import chord_yaw_rad, row_points_map_m
 
 OUT_OF_ROWS_M = 0.8  # past the ends of the rows, where the robot may turn
 
-Rectangle = tuple[float, float, float, float]  # x_min_m, y_min_m, x_max_m, y_max_m in the map
+FenceBox = tuple[float, float, float, float]  # x_min_m, y_min_m, x_max_m, y_max_m in the map
 
 
 def plan_to_place(
     goal: Place,
     start_pose: tuple[float, float, float],
     rows: Sequence[Row],
-    fence: Rectangle,
+    fence: FenceBox,
     robot: RobotSpec,
     mission: MissionConfig,
     obstacles: Obstacles = NO_OBSTACLES,
@@ -44,21 +44,21 @@ def plan_to_place(
     if not rows:
         if yaw_rad is None:
             return plan_waypoints(((x_m, y_m),), start_pose, robot, mission)
-        return sample(start, shortest(start, Pose(x_m, y_m, yaw_rad), RADIUS_M))
-    looks = [yaw_rad] if yaw_rad is not None else _looks(start, x_m, y_m, rows)
+        return sample(start, find_shortest(start, Pose(x_m, y_m, yaw_rad), RADIUS_M))
+    looks = [yaw_rad] if yaw_rad is not None else _list_headings_rad(start, x_m, y_m, rows)
     free = [
         pose for pose in (Pose(x_m, y_m, look) for look in looks)
-        if _clearance_m(pose, rows, robot) >= mission.plant_clearance_m
+        if _measure_clearance_m(pose, rows, robot) >= mission.plant_clearance_m
     ]  # fmt: skip
     if not free:
         raise MissionError(
             f"at East {x_m:.2f} m, North {y_m:.2f} m the robot would stand on crop; choose a place "
             "on the headland, or one astride a row and look along it"
         )
-    straights_m = [_way_out_m(pose, rows) for pose in free]
+    straights_m = [_measure_way_out_m(pose, rows) for pose in free]
     entries = [pose.ahead(-back_m) for pose, back_m in zip(free, straights_m, strict=True)]
     try:
-        chosen, way = approach(start, entries, rows, robot, mission, obstacles)
+        chosen, way = plan_approach(start, entries, rows, robot, mission, obstacles)
         path = sample(start, (*way, Segment(straights_m[chosen], 0.0)))
         certify(path, rows, robot, mission.plant_clearance_m)
         obstacles.check(path)
@@ -69,12 +69,12 @@ def plan_to_place(
     return path
 
 
-def fence_around(places: Sequence[tuple[float, float]], margin_m: float) -> Rectangle:
+def make_fence(places: Sequence[tuple[float, float]], margin_m: float) -> FenceBox:
     xs, ys = [place[0] for place in places], [place[1] for place in places]
     return min(xs) - margin_m, min(ys) - margin_m, max(xs) + margin_m, max(ys) + margin_m
 
 
-def check_inside(x_m: float, y_m: float, fence: Rectangle) -> None:
+def check_inside(x_m: float, y_m: float, fence: FenceBox) -> None:
     """Raises: MissionError: the place lies beyond the fence."""
     x_min_m, y_min_m, x_max_m, y_max_m = fence
     beyond_m = max(x_min_m - x_m, x_m - x_max_m, y_min_m - y_m, y_m - y_max_m)
@@ -85,18 +85,18 @@ def check_inside(x_m: float, y_m: float, fence: Rectangle) -> None:
         )
 
 
-def _looks(start: Pose, x_m: float, y_m: float, rows: Sequence[Row]) -> list[float]:
+def _list_headings_rad(start: Pose, x_m: float, y_m: float, rows: Sequence[Row]) -> list[float]:
     """Ways to look at the goal that are worth a try: as it is driven to, and along the rows."""
     along_rad = chord_yaw_rad(rows[0])
     return [math.atan2(y_m - start.y_m, x_m - start.x_m), along_rad, along_rad + math.pi]
 
 
-def _clearance_m(pose: Pose, rows: Sequence[Row], robot: RobotSpec) -> float:
+def _measure_clearance_m(pose: Pose, rows: Sequence[Row], robot: RobotSpec) -> float:
     standing = sample(pose.ahead(-SPACING_M), (Segment(SPACING_M, 0.0),))
-    return closest_to_crop(standing, robot, rows).clearance_m
+    return find_closest_to_crop(standing, robot, rows).clearance_m
 
 
-def _way_out_m(pose: Pose, rows: Sequence[Row]) -> float:
+def _measure_way_out_m(pose: Pose, rows: Sequence[Row]) -> float:
     """How far to back off until the robot is past the ends of the rows beside it; 0 if it is."""
     yaw_rad = chord_yaw_rad(rows[0])
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)

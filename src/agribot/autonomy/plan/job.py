@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterable
 from typing import Literal
 
-from agribot.autonomy.plan.covered import CoveredRows, whole_row
+from agribot.autonomy.plan.covered import CoveredRows, cover_row
 from agribot.autonomy.plan.curves import Place
 from agribot.autonomy.plan.route import Route
-from agribot.autonomy.plan.row_evidence import doubt, is_counted, row_pitch_m
+from agribot.autonomy.plan.row_evidence import find_doubt, is_counted, row_pitch_m
 from agribot.autonomy.plan.row_log import RowLog
-from agribot.autonomy.plan.saved_mission import PoseTuple, SavedMission, task_name
+from agribot.autonomy.plan.saved_mission import PoseTuple, SavedMission, name_task
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
@@ -44,7 +44,7 @@ class MissionJob:
         self._config = config
         self._waypoints = tuple(task.waypoints)
         self.rows = RowLog(row.index for row in task.rows)
-        self.name = task_name(self.rows.indices, self._waypoints, path)
+        self.name = name_task(self.rows.indices, self._waypoints, path)
         self._pitch_m = row_pitch_m(task.rows)
         self._covered = CoveredRows(task.rows) if covered is None else covered
         self._tool_m = (math.nan, math.nan)
@@ -98,7 +98,7 @@ class MissionJob:
             waypoints_reached=self.waypoints_reached,
             detours=self._detours,
             covered=self._covered.stretches(but=self.rows.unproven),
-            skipped=tuple(whole_row(row) for row in task.rows if self.rows.is_skipped(row.index)),
+            skipped=tuple(cover_row(row) for row in task.rows if self.rows.is_skipped(row.index)),
             visit=self._waypoints if task.name else (),
             visit_name=task.name,
         )
@@ -107,7 +107,7 @@ class MissionJob:
         """Count what the robot passes: it is on the route, where its progress says."""
         progress = self.route.progress
         beside_m = abs(progress.cross_track_m)
-        why = doubt(self.task, estimate, self.route.yaw_map_rad, self._pitch_m)
+        why = find_doubt(self.task, estimate, self.route.yaw_map_rad, self._pitch_m)
         self.rows.work(
             self.route.row_here, beside_m, progress.s_m, estimate.t_s, why,
             is_counted=is_counted(self.task, estimate),

@@ -11,8 +11,8 @@ from agribot.autonomy.plan.saved_mission import (
     SavedMission,
     check_not_carried_away,
     check_same_task,
-    pose_of,
-    task_name,
+    name_task,
+    take_pose,
 )
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import MissionConfig
@@ -30,14 +30,14 @@ def plan_job(
     Raises: MissionError: no path, the robot was carried away, or the task is another one.
     """
     if saved is None or saved.planned_from is None:
-        return MissionJob(task, config, task.plan(estimate), pose_of(estimate))
+        return MissionJob(task, config, task.plan(estimate), take_pose(estimate))
     check_not_carried_away(estimate, saved.pose[:2], config.resume_limit_m)
     x_m, y_m, yaw_rad = saved.planned_from
     then = msgspec.structs.replace(estimate, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad)
     path = task.plan(then)
     covered, skipped = CoveredRows(task.rows), CoveredRows(task.rows)
     is_same_ground = covered.restore(saved.covered) | skipped.restore(saved.skipped)
-    name = task_name([row.index for row in task.rows], tuple(task.waypoints), path)
+    name = name_task([row.index for row in task.rows], tuple(task.waypoints), path)
     if is_same_ground and name != saved.task:
         return _plan_rest(task, config, estimate, covered, skipped.complete)
     job = MissionJob(task, config, path, saved.planned_from, covered, saved.detours)
@@ -59,7 +59,7 @@ def _plan_rest(
     if not left:
         raise MissionError("every row was worked or skipped before; nothing is left to resume")
     path = task.plan_rest(estimate, left)
-    job = MissionJob(task, config, path, pose_of(estimate), covered)
+    job = MissionJob(task, config, path, take_pose(estimate), covered)
     job.leave_out(done, skipped)
     return job
 
@@ -71,7 +71,7 @@ def save_unbegun(task: Task, state: MissionState, last: Estimate) -> SavedMissio
         state=state,
         t_s=last.t_s,
         planned_from=None,
-        pose=pose_of(last),
+        pose=take_pose(last),
         length_m=0.0,
         s_m=0.0,
         row=-1,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import Footprint, footprint
+from agribot.autonomy.plan.coverage.area import Footprint, measure_footprint
 from agribot.core.errors import MissionError
 from agribot.core.messages import Path
 from agribot.core.robot import RobotSpec
@@ -16,7 +16,7 @@ from agribot.core.robot import RobotSpec
 _BEYOND_M = 0.05  # of a way around, beyond the clearance: curves cut its corners
 
 
-class Obstacle(NamedTuple):
+class ObstacleCircle(NamedTuple):
     x_m: float
     y_m: float
     radius_m: float
@@ -25,7 +25,7 @@ class Obstacle(NamedTuple):
 class Obstacles(NamedTuple):
     """The robot's `body` keeps `clearance_m` off each of `circles`."""
 
-    circles: tuple[Obstacle, ...] = ()
+    circles: tuple[ObstacleCircle, ...] = ()
     clearance_m: float = 0.0
     body: Footprint = Footprint(front_m=0.0, rear_m=0.0, half_width_m=0.0)
 
@@ -72,9 +72,9 @@ class Obstacles(NamedTuple):
 NO_OBSTACLES = Obstacles()
 
 
-def obstacles_for(
+def make_obstacles(
     circles: Sequence[tuple[float, float, float]], clearance_m: float, robot: RobotSpec
 ) -> Obstacles:
     """`circles` are East, North and radius in metres."""
-    return Obstacles(tuple(Obstacle(*circle) for circle in circles), clearance_m,
-                     footprint(robot, 0.0))  # fmt: skip
+    return Obstacles(tuple(ObstacleCircle(*circle) for circle in circles), clearance_m,
+                     measure_footprint(robot, 0.0))  # fmt: skip

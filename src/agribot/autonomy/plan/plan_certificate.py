@@ -19,12 +19,16 @@ from agribot.autonomy.plan.coverage.area import (
     Footprint,
     Leg,
     PlanRequest,
-    Point,
 )
 from agribot.autonomy.plan.curves import MIN_RADIUS_M
-from agribot.autonomy.plan.plan_ground import covered_ground, reachable
-from agribot.autonomy.plan.plan_sweep import footprints, swept_line, tight_bends, wheel_traces
-from agribot.core.messages import FloatArray
+from agribot.autonomy.plan.plan_ground import find_covered, find_reachable
+from agribot.autonomy.plan.plan_sweep import (
+    measure_bends_radpm,
+    orient_line,
+    sweep_footprint,
+    trace_wheels,
+)
+from agribot.core.messages import FloatArray, MapPoint
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -34,7 +38,7 @@ CURVATURE_SLACK_RATIO = 1.05  # arcs are checked on their chords
 MAX_PROBLEMS = 20
 
 
-class Problem(msgspec.Struct, frozen=True, kw_only=True):
+class PlanProblem(msgspec.Struct, frozen=True, kw_only=True):
     """A broken rule and its place."""
 
     rule: str
@@ -51,7 +55,7 @@ class Certificate(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     ok: bool
-    problems: tuple[Problem, ...]
+    problems: tuple[PlanProblem, ...]
     clearance_m: float
     outside_m: float
     wheel_row_clearance_m: float | None
@@ -74,19 +78,19 @@ def certify_plan(
     """Every rule is checked and every place told; `ok` only without a problem."""
     import shapely
 
-    problems = _joints(plan.legs)
+    problems = _check_joints(plan.legs)
     if any(math.isnan(problem.east_m) for problem in problems):
-        return _refused(problems)
+        return _refuse(problems)
     field = shapely.Polygon(area.boundary, area.holes)
-    bends, sharpest = _bends(plan.legs)
+    bends, sharpest = _check_bends(plan.legs)
     problems += bends
-    clearance_m, outside_m, found = _edges(plan.legs, field, shape)
+    clearance_m, outside_m, found = _check_edges(plan.legs, field, shape)
     problems += found
-    row_clearance_m, found = _rows(plan.legs, area, shape, request)
+    row_clearance_m, found = _check_rows(plan.legs, area, shape, request)
     problems += found
-    target = reachable(plan, area, field, shape, request)
-    covered, overlap_ratio = covered_ground(plan.legs, field, request)
-    coverage_ratio, found = _coverage(covered, target, request)
+    target = find_reachable(plan, area, field, shape, request)
+    covered, overlap_ratio = find_covered(plan.legs, field, request)
+    coverage_ratio, found = _check_coverage(covered, target, request)
     problems += found
     working = [leg for leg in plan.legs if leg.tool_on]
     return Certificate(
@@ -105,13 +109,13 @@ def certify_plan(
         length_m=sum(leg.length_m for leg in plan.legs),
         working_length_m=sum(leg.length_m for leg in working),
         working_legs=len(working),
-        pivots=_pivots(plan.legs),
+        pivots=_count_pivots(plan.legs),
     )
 
 
 def check_ways(
-    legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest, start: Point
-) -> list[Problem]:
+    legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest, start: MapPoint
+) -> list[PlanProblem]:
     """Of ways without work: edges, holes, wheels on crop. The ground under the robot is forgiven:
     it stands there already, and must be able to leave.
     """
@@ -120,13 +124,13 @@ def check_ways(
     field = shapely.Polygon(area.boundary, area.holes).union(
         shapely.Point(start).buffer(2.0 * shape.turn_radius_m)
     )
-    _, _, edges = _edges(legs, field, shape)
-    _, rows = _rows(legs, area, shape, request)
+    _, _, edges = _check_edges(legs, field, shape)
+    _, rows = _check_rows(legs, area, shape, request)
     away_m = 2.0 * shape.turn_radius_m
     return [*edges, *(p for p in rows if math.dist((p.east_m, p.north_m), start) > away_m)]
 
 
-def _refused(problems: list[Problem]) -> Certificate:
+def _refuse(problems: list[PlanProblem]) -> Certificate:
     """Of a plan that is no way at all."""
     return Certificate(
         ok=False, problems=tuple(problems), clearance_m=0.0, outside_m=0.0,
@@ -136,47 +140,47 @@ def _refused(problems: list[Problem]) -> Certificate:
     )  # fmt: skip
 
 
-def _problem(rule: str, message: str, place: Point | FloatArray) -> Problem:
+def _report(rule: str, message: str, place: MapPoint | FloatArray) -> PlanProblem:
     east_m, north_m = float(place[0]), float(place[1])
     where = f" at East {east_m:.2f} m, North {north_m:.2f} m"
-    return Problem(rule=rule, message=message + where, east_m=east_m, north_m=north_m)
+    return PlanProblem(rule=rule, message=message + where, east_m=east_m, north_m=north_m)
 
 
-def _joints(legs: tuple[Leg, ...]) -> list[Problem]:
+def _check_joints(legs: tuple[Leg, ...]) -> list[PlanProblem]:
     """Finite numbers, and every leg begins where the one before it ended."""
     found = []
     for number, leg in enumerate(legs):
         if not np.isfinite(leg.xy_map_m).all() or len(leg.xy_map_m) < 2:
-            return [_problem("path", f"leg {number} has broken points", (math.nan, math.nan))]
+            return [_report("path", f"leg {number} has broken points", (math.nan, math.nan))]
         if number:
             gap_m = math.dist(legs[number - 1].xy_map_m[-1], leg.xy_map_m[0])
             if gap_m > JOINT_M:
-                found.append(_problem("path", f"jumps by {gap_m:.3f} m", leg.xy_map_m[0]))
-    return found if legs else [_problem("path", "has no legs", (math.nan, math.nan))]
+                found.append(_report("path", f"jumps by {gap_m:.3f} m", leg.xy_map_m[0]))
+    return found if legs else [_report("path", "has no legs", (math.nan, math.nan))]
 
 
-def _bends(legs: tuple[Leg, ...]) -> tuple[list[Problem], float]:
+def _check_bends(legs: tuple[Leg, ...]) -> tuple[list[PlanProblem], float]:
     """Only links may turn in place: there the tool is off."""
     found, sharpest = [], 0.0
     limit = CURVATURE_SLACK_RATIO / MIN_RADIUS_M
     for leg in legs:
         if leg.kind == "link" or len(leg.xy_map_m) < 3:
             continue
-        curvature = tight_bends(leg.xy_map_m)
+        curvature = measure_bends_radpm(leg.xy_map_m)
         at = int(np.argmax(curvature))
         sharpest = max(sharpest, float(curvature[at]))
         if curvature[at] > limit:
             doing = "with the tool on " if leg.tool_on else ""
             found.append(
-                _problem("curvature", f"turns {doing}at {curvature[at]:.2f} rad/m, tighter than "
+                _report("curvature", f"turns {doing}at {curvature[at]:.2f} rad/m, tighter than "
                          f"{limit:.2f} rad/m", leg.xy_map_m[at + 1])
             )  # fmt: skip
     return found, sharpest
 
 
-def _edges(
+def _check_edges(
     legs: tuple[Leg, ...], field: BaseGeometry, shape: Footprint
-) -> tuple[float, float, list[Problem]]:
+) -> tuple[float, float, list[PlanProblem]]:
     """Smallest clearance of the footprint, length of way outside the field, and where.
 
     A leg that keeps the turning circle clear of every edge is clear whichever way the robot
@@ -194,8 +198,8 @@ def _edges(
     clearance_m = float(away_m[is_clear].min(initial=math.inf))
     found, outside_m = [], 0.0
     for number in np.flatnonzero(~is_clear):
-        xy, before, after = swept_line(legs, int(number))
-        boxes = np.asarray(shapely.polygons(footprints(xy, shape, before, after)))
+        xy, before, after = orient_line(legs, int(number))
+        boxes = np.asarray(shapely.polygons(sweep_footprint(xy, shape, before, after)))
         is_out = ~np.asarray(shapely.covers(field, boxes))
         if not is_out.any():
             clearance_m = min(clearance_m, float(np.min(shapely.distance(edge, boxes))))
@@ -207,15 +211,15 @@ def _edges(
         place = worst.representative_point()
         depth_m = float(shapely.hausdorff_distance(worst, shapely.intersection(worst, edge)))
         found.append(
-            _problem("footprint", f"the robot reaches {depth_m:.2f} m out of the field or into a "
+            _report("footprint", f"the robot reaches {depth_m:.2f} m out of the field or into a "
                      f"hole on leg {number} ({legs[number].kind})", (place.x, place.y))
         )  # fmt: skip
     return clearance_m, outside_m, found
 
 
-def _rows(
+def _check_rows(
     legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest
-) -> tuple[float | None, list[Problem]]:
+) -> tuple[float | None, list[PlanProblem]]:
     """Wheel edges to crop rows."""
     import shapely
 
@@ -225,28 +229,28 @@ def _rows(
     shapely.prepare(rows)
     smallest_m, found = math.inf, []
     for number, leg in enumerate(legs):
-        xy, before, after = swept_line(legs, number)
-        traces = np.asarray(shapely.linestrings(wheel_traces(xy, shape, before, after)))
+        xy, before, after = orient_line(legs, number)
+        traces = np.asarray(shapely.linestrings(trace_wheels(xy, shape, before, after)))
         away_m = np.asarray(shapely.distance(rows, traces)) - shape.wheel_half_width_m
         at = int(np.argmin(away_m))
         smallest_m = min(smallest_m, float(away_m[at]))
         if away_m[at] < request.plant_clearance_m - JOINT_M:
             place = shapely.shortest_line(rows, traces[at])
             found.append(
-                _problem("wheels", f"a wheel comes within {away_m[at]:.2f} m of a crop row, needed "
+                _report("wheels", f"a wheel comes within {away_m[at]:.2f} m of a crop row, needed "
                          f"{request.plant_clearance_m:.2f} m, on leg {number} ({leg.kind})",
                          shapely.get_coordinates(place)[0])
             )  # fmt: skip
     return smallest_m, found
 
 
-def _coverage(
+def _check_coverage(
     covered: BaseGeometry, target: BaseGeometry, request: PlanRequest
-) -> tuple[float, list[Problem]]:
+) -> tuple[float, list[PlanProblem]]:
     import shapely
 
     if target.is_empty:
-        return 0.0, [_problem("coverage", "nothing can be reached", (math.nan, math.nan))]
+        return 0.0, [_report("coverage", "nothing can be reached", (math.nan, math.nan))]
     missed = shapely.difference(target, covered)
     ratio = max(0.0, 1.0 - float(missed.area / target.area))
     if ratio >= request.min_coverage_ratio:
@@ -255,13 +259,13 @@ def _coverage(
     worst = parts[int(np.argmax(shapely.area(parts)))]
     place = worst.representative_point()
     return ratio, [
-        _problem("coverage", f"only {100 * ratio:.2f} % of the reachable ground is worked, needed "
+        _report("coverage", f"only {100 * ratio:.2f} % of the reachable ground is worked, needed "
                  f"{100 * request.min_coverage_ratio:.2f} %; the largest gap has "
                  f"{worst.area:.2f} m2", (place.x, place.y))
     ]  # fmt: skip
 
 
-def _pivots(legs: tuple[Leg, ...]) -> int:
+def _count_pivots(legs: tuple[Leg, ...]) -> int:
     """Turns in place of more than ten degrees: between legs and at the corners of links."""
     count, course = 0, None
     for leg in legs:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agribot.autonomy.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, PlanRequest
-from agribot.autonomy.plan.plan_sweep import tool_line
+from agribot.autonomy.plan.plan_sweep import trace_tool
 from agribot.core.messages import FloatArray
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 
-def reachable(
+def find_reachable(
     plan: FieldPlan, area: FieldArea, field: shapely.Polygon, shape: Footprint, request: PlanRequest
 ) -> BaseGeometry:
     """Ground that the tool can pass: beside every straight stretch that the robot can drive.
@@ -46,12 +46,12 @@ def reachable(
     ]
     corners = [shapely.get_coordinates(ring) for ring in rings]
     edges = np.concatenate([np.stack([xy[:-1], xy[1:]], axis=1) for xy in corners])
-    lines = np.asarray(shapely.linestrings(_shortened(edges, abs(request.tool_x_m))))
+    lines = np.asarray(shapely.linestrings(_shorten(edges, abs(request.tool_x_m))))
     beside = np.asarray(shapely.buffer(lines, half_m, cap_style="flat"))
     return shapely.union_all([standing, *beside]).intersection(field)
 
 
-def _shortened(edges: FloatArray, by_m: float) -> FloatArray:
+def _shorten(edges: FloatArray, by_m: float) -> FloatArray:
     """Lines (N, 2, 2) without so much of both ends; those that are all ends are left out."""
     along = edges[:, 1] - edges[:, 0]
     length_m = np.hypot(*along.T)
@@ -60,13 +60,13 @@ def _shortened(edges: FloatArray, by_m: float) -> FloatArray:
     return np.stack([edges[kept, 0] + cut, edges[kept, 1] - cut], axis=1)
 
 
-def covered_ground(
+def find_covered(
     legs: tuple[Leg, ...], field: shapely.Polygon, request: PlanRequest
 ) -> tuple[BaseGeometry, float]:
     """The ground that the tool passed, and how much of it was passed more than once."""
     import shapely
 
-    passed = [tool_line(leg.xy_map_m, request.tool_x_m) for leg in legs if leg.tool_on]
+    passed = [trace_tool(leg.xy_map_m, request.tool_x_m) for leg in legs if leg.tool_on]
     lines = np.array([shapely.LineString(xy) for xy in passed])
     if not len(lines):
         return shapely.Polygon(), 0.0

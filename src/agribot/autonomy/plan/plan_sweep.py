@@ -14,7 +14,7 @@ TURN_STEP_RAD = math.radians(2.0)
 BEND_REACH_M = 0.06
 
 
-def footprints(
+def sweep_footprint(
     xy: FloatArray, shape: Footprint, before: FloatArray | None, after: FloatArray | None
 ) -> FloatArray:
     """Boxes (N, 4, 2): one swept along every piece, and one per two degrees of every turn.
@@ -23,16 +23,16 @@ def footprints(
     place at the ends.
     """
     starts, ends = xy[:-1], xy[1:]
-    yaw = _courses(xy)
-    straight = _boxes(starts, yaw, shape, np.hypot(*(ends - starts).T))
+    yaw = _list_courses_rad(xy)
+    straight = _make_boxes(starts, yaw, shape, np.hypot(*(ends - starts).T))
     boxes = [straight]
-    for place, old, new in _turns(xy, yaw, before, after):
-        turned = _turn_steps(old, new)
-        boxes.append(_boxes(np.broadcast_to(place, (len(turned), 2)), turned, shape))
+    for place, old, new in _list_turns(xy, yaw, before, after):
+        turned = _step_turn_rad(old, new)
+        boxes.append(_make_boxes(np.broadcast_to(place, (len(turned), 2)), turned, shape))
     return np.concatenate(boxes)
 
 
-def swept_line(
+def orient_line(
     legs: tuple[Leg, ...], number: int
 ) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
     """A leg's line as the robot looks along it, and how it looks before and behind that line.
@@ -40,84 +40,84 @@ def swept_line(
     Backwards it sweeps what it would sweep forwards from the other end.
     """
     leg = legs[number]
-    before = _looks(legs[number - 1], -1) if number else None
-    after = _looks(legs[number + 1], 0) if number + 1 < len(legs) else None
+    before = _find_heading_line(legs[number - 1], -1) if number else None
+    after = _find_heading_line(legs[number + 1], 0) if number + 1 < len(legs) else None
     if leg.is_reverse:
         return leg.xy_map_m[::-1], after, before
     return leg.xy_map_m, before, after
 
 
-def _looks(leg: Leg, end: int) -> FloatArray:
+def _find_heading_line(leg: Leg, end: int) -> FloatArray:
     """Two points along which the robot looks at the first (0) or last (-1) point of a leg."""
     xy = leg.xy_map_m[-2:] if end else leg.xy_map_m[:2]
     return xy[::-1] if leg.is_reverse else xy
 
 
-def wheel_traces(
+def trace_wheels(
     xy: FloatArray, shape: Footprint, before: FloatArray | None, after: FloatArray | None
 ) -> FloatArray:
     """Lines (N, 2, 2) that the wheel centres draw: along the pieces and through the turns."""
     wheels = np.array(shape.wheel_xy_body_m)
-    yaw = _courses(xy)
-    rotation = _rotations(yaw)
+    yaw = _list_courses_rad(xy)
+    rotation = _make_rotations(yaw)
     offset = np.einsum("nij,wj->nwi", rotation, wheels)
     straight = np.stack([xy[:-1, None] + offset, xy[1:, None] + offset], axis=2)
     traces = [straight.reshape(-1, 2, 2)]
-    for place, old, new in _turns(xy, yaw, before, after):
-        turned = _turn_steps(old, new)
-        spots = place + np.einsum("nij,wj->nwi", _rotations(turned), wheels)
+    for place, old, new in _list_turns(xy, yaw, before, after):
+        turned = _step_turn_rad(old, new)
+        spots = place + np.einsum("nij,wj->nwi", _make_rotations(turned), wheels)
         traces.append(np.stack([spots[:-1], spots[1:]], axis=2).reshape(-1, 2, 2))
     return np.concatenate(traces)
 
 
-def tool_line(xy: FloatArray, tool_x_m: float) -> FloatArray:
+def trace_tool(xy: FloatArray, tool_x_m: float) -> FloatArray:
     """The line that a point of the body ahead of its origin draws, (N, 2); it swings in bends."""
     if tool_x_m == 0.0:
         return xy
-    yaw = _courses(xy)
+    yaw = _list_courses_rad(xy)
     shift = tool_x_m * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     return np.stack([xy[:-1] + shift, xy[1:] + shift], axis=1).reshape(-1, 2)
 
 
-def tight_bends(xy: FloatArray) -> FloatArray:
+def measure_bends_radpm(xy: FloatArray) -> FloatArray:
     """Curvature at the inner points of a line: their bend over half of both pieces.
 
     Of a long piece only `BEND_REACH_M` counts: there a drive takes the bend.
     """
-    turned = np.abs(np.angle(np.exp(1j * np.diff(_courses(xy)))))
+    turned = np.abs(np.angle(np.exp(1j * np.diff(_list_courses_rad(xy)))))
     reach_m = np.clip(np.hypot(*np.diff(xy, axis=0).T), 1e-6, BEND_REACH_M)
     return np.asarray(2.0 * turned / (reach_m[:-1] + reach_m[1:]))
 
 
-def _turns(
+def _list_turns(
     xy: FloatArray, yaw: FloatArray, before: FloatArray | None, after: FloatArray | None
 ) -> Iterator[tuple[FloatArray, float, float]]:
     """Where the robot turns in place, from which course to which."""
-    courses = [*([] if before is None else [_courses(before)[-1]]), *yaw]
-    courses += [] if after is None else [_courses(after)[0]]
+    courses = [*([] if before is None else [_list_courses_rad(before)[-1]]), *yaw]
+    courses += [] if after is None else [_list_courses_rad(after)[0]]
     places = xy if before is not None else xy[1:]
     for place, old, new in zip(places, courses, courses[1:], strict=False):
         yield place, float(old), float(new)
 
 
-def _turn_steps(old_rad: float, new_rad: float) -> FloatArray:
+def _step_turn_rad(old_rad: float, new_rad: float) -> FloatArray:
     """Courses from old to new, the shorter way round, both included."""
     turn = math.remainder(new_rad - old_rad, math.tau)
     count = max(1, math.ceil(abs(turn) / TURN_STEP_RAD))
     return old_rad + turn * np.linspace(0.0, 1.0, count + 1)
 
 
-def _courses(xy: FloatArray) -> FloatArray:
+def _list_courses_rad(xy: FloatArray) -> FloatArray:
     step = np.diff(xy, axis=0)
     return np.asarray(np.arctan2(step[:, 1], step[:, 0]))
 
 
-def _rotations(yaw: FloatArray) -> FloatArray:
+def _make_rotations(yaw: FloatArray) -> FloatArray:
     cos, sin = np.cos(yaw), np.sin(yaw)
     return np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)
 
 
-def _boxes(
+def _make_boxes(
     places: FloatArray, yaw: FloatArray, shape: Footprint, driven_m: FloatArray | None = None
 ) -> FloatArray:
     front = shape.front_m + (np.zeros(len(yaw)) if driven_m is None else driven_m)
@@ -127,4 +127,4 @@ def _boxes(
         [np.stack([front, half], -1), np.stack([rear, half], -1),
          np.stack([rear, -half], -1), np.stack([front, -half], -1)], axis=1,
     )  # fmt: skip
-    return np.asarray(places[:, None, :] + np.einsum("nij,nkj->nki", _rotations(yaw), corners))
+    return np.asarray(places[:, None, :] + np.einsum("nij,nkj->nki", _make_rotations(yaw), corners))

@@ -7,7 +7,7 @@ from bisect import bisect_left, bisect_right
 
 import numpy as np
 
-from agribot.autonomy.plan.speed import pivots
+from agribot.autonomy.plan.speed import find_pivots
 from agribot.core.geo import is_backwards
 from agribot.core.messages import Path
 
@@ -16,7 +16,7 @@ _BACK_M = 3.0
 PIVOT_REACH_M = 0.02
 
 
-class Progress:
+class PathProgress:
     """Monotone distance along a path, found by a local search.
 
     Only neighbouring points are compared, so a neighbouring row or a crossing of the path with
@@ -31,7 +31,7 @@ class Progress:
         self._sin: list[float] = [math.sin(yaw) for yaw in course_rad]
         self._s: list[float] = path.s_m.tolist()
         self.length_m = self._s[-1]
-        self._pivots = pivots(path)
+        self._pivots = find_pivots(path)
         self.index = 0
         self.s_m = 0.0
         self.cross_track_m = 0.0

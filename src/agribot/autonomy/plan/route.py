@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.plan.progress import Progress
-from agribot.autonomy.plan.speed import speed_profile, time_left_s
+from agribot.autonomy.plan.progress import PathProgress
+from agribot.autonomy.plan.speed import plan_speed_mps, time_left_s
 from agribot.autonomy.plan.visits import Visits
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
@@ -56,16 +56,16 @@ class Route:
         if unknown:
             raise MissionError(f"the path works rows {unknown} that the field has not")
         self.visits = Visits(path, waypoints, config.waypoint_radius_m)
-        self.progress = Progress(path)
+        self.progress = PathProgress(path)
         self.change_speed(config)
         self._yaw_map_rad: list[float] = path.yaw_map_rad.tolist()
-        self._next_row = _next_rows(self.row)
-        self._bound_for = _row_ends_ahead(self.row)
-        self._beside = _near_rows(path, tool.reach_m, 0.0)
-        self._tool = _near_rows(path, tool.reach_m, tool.x_m)
+        self._next_row = _find_next_rows(self.row)
+        self._bound_for = _find_row_ends(self.row)
+        self._beside = _find_near_rows(path, tool.reach_m, 0.0)
+        self._tool = _find_near_rows(path, tool.reach_m, tool.x_m)
 
     def change_speed(self, config: MissionConfig) -> None:
-        self._speed_mps = speed_profile(self.path, config)
+        self._speed_mps = plan_speed_mps(self.path, config)
         self._time_left_s = time_left_s(self.path, self._speed_mps)
 
     @property
@@ -148,7 +148,7 @@ class Route:
         return self._tool[self.progress.index]
 
 
-def _next_rows(row: Sequence[int]) -> list[int]:
+def _find_next_rows(row: Sequence[int]) -> list[int]:
     """For each point, the first row behind it that it is not in; -1 behind the last."""
     result, following, current = [-1] * len(row), -1, -1
     for point in range(len(row) - 1, -1, -1):
@@ -158,7 +158,7 @@ def _next_rows(row: Sequence[int]) -> list[int]:
     return result
 
 
-def _row_ends_ahead(row: Sequence[int]) -> list[int]:
+def _find_row_ends(row: Sequence[int]) -> list[int]:
     """For each point, the last one of its row; between rows the first one of the next."""
     result, last = [0] * len(row), len(row) - 1
     for point in range(len(row) - 1, -1, -1):
@@ -169,7 +169,7 @@ def _row_ends_ahead(row: Sequence[int]) -> list[int]:
     return result
 
 
-def _near_rows(path: Path, reach_m: float, ahead_m: float) -> list[int]:
+def _find_near_rows(path: Path, reach_m: float, ahead_m: float) -> list[int]:
     """For each point, the row that a place `ahead_m` on the body is in or within reach of, or -1.
 
     Where the robot turns between rows, none is.

@@ -25,7 +25,7 @@ def row_pitch_m(rows: Sequence[Row]) -> float:
     return min((gap_m for gap_m in gaps_m if gap_m > 0.0), default=math.inf)
 
 
-def doubt(task: Task, estimate: Estimate, row_yaw_rad: float, pitch_m: float) -> Doubt:
+def find_doubt(task: Task, estimate: Estimate, row_yaw_rad: float, pitch_m: float) -> Doubt:
     """Why the robot may not be in the row of a task; empty where it has good reason to think so.
 
     Where a camera looks, it has to see the crop of the row. The estimate knows of the rows of the

@@ -9,7 +9,7 @@ from typing import Literal
 
 import msgspec
 
-from agribot.autonomy.plan.covered import Stretch
+from agribot.autonomy.plan.covered import WorkedStretch
 from agribot.autonomy.plan.row_log import RowResult
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, MissionState, Path
@@ -51,8 +51,8 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     rows: tuple[RowResult, ...]
     waypoints_reached: tuple[bool, ...] = ()
     detours: tuple[tuple[int, int], ...] = ()
-    covered: tuple[Stretch, ...] = ()
-    skipped: tuple[Stretch, ...] = ()
+    covered: tuple[WorkedStretch, ...] = ()
+    skipped: tuple[WorkedStretch, ...] = ()
     errand: SavedErrand | None = None
     is_away: bool = False
     visit: tuple[tuple[float, float], ...] = ()
@@ -67,11 +67,11 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
         return self.errand is not None or self.is_away or bool(self.visit_name)
 
 
-def pose_of(estimate: Estimate) -> PoseTuple:
+def take_pose(estimate: Estimate) -> PoseTuple:
     return estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad
 
 
-def task_name(rows: Sequence[int], waypoints: Sequence[tuple[float, float]], path: Path) -> str:
+def name_task(rows: Sequence[int], waypoints: Sequence[tuple[float, float]], path: Path) -> str:
     """The same for the same rows, waypoints and path."""
     text = msgspec.json.encode((list(rows), list(waypoints)))
     text += path.xy_map_m[::25].round(3).tobytes()

@@ -25,13 +25,13 @@ def time_left_s(path: Path, speed_mps: list[float]) -> list[float]:
     return left_s
 
 
-def pivots(path: Path) -> list[int]:
+def find_pivots(path: Path) -> list[int]:
     """Points at which the robot turns in place, or back: the next one is the same place."""
     stands: list[int] = np.flatnonzero(np.diff(path.s_m) <= 0.0).tolist()
     return stands
 
 
-def speed_profile(path: Path, config: MissionConfig) -> list[float]:
+def plan_speed_mps(path: Path, config: MissionConfig) -> list[float]:
     """Speed limit at each point in m/s: slower in turns and backwards, ramped to the end."""
     curvature = np.abs(path.curvature_radpm)
     ahead = np.searchsorted(path.s_m, path.s_m + _SETTLED_BEFORE_M)
@@ -40,7 +40,7 @@ def speed_profile(path: Path, config: MissionConfig) -> list[float]:
     in_turn = np.minimum(config.turn_speed_mps, TURN_YAW_RATE_RADPS / np.maximum(curvature, 1e-9))
     is_turn |= is_backwards(path.xy_map_m, path.yaw_map_rad)
     cap = np.where(is_turn, np.minimum(config.speed_mps, in_turn), config.speed_mps)
-    stands = np.array(pivots(path), dtype=np.int64)
+    stands = np.array(find_pivots(path), dtype=np.int64)
     cap[np.concatenate([stands, stands + 1, [-1]])] = CREEP_MPS
     # The square of the speed may grow by so much per metre, away from every slower place.
     gained = 2.0 * RAMP_MPS2 * path.s_m

@@ -19,7 +19,7 @@ class Visits:
     ) -> None:
         self._points = tuple(waypoints)
         self._radius_m = radius_m
-        self._s_m = _places_on(path, self._points, radius_m)
+        self._s_m = _find_places(path, self._points, radius_m)
         self._next = 0
         self.reached: tuple[bool, ...] = (False,) * len(self._points)
 
@@ -49,7 +49,7 @@ class Visits:
         return [number for number, is_reached in enumerate(self.reached, 1) if not is_reached]
 
 
-def _places_on(
+def _find_places(
     path: Path, points: Sequence[tuple[float, float]], radius_m: float
 ) -> tuple[float, ...]:
     """Distance along the path where it first passes each waypoint, in order."""

@@ -82,7 +82,7 @@ class Watch:
         """Whether the path has crop beside it where the robot is."""
         known = self._in_crop
         if known is None or known[0] is not route.path or known[1] is not rows:
-            self._in_crop = known = route.path, rows, _in_crop(route.path, rows)
+            self._in_crop = known = route.path, rows, _find_crop(route.path, rows)
         return known[2][route.progress.index]
 
     def stalled(self, route: Route, t_s: float, reason: str) -> str:
@@ -99,7 +99,7 @@ class Watch:
         return f"no position for {self._limit_s:g} s ({reason})"
 
 
-def _in_crop(path: Path, rows: Sequence[Row]) -> list[bool]:
+def _find_crop(path: Path, rows: Sequence[Row]) -> list[bool]:
     """For each point of a path, whether it runs in or next to a row."""
     found = np.zeros(len(path.s_m), dtype=bool)
     for row in rows:

@@ -24,10 +24,10 @@ def parse_waypoints(text: str, source_name: str) -> tuple[LatLon, ...]:
     """
     text = text.removeprefix("\ufeff")
     found: list[LatLon] = []
-    read = _geojson if text.lstrip().startswith(("{", "[")) else _csv
+    read = _read_geojson if text.lstrip().startswith(("{", "[")) else _read_csv
     try:
         for point, where in read(text, source_name):
-            found.append(_checked(point, where))
+            found.append(_check(point, where))
             if len(found) > MAX_WAYPOINTS:
                 raise MissionError(
                     f"{source_name} holds more than {MAX_WAYPOINTS} waypoints; the path through "
@@ -40,8 +40,8 @@ def parse_waypoints(text: str, source_name: str) -> tuple[LatLon, ...]:
     return tuple(found)
 
 
-def _checked(point: tuple[object, object], where: str) -> LatLon:
-    lat_deg, lon_deg = (_number(value, where) for value in point)
+def _check(point: tuple[object, object], where: str) -> LatLon:
+    lat_deg, lon_deg = (_read_number(value, where) for value in point)
     if not abs(lat_deg) <= 90.0:
         raise MissionError(f"{where}: latitude {lat_deg} is outside -90 to 90 degrees")
     if not abs(lon_deg) <= 180.0:
@@ -49,7 +49,7 @@ def _checked(point: tuple[object, object], where: str) -> LatLon:
     return lat_deg, lon_deg
 
 
-def _number(value: object, where: str) -> float:
+def _read_number(value: object, where: str) -> float:
     if isinstance(value, int | float | str) and not isinstance(value, bool):
         try:
             number = float(value)
@@ -60,7 +60,7 @@ def _number(value: object, where: str) -> float:
     raise MissionError(f"{where}: {value!r} is not a number of degrees")
 
 
-def _csv(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], str]]:
+def _read_csv(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], str]]:
     reader = csv.reader(text.splitlines())
     header = [name.strip().lower() for name in next(reader, [])]
     columns = [
@@ -85,17 +85,17 @@ def _csv(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], s
         yield (fields[lat_column], fields[lon_column]), where
 
 
-def _geojson(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], str]]:
+def _read_geojson(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], str]]:
     try:
         root = json.loads(text)
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
         place = f" line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
         raise MissionError(f"{source_name}{place} is not valid JSON: {error}") from error
-    for geometry, where in _geometries(root, source_name):
-        yield from _positions(geometry, where)
+    for geometry, where in _list_geometries(root, source_name):
+        yield from _list_positions(geometry, where)
 
 
-def _geometries(node: object, where: str) -> Iterator[tuple[dict[str, object], str]]:
+def _list_geometries(node: object, where: str) -> Iterator[tuple[dict[str, object], str]]:
     if not isinstance(node, dict):
         raise MissionError(f"{where}: expected a GeoJSON object, got {type(node).__name__}")
     kind = node.get("type")
@@ -104,14 +104,14 @@ def _geometries(node: object, where: str) -> Iterator[tuple[dict[str, object], s
         if not isinstance(features, list):
             raise MissionError(f"{where}: a FeatureCollection needs a list 'features'")
         for number, feature in enumerate(features):
-            yield from _geometries(feature, f"{where} feature {number}")
+            yield from _list_geometries(feature, f"{where} feature {number}")
     elif kind == "Feature":
-        yield from _geometries(node.get("geometry"), where)
+        yield from _list_geometries(node.get("geometry"), where)
     else:
         yield node, where
 
 
-def _positions(
+def _list_positions(
     geometry: dict[str, object], where: str
 ) -> Iterator[tuple[tuple[object, object], str]]:
     kind, coordinates = geometry.get("type"), geometry.get("coordinates")

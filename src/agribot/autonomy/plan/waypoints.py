@@ -5,12 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from agribot.autonomy.plan.curves import MIN_RADIUS_M, Pose, Segment, end_pose, length_m, sample
-from agribot.autonomy.plan.dubins import shortest
+from agribot.autonomy.plan.curves import (
+    MIN_RADIUS_M,
+    Pose,
+    Segment,
+    find_end_pose,
+    length_m,
+    sample,
+)
+from agribot.autonomy.plan.dubins import find_shortest
 from agribot.autonomy.plan.waypoint_text import parse_waypoints
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
-from agribot.core.messages import Path
+from agribot.core.messages import MapPoint, Path
 from agribot.core.robot import RobotSpec
 
 __all__ = ["parse_waypoints", "plan_waypoints"]
@@ -24,12 +31,11 @@ OFF_LINE_COST = 0.3
 MAX_RETURN_M = 4.0
 RETURN_STEP_M = 0.125
 
-Point = tuple[float, float]
-Leg = tuple[tuple[Segment, ...], float]  # a turn, and the straight distance behind it
+_Leg = tuple[tuple[Segment, ...], float]  # a turn, and the straight distance behind it
 
 
 def plan_waypoints(
-    points_map_m: Sequence[Point],
+    points_map_m: Sequence[MapPoint],
     start_pose: tuple[float, float, float],
     robot: RobotSpec,
     mission: MissionConfig,
@@ -47,16 +53,18 @@ def plan_waypoints(
     for number, point in enumerate(points_map_m):
         if number == 0 and math.dist(start[:2], point) <= CUT_RATIO * mission.waypoint_radius_m:
             continue
-        turn, straight_m = _turn_and_go(pose, point) if number == 0 else _next_leg(pose, point)
-        pose = end_pose(pose, turn)
+        turn, straight_m = _plan_turn(pose, point) if number == 0 else _plan_next_leg(pose, point)
+        pose = find_end_pose(pose, turn)
         after = points_map_m[number + 1] if number + 1 < len(points_map_m) else None
-        leg = _leg(pose.yaw_rad, straight_m, point, after, mission)
+        leg = _plan_leg(pose.yaw_rad, straight_m, point, after, mission)
         pieces += (*turn, *leg)
-        pose = end_pose(pose, leg)
+        pose = find_end_pose(pose, leg)
     return sample(start, pieces)
 
 
-def _check(points: Sequence[Point], start: Pose, robot: RobotSpec, mission: MissionConfig) -> None:
+def _check(
+    points: Sequence[MapPoint], start: Pose, robot: RobotSpec, mission: MissionConfig
+) -> None:
     if not points:
         raise MissionError("the waypoint list is empty; give at least one waypoint")
     limit_m = mission.max_waypoint_distance_m
@@ -76,13 +84,13 @@ def _check(points: Sequence[Point], start: Pose, robot: RobotSpec, mission: Miss
         before = point
 
 
-def _next_leg(pose: Pose, point: Point) -> Leg:
+def _plan_next_leg(pose: Pose, point: MapPoint) -> _Leg:
     """Turn at a waypoint and get back on the straight line to the next one soon.
 
     The place of the return is the nearest that needs no loop: every metre off the line costs
     as much as 0.3 m of driving.
     """
-    direct = _turn_and_go(pose, point)
+    direct = _plan_turn(pose, point)
     line_m = math.dist(pose[:2], point)
     if not direct[0]:
         return direct
@@ -90,29 +98,29 @@ def _next_leg(pose: Pose, point: Point) -> Leg:
     ways = [(length_m(direct[0]) + direct[1] + OFF_LINE_COST * line_m, direct)]
     for step in range(1, math.floor(min(line_m, MAX_RETURN_M) / RETURN_STEP_M) + 1):
         back_m = step * RETURN_STEP_M
-        turn = shortest(pose, line.ahead(back_m), TURN_RADIUS_M)
+        turn = find_shortest(pose, line.ahead(back_m), TURN_RADIUS_M)
         left_m = line_m - back_m
         ways.append((length_m(turn) + left_m + OFF_LINE_COST * back_m, (turn, left_m)))
     return min(ways, key=lambda way: way[0])[1]
 
 
-def _offset(pose: Pose, point: Point) -> Point:
+def _locate(pose: Pose, point: MapPoint) -> MapPoint:
     """Of a point from a pose: ahead and to the left."""
     dx, dy = point[0] - pose.x_m, point[1] - pose.y_m
     cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     return cos * dx + sin * dy, cos * dy - sin * dx
 
 
-def _turn_and_go(pose: Pose, point: Point) -> Leg:
+def _plan_turn(pose: Pose, point: MapPoint) -> _Leg:
     """Arc until the point is straight ahead, and the distance that then remains."""
-    ahead_m, left_m = _offset(pose, point)
+    ahead_m, left_m = _locate(pose, point)
     if abs(left_m) < ON_LINE_M and ahead_m >= 0.0:
         return (), ahead_m
-    ways = [way for side in (1.0, -1.0) if (way := _one_side(ahead_m, side * left_m, side))]
+    ways = [way for side in (1.0, -1.0) if (way := _turn_to_side(ahead_m, side * left_m, side))]
     return min(ways, key=lambda way: length_m(way[0]) + way[1])
 
 
-def _one_side(ahead_m: float, inward_m: float, side: float) -> Leg | None:
+def _turn_to_side(ahead_m: float, inward_m: float, side: float) -> _Leg | None:
     """Arc to one side (+1 left); None where the point lies inside the turning circle."""
     radius_m = TURN_RADIUS_M
     to_centre_m = math.hypot(ahead_m, radius_m - inward_m)
@@ -125,18 +133,22 @@ def _one_side(ahead_m: float, inward_m: float, side: float) -> Leg | None:
     return (Segment(turn_rad * radius_m, side / radius_m),), straight_m
 
 
-def _leg(
-    heading_rad: float, straight_m: float, point: Point, after: Point | None, mission: MissionConfig
+def _plan_leg(
+    heading_rad: float,
+    straight_m: float,
+    point: MapPoint,
+    after: MapPoint | None,
+    mission: MissionConfig,
 ) -> tuple[Segment, ...]:
     """Straight to the point, or to where the rounding of its corner begins, and round it."""
-    corner = _corner(heading_rad, straight_m, point, after, mission) if after else None
+    corner = _round_corner(heading_rad, straight_m, point, after, mission) if after else None
     if corner is None:
         return (Segment(straight_m, 0.0),)
-    return Segment(straight_m - _tangent_m(corner), 0.0), corner
+    return Segment(straight_m - _measure_tangent_m(corner), 0.0), corner
 
 
-def _corner(
-    heading_rad: float, straight_m: float, point: Point, after: Point, mission: MissionConfig
+def _round_corner(
+    heading_rad: float, straight_m: float, point: MapPoint, after: MapPoint, mission: MissionConfig
 ) -> Segment | None:
     """Arc that rounds a corner on its inner side; None if it would cut off too much."""
     out_rad = math.atan2(after[1] - point[1], after[0] - point[0])
@@ -155,6 +167,6 @@ def _corner(
     return Segment(abs(bend_rad) * radius_m, math.copysign(1.0 / radius_m, bend_rad))
 
 
-def _tangent_m(corner: Segment) -> float:
+def _measure_tangent_m(corner: Segment) -> float:
     """From the corner point to either end of its arc."""
     return abs(math.tan(corner.length_m * corner.curvature_radpm / 2.0) / corner.curvature_radpm)

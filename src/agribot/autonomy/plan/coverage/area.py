@@ -8,11 +8,10 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from agribot.core.messages import FloatArray
+from agribot.core.messages import FloatArray, MapPoint
 from agribot.core.robot import RobotSpec
 
-Point = tuple[float, float]
-Line = tuple[Point, ...]
+MapLine = tuple[MapPoint, ...]
 LegKind = Literal["swath", "headland", "row", "link", "arc", "reverse"]
 TurnStyle = Literal["auto", "pivot", "arc", "three-point"]
 WORKING: tuple[LegKind, ...] = ("swath", "headland", "row")
@@ -25,11 +24,11 @@ class FieldArea(msgspec.Struct, frozen=True, kw_only=True):
     points that the swaths run along.
     """
 
-    boundary: Line
-    holes: tuple[Line, ...] = ()
-    rows: tuple[Line, ...] = ()
-    ab_line: Line = ()
-    waypoints: Line = ()
+    boundary: MapLine
+    holes: tuple[MapLine, ...] = ()
+    rows: tuple[MapLine, ...] = ()
+    ab_line: MapLine = ()
+    waypoints: MapLine = ()
 
 
 class Footprint(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,7 +37,7 @@ class Footprint(msgspec.Struct, frozen=True, kw_only=True):
     front_m: float
     rear_m: float  # positive backwards
     half_width_m: float
-    wheel_xy_body_m: tuple[Point, ...] = ()
+    wheel_xy_body_m: tuple[MapPoint, ...] = ()
     wheel_half_width_m: float = 0.0
     wheel_radius_m: float = 0.0
 
@@ -92,7 +91,7 @@ class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
     margin_m: float = 0.05  # from the footprint to everything that is forbidden
     headland_passes: int | None = None
     swath_yaw_rad: float | None = None
-    start_map_m: Point | None = None
+    start_map_m: MapPoint | None = None
     turns: TurnStyle = "auto"
     plant_clearance_m: float = 0.1
     min_coverage_ratio: float = 0.99
@@ -120,7 +119,7 @@ class FieldPlan(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     warnings: tuple[str, ...] = ()
 
 
-def footprint(
+def measure_footprint(
     robot: RobotSpec, implement_width_m: float, tool_x_m: float | None = None
 ) -> Footprint:
     """From the collision shapes and wheels of the description and the width of the implement.
@@ -131,7 +130,7 @@ def footprint(
     corners = [np.array([[0.0, 0.0, 0.0]])]
     for link in robot.links:
         for shape in link.collisions:
-            corners.append(_shape_corners(robot.body_from_link(link.name) @ shape.origin.matrix(),
+            corners.append(_list_corners(robot.body_from_link(link.name) @ shape.origin.matrix(),
                                           shape.kind, shape.size_m))  # fmt: skip
     points = np.vstack(corners)
     wheels = robot.wheel_xy_body_m()
@@ -149,7 +148,7 @@ def footprint(
     )
 
 
-def _shape_corners(body_from_shape: FloatArray, kind: str, size_m: tuple[float, ...]) -> FloatArray:
+def _list_corners(body_from_shape: FloatArray, kind: str, size_m: tuple[float, ...]) -> FloatArray:
     """Corners of the box around a shape, (8, 3) in the body frame; meshes are not measured."""
     half = {
         "box": (size_m[0] / 2.0, size_m[1] / 2.0, size_m[2] / 2.0),

@@ -12,15 +12,14 @@ from agribot.autonomy.plan.coverage.area import (
     Footprint,
     Leg,
     PlanRequest,
-    Point,
 )
 from agribot.autonomy.plan.coverage.free_space import FreeSpace
 from agribot.autonomy.plan.coverage.ways import Ways
-from agribot.autonomy.plan.curves import SPACING_M, Place, path_from_table
+from agribot.autonomy.plan.curves import SPACING_M, Place, make_path
 from agribot.autonomy.plan.plan_certificate import check_ways
 from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds
-from agribot.core.messages import FloatArray, Path, Row
+from agribot.core.messages import FloatArray, MapPoint, Path, Row
 
 STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
 MAX_LENGTH_M = 20_000.0
@@ -45,7 +44,7 @@ class FieldWork:
         self._shape = shape
         self._legs = plan.legs
         self.length_m = length_m
-        self.rows, self._row_of_piece = _stretches(plan.legs)
+        self.rows, self._row_of_piece = _split_stretches(plan.legs)
         self.bounds = FieldBounds(
             rings_map_m=tuple(np.array(ring) for ring in (area.boundary, *area.holes)),
             front_m=shape.front_m,
@@ -64,9 +63,9 @@ class FieldWork:
         """
         start, first = start_pose[:2], self._legs[0].xy_map_m[0]
         way_in = self._way(start, (float(first[0]), float(first[1])))
-        return drive_path([*way_in, *self._legs], [*([None] * len(way_in)), *self._row_of_piece])
+        return sample_legs([*way_in, *self._legs], [*([None] * len(way_in)), *self._row_of_piece])
 
-    def path_home(self, start: Point, home: Point, row_ahead: FloatArray) -> Path:
+    def path_home(self, start: MapPoint, home: MapPoint, row_ahead: FloatArray) -> Path:
         """To the end of the crop row under the robot, if any, and around all obstacles home.
 
         Raises: MissionError: the robot stands where no such way begins.
@@ -78,9 +77,9 @@ class FieldWork:
         legs += self._way(start, home)
         if not legs:
             raise MissionError("the robot is at home already")
-        return drive_path(legs, [None] * len(legs))
+        return sample_legs(legs, [None] * len(legs))
 
-    def path_to(self, start: Point, goal: Place) -> Path:
+    def path_to(self, start: MapPoint, goal: Place) -> Path:
         """Around every obstacle to a place on which the robot can turn in place.
 
         Raises: MissionError: the place is outside, in an obstacle, on crop or too near to them.
@@ -105,22 +104,22 @@ class FieldWork:
             legs.append(Leg(kind="link", xy_map_m=np.array([before, place])))
         return self._checked(legs, start)
 
-    def path_back(self, start: Point, goal: Place) -> Path:
+    def path_back(self, start: MapPoint, goal: Place) -> Path:
         """To a place of the plan itself, which may be nearer to an edge than the robot can turn.
 
         Raises: MissionError: no such way keeps the robot inside the field and off the crop.
         """
         return self._checked(self._way(start, goal[:2]), start)
 
-    def _checked(self, legs: list[Leg], start: Point) -> Path:
+    def _checked(self, legs: list[Leg], start: MapPoint) -> Path:
         if not legs:
             raise MissionError("the robot is there already")
         problems = check_ways(tuple(legs), self.area, self._shape, self.request, start)
         if problems:
             raise MissionError(f"the way there is refused: {problems[0].message}")
-        return drive_path(legs, [None] * len(legs))
+        return sample_legs(legs, [None] * len(legs))
 
-    def _what_is_at(self, place: Point) -> str:
+    def _what_is_at(self, place: MapPoint) -> str:
         """Why a robot cannot turn at a place."""
         import shapely
 
@@ -146,7 +145,7 @@ class FieldWork:
             )
         return space
 
-    def _way(self, start: Point, goal: Point) -> list[Leg]:
+    def _way(self, start: MapPoint, goal: MapPoint) -> list[Leg]:
         """Inside the field, around what is in the way.
 
         A place outside, or closer to an edge than the robot can turn, is left or reached by the
@@ -172,7 +171,7 @@ class FieldWork:
         return self._shape.wheel_turn_radius_m + self.request.plant_clearance_m
 
 
-def _stretches(legs: tuple[Leg, ...]) -> tuple[tuple[Row, ...], list[list[int] | None]]:
+def _split_stretches(legs: tuple[Leg, ...]) -> tuple[tuple[Row, ...], list[list[int] | None]]:
     """Straight rows, and per leg the row of each of its pieces; None where nothing is worked."""
     rows: list[Row] = []
     of_piece: list[list[int] | None] = []
@@ -181,7 +180,7 @@ def _stretches(legs: tuple[Leg, ...]) -> tuple[tuple[Row, ...], list[list[int] |
             of_piece.append(None)
             continue
         numbers: list[int] = []
-        for first, last in _straight_parts(leg.xy_map_m):
+        for first, last in _find_straight_parts(leg.xy_map_m):
             (x0, y0), (x1, y1) = leg.xy_map_m[first].tolist(), leg.xy_map_m[last].tolist()
             numbers += [len(rows)] * (last - first)
             rows.append(Row(index=len(rows), start_map_m=(x0, y0), end_map_m=(x1, y1)))
@@ -189,18 +188,18 @@ def _stretches(legs: tuple[Leg, ...]) -> tuple[tuple[Row, ...], list[list[int] |
     return tuple(rows), of_piece
 
 
-def _straight_parts(xy: FloatArray) -> list[tuple[int, int]]:
+def _find_straight_parts(xy: FloatArray) -> list[tuple[int, int]]:
     parts, first = [], 0
     while first < len(xy) - 1:
         last = first + 1
-        while last + 1 < len(xy) and _bulge_m(xy[first : last + 2]) <= STRETCH_M:
+        while last + 1 < len(xy) and _measure_bulge_m(xy[first : last + 2]) <= STRETCH_M:
             last += 1
         parts.append((first, last))
         first = last
     return parts
 
 
-def _bulge_m(xy: FloatArray) -> float:
+def _measure_bulge_m(xy: FloatArray) -> float:
     """How far points lie beside the line from the first to the last."""
     along = xy[-1] - xy[0]
     offset = xy[1:-1] - xy[0]
@@ -208,31 +207,31 @@ def _bulge_m(xy: FloatArray) -> float:
     return float(np.max(np.abs(cross)) / max(math.hypot(*along), 1e-9))
 
 
-def drive_path(legs: list[Leg], rows: list[list[int] | None]) -> Path:
+def sample_legs(legs: list[Leg], rows: list[list[int] | None]) -> Path:
     """Points 2 cm apart; where the robot turns in place, or back, the same point stands twice."""
     blocks, done_m = [], 0.0
     for leg, numbers in zip(legs, rows, strict=True):
-        pieces = _broken(leg) if leg.kind == "link" else [leg.xy_map_m]
+        pieces = _break_up(leg) if leg.kind == "link" else [leg.xy_map_m]
         for xy in pieces:
-            block = _block(xy, done_m, numbers or [-1] * (len(xy) - 1), leg.is_reverse)
+            block = _sample_line(xy, done_m, numbers or [-1] * (len(xy) - 1), leg.is_reverse)
             done_m = float(block[-1, 5])
             blocks.append(block)
     table = np.concatenate(blocks)
-    same = (np.diff(table[:, 5]) <= 0.0) & (_turned_rad(table[:, 2]) < 1e-3)
+    same = (np.diff(table[:, 5]) <= 0.0) & (_measure_turns_rad(table[:, 2]) < 1e-3)
     table = table[np.concatenate([[True], ~same])]
     table[:, 2] += np.pi * table[:, 6]  # backwards the robot looks against its course
-    return path_from_table(table)
+    return make_path(table)
 
 
-def _broken(leg: Leg) -> list[FloatArray]:
+def _break_up(leg: Leg) -> list[FloatArray]:
     return [leg.xy_map_m[k : k + 2] for k in range(len(leg.xy_map_m) - 1)]
 
 
-def _turned_rad(yaw: FloatArray) -> FloatArray:
+def _measure_turns_rad(yaw: FloatArray) -> FloatArray:
     return np.asarray(np.abs(np.angle(np.exp(1j * np.diff(yaw)))))
 
 
-def _block(xy: FloatArray, done_m: float, rows: list[int], is_reverse: bool) -> FloatArray:
+def _sample_line(xy: FloatArray, done_m: float, rows: list[int], is_reverse: bool) -> FloatArray:
     """Columns x, y, course, curvature, row, s, is_reverse along a line without corners.
 
     The course at a bend is the mean of the two pieces; along a piece it goes over from one end

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from agribot.autonomy.plan.coverage.area import FieldArea, Footprint, PlanRequest, Point
+from agribot.autonomy.plan.coverage.area import FieldArea, Footprint, PlanRequest
 from agribot.core.errors import MissionError
+from agribot.core.messages import MapPoint
 
 if TYPE_CHECKING:
     import shapely
@@ -29,9 +30,9 @@ class FreeSpace:
         import shapely
 
         self.field = shapely.Polygon(area.boundary, area.holes)
-        depth_m = shape.turn_radius_m + max(request.margin_m, spent_m(shape))
+        depth_m = shape.turn_radius_m + max(request.margin_m, measure_spent_m(shape))
         rounded = self.field.buffer(-depth_m, quad_segs=QUARTER_SEGMENTS)
-        parts = polygons(rounded.simplify(SIMPLIFY_M))
+        parts = list_polygons(rounded.simplify(SIMPLIFY_M))
         if not parts:
             raise MissionError(
                 f"the field has no place to turn: the robot with its implement needs "
@@ -39,12 +40,12 @@ class FreeSpace:
                 f"circle, {request.margin_m:.2f} m margin); check the boundary and the holes, or "
                 "plan for a narrower implement"
             )
-        self.region = _chosen(parts, request.start_map_m, depth_m)
+        self.region = _choose(parts, request.start_map_m, depth_m)
         self.left_out = [part for part in parts if part is not self.region]
         self.drivable = self.region.buffer(TOUCH_M, join_style="mitre")
         shapely.prepare(self.drivable)
 
-    def nearest(self, place: Point) -> Point:
+    def nearest(self, place: MapPoint) -> MapPoint:
         """The place itself, or where the region is nearest to it."""
         import shapely
 
@@ -62,7 +63,7 @@ class FreeSpace:
         """Keep ways out of a further area; the places to turn stay inside what remains."""
         import shapely
 
-        parts = polygons(self.region.difference(obstacle))
+        parts = list_polygons(self.region.difference(obstacle))
         if not parts:
             raise MissionError("the crop rows leave no headland to turn on; leave room around them")
         self.region = max(parts, key=lambda part: part.area)
@@ -70,13 +71,13 @@ class FreeSpace:
         shapely.prepare(self.drivable)
 
 
-def spent_m(shape: Footprint) -> float:
+def measure_spent_m(shape: Footprint) -> float:
     """What the outline of the free space may lie too near to the edge of the field."""
     chord_m = shape.turn_radius_m * (1.0 - math.cos(math.pi / (4 * QUARTER_SEGMENTS)))
     return SIMPLIFY_M + ROUNDING_M + chord_m
 
 
-def polygons(shape: BaseGeometry) -> list[shapely.Polygon]:
+def list_polygons(shape: BaseGeometry) -> list[shapely.Polygon]:
     """The areas in a geometry, without lines, points and specks."""
     import shapely
 
@@ -84,8 +85,8 @@ def polygons(shape: BaseGeometry) -> list[shapely.Polygon]:
     return [part for part in found if part.geom_type == "Polygon" and part.area > 1e-4]
 
 
-def _chosen(
-    parts: list[shapely.Polygon], start_map_m: Point | None, depth_m: float
+def _choose(
+    parts: list[shapely.Polygon], start_map_m: MapPoint | None, depth_m: float
 ) -> shapely.Polygon:
     import shapely
 

@@ -15,22 +15,28 @@ from agribot.autonomy.plan.coverage.area import (
     Leg,
     LegKind,
     PlanRequest,
-    Point,
     TurnStyle,
 )
-from agribot.autonomy.plan.coverage.free_space import FreeSpace, polygons
+from agribot.autonomy.plan.coverage.free_space import FreeSpace, list_polygons
 from agribot.autonomy.plan.coverage.swaths import (
-    cells,
-    rotated,
+    add_room,
+    group_cells,
+    lay_swaths,
+    rotate,
     search_yaw_rad,
-    swaths_over,
-    with_room,
 )
-from agribot.autonomy.plan.coverage.tasks import Task, cell_task, in_order, ring_tasks, row_task
-from agribot.autonomy.plan.coverage.turns import arc_turn, three_point_turn, yaw_rad
+from agribot.autonomy.plan.coverage.tasks import (
+    CoverageTask,
+    make_cell_task,
+    make_ring_tasks,
+    make_row_task,
+    order_tasks,
+)
+from agribot.autonomy.plan.coverage.turns import plan_arc_turn, plan_three_point_turn, yaw_rad
 from agribot.autonomy.plan.coverage.ways import Ways
 from agribot.autonomy.plan.curves import Pose
 from agribot.core.errors import MissionError
+from agribot.core.messages import MapPoint
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -59,20 +65,22 @@ def plan_field(area: FieldArea, shape: Footprint, request: PlanRequest) -> Field
         )
     space = FreeSpace(area, shape, request)
     if area.rows:
-        swath_yaw_rad, tasks = _row_tasks(area, shape, request, space)
+        swath_yaw_rad, tasks = _make_row_tasks(area, shape, request, space)
     else:
-        swath_yaw_rad, tasks = _area_tasks(area, request, space)
+        swath_yaw_rad, tasks = _make_area_tasks(area, request, space)
     ways = Ways(space.region, space.drivable)
-    working = in_order(tasks, request.start_map_m, ways.way)
-    legs = _joined([leg for _, leg in working], request, ways, space.drivable)
+    working = order_tasks(tasks, request.start_map_m, ways.way)
+    legs = _join([leg for _, leg in working], request, ways, space.drivable)
     if area.rows:
-        legs = _numbered(legs, [task for task, _ in working])
+        legs = _number(legs, [task for task, _ in working])
     else:
-        legs = _numbered(legs, list(range(len(working))))
-    return FieldPlan(legs=tuple(legs), swath_yaw_rad=swath_yaw_rad, warnings=_left_out(space))
+        legs = _number(legs, list(range(len(working))))
+    return FieldPlan(
+        legs=tuple(legs), swath_yaw_rad=swath_yaw_rad, warnings=_describe_left_out(space)
+    )
 
 
-def _left_out(space: FreeSpace) -> tuple[str, ...]:
+def _describe_left_out(space: FreeSpace) -> tuple[str, ...]:
     found = []
     for part in space.left_out:
         place = part.representative_point()
@@ -83,66 +91,68 @@ def _left_out(space: FreeSpace) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _area_tasks(
+def _make_area_tasks(
     area: FieldArea, request: PlanRequest, space: FreeSpace
-) -> tuple[float, list[Task]]:
+) -> tuple[float, list[CoverageTask]]:
     """Headland rings from the edge inwards, then swaths over what the rings leave."""
     import shapely
 
-    rings: list[Task] = []
+    rings: list[CoverageTask] = []
     work: BaseGeometry = space.region
     inner: BaseGeometry = space.region
     half_m = request.implement_width_m / 2.0
     slivers = []
     for number in range(request.passes(has_rows=False)):
         edge = FreeSpace.inset(space.region, number * request.spacing_m)
-        if not polygons(edge):
+        if not list_polygons(edge):
             break
-        rings += ring_tasks(shapely.MultiPolygon(polygons(edge)))
+        rings += make_ring_tasks(shapely.MultiPolygon(list_polygons(edge)))
         if number:  # what this ring does not reach of the band that it should reach
-            slivers += polygons(work.difference(edge.buffer(half_m + 1e-3)))
+            slivers += list_polygons(work.difference(edge.buffer(half_m + 1e-3)))
         work, inner = FreeSpace.inset(edge, request.spacing_m / 2.0), edge
-    work = shapely.MultiPolygon(polygons(shapely.unary_union([*polygons(work), *slivers])))
+    work = shapely.MultiPolygon(
+        list_polygons(shapely.unary_union([*list_polygons(work), *slivers]))
+    )
     if slivers:
         inner = space.region
     if work.is_empty:
         return request.swath_yaw_rad or 0.0, rings
-    swath_yaw_rad, anchor_m = _direction(area, request, work)
+    swath_yaw_rad, anchor_m = _choose_direction(area, request, work)
     spacing_m = request.spacing_m
-    swaths = swaths_over(work, inner, swath_yaw_rad, spacing_m, anchor_m)
+    swaths = lay_swaths(work, inner, swath_yaw_rad, spacing_m, anchor_m)
     if len(swaths) > MAX_SWATHS:
         raise MissionError(
             f"{len(swaths)} swaths are more than the limit of {MAX_SWATHS}; "
             "split the field or use a wider implement"
         )
     tool_x_m = request.tool_x_m
-    swaths = with_room(swaths, space.drivable, swath_yaw_rad, abs(tool_x_m))
-    found = [cell_task(cell, swath_yaw_rad, tool_x_m) for cell in cells(swaths)]
+    swaths = add_room(swaths, space.drivable, swath_yaw_rad, abs(tool_x_m))
+    found = [make_cell_task(cell, swath_yaw_rad, tool_x_m) for cell in group_cells(swaths)]
     return swath_yaw_rad, rings + found
 
 
-def _direction(
+def _choose_direction(
     area: FieldArea, request: PlanRequest, work: BaseGeometry
 ) -> tuple[float, float | None]:
     """Direction of the swaths and where across it one of them lies (an AB line), if anywhere."""
     if len(area.ab_line) == 2:
         yaw = yaw_rad(area.ab_line[0], area.ab_line[1])
-        across = rotated(np.array(area.ab_line[:1]), -yaw)[0, 1]
+        across = rotate(np.array(area.ab_line[:1]), -yaw)[0, 1]
         return yaw, float(across)
     if request.swath_yaw_rad is not None:
         return request.swath_yaw_rad, None
     return search_yaw_rad(work, request.spacing_m), None
 
 
-def _row_tasks(
+def _make_row_tasks(
     area: FieldArea, shape: Footprint, request: PlanRequest, space: FreeSpace
-) -> tuple[float, list[Task]]:
+) -> tuple[float, list[CoverageTask]]:
     """The crop rows, and their strips taken out of the ground on which the robot may turn."""
     import shapely
 
     clear_m = shape.wheel_turn_radius_m + request.plant_clearance_m
     beyond_m = clear_m + BEYOND_ROW_M
-    tasks = [row_task(row, number, beyond_m) for number, row in enumerate(area.rows)]
+    tasks = [make_row_task(row, number, beyond_m) for number, row in enumerate(area.rows)]
     for number, (_, variants) in enumerate(tasks):
         line = shapely.LineString(variants[0][0])
         outside = line.difference(space.drivable)
@@ -162,54 +172,54 @@ def _row_tasks(
     return yaw_rad(first[0], first[-1]), tasks
 
 
-def _joined(
+def _join(
     working: list[Leg], request: PlanRequest, ways: Ways, drivable: BaseGeometry
 ) -> list[Leg]:
     """The working legs with turns and links between them."""
     legs: list[Leg] = []
     if request.start_map_m is not None:
-        legs += _link(request.start_map_m, _point(working[0], 0), ways)
+        legs += _make_link(request.start_map_m, _read_point(working[0], 0), ways)
     for number, leg in enumerate(working):
         legs.append(leg)
         if number + 1 < len(working):
-            legs += _turn(leg, working[number + 1], request, ways, drivable)
+            legs += _plan_turn(leg, working[number + 1], request, ways, drivable)
     return legs
 
 
-def _turn(
+def _plan_turn(
     leg: Leg, after: Leg, request: PlanRequest, ways: Ways, drivable: BaseGeometry
 ) -> list[Leg]:
-    start, end = _point(leg, -1), _point(after, 0)
+    start, end = _read_point(leg, -1), _read_point(after, 0)
     if math.dist(start, end) < 1e-6:
         return []
     from_pose = Pose(*start, yaw_rad(leg.xy_map_m[-2], leg.xy_map_m[-1]))
     to_pose = Pose(*end, yaw_rad(after.xy_map_m[0], after.xy_map_m[1]))
-    return _curved(from_pose, to_pose, request.turns, drivable) or _link(start, end, ways)
+    return _plan_curve(from_pose, to_pose, request.turns, drivable) or _make_link(start, end, ways)
 
 
-def _curved(start: Pose, end: Pose, style: TurnStyle, drivable: BaseGeometry) -> list[Leg]:
+def _plan_curve(start: Pose, end: Pose, style: TurnStyle, drivable: BaseGeometry) -> list[Leg]:
     """The turn in the wanted style; nothing where the robot has to turn in place."""
     if style == "pivot":
         return []
-    three = three_point_turn(start, end, drivable) if style == "three-point" else None
+    three = plan_three_point_turn(start, end, drivable) if style == "three-point" else None
     if three is not None:
         kinds: tuple[LegKind, ...] = ("arc", "reverse", "arc")
         return [Leg(kind=kind, xy_map_m=xy) for kind, xy in zip(kinds, three, strict=True)]
-    points = arc_turn(start, end, drivable, is_wanted=style != "auto")
+    points = plan_arc_turn(start, end, drivable, is_wanted=style != "auto")
     return [] if points is None else [Leg(kind="arc", xy_map_m=points)]
 
 
-def _link(start: Point, end: Point, ways: Ways) -> list[Leg]:
+def _make_link(start: MapPoint, end: MapPoint, ways: Ways) -> list[Leg]:
     if math.dist(start, end) < 1e-6:
         return []
     return [Leg(kind="link", xy_map_m=np.array(ways.way(start, end)))]
 
 
-def _point(leg: Leg, index: int) -> Point:
+def _read_point(leg: Leg, index: int) -> MapPoint:
     x_m, y_m = leg.xy_map_m[index]
     return float(x_m), float(y_m)
 
 
-def _numbered(legs: list[Leg], numbers: list[int]) -> list[Leg]:
+def _number(legs: list[Leg], numbers: list[int]) -> list[Leg]:
     rows = iter(numbers)
     return [msgspec.structs.replace(leg, row=next(rows)) if leg.tool_on else leg for leg in legs]

@@ -38,27 +38,27 @@ def search_yaw_rad(work: BaseGeometry, spacing_m: float) -> float:
     Swaths are counted without drawing them: every edge of the area cuts |its extent across| /
     spacing lines, and each swath has two ends. The least lies at the direction of an edge.
     """
-    edges = _edges(work)
+    edges = _list_edges(work)
     directions = np.concatenate(
         [np.arctan2(edges[:, 1], edges[:, 0]), np.radians(np.arange(0.0, 180.0, ANGLE_STEP_DEG))]
     )
     at_once = max(1, MAX_PRODUCTS // len(edges))
     blocks = np.split(directions, range(at_once, len(directions), at_once))
-    across = np.concatenate([_across_m(edges, block) for block in blocks])
+    across = np.concatenate([_measure_across_m(edges, block) for block in blocks])
     # Of directions that need as many swaths the first counts, whatever the rounding says.
     best = directions[int(np.argmin(np.round(across / (2.0 * spacing_m), 6)))]
     yaw_rad = math.remainder(float(best), math.pi)
     return yaw_rad + math.pi if yaw_rad <= -math.pi / 2.0 else yaw_rad
 
 
-def _across_m(edges: FloatArray, directions: FloatArray) -> FloatArray:
+def _measure_across_m(edges: FloatArray, directions: FloatArray) -> FloatArray:
     """How far all edges together reach across each direction."""
     products = edges[:, 1, None] * np.cos(directions) - edges[:, 0, None] * np.sin(directions)
     summed: FloatArray = np.abs(products).sum(axis=0)
     return summed
 
 
-def _edges(work: BaseGeometry) -> FloatArray:
+def _list_edges(work: BaseGeometry) -> FloatArray:
     import shapely
 
     parts = shapely.get_parts(work)
@@ -66,13 +66,13 @@ def _edges(work: BaseGeometry) -> FloatArray:
     return np.concatenate([np.diff(shapely.get_coordinates(ring), axis=0) for ring in rings])
 
 
-def rotated(xy: FloatArray, yaw_rad: float) -> FloatArray:
+def rotate(xy: FloatArray, yaw_rad: float) -> FloatArray:
     """From a frame turned by `yaw_rad` into the map; its negative is the way back."""
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     return np.asarray(xy @ np.array([[cos, sin], [-sin, cos]]))
 
 
-def swaths_over(
+def lay_swaths(
     work: BaseGeometry,
     drivable: BaseGeometry,
     yaw_rad: float,
@@ -86,10 +86,10 @@ def swaths_over(
     """
     import shapely
 
-    turned = shapely.transform(work, lambda xy: rotated(xy, -yaw_rad))
-    free = shapely.transform(drivable, lambda xy: rotated(xy, -yaw_rad))
+    turned = shapely.transform(work, lambda xy: rotate(xy, -yaw_rad))
+    free = shapely.transform(drivable, lambda xy: rotate(xy, -yaw_rad))
     u0, v0, u1, v1 = turned.bounds
-    lines_m, pitch_m = _lines(v0, v1, spacing_m, anchor_m)
+    lines_m, pitch_m = _list_lines(v0, v1, spacing_m, anchor_m)
     half_m = pitch_m / 2.0
     shapely.prepare(turned)
     boxes = [shapely.box(u0 - 1, v - half_m, u1 + 1, v + half_m) for v in lines_m.tolist()]
@@ -99,11 +99,11 @@ def swaths_over(
     return [
         Swath(number, float(v_m), start_m, end_m)
         for number, v_m in enumerate(lines_m)
-        for start_m, end_m in _clipped(_spans(stripes[number]), _spans(open_lines[number]))
+        for start_m, end_m in _clip(_join_spans(stripes[number]), _join_spans(open_lines[number]))
     ]
 
 
-def _lines(
+def _list_lines(
     v0: float, v1: float, spacing_m: float, anchor_m: float | None
 ) -> tuple[FloatArray, float]:
     if anchor_m is None:
@@ -116,7 +116,7 @@ def _lines(
     return np.asarray(lines_m, dtype=np.float64), spacing_m
 
 
-def _spans(shape: BaseGeometry) -> list[tuple[float, float]]:
+def _join_spans(shape: BaseGeometry) -> list[tuple[float, float]]:
     """Extents along u of the parts of a shape, overlapping ones joined."""
     import shapely
 
@@ -132,7 +132,7 @@ def _spans(shape: BaseGeometry) -> list[tuple[float, float]]:
     return joined
 
 
-def _clipped(
+def _clip(
     wanted: Sequence[tuple[float, float]], free: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
     """Parts of the wanted spans that are free, unless very short."""
@@ -143,7 +143,7 @@ def _clipped(
     ]  # fmt: skip
 
 
-def cells(swaths: Sequence[Swath]) -> list[list[Swath]]:
+def group_cells(swaths: Sequence[Swath]) -> list[list[Swath]]:
     """Groups in which each swath has one neighbour on each side: driven up and down in one go.
 
     A swath that meets two on the next line, or two that meet one, end the cell: there a hole or
@@ -159,8 +159,8 @@ def cells(swaths: Sequence[Swath]) -> list[list[Swath]]:
         here = by_line[line]
         grown: list[list[Swath]] = []
         for swath in here:
-            below = [cell for cell in open_cells if _meet(cell[-1], swath)]
-            if len(below) == 1 and sum(_meet(below[0][-1], other) for other in here) == 1:
+            below = [cell for cell in open_cells if _do_meet(cell[-1], swath)]
+            if len(below) == 1 and sum(_do_meet(below[0][-1], other) for other in here) == 1:
                 below[0].append(swath)
                 grown.append(below[0])
             else:
@@ -170,7 +170,7 @@ def cells(swaths: Sequence[Swath]) -> list[list[Swath]]:
     return found
 
 
-def with_room(
+def add_room(
     swaths: Sequence[Swath], drivable: BaseGeometry, yaw_rad: float, reach_m: float
 ) -> list[Swath]:
     """The swaths with what is open beyond their ends, up to `reach_m`."""
@@ -182,7 +182,7 @@ def with_room(
         [[[(s.start_m, s.v_m), (s.start_m - reach_m, s.v_m)],
           [(s.end_m, s.v_m), (s.end_m + reach_m, s.v_m)]] for s in swaths]
     )  # fmt: skip
-    rays = rotated(ends.reshape(-1, 2), yaw_rad).reshape(-1, 2, 2)
+    rays = rotate(ends.reshape(-1, 2), yaw_rad).reshape(-1, 2, 2)
     lines = np.asarray(shapely.linestrings(rays))
     closed = shapely.difference(lines, drivable)
     room_m = np.asarray(shapely.distance(closed, shapely.points(rays[:, 0])))
@@ -193,7 +193,7 @@ def with_room(
     ]
 
 
-def driven(swath: Swath, tool_x_m: float) -> tuple[float, float]:
+def find_drive(swath: Swath, tool_x_m: float) -> tuple[float, float]:
     """From where to where the robot drives along a swath, upwards, so that the tool works it.
 
     It goes beyond the swath where the tool is behind, as far as there is room, and begins later.
@@ -205,5 +205,5 @@ def driven(swath: Swath, tool_x_m: float) -> tuple[float, float]:
     return start_m, end_m
 
 
-def _meet(one: Swath, other: Swath) -> bool:
+def _do_meet(one: Swath, other: Swath) -> bool:
     return one.start_m <= other.end_m and other.start_m <= one.end_m

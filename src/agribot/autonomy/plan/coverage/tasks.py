@@ -9,65 +9,65 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import Leg, LegKind, Line, Point
-from agribot.autonomy.plan.coverage.swaths import Swath, driven, rotated
-from agribot.autonomy.plan.coverage.turns import smooth_pieces
+from agribot.autonomy.plan.coverage.area import Leg, LegKind, MapLine
+from agribot.autonomy.plan.coverage.swaths import Swath, find_drive, rotate
+from agribot.autonomy.plan.coverage.turns import smooth
 from agribot.core.errors import MissionError
-from agribot.core.messages import FloatArray
+from agribot.core.messages import FloatArray, MapPoint
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 # A task is its variants; a variant is its working lines in driving order.
-Variant = list[FloatArray]
-Task = tuple[LegKind, list[Variant]]
+WorkingLines = list[FloatArray]
+CoverageTask = tuple[LegKind, list[WorkingLines]]
 RING_STARTS = 8
 ROUTED_CANDIDATES = 4
 
 
-def cell_task(cell: Sequence[Swath], yaw_rad: float, tool_x_m: float) -> Task:
+def make_cell_task(cell: Sequence[Swath], yaw_rad: float, tool_x_m: float) -> CoverageTask:
     """Up and down through a cell, begun at any of its four corners."""
     variants = []
     for ordered in (cell, cell[::-1]):
         for first_flipped in (False, True):
             ends = np.array(
                 [
-                    _ends(swath, (number % 2 == 0) == first_flipped, tool_x_m)
+                    _list_ends(swath, (number % 2 == 0) == first_flipped, tool_x_m)
                     for number, swath in enumerate(ordered)
                 ]
             )
-            variants.append(list(rotated(ends.reshape(-1, 2), yaw_rad).reshape(-1, 2, 2)))
+            variants.append(list(rotate(ends.reshape(-1, 2), yaw_rad).reshape(-1, 2, 2)))
     return "swath", variants
 
 
-def _ends(swath: Swath, is_flipped: bool, tool_x_m: float) -> list[Point]:
+def _list_ends(swath: Swath, is_flipped: bool, tool_x_m: float) -> list[MapPoint]:
     """Where the robot drives along a swath, in the swath frame and in driving order."""
     if is_flipped:
-        end_m, start_m = driven(swath, -tool_x_m)
+        end_m, start_m = find_drive(swath, -tool_x_m)
     else:
-        start_m, end_m = driven(swath, tool_x_m)
+        start_m, end_m = find_drive(swath, tool_x_m)
     return [(start_m, swath.v_m), (end_m, swath.v_m)]
 
 
-def ring_tasks(region: BaseGeometry) -> list[Task]:
+def make_ring_tasks(region: BaseGeometry) -> list[CoverageTask]:
     """Once around every edge of a region; a ring may begin at any of its first corners."""
     import shapely
 
-    tasks: list[Task] = []
+    tasks: list[CoverageTask] = []
     for part in shapely.get_parts(region):
         for ring in (part.exterior, *part.interiors):
-            pieces = smooth_pieces(shapely.get_coordinates(ring), is_closed=True)
+            pieces = smooth(shapely.get_coordinates(ring), is_closed=True)
             step = max(1, len(pieces) // RING_STARTS)
             turned = [pieces[k:] + pieces[:k] for k in range(0, len(pieces), step)]
             tasks.append(("headland", turned))
     return tasks
 
 
-def row_task(row: Line, number: int, beyond_m: float) -> Task:
+def make_row_task(row: MapLine, number: int, beyond_m: float) -> CoverageTask:
     """Along a crop row, far enough past both ends to turn clear of the crop."""
     xy = np.array(row)
-    ends = [_ahead(xy[1], xy[0], beyond_m), _ahead(xy[-2], xy[-1], beyond_m)]
-    pieces = smooth_pieces(np.concatenate([[ends[0]], xy, [ends[1]]]), is_closed=False)
+    ends = [_extend(xy[1], xy[0], beyond_m), _extend(xy[-2], xy[-1], beyond_m)]
+    pieces = smooth(np.concatenate([[ends[0]], xy, [ends[1]]]), is_closed=False)
     if len(pieces) != 1:
         east_m, north_m = pieces[0][-1]
         raise MissionError(
@@ -77,13 +77,15 @@ def row_task(row: Line, number: int, beyond_m: float) -> Task:
     return "row", [[pieces[0]], [pieces[0][::-1]]]
 
 
-def _ahead(before: FloatArray, end: FloatArray, distance_m: float) -> FloatArray:
+def _extend(before: FloatArray, end: FloatArray, distance_m: float) -> FloatArray:
     step = end - before
     return np.asarray(end + step / np.hypot(*step) * distance_m)
 
 
-def in_order(
-    tasks: Sequence[Task], start: Point | None, way: Callable[[Point, Point], list[Point]]
+def order_tasks(
+    tasks: Sequence[CoverageTask],
+    start: MapPoint | None,
+    way: Callable[[MapPoint, MapPoint], list[MapPoint]],
 ) -> list[tuple[int, Leg]]:
     """Every task once, always the nearest next one, as (task, working leg) in driving order.
 
@@ -99,7 +101,9 @@ def in_order(
             for number, variant in enumerate(tasks[task][1])
         )[: ROUTED_CANDIDATES if here else 1]
         if here and len({task for _, task, _ in choices}) > 1:
-            choices = sorted((_length_m(way(here, _entry(tasks, c))), *c[1:]) for c in choices)
+            choices = sorted(
+                (_measure_length_m(way(here, _find_entry(tasks, c))), *c[1:]) for c in choices
+            )
         _, chosen, number = choices[0]
         kind, variants = tasks[chosen]
         legs += [(chosen, Leg(kind=kind, xy_map_m=np.asarray(xy))) for xy in variants[number]]
@@ -109,10 +113,10 @@ def in_order(
     return legs
 
 
-def _entry(tasks: Sequence[Task], choice: tuple[float, int, int]) -> Point:
+def _find_entry(tasks: Sequence[CoverageTask], choice: tuple[float, int, int]) -> MapPoint:
     x_m, y_m = tasks[choice[1]][1][choice[2]][0][0]
     return float(x_m), float(y_m)
 
 
-def _length_m(points: Sequence[Point]) -> float:
+def _measure_length_m(points: Sequence[MapPoint]) -> float:
     return sum(math.dist(a, b) for a, b in pairwise(points))

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import Point
 from agribot.autonomy.plan.coverage.free_space import ROUNDING_M
-from agribot.autonomy.plan.curves import MIN_RADIUS_M, Pose, Segment, end_pose, length_m
-from agribot.autonomy.plan.dubins import shortest
-from agribot.core.messages import FloatArray
+from agribot.autonomy.plan.curves import MIN_RADIUS_M, Pose, Segment, find_end_pose, length_m
+from agribot.autonomy.plan.dubins import find_shortest
+from agribot.core.messages import FloatArray, MapPoint
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -30,7 +29,7 @@ PIVOT_STOP_S = 2.0
 TURN_SPEED_MPS = 0.3
 
 
-def yaw_rad(start: Point | FloatArray, end: Point | FloatArray) -> float:
+def yaw_rad(start: MapPoint | FloatArray, end: MapPoint | FloatArray) -> float:
     return math.atan2(end[1] - start[1], end[0] - start[0])
 
 
@@ -38,26 +37,26 @@ def bend_rad(before: FloatArray, at: FloatArray, after: FloatArray) -> float:
     return math.remainder(yaw_rad(at, after) - yaw_rad(before, at), math.tau)
 
 
-def arc_turn(
+def plan_arc_turn(
     start: Pose, end: Pose, drivable: BaseGeometry, *, is_wanted: bool
 ) -> FloatArray | None:
     """Points of the turn from one pose to another, if it is open and wanted or quicker."""
     import shapely
 
-    _, left_m = _from(start, end)
+    _, left_m = _locate(start, end)
     radius_m = min(max(abs(left_m) / 2.0, MIN_RADIUS_M * 1.001), MAX_ARC_RADIUS_M)
-    segments = shortest(start, end, radius_m)
+    segments = find_shortest(start, end, radius_m)
     turned_rad = sum(segment.length_m * abs(segment.curvature_radpm) for segment in segments)
-    is_slow = length_m(segments) / TURN_SPEED_MPS > _pivot_s(start, end)
+    is_slow = length_m(segments) / TURN_SPEED_MPS > _estimate_pivot_s(start, end)
     if not is_wanted and (turned_rad > MAX_TURN_RAD or is_slow):
         return None
-    points = sampled(start, segments)
+    points = sample_turn(start, segments)
     if len(points) < 2 or not drivable.covers(shapely.LineString(points)):
         return None
     return points
 
 
-def three_point_turn(
+def plan_three_point_turn(
     start: Pose, end: Pose, drivable: BaseGeometry
 ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
     """A quarter circle ahead, straight back, a quarter circle ahead; None where it is not open.
@@ -67,7 +66,7 @@ def three_point_turn(
     """
     import shapely
 
-    ahead_m, left_m = _from(start, end)
+    ahead_m, left_m = _locate(start, end)
     back_m = 2.0 * MAX_ARC_RADIUS_M - abs(left_m)
     skew_rad = math.remainder(end.yaw_rad - start.yaw_rad - math.pi, math.tau)
     if abs(skew_rad) > MAX_SKEW_RAD or back_m < SHORTEST_BACK_M:
@@ -76,24 +75,24 @@ def three_point_turn(
         math.pi / 2.0 * MAX_ARC_RADIUS_M, math.copysign(1.0 / MAX_ARC_RADIUS_M, left_m)
     )
     into = (Segment(max(ahead_m, 0.0), 0.0), quarter)
-    turned = end_pose(start, into)
+    turned = find_end_pose(start, into)
     backed = turned.ahead(-back_m)
     back = np.array([turned[:2], backed[:2]])
-    out = sampled(backed, (quarter, Segment(max(-ahead_m, 0.0), 0.0)))
+    out = sample_turn(backed, (quarter, Segment(max(-ahead_m, 0.0), 0.0)))
     out[-1] = end[:2]
-    way = (sampled(start, into), back, out)
+    way = (sample_turn(start, into), back, out)
     is_open = drivable.covers(shapely.MultiLineString(way))
     return way if is_open else None
 
 
-def _from(start: Pose, end: Pose) -> tuple[float, float]:
+def _locate(start: Pose, end: Pose) -> tuple[float, float]:
     """How far a place is ahead and to the left of a pose."""
     dx, dy = end.x_m - start.x_m, end.y_m - start.y_m
     cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
     return cos * dx + sin * dy, cos * dy - sin * dx
 
 
-def _pivot_s(start: Pose, end: Pose) -> float:
+def _estimate_pivot_s(start: Pose, end: Pose) -> float:
     course = math.atan2(end.y_m - start.y_m, end.x_m - start.x_m)
     turned_rad = abs(math.remainder(course - start.yaw_rad, math.tau))
     turned_rad += abs(math.remainder(end.yaw_rad - course, math.tau))
@@ -101,7 +100,7 @@ def _pivot_s(start: Pose, end: Pose) -> float:
     return turned_rad / PIVOT_RATE_RADPS + 2.0 * PIVOT_STOP_S + straight_s
 
 
-def sampled(start: Pose, segments: Iterable[Segment]) -> FloatArray:
+def sample_turn(start: Pose, segments: Iterable[Segment]) -> FloatArray:
     """Ends of the straight pieces, and points of the arcs a few centimetres apart, (N, 2)."""
     points, pose = [start[:2]], start
     for segment in segments:
@@ -114,44 +113,44 @@ def sampled(start: Pose, segments: Iterable[Segment]) -> FloatArray:
             part = Segment(segment.length_m * step / count, segment.curvature_radpm)
             points.append(part.end(pose)[:2])
         pose = segment.end(pose)
-    return _without_repeats(np.array(points))
+    return _drop_repeats(np.array(points))
 
 
-def smooth_pieces(xy: FloatArray, is_closed: bool) -> list[FloatArray]:
+def smooth(xy: FloatArray, is_closed: bool) -> list[FloatArray]:
     """A broken line, cut at the corners where the robot must turn in place.
 
     Slight bends are rounded, at most ROUNDING_M off their corner. A closed ring begins at a
     corner where it has one.
     """
-    xy = _without_repeats(xy)
+    xy = _drop_repeats(xy)
     if is_closed:
         if np.allclose(xy[0], xy[-1]):
             xy = xy[:-1]
         corners = [
-            k for k in range(len(xy)) if not _rounding(xy[k - 1], xy[k], xy[(k + 1) % len(xy)])
+            k for k in range(len(xy)) if not _round_bend(xy[k - 1], xy[k], xy[(k + 1) % len(xy)])
         ]
-        first = corners[0] if corners else _widest(xy)
+        first = corners[0] if corners else _choose_widest(xy)
         xy = np.concatenate([xy[first:], xy[: first + 1]])
         if not corners:  # begin in the middle of an edge, so that the ring closes straight
             middle = (xy[0] + xy[1]) / 2.0
             xy = np.concatenate([[middle], xy[1:], [middle]])
     pieces, current = [], [xy[0]]
     for k in range(1, len(xy) - 1):
-        arc = _rounding(xy[k - 1], xy[k], xy[k + 1])
+        arc = _round_bend(xy[k - 1], xy[k], xy[k + 1])
         if arc:
             current += arc
         else:
-            pieces.append(_without_repeats(np.array([*current, xy[k]])))
+            pieces.append(_drop_repeats(np.array([*current, xy[k]])))
             current = [xy[k]]
-    pieces.append(_without_repeats(np.array([*current, xy[-1]])))
+    pieces.append(_drop_repeats(np.array([*current, xy[-1]])))
     return pieces
 
 
-def _widest(xy: FloatArray) -> int:
+def _choose_widest(xy: FloatArray) -> int:
     return int(np.argmax(np.hypot(*(np.roll(xy, -1, axis=0) - xy).T)))
 
 
-def _without_repeats(xy: FloatArray) -> FloatArray:
+def _drop_repeats(xy: FloatArray) -> FloatArray:
     """Without points close behind another one; both ends stay where they are."""
     kept = [xy[0]]
     for point in xy[1:]:
@@ -164,7 +163,7 @@ def _without_repeats(xy: FloatArray) -> FloatArray:
     return np.array(kept)
 
 
-def _rounding(before: FloatArray, at: FloatArray, after: FloatArray) -> list[FloatArray]:
+def _round_bend(before: FloatArray, at: FloatArray, after: FloatArray) -> list[FloatArray]:
     """Points of the arc that replaces a slight bend; none where the robot must pivot."""
     bend = bend_rad(before, at, after)
     if abs(bend) < 1e-9:
@@ -178,5 +177,5 @@ def _rounding(before: FloatArray, at: FloatArray, after: FloatArray) -> list[Flo
     course = yaw_rad(before, at)
     tangent_m = radius_m * half_tan
     pose = Pose(at[0] - tangent_m * math.cos(course), at[1] - tangent_m * math.sin(course), course)
-    points = sampled(pose, [Segment(abs(bend) * radius_m, math.copysign(1.0 / radius_m, bend))])
+    points = sample_turn(pose, [Segment(abs(bend) * radius_m, math.copysign(1.0 / radius_m, bend))])
     return list(points)

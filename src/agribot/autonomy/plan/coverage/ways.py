@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import Point
 from agribot.autonomy.plan.coverage.free_space import ROUNDING_M
 from agribot.core.errors import MissionError
-from agribot.core.messages import FloatArray
+from agribot.core.messages import FloatArray, MapPoint
 
 if TYPE_CHECKING:
     import shapely
@@ -30,12 +29,12 @@ class Ways:
         self._corners: FloatArray | None = None
         self._graph: list[list[tuple[float, int]]] = []
 
-    def is_open(self, start: Point, end: Point) -> bool:
+    def is_open(self, start: MapPoint, end: MapPoint) -> bool:
         import shapely
 
         return bool(self._drivable.covers(shapely.LineString((start, end))))
 
-    def way(self, start: Point, end: Point) -> list[Point]:
+    def way(self, start: MapPoint, end: MapPoint) -> list[MapPoint]:
         """Corner points of the shortest way, both ends included.
 
         Raises: MissionError: there is none.
@@ -55,7 +54,7 @@ class Ways:
             )
         return [start, *((float(x), float(y)) for x, y in self._corners[found]), end]
 
-    def _inside(self, place: Point) -> Point:
+    def _inside(self, place: MapPoint) -> MapPoint:
         """The place, or the edge beside it: a rounded bend ends some millimetres outside."""
         import shapely
 
@@ -67,7 +66,7 @@ class Ways:
 
     def _build(self) -> None:
         """Every pair of corners that see each other."""
-        corners = _inner_corners(self._region)
+        corners = _find_inner_corners(self._region)
         self._corners = corners
         first, second = np.triu_indices(len(corners), 1)
         seen = self._covered(corners[first], corners[second])
@@ -78,7 +77,7 @@ class Ways:
             self._graph[a].append((length_m, b))
             self._graph[b].append((length_m, a))
 
-    def _seen_from(self, point: Point) -> dict[int, float]:
+    def _seen_from(self, point: MapPoint) -> dict[int, float]:
         assert self._corners is not None
         if not len(self._corners):
             return {}
@@ -120,21 +119,21 @@ class Ways:
         return trail[::-1]
 
 
-def _inner_corners(region: shapely.Polygon) -> FloatArray:
+def _find_inner_corners(region: shapely.Polygon) -> FloatArray:
     """Corners that a shortest way can bend around: those that point into the area.
 
     A boundary with very many corners is simplified inwards until they are few enough.
     """
     tolerance_m = FIRST_SIMPLIFY_M
-    corners = _reflex(region)
+    corners = _find_reflex(region)
     while len(corners) > MAX_CORNERS:
         smaller = region.buffer(-tolerance_m, join_style="mitre").simplify(tolerance_m)
-        corners = _reflex(smaller)
+        corners = _find_reflex(smaller)
         tolerance_m *= 2.0
     return corners
 
 
-def _reflex(region: BaseGeometry) -> FloatArray:
+def _find_reflex(region: BaseGeometry) -> FloatArray:
     import shapely
 
     found = []

@@ -9,7 +9,7 @@ from agribot.autonomy.plan.caution import protection_limit_m
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.curves import Place
 from agribot.autonomy.plan.route import Tool
-from agribot.autonomy.plan.saved_mission import PoseTuple, pose_of
+from agribot.autonomy.plan.saved_mission import PoseTuple, take_pose
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, FloatArray, MapPoint, Path
 from agribot.core.robot import DriveSpec
@@ -37,7 +37,7 @@ class FieldTask:
         self.planning_s = CHECKING_S + work.length_m / PLANNED_MPS
 
     def plan(self, here: Estimate) -> Path:
-        return self.work.path_from(pose_of(here))
+        return self.work.path_from(take_pose(here))
 
     def plan_rest(self, here: Estimate, indices: Sequence[int]) -> Path:
         return self.plan(here)
@@ -46,10 +46,10 @@ class FieldTask:
         raise MissionError("the rows of a field plan are driven in its order")
 
     def plan_home(self, here: Estimate, home: PoseTuple, row_ahead: FloatArray) -> Path:
-        return self.work.path_home(pose_of(here)[:2], home[:2], row_ahead)
+        return self.work.path_home(take_pose(here)[:2], home[:2], row_ahead)
 
     def plan_to(self, here: Estimate, goal: Place) -> Path:
-        return self.work.path_to(pose_of(here)[:2], goal)
+        return self.work.path_to(take_pose(here)[:2], goal)
 
     def plan_back(self, here: Estimate, place: Place) -> Path:
-        return self.work.path_back(pose_of(here)[:2], place)
+        return self.work.path_back(take_pose(here)[:2], place)

@@ -9,8 +9,8 @@ from agribot.autonomy.plan.boustrophedon import plan_home, plan_rows, plan_witho
 from agribot.autonomy.plan.caution import protection_limit_m
 from agribot.autonomy.plan.curves import Place
 from agribot.autonomy.plan.route import Tool
-from agribot.autonomy.plan.rows import field_rows, row_ends
-from agribot.autonomy.plan.saved_mission import PoseTuple, pose_of
+from agribot.autonomy.plan.rows import lay_rows, list_row_ends
+from agribot.autonomy.plan.saved_mission import PoseTuple, take_pose
 from agribot.autonomy.plan.tasks.surroundings import Surroundings
 from agribot.core.config import FieldConfig, RunConfig
 from agribot.core.messages import Estimate, FloatArray, MapPoint, Path
@@ -28,22 +28,22 @@ class RowTask:
 
     def __init__(self, config: RunConfig, robot: RobotSpec) -> None:
         """Raises: MissionError: the rows are bent too tightly."""
-        self.rows = field_rows(config.field)
+        self.rows = lay_rows(config.field)
         self.tool = Tool(x_m=robot.tool_x_m)
         self.clearance_m = row_clearance_m(config.field, robot)
         self._mission, self._robot = config.mission, robot
         self._around = Surroundings(self.rows, config, robot)
-        self._ends = row_ends(self.rows)
+        self._ends = list_row_ends(self.rows)
 
     def plan(self, here: Estimate) -> Path:
         obstacles = self._around.obstacles
-        path = plan_rows(self.rows, pose_of(here), self._robot, self._mission, (), obstacles)
+        path = plan_rows(self.rows, take_pose(here), self._robot, self._mission, (), obstacles)
         return self._around.check(path)
 
     def plan_rest(self, here: Estimate, indices: Sequence[int]) -> Path:
         left = [row for row in self.rows if row.index in indices]
         obstacles = self._around.obstacles
-        path = plan_rows(left, pose_of(here), self._robot, self._mission, self.rows, obstacles)
+        path = plan_rows(left, take_pose(here), self._robot, self._mission, self.rows, obstacles)
         return self._around.check(path)
 
     def plan_around(self, path: Path, index: int, skipped: int) -> Path:
@@ -53,7 +53,7 @@ class RowTask:
 
     def plan_home(self, here: Estimate, home: PoseTuple, row_ahead: FloatArray) -> Path:
         obstacles = self._around.obstacles
-        path = plan_home(self.rows, pose_of(here), home, self._robot, self._mission, obstacles)
+        path = plan_home(self.rows, take_pose(here), home, self._robot, self._mission, obstacles)
         return self._around.check(path)
 
     def plan_to(self, here: Estimate, goal: Place) -> Path:

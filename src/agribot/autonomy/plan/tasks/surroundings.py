@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from agribot.autonomy.plan.certify import certify
 from agribot.autonomy.plan.curves import Place
-from agribot.autonomy.plan.goal_way import fence_around, plan_to_place
-from agribot.autonomy.plan.obstacles import obstacles_for
-from agribot.autonomy.plan.saved_mission import pose_of
+from agribot.autonomy.plan.goal_way import make_fence, plan_to_place
+from agribot.autonomy.plan.obstacles import make_obstacles
+from agribot.autonomy.plan.saved_mission import take_pose
 from agribot.core.config import RunConfig
 from agribot.core.messages import Estimate, MapPoint, Path, Row
 from agribot.core.robot import RobotSpec
@@ -22,7 +22,7 @@ class Surroundings:
         self._mission = config.mission
         self._margin_m = config.safety.geofence_margin_m
         clearance_m = config.mission.obstacle_clearance_m
-        self.obstacles = obstacles_for(config.field.obstacles_map_m, clearance_m, robot)
+        self.obstacles = make_obstacles(config.field.obstacles_map_m, clearance_m, robot)
 
     def check(self, path: Path) -> Path:
         """Give back a path that is clear. Raises: MissionError: what it comes too close to."""
@@ -33,8 +33,8 @@ class Surroundings:
 
     def plan_to(self, here: Estimate, goal: Place, places: Sequence[MapPoint]) -> Path:
         """Plan inside a fence around the robot and `places`, as wide as the supervisor's."""
-        pose = pose_of(here)
-        fence = fence_around([*places, pose[:2]], self._margin_m)
+        pose = take_pose(here)
+        fence = make_fence([*places, pose[:2]], self._margin_m)
         return plan_to_place(
             goal, pose, self._crop, fence, self._robot, self._mission, self.obstacles
         )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from agribot.autonomy.plan.curves import Place
 from agribot.autonomy.plan.route import AT_ORIGIN
-from agribot.autonomy.plan.saved_mission import PoseTuple, pose_of
+from agribot.autonomy.plan.saved_mission import PoseTuple, take_pose
 from agribot.autonomy.plan.tasks.surroundings import Surroundings
 from agribot.autonomy.plan.waypoints import plan_waypoints
 from agribot.core.config import RunConfig
@@ -42,7 +42,7 @@ class VisitTask:
         self._around = Surroundings(crop, config, robot)
 
     def plan(self, here: Estimate) -> Path:
-        path = plan_waypoints(self.waypoints, pose_of(here), self._robot, self._mission)
+        path = plan_waypoints(self.waypoints, take_pose(here), self._robot, self._mission)
         return self._around.check(path)
 
     def plan_rest(self, here: Estimate, indices: Sequence[int]) -> Path:

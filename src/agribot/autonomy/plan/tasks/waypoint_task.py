@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from agribot.autonomy.plan.curves import Place
 from agribot.autonomy.plan.route import Tool
-from agribot.autonomy.plan.saved_mission import PoseTuple, pose_of
+from agribot.autonomy.plan.saved_mission import PoseTuple, take_pose
 from agribot.autonomy.plan.tasks.row_task import row_clearance_m
 from agribot.autonomy.plan.tasks.surroundings import Surroundings
 from agribot.autonomy.plan.waypoints import plan_waypoints
@@ -53,5 +53,5 @@ class WaypointTask:
         return self.plan_to(here, place)
 
     def _plan_through(self, places: Sequence[MapPoint], here: Estimate) -> Path:
-        path = plan_waypoints(places, pose_of(here), self._robot, self._mission)
+        path = plan_waypoints(places, take_pose(here), self._robot, self._mission)
         return self._around.check(path)

@@ -8,7 +8,7 @@ from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.caution import caution_ratio
 from agribot.autonomy.plan.mission import END_TOLERANCE_M, SETTLE_S
 from agribot.autonomy.plan.route import Route
-from agribot.autonomy.plan.rows import field_rows
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import MissionConfig
 from agribot.core.messages import FloatArray, Path
 from agribot.core.robot import RobotSpec
@@ -53,12 +53,12 @@ class BatchProgress:
         return square
 
 
-class Driving:
+class BatchDriving:
     """From estimates to twists; `row` is the row of the field that each robot works, or -1."""
 
     def __init__(self, count: int, scenario: Scenario, robot: RobotSpec) -> None:
         self._config: MissionConfig = scenario.mission()
-        rows = field_rows(scenario.field())
+        rows = lay_rows(scenario.field())
         start = (*(scenario.field().start_map_m or (0.0, 0.0)), 0.0)
         self.path = plan_rows(rows, start, robot, self._config)
         route = Route(self.path, [row.index for row in rows], self._config, ())

@@ -14,7 +14,7 @@ from agribot.lab.bench.nav.batch.compass import BatchYaw
 from agribot.lab.bench.nav.batch.gnss import BatchFix
 from agribot.lab.bench.nav.batch.localizer import BatchHeading, BatchLocalizer
 from agribot.lab.bench.nav.batch.row_lines import BatchLine
-from agribot.lab.bench.nav.driving import Driving
+from agribot.lab.bench.nav.driving import BatchDriving
 from agribot.lab.bench.nav.judge import NEES_PERIOD_S, Judge, Outcome
 from agribot.lab.bench.nav.plant import Plant, Proprioception
 from agribot.lab.bench.nav.receivers import Compasses, Receivers
@@ -92,7 +92,7 @@ def run_missions(
         count, scenario.estimate(), scenario.field(), robot,
         is_corrected=gnss.is_corrected,
     )  # fmt: skip
-    driving, judge = Driving(count, scenario, robot), Judge(count)
+    driving, judge = BatchDriving(count, scenario, robot), Judge(count)
     tick_s = TICK_STEPS * DT_S
     for k in range(1, round(MAX_TIME_S / DT_S) + 1):
         plant.step(driving.follower.v_mps, driving.follower.yaw_rate_radps)

@@ -1,4 +1,4 @@
-"""Fields by chance, for tests and benchmarks: concave, narrow, and full of holes."""
+"""Fields by chance: concave, narrow, and full of holes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from agribot.autonomy.plan.coverage.area import FieldArea, Line
+from agribot.autonomy.plan.coverage.area import FieldArea, MapLine
 from agribot.core.messages import FloatArray
 
 MAX_HOLES = 25
@@ -48,7 +48,7 @@ def _star(rng: np.random.Generator, radius_m: float) -> FloatArray:
     return np.column_stack([reach_m * np.cos(angles), reach_m * np.sin(angles)])
 
 
-def _line(polygon: object) -> Line:
+def _line(polygon: object) -> MapLine:
     import shapely
 
     xy = shapely.get_coordinates(polygon.exterior)[:-1]  # type: ignore[attr-defined]
