@@ -17,7 +17,7 @@ from agribot.gis.plan_file import SavedPlan, plan_from
 
 
 def read_plan_text(config: RunConfig) -> str:
-    """The plan of the settings as it stands in its file; empty where a run has none."""
+    """Read the plan of the settings as it stands in its file; empty where a run has none."""
     if not config.plan:
         return ""
     try:
@@ -27,12 +27,12 @@ def read_plan_text(config: RunConfig) -> str:
 
 
 def read_field_work(text: str, config: RunConfig, robot: RobotSpec) -> FieldWork | None:
-    """The plan of the settings; None without one. Raises: as `work_from`."""
+    """Read the plan of the settings; None without one. Raises: as `read_work`."""
     return read_work(text, Path(config.plan).name, config, robot) if text else None
 
 
 def read_work(text: str, name: str, config: RunConfig, robot: RobotSpec) -> FieldWork:
-    """A plan in the map of the run, for this robot.
+    """Read a plan in the map of the run, for this robot.
 
     Raises: MissionError: not a plan, or the check refuses it for this robot, and where.
     """
