@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def many_messages(folder: Path, count: int) -> None:
-    data = rosmsg.to_cdr(rosmsg.float64(1.5))
+    data = rosmsg.to_cdr(rosmsg.make_float64(1.5))
     file = McapFile(folder / "many.mcap")
     timed("write .mcap", lambda: [file.write(topics.DISTANCE, i, data, i) for i in range(count)])
     file.close()

@@ -66,7 +66,7 @@ def read_rooms() -> list[dict[str, Any]]:
 
 
 def table(rooms: list[dict[str, Any]]) -> str:
-    """The rooms as a table in Markdown, lowest floor first."""
+    """Format the rooms as a table in Markdown, lowest floor first."""
     lines = ["| floor | room | what lives there |\n", "|---|---|---|\n"]
     for room in sorted(rooms, key=lambda room: room["floor"]):
         pure = " *Pure.*" if room.get("is_pure") else ""
@@ -87,7 +87,7 @@ def arrows(rooms: list[dict[str, Any]]) -> dict[str, set[str]]:
 
 
 def drawing(rooms: list[dict[str, Any]]) -> str:
-    """The house in Mermaid: an arrow that follows from two others is left out."""
+    """Draw the house in Mermaid; an arrow that follows from two others is left out."""
     graph = arrows(rooms)
     lines = ["```mermaid\n", "flowchart BT\n"]
     for floor in sorted({room["floor"] for room in rooms}):

@@ -44,7 +44,7 @@ def _below(
 
 
 def options(parser: argparse.ArgumentParser) -> str:
-    """The arguments of one parser as a table; empty where it has none."""
+    """Format the arguments of one parser as a table; empty where it has none."""
     lines = []
     for action in parser._actions:
         if isinstance(action, Groups | argparse._HelpAction) or action.help == argparse.SUPPRESS:

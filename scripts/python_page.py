@@ -21,7 +21,7 @@ next; all others may change. They are typed (`py.typed`).
 
 
 def members(thing: type) -> list[str]:
-    """The public methods and properties that a class itself declares, as they stand in it."""
+    """List the public methods and properties that a class itself declares, in their order."""
     shown = []
     for name, member in vars(thing).items():
         if name.startswith("_"):

@@ -52,7 +52,7 @@ class Setting(NamedTuple):
 
 
 def settings_of(struct: type[msgspec.Struct]) -> Iterator[Setting]:
-    """The plain settings of one struct; groups within it are left out."""
+    """List the plain settings of one struct; groups within it are left out."""
     words = comments_of(struct)
     for field in msgspec.structs.fields(struct):
         if is_group(field.type):
@@ -77,7 +77,7 @@ def is_group(kind: Any) -> bool:
 
 
 def comments_of(struct: type[msgspec.Struct]) -> dict[str, str]:
-    """The comment above or behind each field, with what it inherits."""
+    """Read the comment above or behind each field, with what it inherits."""
     source = inspect.getsource(struct)
     lines = source.splitlines()
     (tree,) = ast.parse(source).body
@@ -97,7 +97,7 @@ def comments_of(struct: type[msgspec.Struct]) -> dict[str, str]:
 
 
 def describe(kind: types.Type) -> str:
-    """A type and its limits in words, such as "number, above 0 to 2"."""
+    """Describe a type and its limits in words, such as "number, above 0 to 2"."""
     match kind:
         case types.Metadata():
             words = describe(kind.type)
@@ -147,7 +147,7 @@ def table(struct: type[msgspec.Struct], prefix: str = "") -> str:
 
 
 def sections(struct: type[msgspec.Struct]) -> str:
-    """A table of what stands at the top, and one for each group."""
+    """Format a table of what stands at the top, and one for each group."""
     text = table(struct)
     for name, group in groups_of(struct):
         words = inspect.cleandoc(group.__doc__ or "")

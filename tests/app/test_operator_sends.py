@@ -15,7 +15,7 @@ from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.messages import OperatorAction, OperatorEvent, TickRecord
-from agribot.gis.plan_file import plan_text
+from agribot.gis.plan_file import format_plan
 from agribot.record.replay import read_ticks
 
 SETTINGS = ["perception.enabled=false", "seed=1", "field.row_count=1", "field.row_length_m=3"]
@@ -113,7 +113,7 @@ def test_another_plan_replaces_the_mission_and_is_judged_in_its_place(tmp_path: 
     with simulate(settings, tmp_path / "probe") as session:
         plan, certificate = plan_field_file(FIELD, settings, session.robot, None)
     assert certificate.ok
-    text = plan_text(plan, certificate)
+    text = format_plan(plan, certificate)
     out = tmp_path / "run"
     script: Script = {
         5.0: ("plan", {"text": text}),

@@ -17,7 +17,7 @@ from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.core import config
 from agribot.core.errors import MissionError
 from agribot.core.messages import OperatorEvent, TickRecord
-from agribot.gis.plan_file import SavedPlan, plan_text
+from agribot.gis.plan_file import SavedPlan, format_plan
 from tests.waiting import PATIENCE_S
 
 SETTINGS = [
@@ -79,7 +79,7 @@ def run(out: Path) -> list[TickRecord]:
         shape = measure_footprint(session.robot, 2.0)
         plan = plan_field(AREA, shape, request)
         certificate = certify_plan(plan, AREA, shape, request)
-        text = plan_text(SavedPlan(plan, AREA, request, settings.field.datum), certificate)
+        text = format_plan(SavedPlan(plan, AREA, request, settings.field.datum), certificate)
         what = {"plan": {"text": text}, "goto": {"numbers": (2.0, 3.0)}, "resume": {}}
         ticks = []
         for record in session.ticks():

@@ -30,8 +30,8 @@ def test_a_machine_that_can_run_the_farm_is_well(capsys: pytest.CaptureFixture[s
 @pytest.fixture
 def without_drive(monkeypatch: pytest.MonkeyPatch) -> None:
     """The drive on the farm is slow and not what these tests are about."""
-    quiet = doctor.Finding(what="one second on the farm", state="ok", detail="")
-    monkeypatch.setattr(doctor, "self_check", lambda _: quiet)
+    quiet = doctor.CheckResult(what="one second on the farm", state="ok", detail="")
+    monkeypatch.setattr(doctor, "drive_farm", lambda _: quiet)
 
 
 def require(monkeypatch: pytest.MonkeyPatch, *lines: str) -> None:
@@ -85,8 +85,8 @@ def test_without_a_place_for_compiled_code_the_start_is_only_slow(
 
 
 def test_without_the_simulator_the_drive_is_left_out() -> None:
-    absent = doctor.Finding(what="numba", state="missing", detail="")
-    finding = doctor.self_check([absent])
+    absent = doctor.CheckResult(what="numba", state="missing", detail="")
+    finding = doctor.drive_farm([absent])
     assert finding.state == "missing"
     assert "numba" in finding.detail
 
@@ -96,9 +96,9 @@ def test_every_finding_is_told_as_soon_as_it_is_known(
 ) -> None:
     said: dict[str, str] = {}
 
-    def look(name: str) -> list[doctor.Finding]:
+    def look(name: str) -> list[doctor.CheckResult]:
         said[name] = capsys.readouterr().err
-        return [doctor.Finding(what=name, state="ok", detail="")]
+        return [doctor.CheckResult(what=name, state="ok", detail="")]
 
     for name in ("packages", "caches", "weights"):
         monkeypatch.setattr(doctor, name, lambda name=name: look(name))

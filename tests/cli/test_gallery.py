@@ -32,6 +32,6 @@ def test_every_tile_of_the_gallery_shows_something_else(tmp_path: Path) -> None:
 def test_a_file_type_that_holds_no_picture_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("agribot.cli.gallery.gallery", lambda: np.zeros((4, 4, 3), np.uint8))
+    monkeypatch.setattr("agribot.cli.gallery.draw_gallery", lambda: np.zeros((4, 4, 3), np.uint8))
     assert main(("world", "gallery", "-o", str(tmp_path / "gallery.world"))) == 2
     assert "ends in .png" in capsys.readouterr().err

@@ -9,7 +9,7 @@ import pytest
 
 from agribot.cli import live
 from agribot.cli.main import main
-from agribot.cli.newest import NewestFrame
+from agribot.cli.newest_frame import NewestFrame
 from agribot.core.errors import PerceptionError
 from agribot.core.messages import ByteArray
 

@@ -44,10 +44,10 @@ def test_plot_writes_what_it_heard_as_a_table_and_a_picture(tmp_path: Path) -> N
     plot = Plot()
     for index in range(50):
         t_s = 100.0 + 0.1 * index
-        plot.hear(topics.DISTANCE, rosmsg.float64(5.0 - 0.04 * index), t_s)
+        plot.receive(topics.DISTANCE, rosmsg.make_float64(5.0 - 0.04 * index), t_s)
         heading_deg = float("nan") if index == 3 else 359.5
-        plot.hear(topics.HEADING_FILTERED, rosmsg.float64(heading_deg), t_s)
-        plot.hear(topics.CMD_VEL, rosmsg.twist(0.4, -0.1), t_s)
+        plot.receive(topics.HEADING_FILTERED, rosmsg.make_float64(heading_deg), t_s)
+        plot.receive(topics.CMD_VEL, rosmsg.make_twist(0.4, -0.1), t_s)
     picture, table = write_drive_files(tmp_path / "new", plot.series)
     with table.open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))

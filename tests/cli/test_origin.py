@@ -8,7 +8,7 @@ import pytest
 
 from agribot.cli import bridging, origin
 from agribot.cli.main import main
-from agribot.cli.run_settings import add_setting_arguments, settings_of
+from agribot.cli.run_settings import add_setting_arguments, read_settings
 from agribot.core import config
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
@@ -16,7 +16,7 @@ from agribot.core.geo import Datum
 from agribot.core.messages import GnssFix, GnssQuality
 from agribot.record.replay import read_config, read_ticks
 from agribot.ros.messages import rosmsg
-from agribot.ros.messages.rosmsg import typestore
+from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.ros2 import wire
 from agribot.ui.ground import field_of
 from tests.ros.live import free_port, zenoh_peer
@@ -46,7 +46,7 @@ def settings(*words: str) -> RunConfig:
     parser = argparse.ArgumentParser()
     add_setting_arguments(parser)
     bridging.add_arguments(parser)
-    return settings_of(parser.parse_args(["farm", *words]))
+    return read_settings(parser.parse_args(["farm", *words]))
 
 
 def fix(place: Datum, quality: GnssQuality = GnssQuality.SINGLE) -> str:
@@ -54,7 +54,7 @@ def fix(place: Datum, quality: GnssQuality = GnssQuality.SINGLE) -> str:
         t_s=7.0, lat_deg=place.lat_deg, lon_deg=place.lon_deg, alt_m=place.alt_m, pos_std_m=2.0,
         quality=quality,
     )  # fmt: skip
-    return rosmsg.to_cdr(rosmsg.nav_sat_fix(sample, "gps")).hex()
+    return rosmsg.to_cdr(rosmsg.make_fix(sample, "gps")).hex()
 
 
 def test_the_origin_is_a_named_place_numbers_or_what_the_settings_say() -> None:
@@ -104,7 +104,7 @@ def test_the_first_valid_fix_of_a_receiver_becomes_the_origin(*, is_auto: bool) 
     waiting = threading.Thread(target=lambda: found.append(settings(*words)), daemon=True)
     waiting.start()
     name, kind = "/pole/fix", "sensor_msgs/msg/NavSatFix"
-    key = wire.topic_key(0, name, kind, typestore().hash_rihs01(kind))
+    key = wire.make_topic_key(0, name, kind, load_types().hash_rihs01(kind))
     mark = wire.pack_attachment(1, 0, b"g" * 16).hex()
     no_fix = fix(Datum(lat_deg=0.0, lon_deg=0.0), GnssQuality.NONE)
     with zenoh_peer(locator) as talk:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from agribot.cli.progress import explained
+from agribot.cli.progress import explain_wait
 from tests.waiting import wait_for
 
 
 def test_only_what_takes_long_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
-    with explained("compiling", after_s=3600.0):
+    with explain_wait("compiling", after_s=3600.0):
         pass
     assert capsys.readouterr().err == ""
-    with explained("compiling", after_s=0.0):
+    with explain_wait("compiling", after_s=0.0):
         wait_for(lambda: capsys.readouterr().err == "compiling\n", "the explanation")

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from agribot.cli.drive_source import Live, constant, script
+from agribot.cli.drive_source import LiveTwists, parse_constant, read_script
 from agribot.cli.main import main
 from agribot.core import topics
 from agribot.core.errors import ConfigError
@@ -121,12 +121,12 @@ def test_a_robot_that_overturns_ends_the_run_with_status_one_and_a_reason(
 
 def test_live_lines_keep_the_newest_and_report_a_typing_error() -> None:
     complaints = io.StringIO()
-    live = Live(io.StringIO("0.1 0\n\nfast\n0.4 -0.2\n"), complaints)
+    live = LiveTwists(io.StringIO("0.1 0\n\nfast\n0.4 -0.2\n"), complaints)
     live._thread.join(PATIENCE_S)
     assert live.at(0.02) == DriveCommand(v_mps=0.4, yaw_rate_radps=-0.2)
     assert live.at(0.04) is None
     assert "passed over 'fast'" in complaints.getvalue()
-    holding = Live(io.StringIO("0.1 0\n"), complaints, hold=True)
+    holding = LiveTwists(io.StringIO("0.1 0\n"), complaints, hold=True)
     holding._thread.join(PATIENCE_S)
     assert holding.at(0.02) == holding.at(9.0) == DriveCommand(v_mps=0.1)
 
@@ -134,7 +134,7 @@ def test_live_lines_keep_the_newest_and_report_a_typing_error() -> None:
 @pytest.mark.parametrize("text", ["0.4", "fast,0", "nan,0", "1,2,3", "inf,0"])
 def test_a_twist_that_is_none_is_refused_with_an_example(text: str) -> None:
     with pytest.raises(ConfigError, match=r"--drive=0\.4,0\.1"):
-        constant(text)
+        parse_constant(text)
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_a_wrong_script_is_refused_with_its_line(tmp_path: Path, text: str, comp
     path = tmp_path / "drive.txt"
     path.write_text(text)
     with pytest.raises(ConfigError, match=r"drive\.txt") as refusal:
-        script(path, hold=False)
+        read_script(path, hold=False)
     assert complaint in str(refusal.value)
 
 

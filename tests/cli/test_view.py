@@ -15,9 +15,9 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from agribot.cli.main import main
-from agribot.cli.view import view_file
+from agribot.cli.view import find_view
 from agribot.core import topics
-from agribot.ros.messages.rosmsg import typestore
+from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.ros2 import wire
 from tests.record.bag.bag_samples import write_run
 from tests.ros.live import free_port, zenoh_peer
@@ -99,8 +99,8 @@ def test_the_foxglove_layout_shows_topics_and_fields_that_exist(
 
 def test_a_recording_is_played_to_another_process_with_its_clock(run: Path) -> None:
     locator = f"tcp/127.0.0.1:{free_port()}"
-    key = wire.topic_key(0, "/agribot/fix", topics.FIX.ros_type, _hash(topics.FIX))
-    clock = wire.topic_key(0, "/clock", topics.CLOCK.ros_type, _hash(topics.CLOCK))
+    key = wire.make_topic_key(0, "/agribot/fix", topics.FIX.ros_type, _hash(topics.FIX))
+    clock = wire.make_topic_key(0, "/clock", topics.CLOCK.ros_type, _hash(topics.CLOCK))
     player = _Player(locator, key, clock)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("agribot.cli.view.wait_until", player.wait)
@@ -138,7 +138,7 @@ class _Player:
 
 
 def _hash(topic: Any) -> str:
-    return typestore().hash_rihs01(topic.ros_type)
+    return load_types().hash_rihs01(topic.ros_type)
 
 
 def test_a_viewer_without_a_recording_says_what_it_needs(
@@ -152,4 +152,4 @@ def test_a_viewer_without_a_recording_says_what_it_needs(
 
 def test_the_packaged_views_are_there() -> None:
     for name in ("ros1.rviz", "ros2.rviz", "foxglove.json"):
-        assert view_file(name).is_file()
+        assert find_view(name).is_file()

@@ -17,7 +17,7 @@ from agribot.cli.main import main
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.gis.field_file import read_field
-from agribot.gis.plan_file import SavedPlan, plan_text, read_plan
+from agribot.gis.plan_file import SavedPlan, format_plan, read_plan
 from tests.autonomy.plan.fields import REQUEST, ROWS, SHAPE, WITH_HOLE, certified
 
 HERE = Datum(lat_deg=52.1, lon_deg=11.6)
@@ -138,7 +138,7 @@ def test_a_saved_plan_is_certified_again_after_reading(tmp_path: Path) -> None:
     for area, request in ((WITH_HOLE, REQUEST),):
         plan, certificate = certified(area, request)
         path = tmp_path / "plan.geojson"
-        path.write_text(plan_text(SavedPlan(plan, area, request, HERE), certificate))
+        path.write_text(format_plan(SavedPlan(plan, area, request, HERE), certificate))
         saved = read_plan(path)
         assert saved.request == request
         for before, after in zip(plan.legs, saved.plan.legs, strict=True):
@@ -192,7 +192,7 @@ def test_a_field_with_rows_round_trips_through_the_plan(tmp_path: Path) -> None:
     request = REQUEST.__class__(implement_width_m=0.8, headland_passes=0)
     plan, certificate = certified(ROWS, request)
     path = tmp_path / "plan.geojson"
-    path.write_text(plan_text(SavedPlan(plan, ROWS, request, HERE), certificate))
+    path.write_text(format_plan(SavedPlan(plan, ROWS, request, HERE), certificate))
     saved = read_plan(path)
     assert np.array(saved.area.rows) == pytest.approx(np.array(ROWS.rows), abs=2e-4)
     assert certify_plan(saved.plan, saved.area, SHAPE, saved.request).ok

@@ -103,7 +103,7 @@ def test_a_terminal_reads_the_task_data_as_a_partfield(tmp_path: Path) -> None:
     """Read with the library of other people, which checks it against the schema."""
     with zipfile.ZipFile(io.BytesIO(write_field_file(".isoxml.zip", FIELD))) as archive:
         text = archive.read("TASKDATA/TASKDATA.XML")
-    flat = saved(tmp_path, ".zip", untrusted.packed({"TASKDATA.XML": text}))
+    flat = saved(tmp_path, ".zip", untrusted.pack({"TASKDATA.XML": text}))
     tasks, _ = isoxml_from_zip(flat)
     [field] = tasks.partfields
     assert field.designator == "the boundary"
@@ -128,7 +128,7 @@ def test_another_program_reads_the_gpx(tmp_path: Path) -> None:
 
 def task_data(tmp_path: Path, **files: str) -> Path:
     members = {f"{name}.XML": text.encode() for name, text in files.items()}
-    return saved(tmp_path, ".zip", untrusted.packed(members))
+    return saved(tmp_path, ".zip", untrusted.pack(members))
 
 
 def test_task_data_of_farm_software_gives_its_partfield(tmp_path: Path) -> None:
@@ -182,7 +182,7 @@ def never_ending() -> bytes:
 
 
 def many_files() -> bytes:
-    return untrusted.packed({f"{number}.shp": b"" for number in range(untrusted.MAX_MEMBERS + 1)})
+    return untrusted.pack({f"{number}.shp": b"" for number in range(untrusted.MAX_MEMBERS + 1)})
 
 
 def zeros(name: str) -> bytes:
@@ -204,14 +204,14 @@ def projected_shapes() -> bytes:
         writer.record("here")
         writer.close()
     files = {"a.shp": shp, "a.shx": shx, "a.dbf": dbf, "a.prj": io.BytesIO(b'PROJCS["UTM 32N"]')}
-    return untrusted.packed({name: part.getvalue() for name, part in files.items()})
+    return untrusted.pack({name: part.getvalue() for name, part in files.items()})
 
 
 HOSTILE: dict[str, tuple[str, Callable[[], bytes], str]] = {
     "entities": ("a.kml", lambda: BOMB, "document type"),
     "entities in UTF-16": ("a.gpx", lambda: BOMB.decode().encode("utf-16"), "document type"),
     "entities in task data": (
-        "a.zip", lambda: untrusted.packed({"TASKDATA.XML": BOMB}), "document type"),
+        "a.zip", lambda: untrusted.pack({"TASKDATA.XML": BOMB}), "document type"),
     "deep": ("a.gpx", lambda: b"<a>" * 5000 + b"</a>" * 5000, "inside each other"),
     "archive bomb": ("a.kmz", lambda: zeros("doc.kml"), "unpacks to"),
     "task data bomb": (
@@ -226,8 +226,8 @@ HOSTILE: dict[str, tuple[str, Callable[[], bytes], str]] = {
     "not finite": ("a.gpx", lambda: b'<gpx><wpt lat="nan" lon="1"/></gpx>', "not a number"),
     "not on Earth": ("a.gpx", lambda: b'<gpx><wpt lat="52" lon="999"/></gpx>', "degrees"),
     "no longitude": ("a.gpx", lambda: b'<gpx><wpt lat="52"/></gpx>', "lon"),
-    "no fields": ("a.zip", lambda: untrusted.packed({"TASKDATA.XML": b"<T/>"}), "holds no point"),
-    "no shapes": ("a.zip", lambda: untrusted.packed({"a.txt": b""}), "no .shp"),
+    "no fields": ("a.zip", lambda: untrusted.pack({"TASKDATA.XML": b"<T/>"}), "holds no point"),
+    "no shapes": ("a.zip", lambda: untrusted.pack({"a.txt": b""}), "no .shp"),
     "cut off": ("a.zip", lambda: write_field_file(".shp.zip", FIELD)[:-40], "cannot be read"),
     "unknown": ("a.dwg", lambda: b"", "end with"),
 }  # fmt: skip
@@ -248,7 +248,7 @@ def test_names_in_an_archive_lead_nowhere(tmp_path: Path) -> None:
     inside = write_field_file(".kml", FIELD)
     folder = tmp_path / "a" / "b"
     folder.mkdir(parents=True)
-    path = saved(folder, ".kmz", untrusted.packed({"../../escaped.kml": inside}))
+    path = saved(folder, ".kmz", untrusted.pack({"../../escaped.kml": inside}))
     area, _ = read_field(path, HERE)
     check(area)
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["a", "b", path.name]

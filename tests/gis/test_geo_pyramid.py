@@ -15,7 +15,7 @@ pytest.importorskip("rasterio")
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError
 from agribot.gis.geo_pyramid import read_geo, write_vrt
-from agribot.gis.mbtiles import map_files, tile
+from agribot.gis.mbtiles import find_maps, read_tile
 
 TILE_PX = 64
 COLOURS = {(0, 0): (200, 0, 0), (0, 1): (0, 200, 0), (1, 0): (0, 0, 200), (1, 1): (200, 200, 0)}
@@ -44,7 +44,7 @@ def colour_at(path: Path, zoom: int, lon_deg: float, lat_deg: float) -> tuple[in
     size = 2**zoom
     x = (lon_deg + 180.0) / 360.0 * size
     y = (1.0 - math.asinh(math.tan(math.radians(lat_deg))) / math.pi) / 2.0 * size
-    data = tile(path, zoom, int(x), int(y))
+    data = read_tile(path, zoom, int(x), int(y))
     assert data is not None
     picture = Image.open(io.BytesIO(data)).convert("RGB")
     pixel = picture.getpixel((int(x % 1 * picture.width), int(y % 1 * picture.height)))
@@ -60,7 +60,7 @@ def test_a_pyramid_is_imported_where_its_tie_point_says(
     file = pyramid(tmp_path / "images", ONE_TIE, suffix)
     assert main(["map", "--json", "import", str(file)]) == 0
     told = json.loads(capsys.readouterr().out)[0]
-    path = map_files(tmp_path / "home" / "maps")["farm"]
+    path = find_maps(tmp_path / "home" / "maps")["farm"]
     for (row, column), rgb in COLOURS.items():
         lon_deg = WEST_DEG + (column + 0.5) * TILE_PX * STEP_DEG
         lat_deg = NORTH_DEG - (row + 0.5) * TILE_PX * STEP_DEG

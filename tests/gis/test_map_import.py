@@ -17,8 +17,8 @@ from agribot.cli.main import main
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum, MapFrame
 from agribot.gis.map_import import check_template
-from agribot.gis.mbtiles import described_map, tile
-from agribot.gis.tile_grid import Bounds, Tile, bounds_from, tile_at, tile_count, tiles_in
+from agribot.gis.mbtiles import describe_map, read_tile
+from agribot.gis.tile_grid import Bounds, Tile, count_tiles, find_tile, iterate_tiles, parse_bounds
 
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)
 UTM = "EPSG:32643"
@@ -39,11 +39,11 @@ def place(east_m: float, north_m: float) -> tuple[float, float]:
 def colour_at(path: Path, east_m: float, north_m: float) -> tuple[int, ...]:
     """Of the finest tile that covers a place of the field."""
     lat_deg, lon_deg = place(east_m, north_m)
-    z = described_map(path)["maxzoom"]
+    z = describe_map(path)["maxzoom"]
     whole = 2**30
-    fine = tile_at(lat_deg, lon_deg, 30)
-    address = tile_at(lat_deg, lon_deg, z)
-    data = tile(path, *address)
+    fine = find_tile(lat_deg, lon_deg, 30)
+    address = find_tile(lat_deg, lon_deg, z)
+    data = read_tile(path, *address)
     if data is None:
         return ()
     px = (
@@ -93,8 +93,8 @@ def test_a_geotiff_lies_where_it_was_taken(
     ):  # fmt: skip
         assert near(colour_at(path, east_m, north_m), colour), (east_m, north_m)
     assert colour_at(path, 40.0, 20.0)[3:] in {(), (0,)}, "nothing beyond the picture"
-    coarse = tile_at(*place(10.0, 20.0), shown["minzoom"])
-    assert tile(path, *coarse) is not None, "the whole picture at a glance"
+    coarse = find_tile(*place(10.0, 20.0), shown["minzoom"])
+    assert read_tile(path, *coarse) is not None, "the whole picture at a glance"
 
 
 def test_a_picture_without_a_place_is_refused(
@@ -133,8 +133,8 @@ def test_a_pmtiles_archive_keeps_its_tiles(tmp_path: Path, maps: Path) -> None:
         writer.finalize(header, {})
     assert main(["map", "import", str(source)]) == 0
     for number, address in enumerate(addresses):
-        assert tile(maps / "farm.mbtiles", *address) == png((number, 0, 0))
-    assert described_map(maps / "farm.mbtiles")["bounds"] == pytest.approx(
+        assert read_tile(maps / "farm.mbtiles", *address) == png((number, 0, 0))
+    assert describe_map(maps / "farm.mbtiles")["bounds"] == pytest.approx(
         [72.78, 21.16, 72.79, 21.17]
     )
     source.write_bytes(b"none")
@@ -178,10 +178,10 @@ def test_a_region_is_fetched_once_and_what_was_missing_again(
     tiles, url = server
     region = ["--bbox", "72.785,21.160,72.790,21.163", "--zoom", "14-15", "--name", "aerial"]
     assert main(["map", "import", url, *region]) == 0
-    wanted = tile_count(Bounds(72.785, 21.160, 72.790, 21.163), 14, 15)
+    wanted = count_tiles(Bounds(72.785, 21.160, 72.790, 21.163), 14, 15)
     assert len(tiles.asked) == len(set(tiles.asked)) == wanted
     missing = [path for path in tiles.asked if path.endswith("/14406.png")]
-    assert described_map(maps / "aerial.mbtiles")["tiles"] == wanted - len(missing)
+    assert describe_map(maps / "aerial.mbtiles")["tiles"] == wanted - len(missing)
     tiles.asked.clear()
     assert main(["map", "import", url, *region]) == 0
     assert sorted(tiles.asked) == sorted(missing)
@@ -217,11 +217,11 @@ def test_only_addresses_of_tile_servers_are_taken(template: str) -> None:
 
 
 def test_the_grid_covers_a_region_without_gaps() -> None:
-    bounds = bounds_from("72.78,21.15,72.80,21.17")
-    tiles = list(tiles_in(bounds, 14, 16))
-    assert len(tiles) == len(set(tiles)) == tile_count(bounds, 14, 16)
+    bounds = parse_bounds("72.78,21.15,72.80,21.17")
+    tiles = list(iterate_tiles(bounds, 14, 16))
+    assert len(tiles) == len(set(tiles)) == count_tiles(bounds, 14, 16)
     for lat_deg, lon_deg in ((21.15, 72.78), (21.16, 72.79), (21.17, 72.80)):
-        assert tile_at(lat_deg, lon_deg, 16) in tiles
-    left, bottom, right, top = Tile(1, 1, 0).edges_m()
+        assert find_tile(lat_deg, lon_deg, 16) in tiles
+    left, bottom, right, top = Tile(1, 1, 0).compute_edges_m()
     assert (left, bottom) == pytest.approx((0.0, 0.0))
     assert right == top == pytest.approx(20037508.342789244)

@@ -31,7 +31,7 @@ from agribot.record.replay import (
     recorded_scenes,
 )
 from agribot.record.ticks import strip_pixels
-from agribot.ros.messages.transforms import static_transforms
+from agribot.ros.messages.transforms import make_static_transforms
 from tests.record import record_samples as samples
 
 CONFIG = load("farm", ["seed=7", "record.image_rate_hz=2.0"])
@@ -159,7 +159,7 @@ def test_a_description_with_its_own_optical_frame_is_not_given_a_second_one() ->
         links=(*plain.links, Link(name="camera_optical_frame")),
         joints=(*plain.joints, joint),
     )
-    children = [t.child_frame_id for t in static_transforms(robot).transforms]
+    children = [t.child_frame_id for t in make_static_transforms(robot).transforms]
     assert len(children) == len(set(children))
 
 

@@ -31,7 +31,7 @@ class Robot:
         self.requests = Requests(
             self.session.inbox,
             allow_drive=True,
-            say=self.said.append,
+            report=self.said.append,
             now_s=lambda: self.clock_s,
         )
         self.ticks = self.session.ticks()
@@ -42,7 +42,7 @@ class Robot:
         """In each tick the peer sends all twists, evenly spaced."""
         for _ in range(ticks):
             for sent in twists:
-                self.requests.twist(sent, "a peer")
+                self.requests.request_twist(sent, "a peer")
                 self.clock_s += TICK_S / len(twists)
             record = next(self.ticks)
             self.reasons.add(record.reason)

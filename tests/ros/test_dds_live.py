@@ -19,7 +19,7 @@ import pytest
 from agribot.core import topics
 from agribot.core.messages import GnssFix, GnssQuality, Inbox
 from agribot.ros.dds.gateway import DdsGateway
-from agribot.ros.dds.types import dds_name, dds_store, dds_type
+from agribot.ros.dds.types import load_dds_types, make_dds_type, to_dds_name
 from agribot.ros.messages import rosmsg
 from agribot.ros.requests import Requests
 from tests import machine
@@ -35,9 +35,9 @@ GOLDEN = Path(__file__).parents[1] / "golden" / "ros2-jazzy-rihs01.json"
 class Robot:
     def __init__(self, domain: int) -> None:
         self.inbox, self.said = Inbox(), list[str]()
-        requests = Requests(self.inbox, allow_drive=True, say=self.said.append)
+        requests = Requests(self.inbox, allow_drive=True, report=self.said.append)
         self.gateway = DdsGateway(requests, OUT, domain=domain)
-        description = rosmsg.to_cdr(rosmsg.text("<robot/>"))
+        description = rosmsg.to_cdr(rosmsg.make_text("<robot/>"))
         self.gateway.publish(topics.ROBOT_DESCRIPTION, description, 0)
 
     def close(self) -> None:
@@ -90,7 +90,7 @@ def test_a_fix_arrives_exactly_in_the_peers_own_type(live: tuple[Robot, Talk]) -
         t_s=12.25, lat_deg=21.5, lon_deg=-72.25, alt_m=3.0, pos_std_m=2.0,
         quality=GnssQuality.RTK_FIXED,
     )  # fmt: skip
-    data = rosmsg.to_cdr(rosmsg.nav_sat_fix(fix, "gps_link"))
+    data = rosmsg.to_cdr(rosmsg.make_fix(fix, "gps_link"))
 
     def said_and_heard() -> list[object]:
         robot.gateway.publish(topics.FIX, data, 0)
@@ -106,7 +106,7 @@ def test_an_image_arrives_whole(live: tuple[Robot, Talk]) -> None:
     """0.9 MB in 15 fragments."""
     robot, talk = live
     pixels = np.random.default_rng(1).integers(0, 256, (480, 640, 3), np.uint8)
-    data = rosmsg.to_cdr(rosmsg.image(1.0, pixels))
+    data = rosmsg.to_cdr(rosmsg.make_image(1.0, pixels))
     weights = np.arange(pixels.size) % 251 + 1
 
     def said_and_heard() -> list[object]:
@@ -142,8 +142,8 @@ def test_a_twist_of_the_peer_reaches_the_inbox_exactly(live: tuple[Robot, Talk])
 
 
 def test_types_are_described_as_ros_describes_them() -> None:
-    assert dds_name("sensor_msgs/msg/Imu") == "sensor_msgs::msg::dds_::Imu_"
+    assert to_dds_name("sensor_msgs/msg/Imu") == "sensor_msgs::msg::dds_::Imu_"
     for topic in OUT:
-        described = dds_type(topic.ros_type)
-        names = [name for name, _ in dds_store().fielddefs[topic.ros_type][1]]
+        described = make_dds_type(topic.ros_type)
+        names = [name for name, _ in load_dds_types().fielddefs[topic.ros_type][1]]
         assert list(described.__annotations__) == names

@@ -72,12 +72,12 @@ def test_every_topic_is_offered_with_its_ros_type(client: ClientConnection) -> N
 def test_a_late_client_gets_the_latched_description_and_then_what_is_new(
     gateway: FoxgloveGateway, client: ClientConnection
 ) -> None:
-    urdf = rosmsg.to_cdr(rosmsg.text("<robot/>"))
+    urdf = rosmsg.to_cdr(rosmsg.make_text("<robot/>"))
     gateway.publish(topics.ROBOT_DESCRIPTION, urdf, 5)
     _, channels = greeting(client)
     subscribe(client, channels[topics.ROBOT_DESCRIPTION.name], 7)
     assert message(client) == (7, 5, urdf)
-    newer = rosmsg.to_cdr(rosmsg.text("<robot name='b'/>"))
+    newer = rosmsg.to_cdr(rosmsg.make_text("<robot name='b'/>"))
     gateway.publish(topics.ROBOT_DESCRIPTION, newer, 6)
     assert message(client) == (7, 6, newer)
 

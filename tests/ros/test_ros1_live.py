@@ -23,13 +23,13 @@ from agribot.core.errors import BridgeError
 from agribot.core.geo import Datum
 from agribot.core.messages import Inbox
 from agribot.ros.messages.camera_log import CameraLog
-from agribot.ros.messages.sensor_readers import readers
-from agribot.ros.outlet import Outlet, Sources
+from agribot.ros.messages.sensor_readers import make_readers
 from agribot.ros.requests import Requests
 from agribot.ros.ros1 import tcpros
+from agribot.ros.ros1.connection import Ros1Connection
 from agribot.ros.ros1.gateway import Ros1Gateway
-from agribot.ros.ros1.link import Ros1Link
-from agribot.ros.ros1.types import outputs
+from agribot.ros.ros1.types import list_outputs
+from agribot.ros.tick_publisher import RunSources, TickPublisher
 from agribot.ros.topic_source import TopicSource
 from tests import machine
 from tests.record import record_samples as samples
@@ -47,16 +47,16 @@ class Robot:
 
     def __init__(self, uri: str, *, allow_drive: bool) -> None:
         self.inbox, self.said = Inbox(), list[str]()
-        requests = Requests(self.inbox, allow_drive=allow_drive, say=self.said.append)
+        requests = Requests(self.inbox, allow_drive=allow_drive, report=self.said.append)
         robot, plan = samples.robot(), samples.plan()
         self.gateway = Ros1Gateway(requests, OUT, samples.URDF, uri)
-        self.outlet = Outlet(
+        self.outlet = TickPublisher(
             [self.gateway],
             robot,
             Datum(lat_deg=21.161289, lon_deg=72.787022, alt_m=4.5),
             samples.URDF,
             CameraLog(robot, 10.0, 80, keeps_raw=True),
-            Sources(lambda: plan, lambda: ((1.0, 2.0),), lambda: (samples.plant(1),), None),
+            RunSources(lambda: plan, lambda: ((1.0, 2.0),), lambda: (samples.plant(1),), None),
         )
         noise = np.random.default_rng(1)
         self._ticks = (samples.tick(index, noise, with_camera=True) for index in count())
@@ -89,11 +89,11 @@ def _driving_until(robot: Robot, process: subprocess.Popen[str], what: str) -> s
 
 
 def test_rosbag_records_every_topic_with_the_values_sent(ros1: Ros1, robot: Robot) -> None:
-    names = [output.name for topic in OUT for output in outputs(topic)]
+    names = [output.name for topic in OUT for output in list_outputs(topic)]
     bag = ros1.folder / "run.bag"
     recorder = ros1.start("rosbag", "record", "-O", str(bag), *names)
 
-    wait_for(lambda: robot.drive_on() and not robot.gateway.unheard, "rosbag to listen")
+    wait_for(lambda: robot.drive_on() and not robot.gateway.unsubscribed, "rosbag to listen")
     for _ in range(80):
         robot.drive_on()
     os.killpg(recorder.pid, signal.SIGINT)
@@ -194,14 +194,14 @@ def test_without_a_master_the_bridge_says_how_to_start_one() -> None:
 def test_a_message_cut_short_and_one_that_is_no_number() -> None:
     said: list[str] = []
     inbox = Inbox()
-    requests = Requests(inbox, allow_drive=True, say=said.append)
+    requests = Requests(inbox, allow_drive=True, report=said.append)
     ours, theirs = socket.socketpair()
     with ours, theirs:
         theirs.sendall(struct.pack("<I", 48) + b"\0" * 20)
         theirs.close()
         with pytest.raises(ConnectionError, match="in the middle of a message"):
             tcpros.receive_frame(ours, tcpros.MAX_MESSAGE_BYTES)
-    requests.twist((math.inf, 0.0, 0.0, 0.0, 0.0, 0.0), "ROS 1")
+    requests.request_twist((math.inf, 0.0, 0.0, 0.0, 0.0, 0.0), "ROS 1")
     _, (hand,) = inbox.drain(1.0)
     assert math.isnan(hand.v_mps)
     assert "not finite" in said[0]
@@ -209,8 +209,8 @@ def test_a_message_cut_short_and_one_that_is_no_number() -> None:
 
 def test_a_sensor_may_be_a_topic_of_ros1(ros1: Ros1) -> None:
     said: list[str] = []
-    with closing(Ros1Link("listener", said.append, ros1.uri)) as link:
-        known = readers("gnss", samples.robot())
+    with closing(Ros1Connection("listener", said.append, ros1.uri)) as link:
+        known = make_readers("gnss", samples.robot())
         source = TopicSource("gnss", "/their/fix", link, known, said.append, now_s=lambda: 9.0)
         text = "{latitude: 21.25, longitude: 72.75, altitude: 4.5}"
         ros1.start("rostopic", "pub", "-r", "20", "/their/fix", "sensor_msgs/NavSatFix", text)

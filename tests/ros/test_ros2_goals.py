@@ -19,12 +19,12 @@ from agribot.core import config
 from agribot.ros.messages import rosmsg
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.goals import FEEDBACK, STATUS
-from agribot.ros.ros2.services import NAVIGATE, NAVIGATE_RESULTS, service_types
+from agribot.ros.ros2.services import NAVIGATE, NAVIGATE_RESULTS, load_service_types
 from tests.ros.live import Talk, free_port, zenoh_peer
 from tests.waiting import PATIENCE_S, wait_for
 
 MARK = wire.pack_attachment(1, 0, bytes(range(16))).hex()
-TYPES = service_types()
+TYPES = load_service_types()
 ACTION = "/navigate_through_poses/_action"
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
 
@@ -39,14 +39,16 @@ class Client:
     def call(self, name: str, ros_type: str, *fields: Any, types: Any = TYPES) -> Any:
         request = types.types[f"{ros_type}_Request"](*fields)
         data = bytes(types.serialize_cdr(request, f"{ros_type}_Request"))
-        key = wire.topic_key(0, name, ros_type, types.hash_rihs01(ros_type))
+        key = wire.make_topic_key(0, name, ros_type, types.hash_rihs01(ros_type))
         ((payload, _),) = self._talk("call", key, data.hex(), MARK)
         return types.deserialize_cdr(bytes.fromhex(payload), f"{ros_type}_Response")
 
     def send(self, number: int, *places: tuple[float, float], frame: str = "map") -> bool:
         poses = [
-            rosmsg.make(
-                "geometry_msgs/msg/PoseStamped", rosmsg.header(0.0, frame), rosmsg.pose2(x, y, 0.0)
+            rosmsg.make_message(
+                "geometry_msgs/msg/PoseStamped",
+                rosmsg.make_header(0.0, frame),
+                rosmsg.make_pose(x, y, 0.0),
             )
             for x, y in places
         ]
@@ -59,16 +61,16 @@ class Client:
             f"{ACTION}/get_result",
             f"{NAVIGATE}_GetResult",
             uuid(number),
-            types=service_types(text),
+            types=load_service_types(text),
         )
 
     def cancel(self, number: int) -> Any:
-        stamp = rosmsg.make("builtin_interfaces/msg/Time", 0, 0)
+        stamp = rosmsg.make_message("builtin_interfaces/msg/Time", 0, 0)
         info = TYPES.types["action_msgs/msg/GoalInfo"](uuid(number), stamp)
         return self.call(f"{ACTION}/cancel_goal", "action_msgs/srv/CancelGoal", info)
 
     def heard(self, topic: Any) -> list[Any]:
-        key = wire.topic_key(0, topic.name, topic.ros_type, TYPES.hash_rihs01(topic.ros_type))
+        key = wire.make_topic_key(0, topic.name, topic.ros_type, TYPES.hash_rihs01(topic.ros_type))
         said = self._talk("dump")["heard"].get(key, [])
         return [TYPES.deserialize_cdr(bytes.fromhex(data), topic.ros_type) for data, _ in said]
 
@@ -116,7 +118,7 @@ def robot(out_dir: Path, *arguments: str) -> Iterator[Client]:
 
     with simulate(settings, out_dir) as session:
         driver = threading.Thread(target=drive, daemon=True)
-        with bridging.bridges(options, session), zenoh_peer(locator) as talk:
+        with bridging.open_bridges(options, session), zenoh_peer(locator) as talk:
             driver.start()
             try:
                 yield Client(talk, session)

@@ -19,12 +19,12 @@ from agribot.core.geo import Datum
 from agribot.core.messages import Inbox, TickRecord
 from agribot.core.topics import STREAM, Topic
 from agribot.ros.messages.camera_log import CameraLog
-from agribot.ros.messages.rosmsg import typestore
-from agribot.ros.outlet import Gateway, Outlet, Sources
+from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.requests import Requests
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.gateway import Ros2Gateway
-from agribot.ros.ros2.services import service_types
+from agribot.ros.ros2.services import load_service_types
+from agribot.ros.tick_publisher import Gateway, RunSources, TickPublisher
 from tests.record import record_samples as samples
 from tests.ros.live import Talk, free_port, zenoh_peer
 from tests.waiting import wait_for
@@ -40,8 +40,8 @@ class TrueState:
 
 
 def key_of(topic: Topic) -> str:
-    type_hash = typestore().hash_rihs01(topic.ros_type)
-    return wire.topic_key(0, topic.name, topic.ros_type, type_hash)
+    type_hash = load_types().hash_rihs01(topic.ros_type)
+    return wire.make_topic_key(0, topic.name, topic.ros_type, type_hash)
 
 
 class TickCounter:
@@ -59,16 +59,16 @@ class TickCounter:
         pass
 
 
-def outlet_to(*gateways: Gateway) -> Outlet:
+def outlet_to(*gateways: Gateway) -> TickPublisher:
     robot, plan = samples.robot(), samples.plan()
-    sources = Sources(
+    sources = RunSources(
         plan=lambda: plan,
         goals_map_m=lambda: GOALS,
         weed_map=lambda: (samples.plant(1), samples.plant(2, treated_s=4.0)),
         truth=TrueState,
     )
     camera = CameraLog(robot, 10.0, 80, keeps_raw=True)
-    return Outlet(gateways, robot, DATUM, samples.URDF, camera, sources)
+    return TickPublisher(gateways, robot, DATUM, samples.URDF, camera, sources)
 
 
 def has_heard(peer: Talk, key: str, count: int) -> bool:
@@ -111,7 +111,7 @@ def messages(heard: dict[str, Any], topic: Topic) -> list[Any]:
         payloads = heard["latched"][key_of(topic)]
     else:
         payloads = [payload for payload, _ in heard["heard"][key_of(topic)]]
-    return [typestore().deserialize_cdr(bytes.fromhex(p), topic.ros_type) for p in payloads]
+    return [load_types().deserialize_cdr(bytes.fromhex(p), topic.ros_type) for p in payloads]
 
 
 def seconds(stamp: Any) -> float:
@@ -128,8 +128,8 @@ def test_a_peer_sees_one_node_and_each_topic_with_its_type_and_qos(heard: dict[s
     assert sum("/NN/" in token for token in tokens) == 1
     for topic in OUT:
         described = (
-            f"/MP/%/%/agribot/{topic.name.replace('/', '%')}/{wire.dds_type(topic.ros_type)}/"
-            f"{typestore().hash_rihs01(topic.ros_type)}/{wire.qos_text(topic.qos)}"
+            f"/MP/%/%/agribot/{topic.name.replace('/', '%')}/{wire.to_dds_name(topic.ros_type)}/"
+            f"{load_types().hash_rihs01(topic.ros_type)}/{wire.format_qos(topic.qos)}"
         )
         assert sum(token.endswith(described) for token in tokens) == 1, topic.name
 
@@ -139,7 +139,7 @@ def test_messages_are_numbered_and_carry_the_gid_of_their_publisher(heard: dict[
     marks = [bytes.fromhex(mark) for _, mark in heard["heard"][key_of(topics.IMU)]]
     numbers = [struct.unpack_from("<q", mark)[0] for mark in marks]
     assert numbers == list(range(41, 241))  # 10 ticks of 4 came before this peer
-    assert {mark[16:] for mark in marks} == {b"\x10" + wire.gid_of(token)}
+    assert {mark[16:] for mark in marks} == {b"\x10" + wire.compute_gid(token)}
 
 
 def test_sensors_arrive_with_exact_values(heard: dict[str, Any], records: list[TickRecord]) -> None:
@@ -249,19 +249,19 @@ class Robot:
         self.talk("put", key_of(topics.CMD_VEL), payload.hex(), mark, times, rate_hz)
 
     def call(self, name: str, ros_type: str, request: bytes) -> Any:
-        key = wire.topic_key(0, name, ros_type, service_types().hash_rihs01(ros_type))
+        key = wire.make_topic_key(0, name, ros_type, load_service_types().hash_rihs01(ros_type))
         mark = wire.pack_attachment(9, 1, bytes(range(16)))
         ((payload, answer_mark),) = self.talk("call", key, request.hex(), mark.hex())
         answered = wire.read_attachment(bytes.fromhex(answer_mark))
         assert answered is not None
         assert (answered.sequence, answered.gid) == (9, bytes(range(16)))
-        return service_types().deserialize_cdr(bytes.fromhex(payload), f"{ros_type}_Response")
+        return load_service_types().deserialize_cdr(bytes.fromhex(payload), f"{ros_type}_Response")
 
 
 def _robot(*, allow_drive: bool) -> Iterator[Robot]:
     locator = f"tcp/127.0.0.1:{free_port()}"
     inbox, said = Inbox(), list[str]()
-    requests = Requests(inbox, allow_drive=allow_drive, say=said.append)
+    requests = Requests(inbox, allow_drive=allow_drive, report=said.append)
     gateway = Ros2Gateway(requests, [topics.FIX], router=locator)
     with closing(gateway), zenoh_peer(locator) as talk:
         yield Robot(talk, inbox, said, gateway)
@@ -328,7 +328,7 @@ def test_a_flood_is_thinned_out_and_named(drivable: Robot) -> None:
 
 def test_a_publisher_of_another_type_is_named(drivable: Robot) -> None:
     stranger = wire.NodeName(domain=0, zid="0badc0de", name="teleop")
-    token = stranger.endpoint_token(
+    token = stranger.make_endpoint_token(
         1, "MP", "/agribot/cmd_vel", "geometry_msgs/msg/TwistStamped", "RIHS01_00", STREAM
     )
     drivable.talk("announce", token)

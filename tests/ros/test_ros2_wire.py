@@ -11,9 +11,9 @@ import xxhash
 
 from agribot.core import topics
 from agribot.core.topics import LATCHED, LATEST, STREAM, Qos
-from agribot.ros.messages.rosmsg import typestore
+from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.ros2 import wire
-from agribot.ros.ros2.services import EVENT_INFO, ActionText, add_action, service_types
+from agribot.ros.ros2.services import EVENT_INFO, ActionText, add_action, load_service_types
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "ros2-services-rihs01.json"
 LOOKUP = ActionText(
@@ -28,16 +28,16 @@ NODE = wire.NodeName(domain=0, zid="aac3178e146ba6f1fc6e6a4085e77f21", name="agr
 
 
 def test_a_topic_key_names_domain_type_and_hash() -> None:
-    assert wire.topic_key(7, "/agribot/fix", "sensor_msgs/msg/NavSatFix", FIX_HASH) == (
+    assert wire.make_topic_key(7, "/agribot/fix", "sensor_msgs/msg/NavSatFix", FIX_HASH) == (
         f"7/agribot/fix/sensor_msgs::msg::dds_::NavSatFix_/{FIX_HASH}"
     )
-    assert typestore().hash_rihs01("sensor_msgs/msg/NavSatFix") == FIX_HASH
+    assert load_types().hash_rihs01("sensor_msgs/msg/NavSatFix") == FIX_HASH
 
 
 def test_tokens_of_node_and_endpoint_are_those_of_rmw_zenoh() -> None:
     zid = NODE.zid
-    assert NODE.token() == f"@ros2_lv/0/{zid}/0/0/NN/%/%/agribot"
-    token = NODE.endpoint_token(
+    assert NODE.make_token() == f"@ros2_lv/0/{zid}/0/0/NN/%/%/agribot"
+    token = NODE.make_endpoint_token(
         3, "MP", "/agribot/fix", "sensor_msgs/msg/NavSatFix", FIX_HASH, STREAM
     )
     assert token == (
@@ -59,16 +59,16 @@ def test_tokens_of_node_and_endpoint_are_those_of_rmw_zenoh() -> None:
     ],
 )
 def test_qos_says_only_what_differs_from_the_defaults(qos: Qos, text: str) -> None:
-    assert wire.qos_text(qos) == text
+    assert wire.format_qos(qos) == text
 
 
 def test_the_gid_is_the_hash_of_the_token() -> None:
-    token = NODE.token()
+    token = NODE.make_token()
     # The digest in canonical order is big-endian; rmw_zenoh copies the low half first.
     canonical = xxhash.xxh3_128_digest(token.encode())
-    assert wire.gid_of(token) == canonical[:7:-1] + canonical[7::-1]
+    assert wire.compute_gid(token) == canonical[:7:-1] + canonical[7::-1]
     # XXH3-128 of nothing is 99aa06d3014798d8 6001c324468d497f (test vector of xxHash).
-    assert wire.gid_of("") == bytes.fromhex("7f498d4624c30160" + "d8984701d306aa99")
+    assert wire.compute_gid("") == bytes.fromhex("7f498d4624c30160" + "d8984701d306aa99")
 
 
 def test_an_attachment_is_sequence_stamp_and_gid_in_33_bytes() -> None:
@@ -83,14 +83,14 @@ def test_an_attachment_is_sequence_stamp_and_gid_in_33_bytes() -> None:
         assert wire.read_attachment(broken) is None
 
 
-@pytest.mark.parametrize("token", ["", "@ros2_lv/0", "x/" * 12, NODE.token()])
+@pytest.mark.parametrize("token", ["", "@ros2_lv/0", "x/" * 12, NODE.make_token()])
 def test_a_token_that_is_no_endpoint_is_nobody(token: str) -> None:
     assert wire.read_endpoint(token) is None
 
 
 def test_hashes_of_services_and_actions_are_those_of_ros2_jazzy() -> None:
     golden = json.loads(GOLDEN.read_text())["hashes"]
-    store = service_types()
+    store = load_service_types()
     add_action(store, "tf2_msgs/action/LookupTransform", LOOKUP)
     assert len(golden) == 53
     assert EVENT_INFO in golden
@@ -100,7 +100,7 @@ def test_hashes_of_services_and_actions_are_those_of_ros2_jazzy() -> None:
 
 def test_every_topic_has_a_key_of_its_own() -> None:
     keys = {
-        wire.topic_key(0, t.name, t.ros_type, typestore().hash_rihs01(t.ros_type))
+        wire.make_topic_key(0, t.name, t.ros_type, load_types().hash_rihs01(t.ros_type))
         for t in topics.TOPICS
         if t.ros_type
     }

@@ -18,7 +18,7 @@ import pytest
 from PIL import Image
 
 from agribot.core import topics
-from agribot.ros.ros1.types import outputs
+from agribot.ros.ros1.types import list_outputs
 from tests import machine
 from tests.ros.live import ROOT, free_port
 from tests.ros.ros1_system import Ros1, ask
@@ -41,7 +41,9 @@ def shown(path: Path) -> set[str]:
 
 
 def test_the_views_show_topics_that_exist() -> None:
-    ros1 = {output.name for topic in topics.TOPICS if topic.ros_type for output in outputs(topic)}
+    ros1 = {
+        output.name for topic in topics.TOPICS if topic.ros_type for output in list_outputs(topic)
+    }
     ros2 = {topic.name for topic in topics.TOPICS if topic.ros_type}
     for folder, known in ((ROS1, ros1), (ROS2, ros2)):
         names = shown(folder / "rviz" / "agribot.rviz")

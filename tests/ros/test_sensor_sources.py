@@ -30,10 +30,10 @@ from agribot.core.messages import (
 from agribot.core.platform import MixedPlatform
 from agribot.description.loader import load_robot
 from agribot.ros.messages import rosmsg
-from agribot.ros.messages.rosmsg import typestore
-from agribot.ros.messages.sensor_readers import readers
+from agribot.ros.messages.rosmsg import load_types
+from agribot.ros.messages.sensor_readers import make_readers
 from agribot.ros.ros2 import wire
-from agribot.ros.ros2.link import Ros2Link
+from agribot.ros.ros2.connection import Ros2Connection
 from agribot.ros.topic_source import TopicSource
 from tests.ros.live import Talk, first, free_port, zenoh_peer
 from tests.waiting import wait_for
@@ -42,7 +42,7 @@ MARK = wire.pack_attachment(1, 0, b"g" * 16).hex()
 
 
 def key_of(name: str, ros_type: str) -> str:
-    return wire.topic_key(0, name, ros_type, typestore().hash_rihs01(ros_type))
+    return wire.make_topic_key(0, name, ros_type, load_types().hash_rihs01(ros_type))
 
 
 def fix(lat_deg: float, lon_deg: float, stamp_s: float, alt_m: float = 0.0) -> Any:
@@ -50,7 +50,7 @@ def fix(lat_deg: float, lon_deg: float, stamp_s: float, alt_m: float = 0.0) -> A
         t_s=stamp_s, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=alt_m, pos_std_m=0.01,
         quality=GnssQuality.RTK_FIXED,
     )  # fmt: skip
-    return rosmsg.nav_sat_fix(sample, "gps")
+    return rosmsg.make_fix(sample, "gps")
 
 
 def publish(talk: Talk, name: str, message: Any, times: int = 1, rate_hz: float = 0.0) -> None:
@@ -105,11 +105,11 @@ def test_a_source_replaces_the_platforms_own_samples_and_its_silence_is_told_onc
 class Network:
     """Whoever listens hears at once what is said."""
 
-    def hear_any(self, name: str, heard: Callable[[str, bytes], None]) -> None:
+    def subscribe_any(self, name: str, heard: Callable[[str, bytes], None]) -> None:
         self.say = heard
 
     def decode(self, ros_type: str, data: bytes) -> Any:
-        return typestore().deserialize_cdr(data, ros_type)
+        return load_types().deserialize_cdr(data, ros_type)
 
 
 @pytest.mark.parametrize("ahead_s", [0.0, 7.0], ids=["the robot's clock", "another clock"])
@@ -119,7 +119,7 @@ def test_a_loop_that_stood_still_finds_every_sample_in_the_tick_of_its_capture(
 ) -> None:
     """Its clock goes on where it stopped, in a rush; the senders have gone on all the time."""
     network, now_s = Network(), 0.0
-    known = readers("imu", load_robot("agribot"))
+    known = make_readers("imu", load_robot("agribot"))
     source = TopicSource("imu", "/imu", network, known, pytest.fail, now_s=lambda: now_s)
     said, taken = 1, list[tuple[float, float]]()
     for tick in range(1, 500):
@@ -130,7 +130,7 @@ def test_a_loop_that_stood_still_finds_every_sample_in_the_tick_of_its_capture(
             sample = ImuSample(
                 t_s=0.01 * index + ahead_s, gyro_radps=(0.0, 0.0, 0.1), accel_mps2=(0.0, 0.0, 9.8)
             )
-            message = rosmsg.imu(sample, "imu")
+            message = rosmsg.make_imu(sample, "imu")
             network.say(message.__msgtype__, rosmsg.to_cdr(message))
             now_s, said = moment_s, index + 1
         taken += [(0.02 * tick, got.t_s) for got in source.take(0.02 * tick)]
@@ -141,8 +141,8 @@ def test_a_loop_that_stood_still_finds_every_sample_in_the_tick_of_its_capture(
 
 def test_fixes_of_another_process_arrive_exactly_and_what_is_none_is_refused_by_name() -> None:
     locator, said = f"tcp/127.0.0.1:{free_port()}", list[str]()
-    with closing(Ros2Link("test", router=locator, listen=True)) as link:
-        known = readers("gnss", load_robot("agribot"))
+    with closing(Ros2Connection("test", router=locator, listen=True)) as link:
+        known = make_readers("gnss", load_robot("agribot"))
         source = TopicSource("gnss", "/fix", link, known, said.append, now_s=lambda: 50.1)
         with zenoh_peer(locator) as talk:
             publish(talk, "/fix", fix(21.25, 72.75, 50.0, 4.5))
@@ -151,11 +151,11 @@ def test_fixes_of_another_process_arrive_exactly_and_what_is_none_is_refused_by_
             assert (got.t_s, got.quality) == (50.0, GnssQuality.RTK_FIXED)
             publish(talk, "/fix", fix(95.0, 72.75, 50.1))
             wait_for(lambda: any("no place on Earth" in text for text in said), "the refusal")
-            publish(talk, "/fix", rosmsg.float64(1.0))
+            publish(talk, "/fix", rosmsg.make_float64(1.0))
             wait_for(
                 lambda: any("std_msgs/msg/Float64 is none of" in text for text in said), "that"
             )
-            key = wire.topic_key(0, "/fix", "sensor_msgs/msg/NavSatFix", "RIHS01_00")
+            key = wire.make_topic_key(0, "/fix", "sensor_msgs/msg/NavSatFix", "RIHS01_00")
             talk("put", key, rosmsg.to_cdr(fix(1.0, 1.0, 1.0)).hex(), MARK)
             wait_for(lambda: any("of ROS 2 Jazzy" in text for text in said), "the other definition")
             talk("put", key_of("/fix", "sensor_msgs/msg/NavSatFix"), "00010000", MARK)
@@ -171,7 +171,7 @@ def test_the_robot_believes_to_be_where_another_process_says_and_its_silence_is_
     sensor_sources.add_arguments(parser)
     bridging.add_arguments(parser)
     options = parser.parse_args(["--source", "gnss=ros2:/their/fix", "--ros-router", locator])
-    assigned = [*sensor_sources.settings_of(options), "perception.enabled=false"]
+    assigned = [*sensor_sources.read_source_settings(options), "perception.enabled=false"]
     settings = config.load("farm", assigned)
     north_m = 0.8  # of where the simulated robot really stands
     with simulate(settings, tmp_path) as session:
@@ -179,7 +179,7 @@ def test_the_robot_believes_to_be_where_another_process_says_and_its_silence_is_
         frame = MapFrame(settings.field.datum)
         lat_deg, lon_deg, _ = frame.geodetic_from_map(spawn[0], spawn[1] + north_m)
         with (
-            sensor_sources.sensor_sources(options, session),
+            sensor_sources.open_sensor_sources(options, session),
             zenoh_peer(locator) as talk,
         ):
             message = fix(lat_deg, lon_deg, 0.0, settings.field.datum.alt_m)

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 pytest.importorskip("starlette")
-from agribot.cli.page import add_address_arguments, address_of
+from agribot.cli.page import add_address_arguments, choose_address
 from agribot.core.errors import ConfigError
 from agribot.ui import access
 from agribot.ui.access import Access, Caller
@@ -20,7 +20,7 @@ from agribot.ui.token_file import read_or_make_tokens
 def started(*words: str) -> Address:
     parser = argparse.ArgumentParser()
     add_address_arguments(parser)
-    return address_of(parser.parse_args([*words, "--host", "0.0.0.0"]))
+    return choose_address(parser.parse_args([*words, "--host", "0.0.0.0"]))
 
 
 def access_of(address: Address) -> Access:

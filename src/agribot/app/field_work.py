@@ -13,7 +13,7 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.robot import RobotSpec
 from agribot.gis.field_file import read_field
-from agribot.gis.plan_file import SavedPlan, plan_from
+from agribot.gis.plan_file import SavedPlan, parse_plan
 
 
 def read_plan_text(config: RunConfig) -> str:
@@ -27,7 +27,10 @@ def read_plan_text(config: RunConfig) -> str:
 
 
 def read_field_work(text: str, config: RunConfig, robot: RobotSpec) -> FieldWork | None:
-    """Read the plan of the settings; None without one. Raises: as `read_work`."""
+    """Read the plan of the settings; None without one.
+
+    Raises: MissionError: as `read_work`.
+    """
     return read_work(text, Path(config.plan).name, config, robot) if text else None
 
 
@@ -40,7 +43,7 @@ def read_work(text: str, name: str, config: RunConfig, robot: RobotSpec) -> Fiel
         root = json.loads(text)
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
         raise MissionError(f"{name} is not valid JSON: {error}") from error
-    saved = plan_from(root, name, config.field.datum)
+    saved = parse_plan(root, name, config.field.datum)
     shape = measure_footprint(robot, saved.request.implement_width_m, saved.request.tool_x_m)
     certificate = certify_plan(saved.plan, saved.area, shape, saved.request)
     if not certificate.ok:

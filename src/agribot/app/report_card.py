@@ -95,7 +95,7 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
 
 
 def _lacking(job: JobSoFar) -> str:
-    """What nobody knows of the runs before this one."""
+    """List what is unknown of the runs before this one."""
     return f"; of the job's earlier runs the report lacks {'; '.join(job.lacks)}" * bool(job.lacks)
 
 
@@ -117,7 +117,7 @@ def _reason(status: MissionStatus | None, mission: MissionReport, tracking: Trac
 
 
 def _objection(log: EventLog, status: MissionStatus | None) -> str:
-    """The supervisor's last word, where it was still holding the robot when the mission failed."""
+    """Return the supervisor's reason, where it still held the robot when the mission failed."""
     if status is None or status.state != "failed":
         return ""
     spoken = [event for event in log.events if event.kind in ("stop", "hold", "clear")]
@@ -128,7 +128,7 @@ def _objection(log: EventLog, status: MissionStatus | None) -> str:
 def _mission(
     drive: EndedRun, job: JobSoFar, status: MissionStatus | None, kept: tuple[int, ...]
 ) -> MissionReport:
-    """What was asked and what was truly done; rows and waypoints exclude each other."""
+    """Report what was requested and what was done; rows and waypoints exclude each other."""
     if status is None:
         return MissionReport(success=False)
     judge = drive.judge

@@ -275,7 +275,7 @@ class Run:
         write_file(self.out_dir / "config.toml", settings.to_toml(self.config).encode())
 
     def _tell(self, t_s: float, text: str) -> None:
-        """What goes wrong beside the drive: it goes on, and everybody hears of it at once."""
+        """Report what goes wrong beside the drive, which goes on."""
         self._say(text)
         self.event_log.add(Event(t_s=t_s, kind="fault", reason=text))
 
@@ -284,7 +284,7 @@ class Run:
             hear(text)
 
     def _follow_task(self, record: TickRecord) -> None:
-        """A task taken under way is judged and shown, a plan also resumed, in place of the old."""
+        """Score and show a task that was taken under way, instead of the one before it."""
         task = self.task
         if task is self._task:
             return

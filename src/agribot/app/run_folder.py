@@ -63,7 +63,10 @@ class RunFolder:
 
 
 def check_free(path: Path) -> None:
-    """Raises: RecordingError: the folder holds files that a run would overwrite."""
+    """Refuse a folder with files of a run.
+
+    Raises: RecordingError: the folder holds files that a run would overwrite.
+    """
     check_holds_no_run(path)
     held = _held(path, MADE_FILES)
     if held:
@@ -74,7 +77,10 @@ def check_free(path: Path) -> None:
 
 
 def check_holds_no_run(path: Path) -> None:
-    """Raises: RecordingError: the folder holds a run, whose files another one would overwrite."""
+    """Refuse a folder with a run.
+
+    Raises: RecordingError: the folder holds a run, whose files another one would overwrite.
+    """
     held = _held(path, RUN_FILES)
     if held:
         go_on = f", or go on with that run: agribot run --resume {path}"
@@ -85,7 +91,10 @@ def check_holds_no_run(path: Path) -> None:
 
 
 def check_not_driven(path: Path) -> None:
-    """Raises: RecordingError: a process drives a run in this folder."""
+    """Refuse a folder in which a process drives a run.
+
+    Raises: RecordingError: a process drives a run in this folder.
+    """
     lock_path = path / LOCK_NAME
     if not lock_path.exists():
         return
@@ -129,7 +138,10 @@ def _driven(path: Path) -> RecordingError:
 
 
 def _locked(path: Path) -> BinaryIO | None:
-    """The file, locked; None where another process has it. Raises: OSError: no such place."""
+    """Lock a file and open it; None where another process has it.
+
+    Raises: OSError: no such place.
+    """
     file = path.open("ab")
     try:
         _lock(file)

@@ -148,7 +148,7 @@ def files_to_run_again(
     earlier_plants: Sequence[Track],
     plan_text: str,
 ) -> dict[str, tuple[str, bytes]]:
-    """What a recording needs besides its ticks, by name and with its media type."""
+    """Collect what a recording needs besides its ticks, by name and with its media type."""
     files = {
         GOALS_ATTACHMENT: ("application/json", msgspec.json.encode(tuple(goals_map_m))),
         SAVED_ATTACHMENT: ("application/json", msgspec.json.encode(saved)),
@@ -160,7 +160,7 @@ def files_to_run_again(
 
 
 def _free_folder(out_dir: FilePath) -> FilePath:
-    """The folder of the run where it holds no recording, else the next one beside it."""
+    """Find the run's folder where it holds no recording, else the next free one beside it."""
     folder, number = out_dir, 1
     while (folder / FILE_NAME).exists() or (number > 1 and folder.exists()):
         number += 1

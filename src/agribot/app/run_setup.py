@@ -43,7 +43,10 @@ class RunSetup(NamedTuple):
     earlier: JobSoFar
 
     def build_stack(self) -> Stack:
-        """Raises: AgribotError: settings, robot and task do not fit each other."""
+        """Build the stack.
+
+        Raises: AgribotError: settings, robot and task do not fit each other.
+        """
         return build_stack(
             self.config, self.robot, self.goals_map_m, work=self.work, saved=self.saved
         )

@@ -33,7 +33,10 @@ class SimulatedRun(Run):
     referee: Referee
 
     def __init__(self, setup: RunSetup) -> None:
-        """Raises: AgribotError: as `Run`, or the world and the robot do not fit each other."""
+        """Open the simulator and the referee.
+
+        Raises: AgribotError: as `Run`, or the world and the robot do not fit each other.
+        """
         from agribot.sim.platform import SimPlatform
         from agribot.sim.referee import Referee
 
@@ -78,7 +81,7 @@ def simulate(
 
 
 def _world(setup: RunSetup) -> WorldSpec:
-    """The world of the settings; a robot that goes on stands in it where it was left."""
+    """Load the world of the settings; a robot that goes on stands in it where it was left."""
     world, saved = load_run_world(setup.config), setup.saved
     if saved is None:
         return world

@@ -77,7 +77,7 @@ class WholeJob:
     """A tap: the time of this run counts with that of the earlier ones."""
 
     def __init__(self, run: RunOfNow, earlier: JobSoFar = NOTHING) -> None:
-        """The judge and the weed map of the run go on with what `earlier` holds."""
+        """Let the judge and the weed map of the run continue from what `earlier` holds."""
         self._run, self._earlier = run, earlier
         counts = dict(earlier.latency_s.counts)
         self._latency_s, self._looked = Histogram(width=LATENCY_BIN_S, counts=counts), 0
@@ -144,7 +144,7 @@ def _restore_judgement(judge: Judge | None, judged: Judgement) -> list[str]:
 
 
 def read_job(folder: Path, saved: SavedMission) -> JobSoFar:
-    """What the runs up to that in `folder` did; where it cannot be read, that is what it lacks."""
+    """Read the account of the runs up to that in `folder`; what cannot be read is lacking."""
     path = folder / FILE_NAME
     try:
         job = msgspec.json.decode(path.read_bytes(), type=JobSoFar)
@@ -178,13 +178,13 @@ def add_lines(earlier: Sequence[ReportLine], own: Sequence[ReportLine]) -> tuple
 
 
 def plants_before(earlier: JobSoFar) -> tuple[Track, ...]:
-    """The weed map that a run takes over, on its own clock: all of it was seen before zero."""
+    """Return the weed map that a run takes over; on its clock all of it was seen before zero."""
     passed_s = earlier.runs[-1].run_s if earlier.runs else 0.0
     return tuple(track.earlier(passed_s) for track in earlier.plants)
 
 
 def plants_later(plants: Iterable[MappedPlant], by_s: float) -> tuple[MappedPlant, ...]:
-    """The same on a clock that began so much earlier."""
+    """Shift the times of plants to a clock that began so much earlier."""
     if not by_s:
         return tuple(plants)
     return tuple(
@@ -201,7 +201,7 @@ def plants_later(plants: Iterable[MappedPlant], by_s: float) -> tuple[MappedPlan
 def series_of(
     earlier: Sequence[RunOfJob], own: RunSeries, beside: Path
 ) -> tuple[RunSeries, list[str]]:
-    """The series of earlier runs, from their recordings, and of this one; and what is lost."""
+    """Join the series of earlier runs, from their recordings, and of this one; list lost ones."""
     parts, lost, began_s = [], [], 0.0
     for run in earlier:
         path = folder_of(run, beside) / RECORDING
@@ -216,7 +216,7 @@ def series_of(
 
 
 def events_of(earlier: Sequence[RunOfJob], beside: Path) -> tuple[list[Event], list[str]]:
-    """The events of earlier runs on the clock of their job; and what is lost."""
+    """Collect the events of earlier runs on the clock of their job; list what is lost."""
     events: list[Event] = []
     lost: list[str] = []
     began_s = 0.0
@@ -238,5 +238,5 @@ def folder_of(run: RunOfJob, beside: Path) -> Path:
 
 
 def events_later(events: Iterable[Event], by_s: float) -> tuple[Event, ...]:
-    """The same on a clock that began so much earlier."""
+    """Shift the times of events to a clock that began so much earlier."""
     return tuple(msgspec.structs.replace(event, t_s=event.t_s + by_s) for event in events)

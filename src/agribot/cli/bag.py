@@ -1,4 +1,4 @@
-"""`agribot bag`: look into, convert and export recordings, our own and other people's."""
+"""`agribot bag`: show, convert and export recordings of agribot and of others."""
 
 from __future__ import annotations
 
@@ -68,11 +68,11 @@ def _add_convert(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    actions = {"info": _info, "convert": _convert, "track": _track, "csv": _csv}
+    actions = {"info": _show_info, "convert": _convert, "track": _export_track, "csv": _export_csv}
     return actions[options.action](options)
 
 
-def _info(options: argparse.Namespace) -> int:
+def _show_info(options: argparse.Namespace) -> int:
     from agribot.record.bag.info import format_info, read_info
 
     info = read_info(options.recording)
@@ -109,7 +109,7 @@ def _convert(options: argparse.Namespace) -> int:
     for shown in progress:
         shown(result.messages_in)
         shown.close()
-    for note in (*result.notes, *_losses(result)):
+    for note in (*result.notes, *_format_losses(result)):
         sys.stderr.write(f"note: {note}\n")
     if options.json:
         summary = {"out": str(options.out), **msgspec.to_builtins(result)}
@@ -121,14 +121,14 @@ def _convert(options: argparse.Namespace) -> int:
     return 1 if result.skipped else 0
 
 
-def _losses(result: ConvertResult) -> list[str]:
+def _format_losses(result: ConvertResult) -> list[str]:
     return [
         f"{count} messages of {topic} left out: {result.reasons[topic]}"
         for topic, count in result.skipped.items()
     ]
 
 
-def _track(options: argparse.Namespace) -> int:
+def _export_track(options: argparse.Namespace) -> int:
     from agribot.record.bag.track import SUFFIXES, encode_track, read_track
 
     if options.out.suffix not in SUFFIXES:
@@ -149,7 +149,7 @@ def _track(options: argparse.Namespace) -> int:
     return 0 if track.points else 1
 
 
-def _csv(options: argparse.Namespace) -> int:
+def _export_csv(options: argparse.Namespace) -> int:
     from agribot.record.bag.table import write_table
 
     rows = write_table(options.recording, options.topic, options.out)

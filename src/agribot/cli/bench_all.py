@@ -12,7 +12,7 @@ import platform
 import sys
 from typing import Any
 
-from agribot.cli.refusals import words_of
+from agribot.cli.refusals import describe_error
 from agribot.core.errors import AgribotError
 
 # name -> (module, options that keep it to a minute or two)
@@ -40,9 +40,9 @@ def run(options: argparse.Namespace) -> int:
     for name, (module_name, short) in SHORT.items():
         sys.stderr.write(f"\n{name}\n")
         try:
-            one, card[name] = _result(module_name, short)
+            one, card[name] = _run_benchmark(module_name, short)
         except (AgribotError, ImportError) as error:
-            words = words_of(error)
+            words = describe_error(error)
             sys.stderr.write(f"{name} cannot run: {words}\n")
             one, card[name] = 1, {"error": words}
         status = max(status, one)
@@ -53,13 +53,13 @@ def run(options: argparse.Namespace) -> int:
     return status
 
 
-def _result(module_name: str, short: tuple[str, ...]) -> tuple[int, Any]:
+def _run_benchmark(module_name: str, short: tuple[str, ...]) -> tuple[int, Any]:
     module = importlib.import_module(module_name)
     parser = argparse.ArgumentParser()
     module.add_arguments(parser)
     chosen = parser.parse_args([*short, "--json"])
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said):
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output):
         status = int(module.run(chosen))
-    lines = said.getvalue().splitlines()
+    lines = output.getvalue().splitlines()
     return status, json.loads(lines[-1]) if lines else None

@@ -7,7 +7,7 @@ import json
 import sys
 
 from agribot.cli.ranges import finite
-from agribot.cli.word_list import words_of
+from agribot.cli.word_list import parse_names
 from agribot.core.errors import ConfigError
 from agribot.lab.sweep.plan import read_seeds
 
@@ -40,11 +40,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Status 1 where the beet field was driven and the network fell short of what it must hold."""
+    """Return 1 where the beet field was driven and the network missed its limits."""
     from agribot.lab.bench import closed_loop
 
-    fields = words_of("--fields", options.fields, closed_loop.FIELDS)
-    lights = words_of("--lights", options.lights, closed_loop.LIGHTS)
+    fields = parse_names("--fields", options.fields, closed_loop.FIELDS)
+    lights = parse_names("--lights", options.lights, closed_loop.LIGHTS)
     try:
         ratios = [float(word) for word in options.heights.split(",")]
     except ValueError as error:
@@ -54,13 +54,13 @@ def run(options: argparse.Namespace) -> int:
     if not 1.0 <= options.seconds <= 3600.0:
         raise ConfigError(f"--seconds {options.seconds:g}: must be from 1 to 3600")
     wanted = closed_loop.conditions(fields, lights, ratios, read_seeds(options.seeds))
-    result = closed_loop.run_conditions(wanted, options.seconds, options.model, _say)
-    _say("\n" + closed_loop.format_table(result))
+    result = closed_loop.run_conditions(wanted, options.seconds, options.model, _print_line)
+    _print_line("\n" + closed_loop.format_table(result))
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     return 0 if closed_loop.meets_limits(result) else 1
 
 
-def _say(text: str) -> None:
+def _print_line(text: str) -> None:
     sys.stderr.write(text + "\n")
     sys.stderr.flush()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from agribot.app.workers import usable_cpus
 from agribot.cli.sweep import drive, status
-from agribot.cli.word_list import words_of
+from agribot.cli.word_list import parse_names
 from agribot.core import extras
 from agribot.core.errors import ConfigError
 from agribot.lab.bench import missions
@@ -36,11 +36,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Status 1 where a mission failed or the cross-track error is larger than it must be."""
+    """Return 1 where a mission failed or the cross-track error is above its limit."""
     from agribot.lab.sweep.execution import ProcessExecutor
     from agribot.lab.sweep.tables import SweepFolder
 
-    profiles = words_of("--profiles", options.profiles, PROFILES)
+    profiles = parse_names("--profiles", options.profiles, PROFILES)
     if not 1 <= options.workers <= 1024:
         raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
     extras.require("sim", "agribot bench missions")

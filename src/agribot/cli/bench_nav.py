@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     from agribot.lab.bench.nav.table import text
 
     seeds = read_seeds(options.seeds)
-    jobs = _jobs(options, seeds)
+    jobs = _list_jobs(options, seeds)
     progress = CountProgress(sum(len(job.seeds) for job in jobs), "missions")
     count = 0
     with stop_on_signal() as stop:
@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     return 0 if all(entry.missions_ok >= 0.95 * entry.missions for entry in own) else 1
 
 
-def _jobs(options: argparse.Namespace, seeds: Sequence[int]) -> list[Job]:
+def _list_jobs(options: argparse.Namespace, seeds: Sequence[int]) -> list[Job]:
     from agribot.description.loader import load_robot
     from agribot.lab.bench.nav import suite
     from agribot.lab.bench.nav.scenario import Receiver, scenario

@@ -7,7 +7,7 @@ import json
 import sys
 
 from agribot.cli.ranges import threads
-from agribot.cli.word_list import words_of
+from agribot.cli.word_list import parse_names
 from agribot.core.errors import ConfigError
 from agribot.lab.bench.perception import HEIGHT_PX, NETWORKS, WIDTH_PX, format_table
 from agribot.lab.bench.perception import time_networks as measure
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    networks = words_of("--networks", options.networks, NETWORKS)
+    networks = parse_names("--networks", options.networks, NETWORKS)
     for option, most in (("threads", 256), ("frames", 10_000)):
         if not 1 <= getattr(options, option) <= most:
             value = getattr(options, option)

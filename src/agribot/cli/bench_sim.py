@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 
-from agribot.cli.word_list import words_of
+from agribot.cli.word_list import parse_names
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,12 +21,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from agribot.lab.bench.sim import FIGURES, measure
 
-    result = measure(words_of("--only", options.only, FIGURES), _say)
+    result = measure(parse_names("--only", options.only, FIGURES), _print_line)
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     return 0
 
 
-def _say(text: str) -> None:
+def _print_line(text: str) -> None:
     sys.stderr.write(text + "\n")
     sys.stderr.flush()

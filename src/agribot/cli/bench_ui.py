@@ -1,4 +1,4 @@
-"""`agribot bench ui`: what the operator's page costs, with nobody, one and many looking on."""
+"""`agribot bench ui`: what the operator's page costs with no, one and many viewers."""
 
 from __future__ import annotations
 
@@ -45,18 +45,18 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"--growth {options.growth:g}: must be between 0 and 420")
     result = measure(
         clients, options.seconds, not options.no_camera, growth_s=options.growth,
-        links_mbit_per_s=_links(options),
+        links_mbit_per_s=_read_links(options),
     )  # fmt: skip
-    sys.stderr.writelines(_line(phase) for phase in result["phases"])
-    sys.stderr.writelines(_link_line(link) for link in result["links"])
-    sys.stderr.writelines(_verdict(limit) for limit in result["limits"])
+    sys.stderr.writelines(_format_phase(phase) for phase in result["phases"])
+    sys.stderr.writelines(_format_delay(link) for link in result["links"])
+    sys.stderr.writelines(_format_limit(limit) for limit in result["limits"])
     sys.stderr.write(f"load average of the machine at the end: {result['load_average']:.1f}\n")
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     return 0 if result["ok"] else 1
 
 
-def _links(options: argparse.Namespace) -> list[float]:
+def _read_links(options: argparse.Namespace) -> list[float]:
     if options.no_camera or options.links == "none":
         return []
     try:
@@ -70,7 +70,7 @@ def _links(options: argparse.Namespace) -> list[float]:
     return links
 
 
-def _link_line(link: dict[str, Any]) -> str:
+def _format_delay(link: dict[str, Any]) -> str:
     return (
         f"{link['mbit_per_s']:g} Mbit/s: state {link['state_hz']:.1f} Hz, "
         f"{link['state_age_p95_s'] * 1e3:.0f} ms old, camera {link['camera_hz']:.1f} Hz, "
@@ -78,7 +78,7 @@ def _link_line(link: dict[str, Any]) -> str:
     )
 
 
-def _verdict(limit: dict[str, Any]) -> str:
+def _format_limit(limit: dict[str, Any]) -> str:
     value = "not measured" if limit["value"] is None else f"{limit['value']:g}"
     ends = [f"{word} {limit[key]:g}" for key, word in (("low", "at least"), ("high", "at most"))
             if limit[key] is not None]  # fmt: skip
@@ -86,7 +86,7 @@ def _verdict(limit: dict[str, Any]) -> str:
     return f"{limit['name']}: {value} ({' and '.join(ends)}) {verdict}\n"
 
 
-def _line(phase: dict[str, Any]) -> str:
+def _format_phase(phase: dict[str, Any]) -> str:
     stalled = f" ({phase['stalled']} stalled)" if phase["stalled"] else ""
     seen = "" if phase["state_hz"] is None else f", state {phase['state_hz']:.1f} Hz"
     seen += "" if phase["camera_hz"] is None else f", camera {phase['camera_hz']:.1f} Hz"

@@ -1,4 +1,4 @@
-"""Bridges of a run: what the command line asks for, opened before the robot moves."""
+"""Bridges of a run: opened as the command line says, before the robot moves."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from agribot.ros.ros1.master import MASTER, check_master
 
 if TYPE_CHECKING:
     from agribot.app.run import Run
-    from agribot.ros.outlet import Gateway, Outlet
+    from agribot.ros.tick_publisher import Gateway, TickPublisher
 
 Setting = bool | int | float | str | tuple[float, ...]
 
@@ -31,8 +31,8 @@ BRIDGES = ("ros2", "dds", "ros1", "foxglove")
 _CAMERA_TOPICS = (topics.IMAGE, topics.IMAGE_RAW, topics.CAMERA_INFO, topics.OVERLAY)
 
 
-def add_arguments(parser: argparse.ArgumentParser, *, has_mind: bool = True) -> None:
-    """`has_mind` is False where nothing but a peer would drive, so that none needs leave to."""
+def add_arguments(parser: argparse.ArgumentParser, *, has_stack: bool = True) -> None:
+    """Add the options; without a stack (`has_stack`) peers need no permission to drive."""
     group = parser.add_argument_group("bridges (off unless asked for, on this machine only)")
     group.add_argument("--ros2", action="store_true", help="be a ROS 2 node (rmw_zenoh)")
     group.add_argument(
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, has_mind: bool = True) -> 
     add_ros1_arguments(group)
     group.add_argument("--foxglove", action="store_true", help="serve Foxglove; it only watches")
     group.add_argument("--foxglove-port", type=port, default=8765, metavar="P")
-    if has_mind:
+    if has_stack:
         group.add_argument(
             "--allow-drive",
             action="store_true",
@@ -72,11 +72,13 @@ def add_ros2_arguments(group: argparse._ActionsContainer) -> None:
     )
 
 
-def wanted(options: argparse.Namespace) -> bool:
+def is_wanted(options: argparse.Namespace) -> bool:
     return any(getattr(options, name) for name in BRIDGES)
 
 
-def check(options: argparse.Namespace, sources: Mapping[str, SourceUri] | None = None) -> None:
+def check_bridges(
+    options: argparse.Namespace, sources: Mapping[str, SourceUri] | None = None
+) -> None:
     """Refuse before a long start what could not be opened after it.
 
     `sources` are the topics that sensors come from, by sensor.
@@ -86,13 +88,13 @@ def check(options: argparse.Namespace, sources: Mapping[str, SourceUri] | None =
     away = {(place.scheme, place.at) for place in (sources or {}).values()}
     networks = {network for network, _ in away}
     if options.ros2 or options.dds or "ros2" in networks:
-        domain_from(options)
+        read_domain(options)
     if options.ros1 or ("ros1", "") in away:
-        master_from(options)
+        read_master(options)
     for network, at in away:
         if network == "ros1" and at:
             check_master(f"http://{at}")
-    if wanted(options):
+    if is_wanted(options):
         _check_image_rate(options)
 
 
@@ -106,29 +108,31 @@ def _check_extras(options: argparse.Namespace, sources: Mapping[str, SourceUri])
 
 
 @contextmanager
-def bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
-    """Open what the options name and let it listen to the session.
+def open_bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
+    """Open what the options name and connect it to the session.
 
     Raises: AgribotError: an option is out of range, or a peer that must be there is not.
     """
     from agribot.description.loader import export_urdf
 
-    if not wanted(options):
+    if not is_wanted(options):
         yield
         return
-    requests = Requests(session.inbox, allow_drive=options.allow_drive, say=say)
+    requests = Requests(session.inbox, allow_drive=options.allow_drive, report=print_line)
     taken = {place.path for place in read_sources(session.config.sources).values()}
     has_camera = session.robot.camera is not None
     out = [
         topic  # what others publish for this robot, it does not say again
-        for topic in out_topics(options, has_camera=has_camera, allow_drive=options.allow_drive)
+        for topic in list_out_topics(
+            options, has_camera=has_camera, allow_drive=options.allow_drive
+        )
         if not taken & {topic.name, topic.seed_alias}
     ]
     gateways = open_gateways(
-        options, out, export_urdf(session.config.robot), requests, flat_settings(session.config)
+        options, out, export_urdf(session.config.robot), requests, flatten_settings(session.config)
     )
     try:
-        outlet = _outlet(options, session, gateways)
+        outlet = _make_outlet(options, session, gateways)
     except BaseException:
         for gateway in gateways:
             gateway.close()
@@ -138,7 +142,7 @@ def bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
         yield
     finally:
         outlet.close()
-        tell_losses(outlet.dropped, outlet.fault)
+        report_losses(outlet.dropped, outlet.fault)
 
 
 def open_gateways(
@@ -148,7 +152,7 @@ def open_gateways(
     requests: Requests,
     settings: Mapping[str, Setting] | None,
 ) -> list[Gateway]:
-    """All that the options name, or none of them; without `settings` there are no services."""
+    """Open all that the options name, or none; without `settings` there are no services."""
     gateways: list[Gateway] = []
     try:
         for name in BRIDGES:
@@ -161,8 +165,8 @@ def open_gateways(
     return gateways
 
 
-def flat_settings(config: RunConfig) -> dict[str, Setting]:
-    """Every setting by its full name; lists of what are no numbers are left out."""
+def flatten_settings(config: RunConfig) -> dict[str, Setting]:
+    """List every setting by its full name, but for lists of what are not numbers."""
     found: dict[str, Setting] = {}
 
     def walk(value: object, name: str) -> None:
@@ -178,17 +182,19 @@ def flat_settings(config: RunConfig) -> dict[str, Setting]:
     return found
 
 
-def tell_losses(dropped: int, fault: str) -> None:
+def report_losses(dropped: int, fault: str) -> None:
     if dropped:
-        say(f"{dropped} ticks did not go out: the bridges could not keep up")
+        print_line(f"{dropped} ticks did not go out: the bridges could not keep up")
     if fault:
-        say(fault)
+        print_line(fault)
 
 
-def _outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) -> Outlet:
+def _make_outlet(
+    options: argparse.Namespace, session: Run, gateways: list[Gateway]
+) -> TickPublisher:
     from agribot.description.loader import export_urdf
     from agribot.ros.messages.camera_log import CameraLog
-    from agribot.ros.outlet import Outlet, Sources
+    from agribot.ros.tick_publisher import RunSources, TickPublisher
 
     config = session.config
     camera = CameraLog(
@@ -197,19 +203,21 @@ def _outlet(options: argparse.Namespace, session: Run, gateways: list[Gateway]) 
         config.record.jpeg_quality,
         keeps_raw=options.raw_images,
     )
-    sources = Sources(
+    sources = RunSources(
         plan=lambda: session.stack.mission.path,
         goals_map_m=lambda: session.shown_goals_map_m,
         weed_map=session.weed_map.plants,
         truth=session.truth,
     )
-    return Outlet(
+    return TickPublisher(
         gateways, session.robot, config.field.datum, export_urdf(config.robot), camera, sources
     )
 
 
-def out_topics(options: argparse.Namespace, *, has_camera: bool, allow_drive: bool) -> list[Topic]:
-    """What this run publishes; where peers may drive, cmd_vel is theirs.
+def list_out_topics(
+    options: argparse.Namespace, *, has_camera: bool, allow_drive: bool
+) -> list[Topic]:
+    """List the topics that this run publishes; where peers may drive, cmd_vel is theirs.
 
     Raises: ConfigError: an option is out of range.
     """
@@ -229,7 +237,7 @@ def _check_image_rate(options: argparse.Namespace) -> None:
         raise ConfigError(f"--image-rate {options.image_rate:g}: must be within 0 to 100 Hz")
 
 
-def _ros2(
+def _open_ros2(
     options: argparse.Namespace,
     out: Sequence[Topic],
     _urdf: str,
@@ -238,8 +246,8 @@ def _ros2(
 ) -> Gateway:
     from agribot.ros.ros2.gateway import Ros2Gateway
 
-    router = router_from(options)
-    domain = domain_from(options)
+    router = read_router(options)
+    domain = read_domain(options)
     gateway = Ros2Gateway(
         requests,
         out,
@@ -248,28 +256,28 @@ def _ros2(
         serves=settings is not None,
         settings=settings,
     )
-    say(
+    print_line(
         f"ROS 2: node /agribot as zenoh {gateway.role} at {router}; "
         "peers set RMW_IMPLEMENTATION=rmw_zenoh_cpp"
     )
     return gateway
 
 
-def _dds(
+def _open_dds(
     options: argparse.Namespace, out: Sequence[Topic], _urdf: str, requests: Requests, _: object
 ) -> Gateway:
     from agribot.ros.dds.gateway import DdsGateway
 
-    domain = domain_from(options)
+    domain = read_domain(options)
     gateway = DdsGateway(requests, out, domain=domain)
-    say(
+    print_line(
         f"DDS: node /agribot in domain {domain}, on this machine, where peers set "
         "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST; topics only"
     )
     return gateway
 
 
-def domain_from(options: argparse.Namespace) -> int:
+def read_domain(options: argparse.Namespace) -> int:
     asked: int | None = options.ros_domain
     if asked is None:
         text = os.environ.get("ROS_DOMAIN_ID", "") or "0"
@@ -282,39 +290,41 @@ def domain_from(options: argparse.Namespace) -> int:
     return asked
 
 
-def router_from(options: argparse.Namespace) -> str:
+def read_router(options: argparse.Namespace) -> str:
     from agribot.ros.ros2.node import ROUTER
 
     return options.ros_router or ROUTER
 
 
-def master_from(options: argparse.Namespace) -> str:
+def read_master(options: argparse.Namespace) -> str:
     return check_master(str(options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER))
 
 
-def _ros1(
+def _open_ros1(
     options: argparse.Namespace, out: Sequence[Topic], urdf: str, requests: Requests, _: object
 ) -> Gateway:
     from agribot.ros.ros1.gateway import Ros1Gateway
 
-    master = master_from(options)
+    master = read_master(options)
     gateway = Ros1Gateway(requests, out, urdf, master)
-    say(f"ROS 1: node /agribot at the master {master}")
+    print_line(f"ROS 1: node /agribot at the master {master}")
     return gateway
 
 
-def _foxglove(
+def _open_foxglove(
     options: argparse.Namespace, out: Sequence[Topic], _urdf: str, _requests: Requests, _: object
 ) -> Gateway:
     from agribot.ros.foxglove_server import FoxgloveGateway
 
     gateway = FoxgloveGateway(list(out), options.foxglove_port)
-    say(f"Foxglove: open ws://127.0.0.1:{gateway.port}; it watches and cannot move the robot")
+    print_line(
+        f"Foxglove: open ws://127.0.0.1:{gateway.port}; it watches and cannot move the robot"
+    )
     return gateway
 
 
-_OPENERS = {"ros2": _ros2, "dds": _dds, "ros1": _ros1, "foxglove": _foxglove}
+_OPENERS = {"ros2": _open_ros2, "dds": _open_dds, "ros1": _open_ros1, "foxglove": _open_foxglove}
 
 
-def say(text: str) -> None:
+def print_line(text: str) -> None:
     sys.stderr.write(f"bridge: {text}\n")

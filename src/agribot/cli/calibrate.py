@@ -1,4 +1,4 @@
-"""`agribot calibrate`: what a drive tells of wheels, compass, antenna and camera."""
+"""`agribot calibrate`: measure wheels, compass, antenna and camera on a drive."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import msgspec
 
 from agribot.app.calibration.figure import FIGURE
 from agribot.app.calibration.wheels import WheelsResult, assess_wheels, format_wheels
-from agribot.cli.calibration_camera import seen_in_drive, toml
+from agribot.cli.calibration_camera import format_toml, observe_drive
 from agribot.cli.ranges import seed
 from agribot.core import config as settings
 from agribot.core.robot import DriveSpec, RobotSpec
@@ -86,8 +86,9 @@ def run(options: argparse.Namespace) -> int:
     robot = load_robot(options.robot)
     machine = load_robot(options.machine) if options.machine else robot
     runners: dict[str, Callable[[argparse.Namespace, RobotSpec, RobotSpec], Outcome]] = {
-        "drive": _wheels, "magnetometer": _magnetometer, "antenna": _antenna,
-        "camera": _camera, "row-view": _row_view,
+        "drive": _calibrate_wheels, "magnetometer": _calibrate_magnetometer,
+        "antenna": _calibrate_antenna,
+        "camera": _calibrate_camera, "row-view": _assess_row_view,
     }  # fmt: skip
     result, text = runners[options.subject](options, robot, machine)
     sys.stderr.write(text)
@@ -96,18 +97,22 @@ def run(options: argparse.Namespace) -> int:
     return 0 if result.ok else 1
 
 
-def _wheels(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+def _calibrate_wheels(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
     from agribot.app.calibration.figure import measure_gain
     from agribot.autonomy.estimate.drive_fit import fit_drive
 
     described = _drive(options, machine, robot.drive)
-    told = _drive(options, machine, robot.drive.with_plugin_geometry())
+    original = _drive(options, machine, robot.drive.with_plugin_geometry())
     fit = fit_drive(described.batches, described.stretches)
-    result = assess_wheels(robot.drive, fit, measure_gain(described, fit), measure_gain(told, fit))
+    result = assess_wheels(
+        robot.drive, fit, measure_gain(described, fit), measure_gain(original, fit)
+    )
     return result, format_wheels(robot.drive, result)
 
 
-def _magnetometer(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+def _calibrate_magnetometer(
+    options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec
+) -> Outcome:
     from agribot.app.calibration.figure import TURNS
     from agribot.app.calibration.sensors import (
         calibrate_magnetometer,
@@ -122,7 +127,9 @@ def _magnetometer(options: argparse.Namespace, robot: RobotSpec, machine: RobotS
     return result, format_magnetometer(result)
 
 
-def _antenna(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+def _calibrate_antenna(
+    options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec
+) -> Outcome:
     from agribot.app.calibration.figure import TURNS
     from agribot.app.calibration.sensors import calibrate_antenna, format_antenna
 
@@ -130,26 +137,26 @@ def _antenna(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) 
     return result, format_antenna(result)
 
 
-def _camera(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+def _calibrate_camera(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
     from agribot.app.calibration.camera import calibrate_camera, format_camera
 
-    result = calibrate_camera(_seen(options, robot, machine))
+    result = calibrate_camera(_observe(options, robot, machine))
     return result, format_camera(result)
 
 
-def _row_view(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
+def _assess_row_view(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
     from agribot.app.calibration.camera import assess_row_view, format_row_view
 
-    result = assess_row_view(_seen(options, robot, machine))
+    result = assess_row_view(_observe(options, robot, machine))
     return result, format_row_view(result)
 
 
-def _seen(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> CameraDrive:
+def _observe(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> CameraDrive:
     from agribot.app.calibration.camera import observe_recording
 
     if options.recording:
         return observe_recording(Path(options.recording))
-    return seen_in_drive(robot, machine, options.profile, options.sensors, options.seed)
+    return observe_drive(robot, machine, options.profile, options.sensors, options.seed)
 
 
 def _drive(
@@ -158,7 +165,7 @@ def _drive(
     board: DriveSpec,
     figure: Sequence[FigureMotion] = FIGURE,
 ) -> DriveSamples:
-    """Drive the figure with a machine whose motor board believes in the geometry `board`."""
+    """Drive the figure with a machine whose motor board assumes the geometry `board`."""
     from agribot.app.calibration.figure import drive_figure
     from agribot.autonomy.estimate.drive_fit import TAPE_STD_M
     from agribot.description.worlds_sdf import load_world
@@ -168,8 +175,8 @@ def _drive(
         "farm",
         [
             "perception.enabled=false",
-            f"sim.sensors={toml(options.sensors)}",
-            f"seed={toml(options.seed)}",
+            f"sim.sensors={format_toml(options.sensors)}",
+            f"seed={format_toml(options.seed)}",
         ],
     )
     platform = SimPlatform(config, machine, load_world(options.world), board=board)

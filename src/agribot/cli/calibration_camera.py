@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 DRIVE_S = 75.0
 
 
-def seen_in_drive(
+def observe_drive(
     robot: RobotSpec, machine: RobotSpec, profile: str, sensors: str, seed: int
 ) -> CameraDrive:
-    """The first minutes of a profile's mission, with the camera as the machine has it."""
+    """Drive the first minutes of a profile's mission, with the camera as the machine has it."""
     from agribot.app.calibration.camera import observe_ticks
     from agribot.app.robot_stack import build_stack
     from agribot.sim.platform import SimPlatform
 
-    names = (f"sim.sensors={toml(sensors)}", f"seed={toml(seed)}")
+    names = (f"sim.sensors={format_toml(sensors)}", f"seed={format_toml(seed)}")
     config = settings.load(profile, names)
     world = load_world(config.world, seed=seed)
     platform = SimPlatform(config, machine, world, board=robot.drive)
@@ -46,5 +46,5 @@ def seen_in_drive(
         stack.close()
 
 
-def toml(value: str | int) -> str:
+def format_toml(value: str | int) -> str:
     return msgspec.json.encode(value).decode()

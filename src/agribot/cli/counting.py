@@ -12,7 +12,7 @@ LINE_EVERY_S = 5.0
 
 
 class CountProgress:
-    """Shows how many of `total` things are done, how fast, and how long the rest may take."""
+    """A display of how many of `total` things are done, how fast, and the time left."""
 
     def __init__(self, total: int, what: str, stream: TextIO | None = None) -> None:
         self._total = total
@@ -32,7 +32,7 @@ class CountProgress:
         if not is_due or (done == self._shown_count and not note):
             return
         self._shown_s, self._shown_count = now_s, done
-        text = self._text(done, now_s) + (f"  {note}" if note else "")
+        text = self._format_line(done, now_s) + (f"  {note}" if note else "")
         self._stream.write(f"\r{text}\x1b[K" if self._is_terminal else f"{text}\n")
         self._stream.flush()
 
@@ -41,7 +41,7 @@ class CountProgress:
             self._stream.write("\n")
             self._stream.flush()
 
-    def _text(self, done: int, now_s: float) -> str:
+    def _format_line(self, done: int, now_s: float) -> str:
         ratio = done / self._total if self._total else 1.0
         bar = "#" * round(ratio * BAR_WIDTH)
         text = f"[{bar:-<{BAR_WIDTH}}] {done}/{self._total} {self._what}"

@@ -185,7 +185,11 @@ def _generate(options: argparse.Namespace) -> int:
         progress.close()
         summary = write_tables(folder, recipe)
     summary |= {"drawn_now": done - there, "wall_s": time.monotonic() - started_s}
-    _show(options, {"folder": str(folder), "seed": options.seed, **summary}, _text(summary, folder))
+    _show(
+        options,
+        {"folder": str(folder), "seed": options.seed, **summary},
+        _format_summary(summary, folder),
+    )
     if done < options.images:
         sys.stderr.write(
             f"agribot dataset: interrupted after {done} of {options.images} images; all of them "
@@ -195,7 +199,7 @@ def _generate(options: argparse.Namespace) -> int:
     return 0
 
 
-def _text(summary: dict[str, Any], folder: Path) -> str:
+def _format_summary(summary: dict[str, Any], folder: Path) -> str:
     ratio = summary["pixel_ratio"]
     return (
         f"{summary['images']} images of {summary['fields']} fields, {summary['plants']} plants; "

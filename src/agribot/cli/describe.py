@@ -7,7 +7,7 @@ import sys
 
 import msgspec
 
-from agribot.cli.page import add_address_arguments, address_of, show
+from agribot.cli.page import add_address_arguments, choose_address, serve_page
 from agribot.cli.world import print_findings
 
 
@@ -31,9 +31,9 @@ def _show(options: argparse.Namespace) -> int:
     from agribot.ui.about import about_robot
     from agribot.ui.server_process import ServerProcess
 
-    address = address_of(options)
+    address = choose_address(options)
     server = ServerProcess(address, lambda port: about_robot(address, port, options.robot))
-    return show(server, options.robot, options)
+    return serve_page(server, options.robot, options)
 
 
 def run(options: argparse.Namespace) -> int:

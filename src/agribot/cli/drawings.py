@@ -21,7 +21,7 @@ TITLES = ("picture", "red: weed, green: crop", "confidence: dark is unsure")
 def write_drawings(
     image_rgb: ByteArray, found: PictureClasses, stem: Path, kinds: Sequence[str], form: str
 ) -> list[Path]:
-    """Files `stem`-mask, -overlay and -panel of the wanted kinds."""
+    """Write files `stem`-mask, -overlay and -panel of a picture (H, W, 3)."""
     made = []
     for kind in kinds:
         if kind == "mask":
@@ -29,7 +29,7 @@ def write_drawings(
         elif kind == "overlay":
             picture = tint(image_rgb, found.class_id)
         else:
-            picture = panel(image_rgb, found)
+            picture = draw_panel(image_rgb, found)
         # A lossy mask would hold colours that are no class.
         suffix = "png" if kind == "mask" and form == "jpg" else form
         path = stem.with_name(f"{stem.name}-{kind}.{suffix}")
@@ -38,8 +38,8 @@ def write_drawings(
     return made
 
 
-def panel(image_rgb: ByteArray, found: PictureClasses) -> ByteArray:
-    """Picture, overlay and confidence side by side, with titles."""
+def draw_panel(image_rgb: ByteArray, found: PictureClasses) -> ByteArray:
+    """Draw picture, overlay and confidence side by side, with titles: (H, W, 3)."""
     # The least possible confidence, a third, is black.
     sure = ((found.confidence.astype(np.float32) - 85.0) * 1.5).clip(0, 255).astype(np.uint8)
     parts = (image_rgb, tint(image_rgb, found.class_id), np.repeat(sure[..., None], 3, axis=2))

@@ -1,4 +1,4 @@
-"""Where `agribot sim` takes its drive commands from: one twist, a script, or live lines."""
+"""The drive commands of `agribot sim`: one twist, a script, or live lines."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ MAX_SCRIPT_BYTES = 16_000_000
 
 class DriveSource(Protocol):
     def at(self, t_s: float) -> DriveCommand | None:
-        """What is commanded in the tick that ends at `t_s`; None says nothing."""
+        """Return the command of the tick that ends at `t_s`; None for no command."""
         ...
 
 
-class Silence:
-    """Nobody drives."""
+class NoTwist:
+    """No commands."""
 
     def at(self, t_s: float) -> DriveCommand | None:
         return None
 
 
-class Constant:
+class ConstantTwist:
     """The same twist in every tick."""
 
     def __init__(self, command: DriveCommand) -> None:
@@ -44,8 +44,8 @@ class TimedTwist(NamedTuple):
     command: DriveCommand
 
 
-class Script:
-    """Twists at their simulated times, each said once; with `hold` until the next one."""
+class TwistScript:
+    """Twists at their simulated times, each sent once; with `hold` until the next one."""
 
     def __init__(self, twists: Iterable[TimedTwist], *, hold: bool = False) -> None:
         self._coming = deque(twists)
@@ -53,15 +53,15 @@ class Script:
         self._last: DriveCommand | None = None
 
     def at(self, t_s: float) -> DriveCommand | None:
-        said = None
+        twist = None
         while self._coming and self._coming[0].t_s <= t_s:
-            said = self._coming.popleft().command
-        if said is not None:
-            self._last = said
-        return self._last if self._hold else said
+            twist = self._coming.popleft().command
+        if twist is not None:
+            self._last = twist
+        return self._last if self._hold else twist
 
 
-class Live:
+class LiveTwists:
     """Twist lines as they arrive, the newest of each tick; with `hold` until the next one.
 
     A line that is no twist is reported to `complain` and passed over: whoever drives by hand
@@ -72,20 +72,20 @@ class Live:
         self._stream, self._complain, self._hold = stream, complain, hold
         self._arrived: deque[DriveCommand] = deque()
         self._last: DriveCommand | None = None
-        self._thread = threading.Thread(target=self._listen, name="twist lines", daemon=True)
+        self._thread = threading.Thread(target=self._read_lines, name="twist lines", daemon=True)
         self._thread.start()
 
     def at(self, t_s: float) -> DriveCommand | None:
-        said = None
+        twist = None
         while self._arrived:
-            said = self._arrived.popleft()
-        if said is not None:
-            self._last = said
-        return self._last if self._hold else said
+            twist = self._arrived.popleft()
+        if twist is not None:
+            self._last = twist
+        return self._last if self._hold else twist
 
-    def _listen(self) -> None:
+    def _read_lines(self) -> None:
         for line in self._stream:
-            numbers = _numbers(line)
+            numbers = _parse_numbers(line)
             if numbers is not None and not numbers:
                 continue
             if numbers is None or len(numbers) != 2:
@@ -96,19 +96,22 @@ class Live:
                 self._arrived.append(DriveCommand(v_mps=numbers[0], yaw_rate_radps=numbers[1]))
 
 
-def constant(text: str) -> Constant:
-    """From `V,YAW_RATE` in m/s and rad/s. Raises: ConfigError: not two finite numbers."""
-    numbers = _numbers(text)
+def parse_constant(text: str) -> ConstantTwist:
+    """Parse `V,YAW_RATE` in m/s and rad/s.
+
+    Raises: ConfigError: not two finite numbers.
+    """
+    numbers = _parse_numbers(text)
     if numbers is None or len(numbers) != 2:
         raise ConfigError(
             f"--drive {text}: give forward speed and yaw rate, --drive=V,YAW_RATE in m/s and "
             "rad/s, for example --drive=0.4,0.1"
         )
-    return Constant(DriveCommand(v_mps=numbers[0], yaw_rate_radps=numbers[1]))
+    return ConstantTwist(DriveCommand(v_mps=numbers[0], yaw_rate_radps=numbers[1]))
 
 
-def script(path: Path, *, hold: bool) -> Script:
-    """From a file of lines `T_S V YAW_RATE`; spaces or commas between, # starts a comment.
+def read_script(path: Path, *, hold: bool) -> TwistScript:
+    """Read lines `T_S V YAW_RATE` of a file; spaces or commas between, # starts a comment.
 
     Raises: ConfigError: the file cannot be read, or a line is wrong; it names file and line.
     """
@@ -120,7 +123,7 @@ def script(path: Path, *, hold: bool) -> Script:
         raise ConfigError(f"--script {path}: cannot be read: {error}") from error
     twists = []
     for number, line in enumerate(lines, start=1):
-        numbers = _numbers(line)
+        numbers = _parse_numbers(line)
         if numbers == []:
             continue
         if numbers is None or len(numbers) != 3:
@@ -133,11 +136,11 @@ def script(path: Path, *, hold: bool) -> Script:
     late = next((b for a, b in pairwise(twists) if b.t_s < a.t_s), None)
     if late is not None:
         raise ConfigError(f"{path}: the command at {late.t_s:g} s stands after a later one")
-    return Script(twists, hold=hold)
+    return TwistScript(twists, hold=hold)
 
 
-def _numbers(line: str) -> list[float] | None:
-    """The finite numbers of a line, without its comment; None where there is anything else."""
+def _parse_numbers(line: str) -> list[float] | None:
+    """Parse the finite numbers of a line, without its comment; None for anything else."""
     try:
         numbers = [float(word) for word in line.partition("#")[0].replace(",", " ").split()]
     except ValueError:

@@ -1,4 +1,4 @@
-"""`agribot eval`: judge a network on labelled pictures, honestly and image by image.
+"""`agribot eval`: score a network on labelled pictures, image by image.
 
 The table of scores goes to stdout, progress to stderr.
 """
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Status 1 where a picture or mask could not be used; the rest is judged all the same.
+    """Return 1 where a picture or mask could not be used; the rest is scored all the same.
 
     Raises: ConfigError: nothing to judge, or an option out of range.
     """
@@ -61,13 +61,13 @@ def run(args: argparse.Namespace) -> int:
     if args.fold is not None:
         pairs = split_fold(pairs, args.folds, args.fold)[1]
     for text in problems:
-        _say(f"left out: {text}")
+        _print_line(f"left out: {text}")
     judgement = Judgement()
-    cpu_s = _judge(judgement, segmenter, pairs, tile_px, problems)
+    cpu_s = _evaluate(judgement, segmenter, pairs, tile_px, problems)
     if not judgement.images:
         raise ConfigError(f"{folder}: no pair can be read; the first problem: {problems[0]}")
     _print_scores(judgement)
-    summary = _summary(args, folder, judgement, segmenter.map_shape)
+    summary = _summarise(args, folder, judgement, segmenter.map_shape)
     summary["fps_cpu"] = 1.0 / float(np.median(cpu_s))
     if args.out:
         _write(args.out, summary, judgement, problems)
@@ -92,7 +92,7 @@ def _print_scores(judgement: Any) -> None:
         )
 
 
-def _summary(
+def _summarise(
     args: argparse.Namespace, folder: Path, judgement: Any, map_shape: tuple[int, int]
 ) -> dict[str, Any]:
     from agribot.lab.train.networks import read_card
@@ -116,14 +116,14 @@ def _summary(
     }
 
 
-def _judge(
+def _evaluate(
     judgement: Any,
     segmenter: Any,
     pairs: Any,
     tile_px: tuple[int, int] | None,
     problems: list[str],
 ) -> list[float]:
-    """CPU seconds per picture: resize, network and mask; reading and enlarging do not count."""
+    """Return CPU seconds per picture of resize, network and mask, not of reading and enlarging."""
     from agribot.autonomy.perceive.pictures import classify
     from agribot.lab.dataset.pictures import PictureError
     from agribot.lab.train.photographs import read_pair
@@ -134,14 +134,14 @@ def _judge(
             image_rgb, truth = read_pair(pair)
         except PictureError as error:
             problems.append(str(error))
-            _say(f"left out: {error}")
+            _print_line(f"left out: {error}")
             continue
         guess = classify(segmenter, image_rgb, tile_px)
         started_s = time.process_time()
         segmenter.segment(image_rgb)
         cpu_s.append(time.process_time() - started_s)
         score = judgement.add(str(pair.image), image_rgb, truth, guess)
-        _say(f"{pair.image.name}: mIoU {score.miou:.3f}")
+        _print_line(f"{pair.image.name}: mIoU {score.miou:.3f}")
     return cpu_s
 
 
@@ -157,8 +157,8 @@ def _write(folder: Path, summary: dict[str, Any], judgement: Any, problems: list
         "problems": problems,
     }
     (folder / "eval.json").write_text(json.dumps(details, indent=2) + "\n", encoding="utf-8")
-    _say(f"figures and eval.json in {folder}")
+    _print_line(f"figures and eval.json in {folder}")
 
 
-def _say(text: str) -> None:
+def _print_line(text: str) -> None:
     sys.stderr.write(text + "\n")

@@ -1,4 +1,4 @@
-"""`agribot export`: a network at another input size or precision, and what that costs."""
+"""`agribot export`: a network at another input size or precision, and its cost."""
 
 from __future__ import annotations
 
@@ -38,7 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Raises: ConfigError: int8 without pictures; PerceptionError: no such network."""
+    """Convert the network and compare it with the original.
+
+    Raises: ConfigError: int8 without pictures; PerceptionError: no such network.
+    """
     from agribot.autonomy.perceive.segmenter import Segmenter, model_path
     from agribot.lab.train.networks import open_network
 
@@ -62,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
             shutil.copy(model_path(args.model), source)
         _convert(args, source, before, problems)
     after = Segmenter(args.out)
-    summary = _compared(args, before, after, problems)
+    summary = _compare(args, before, after, problems)
     if args.json:
         sys.stdout.write(json.dumps(summary) + "\n")
     return 1 if problems else 0
@@ -76,14 +79,14 @@ def _convert(args: argparse.Namespace, source: Path, before: Any, problems: list
     elif args.precision == "fp16":
         precision.convert_to_fp16(source, args.out)
     else:
-        pictures = _pictures(args.calibrate, problems)
+        pictures = _read_pictures(args.calibrate, problems)
         first = next(pictures, None)
         if first is None:
             raise ConfigError(f"--calibrate {args.calibrate}: no picture there that can be read")
         precision.quantise_to_int8(source, args.out, [first, *pictures])
 
 
-def _pictures(folder: Path, problems: list[str]) -> Iterator[ByteArray]:
+def _read_pictures(folder: Path, problems: list[str]) -> Iterator[ByteArray]:
     from agribot.lab.dataset.pictures import SUFFIXES, read_picture
     from agribot.lab.train.precision import sample_pictures
 
@@ -98,15 +101,15 @@ def _pictures(folder: Path, problems: list[str]) -> Iterator[ByteArray]:
             sys.stderr.write(f"left out: {error}\n")
 
 
-def _compared(
+def _compare(
     args: argparse.Namespace, before: Any, after: Any, problems: list[str]
 ) -> dict[str, Any]:
-    """Speed, size and, with labelled pictures, accuracy of the old and the new file."""
+    """Compare speed, size and, with labelled pictures, accuracy of the old and the new file."""
     summary: dict[str, Any] = {"file": str(args.out), "precision": args.precision}
     for name, network in (("before", before), ("after", after)):
-        found: dict[str, Any] = {"cpu_ms": round(cpu_ms(network), 1)}
+        found: dict[str, Any] = {"cpu_ms": round(measure_cpu_ms(network), 1)}
         if args.judge:
-            found |= _accuracy(network, args, problems)
+            found |= _measure_accuracy(network, args, problems)
         summary[name] = found
         accuracy = f", mIoU {found['miou']:.4f}" if args.judge else ""
         sys.stderr.write(f"{name}: {found['cpu_ms']} ms CPU per frame{accuracy}\n")
@@ -116,7 +119,9 @@ def _compared(
     return summary
 
 
-def _accuracy(network: Any, args: argparse.Namespace, problems: list[str]) -> dict[str, Any]:
+def _measure_accuracy(
+    network: Any, args: argparse.Namespace, problems: list[str]
+) -> dict[str, Any]:
     from agribot.autonomy.perceive.pictures import classify
     from agribot.lab.dataset.classes import read_ids
     from agribot.lab.train.evaluate import evaluate
@@ -131,8 +136,8 @@ def _accuracy(network: Any, args: argparse.Namespace, problems: list[str]) -> di
     return {"miou": result.miou, "iou": result.iou, "images": result.images}
 
 
-def cpu_ms(network: Any) -> float:
-    """Median CPU time of a noise image of the network's own size."""
+def measure_cpu_ms(network: Any) -> float:
+    """Measure the median CPU time of a noise image of the network's own size."""
     height, width = network.map_shape
     image_rgb = np.random.default_rng(0).integers(0, 256, (height, width, 3), dtype=np.uint8)
     network.segment(image_rgb)

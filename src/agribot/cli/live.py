@@ -1,4 +1,4 @@
-"""`agribot live`: a camera, a video or the simulator through the network, newest frame first."""
+"""`agribot live`: run a camera, a video or the simulator through the network."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections import deque
 from pathlib import Path
 from typing import Any
 
-from agribot.cli.newest import FrameSource, NewestFrame
+from agribot.cli.newest_frame import FrameSource, NewestFrame
 from agribot.cli.ranges import finite, seed, threads
 from agribot.cli.stopping import stop_on_signal
 from agribot.core.errors import ConfigError, PerceptionError
@@ -69,7 +69,7 @@ class Meter:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Status 1 where the camera stopped or gave no frame; 130 after Ctrl-C.
+    """Return 1 where the camera stopped or gave no frame, 130 after Ctrl-C.
 
     Raises: ConfigError: an option out of range; PerceptionError: the source does not open.
     """
@@ -132,7 +132,7 @@ def _watch(
 
 
 def _show(image_rgb: Any, seen: Any, out: Path, title: str) -> None:
-    """Put the newest overlay into the folder, in one move."""
+    """Replace the newest overlay in the folder at once."""
     import io
 
     from PIL import Image, ImageDraw

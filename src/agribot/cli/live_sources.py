@@ -1,4 +1,4 @@
-"""What `agribot live` can watch: the simulator, a video file, a webcam, a network camera."""
+"""Sources of `agribot live`: the simulator, a video file, a webcam, a network camera."""
 
 from __future__ import annotations
 
@@ -37,6 +37,7 @@ class SimulatedDrive:
         self._start_s = time.monotonic()
 
     def read(self) -> ByteArray:
+        """Render the next frame, (H, W, 3)."""
         from agribot.core.geo import transform
 
         due_s = self._frame / self._camera.rate_hz
@@ -77,6 +78,7 @@ class Capture:
         self._due_s = time.monotonic()
 
     def read(self) -> ByteArray | None:
+        """Read the next frame, (H, W, 3); None at the end."""
         if self._period_s:
             self._due_s = max(self._due_s + self._period_s, time.monotonic() - 1.0)
             time.sleep(max(0.0, self._due_s - time.monotonic()))

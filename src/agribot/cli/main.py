@@ -159,7 +159,7 @@ COMMANDS = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; whatever ends it early is told in one line, with status 2."""
+    """Run one command; what ends it early is printed in one line, with status 2."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     wanted = next((word for word in arguments if not word.startswith("-")), "")
     program = f"agribot {wanted}" if wanted in COMMANDS else "agribot"
@@ -175,7 +175,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run_and_print(arguments: list[str], wanted: str) -> int:
-    """All output has gone out at the end, so that a reader who is gone is noticed here."""
+    """Flush all output at the end, so that a reader who has gone is noticed here."""
     try:
         status = _run(arguments, wanted)
     except SystemExit:  # the parser's, after its help

@@ -11,8 +11,8 @@ from typing import Any
 
 from agribot.core.errors import ConfigError
 from agribot.core.whole_file import make_at_once
-from agribot.gis.mbtiles import described_map, import_mbtiles, map_files
-from agribot.gis.tile_grid import bounds_from
+from agribot.gis.mbtiles import describe_map, find_maps, import_mbtiles
+from agribot.gis.tile_grid import parse_bounds
 from agribot.ui.address import home
 
 _NAME = re.compile(r"^[^\W_][\w.-]{0,62}$")
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
     elif options.action == "remove":
         maps = [_remove(options.name, folder)]
     else:
-        maps = [described_map(path) for path in map_files(folder).values()]
+        maps = [describe_map(path) for path in find_maps(folder).values()]
     if options.json:
         sys.stdout.write(json.dumps(maps) + "\n")
     else:
@@ -77,8 +77,8 @@ def _import(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
         raise ConfigError(f"--name '{name}': give one of letters, digits and . _ -, at most 63")
     target = folder / f"{name}.mbtiles"
     if is_url:
-        _from_server(options, target)
-        return described_map(target)
+        _import_from_server(options, target)
+        return describe_map(target)
     source = Path(options.source)
     suffix = source.suffix.lower()
     if not source.is_file():
@@ -102,28 +102,28 @@ def _convert(source: Path, target: Path, convert: Any) -> dict[str, Any]:
 
     def make(beside: Path) -> None:
         convert(source, beside, _show_progress)
-        described_map(beside)
+        describe_map(beside)
 
     make_at_once(target, make)
-    return described_map(target)
+    return describe_map(target)
 
 
-def _from_server(options: argparse.Namespace, target: Path) -> None:
+def _import_from_server(options: argparse.Namespace, target: Path) -> None:
     from agribot.gis import map_import
 
-    zooms = _zooms(options.zoom)
+    zooms = _parse_zooms(options.zoom)
     if options.live:
         map_import.register_server(options.source, target, zooms, options.attribution)
     elif options.bbox is None:
         raise ConfigError("a URL needs --bbox W,S,E,N, the region to fetch, or --live")
     else:
-        bounds = bounds_from(options.bbox)
+        bounds = parse_bounds(options.bbox)
         map_import.import_from_server(
             options.source, target, bounds, zooms, options.attribution, _show_progress
         )
 
 
-def _zooms(text: str) -> tuple[int, int]:
+def _parse_zooms(text: str) -> tuple[int, int]:
     try:
         first, _, last = text.partition("-")
         return int(first), int(last or first)
@@ -132,10 +132,10 @@ def _zooms(text: str) -> tuple[int, int]:
 
 
 def _remove(name: str, folder: Path) -> dict[str, Any]:
-    path = map_files(folder).get(name)
+    path = find_maps(folder).get(name)
     if path is None:
         raise ConfigError(f"there is no map '{name}'; see agribot map list")
-    known = described_map(path)
+    known = describe_map(path)
     path.unlink()
     return known
 

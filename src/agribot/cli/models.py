@@ -1,4 +1,4 @@
-"""`agribot models`: the networks at hand and what their cards say."""
+"""`agribot models`: list the networks and what their cards say."""
 
 from __future__ import annotations
 
@@ -19,18 +19,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Raises: PerceptionError: no such network."""
+    """List the networks, or show one.
+
+    Raises: PerceptionError: no such network.
+    """
     if args.name:
-        return _one(args)
+        return _show_card(args)
     cards = {name: read_card(name) for name in model_names()}
     for name, card in cards.items():
-        sys.stderr.write(line(name, card) + "\n")
+        sys.stderr.write(format_line(name, card) + "\n")
     if args.json:
         sys.stdout.write(json.dumps({"default": DEFAULT, "models": cards}) + "\n")
     return 0
 
 
-def _one(args: argparse.Namespace) -> int:
+def _show_card(args: argparse.Namespace) -> int:
     path = model_path(args.name)
     text = path.with_suffix(".md")
     if text.is_file():
@@ -42,7 +45,7 @@ def _one(args: argparse.Namespace) -> int:
     return 0
 
 
-def line(name: str, card: dict[str, Any]) -> str:
+def format_line(name: str, card: dict[str, Any]) -> str:
     if not card:
         return f"{name}: no card"
     held_out = card.get("held_out") or {}

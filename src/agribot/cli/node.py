@@ -18,23 +18,23 @@ from agribot.autonomy.plan.waypoints import parse_waypoints
 from agribot.cli.bridging import (
     add_ros1_arguments,
     add_ros2_arguments,
-    domain_from,
-    master_from,
-    router_from,
+    read_domain,
+    read_master,
+    read_router,
 )
 from agribot.cli.node_runner import NodeRunner
 from agribot.cli.stopping import stop_on_signal
 from agribot.core.errors import BridgeError, ConfigError
 from agribot.core.geo import Datum
-from agribot.ros.link import Link
+from agribot.ros.connection import TopicConnection
 from agribot.ros.nodes.plot import Plot
-from agribot.ros.nodes.stage import Stage
+from agribot.ros.nodes.stage import NodeStage
 
 _PATIENCE_S = 60.0  # for a master or router that is still starting
 
 
 class NodeReport(msgspec.Struct, frozen=True, kw_only=True):
-    """The result as printed by --json; `messages` counts what was heard and said."""
+    """The result as printed by --json; `messages` counts what was received and sent."""
 
     ok: bool
     reason: str
@@ -92,13 +92,13 @@ def run(options: argparse.Namespace) -> int:
         def is_over() -> bool:
             return bool(stop) or time.monotonic() - started_s >= duration_s
 
-        link = _link(options, is_over)
+        link = _open_link(options, is_over)
         try:
-            runner = NodeRunner(stage, link, _say)
+            runner = NodeRunner(stage, link, _print_line)
             runner.run(is_over)
         finally:
             link.close()
-    files = _files(stage, options.out)
+    files = _write_files(stage, options.out)
     report = NodeReport(
         ok=stage.ok,
         reason=stage.reason,
@@ -115,46 +115,46 @@ def run(options: argparse.Namespace) -> int:
     return 0 if report.ok else 1
 
 
-def _link(options: argparse.Namespace, is_over: Callable[[], bool]) -> Link:
+def _open_link(options: argparse.Namespace, is_over: Callable[[], bool]) -> TopicConnection:
     """Wait for a network that is not there yet: nodes start in any order."""
     name = options.name or options.node.replace("-", "_")
     give_up_s = time.monotonic() + _PATIENCE_S
     has_said = False
     while True:
         try:
-            return _ros1(options, name) if options.ros1 else _ros2(options, name)
+            return _open_ros1(options, name) if options.ros1 else _open_ros2(options, name)
         except BridgeError as error:
             if is_over() or time.monotonic() >= give_up_s or "pip install" in str(error):
                 raise
             if not has_said:
-                _say(f"waiting: {error}")
+                _print_line(f"waiting: {error}")
             has_said = True
             time.sleep(0.5)
 
 
-def _ros1(options: argparse.Namespace, name: str) -> Link:
-    from agribot.ros.ros1.link import Ros1Link
+def _open_ros1(options: argparse.Namespace, name: str) -> TopicConnection:
+    from agribot.ros.ros1.connection import Ros1Connection
 
-    return Ros1Link(name, _say, master_from(options))
-
-
-def _ros2(options: argparse.Namespace, name: str) -> Link:
-    from agribot.ros.ros2.link import Ros2Link
-
-    return Ros2Link(name, domain=domain_from(options), router=router_from(options))
+    return Ros1Connection(name, _print_line, read_master(options))
 
 
-def _gps_converter(options: argparse.Namespace) -> Stage:
+def _open_ros2(options: argparse.Namespace, name: str) -> TopicConnection:
+    from agribot.ros.ros2.connection import Ros2Connection
+
+    return Ros2Connection(name, domain=read_domain(options), router=read_router(options))
+
+
+def _make_gps_converter(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.gps_converter import GpsConverter
 
     if options.origin in {"pole", "fix"}:
         return GpsConverter(PoleOrigin(), waits_for_pole=options.origin == "pole")
-    lat_deg, lon_deg = _place(options.origin, "--origin")
+    lat_deg, lon_deg = _parse_place(options.origin, "--origin")
     known = Datum(lat_deg=lat_deg, lon_deg=lon_deg)
     return GpsConverter(PoleOrigin(known), waits_for_pole=False)
 
 
-def _data_manipulation(options: argparse.Namespace) -> Stage:
+def _make_data_manipulation(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.data_manipulation import DataManipulation
 
     if not 0.0 < options.compass_std <= 90.0:
@@ -166,7 +166,7 @@ def _data_manipulation(options: argparse.Namespace) -> Stage:
     )
 
 
-def _autonomous_drive(options: argparse.Namespace) -> Stage:
+def _make_autonomous_drive(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.autonomous_drive import AutonomousDrive
 
     if not 0.0 < options.drive_speed <= 2.0:
@@ -174,15 +174,15 @@ def _autonomous_drive(options: argparse.Namespace) -> Stage:
     settings = GoToGoalSettings(
         speed_mps=options.drive_speed,
         slow_speed_mps=options.drive_speed / 2.0,
-        arrive_m=_arrive_m(options),
+        arrive_m=_read_arrive_m(options),
     )
     return AutonomousDrive(GoToGoal(settings))
 
 
-def _action(options: argparse.Namespace) -> Stage:
+def _make_action(options: argparse.Namespace) -> NodeStage:
     from agribot.ros.nodes.autonomous_drive_action import ActionSettings, AutonomousDriveAction
 
-    goals = [_place(text, "--goal") for text in options.goal or ()]
+    goals = [_parse_place(text, "--goal") for text in options.goal or ()]
     if options.goals is not None:
         try:
             text = options.goals.read_text(encoding="utf-8")
@@ -191,30 +191,30 @@ def _action(options: argparse.Namespace) -> Stage:
         goals.extend(parse_waypoints(text, options.goals.name))
     if not goals:
         raise ConfigError("no goal to go to; give --goal LAT,LON or --goals FILE")
-    arrive_m = _arrive_m(options) + GoToGoalSettings().depart_m
+    arrive_m = _read_arrive_m(options) + GoToGoalSettings().depart_m
     return AutonomousDriveAction(goals, ActionSettings(arrive_m=arrive_m))
 
 
-def _arrive_m(options: argparse.Namespace) -> float:
+def _read_arrive_m(options: argparse.Namespace) -> float:
     if not 0.05 <= options.arrive <= 100.0:
         raise ConfigError(f"--arrive {options.arrive:g}: must be within 0.05 to 100 m")
     return float(options.arrive)
 
 
-def _plot(_options: argparse.Namespace) -> Stage:
+def _make_plot(_options: argparse.Namespace) -> NodeStage:
     return Plot()
 
 
-_STAGES: dict[str, Callable[[argparse.Namespace], Stage]] = {
-    "gps-converter": _gps_converter,
-    "data-manipulation": _data_manipulation,
-    "autonomous-drive": _autonomous_drive,
-    "autonomous-drive-action": _action,
-    "plot": _plot,
+_STAGES: dict[str, Callable[[argparse.Namespace], NodeStage]] = {
+    "gps-converter": _make_gps_converter,
+    "data-manipulation": _make_data_manipulation,
+    "autonomous-drive": _make_autonomous_drive,
+    "autonomous-drive-action": _make_action,
+    "plot": _make_plot,
 }
 
 
-def _place(text: str, option: str) -> tuple[float, float]:
+def _parse_place(text: str, option: str) -> tuple[float, float]:
     try:
         lat_deg, lon_deg = (float(word) for word in text.split(","))
     except ValueError:
@@ -224,7 +224,7 @@ def _place(text: str, option: str) -> tuple[float, float]:
     return lat_deg, lon_deg
 
 
-def _files(stage: Stage, out_dir: Path) -> tuple[str, ...]:
+def _write_files(stage: NodeStage, out_dir: Path) -> tuple[str, ...]:
     if not isinstance(stage, Plot):
         return ()
     from agribot.record.drive_figure import write_drive_files
@@ -232,5 +232,5 @@ def _files(stage: Stage, out_dir: Path) -> tuple[str, ...]:
     return tuple(map(str, write_drive_files(out_dir, stage.series)))
 
 
-def _say(text: str) -> None:
+def _print_line(text: str) -> None:
     sys.stderr.write(f"node: {text}\n")

@@ -1,6 +1,6 @@
-"""Where on Earth a run's map begins, as the original's initialize_origin had it: `--origin`.
+"""The origin of a run's map on Earth, as the original's initialize_origin had it: `--origin`.
 
-It is latched before anything else is opened and is `field.datum` from then on, so that rows,
+It is fixed before anything else is opened and is `field.datum` from then on, so that rows,
 waypoints, maps and the recording lie in one map from the first tick to the last.
 """
 
@@ -34,35 +34,35 @@ class NamedOrigin(Datum, frozen=True, kw_only=True, forbid_unknown_fields=True):
     heading_deg: float = 0.0
 
 
-def with_origin(config: RunConfig, options: argparse.Namespace) -> RunConfig:
-    """The settings with the origin that was asked for, if any.
+def apply_origin(config: RunConfig, options: argparse.Namespace) -> RunConfig:
+    """Return the settings with the requested origin, if any.
 
     Raises: ConfigError: no such origin. PlatformError: no valid fix came.
     """
     wanted: str | None = options.origin
     if wanted is None:
         return config
-    datum, source = _latched(wanted, config, options)
+    datum, source = _find_datum(wanted, config, options)
     field = msgspec.structs.replace(config.field, datum=datum, datum_source=source)
     place = f"{datum.lat_deg:.7f}, {datum.lon_deg:.7f}, {datum.alt_m:.2f} m"
     sys.stderr.write(f"origin of the map: {place} ({source})\n")
     return msgspec.structs.replace(config, field=field)
 
 
-def _latched(wanted: str, config: RunConfig, options: argparse.Namespace) -> tuple[Datum, str]:
+def _find_datum(wanted: str, config: RunConfig, options: argparse.Namespace) -> tuple[Datum, str]:
     if wanted == "auto" and not config.sources.gnss:
         from agribot.description.worlds_sdf import load_world
 
         return load_world(config.world).datum, f"the place of world {config.world}"
     uri = config.sources.gnss if wanted == "auto" else wanted
     if ":" in uri:
-        return _first_fix(uri, options), f"first fix of {uri}"
+        return _wait_for_fix(uri, options), f"first fix of {uri}"
     if "," in wanted:
-        return _place(wanted), "as told"
-    return _named(wanted), wanted
+        return _parse_place(wanted), "as told"
+    return _find_named(wanted), wanted
 
 
-def _place(text: str) -> Datum:
+def _parse_place(text: str) -> Datum:
     try:
         numbers = [float(number) for number in text.split(",")]
         names = ("lat_deg", "lon_deg", "alt_m")[: len(numbers)]
@@ -75,7 +75,7 @@ def _place(text: str) -> Datum:
         ) from error
 
 
-def _named(name: str) -> Datum:
+def _find_named(name: str) -> Datum:
     path = home() / FILE_NAME
     known = read_origins(path)
     if name not in known:
@@ -85,7 +85,7 @@ def _named(name: str) -> Datum:
 
 
 def read_origins(path: Path) -> dict[str, Datum]:
-    """Name -> place; empty where there is no such file.
+    """Read the list of origins by name; empty where there is no such file.
 
     Raises: ConfigError: what is written there is no list of origins.
     """
@@ -93,32 +93,32 @@ def read_origins(path: Path) -> dict[str, Datum]:
         return {}
     tree = read_toml(path)
     check_finite(tree, str(path), "")
-    return {name: _origin(name, entry, path) for name, entry in tree.items()}
+    return {name: _parse_origin(name, entry, path) for name, entry in tree.items()}
 
 
-def _origin(name: str, entry: object, path: Path) -> Datum:
+def _parse_origin(name: str, entry: object, path: Path) -> Datum:
     try:
-        told = msgspec.convert(entry, NamedOrigin)
+        named = msgspec.convert(entry, NamedOrigin)
     except msgspec.ValidationError as error:
         raise ConfigError(f"{path}: {name}: {error}; write lat_deg, lon_deg and alt_m") from error
-    if told.heading_deg != 0.0:
+    if named.heading_deg != 0.0:
         raise ConfigError(
-            f"{path}: {name}.heading_deg = {told.heading_deg:g}: must be 0; the map's axes are "
+            f"{path}: {name}.heading_deg = {named.heading_deg:g}: must be 0; the map's axes are "
             "East and North, turn the rows with field.row_yaw_deg"
         )
-    return Datum(lat_deg=told.lat_deg, lon_deg=told.lon_deg, alt_m=told.alt_m)
+    return Datum(lat_deg=named.lat_deg, lon_deg=named.lon_deg, alt_m=named.alt_m)
 
 
-def _first_fix(uri: str, options: argparse.Namespace) -> Datum:
-    """Of a receiver or a base station, by whatever network it speaks."""
-    from agribot.cli.bridging import say
+def _wait_for_fix(uri: str, options: argparse.Namespace) -> Datum:
+    """Wait for the first fix of a receiver or a base station, over any of the networks."""
+    from agribot.cli.bridging import print_line
     from agribot.cli.sensor_sources import source_context
     from agribot.core.messages import GnssFix
     from agribot.description.loader import load_robot
 
     place, start_s = read_uri("--origin", uri), time.monotonic()
     sys.stderr.write(f"waiting for the first valid fix of {uri}\n")
-    with source_context(load_robot(), options, say) as context:
+    with source_context(load_robot(), options, print_line) as context:
         source = open_source("gnss", place, context)
         while time.monotonic() - start_s < PATIENCE_S:
             for fix in source.take(time.monotonic() - start_s):

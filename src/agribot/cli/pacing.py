@@ -8,8 +8,8 @@ import time
 from agribot.core.errors import ConfigError
 
 
-def pace_from(text: str) -> float:
-    """How many simulated seconds per second; infinite for as fast as possible.
+def parse_pace(text: str) -> float:
+    """Parse simulated seconds per second; infinite for as fast as possible.
 
     Raises: ConfigError: neither a number above 0 nor 'max'.
     """

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 LOOK_S = 0.2
 MOST_BEHIND_S = 1.0
-IDLE_PACE = 1.0  # a robot that waits for a hand keeps the time of the clock
+IDLE_PACE = 1.0  # a robot that waits for an operator runs in real time
 
 
 def add_page_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of a command that can show the page."""
+    """Add the options of a command that can show the page."""
     group = parser.add_argument_group("operator's page")
     group.add_argument(
         "--ui", action=argparse.BooleanOptionalAction, default=False, help="serve the page"
@@ -76,30 +76,33 @@ def add_address_arguments(group: argparse._ActionsContainer) -> None:
     group.add_argument("--open", action="store_true", help="open the page in a browser")
 
 
-def wants_page(options: argparse.Namespace) -> bool:
+def has_page(options: argparse.Namespace) -> bool:
     return bool(options.ui) and not options.headless
 
 
-def stays_open(options: argparse.Namespace) -> bool:
-    """A person at a terminal goes on looking; a script goes on."""
+def is_kept_open(options: argparse.Namespace) -> bool:
+    """Tell whether a person at a terminal goes on looking; a script goes on."""
     return bool(options.stay) or sys.stderr.isatty()
 
 
 @contextmanager
-def opened(options: argparse.Namespace, session: Run) -> Iterator[OperatorPage]:
-    """The page of a session, its address printed.
+def open_page(options: argparse.Namespace, session: Run) -> Iterator[OperatorPage]:
+    """Open the page of a session and print its address.
 
     Raises: ConfigError: the page's packages are missing, or its address cannot be used.
     """
     from agribot.ui.operator_page import OperatorPage
 
-    with OperatorPage(session, address_of(options), shared) as page:
+    with OperatorPage(session, choose_address(options), shared) as page:
         announce(page.url, page.address.viewer_url(page.server.port), options)
         yield page
 
 
-def address_of(options: argparse.Namespace) -> Address:
-    """Raises: ConfigError: the file of the tokens cannot be used."""
+def choose_address(options: argparse.Namespace) -> Address:
+    """Read the address of the page from the options.
+
+    Raises: ConfigError: the file of the tokens cannot be used.
+    """
     address = Address(
         host=options.host,
         port=options.port,
@@ -131,7 +134,7 @@ def announce(url: str, viewer_url: str, options: argparse.Namespace) -> None:
         webbrowser.open(url)
 
 
-def show(server: ServerProcess, what: str, options: argparse.Namespace) -> int:
+def serve_page(server: ServerProcess, what: str, options: argparse.Namespace) -> int:
     """Serve a page beside which no robot runs, until somebody interrupts."""
     server.start()
     try:
@@ -148,8 +151,10 @@ def show(server: ServerProcess, what: str, options: argparse.Namespace) -> int:
     return 0
 
 
-def stay(session: Run, page: OperatorPage, stop: list[int], *, keeps_up: bool = False) -> None:
-    """Let the robot stand ready, and its page be used, until somebody interrupts."""
+def keep_ready(
+    session: Run, page: OperatorPage, stop: list[int], *, keeps_up: bool = False
+) -> None:
+    """Keep the robot ready, and its page in use, until somebody interrupts."""
     sys.stderr.write(f"the robot stays ready: {page.url} (Ctrl-C ends)\n")
     sys.stderr.flush()
     pacer = Pacer(IDLE_PACE, page, keeps_up=keeps_up)
@@ -160,7 +165,7 @@ def stay(session: Run, page: OperatorPage, stop: list[int], *, keeps_up: bool = 
 
 
 class Pacer:
-    """Holds a simulation back to `pace` simulated seconds per second, infinite for no limit.
+    """A brake that holds a simulation to `pace` simulated seconds per second.
 
     While somebody drives by hand it is never faster than the clock. What was lost while the
     process stood still is not made up for in a rush, unless `keeps_up`: sensors from elsewhere

@@ -1,4 +1,4 @@
-"""`agribot plan`: a field and a robot in, a certified way to work all of it out."""
+"""`agribot plan`: make a certified plan for all of a field and a robot."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from agribot.gis.plan_file import plan_text
+    from agribot.gis.plan_file import format_plan
     from agribot.record.drawing import encode_png
     from agribot.record.plan_figure import draw_plan
     from agribot.record.report import write_file
@@ -70,18 +70,18 @@ def run(options: argparse.Namespace) -> int:
     if options.action == "convert":
         return _convert(options)
     if options.action == "verify":
-        saved, certificate = _verified(options)
+        saved, certificate = _verify_plan(options)
     else:
-        saved, certificate = _planned(options)
+        saved, certificate = _make_plan(options)
     if options.png:
         figure = draw_plan(saved.plan, saved.area, saved.request, certificate)
         write_file(Path(options.png), encode_png(figure))
     for warning in saved.plan.warnings:
         sys.stderr.write(f"warning: {warning}\n")
-    sys.stderr.write(_summary(certificate, MapFrame(saved.datum)))
+    sys.stderr.write(_format_summary(certificate, MapFrame(saved.datum)))
     if options.out and options.action is None:
         if certificate.ok:
-            write_file(Path(options.out), plan_text(saved, certificate).encode())
+            write_file(Path(options.out), format_plan(saved, certificate).encode())
         else:
             sys.stderr.write(f"{options.out} is not written: the plan was refused\n")
     if options.json:
@@ -107,7 +107,7 @@ def _convert(options: argparse.Namespace) -> int:
     return 0
 
 
-def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
+def _make_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     from agribot.autonomy.plan.coverage.area import measure_footprint
     from agribot.autonomy.plan.coverage.planner import plan_field
     from agribot.autonomy.plan.plan_certificate import certify_plan
@@ -122,8 +122,8 @@ def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     area, datum = read_field(Path(options.field))
     frame = MapFrame(datum)
     if options.ab_line:
-        a_lon, a_lat, b_lon, b_lat = _numbers("--ab-line", options.ab_line, 4)
-        points = (_place(a_lon, a_lat, frame), _place(b_lon, b_lat, frame))
+        a_lon, a_lat, b_lon, b_lat = _parse_numbers("--ab-line", options.ab_line, 4)
+        points = (_place_on_map(a_lon, a_lat, frame), _place_on_map(b_lon, b_lat, frame))
         if math.dist(*points) < SHORTEST_AB_M or not all(_is_near(point) for point in points):
             raise MissionError(
                 f"--ab-line {options.ab_line}: A and B must be two places, at least "
@@ -131,7 +131,7 @@ def _planned(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
             )
         area = msgspec.structs.replace(area, ab_line=points)
     robot = load_robot(options.robot)
-    request = _request(options, area, frame, robot)
+    request = _make_request(options, area, frame, robot)
     shape = measure_footprint(robot, request.implement_width_m, request.tool_x_m)
     plan = plan_field(area, shape, request)
     return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)
@@ -141,7 +141,7 @@ def _is_near(point: MapPoint) -> bool:
     return math.hypot(*point) <= FARTHEST_AB_M
 
 
-def _verified(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
+def _verify_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     from agribot.autonomy.plan.coverage.area import measure_footprint
     from agribot.autonomy.plan.plan_certificate import certify_plan
     from agribot.description.loader import load_robot
@@ -157,7 +157,7 @@ def _verified(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     return saved, certify_plan(saved.plan, saved.area, shape, saved.request)
 
 
-def _request(
+def _make_request(
     options: argparse.Namespace, area: FieldArea, frame: MapFrame, robot: RobotSpec
 ) -> PlanRequest:
     from agribot.autonomy.plan.coverage.area import PlanRequest
@@ -176,14 +176,14 @@ def _request(
             raise MissionError(f"{name} {value:g}: must be from {low:g} to {high:g}")
     start: MapPoint | None = None
     if options.start:
-        lon_deg, lat_deg = _numbers("--start", options.start, 2)
-        start = _place(lon_deg, lat_deg, frame)
+        lon_deg, lat_deg = _parse_numbers("--start", options.start, 2)
+        start = _place_on_map(lon_deg, lat_deg, frame)
     return PlanRequest(
         implement_width_m=options.implement_width,
         overlap_m=options.overlap,
         margin_m=options.margin,
         headland_passes=passes,
-        swath_yaw_rad=_swath_yaw_rad(options.swath_angle),
+        swath_yaw_rad=_parse_swath_yaw_rad(options.swath_angle),
         start_map_m=start,
         turns=options.turns,
         min_coverage_ratio=options.min_coverage,
@@ -191,13 +191,13 @@ def _request(
     )
 
 
-def _swath_yaw_rad(text: str) -> float | None:
+def _parse_swath_yaw_rad(text: str) -> float | None:
     if text == "auto":
         return None
-    return math.radians(90.0 - _numbers("--swath-angle", text, 1)[0])
+    return math.radians(90.0 - _parse_numbers("--swath-angle", text, 1)[0])
 
 
-def _numbers(name: str, text: str, count: int) -> list[float]:
+def _parse_numbers(name: str, text: str, count: int) -> list[float]:
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
@@ -208,14 +208,14 @@ def _numbers(name: str, text: str, count: int) -> list[float]:
     return values
 
 
-def _place(lon_deg: float, lat_deg: float, frame: MapFrame) -> MapPoint:
+def _place_on_map(lon_deg: float, lat_deg: float, frame: MapFrame) -> MapPoint:
     if abs(lat_deg) > 90.0:
         raise MissionError(f"latitude {lat_deg} is outside -90 to 90 degrees; give lon,lat")
     east_m, north_m, _ = frame.map_from_geodetic(lat_deg, lon_deg, frame.datum.alt_m)
     return east_m, north_m
 
 
-def _summary(certificate: Certificate, frame: MapFrame) -> str:
+def _format_summary(certificate: Certificate, frame: MapFrame) -> str:
     c = certificate
     lines = [
         f"{'CERTIFIED' if c.ok else 'REFUSED'}: {c.field_area_m2 / 1e4:.3f} ha, "

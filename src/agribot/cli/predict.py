@@ -1,4 +1,4 @@
-"""`agribot predict`: what a network sees in pictures and videos, as files and as a table."""
+"""`agribot predict`: run a network on pictures and videos; results as files and as a table."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PLANT_COLUMNS = (
 )  # fmt: skip
 
 
-class Seen(NamedTuple):
+class InputPicture(NamedTuple):
     """One picture, or one frame of a video."""
 
     name: str
@@ -59,15 +59,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Status 1 where a picture could not be read; the others are done all the same.
+    """Return 1 where a picture could not be read; the others are done all the same.
 
     Raises: ConfigError: no picture at all, or an option out of range.
     """
     from agribot.lab.train.networks import open_network, read_size
 
-    kinds = _kinds(args)
+    kinds = _list_kinds(args)
     tile_px = read_size(args.tile) if args.tile else None
-    files = input_files(args.inputs)
+    files = list_inputs(args.inputs)
     segmenter = open_network(args.model, args.threads, args.size)
     args.out.mkdir(parents=True, exist_ok=True)
     problems: list[str] = []
@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
         plants = csv.DictWriter(plants_file, PLANT_COLUMNS, lineterminator="\n")
         areas.writeheader()
         plants.writeheader()
-        for stem, seen in _pictures(files, problems, round(args.megapixels * 1e6)):
+        for stem, seen in _read_pictures(files, problems, round(args.megapixels * 1e6)):
             row, found = _predict(seen, segmenter, tile_px, args, kinds, stem)
             areas.writerow(row)
             plants.writerows(found)
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
     return 1 if problems else 0
 
 
-def _kinds(args: argparse.Namespace) -> tuple[str, ...]:
+def _list_kinds(args: argparse.Namespace) -> tuple[str, ...]:
     kinds = tuple(args.only.split(",")) if args.only else KINDS
     unknown = set(kinds) - set(KINDS)
     if unknown:
@@ -109,8 +109,8 @@ def _kinds(args: argparse.Namespace) -> tuple[str, ...]:
     return kinds
 
 
-def input_files(inputs: list[str]) -> list[Path]:
-    """Files of all inputs: folders give their pictures and videos, patterns what they match.
+def list_inputs(inputs: list[str]) -> list[Path]:
+    """List files of all inputs: folders give their pictures and videos, patterns their matches.
 
     Raises: ConfigError: an input matches nothing.
     """
@@ -133,9 +133,11 @@ def input_files(inputs: list[str]) -> list[Path]:
     return list(dict.fromkeys(files))
 
 
-def _pictures(files: list[Path], problems: list[str], most_px: int) -> Iterator[tuple[str, Seen]]:
-    """(name of the results, picture) of everything readable; the rest goes to `problems`."""
-    from agribot.cli.videos import VIDEO_SUFFIXES, video_frames
+def _read_pictures(
+    files: list[Path], problems: list[str], most_px: int
+) -> Iterator[tuple[str, InputPicture]]:
+    """Read (name of the results, picture) of all files; the rest goes to `problems`."""
+    from agribot.cli.videos import VIDEO_SUFFIXES, read_frames
     from agribot.lab.dataset.pictures import read_picture
 
     taken: set[str] = set()
@@ -146,24 +148,24 @@ def _pictures(files: list[Path], problems: list[str], most_px: int) -> Iterator[
         taken.add(stem)
         try:
             if file.suffix.lower() in VIDEO_SUFFIXES:
-                for index, frame in enumerate(video_frames(file)):
-                    yield f"{stem}-{index:06d}", Seen(file.name, index, frame)
+                for index, frame in enumerate(read_frames(file)):
+                    yield f"{stem}-{index:06d}", InputPicture(file.name, index, frame)
             else:
-                yield stem, Seen(file.name, None, read_picture(file, most_px))
+                yield stem, InputPicture(file.name, None, read_picture(file, most_px))
         except AgribotError as error:
             problems.append(str(error))
             sys.stderr.write(f"left out: {error}\n")
 
 
 def _predict(
-    seen: Seen,
+    seen: InputPicture,
     segmenter: Any,
     tile_px: tuple[int, int] | None,
     args: argparse.Namespace,
     kinds: tuple[str, ...],
     stem: str,
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Write the pictures; the row of areas and the rows of plants."""
+    """Write the pictures; return the row of areas and the rows of plants."""
     import numpy as np
 
     from agribot.autonomy.perceive.instances import plants_in

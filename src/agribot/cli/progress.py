@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 BAR_WIDTH = 24
 BAR_EVERY_S = 0.5  # simulated
 LINE_EVERY_S = 20.0
-UNEXPLAINED_S = 3.0  # people wait so long without wondering
+UNEXPLAINED_S = 3.0  # people wait so long without an explanation
 
 
 @contextmanager
-def explained(text: str, after_s: float = UNEXPLAINED_S) -> Iterator[None]:
-    """What takes longer than this says on stderr what it is."""
+def explain_wait(text: str, after_s: float = UNEXPLAINED_S) -> Iterator[None]:
+    """Say on stderr what takes longer than this."""
     timer = threading.Timer(after_s, sys.stderr.write, [f"{text}\n"])
     timer.daemon = True
     timer.start()
@@ -31,7 +31,7 @@ def explained(text: str, after_s: float = UNEXPLAINED_S) -> Iterator[None]:
         timer.cancel()
 
 
-class Progress:
+class RunProgress:
     """A tap that shows row, speed, cross-track error and the weeds found so far."""
 
     def __init__(self, weed_map: WeedMap, stream: TextIO | None = None) -> None:
@@ -45,13 +45,13 @@ class Progress:
             return
         self._next_s = record.batch.t_s + (BAR_EVERY_S if self._is_terminal else LINE_EVERY_S)
         if self._is_terminal:
-            self._stream.write(f"\r{self._text(record)}\x1b[K")
+            self._stream.write(f"\r{self._format_line(record)}\x1b[K")
         else:
-            self._stream.write(f"{self._text(record)}\n")
+            self._stream.write(f"{self._format_line(record)}\n")
         self._stream.flush()
 
     def note(self, text: str) -> None:
-        """A line of its own, above the bar."""
+        """Print a line of its own, above the bar."""
         self._stream.write(f"\r\x1b[K{text}\n" if self._is_terminal else f"{text}\n")
         self._stream.flush()
 
@@ -60,7 +60,7 @@ class Progress:
             self._stream.write("\n")
             self._stream.flush()
 
-    def _text(self, record: TickRecord) -> str:
+    def _format_line(self, record: TickRecord) -> str:
         status = record.status
         done_ratio = min(status.s_m / status.length_m, 1.0) if status.length_m else 0.0
         bar = "#" * round(done_ratio * BAR_WIDTH)

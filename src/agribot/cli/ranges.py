@@ -11,7 +11,7 @@ MOST_DIGITS = 40  # a longer word is shortened in a message
 
 
 def number(least: float = -math.inf, most: float = math.inf) -> Callable[[str], float]:
-    """A finite number of a range, both ends included."""
+    """Read a finite number of a range, both ends included."""
 
     def read(text: str) -> float:
         try:
@@ -19,27 +19,29 @@ def number(least: float = -math.inf, most: float = math.inf) -> Callable[[str], 
         except ValueError:
             value = math.nan
         if not (math.isfinite(value) and least <= value <= most):
-            raise argparse.ArgumentTypeError(f"{_short(text)}: {_wanted('number', least, most)}")
+            raise argparse.ArgumentTypeError(
+                f"{_shorten(text)}: {_describe_range('number', least, most)}"
+            )
         return value
 
     return read
 
 
 def above(limit: float, most: float = math.inf) -> Callable[[str], float]:
-    """A finite number larger than the limit."""
+    """Read a finite number larger than the limit."""
     within = number(limit, most)
 
     def read(text: str) -> float:
         value = within(text)
         if value == limit:
-            raise argparse.ArgumentTypeError(f"{_short(text)}: must be above {limit:g}")
+            raise argparse.ArgumentTypeError(f"{_shorten(text)}: must be above {limit:g}")
         return value
 
     return read
 
 
 def whole(least: int, most: int = MOST_SEED) -> Callable[[str], int]:
-    """A whole number of a range, both ends included."""
+    """Read a whole number of a range, both ends included."""
 
     def read(text: str) -> int:
         try:
@@ -47,8 +49,8 @@ def whole(least: int, most: int = MOST_SEED) -> Callable[[str], int]:
         except ValueError:  # also more digits than Python reads
             value = least - 1
         if not least <= value <= most:
-            wanted = _wanted("whole number", least, most)
-            raise argparse.ArgumentTypeError(f"{_short(text)}: {wanted}")
+            wanted = _describe_range("whole number", least, most)
+            raise argparse.ArgumentTypeError(f"{_shorten(text)}: {wanted}")
         return value
 
     return read
@@ -61,12 +63,12 @@ threads = whole(1, 1024)
 port = whole(0, 65535)
 
 
-def _wanted(kind: str, least: float, most: float) -> str:
+def _describe_range(kind: str, least: float, most: float) -> str:
     if most in (math.inf, MOST_SEED):
         low = "" if least == -math.inf else f", at least {least:g}"
         return f"must be a {'finite ' if kind == 'number' else ''}{kind}{low}"
     return f"must be a {kind} from {least:g} to {most:g}"
 
 
-def _short(text: str) -> str:
+def _shorten(text: str) -> str:
     return text if len(text) <= MOST_DIGITS else f"{text[:MOST_DIGITS]}..."

@@ -1,4 +1,4 @@
-"""`agribot record`: look after recordings, and begin, end and mark those of a running robot."""
+"""`agribot record`: mend recordings; begin, end and mark those of a running robot."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from agribot.cli.door import add_door_arguments, door_of
+from agribot.cli.robot_address import add_robot_arguments, find_robot
 from agribot.core.errors import PlatformError
 from agribot.ui.remote import Remote
 
@@ -39,20 +39,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         epilog="example: agribot record info runs/first/run.mcap",
     )
     looking.add_argument("recording", type=Path, metavar="FILE")
-    orders = [_order(actions, name) for name in ORDERS]
+    orders = [_add_order(actions, name) for name in ORDERS]
     orders[-1].add_argument("text", help="what happened")
     for action in (saving, looking, *orders):
         action.add_argument("--json", action="store_true", help="the result as the last line")
 
 
-def _order(actions: Any, name: str) -> argparse.ArgumentParser:
+def _add_order(actions: Any, name: str) -> argparse.ArgumentParser:
     about = f"{ORDERS[name]} of a robot that runs with a page"
     text = ' "a stone"' if name == "mark" else ""
     order: argparse.ArgumentParser = actions.add_parser(
         name, help=about, description=f"{about[0].upper()}{about[1:]}.",
         epilog=f"example: agribot record {name}{text} --port 8080",
     )  # fmt: skip
-    add_door_arguments(order)
+    add_robot_arguments(order)
     return order
 
 
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     from agribot.record.recovery import recover
 
     if options.action in ORDERS:
-        return _tell_robot(options)
+        return _send_to_robot(options)
     if options.action == "info":
         info = read_info(options.recording)
         text = msgspec.json.encode(info).decode() + "\n" if options.json else format_info(info)
@@ -69,14 +69,16 @@ def run(options: argparse.Namespace) -> int:
         return 0
     source: Path = options.recording
     saved = recover(source, options.out or source.with_name(f"{source.stem}-recovered.mcap"))
-    sys.stdout.write(msgspec.json.encode(saved).decode() + "\n" if options.json else _words(saved))
+    sys.stdout.write(
+        msgspec.json.encode(saved).decode() + "\n" if options.json else _format_recovery(saved)
+    )
     return 0
 
 
-def _tell_robot(options: argparse.Namespace) -> int:
-    """Done once the robot says so; 1 where it does not."""
+def _send_to_robot(options: argparse.Namespace) -> int:
+    """Send to the robot and wait for its answer; 1 where none comes."""
     is_mark, is_start = options.action == "mark", options.action == "start"
-    with Remote(door_of(options), "agribot record") as robot:
+    with Remote(find_robot(options), "agribot record") as robot:
         message = {"k": "mark", "text": options.text} if is_mark else {
             "k": "record", "action": options.action
         }  # fmt: skip
@@ -85,13 +87,13 @@ def _tell_robot(options: argparse.Namespace) -> int:
             raise PlatformError(refusal)
         state = robot.until(lambda now: is_mark or bool(now.get("recording")) == is_start)
     name = state.get("recording") or None
-    told = "marked" if is_mark else f"recording {name}" if name else "no recording any more"
+    text = "marked" if is_mark else f"recording {name}" if name else "no recording any more"
     result = json.dumps({"ok": True, "recording": name})
-    sys.stdout.write(f"{result if options.json else told}\n")
+    sys.stdout.write(f"{result if options.json else text}\n")
     return 0
 
 
-def _words(saved: Recovery) -> str:
+def _format_recovery(saved: Recovery) -> str:
     lost = "" if saved.was_whole else f"; {saved.lost_bytes} bytes at the end were damaged"
     return (
         f"{saved.path}: {saved.messages} messages on {saved.topics} topics, "

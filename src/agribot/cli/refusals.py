@@ -1,4 +1,4 @@
-"""One line for whatever ended a command, and the traceback for those who ask for it."""
+"""One line for whatever ended a command, and the traceback for those who request it."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from agribot.core import extras
 from agribot.core.errors import AgribotError
 
 TRACEBACK = "AGRIBOT_TRACEBACK"
-BROKEN_PIPE = 141  # what a shell tells of a program that SIGPIPE ended
+BROKEN_PIPE = 141  # a shell's status of a program that SIGPIPE ended
 _HOW_TO_SEE = f"(set {TRACEBACK}=1 for the details)"
 
 
 def refuse(program: str, error: Exception) -> int:
-    """Say on stderr what happened, and return the exit status.
+    """Print on stderr what happened, and return the exit status.
 
-    Prints the traceback as well where AGRIBOT_TRACEBACK is set. Says nothing where the reader of
+    Prints the traceback as well where AGRIBOT_TRACEBACK is set. Prints nothing where the reader of
     the output has gone, such as `head`: the program ends as SIGPIPE ends others.
     """
     if isinstance(error, BrokenPipeError) and _has_reader_gone():
@@ -28,14 +28,14 @@ def refuse(program: str, error: Exception) -> int:
         return BROKEN_PIPE
     if os.environ.get(TRACEBACK):
         traceback.print_exception(error)
-    with contextlib.suppress(OSError):  # nobody hears it
-        sys.stderr.write(f"{program}: {words_of(error)}\n")
+    with contextlib.suppress(OSError):  # nobody reads it
+        sys.stderr.write(f"{program}: {describe_error(error)}\n")
     _drop_output()
     return 2
 
 
-def words_of(error: Exception) -> str:
-    """One line that a user can act on; what nobody foresaw is called an internal error."""
+def describe_error(error: Exception) -> str:
+    """Describe an error in one line that a user can act on; others are internal errors."""
     if isinstance(error, AgribotError):
         return str(error)
     if isinstance(error, ModuleNotFoundError):
@@ -48,40 +48,40 @@ def words_of(error: Exception) -> str:
     return _one_line(f"internal error: {type(error).__name__}: {error} {_HOW_TO_SEE}")
 
 
-def _of_system(error: Exception) -> str:
+def _describe_system(error: Exception) -> str:
     name, reason = getattr(error, "filename", None), getattr(error, "strerror", None)
     place = f"{name}: " if name is not None else ""
     return f"{place}{reason or error}; check the path, its permissions and the free space"
 
 
-def _of_connection(error: Exception) -> str:
+def _describe_connection(error: Exception) -> str:
     return f"another program is not there, or has gone: {error} {_HOW_TO_SEE}"
 
 
-def _of_text(error: Exception) -> str:
+def _describe_text(error: Exception) -> str:
     return f"an input is not text in UTF-8 ({error}); save it as UTF-8 {_HOW_TO_SEE}"
 
 
-def _of_memory(error: Exception) -> str:
+def _describe_memory(error: Exception) -> str:
     return f"not enough memory: {error or 'give a smaller input'} {_HOW_TO_SEE}"
 
 
-def _of_depth(_: Exception) -> str:
+def _describe_depth(_: Exception) -> str:
     return f"an input is nested too deeply, or includes itself {_HOW_TO_SEE}"
 
 
-def _of_end(error: Exception) -> str:
+def _describe_end(error: Exception) -> str:
     return f"an input ends too early: {error or 'it is cut off'} {_HOW_TO_SEE}"
 
 
 # The first kind that fits; subclasses stand before what they derive from.
 _WORDS = (
-    (ConnectionError, _of_connection),
-    (OSError, _of_system),
-    (UnicodeError, _of_text),
-    (MemoryError, _of_memory),
-    (RecursionError, _of_depth),
-    (EOFError, _of_end),
+    (ConnectionError, _describe_connection),
+    (OSError, _describe_system),
+    (UnicodeError, _describe_text),
+    (MemoryError, _describe_memory),
+    (RecursionError, _describe_depth),
+    (EOFError, _describe_end),
 )
 
 
@@ -90,23 +90,23 @@ def _one_line(text: str) -> str:
 
 
 def _has_reader_gone() -> bool:
-    """Whether stdout or stderr is a pipe that nobody reads any more."""
+    """Tell whether stdout or stderr is a pipe that nobody reads any more."""
     if not hasattr(select, "poll"):
         return True
     ended = select.poll()
     for stream in _open_streams():
         with contextlib.suppress(OSError, ValueError):
-            ended.register(stream.fileno(), 0)  # an end is told without being asked for
+            ended.register(stream.fileno(), 0)  # an end is reported without a request
     return bool(ended.poll(0))
 
 
 def _open_streams() -> list[TextIO]:
-    """Stdout and stderr, less what the program was started without."""
+    """List stdout and stderr, less what the program was started without."""
     return [stream for stream in (sys.stdout, sys.stderr) if stream is not None]
 
 
 def _drop_output() -> None:
-    """What cannot be written, the interpreter must not try to write again when it ends."""
+    """Drop what cannot be written, so that the interpreter does not try again at its end."""
     for stream in _open_streams():
         try:
             stream.flush()

@@ -1,4 +1,4 @@
-"""`agribot replay`: the stack again on recorded batches; every command must be the same.
+"""`agribot replay`: run the stack again on recorded batches; every command must be the same.
 
 With other settings (`--with`) it shows what they change.
 """
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
         name = f"{path}: " if options.check or len(options.recordings) > 1 else ""
         if not options.json or name:
             stream = sys.stderr if options.json else sys.stdout
-            stream.write(f"{name}{_verdict(result)}\n")
+            stream.write(f"{name}{_format_check(result)}\n")
     identical = all(result["identical"] for result in results)
     if options.json:
         single = len(results) == 1 and not options.check
@@ -62,7 +62,7 @@ def _check(path: Path) -> dict[str, int | bool | None]:
     return {"ticks": len(recorded), "identical": first is None, "first_difference": first}
 
 
-def _verdict(result: dict[str, int | bool | None]) -> str:
+def _format_check(result: dict[str, int | bool | None]) -> str:
     if result["identical"]:
         return f"{result['ticks']} ticks replayed: every command is identical"
     return f"commands differ from tick {result['first_difference']} of {result['ticks']} on"
@@ -102,11 +102,11 @@ def _compare(path: Path, settings: list[str], as_json: bool) -> int:
         }  # fmt: skip
         sys.stdout.write(msgspec.json.encode(result).decode() + "\n")
     else:
-        sys.stdout.write(_table(old, new, apart))
+        sys.stdout.write(_format_table(old, new, apart))
     return 0
 
 
-def _table(old: PassSummary, new: PassSummary, apart: PassDifference) -> str:
+def _format_table(old: PassSummary, new: PassSummary, apart: PassDifference) -> str:
     from agribot.app.rerun import PassSummary
 
     lines = [f"{'':20} {'recorded':>14} {'replayed':>14} {'change':>12}"]
@@ -116,7 +116,7 @@ def _table(old: PassSummary, new: PassSummary, apart: PassDifference) -> str:
         if a != b:
             both = isinstance(a, int | float) and isinstance(b, int | float)
             change = f"{b - a:+.4g}" if both else "changed"
-        lines.append(f"{name:20} {_cell(a):>14} {_cell(b):>14} {change:>12}".rstrip())
+        lines.append(f"{name:20} {_format_cell(a):>14} {_format_cell(b):>14} {change:>12}".rstrip())
     if apart.first is None:
         lines.append("every command is the same")
     else:
@@ -131,7 +131,7 @@ def _table(old: PassSummary, new: PassSummary, apart: PassDifference) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _cell(value: object) -> str:
+def _format_cell(value: object) -> str:
     if value is None or value == "":
         return "–"
     return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,4 +1,4 @@
-"""`agribot report`: the files of a run again, from its recording alone.
+"""`agribot report`: write the files of a run again, from its recording alone.
 
 Of another robot's bag, or of a run that was cut off, it plots what is there.
 """
@@ -41,9 +41,9 @@ def run(options: argparse.Namespace) -> int:
     from agribot.record.run_files import write_run_files
 
     with open_bag(options.recording) as bag:
-        is_whole_run = {CONFIG_ATTACHMENT, "report.json"} <= _file_names(bag)
+        is_whole_run = {CONFIG_ATTACHMENT, "report.json"} <= _list_file_names(bag)
     if not is_whole_run:
-        return _foreign(options)
+        return _report_foreign(options)
     data = read_attachment(options.recording, "report.json")
     try:
         report = msgspec.json.decode(data, type=Report)
@@ -85,15 +85,15 @@ def _read_job(recording: Path, out: Path, report: Report) -> RunData:
     return RunData(
         config=config,
         series=joint,
-        rows=_rows(plan, config, recording),
+        rows=_read_rows(plan, config, recording),
         plants=plants_later(read_weed_map(recording), began_s),
         events=(*earlier_events, *events_later(events.events, began_s)),
         world=load_run_world(config) if find_platform(config.platform).is_simulated else None,
     )
 
 
-def _rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
-    """Those of the task that the robot had at the end."""
+def _read_rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
+    """Read the rows of the task that the robot had at the end."""
     from agribot.description.loader import parse_robot
     from agribot.record.replay import read_urdf
 
@@ -103,8 +103,8 @@ def _rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
     return () if config.waypoints else lay_rows(config.field)
 
 
-def _file_names(bag: Bag) -> set[str]:
-    """Also of the further parts of a long recording: the report is in the last one."""
+def _list_file_names(bag: Bag) -> set[str]:
+    """List the files of all parts of a long recording: the report is in the last one."""
     from agribot.record.bag.opening import open_bag
     from agribot.record.mcap_records import list_parts
 
@@ -116,7 +116,7 @@ def _file_names(bag: Bag) -> set[str]:
     return names
 
 
-def _foreign(options: argparse.Namespace) -> int:
+def _report_foreign(options: argparse.Namespace) -> int:
     from agribot.record.foreign import read_foreign
     from agribot.record.foreign_page import write_foreign_report
 

@@ -12,11 +12,18 @@ import msgspec
 
 from agribot.app.run_folder import check_free, check_not_driven
 from agribot.cli import bridging, sensor_sources
-from agribot.cli.pacing import pace_from
-from agribot.cli.page import Pacer, add_page_arguments, opened, stay, stays_open, wants_page
-from agribot.cli.progress import Progress, explained
+from agribot.cli.pacing import parse_pace
+from agribot.cli.page import (
+    Pacer,
+    add_page_arguments,
+    has_page,
+    is_kept_open,
+    keep_ready,
+    open_page,
+)
+from agribot.cli.progress import RunProgress, explain_wait
 from agribot.cli.ranges import finite
-from agribot.cli.run_settings import add_setting_arguments, out_dir_of, settings_of
+from agribot.cli.run_settings import add_setting_arguments, choose_out_dir, read_settings
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.config import RunConfig
@@ -74,43 +81,43 @@ def run(options: argparse.Namespace) -> int:
     from agribot.app.open_run import open_run
     from agribot.app.whole_job import NOTHING, read_job
 
-    config, saved, earlier = _config(options), None, NOTHING
+    config, saved, earlier = _read_config(options), None, NOTHING
     has_sources = bool(read_sources(config.sources))
-    is_live = bridging.wanted(options) or has_sources
+    is_live = bridging.is_wanted(options) or has_sources
     _check(options, config)
-    pace = pace_from(options.speed or ("1" if is_live else "max"))
+    pace = parse_pace(options.speed or ("1" if is_live else "max"))
     if options.resume is not None:
         check_not_driven(Path(options.resume))
-        saved = _cut_off(options)
+        saved = _read_cut_off(options)
         earlier = read_job(Path(options.resume), saved)
         config = continue_config(config, saved)
     elif options.clear_stop:
         raise MissionError("--clear-stop is for a run that goes on; give --resume RUNDIR as well")
-    out_dir = out_dir_of(options.out, Path(config.profile).stem)
+    out_dir = choose_out_dir(options.out, Path(config.profile).stem)
     check_free(out_dir)
-    plan_text = "" if options.field is None else _plan_of_field(config, options)
-    with explained(STARTING):
+    plan_text = "" if options.field is None else _plan_field(config, options)
+    with explain_wait(STARTING):
         made = open_run(config, out_dir, saved, earlier, plan_text)
     with made as session, ExitStack() as parts:
         sys.stderr.writelines(f"warning: {warning}\n" for warning in session.warnings)
-        page = parts.enter_context(opened(options, session)) if wants_page(options) else None
+        page = parts.enter_context(open_page(options, session)) if has_page(options) else None
         session.unattended.is_attended = _has_operator(options)
-        progress = Progress(session.weed_map)
+        progress = RunProgress(session.weed_map)
         session.add_tap(progress)
         session.trouble_taps.append(progress.note)
         pacer = Pacer(pace, page, keeps_up=has_sources)
-        sources = sensor_sources.sensor_sources(options, session)
-        with sources, bridging.bridges(options, session), stop_on_signal() as stop:
+        sources = sensor_sources.open_sensor_sources(options, session)
+        with sources, bridging.open_bridges(options, session), stop_on_signal() as stop:
             for record in session.ticks():
                 if stop:
                     break
                 pacer.wait(record.batch.t_s)
             progress.close()
             report = session.finish("interrupted by the operator" if stop else "")
-            sys.stderr.write(_summary(report, session.out_dir))
+            sys.stderr.write(_format_summary(report, session.out_dir))
             was_interrupted = bool(stop)
-            if page is not None and stays_open(options) and not stop:
-                stay(session, page, stop, keeps_up=has_sources)
+            if page is not None and is_kept_open(options) and not stop:
+                keep_ready(session, page, stop, keeps_up=has_sources)
     if options.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
     if was_interrupted:
@@ -119,14 +126,14 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _has_operator(options: argparse.Namespace) -> bool:
-    """Somebody can clear a stop and resume: on the page, or over a bridge that takes it."""
-    return wants_page(options) or (bridging.wanted(options) and options.allow_drive)
+    """Tell whether somebody can clear a stop and resume: on the page, or over a bridge."""
+    return has_page(options) or (bridging.is_wanted(options) and options.allow_drive)
 
 
-def _cut_off(options: argparse.Namespace) -> SavedMission:
-    """The saved mission, as the operator wants it to go on.
+def _read_cut_off(options: argparse.Namespace) -> SavedMission:
+    """Read the saved mission that is to go on, without its stop if it is cleared.
 
-    Raises: MissionError: none is there, or it waits for a person whom nobody could hear.
+    Raises: MissionError: none is there, or it waits for a person who has no way to answer.
     """
     from agribot.app.mission_file import read_mission
 
@@ -147,20 +154,26 @@ def _cut_off(options: argparse.Namespace) -> SavedMission:
 
 
 def _check(options: argparse.Namespace, config: RunConfig) -> None:
-    """Raises: ConfigError: what would otherwise be missed only after a long start."""
+    """Refuse early what would otherwise be missed only after a long start.
+
+    Raises: ConfigError: what would otherwise be missed only after a long start.
+    """
     extra = find_platform(config.platform).extra
     if extra:
         extras.require(extra, f"platform = {config.platform!r}")
-    if wants_page(options):
+    if has_page(options):
         extras.require("ui", "the operator's page")
-    bridging.check(options, read_sources(config.sources))
+    bridging.check_bridges(options, read_sources(config.sources))
 
 
-def _plan_of_field(config: RunConfig, options: argparse.Namespace) -> str:
-    """Raises: MissionError: no field, or one that cannot be worked, and why."""
+def _plan_field(config: RunConfig, options: argparse.Namespace) -> str:
+    """Plan the field of the options and return the plan's text.
+
+    Raises: MissionError: no field, or one that cannot be worked, and why.
+    """
     from agribot.app.field_work import plan_field_file
     from agribot.description.loader import load_robot
-    from agribot.gis.plan_file import plan_text
+    from agribot.gis.plan_file import format_plan
 
     robot = load_robot(config.robot)
     saved, certificate = plan_field_file(
@@ -169,41 +182,45 @@ def _plan_of_field(config: RunConfig, options: argparse.Namespace) -> str:
     if not certificate.ok:
         problem = certificate.problems[0]
         raise MissionError(f"{options.field}: {problem.rule}: {problem.message}")
-    return plan_text(saved, certificate)
+    return format_plan(saved, certificate)
 
 
-def _config(options: argparse.Namespace) -> RunConfig:
+def _read_config(options: argparse.Namespace) -> RunConfig:
     resumed_profile = None if options.resume is None else str(Path(options.resume) / "config.toml")
-    return settings_of(options, resumed_profile, after=sensor_sources.settings_of(options))
+    return read_settings(
+        options, resumed_profile, after=sensor_sources.read_source_settings(options)
+    )
 
 
-def _summary(report: Report, out_dir: Path) -> str:
-    """What a person wants to know first; a line that does not apply is left out."""
+def _format_summary(report: Report, out_dir: Path) -> str:
+    """Format what a person wants to know first; a line that does not apply is left out."""
     mission, tracking, weeds, spent = report.mission, report.tracking, report.weeds, report.time
     lines = [f"{'OK' if report.ok else 'NOT OK'}: {report.reason}"]
-    done = f"{_number(mission.distance_m, unit=' m')} driven"
+    done = f"{_format_number(mission.distance_m, unit=' m')} driven"
     if mission.rows_total is not None:
         done += f", rows {mission.rows_done}/{mission.rows_total}"
-        done += f", cross-track p95 {_number(tracking.xte_p95_m, 100, ' cm')}"
+        done += f", cross-track p95 {_format_number(tracking.xte_p95_m, 100, ' cm')}"
     lines.append(f"{done}, plants crushed {tracking.plants_crushed}/{tracking.plants_total}")
     if weeds.mapped is not None:
         lines.append(
             f"weeds mapped along the rows {weeds.mapped}, true ones {weeds.truth}: "
-            f"precision {_number(weeds.precision)}, recall {_number(weeds.recall)}, "
+            f"precision {_format_number(weeds.precision)}, recall {_format_number(weeds.recall)}, "
             f"treated {weeds.treated}"
         )
         verb = report.implement.verb if report.implement else "treated"
         lines.append(
-            f"{_number(weeds.treated_true)} weeds {verb}, {_number(weeds.crops_hit)} crops hit"
+            f"{_format_number(weeds.treated_true)} weeds {verb}, "
+            f"{_format_number(weeds.crops_hit)} crops hit"
         )
     lines.append(
-        f"{_number(spent.sim_s, unit=' s')} simulated in {_number(spent.wall_s, unit=' s')}, "
-        f"{_number(spent.rtf_cpu)} x real time per CPU second"
+        f"{_format_number(spent.sim_s, unit=' s')} simulated in "
+        f"{_format_number(spent.wall_s, unit=' s')}, "
+        f"{_format_number(spent.rtf_cpu)} x real time per CPU second"
     )
     if (out_dir / "report.html").exists():
         lines.append(f"{out_dir}/report.html")
     return "\n  ".join(lines) + "\n"
 
 
-def _number(value: float | None, scale: float = 1.0, unit: str = "") -> str:
+def _format_number(value: float | None, scale: float = 1.0, unit: str = "") -> str:
     return "-" if value is None else f"{value * scale:.3g}{unit}"

@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 
 from agribot.app.calibration.robot_file import RobotFile
-from agribot.cli.origin import HELP, with_origin
+from agribot.cli.origin import HELP, apply_origin
 from agribot.cli.ranges import finite, seed
 from agribot.core import config
 from agribot.core.config import RunConfig
@@ -48,13 +48,13 @@ def add_setting_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
 
 
-def settings_of(
+def read_settings(
     options: argparse.Namespace,
     profile: str | None = None,
     before: Sequence[str] = (),
     after: Sequence[str] = (),
 ) -> RunConfig:
-    """An option of its own counts more than `--set`; `before` counts least and `after` most.
+    """Read the settings; an option counts more than `--set`, `before` least and `after` most.
 
     What was measured of the robot comes from its own file, but not into a run that goes on.
 
@@ -76,11 +76,11 @@ def settings_of(
     if measured:
         sys.stderr.write(f"measured of this robot, from {own.path}: {', '.join(measured)}\n")
     wanted = [*before, *measured, *options.set, *assigned, *after]
-    return with_origin(config.load(options.profile, wanted), options)
+    return apply_origin(config.load(options.profile, wanted), options)
 
 
-def out_dir_of(wanted: str | Path | None, kind: str) -> Path:
-    """The folder of a run: the one that was asked for, or a new one named by the time."""
+def choose_out_dir(wanted: str | Path | None, kind: str) -> Path:
+    """Choose the folder of a run: the requested one, or a new one named by the time."""
     if wanted is not None:
         return Path(wanted)
     folder, number = Path("runs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{kind}", 1

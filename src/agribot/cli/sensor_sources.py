@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from agribot.cli.bridging import domain_from, master_from, router_from, say
+from agribot.cli.bridging import print_line, read_domain, read_master, read_router
 from agribot.core.config import SourceConfig
 from agribot.core.errors import ConfigError
 from agribot.core.robot import RobotSpec
@@ -32,8 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def settings_of(options: argparse.Namespace) -> list[str]:
-    """The options as settings of the run.
+def read_source_settings(options: argparse.Namespace) -> list[str]:
+    """Read the options as settings of the run.
 
     Raises: ConfigError: not SENSOR=URI.
     """
@@ -47,13 +47,13 @@ def settings_of(options: argparse.Namespace) -> list[str]:
 
 
 @contextmanager
-def sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[None]:
-    """Let the run sense what its settings take from elsewhere.
+def open_sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[None]:
+    """Connect the run to what its settings take from elsewhere.
 
     Raises: AgribotError: a URI that means nothing, or a source that cannot be opened.
     """
     wanted = read_sources(session.config.sources)
-    refuse = Requests(session.inbox, say=say).refuse
+    refuse = Requests(session.inbox, report=print_line).refuse
     with source_context(session.robot, options, refuse) as context:
         sources = [open_source(name, uri, context) for name, uri in wanted.items()]
         if sources:
@@ -66,8 +66,8 @@ def source_context(
 ) -> SourceContext:
     """Make a context for sources, with the networks that the options name."""
     network = RosNetwork(
-        domain=lambda: domain_from(options),
-        router=lambda: router_from(options),
-        master=lambda: master_from(options),
+        domain=lambda: read_domain(options),
+        router=lambda: read_router(options),
+        master=lambda: read_master(options),
     )
     return SourceContext(robot, network, refuse)

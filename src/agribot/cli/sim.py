@@ -14,10 +14,10 @@ import msgspec
 
 from agribot.app.run_folder import check_holds_no_run
 from agribot.cli import bridging, drive_source
-from agribot.cli.pacing import pace_from, wait_until
-from agribot.cli.run_settings import add_setting_arguments, out_dir_of, settings_of
+from agribot.cli.pacing import parse_pace, wait_until
+from agribot.cli.run_settings import add_setting_arguments, choose_out_dir, read_settings
 from agribot.cli.stopping import stop_on_signal
-from agribot.cli.world_bridging import twist_of, world_bridges
+from agribot.cli.world_bridging import open_world_bridges, take_twist
 from agribot.core.errors import PlatformError
 from agribot.core.messages import RobotCommand, SensorBatch
 from agribot.core.world import WorldSpec
@@ -74,11 +74,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<UTC time>-sim")
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
-    bridging.add_arguments(parser, has_mind=False)
+    bridging.add_arguments(parser, has_stack=False)
 
 
 class _World:
-    """What is simulated and counted; `report` may be asked at any time."""
+    """The simulated world and its counts; `report` may be called at any time."""
 
     def __init__(self, options: argparse.Namespace) -> None:
         from agribot.app.run_clock import Clock
@@ -88,7 +88,7 @@ class _World:
 
         self._started_s = time.monotonic()
         camera = f"perception.enabled={str(options.camera).lower()}"
-        self.config = settings_of(options, before=[camera])
+        self.config = read_settings(options, before=[camera])
         self.robot = load_robot(self.config.robot)
         self.world: WorldSpec = load_run_world(self.config)
         self.platform = SimPlatform(self.config, self.robot, self.world)
@@ -101,11 +101,14 @@ class _World:
         self.ready_s = time.monotonic() - self._started_s
 
     def tick(self, source: drive_source.DriveSource) -> SensorBatch:
-        """Raises: PlatformError: the robot overturned or the physics diverged."""
-        from agribot.ros.messages.world_feed import WorldTick
+        """Simulate one tick.
+
+        Raises: PlatformError: the robot overturned or the physics diverged.
+        """
+        from agribot.ros.messages.world_topic_writer import WorldTick
 
         batch = self.platform.read()
-        command = twist_of(batch.hand) or source.at(batch.t_s)
+        command = take_twist(batch.hand) or source.at(batch.t_s)
         if command is not None:
             self.platform.write(RobotCommand(t_s=batch.t_s, drive=command))
         before, self.truth = self.truth, self.platform.truth()
@@ -151,7 +154,7 @@ class _World:
         from agribot.description.loader import export_urdf
         from agribot.record.world_recorder import WorldRecorder
 
-        out_dir = out_dir_of(wanted, "sim")
+        out_dir = choose_out_dir(wanted, "sim")
         check_holds_no_run(out_dir)
         return WorldRecorder(
             out_dir / "run.mcap", self.config, self.robot, export_urdf(self.config.robot)
@@ -159,22 +162,24 @@ class _World:
 
 
 def run(options: argparse.Namespace) -> int:
-    pace = pace_from(options.speed)
-    source = _source(options)
-    bridging.check(options)
+    pace = parse_pace(options.speed)
+    source = _make_source(options)
+    bridging.check_bridges(options)
     world = _World(options)
     odd = (*world.robot.warnings, *world.world.warnings)
     sys.stderr.writelines(f"warning: {warning}\n" for warning in odd)
     sys.stderr.write(f"ready in {world.ready_s:.1f} s: {world.robot.name} in {world.world.name}\n")
-    is_free = isinstance(source, drive_source.Silence)
+    is_free = isinstance(source, drive_source.NoTwist)
     try:
-        with world_bridges(options, world.platform, world.robot, world.config, is_free) as taps:
+        with open_world_bridges(
+            options, world.platform, world.robot, world.config, is_free
+        ) as taps:
             world.taps.extend(taps)
             fault, stopped = _run(world, source, pace)
     finally:
         world.close()
     report = world.report(fault)
-    sys.stderr.write(_text(report))
+    sys.stderr.write(_format_report(report))
     if options.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
     if stopped:
@@ -183,7 +188,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _run(world: _World, source: drive_source.DriveSource, pace: float) -> tuple[str, bool]:
-    """Tick until the time is over; a fault in words, and whether somebody stopped it."""
+    """Tick until the time is over; return a fault in words, and whether somebody stopped it."""
     limit_s = world.config.duration_s or math.inf
     started_s, next_line_s = time.monotonic(), 0.0
     world.clock.start()
@@ -194,7 +199,7 @@ def _run(world: _World, source: drive_source.DriveSource, pace: float) -> tuple[
                 wait_until(started_s + batch.t_s / pace)
                 if time.monotonic() - started_s >= next_line_s:
                     next_line_s += LINE_EVERY_S
-                    sys.stderr.write(_line(world.truth))
+                    sys.stderr.write(_format_line(world.truth))
         return "", bool(stop)
     except PlatformError as error:
         return str(error), False
@@ -202,24 +207,24 @@ def _run(world: _World, source: drive_source.DriveSource, pace: float) -> tuple[
         world.clock.stop()
 
 
-def _source(options: argparse.Namespace) -> drive_source.DriveSource:
+def _make_source(options: argparse.Namespace) -> drive_source.DriveSource:
     if options.drive is not None:
-        return drive_source.constant(options.drive)
+        return drive_source.parse_constant(options.drive)
     if options.script is not None:
-        return drive_source.script(options.script, hold=options.hold)
+        return drive_source.read_script(options.script, hold=options.hold)
     if options.stdin:
-        return drive_source.Live(sys.stdin, sys.stderr, hold=options.hold)
-    return drive_source.Silence()
+        return drive_source.LiveTwists(sys.stdin, sys.stderr, hold=options.hold)
+    return drive_source.NoTwist()
 
 
-def _line(truth: Truth) -> str:
+def _format_line(truth: Truth) -> str:
     return (
         f"{truth.t_s:7.1f} s  x {truth.x_map_m:+7.2f} m  y {truth.y_map_m:+7.2f} m  "
         f"yaw {math.degrees(truth.yaw_map_rad):+6.1f} deg  {truth.v_mps:+5.2f} m/s\n"
     )
 
 
-def _text(report: SimReport) -> str:
+def _format_report(report: SimReport) -> str:
     counts = ", ".join(f"{name} {count}" for name, count in report.samples.items())
     spent = report.time
     speed = "" if spent.rtf_cpu is None else f", {spent.rtf_cpu:.3g} x real time per CPU second"

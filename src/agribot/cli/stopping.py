@@ -1,4 +1,4 @@
-"""A first Ctrl-C or SIGTERM asks for a clean stop, a second one interrupts at once."""
+"""A first Ctrl-C or SIGTERM requests a clean stop, a second one interrupts at once."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def stop_on_signal() -> Iterator[list[int]]:
-    """A list that a first Ctrl-C or SIGTERM makes true; the second one interrupts at once."""
+    """Yield a list that a first Ctrl-C or SIGTERM makes true; the second one interrupts."""
     received: list[int] = []
 
     def note(signum: int, _frame: object) -> None:

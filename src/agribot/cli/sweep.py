@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def drive(folder: SweepFolder, executor: Executor) -> dict[str, Any]:
-    """Run what is missing, write the tables and show them; what sweep-report.json holds."""
+    """Run what is missing, write the tables and print them; return what sweep-report.json holds."""
     errors = _drive_all(folder, executor)
     result = folder.write_tables(errors)
     done = f"{result['runs_ok']} of {result['runs_total']} runs good"
@@ -69,7 +69,7 @@ def drive(folder: SweepFolder, executor: Executor) -> dict[str, Any]:
 
 
 def status(result: dict[str, Any]) -> int:
-    """Of the command: 0 where every run was good."""
+    """Return the command's status: 0 where every run was good."""
     if result["runs_done"] + len(result["errors"]) < result["runs_total"]:
         sys.stderr.write(
             "agribot: interrupted; finished runs are kept, the same command runs the rest\n"

@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from agribot.cli.door import add_door_arguments, door_of
 from agribot.cli.ranges import finite
+from agribot.cli.robot_address import add_robot_arguments, find_robot
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.errors import ConfigError, PlatformError
@@ -46,7 +46,7 @@ Read = Callable[[float], Wish]  # one look at the device, as long as a period
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     rates = HandRates()
     parser.add_argument("device", choices=("keyboard", "mouse", "joystick"))
-    add_door_arguments(parser)
+    add_robot_arguments(parser)
     parser.add_argument("--take-over", action="store_true", help="take the seat from its holder")
     parser.add_argument("--rate", dest="rate_hz", type=finite, default=20.0, metavar="HZ")
     parser.add_argument("--scale", type=finite, default=1.0, help="of all speeds, 0 to 1")
@@ -68,9 +68,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     extras.require("ui", "agribot teleop")
-    rates = _rates(options)
-    door = door_of(options)
-    opened = _joystick if options.device == "joystick" else _terminal
+    rates = _read_rates(options)
+    door = find_robot(options)
+    opened = _open_joystick if options.device == "joystick" else _open_terminal
     with (
         opened(options, rates) as read,
         Remote(door, f"teleop {options.device}") as robot,
@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _drive(robot: Remote, read: Read, rate_hz: float, stop: list[int]) -> None:
-    """A request at every period, also at rest, so that the robot knows that somebody is there."""
+    """Send a request at every period, also at rest, so that the robot knows the driver is there."""
     while not stop:
         twist, requests = read(1.0 / rate_hz)
         for request in requests:
@@ -106,7 +106,7 @@ def _show(robot: Remote, twist: Twist) -> None:
         sys.stderr.flush()
 
 
-def _rates(options: argparse.Namespace) -> HandRates:
+def _read_rates(options: argparse.Namespace) -> HandRates:
     if options.config is not None and options.device != "joystick":
         raise ConfigError(f"--config is for a joystick, not for {options.device}")
     if not 0.0 <= options.dead_zone < 1.0:
@@ -133,8 +133,8 @@ def _rates(options: argparse.Namespace) -> HandRates:
 
 
 @contextmanager
-def _terminal(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
-    """Keys and mouse of the terminal on stdin. Raises: ConfigError: it is no terminal."""
+def _open_terminal(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
+    """Read keys and mouse of the terminal on stdin."""
     if not sys.stdin.isatty():
         raise ConfigError(f"teleop {options.device} needs a terminal on its standard input")
     handle = sys.stdin.fileno()
@@ -147,14 +147,14 @@ def _terminal(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
             try:
                 data = os.read(handle, 1024)
             except OSError:
-                return _wish(None, is_stop)  # the terminal was closed
+                return _make_request(None, is_stop)  # the terminal was closed
             for word, column, row in words.feed(data):
                 if word == "quit":
-                    return _wish(None, is_stop)
+                    return _make_request(None, is_stop)
                 is_stop |= word == "stop"
                 keys.press(word, time.monotonic())
                 mouse.move("release" if word == "stop" else word, column, row)
-        return _wish(mouse.twist() if is_mouse else keys.twist(time.monotonic()), is_stop)
+        return _make_request(mouse.twist() if is_mouse else keys.twist(time.monotonic()), is_stop)
 
     before = termios.tcgetattr(handle)
     tty.setcbreak(handle)
@@ -167,14 +167,17 @@ def _terminal(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
         termios.tcsetattr(handle, termios.TCSADRAIN, before)
 
 
-def _wish(twist: Twist | None, is_stop: bool) -> Wish:
+def _make_request(twist: Twist | None, is_stop: bool) -> Wish:
     return Wish(twist, (STOP,) if is_stop else ())
 
 
 @contextmanager
-def _joystick(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
-    """Raises: ConfigError: no such device. PlatformError: it was pulled out."""
-    hand = _stick_hand(options, rates)
+def _open_joystick(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
+    """Read a joystick or gamepad.
+
+    Raises: ConfigError: no such device. PlatformError: it was pulled out.
+    """
+    hand = _choose_hand(options, rates)
     try:
         handle = os.open(options.joy, os.O_RDONLY | os.O_NONBLOCK)
     except OSError as error:
@@ -203,8 +206,11 @@ def _joystick(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
         os.close(handle)
 
 
-def _stick_hand(options: argparse.Namespace, rates: HandRates) -> StickHand | TableHand:
-    """Raises: ConfigError: the table or the axes make no sense."""
+def _choose_hand(options: argparse.Namespace, rates: HandRates) -> StickHand | TableHand:
+    """Read a table of the axes, or the options for them.
+
+    Raises: ConfigError: the table or the axes make no sense.
+    """
     if options.config is not None:
         if options.deadman is not None or options.axes is not None:
             raise ConfigError("--config has buttons and axes of its own: drop --deadman and --axes")

@@ -1,4 +1,4 @@
-"""`agribot train`: get images, train, judge on images never trained on, export with a card."""
+"""`agribot train`: get images, train, score on images never trained on, export with a card."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _add_photographs(group: argparse._ArgumentGroup) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Everything from images to a model card; goes on where an earlier call was stopped.
+    """Do everything from images to a model card; continue where an earlier call was stopped.
 
     Raises: ConfigError: an option is out of range.
     """
@@ -95,8 +95,8 @@ def run(args: argparse.Namespace) -> int:
     use_threads(args.threads)
     group = join_group(args.device)
     try:
-        source = group.run_leader_first(lambda: _source(args))
-        plan = _plan(args, source, group)
+        source = group.run_leader_first(lambda: _make_source(args))
+        plan = _make_plan(args, source, group)
         return _train(args, source, plan, group)
     finally:
         leave_group()
@@ -112,12 +112,12 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
 
     held_out = read_held_out(args.scores_from, plan) if args.scores_from else None
     trainer = Trainer(plan, source.batches, args.out, group, args.start)
-    network = trainer.run(_progress if group.is_leader else lambda text: None).cpu()
+    network = trainer.run(_print_progress if group.is_leader else lambda text: None).cpu()
     if not group.is_leader:
         return 0
     onnx_path = args.out / f"{args.name}.onnx"
     features = find_architecture(args.model).features
-    calibration = _calibrated(network, features, source)
+    calibration = _calibrate(network, features, source)
     height_px, width_px = source.input_size_px
     is_small = args.precision == "int8"
     plain_path = args.out / f"{args.name}-fp32.onnx" if is_small else onnx_path
@@ -133,11 +133,11 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
     if is_small:
         quantise_to_int8(plain_path, onnx_path, sample_pictures(source.pictures))
     card = msgspec.structs.replace(
-        _judge(args, trainer, onnx_path, source), held_out=held_out, calibration=calibration
+        _evaluate(args, trainer, onnx_path, source), held_out=held_out, calibration=calibration
     )
     card.write(onnx_path)
     write_curves(args.out / LOG, args.out / "training.png")
-    _progress(card.markdown())
+    _print_progress(card.markdown())
     return 1 if source.problems else 0
 
 
@@ -170,23 +170,23 @@ def _check(args: argparse.Namespace) -> None:
     check_recipe_options(args)
 
 
-def _progress(text: str) -> None:
+def _print_progress(text: str) -> None:
     sys.stderr.write(text + "\n")
     sys.stderr.flush()
 
 
-def _source(args: argparse.Namespace) -> Any:
+def _make_source(args: argparse.Namespace) -> Any:
     if args.data == "sim":
         from agribot.lab.train.sources import make_simulated_source
 
-        return make_simulated_source(args, _progress)
+        return make_simulated_source(args, _print_progress)
     from agribot.lab.train.sources import make_photo_source
 
-    return make_photo_source(args, _progress)
+    return make_photo_source(args, _print_progress)
 
 
-def _plan(args: argparse.Namespace, source: Any, group: Any) -> Any:
-    """The plan of a training under way in the folder, else a new one.
+def _make_plan(args: argparse.Namespace, source: Any, group: Any) -> Any:
+    """Read the plan of a training under way in the folder, or make a new one.
 
     Raises: ConfigError: processes that measure how many steps fit in would not agree.
     """
@@ -219,7 +219,7 @@ def _plan(args: argparse.Namespace, source: Any, group: Any) -> Any:
     return plan
 
 
-def _calibrated(network: Any, features: Any, source: Any) -> Any:
+def _calibrate(network: Any, features: Any, source: Any) -> Any:
     if source.aside is None:
         return None
     import itertools
@@ -233,8 +233,8 @@ def _calibrated(network: Any, features: Any, source: Any) -> Any:
     return calibrate(deployed.logits, source.aside(), tests)
 
 
-def _judge(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any) -> Any:
-    """Scores of the exported file itself, run as the robot runs it."""
+def _evaluate(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any) -> Any:
+    """Score the exported file itself, run as the robot runs it."""
     from agribot.autonomy.perceive.pictures import classify
     from agribot.autonomy.perceive.segmenter import Segmenter
     from agribot.lab.train import card

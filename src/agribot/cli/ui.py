@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from agribot.cli import run as run_command
 from agribot.cli.origin import HELP
-from agribot.cli.page import add_address_arguments, address_of, show
+from agribot.cli.page import add_address_arguments, choose_address, serve_page
 
 if TYPE_CHECKING:
     from agribot.ui.hub import About
@@ -53,7 +53,7 @@ def _replay(options: argparse.Namespace, recording: Path) -> int:
     from agribot.ui.ground import read_field
     from agribot.ui.server_process import ServerProcess
 
-    address = address_of(options)
+    address = choose_address(options)
     config, urdf = read_config(recording), read_urdf(recording)
     robot = parse_robot(urdf, recording.name)
     field = read_field(recording)
@@ -62,4 +62,4 @@ def _replay(options: argparse.Namespace, recording: Path) -> int:
     def about(port: int) -> About:
         return about_run(address, port, config, robot, urdf, field, recording.parent, path)
 
-    return show(ServerProcess(address, about), "replay", options)
+    return serve_page(ServerProcess(address, about), "replay", options)

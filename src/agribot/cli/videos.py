@@ -16,7 +16,10 @@ VIDEO_SUFFIXES = {".mp4", ".avi", ".mkv", ".mov", ".webm", ".m4v"}
 
 
 def open_capture(source: str | int) -> Any:
-    """Raises: PerceptionError: OpenCV is not installed, or it cannot open the source."""
+    """Open a video, a webcam or a network camera.
+
+    Raises: PerceptionError: OpenCV is not installed, or it cannot open the source.
+    """
     # Its own lines about a missing file would come on top of ours.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "OFF")
     try:
@@ -34,8 +37,8 @@ def open_capture(source: str | int) -> Any:
     return capture
 
 
-def video_frames(file: Path) -> Iterator[ByteArray]:
-    """All frames, (height, width, 3) uint8 in red, green, blue.
+def read_frames(file: Path) -> Iterator[ByteArray]:
+    """Read all frames, (height, width, 3) uint8 in red, green, blue.
 
     Raises: PerceptionError: no frame can be read.
     """

@@ -1,4 +1,4 @@
-"""`agribot view`: a recording in other people's viewers, one command each."""
+"""`agribot view`: open a recording in other viewers, one command each."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agribot.cli import bridging
-from agribot.cli.pacing import pace_from, wait_until
+from agribot.cli.pacing import parse_pace, wait_until
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import topics
 from agribot.core.errors import ConfigError
@@ -23,7 +23,7 @@ from agribot.core.messages import Inbox
 from agribot.ros.requests import Requests
 
 if TYPE_CHECKING:
-    from agribot.ros.outlet import Gateway
+    from agribot.ros.tick_publisher import Gateway
 
 _CLOCK_PERIOD_NS = 20_000_000
 
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--speed", default="1", metavar="max|K", help="rviz: K x real time (default: 1)"
     )
-    bridging.add_arguments(parser, has_mind=False)
+    bridging.add_arguments(parser, has_stack=False)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -52,22 +52,22 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def view_file(name: str) -> Path:
-    """A packaged view. Only of installations in folders, which all of pip's are."""
+def find_view(name: str) -> Path:
+    """Find a packaged view, in installations in folders, which all of pip's are."""
     return Path(str(resources.files("agribot.cli") / "views" / name))
 
 
-def _rerun(options: argparse.Namespace) -> None:
+def _view_rerun(options: argparse.Namespace) -> None:
     from agribot.record.rerun_log import write_rerun
 
-    count = write_rerun(_recording(options), options.out)
+    count = write_rerun(_find_recording(options), options.out)
     sys.stderr.write(f"{count} messages to {options.out or 'the viewer'}\n")
 
 
-def _qgis(options: argparse.Namespace) -> None:
+def _view_qgis(options: argparse.Namespace) -> None:
     from agribot.record.qgis_project import write_qgis
 
-    recording = _recording(options)
+    recording = _find_recording(options)
     project = write_qgis(recording, options.out or recording.parent / "qgis")
     sys.stderr.write(f"{project}\n")
     program = shutil.which("qgis")
@@ -79,46 +79,47 @@ def _qgis(options: argparse.Namespace) -> None:
     subprocess.Popen([program, str(project)], start_new_session=True)
 
 
-def _foxglove(options: argparse.Namespace) -> None:
-    """Foxglove opens recordings itself; what it needs of us is the layout."""
-    layout = view_file("foxglove.json")
+def _view_foxglove(options: argparse.Namespace) -> None:
+    """Write the layout and print the rest: Foxglove opens recordings itself."""
+    layout = find_view("foxglove.json")
     if options.out is not None:
         shutil.copyfile(layout, options.out)
         layout = options.out
+    recording = _find_recording(options) if options.recording else "RUN/run.mcap"
     sys.stderr.write(
-        f"in Foxglove: open {_recording(options) if options.recording else 'RUN/run.mcap'}, then "
+        f"in Foxglove: open {recording}, then "
         f"Layout, Import from file, {layout}; a robot that runs: agribot foxglove\n"
     )
 
 
-def _rviz(options: argparse.Namespace) -> None:
-    """With a recording: play it, as if the robot were there. Without: look at one that is."""
+def _view_rviz(options: argparse.Namespace) -> None:
+    """Play a recording, as if the robot were there; without one, show a robot that is."""
     if not (options.ros1 or options.ros2 or options.dds):
         options.ros2 = not options.recording or shutil.which("rviz2") is not None
         options.ros1 = not options.ros2
-    with _program(options):
+    with _run_rviz(options):
         if options.recording is None:
             with stop_on_signal() as stop:
                 while not stop:
                     time.sleep(0.1)
         else:
-            _play(_recording(options), options)
+            _play(_find_recording(options), options)
 
 
 @contextmanager
-def _program(options: argparse.Namespace) -> Iterator[None]:
-    """RViz of the ROS that the options name, while it is looked at."""
+def _run_rviz(options: argparse.Namespace) -> Iterator[None]:
+    """Run RViz of the ROS that the options name, until it is closed."""
     name, view = ("rviz", "ros1.rviz") if options.ros1 else ("rviz2", "ros2.rviz")
     program = shutil.which(name)
     if options.no_open or program is None:
         if program is None:
-            sys.stderr.write(f"there is no {name} in the PATH: {name} -d {view_file(view)}\n")
+            sys.stderr.write(f"there is no {name} in the PATH: {name} -d {find_view(view)}\n")
         yield
         return
-    words = [program, "-d", str(view_file(view))]
+    words = [program, "-d", str(find_view(view))]
     if not options.ros1:
         words += ["--ros-args", "-p", "use_sim_time:=true"]
-    environment = {**os.environ, "ROS_MASTER_URI": bridging.master_from(options)}
+    environment = {**os.environ, "ROS_MASTER_URI": bridging.read_master(options)}
     with subprocess.Popen(words, env=environment) as process:
         try:
             yield
@@ -127,11 +128,11 @@ def _program(options: argparse.Namespace) -> Iterator[None]:
 
 
 def _play(recording: Path, options: argparse.Namespace) -> None:
-    """Every topic of the table that is in the recording, at its time, and the clock with it."""
+    """Play every topic of the table that is in the recording, at its time, with the clock."""
     from agribot.record.bag.opening import open_bag
-    from agribot.ros.outlet import Gateways
+    from agribot.ros.tick_publisher import GatewayGroup
 
-    pace = pace_from(options.speed)
+    pace = parse_pace(options.speed)
     with open_bag(recording) as bag:
         held = {t.name for t in bag.topics if bag.knows(t) and t.encoding == "cdr"}
         out = [t for t in topics.TOPICS if (t.ros_type and t.name in held) or t is topics.CLOCK]
@@ -141,9 +142,9 @@ def _play(recording: Path, options: argparse.Namespace) -> None:
                 f"{recording} has no topic of AGRIBOT, only {bag.contents}; play it with rosbag"
             )
         urdf = next((f.data.decode() for f in bag.files() if f.name == "robot.urdf"), "")
-        requests = Requests(Inbox(), say=bridging.say)
+        requests = Requests(Inbox(), report=bridging.print_line)
         opened: list[Gateway] = bridging.open_gateways(options, out, urdf, requests, None)
-        gateways = Gateways(opened)
+        gateways = GatewayGroup(opened)
         start_ns = bag.times_ns[0] if bag.times_ns else 0
         started_s, next_clock_ns = time.monotonic(), 0
         try:
@@ -156,12 +157,12 @@ def _play(recording: Path, options: argparse.Namespace) -> None:
                     gateways.send(topic, message.log_ns, message.data, message.publish_ns)
                     if message.log_ns >= next_clock_ns:
                         next_clock_ns = message.log_ns + _CLOCK_PERIOD_NS
-                        gateways.tell_time(message.log_ns * 1e-9)
+                        gateways.publish_time(message.log_ns * 1e-9)
         finally:
             gateways.close()
 
 
-def _recording(options: argparse.Namespace) -> Path:
+def _find_recording(options: argparse.Namespace) -> Path:
     if options.recording is None:
         raise ConfigError(f"agribot view {options.viewer} needs a recording, like runs/first")
     path: Path = options.recording
@@ -170,8 +171,8 @@ def _recording(options: argparse.Namespace) -> Path:
 
 
 _VIEWERS: dict[str, Callable[[argparse.Namespace], None]] = {
-    "rerun": _rerun,
-    "qgis": _qgis,
-    "rviz": _rviz,
-    "foxglove": _foxglove,
+    "rerun": _view_rerun,
+    "qgis": _view_qgis,
+    "rviz": _view_rviz,
+    "foxglove": _view_foxglove,
 }

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from agribot.core.errors import ConfigError
 
 
-def words_of(option: str, text: str | None, known: Iterable[str]) -> tuple[str, ...]:
-    """The names in `text`, each once; without text all that are known.
+def parse_names(option: str, text: str | None, known: Iterable[str]) -> tuple[str, ...]:
+    """Parse the names in `text`, each once; without text all that are known.
 
     Raises: ConfigError: a name is not known.
     """

@@ -189,7 +189,7 @@ def _print_map(name: str, ros_map: RosMap, as_json: bool) -> None:
 
 
 def print_findings(findings: Sequence[FileFinding], as_json: bool) -> int:
-    """Tell what a strict check found; the exit status."""
+    """Print the findings of a strict check; return the exit status."""
     if as_json:
         faults = [{"file": f.file, "line": f.line, "text": f.text} for f in findings]
         sys.stdout.write(json.dumps({"ok": not faults, "faults": faults}) + "\n")
@@ -209,9 +209,9 @@ def _render(options: argparse.Namespace) -> int:
     if robot.camera is None:
         raise AssertionError("the packaged robot has a camera")
     map_from_camera = (
-        _rover_pose(world) @ robot.body_from_camera()
+        _place_rover(world) @ robot.body_from_camera()
         if options.view == "rover"
-        else _overlook(world) @ LINK_FROM_OPTICAL
+        else _overlook_field(world) @ LINK_FROM_OPTICAL
     )
     picture = CameraRenderer(world).render(
         map_from_camera, robot.camera, noise_seed=None, supersample=2
@@ -221,9 +221,9 @@ def _render(options: argparse.Namespace) -> int:
 
 
 def _gallery(options: argparse.Namespace) -> int:
-    from agribot.cli.gallery import gallery
+    from agribot.cli.gallery import draw_gallery
 
-    _save(gallery(), Path(options.out))
+    _save(draw_gallery(), Path(options.out))
     return 0
 
 
@@ -238,42 +238,42 @@ def _save(image_rgb: ByteArray, path: Path) -> None:
         ) from error
 
 
-def _rover_pose(world: WorldSpec) -> FloatArray:
-    """The body frame where the robot starts, tilted as the ground is."""
+def _place_rover(world: WorldSpec) -> FloatArray:
+    """Compute the body frame (4, 4) where the robot starts, tilted as the ground is."""
     x_m, y_m = world.spawn_xy_map_m
     yaw = world.spawn_yaw_map_rad
     ahead, left = (math.cos(yaw), math.sin(yaw)), (-math.sin(yaw), math.cos(yaw))
     reach_m = 0.3
     pitch, roll = (
-        math.atan(_rise_m(world, x_m, y_m, (dx * reach_m, dy * reach_m)) / (2.0 * reach_m))
+        math.atan(_find_rise_m(world, x_m, y_m, (dx * reach_m, dy * reach_m)) / (2.0 * reach_m))
         for dx, dy in (ahead, left)
     )
-    return transform((x_m, y_m, _ground_m(world, x_m, y_m)), (roll, -pitch, yaw))
+    return transform((x_m, y_m, _find_ground_m(world, x_m, y_m)), (roll, -pitch, yaw))
 
 
-def _overlook(world: WorldSpec) -> FloatArray:
-    """From the South and from high: the field, or all the land where nothing grows."""
+def _overlook_field(world: WorldSpec) -> FloatArray:
+    """Place a camera (4, 4) high in the South of the field, or of all the land."""
     land = world.terrain
     if world.plants or land is None:
         xy = np.array([(p.x_map_m, p.y_map_m) for p in world.plants] or [world.spawn_xy_map_m])
         x_m, y_m = xy.mean(axis=0).tolist()
-        back_m, up_m = 14.0, 9.0 + _ground_m(world, x_m, y_m)
+        back_m, up_m = 14.0, 9.0 + _find_ground_m(world, x_m, y_m)
     else:
         rows, columns = land.height_m.shape
         x_m = land.x_min_m + (columns - 1) / 2.0 * land.resolution_m
         y_m = land.y_min_m + (rows - 1) / 2.0 * land.resolution_m
         back_m, up_m = 0.9 * rows * land.resolution_m, 1.6 * float(land.height_m.max())
-    tilt_rad = math.atan2(up_m - _ground_m(world, x_m, y_m), back_m)
+    tilt_rad = math.atan2(up_m - _find_ground_m(world, x_m, y_m), back_m)
     return transform((x_m, y_m - back_m, up_m), (0.0, tilt_rad, math.pi / 2.0))
 
 
-def _ground_m(world: WorldSpec, x_m: float, y_m: float) -> float:
+def _find_ground_m(world: WorldSpec, x_m: float, y_m: float) -> float:
     from agribot.description.terrain import sample_height
 
     return 0.0 if world.terrain is None else sample_height(world.terrain, x_m, y_m)
 
 
-def _rise_m(world: WorldSpec, x_m: float, y_m: float, step_m: tuple[float, float]) -> float:
-    """From one step behind a place to one step before it."""
+def _find_rise_m(world: WorldSpec, x_m: float, y_m: float, step_m: tuple[float, float]) -> float:
+    """Compute the rise from one step behind a place to one step before it."""
     dx, dy = step_m
-    return _ground_m(world, x_m + dx, y_m + dy) - _ground_m(world, x_m - dx, y_m - dy)
+    return _find_ground_m(world, x_m + dx, y_m + dy) - _find_ground_m(world, x_m - dx, y_m - dy)

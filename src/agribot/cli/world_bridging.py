@@ -8,7 +8,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from agribot.cli.bridging import open_gateways, out_topics, say, tell_losses, wanted
+from agribot.cli.bridging import (
+    is_wanted,
+    list_out_topics,
+    open_gateways,
+    print_line,
+    report_losses,
+)
 from agribot.core import topics
 from agribot.core.config import RunConfig
 from agribot.core.messages import STOP, DriveCommand, HandDrive
@@ -16,7 +22,7 @@ from agribot.core.robot import RobotSpec
 from agribot.ros.requests import Requests
 
 if TYPE_CHECKING:
-    from agribot.ros.messages.world_feed import WorldTick
+    from agribot.ros.messages.world_topic_writer import WorldTick
     from agribot.sim.platform import SimPlatform
 
     WorldTap = Callable[[WorldTick], None]
@@ -33,8 +39,8 @@ _OUT = {
 }  # fmt: skip
 
 
-def twist_of(hand: Sequence[HandDrive]) -> DriveCommand | None:
-    """The newest request of a peer; one that is no number stops. None where nobody asked."""
+def take_twist(hand: Sequence[HandDrive]) -> DriveCommand | None:
+    """Take the newest request of a peer; one that is not finite stops. None where there is none."""
     if not hand:
         return None
     newest = hand[-1]
@@ -44,7 +50,7 @@ def twist_of(hand: Sequence[HandDrive]) -> DriveCommand | None:
 
 
 @contextmanager
-def world_bridges(
+def open_world_bridges(
     options: argparse.Namespace,
     platform: SimPlatform,
     robot: RobotSpec,
@@ -57,16 +63,16 @@ def world_bridges(
     """
     from agribot.description.loader import export_urdf
     from agribot.ros.messages.camera_log import CameraLog
-    from agribot.ros.world_outlet import WorldOutlet
+    from agribot.ros.world_publisher import WorldPublisher
 
-    if not wanted(options):
+    if not is_wanted(options):
         yield []
         return
-    requests = Requests(platform.inbox, allow_drive=is_free, say=say)
+    requests = Requests(platform.inbox, allow_drive=is_free, report=print_line)
     has_camera = robot.camera is not None and config.perception.enabled
     out = [
         topic
-        for topic in out_topics(options, has_camera=has_camera, allow_drive=is_free)
+        for topic in list_out_topics(options, has_camera=has_camera, allow_drive=is_free)
         if topic.name in _OUT
     ]
     urdf = export_urdf(config.robot)
@@ -74,9 +80,9 @@ def world_bridges(
     camera = CameraLog(
         robot, options.image_rate, config.record.jpeg_quality, keeps_raw=options.raw_images
     )
-    outlet = WorldOutlet(gateways, robot, urdf, camera)
+    outlet = WorldPublisher(gateways, robot, urdf, camera)
     try:
         yield [outlet]
     finally:
         outlet.close()
-        tell_losses(outlet.dropped, outlet.fault)
+        report_losses(outlet.dropped, outlet.fault)

@@ -4,34 +4,36 @@ from __future__ import annotations
 
 from agribot.core.platform import Sensor
 from agribot.drivers.schemes import SourceContext, SourceUri
-from agribot.ros.messages.sensor_readers import readers
+from agribot.ros.messages.sensor_readers import make_readers
 from agribot.ros.ros1.master import check_master
-from agribot.ros.topic_source import Ear, TopicSource
+from agribot.ros.topic_source import TopicSource, UntypedConnection
 
 NODE = "agribot_sensors"
 
 
 def open_ros2_topic(sensor: Sensor, uri: SourceUri, context: SourceContext) -> TopicSource:
     """Raises: BridgeError: the network cannot be reached."""
-    from agribot.ros.ros2.link import Ros2Link
+    from agribot.ros.ros2.connection import Ros2Connection
 
     router = f"tcp/{uri.at}" if uri.at else context.ros.router()
     link = context.share(
         ("ros2", uri.at),
-        lambda: Ros2Link(NODE, domain=context.ros.domain(), router=router, listen=not uri.at),
+        lambda: Ros2Connection(NODE, domain=context.ros.domain(), router=router, listen=not uri.at),
     )
     return _open_topic(sensor, uri, context, link)
 
 
 def open_ros1_topic(sensor: Sensor, uri: SourceUri, context: SourceContext) -> TopicSource:
     """Raises: BridgeError: the master cannot be reached."""
-    from agribot.ros.ros1.link import Ros1Link
+    from agribot.ros.ros1.connection import Ros1Connection
 
     master = check_master(f"http://{uri.at}") if uri.at else context.ros.master()
-    link = context.share(("ros1", uri.at), lambda: Ros1Link(NODE, context.refuse, master))
+    link = context.share(("ros1", uri.at), lambda: Ros1Connection(NODE, context.refuse, master))
     return _open_topic(sensor, uri, context, link)
 
 
-def _open_topic(sensor: Sensor, uri: SourceUri, context: SourceContext, link: Ear) -> TopicSource:
-    known = readers(sensor, context.robot)
+def _open_topic(
+    sensor: Sensor, uri: SourceUri, context: SourceContext, link: UntypedConnection
+) -> TopicSource:
+    known = make_readers(sensor, context.robot)
     return TopicSource(sensor, uri.path, link, known, context.refuse)

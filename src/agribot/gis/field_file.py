@@ -1,4 +1,4 @@
-"""A field from a file: boundary, obstacles, crop rows, AB line and waypoints, made sure of."""
+"""A field from a file: boundary, obstacles, crop rows, AB line and waypoints, checked."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import MapPoint
 from agribot.gis.formats.table import READERS, read_other
-from agribot.gis.geojson import KINDS, Feature, LonLat, features, read_json
+from agribot.gis.geojson import KINDS, Feature, LonLat, parse_features, read_json
 
 if TYPE_CHECKING:
     import shapely
@@ -26,21 +26,21 @@ MIN_LINE_M = 0.1
 
 
 def read_field(path: Path, datum: Datum | None = None) -> tuple[FieldArea, Datum]:
-    """The field in the map of `datum`; without one, its first corner becomes the origin.
+    """Read a field in the map of `datum`; without one, its first corner becomes the origin.
 
-    GeoJSON, or a file of `agribot.gis.formats`, told by its ending.
+    The file is GeoJSON or, by its ending, one of `agribot.gis.formats`.
     Polygons without `kind` are the boundary (the first) and obstacles, lines are rows.
-    Raises: MissionError: what is wrong with the field, and where.
+    Raises: MissionError: a fault of the field, with its place.
     """
     other = path.suffix.lower() in READERS.keys() - {".geojson", ".json"}
     root = read_other(path) if other else read_json(path)
-    return field_from(features(root, path.name), path.name, datum)
+    return parse_field(parse_features(root, path.name), path.name, datum)
 
 
-def field_from(
+def parse_field(
     found: Sequence[Feature], source_name: str, datum: Datum | None = None
 ) -> tuple[FieldArea, Datum]:
-    kinds = _sorted_by_kind(found, source_name)
+    kinds = _sort_by_kind(found, source_name)
     outline = kinds["boundary"][0].parts
     if datum is None:
         lon_deg, lat_deg = outline[0][0]
@@ -49,19 +49,19 @@ def field_from(
     _check_place(outline[0], datum, source_name)
     rings = [*outline[1:], *(ring for f in kinds["obstacle"] for ring in f.parts[:1])]
     area = FieldArea(
-        boundary=_ring(outline[0], frame),
-        holes=tuple(_ring(ring, frame) for ring in rings),
-        rows=tuple(_line(f.parts[0], frame) for f in kinds["row"]),
-        ab_line=_line(kinds["ab_line"][0].parts[0], frame) if kinds["ab_line"] else (),
-        waypoints=tuple(_map(f.parts[0][0], frame) for f in kinds["waypoint"]),
+        boundary=_to_map_ring(outline[0], frame),
+        holes=tuple(_to_map_ring(ring, frame) for ring in rings),
+        rows=tuple(_to_map_line(f.parts[0], frame) for f in kinds["row"]),
+        ab_line=_to_map_line(kinds["ab_line"][0].parts[0], frame) if kinds["ab_line"] else (),
+        waypoints=tuple(_to_map(f.parts[0][0], frame) for f in kinds["waypoint"]),
     )
-    return checked(area, frame, source_name), datum
+    return check_field(area, frame, source_name), datum
 
 
-def _sorted_by_kind(found: Sequence[Feature], source_name: str) -> dict[str, list[Feature]]:
+def _sort_by_kind(found: Sequence[Feature], source_name: str) -> dict[str, list[Feature]]:
     kinds: dict[str, list[Feature]] = {kind: [] for kind in KINDS}
     for feature in found:
-        kind = feature.kind or _usual_kind(feature, has_boundary=bool(kinds["boundary"]))
+        kind = feature.kind or _guess_kind(feature, has_boundary=bool(kinds["boundary"]))
         if kind not in kinds:
             raise MissionError(f"{feature.where}: kind {kind!r} is not one of {', '.join(KINDS)}")
         wanted = {"boundary": "Polygon", "obstacle": "Polygon", "waypoint": "Point"}
@@ -81,23 +81,23 @@ def _sorted_by_kind(found: Sequence[Feature], source_name: str) -> dict[str, lis
     return kinds
 
 
-def _usual_kind(feature: Feature, has_boundary: bool) -> str:
+def _guess_kind(feature: Feature, has_boundary: bool) -> str:
     if feature.geometry == "Polygon":
         return "obstacle" if has_boundary else "boundary"
     return {"LineString": "row", "Point": "waypoint"}.get(feature.geometry, "")
 
 
 def _check_place(ring: Sequence[LonLat], datum: Datum, source_name: str) -> None:
-    """Near the origin of the map, and not as large as a country."""
+    """Check that the field is near the map's origin and not larger than MAX_EXTENT_M."""
     frame = MapFrame(datum)
-    away_m = max(math.hypot(*_map(position, frame)) for position in ring)
+    away_m = max(math.hypot(*_to_map(position, frame)) for position in ring)
     if away_m <= MAX_OFFSET_M:
         return
     lon_deg, lat_deg = ring[0]
     hint = "check its coordinates"
     if abs(lon_deg) <= 90.0:
-        swapped_m = math.hypot(*_map((lat_deg, lon_deg), frame))
-        if swapped_m < MAX_OFFSET_M < math.hypot(*_map(ring[0], frame)):
+        swapped_m = math.hypot(*_to_map((lat_deg, lon_deg), frame))
+        if swapped_m < MAX_OFFSET_M < math.hypot(*_to_map(ring[0], frame)):
             hint = (
                 "it seems that latitude and longitude are swapped: GeoJSON has longitude first, "
                 f"[{lat_deg}, {lon_deg}]"
@@ -109,30 +109,30 @@ def _check_place(ring: Sequence[LonLat], datum: Datum, source_name: str) -> None
     )
 
 
-def _map(position: LonLat, frame: MapFrame) -> MapPoint:
+def _to_map(position: LonLat, frame: MapFrame) -> MapPoint:
     east_m, north_m, _ = frame.map_from_geodetic(position[1], position[0], frame.datum.alt_m)
     return east_m, north_m
 
 
-def _ring(ring: Sequence[LonLat], frame: MapFrame) -> MapLine:
+def _to_map_ring(ring: Sequence[LonLat], frame: MapFrame) -> MapLine:
     points = ring[:-1] if len(ring) > 1 and ring[0] == ring[-1] else ring
-    return tuple(_map(position, frame) for position in points)
+    return tuple(_to_map(position, frame) for position in points)
 
 
-def _line(line: Sequence[LonLat], frame: MapFrame) -> MapLine:
-    return tuple(_map(position, frame) for position in line)
+def _to_map_line(line: Sequence[LonLat], frame: MapFrame) -> MapLine:
+    return tuple(_to_map(position, frame) for position in line)
 
 
-def checked(area: FieldArea, frame: MapFrame, source_name: str) -> FieldArea:
-    """The field with overlapping obstacles joined, if all its parts fit each other."""
+def check_field(area: FieldArea, frame: MapFrame, source_name: str) -> FieldArea:
+    """Check that all parts of a field fit each other, and merge overlapping obstacles."""
     import shapely
 
-    outer = _polygon(area.boundary, f"{source_name}: the boundary", frame)
+    outer = _make_polygon(area.boundary, f"{source_name}: the boundary", frame)
     _check_lines(area, source_name, frame)
     holes = []
     for number, ring in enumerate(area.holes, 1):
         name = f"{source_name}: obstacle {number}"
-        hole = _polygon(ring, name, frame)
+        hole = _make_polygon(ring, name, frame)
         if not outer.contains_properly(hole):
             place = (
                 hole.difference(outer).representative_point()
@@ -141,24 +141,24 @@ def checked(area: FieldArea, frame: MapFrame, source_name: str) -> FieldArea:
             )
             raise MissionError(
                 f"{name} lies outside the boundary or crosses it at "
-                f"{_place(shapely.get_coordinates(place)[0], frame)}; draw the boundary around it, "
-                "or remove it"
+                f"{_locate(shapely.get_coordinates(place)[0], frame)}; draw the boundary around "
+                "it, or remove it"
             )
         holes.append(hole)
     joined = [h for h in shapely.get_parts(shapely.union_all(holes)) if h.area > 0] if holes else []
     _check_rows(area.rows, outer.difference(shapely.union_all(holes)), source_name, frame)
-    rings = tuple(_points(hole.exterior) for hole in joined)
+    rings = tuple(_list_points(hole.exterior) for hole in joined)
     return FieldArea(
         boundary=area.boundary, holes=rings, rows=area.rows, ab_line=area.ab_line,
         waypoints=area.waypoints,
     )  # fmt: skip
 
 
-def _points(ring: shapely.LinearRing) -> MapLine:
+def _list_points(ring: shapely.LinearRing) -> MapLine:
     return tuple((float(x), float(y)) for x, y in ring.coords[:-1])
 
 
-def _polygon(ring: MapLine, name: str, frame: MapFrame) -> shapely.Polygon:
+def _make_polygon(ring: MapLine, name: str, frame: MapFrame) -> shapely.Polygon:
     import shapely
 
     if len(ring) < 3:
@@ -169,7 +169,7 @@ def _polygon(ring: MapLine, name: str, frame: MapFrame) -> shapely.Polygon:
     if not polygon.is_valid:
         reason = shapely.is_valid_reason(polygon)
         spot = re.search(r"\[(\S+) (\S+)\]", reason)
-        where = f" at {_place((float(spot[1]), float(spot[2])), frame)}" if spot else ""
+        where = f" at {_locate((float(spot[1]), float(spot[2])), frame)}" if spot else ""
         raise MissionError(f"{name} crosses or touches itself{where}; put its corners in order")
     return polygon
 
@@ -181,7 +181,7 @@ def _check_lines(area: FieldArea, source_name: str, frame: MapFrame) -> None:
         length_m = sum(math.dist(a, b) for a, b in pairwise(line))
         if length_m < MIN_LINE_M:
             raise MissionError(
-                f"{source_name}: {name} at {_place(line[0], frame)} is {length_m:.2f} m long, "
+                f"{source_name}: {name} at {_locate(line[0], frame)} is {length_m:.2f} m long, "
                 f"shorter than {MIN_LINE_M} m; give it a beginning and an end"
             )
 
@@ -197,10 +197,10 @@ def _check_rows(
             place = shapely.get_coordinates(outside)[0]
             raise MissionError(
                 f"{source_name}: {outside.length:.1f} m of row {number} lie outside the field or "
-                f"in an obstacle, first at {_place(place, frame)}; check the rows and the boundary"
+                f"in an obstacle, first at {_locate(place, frame)}; check the rows and the boundary"
             )
 
 
-def _place(point: Sequence[float], frame: MapFrame) -> str:
+def _locate(point: Sequence[float], frame: MapFrame) -> str:
     lat_deg, lon_deg, _ = frame.geodetic_from_map(float(point[0]), float(point[1]))
     return f"latitude {lat_deg:.7f}, longitude {lon_deg:.7f}"

@@ -1,4 +1,4 @@
-"""Mapviz's multi-resolution images, a `.geo` file beside tiles, as a raster that GDAL reads.
+"""Mapviz's multi-resolution images, a `.geo` file beside tiles, as a raster for GDAL.
 
 Only the finest layer is used (`layer0/tile{row:05d}x{column:05d}.png` or .jpg); the coarser ones
 follow from it. Format: https://swri-robotics.github.io/mapviz/plugins/
@@ -23,8 +23,12 @@ MAX_TURN_DEG = 5.0
 _NUMBERS = re.compile(r"\[([^\]]*)\]")
 
 
-class Pyramid(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """`world_from_pixel` is 2x3: column and row from the upper left corner to east and north."""
+class TiledImage(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """The finest layer of tiles and its place.
+
+    `world_from_pixel` (2, 3) is affine: column and row from the upper left corner to east and
+    north in the units of `srs`.
+    """
 
     folder: Path
     width_px: int
@@ -34,8 +38,11 @@ class Pyramid(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     world_from_pixel: FloatArray
 
 
-def read_geo(path: Path) -> Pyramid:
-    """Raises: ConfigError: not such a file, or it does not say where the picture lies."""
+def read_geo(path: Path) -> TiledImage:
+    """Read a `.geo` file.
+
+    Raises: ConfigError: not such a file, or one without the place of the picture.
+    """
     text = re.sub(r"(//|#).*", "", path.read_text(encoding="utf-8", errors="replace"))
     lines = re.findall(r"(?m)^(\w+):[ \t]*(.*?)\s*$", text)
     keys = {key: value.strip(" \"'") for key, value in lines}
@@ -48,17 +55,17 @@ def read_geo(path: Path) -> Pyramid:
         ) from error
     if min(*sizes, tile_px) <= 0:
         raise ConfigError(f"{path.name}: sizes {sizes} and tile_size {tile_px} must be above 0")
-    return Pyramid(
+    return TiledImage(
         folder=path.parent / keys.get("image_path", "."),
         width_px=sizes[0],
         height_px=sizes[1],
         tile_px=tile_px,
-        srs=_srs(keys, path.name),
-        world_from_pixel=_placed(text, keys, path.name),
+        srs=_find_srs(keys, path.name),
+        world_from_pixel=_fit_affine(text, keys, path.name),
     )
 
 
-def _srs(keys: dict[str, str], name: str) -> str:
+def _find_srs(keys: dict[str, str], name: str) -> str:
     projection = keys.get("projection", "")
     if projection in {"geographic", "wgs84"}:
         return "EPSG:4326"
@@ -70,9 +77,9 @@ def _srs(keys: dict[str, str], name: str) -> str:
     return f"EPSG:{(32600 if zone[2] == 'N' else 32700) + int(zone[1])}"
 
 
-def _placed(text: str, keys: dict[str, str], name: str) -> FloatArray:
-    """The best affine map through the tie points (pixel x, pixel y, geo x, geo y)."""
-    ties = _tie_points(text, keys, name)
+def _fit_affine(text: str, keys: dict[str, str], name: str) -> FloatArray:
+    """Fit an affine map (2, 3) to the tie points."""
+    ties = _read_tie_points(text, keys, name)
     pixels, places = ties[:, :2], ties[:, 2:]
     if len(ties) >= 3:
         columns = np.column_stack([pixels, np.ones(len(ties))])
@@ -81,7 +88,7 @@ def _placed(text: str, keys: dict[str, str], name: str) -> FloatArray:
             raise ConfigError(f"{name}: the tie points lie on one line")
         affine: FloatArray = np.asarray(solved.T, dtype=np.float64)
     else:
-        step = _pixel_scale(ties, keys, name)
+        step = _read_pixel_scale(ties, keys, name)
         affine = np.array([[step[0], 0.0, 0.0], [0.0, -step[1], 0.0]])
         affine[:, 2] = places[0] - affine[:, :2] @ pixels[0]
     turn_deg = abs(math.degrees(math.atan2(affine[1, 0], affine[0, 0])))
@@ -93,8 +100,11 @@ def _placed(text: str, keys: dict[str, str], name: str) -> FloatArray:
     return affine
 
 
-def _tie_points(text: str, keys: dict[str, str], name: str) -> FloatArray:
-    """A single `tiepoint` of degrees names latitude first, as in mapviz's own example."""
+def _read_tie_points(text: str, keys: dict[str, str], name: str) -> FloatArray:
+    """Read the tie points (n, 4): pixel x, pixel y, geo x, geo y.
+
+    A single `tiepoint` of degrees has latitude first, as in mapviz's own example.
+    """
     rows = re.findall(r"point:\s*\[([^\]]*)\]", text)
     try:
         ties = np.array([[float(number) for number in row.split(",")] for row in rows])
@@ -102,12 +112,12 @@ def _tie_points(text: str, keys: dict[str, str], name: str) -> FloatArray:
         raise ConfigError(f"{name}: a tie point is no list of four numbers") from error
     if ties.ndim != 2 or ties.shape[1] != 4 or not np.isfinite(ties).all():
         raise ConfigError(f"{name} has no tie points of four numbers: where does it lie?")
-    if "tiepoint" in keys and _srs(keys, name) == "EPSG:4326":
+    if "tiepoint" in keys and _find_srs(keys, name) == "EPSG:4326":
         ties[:, 2:] = ties[:, :1:-1]
     return ties
 
 
-def _pixel_scale(ties: FloatArray, keys: dict[str, str], name: str) -> FloatArray:
+def _read_pixel_scale(ties: FloatArray, keys: dict[str, str], name: str) -> FloatArray:
     found = _NUMBERS.search(keys.get("pixel_scale", ""))
     if found:
         try:
@@ -124,17 +134,19 @@ def _pixel_scale(ties: FloatArray, keys: dict[str, str], name: str) -> FloatArra
     return step
 
 
-def write_vrt(pyramid: Pyramid, path: Path) -> None:
-    """All tiles of the finest layer as one picture, in GDAL's virtual format.
+def write_vrt(pyramid: TiledImage, path: Path) -> None:
+    """Write all tiles of the finest layer as one picture, in GDAL's virtual format.
 
     Raises: ConfigError: a tile is missing or no picture.
     """
     a = pyramid.world_from_pixel
     order = (a[0, 2], a[0, 0], a[0, 1], a[1, 2], a[1, 0], a[1, 1])
-    tiles = [(_tile(pyramid, row, column), row, column) for row, column in _addresses(pyramid)]
+    tiles = [
+        (_find_tile(pyramid, row, column), row, column) for row, column in _list_addresses(pyramid)
+    ]
     bands = "".join(
         f'<VRTRasterBand dataType="Byte" band="{band}"><ColorInterp>{name}</ColorInterp>'
-        + "".join(_source(pyramid, *tile, band) for tile in tiles)
+        + "".join(_format_source(pyramid, *tile, band) for tile in tiles)
         + "</VRTRasterBand>"
         for band, name in enumerate(("Red", "Green", "Blue"), start=1)
     )
@@ -148,14 +160,14 @@ def write_vrt(pyramid: Pyramid, path: Path) -> None:
     )
 
 
-def _addresses(pyramid: Pyramid) -> list[tuple[int, int]]:
+def _list_addresses(pyramid: TiledImage) -> list[tuple[int, int]]:
     rows, columns = (
         math.ceil(size / pyramid.tile_px) for size in (pyramid.height_px, pyramid.width_px)
     )
     return [(row, column) for row in range(rows) for column in range(columns)]
 
 
-def _tile(pyramid: Pyramid, row: int, column: int) -> Path:
+def _find_tile(pyramid: TiledImage, row: int, column: int) -> Path:
     stem = pyramid.folder / "layer0" / f"tile{row:05d}x{column:05d}"
     found = [stem.with_suffix(suffix) for suffix in SUFFIXES if stem.with_suffix(suffix).is_file()]
     if not found:
@@ -163,7 +175,7 @@ def _tile(pyramid: Pyramid, row: int, column: int) -> Path:
     return found[0].resolve()
 
 
-def _source(pyramid: Pyramid, tile: Path, row: int, column: int, band: int) -> str:
+def _format_source(pyramid: TiledImage, tile: Path, row: int, column: int, band: int) -> str:
     left_px, top_px = column * pyramid.tile_px, row * pyramid.tile_px
     try:
         with Image.open(tile) as picture:

@@ -21,7 +21,7 @@ MAX_POINTS = 20_000
 
 
 class Feature(NamedTuple):
-    """`parts` are the rings of a polygon, or one list of positions."""
+    """A shape with its kind; `parts` are the rings of a polygon, or one list of positions."""
 
     where: str
     kind: str
@@ -31,37 +31,40 @@ class Feature(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Empty without one."""
+        """The feature's name; empty without one."""
         return str(self.properties.get("name") or "")
 
-    def coordinates(self) -> Any:
-        """As GeoJSON nests them."""
+    def nest_coordinates(self) -> Any:
+        """Nest the positions as GeoJSON does."""
         if self.geometry == "Polygon":
             return self.parts
         return self.parts[0] if self.geometry == "LineString" else self.parts[0][0]
 
-    def shape(self) -> BaseGeometry:
-        """Longitude and latitude, degrees."""
+    def to_shape(self) -> BaseGeometry:
+        """Convert to a shape of longitude and latitude, degrees."""
         from shapely.geometry import shape
 
-        return shape({"type": self.geometry, "coordinates": self.coordinates()})
+        return shape({"type": self.geometry, "coordinates": self.nest_coordinates()})
 
 
-def layers_of(features: Sequence[Feature]) -> Iterator[tuple[str, str, list[Feature]]]:
-    """Geometry, name and features of each layer, for formats whose layers hold one geometry."""
+def split_layers(features: Sequence[Feature]) -> Iterator[tuple[str, str, list[Feature]]]:
+    """Yield geometry, name and features of each layer, for formats with one geometry a layer."""
     for geometry, name in (("Polygon", "areas"), ("LineString", "lines"), ("Point", "points")):
         found = [feature for feature in features if feature.geometry == geometry]
         if found:
             yield geometry, name, found
 
 
-def closed(ring: list[LonLat]) -> list[LonLat]:
-    """With its first position once more at the end, as GeoJSON wants it."""
+def close_ring(ring: list[LonLat]) -> list[LonLat]:
+    """Repeat a ring's first position at its end, as GeoJSON requires."""
     return ring if ring[:1] == ring[-1:] else [*ring, ring[0]]
 
 
 def read_json(path: Path) -> Any:
-    """Raises: MissionError: the file is missing or is not JSON."""
+    """Read a JSON file.
+
+    Raises: MissionError: the file is missing or is not JSON.
+    """
     try:
         return json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
@@ -71,9 +74,12 @@ def read_json(path: Path) -> Any:
         raise MissionError(f"{path.name}{place} is not valid JSON: {error}") from error
 
 
-def features(root: object, source_name: str) -> list[Feature]:
-    """Raises: MissionError: names the feature and the position that is wrong."""
-    found = list(_features(root, source_name))
+def parse_features(root: object, source_name: str) -> list[Feature]:
+    """Parse all features below a GeoJSON object.
+
+    Raises: MissionError: names the feature and the position that is wrong.
+    """
+    found = list(_iterate_features(root, source_name))
     points = sum(len(part) for feature in found for part in feature.parts)
     if points > MAX_POINTS:
         raise MissionError(
@@ -83,7 +89,7 @@ def features(root: object, source_name: str) -> list[Feature]:
     return found
 
 
-def _features(node: object, where: str) -> Iterator[Feature]:
+def _iterate_features(node: object, where: str) -> Iterator[Feature]:
     if not isinstance(node, dict):
         raise MissionError(f"{where}: expected a GeoJSON object, got {type(node).__name__}")
     if node.get("type") == "FeatureCollection":
@@ -91,7 +97,7 @@ def _features(node: object, where: str) -> Iterator[Feature]:
         if not isinstance(members, list):
             raise MissionError(f"{where}: a FeatureCollection needs a list 'features'")
         for number, member in enumerate(members):
-            yield from _features(member, f"{where} feature {number}")
+            yield from _iterate_features(member, f"{where} feature {number}")
         return
     properties: dict[str, Any] = {}
     if node.get("type") == "Feature":
@@ -100,21 +106,22 @@ def _features(node: object, where: str) -> Iterator[Feature]:
     if not isinstance(node, dict) or not isinstance(properties, dict):
         raise MissionError(f"{where}: the feature has no geometry")
     kind = str(properties.get("kind", ""))
-    yield Feature(where, kind, str(node.get("type")), _parts(node, where), properties)
+    yield Feature(where, kind, str(node.get("type")), _read_parts(node, where), properties)
 
 
-def _parts(geometry: dict[str, Any], where: str) -> list[list[LonLat]]:
+def _read_parts(geometry: dict[str, Any], where: str) -> list[list[LonLat]]:
     name, coordinates = geometry.get("type"), geometry.get("coordinates")
     if name == "MultiPolygon" and isinstance(coordinates, list) and len(coordinates) == 1:
         name, coordinates = "Polygon", coordinates[0]
         geometry["type"] = "Polygon"
     if name == "Point":
-        return [[checked_position(coordinates, where)]]
+        return [[read_position(coordinates, where)]]
     if name == "LineString":
-        return [_positions(coordinates, where)]
+        return [_read_positions(coordinates, where)]
     if name == "Polygon" and isinstance(coordinates, list) and coordinates:
         return [
-            _positions(ring, f"{where} ring {number}") for number, ring in enumerate(coordinates)
+            _read_positions(ring, f"{where} ring {number}")
+            for number, ring in enumerate(coordinates)
         ]
     raise MissionError(
         f"{where}: geometry {name!r} cannot be used; use Polygon, LineString or Point, one per "
@@ -122,20 +129,22 @@ def _parts(geometry: dict[str, Any], where: str) -> list[list[LonLat]]:
     )
 
 
-def _positions(coordinates: object, where: str) -> list[LonLat]:
+def _read_positions(coordinates: object, where: str) -> list[LonLat]:
     if not isinstance(coordinates, list) or not coordinates:
         raise MissionError(f"{where}: 'coordinates' must be a list of [lon, lat]")
     return [
-        checked_position(item, f"{where} position {number}")
-        for number, item in enumerate(coordinates)
+        read_position(item, f"{where} position {number}") for number, item in enumerate(coordinates)
     ]
 
 
-def checked_position(position: object, where: str) -> LonLat:
-    """Raises: MissionError: no longitude and latitude in degrees."""
+def read_position(position: object, where: str) -> LonLat:
+    """Read longitude and latitude, degrees.
+
+    Raises: MissionError: no longitude and latitude in degrees.
+    """
     if not isinstance(position, list | tuple) or len(position) < 2:
         raise MissionError(f"{where}: {position!r} is not [lon, lat]")
-    lon_deg, lat_deg = (_degrees(value, where) for value in position[:2])
+    lon_deg, lat_deg = (_read_degrees(value, where) for value in position[:2])
     if abs(lat_deg) > 90.0 >= abs(lon_deg):
         raise MissionError(
             f"{where}: latitude {lat_deg} is outside -90 to 90 degrees; it seems that latitude "
@@ -149,7 +158,7 @@ def checked_position(position: object, where: str) -> LonLat:
     return lon_deg, lat_deg
 
 
-def _degrees(value: object, where: str) -> float:
+def _read_degrees(value: object, where: str) -> float:
     if not is_number(value):
         raise MissionError(f"{where}: {value!r} is not a number of degrees")
     return float(value)

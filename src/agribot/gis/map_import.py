@@ -18,14 +18,14 @@ import numpy as np
 from agribot.core.errors import ConfigError
 from agribot.gis.geo_pyramid import read_geo, write_vrt
 from agribot.gis.mbtiles import LIVE, MAX_ZOOM, TileWriter, is_picture
-from agribot.gis.tile_grid import HALF_M, TILE_PX, Bounds, Tile, tile_count, tiles_in
+from agribot.gis.tile_grid import HALF_M, TILE_PX, Bounds, Tile, count_tiles, iterate_tiles
 
 if TYPE_CHECKING:
     import rasterio
 
 WEB, DEGREES = "EPSG:3857", "EPSG:4326"
 MAX_TILES = 200_000
-OVERVIEW_TILES = 4  # the coarsest zoom shows the whole picture on about so many
+OVERVIEW_TILES = 4  # the coarsest zoom shows the whole picture on about this many
 PARALLEL = 6
 TIMEOUT_S = 20.0
 MAX_TILE_BYTES = 2_000_000
@@ -36,11 +36,11 @@ Report = Callable[[int, int], None]  # tiles done, tiles in all
 
 
 def import_geotiff(source: Path, target: Path, report: Report) -> None:
-    """Any raster that GDAL reads and that says where it lies, turned to the grid of web tiles.
+    """Import any georeferenced raster that GDAL reads, resampled to the grid of web tiles.
 
-    Raises: ConfigError: not readable, without a place, or larger than makes sense here.
+    Raises: ConfigError: not readable, without a place, or larger than MAX_TILES.
     """
-    rasterio = _rasterio()
+    rasterio = _load_rasterio()
     from rasterio.warp import calculate_default_transform, transform_bounds
 
     try:
@@ -53,12 +53,12 @@ def import_geotiff(source: Path, target: Path, report: Report) -> None:
             bounds = Bounds(*transform_bounds(raster.crs, DEGREES, *raster.bounds))
             size = raster.width, raster.height
             fine, _, _ = calculate_default_transform(raster.crs, WEB, *size, *raster.bounds)
-            last = _zoom_of(fine.a)
-            first = _first_zoom(bounds, last)
-            count = _checked_count(bounds, first, last)
-            with TileWriter(target, _metadata(target, bounds, first, last, "webp")) as writer:
-                for done, tile in enumerate(tiles_in(bounds, first, last), start=1):
-                    data = _drawn(raster, tile)
+            last = _choose_zoom(fine.a)
+            first = _choose_first_zoom(bounds, last)
+            count = _check_count(bounds, first, last)
+            with TileWriter(target, _make_metadata(target, bounds, first, last, "webp")) as writer:
+                for done, tile in enumerate(iterate_tiles(bounds, first, last), start=1):
+                    data = _draw_tile(raster, tile)
                     if data:
                         writer.put(*tile, data)
                     report(done, count)
@@ -66,14 +66,14 @@ def import_geotiff(source: Path, target: Path, report: Report) -> None:
         raise ConfigError(f"cannot read {source} as a raster: {error}") from error
 
 
-def _drawn(raster: rasterio.DatasetReader, tile: Tile) -> bytes:
-    """One tile as WebP; nothing where the picture has nothing."""
+def _draw_tile(raster: rasterio.DatasetReader, tile: Tile) -> bytes:
+    """Draw a tile as WebP; empty bytes where the picture has no data."""
     from PIL import Image
     from rasterio.enums import Resampling
     from rasterio.transform import from_bounds
     from rasterio.vrt import WarpedVRT
 
-    grid = {"transform": from_bounds(*tile.edges_m(), TILE_PX, TILE_PX),
+    grid = {"transform": from_bounds(*tile.compute_edges_m(), TILE_PX, TILE_PX),
             "width": TILE_PX, "height": TILE_PX}  # fmt: skip
     with WarpedVRT(
         raster, crs=WEB, resampling=Resampling.bilinear, add_alpha=True, **grid
@@ -83,14 +83,14 @@ def _drawn(raster: rasterio.DatasetReader, tile: Tile) -> bytes:
     if not alpha.any():
         return b""
     colours = bands[:3] if len(bands) >= 4 else np.repeat(bands[:1], 3, axis=0)
-    rgba = np.moveaxis(np.concatenate([_bytes(colours), _bytes(alpha[None])]), 0, 2)
+    rgba = np.moveaxis(np.concatenate([_to_bytes(colours), _to_bytes(alpha[None])]), 0, 2)
     buffer = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(rgba), "RGBA").save(buffer, "WEBP", quality=WEBP_QUALITY)
     return buffer.getvalue()
 
 
-def _bytes(bands: Any) -> Any:
-    """Pixels of 16 bits and of floating point numbers as bytes, by the range of their type."""
+def _to_bytes(bands: Any) -> Any:
+    """Convert pixels of 16 bits and of floating point to bytes, by the range of their type."""
     if bands.dtype == np.uint8:
         return bands
     top = float(np.iinfo(bands.dtype).max) if bands.dtype.kind in "ui" else 1.0
@@ -98,7 +98,7 @@ def _bytes(bands: Any) -> Any:
 
 
 def import_geo(source: Path, target: Path, report: Report) -> None:
-    """Mapviz's multi-resolution image.
+    """Import a multi-resolution image of mapviz.
 
     Raises: ConfigError: not such a file, a tile is missing, or it is turned.
     """
@@ -109,11 +109,14 @@ def import_geo(source: Path, target: Path, report: Report) -> None:
 
 
 def import_pmtiles(source: Path, target: Path, report: Report) -> None:
-    """Raises: ConfigError: no PMTiles archive, or one of vector tiles."""
+    """Import a PMTiles archive.
+
+    Raises: ConfigError: no PMTiles archive, or one of vector tiles.
+    """
     try:
         from pmtiles.reader import MmapSource, Reader, all_tiles
     except ImportError as error:
-        raise _missing("pmtiles") from error
+        raise _make_missing_error("pmtiles") from error
     if not source.is_file():
         raise ConfigError(f"map file {source} does not exist; check the path")
     with source.open("rb") as file:
@@ -131,7 +134,7 @@ def import_pmtiles(source: Path, target: Path, report: Report) -> None:
         )
         low, high = header["min_zoom"], header["max_zoom"]
         count = header.get("addressed_tiles_count") or 0
-        metadata = _metadata(target, Bounds(*degrees), low, high, "")
+        metadata = _make_metadata(target, Bounds(*degrees), low, high, "")
         with TileWriter(target, metadata) as writer:
             for done, (address, data) in enumerate(itertools.chain([first], tiles), start=1):
                 writer.put(*address, data)
@@ -142,18 +145,18 @@ def import_from_server(
     template: str, target: Path, bounds: Bounds, zooms: tuple[int, int], attribution: str,
     report: Report,
 ) -> None:  # fmt: skip
-    """Fetch a region once; tiles that are there already are not asked for again.
+    """Fetch a region once; tiles that are there already are not requested again.
 
     Raises: ConfigError: no template, too many tiles, or the server does not give any.
     """
     check_template(template)
-    count, fetched, problem = _checked_count(bounds, *zooms), 0, ""
-    metadata = {**_metadata(target, bounds, *zooms, ""), "attribution": attribution}
+    count, fetched, problem = _check_count(bounds, *zooms), 0, ""
+    metadata = {**_make_metadata(target, bounds, *zooms, ""), "attribution": attribution}
     with TileWriter(target, metadata) as writer, ThreadPoolExecutor(PARALLEL) as pool:
-        missing = (tile for tile in tiles_in(bounds, *zooms) if not writer.has(*tile))
-        done = count - sum(not writer.has(*tile) for tile in tiles_in(bounds, *zooms))
+        missing = (tile for tile in iterate_tiles(bounds, *zooms) if not writer.has(*tile))
+        done = count - sum(not writer.has(*tile) for tile in iterate_tiles(bounds, *zooms))
         while batch := list(itertools.islice(missing, PARALLEL * 4)):
-            for tile, answer in zip(batch, pool.map(lambda t: _tried(template, t), batch),
+            for tile, answer in zip(batch, pool.map(lambda t: _try_fetch(template, t), batch),
                                     strict=True):  # fmt: skip
                 done += 1
                 if isinstance(answer, bytes):
@@ -167,16 +170,23 @@ def import_from_server(
 
 
 def register_server(template: str, target: Path, zooms: tuple[int, int], attribution: str) -> None:
-    """A map whose tiles are fetched when somebody looks at them, and kept from then on."""
+    """Register a map whose tiles are fetched when they are first shown, and then kept."""
     check_template(template)
     world = Bounds(-180.0, -85.0, 180.0, 85.0)
-    metadata = {**_metadata(target, world, *zooms, ""), "attribution": attribution, LIVE: template}
+    metadata = {
+        **_make_metadata(target, world, *zooms, ""),
+        "attribution": attribution,
+        LIVE: template,
+    }
     with TileWriter(target, metadata):
         pass
 
 
-def fetched_tile(template: str, tile: Tile) -> bytes:
-    """Raises: OSError: no answer. ValueError: the answer is no picture of a sensible size."""
+def fetch_tile(template: str, tile: Tile) -> bytes:
+    """Fetch a tile from a server.
+
+    Raises: OSError: no answer. ValueError: the answer is no picture up to MAX_TILE_BYTES.
+    """
     url = template.format(z=tile.z, x=tile.x, y=tile.y)
     request = urllib.request.Request(url, headers={"User-Agent": AGENT})
     with urllib.request.urlopen(request, timeout=TIMEOUT_S) as answer:
@@ -187,7 +197,10 @@ def fetched_tile(template: str, tile: Tile) -> bytes:
 
 
 def check_template(template: str) -> None:
-    """Raises: ConfigError: not an address of a tile server."""
+    """Check the address template of a tile server.
+
+    Raises: ConfigError: not an address of a tile server.
+    """
     try:
         filled = template.format(z=1, x=1, y=0)
     except (KeyError, IndexError, ValueError):
@@ -200,30 +213,30 @@ def check_template(template: str) -> None:
         )
 
 
-def _tried(template: str, tile: Tile) -> bytes | str:
+def _try_fetch(template: str, tile: Tile) -> bytes | str:
     try:
-        return fetched_tile(template, tile)
+        return fetch_tile(template, tile)
     except (OSError, ValueError) as error:
         return str(error)
 
 
-def _zoom_of(pixel_m: float) -> int:
-    """The zoom whose pixels are at least as fine as the picture's."""
+def _choose_zoom(pixel_m: float) -> int:
+    """Return the zoom whose pixels are at least as fine as the picture's, `pixel_m`."""
     zoom = math.ceil(math.log2(2.0 * HALF_M / TILE_PX / pixel_m) - 0.01)
     return min(max(zoom, 0), MAX_ZOOM)
 
 
-def _first_zoom(bounds: Bounds, last: int) -> int:
+def _choose_first_zoom(bounds: Bounds, last: int) -> int:
     zoom = last
-    while zoom > 0 and tile_count(bounds, zoom, zoom) > OVERVIEW_TILES:
+    while zoom > 0 and count_tiles(bounds, zoom, zoom) > OVERVIEW_TILES:
         zoom -= 1
     return zoom
 
 
-def _checked_count(bounds: Bounds, first: int, last: int) -> int:
+def _check_count(bounds: Bounds, first: int, last: int) -> int:
     if not 0 <= first <= last <= MAX_ZOOM:
         raise ConfigError(f"zooms {first} to {last}: must be within 0 to {MAX_ZOOM}, in order")
-    count = tile_count(bounds, first, last)
+    count = count_tiles(bounds, first, last)
     if count > MAX_TILES:
         raise ConfigError(
             f"that would be {count} tiles, more than {MAX_TILES}; choose a smaller region or zoom"
@@ -231,22 +244,22 @@ def _checked_count(bounds: Bounds, first: int, last: int) -> int:
     return count
 
 
-def _metadata(
+def _make_metadata(
     target: Path, bounds: Bounds, first: int, last: int, picture_format: str
 ) -> dict[str, str]:
-    said = {"name": target.stem, "bounds": bounds.text(), "minzoom": str(first),
+    said = {"name": target.stem, "bounds": bounds.to_text(), "minzoom": str(first),
             "maxzoom": str(last), "type": "baselayer"}  # fmt: skip
     return {**said, "format": picture_format} if picture_format else said
 
 
-def _rasterio() -> Any:
+def _load_rasterio() -> Any:
     try:
         import rasterio
         import rasterio.errors
     except ImportError as error:
-        raise _missing("rasterio") from error
+        raise _make_missing_error("rasterio") from error
     return rasterio
 
 
-def _missing(package: str) -> ConfigError:
+def _make_missing_error(package: str) -> ConfigError:
     return ConfigError(f"this needs {package}; install it with pip install 'agribot[maps]'")

@@ -1,4 +1,4 @@
-"""Offline map tiles: MBTiles files in one folder, read and written with nothing but SQLite."""
+"""Offline map tiles: MBTiles files in one folder, read and written with SQLite only."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from agribot.core.whole_file import make_at_once
 _MEDIA = ((b"\x89PNG", "image/png"), (b"\xff\xd8", "image/jpeg"), (b"RIFF", "image/webp"))
 MAX_ZOOM = 24
 STEPS_AT_ONCE = 1_000_000
-LIVE = "agribot_live"  # metadata: address template of a server that is asked for missing tiles
-MAX_STEPS = 200_000_000  # to count some ten million tiles; a view may be a program without end
+LIVE = "agribot_live"  # metadata: address template of the server for missing tiles
+MAX_STEPS = 200_000_000  # enough to count ten million tiles; a view may be an endless program
 MAX_VALUE_BYTES = 50_000_000
 PATIENCE_S = 10.0  # while another thread writes into the same file
 
 
 def limit_work(database: sqlite3.Connection, most_steps: int) -> None:
-    """Interrupt whatever asks for more steps of SQLite's virtual machine than that, in all."""
+    """Interrupt a connection after so many steps of SQLite's virtual machine in total."""
     steps = iter(range(most_steps // STEPS_AT_ONCE))
     database.set_progress_handler(lambda: next(steps, None) is None, STEPS_AT_ONCE)
 
@@ -31,17 +31,17 @@ def _is_stopped(error: sqlite3.Error) -> bool:
     return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_INTERRUPT
 
 
-def map_files(folder: Path) -> dict[str, Path]:
+def find_maps(folder: Path) -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.mbtiles"))}
 
 
-def described_map(path: Path) -> dict[str, Any]:
-    """Name, zooms, bounds (west, south, east, north) and attribution.
+def describe_map(path: Path) -> dict[str, Any]:
+    """Return name, zooms, bounds (west, south, east, north), degrees, and attribution.
 
     Raises: ConfigError: no MBTiles file, or an empty one that no server fills.
     """
     try:
-        with closing(_opened(path)) as database:
+        with closing(_open_read_only(path)) as database:
             known = dict(database.execute("SELECT name, value FROM metadata").fetchall())
             low, high, count = database.execute(
                 "SELECT min(zoom_level), max(zoom_level), count(*) FROM tiles"
@@ -70,11 +70,11 @@ def described_map(path: Path) -> dict[str, Any]:
     }
 
 
-def tile(path: Path, z: int, x: int, y: int) -> bytes | None:
-    """The tile by its XYZ address; MBTiles count rows from the south."""
+def read_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
+    """Read a tile by its XYZ address; MBTiles count rows from the south."""
     if not is_address(z, x, y):
         return None
-    with closing(_opened(path)) as database:
+    with closing(_open_read_only(path)) as database:
         found = database.execute(
             "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?",
             (z, x, 2**z - 1 - y),
@@ -86,14 +86,14 @@ def is_address(z: int, x: int, y: int) -> bool:
     return 0 <= z <= MAX_ZOOM and 0 <= x < 2**z and 0 <= y < 2**z
 
 
-def live_template(path: Path) -> str:
-    """Where missing tiles come from; empty for a map that is complete."""
-    with closing(_opened(path)) as database:
+def read_live_template(path: Path) -> str:
+    """Return the address template for missing tiles; empty for a complete map."""
+    with closing(_open_read_only(path)) as database:
         found = database.execute("SELECT value FROM metadata WHERE name = ?", (LIVE,)).fetchone()
     return str(found[0]) if found else ""
 
 
-def media_type(data: bytes) -> str:
+def find_media_type(data: bytes) -> str:
     return next((name for head, name in _MEDIA if data.startswith(head)), "application/x-protobuf")
 
 
@@ -102,21 +102,21 @@ def is_picture(data: bytes) -> bool:
 
 
 def import_mbtiles(source: Path, folder: Path, name: str) -> dict[str, Any]:
-    """Copy a file into the folder once it is known to be good.
+    """Check a file, then copy it into the folder.
 
     Raises: ConfigError: not readable, no MBTiles file, or without tiles.
     """
     if not source.is_file():
         raise ConfigError(f"map file {source} does not exist; check the path")
-    described_map(source)
+    describe_map(source)
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / f"{name}.mbtiles"
     make_at_once(target, lambda beside: shutil.copyfile(source, beside))
-    return described_map(target)
+    return describe_map(target)
 
 
 class TileWriter:
-    """Puts tiles into a file; what is there stays, so that an import that broke off goes on.
+    """Adds tiles to a file; existing ones stay, so that an interrupted import can continue.
 
     Raises: ConfigError: the file cannot be written, or is no MBTiles file.
     """
@@ -153,8 +153,8 @@ class TileWriter:
         self._database.execute("INSERT OR REPLACE INTO tiles VALUES (?, ?, ?, ?)", row)
 
 
-def _opened(path: Path) -> sqlite3.Connection:
-    """Read-only, one connection for each request: SQLite's are not shared between threads."""
+def _open_read_only(path: Path) -> sqlite3.Connection:
+    """Open a file read-only, for one request: threads cannot share a connection of SQLite."""
     where = f"{path.resolve().as_uri()}?mode=ro"
     database = sqlite3.connect(where, uri=True, timeout=PATIENCE_S)
     limit_work(database, MAX_STEPS)

@@ -1,4 +1,4 @@
-"""A field plan as GeoJSON that any map program opens: field, legs and certificate."""
+"""A field plan as GeoJSON for any map program: field, legs and certificate."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from agribot.autonomy.plan.plan_certificate import Certificate
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray
-from agribot.gis.field_file import field_from
-from agribot.gis.geojson import KINDS, features, read_json
+from agribot.gis.field_file import parse_field
+from agribot.gis.geojson import KINDS, parse_features, read_json
 
 FORMAT = 1
 DECIMALS = 10  # a hundredth of a millimetre: short pieces of arcs keep their direction
@@ -36,21 +36,27 @@ class SavedPlan(NamedTuple):
     datum: Datum
 
 
-def plan_text(saved: SavedPlan, certificate: Certificate) -> str:
+def format_plan(saved: SavedPlan, certificate: Certificate) -> str:
     frame = MapFrame(saved.datum)
     area = saved.area
     collected = [
-        _feature(
-            "Polygon", [_ring(r, frame) for r in (area.boundary, *area.holes)], kind="boundary"
+        _make_feature(
+            "Polygon",
+            [_to_degrees_ring(r, frame) for r in (area.boundary, *area.holes)],
+            kind="boundary",
         )
     ]
-    collected += [_feature("LineString", _line(row, frame), kind="row") for row in area.rows]
+    collected += [
+        _make_feature("LineString", _to_degrees(row, frame), kind="row") for row in area.rows
+    ]
     if area.ab_line:
-        collected.append(_feature("LineString", _line(area.ab_line, frame), kind="ab_line"))
+        collected.append(
+            _make_feature("LineString", _to_degrees(area.ab_line, frame), kind="ab_line")
+        )
     for number, leg in enumerate(saved.plan.legs):
         collected.append(
-            _feature(
-                "LineString", _line(leg.xy_map_m, frame), kind=f"leg:{leg.kind}", leg=number,
+            _make_feature(
+                "LineString", _to_degrees(leg.xy_map_m, frame), kind=f"leg:{leg.kind}", leg=number,
                 tool_on=leg.tool_on, row=leg.row, length_m=round(leg.length_m, 3),
             )
         )  # fmt: skip
@@ -68,14 +74,14 @@ def plan_text(saved: SavedPlan, certificate: Certificate) -> str:
 
 
 def read_plan(path: Path, datum: Datum | None = None) -> SavedPlan:
-    """The plan in the map of `datum`; without one, in the map in which it was made.
+    """Read a plan in the map of `datum`; without one, in the map in which it was made.
 
     Raises: MissionError: the file is not a plan, or a part of it is broken.
     """
-    return plan_from(read_json(path), path.name, datum)
+    return parse_plan(read_json(path), path.name, datum)
 
 
-def plan_from(root: Any, source_name: str, datum: Datum | None = None) -> SavedPlan:
+def parse_plan(root: Any, source_name: str, datum: Datum | None = None) -> SavedPlan:
     told = root.get("agribot") if isinstance(root, dict) else None
     if not isinstance(told, dict) or told.get("format") != FORMAT:
         raise MissionError(
@@ -88,17 +94,17 @@ def plan_from(root: Any, source_name: str, datum: Datum | None = None) -> SavedP
         swath_yaw_rad = math.radians(float(told["swath_yaw_deg"]))
     except (KeyError, TypeError, ValueError, OverflowError, msgspec.ValidationError) as error:
         raise MissionError(f"{source_name}: 'agribot' is broken: {error}; plan it again") from error
-    found = features(root, source_name)
-    area, _ = field_from([f for f in found if f.kind in KINDS], source_name, datum)
+    found = parse_features(root, source_name)
+    area, _ = parse_field([f for f in found if f.kind in KINDS], source_name, datum)
     frame = MapFrame(datum)
     legs = []
     for feature in found:
         if feature.kind.startswith("leg:"):
-            legs.append(_leg(feature.kind.removeprefix("leg:"), feature, frame))
+            legs.append(_read_leg(feature.kind.removeprefix("leg:"), feature, frame))
     return SavedPlan(FieldPlan(legs=tuple(legs), swath_yaw_rad=swath_yaw_rad), area, request, datum)
 
 
-def _leg(kind: str, feature: Any, frame: MapFrame) -> Leg:
+def _read_leg(kind: str, feature: Any, frame: MapFrame) -> Leg:
     try:
         checked_kind: LegKind = msgspec.convert(kind, LegKind)
         row = msgspec.convert(feature.properties.get("row", -1), int)
@@ -110,7 +116,7 @@ def _leg(kind: str, feature: Any, frame: MapFrame) -> Leg:
     return Leg(kind=checked_kind, xy_map_m=np.array(xy), row=row)
 
 
-def _feature(geometry: str, coordinates: object, **properties: object) -> dict[str, Any]:
+def _make_feature(geometry: str, coordinates: object, **properties: object) -> dict[str, Any]:
     return {
         "type": "Feature",
         "properties": properties,
@@ -118,7 +124,7 @@ def _feature(geometry: str, coordinates: object, **properties: object) -> dict[s
     }
 
 
-def _line(points: MapLine | FloatArray, frame: MapFrame) -> list[list[float]]:
+def _to_degrees(points: MapLine | FloatArray, frame: MapFrame) -> list[list[float]]:
     found = []
     for east_m, north_m in points:
         lat_deg, lon_deg, _ = frame.geodetic_from_map(float(east_m), float(north_m))
@@ -126,6 +132,6 @@ def _line(points: MapLine | FloatArray, frame: MapFrame) -> list[list[float]]:
     return found
 
 
-def _ring(points: MapLine, frame: MapFrame) -> list[list[float]]:
-    line = _line(points, frame)
+def _to_degrees_ring(points: MapLine, frame: MapFrame) -> list[list[float]]:
+    line = _to_degrees(points, frame)
     return [*line, line[0]]

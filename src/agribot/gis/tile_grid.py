@@ -12,7 +12,7 @@ from typing import NamedTuple
 from agribot.core.errors import ConfigError
 
 TILE_PX = 256
-HALF_M = math.pi * 6378137.0  # of the square that the whole world is drawn on
+HALF_M = math.pi * 6378137.0  # of the square of the whole world
 MAX_LAT_DEG = 85.05112878
 
 
@@ -22,7 +22,7 @@ class Bounds(NamedTuple):
     east_deg: float
     north_deg: float
 
-    def text(self) -> str:
+    def to_text(self) -> str:
         return ",".join(f"{edge:.7f}" for edge in self)
 
 
@@ -31,14 +31,14 @@ class Tile(NamedTuple):
     x: int
     y: int
 
-    def edges_m(self) -> tuple[float, float, float, float]:
-        """Left, bottom, right and top in Web Mercator."""
+    def compute_edges_m(self) -> tuple[float, float, float, float]:
+        """Return left, bottom, right and top in Web Mercator."""
         side_m = 2.0 * HALF_M / 2**self.z
         left_m, top_m = self.x * side_m - HALF_M, HALF_M - self.y * side_m
         return left_m, top_m - side_m, left_m + side_m, top_m
 
 
-def tile_at(lat_deg: float, lon_deg: float, z: int) -> Tile:
+def find_tile(lat_deg: float, lon_deg: float, z: int) -> Tile:
     lat_rad = math.radians(min(max(lat_deg, -MAX_LAT_DEG), MAX_LAT_DEG))
     count = 2**z
     x = (lon_deg + 180.0) / 360.0 * count
@@ -46,26 +46,29 @@ def tile_at(lat_deg: float, lon_deg: float, z: int) -> Tile:
     return Tile(z, min(max(int(x), 0), count - 1), min(max(int(y), 0), count - 1))
 
 
-def tiles_in(bounds: Bounds, first_zoom: int, last_zoom: int) -> Iterator[Tile]:
+def iterate_tiles(bounds: Bounds, first_zoom: int, last_zoom: int) -> Iterator[Tile]:
     for z in range(first_zoom, last_zoom + 1):
-        top_left = tile_at(bounds.north_deg, bounds.west_deg, z)
-        bottom_right = tile_at(bounds.south_deg, bounds.east_deg, z)
+        top_left = find_tile(bounds.north_deg, bounds.west_deg, z)
+        bottom_right = find_tile(bounds.south_deg, bounds.east_deg, z)
         for x in range(top_left.x, bottom_right.x + 1):
             for y in range(top_left.y, bottom_right.y + 1):
                 yield Tile(z, x, y)
 
 
-def tile_count(bounds: Bounds, first_zoom: int, last_zoom: int) -> int:
+def count_tiles(bounds: Bounds, first_zoom: int, last_zoom: int) -> int:
     count = 0
     for z in range(first_zoom, last_zoom + 1):
-        top_left = tile_at(bounds.north_deg, bounds.west_deg, z)
-        bottom_right = tile_at(bounds.south_deg, bounds.east_deg, z)
+        top_left = find_tile(bounds.north_deg, bounds.west_deg, z)
+        bottom_right = find_tile(bounds.south_deg, bounds.east_deg, z)
         count += (bottom_right.x - top_left.x + 1) * (bottom_right.y - top_left.y + 1)
     return count
 
 
-def bounds_from(text: str) -> Bounds:
-    """Raises: ConfigError: not four numbers west, south, east, north in degrees."""
+def parse_bounds(text: str) -> Bounds:
+    """Parse west, south, east, north in degrees, separated by commas.
+
+    Raises: ConfigError: not four numbers west, south, east, north in degrees.
+    """
     try:
         bounds = Bounds(*(float(word) for word in text.split(",")))
     except (TypeError, ValueError) as error:

@@ -14,7 +14,7 @@ from agribot.core.errors import RecordingError
 from agribot.core.topics import Qos, Topic
 from agribot.record.background_file import BackgroundFile
 from agribot.record.mcap_records import McapRecords, list_parts
-from agribot.ros.messages.rosmsg import typestore
+from agribot.ros.messages.rosmsg import load_types
 
 LIBRARY = "agribot"
 MSGPACK_SCHEMA = "agribot.TickRecord"
@@ -94,12 +94,12 @@ class McapFile:
             return int(self._writer.register_channel(topic.name, "msgpack", schema))
         schema = self._schemas.get(topic.ros_type, 0)
         if not schema:
-            text, _ = typestore().generate_msgdef(topic.ros_type, ros_version=2)
+            text, _ = load_types().generate_msgdef(topic.ros_type, ros_version=2)
             schema = self._writer.register_schema(topic.ros_type, "ros2msg", text.encode())
             self._schemas[topic.ros_type] = schema
         metadata = {
             "offered_qos_profiles": format_qos(topic.qos),
-            "topic_type_hash": typestore().hash_rihs01(topic.ros_type),
+            "topic_type_hash": load_types().hash_rihs01(topic.ros_type),
         }
         return int(self._writer.register_channel(topic.name, "cdr", schema, metadata))
 

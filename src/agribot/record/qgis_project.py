@@ -17,7 +17,7 @@ from agribot.record.mcap_file import read_messages
 from agribot.record.replay import read_config, read_weed_map
 from agribot.record.report import write_file
 from agribot.record.weeds import weeds_geojson
-from agribot.ros.messages.rosmsg import typestore
+from agribot.ros.messages.rosmsg import load_types
 
 PROJECT = "agribot.qgs"
 _VERSION = "3.22"
@@ -66,12 +66,12 @@ def _make_layers(recording: Path) -> list[Layer]:
     layers = [_make_line("track", [(p.lon_deg, p.lat_deg) for p in track.points], _GREEN)]
     frame = MapFrame(config.field.datum)
     for message in list(read_messages(recording, topics.PATH))[-1:]:
-        path: Any = typestore().deserialize_cdr(message.data, topics.PATH.ros_type)
+        path: Any = load_types().deserialize_cdr(message.data, topics.PATH.ros_type)
         layers.append(
             _make_line("plan", _place_on_earth(frame, [s.pose for s in path.poses]), _BLUE)
         )
     for message in list(read_messages(recording, topics.GOALS))[-1:]:
-        goals: Any = typestore().deserialize_cdr(message.data, topics.GOALS.ros_type)
+        goals: Any = load_types().deserialize_cdr(message.data, topics.GOALS.ros_type)
         layers.append(_make_points("goals", _place_on_earth(frame, goals.poses), _DARK))
     try:
         weeds = weeds_geojson(read_weed_map(recording), config.field.datum)

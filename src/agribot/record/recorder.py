@@ -15,8 +15,8 @@ from agribot.core.version import __version__
 from agribot.record.parts import RecordingParts
 from agribot.record.ticks import encode_tick
 from agribot.ros.messages.camera_log import CameraLog
-from agribot.ros.messages.rosmsg import nanoseconds
-from agribot.ros.messages.topic_feed import TopicFeed
+from agribot.ros.messages.rosmsg import to_nanoseconds
+from agribot.ros.messages.topic_writer import TopicWriter
 
 CONFIG_ATTACHMENT = "config.toml"
 URDF_ATTACHMENT = "robot.urdf"
@@ -50,7 +50,7 @@ class RunRecorder:
         self._now_s = 0.0
         self._next_second_ns = self._next_flush_ns = 0
         camera = CameraLog(robot, config.record.image_rate_hz, config.record.jpeg_quality)
-        self._feed = TopicFeed(self._file.write, robot, config.field.datum, urdf, camera)
+        self._feed = TopicWriter(self._file.write, robot, config.field.datum, urdf, camera)
         self._feed.set_plan(0.0, plan, goals_map_m)
         self._attach_settings()
 
@@ -58,7 +58,7 @@ class RunRecorder:
         if self._file.ended_because:
             return
         self._now_s = record.batch.t_s
-        now_ns = nanoseconds(self._now_s)
+        now_ns = to_nanoseconds(self._now_s)
         self._feed(record)
         self._file.write(topics.TICK, now_ns, encode_tick(record), now_ns)
         if now_ns >= self._next_second_ns:
@@ -77,7 +77,7 @@ class RunRecorder:
         self, t_s: float, pose: tuple[float, float, float], twist: tuple[float, float] = (0.0, 0.0)
     ) -> None:
         """Record the true x_map_m, y_map_m, yaw_map_rad and forward and yaw rate of a simulator."""
-        self._feed.truth(t_s, pose, twist)
+        self._feed.write_truth(t_s, pose, twist)
 
     def set_plan(
         self, t_s: float, plan: Path | None, goals_map_m: Sequence[tuple[float, float]]

@@ -26,7 +26,7 @@ from agribot.core.messages import (
 from agribot.record.mcap_file import read_attachment, read_messages
 from agribot.record.recorder import CONFIG_ATTACHMENT, URDF_ATTACHMENT, WEED_MAP_ATTACHMENT
 from agribot.record.ticks import decode_tick
-from agribot.ros.messages.rosmsg import typestore
+from agribot.ros.messages.rosmsg import load_types
 
 
 def read_config(path: Path) -> RunConfig:
@@ -64,7 +64,7 @@ def read_truth(path: Path) -> FloatArray:
     """Read the truth, (N, 4): t_s, x_map_m, y_map_m, yaw_map_rad; no rows where none was known."""
     rows = []
     for message in read_messages(path, topics.GROUND_TRUTH):
-        odometry = typestore().deserialize_cdr(message.data, topics.GROUND_TRUTH.ros_type)
+        odometry = load_types().deserialize_cdr(message.data, topics.GROUND_TRUTH.ros_type)
         pose = odometry.pose.pose  # type: ignore[attr-defined]
         yaw = 2.0 * np.arctan2(pose.orientation.z, pose.orientation.w)
         rows.append((message.publish_time * 1e-9, pose.position.x, pose.position.y, yaw))

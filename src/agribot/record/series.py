@@ -122,7 +122,7 @@ class SeriesTap:
 
 
 def collect(records: Iterable[TickRecord], truth: FloatArray | None = None) -> RunSeries:
-    """Collect the series of a recording; `truth` is as `replay.read_truth` gives it."""
+    """Collect the series of a recording; `truth` (N, 4) is as `replay.read_truth` gives it."""
     tap = SeriesTap()
     for record in records:
         tap(record)

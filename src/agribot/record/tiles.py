@@ -82,7 +82,7 @@ def _weeds(report: Report) -> list[Tile]:
 
 
 def _implement(report: Report) -> list[Tile]:
-    """The figures of the implement, under its own names."""
+    """Make the tiles of the implement, under its own names."""
     implement = report.implement
     if implement is None:
         return []

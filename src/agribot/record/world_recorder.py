@@ -11,7 +11,7 @@ from agribot.record.parts import RecordingParts
 from agribot.record.recorder import CONFIG_ATTACHMENT, FLUSH_NS, URDF_ATTACHMENT
 from agribot.ros.messages import rosmsg
 from agribot.ros.messages.camera_log import CameraLog
-from agribot.ros.messages.world_feed import WorldFeed, WorldTick
+from agribot.ros.messages.world_topic_writer import WorldTick, WorldTopicWriter
 
 
 class WorldRecorder:
@@ -24,7 +24,7 @@ class WorldRecorder:
         self.path = path
         self._file = RecordingParts(path, config.record)
         camera = CameraLog(robot, config.record.image_rate_hz, config.record.jpeg_quality)
-        self._feed = WorldFeed(self._file.write, robot, urdf, camera)
+        self._feed = WorldTopicWriter(self._file.write, robot, urdf, camera)
         self._next_flush_ns = 0
         words = {"version": __version__, "profile": config.profile, "seed": str(config.seed)}
         self._file.describe("agribot", {**words, "robot": robot.name, "world": config.world})
@@ -34,7 +34,7 @@ class WorldRecorder:
 
     def __call__(self, tick: WorldTick) -> None:
         self._feed(tick)
-        now_ns = rosmsg.nanoseconds(tick.batch.t_s)
+        now_ns = rosmsg.to_nanoseconds(tick.batch.t_s)
         if now_ns >= self._next_flush_ns:
             self._next_flush_ns = now_ns + FLUSH_NS
             self._file.flush()

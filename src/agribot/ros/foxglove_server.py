@@ -9,7 +9,7 @@ from typing import Any
 from agribot.core.errors import BridgeError
 from agribot.core.messages import TickRecord
 from agribot.core.topics import Topic
-from agribot.ros.messages.rosmsg import typestore
+from agribot.ros.messages.rosmsg import load_types
 
 HOST = "127.0.0.1"
 
@@ -32,12 +32,12 @@ class FoxgloveGateway:
         self._latched: dict[str, tuple[bytes, int]] = {}
         self._channels: dict[str, Any] = {}
         for topic in out:
-            text, _ = typestore().generate_msgdef(topic.ros_type, ros_version=2)
+            text, _ = load_types().generate_msgdef(topic.ros_type, ros_version=2)
             schema = foxglove.Schema(name=topic.ros_type, encoding="ros2msg", data=text.encode())
             self._channels[topic.name] = foxglove.Channel(
                 topic.name, schema=schema, message_encoding="cdr", context=context
             )
-        listener: Any = _Greeter(self._greet)
+        listener: Any = _SubscriptionListener(self._send_latched)
         try:
             self._server = foxglove.start_server(
                 name="AGRIBOT",
@@ -64,15 +64,15 @@ class FoxgloveGateway:
         channel.log(data, log_time=t_ns)
 
     def step(self, _record: TickRecord) -> None:
-        """The topics say it all."""
+        """Do nothing: all is in the topics."""
 
     def close(self) -> None:
         if self._open:
             self._open = False
             self._server.stop()
 
-    def _greet(self, name: str) -> None:
-        """A client that comes late gets the last message of a latched topic; the others again."""
+    def _send_latched(self, name: str) -> None:
+        """Send the last message of a latched topic again, to all clients, for a new one."""
         with self._lock:
             kept = self._latched.get(name)
         if kept is not None:
@@ -80,11 +80,11 @@ class FoxgloveGateway:
             self._channels[name].log(data, log_time=t_ns)
 
 
-class _Greeter:
+class _SubscriptionListener:
     def __init__(self, greet: Any) -> None:
-        self._greet = greet
+        self._send_latched = greet
 
     def on_subscribe(self, _client: Any, channel: Any) -> None:
-        self._greet(channel.topic)
+        self._send_latched(channel.topic)
 
     def on_unsubscribe(self, _client: Any, _channel: Any) -> None: ...

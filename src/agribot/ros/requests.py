@@ -1,7 +1,7 @@
-"""What peers may ask of the robot, whatever protocol they speak.
+"""Requests of peers to the robot, the same for every protocol.
 
-A request goes the way of every hand: into the inbox, past the supervisor. What can only bring the
-robot to rest is always heard; what can move it needs `allow_drive`.
+A request goes the same way as an operator's: into the inbox, past the supervisor. One that can only
+bring the robot to rest is always accepted; one that can move it needs `allow_drive`.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from collections.abc import Callable
 from agribot.core.errors import BridgeError
 from agribot.core.messages import Inbox, OperatorAction, OperatorEvent
 
-MIN_INTERVAL_S = 0.005  # of twists; a faster stream is thinned out, but for what stops
-_SAY_PERIOD_S = 5.0
+MIN_INTERVAL_S = 0.005  # of twists; faster ones are dropped, except those that stop
+_REPORT_PERIOD_S = 5.0
 _KEPT_REASONS = 100
 _MOVING: frozenset[OperatorAction] = frozenset({"resume", "clear_stop", "visit", "set"})
 
@@ -42,20 +42,20 @@ class Requests:
         inbox: Inbox,
         *,
         allow_drive: bool = False,
-        say: Callable[[str], None] = lambda _text: None,
+        report: Callable[[str], None] = lambda _text: None,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.allow_drive = allow_drive
-        self._inbox, self._say, self._now_s = inbox, say, now_s
+        self._inbox, self._report, self._now_s = inbox, report, now_s
         self._lock = threading.Lock()
         self._next_twist_s = -math.inf
-        self._next_say_s: dict[str, float] = {}
-        self._unsaid: dict[str, int] = {}
+        self._next_report_s: dict[str, float] = {}
+        self._unreported: dict[str, int] = {}
 
-    def twist(self, twist: Twist, source: str) -> None:
-        """Ask for a body twist. Only forward speed and yaw rate exist on this robot.
+    def request_twist(self, twist: Twist, source: str) -> None:
+        """Request a body twist, of which only forward speed and yaw rate exist on this robot.
 
-        Numbers that are none are passed on: the supervisor refuses them and stops the robot.
+        A twist that is not finite is passed on: the supervisor refuses it and stops the robot.
         """
         if not self.allow_drive:
             self.refuse(f"{source}: cmd_vel is refused; start with --allow-drive to take it")
@@ -82,11 +82,11 @@ class Requests:
             self._next_twist_s = now_s + MIN_INTERVAL_S
             return False
 
-    def act(self, action: OperatorAction, source: str) -> tuple[bool, str]:
-        """Hand an action in. Returns whether it was, and what to tell the peer."""
-        return self._ask(OperatorEvent(t_s=0.0, action=action, source=source))
+    def request_action(self, action: OperatorAction, source: str) -> tuple[bool, str]:
+        """Request an action; return whether it was posted, and the text for the peer."""
+        return self._post(OperatorEvent(t_s=0.0, action=action, source=source))
 
-    def _ask(self, event: OperatorEvent) -> tuple[bool, str]:
+    def _post(self, event: OperatorEvent) -> tuple[bool, str]:
         action = event.action
         if action in _MOVING and not self.allow_drive:
             text = f"'{action}' can set the robot in motion; start with --allow-drive to take it"
@@ -95,36 +95,41 @@ class Requests:
         self._inbox.post(event)
         return True, f"'{action}' handed to the robot"
 
-    def visit(self, places_map_m: tuple[float, ...], name: str, source: str) -> tuple[bool, str]:
-        """Ask the robot to drive to places, x and y of each, in place of its mission."""
-        return self._ask(
+    def request_visit(
+        self, places_map_m: tuple[float, ...], name: str, source: str
+    ) -> tuple[bool, str]:
+        """Request to drive to places, x and y of each, in place of the mission."""
+        return self._post(
             OperatorEvent(t_s=0.0, action="visit", source=source, text=name, numbers=places_map_m)
         )
 
-    def change(self, setting: str, value: float, source: str) -> str:
-        """Change one of LIVE_SETTINGS; why not, or empty."""
-        done, text = self._ask(
+    def request_change(self, setting: str, value: float, source: str) -> str:
+        """Request a change of one of LIVE_SETTINGS; return the reason if it is refused, or ""."""
+        done, text = self._post(
             OperatorEvent(t_s=0.0, action="set", source=source, text=setting, value=value)
         )
         return "" if done else text
 
     def refuse(self, why: str) -> None:
-        """Tell the operator, with the number of times since the last telling."""
+        """Report a refusal to the operator, with its number of times since the last report."""
         with self._lock:
             now_s = self._now_s()
-            if len(self._unsaid) > _KEPT_REASONS:  # names in reasons come from the peers
-                self._unsaid.clear()
-                self._next_say_s.clear()
-            count = self._unsaid[why] = self._unsaid.get(why, 0) + 1
-            if now_s < self._next_say_s.get(why, -math.inf):
+            if len(self._unreported) > _KEPT_REASONS:  # names in reasons come from the peers
+                self._unreported.clear()
+                self._next_report_s.clear()
+            count = self._unreported[why] = self._unreported.get(why, 0) + 1
+            if now_s < self._next_report_s.get(why, -math.inf):
                 return
-            self._next_say_s[why] = now_s + _SAY_PERIOD_S
-            self._unsaid[why] = 0
-        self._say(why if count == 1 else f"{why} ({count} times)")
+            self._next_report_s[why] = now_s + _REPORT_PERIOD_S
+            self._unreported[why] = 0
+        self._report(why if count == 1 else f"{why} ({count} times)")
 
 
 def read_twist_cdr(data: bytes) -> Twist:
-    """Of a geometry_msgs/Twist in CDR. Raises: BridgeError: these bytes are none."""
+    """Read a geometry_msgs/Twist in CDR.
+
+    Raises: BridgeError: the bytes are no twist.
+    """
     if len(data) != 52 or data[:2] not in {b"\x00\x01", b"\x00\x00"}:
         raise BridgeError(f"{len(data)} bytes are no geometry_msgs/Twist, which has 52 in CDR")
     order = "<" if data[1] else ">"

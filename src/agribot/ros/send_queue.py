@@ -1,4 +1,4 @@
-"""One thread behind a bounded queue: whoever puts goes on at once, the oldest is lost."""
+"""A bounded queue with one thread behind it: `put` never waits, a full queue loses its oldest."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
-LAST_WORDS_S = 2.0  # to send what is queued when the run ends
+DRAIN_S = 2.0  # to send what is queued when the run ends
 
 
 class SendQueue(Generic[T]):
-    """`step` is called from the queue's own thread; `dropped` counts what found it full."""
+    """Calls `step` with each item in a thread of its own; `dropped` counts the items lost."""
 
     def __init__(self, step: Callable[[T], None], limit: int) -> None:
         self._step, self._limit = step, limit
@@ -29,12 +29,12 @@ class SendQueue(Generic[T]):
         self._wake.set()
 
     def close(self) -> bool:
-        """Work off what is queued, within a moment. Returns False when that was done before."""
+        """Process the queued items, within DRAIN_S; return False if it was closed before."""
         if self._closing.is_set():
             return False
         self._closing.set()
         self._wake.set()
-        self._thread.join(LAST_WORDS_S)
+        self._thread.join(DRAIN_S)
         return True
 
     def _work(self) -> None:

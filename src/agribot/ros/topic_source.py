@@ -1,4 +1,4 @@
-"""A sensor of the robot that is somebody else's topic."""
+"""A sensor of the robot that comes from a topic of another node."""
 
 from __future__ import annotations
 
@@ -11,21 +11,24 @@ import msgspec
 
 from agribot.core.errors import BridgeError
 from agribot.core.platform import Sensor
-from agribot.ros.messages.sensor_readers import Read, Sample, seconds
+from agribot.ros.messages.sensor_readers import ReadSample, Sample, to_seconds
 from agribot.ros.messages.stamp_clock import StampClock, TickClock
 
-QUEUE_MESSAGES = 1000  # not taken yet; a flood loses its oldest
+QUEUE_MESSAGES = 1000  # not taken yet; more lose the oldest
 
 
-class Ear(Protocol):
-    """A network on which a topic can be heard without knowing its type beforehand."""
+class UntypedConnection(Protocol):
+    """A network on which one can subscribe to a topic of any type."""
 
-    def hear_any(self, name: str, heard: Callable[[str, bytes], None]) -> None:
-        """`heard` gets the message type and its bytes, in a thread of the network."""
+    def subscribe_any(self, name: str, on_message: Callable[[str, bytes], None]) -> None:
+        """Subscribe to a topic; `on_message` gets type and bytes in a thread of the network."""
         ...
 
     def decode(self, ros_type: str, data: bytes) -> Any:
-        """Raises: BridgeError: these bytes are no such message."""
+        """Decode a message.
+
+        Raises: BridgeError: the bytes are no such message.
+        """
         ...
 
 
@@ -36,10 +39,11 @@ class _Arrival(NamedTuple):
 
 
 class TopicSource:
-    """Messages are read in the network's thread and taken, with their time, in the loop's.
+    """Reads messages in the network's thread; the loop takes them with their capture time.
 
-    `name` is the topic's; `refuse` hears what is not taken and why; `now_s` is the monotonic clock.
-    A loop that makes up for lost time finds every sample in the tick in which it was captured.
+    `name` is the topic's; `refuse` is called with the reason for each message that is rejected;
+    `now_s` is the monotonic clock. A loop that catches up on lost time finds every sample in the
+    tick in which it was captured.
     Raises: BridgeError: the network cannot be reached.
     """
 
@@ -47,27 +51,34 @@ class TopicSource:
         self,
         sensor: Sensor,
         name: str,
-        ear: Ear,
-        readers: Mapping[str, Read],
+        connection: UntypedConnection,
+        readers: Mapping[str, ReadSample],
         refuse: Callable[[str], None],
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.sensor, self.name = sensor, name
-        self._ear, self._readers, self._refuse, self._now_s = ear, readers, refuse, now_s
+        self._connection, self._readers, self._refuse, self._now_s = (
+            connection,
+            readers,
+            refuse,
+            now_s,
+        )
         self._arrived: deque[_Arrival] = deque(maxlen=QUEUE_MESSAGES)
         self._ticks, self._clock = TickClock(), StampClock()
         self._timed: deque[tuple[float, Sample]] = deque(maxlen=QUEUE_MESSAGES)  # by capture time
         self._last_s = -1.0
-        ear.hear_any(name, self._hear)
+        connection.subscribe_any(name, self._on_message)
 
     def take(self, t_s: float) -> tuple[Sample, ...]:
-        """Those captured until `t_s`; later ones of the same or an earlier time are left out."""
-        self._ticks.tick(t_s, self._now_s())
+        """Take the samples captured until `t_s`; one not newer than its predecessor is dropped."""
+        self._ticks.note_tick(t_s, self._now_s())
         arrivals = [self._arrived.popleft() for _ in range(len(self._arrived))]
         for stamp_s, arrived_s, _ in arrivals:
-            self._clock.hear(stamp_s, self._ticks.t_s(arrived_s))
+            self._clock.note_message(stamp_s, self._ticks.convert_to_robot_s(arrived_s))
         for stamp_s, arrived_s, sample in arrivals:
-            at_s = self._clock.t_s(stamp_s, self._ticks.t_s(arrived_s))
+            at_s = self._clock.convert_to_robot_s(
+                stamp_s, self._ticks.convert_to_robot_s(arrived_s)
+            )
             if at_s > self._last_s:
                 self._last_s = at_s
                 self._timed.append((at_s, sample))
@@ -78,18 +89,18 @@ class TopicSource:
         return tuple(taken)
 
     def close(self) -> None:
-        """What the ear has declared goes with it."""
+        """Do nothing: the subscription ends with its connection."""
 
-    def _hear(self, ros_type: str, data: bytes) -> None:
+    def _on_message(self, ros_type: str, data: bytes) -> None:
         arrived_s = self._now_s()
         read = self._readers.get(ros_type)
         try:
             if read is None:
                 raise BridgeError(f"{ros_type} is none of {', '.join(self._readers)}")
-            message = self._ear.decode(ros_type, data)
+            message = self._connection.decode(ros_type, data)
             sample = read(message, 0.0)
         except BridgeError as error:
             self._refuse(f"{self.sensor} from {self.name}: {error}")
             return
         if sample is not None:
-            self._arrived.append(_Arrival(seconds(message.header.stamp), arrived_s, sample))
+            self._arrived.append(_Arrival(to_seconds(message.header.stamp), arrived_s, sample))

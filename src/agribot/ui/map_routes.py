@@ -12,15 +12,15 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from agribot.core.errors import ConfigError
-from agribot.gis.map_import import fetched_tile
+from agribot.gis.map_import import fetch_tile
 from agribot.gis.mbtiles import (
     TileWriter,
-    described_map,
+    describe_map,
+    find_maps,
+    find_media_type,
     is_address,
-    live_template,
-    map_files,
-    media_type,
-    tile,
+    read_live_template,
+    read_tile,
 )
 from agribot.gis.tile_grid import Tile
 from agribot.ui.answers import (
@@ -46,9 +46,9 @@ async def list_maps(request: Request) -> Response:
 
 def _described_maps(folder: Path) -> list[dict[str, Any]]:
     maps = []
-    for name, path in map_files(folder).items():
+    for name, path in find_maps(folder).items():
         try:
-            maps.append({**described_map(path), "url": f"/tiles/{name}/{{z}}/{{x}}/{{y}}"})
+            maps.append({**describe_map(path), "url": f"/tiles/{name}/{{z}}/{{x}}/{{y}}"})
         except ConfigError:
             continue  # a file that somebody put there by hand and that is none
     return maps
@@ -57,26 +57,26 @@ def _described_maps(folder: Path) -> list[dict[str, Any]]:
 async def map_tile(request: Request) -> Response:
     hub: Hub = request.app.state.hub
     where = request.path_params
-    path = map_files(hub.home / "maps").get(where["name"])
+    path = find_maps(hub.home / "maps").get(where["name"])
     if path is None:
         return refused(404, f"no map '{where['name'][:80]}'")
     address = Tile(where["z"], where["x"], where["y"])
-    data = await anyio.to_thread.run_sync(tile, path, *address)
+    data = await anyio.to_thread.run_sync(read_tile, path, *address)
     if data is None and is_address(*address):
         data = await anyio.to_thread.run_sync(_fetched, path, address, limiter=FETCHES)
     if data is None:
         return NO_TILE
     headers = {"cache-control": "max-age=86400"}
-    return Response(data, media_type=media_type(data), headers=headers)
+    return Response(data, media_type=find_media_type(data), headers=headers)
 
 
 def _fetched(path: Path, address: Tile) -> bytes | None:
     """From the server behind a live map, kept for the next time; None where there is none."""
-    template = live_template(path)
+    template = read_live_template(path)
     if not template:
         return None
     try:
-        data = fetched_tile(template, address)
+        data = fetch_tile(template, address)
     except (OSError, ValueError):
         return None  # no network on the field: the map shows what was looked at before
     with TileWriter(path, {}) as writer:
@@ -93,7 +93,9 @@ async def panel_data(request: Request) -> Response:
     value = await _asked(request, "panel_data", {"id": request.path_params["id"]})
     if isinstance(value, dict) and set(value) == {"base64"}:
         data = base64.b64decode(value["base64"])
-        return Response(data, media_type=media_type(data), headers={"cache-control": "no-store"})
+        return Response(
+            data, media_type=find_media_type(data), headers={"cache-control": "no-store"}
+        )
     return json_answer(value)
 
 

@@ -10,7 +10,7 @@ import msgspec
 from agribot.core import topics
 from agribot.core.topics import Topic
 from agribot.record.mcap_file import read_messages
-from agribot.ros.messages.rosmsg import typestore
+from agribot.ros.messages.rosmsg import load_types
 
 MAX_BYTES = 64_000_000  # some half an hour at one picture per second; more is thinned out
 
@@ -53,7 +53,7 @@ def _jpegs(path: Path, topic: Topic) -> dict[float, bytes]:
     for number, message in enumerate(read_messages(path, topic)):
         if number % every:
             continue
-        image = typestore().deserialize_cdr(message.data, topic.ros_type)
+        image = load_types().deserialize_cdr(message.data, topic.ros_type)
         data = bytes(image.data)  # type: ignore[attr-defined]
         kept[message.publish_time * 1e-9] = data
         size += len(data)

@@ -16,9 +16,9 @@ from agribot.core.errors import MissionError
 from agribot.core.geo import MapFrame
 from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
-from agribot.gis.field_file import field_from
-from agribot.gis.geojson import KINDS, features
-from agribot.gis.plan_file import SavedPlan, plan_text
+from agribot.gis.field_file import parse_field
+from agribot.gis.geojson import KINDS, parse_features
+from agribot.gis.plan_file import SavedPlan, format_plan
 from agribot.ui.ground import field_of
 
 SHOWN_STEP_M = 0.2
@@ -52,8 +52,8 @@ def make_plan(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> Made:
 
 
 def _planned(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> Made:
-    found = [f for f in features(wanted.field, "the field") if f.kind in {*KINDS, ""}]
-    area, datum = field_from(found, "the field", config.field.datum)
+    found = [f for f in parse_features(wanted.field, "the field") if f.kind in {*KINDS, ""}]
+    area, datum = parse_field(found, "the field", config.field.datum)
     yaw_deg = wanted.swath_yaw_deg
     request = PlanRequest(
         implement_width_m=_width_m(wanted, robot),
@@ -87,7 +87,7 @@ def _planned(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> Made:
     if not certificate.ok:
         return Made(answer)
     rows = FieldWork(plan, area, shape, request).rows
-    text = plan_text(SavedPlan(plan, area, request, datum), certificate)
+    text = format_plan(SavedPlan(plan, area, request, datum), certificate)
     return Made(answer, text, field_of(config, rows, area=area))
 
 

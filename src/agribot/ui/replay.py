@@ -19,7 +19,7 @@ from agribot.record.events import Event, EventSieve
 from agribot.record.mcap_file import read_messages
 from agribot.record.replay import read_config, read_ticks, read_urdf, read_weed_map
 from agribot.record.weeds import position_std_m
-from agribot.ros.messages.rosmsg import typestore
+from agribot.ros.messages.rosmsg import load_types
 from agribot.ui.channel import Channel, signal_table
 from agribot.ui.feed import event_message
 from agribot.ui.ground import read_field_or_datum
@@ -222,7 +222,7 @@ def _path(path: Path) -> dict[str, Any] | None:
     """The last plan of the recording."""
     found: dict[str, Any] | None = None
     for message in read_messages(path, topics.PATH):
-        planned = typestore().deserialize_cdr(message.data, topics.PATH.ros_type)
+        planned = load_types().deserialize_cdr(message.data, topics.PATH.ros_type)
         poses = planned.poses  # type: ignore[attr-defined]
         xy = [[round(p.pose.position.x, 4), round(p.pose.position.y, 4)] for p in poses]
         found = {"xy": xy, "row": [-1] * len(xy)}

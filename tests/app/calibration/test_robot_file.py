@@ -10,7 +10,7 @@ import pytest
 
 from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.calibration.robot_file import RobotFile
-from agribot.cli.run_settings import add_setting_arguments, settings_of
+from agribot.cli.run_settings import add_setting_arguments, read_settings
 from agribot.core import config
 from agribot.core.config import CalibrationConfig
 from agribot.core.errors import ConfigError
@@ -49,11 +49,11 @@ def test_a_run_believes_the_file_and_an_option_more(
     RobotFile(tmp_path, "agribot").add(["calibration.wheel_radius_m=0.089"])
     parser = argparse.ArgumentParser()
     add_setting_arguments(parser)
-    assert settings_of(parser.parse_args(["farm"])).calibration.wheel_radius_m == 0.089
+    assert read_settings(parser.parse_args(["farm"])).calibration.wheel_radius_m == 0.089
     assert "measured of this robot" in capsys.readouterr().err
     words = ["farm", "--set", "calibration.wheel_radius_m=0.088"]
-    assert settings_of(parser.parse_args(words)).calibration.wheel_radius_m == 0.088
-    other = settings_of(parser.parse_args(["farm", "--robot", "other"]))
+    assert read_settings(parser.parse_args(words)).calibration.wheel_radius_m == 0.088
+    other = read_settings(parser.parse_args(["farm", "--robot", "other"]))
     assert other.calibration.wheel_radius_m is None
 
 

@@ -213,7 +213,7 @@ def test_mcap_without_index_or_chunks_is_read(
 
 @pytest.mark.slow
 def test_a_million_messages_are_counted_and_converted(tmp_path: Path) -> None:
-    count, data = 1_000_000, rosmsg.to_cdr(rosmsg.float64(1.5))
+    count, data = 1_000_000, rosmsg.to_cdr(rosmsg.make_float64(1.5))
     file = McapFile(tmp_path / "many.mcap")
     for number in range(count):
         file.write(topics.DISTANCE, number, data, number)

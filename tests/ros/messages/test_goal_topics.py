@@ -18,8 +18,8 @@ from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import Goal, TickRecord
 from agribot.core.topics import Topic
 from agribot.ros.messages.camera_log import CameraLog
-from agribot.ros.messages.rosmsg import typestore
-from agribot.ros.messages.topic_feed import TopicFeed
+from agribot.ros.messages.rosmsg import load_types
+from agribot.ros.messages.topic_writer import TopicWriter
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, rover
 from tests.autonomy.plan.test_mission_states import Ride
@@ -36,7 +36,7 @@ class Listener:
     def __init__(self) -> None:
         self.heard: dict[str, list[Any]] = {}
         robot = samples.robot(with_camera=False)
-        self._feed = TopicFeed(self._write, robot, DATUM, samples.URDF, CameraLog(robot, 1.0, 80))
+        self._feed = TopicWriter(self._write, robot, DATUM, samples.URDF, CameraLog(robot, 1.0, 80))
 
     def take(self, goal: Goal, t_s: float, x_m: float, y_m: float) -> None:
         record = samples.tick(0, np.random.default_rng(0))
@@ -59,7 +59,7 @@ class Listener:
 
     def _write(self, topic: Topic, _log_ns: int, data: bytes, _publish_ns: int) -> None:
         if topic in (topics.GOAL_FIX, topics.DISTANCE, topics.BEARING, topics.ANGLE):
-            message = typestore().deserialize_cdr(data, topic.ros_type)
+            message = load_types().deserialize_cdr(data, topic.ros_type)
             self.heard.setdefault(topic.name, []).append(message)
 
 

@@ -21,16 +21,16 @@ from agribot.core.messages import (
 )
 from agribot.description.loader import load_robot
 from agribot.ros.messages import rosmsg
-from agribot.ros.messages.sensor_readers import JointReader, TwistReader, readers, seconds
+from agribot.ros.messages.sensor_readers import JointReader, TwistReader, make_readers, to_seconds
 from agribot.ros.messages.stamp_clock import StampClock
-from agribot.ros.messages.transforms import wheel_joints
+from agribot.ros.messages.transforms import find_wheel_joints
 from tests.record import record_samples as samples
 
 ROBOT = load_robot("agribot")
 
 
 def read(sensor: Any, message: Any, t_s: float = 7.25, robot: Any = ROBOT) -> Any:
-    return readers(sensor, robot)[message.__msgtype__](message, t_s)
+    return make_readers(sensor, robot)[message.__msgtype__](message, t_s)
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_a_fix_that_went_out_comes_in_the_same(quality: GnssQuality, std_m: floa
     sent = GnssFix(
         t_s=7.25, lat_deg=21.16, lon_deg=-72.7, alt_m=4.5, pos_std_m=std_m, quality=quality
     )
-    got = read("gnss", rosmsg.nav_sat_fix(sent, "gps"))
+    got = read("gnss", rosmsg.make_fix(sent, "gps"))
     assert got == sent
 
 
@@ -50,7 +50,7 @@ def test_a_receiver_without_a_fix_says_nothing() -> None:
     fix = GnssFix(
         t_s=0.0, lat_deg=0.0, lon_deg=0.0, alt_m=0.0, pos_std_m=1.0, quality=GnssQuality.NONE
     )
-    assert read("gnss", rosmsg.nav_sat_fix(fix, "gps")) is None
+    assert read("gnss", rosmsg.make_fix(fix, "gps")) is None
 
 
 def test_a_fix_of_unknown_covariance_is_worth_what_its_kind_is_worth() -> None:
@@ -82,26 +82,28 @@ def samples_fix() -> Any:
     fix = GnssFix(
         t_s=1.0, lat_deg=21.0, lon_deg=72.0, alt_m=0.0, pos_std_m=1.0, quality=GnssQuality.SINGLE
     )
-    return rosmsg.nav_sat_fix(fix, "gps")
+    return rosmsg.make_fix(fix, "gps")
 
 
 def test_inertial_and_magnetic_samples_come_in_as_they_went_out() -> None:
     imu = ImuSample(t_s=7.25, gyro_radps=(0.1, -0.2, 0.3), accel_mps2=(0.0, 0.5, 9.8))
-    assert read("imu", rosmsg.imu(imu, "imu")) == imu
+    assert read("imu", rosmsg.make_imu(imu, "imu")) == imu
     mag = MagSample(t_s=7.25, field_t=(1e-5, -2e-5, 3e-5))
-    assert read("mag", rosmsg.magnetic_field(mag, "mag")) == mag
-    seed = rosmsg.fix_velocity(7.25, mag.field_t)  # the original's magnetometer: Vector3Stamped
+    assert read("mag", rosmsg.make_magnetic_field(mag, "mag")) == mag
+    seed = rosmsg.make_fix_velocity(
+        7.25, mag.field_t
+    )  # the original's magnetometer: Vector3Stamped
     assert read("mag", seed) == mag
-    broken = rosmsg.imu(imu, "imu")
+    broken = rosmsg.make_imu(imu, "imu")
     broken.angular_velocity.y = math.nan
     with pytest.raises(BridgeError, match="angular velocity"):
         read("imu", broken)
 
 
 def test_wheels_are_found_by_the_names_of_their_joints_in_any_order() -> None:
-    names = [joint.name for joint in wheel_joints(ROBOT, WHEEL_NAMES)]
+    names = [joint.name for joint in find_wheel_joints(ROBOT, WHEEL_NAMES)]
     wheels = WheelSample(t_s=7.25, angle_rad=(1.0, 2.0, 3.0, 4.0), speed_radps=(5.0, 6.0, 7.0, 8.0))
-    message = rosmsg.joint_state(wheels, names)
+    message = rosmsg.make_joint_state(wheels, names)
     assert read("wheels", message) == wheels
     message.name = ["arm", *message.name[::-1]]
     message.position = np.array([9.0, *message.position[::-1]])
@@ -114,15 +116,15 @@ def test_wheels_are_found_by_the_names_of_their_joints_in_any_order() -> None:
 
 def test_a_base_that_tells_its_twist_only_turns_its_wheels_as_far_as_it_went() -> None:
     reader, estimate = TwistReader(ROBOT.drive), samples.ticks(1)[0].estimate
-    message = rosmsg.odometry(estimate)
+    message = rosmsg.make_odometry(estimate)
     message.twist.twist.linear.x, message.twist.twist.angular.z = 0.5, 0.0
     angles = []
     for index in range(11):
-        message.header = rosmsg.header(100.0 + 0.1 * index, "odom")
+        message.header = rosmsg.make_header(100.0 + 0.1 * index, "odom")
         angles.append(reader(message, 0.0).angle_rad)
     for first, last in zip(angles[0], angles[-1], strict=True):
         assert (last - first) * ROBOT.drive.wheel_radius_m == pytest.approx(0.5)
-    message.header = rosmsg.header(0.0, "odom")
+    message.header = rosmsg.make_header(0.0, "odom")
     with pytest.raises(BridgeError, match="stamp"):
         reader(message, 0.0)
 
@@ -131,7 +133,7 @@ def test_pictures_come_in_in_the_colours_they_had() -> None:
     robot = samples.robot()
     assert robot.camera is not None
     rgb = samples.frame(0, 0.0).image_rgb
-    message = rosmsg.image(0.0, rgb)
+    message = rosmsg.make_image(0.0, rgb)
     assert np.array_equal(read("frames", message, robot=robot).image_rgb, rgb)
     message.encoding, message.data = "bgr8", rgb[:, :, ::-1].reshape(-1).copy()
     assert np.array_equal(read("frames", message, robot=robot).image_rgb, rgb)
@@ -142,25 +144,25 @@ def test_pictures_come_in_in_the_colours_they_had() -> None:
     with pytest.raises(BridgeError, match="10 bytes"):
         read("frames", message, robot=robot)
     with pytest.raises(BridgeError, match="but the robot's description has"):
-        read("frames", rosmsg.image(0.0, np.zeros((2, 2, 3), np.uint8)), robot=robot)
+        read("frames", rosmsg.make_image(0.0, np.zeros((2, 2, 3), np.uint8)), robot=robot)
 
 
 def test_compressed_pictures_come_in_or_are_refused() -> None:
     robot, rgb, buffer = samples.robot(), samples.frame(0, 0.0).image_rgb, io.BytesIO()
     Image.fromarray(rgb).save(buffer, format="PNG")
-    message = rosmsg.compressed_image(0.0, buffer.getvalue())
+    message = rosmsg.make_compressed_image(0.0, buffer.getvalue())
     assert np.array_equal(read("frames", message, robot=robot).image_rgb, rgb)
     with pytest.raises(BridgeError, match="no picture"):
-        read("frames", rosmsg.compressed_image(0.0, b"\xff\xd8 cut"), robot=robot)
+        read("frames", rosmsg.make_compressed_image(0.0, b"\xff\xd8 cut"), robot=robot)
 
 
 def test_seconds_of_a_stamp() -> None:
-    assert seconds(rosmsg.header(12.5, "").stamp) == 12.5
+    assert to_seconds(rosmsg.make_header(12.5, "").stamp) == 12.5
 
 
 def time_of(clock: StampClock, stamp_s: float, arrived_s: float) -> float:
-    clock.hear(stamp_s, arrived_s)
-    return clock.t_s(stamp_s, arrived_s)
+    clock.note_message(stamp_s, arrived_s)
+    return clock.convert_to_robot_s(stamp_s, arrived_s)
 
 
 def test_stamps_of_the_robots_own_clock_stay_what_they_are() -> None:
@@ -197,11 +199,13 @@ def test_messages_that_come_at_once_after_a_pause_keep_their_distances() -> None
     """The sender stood still, for longer than the clock remembers, and its clock with it."""
     clock = StampClock()
     for t_s in (1.0, 1.1, 1.2):
-        clock.hear(t_s + 1e9, t_s)
+        clock.note_message(t_s + 1e9, t_s)
     burst = [(1e9 + stamp_s, 5.0 + 1e-4 * i) for i, stamp_s in enumerate((1.3, 1.4, 1.5))]
     for stamp_s, arrived_s in burst:
-        clock.hear(stamp_s, arrived_s)
-    assert [clock.t_s(*message) for message in burst] == pytest.approx([4.8, 4.9, 5.0], abs=1e-3)
+        clock.note_message(stamp_s, arrived_s)
+    assert [clock.convert_to_robot_s(*message) for message in burst] == pytest.approx(
+        [4.8, 4.9, 5.0], abs=1e-3
+    )
 
 
 def test_without_a_stamp_the_arrival_counts() -> None:

@@ -20,7 +20,7 @@ from agribot.ros.nodes.autonomous_drive import AutonomousDrive
 from agribot.ros.nodes.autonomous_drive_action import ActionSettings, AutonomousDriveAction
 from agribot.ros.nodes.data_manipulation import DataManipulation
 from agribot.ros.nodes.gps_converter import GpsConverter
-from agribot.ros.nodes.stage import Said
+from agribot.ros.nodes.stage import OutgoingMessage
 
 POLE = Datum(lat_deg=21.161289, lon_deg=72.787022, alt_m=4.5)
 
@@ -34,10 +34,10 @@ def fix_at(
 ) -> object:
     lat, lon, alt = frame.geodetic_from_map(east_m, north_m)
     fix = GnssFix(t_s=t_s, lat_deg=lat, lon_deg=lon, alt_m=alt, pos_std_m=1.0, quality=quality)
-    return rosmsg.nav_sat_fix(fix, "gps_link")
+    return rosmsg.make_fix(fix, "gps_link")
 
 
-def value(said: list[Said], topic: Topic) -> float:
+def value(said: list[OutgoingMessage], topic: Topic) -> float:
     (found,) = [float(m.data) for t, m in said if t is topic]
     return found
 
@@ -50,8 +50,8 @@ def positions(
     for index in range(400):
         t_s = 0.2 * index
         off_m = 0.0 if index < 30 else drift_m * math.sin((index - 30) / 60.0)
-        converter.hear(topics.POLE_FIX, fix_at(frame, off_m, -off_m, t_s), t_s)
-        said = converter.hear(topics.FIX, fix_at(frame, 3.0 + off_m, 4.0 - off_m, t_s), t_s)
+        converter.receive(topics.POLE_FIX, fix_at(frame, off_m, -off_m, t_s), t_s)
+        said = converter.receive(topics.FIX, fix_at(frame, 3.0 + off_m, 4.0 - off_m, t_s), t_s)
         found += [(m.pose.position.x, m.pose.position.y) for t, m in said if t is topics.POSE]
     return found
 
@@ -66,25 +66,27 @@ def test_a_drift_of_five_metres_that_the_pole_shares_leaves_less_than_ten_centim
     off_m = np.hypot(*(np.array(found) - (3.0, 4.0)).T)
     assert off_m.max() < 0.1
     alone = GpsConverter(PoleOrigin(datum), waits_for_pole=False)
-    said = alone.hear(topics.FIX, fix_at(frame, 8.0, -1.0, 0.0), 0.0)
+    said = alone.receive(topics.FIX, fix_at(frame, 8.0, -1.0, 0.0), 0.0)
     assert said[0].message.pose.position.x == pytest.approx(8.0, abs=1e-3)  # nothing to correct
 
 
 def test_a_fixed_solution_is_left_alone_by_the_pole() -> None:
     frame = MapFrame(POLE)
     converter = GpsConverter(PoleOrigin(POLE), waits_for_pole=False)
-    converter.hear(topics.POLE_FIX, fix_at(frame, 2.0, 0.0, 0.0), 0.0)
-    (said,) = converter.hear(topics.FIX, fix_at(frame, 3.0, 4.0, 0.0, GnssQuality.RTK_FIXED), 0.0)
+    converter.receive(topics.POLE_FIX, fix_at(frame, 2.0, 0.0, 0.0), 0.0)
+    (said,) = converter.receive(
+        topics.FIX, fix_at(frame, 3.0, 4.0, 0.0, GnssQuality.RTK_FIXED), 0.0
+    )
     assert said.message.pose.position.x == pytest.approx(3.0, abs=1e-3)
-    (said,) = converter.hear(topics.FIX, fix_at(frame, 3.0, 4.0, 0.0), 0.0)
+    (said,) = converter.receive(topics.FIX, fix_at(frame, 3.0, 4.0, 0.0), 0.0)
     assert said.message.pose.position.x == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_correction_older_than_five_seconds_is_not_used() -> None:
     frame = MapFrame(POLE)
     converter = GpsConverter(PoleOrigin(POLE), waits_for_pole=False)
-    converter.hear(topics.POLE_FIX, fix_at(frame, 2.0, 0.0, 0.0), 0.0)
-    (late,) = converter.hear(topics.FIX, fix_at(frame, 3.0, 4.0, 5.5), 5.5)
+    converter.receive(topics.POLE_FIX, fix_at(frame, 2.0, 0.0, 0.0), 0.0)
+    (late,) = converter.receive(topics.FIX, fix_at(frame, 3.0, 4.0, 5.5), 5.5)
     assert late.message.pose.position.x == pytest.approx(3.0, abs=1e-3)
 
 
@@ -95,8 +97,8 @@ def test_distance_and_bearing_are_right_in_eight_directions_in_both_hemispheres(
             angle = k * math.pi / 4.0
             converter = GpsConverter(PoleOrigin(datum), waits_for_pole=False)
             goal = fix_at(frame, 30.0 * math.cos(angle), 30.0 * math.sin(angle), 0.0)
-            converter.hear(topics.GOAL_FIX, goal, 0.0)
-            said = list(converter.hear(topics.FIX, fix_at(frame, 0.0, 0.0, 1.0), 1.0))
+            converter.receive(topics.GOAL_FIX, goal, 0.0)
+            said = list(converter.receive(topics.FIX, fix_at(frame, 0.0, 0.0, 1.0), 1.0))
             assert value(said, topics.DISTANCE) == pytest.approx(30.0, abs=1e-3)
             off_rad = wrap_rad(math.radians(value(said, topics.BEARING)) - angle)
             assert abs(off_rad) < 1e-4
@@ -105,10 +107,10 @@ def test_distance_and_bearing_are_right_in_eight_directions_in_both_hemispheres(
 def test_fixes_that_are_none_say_nothing() -> None:
     converter = GpsConverter(PoleOrigin(POLE), waits_for_pole=False)
     frame = MapFrame(POLE)
-    assert not converter.hear(topics.FIX, fix_at(frame, 0, 0, 0.0, GnssQuality.NONE), 0.0)
+    assert not converter.receive(topics.FIX, fix_at(frame, 0, 0, 0.0, GnssQuality.NONE), 0.0)
     broken = fix_at(frame, 0.0, 0.0, 0.0)
     broken.latitude = math.nan  # type: ignore[attr-defined]
-    assert not converter.hear(topics.FIX, broken, 0.0)
+    assert not converter.receive(topics.FIX, broken, 0.0)
 
 
 def field_of(yaw_rad: float) -> tuple[float, float, float]:
@@ -123,10 +125,12 @@ def test_the_heading_error_is_bearing_minus_heading_for_eight_by_eight_direction
         node = DataManipulation(CompassHeading())
         for bearing in range(8):
             wanted_rad = wrap_rad(bearing * math.pi / 4.0 + 0.1)
-            node.hear(topics.BEARING, rosmsg.float64(math.degrees(wanted_rad)), float(bearing))
+            node.receive(
+                topics.BEARING, rosmsg.make_float64(math.degrees(wanted_rad)), float(bearing)
+            )
             mag = MagSample(t_s=float(bearing), field_t=field_of(yaw_rad))
-            field = rosmsg.magnetic_field(mag, "mag_link")
-            said = list(node.hear(topics.MAGNETIC, field, float(bearing)))
+            field = rosmsg.make_magnetic_field(mag, "mag_link")
+            said = list(node.receive(topics.MAGNETIC, field, float(bearing)))
             error_rad = math.radians(value(said, topics.ANGLE))
             assert abs(wrap_rad(error_rad - (wanted_rad - yaw_rad))) < 1e-6
             compass = compass_deg_from_yaw(yaw_rad)
@@ -200,7 +204,7 @@ def test_the_drive_stays_at_its_goal_and_leaves_for_the_next() -> None:
 
 
 def test_a_drive_that_ends_stops_the_robot() -> None:
-    ((topic, twist),) = AutonomousDrive(GoToGoal(GoToGoalSettings())).last_words()
+    ((topic, twist),) = AutonomousDrive(GoToGoal(GoToGoalSettings())).finish()
     assert topic is topics.CMD_VEL
     assert twist.linear.x == twist.angular.z == 0.0
 
@@ -211,7 +215,10 @@ def test_the_action_goes_from_goal_to_goal_and_says_how_far_it_is() -> None:
     distance_m, t_s = 6.0, 0.0
     while not action.is_done:
         assert t_s < 200.0
-        said = [*action.tick(t_s), *action.hear(topics.DISTANCE, rosmsg.float64(distance_m), t_s)]
+        said = [
+            *action.tick(t_s),
+            *action.receive(topics.DISTANCE, rosmsg.make_float64(distance_m), t_s),
+        ]
         for topic, message in said:
             if topic is topics.GOAL_FIX:
                 goals.append((message.latitude, message.longitude))
@@ -232,7 +239,7 @@ def test_the_action_goes_from_goal_to_goal_and_says_how_far_it_is() -> None:
 def test_an_action_whose_distance_falls_silent_fails_with_the_reason() -> None:
     action = AutonomousDriveAction([(1.0, 2.0)], ActionSettings())
     action.tick(0.0)
-    action.hear(topics.DISTANCE, rosmsg.float64(5.0), 3.0)
+    action.receive(topics.DISTANCE, rosmsg.make_float64(5.0), 3.0)
     action.tick(20.0)
     assert action.is_done
     assert not action.ok

@@ -18,7 +18,7 @@ from agribot.core.whole_file import write_at_once
 
 
 class RobotFile:
-    """`HOME/robots/NAME.toml`; without one, the robot is as its description says."""
+    """`HOME/robots/NAME.toml`; without one, the robot is as described."""
 
     def __init__(self, home: Path, robot: str) -> None:
         """`robot` is a packaged name or a description's file, as in the settings of a run."""

@@ -131,5 +131,5 @@ def find_spec_type(name: str) -> type[ImplementSpec] | None:
 
 
 def list_kinds() -> tuple[str, ...]:
-    """The kinds of this program and the registered ones, by name."""
+    """List the built-in and the registered kinds by name."""
     return tuple(sorted({*SPECS, *_registered}))

@@ -35,7 +35,7 @@ class ImplementCommand(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=
         return all(math.isfinite(value) for value in self.setpoints.values())
 
     def switch_off(self) -> ImplementCommand:
-        """The command to the same implement that is safe always: nothing works."""
+        """Return the command to the same implement that is always safe: nothing works."""
         return ImplementCommand(sections_on=(False,) * len(self.sections_on))
 
 

@@ -1,1 +1,1 @@
-"""Field files of other programs: each format read into, and written from, the same features."""
+"""Field files of other programs: each format is read into, and written from, features."""

@@ -6,7 +6,7 @@ import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
 
-from agribot.gis.geojson import Feature, Found, layers_of
+from agribot.gis.geojson import Feature, Found, split_layers
 from agribot.gis.mbtiles import limit_work
 
 _WGS84_SRS = 4326
@@ -41,37 +41,37 @@ def read_geopackage(data: bytes) -> Found:
     from shapely import wkb
     from shapely.geometry import mapping
 
-    with closing(_opened(data)) as database:
+    with closing(_open_database(data)) as database:
         tables = database.execute(
             "SELECT table_name, column_name, srs_id FROM gpkg_geometry_columns"
         ).fetchall()
         for table, column, srs in tables:
             if srs != _WGS84_SRS and srs not in _UNDEFINED_SRS:
                 raise ValueError(f"layer '{table}' is in EPSG:{srs}; convert it to EPSG:4326 first")
-            cursor = database.execute(f"SELECT * FROM {_quoted(table)}")
+            cursor = database.execute(f"SELECT * FROM {_quote(table)}")
             columns = [entry[0] for entry in cursor.description]
             for row in cursor:
                 values = dict(zip(columns, row, strict=True))
                 blob = values.pop(column)
                 if blob is not None:
-                    shape = wkb.loads(_wkb(blob))
+                    shape = wkb.loads(_extract_wkb(blob))
                     plain = {k: v for k, v in values.items() if isinstance(v, str | int | float)}
                     yield dict(mapping(shape)), plain
 
 
-def _opened(data: bytes) -> sqlite3.Connection:
+def _open_database(data: bytes) -> sqlite3.Connection:
     database = sqlite3.connect(":memory:")
     database.deserialize(data)
     limit_work(database, _MAX_STEPS)
     return database
 
 
-def _quoted(name: str) -> str:
+def _quote(name: str) -> str:
     return '"' + name.replace('"', '""') + '"'
 
 
-def _wkb(blob: bytes) -> bytes:
-    """The geometry behind a GeoPackage header (OGC 12-128, 2.1.3)."""
+def _extract_wkb(blob: bytes) -> bytes:
+    """Return the geometry behind a GeoPackage header (OGC 12-128, 2.1.3)."""
     if blob[:2] != b"GP":
         raise ValueError("a geometry is not in GeoPackage's format")
     envelope = (0, 32, 48, 48, 64)[(blob[3] >> 1) & 0b111]
@@ -83,7 +83,7 @@ def write_geopackage(features: Sequence[Feature]) -> bytes:
         database.executescript(_TABLES)
         database.execute(f"PRAGMA application_id = {_APPLICATION_ID}")
         database.execute(f"PRAGMA user_version = {_VERSION}")
-        for geometry, layer, found in layers_of(features):
+        for geometry, layer, found in split_layers(features):
             _write_layer(database, geometry, layer, found)
         database.commit()
         return database.serialize()
@@ -94,7 +94,7 @@ def _write_layer(
 ) -> None:
     from shapely import get_coordinates, wkb
 
-    shapes = [feature.shape() for feature in features]
+    shapes = [feature.to_shape() for feature in features]
     coordinates = get_coordinates(shapes)
     bounds = (*map(float, coordinates.min(axis=0)), *map(float, coordinates.max(axis=0)))
     database.execute(

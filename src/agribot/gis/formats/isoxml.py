@@ -11,8 +11,8 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from agribot.core.geo import Datum, MapFrame
-from agribot.gis.formats.untrusted import packed, tag, unpacked, xml_bytes, xml_tree
-from agribot.gis.geojson import Feature, Found, Geometry, LonLat, closed
+from agribot.gis.formats.untrusted import encode_xml, local_name, pack, parse_xml, unpack
+from agribot.gis.geojson import Feature, Found, Geometry, LonLat, close_ring
 
 MAIN_FILE = "TASKDATA.XML"
 # Attribute A of polygon, line string, guidance pattern and point (ISO 11783-10, annex D).
@@ -28,58 +28,62 @@ def holds_task_data(names: Sequence[str]) -> bool:
 
 
 def read_isoxml(data: bytes) -> Found:
-    """Partfields, also those in files of their own; what the task data else holds stays out."""
-    files = unpacked(data, ".xml")
-    trees = {PurePosixPath(name).stem.upper(): xml_tree(text) for name, text in files.items()}
-    for field in (e for tree in trees.values() for e in tree.iter() if tag(e) == "PFD"):
+    """Read the partfields, also those in separate files; other task data is ignored."""
+    files = unpack(data, ".xml")
+    trees = {PurePosixPath(name).stem.upper(): parse_xml(text) for name, text in files.items()}
+    for field in (e for tree in trees.values() for e in tree.iter() if local_name(e) == "PFD"):
         for element in field:
             name = element.get("B") or field.get("C") or ""
-            for kind, geometry in _found(element):
+            for kind, geometry in _read_shapes(element):
                 yield geometry, {"kind": kind, **({"name": name} if name else {})}
 
 
-def _found(element: ET.Element) -> Iterator[tuple[str, Geometry]]:
-    if tag(element) == "PLN":
-        yield from _area(element)
-    elif tag(element) == "LSG":
-        yield from _line(element)
-    elif tag(element) == "GGP":
-        yield from _patterns(element)
-    elif tag(element) == "PNT" and element.get("A") in _PLACES:
-        yield "waypoint", {"type": "Point", "coordinates": _position(element)}
+def _read_shapes(element: ET.Element) -> Iterator[tuple[str, Geometry]]:
+    if local_name(element) == "PLN":
+        yield from _read_area(element)
+    elif local_name(element) == "LSG":
+        yield from _read_line(element)
+    elif local_name(element) == "GGP":
+        yield from _read_patterns(element)
+    elif local_name(element) == "PNT" and element.get("A") in _PLACES:
+        yield "waypoint", {"type": "Point", "coordinates": _read_position(element)}
 
 
-def _area(polygon: ET.Element) -> Iterator[tuple[str, Geometry]]:
+def _read_area(polygon: ET.Element) -> Iterator[tuple[str, Geometry]]:
     kind = _AREAS.get(polygon.get("A", ""))
     rings = {
-        side: [_positions(ring) for ring in polygon if tag(ring) == "LSG" and ring.get("A") == side]
+        side: [
+            _read_positions(ring)
+            for ring in polygon
+            if local_name(ring) == "LSG" and ring.get("A") == side
+        ]
         for side in (_OUTER, _INNER)
     }
     if kind is None:
         return
     for number, ring in enumerate(rings[_OUTER]):
         inner = rings[_INNER] if number == 0 else []
-        sides = [closed(points) for points in (ring, *inner)]
+        sides = [close_ring(points) for points in (ring, *inner)]
         yield kind, {"type": "Polygon", "coordinates": sides}
 
 
-def _line(line: ET.Element, kind: str = "row") -> Iterator[tuple[str, Geometry]]:
+def _read_line(line: ET.Element, kind: str = "row") -> Iterator[tuple[str, Geometry]]:
     if line.get("A") in {_TRAMLINE, _PATTERN}:
-        yield kind, {"type": "LineString", "coordinates": _positions(line)}
+        yield kind, {"type": "LineString", "coordinates": _read_positions(line)}
 
 
-def _patterns(group: ET.Element) -> Iterator[tuple[str, Geometry]]:
-    for pattern in (e for e in group if tag(e) == "GPN"):
+def _read_patterns(group: ET.Element) -> Iterator[tuple[str, Geometry]]:
+    for pattern in (e for e in group if local_name(e) == "GPN"):
         kind = {_AB: "ab_line", _CURVE: "row"}.get(pattern.get("C", ""))
-        for line in (e for e in pattern if tag(e) == "LSG" and kind):
-            yield from _line(line, str(kind))
+        for line in (e for e in pattern if local_name(e) == "LSG" and kind):
+            yield from _read_line(line, str(kind))
 
 
-def _positions(line: ET.Element) -> list[LonLat]:
-    return [_position(e) for e in line if tag(e) == "PNT"]
+def _read_positions(line: ET.Element) -> list[LonLat]:
+    return [_read_position(e) for e in line if local_name(e) == "PNT"]
 
 
-def _position(point: ET.Element) -> LonLat:
+def _read_position(point: ET.Element) -> LonLat:
     return float(point.attrib["D"]), float(point.attrib["C"])
 
 
@@ -91,7 +95,7 @@ def write_isoxml(features: Sequence[Feature]) -> bytes:
     )  # fmt: skip
     outer = [f for f in features if f.kind == "boundary"]
     name = next((f.name for f in outer if f.name), "Field")
-    area_m2 = sum(_area_m2(f) for f in outer)
+    area_m2 = sum(_compute_area_m2(f) for f in outer)
     field = ET.SubElement(root, "PFD", A="PFD1", C=name[:32], D=str(round(area_m2)))
     for feature in features:
         if feature.geometry == "Polygon":
@@ -104,10 +108,10 @@ def write_isoxml(features: Sequence[Feature]) -> bytes:
         group = ET.SubElement(field, "GGP", A="GGP1", B="Rows and lines")
         for number, feature in enumerate(lines, 1):
             _write_pattern(group, number, feature)
-    return packed({f"TASKDATA/{MAIN_FILE}": xml_bytes(root)})
+    return pack({f"TASKDATA/{MAIN_FILE}": encode_xml(root)})
 
 
-def _area_m2(feature: Feature) -> float:
+def _compute_area_m2(feature: Feature) -> float:
     from shapely.geometry import Polygon
 
     lon_deg, lat_deg = feature.parts[0][0]
@@ -118,7 +122,7 @@ def _area_m2(feature: Feature) -> float:
 
 def _write_area(field: ET.Element, feature: Feature) -> None:
     kind = "6" if feature.kind == "obstacle" else "1"
-    polygon = ET.SubElement(field, "PLN", _named({"A": kind, "B": feature.name[:32]}))
+    polygon = ET.SubElement(field, "PLN", _drop_empty({"A": kind, "B": feature.name[:32]}))
     for number, ring in enumerate(feature.parts):
         line = ET.SubElement(polygon, "LSG", A=_INNER if number else _OUTER)
         for position in ring:
@@ -128,7 +132,7 @@ def _write_area(field: ET.Element, feature: Feature) -> None:
 def _write_pattern(group: ET.Element, number: int, feature: Feature) -> None:
     kind = _AB if feature.kind == "ab_line" else _CURVE
     told = {"A": f"GPN{number}", "B": feature.name[:32], "C": kind}
-    pattern = ET.SubElement(group, "GPN", _named(told))
+    pattern = ET.SubElement(group, "GPN", _drop_empty(told))
     line = ET.SubElement(pattern, "LSG", A=_PATTERN)
     last = len(feature.parts[0]) - 1
     for index, position in enumerate(feature.parts[0]):
@@ -138,10 +142,10 @@ def _write_pattern(group: ET.Element, number: int, feature: Feature) -> None:
 
 def _write_point(parent: ET.Element, kind: str, position: LonLat, **more: Any) -> None:
     lon_deg, lat_deg = position
-    told = _named({"A": kind, **more, "C": f"{lat_deg:.9f}", "D": f"{lon_deg:.9f}"})
+    told = _drop_empty({"A": kind, **more, "C": f"{lat_deg:.9f}", "D": f"{lon_deg:.9f}"})
     ET.SubElement(parent, "PNT", told)
 
 
-def _named(attributes: dict[str, str]) -> dict[str, str]:
-    """Without those that are empty."""
+def _drop_empty(attributes: dict[str, str]) -> dict[str, str]:
+    """Return the attributes without the empty ones."""
     return {key: value for key, value in attributes.items() if value}

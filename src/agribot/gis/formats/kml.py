@@ -5,46 +5,50 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 
-from agribot.gis.formats.untrusted import packed, tag, text_of, unpacked, xml_bytes, xml_tree
+from agribot.gis.formats.untrusted import encode_xml, local_name, pack, parse_xml, read_text, unpack
 from agribot.gis.geojson import Feature, Found, Geometry, LonLat
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
 
 
 def read_kml(data: bytes) -> Found:
-    for mark in xml_tree(data).iter():
-        if tag(mark) == "Placemark":
-            told = {"name": text_of(mark, "name"), "kind": _kind(mark)}
+    for mark in parse_xml(data).iter():
+        if local_name(mark) == "Placemark":
+            told = {"name": read_text(mark, "name"), "kind": _read_kind(mark)}
             properties = {key: value for key, value in told.items() if value}
-            for geometry in _shapes(mark):
+            for geometry in _read_shapes(mark):
                 yield geometry, properties
 
 
 def read_kmz(data: bytes) -> Found:
-    files = unpacked(data, ".kml")
+    files = unpack(data, ".kml")
     if not files:
         raise ValueError("no .kml file inside")
     yield from read_kml(next(iter(files.values())))
 
 
-def _kind(mark: ET.Element) -> str:
-    kinds = (e for e in mark.iter() if tag(e) in {"Data", "SimpleData"} and e.get("name") == "kind")
-    return next((text_of(e, "value") or (e.text or "").strip() for e in kinds), "")
+def _read_kind(mark: ET.Element) -> str:
+    kinds = (
+        e
+        for e in mark.iter()
+        if local_name(e) in {"Data", "SimpleData"} and e.get("name") == "kind"
+    )
+    return next((read_text(e, "value") or (e.text or "").strip() for e in kinds), "")
 
 
-def _shapes(mark: ET.Element) -> Iterator[Geometry]:
+def _read_shapes(mark: ET.Element) -> Iterator[Geometry]:
     for element in mark.iter():
-        kind = tag(element)
+        kind = local_name(element)
         if kind in {"Point", "LineString"}:
-            points = _points(element)
+            points = _read_points(element)
             yield {"type": kind, "coordinates": points[0] if kind == "Point" else points}
         elif kind == "Polygon":
-            rings = [ring for ring in element.iter() if tag(ring) == "LinearRing"]
-            yield {"type": "Polygon", "coordinates": [_points(ring) for ring in rings]}
+            rings = [ring for ring in element.iter() if local_name(ring) == "LinearRing"]
+            yield {"type": "Polygon", "coordinates": [_read_points(ring) for ring in rings]}
 
 
-def _points(element: ET.Element) -> list[list[float]]:
-    text = next((e.text or "" for e in element.iter() if tag(e) == "coordinates"), "")
+def _read_points(element: ET.Element) -> list[list[float]]:
+    text = next((e.text or "" for e in element.iter() if local_name(e) == "coordinates"), "")
     return [[float(number) for number in point.split(",")[:2]] for point in text.split()]
 
 
@@ -63,11 +67,11 @@ def write_kml(features: Sequence[Feature]) -> bytes:
                 _write_points(ET.SubElement(side, "LinearRing"), ring)
         else:
             _write_points(shape, feature.parts[0])
-    return xml_bytes(root)
+    return encode_xml(root)
 
 
 def write_kmz(features: Sequence[Feature]) -> bytes:
-    return packed({"doc.kml": write_kml(features)})
+    return pack({"doc.kml": write_kml(features)})
 
 
 def _write_points(element: ET.Element, points: Sequence[LonLat]) -> None:

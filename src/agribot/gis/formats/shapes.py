@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from agribot.core.errors import ConfigError
-from agribot.gis.formats.untrusted import packed, unpacked
-from agribot.gis.geojson import Feature, Found, layers_of
+from agribot.gis.formats.untrusted import pack, unpack
+from agribot.gis.geojson import Feature, Found, split_layers
 
 _WGS84 = (
     'GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],'
@@ -17,8 +17,8 @@ _WGS84 = (
 
 
 def read_shapefiles(data: bytes) -> Found:
-    shapefile = _library()
-    files = {name.lower(): part for name, part in unpacked(data, ".shp", ".dbf", ".prj").items()}
+    shapefile = _load_library()
+    files = {name.lower(): part for name, part in unpack(data, ".shp", ".dbf", ".prj").items()}
     layers = [name.removesuffix(".shp") for name in files if name.endswith(".shp")]
     if not layers:
         raise ValueError("no .shp file inside")
@@ -38,13 +38,13 @@ def read_shapefiles(data: bytes) -> Found:
 
 def write_shapefiles(features: Sequence[Feature]) -> bytes:
     files: dict[str, bytes] = {}
-    for geometry, layer, found in layers_of(features):
-        files |= _layer(geometry, layer, found)
-    return packed(files)
+    for geometry, layer, found in split_layers(features):
+        files |= _write_layer(geometry, layer, found)
+    return pack(files)
 
 
-def _layer(geometry: str, layer: str, features: Sequence[Feature]) -> dict[str, bytes]:
-    shapefile = _library()
+def _write_layer(geometry: str, layer: str, features: Sequence[Feature]) -> dict[str, bytes]:
+    shapefile = _load_library()
     parts = {suffix: io.BytesIO() for suffix in ("shp", "shx", "dbf")}
     kinds = {
         "Polygon": shapefile.POLYGON, "LineString": shapefile.POLYLINE, "Point": shapefile.POINT,
@@ -56,14 +56,14 @@ def _layer(geometry: str, layer: str, features: Sequence[Feature]) -> dict[str, 
             if geometry == "Point":
                 writer.point(*feature.parts[0][0])
             else:
-                writer.shape({"type": geometry, "coordinates": feature.coordinates()})
+                writer.shape({"type": geometry, "coordinates": feature.nest_coordinates()})
             writer.record(feature.kind, feature.name)
         writer.close()
     written = {f"{layer}.{suffix}": part.getvalue() for suffix, part in parts.items()}
     return written | {f"{layer}.prj": _WGS84.encode(), f"{layer}.cpg": b"UTF-8"}
 
 
-def _library() -> Any:
+def _load_library() -> Any:
     try:
         import shapefile
     except ImportError as error:

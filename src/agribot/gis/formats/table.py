@@ -1,4 +1,4 @@
-"""Which formats there are, and field files of any of them in and out."""
+"""The table of formats, and reading and writing of field files of any of them."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from agribot.gis.formats.gpx import read_gpx, write_gpx
 from agribot.gis.formats.isoxml import holds_task_data, read_isoxml, write_isoxml
 from agribot.gis.formats.kml import read_kml, read_kmz, write_kml, write_kmz
 from agribot.gis.formats.shapes import read_shapefiles, write_shapefiles
-from agribot.gis.formats.untrusted import MAX_FILE_BYTES, member_names
-from agribot.gis.geojson import Feature, Found, Geometry, checked_position, features
+from agribot.gis.formats.untrusted import MAX_FILE_BYTES, list_members
+from agribot.gis.geojson import Feature, Found, Geometry, parse_features, read_position
 
 _KIND_OF = {"LineString": "row", "Point": "waypoint"}
 
 
 def read_field_file(name: str, data: bytes) -> dict[str, Any]:
-    """A FeatureCollection in WGS-84, without heights and multi-geometries.
+    """Read a FeatureCollection in WGS-84, without heights and multi-geometries.
 
-    A feature without a `kind` gets the usual one: the first polygon is the boundary, others are
+    A feature without a `kind` gets the default one: the first polygon is the boundary, others are
     obstacles, lines are rows.
     Raises: MissionError: an unknown kind of file, a broken one, or one in other coordinates.
     """
@@ -33,11 +33,11 @@ def read_field_file(name: str, data: bytes) -> dict[str, Any]:
     found: list[dict[str, Any]] = []
     try:
         for geometry, properties in reader(data):
-            for shape in _single(geometry, shown):
+            for shape in _split_multi(geometry, shown):
                 found.append({"type": "Feature", "geometry": shape, "properties": {**properties}})
     except AgribotError:
         raise
-    except Exception as error:  # each library has its own errors for bytes that make no sense
+    except Exception as error:  # each library has its own errors for broken files
         reason = " ".join(str(error).split()) or "it is empty or cut off"
         raise MissionError(f"{shown} cannot be read: {reason}") from error
     if not found:
@@ -47,7 +47,10 @@ def read_field_file(name: str, data: bytes) -> dict[str, Any]:
 
 
 def read_other(path: Path) -> dict[str, Any]:
-    """As `read_field_file`. Raises: MissionError: also where there is no such file."""
+    """Read a field file of another format from disk.
+
+    Raises: MissionError: as `read_field_file`, or there is no such file.
+    """
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise MissionError(
@@ -59,27 +62,30 @@ def read_other(path: Path) -> dict[str, Any]:
 
 
 def write_field_file(suffix: str, collection: object) -> bytes:
-    """Raises: MissionError: no such format, or what a field of GeoJSON must not be."""
+    """Write a FeatureCollection in the format of a suffix.
+
+    Raises: MissionError: no such format, or the collection is no valid field.
+    """
     writer = WRITERS.get(suffix)
     if writer is None:
         raise MissionError(f"'{suffix[:20]}': choose one of {', '.join(WRITERS)}")
-    return writer(features(collection, "the field"))
+    return writer(parse_features(collection, "the field"))
 
 
-def _single(geometry: Geometry, where: str) -> list[Geometry]:
-    """Multi-geometries apart; heights left out."""
+def _split_multi(geometry: Geometry, where: str) -> list[Geometry]:
+    """Split multi-geometries and drop heights."""
     kind = geometry["type"]
     if kind == "GeometryCollection":
-        return [one for part in geometry["geometries"] for one in _single(part, where)]
+        return [one for part in geometry["geometries"] for one in _split_multi(part, where)]
     parts = geometry["coordinates"] if kind.startswith("Multi") else [geometry["coordinates"]]
     single = kind.removeprefix("Multi")
-    return [{"type": single, "coordinates": _flat(part, where)} for part in parts]
+    return [{"type": single, "coordinates": _drop_heights(part, where)} for part in parts]
 
 
-def _flat(coordinates: Any, where: str) -> Any:
+def _drop_heights(coordinates: Any, where: str) -> Any:
     if isinstance(coordinates[0], int | float):
-        return list(checked_position(coordinates, where))
-    return [_flat(inner, where) for inner in coordinates]
+        return list(read_position(coordinates, where))
+    return [_drop_heights(inner, where) for inner in coordinates]
 
 
 def _give_kinds(found: Sequence[dict[str, Any]]) -> None:
@@ -110,7 +116,7 @@ def _write_geojson(found: Sequence[Feature]) -> bytes:
         {
             "type": "Feature",
             "properties": {"kind": f.kind, **({"name": f.name} if f.name else {})},
-            "geometry": {"type": f.geometry, "coordinates": f.coordinates()},
+            "geometry": {"type": f.geometry, "coordinates": f.nest_coordinates()},
         }
         for f in found
     ]
@@ -118,7 +124,7 @@ def _write_geojson(found: Sequence[Feature]) -> bytes:
 
 
 def _read_archive(data: bytes) -> Found:
-    read = read_isoxml if holds_task_data(member_names(data)) else read_shapefiles
+    read = read_isoxml if holds_task_data(list_members(data)) else read_shapefiles
     return read(data)
 
 

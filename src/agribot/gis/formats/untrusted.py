@@ -1,4 +1,4 @@
-"""Files from anywhere: XML and archives that cost no more than they say."""
+"""Untrusted files: XML and archives, read with limits."""
 
 from __future__ import annotations
 
@@ -15,17 +15,20 @@ MAX_ELEMENTS = 1_000_000
 MAX_DEPTH = 100
 
 
-def xml_tree(data: bytes) -> ET.Element:
-    """Raises: ValueError: no XML, with entities of its own, or endless."""
-    _Bounds().check(data)
+def parse_xml(data: bytes) -> ET.Element:
+    """Parse XML.
+
+    Raises: ValueError: no XML, with entities of its own, or beyond the limits.
+    """
+    _LimitCheck().check(data)
     try:
         return ET.fromstring(data)
     except (ET.ParseError, LookupError) as error:  # a prefix without a namespace, an encoding
         raise ValueError(f"not XML: {error}") from error
 
 
-class _Bounds:
-    """A first pass that builds nothing: entities are refused before any of them is expanded."""
+class _LimitCheck:
+    """A first pass without a tree: entities are refused before any of them is expanded."""
 
     def __init__(self) -> None:
         self._depth = self._elements = 0
@@ -56,36 +59,38 @@ def _refuse(*_: object) -> NoReturn:
     raise ValueError("document type declarations are not accepted")
 
 
-def tag(element: ET.Element) -> str:
-    """Without its namespace."""
+def local_name(element: ET.Element) -> str:
+    """Return an element's tag without its namespace."""
     return element.tag.rpartition("}")[2]
 
 
-def text_of(element: ET.Element, name: str) -> str:
-    """Of the child of this name; empty where there is none."""
-    return next(((e.text or "").strip() for e in element if tag(e) == name), "")
+def read_text(element: ET.Element, name: str) -> str:
+    """Return the text of the child of this name; empty where there is none."""
+    return next(((e.text or "").strip() for e in element if local_name(e) == name), "")
 
 
-def xml_bytes(root: ET.Element) -> bytes:
+def encode_xml(root: ET.Element) -> bytes:
     ET.indent(root)
     return bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
 
 
-def member_names(data: bytes) -> list[str]:
+def list_members(data: bytes) -> list[str]:
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         return archive.namelist()
 
 
-def unpacked(data: bytes, *suffixes: str) -> dict[str, bytes]:
-    """The files in a ZIP archive whose names end so, in memory: nothing is written anywhere.
+def unpack(data: bytes, *suffixes: str) -> dict[str, bytes]:
+    """Unpack the files with these suffixes from a ZIP archive, in memory.
 
-    Raises: ValueError: more than anybody's field; zipfile.BadZipFile: no archive.
+    Raises: ValueError: beyond the limits; zipfile.BadZipFile: no archive.
     """
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        return {e.filename: archive.read(e) for e in _wanted(archive, suffixes)}
+        return {e.filename: archive.read(e) for e in _select_members(archive, suffixes)}
 
 
-def _wanted(archive: zipfile.ZipFile, suffixes: tuple[str, ...]) -> Iterator[zipfile.ZipInfo]:
+def _select_members(
+    archive: zipfile.ZipFile, suffixes: tuple[str, ...]
+) -> Iterator[zipfile.ZipInfo]:
     entries = archive.infolist()
     if len(entries) > MAX_MEMBERS:
         raise ValueError(f"{len(entries)} files inside, more than {MAX_MEMBERS}")
@@ -96,7 +101,7 @@ def _wanted(archive: zipfile.ZipFile, suffixes: tuple[str, ...]) -> Iterator[zip
     yield from found
 
 
-def packed(files: dict[str, bytes]) -> bytes:
+def pack(files: dict[str, bytes]) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in files.items():

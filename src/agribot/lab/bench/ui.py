@@ -188,7 +188,7 @@ def _measure_growth(clock: _Clock, page: OperatorPage, seconds: float) -> Memory
     try:
         heap = _wait_for_result(browsing, clock).get("heap_growth_bytes")
     except PlatformError:
-        heap = None  # no browser here, as it has said itself
+        heap = None  # no browser here, as it printed itself
     return MemoryGrowth(
         seconds=seconds, server_growth_bytes=after_bytes - before_bytes, page_heap_growth_bytes=heap
     )

@@ -106,8 +106,8 @@ def _read_made_ms(message: str | bytes) -> float | None:
     if isinstance(message, bytes):
         kind, _, _, _, wall_ms = HEAD.unpack_from(message)
         return float(wall_ms) if kind == 0 else None
-    told = json.loads(message)
-    return float(told["wall_ms"]) if told["k"] == "s" else None
+    state = json.loads(message)
+    return float(state["wall_ms"]) if state["k"] == "s" else None
 
 
 async def _run_watchers(

@@ -194,7 +194,7 @@ class ClassTally:
 
 
 def excess_green(image_rgb: ByteArray) -> npt.NDArray[np.float64]:
-    """Return (2 G - R - B) / (R + G + B) of every pixel, from -1 to 2 (Woebbecke et al. 1995)."""
+    """Compute (2 G - R - B) / (R + G + B), -1 to 2, of (H, W, 3) (Woebbecke et al. 1995)."""
     red, green, blue = np.moveaxis(image_rgb.astype(np.float64), -1, 0)
     greenness: npt.NDArray[np.float64] = (2.0 * green - red - blue) / (red + green + blue + 1.0)
     return greenness

@@ -25,7 +25,7 @@ Value = str | int | float | bool | None
 
 
 class SweepFolder:
-    """`sweep.json` says which runs belong to it, `results/` holds those that are finished."""
+    """`sweep.json` lists the runs that belong to it, `results/` holds those that are finished."""
 
     def __init__(self, path: Path, jobs: Sequence[SweepJob]) -> None:
         """Open a sweep's folder, or make it.
@@ -105,7 +105,7 @@ class SweepFolder:
 def summarise(jobs: Sequence[SweepJob], reports: dict[str, Report]) -> list[dict[str, Any]]:
     """Compute mean, standard deviation and largest value over the seeds of each combination.
 
-    A key that is null in some runs is averaged over the others, of which `count` tells; true
+    A key that is null in some runs is averaged over the `count` others; true
     counts as 1. The standard deviation of a single value is null.
     """
     summary = []

@@ -84,5 +84,5 @@ def _blur(image: Tensor, sigma_px: float) -> Tensor:
 
 
 def clean_labels(label: ByteArray) -> ByteArray:
-    """Replace what is no class, such as a renderer's sky, by pixels that do not count."""
+    """Turn what is no class in (H, W), such as a renderer's sky, into pixels that do not count."""
     return np.where(label < 3, label, np.uint8(IGNORED))

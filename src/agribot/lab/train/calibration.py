@@ -38,7 +38,10 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
 def calibrate(
     logits: Logits, aside: Iterable[LabelledImage], tests: Iterable[LabelledImage]
 ) -> Calibration:
-    """Find the temperature of least negative log-likelihood on images that nothing else uses."""
+    """Find the temperature of least negative log-likelihood on images that nothing else uses.
+
+    `logits` maps an image (1, H, W, 3) to logits (1, 3, h, w).
+    """
     values, truth, images = _sample_pixels(logits, aside)
     temperature = fit_temperature(values, truth)
     judged, judged_truth, _ = _sample_pixels(logits, tests)
@@ -67,8 +70,8 @@ def fit_temperature(logits: Tensor, truth: Tensor) -> float:
 
 def calibration_error(logits: Tensor, truth: Tensor) -> float:
     """Average |accuracy - confidence| of their bin over the pixels, logits (N, 3), truth (N,)."""
-    sure, said = logits.softmax(dim=1).max(dim=1)
-    surplus = sure.double() - (said == truth).double()
+    sure, guessed = logits.softmax(dim=1).max(dim=1)
+    surplus = sure.double() - (guessed == truth).double()
     in_bin = (sure * BINS).long().clamp(max=BINS - 1)
     return float(torch.bincount(in_bin, surplus, BINS).abs().sum() / len(truth))
 

@@ -76,6 +76,7 @@ class Judgement:
     def add(
         self, name: str, image_rgb: ByteArray, truth: ByteArray, guess: PictureClasses
     ) -> ImageScore:
+        """Add an image (H, W, 3) with its true classes (H, W)."""
         confusion = count_confusion(truth, guess.class_id)
         self.confusion += confusion
         self._outlines += boundary_counts(truth, guess.class_id)
@@ -124,19 +125,19 @@ class Judgement:
             calibration_error=float(np.abs(sure - hits).sum() / total),
         )
 
-    def _note_shares(self, truth: ByteArray, said: ByteArray, sure: ByteArray) -> None:
+    def _note_shares(self, truth: ByteArray, guessed: ByteArray, sure: ByteArray) -> None:
         rest = (255 - sure) // (len(PlantClass) - 1)  # the losers share it in equal parts
         for kind in PlantClass:
-            share = np.where(said == kind, sure, rest).astype(np.int64)
+            share = np.where(guessed == kind, sure, rest).astype(np.int64)
             pairs = np.bincount(2 * share + (truth == kind), minlength=512)
             self._by_share[kind] += pairs.reshape(256, 2)
 
     def precision_recall(self, kind: PlantClass) -> tuple[Curve, Curve]:
         """Compute precision and recall as the least probability of a class falls from 1 to 0."""
         others, own = self._by_share[kind][::-1].T.cumsum(axis=1)
-        said = others + own
-        kept = said > 0
-        return own[kept] / said[kept], own[kept] / max(1, int(own[-1]))
+        guessed = others + own
+        kept = guessed > 0
+        return own[kept] / guessed[kept], own[kept] / max(1, int(own[-1]))
 
     def _keep(
         self, score: ImageScore, image_rgb: ByteArray, truth: ByteArray, guess: ByteArray

@@ -66,7 +66,7 @@ def lovasz_softmax(logits: Tensor, target: Tensor, most_px: int = 65_536) -> Ten
 def weighted_cross_entropy(
     logits: Tensor, target: Tensor, class_weights: tuple[float, float, float]
 ) -> Tensor:
-    """Average -weight(true class) log p(true class) over pixels, as the original's loss.
+    """Average -weight(class) log p(class) over pixels (N, H, W), as the original's loss.
 
     PyTorch's own divides by the sum of the weights instead, which the batch decides.
     """
@@ -76,7 +76,7 @@ def weighted_cross_entropy(
 
 
 def iou_loss(logits: Tensor, target: Tensor) -> Tensor:
-    """Compute 1 - mean soft intersection over union of the classes present in the batch.
+    """Compute 1 - mean soft intersection over union of the classes; `target` (N, H, W) int64.
 
     Source: Rahman and Wang 2016.
     """
@@ -94,7 +94,7 @@ def segmentation_loss(
     class_weights: tuple[float, float, float] = CLASS_WEIGHTS,
     overlap: Callable[[Tensor, Tensor], Tensor] | None = dice_loss,
 ) -> Tensor:
-    """Add weighted cross-entropy and a loss of overlap, on logits of any resolution.
+    """Add weighted cross-entropy and a loss of overlap; `target` (N, H, W), logits of any size.
 
     Without the latter it is the original's loss.
     """

@@ -32,6 +32,8 @@ def _make_conv(
 
 
 class ResidualBlock(nn.Module):
+    """Two convolutions, added to their input: (N, C, H, W) to the same shape."""
+
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.first = _make_conv(channels, channels)
@@ -43,7 +45,7 @@ class ResidualBlock(nn.Module):
 
 
 class PlainBlock(nn.Module):
-    """One convolution: half the time of a residual block."""
+    """One convolution, (N, C, H, W) to the same shape: half the time of a residual block."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -57,7 +59,7 @@ Block = Callable[[int], nn.Module]  # of so many channels
 
 
 class EncoderStage(nn.Module):
-    """Halve the resolution, then `blocks` residual blocks."""
+    """Halve the resolution, then `blocks` residual blocks: (N, C, H, W) to (N, C', H/2, W/2)."""
 
     def __init__(self, channels_in: int, channels_out: int, blocks: int) -> None:
         super().__init__()
@@ -70,7 +72,7 @@ class EncoderStage(nn.Module):
 
 
 class DecoderStage(nn.Module):
-    """Double the resolution and add the encoder's features of that size."""
+    """Double the resolution of (N, C, H, W) and add the encoder's features of that size."""
 
     def __init__(self, channels_in: int, skip: int, channels_out: int, block: Block) -> None:
         super().__init__()
@@ -138,7 +140,7 @@ class CropWeedNet(nn.Module):
 
 
 class LiteNet(nn.Module):
-    """As `CropWeedNet`, with an encoder of `agribot.lab.train.efficientnet` of so many stages."""
+    """As `CropWeedNet`, (N, 3, H, W) too, with an encoder of `efficientnet.LiteEncoder`."""
 
     def __init__(self, stages: int, decoder: Sequence[int], block: Block = ResidualBlock) -> None:
         super().__init__()

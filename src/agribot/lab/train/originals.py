@@ -77,7 +77,7 @@ class OriginalUNet(nn.Module):
 
 
 class BonnetResidual(nn.Module):
-    """Four thin convolutions, each with bias and ReLU, added to their input."""
+    """Four thin convolutions with bias and ReLU, added to their input (N, C, H, W)."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -130,7 +130,7 @@ def _make_residuals() -> nn.Sequential:
 
 
 def unpooling_mask(full: Tensor, pooled: Tensor) -> Tensor:
-    """Mark with 1 the pixels that reach the maximum of their 2 x 2 window; equal ones all count."""
+    """Mark with 1 what equals the maximum of its 2 x 2 window in (N, C, H, W); ties all count."""
     enlarged = functional.interpolate(pooled, scale_factor=2.0, mode="nearest")
     return (full >= enlarged).to(full.dtype)
 

@@ -60,6 +60,7 @@ class PhotoBatches:
         self._window_px = int(np.ceil(crop_px * 1.2))
 
     def __call__(self, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+        """Draw images (N, 3, crop_px, crop_px) float32 and labels (N, crop_px, crop_px) int64."""
         samples = [self._sample(rng) for _ in range(self.batch_size)]
         images = np.stack([image for image, _ in samples]).transpose(0, 3, 1, 2)
         labels = np.stack([label for _, label in samples])

@@ -151,7 +151,7 @@ def read_pair(pair: Pair) -> tuple[ByteArray, ByteArray]:
 
 
 def read_label(path: Path, ids: MaskIds, *, is_named: bool = False) -> ByteArray:
-    """Read the class of every pixel, 255 where it does not count.
+    """Read the class of every pixel, (H, W), 255 where it does not count.
 
     `is_named`: the ids are those of the option --ids, which the messages then name.
 

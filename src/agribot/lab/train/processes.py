@@ -1,6 +1,6 @@
 """One process or several that train one network together, on CPUs or GPUs.
 
-`torchrun --nproc_per_node N` starts several and tells each its rank. Each draws its own images;
+`torchrun --nproc_per_node N` starts several and gives each its rank. Each draws its own images;
 their gradients are averaged in every step, so that N processes see N times the batch.
 """
 

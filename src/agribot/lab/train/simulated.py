@@ -37,6 +37,6 @@ def draw_random_field(
 
 
 def make_label(drawn: Rendering) -> ByteArray:
-    """Label pixels with classes; those too far to tell are left out; sky counts as no plant."""
+    """Label pixels (H, W); those too far to tell are left out; sky counts as no plant."""
     far = (drawn.depth_m > LABEL_RANGE_M) & np.isfinite(drawn.depth_m)
     return np.where(far, np.uint8(IGNORED), drawn.class_id)

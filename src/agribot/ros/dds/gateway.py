@@ -19,7 +19,7 @@ NODE = "agribot"
 
 
 class DdsGateway:
-    """Publishes `out`; hears cmd_vel if it may.
+    """Publishes `out`; takes cmd_vel if allowed.
 
     Raises: BridgeError: cyclonedds is not installed, or the domain cannot be joined.
     """
@@ -27,9 +27,9 @@ class DdsGateway:
     def __init__(self, requests: Requests, out: Sequence[Topic], *, domain: int = 0) -> None:
         self._requests = requests
         self._node = DdsNode(NODE, domain)
-        self._writers = {topic.name: self._node.writer(topic) for topic in out}
+        self._writers = {topic.name: self._node.create_publisher(topic) for topic in out}
         if requests.allow_drive:
-            self._node.hear(topics.CMD_VEL, self._heard)
+            self._node.subscribe(topics.CMD_VEL, self._on_twist)
         self._node.announce()
 
     def publish(self, topic: Topic, data: bytes, _t_ns: int) -> None:
@@ -38,14 +38,14 @@ class DdsGateway:
             writer(data)
 
     def step(self, _record: TickRecord) -> None:
-        """The topics say it all."""
+        """Do nothing: all is in the topics."""
 
     def close(self) -> None:
         self._writers.clear()
         self._node.close()
 
-    def _heard(self, data: bytes) -> None:
+    def _on_twist(self, data: bytes) -> None:
         try:
-            self._requests.twist(read_twist_cdr(data), "DDS")
+            self._requests.request_twist(read_twist_cdr(data), "DDS")
         except BridgeError as error:
             self._requests.refuse(f"DDS: {topics.CMD_VEL.name}: {error}")

@@ -1,4 +1,4 @@
-"""A ROS 2 node on DDS: endpoints that say their type hash, and a node name for `ros2 node list`.
+"""A ROS 2 node on DDS: endpoints with their type hash, and a node name for `ros2 node list`.
 
 Source: the design of rmw_dds_common and of rmw_cyclonedds_cpp and rmw_fastrtps_cpp (Jazzy).
 """
@@ -15,7 +15,7 @@ import numpy as np
 
 from agribot.core.errors import BridgeError
 from agribot.core.topics import LATCHED, Qos, Topic
-from agribot.ros.dds.types import dds_store, dds_type
+from agribot.ros.dds.types import load_dds_types, make_dds_type
 
 _DISCOVERY = Topic(
     name="ros_discovery_info",
@@ -25,8 +25,8 @@ _DISCOVERY = Topic(
 _ANY_STATE = 127
 _TAKEN_AT_ONCE = 32
 _BLOCKING_MS = 100
-# Nothing leaves this machine by itself; with small fragments Fast DDS would lose images. Who comes
-# late is told too: Cyclone alone speaks every 30 s, and no more where nobody answered at first.
+# By default nothing leaves this machine; with small fragments Fast DDS would lose images. Late
+# peers are found, too: Cyclone alone announces itself every 30 s, and stops without a first answer.
 _LOCAL = """<CycloneDDS><Domain><General>
 <Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>
 <AllowMulticast>false</AllowMulticast>
@@ -59,7 +59,7 @@ class DdsNode:
         self._name = name
         user = DdsQos(Policy.Userdata(b"enclave=/;"))
         try:
-            self._domain: Any = _domain(Domain, domain)
+            self._domain: Any = _join_domain(Domain, domain)
             self._participant: Any = DomainParticipant(domain, qos=user)
         except DDSException as error:
             raise BridgeError(f"DDS: cannot join domain {domain}: {error}") from error
@@ -68,88 +68,91 @@ class DdsNode:
         self._kept: list[Any] = []
         self._readers: list[bytes] = []
         self._writers: list[bytes] = []
-        self._discovery = self._raw_writer(_DISCOVERY, _DISCOVERY.name)
+        self._discovery = self._create_writer(_DISCOVERY, _DISCOVERY.name)
         self.announce()
 
-    def writer(self, topic: Topic) -> Callable[[bytes], None]:
-        """Takes CDR. Call `announce` when all are made."""
-        writer = self._raw_writer(topic, f"rt{topic.name}")
+    def create_publisher(self, topic: Topic) -> Callable[[bytes], None]:
+        """Create a publisher that takes CDR; call `announce` after the last one."""
+        writer = self._create_writer(topic, f"rt{topic.name}")
         self._writers.append(writer.guid.bytes)
         return lambda data: _write(writer, data)
 
-    def hear(self, topic: Topic, heard: Callable[[bytes], None]) -> None:
-        """`heard` gets CDR in a thread of DDS. Call `announce` when all are made."""
+    def subscribe(self, topic: Topic, on_message: Callable[[bytes], None]) -> None:
+        """Call `on_message` with CDR in a thread of DDS; call `announce` after the last one."""
         from cyclonedds.core import Listener
         from cyclonedds.sub import DataReader
 
-        class Ear(Listener):
+        class MessageListener(Listener):
             def on_data_available(self, reader: Any) -> None:
                 if reader is None:  # it is being closed
                     return
                 for data in _take(reader):
-                    heard(data)
+                    on_message(data)
 
-        ear = Ear()  # type: ignore[no-untyped-call]
+        listener = MessageListener()  # type: ignore[no-untyped-call]
         reader = DataReader(
-            self._subscriber, self._topic(topic, f"rt{topic.name}"), _qos(topic), ear
+            self._subscriber,
+            self._create_topic(topic, f"rt{topic.name}"),
+            _make_qos(topic),
+            listener,
         )
-        self._kept.append((reader, ear))
+        self._kept.append((reader, listener))
         self._readers.append(reader.guid.bytes)
 
     def announce(self) -> None:
-        """Tell all others the name of the node behind these endpoints."""
-        make = dds_store().types
+        """Announce the name of the node of these endpoints."""
+        make = load_dds_types().types
         node = make["rmw_dds_common/msg/NodeEntitiesInfo"](
             "/",
             self._name,
-            [_gid(guid) for guid in self._readers],
-            [_gid(guid) for guid in self._writers],
+            [_make_gid(guid) for guid in self._readers],
+            [_make_gid(guid) for guid in self._writers],
         )
-        info = make[_DISCOVERY.ros_type](_gid(self._participant.guid.bytes), [node])
-        _write(self._discovery, bytes(dds_store().serialize_cdr(info, _DISCOVERY.ros_type)))
+        info = make[_DISCOVERY.ros_type](_make_gid(self._participant.guid.bytes), [node])
+        _write(self._discovery, bytes(load_dds_types().serialize_cdr(info, _DISCOVERY.ros_type)))
 
     def close(self) -> None:
-        """What was declared goes with its objects."""
+        """Drop all entities, which removes them from the domain."""
         self._kept.clear()
         self._discovery = self._publisher = self._subscriber = self._participant = None
         self._domain = None
 
-    def _raw_writer(self, topic: Topic, name: str) -> Any:
+    def _create_writer(self, topic: Topic, name: str) -> Any:
         from cyclonedds.pub import DataWriter
 
-        writer = DataWriter(self._publisher, self._topic(topic, name), _qos(topic))
+        writer = DataWriter(self._publisher, self._create_topic(topic, name), _make_qos(topic))
         self._kept.append(writer)
         return writer
 
-    def _topic(self, topic: Topic, name: str) -> Any:
+    def _create_topic(self, topic: Topic, name: str) -> Any:
         from cyclonedds.topic import Topic as DdsTopic
 
-        made = DdsTopic(self._participant, name, dds_type(topic.ros_type))
+        made = DdsTopic(self._participant, name, make_dds_type(topic.ros_type))
         self._kept.append(made)
         return made
 
 
-def _domain(make: Any, domain: int) -> Any:
-    """Settings hold for the first to join a domain in this process; a user's own go first."""
+def _join_domain(make: Any, domain: int) -> Any:
+    """Join a domain with our settings, unless it was joined before or the user has settings."""
     from cyclonedds.core import DDSException
 
     if os.environ.get("CYCLONEDDS_URI"):
         return None  # Cyclone reads it itself
 
     try:
-        return make(domain, _LOCAL.format(keep=_KEEP_PEERS if _major() >= 11 else ""))
+        return make(domain, _LOCAL.format(keep=_KEEP_PEERS if _read_major_version() >= 11 else ""))
     except DDSException:
         return None
 
 
-def _qos(topic: Topic) -> Any:
+def _make_qos(topic: Topic) -> Any:
     from cyclonedds.qos import Policy
     from cyclonedds.qos import Qos as DdsQos
     from cyclonedds.util import duration
 
     qos: Qos = topic.qos
     reliable = Policy.Reliability.Reliable(duration(milliseconds=_BLOCKING_MS))
-    type_hash = dds_store().hash_rihs01(topic.ros_type)
+    type_hash = load_dds_types().hash_rihs01(topic.ros_type)
     return DdsQos(
         reliable if qos.reliable else Policy.Reliability.BestEffort,
         Policy.Durability.TransientLocal if qos.latched else Policy.Durability.Volatile,
@@ -167,10 +170,10 @@ def _write(writer: Any, data: bytes) -> None:
 
 
 def _take(reader: Any) -> list[bytes]:
-    """All that is there. The bytes as they came: the wheel's own reader is 500 times slower."""
+    """Take all messages as bytes: the package's own decoder is 500 times slower."""
     from cyclonedds._clayer import ddspy_take
 
-    mask = (_ANY_STATE,) if _major() >= 11 else ()
+    mask = (_ANY_STATE,) if _read_major_version() >= 11 else ()
     taken: list[bytes] = []
     while True:
         samples = ddspy_take(reader._ref, *mask, _TAKEN_AT_ONCE)
@@ -180,9 +183,9 @@ def _take(reader: Any) -> list[bytes]:
 
 
 @functools.cache  # asked for every message that arrives
-def _major() -> int:
+def _read_major_version() -> int:
     return int(metadata.version("cyclonedds").partition(".")[0])
 
 
-def _gid(guid: bytes) -> Any:
-    return dds_store().types["rmw_dds_common/msg/Gid"](np.frombuffer(guid, dtype=np.uint8))
+def _make_gid(guid: bytes) -> Any:
+    return load_dds_types().types["rmw_dds_common/msg/Gid"](np.frombuffer(guid, dtype=np.uint8))

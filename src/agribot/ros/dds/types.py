@@ -9,43 +9,43 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from agribot.ros.messages.char_types import mend_char
+from agribot.ros.messages.char_types import replace_char
 
 PLACEHOLDER = "structure_needs_at_least_one_member"  # of a message without fields
 
 
 @functools.cache
-def dds_store() -> Typestore:
+def load_dds_types() -> Typestore:
     store = get_typestore(Stores.ROS2_JAZZY)
-    mend_char(store)
+    replace_char(store)
     return store
 
 
-def dds_name(ros_type: str) -> str:
-    """`sensor_msgs/msg/Imu` -> `sensor_msgs::msg::dds_::Imu_`."""
+def to_dds_name(ros_type: str) -> str:
+    """Convert `sensor_msgs/msg/Imu` to `sensor_msgs::msg::dds_::Imu_`."""
     package, kind, name = ros_type.split("/")
     return f"{package}::{kind}::dds_::{name}_"
 
 
 @functools.cache
-def dds_type(ros_type: str) -> Any:
-    """A type that only describes: messages are written and read as the bytes they are."""
+def make_dds_type(ros_type: str) -> Any:
+    """Make the description of a type; messages are written and read as bytes."""
     from cyclonedds.idl import make_idl_struct, types
     from cyclonedds.idl.annotations import final
 
-    _, fields = dds_store().fielddefs[ros_type]
-    members = {name: _member(kind) for name, kind in fields} or {PLACEHOLDER: types.uint8}
-    struct: Any = make_idl_struct(f"{ros_type.rpartition('/')[2]}_", dds_name(ros_type), members)
+    _, fields = load_dds_types().fielddefs[ros_type]
+    members = {name: _make_member(kind) for name, kind in fields} or {PLACEHOLDER: types.uint8}
+    struct: Any = make_idl_struct(f"{ros_type.rpartition('/')[2]}_", to_dds_name(ros_type), members)
     return final(struct)
 
 
-def _member(kind: Any) -> Any:
+def _make_member(kind: Any) -> Any:
     from cyclonedds.idl import types
 
     make: Any = types
     node, detail = kind
     if node == Nodetype.NAME:
-        return dds_type(detail)
+        return make_dds_type(detail)
     if node == Nodetype.BASE:
         name, limit = detail
         if name in {"string", "wstring"}:
@@ -55,5 +55,7 @@ def _member(kind: Any) -> Any:
         return make.uint8 if name in {"octet", "byte"} else getattr(make, name)
     inner, count = detail
     if node == Nodetype.ARRAY:
-        return make.array[_member(inner), count]
-    return make.sequence[_member(inner), count] if count else make.sequence[_member(inner)]
+        return make.array[_make_member(inner), count]
+    return (
+        make.sequence[_make_member(inner), count] if count else make.sequence[_make_member(inner)]
+    )

@@ -1,1 +1,1 @@
-"""Our structs as ROS messages and transforms. Import the module that you need."""
+"""Conversion of our structs to ROS messages and transforms, and of sensor messages to structs."""

@@ -1,4 +1,4 @@
-"""Camera frames of a recording: JPEG at a modest rate, and what the network saw in them."""
+"""Camera frames of a recording: JPEG at a low rate, and with the plants found in them."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class CameraLog:
         self._camera = robot.camera
         self._optical_from_body = inverse(robot.body_from_camera()) if robot.camera else np.eye(4)
 
-    def image(self, frame: CameraFrame) -> bytes | None:
-        """JPEG of the frame, or None when it is not this one's turn."""
+    def encode_image(self, frame: CameraFrame) -> bytes | None:
+        """Encode the frame as JPEG, or return None if it is not due at `rate_hz`."""
         if self._period_s is None or frame.t_s < self._next_s - _SLACK_S:
             return None
         if frame.image_rgb.size == 0:  # a replayed frame has no pixels any more
@@ -42,10 +42,10 @@ class CameraLog:
         self._frames[frame.index] = frame.image_rgb
         while len(self._frames) > _KEPT_FRAMES:
             self._frames.popitem(last=False)
-        return self._jpeg(Image.fromarray(frame.image_rgb))
+        return self._encode_jpeg(Image.fromarray(frame.image_rgb))
 
-    def overlay(self, scene: Scene) -> bytes | None:
-        """JPEG of a picked frame with its plants circled, or None for the others."""
+    def encode_overlay(self, scene: Scene) -> bytes | None:
+        """Encode a picked frame with its plants circled, or return None for the others."""
         pixels = self._frames.pop(scene.frame_index, None)
         if pixels is None or self._camera is None:
             return None
@@ -62,9 +62,9 @@ class CameraLog:
             radius_px = max(4.0, self._camera.focal_px * radius_m / p_optical[2])
             box = (u_px - radius_px, v_px - radius_px, u_px + radius_px, v_px + radius_px)
             draw.ellipse(box, outline=_COLOUR.get(plant.plant, (200, 200, 200)), width=2)
-        return self._jpeg(image)
+        return self._encode_jpeg(image)
 
-    def _jpeg(self, image: Image.Image) -> bytes:
+    def _encode_jpeg(self, image: Image.Image) -> bytes:
         buffer = io.BytesIO()
         image.save(buffer, format="JPEG", quality=self._quality)
         return buffer.getvalue()

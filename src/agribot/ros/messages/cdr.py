@@ -1,4 +1,4 @@
-"""Fast CDR for the topics that speak often.
+"""Fast CDR for the topics of high rate.
 
 Of such a message only the time stamp and a run of numbers change; its frame names and array
 lengths never do. rosbags writes it once, and each further one is that template with the numbers
@@ -45,7 +45,7 @@ class CdrTemplate:
 class ImuCdr:
     def __init__(self, frame: str) -> None:
         still = ImuSample(t_s=0.0, gyro_radps=(0.0, 0.0, 0.0), accel_mps2=(0.0, 0.0, 0.0))
-        self._template = CdrTemplate(rosmsg.imu(still, frame), "3d72x3d72x")
+        self._template = CdrTemplate(rosmsg.make_imu(still, frame), "3d72x3d72x")
 
     def __call__(self, t_ns: int, sample: ImuSample) -> bytes:
         return self._template.fill_stamped(t_ns, *sample.gyro_radps, *sample.accel_mps2)
@@ -57,9 +57,9 @@ class JointStateCdr:
     def __init__(self, names: tuple[str, ...]) -> None:
         zero = (0.0, 0.0, 0.0, 0.0)
         still = WheelSample(t_s=0.0, angle_rad=zero, speed_radps=zero)
-        self._template = CdrTemplate(rosmsg.joint_state(still, names), "4dI4x4d4x")
+        self._template = CdrTemplate(rosmsg.make_joint_state(still, names), "4dI4x4d4x")
         still = WheelSample(t_s=0.0, angle_rad=zero, speed_radps=zero, effort_nm=zero)
-        self._with_effort = CdrTemplate(rosmsg.joint_state(still, names), "4dI4x4dI4x4d")
+        self._with_effort = CdrTemplate(rosmsg.make_joint_state(still, names), "4dI4x4dI4x4d")
 
     def __call__(self, t_ns: int, sample: WheelSample) -> bytes:
         angles, speeds, efforts = sample.angle_rad, sample.speed_radps, sample.effort_nm
@@ -77,7 +77,7 @@ class OdometryCdr:
             slip_rad=0.0, pose_cov=(0.0,) * 9, pos_std_m=0.0, yaw_std_rad=0.0,
             quality=GnssQuality.NONE, ok=True,
         )  # fmt: skip
-        message = rosmsg.odometry(still)
+        message = rosmsg.make_odometry(still)
         message.header.frame_id = parent
         pose = "2d8x16x2d"
         covariance = "2d24xd" + "2d24xd" + "144x" + "2d24xd"
@@ -99,7 +99,7 @@ class OdometryCdr:
         pose_cov: tuple[float, ...],
         twist: tuple[float, float],
     ) -> bytes:
-        """`pose` x, y, yaw; `pose_cov` its 3x3 covariance row by row; `twist` forward and yaw."""
+        """Pack `pose` (x, y, yaw), its 3x3 covariance row by row, and `twist` (forward, yaw)."""
         x_m, y_m, yaw_rad = pose
         _, _, z, w = rosmsg.quaternion_from_yaw(yaw_rad)
         return self._template.fill_stamped(t_ns, x_m, y_m, z, w, *pose_cov, *twist)
@@ -107,7 +107,7 @@ class OdometryCdr:
 
 class TwistCdr:
     def __init__(self) -> None:
-        self._template = CdrTemplate(rosmsg.twist(0.0, 0.0), "d32xd")
+        self._template = CdrTemplate(rosmsg.make_twist(0.0, 0.0), "d32xd")
 
     def __call__(self, v_mps: float, yaw_rate_radps: float) -> bytes:
         return self._template.fill(v_mps, yaw_rate_radps)
@@ -115,7 +115,7 @@ class TwistCdr:
 
 class Float64Cdr:
     def __init__(self) -> None:
-        self._template = CdrTemplate(rosmsg.float64(0.0), "d")
+        self._template = CdrTemplate(rosmsg.make_float64(0.0), "d")
 
     def __call__(self, value: float) -> bytes:
         return self._template.fill(value)
@@ -123,8 +123,8 @@ class Float64Cdr:
 
 class ClockCdr:
     def __init__(self) -> None:
-        zero = rosmsg.make("builtin_interfaces/msg/Time", 0, 0)
-        self._template = CdrTemplate(rosmsg.make("rosgraph_msgs/msg/Clock", zero), "")
+        zero = rosmsg.make_message("builtin_interfaces/msg/Time", 0, 0)
+        self._template = CdrTemplate(rosmsg.make_message("rosgraph_msgs/msg/Clock", zero), "")
 
     def __call__(self, t_ns: int) -> bytes:
         return self._template.fill_stamped(t_ns)
@@ -135,16 +135,16 @@ class TransformsCdr:
 
     def __init__(self, frames: tuple[tuple[str, str], ...]) -> None:
         still = [
-            rosmsg.transform_stamped(0.0, parent, child, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+            rosmsg.make_transform(0.0, parent, child, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
             for parent, child in frames
         ]
         # A message with the first k transforms is a prefix of the whole but for the count, so
         # its length is where transform k starts.
         ends = [
-            len(rosmsg.to_cdr(rosmsg.make("tf2_msgs/msg/TFMessage", still[:count])))
+            len(rosmsg.to_cdr(rosmsg.make_message("tf2_msgs/msg/TFMessage", still[:count])))
             for count in range(len(still) + 1)
         ]
-        self._bytes = bytearray(rosmsg.to_cdr(rosmsg.make("tf2_msgs/msg/TFMessage", still)))
+        self._bytes = bytearray(rosmsg.to_cdr(rosmsg.make_message("tf2_msgs/msg/TFMessage", still)))
         self._numbers = struct.Struct("<7d")
         self._at = [(start, end - 56) for start, end in itertools.pairwise(ends)]
 

@@ -8,18 +8,19 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 
-def mend_char(store: Typestore) -> None:
+def replace_char(store: Typestore) -> None:
+    """Replace `char` by uint8 in all types of a store."""
     for name, (constants, fields) in list(store.fielddefs.items()):
-        mended: list[Any] = [(field, _mended(kind)) for field, kind in fields]
+        mended: list[Any] = [(field, _replace_in_field(kind)) for field, kind in fields]
         if mended != list(fields):
             store.fielddefs[name] = (constants, mended)
 
 
-def _mended(kind: Any) -> Any:
+def _replace_in_field(kind: Any) -> Any:
     node, detail = kind
     if node == Nodetype.BASE:
         return (node, ("uint8", detail[1])) if detail[0] == "char" else kind
     if node == Nodetype.NAME:
         return kind
     inner, count = detail
-    return (node, (_mended(inner), count))
+    return (node, (_replace_in_field(inner), count))

@@ -1,4 +1,4 @@
-"""What further devices say as ROS 2 messages: base station, bumper, battery."""
+"""Readings of base station, bumper and battery as ROS 2 messages."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 
 from agribot.core.messages import BaseFix, BatterySample, BumperSample
-from agribot.ros.messages.rosmsg import BODY_FRAME, header, make, point
+from agribot.ros.messages.rosmsg import BODY_FRAME, make_header, make_message, make_point
 
 POLE_FRAME = "gps_pole_link"
-# sensor_msgs/BatteryState: what its constants are called there.
+# Constants of sensor_msgs/BatteryState.
 _DISCHARGING, _HEALTH_UNKNOWN, _LITHIUM_ION = 2, 0, 2
 
 
-def pole_fix(fix: BaseFix) -> Any:
-    """A receiver tells a horizontal sigma only; the vertical one is a guess: APPROXIMATED."""
+def make_pole_fix(fix: BaseFix) -> Any:
+    """Make a NavSatFix; the vertical covariance is a guess from the horizontal: APPROXIMATED."""
     variance_m2 = fix.pos_std_m**2
-    return make(
+    return make_message(
         "sensor_msgs/msg/NavSatFix",
-        header(fix.t_s, POLE_FRAME),
-        make("sensor_msgs/msg/NavSatStatus", 0, 1),
+        make_header(fix.t_s, POLE_FRAME),
+        make_message("sensor_msgs/msg/NavSatStatus", 0, 1),
         fix.lat_deg,
         fix.lon_deg,
         fix.alt_m,
@@ -30,17 +30,19 @@ def pole_fix(fix: BaseFix) -> Any:
     )
 
 
-def touched_point(sample: BumperSample) -> Any:
-    place = point(sample.x_body_m, sample.y_body_m)
-    return make("geometry_msgs/msg/PointStamped", header(sample.t_s, BODY_FRAME), place)
+def make_contact_point(sample: BumperSample) -> Any:
+    place = make_point(sample.x_body_m, sample.y_body_m)
+    return make_message(
+        "geometry_msgs/msg/PointStamped", make_header(sample.t_s, BODY_FRAME), place
+    )
 
 
-def battery_state(sample: BatterySample) -> Any:
-    """ROS counts a current out of the battery negative; what is unknown is NaN."""
+def make_battery_state(sample: BatterySample) -> Any:
+    """Make a BatteryState: a discharging current is negative, unknown values are NaN."""
     unknown = math.nan
-    return make(
+    return make_message(
         "sensor_msgs/msg/BatteryState",
-        header(sample.t_s, ""),
+        make_header(sample.t_s, ""),
         sample.voltage_v,
         unknown,  # temperature
         -sample.current_a,

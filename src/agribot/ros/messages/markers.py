@@ -22,37 +22,39 @@ _COLOURS: dict[str, Rgba] = {
 }
 
 
-def weed_markers(t_s: float, plants: Iterable[MappedPlant]) -> Any:
-    """One list of spheres per kind; a list replaces its predecessor, so none goes stale."""
+def make_weed_markers(t_s: float, plants: Iterable[MappedPlant]) -> Any:
+    """Make one list of spheres per kind; a list replaces its predecessor, so none is stale."""
     points: dict[str, list[Any]] = {kind: [] for kind in _COLOURS}
     for plant in plants:
-        points[_kind(plant)].append(rosmsg.point(plant.x_map_m, plant.y_map_m, 0.05))
-    markers = [_sphere_list(t_s, index, kind, points[kind]) for index, kind in enumerate(_COLOURS)]
-    return rosmsg.make("visualization_msgs/msg/MarkerArray", markers)
+        points[_choose_kind(plant)].append(rosmsg.make_point(plant.x_map_m, plant.y_map_m, 0.05))
+    markers = [
+        _make_sphere_list(t_s, index, kind, points[kind]) for index, kind in enumerate(_COLOURS)
+    ]
+    return rosmsg.make_message("visualization_msgs/msg/MarkerArray", markers)
 
 
-def _kind(plant: MappedPlant) -> str:
+def _choose_kind(plant: MappedPlant) -> str:
     if plant.plant == PlantClass.CROP:
         return "crop"
     return "weed" if plant.treated_s is None else "treated"
 
 
-def _sphere_list(t_s: float, index: int, kind: str, points: list[Any]) -> Any:
-    no_texture = rosmsg.make(
-        "sensor_msgs/msg/CompressedImage", rosmsg.header(0.0, ""), "", np.zeros(0, np.uint8)
+def _make_sphere_list(t_s: float, index: int, kind: str, points: list[Any]) -> Any:
+    no_texture = rosmsg.make_message(
+        "sensor_msgs/msg/CompressedImage", rosmsg.make_header(0.0, ""), "", np.zeros(0, np.uint8)
     )
-    no_mesh = rosmsg.make("visualization_msgs/msg/MeshFile", "", np.zeros(0, np.uint8))
-    return rosmsg.make(
+    no_mesh = rosmsg.make_message("visualization_msgs/msg/MeshFile", "", np.zeros(0, np.uint8))
+    return rosmsg.make_message(
         "visualization_msgs/msg/Marker",
-        rosmsg.header(t_s, rosmsg.MAP_FRAME),
+        rosmsg.make_header(t_s, rosmsg.MAP_FRAME),
         kind,
         index,
         _SPHERE_LIST,
         _ADD,
-        rosmsg.pose2(0.0, 0.0, 0.0),
-        rosmsg.vector3(_DIAMETER_M, _DIAMETER_M, _DIAMETER_M),
-        rosmsg.make("std_msgs/msg/ColorRGBA", *_COLOURS[kind]),
-        rosmsg.make("builtin_interfaces/msg/Duration", 0, 0),
+        rosmsg.make_pose(0.0, 0.0, 0.0),
+        rosmsg.make_vector3(_DIAMETER_M, _DIAMETER_M, _DIAMETER_M),
+        rosmsg.make_message("std_msgs/msg/ColorRGBA", *_COLOURS[kind]),
+        rosmsg.make_message("builtin_interfaces/msg/Duration", 0, 0),
         False,
         points,
         [],

@@ -50,43 +50,47 @@ _STRAIGHT_RAD = 1e-4  # from point to point
 
 
 @functools.cache
-def typestore() -> Typestore:
+def load_types() -> Typestore:
     return get_typestore(Stores.ROS2_JAZZY)
 
 
-def make(ros_type: str, *values: Any) -> Any:
-    """A message of `ros_type`, its fields in the order of the .msg file."""
-    return typestore().types[ros_type](*values)
+def make_message(ros_type: str, *values: Any) -> Any:
+    """Make a message of `ros_type`, its fields in the order of the .msg file."""
+    return load_types().types[ros_type](*values)
 
 
 def to_cdr(message: Any) -> bytes:
-    return bytes(typestore().serialize_cdr(message, message.__msgtype__))
+    return bytes(load_types().serialize_cdr(message, message.__msgtype__))
 
 
-def nanoseconds(t_s: float) -> int:
+def to_nanoseconds(t_s: float) -> int:
     return round(t_s * 1e9)
 
 
-def header(t_s: float, frame: str) -> Any:
-    sec, nanosec = divmod(nanoseconds(t_s), 1_000_000_000)
-    stamp = make("builtin_interfaces/msg/Time", sec, nanosec)
-    return make("std_msgs/msg/Header", stamp, frame)
+def make_header(t_s: float, frame: str) -> Any:
+    sec, nanosec = divmod(to_nanoseconds(t_s), 1_000_000_000)
+    stamp = make_message("builtin_interfaces/msg/Time", sec, nanosec)
+    return make_message("std_msgs/msg/Header", stamp, frame)
 
 
-def vector3(x: float, y: float, z: float) -> Any:
-    return make("geometry_msgs/msg/Vector3", x, y, z)
+def make_vector3(x: float, y: float, z: float) -> Any:
+    return make_message("geometry_msgs/msg/Vector3", x, y, z)
 
 
-def point(x_m: float, y_m: float, z_m: float = 0.0) -> Any:
-    return make("geometry_msgs/msg/Point", x_m, y_m, z_m)
+def make_point(x_m: float, y_m: float, z_m: float = 0.0) -> Any:
+    return make_message("geometry_msgs/msg/Point", x_m, y_m, z_m)
 
 
-def quaternion(xyzw: Quaternion) -> Any:
-    return make("geometry_msgs/msg/Quaternion", *xyzw)
+def make_quaternion(xyzw: Quaternion) -> Any:
+    return make_message("geometry_msgs/msg/Quaternion", *xyzw)
 
 
-def pose2(x_m: float, y_m: float, yaw_rad: float) -> Any:
-    return make("geometry_msgs/msg/Pose", point(x_m, y_m), quaternion(quaternion_from_yaw(yaw_rad)))
+def make_pose(x_m: float, y_m: float, yaw_rad: float) -> Any:
+    return make_message(
+        "geometry_msgs/msg/Pose",
+        make_point(x_m, y_m),
+        make_quaternion(quaternion_from_yaw(yaw_rad)),
+    )
 
 
 def quaternion_from_yaw(yaw_rad: float) -> Quaternion:
@@ -94,7 +98,7 @@ def quaternion_from_yaw(yaw_rad: float) -> Quaternion:
 
 
 def quaternion_from_matrix(rotation: FloatArray) -> Quaternion:
-    """Of a (3, 3) rotation. Source: Shepperd 1978, by the largest of the four components."""
+    """Convert a rotation (3, 3). Source: Shepperd 1978, by the largest of the four components."""
     m = rotation
     trace = float(m[0, 0] + m[1, 1] + m[2, 2])
     squares = (float(m[0, 0]), float(m[1, 1]), float(m[2, 2]), trace)
@@ -112,44 +116,48 @@ def quaternion_from_matrix(rotation: FloatArray) -> Quaternion:
     return (float(q[0]) / norm, float(q[1]) / norm, float(q[2]) / norm, float(q[3]) / norm)
 
 
-def transform_stamped(t_s: float, parent: str, child: str, xyz_m: Vec3, xyzw: Quaternion) -> Any:
-    transform = make("geometry_msgs/msg/Transform", vector3(*xyz_m), quaternion(xyzw))
-    return make("geometry_msgs/msg/TransformStamped", header(t_s, parent), child, transform)
+def make_transform(t_s: float, parent: str, child: str, xyz_m: Vec3, xyzw: Quaternion) -> Any:
+    transform = make_message(
+        "geometry_msgs/msg/Transform", make_vector3(*xyz_m), make_quaternion(xyzw)
+    )
+    return make_message(
+        "geometry_msgs/msg/TransformStamped", make_header(t_s, parent), child, transform
+    )
 
 
-def imu(sample: ImuSample, frame: str) -> Any:
-    """Orientation is not measured (first covariance -1); the other covariances are unknown (0)."""
+def make_imu(sample: ImuSample, frame: str) -> Any:
+    """Make an Imu without orientation (first covariance -1), its covariances unknown (0)."""
     no_orientation = np.zeros(9)
     no_orientation[0] = -1.0
-    return make(
+    return make_message(
         "sensor_msgs/msg/Imu",
-        header(sample.t_s, frame),
-        quaternion((0.0, 0.0, 0.0, 1.0)),
+        make_header(sample.t_s, frame),
+        make_quaternion((0.0, 0.0, 0.0, 1.0)),
         no_orientation,
-        vector3(*sample.gyro_radps),
+        make_vector3(*sample.gyro_radps),
         np.zeros(9),
-        vector3(*sample.accel_mps2),
+        make_vector3(*sample.accel_mps2),
         np.zeros(9),
     )
 
 
-def magnetic_field(sample: MagSample, frame: str) -> Any:
-    return make(
+def make_magnetic_field(sample: MagSample, frame: str) -> Any:
+    return make_message(
         "sensor_msgs/msg/MagneticField",
-        header(sample.t_s, frame),
-        vector3(*sample.field_t),
+        make_header(sample.t_s, frame),
+        make_vector3(*sample.field_t),
         np.zeros(9),
     )
 
 
-def nav_sat_fix(fix: GnssFix, frame: str) -> Any:
-    """A receiver tells a horizontal sigma only; the vertical one is a guess: APPROXIMATED."""
+def make_fix(fix: GnssFix, frame: str) -> Any:
+    """Make a NavSatFix; the vertical covariance is a guess from the horizontal: APPROXIMATED."""
     variance_m2 = fix.pos_std_m**2
     covariance = np.diag([variance_m2, variance_m2, 4.0 * variance_m2]).ravel()
-    status = make("sensor_msgs/msg/NavSatStatus", _NAVSAT_STATUS[fix.quality], 1)
-    return make(
+    status = make_message("sensor_msgs/msg/NavSatStatus", _NAVSAT_STATUS[fix.quality], 1)
+    return make_message(
         "sensor_msgs/msg/NavSatFix",
-        header(fix.t_s, frame),
+        make_header(fix.t_s, frame),
         status,
         fix.lat_deg,
         fix.lon_deg,
@@ -159,15 +167,17 @@ def nav_sat_fix(fix: GnssFix, frame: str) -> Any:
     )
 
 
-def fix_velocity(t_s: float, velocity_mps: Vec3) -> Any:
-    """East, North, Up."""
-    return make("geometry_msgs/msg/Vector3Stamped", header(t_s, MAP_FRAME), vector3(*velocity_mps))
+def make_fix_velocity(t_s: float, velocity_mps: Vec3) -> Any:
+    """Make a Vector3Stamped of a velocity East, North, Up."""
+    return make_message(
+        "geometry_msgs/msg/Vector3Stamped", make_header(t_s, MAP_FRAME), make_vector3(*velocity_mps)
+    )
 
 
-def joint_state(sample: WheelSample, names: Sequence[str]) -> Any:
-    return make(
+def make_joint_state(sample: WheelSample, names: Sequence[str]) -> Any:
+    return make_message(
         "sensor_msgs/msg/JointState",
-        header(sample.t_s, ""),
+        make_header(sample.t_s, ""),
         list(names),
         np.array(sample.angle_rad),
         np.array(sample.speed_radps),
@@ -175,42 +185,44 @@ def joint_state(sample: WheelSample, names: Sequence[str]) -> Any:
     )
 
 
-def twist(v_mps: float, yaw_rate_radps: float) -> Any:
-    return make(
-        "geometry_msgs/msg/Twist", vector3(v_mps, 0.0, 0.0), vector3(0.0, 0.0, yaw_rate_radps)
+def make_twist(v_mps: float, yaw_rate_radps: float) -> Any:
+    return make_message(
+        "geometry_msgs/msg/Twist",
+        make_vector3(v_mps, 0.0, 0.0),
+        make_vector3(0.0, 0.0, yaw_rate_radps),
     )
 
 
-def drive_twist(command: DriveCommand) -> Any:
-    return twist(command.v_mps, command.yaw_rate_radps)
+def make_drive_twist(command: DriveCommand) -> Any:
+    return make_twist(command.v_mps, command.yaw_rate_radps)
 
 
-def odometry(estimate: Estimate) -> Any:
-    """x, y and yaw fill their places of the 6x6 covariance; the flat rest and the twist are 0."""
+def make_odometry(estimate: Estimate) -> Any:
+    """Make an Odometry: in the 6x6 covariance only x, y and yaw are set, none of the twist's."""
     covariance = np.zeros((6, 6))
     planar = np.ix_((0, 1, 5), (0, 1, 5))
     covariance[planar] = np.reshape(estimate.pose_cov, (3, 3))
-    pose = pose2(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
-    return make(
+    pose = make_pose(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+    return make_message(
         "nav_msgs/msg/Odometry",
-        header(estimate.t_s, MAP_FRAME),
+        make_header(estimate.t_s, MAP_FRAME),
         BODY_FRAME,
-        make("geometry_msgs/msg/PoseWithCovariance", pose, covariance.ravel()),
-        make(
+        make_message("geometry_msgs/msg/PoseWithCovariance", pose, covariance.ravel()),
+        make_message(
             "geometry_msgs/msg/TwistWithCovariance",
-            twist(estimate.v_mps, estimate.yaw_rate_radps),
+            make_twist(estimate.v_mps, estimate.yaw_rate_radps),
             np.zeros(36),
         ),
     )
 
 
-def pose_stamped(estimate: Estimate) -> Any:
-    pose = pose2(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
-    return make("geometry_msgs/msg/PoseStamped", header(estimate.t_s, MAP_FRAME), pose)
+def make_pose_stamped(estimate: Estimate) -> Any:
+    pose = make_pose(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+    return make_message("geometry_msgs/msg/PoseStamped", make_header(estimate.t_s, MAP_FRAME), pose)
 
 
-def path(t_s: float, planned: Path) -> Any:
-    """Every 10 cm: a display needs no 2 cm spacing. Of a long one, straights by their ends."""
+def make_path(t_s: float, planned: Path) -> Any:
+    """Make a Path of a point every 10 cm; of a long one, straight parts by their ends."""
     last = len(planned.s_m) - 1
     some_steps_m = np.diff(planned.s_m)[:: 1 + last // _PATH_POINTS]
     step = max(1, round(_PATH_STEP_M / max(float(np.median(some_steps_m)), 1e-6)))
@@ -218,23 +230,26 @@ def path(t_s: float, planned: Path) -> Any:
     if len(picked) > _PATH_POINTS:
         turned = np.abs(np.diff(planned.yaw_map_rad[picked])) > _STRAIGHT_RAD
         picked = picked[np.concatenate([[True], turned]) | np.concatenate([turned, [True]])]
-    head = header(t_s, MAP_FRAME)
+    head = make_header(t_s, MAP_FRAME)
     places = np.column_stack([planned.xy_map_m, planned.yaw_map_rad])[picked].tolist()
-    poses = [make("geometry_msgs/msg/PoseStamped", head, pose2(x, y, yaw)) for x, y, yaw in places]
-    return make("nav_msgs/msg/Path", head, poses)
+    poses = [
+        make_message("geometry_msgs/msg/PoseStamped", head, make_pose(x, y, yaw))
+        for x, y, yaw in places
+    ]
+    return make_message("nav_msgs/msg/Path", head, poses)
 
 
-def goals(t_s: float, goals_map_m: Sequence[tuple[float, float]]) -> Any:
-    poses = [pose2(x_m, y_m, 0.0) for x_m, y_m in goals_map_m]
-    return make("geometry_msgs/msg/PoseArray", header(t_s, MAP_FRAME), poses)
+def make_goals(t_s: float, goals_map_m: Sequence[tuple[float, float]]) -> Any:
+    poses = [make_pose(x_m, y_m, 0.0) for x_m, y_m in goals_map_m]
+    return make_message("geometry_msgs/msg/PoseArray", make_header(t_s, MAP_FRAME), poses)
 
 
-def goal_fix(t_s: float, goal_map_m: tuple[float, float], frame: MapFrame) -> Any:
+def make_goal_fix(t_s: float, goal_map_m: tuple[float, float], frame: MapFrame) -> Any:
     lat_deg, lon_deg, alt_m = frame.geodetic_from_map(*goal_map_m)
-    status = make("sensor_msgs/msg/NavSatStatus", 0, 1)
-    return make(
+    status = make_message("sensor_msgs/msg/NavSatStatus", 0, 1)
+    return make_message(
         "sensor_msgs/msg/NavSatFix",
-        header(t_s, MAP_FRAME),
+        make_header(t_s, MAP_FRAME),
         status,
         lat_deg,
         lon_deg,
@@ -244,13 +259,13 @@ def goal_fix(t_s: float, goal_map_m: tuple[float, float], frame: MapFrame) -> An
     )
 
 
-def camera_info(t_s: float, camera: CameraSpec) -> Any:
+def make_camera_info(t_s: float, camera: CameraSpec) -> Any:
     k_px = camera.matrix()
     projection = np.hstack([k_px, np.zeros((3, 1))])
-    region = make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
-    return make(
+    region = make_message("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
+    return make_message(
         "sensor_msgs/msg/CameraInfo",
-        header(t_s, OPTICAL_FRAME),
+        make_header(t_s, OPTICAL_FRAME),
         camera.height_px,
         camera.width_px,
         "plumb_bob",
@@ -264,26 +279,30 @@ def camera_info(t_s: float, camera: CameraSpec) -> Any:
     )
 
 
-def compressed_image(t_s: float, jpeg: bytes) -> Any:
+def make_compressed_image(t_s: float, jpeg: bytes) -> Any:
     pixels = np.frombuffer(jpeg, dtype=np.uint8)
-    return make("sensor_msgs/msg/CompressedImage", header(t_s, OPTICAL_FRAME), "jpeg", pixels)
+    return make_message(
+        "sensor_msgs/msg/CompressedImage", make_header(t_s, OPTICAL_FRAME), "jpeg", pixels
+    )
 
 
-def image(t_s: float, rgb: ByteArray) -> Any:
-    """Uncompressed; `rgb` is (height, width, 3)."""
+def make_image(t_s: float, rgb: ByteArray) -> Any:
+    """Make an uncompressed Image of `rgb` (height, width, 3)."""
     height_px, width_px, _ = rgb.shape
-    head = header(t_s, OPTICAL_FRAME)
+    head = make_header(t_s, OPTICAL_FRAME)
     data = np.ascontiguousarray(rgb).reshape(-1)
-    return make("sensor_msgs/msg/Image", head, height_px, width_px, "rgb8", 0, 3 * width_px, data)
+    return make_message(
+        "sensor_msgs/msg/Image", head, height_px, width_px, "rgb8", 0, 3 * width_px, data
+    )
 
 
-def status_json(status: MissionStatus) -> Any:
-    return text(msgspec.json.encode(status).decode())
+def make_status(status: MissionStatus) -> Any:
+    return make_text(msgspec.json.encode(status).decode())
 
 
-def text(value: str) -> Any:
-    return make("std_msgs/msg/String", value)
+def make_text(value: str) -> Any:
+    return make_message("std_msgs/msg/String", value)
 
 
-def float64(value: float) -> Any:
-    return make("std_msgs/msg/Float64", value)
+def make_float64(value: float) -> Any:
+    return make_message("std_msgs/msg/Float64", value)

@@ -1,8 +1,8 @@
-"""Sensor messages of other people's nodes as our samples, checked; the types of both ROS versions.
+"""Readers of sensor messages of other nodes, of both ROS versions, as checked samples.
 
-A reader takes a message object and its capture time. It returns None for a message that rightly
-says nothing, such as a receiver without a fix.
-Raises: BridgeError: a number that is none or out of range, an image of another size, no such wheel.
+A reader takes a message object and its capture time. It returns None for a valid message without
+a sample, such as that of a receiver without a fix.
+Raises: BridgeError: a number not finite or out of range, an image of another size, no such wheel.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from agribot.core.messages import (
 )
 from agribot.core.platform import Sensor
 from agribot.core.robot import DriveSpec, RobotSpec
-from agribot.ros.messages.transforms import wheel_joints
+from agribot.ros.messages.transforms import find_wheel_joints
 
 Sample = GnssFix | ImuSample | MagSample | WheelSample | CameraFrame
-Read = Callable[[Any, float], Sample | None]
+ReadSample = Callable[[Any, float], Sample | None]
 
-# What a receiver is worth that tells no covariance: NavSatStatus -> quality, 1 sigma (m).
+# Of a receiver without a covariance: NavSatStatus -> quality, 1 sigma (m).
 _QUALITY = {
     0: (GnssQuality.SINGLE, 2.5),
     1: (GnssQuality.DGNSS, 1.0),
@@ -47,16 +47,16 @@ _CHANNELS = {"rgb8": (3, (0, 1, 2)), "bgr8": (3, (2, 1, 0)), "rgba8": (4, (0, 1,
              "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0))}  # fmt: skip
 
 
-def readers(sensor: Sensor, robot: RobotSpec) -> Mapping[str, Read]:
-    """Message type -> reader, for all types in which this sensor may speak."""
+def make_readers(sensor: Sensor, robot: RobotSpec) -> Mapping[str, ReadSample]:
+    """Make the readers of a sensor, by message type."""
     if sensor == "gnss":
-        return {"sensor_msgs/msg/NavSatFix": gnss_fix}
+        return {"sensor_msgs/msg/NavSatFix": read_fix}
     if sensor == "imu":
-        return {"sensor_msgs/msg/Imu": imu_sample}
+        return {"sensor_msgs/msg/Imu": read_imu}
     if sensor == "mag":
         return {
-            "sensor_msgs/msg/MagneticField": lambda m, t_s: mag_sample(m.magnetic_field, t_s),
-            "geometry_msgs/msg/Vector3Stamped": lambda m, t_s: mag_sample(m.vector, t_s),
+            "sensor_msgs/msg/MagneticField": lambda m, t_s: read_mag(m.magnetic_field, t_s),
+            "geometry_msgs/msg/Vector3Stamped": lambda m, t_s: read_mag(m.vector, t_s),
         }
     if sensor == "wheels":
         return {
@@ -65,16 +65,16 @@ def readers(sensor: Sensor, robot: RobotSpec) -> Mapping[str, Read]:
         }
     images = ImageReader(robot)
     return {
-        "sensor_msgs/msg/Image": images.raw,
-        "sensor_msgs/msg/CompressedImage": images.compressed,
+        "sensor_msgs/msg/Image": images.read_raw,
+        "sensor_msgs/msg/CompressedImage": images.read_compressed,
     }
 
 
-def seconds(stamp: Any) -> float:
+def to_seconds(stamp: Any) -> float:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
-def gnss_fix(message: Any, t_s: float) -> GnssFix | None:
+def read_fix(message: Any, t_s: float) -> GnssFix | None:
     if message.status.status <= _NO_FIX:
         return None
     place = (float(message.latitude), float(message.longitude), float(message.altitude))
@@ -94,24 +94,24 @@ def gnss_fix(message: Any, t_s: float) -> GnssFix | None:
     )
 
 
-def imu_sample(message: Any, t_s: float) -> ImuSample:
+def read_imu(message: Any, t_s: float) -> ImuSample:
     return ImuSample(
         t_s=t_s,
-        gyro_radps=_finite(message.angular_velocity, "angular velocity"),
-        accel_mps2=_finite(message.linear_acceleration, "linear acceleration"),
+        gyro_radps=_read_finite(message.angular_velocity, "angular velocity"),
+        accel_mps2=_read_finite(message.linear_acceleration, "linear acceleration"),
     )
 
 
-def mag_sample(vector: Any, t_s: float) -> MagSample:
-    """Only the direction counts, whatever the unit."""
-    return MagSample(t_s=t_s, field_t=_finite(vector, "field"))
+def read_mag(vector: Any, t_s: float) -> MagSample:
+    """Read a magnetic field, of which only the direction counts, in any unit."""
+    return MagSample(t_s=t_s, field_t=_read_finite(vector, "field"))
 
 
 class JointReader:
-    """The four wheels by the names of their joints, or of their links."""
+    """Reads the four wheels by the names of their joints, or of their links."""
 
     def __init__(self, robot: RobotSpec) -> None:
-        joints = wheel_joints(robot, WHEEL_NAMES)
+        joints = find_wheel_joints(robot, WHEEL_NAMES)
         self._names = tuple(joint.name for joint in joints) or WHEEL_NAMES
 
     def __call__(self, message: Any, t_s: float) -> WheelSample:
@@ -120,11 +120,11 @@ class JointReader:
             raise BridgeError(f"joints {', '.join(message.name)} have not all of {self._names}")
         return WheelSample(
             t_s=t_s,
-            angle_rad=self._picked(message.position, at, "positions"),
-            speed_radps=self._picked(message.velocity, at, "velocities"),
+            angle_rad=self._pick_wheels(message.position, at, "positions"),
+            speed_radps=self._pick_wheels(message.velocity, at, "velocities"),
         )
 
-    def _picked(self, values: Any, at: dict[str, int], what: str) -> Four:
+    def _pick_wheels(self, values: Any, at: dict[str, int], what: str) -> Four:
         if len(values) < len(at):
             raise BridgeError(f"{len(values)} {what} for {len(at)} joints")
         a, b, c, d = (float(values[at[name]]) for name in self._names)
@@ -134,7 +134,7 @@ class JointReader:
 
 
 class TwistReader:
-    """Wheels that would turn like this, of a base that tells its twist but not its wheels."""
+    """Computes the wheels' rotation of a base that publishes its twist but not its wheels."""
 
     def __init__(self, drive: DriveSpec) -> None:
         self._drive = drive
@@ -147,7 +147,7 @@ class TwistReader:
         if not math.isfinite(v_mps + yaw_rate_radps):
             raise BridgeError(f"a twist of {v_mps} m/s and {yaw_rate_radps} rad/s is none")
         left, right = self._drive.wheel_speeds_radps(v_mps, yaw_rate_radps)
-        stamp_s = seconds(message.header.stamp)
+        stamp_s = to_seconds(message.header.stamp)
         if stamp_s == 0.0:
             raise BridgeError("odometry without a stamp tells no distance")
         passed_s = 0.0 if self._last_s is None else stamp_s - self._last_s
@@ -160,14 +160,14 @@ class TwistReader:
 
 
 class ImageReader:
-    """Numbers the frames; all must have the size of the robot's camera."""
+    """Reads and numbers the frames; all must have the size of the robot's camera."""
 
     def __init__(self, robot: RobotSpec) -> None:
         camera = robot.camera
         self._shape = (camera.height_px, camera.width_px, 3) if camera else None
         self._index = 0
 
-    def raw(self, message: Any, t_s: float) -> CameraFrame:
+    def read_raw(self, message: Any, t_s: float) -> CameraFrame:
         if message.encoding not in _CHANNELS:
             raise BridgeError(f"encoding {message.encoding} is none of {', '.join(_CHANNELS)}")
         count, order = _CHANNELS[message.encoding]
@@ -176,16 +176,16 @@ class ImageReader:
         if step < width * count or data.size < height * step:
             raise BridgeError(f"{data.size} bytes are no image of {width} x {height} pixels")
         rows = data[: height * step].reshape(height, step)[:, : width * count]
-        return self._frame(rows.reshape(height, width, count)[:, :, order], t_s)
+        return self._make_frame(rows.reshape(height, width, count)[:, :, order], t_s)
 
-    def compressed(self, message: Any, t_s: float) -> CameraFrame:
+    def read_compressed(self, message: Any, t_s: float) -> CameraFrame:
         try:
             image = Image.open(io.BytesIO(np.asarray(message.data).tobytes())).convert("RGB")
         except (OSError, ValueError, Image.DecompressionBombError) as error:
             raise BridgeError(f"{len(message.data)} bytes are no picture: {error}") from error
-        return self._frame(np.asarray(image), t_s)
+        return self._make_frame(np.asarray(image), t_s)
 
-    def _frame(self, image_rgb: ByteArray, t_s: float) -> CameraFrame:
+    def _make_frame(self, image_rgb: ByteArray, t_s: float) -> CameraFrame:
         if image_rgb.shape != self._shape:
             wanted = "no camera" if self._shape is None else f"{self._shape[1]} x {self._shape[0]}"
             raise BridgeError(
@@ -198,7 +198,7 @@ class ImageReader:
         )
 
 
-def _finite(vector: Any, what: str) -> Vec3:
+def _read_finite(vector: Any, what: str) -> Vec3:
     x, y, z = float(vector.x), float(vector.y), float(vector.z)
     if not math.isfinite(x + y + z):
         raise BridgeError(f"{what} {(x, y, z)} is not finite")

@@ -1,4 +1,4 @@
-"""The topics of what the sensors said, for every recording, with or without a robot's mind."""
+"""The topics of the sensors, for every recording, with or without a stack."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from agribot.core.robot import RobotSpec
 from agribot.core.topics import Topic
 from agribot.ros.messages import cdr, rosmsg
 from agribot.ros.messages.camera_log import CameraLog
-from agribot.ros.messages.device_rosmsg import battery_state, pole_fix, touched_point
-from agribot.ros.messages.transforms import WheelTransforms, wheel_joints
+from agribot.ros.messages.device_rosmsg import make_battery_state, make_contact_point, make_pole_fix
+from agribot.ros.messages.transforms import WheelTransforms, find_wheel_joints
 
 SLOW_NS = 100_000_000  # values for people and for the original's tools
 
 
-class Write(Protocol):
+class MessageSink(Protocol):
     """Takes one CDR message; `log_ns` is the tick, `publish_ns` the stamp of the value."""
 
     def __call__(self, topic: Topic, log_ns: int, data: bytes, publish_ns: int, /) -> None: ...
 
 
-class SensorTopics:
-    """Writes one batch after another; `camera` picks the images that are worth sending."""
+class SensorTopicWriter:
+    """Writes the sensors' topics, batch by batch; `camera` picks the images to write."""
 
-    def __init__(self, write: Write, robot: RobotSpec, camera: CameraLog) -> None:
+    def __init__(self, write: MessageSink, robot: RobotSpec, camera: CameraLog) -> None:
         self._send, self._robot, self._camera = write, robot, camera
-        joints = wheel_joints(robot, WHEEL_NAMES)
+        joints = find_wheel_joints(robot, WHEEL_NAMES)
         self._imu = cdr.ImuCdr(robot.imu.link)
         self._joints = cdr.JointStateCdr(tuple(joint.name for joint in joints) or WHEEL_NAMES)
         self._number = cdr.Float64Cdr()
@@ -36,50 +36,50 @@ class SensorTopics:
 
     def __call__(self, now_ns: int, batch: SensorBatch) -> None:
         for imu in batch.imu:
-            t_ns = rosmsg.nanoseconds(imu.t_s)
+            t_ns = rosmsg.to_nanoseconds(imu.t_s)
             self._send(topics.IMU, now_ns, self._imu(t_ns, imu), t_ns)
         if batch.wheels:
             wheels = batch.wheels[-1]
-            t_ns = rosmsg.nanoseconds(wheels.t_s)
+            t_ns = rosmsg.to_nanoseconds(wheels.t_s)
             self._send(topics.JOINT_STATES, now_ns, self._joints(t_ns, wheels), t_ns)
         for mag in batch.mag:
-            field = rosmsg.magnetic_field(mag, self._robot.mag.link)
+            field = rosmsg.make_magnetic_field(mag, self._robot.mag.link)
             self._write(topics.MAGNETIC, now_ns, field, mag.t_s)
             heading = math.degrees(math.atan2(mag.field_t[1], mag.field_t[0])) % 360.0
             self._send(topics.HEADING_RAW, now_ns, self._number(heading), now_ns)
-        self._positions(now_ns, batch)
+        self._write_positions(now_ns, batch)
         for touch in batch.bumper:
-            self._write(topics.BUMPER, now_ns, touched_point(touch), touch.t_s)
+            self._write(topics.BUMPER, now_ns, make_contact_point(touch), touch.t_s)
         for battery in batch.battery:
-            self._write(topics.BATTERY, now_ns, battery_state(battery), battery.t_s)
+            self._write(topics.BATTERY, now_ns, make_battery_state(battery), battery.t_s)
         for frame in batch.frames:
-            self._image(now_ns, frame)
+            self._write_image(now_ns, frame)
 
-    def wheel_transforms(self, now_ns: int, wheels: WheelSample) -> None:
-        """The turning wheels in the frame tree; ten times a second is enough."""
+    def write_wheel_transforms(self, now_ns: int, wheels: WheelSample) -> None:
+        """Write the turning wheels into the frame tree; ten times a second is enough."""
         if self._wheel_tf is not None:
             self._send(topics.TF, now_ns, self._wheel_tf(now_ns, wheels), now_ns)
 
-    def _positions(self, now_ns: int, batch: SensorBatch) -> None:
+    def _write_positions(self, now_ns: int, batch: SensorBatch) -> None:
         for fix in batch.gnss:
-            message = rosmsg.nav_sat_fix(fix, self._robot.gnss.link)
+            message = rosmsg.make_fix(fix, self._robot.gnss.link)
             self._write(topics.FIX, now_ns, message, fix.t_s)
             if fix.velocity_mps is not None:
-                velocity = rosmsg.fix_velocity(fix.t_s, fix.velocity_mps)
+                velocity = rosmsg.make_fix_velocity(fix.t_s, fix.velocity_mps)
                 self._write(topics.FIX_VELOCITY, now_ns, velocity, fix.t_s)
         for base in batch.base:
-            self._write(topics.POLE_FIX, now_ns, pole_fix(base), base.t_s)
+            self._write(topics.POLE_FIX, now_ns, make_pole_fix(base), base.t_s)
 
-    def _image(self, now_ns: int, frame: CameraFrame) -> None:
-        jpeg = self._camera.image(frame)
+    def _write_image(self, now_ns: int, frame: CameraFrame) -> None:
+        jpeg = self._camera.encode_image(frame)
         if jpeg is not None and self._robot.camera is not None:
-            image = rosmsg.compressed_image(frame.t_s, jpeg)
+            image = rosmsg.make_compressed_image(frame.t_s, jpeg)
             self._write(topics.IMAGE, now_ns, image, frame.t_s)
             if self._camera.keeps_raw:
-                raw = rosmsg.image(frame.t_s, frame.image_rgb)
+                raw = rosmsg.make_image(frame.t_s, frame.image_rgb)
                 self._write(topics.IMAGE_RAW, now_ns, raw, frame.t_s)
-            info = rosmsg.camera_info(frame.t_s, self._robot.camera)
+            info = rosmsg.make_camera_info(frame.t_s, self._robot.camera)
             self._write(topics.CAMERA_INFO, now_ns, info, frame.t_s)
 
     def _write(self, topic: Topic, now_ns: int, message: Any, t_s: float) -> None:
-        self._send(topic, now_ns, rosmsg.to_cdr(message), rosmsg.nanoseconds(t_s))
+        self._send(topic, now_ns, rosmsg.to_cdr(message), rosmsg.to_nanoseconds(t_s))

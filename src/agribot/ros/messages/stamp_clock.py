@@ -1,4 +1,4 @@
-"""Stamps of another clock on the robot's own."""
+"""Conversion of another clock's stamps to the robot's clock."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections import deque
 WINDOW_S = 2.0
 # The freshest message of a window is younger than this if its stamps are of the robot's clock.
 SAME_CLOCK_S = 1.0
-LONGEST_TICK_S = 0.1  # a process that stands still for longer is not at work
+LONGEST_TICK_S = 0.1  # a process without a tick for longer is suspended
 _AHEAD_S = 0.05  # of rounding
 
 
 class StampClock:
-    """One per source. The quickest of the last messages tells how far the clocks are apart.
+    """The clock of one source. Its offset follows from the quickest of the last messages.
 
-    A peer that keeps the robot's time (/clock) is believed to the nanosecond; of another clock
-    the shortest delay within `WINDOW_S` counts as none, so that a clock that is set anew is
-    followed as soon. A message without a stamp is as old as its arrival. Nothing is from the
+    Stamps of a peer with the robot's time (/clock) are taken exactly; of another clock the
+    shortest delay within `WINDOW_S` counts as zero, so that a step of that clock is followed
+    within this time. A message without a stamp has the time of its arrival. No time is in the
     future. Source: one-way synchronisation after Olson, "A passive solution to the sensor
     synchronization problem", IROS 2010, with a window in place of a drift model.
     """
@@ -24,18 +24,18 @@ class StampClock:
     def __init__(self) -> None:
         self._delays: deque[tuple[float, float]] = deque()  # arrival, arrival minus stamp
 
-    def hear(self, stamp_s: float, arrived_s: float) -> None:
-        """A message has arrived; `arrived_s` is of the robot's clock."""
+    def note_message(self, stamp_s: float, arrived_s: float) -> None:
+        """Note a message's arrival; `arrived_s` is of the robot's clock."""
         if stamp_s == 0.0:
             return
         self._delays.append((arrived_s, arrived_s - stamp_s))
         while arrived_s - self._delays[0][0] > WINDOW_S:
             self._delays.popleft()
 
-    def t_s(self, stamp_s: float, arrived_s: float) -> float:
-        """Capture time on the robot's clock of a message that was heard.
+    def convert_to_robot_s(self, stamp_s: float, arrived_s: float) -> float:
+        """Return the capture time, on the robot's clock, of a message that was noted.
 
-        Of several that come at once, such as after a pause of the network, hear all first: the
+        Of several that come at once, such as after a pause of the network, note all first: the
         last of them was the quickest.
         """
         if stamp_s == 0.0:
@@ -46,18 +46,18 @@ class StampClock:
 
 
 class TickClock:
-    """The robot's clock at any moment, though its ticks may come late.
+    """The robot's clock at any moment, also when its ticks are late.
 
-    A loop that stood still relives the time it lost in a rush: its ticks are then older than the
-    moment they run at. The tick that was least late within `WINDOW_S` of work counts as on time.
+    A loop that was suspended catches up: its ticks are then older than the moment they run at.
+    The tick that was least late within `WINDOW_S` of running time counts as on time.
     """
 
     def __init__(self) -> None:
         self._leads: deque[tuple[float, float]] = deque()  # time at work, tick minus moment
         self._at_work_s = self._now_s = 0.0
 
-    def tick(self, t_s: float, now_s: float) -> None:
-        """The tick of time `t_s` runs at the moment `now_s` of the monotonic clock."""
+    def note_tick(self, t_s: float, now_s: float) -> None:
+        """Note that the tick of time `t_s` runs at the moment `now_s` of the monotonic clock."""
         if self._leads:
             self._at_work_s += min(now_s - self._now_s, LONGEST_TICK_S)
         self._now_s = now_s
@@ -65,6 +65,6 @@ class TickClock:
         while self._at_work_s - self._leads[0][0] > WINDOW_S:
             self._leads.popleft()
 
-    def t_s(self, moment_s: float) -> float:
-        """The robot's time at a moment of the monotonic clock; only after a first tick."""
+    def convert_to_robot_s(self, moment_s: float) -> float:
+        """Return the robot's time at a moment of the monotonic clock; only after a first tick."""
         return moment_s + max(lead_s for _, lead_s in self._leads)

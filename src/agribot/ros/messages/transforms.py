@@ -17,10 +17,10 @@ from agribot.ros.messages.rosmsg import (
     ODOM_FRAME,
     OPTICAL_FRAME,
     Quaternion,
-    make,
+    make_message,
+    make_transform,
     quaternion_from_matrix,
     quaternion_from_yaw,
-    transform_stamped,
 )
 
 Pose7 = tuple[float, float, float, float, float, float, float]  # x y z, then x y z w
@@ -29,8 +29,8 @@ Pose7 = tuple[float, float, float, float, float, float, float]  # x y z, then x 
 class BodyTransforms:
     """map -> odom -> base_footprint.
 
-    odom is the estimate's own velocity summed up: it never jumps, and drifts. map -> odom is
-    what the corrections made of it, so the chain always ends at the estimated pose.
+    odom is the integral of the estimated velocity: it never jumps, and drifts. map -> odom is
+    the sum of the corrections, so the chain always ends at the estimated pose.
     """
 
     def __init__(self) -> None:
@@ -76,7 +76,7 @@ class WheelTransforms:
         return self._cdr(
             t_ns,
             tuple(
-                (*xyz_m, *_multiply(fixed, _turn(axis, angle_rad)))
+                (*xyz_m, *_multiply(fixed, _make_rotation(axis, angle_rad)))
                 for (xyz_m, fixed, axis), angle_rad in zip(
                     self._mounts, sample.angle_rad, strict=True
                 )
@@ -84,40 +84,40 @@ class WheelTransforms:
         )
 
 
-def wheel_joints(robot: RobotSpec, wheel_names: tuple[str, ...]) -> tuple[Joint, ...]:
-    """The joints that carry these links, in the same order; empty if one is missing."""
+def find_wheel_joints(robot: RobotSpec, wheel_names: tuple[str, ...]) -> tuple[Joint, ...]:
+    """Find the joints that carry these links, in the same order; none if one is missing."""
     by_child = {joint.child: joint for joint in robot.joints}
     if any(name not in by_child for name in wheel_names):
         return ()
     return tuple(by_child[name] for name in wheel_names)
 
 
-def static_transforms(robot: RobotSpec) -> Any:
-    """base_footprint down to the root link, every fixed joint, and the optical frame."""
+def make_static_transforms(robot: RobotSpec) -> Any:
+    """Make base_footprint down to the root link, every fixed joint, and the optical frame."""
     children = {joint.child for joint in robot.joints}
     transforms = [
-        _static(BODY_FRAME, link.name, robot.body_from_link(link.name))
+        _make_static(BODY_FRAME, link.name, robot.body_from_link(link.name))
         for link in robot.links
         if link.name not in children and link.name != BODY_FRAME
     ]
     transforms += [
-        _static(joint.parent, joint.child, joint.origin.matrix())
+        _make_static(joint.parent, joint.child, joint.origin.matrix())
         for joint in robot.joints
         if joint.kind == "fixed"
     ]
     has_optical_link = any(link.name == OPTICAL_FRAME for link in robot.links)
     if robot.camera is not None and not has_optical_link:
-        transforms.append(_static(robot.camera.link, OPTICAL_FRAME, LINK_FROM_OPTICAL))
-    return make("tf2_msgs/msg/TFMessage", transforms)
+        transforms.append(_make_static(robot.camera.link, OPTICAL_FRAME, LINK_FROM_OPTICAL))
+    return make_message("tf2_msgs/msg/TFMessage", transforms)
 
 
-def _static(parent: str, child: str, parent_from_child: FloatArray) -> Any:
+def _make_static(parent: str, child: str, parent_from_child: FloatArray) -> Any:
     x_m, y_m, z_m = parent_from_child[:3, 3].tolist()
     xyzw = quaternion_from_matrix(parent_from_child[:3, :3])
-    return transform_stamped(0.0, parent, child, (x_m, y_m, z_m), xyzw)
+    return make_transform(0.0, parent, child, (x_m, y_m, z_m), xyzw)
 
 
-def _turn(axis: Vec3, angle_rad: float) -> Quaternion:
+def _make_rotation(axis: Vec3, angle_rad: float) -> Quaternion:
     norm = float(np.linalg.norm(axis)) or 1.0
     s = math.sin(angle_rad / 2.0) / norm
     return (s * axis[0], s * axis[1], s * axis[2], math.cos(angle_rad / 2.0))

@@ -11,11 +11,11 @@ from agribot.core import topics
 from agribot.core.messages import STOP
 from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
-from agribot.ros.nodes.stage import Endless, Said
+from agribot.ros.nodes.stage import EndlessStage, OutgoingMessage
 
 
-class AutonomousDrive(Endless):
-    """Says a twist ten times a second, zero whenever it has no reason to drive."""
+class AutonomousDrive(EndlessStage):
+    """Publishes a twist ten times a second, zero whenever it has no reason to drive."""
 
     inputs = (topics.DISTANCE, topics.ANGLE)
     outputs = (topics.CMD_VEL,)
@@ -27,15 +27,15 @@ class AutonomousDrive(Endless):
     def reason(self) -> str:  # type: ignore[override]
         return self._go.reason
 
-    def hear(self, topic: Topic, message: Any, t_s: float) -> Sequence[Said]:
+    def receive(self, topic: Topic, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
         if topic is topics.DISTANCE:
             self._go.hear_distance(t_s, message.data)
         elif topic is topics.ANGLE:
             self._go.hear_error(t_s, math.radians(message.data))
         return ()
 
-    def tick(self, t_s: float) -> Sequence[Said]:
-        return (Said(topics.CMD_VEL, rosmsg.drive_twist(self._go.command(t_s))),)
+    def tick(self, t_s: float) -> Sequence[OutgoingMessage]:
+        return (OutgoingMessage(topics.CMD_VEL, rosmsg.make_drive_twist(self._go.command(t_s))),)
 
-    def last_words(self) -> Sequence[Said]:
-        return (Said(topics.CMD_VEL, rosmsg.drive_twist(STOP)),)
+    def finish(self) -> Sequence[OutgoingMessage]:
+        return (OutgoingMessage(topics.CMD_VEL, rosmsg.make_drive_twist(STOP)),)

@@ -1,4 +1,4 @@
-"""`autonomous-drive-action`: a list of goals, one after another, with progress as it goes."""
+"""`autonomous-drive-action`: a list of goals, one after another, with feedback."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from agribot.core import topics
 from agribot.core.messages import MissionState, MissionStatus
 from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
-from agribot.ros.nodes.stage import Said
+from agribot.ros.nodes.stage import OutgoingMessage
 
 _SPEED_WINDOW_S = 10.0
 _SETTLE_S = 2.0  # the last goal's distance may still be on its way
@@ -27,7 +27,7 @@ class ActionSettings(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AutonomousDriveAction:
-    """Feedback is a MissionStatus as JSON, as a whole run says it: state, leg, distance, ETA."""
+    """Feedback is a MissionStatus as JSON, as in a whole run: state, leg, distance, ETA."""
 
     inputs = (topics.DISTANCE,)
     outputs = (topics.GOAL_FIX, topics.STATUS)
@@ -51,7 +51,7 @@ class AutonomousDriveAction:
     def ok(self) -> bool:
         return self._state == "done"
 
-    def hear(self, topic: Topic, message: Any, t_s: float) -> Sequence[Said]:
+    def receive(self, topic: Topic, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
         if topic is not topics.DISTANCE or not math.isfinite(message.data) or self.is_done:
             return ()
         self._heard_s = t_s
@@ -62,10 +62,10 @@ class AutonomousDriveAction:
         while t_s - self._history[0][0] > _SPEED_WINDOW_S:
             self._history.popleft()
         if self._distance_m <= self._settings.arrive_m:
-            self._next_goal(t_s)
+            self._start_next_goal(t_s)
         return self.tick(t_s)
 
-    def tick(self, t_s: float) -> Sequence[Said]:
+    def tick(self, t_s: float) -> Sequence[OutgoingMessage]:
         if math.isnan(self._changed_s):
             self._changed_s = t_s
         if math.isnan(self._heard_s):
@@ -76,21 +76,21 @@ class AutonomousDriveAction:
             self._state = "failed"
             self.reason = f"no {topics.DISTANCE.name} for {self._settings.silence_s:g} s"
         now = (self._state, self._index)
-        said: list[Said] = []
+        said: list[OutgoingMessage] = []
         if now != self._told and not self.is_done:
-            said.append(Said(topics.GOAL_FIX, _fix(self._goals[self._index])))
+            said.append(OutgoingMessage(topics.GOAL_FIX, _make_goal_fix(self._goals[self._index])))
         if now != self._told or t_s >= self._next_status_s:
             self._next_status_s = t_s + 1.0
-            said.append(Said(topics.STATUS, rosmsg.status_json(self._status())))
+            said.append(OutgoingMessage(topics.STATUS, rosmsg.make_status(self._make_status())))
         self._told = now
         return said
 
-    def last_words(self) -> Sequence[Said]:
+    def finish(self) -> Sequence[OutgoingMessage]:
         if not self.is_done:
             self._state, self.reason = "cancelled", "stopped by its operator"
-        return (Said(topics.STATUS, rosmsg.status_json(self._status())),)
+        return (OutgoingMessage(topics.STATUS, rosmsg.make_status(self._make_status())),)
 
-    def _next_goal(self, t_s: float) -> None:
+    def _start_next_goal(self, t_s: float) -> None:
         self._changed_s = t_s
         self._distance_m = math.nan
         self._history.clear()
@@ -98,7 +98,7 @@ class AutonomousDriveAction:
         if self._index == len(self._goals):
             self._state, self.reason = "done", "every goal was reached"
 
-    def _status(self) -> MissionStatus:
+    def _make_status(self) -> MissionStatus:
         left_m = 0.0 if math.isnan(self._distance_m) else self._distance_m
         return MissionStatus(
             state=self._state,
@@ -112,11 +112,11 @@ class AutonomousDriveAction:
             waypoints_reached=self._index,
             leg="" if self.is_done else f"to goal {self._index + 1}",
             distance_left_m=left_m,
-            eta_s=self._eta_s(),
+            eta_s=self._estimate_eta_s(),
         )
 
-    def _eta_s(self) -> float | None:
-        """To the next goal, from how fast the distance has been shrinking."""
+    def _estimate_eta_s(self) -> float | None:
+        """Estimate the time to the next goal from the rate at which the distance shrinks."""
         if len(self._history) < 2:
             return None
         (t0_s, d0_m), (t1_s, d1_m) = self._history[0], self._history[-1]
@@ -124,8 +124,8 @@ class AutonomousDriveAction:
         return d1_m / closing_mps if closing_mps > 0.02 else None
 
 
-def _fix(goal: LatLon) -> Any:
-    status = rosmsg.make("sensor_msgs/msg/NavSatStatus", 0, 1)
-    head = rosmsg.header(0.0, "world")
+def _make_goal_fix(goal: LatLon) -> Any:
+    status = rosmsg.make_message("sensor_msgs/msg/NavSatStatus", 0, 1)
+    head = rosmsg.make_header(0.0, "world")
     zeros = np.zeros(9)
-    return rosmsg.make("sensor_msgs/msg/NavSatFix", head, status, *goal, 0.0, zeros, 0)
+    return rosmsg.make_message("sensor_msgs/msg/NavSatFix", head, status, *goal, 0.0, zeros, 0)

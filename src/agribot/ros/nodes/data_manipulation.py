@@ -12,14 +12,14 @@ from agribot.core.geo import compass_deg_from_yaw, wrap_rad
 from agribot.core.messages import ImuSample, MagSample
 from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
-from agribot.ros.messages.sensor_readers import seconds
-from agribot.ros.nodes.stage import Endless, Said
+from agribot.ros.messages.sensor_readers import to_seconds
+from agribot.ros.nodes.stage import EndlessStage, OutgoingMessage
 
 _BEARING_TIMEOUT_S = 2.0
 
 
-class DataManipulation(Endless):
-    """Says the heading error with each compass sample, while the bearing to the goal is fresh."""
+class DataManipulation(EndlessStage):
+    """Publishes the heading error with each compass sample, while the goal's bearing is fresh."""
 
     inputs = (topics.IMU, topics.MAGNETIC, topics.BEARING, topics.CMD_VEL)
     outputs = (topics.HEADING_RAW, topics.HEADING_FILTERED, topics.ANGLE)
@@ -30,44 +30,48 @@ class DataManipulation(Endless):
         self._bearing_s = -math.inf
         self.reason = f"no {topics.MAGNETIC.name} yet"
 
-    def hear(self, topic: Topic, message: Any, t_s: float) -> Sequence[Said]:
+    def receive(self, topic: Topic, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
         if topic is topics.IMU:
-            self._heading.hear_imu(_imu(message))
+            self._heading.hear_imu(_read_imu(message))
         elif topic is topics.CMD_VEL:
             self._heading.hear_command(message.linear.x, message.angular.z)
         elif topic is topics.BEARING:
             if math.isfinite(message.data):
                 self._bearing_rad, self._bearing_s = math.radians(message.data), t_s
         elif topic is topics.MAGNETIC:
-            return self._compass(message, t_s)
+            return self._report_heading(message, t_s)
         return ()
 
-    def _compass(self, message: Any, t_s: float) -> Sequence[Said]:
-        field_t = _xyz(message.magnetic_field)
-        yaws = self._heading.hear_mag(MagSample(t_s=seconds(message.header.stamp), field_t=field_t))
+    def _report_heading(self, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
+        field_t = _read_xyz(message.magnetic_field)
+        yaws = self._heading.hear_mag(
+            MagSample(t_s=to_seconds(message.header.stamp), field_t=field_t)
+        )
         if yaws is None:
             self.reason = f"{topics.MAGNETIC.name} shows no direction: {field_t}"
             return ()
         raw_rad, yaw_rad = yaws
         said = [
-            Said(topics.HEADING_RAW, rosmsg.float64(compass_deg_from_yaw(raw_rad))),
-            Said(topics.HEADING_FILTERED, rosmsg.float64(compass_deg_from_yaw(yaw_rad))),
+            OutgoingMessage(topics.HEADING_RAW, rosmsg.make_float64(compass_deg_from_yaw(raw_rad))),
+            OutgoingMessage(
+                topics.HEADING_FILTERED, rosmsg.make_float64(compass_deg_from_yaw(yaw_rad))
+            ),
         ]
         if t_s - self._bearing_s > _BEARING_TIMEOUT_S:
             self.reason = f"no {topics.BEARING.name} for {_BEARING_TIMEOUT_S:g} s"
             return said
         self.reason = ""
         error_deg = math.degrees(wrap_rad(self._bearing_rad - yaw_rad))
-        return [*said, Said(topics.ANGLE, rosmsg.float64(error_deg))]
+        return [*said, OutgoingMessage(topics.ANGLE, rosmsg.make_float64(error_deg))]
 
 
-def _xyz(vector: Any) -> tuple[float, float, float]:
+def _read_xyz(vector: Any) -> tuple[float, float, float]:
     return float(vector.x), float(vector.y), float(vector.z)
 
 
-def _imu(message: Any) -> ImuSample:
+def _read_imu(message: Any) -> ImuSample:
     return ImuSample(
-        t_s=seconds(message.header.stamp),
-        gyro_radps=_xyz(message.angular_velocity),
-        accel_mps2=_xyz(message.linear_acceleration),
+        t_s=to_seconds(message.header.stamp),
+        gyro_radps=_read_xyz(message.angular_velocity),
+        accel_mps2=_read_xyz(message.linear_acceleration),
     )

@@ -11,14 +11,14 @@ from agribot.core import topics
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
-from agribot.ros.messages.sensor_readers import seconds
-from agribot.ros.nodes.stage import Endless, Said
+from agribot.ros.messages.sensor_readers import to_seconds
+from agribot.ros.nodes.stage import EndlessStage, OutgoingMessage
 
 _NO_FIX, _RTK = -1, 2  # sensor_msgs/NavSatStatus: STATUS_NO_FIX, STATUS_GBAS_FIX
 
 
-class GpsConverter(Endless):
-    """The pose has a place only; its orientation stays that of the map.
+class GpsConverter(EndlessStage):
+    """Publishes a pose with a position only; its orientation is that of the map.
 
     `waits_for_pole` latches the origin to the pole; otherwise the first fix is the origin.
     """
@@ -32,7 +32,7 @@ class GpsConverter(Endless):
         self._first_frame: MapFrame | None = None
         self.reason = f"no {topics.FIX.name} yet"
 
-    def hear(self, topic: Topic, message: Any, t_s: float) -> Sequence[Said]:
+    def receive(self, topic: Topic, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
         place = (float(message.latitude), float(message.longitude), float(message.altitude))
         if topic is topics.GOAL_FIX:
             if is_place((*place[:2], 0.0)):
@@ -40,15 +40,17 @@ class GpsConverter(Endless):
             return ()
         if message.status.status <= _NO_FIX or not is_place(place):
             return ()
-        stamp_s = seconds(message.header.stamp)
+        stamp_s = to_seconds(message.header.stamp)
         if topic is topics.POLE_FIX:
             self._origin.hear_pole(stamp_s, place)
             return ()
         if message.status.status < _RTK:  # a receiver with carrier corrections needs no pole
             place = self._origin.corrected(stamp_s, place) or place
-        return self._said(stamp_s, place)
+        return self._report_place(stamp_s, place)
 
-    def _said(self, stamp_s: float, place: tuple[float, float, float]) -> Sequence[Said]:
+    def _report_place(
+        self, stamp_s: float, place: tuple[float, float, float]
+    ) -> Sequence[OutgoingMessage]:
         frame = self._origin.frame or self._first_frame
         if frame is None and self._waits:
             self.reason = f"the origin is not known: no {topics.POLE_FIX.name} for long enough"
@@ -59,9 +61,11 @@ class GpsConverter(Endless):
             frame = MapFrame(Datum(lat_deg=lat_deg, lon_deg=lon_deg, alt_m=alt_m))
             self._first_frame = frame
         x_m, y_m, _ = frame.map_from_geodetic(*place)
-        head = rosmsg.header(stamp_s, rosmsg.MAP_FRAME)
-        pose = rosmsg.make("geometry_msgs/msg/PoseStamped", head, rosmsg.pose2(x_m, y_m, 0.0))
-        said = [Said(topics.POSE, pose)]
+        head = rosmsg.make_header(stamp_s, rosmsg.MAP_FRAME)
+        pose = rosmsg.make_message(
+            "geometry_msgs/msg/PoseStamped", head, rosmsg.make_pose(x_m, y_m, 0.0)
+        )
+        said = [OutgoingMessage(topics.POSE, pose)]
         if self._goal is None:
             self.reason = f"no {topics.GOAL_FIX.name} yet"
             return said
@@ -69,6 +73,6 @@ class GpsConverter(Endless):
         goal_x_m, goal_y_m, _ = frame.map_from_geodetic(*self._goal, frame.datum.alt_m)
         dx_m, dy_m = goal_x_m - x_m, goal_y_m - y_m
         bearing_deg = math.degrees(math.atan2(dy_m, dx_m))
-        said.append(Said(topics.DISTANCE, rosmsg.float64(math.hypot(dx_m, dy_m))))
-        said.append(Said(topics.BEARING, rosmsg.float64(bearing_deg)))
+        said.append(OutgoingMessage(topics.DISTANCE, rosmsg.make_float64(math.hypot(dx_m, dy_m))))
+        said.append(OutgoingMessage(topics.BEARING, rosmsg.make_float64(bearing_deg)))
         return said

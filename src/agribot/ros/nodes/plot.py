@@ -1,4 +1,4 @@
-"""`plot`: keeps what heading, distance and drive did, for a figure and a table."""
+"""`plot`: keeps heading, distance and drive over time, for a figure and a table."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from agribot.core import topics
 from agribot.core.topics import Topic
-from agribot.ros.nodes.stage import Endless, Said
+from agribot.ros.nodes.stage import EndlessStage, OutgoingMessage
 
 MAX_SAMPLES = 200_000  # of one topic: hours at 20 Hz
 
@@ -21,7 +21,7 @@ SERIES = {
 }
 
 
-class Plot(Endless):
+class Plot(EndlessStage):
     """`series` maps a name with its unit to (t_s, value), by the runner's clock from zero."""
 
     inputs = (
@@ -35,7 +35,7 @@ class Plot(Endless):
         self.series: dict[str, list[tuple[float, float]]] = {name: [] for name in names}
         self._start_s = math.nan
 
-    def hear(self, topic: Topic, message: Any, t_s: float) -> Sequence[Said]:
+    def receive(self, topic: Topic, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
         if math.isnan(self._start_s):
             self._start_s = t_s
         if topic is topics.CMD_VEL:

@@ -1,4 +1,4 @@
-"""What a node is to the program that runs it."""
+"""The interface of a node to the program that runs it."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from typing import Any, NamedTuple, Protocol
 from agribot.core.topics import Topic
 
 
-class Said(NamedTuple):
+class OutgoingMessage(NamedTuple):
     """One message to publish, as a ROS 2 message object of the topic's type."""
 
     topic: Topic
     message: Any
 
 
-class Stage(Protocol):
-    """Called from one thread. `t_s` is the runner's clock, which never goes back.
+class NodeStage(Protocol):
+    """One stage of the stack as a node, called from one thread.
 
-    `reason` says in words why the node is quiet or the robot stands; empty when all is well.
-    `is_done` ends the program with `ok` as its verdict.
+    `t_s` is the runner's clock, which never goes back. `reason` says why the node publishes
+    nothing or the robot stands; empty when all is well. `is_done` ends the program, `ok` says
+    whether it succeeded.
     """
 
     @property
@@ -33,25 +34,25 @@ class Stage(Protocol):
     @property
     def ok(self) -> bool: ...
 
-    def hear(self, topic: Topic, message: Any, t_s: float) -> Sequence[Said]: ...
-    def tick(self, t_s: float) -> Sequence[Said]:
-        """Ten times a second, whatever is heard."""
+    def receive(self, topic: Topic, message: Any, t_s: float) -> Sequence[OutgoingMessage]: ...
+    def tick(self, t_s: float) -> Sequence[OutgoingMessage]:
+        """Return the messages of a step, ten times a second."""
         ...
 
-    def last_words(self) -> Sequence[Said]:
-        """When the program ends."""
+    def finish(self) -> Sequence[OutgoingMessage]:
+        """Return the messages to publish when the program ends."""
         ...
 
 
-class Endless:
-    """Of nodes that run until somebody stops them."""
+class EndlessStage:
+    """A node that runs until it is stopped."""
 
     reason = ""
     is_done = False
     ok = True
 
-    def tick(self, t_s: float) -> Sequence[Said]:
+    def tick(self, t_s: float) -> Sequence[OutgoingMessage]:
         return ()
 
-    def last_words(self) -> Sequence[Said]:
+    def finish(self) -> Sequence[OutgoingMessage]:
         return ()

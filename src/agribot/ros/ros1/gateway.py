@@ -9,14 +9,14 @@ from agribot.core.errors import BridgeError
 from agribot.core.messages import TickRecord
 from agribot.core.topics import Topic
 from agribot.ros.requests import Requests
-from agribot.ros.ros1.hearing import Hearing
 from agribot.ros.ros1.master import MASTER
 from agribot.ros.ros1.node import Node, Publication
-from agribot.ros.ros1.types import Convert, outputs, read_twist
+from agribot.ros.ros1.subscription import Subscription
+from agribot.ros.ros1.types import Convert, list_outputs, read_twist
 
 
 class Ros1Gateway:
-    """Publishes `out`, sets robot_description and use_sim_time, hears cmd_vel if it may.
+    """Publishes `out`, sets robot_description and use_sim_time, takes cmd_vel if allowed.
 
     Raises: BridgeError: no master answers.
     """
@@ -25,7 +25,7 @@ class Ros1Gateway:
         self, requests: Requests, out: Sequence[Topic], urdf: str, master_uri: str = MASTER
     ) -> None:
         self._requests = requests
-        self._hearing: Hearing | None = None
+        self._subscription: Subscription | None = None
         self._node = Node("agribot", master_uri)
         try:
             self._node.set_param("/robot_description", urdf)
@@ -33,16 +33,16 @@ class Ros1Gateway:
             self._outputs = {topic.name: self._advertise(topic) for topic in out}
             if requests.allow_drive:
                 topic = topics.CMD_VEL
-                self._hearing = Hearing(
-                    self._node, topic.name, topic.ros_type, self._twist, requests.refuse
+                self._subscription = Subscription(
+                    self._node, topic.name, topic.ros_type, self._on_twist, requests.refuse
                 )
         except BridgeError:
             self.close()
             raise
 
     @property
-    def unheard(self) -> tuple[str, ...]:
-        """The names under which something is published that nobody listens to right now."""
+    def unsubscribed(self) -> tuple[str, ...]:
+        """The names of the published topics that have no subscriber now."""
         published = (p for outputs_of in self._outputs.values() for p, _ in outputs_of)
         return tuple(p.name for p in published if not p.listeners)
 
@@ -52,11 +52,11 @@ class Ros1Gateway:
                 publication.put(convert(data))
 
     def step(self, _record: TickRecord) -> None:
-        """The topics say it all."""
+        """Do nothing: all is in the topics."""
 
     def close(self) -> None:
-        if self._hearing is not None:
-            self._hearing.close()
+        if self._subscription is not None:
+            self._subscription.close()
         self._node.close()
 
     def _advertise(self, topic: Topic) -> list[tuple[Publication, Convert]]:
@@ -65,12 +65,12 @@ class Ros1Gateway:
                 self._node.advertise(o.name, o.ros_type, latched=o.latched, depth=o.depth),
                 o.convert,
             )
-            for o in outputs(topic)
+            for o in list_outputs(topic)
         ]
 
-    def _twist(self, data: bytes, source: str, _ros_type: str) -> None:
+    def _on_twist(self, data: bytes, source: str, _ros_type: str) -> None:
         twist = read_twist(data)
         if twist is None:
             self._requests.refuse(f"{source}: {len(data)} bytes are no geometry_msgs/Twist")
         else:
-            self._requests.twist(twist, source)
+            self._requests.request_twist(twist, source)

@@ -14,16 +14,18 @@ from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 from agribot.core.errors import BridgeError
 from agribot.ros.ros1 import tcpros
-from agribot.ros.ros1.types import definition, ros1_name
+from agribot.ros.ros1.types import generate_definition, to_ros1_name
 
 _OK = 1
 _CONNECT_S = 5.0
 
 
 class Publication:
+    """A published topic and its subscribers."""
+
     def __init__(self, name: str, ros_type: str, *, latched: bool, depth: int) -> None:
         self.name, self.ros_type, self.latched, self.depth = name, ros_type, latched, depth
-        self.text, self.md5 = definition(ros_type)
+        self.text, self.md5 = generate_definition(ros_type)
         self._lock = threading.Lock()
         self._subscribers: list[tcpros.Subscriber] = []
         self._last: bytes | None = None
@@ -34,7 +36,7 @@ class Publication:
 
     @property
     def is_wanted(self) -> bool:
-        """A latched topic keeps its last message for those who come later."""
+        """Whether a message is needed: a latched topic keeps its last one for new subscribers."""
         return self.latched or bool(self._subscribers)
 
     def put(self, message: bytes) -> None:
@@ -66,14 +68,17 @@ class _Server(ThreadingMixIn, SimpleXMLRPCServer):
 
 
 class Node:
-    """Raises: BridgeError: the master does not answer or refuses."""
+    """A node registered at a master.
+
+    Raises: BridgeError: the master does not answer or refuses.
+    """
 
     def __init__(self, name: str, master_uri: str, host: str = "127.0.0.1") -> None:
         self.name, self.master_uri, self._host = f"/{name}", master_uri, host
         self._master = xmlrpc.client.ServerProxy(master_uri)
         self._lock = threading.Lock()
         self._publications: dict[str, Publication] = {}
-        self._hearers: dict[str, Callable[[str, list[str]], None]] = {}
+        self._on_publishers: dict[str, Callable[[str, list[str]], None]] = {}
         self._closed = False
         self._listener = socket.create_server((host, 0))
         self._slave = _Server((host, 0), requestHandler=_Handler, logRequests=False)
@@ -90,7 +95,7 @@ class Node:
             self._get_publications,
         ]
         for method in methods:
-            self._slave.register_function(method, _camel(method.__name__))
+            self._slave.register_function(method, _to_camel_case(method.__name__))
         self._slave.register_function(lambda _caller: (_OK, "", os.getpid()), "getPid")
         self._slave.register_function(lambda _caller: (_OK, "", []), "getBusInfo")
         self._slave.register_function(lambda _caller: (_OK, "", master_uri), "getMasterUri")
@@ -101,13 +106,13 @@ class Node:
     def advertise(self, name: str, ros_type: str, *, latched: bool, depth: int) -> Publication:
         publication = Publication(name, ros_type, latched=latched, depth=depth)
         self._publications[name] = publication
-        self.ask_master("registerPublisher", name, ros1_name(ros_type), self.uri)
+        self.ask_master("registerPublisher", name, to_ros1_name(ros_type), self.uri)
         return publication
 
     def subscribe(self, name: str, ros_type: str, update: Callable[[str, list[str]], None]) -> None:
-        """`update` hears the topic and the slave URIs of its publishers, now and at each change."""
-        self._hearers[name] = update
-        update(name, self.ask_master("registerSubscriber", name, ros1_name(ros_type), self.uri))
+        """Call `update` with the topic and its publishers' slave URIs, now and at each change."""
+        self._on_publishers[name] = update
+        update(name, self.ask_master("registerSubscriber", name, to_ros1_name(ros_type), self.uri))
 
     def set_param(self, name: str, value: Any) -> None:
         self.ask_master("setParam", name, value)
@@ -132,7 +137,7 @@ class Node:
         with contextlib.suppress(BridgeError):  # the master may be gone already
             for name in self._publications:
                 self.ask_master("unregisterPublisher", name, self.uri)
-            for name in self._hearers:
+            for name in self._on_publishers:
                 self.ask_master("unregisterSubscriber", name, self.uri)
         self._master("close")()
         self._slave.shutdown()
@@ -151,12 +156,12 @@ class Node:
         return _OK, "", ["TCPROS", self._host, self._listener.getsockname()[1]]
 
     def _publisher_update(self, _caller: str, topic: str, uris: list[str]) -> Any:
-        if topic in self._hearers:
-            self._hearers[topic](topic, uris)
+        if topic in self._on_publishers:
+            self._on_publishers[topic](topic, uris)
         return _OK, "", 0
 
     def _get_publications(self, _caller: str) -> Any:
-        return _OK, "", [[p.name, ros1_name(p.ros_type)] for p in self._publications.values()]
+        return _OK, "", [[p.name, to_ros1_name(p.ros_type)] for p in self._publications.values()]
 
     def _accept(self) -> None:
         while not self._closed:
@@ -164,45 +169,45 @@ class Node:
                 sock, _ = self._listener.accept()
             except OSError:
                 return
-            threading.Thread(target=self._welcome, args=(sock,), daemon=True).start()
+            threading.Thread(target=self._accept_subscriber, args=(sock,), daemon=True).start()
 
-    def _welcome(self, sock: socket.socket) -> None:
+    def _accept_subscriber(self, sock: socket.socket) -> None:
         try:
             sock.settimeout(_CONNECT_S)
-            wish = tcpros.read_header(tcpros.receive_frame(sock, tcpros.MAX_HEADER_BYTES))
-            publication = self._publications.get(wish.get("topic", ""))
-            refusal = _refusal(publication, wish)
+            request = tcpros.read_header(tcpros.receive_frame(sock, tcpros.MAX_HEADER_BYTES))
+            publication = self._publications.get(request.get("topic", ""))
+            refusal = _find_refusal(publication, request)
             if publication is None or refusal:
                 sock.sendall(tcpros.pack_header({"error": refusal}))
                 sock.close()
                 return
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            sock.sendall(tcpros.pack_header(self._offer(publication)))
+            sock.sendall(tcpros.pack_header(self._make_header(publication)))
             sock.settimeout(None)
         except (OSError, BridgeError):
             sock.close()
             return
         publication.add(sock)
 
-    def _offer(self, publication: Publication) -> dict[str, str]:
+    def _make_header(self, publication: Publication) -> dict[str, str]:
         return {
             "callerid": self.name,
             "latching": str(int(publication.latched)),
             "md5sum": publication.md5,
             "message_definition": publication.text,
             "topic": publication.name,
-            "type": ros1_name(publication.ros_type),
+            "type": to_ros1_name(publication.ros_type),
         }
 
 
-def _refusal(publication: Publication | None, wish: dict[str, str]) -> str:
+def _find_refusal(publication: Publication | None, request: dict[str, str]) -> str:
     if publication is None:
-        return f"no such topic: {wish.get('topic', '')}"
-    if wish.get("md5sum", "*") not in {"*", publication.md5}:
-        return f"{publication.name} has md5 sum {publication.md5}, not {wish['md5sum']}"
+        return f"no such topic: {request.get('topic', '')}"
+    if request.get("md5sum", "*") not in {"*", publication.md5}:
+        return f"{publication.name} has md5 sum {publication.md5}, not {request['md5sum']}"
     return ""
 
 
-def _camel(name: str) -> str:
+def _to_camel_case(name: str) -> str:
     first, *others = name.strip("_").split("_")
     return first + "".join(word.title() for word in others)

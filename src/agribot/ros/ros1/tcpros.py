@@ -14,8 +14,8 @@ from collections.abc import Mapping
 from agribot.core.errors import BridgeError
 
 MAX_HEADER_BYTES = 1_000_000
-MAX_MESSAGE_BYTES = 1_000_000  # no command that we hear is anywhere near
-MAX_SENSOR_BYTES = 64_000_000  # nor any image
+MAX_MESSAGE_BYTES = 1_000_000  # all commands are far smaller
+MAX_SENSOR_BYTES = 64_000_000  # and so are all images
 _LENGTH = struct.Struct("<I")
 
 
@@ -26,7 +26,10 @@ def pack_header(fields: Mapping[str, str]) -> bytes:
 
 
 def read_header(body: bytes) -> dict[str, str]:
-    """Raises: BridgeError: the lengths inside do not add up."""
+    """Read the fields of a header.
+
+    Raises: BridgeError: the lengths inside do not add up.
+    """
     fields, at = {}, 0
     while at < len(body):
         if at + 4 > len(body):
@@ -42,14 +45,17 @@ def read_header(body: bytes) -> dict[str, str]:
 
 
 def receive_frame(sock: socket.socket, limit: int) -> bytes:
-    """Raises: BridgeError: longer than `limit`; OSError: the peer went away."""
-    (size,) = _LENGTH.unpack(_exactly(sock, 4))
+    """Receive one frame without its length.
+
+    Raises: BridgeError: longer than `limit`; OSError: the peer closed the connection.
+    """
+    (size,) = _LENGTH.unpack(_receive_exactly(sock, 4))
     if size > limit:
         raise BridgeError(f"a ROS 1 peer announces {size} bytes, more than {limit}")
-    return _exactly(sock, size)
+    return _receive_exactly(sock, size)
 
 
-def _exactly(sock: socket.socket, size: int) -> bytes:
+def _receive_exactly(sock: socket.socket, size: int) -> bytes:
     received = bytearray()
     while len(received) < size:
         part = sock.recv(min(65536, size - len(received)))
@@ -60,7 +66,7 @@ def _exactly(sock: socket.socket, size: int) -> bytes:
 
 
 class Subscriber:
-    """One peer that listens: its own queue and thread; a slow one loses its oldest messages."""
+    """A subscribed peer with its own queue and thread; a slow one loses its oldest messages."""
 
     def __init__(self, sock: socket.socket, depth: int) -> None:
         self._sock = sock

@@ -1,8 +1,8 @@
-"""A ROS 2 node on plain zenoh: what `rmw_zenoh_cpp` would do, without ROS.
+"""A ROS 2 node on plain zenoh, in the format of `rmw_zenoh_cpp`, without ROS.
 
 Opt-in and local: it listens on the loopback and takes the role of the zenoh router, so that ROS 2
-programs with RMW_IMPLEMENTATION=rmw_zenoh_cpp find it as they are. Where a router runs already,
-the node joins it.
+programs with RMW_IMPLEMENTATION=rmw_zenoh_cpp find it without settings. Where a router runs
+already, the node joins it.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from agribot.ros.ros2 import wire
 from agribot.ros.ros2.goals import GoalServer
 from agribot.ros.ros2.node import ROUTER, Ros2Node
 from agribot.ros.ros2.parameters import ParameterServer, Value
-from agribot.ros.ros2.services import service_types
-from agribot.ros.ros2.serving import Answer, Reply, Server
+from agribot.ros.ros2.service_server import Answer, Reply, ServiceServer
+from agribot.ros.ros2.services import load_service_types
 
 if TYPE_CHECKING:
     import zenoh
@@ -30,11 +30,11 @@ _COMMAND_QOS = Qos()
 
 
 class Ros2Gateway:
-    """Publishes `out`; hears cmd_vel (with `requests.allow_drive`).
+    """Publishes `out`; takes cmd_vel (with `requests.allow_drive`).
 
     If it `serves`, there are services, goals to visit, and `settings` as parameters.
 
-    Raises: BridgeError: zenoh is not installed, or neither role of the endpoint can be had.
+    Raises: BridgeError: zenoh is not installed, or neither role of the endpoint is possible.
     """
 
     def __init__(
@@ -51,10 +51,10 @@ class Ros2Gateway:
         self._requests = requests
         self._node = Ros2Node(NODE, domain, router, listen=listen)
         self.role = self._node.role
-        self._writers = {topic.name: self._node.writer(topic) for topic in out}
+        self._writers = {topic.name: self._node.create_publisher(topic) for topic in out}
         self._watch_publishers()
         if requests.allow_drive:
-            self._hear_twists()
+            self._subscribe_to_twists()
         self._goals = self._serve(settings or {}) if serves else None
 
     def publish(self, topic: Topic, data: bytes, _t_ns: int) -> None:
@@ -69,24 +69,24 @@ class Ros2Gateway:
     def close(self) -> None:
         self._node.close()
 
-    def _hear_twists(self) -> None:
+    def _subscribe_to_twists(self) -> None:
         topic = topics.CMD_VEL
 
-        def heard(data: bytes) -> None:
+        def on_message(data: bytes) -> None:
             try:
-                self._requests.twist(read_twist_cdr(data), "ROS 2")
+                self._requests.request_twist(read_twist_cdr(data), "ROS 2")
             except BridgeError as error:
                 self._requests.refuse(f"ROS 2: {topic.name}: {error}")
 
-        self._node.hear(topic, heard, _COMMAND_QOS)
+        self._node.subscribe(topic, on_message, _COMMAND_QOS)
 
     def _watch_publishers(self) -> None:
-        """A twist of another type goes to another key and is never heard: say so."""
+        """Report publishers of twists that are refused, or of another type, which cannot arrive."""
         import zenoh
 
-        wanted = wire.dds_type(topics.CMD_VEL.ros_type)
+        wanted = wire.to_dds_name(topics.CMD_VEL.ros_type)
 
-        def appeared(sample: zenoh.Sample) -> None:
+        def on_endpoint(sample: zenoh.Sample) -> None:
             peer = wire.read_endpoint(str(sample.key_expr))
             is_ours = f"/{self._node.zid}/" in str(sample.key_expr)
             if peer is None or is_ours or sample.kind != zenoh.SampleKind.PUT:
@@ -105,27 +105,27 @@ class Ros2Gateway:
                 )
 
         key = f"{wire.ADMIN_SPACE}/{self._node.domain}/**"
-        watch = self._node.session.liveliness().declare_subscriber(key, appeared, history=True)
+        watch = self._node.session.liveliness().declare_subscriber(key, on_endpoint, history=True)
         self._node.keep(watch)
 
-    def _trigger(self, action: OperatorAction) -> Answer:
-        return lambda _request, reply: reply(*self._requests.act(action, "ROS 2"))
+    def _make_trigger(self, action: OperatorAction) -> Answer:
+        return lambda _request, reply: reply(*self._requests.request_action(action, "ROS 2"))
 
-    def _pause(self, request: Any, reply: Reply) -> None:
-        reply(*self._requests.act("pause" if request.data else "resume", "ROS 2"))
+    def _on_pause(self, request: Any, reply: Reply) -> None:
+        reply(*self._requests.request_action("pause" if request.data else "resume", "ROS 2"))
 
     def _serve(self, settings: Mapping[str, Value]) -> GoalServer:
-        server = Server(self._node, self._requests.refuse)
-        types = service_types()
+        server = ServiceServer(self._node, self._requests.refuse)
+        types = load_service_types()
         for name, action in SERVICES:
-            server.serve(types, name, "std_srvs/srv/Trigger", self._trigger(action))
+            server.serve(types, name, "std_srvs/srv/Trigger", self._make_trigger(action))
         none = (False, "these bytes are no SetBool request")
-        server.serve(types, PAUSE_SERVICE, "std_srvs/srv/SetBool", self._pause, none)
+        server.serve(types, PAUSE_SERVICE, "std_srvs/srv/SetBool", self._on_pause, none)
         ParameterServer(
             server,
             NODE,
             {"use_sim_time": True, **settings},
             frozenset(LIVE_SETTINGS),
-            lambda name, value: self._requests.change(name, value, "ROS 2"),
+            lambda name, value: self._requests.request_change(name, value, "ROS 2"),
         )
         return GoalServer(self._node, self._requests)

@@ -1,4 +1,4 @@
-"""A ROS 2 node on plain zenoh: what `rmw_zenoh_cpp` would do, without ROS."""
+"""A ROS 2 node on plain zenoh, in the format of `rmw_zenoh_cpp`, without ROS."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import BridgeError
 from agribot.core.topics import Qos, Topic
-from agribot.ros.messages.rosmsg import typestore
+from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.ros2 import wire
 
 if TYPE_CHECKING:
@@ -23,19 +23,19 @@ _HEARTBEAT_S = 0.5  # of latched topics, as rmw_zenoh does
 
 
 class Ros2Node:
-    """One session with one node in it; what it declares lives until it is closed.
+    """One session with one node in it; its declarations live until it is closed.
 
-    Raises: BridgeError: zenoh is not installed, or neither role of the endpoint can be had.
+    Raises: BridgeError: zenoh is not installed, or neither role of the endpoint is possible.
     """
 
     def __init__(self, name: str, domain: int, router: str, *, listen: bool) -> None:
         self.domain = domain
-        self.session, self.role = _open(router, listen=listen)
+        self.session, self.role = _open_session(router, listen=listen)
         self.zid = str(self.session.info.zid())
         self._name = wire.NodeName(domain=domain, zid=self.zid, name=name)
         self._ids = itertools.count(1)
         self._kept: list[Any] = []  # what is dropped is undeclared
-        self._token(self._name.token())
+        self._declare_token(self._name.make_token())
 
     def keep(self, declared: Any) -> None:
         self._kept.append(declared)
@@ -43,73 +43,75 @@ class Ros2Node:
     def announce(
         self, kind: wire.EntityKind, name: str, ros_type: str, type_hash: str, qos: Qos
     ) -> str:
-        """Tell others of an endpoint; returns its token."""
-        token = self._name.endpoint_token(next(self._ids), kind, name, ros_type, type_hash, qos)
-        self._token(token)
+        """Announce an endpoint; return its token."""
+        token = self._name.make_endpoint_token(
+            next(self._ids), kind, name, ros_type, type_hash, qos
+        )
+        self._declare_token(token)
         return token
 
-    def writer(self, topic: Topic, types: Typestore | None = None) -> Writer:
-        """`types` knows the topic's type where the usual ones do not."""
-        type_hash = (types or typestore()).hash_rihs01(topic.ros_type)
-        key = wire.topic_key(self.domain, topic.name, topic.ros_type, type_hash)
-        publisher = _declare(self.session, key, topic.qos)
+    def create_publisher(self, topic: Topic, types: Typestore | None = None) -> TopicPublisher:
+        """Create a publisher; `types` has the topic's type where the default types have not."""
+        type_hash = (types or load_types()).hash_rihs01(topic.ros_type)
+        key = wire.make_topic_key(self.domain, topic.name, topic.ros_type, type_hash)
+        publisher = _declare_publisher(self.session, key, topic.qos)
         token = self.announce("MP", topic.name, topic.ros_type, type_hash, topic.qos)
-        return Writer(publisher, wire.gid_of(token))
+        return TopicPublisher(publisher, wire.compute_gid(token))
 
-    def hear(self, topic: Topic, heard: Callable[[bytes], None], qos: Qos) -> None:
-        """`heard` gets CDR in a thread of zenoh; a latched topic gives its last at once."""
+    def subscribe(self, topic: Topic, on_message: Callable[[bytes], None], qos: Qos) -> None:
+        """Call `on_message` with CDR in a thread of zenoh, at once with a latched message."""
 
-        def arrived(sample: zenoh.Sample) -> None:
-            heard(sample.payload.to_bytes())
+        def on_sample(sample: zenoh.Sample) -> None:
+            on_message(sample.payload.to_bytes())
 
-        self.keep(_subscribe(self.session, self._key(topic), qos, arrived))
-        self.announce("MS", topic.name, topic.ros_type, _hash_of(topic), qos)
+        self.keep(_subscribe(self.session, self._make_key(topic), qos, on_sample))
+        self.announce("MS", topic.name, topic.ros_type, _compute_hash(topic), qos)
 
-    def hear_any(self, name: str, heard: Callable[[str, str, bytes], None]) -> None:
-        """`heard` gets type, type hash and CDR of whatever is said on a topic of this name."""
+    def subscribe_any(self, name: str, on_message: Callable[[str, str, bytes], None]) -> None:
+        """Call `on_message` with type, type hash and CDR of every message of this topic name."""
 
-        def arrived(sample: zenoh.Sample) -> None:
+        def on_sample(sample: zenoh.Sample) -> None:
             found = wire.read_topic_key(str(sample.key_expr))
             if found is not None:
-                heard(*found, sample.payload.to_bytes())
+                on_message(*found, sample.payload.to_bytes())
 
         key = f"{self.domain}/{name.strip('/')}/*/*"
-        self.keep(self.session.declare_subscriber(key, arrived))
+        self.keep(self.session.declare_subscriber(key, on_sample))
 
     def close(self) -> None:
         if not self.session.is_closed():
             self.session.close()  # type: ignore[no-untyped-call]
 
-    def _token(self, token: str) -> None:
+    def _declare_token(self, token: str) -> None:
         self.keep(self.session.liveliness().declare_token(token))
 
-    def _key(self, topic: Topic) -> str:
-        return wire.topic_key(self.domain, topic.name, topic.ros_type, _hash_of(topic))
+    def _make_key(self, topic: Topic) -> str:
+        return wire.make_topic_key(self.domain, topic.name, topic.ros_type, _compute_hash(topic))
 
 
-def _hash_of(topic: Topic) -> str:
-    return typestore().hash_rihs01(topic.ros_type)
+def _compute_hash(topic: Topic) -> str:
+    return load_types().hash_rihs01(topic.ros_type)
 
 
 def _subscribe(
-    session: zenoh.Session, key: str, qos: Qos, arrived: Callable[[zenoh.Sample], None]
+    session: zenoh.Session, key: str, qos: Qos, on_sample: Callable[[zenoh.Sample], None]
 ) -> Any:
     from zenoh import ext
 
     if not qos.latched:
-        return session.declare_subscriber(key, arrived)
+        return session.declare_subscriber(key, on_sample)
     return ext.declare_advanced_subscriber(
         session,
         key,
-        arrived,
+        on_sample,
         history=ext.HistoryConfig(detect_late_publishers=True, max_samples=qos.depth),
         recovery=ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
         subscriber_detection=True,
     )
 
 
-class Writer:
-    """Numbers and stamps what goes out on one topic."""
+class TopicPublisher:
+    """Numbers and stamps the messages of one topic."""
 
     def __init__(self, publisher: Any, gid: bytes) -> None:
         self._publisher, self._gid = publisher, gid
@@ -125,7 +127,7 @@ class Writer:
             raise BridgeError(f"ROS 2: cannot send: {error}") from error
 
 
-def _declare(session: zenoh.Session, key: str, qos: Qos) -> Any:
+def _declare_publisher(session: zenoh.Session, key: str, qos: Qos) -> Any:
     import zenoh
     from zenoh import ext
 
@@ -146,8 +148,8 @@ def _declare(session: zenoh.Session, key: str, qos: Qos) -> Any:
     )
 
 
-def _open(router: str, *, listen: bool) -> tuple[zenoh.Session, str]:
-    """A session as router on the endpoint, or as a peer of the router that is there already."""
+def _open_session(router: str, *, listen: bool) -> tuple[zenoh.Session, str]:
+    """Open a session as router on the endpoint, or as a peer of a router that is there already."""
     try:
         import zenoh
     except ImportError as error:
@@ -159,7 +161,7 @@ def _open(router: str, *, listen: bool) -> tuple[zenoh.Session, str]:
     for role, endpoints in {**roles, "peer": ["tcp/127.0.0.1:0"]}.items():
         connect = [] if role == "router" else [router]
         try:
-            return zenoh.open(_settings(role, endpoints, connect)), role
+            return zenoh.open(_make_config(role, endpoints, connect)), role
         except zenoh.ZError as error:
             last = error
     raise BridgeError(
@@ -167,7 +169,7 @@ def _open(router: str, *, listen: bool) -> tuple[zenoh.Session, str]:
     )
 
 
-def _settings(mode: str, listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
+def _make_config(mode: str, listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
     import zenoh
 
     config = zenoh.Config()
@@ -175,7 +177,7 @@ def _settings(mode: str, listen: Sequence[str], connect: Sequence[str]) -> zenoh
         "mode": mode,
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
-        "scouting/multicast/enabled": False,  # nothing leaves this machine by itself
+        "scouting/multicast/enabled": False,  # by default nothing leaves this machine
         "scouting/gossip/enabled": True,
         "timestamping/enabled": True,  # latched topics are ordered by it
     }

@@ -1,4 +1,4 @@
-"""The settings of the run as parameters of the node: to be looked at, a few to be changed."""
+"""The settings of the run as parameters of the node: all to read, a few to change."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from agribot.ros.ros2.services import service_types
-from agribot.ros.ros2.serving import Reply, Server
+from agribot.ros.ros2.service_server import Reply, ServiceServer
+from agribot.ros.ros2.services import load_service_types
 
 Value = bool | int | float | str | tuple[float, ...]
 Change = Callable[[str, float], str]  # name and value; why not, or empty
@@ -21,61 +21,63 @@ _KIND: dict[type, int] = {
 
 
 class ParameterServer:
-    """`change` takes what may be changed while the robot runs; all else is read only."""
+    """Serves the parameters; `change` applies the `changeable` ones, the others are read-only."""
 
     def __init__(
         self,
-        server: Server,
+        server: ServiceServer,
         node: str,
         values: Mapping[str, Value],
         changeable: frozenset[str],
         change: Change,
     ) -> None:
         self._values, self._changeable, self._change = dict(values), changeable, change
-        self._types = service_types()
+        self._types = load_service_types()
         for name, answer in {
-            "ListParameters": self._list,
-            "GetParameters": self._get,
-            "GetParameterTypes": self._kinds,
-            "DescribeParameters": self._describe,
-            "SetParameters": self._set,
-            "SetParametersAtomically": self._set_all,
+            "ListParameters": self._on_list,
+            "GetParameters": self._on_get,
+            "GetParameterTypes": self._on_get_types,
+            "DescribeParameters": self._on_describe,
+            "SetParameters": self._on_set,
+            "SetParametersAtomically": self._on_set_all,
         }.items():
             topic = "".join(f"_{c.lower()}" if c.isupper() else c for c in name).strip("_")
             server.serve(self._types, f"/{node}/{topic}", f"rcl_interfaces/srv/{name}", answer)
 
-    def _list(self, request: Any, reply: Reply) -> None:
+    def _on_list(self, request: Any, reply: Reply) -> None:
         wanted = tuple(f"{prefix}." for prefix in request.prefixes)
         names = [n for n in self._values if not wanted or n.startswith(wanted)]
         prefixes = sorted({name.rpartition(".")[0] for name in names} - {""})
         reply(self._types.types["rcl_interfaces/msg/ListParametersResult"](names, prefixes))
 
-    def _get(self, request: Any, reply: Reply) -> None:
-        reply([self._packed(self._values.get(name)) for name in request.names])
+    def _on_get(self, request: Any, reply: Reply) -> None:
+        reply([self._pack_value(self._values.get(name)) for name in request.names])
 
-    def _kinds(self, request: Any, reply: Reply) -> None:
-        kinds = [self._kind(name) for name in request.names]
+    def _on_get_types(self, request: Any, reply: Reply) -> None:
+        kinds = [self._find_kind(name) for name in request.names]
         reply(np.array(kinds, dtype=np.uint8))
 
-    def _describe(self, request: Any, reply: Reply) -> None:
+    def _on_describe(self, request: Any, reply: Reply) -> None:
         make = self._types.types["rcl_interfaces/msg/ParameterDescriptor"]
         reply(
             [
-                make(name, self._kind(name), "", "", name not in self._changeable, False, [], [])
+                make(
+                    name, self._find_kind(name), "", "", name not in self._changeable, False, [], []
+                )
                 for name in request.names
             ]
         )
 
-    def _set(self, request: Any, reply: Reply) -> None:
-        reply([self._outcome(self._set_one(parameter)) for parameter in request.parameters])
+    def _on_set(self, request: Any, reply: Reply) -> None:
+        reply([self._make_result(self._set_one(parameter)) for parameter in request.parameters])
 
-    def _set_all(self, request: Any, reply: Reply) -> None:
-        """At most one may be changed at once: two changes could not be made as one."""
+    def _on_set_all(self, request: Any, reply: Reply) -> None:
+        """Change at most one parameter: two changes could not be atomic."""
         if len(request.parameters) > 1:
             why = "give one parameter at a time"
         else:
             why = "".join(self._set_one(parameter) for parameter in request.parameters)
-        reply(self._outcome(why))
+        reply(self._make_result(why))
 
     def _set_one(self, parameter: Any) -> str:
         name, value = parameter.name, parameter.value
@@ -96,13 +98,13 @@ class ParameterServer:
             self._values[name] = bool(number) if isinstance(before, bool) else number
         return why
 
-    def _outcome(self, why: str) -> Any:
+    def _make_result(self, why: str) -> Any:
         return self._types.types["rcl_interfaces/msg/SetParametersResult"](not why, why)
 
-    def _kind(self, name: str) -> int:
+    def _find_kind(self, name: str) -> int:
         return _KIND[type(self._values[name])] if name in self._values else _NOT_SET
 
-    def _packed(self, value: Value | None) -> Any:
+    def _pack_value(self, value: Value | None) -> Any:
         kind = _NOT_SET if value is None else _KIND[type(value)]
         nothing = np.zeros(0)
         return self._types.types["rcl_interfaces/msg/ParameterValue"](

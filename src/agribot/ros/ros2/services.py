@@ -1,4 +1,4 @@
-"""Services and actions of ROS 2: the library of message types has none, so they are put together.
+"""Services and actions of ROS 2, built here because the library of message types has none.
 
 An action of type A is three services and two topics: A_SendGoal, A_GetResult and
 action_msgs/CancelGoal, A_FeedbackMessage and action_msgs/GoalStatusArray.
@@ -13,7 +13,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from agribot.ros.messages.char_types import mend_char
+from agribot.ros.messages.char_types import replace_char
 
 EVENT_INFO = "service_msgs/msg/ServiceEventInfo"
 _SERVICES = {
@@ -57,17 +57,17 @@ int16 number_of_recoveries
 float32 distance_remaining
 int16 number_of_poses_remaining
 """
-# Of ROS 2 Jazzy, as it was and with the text that came later; a result's hash tells them apart.
+# Of ROS 2 Jazzy, with the text that was added later and without; the hash distinguishes them.
 NAVIGATE_RESULTS = ("uint16 error_code\nstring error_msg\n", "uint16 error_code\n")
 _UUID = "unique_identifier_msgs/UUID goal_id\n"
 _PLACEHOLDER = "uint8 structure_needs_at_least_one_member\n"  # of an empty request or response
 
 
 @functools.cache
-def service_types(navigate_result: str = NAVIGATE_RESULTS[0]) -> Typestore:
-    """Messages of ROS 2 Jazzy with the services and the action above and their hashes."""
+def load_service_types(navigate_result: str = NAVIGATE_RESULTS[0]) -> Typestore:
+    """Load the messages of ROS 2 Jazzy with the services and the action above and their hashes."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    mend_char(store)
+    replace_char(store)
     for name, (request, response) in _SERVICES.items():
         _add_service(store, name, request, response)
     add_action(store, NAVIGATE, ActionText(_NAVIGATE_GOAL, navigate_result, _NAVIGATE_FEEDBACK))
@@ -76,23 +76,23 @@ def service_types(navigate_result: str = NAVIGATE_RESULTS[0]) -> Typestore:
 
 def add_action(store: Typestore, name: str, text: ActionText) -> None:
     for part, fields in zip(("Goal", "Result", "Feedback"), text, strict=True):
-        store.register({f"{name}_{part}": _fields(fields)})
+        store.register({f"{name}_{part}": _parse_fields(fields)})
     # A type of kind "action" cannot be named in .msg text, so it is put in as a field.
     goal, result, feedback = (
-        (part.lower(), _named(f"{name}_{part}")) for part in ("Goal", "Result", "Feedback")
+        (part.lower(), _make_name_node(f"{name}_{part}")) for part in ("Goal", "Result", "Feedback")
     )
     send, get = f"{name}_SendGoal", f"{name}_GetResult"
     stamp = "bool accepted\nbuiltin_interfaces/Time stamp\n"
     _add_service(store, send, _UUID, stamp, request_too=goal)
     _add_service(store, get, _UUID, "int8 status\n", response_too=result)
-    store.register({f"{name}_FeedbackMessage": _with(_fields(_UUID), feedback)})
+    store.register({f"{name}_FeedbackMessage": _add_field(_parse_fields(_UUID), feedback)})
     parts: list[tuple[str, Any]] = [
         goal,
         result,
         feedback,
-        ("send_goal_service", _named(send)),
-        ("get_result_service", _named(get)),
-        ("feedback_message", _named(f"{name}_FeedbackMessage")),
+        ("send_goal_service", _make_name_node(send)),
+        ("get_result_service", _make_name_node(get)),
+        ("feedback_message", _make_name_node(f"{name}_FeedbackMessage")),
     ]
     store.fielddefs[name] = ([], parts)
 
@@ -105,36 +105,36 @@ def _add_service(
     request_too: tuple[str, Any] | None = None,
     response_too: tuple[str, Any] | None = None,
 ) -> None:
-    store.register({f"{name}_Request": _with(_fields(request), request_too)})
-    store.register({f"{name}_Response": _with(_fields(response), response_too)})
+    store.register({f"{name}_Request": _add_field(_parse_fields(request), request_too)})
+    store.register({f"{name}_Response": _add_field(_parse_fields(response), response_too)})
     event: list[tuple[str, Any]] = [
-        ("info", _named(EVENT_INFO)),
-        ("request", _at_most_one(f"{name}_Request")),
-        ("response", _at_most_one(f"{name}_Response")),
+        ("info", _make_name_node(EVENT_INFO)),
+        ("request", _make_optional_node(f"{name}_Request")),
+        ("response", _make_optional_node(f"{name}_Response")),
     ]
     service: list[tuple[str, Any]] = [
-        ("request_message", _named(f"{name}_Request")),
-        ("response_message", _named(f"{name}_Response")),
-        ("event_message", _named(f"{name}_Event")),
+        ("request_message", _make_name_node(f"{name}_Request")),
+        ("response_message", _make_name_node(f"{name}_Response")),
+        ("event_message", _make_name_node(f"{name}_Event")),
     ]
     store.fielddefs[f"{name}_Event"] = ([], event)
     store.fielddefs[name] = ([], service)
 
 
-def _fields(text: str) -> Any:
-    """Constants and fields of a .msg text; rosbags would file it under msg/, so it has no name."""
+def _parse_fields(text: str) -> Any:
+    """Parse constants and fields of a .msg text, without a name: rosbags would add msg/ to it."""
     (definition,) = get_types_from_msg(text or _PLACEHOLDER, "agribot/msg/Part").values()
     return definition
 
 
-def _with(definition: Any, field: tuple[str, Any] | None) -> Any:
+def _add_field(definition: Any, field: tuple[str, Any] | None) -> Any:
     constants, fields = definition
     return (constants, [*fields, field] if field else fields)
 
 
-def _named(ros_type: str) -> tuple[Nodetype, str]:
+def _make_name_node(ros_type: str) -> tuple[Nodetype, str]:
     return (Nodetype.NAME, ros_type)
 
 
-def _at_most_one(ros_type: str) -> tuple[Nodetype, Any]:
-    return (Nodetype.SEQUENCE, (_named(ros_type), 1))
+def _make_optional_node(ros_type: str) -> tuple[Nodetype, Any]:
+    return (Nodetype.SEQUENCE, (_make_name_node(ros_type), 1))

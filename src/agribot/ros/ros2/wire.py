@@ -1,4 +1,4 @@
-"""What rmw_zenoh puts on the wire: keys, liveliness tokens and attachments, byte for byte.
+"""The wire format of rmw_zenoh: keys, liveliness tokens and attachments, byte for byte.
 
 Source: the design document and source of rmw_zenoh_cpp 0.2 (Jazzy), 0.6 (Kilted), 0.10 (Lyrical),
 which share this format.
@@ -36,24 +36,24 @@ class NodeName(msgspec.Struct, frozen=True, kw_only=True):
     namespace: str = "/"
     node_id: int = 0
 
-    def token(self) -> str:
+    def make_token(self) -> str:
         return (
             f"{ADMIN_SPACE}/{self.domain}/{self.zid}/{self.node_id}/{self.node_id}/NN/%/"
-            f"{mangled(self.namespace)}/{self.name}"
+            f"{mangle(self.namespace)}/{self.name}"
         )
 
-    def endpoint_token(
+    def make_endpoint_token(
         self, entity_id: int, kind: EntityKind, name: str, ros_type: str, type_hash: str, qos: Qos
     ) -> str:
         return (
             f"{ADMIN_SPACE}/{self.domain}/{self.zid}/{self.node_id}/{entity_id}/{kind}/%/"
-            f"{mangled(self.namespace)}/{self.name}/{mangled(name)}/{dds_type(ros_type)}/"
-            f"{type_hash}/{qos_text(qos)}"
+            f"{mangle(self.namespace)}/{self.name}/{mangle(name)}/{to_dds_name(ros_type)}/"
+            f"{type_hash}/{format_qos(qos)}"
         )
 
 
 class Endpoint(NamedTuple):
-    """What another node says of itself in a liveliness token."""
+    """An endpoint of another node, from its liveliness token."""
 
     node: str
     kind: str
@@ -61,18 +61,18 @@ class Endpoint(NamedTuple):
     type_name: str
 
 
-def mangled(name: str) -> str:
+def mangle(name: str) -> str:
     return name.replace("/", "%")
 
 
-def dds_type(ros_type: str) -> str:
-    """`sensor_msgs/msg/Imu` -> `sensor_msgs::msg::dds_::Imu_`."""
+def to_dds_name(ros_type: str) -> str:
+    """Convert `sensor_msgs/msg/Imu` to `sensor_msgs::msg::dds_::Imu_`."""
     package, kind, name = ros_type.split("/")
     return f"{package}::{kind}::dds_::{name}_"
 
 
 def read_topic_key(key: str) -> tuple[str, str] | None:
-    """ROS type and type hash of a topic's key; None where it is none."""
+    """Read ROS type and type hash of a topic's key; None if it is no topic's."""
     *_, name, type_hash = key.split("/")
     parts = name.split("::")
     if len(parts) != 4 or parts[2] != "dds_":
@@ -80,20 +80,20 @@ def read_topic_key(key: str) -> tuple[str, str] | None:
     return f"{parts[0]}/{parts[1]}/{parts[3].removesuffix('_')}", type_hash
 
 
-def topic_key(domain: int, name: str, ros_type: str, type_hash: str) -> str:
-    return f"{domain}/{name.strip('/')}/{dds_type(ros_type)}/{type_hash}"
+def make_topic_key(domain: int, name: str, ros_type: str, type_hash: str) -> str:
+    return f"{domain}/{name.strip('/')}/{to_dds_name(ros_type)}/{type_hash}"
 
 
-def qos_text(qos: Qos) -> str:
-    """Reliability : durability : history,depth : deadline : lifespan : liveliness."""
+def format_qos(qos: Qos) -> str:
+    """Format reliability : durability : history,depth : deadline : lifespan : liveliness."""
     reliability = "" if qos.reliable else "2"
     durability = "1" if qos.latched else ""
     depth = "" if qos.depth == _DEFAULT_DEPTH else str(qos.depth)
     return f"{reliability}:{durability}:,{depth}:,:,:,,"
 
 
-def gid_of(token: str) -> bytes:
-    """The id that messages of an endpoint carry: XXH3-128 of its token, low half first."""
+def compute_gid(token: str) -> bytes:
+    """Compute the id in the messages of an endpoint: XXH3-128 of its token, low half first."""
     import xxhash
 
     digest = xxhash.xxh3_128_intdigest(token.encode())
@@ -105,7 +105,7 @@ def pack_attachment(sequence: int, source_ns: int, gid: bytes) -> bytes:
 
 
 def read_attachment(data: bytes) -> Attachment | None:
-    """None when it is not what rmw_zenoh sends."""
+    """Read an attachment; None if it is not one of rmw_zenoh."""
     if len(data) != _ATTACHMENT.size:
         return None
     sequence, source_ns, size, gid = _ATTACHMENT.unpack(data)
@@ -113,7 +113,7 @@ def read_attachment(data: bytes) -> Attachment | None:
 
 
 def read_endpoint(token: str) -> Endpoint | None:
-    """None for a token of something else than an endpoint."""
+    """Read the endpoint of a token; None if it is no endpoint's."""
     parts = token.split("/")
     if len(parts) < 12 or parts[0] != ADMIN_SPACE:
         return None

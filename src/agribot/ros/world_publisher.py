@@ -1,4 +1,4 @@
-"""The tap behind the bridges of a world without a robot's mind."""
+"""The tap that publishes a simulated world without a stack."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ from collections.abc import Sequence
 
 from agribot.core.robot import RobotSpec
 from agribot.ros.messages.camera_log import CameraLog
-from agribot.ros.messages.world_feed import WorldFeed, WorldTick
-from agribot.ros.outlet import Gateway, QueuedGateways
+from agribot.ros.messages.world_topic_writer import WorldTick, WorldTopicWriter
+from agribot.ros.tick_publisher import Gateway, QueuedGateways
 
 
-class WorldOutlet(QueuedGateways[WorldTick]):
-    """Call it once per tick, as a WorldFeed; it never waits for a peer."""
+class WorldPublisher(QueuedGateways[WorldTick]):
+    """Call it once per tick; it never waits for a peer."""
 
     def __init__(
         self, gateways: Sequence[Gateway], robot: RobotSpec, urdf: str, camera: CameraLog
     ) -> None:
         super().__init__(gateways)
-        self._feed = WorldFeed(self._gateways.send, robot, urdf, camera)
+        self._feed = WorldTopicWriter(self._gateways.send, robot, urdf, camera)
 
     def __call__(self, tick: WorldTick) -> None:
         self._queue.put(tick)
 
     def _step(self, tick: WorldTick) -> None:
         self._feed(tick)
-        self._gateways.tell_time(tick.batch.t_s)
+        self._gateways.publish_time(tick.batch.t_s)

@@ -1,4 +1,4 @@
-"""Every topic of a run: one TickRecord in, its messages out, serialised once for all listeners."""
+"""All topics of a run: one TickRecord in, its messages out, serialised once for all receivers."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from agribot.core.robot import RobotSpec
 from agribot.core.topics import Topic
 from agribot.ros.messages import cdr, rosmsg
 from agribot.ros.messages.camera_log import CameraLog
-from agribot.ros.messages.markers import weed_markers
-from agribot.ros.messages.sensor_topics import SLOW_NS, SensorTopics, Write
+from agribot.ros.messages.markers import make_weed_markers
+from agribot.ros.messages.sensor_topics import SLOW_NS, MessageSink, SensorTopicWriter
 from agribot.ros.messages.transforms import (
     BodyTransforms,
-    static_transforms,
+    make_static_transforms,
 )
 
 _SECOND_NS = 1_000_000_000
 
 
-class TopicFeed:
+class TopicWriter:
     """Call it with every TickRecord; all messages of a tick go to `write`, in a fixed order.
 
     A file, a network or a display may be behind `write`; the bytes are the same for each.
     """
 
     def __init__(
-        self, write: Write, robot: RobotSpec, datum: Datum, urdf: str, camera: CameraLog
+        self, write: MessageSink, robot: RobotSpec, datum: Datum, urdf: str, camera: CameraLog
     ) -> None:
         self._write, self._robot, self._urdf, self._camera = write, robot, urdf, camera
         self._map_frame = MapFrame(datum)
@@ -39,84 +39,84 @@ class TopicFeed:
         self._status: MissionStatus | None = None
         self._started = False
         self._now_ns = self._next_second_ns = self._next_slow_ns = 0
-        self._sensors = SensorTopics(write, robot, camera)
+        self._sensors = SensorTopicWriter(write, robot, camera)
         self._odometry, self._truth = cdr.OdometryCdr(), cdr.OdometryCdr()
         self._twist, self._number = cdr.TwistCdr(), cdr.Float64Cdr()
         self._body_tf = BodyTransforms()
 
     def __call__(self, record: TickRecord) -> None:
-        self._now_ns = rosmsg.nanoseconds(record.batch.t_s)
+        self._now_ns = rosmsg.to_nanoseconds(record.batch.t_s)
         if not self._started:
             self._start(record.batch.t_s)
         self._sensors(self._now_ns, record.batch)
-        self._overlays(record)
-        self._decisions(record)
+        self._write_overlays(record)
+        self._write_decisions(record)
         if self._now_ns >= self._next_slow_ns:
             self._next_slow_ns = self._now_ns + SLOW_NS
-            self._slow(record)
-        self._mission(record.status)
+            self._write_slow(record)
+        self._write_mission(record.status)
         if self._now_ns >= self._next_second_ns:
             self._next_second_ns = self._now_ns + _SECOND_NS
 
-    def truth(
+    def write_truth(
         self, t_s: float, pose: tuple[float, float, float], twist: tuple[float, float] = (0.0, 0.0)
     ) -> None:
-        """True x_map_m, y_map_m, yaw_map_rad and forward and yaw rate; a simulator has them."""
-        t_ns = rosmsg.nanoseconds(t_s)
+        """Write the true pose (x_map_m, y_map_m, yaw_map_rad) and twist of a simulator."""
+        t_ns = rosmsg.to_nanoseconds(t_s)
         data = self._truth.pack(t_ns, pose, (0.0,) * 9, twist)
         self._write(topics.GROUND_TRUTH, t_ns, data, t_ns)
 
     def set_plan(
         self, t_s: float, plan: Path | None, goals_map_m: Sequence[tuple[float, float]]
     ) -> None:
-        """A new path and its waypoints, when the mission planned again."""
+        """Set and write a new path and its waypoints, when the mission planned again."""
         self._plan, self._goals_map_m = plan, tuple(goals_map_m)
         if self._started:
             self._write_plan(t_s)
 
     def set_weeds(self, t_s: float, plants: Sequence[MappedPlant]) -> None:
-        """The weed map of now; it is written only when it changed."""
+        """Set the weed map and write it if it changed."""
         weeds = tuple(plants)
         if weeds != self._weeds:
             self._weeds = weeds
-            self._write_ros(topics.WEEDS, weed_markers(t_s, weeds), t_s)
+            self._write_ros(topics.WEEDS, make_weed_markers(t_s, weeds), t_s)
 
     def _start(self, t_s: float) -> None:
         self._started = True
-        self._write_ros(topics.ROBOT_DESCRIPTION, rosmsg.text(self._urdf), t_s)
-        self._write_ros(topics.TF_STATIC, static_transforms(self._robot), t_s)
+        self._write_ros(topics.ROBOT_DESCRIPTION, rosmsg.make_text(self._urdf), t_s)
+        self._write_ros(topics.TF_STATIC, make_static_transforms(self._robot), t_s)
         self._write_plan(t_s)
 
     def _write_plan(self, t_s: float) -> None:
         if self._plan is not None:
-            self._write_ros(topics.PATH, rosmsg.path(t_s, self._plan), t_s)
+            self._write_ros(topics.PATH, rosmsg.make_path(t_s, self._plan), t_s)
         if self._goals_map_m:
-            self._write_ros(topics.GOALS, rosmsg.goals(t_s, self._goals_map_m), t_s)
+            self._write_ros(topics.GOALS, rosmsg.make_goals(t_s, self._goals_map_m), t_s)
 
-    def _overlays(self, record: TickRecord) -> None:
+    def _write_overlays(self, record: TickRecord) -> None:
         for scene in record.scenes:
-            jpeg = self._camera.overlay(scene)
+            jpeg = self._camera.encode_overlay(scene)
             if jpeg is not None:
-                overlay = rosmsg.compressed_image(scene.t_s, jpeg)
+                overlay = rosmsg.make_compressed_image(scene.t_s, jpeg)
                 self._write_ros(topics.OVERLAY, overlay, scene.t_s)
 
-    def _decisions(self, record: TickRecord) -> None:
+    def _write_decisions(self, record: TickRecord) -> None:
         now_ns, estimate, drive = self._now_ns, record.estimate, record.command.drive
         self._write(topics.ODOMETRY, now_ns, self._odometry(now_ns, estimate), now_ns)
         self._write(topics.TF, now_ns, self._body_tf(now_ns, estimate), now_ns)
         twist = self._twist(drive.v_mps, drive.yaw_rate_radps)
         self._write(topics.CMD_VEL, now_ns, twist, now_ns)
 
-    def _slow(self, record: TickRecord) -> None:
+    def _write_slow(self, record: TickRecord) -> None:
         estimate = record.estimate
-        self._write_ros(topics.POSE, rosmsg.pose_stamped(estimate), estimate.t_s)
+        self._write_ros(topics.POSE, rosmsg.make_pose_stamped(estimate), estimate.t_s)
         self._write_number(topics.HEADING_FILTERED, compass_deg_from_yaw(estimate.yaw_map_rad))
         if record.status.goal_map_m is not None:
-            self._to_goal(estimate, record.status.goal_map_m)
+            self._write_goal_distance(estimate, record.status.goal_map_m)
         if record.batch.wheels:
-            self._sensors.wheel_transforms(self._now_ns, record.batch.wheels[-1])
+            self._sensors.write_wheel_transforms(self._now_ns, record.batch.wheels[-1])
 
-    def _to_goal(self, estimate: Estimate, goal_map_m: tuple[float, float]) -> None:
+    def _write_goal_distance(self, estimate: Estimate, goal_map_m: tuple[float, float]) -> None:
         dx_m, dy_m = goal_map_m[0] - estimate.x_map_m, goal_map_m[1] - estimate.y_map_m
         self._write_number(topics.DISTANCE, math.hypot(dx_m, dy_m))
         bearing_rad = math.atan2(dy_m, dx_m)
@@ -124,16 +124,16 @@ class TopicFeed:
         left_rad = wrap_rad(bearing_rad - estimate.yaw_map_rad)
         self._write_number(topics.ANGLE, math.degrees(left_rad))
 
-    def _mission(self, status: MissionStatus) -> None:
+    def _write_mission(self, status: MissionStatus) -> None:
         before, now_s = self._status, self._now_ns / _SECOND_NS
         changed = before is None or (before.state, before.reason, before.row) != (
             status.state, status.reason, status.row,
         )  # fmt: skip
         if changed or self._now_ns >= self._next_second_ns:
-            self._write_ros(topics.STATUS, rosmsg.status_json(status), now_s)
+            self._write_ros(topics.STATUS, rosmsg.make_status(status), now_s)
         goal_map_m = status.goal_map_m
         if goal_map_m is not None and (before is None or before.goal_map_m != goal_map_m):
-            fix = rosmsg.goal_fix(now_s, goal_map_m, self._map_frame)
+            fix = rosmsg.make_goal_fix(now_s, goal_map_m, self._map_frame)
             self._write_ros(topics.GOAL_FIX, fix, now_s)
         self._status = status
 
@@ -142,4 +142,4 @@ class TopicFeed:
 
     def _write_ros(self, topic: Topic, message: object, t_s: float) -> None:
         data = rosmsg.to_cdr(message)
-        self._write(topic, self._now_ns, data, rosmsg.nanoseconds(t_s))
+        self._write(topic, self._now_ns, data, rosmsg.to_nanoseconds(t_s))

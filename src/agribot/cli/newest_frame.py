@@ -14,7 +14,7 @@ from agribot.core.messages import ByteArray
 class FrameSource(Protocol):
     """`read` blocks for the next frame (height, width, 3); None at the end of the source.
 
-    `ends` tells whether an end is normal, as of a file, or a camera that stopped.
+    `ends`: an end is normal, as of a file, and not a camera that stopped.
     """
 
     name: str
@@ -31,7 +31,7 @@ class TimedFrame(NamedTuple):
 
 
 class NewestFrame:
-    """Reads a source in a thread of its own and hands out the newest frame.
+    """A thread that reads a source and hands out the newest frame.
 
     Iterating ends with the source, after `seconds`, or when `stop` is called. It raises
     PerceptionError where a camera gives no frame for `patience_s` or stops.

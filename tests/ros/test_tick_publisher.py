@@ -10,7 +10,7 @@ from agribot.core.geo import Datum
 from agribot.core.messages import TickRecord
 from agribot.core.topics import Topic
 from agribot.ros.messages.camera_log import CameraLog
-from agribot.ros.outlet import QUEUE_TICKS, Gateway, Outlet, Sources
+from agribot.ros.tick_publisher import QUEUE_TICKS, Gateway, RunSources, TickPublisher
 from tests.record import record_samples as samples
 from tests.waiting import wait_for
 
@@ -37,10 +37,10 @@ class Sink:
         self.closed = True
 
 
-def outlet_to(*gateways: Gateway) -> Outlet:
+def outlet_to(*gateways: Gateway) -> TickPublisher:
     robot = samples.robot()
-    return Outlet(
-        gateways, robot, DATUM, samples.URDF, CameraLog(robot, 0.0, 80), Sources(lambda: None)
+    return TickPublisher(
+        gateways, robot, DATUM, samples.URDF, CameraLog(robot, 0.0, 80), RunSources(lambda: None)
     )
 
 

@@ -1,7 +1,7 @@
-"""The tap behind every bridge: the control loop drops a record in a queue and goes on.
+"""The tap of every bridge: the control loop puts a record into a queue and goes on.
 
-One thread turns the records into messages and hands them to the gateways. When it cannot keep up,
-or a gateway stalls, the oldest records are lost, and the loop does not notice.
+One thread turns the records into messages and passes them to the gateways. When it cannot keep
+up, or a gateway stalls, the oldest records are lost, and the loop is not delayed.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from agribot.core.robot import RobotSpec
 from agribot.core.topics import Topic
 from agribot.ros.messages import cdr
 from agribot.ros.messages.camera_log import CameraLog
-from agribot.ros.messages.rosmsg import nanoseconds
-from agribot.ros.messages.topic_feed import TopicFeed
+from agribot.ros.messages.rosmsg import to_nanoseconds
+from agribot.ros.messages.topic_writer import TopicWriter
 from agribot.ros.send_queue import SendQueue
 
 QUEUE_TICKS = 50  # one second
@@ -31,21 +31,24 @@ T = TypeVar("T")
 
 
 class Gateway(Protocol):
-    """One way out. Called from the outlet's thread only."""
+    """One network that takes messages. Called from the publisher's thread only."""
 
     def publish(self, topic: Topic, data: bytes, t_ns: int) -> None:
-        """Send one CDR message. Raises: BridgeError: the gateway is closed or lost its peer."""
+        """Send one CDR message.
+
+        Raises: BridgeError: the gateway is closed or lost its peer.
+        """
         ...
 
     def step(self, record: TickRecord) -> None:
-        """After the messages of each tick of a robot, for what needs more than them."""
+        """Handle the record of a robot's tick, after its messages."""
         ...
 
     def close(self) -> None: ...
 
 
-class Gateways:
-    """All ways out at once: one that fails is named in `fault` and does not hold up the others."""
+class GatewayGroup:
+    """Several gateways: one that fails is named in `fault` and does not delay the others."""
 
     def __init__(self, gateways: Sequence[Gateway]) -> None:
         self._gateways = tuple(gateways)
@@ -59,8 +62,8 @@ class Gateways:
             except BridgeError as error:
                 self.fault = str(error)
 
-    def tell_time(self, t_s: float) -> None:
-        t_ns = nanoseconds(t_s)
+    def publish_time(self, t_s: float) -> None:
+        t_ns = to_nanoseconds(t_s)
         self.send(topics.CLOCK, t_ns, self._clock(t_ns), t_ns)
 
     def step(self, record: TickRecord) -> None:
@@ -73,10 +76,10 @@ class Gateways:
 
 
 class QueuedGateways(Generic[T]):
-    """Gateways that a thread of their own feeds: `_step` gets what was put into `_queue`."""
+    """Gateways with a thread of their own: it calls `_step` with each item of `_queue`."""
 
     def __init__(self, gateways: Sequence[Gateway]) -> None:
-        self._gateways = Gateways(gateways)
+        self._gateways = GatewayGroup(gateways)
         self._queue: SendQueue[T] = SendQueue(self._step, QUEUE_TICKS)
 
     @property
@@ -96,8 +99,8 @@ class QueuedGateways(Generic[T]):
         raise NotImplementedError
 
 
-class Sources(NamedTuple):
-    """What the loop's thread looks at besides the record; each is quick to ask."""
+class RunSources(NamedTuple):
+    """Values of the run besides the record, read in the loop's thread; each call is quick."""
 
     plan: Callable[[], Path | None]
     goals_map_m: Callable[[], Sequence[MapPoint]] = tuple
@@ -105,12 +108,12 @@ class Sources(NamedTuple):
     truth: Callable[[], TrueState] | None = None
 
 
-class _Item(NamedTuple):
+class _QueuedTick(NamedTuple):
     record: TickRecord
     truth: TrueState | None
 
 
-class Outlet(QueuedGateways[_Item]):
+class TickPublisher(QueuedGateways[_QueuedTick]):
     """Call it with every TickRecord; close it when the run is over.
 
     `dropped` counts ticks that found the queue full, `fault` names the last failure of a gateway.
@@ -123,11 +126,11 @@ class Outlet(QueuedGateways[_Item]):
         datum: Datum,
         urdf: str,
         camera: CameraLog,
-        sources: Sources,
+        sources: RunSources,
     ) -> None:
         super().__init__(gateways)
         self._sources = sources
-        self._feed = TopicFeed(self._gateways.send, robot, datum, urdf, camera)
+        self._feed = TopicWriter(self._gateways.send, robot, datum, urdf, camera)
         self._weeds: deque[tuple[float, Sequence[MappedPlant]]] = deque(maxlen=1)
         self._plans: deque[tuple[float, Path, tuple[MapPoint, ...]]] = deque(maxlen=1)
         self._plan: Path | None = None
@@ -146,9 +149,9 @@ class Outlet(QueuedGateways[_Item]):
         if self._sources.truth is not None and t_s >= self._next_truth_s:
             self._next_truth_s = t_s + _TRUTH_PERIOD_S
             truth = self._sources.truth()
-        self._queue.put(_Item(record, truth))
+        self._queue.put(_QueuedTick(record, truth))
 
-    def _step(self, item: _Item) -> None:
+    def _step(self, item: _QueuedTick) -> None:
         t_s = item.record.batch.t_s
         while self._plans:
             self._feed.set_plan(*self._plans.popleft())
@@ -158,6 +161,6 @@ class Outlet(QueuedGateways[_Item]):
         if item.truth is not None:
             true = item.truth
             pose = (true.x_map_m, true.y_map_m, true.yaw_map_rad)
-            self._feed.truth(t_s, pose, (true.v_mps, true.yaw_rate_radps))
-        self._gateways.tell_time(t_s)
+            self._feed.write_truth(t_s, pose, (true.v_mps, true.yaw_rate_radps))
+        self._gateways.publish_time(t_s)
         self._gateways.step(item.record)

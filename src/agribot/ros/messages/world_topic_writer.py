@@ -1,4 +1,4 @@
-"""Every topic of a world without a robot's mind: sensors, frame tree and the truth."""
+"""All topics of a simulated world without a stack: sensors, frame tree and the truth."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from agribot.core.robot import RobotSpec
 from agribot.ros.messages import cdr, rosmsg
 from agribot.ros.messages.camera_log import CameraLog
 from agribot.ros.messages.rosmsg import BODY_FRAME, MAP_FRAME, ODOM_FRAME, quaternion_from_yaw
-from agribot.ros.messages.sensor_topics import SLOW_NS, SensorTopics, Write
-from agribot.ros.messages.transforms import static_transforms
+from agribot.ros.messages.sensor_topics import SLOW_NS, MessageSink, SensorTopicWriter
+from agribot.ros.messages.transforms import make_static_transforms
 
 _NOWHERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class WorldTick(NamedTuple):
-    """What one tick of the world gave, and the true motion of the robot in it."""
+    """The batch of one tick of the world, and the true motion of the robot in it."""
 
     batch: SensorBatch
     command: DriveCommand | None
@@ -25,22 +25,22 @@ class WorldTick(NamedTuple):
     twist: tuple[float, float]  # v_mps, yaw_rate_radps
 
 
-class WorldFeed:
+class WorldTopicWriter:
     """Call it once per tick; all messages go to `write`, in a fixed order.
 
-    The frame tree follows the truth, odom lying on map: nobody estimates anything here.
+    The frame tree follows the truth, with odom equal to map: there is no estimate here.
     """
 
-    def __init__(self, write: Write, robot: RobotSpec, urdf: str, camera: CameraLog) -> None:
+    def __init__(self, write: MessageSink, robot: RobotSpec, urdf: str, camera: CameraLog) -> None:
         self._write, self._robot, self._urdf = write, robot, urdf
-        self._sensors = SensorTopics(write, robot, camera)
+        self._sensors = SensorTopicWriter(write, robot, camera)
         self._truth, self._twist = cdr.OdometryCdr(), cdr.TwistCdr()
         self._tf = cdr.TransformsCdr(((MAP_FRAME, ODOM_FRAME), (ODOM_FRAME, BODY_FRAME)))
         self._next_slow_ns = 0
         self._started = False
 
     def __call__(self, tick: WorldTick) -> None:
-        now_ns = rosmsg.nanoseconds(tick.batch.t_s)
+        now_ns = rosmsg.to_nanoseconds(tick.batch.t_s)
         if not self._started:
             self._start(now_ns)
         self._sensors(now_ns, tick.batch)
@@ -54,11 +54,11 @@ class WorldFeed:
         self._write(topics.TF, now_ns, self._tf(now_ns, (_NOWHERE, body)), now_ns)
         if now_ns >= self._next_slow_ns and tick.batch.wheels:
             self._next_slow_ns = now_ns + SLOW_NS
-            self._sensors.wheel_transforms(now_ns, tick.batch.wheels[-1])
+            self._sensors.write_wheel_transforms(now_ns, tick.batch.wheels[-1])
 
     def _start(self, now_ns: int) -> None:
         self._started = True
-        urdf = rosmsg.to_cdr(rosmsg.text(self._urdf))
+        urdf = rosmsg.to_cdr(rosmsg.make_text(self._urdf))
         self._write(topics.ROBOT_DESCRIPTION, now_ns, urdf, now_ns)
-        fixed = rosmsg.to_cdr(static_transforms(self._robot))
+        fixed = rosmsg.to_cdr(make_static_transforms(self._robot))
         self._write(topics.TF_STATIC, now_ns, fixed, now_ns)

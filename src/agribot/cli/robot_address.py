@@ -1,4 +1,4 @@
-"""Which running robot a command speaks to."""
+"""The running robot that a command connects to."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from agribot.core.errors import ConfigError
 from agribot.ui.address import DEFAULT_PORT, Door, read_door
 
 
-def add_door_arguments(parser: argparse.ArgumentParser) -> None:
+def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--url", metavar="WS", help="ws://HOST:PORT/ws/v1 of a robot elsewhere; wss:// with TLS"
     )
@@ -23,9 +23,11 @@ def add_door_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def door_of(options: argparse.Namespace) -> Door:
-    """Raises: ConfigError: no robot with a page on this machine; of another one no address, token
-    or certificate.
+def find_robot(options: argparse.Namespace) -> Door:
+    """Find the robot on this machine, or the one of the options.
+
+    Raises: ConfigError: no robot with a page on this machine; of another one no address, token
+        or certificate.
     """
     if options.url is None:
         return read_door(options.port)

@@ -1,4 +1,4 @@
-"""Answering a service of ROS 2, at once or later."""
+"""Services of a ROS 2 node, answered at once or later."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ Answer = Callable[[Any, Reply], None]  # gets the request
 _SERVICE_QOS = Qos()
 
 
-class Server:
-    """Services of one node; `refuse` hears of what is no request."""
+class ServiceServer:
+    """Services of one node; `refuse` is called for bytes that are no request."""
 
     def __init__(self, node: Ros2Node, refuse: Callable[[str], None]) -> None:
         self._node, self._refuse = node, refuse
@@ -34,14 +34,14 @@ class Server:
         answer: Answer,
         to_garbage: tuple[Any, ...] = (),
     ) -> None:
-        """`answer` is called in a thread of zenoh with each request of the service `name`.
+        """Serve the service `name`; a thread of zenoh calls `answer` with each request.
 
         `to_garbage` are the fields of the answer to bytes that are no request; none: no answer.
         """
         type_hash = types.hash_rihs01(ros_type)
-        key = wire.topic_key(self._node.domain, name, ros_type, type_hash)
+        key = wire.make_topic_key(self._node.domain, name, ros_type, type_hash)
 
-        def asked(query: zenoh.Query) -> None:
+        def on_query(query: zenoh.Query) -> None:
             payload, attachment = query.payload, query.attachment
             mark = wire.read_attachment(attachment.to_bytes()) if attachment else None
             if mark is None or payload is None:
@@ -60,7 +60,7 @@ class Server:
             data = payload.to_bytes()
             try:
                 request = types.deserialize_cdr(data, f"{ros_type}_Request")
-            except Exception:  # noqa: BLE001  rosbags raises what its generated code happens to
+            except Exception:  # noqa: BLE001  the generated code of rosbags raises any error
                 self._refuse(f"ROS 2: {name}: {len(data)} bytes are no request of {ros_type}")
                 if to_garbage:
                     reply(*to_garbage)
@@ -69,5 +69,5 @@ class Server:
                 return
             answer(request, reply)
 
-        self._node.keep(self._node.session.declare_queryable(key, asked, complete=True))
+        self._node.keep(self._node.session.declare_queryable(key, on_query, complete=True))
         self._node.announce("SS", name, ros_type, type_hash, _SERVICE_QOS)
