@@ -16,7 +16,7 @@ from agribot.core.messages import FloatArray
 from agribot.description import mesh_files
 from agribot.description.export import ARTEFACT, format_tree, write_artefact
 from agribot.description.loader import export_urdf, load_robot
-from agribot.description.package import PACKAGE, ROOT
+from agribot.description.package import PACKAGE, ROOT, list_robot_files
 from tests import machine
 
 
@@ -59,7 +59,8 @@ def test_meshes_are_current() -> None:
 def test_every_mesh_is_used_and_every_used_mesh_is_there() -> None:
     used = {
         re.sub(rf"^package://{PACKAGE}/meshes/", "", mesh.get("filename", ""))
-        for mesh in ET.fromstring(export_urdf()).iter("mesh")
+        for robot in list_robot_files()
+        for mesh in ET.fromstring(export_urdf(robot)).iter("mesh")
     }
     there = {file.name for file in mesh_files.FOLDER.iterdir()}
     assert used == there == set(mesh_files.MESHES)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from agribot.core.geo import LINK_FROM_OPTICAL, transform
+from agribot.core.implement.hoe import HoeSpec
 from agribot.core.messages import WHEEL_NAMES, FloatArray, Vec3
 from agribot.core.robot import RobotSpec
 from agribot.description.loader import export_urdf, load_robot
@@ -178,6 +179,25 @@ def test_optical_frame_of_the_urdf_is_that_of_the_spec(robot: RobotSpec) -> None
         LINK_FROM_OPTICAL,
         atol=1e-9,
     )
+
+
+def test_the_hoe_is_the_same_robot_with_blades_instead_of_the_boom(robot: RobotSpec) -> None:
+    hoe = load_robot("agribot-hoe")
+    assert isinstance(hoe.implement, HoeSpec)
+    assert hoe.implement.width_m == pytest.approx(0.9)
+    assert hoe.implement.section_y_body_m()[4] == pytest.approx(0.0)
+    assert (hoe.drive, hoe.camera, hoe.imu) == (robot.drive, robot.camera, robot.imu)
+    added = {link.name for link in hoe.links} - {link.name for link in robot.links}
+    assert added == {"hoe_link"}
+    assert hoe.mass_kg == pytest.approx(robot.mass_kg + 0.9)
+    assert hoe.base_from_link("hoe_link")[0, 3] == hoe.tool_x_m == -0.35
+    # A blade that is lifted hangs above the ground by its lift.
+    lowest_m = min(
+        (hoe.body_from_link("hoe_link") @ shape.origin.matrix())[2, 3] - shape.size_m[2] / 2.0
+        for shape in hoe.link("hoe_link").visuals
+    )
+    assert lowest_m == pytest.approx(hoe.implement.lift_m, abs=0.01)
+    assert not hoe.warnings
 
 
 def test_sprayer_reaches_from_wheel_to_wheel(robot: RobotSpec) -> None:

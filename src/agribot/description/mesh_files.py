@@ -89,8 +89,8 @@ def make_wheel() -> FloatArray:
     return make_lathed([section(step) for step in range(WHEEL_SEGMENTS)])
 
 
-def make_chassis() -> FloatArray:
-    """Make deck, legs, axle stubs, a case and the spray boom, triangles (N, 3, 3)."""
+def make_frame() -> FloatArray:
+    """Make deck, legs, axle stubs and a case on the deck, triangles (N, 3, 3)."""
     deck_m = (2 * HALF_WHEELBASE_M + 0.14, 2 * HALF_TRACK_M - 0.13, 0.05)
     stub_m = HALF_TRACK_M - WHEEL_WIDTH_M / 2.0 - LEG_Y_M
     parts = [make_box((0.0, 0.0, 0.0), deck_m), make_box((-0.1, 0.0, 0.09), (0.28, 0.34, 0.13))]
@@ -101,7 +101,12 @@ def make_chassis() -> FloatArray:
                 make_box((x_m, left * LEG_Y_M, -AXLE_DROP_M / 2), (0.03, 0.03, AXLE_DROP_M)),
                 make_box((x_m, left * (LEG_Y_M + stub_m / 2), -AXLE_DROP_M), (0.02, stub_m, 0.02)),
             ]
-    parts.append(make_box((BOOM_X_M, 0.0, 0.035), (0.02, 0.84, 0.02)))
+    return np.concatenate(parts)
+
+
+def make_chassis() -> FloatArray:
+    """Make the frame with the spray boom and its nozzles, triangles (N, 3, 3)."""
+    parts = [make_frame(), make_box((BOOM_X_M, 0.0, 0.035), (0.02, 0.84, 0.02))]
     parts += [make_box((-0.32, y_m, 0.035), (0.08, 0.02, 0.02)) for y_m in (-0.25, 0.25)]
     for nozzle in range(NOZZLES):
         y_m = ((NOZZLES - 1) / 2.0 - nozzle) * NOZZLE_SPACING_M
@@ -129,6 +134,7 @@ def make_sensor_box() -> FloatArray:
 
 MESHES: dict[str, Callable[[], FloatArray]] = {
     "chassis.stl": make_chassis,
+    "frame.stl": make_frame,
     "wheel.stl": make_wheel,
     "camera_housing.stl": make_camera_housing,
     "sensor_box.stl": make_sensor_box,

@@ -18,7 +18,10 @@ ROOT = Path(__file__).resolve().parent
 
 def list_robot_files() -> dict[str, Path]:
     """List the packaged robots by name: their top-level xacro files."""
-    return {"agribot": ROOT / "urdf" / "agribot_sensors.urdf.xacro"}
+    return {
+        "agribot": ROOT / "urdf" / "agribot_sensors.urdf.xacro",
+        "agribot-hoe": ROOT / "urdf" / "agribot_hoe.urdf.xacro",
+    }
 
 
 def list_world_files() -> dict[str, Path]:

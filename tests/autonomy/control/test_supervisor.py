@@ -25,6 +25,8 @@ from agribot.core.messages import (
     RobotCommand,
     SensorBatch,
 )  # fmt: skip
+from agribot.core.robot import RobotSpec
+from agribot.description.loader import load_robot
 from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
 
 ROBOT = farm_robot()
@@ -39,8 +41,9 @@ OPEN = ImplementCommand(sections_on=(True, False, True))
 class Gate:
     """A supervisor with everything in order, so that a test can break one thing at a time."""
 
-    def __init__(self, config: SafetyConfig | None = None) -> None:
-        self.supervisor = Supervisor(config or SafetyConfig(), ROBOT)
+    def __init__(self, config: SafetyConfig | None = None, robot: RobotSpec = ROBOT) -> None:
+        self.supervisor = Supervisor(config or SafetyConfig(), robot)
+        self.implement = OPEN
         self.rover = Rover((0.0, 0.0, 0.0), Soil(), np.random.default_rng(0))
 
     def send(
@@ -70,7 +73,7 @@ class Gate:
         return sent, reason
 
     def command(self, drive: DriveCommand) -> RobotCommand:
-        return RobotCommand(t_s=self.rover.t_s, drive=drive, implement=OPEN)
+        return RobotCommand(t_s=self.rover.t_s, drive=drive, implement=self.implement)
 
     def lost_estimate(self) -> Estimate:
         return msgspec.structs.replace(self.rover.estimate(), ok=False, reason="no GNSS fix")
@@ -130,6 +133,27 @@ def test_an_estimate_that_cannot_be_trusted_stops_the_robot(
 def test_a_command_that_is_no_number_stops_the_robot(part: str, value: float) -> None:
     bad = msgspec.structs.replace(FORWARD, **{part: value})
     assert_stopped(*Gate().cruise().send(bad), "not finite")
+
+
+def test_a_setpoint_of_the_implement_that_is_no_number_stops_the_robot() -> None:
+    gate = Gate().cruise()
+    gate.implement = msgspec.structs.replace(OPEN, setpoints={"depth_m": math.nan})
+    assert_stopped(*gate.send(), "implement command is not finite")
+
+
+def test_backwards_only_an_implement_that_can_work_so_stays_on() -> None:
+    back = DriveCommand(v_mps=-0.2)
+    for name, works_backwards in (("agribot", True), ("agribot-hoe", False)):
+        gate = Gate(robot=load_robot(name)).cruise()
+        for _ in range(100):
+            sent, reason = gate.send(back)
+        assert (sent.drive, reason) == (back, "")
+        assert sent.implement == (OPEN if works_backwards else OPEN.switch_off())
+
+
+def test_what_is_switched_off_keeps_its_sections_and_loses_its_setpoints() -> None:
+    deep = ImplementCommand(sections_on=(True, False), setpoints={"depth_m": 0.02})
+    assert deep.switch_off() == ImplementCommand(sections_on=(False, False))
 
 
 def test_limits_slow_the_robot_along_the_same_curve() -> None:

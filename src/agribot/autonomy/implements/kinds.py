@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from agribot.autonomy.implements.hoe import Hoe
 from agribot.autonomy.implements.sprayer import SpotSprayer
 from agribot.core.config import TreatmentConfig
 from agribot.core.errors import DescriptionError
@@ -13,6 +14,7 @@ from agribot.core.implement.spec import ImplementSpec
 
 KINDS: dict[str, Callable[[Any, TreatmentConfig], Implement]] = {
     "sprayer": SpotSprayer,
+    "hoe": Hoe,
 }
 
 

@@ -16,6 +16,7 @@ import msgspec
 
 from agribot.core.config import TreatmentConfig
 from agribot.core.errors import DescriptionError
+from agribot.core.implement.hoe import HoeSpec
 from agribot.core.implement.plants import PlantMap
 from agribot.core.implement.spec import ImplementSpec
 from agribot.core.implement.sprayer import SprayerSpec
@@ -94,7 +95,7 @@ class ImplementKind(NamedTuple, Generic[Spec]):
 
 GROUP = "agribot.implements"  # of the entry points that installed packages register kinds by
 
-SPECS: dict[str, type[ImplementSpec]] = {SprayerSpec.kind: SprayerSpec}
+SPECS: dict[str, type[ImplementSpec]] = {spec.kind: spec for spec in (SprayerSpec, HoeSpec)}
 _registered: dict[str, ImplementKind[Any]] = {}
 
 

@@ -10,10 +10,12 @@ from agribot.core.implement.kind import ImplementEffect, Pull, find_registered
 from agribot.core.implement.spec import ImplementSpec
 from agribot.core.messages import FloatArray, ImplementCommand
 from agribot.core.world import WorldSpec
+from agribot.sim.implements.hoe import HoeEffect
 from agribot.sim.implements.sprayer import SprayEffect
 
 KINDS: dict[str, Callable[[Any, WorldSpec, float], ImplementEffect]] = {
     "sprayer": SprayEffect,
+    "hoe": HoeEffect,
 }
 
 

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from agribot.core.errors import PlatformError
 from agribot.core.implement.spec import ImplementSpec
-from agribot.core.messages import FloatArray
-from agribot.core.world import Plant
+from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.world import Plant, WorldSpec
 from agribot.sim.footprints import Footprints, build_plant_grid, mark_swept
 
 SAME_TIME_S = 1e-9
@@ -50,10 +50,10 @@ class DelayedSections:
 
 
 class Swath:
-    """The ground under the sections, and the plants of a world that they touch.
+    """The ground under the sections, and those plants of a world that they touch.
 
     `length_m` is how far along the way a section works at once; a plant is touched when its disc of
-    `radius_m` (N,) meets that ground.
+    `radius_m` (N,) meets that ground. `index` (N,) are the plants' places in the world.
     """
 
     def __init__(
@@ -63,7 +63,9 @@ class Swath:
         radius_m: FloatArray,
         length_m: float,
         base_height_m: float,
+        index: Sequence[int] | None = None,
     ) -> None:
+        self._index = range(len(plants)) if index is None else index
         self._grid = build_plant_grid(plants, radius_m)
         self._hit_s = np.full(len(plants), np.nan)
         self._feet = Footprints(
@@ -73,12 +75,27 @@ class Swath:
             base_height_m,
         )
 
+    @classmethod
+    def over(
+        cls,
+        spec: ImplementSpec,
+        world: WorldSpec,
+        wanted: PlantClass,
+        length_m: float,
+        base_height_m: float,
+    ) -> Swath:
+        """Sections over the stems of all plants of a class."""
+        index = [i for i, plant in enumerate(world.plants) if plant.plant == wanted]
+        plants = [world.plants[i] for i in index]
+        radius_m = np.array([plant.stem_radius_m for plant in plants], dtype=float)
+        return cls(spec, plants, radius_m, length_m, base_height_m, index)
+
     def sweep(self, t_s: float, before: FloatArray, after: FloatArray, is_on: Mask) -> float:
         """Work the ground between two rows of the physics history; returns its area in m2."""
         return mark_swept(before, after, self._feet, is_on, self._grid, self._hit_s, t_s)
 
     @property
     def touched(self) -> dict[int, float]:
-        """Index of a plant -> time of the first touch."""
+        """Index into the world's plants -> time of the first touch."""
         hit = np.flatnonzero(~np.isnan(self._hit_s))
-        return {int(i): float(self._hit_s[i]) for i in hit}
+        return {self._index[int(i)]: float(self._hit_s[i]) for i in hit}

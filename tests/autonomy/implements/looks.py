@@ -1,0 +1,65 @@
+"""What a camera shows of crop on the way over a strip of field, and the map made of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+
+from agribot.autonomy.weeds.map import WeedMap
+from agribot.autonomy.weeds.poses import PoseAt
+from agribot.core.config import WeedConfig
+from agribot.core.messages import CropCover, PlantClass
+from tests.autonomy.weeds.weed_field import make_estimate, make_plant, make_scene
+
+CELL_M, ROWS, COLUMNS = 0.025, 48, 64
+CORNER_M = (0.3, -0.8)
+IsCrop = Callable[[float, float], bool]
+POSE = PoseAt(t_s=0.0, x_map_m=0.0, y_map_m=0.0, yaw_map_rad=0.0, cov=(0.0,) * 9)
+
+
+def closed_row(x_m: float, y_m: float) -> bool:
+    """Leaves that touch, all along the row."""
+    return abs(y_m) <= 0.12
+
+
+def cover(pose: PoseAt, is_crop: IsCrop) -> CropCover:
+    """What a camera over the pose sees of crop that stands in the map."""
+    cos, sin = math.cos(pose.yaw_map_rad), math.sin(pose.yaw_map_rad)
+    crop = np.zeros((ROWS, COLUMNS), dtype=bool)
+    for row, column in np.ndindex(ROWS, COLUMNS):
+        x_m, y_m = CORNER_M[0] + (row + 0.5) * CELL_M, CORNER_M[1] + (column + 0.5) * CELL_M
+        crop[row, column] = is_crop(
+            pose.x_map_m + cos * x_m - sin * y_m, pose.y_map_m + sin * x_m + cos * y_m
+        )
+    return CropCover(
+        x_body_m=CORNER_M[0], y_body_m=CORNER_M[1], cell_m=CELL_M, rows=ROWS, columns=COLUMNS,
+        crop=np.packbits(crop).tobytes(), seen=np.packbits(np.ones_like(crop)).tobytes(),
+    )  # fmt: skip
+
+
+def seen_on_the_way(
+    weeds: list[tuple[float, float]],
+    is_crop: IsCrop,
+    crops: list[tuple[float, float]] | None = None,
+) -> WeedMap:
+    """The map after a drive of 2.5 m along x that saw weeds, leaves, and these crop plants."""
+    weed_map = WeedMap(WeedConfig())
+    for step in range(25):
+        t_s, x_m = 0.25 * step, 0.1 * step
+        weed_map.track_pose(make_estimate(t_s, x_m, 0.0, 0.0))
+        plants = tuple(
+            make_plant(x - x_m, y, PlantClass.WEED, std_m=0.01)
+            for x, y in weeds
+            if 0.3 < x - x_m < 1.5
+        ) + tuple(
+            msgspec.structs.replace(make_plant(x - x_m, y, PlantClass.CROP), area_m2=0.03)
+            for x, y in crops or ()
+            if 0.3 < x - x_m < 1.5
+        )
+        pose = msgspec.structs.replace(POSE, x_map_m=x_m)
+        scene = make_scene(t_s, plants, view=())
+        weed_map.add(msgspec.structs.replace(scene, crop_cover=cover(pose, is_crop)))
+    return weed_map

@@ -1,0 +1,193 @@
+"""Blades between the crop: decided by the hoe, judged by the simulator's soil."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+import pytest
+
+from agribot.autonomy.implements.treatment import Treatment
+from agribot.autonomy.weeds.map import WeedMap
+from agribot.core.config import TreatmentConfig, WeedConfig
+from agribot.core.errors import ConfigError
+from agribot.core.geo import Datum
+from agribot.core.implement.hoe import HoeSpec
+from agribot.core.messages import FloatArray, ImplementCommand, PlantClass
+from agribot.core.world import Plant, WorldSpec
+from agribot.sim.implements.hoe import HoeEffect
+from agribot.sim.state import HISTORY_COLUMNS, VELOCITY
+from tests.autonomy.implements.looks import closed_row, seen_on_the_way
+from tests.autonomy.implements.spray_ground import figure
+from tests.autonomy.weeds.weed_field import make_estimate
+
+HOE = HoeSpec(
+    x_body_m=-0.35, section_count=9, section_spacing_m=0.1, section_width_m=0.09, latency_s=0.05,
+    lift_m=0.05, depth_m=0.02, stroke_s=0.25, draught_npm2=750.0,
+)  # fmt: skip
+TICK_S = 0.02
+BASE_M = 0.28
+STEMS_M = [(0.9 + 0.5 * i, 0.0) for i in range(4)]
+WEEDS_M = [(0.65, 0.01), (1.0, 0.2), (1.4, -0.3), (1.65, 0.02), (2.0, 0.38), (2.1, -0.21)]
+
+
+def bare(x_m: float, y_m: float) -> bool:
+    return False
+
+
+def plant(place_m: tuple[float, float], kind: PlantClass) -> Plant:
+    return Plant(
+        species="x", plant=kind, x_map_m=place_m[0], y_map_m=place_m[1], yaw_rad=0.0, size_m=0.1,
+        seed=0, stem_radius_m=0.01,
+    )  # fmt: skip
+
+
+class Ground:
+    """True plants under the blades; crops come first in the world."""
+
+    def __init__(
+        self, crops_m: Sequence[tuple[float, float]], weeds_m: Sequence[tuple[float, float]] = ()
+    ) -> None:
+        plants = [plant(at_m, PlantClass.CROP) for at_m in crops_m]
+        plants += [plant(at_m, PlantClass.WEED) for at_m in weeds_m]
+        world = WorldSpec(name="x", datum=Datum(lat_deg=0.0, lon_deg=0.0), plants=tuple(plants))
+        self.crop_count = len(crops_m)
+        self.effect = HoeEffect(HOE, world, BASE_M)
+
+    def step(
+        self, t_s: float, pose: tuple[float, float, float], v_mps: float, command: ImplementCommand
+    ) -> None:
+        """The robot goes straight on from its pose for one tick."""
+        x, y, yaw = pose
+        way_m = v_mps * TICK_S
+        after = _row(x + way_m * math.cos(yaw), y + way_m * math.sin(yaw), yaw, v_mps)
+        self.effect.command(t_s, command)
+        self.effect.update(t_s + TICK_S, _row(x, y, yaw, v_mps), after, TICK_S)
+
+    @property
+    def crops_cut(self) -> set[int]:
+        return {index for index in self.effect.treated if index < self.crop_count}
+
+    @property
+    def weeds_uprooted(self) -> set[int]:
+        treated = self.effect.treated
+        return {index - self.crop_count for index in treated if index >= self.crop_count}
+
+
+def _row(x_m: float, y_m: float, yaw_rad: float, v_mps: float) -> FloatArray:
+    row = np.zeros(HISTORY_COLUMNS)
+    row[:7] = x_m, y_m, BASE_M, math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)
+    row[VELOCITY] = v_mps * math.cos(yaw_rad), v_mps * math.sin(yaw_rad), 0.0
+    return row
+
+
+def hoe_along(
+    treatment: Treatment,
+    weed_map: WeedMap,
+    ground: Ground,
+    *,
+    v_mps: float = 0.4,
+    way_m: float = 3.2,
+    yaw_rate_radps: float = 0.0,
+) -> list[ImplementCommand]:
+    x, y, yaw = 0.0, 0.0, 0.0
+    commands = []
+    for tick in range(round(way_m / v_mps / TICK_S)):
+        t_s = 20.0 + tick * TICK_S
+        estimate = make_estimate(t_s, x, y, yaw, v_mps=v_mps, yaw_rate_radps=yaw_rate_radps)
+        commands.append(treatment.step(estimate, weed_map, True))
+        ground.step(t_s, (x, y, yaw), v_mps, commands[-1])
+        x, y = x + v_mps * TICK_S * math.cos(yaw), y + v_mps * TICK_S * math.sin(yaw)
+        yaw += yaw_rate_radps * TICK_S
+    return commands
+
+
+@pytest.mark.parametrize("v_mps", [0.15, 0.4, 0.8])
+def test_weeds_beside_and_between_the_crop_are_uprooted_and_no_crop_is_cut(v_mps: float) -> None:
+    weed_map = seen_on_the_way(WEEDS_M, bare, STEMS_M)
+    ground, treatment = Ground(STEMS_M, WEEDS_M), Treatment(TreatmentConfig(), HOE)
+    hoe_along(treatment, weed_map, ground, v_mps=v_mps)
+    assert not ground.crops_cut
+    beside = {index for index, (_, y_m) in enumerate(WEEDS_M) if abs(y_m) > 0.15}
+    assert beside <= ground.weeds_uprooted
+    if v_mps < 0.5:  # faster, the blades have no time to come down between the plants
+        assert len(ground.weeds_uprooted) == len(WEEDS_M)
+
+
+def test_without_the_crop_in_the_map_the_same_blades_would_cut_it() -> None:
+    """Guards the test above: it is the map that lifts them."""
+    ground = Ground(STEMS_M)
+    hoe_along(Treatment(TreatmentConfig(), HOE), seen_on_the_way([], bare), ground)
+    assert ground.crops_cut == {0, 1, 2, 3}
+
+
+def test_a_crop_that_is_not_confirmed_yet_is_spared_too() -> None:
+    weed_map = seen_on_the_way([], bare, STEMS_M)
+    for track in weed_map.tracks:
+        track.is_confirmed = False
+    ground = Ground(STEMS_M)
+    hoe_along(Treatment(TreatmentConfig(), HOE), weed_map, ground)
+    assert not ground.crops_cut
+
+
+def test_blades_stay_up_over_ground_that_no_frame_has_shown() -> None:
+    ground, treatment = Ground([], WEEDS_M), Treatment(TreatmentConfig(), HOE)
+    commands = hoe_along(treatment, WeedMap(WeedConfig()), ground)
+    assert not any(command.is_on for command in commands)
+    assert figure(treatment, "passed") > 0.0 == figure(treatment, "hoed")
+
+
+def test_over_leaves_that_close_to_one_row_no_blade_goes_down_and_beside_them_all_do() -> None:
+    stems = [(0.9 + 0.18 * i, 0.0) for i in range(9)]
+    ground, treatment = Ground(stems), Treatment(TreatmentConfig(), HOE)
+    weed_map = seen_on_the_way([], closed_row)
+    assert not weed_map.crops()
+    commands = hoe_along(treatment, weed_map, ground)
+    assert not ground.crops_cut
+    downs = np.array([command.sections_on for command in commands]).sum(axis=0)
+    assert not downs[3:6].any() and (downs[[0, 1, 7, 8]] > 100).all()
+
+
+def test_in_a_curve_the_swing_of_the_tool_is_allowed_for() -> None:
+    radius_m = 0.4 / 0.15
+    angles = np.arange(0.2, 0.9, 0.12)
+    stems = [(radius_m * math.sin(a), radius_m * (1.0 - math.cos(a))) for a in angles]
+    weed_map = seen_on_the_way([], bare, stems)
+    ground = Ground(stems)
+    hoe_along(Treatment(TreatmentConfig(), HOE), weed_map, ground, yaw_rate_radps=0.15)
+    assert not ground.crops_cut
+
+
+def test_what_the_hoe_reports_agrees_with_the_ground() -> None:
+    weed_map = seen_on_the_way(WEEDS_M, bare, STEMS_M)
+    ground, treatment = Ground(STEMS_M, WEEDS_M), Treatment(TreatmentConfig(), HOE)
+    commands = hoe_along(treatment, weed_map, ground)
+    assert figure(treatment, "hoed") == pytest.approx(ground.effect.worked_m2, rel=0.05)
+    assert figure(treatment, "weeds treated") == len(ground.weeds_uprooted)
+    assert sum(weed.treated_s is not None for weed in weed_map.weeds()) == len(WEEDS_M)
+    downs = np.array([command.sections_on for command in commands]).astype(int)
+    assert figure(treatment, "blade lifts") == np.sum(np.diff(downs, axis=0) < 0)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"ok": False}, {"v_mps": 0.05}, {"v_mps": -0.4}, {"v_mps": 0.0}]
+)
+def test_blades_come_up_without_a_position_at_a_crawl_and_backwards(
+    changes: dict[str, float | bool],
+) -> None:
+    treatment, weed_map = Treatment(TreatmentConfig(), HOE), seen_on_the_way([], bare)
+    estimate = make_estimate(20.0, 1.5, 0.0, 0.0)
+    assert treatment.step(estimate, weed_map, True).is_on
+    now = msgspec.structs.replace(estimate, t_s=20.02, **changes)
+    assert treatment.step(now, weed_map, True) == ImplementCommand(sections_on=(False,) * 9)
+
+
+def test_blades_work_as_deep_as_the_settings_want_and_no_deeper_than_they_reach() -> None:
+    shallow = Treatment(TreatmentConfig(depth_m=0.01), HOE)
+    command = shallow.step(make_estimate(20.0, 1.5, 0.0, 0.0), seen_on_the_way([], bare), True)
+    assert command.setpoints == {"depth_m": 0.01}
+    assert [line.text for line in HOE.describe(command)] == ["●" * 9, "1.0 cm"]
+    with pytest.raises(ConfigError, match=r"reach 0\.02 m"):
+        Treatment(TreatmentConfig(depth_m=0.03), HOE)
