@@ -10,10 +10,11 @@ import pytest
 import agribot
 
 NAMES = {
-    "AgribotError", "Implement", "ImplementKind", "ImplementSpec", "OperatorEvent", "OperatorPage",
-    "Platform", "RobotCommand", "RobotSpec", "Run", "RunConfig", "SensorBatch", "SensorSource",
-    "SimulatedRun", "TickRecord", "__version__", "load", "load_robot", "messages", "open_run",
-    "panels", "register_implement", "register_platform", "simulate", "topics",
+    "AgribotError", "Correction", "Implement", "ImplementKind", "ImplementSpec", "OperatorEvent",
+    "OperatorPage", "Platform", "RobotCommand", "RobotSpec", "Run", "RunConfig", "SensorBatch",
+    "SensorSource", "SimulatedRun", "TickRecord", "__version__", "load", "load_robot", "messages",
+    "open_run", "panels", "register_correction", "register_implement", "register_platform",
+    "register_scheme", "simulate", "topics",
 }  # fmt: skip
 
 

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from agribot.app.open_run import open_run
     from agribot.app.run import Run
     from agribot.app.simulated_run import SimulatedRun, simulate
+    from agribot.autonomy.estimate.correction import Correction
+    from agribot.autonomy.estimate.corrections import register_correction
     from agribot.core import messages, topics
     from agribot.core.config import RunConfig, load
     from agribot.core.errors import AgribotError
@@ -25,12 +27,14 @@ if TYPE_CHECKING:
     from agribot.core.platforms import register_platform
     from agribot.core.robot import RobotSpec
     from agribot.description.loader import load_robot
+    from agribot.drivers.schemes import register_scheme
     from agribot.ui import panels
     from agribot.ui.operator_page import OperatorPage
 
 # Where each name lives; a module stands for itself.
 _HOMES = {
     "AgribotError": "agribot.core.errors",
+    "Correction": "agribot.autonomy.estimate.correction",
     "Implement": "agribot.core.implement.kind",
     "ImplementKind": "agribot.core.implement.kind",
     "ImplementSpec": "agribot.core.implement.spec",
@@ -50,17 +54,20 @@ _HOMES = {
     "messages": "agribot.core",
     "open_run": "agribot.app.open_run",
     "panels": "agribot.ui",
+    "register_correction": "agribot.autonomy.estimate.corrections",
     "register_implement": "agribot.core.implement.kind",
     "register_platform": "agribot.core.platforms",
+    "register_scheme": "agribot.drivers.schemes",
     "simulate": "agribot.app.simulated_run",
     "topics": "agribot.core",
 }
 
 __all__ = [
-    "AgribotError", "Implement", "ImplementKind", "ImplementSpec", "OperatorEvent", "OperatorPage",
-    "Platform", "RobotCommand", "RobotSpec", "Run", "RunConfig", "SensorBatch", "SensorSource",
-    "SimulatedRun", "TickRecord", "__version__", "load", "load_robot", "messages", "open_run",
-    "panels", "register_implement", "register_platform", "simulate", "topics",
+    "AgribotError", "Correction", "Implement", "ImplementKind", "ImplementSpec", "OperatorEvent",
+    "OperatorPage", "Platform", "RobotCommand", "RobotSpec", "Run", "RunConfig", "SensorBatch",
+    "SensorSource", "SimulatedRun", "TickRecord", "__version__", "load", "load_robot", "messages",
+    "open_run", "panels", "register_correction", "register_implement", "register_platform",
+    "register_scheme", "simulate", "topics",
 ]  # fmt: skip
 
 

@@ -10,7 +10,12 @@ from agribot.app.simulated_run import simulate
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.errors import ConfigError
+from agribot.core.messages import OtherSample
+from agribot.core.platform import Sensor
+from agribot.description.loader import load_robot
 from agribot.drivers import schemes
+from agribot.record.replay import read_ticks
+from agribot.ros.messages.sensor_readers import make_readers
 
 GYRO = '''
 from agribot.core.messages import ImuSample
@@ -62,6 +67,35 @@ def test_its_samples_take_the_place_of_the_platforms_own(scheme: str, tmp_path: 
     assert any(batch.gnss for batch in batches)  # the others stay
 
 
+class Beacon:
+    """A sensor for which a batch has no field."""
+
+    sensor: Sensor = "others"
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def take(self, t_s: float) -> tuple[OtherSample, ...]:
+        return (OtherSample(t_s=t_s, sensor=self.name, numbers=(t_s, 1.0)),)
+
+    def close(self) -> None: ...
+
+
+def test_sensors_without_a_field_of_their_own_add_up_and_are_recorded(tmp_path: Path) -> None:
+    with simulate(config.load("farm", SETTINGS), tmp_path / "run") as run:
+        run.take_sensors([Beacon("near"), Beacon("far")])
+        batches = [record.batch for record in run.ticks()]
+        run.finish()
+    assert all([each.sensor for each in batch.others] == ["near", "far"] for batch in batches)
+    kept = [tick.batch.others for tick in read_ticks(tmp_path / "run" / "run.mcap")]
+    assert kept[: len(batches)] == [batch.others for batch in batches]
+
+
+def test_no_type_of_ros_message_stands_for_them() -> None:
+    with pytest.raises(ConfigError, match="no type of ROS message"):
+        make_readers("others", load_robot())
+
+
 def test_a_scheme_that_nobody_registered_is_refused_with_those_that_are(scheme: str) -> None:
     with pytest.raises(ConfigError, match=r"write gnss=ros2:/topic or .* or gnss=still:/any"):
         schemes.read_uri("--source", "banana:/fix", "gnss=")
@@ -87,6 +121,4 @@ def test_sources_of_one_place_share_what_they_open(scheme: str) -> None:
 
 
 def open_bare_context() -> schemes.SourceContext:
-    from agribot.description.loader import load_robot
-
     return schemes.SourceContext(load_robot(), schemes.RosNetwork(lambda: 0, str, str), print)

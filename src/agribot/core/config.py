@@ -196,6 +196,7 @@ class SourceConfig(Config, frozen=True):
     mag: str = ""  # magnetometer
     wheels: str = ""  # encoders
     camera: str = ""  # pictures
+    others: str = ""  # what has no name of its own here: `OtherSample`
 
 
 class SimConfig(Config, frozen=True):

@@ -16,7 +16,7 @@ from agribot.core.messages import (
 )
 
 # Fields of a SensorBatch that may come from elsewhere.
-Sensor = Literal["gnss", "imu", "mag", "wheels", "frames"]
+Sensor = Literal["gnss", "imu", "mag", "wheels", "frames", "others"]
 SILENCE_S = 2.0
 
 
@@ -90,12 +90,12 @@ class MixedPlatform:
 
     def read(self) -> SensorBatch:
         batch = self._platform.read()
-        samples: dict[str, Any] = {s.sensor: s.take(batch.t_s) for s in self._sources}
-        notes = [
-            note
-            for source in self._sources
-            for note in self._watch(source, batch.t_s, has_samples=bool(samples[source.sensor]))
-        ]
+        samples: dict[str, Any] = {}
+        notes: list[OperatorEvent] = []
+        for source in self._sources:
+            taken = source.take(batch.t_s)
+            samples[source.sensor] = (*samples.get(source.sensor, ()), *taken)
+            notes += self._watch(source, batch.t_s, has_samples=bool(taken))
         return msgspec.structs.replace(batch, **samples, events=(*notes, *batch.events))
 
     def write(self, command: RobotCommand) -> None:

@@ -1,6 +1,7 @@
 """The sensors that correct the pose, in the order in which those of one batch do so.
 
-A further one is a class in a file of its own, and a line here.
+A further one is a class in a file of its own, and a line here or, from elsewhere, one call of
+`register_correction`.
 """
 
 from __future__ import annotations
@@ -16,9 +17,12 @@ from agribot.autonomy.estimate.dual_heading import DualHeading
 from agribot.autonomy.estimate.gnss import Gnss
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_lines import RowLines
+from agribot.core.errors import ConfigError
+
+BuildCorrection = Callable[[PoseFilter], Correction[Any]]
 
 # What a sample that is refused is counted as, and the sensor.
-CORRECTIONS: dict[str, Callable[[PoseFilter], Correction[Any]]] = {
+CORRECTIONS: dict[str, BuildCorrection] = {
     "mag": Compass,
     "base": BaseCorrection,
     "gnss": Gnss,
@@ -26,3 +30,15 @@ CORRECTIONS: dict[str, Callable[[PoseFilter], Correction[Any]]] = {
     "row line": RowLines,
     "scene": CropRows,
 }
+
+
+def register_correction(name: str, build: BuildCorrection) -> None:
+    """Let a further sensor correct the pose, after those that are there.
+
+    Replays need it too: a recording keeps what was measured, not who took it.
+
+    Raises: ConfigError: the name is taken.
+    """
+    if name in CORRECTIONS:
+        raise ConfigError(f"the correction {name!r} is registered already; choose another name")
+    CORRECTIONS[name] = build

@@ -40,6 +40,7 @@ from agribot.core.messages.sensors import (
     GnssQuality,
     ImuSample,
     MagSample,
+    OtherSample,
     SensorBatch,
     WheelSample,
 )
@@ -51,6 +52,6 @@ __all__ = [
     "Estimate", "FloatArray", "Four", "GnssFix", "GnssHeading", "GnssQuality", "Goal",
     "GroundPlant", "HandDrive", "ImplementCommand", "ImuSample", "Inbox", "MagSample",
     "MapPoint", "MappedPlant", "MissionState", "MissionStatus", "OperatorAction",
-    "OperatorEvent", "Path", "PlantClass", "RobotCommand", "Row", "RowLine", "Scene",
+    "OperatorEvent", "OtherSample", "Path", "PlantClass", "RobotCommand", "Row", "RowLine", "Scene",
     "SensorBatch", "TickRecord", "Tracking", "Vec3", "WheelSample",
 ]  # fmt: skip

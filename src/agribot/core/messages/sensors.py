@@ -123,6 +123,18 @@ class BatterySample(msgspec.Struct, frozen=True, kw_only=True):
     charge_ratio: float
 
 
+class OtherSample(msgspec.Struct, frozen=True, kw_only=True):
+    """What a sensor without a field of its own in the batch measured.
+
+    `sensor` is its name, and the meaning and the units of `numbers` are its own affair: that of the
+    `Correction` that takes them.
+    """
+
+    t_s: float
+    sensor: str
+    numbers: tuple[float, ...]
+
+
 class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     """What arrived since the last tick, oldest first. A silent sensor is an empty tuple."""
 
@@ -138,3 +150,4 @@ class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     bumper: tuple[BumperSample, ...] = ()
     battery: tuple[BatterySample, ...] = ()
     hand: tuple[HandDrive, ...] = ()
+    others: tuple[OtherSample, ...] = ()

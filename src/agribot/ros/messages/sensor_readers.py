@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from agribot.core.errors import BridgeError
+from agribot.core.errors import BridgeError, ConfigError
 from agribot.core.messages import (
     WHEEL_NAMES,
     ByteArray,
@@ -48,7 +48,10 @@ _CHANNELS = {"rgb8": (3, (0, 1, 2)), "bgr8": (3, (2, 1, 0)), "rgba8": (4, (0, 1,
 
 
 def make_readers(sensor: Sensor, robot: RobotSpec) -> Mapping[str, ReadSample]:
-    """Make the readers of a sensor, by message type."""
+    """Make the readers of a sensor, by message type.
+
+    Raises: ConfigError: ROS has no type for it.
+    """
     if sensor == "gnss":
         return {"sensor_msgs/msg/NavSatFix": read_fix}
     if sensor == "imu":
@@ -63,6 +66,8 @@ def make_readers(sensor: Sensor, robot: RobotSpec) -> Mapping[str, ReadSample]:
             "sensor_msgs/msg/JointState": JointReader(robot),
             "nav_msgs/msg/Odometry": TwistReader(robot.drive),
         }
+    if sensor == "others":
+        raise ConfigError("others: no type of ROS message stands for them; write a source for it")
     images = ImageReader(robot)
     return {
         "sensor_msgs/msg/Image": images.read_raw,
