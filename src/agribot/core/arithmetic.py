@@ -20,6 +20,12 @@ from agribot.core.messages import FloatArray
 Number = TypeVar("Number", float, FloatArray)
 Mask = npt.NDArray[np.bool_]
 Condition = bool | Mask
+Real = TypeVar("Real", int, float)
+
+
+def clamp(value: Real, least: Real, most: Real) -> Real:
+    """Keep a value within limits to the last bit; NaN stays NaN."""
+    return min(max(value, least), most)
 
 
 class Arithmetic(Protocol[Number]):

@@ -10,6 +10,7 @@ import numpy as np
 
 from agribot.core.arithmetic import Number
 from agribot.core.messages import FloatArray, Row
+from agribot.core.pose import Pose2
 
 SAGITTA_M = 0.001  # chords that stand for an arc keep this close to it
 
@@ -30,9 +31,7 @@ def project_on_line(
     y_map_m: Number,
 ) -> PlaceOnLine[Number]:
     """Project a place on a line that starts towards `yaw_rad` and bends left by the curvature."""
-    dx, dy = x_map_m - start_map_m[0], y_map_m - start_map_m[1]
-    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-    ahead_m, left_m = dx * cos + dy * sin, dy * cos - dx * sin
+    ahead_m, left_m = Pose2(*start_map_m, yaw_rad).locate(x_map_m, y_map_m)
     if not curvature_radpm:
         return PlaceOnLine(ahead_m, left_m, yaw_rad)
     # Seen from the centre of the circle, in radii.

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from agribot.core.arithmetic import clamp
 from agribot.core.errors import ConfigError
 from agribot.gis.geo_pyramid import read_geo, write_vrt
 from agribot.gis.mbtiles import LIVE, MAX_ZOOM, TileWriter, is_picture
@@ -223,7 +224,7 @@ def _try_fetch(template: str, tile: Tile) -> bytes | str:
 def _choose_zoom(pixel_m: float) -> int:
     """Return the zoom whose pixels are at least as fine as the picture's, `pixel_m`."""
     zoom = math.ceil(math.log2(2.0 * HALF_M / TILE_PX / pixel_m) - 0.01)
-    return min(max(zoom, 0), MAX_ZOOM)
+    return clamp(zoom, 0, MAX_ZOOM)
 
 
 def _choose_first_zoom(bounds: Bounds, last: int) -> int:

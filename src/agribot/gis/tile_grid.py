@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from agribot.core.arithmetic import clamp
 from agribot.core.errors import ConfigError
 
 TILE_PX = 256
@@ -39,11 +40,11 @@ class Tile(NamedTuple):
 
 
 def find_tile(lat_deg: float, lon_deg: float, z: int) -> Tile:
-    lat_rad = math.radians(min(max(lat_deg, -MAX_LAT_DEG), MAX_LAT_DEG))
+    lat_rad = math.radians(clamp(lat_deg, -MAX_LAT_DEG, MAX_LAT_DEG))
     count = 2**z
     x = (lon_deg + 180.0) / 360.0 * count
     y = (1.0 - math.asinh(math.tan(lat_rad)) / math.pi) / 2.0 * count
-    return Tile(z, min(max(int(x), 0), count - 1), min(max(int(y), 0), count - 1))
+    return Tile(z, clamp(int(x), 0, count - 1), clamp(int(y), 0, count - 1))
 
 
 def iterate_tiles(bounds: Bounds, first_zoom: int, last_zoom: int) -> Iterator[Tile]:

@@ -16,6 +16,7 @@ from agribot.core.config import SafetyConfig
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import std_along_m
 from agribot.core.messages import DriveCommand, Estimate, Goal, Path
+from agribot.core.pose import Pose2
 
 REACTION_S = 0.2  # until the brakes bite: a tick, the network of the motor board, its lag
 RECHECK_M = 0.25  # nearer than half the robot, so that it cannot get past an edge unseen
@@ -205,5 +206,5 @@ class FieldFence:
 def _std_m(estimate: Estimate) -> tuple[float, float]:
     """1 sigma of the position along the body and across it."""
     xx, xy, _, _, yy, *_ = estimate.pose_cov
-    cos, sin = math.cos(estimate.yaw_map_rad), math.sin(estimate.yaw_map_rad)
-    return std_along_m((xx, xy, yy), (cos, sin)), std_along_m((xx, xy, yy), (-sin, cos))
+    pose = Pose2(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+    return std_along_m((xx, xy, yy), pose.ahead), std_along_m((xx, xy, yy), pose.left)

@@ -16,7 +16,7 @@ import numpy as np
 
 from agribot.autonomy.control import law
 from agribot.autonomy.control.yaw_gain import YawGain
-from agribot.core.arithmetic import FLOATS
+from agribot.core.arithmetic import FLOATS, clamp
 from agribot.core.config import ControlConfig
 from agribot.core.geo import is_backwards, wrap_rad
 from agribot.core.messages import STOP, DriveCommand, Estimate, FloatArray, Goal, Path, Tracking
@@ -84,7 +84,7 @@ class _Line:
         return behind > 0 and s_m - self._corners_m[behind - 1] <= CORNER_REACH_M
 
     def _index(self, s_m: float) -> int:
-        return min(max(bisect_right(self._s, s_m) - 1, 0), len(self._s) - 1)
+        return clamp(bisect_right(self._s, s_m) - 1, 0, len(self._s) - 1)
 
     def _offset(self, index: int, x_m: float, y_m: float) -> tuple[float, float]:
         dx, dy = x_m - self._x[index], y_m - self._y[index]
@@ -153,7 +153,7 @@ class Follower:
         last_s, self._last_t_s = self._last_t_s, t_s
         if last_s is None:
             return NOMINAL_DT_S
-        return min(max(t_s - last_s, 0.0), MAX_DT_S)
+        return clamp(t_s - last_s, 0.0, MAX_DT_S)
 
     def _ahead(self, line: _Line, estimate: Estimate, s_m: float) -> _Errors:
         """Errors of the pose that the robot reaches before a new command takes effect."""

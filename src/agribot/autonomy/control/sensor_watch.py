@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from agribot.core.arithmetic import clamp
 from agribot.core.config import SafetyConfig
 from agribot.core.messages import SensorBatch, Vec3
 
@@ -84,7 +85,7 @@ class SensorWatch:
             )
         elif self._frozen_ticks >= FROZEN_TICKS:
             self.clock_fault = f"the clock stands still at {t_s:.2f} s; check the time source"
-        self.dt_s = min(max(dt_s, 0.0), MAX_DT_S) if math.isfinite(dt_s) else 0.0
+        self.dt_s = clamp(dt_s, 0.0, MAX_DT_S) if math.isfinite(dt_s) else 0.0
         if math.isfinite(t_s):
             self._t_s = t_s
             # What was heard in a future that is none was heard now at the latest.

@@ -15,6 +15,7 @@ from agribot.autonomy.control.bumper import Bumper
 from agribot.autonomy.control.fence import Fence, FieldFence, PathFence
 from agribot.autonomy.control.sensor_watch import SensorWatch
 from agribot.autonomy.control.wheel_watch import Found, WheelWatch, name_motors
+from agribot.core.arithmetic import clamp
 from agribot.core.config import SafetyConfig
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.latch import Latch
@@ -242,8 +243,10 @@ class Supervisor:
         if not reason:
             return drive, ""
         slower = DriveCommand(
-            v_mps=_clamped(drive.v_mps * ratio, self._max_speed_mps),
-            yaw_rate_radps=_clamped(drive.yaw_rate_radps * ratio, self._max_yaw_rate_radps),
+            v_mps=clamp(drive.v_mps * ratio, -self._max_speed_mps, self._max_speed_mps),
+            yaw_rate_radps=clamp(
+                drive.yaw_rate_radps * ratio, -self._max_yaw_rate_radps, self._max_yaw_rate_radps
+            ),
         )
         return slower, reason
 
@@ -258,11 +261,6 @@ class Supervisor:
                 drive.yaw_rate_radps, self._last.yaw_rate_radps, self._max_yaw_accel_radps2 * dt_s
             ),
         )
-
-
-def _clamped(value: float, limit: float) -> float:
-    """Within the limit to the last bit, which a ratio alone does not promise."""
-    return min(max(value, -limit), limit)
 
 
 def _gained(wanted: float, last: float, step: float) -> float:

@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from agribot.core.arithmetic import clamp
 from agribot.core.messages import WHEEL_NAMES, DriveCommand, Four, SensorBatch, WheelSample
 from agribot.core.robot import DriveSpec
 
@@ -257,4 +258,4 @@ def _describe(off: tuple[int, ...], speeds: Four, told: tuple[float, float]) -> 
 
 
 def _toward(value: float, target: float, step: float) -> float:
-    return value + min(max(target - value, -step), step)
+    return value + clamp(target - value, -step, step)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from agribot.core.arithmetic import clamp
+
 MEMORY_S = 3.0  # of turning, not of time: what one headland turn teaches serves the next
 PRIOR_RAD2PS = 0.05  # weight of "all of it", about 0.15 s of turning
 MIN_RATE_RADPS = 0.1  # slower than this, disturbances outweigh the command
@@ -25,7 +27,7 @@ class YawGain:
 
     @property
     def ratio(self) -> float:
-        return min(max(self._together / self._power, LOWEST_RATIO), HIGHEST_RATIO)
+        return clamp(self._together / self._power, LOWEST_RATIO, HIGHEST_RATIO)
 
     def learn(
         self, sent_v_mps: float, sent_radps: float, v_mps: float, yaw_rate_radps: float, dt_s: float

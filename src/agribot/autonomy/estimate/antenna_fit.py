@@ -17,6 +17,7 @@ from agribot.autonomy.estimate.drive_log import DriveLog, Stretch
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray
+from agribot.core.pose import Pose2
 
 MIN_TURNED_RAD = math.tau
 MIN_FIXES = 20
@@ -57,12 +58,12 @@ def fit_antenna(log: DriveLog, stretches: Sequence[Stretch]) -> AntennaFit:
     scatter_m = math.sqrt(float(np.sum((places - features @ found) ** 2)) / freedom)
     cov = np.linalg.inv(features.T @ features) * scatter_m**2
     yaw_rad, yaw_std_rad = _heading(log, stretches, start_s)
-    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     east_m, north_m = float(found[0]), float(found[1])
+    x_m, y_m = Pose2(0.0, 0.0, yaw_rad).resolve(east_m, north_m)
     arm_m = math.hypot(east_m, north_m)
     return AntennaFit(
-        x_m=cos * east_m + sin * north_m,
-        y_m=cos * north_m - sin * east_m,
+        x_m=x_m,
+        y_m=y_m,
         std_m=math.hypot(math.sqrt(float(cov[0, 0])), arm_m * yaw_std_rad),
         scatter_m=scatter_m,
         fixes=len(places) // 2,

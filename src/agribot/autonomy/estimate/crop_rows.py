@@ -22,6 +22,7 @@ from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_model import TELLS_APART_RATIO as TELLS_ROWS_APART_RATIO
 from agribot.core.messages import GroundPlant, PlantClass, Scene
+from agribot.core.pose import Pose2
 
 # A drill sets plants about this far off their line, and off their place in it.
 PLANTING_STD_M = 0.02
@@ -62,10 +63,7 @@ class Sighting(NamedTuple):
 class View(NamedTuple):
     """Pose of the body at the capture, and the way since the last frame."""
 
-    x_m: float
-    y_m: float
-    cos: float
-    sin: float
+    pose: Pose2
     moved_m: float
 
 
@@ -107,7 +105,7 @@ class CropRows(Correction[Scene]):
     def _is_own_row(self, crops: list[Sighting], view: View) -> bool:
         """Whether one stands on the row that the robot drives over, not on one beside it."""
         rows = self.pose.rows
-        row, _ = rows.row_at(rows.at(view.x_m, view.y_m).right_m)
+        row, _ = rows.row_at(rows.at(view.pose.x_m, view.pose.y_m).right_m)
         return any(rows.row_at(crop.at.right_m)[0] == row for crop in crops)
 
     def _crops(self, scene: Scene) -> list[GroundPlant]:
@@ -131,19 +129,13 @@ class CropRows(Correction[Scene]):
     def _view(self, epoch: Epoch, moved_m: float) -> View:
         x, (then, now, _) = self.pose.ekf.x, epoch
         yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
-        return View(
-            x[X] - (now.x_m - then.x_m),
-            x[Y] - (now.y_m - then.y_m),
-            math.cos(yaw_rad),
-            math.sin(yaw_rad),
-            moved_m,
-        )
+        pose = Pose2(x[X] - (now.x_m - then.x_m), x[Y] - (now.y_m - then.y_m), yaw_rad)
+        return View(pose, moved_m)
 
     def _place(self, plant: GroundPlant, view: View, epoch: Epoch, together: int) -> Sighting:
         then, now, _ = epoch
-        arm_x = view.cos * plant.x_body_m - view.sin * plant.y_body_m
-        arm_y = view.sin * plant.x_body_m + view.cos * plant.y_body_m
-        at = self.pose.rows.at(view.x_m + arm_x, view.y_m + arm_y)
+        arm_x, arm_y = view.pose.rotate(plant.x_body_m, plant.y_body_m)
+        at = self.pose.rows.at(view.pose.x_m + arm_x, view.pose.y_m + arm_y)
         lever_m = (arm_x - (now.x_m - then.x_m), arm_y - (now.y_m - then.y_m))
         look_m2 = plant.std_m**2 + together * FRAME_STD_M**2
         variance_m2 = look_m2 * _repeats(LOOK_MEMORY_M, view.moved_m)
@@ -222,8 +214,8 @@ class CropRows(Correction[Scene]):
         """Whether the view holds the ground at the end gap after a plant."""
         forward_x, forward_y = crop.at.forward
         gap_x, gap_y = sign * END_GAP_M * forward_x, sign * END_GAP_M * forward_y
-        x_m = crop.plant.x_body_m + view.cos * gap_x + view.sin * gap_y
-        y_m = crop.plant.y_body_m - view.sin * gap_x + view.cos * gap_y
+        x_m = crop.plant.x_body_m + view.pose.cos * gap_x + view.pose.sin * gap_y
+        y_m = crop.plant.y_body_m - view.pose.sin * gap_x + view.pose.cos * gap_y
         return _holds(scene.view_body_m, x_m, y_m)
 
 

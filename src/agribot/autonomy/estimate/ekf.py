@@ -17,6 +17,7 @@ from agribot.autonomy.estimate.slope import SLIDE_STD_RATIO
 from agribot.core.arithmetic import FLOATS
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray
+from agribot.core.pose import Pose2
 
 STATES = 11
 (
@@ -94,9 +95,8 @@ class Ekf:
         )
         slide_m2 = slide_m[0] ** 2 + slide_m[1] ** 2
         if slide_m2:
-            cos, sin = math.cos(x[YAW]), math.sin(x[YAW])
-            dx_m += cos * slide_m[0] - sin * slide_m[1]
-            dy_m += sin * slide_m[0] + cos * slide_m[1]
+            slide_x_m, slide_y_m = Pose2(0.0, 0.0, x[YAW]).rotate(*slide_m)
+            dx_m, dy_m = dx_m + slide_x_m, dy_m + slide_y_m
         x[X] += dx_m
         x[Y] += dy_m
         x[YAW] = wrap_rad(x[YAW] + turned_rad)

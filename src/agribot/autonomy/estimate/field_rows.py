@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from agribot.core.arithmetic import Number
+from agribot.core.arithmetic import Number, clamp
 from agribot.core.config import FieldConfig
+from agribot.core.pose import Pose2
 from agribot.core.row_shape import project_on_line
 
 
@@ -44,8 +45,7 @@ class FieldRows:
     def __init__(self, field: FieldConfig) -> None:
         yaw_map_rad = math.radians(field.row_yaw_deg)
         self._yaw_map_rad, self._bend_radpm = yaw_map_rad, field.row_curvature_radpm
-        self.forward = (math.cos(yaw_map_rad), math.sin(yaw_map_rad))
-        self.right = (math.sin(yaw_map_rad), -math.cos(yaw_map_rad))
+        self.forward, self.right = _axes(yaw_map_rad)
         self.pitch_m = field.row_pitch_m if field.row_count > 1 else math.inf
         self.length_m = field.row_length_m
         self.spacing_m = field.plant_spacing_m
@@ -62,10 +62,9 @@ class FieldRows:
                 self._origin_map_m, self._yaw_map_rad, self._bend_radpm, x_map_m, y_map_m
             ),
         )
-        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         _, row_right_m = self.row_at(-left_m)
         stretch = 1.0 + self._bend_radpm * row_right_m
-        return RowFrame(along_m, -left_m, yaw_rad, (cos, sin), (sin, -cos), stretch)
+        return RowFrame(along_m, -left_m, yaw_rad, *_axes(yaw_rad), stretch)
 
     def along_right_m(self, x_map_m: Number, y_map_m: Number) -> tuple[Number, Number]:
         """Of straight rows, for one place or for many."""
@@ -77,7 +76,7 @@ class FieldRows:
         """Index of the nearest row and where it lies."""
         if self._count == 1:
             return 0, 0.0
-        row = min(max(round(right_m / self.pitch_m), 0), self._count - 1)
+        row = clamp(round(right_m / self.pitch_m), 0, self._count - 1)
         return row, row * self.pitch_m
 
     def slot_at(self, along_m: float, stretch: float) -> tuple[int, float] | None:
@@ -86,5 +85,11 @@ class FieldRows:
             return None
         spacing_m = self.spacing_m / stretch
         last = math.floor(self.length_m / spacing_m + 1e-6)
-        slot = min(max(round(along_m / spacing_m), 0), last)
+        slot = clamp(round(along_m / spacing_m), 0, last)
         return slot, slot * spacing_m
+
+
+def _axes(yaw_rad: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Unit vectors forward and to the right of a direction."""
+    pose = Pose2(0.0, 0.0, yaw_rad)
+    return pose.ahead, (pose.sin, -pose.cos)

@@ -35,6 +35,7 @@ from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, dou
 from agribot.core.arithmetic import FLOATS
 from agribot.core.geo import MapFrame, rotation_from_rpy
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, SensorBatch, Vec3
+from agribot.core.pose import Pose2
 
 # The first position is the median of this many fixes, so that no single one can spoil it.
 FIRST_FIXES = 5
@@ -156,7 +157,8 @@ class Gnss(Correction[GnssFix]):
         alt_m = fix.alt_m if math.isfinite(fix.alt_m) else self._frame.datum.alt_m
         east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, alt_m)
         x, (then, now, _) = self.pose.ekf.x, epoch
-        arm_x, arm_y = _turned(lever_m, x[YAW] - (now.yaw_rad - then.yaw_rad))
+        there = Pose2(0.0, 0.0, x[YAW] - (now.yaw_rad - then.yaw_rad))
+        arm_x, arm_y = there.rotate(*lever_m)
         moved_x, moved_y = now.x_m - then.x_m, now.y_m - then.y_m
         now_x = east_m - arm_x + moved_x - self._receiver_m[0]
         now_y = north_m - arm_y + moved_y - self._receiver_m[1]
@@ -277,11 +279,6 @@ def _pair(residuals: tuple[float, ...]) -> tuple[float, float]:
 
 def _all_finite(*values: float) -> bool:
     return all(map(math.isfinite, values))
-
-
-def _turned(vector: tuple[float, float], angle_rad: float) -> tuple[float, float]:
-    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-    return cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1]
 
 
 def _level(point_body_m: Vec3, up_body: Vec3) -> tuple[float, float]:

@@ -19,7 +19,9 @@ from agribot.autonomy.estimate.ekf import SLIP, WHEEL_SCALE, YAW, X, Y
 from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.slope import SLIDE_STD_RATIO
+from agribot.core.arithmetic import clamp
 from agribot.core.geo import std_along_m
+from agribot.core.pose import Pose2
 
 # Before anything speaks against it, a receiver that lies is given this probability.
 FAULT_RATIO = 0.1
@@ -106,7 +108,7 @@ class Integrity:
 
         The slide is forward and left.
         """
-        lost_ratio = min(max(self._ekf.x[WHEEL_SCALE], -MAX_LOST_RATIO), MAX_LOST_RATIO)
+        lost_ratio = clamp(self._ekf.x[WHEEL_SCALE], -MAX_LOST_RATIO, MAX_LOST_RATIO)
         way_m, course_rad = distance_m * (1.0 - lost_ratio), self._ekf.x[YAW]
         cos, sin = math.cos(course_rad), math.sin(course_rad)
         self._x_m += way_m * cos + slide_m[0] * cos - slide_m[1] * sin
@@ -168,8 +170,7 @@ class Integrity:
 
     @property
     def _left(self) -> tuple[float, float]:
-        yaw_rad = self._ekf.x[YAW]
-        return -math.sin(yaw_rad), math.cos(yaw_rad)
+        return Pose2(0.0, 0.0, self._ekf.x[YAW]).left
 
     def _here(self, t_s: float, pos_std_m: float) -> _Anchor:
         x, cov = self._ekf.x, self._ekf.cov

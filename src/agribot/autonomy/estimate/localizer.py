@@ -18,6 +18,7 @@ from agribot.autonomy.estimate.odometry import Odometry, Step
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_lines import RowLines
 from agribot.autonomy.estimate.row_sight import RowSight
+from agribot.core.arithmetic import clamp
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import Estimate, GnssQuality, OperatorEvent, RowLine, Scene, SensorBatch
@@ -134,7 +135,7 @@ class Localizer:
     def _advance(self, step: Step) -> None:
         """Predict through one step, in pieces if it is long, and let the slow errors age."""
         last = self._motion
-        pieces = min(max(1, math.ceil(step.dt_s / MAX_STEP_S - 1e-6)), MAX_PIECES)
+        pieces = clamp(math.ceil(step.dt_s / MAX_STEP_S - 1e-6), 1, MAX_PIECES)
         dt_s, distance_m = step.dt_s / pieces, step.distance_m / pieces
         slide_m = (step.slide_m[0] / pieces, step.slide_m[1] / pieces)
         bias_radps = self._ekf.x[GYRO_BIAS]
@@ -185,7 +186,7 @@ class Localizer:
         x, motion = self._ekf.x, self._motion
         forward_mps = motion.wheel_mps * (1.0 - x[WHEEL_SCALE])
         slip_rad = math.copysign(1.0, forward_mps) * x[SLIP] * self._ekf.slip_ratio(x[YAW])
-        ahead_s = min(max(t_s - motion.t_s, 0.0), self._config.wheel_timeout_s)
+        ahead_s = clamp(t_s - motion.t_s, 0.0, self._config.wheel_timeout_s)
         course_rad = x[YAW] + slip_rad + motion.yaw_rate_radps * ahead_s / 2.0
         block = self._ekf.cov[:3, :3].ravel().tolist()
         xx, xy, xt, _, yy, yt, _, _, tt = block

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
+from agribot.core.arithmetic import clamp
 from agribot.core.messages import Estimate
 
 SAME_TIME_S = 1e-9
@@ -40,4 +41,4 @@ class StepMeter:
         """Way since the last call, m."""
         last_s, self._last_t_s = self._last_t_s, estimate.t_s
         step_s = 0.0 if last_s is None else estimate.t_s - last_s
-        return abs(estimate.v_mps) * min(max(step_s, 0.0), MAX_STEP_S)
+        return abs(estimate.v_mps) * clamp(step_s, 0.0, MAX_STEP_S)

@@ -7,6 +7,7 @@ import math
 from agribot.autonomy.implements.tool_frame import ToolPose
 from agribot.core.implement.plants import Disc, KnownPlant, PlantMap
 from agribot.core.messages import PlantClass
+from agribot.core.pose import Pose2
 
 # Leaf tips of a plant reach so much farther than a disc of its area.
 LEAVES_RATIO, MAX_LEAVES_M = 2.0, 0.45
@@ -29,7 +30,7 @@ def spare_leaves(
     if not any(is_on):
         return is_on
     x_m, y_m, yaw_rad = tool
-    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    map_from_tool = Pose2(x_m, y_m, yaw_rad)
     reach_m = half_x_m + section_y_m[0] + half_y_m + MAX_LEAVES_M
     ground = plants.crop_ground
     crops = [
@@ -41,7 +42,7 @@ def spare_leaves(
     return tuple(
         works
         and not ground.covers(
-            x_m - sin * left_m, y_m + cos * left_m, yaw_rad, half_x_m, half_y_m, known
+            *map_from_tool.transform(0.0, left_m), yaw_rad, half_x_m, half_y_m, known
         )
         for works, left_m in zip(is_on, section_y_m, strict=True)
     )

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from agribot.core.implement.plants import KnownPlant, PlantMap
 from agribot.core.messages import Estimate, PlantClass
+from agribot.core.pose import Pose2
 
 
 class Placed(NamedTuple):
@@ -30,22 +31,21 @@ def find_near(
     estimate: Estimate, plants: PlantMap, tool_x_m: float, ahead_m: float, half_width_m: float
 ) -> list[Placed]:
     """Weeds, and crops that are confirmed, up to `ahead_m` before and behind the tool point."""
-    cos_yaw, sin_yaw = math.cos(estimate.yaw_map_rad), math.sin(estimate.yaw_map_rad)
-    x_map_m = estimate.x_map_m + cos_yaw * tool_x_m
-    y_map_m = estimate.y_map_m + sin_yaw * tool_x_m
+    body = Pose2(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+    x_map_m, y_map_m = body.transform(tool_x_m, 0.0)
+    tool = Pose2(x_map_m, y_map_m, estimate.yaw_map_rad)
     # Half sides of the upright rectangle around the turned one, ahead_m by half_width_m.
-    east_m = abs(cos_yaw) * ahead_m + abs(sin_yaw) * half_width_m
-    north_m = abs(sin_yaw) * ahead_m + abs(cos_yaw) * half_width_m
+    east_m = abs(tool.cos) * ahead_m + abs(tool.sin) * half_width_m
+    north_m = abs(tool.sin) * ahead_m + abs(tool.cos) * half_width_m
     near: list[Placed] = []
     for plant in plants.inside(
         x_map_m - east_m, y_map_m - north_m, x_map_m + east_m, y_map_m + north_m
     ):
-        dx_m, dy_m = plant.x_map_m - x_map_m, plant.y_map_m - y_map_m
-        x_m = cos_yaw * dx_m + sin_yaw * dy_m
+        x_m, y_m = tool.locate(plant.x_map_m, plant.y_map_m)
         if abs(x_m) > ahead_m:
             continue
         if plant.is_confirmed or plant.plant == PlantClass.WEED:
-            near.append(Placed(plant, x_m, cos_yaw * dy_m - sin_yaw * dx_m))
+            near.append(Placed(plant, x_m, y_m))
     return near
 
 
@@ -56,14 +56,11 @@ def move_on(
     way_m, turn_rad, course_rad = _predict_way(estimate, delay_s)
     from_x_m = tool_x_m - way_m * math.cos(course_rad)
     from_y_m = -way_m * math.sin(course_rad)
-    cos_turn, sin_turn = math.cos(turn_rad), math.sin(turn_rad)
+    turn = Pose2(0.0, 0.0, turn_rad)
+    moved = [turn.resolve(x_m + from_x_m, y_m + from_y_m) for _, x_m, y_m in near]
     return [
-        Placed(
-            plant,
-            cos_turn * (x_m + from_x_m) + sin_turn * (y_m + from_y_m) - tool_x_m,
-            cos_turn * (y_m + from_y_m) - sin_turn * (x_m + from_x_m),
-        )
-        for plant, x_m, y_m in near
+        Placed(plant, x_m - tool_x_m, y_m)
+        for (plant, _, _), (x_m, y_m) in zip(near, moved, strict=True)
     ]
 
 

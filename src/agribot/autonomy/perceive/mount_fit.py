@@ -18,6 +18,7 @@ import numpy as np
 from agribot.autonomy.perceive.plants import HEIGHT_RATIO
 from agribot.core.geo import rotation_from_rpy
 from agribot.core.messages import FloatArray, GroundPlant, PlantClass
+from agribot.core.pose import Pose2
 
 # From one picture to the next a plant is found again by the robot's motion, so far off at most.
 NEXT_M, NEXT_S = 0.06, 0.35
@@ -189,12 +190,9 @@ def _nearest(
 
 def _moved(sight: _Sight, look: Look) -> tuple[float, float]:
     """Where a plant that was seen before is to be seen now, body frame."""
-    x0, y0, yaw0 = sight.look.pose_map
-    x1, y1, yaw1 = look.pose_map
-    x, y = sight.plant.x_body_m, sight.plant.y_body_m
-    dx = x0 + math.cos(yaw0) * x - math.sin(yaw0) * y - x1
-    dy = y0 + math.sin(yaw0) * x + math.cos(yaw0) * y - y1
-    return math.cos(yaw1) * dx + math.sin(yaw1) * dy, math.cos(yaw1) * dy - math.sin(yaw1) * dx
+    plant = sight.plant
+    place_map_m = Pose2(*sight.look.pose_map).transform(plant.x_body_m, plant.y_body_m)
+    return Pose2(*look.pose_map).locate(*place_map_m)
 
 
 def _is_long(track: Sequence[_Sight]) -> bool:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.core.messages import FloatArray, PlantClass, RowLine
+from agribot.core.pose import Pose2
 
 FAR_M = 2.1  # from the camera; beyond it the network misses small crop
 CELL_M = 0.025
@@ -84,19 +85,19 @@ class Fit(NamedTuple):
     across_std_m: float = math.inf
     yaw_std_rad: float = math.inf
 
+    @property
+    def body_from_line(self) -> Pose2:
+        return Pose2(self.x_m, self.y_m, self.yaw_rad)
+
     def along_left_m(self, plants: Growth) -> tuple[FloatArray, FloatArray]:
         """How far cells lie ahead of the place along the line, and to the left of the line."""
-        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        dx_m, dy_m = plants.x_m - self.x_m, plants.y_m - self.y_m
-        return cos * dx_m + sin * dy_m, cos * dy_m - sin * dx_m
+        return self.body_from_line.locate(plants.x_m, plants.y_m)
 
     def shows(self, view: View, along_m: FloatArray, half_m: float) -> Mask:
         """Whether the view holds the line and `half_m` to both sides of it."""
-        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         inside = np.ones(len(along_m), dtype=bool)
         for left_m in (-half_m, half_m):
-            x_m = self.x_m + cos * along_m - sin * left_m
-            inside &= view.holds(x_m, self.y_m + sin * along_m + cos * left_m)
+            inside &= view.holds(*self.body_from_line.transform(along_m, left_m))
         return inside
 
 
@@ -227,11 +228,10 @@ def _straight_line(fit: Fit, u_m: FloatArray, v_m: FloatArray, weight: FloatArra
     scatter_m = math.sqrt(float(weight @ rest_m**2) / max(total - 2.0, 1.0))
     if scatter_m > MAX_SCATTER_M:
         return None
-    cos, sin = math.cos(fit.yaw_rad), math.sin(fit.yaw_rad)
-    y_m = fit.y_m + sin * along_m + cos * left_m
+    x_m, y_m = fit.body_from_line.transform(along_m, left_m)
     plant_m2 = SLOTS_PER_PLANT * max(scatter_m, LEAST_SCATTER_M) ** 2
     return Fit(
-        fit.x_m + cos * along_m - sin * left_m,
+        x_m,
         y_m,
         fit.yaw_rad + math.atan(slope),
         math.sqrt(plant_m2 / total + TILT_STD_M**2 + (FOLIAGE_STD_RATIO * y_m) ** 2),
@@ -258,7 +258,7 @@ def _ends(crop: Growth, plants: Growth, fit: Fit, view: View) -> tuple[float | N
     first_m = float(grown[0]) * CELL_M - 2.0 * FAR_M
     last_m = float(grown[-1] + 1) * CELL_M - 2.0 * FAR_M
     # The body's origin lies this far ahead along the line.
-    origin_m = -fit.x_m * math.cos(fit.yaw_rad) - fit.y_m * math.sin(fit.yaw_rad)
+    origin_m, _ = fit.body_from_line.locate(0.0, 0.0)
     is_start = first_m - float(shown_m[0]) >= END_GAP_M
     is_end = float(shown_m[-1]) - last_m >= END_GAP_M
     return (

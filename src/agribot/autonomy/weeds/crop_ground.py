@@ -11,6 +11,7 @@ import numpy.typing as npt
 from agribot.autonomy.weeds.poses import PoseAt
 from agribot.core.implement.plants import Disc
 from agribot.core.messages import CropCover, FloatArray
+from agribot.core.pose import Pose2
 
 IndexArray = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
@@ -43,24 +44,21 @@ class CropGround:
         """Take in what one frame shows; cells that it does not show keep what is known of them."""
         rows, columns = cover.rows, cover.columns
         seen, crop = _grid(cover.seen, rows, columns), _grid(cover.crop, rows, columns)
-        cos, sin = math.cos(pose.yaw_map_rad), math.sin(pose.yaw_map_rad)
+        map_from_body = pose.map_from_body
         corners = [
             (cover.x_body_m + at_row * cover.cell_m, cover.y_body_m + at_column * cover.cell_m)
             for at_row in (0, rows)
             for at_column in (0, columns)
         ]
-        xs = [pose.x_map_m + cos * x - sin * y for x, y in corners]
-        ys = [pose.y_map_m + sin * x + cos * y for x, y in corners]
+        xs, ys = zip(*(map_from_body.transform(x, y) for x, y in corners), strict=True)
         i, j = np.meshgrid(
             np.arange(math.floor(min(xs) / CELL_M), math.floor(max(xs) / CELL_M) + 1),
             np.arange(math.floor(min(ys) / CELL_M), math.floor(max(ys) / CELL_M) + 1),
             indexing="ij",
         )
-        dx_m, dy_m = (i + 0.5) * CELL_M - pose.x_map_m, (j + 0.5) * CELL_M - pose.y_map_m
-        row = np.floor((cos * dx_m + sin * dy_m - cover.x_body_m) / cover.cell_m).astype(np.int64)
-        column = np.floor((cos * dy_m - sin * dx_m - cover.y_body_m) / cover.cell_m).astype(
-            np.int64
-        )
+        x_m, y_m = map_from_body.locate((i + 0.5) * CELL_M, (j + 0.5) * CELL_M)
+        row = np.floor((x_m - cover.x_body_m) / cover.cell_m).astype(np.int64)
+        column = np.floor((y_m - cover.y_body_m) / cover.cell_m).astype(np.int64)
         shown = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         shown[shown] = seen[row[shown], column[shown]]
         i, j = i[shown], j[shown]
@@ -89,11 +87,8 @@ class CropGround:
 
         Leaves inside the discs `known` do not count: of those plants only the stems are spared.
         """
-        cos, sin = math.cos(yaw_map_rad), math.sin(yaw_map_rad)
         along_m, across_m = _steps(half_x_m)[:, None], _steps(half_y_m)[None, :]
-        i, j = self._crop(
-            x_map_m + cos * along_m - sin * across_m, y_map_m + sin * along_m + cos * across_m
-        )
+        i, j = self._crop(*Pose2(x_map_m, y_map_m, yaw_map_rad).transform(along_m, across_m))
         is_unknown = np.ones(len(i), dtype=bool)
         for disc in known:
             dx_m, dy_m = (i + 0.5) * CELL_M - disc.x_map_m, (j + 0.5) * CELL_M - disc.y_map_m
@@ -104,10 +99,9 @@ class CropGround:
         self, x_map_m: float, y_map_m: float, yaw_map_rad: float, half_x_m: float, half_y_m: float
     ) -> bool:
         """Whether all of a box on the ground was looked at, with half sides as in `covers`."""
-        cos, sin = math.cos(yaw_map_rad), math.sin(yaw_map_rad)
         along_m, across_m = _steps(half_x_m)[:, None], _steps(half_y_m)[None, :]
-        i = np.floor((x_map_m + cos * along_m - sin * across_m) / CELL_M).astype(np.int64)
-        j = np.floor((y_map_m + sin * along_m + cos * across_m) / CELL_M).astype(np.int64)
+        x_m, y_m = Pose2(x_map_m, y_map_m, yaw_map_rad).transform(along_m, across_m)
+        i, j = np.floor(x_m / CELL_M).astype(np.int64), np.floor(y_m / CELL_M).astype(np.int64)
         at = (i % SIDE_CELLS, j % SIDE_CELLS)
         return bool(((self._owner[0][at] == i) & (self._owner[1][at] == j)).all())
 

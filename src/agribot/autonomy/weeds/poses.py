@@ -8,6 +8,7 @@ import msgspec
 
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import Estimate
+from agribot.core.pose import Pose2
 
 SPAN_S = 3.0  # longer than any camera plus network takes
 MAX_GAP_S = 0.15  # at 1 m/s and 1 rad/s a straight line over this gap is off by 3 mm
@@ -25,6 +26,10 @@ class PoseAt(msgspec.Struct, frozen=True, kw_only=True):
     y_map_m: float
     yaw_map_rad: float
     cov: tuple[float, float, float, float, float, float, float, float, float]
+
+    @property
+    def map_from_body(self) -> Pose2:
+        return Pose2(self.x_map_m, self.y_map_m, self.yaw_map_rad)
 
 
 class PoseHistory:

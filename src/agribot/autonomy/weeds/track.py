@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass, replace
 
 from agribot.autonomy.weeds.poses import PoseAt
+from agribot.core.arithmetic import clamp
 from agribot.core.messages import GroundPlant, MappedPlant, PlantClass
 
 SHARED_STD_M = 0.01  # camera mount and flat-ground error that no sighting averages out
@@ -107,7 +108,9 @@ class Track:
     def update(self, seen: Sighting, t_s: float) -> None:
         """Take in one more sighting of this plant."""
         self._fuse(seen)
-        self.weed_logit = _limited(self.weed_logit + seen.weed_logit, MAX_CLASS_LOGIT)
+        self.weed_logit = clamp(
+            self.weed_logit + seen.weed_logit, -MAX_CLASS_LOGIT, MAX_CLASS_LOGIT
+        )
         self.exists_logit = min(self.exists_logit + HIT_LOGIT, MAX_EXISTS_LOGIT)
         self.sightings += 1
         self.area_m2 += (seen.area_m2 - self.area_m2) / self.sightings
@@ -120,7 +123,9 @@ class Track:
     def absorb(self, other: Track) -> None:
         """Take in a track that turned out to be the same plant."""
         self._fuse(other)
-        self.weed_logit = _limited(self.weed_logit + other.weed_logit, MAX_CLASS_LOGIT)
+        self.weed_logit = clamp(
+            self.weed_logit + other.weed_logit, -MAX_CLASS_LOGIT, MAX_CLASS_LOGIT
+        )
         self.exists_logit = max(self.exists_logit, other.exists_logit)
         total = self.sightings + other.sightings
         self.area_m2 += (other.area_m2 - self.area_m2) * other.sightings / total
@@ -167,7 +172,7 @@ class Track:
         """
         shared_gap_m2 = (self.xx_m2 + self.yy_m2 - other.xx_m2 - other.yy_m2) / 4.0
         gain = (self.own_var_m2 + shared_gap_m2) / (self.own_var_m2 + other.own_var_m2)
-        gain = min(max(gain, 0.0), 1.0)
+        gain = clamp(gain, 0.0, 1.0)
         rest = 1.0 - gain
         self.x_map_m += gain * (other.x_map_m - self.x_map_m)
         self.y_map_m += gain * (other.y_map_m - self.y_map_m)
@@ -179,16 +184,14 @@ class Track:
 
 def sighting(plant: GroundPlant, pose: PoseAt) -> Sighting:
     """Place a plant of the body frame in the map, with both parts of its error."""
-    cos_yaw, sin_yaw = math.cos(pose.yaw_map_rad), math.sin(pose.yaw_map_rad)
-    east_m = cos_yaw * plant.x_body_m - sin_yaw * plant.y_body_m
-    north_m = sin_yaw * plant.x_body_m + cos_yaw * plant.y_body_m
+    east_m, north_m = pose.map_from_body.rotate(plant.x_body_m, plant.y_body_m)
     c = pose.cov
     # d(map)/d(yaw) = (-north, east): a heading error swings the plant around the robot.
     xx = c[0] - 2.0 * north_m * c[2] + north_m * north_m * c[8]
     yy = c[4] + 2.0 * east_m * c[5] + east_m * east_m * c[8]
     xy = c[1] + east_m * c[2] - north_m * c[5] - north_m * east_m * c[8]
     low, high = CLASS_CONFIDENCE
-    confidence = min(max(plant.confidence, low), high)
+    confidence = clamp(plant.confidence, low, high)
     logit = math.log(confidence / (1.0 - confidence))
     return Sighting(
         x_map_m=pose.x_map_m + east_m,
@@ -223,7 +226,3 @@ def new_track(id: int, seen: Sighting, t_s: float) -> Track:
 
 def _probability(logit: float) -> float:
     return 1.0 / (1.0 + math.exp(-logit))
-
-
-def _limited(value: float, limit: float) -> float:
-    return min(max(value, -limit), limit)

@@ -13,10 +13,11 @@ class View:
     """A convex polygon of the body frame, asked about places of the map."""
 
     def __init__(self, polygon_body_m: tuple[Point, ...], pose: PoseAt) -> None:
-        self._x_m, self._y_m = pose.x_map_m, pose.y_map_m
-        self._cos, self._sin = math.cos(pose.yaw_map_rad), math.sin(pose.yaw_map_rad)
+        self._map_from_body = pose.map_from_body
         self._edges = _inward_edges(polygon_body_m)
-        corners = [self._map_from_body(x, y) for x, y in polygon_body_m] if self._edges else []
+        corners = (
+            [self._map_from_body.transform(x, y) for x, y in polygon_body_m] if self._edges else []
+        )
         self.is_empty = not corners
         xs = [x for x, _ in corners] or [0.0]
         ys = [y for _, y in corners] or [0.0]
@@ -24,16 +25,8 @@ class View:
 
     def covers(self, x_map_m: float, y_map_m: float, inset_m: float) -> bool:
         """Whether a place lies inside, at least `inset_m` from every edge."""
-        dx, dy = x_map_m - self._x_m, y_map_m - self._y_m
-        x_body_m = self._cos * dx + self._sin * dy
-        y_body_m = self._cos * dy - self._sin * dx
+        x_body_m, y_body_m = self._map_from_body.locate(x_map_m, y_map_m)
         return all(nx * x_body_m + ny * y_body_m - c >= inset_m for nx, ny, c in self._edges)
-
-    def _map_from_body(self, x_m: float, y_m: float) -> Point:
-        return (
-            self._x_m + self._cos * x_m - self._sin * y_m,
-            self._y_m + self._sin * x_m + self._cos * y_m,
-        )
 
 
 def _inward_edges(polygon_m: tuple[Point, ...]) -> list[tuple[float, float, float]]:

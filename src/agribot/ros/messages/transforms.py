@@ -9,6 +9,7 @@ import numpy as np
 
 from agribot.core.geo import LINK_FROM_OPTICAL, rotation_from_rpy
 from agribot.core.messages import Estimate, FloatArray, Vec3, WheelSample
+from agribot.core.pose import Pose2
 from agribot.core.robot import Joint, RobotSpec
 from agribot.ros.messages.cdr import TransformsCdr
 from agribot.ros.messages.rosmsg import (
@@ -41,9 +42,8 @@ class BodyTransforms:
     def __call__(self, t_ns: int, estimate: Estimate) -> bytes:
         self._advance(estimate)
         yaw = estimate.yaw_map_rad - self._yaw_rad
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        x_m = estimate.x_map_m - cos * self._x_m + sin * self._y_m
-        y_m = estimate.y_map_m - sin * self._x_m - cos * self._y_m
+        turned = Pose2(estimate.x_map_m, estimate.y_map_m, yaw)
+        x_m, y_m = turned.transform(-self._x_m, -self._y_m)
         map_from_odom = (x_m, y_m, 0.0, *quaternion_from_yaw(yaw))
         odom_from_body = (self._x_m, self._y_m, 0.0, *quaternion_from_yaw(self._yaw_rad))
         return self._cdr(t_ns, (map_from_odom, odom_from_body))

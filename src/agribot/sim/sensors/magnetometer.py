@@ -8,6 +8,7 @@ import numpy as np
 
 from agribot.core.geo import rotation_from_rpy
 from agribot.core.messages import FloatArray, MagSample, Vec3
+from agribot.core.pose import Pose2
 from agribot.sim.attitude import read_rotation
 from agribot.sim.random_streams import NormalRows
 from agribot.sim.sensors.noise import HectorNoise
@@ -80,8 +81,8 @@ class HectorMagnetometer:
 def turn_field(field_enu_t: Vec3, declination_deg: float) -> Vec3:
     """Turn the horizontal part of a field (east, north, up) towards East."""
     east, north, up = field_enu_t
-    cos, sin = math.cos(math.radians(declination_deg)), math.sin(math.radians(declination_deg))
-    return east * cos + north * sin, north * cos - east * sin, up
+    east, north = Pose2(0.0, 0.0, math.radians(declination_deg)).resolve(east, north)
+    return east, north, up
 
 
 def _apply_tuning(tuning: Tuning | None, t_s: float, field_t: Vec3) -> Vec3:

@@ -24,7 +24,7 @@ from agribot.core.messages import FloatArray, Path
 from agribot.core.robot import RobotSpec
 from agribot.lab.bench.nav.batch.arrays import ARRAYS, clamp
 
-Pose = tuple[FloatArray, FloatArray, FloatArray]
+BatchPose = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class BatchYawGain:
@@ -70,7 +70,7 @@ class BatchFollower:
 
     def step(
         self,
-        pose: Pose,
+        pose: BatchPose,
         v_mps: FloatArray,
         yaw_rate_radps: FloatArray,
         slip_rad: FloatArray,
@@ -100,7 +100,7 @@ class BatchFollower:
 
     def errors(
         self, s_m: FloatArray, x_m: FloatArray, y_m: FloatArray, yaw_rad: FloatArray
-    ) -> Pose:
+    ) -> BatchPose:
         """Cross-track, heading error and curvature at the points of the path beside the poses."""
         path = self._path
         index = self._index(s_m)
