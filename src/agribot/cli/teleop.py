@@ -100,9 +100,9 @@ def _drive(robot: Remote, read: Read, rate_hz: float, stop: list[int]) -> None:
 
 def _show(robot: Remote, twist: Twist) -> None:
     state = robot.state
-    if sys.stderr.isatty() and state:
-        now = f"{twist[0]:+.2f} m/s {twist[1]:+.2f} rad/s  robot {state['vel'][0] or 0:+.2f} m/s"
-        sys.stderr.write(f"\r{now}  {state['mode']} {state['reason'][:60]}\x1b[K")
+    if sys.stderr.isatty() and state is not None:
+        now = f"{twist[0]:+.2f} m/s {twist[1]:+.2f} rad/s  robot {state.v_mps or 0:+.2f} m/s"
+        sys.stderr.write(f"\r{now}  {state.mode} {state.reason[:60]}\x1b[K")
         sys.stderr.flush()
 
 

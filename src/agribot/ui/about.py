@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlparse
 
 import msgspec
@@ -14,10 +13,11 @@ from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import RobotSpec
 from agribot.description.loader import export_urdf, load_robot
 from agribot.description.package import find_package_folder, find_packaged_or_file, list_robot_files
+from agribot.ui import wire
 from agribot.ui.address import Address
 from agribot.ui.ground import field_of
 from agribot.ui.hub import About
-from agribot.ui.settings import described
+from agribot.ui.settings import show_settings
 
 _MESH = re.compile(r'(<mesh\b[^>]*?filename=")([^"]+)(")')
 PAGE_DIR = Path(__file__).parent / "page"
@@ -30,7 +30,7 @@ def about_run(
     config: RunConfig,
     robot: RobotSpec,
     urdf: str,
-    field: dict[str, Any],
+    field: wire.Field,
     run_dir: Path,
     recording: str = "",
 ) -> About:
@@ -46,10 +46,10 @@ def about_run(
         profile=config.profile,
         source="replay" if recording else config.platform,
         field=field,
-        robot=robot_of(robot, config),
+        robot=shown_robot(robot, config),
         urdf=shown_urdf,
         meshes=meshes,
-        settings=described(config),
+        settings=show_settings(config),
         rates=expected_rates_hz(robot, config),
         runs_dir=str(run_dir.resolve().parent),
         current=run_dir.resolve().name,
@@ -72,27 +72,27 @@ def about_robot(address: Address, port: int, name: str) -> About:
     return msgspec.structs.replace(about, source="description")
 
 
-def robot_of(robot: RobotSpec, config: RunConfig) -> dict[str, Any]:
+def shown_robot(robot: RobotSpec, config: RunConfig) -> wire.Robot:
     drive, safety = robot.drive, config.safety
-    return {
-        "name": robot.name,
-        "urdf_url": "/robot/robot.urdf",
-        "footprint_body_m": footprint_body_m(robot),
-        "max_speed_mps": min(drive.max_speed_mps, safety.max_speed_mps),
-        "max_yaw_rate_radps": min(drive.max_yaw_rate_radps, safety.max_yaw_rate_radps),
-        "camera": _camera(robot),
-        "wheel_joints": _wheel_joints(robot),
-    }
+    return wire.Robot(
+        name=robot.name,
+        urdf_url="/robot/robot.urdf",
+        footprint_body_m=footprint_body_m(robot),
+        max_speed_mps=min(drive.max_speed_mps, safety.max_speed_mps),
+        max_yaw_rate_radps=min(drive.max_yaw_rate_radps, safety.max_yaw_rate_radps),
+        camera=_camera(robot),
+        wheel_joints=_wheel_joints(robot),
+    )
 
 
-def footprint_body_m(robot: RobotSpec) -> list[list[float]]:
+def footprint_body_m(robot: RobotSpec) -> list[wire.Vec2]:
     """The rectangle around the wheels on the ground, counter-clockwise from the front left."""
     drive, wheels = robot.drive, robot.wheel_xy_body_m()
     front, rear = float(wheels[:, 0].max()), float(wheels[:, 0].min())
     left, right = float(wheels[:, 1].max()), float(wheels[:, 1].min())
     reach_m, half_m = drive.wheel_radius_m, drive.wheel_width_m / 2.0
     front, rear, left, right = front + reach_m, rear - reach_m, left + half_m, right - half_m
-    return [[front, left], [rear, left], [rear, right], [front, right]]
+    return [(front, left), (rear, left), (rear, right), (front, right)]
 
 
 def urdf_for_page(urdf: str, robot_name: str) -> tuple[str, dict[str, str]]:
@@ -121,17 +121,16 @@ def _mesh_path(uri: str, asking_file: Path) -> Path | None:
     return None
 
 
-def _camera(robot: RobotSpec) -> dict[str, Any] | None:
+def _camera(robot: RobotSpec) -> wire.CameraInfo | None:
     camera = robot.camera
     if camera is None:
         return None
-    pose = robot.body_from_camera()
-    return {
-        "width_px": camera.width_px,
-        "height_px": camera.height_px,
-        "hfov_rad": camera.hfov_rad,
-        "body_from_camera": [float(value) for value in pose.ravel()],
-    }
+    return wire.CameraInfo(
+        width_px=camera.width_px,
+        height_px=camera.height_px,
+        hfov_rad=camera.hfov_rad,
+        body_from_camera=[float(value) for value in robot.body_from_camera().ravel()],
+    )
 
 
 def _wheel_joints(robot: RobotSpec) -> list[str]:

@@ -6,53 +6,42 @@ import csv
 import io
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import msgspec
 from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
-from agribot.core.geo import MapFrame
+from agribot.core.geo import Datum
 from agribot.core.version import __version__
+from agribot.record.weeds import WEED_COLUMNS, weed_features
+from agribot.ui import wire
 from agribot.ui.access import Caller
 from agribot.ui.answers import NO_STORE, channel_of, json_answer, refused
-from agribot.ui.channel import signal_table
 from agribot.ui.field_check import datum_of
 from agribot.ui.hub import Hub
 from agribot.ui.off_the_loop import run_in_thread
 from agribot.ui.replay import Replay
-
-SCREENS = (
-    "drive", "teleop", "camera", "weeds", "plan", "plots", "robot", "recordings", "settings",
-    "health",
-)  # fmt: skip
-Row = list[Any]  # a plant as the page reads it
-CLASS_NAMES = ("weed", "crop", "soil")
-WEED_COLUMNS = (
-    "id", "class", "x_map_m", "y_map_m", "std_m", "confidence", "area_m2", "sightings",
-    "first_seen_s", "last_seen_s", "treated_s",
-)  # fmt: skip
 
 
 async def session(request: Request) -> Response:
     hub: Hub = request.app.state.hub
     caller: Caller = request.scope["agribot.caller"]
     if caller.role is None:
-        return json_answer({"version": __version__, "needs_login": True})
+        return json_answer(wire.LoginNeeded(version=__version__))
     about = hub.about
-    shown = {
-        "version": __version__,
-        "run": about.run_id,
-        "profile": about.profile,
-        "source": hub.live.source,
-        "role": caller.role,
-        "needs_login": False,
-        "lan_url": about.lan_url or None,
-        "qr_svg": qr_svg(about.lan_url) if about.lan_url and caller.role == "operator" else None,
-        "camera": about.robot["camera"] is not None,
-        "screens": list(SCREENS),
-    }
-    return json_answer(shown)
+    is_told_address = about.lan_url and caller.role == "operator"
+    return json_answer(
+        wire.SessionInfo(
+            version=__version__,
+            run=about.run_id,
+            profile=about.profile,
+            source=hub.live.source,
+            role=caller.role,
+            lan_url=about.lan_url or None,
+            qr_svg=qr_svg(about.lan_url) if is_told_address else None,
+            camera=about.robot.camera is not None,
+        )
+    )
 
 
 def qr_svg(url: str) -> str:
@@ -95,9 +84,8 @@ async def robot_file(request: Request) -> Response:
 
 
 async def topics(request: Request) -> Response:
-    table = signal_table()
-    pairs = zip(table["names"], table["units"], strict=True)
-    return json_answer([{"name": name, "unit": unit, "fields": [name]} for name, unit in pairs])
+    signals = wire.SIGNALS
+    return json_answer([wire.SignalInfo(name=n, unit=unit, fields=[n]) for n, unit in signals])
 
 
 async def weeds_geojson(request: Request) -> Response:
@@ -109,40 +97,33 @@ async def weeds_csv(request: Request) -> Response:
 
 
 async def _weed_file(
-    request: Request, write: Callable[[list[Row], MapFrame], bytes], name: str, media_type: str
+    request: Request, write: Callable[[list[wire.Weed], Datum], bytes], name: str, media_type: str
 ) -> Response:
     hub: Hub = request.app.state.hub
     shown = channel_of(request)
     ground = shown.field if isinstance(shown, Replay) else hub.about.field
-    rows, frame = list(shown.weeds.values()), MapFrame(datum_of(ground))
-    data = await run_in_thread(write, rows, frame)
+    weeds, datum = list(shown.weeds.values()), datum_of(ground)
+    data = await run_in_thread(write, weeds, datum)
     headers = {**NO_STORE, "content-disposition": f'attachment; filename="{name}"'}
     return Response(data, media_type=media_type, headers=headers)
 
 
-def _geojson(rows: list[Row], frame: MapFrame) -> bytes:
+def _geojson(weeds: list[wire.Weed], datum: Datum) -> bytes:
     """Encoded one by one: a single call would not let the loop run before its end."""
-    features = b",".join(msgspec.json.encode(_feature(row, frame)) for row in rows)
+    features = b",".join(map(msgspec.json.encode, weed_features(weeds, datum)))
     return b'{"type":"FeatureCollection","features":[' + features + b"]}"
 
 
-def _csv(rows: list[Row], frame: MapFrame) -> bytes:
+def _csv(weeds: list[wire.Weed], datum: Datum) -> bytes:
+    """A row for each plant, its columns those of the features' properties and of their place."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow([*WEED_COLUMNS, "lat_deg", "lon_deg"])
-    for row in rows:
-        lat_deg, lon_deg, _ = frame.geodetic_from_map(row[2], row[3])
-        named = [row[0], CLASS_NAMES[row[1]], *row[2:]]
-        writer.writerow([*named, round(lat_deg, 9), round(lon_deg, 9)])
+    for feature in weed_features(weeds, datum):
+        lon_deg, lat_deg = feature["geometry"]["coordinates"]
+        values = [feature["properties"][column] for column in WEED_COLUMNS]
+        writer.writerow([*values, lat_deg, lon_deg])
     return buffer.getvalue().encode()
-
-
-def _feature(row: Row, frame: MapFrame) -> dict[str, Any]:
-    lat_deg, lon_deg, _ = frame.geodetic_from_map(row[2], row[3])
-    named = dict(zip(WEED_COLUMNS, row, strict=True))
-    named["class"] = CLASS_NAMES[row[1]]
-    place = {"type": "Point", "coordinates": [round(lon_deg, 9), round(lat_deg, 9)]}
-    return {"type": "Feature", "id": row[0], "geometry": place, "properties": named}
 
 
 ROUTES = (

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import msgspec
 from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
+from agribot.ui import wire
 from agribot.ui.access import Caller
 from agribot.ui.channel import Channel
-from agribot.ui.hub import Hub
+from agribot.ui.hub import Hub, NotWanted
 
+T = TypeVar("T")
 NO_STORE = {"cache-control": "no-store"}
 
 
@@ -33,7 +35,7 @@ def json_answer(value: object, status: int = 200) -> Response:
 
 
 def refused(status: int, reason: str) -> Response:
-    return json_answer({"error": reason}, status)
+    return json_answer(wire.Problem(error=reason), status)
 
 
 def served_file(folder: Path, name: str, download: str | None = None) -> Response:
@@ -56,17 +58,17 @@ def inside(folder: Path, name: str) -> Path | None:
     return path if path.is_relative_to(root) and path != root else None
 
 
-async def json_body(request: Request) -> dict[str, Any]:
-    """Raises: Unusable: no JSON object."""
+async def read_body(request: Request, type: type[T], status: int = 400) -> T:
+    """Raises: Unusable: no JSON, or (with `status`) not of this type."""
+    data = await request.body() or b"{}"
     try:
-        value = msgspec.json.decode(await request.body() or b"{}")
-    except (msgspec.DecodeError, ValueError) as error:
+        return msgspec.json.decode(data, type=type)
+    except msgspec.ValidationError as error:
+        raise Unusable(status, f"the request is not usable: {error}") from error
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise Unusable(400, f"not JSON: {error}") from error
     except RecursionError as error:
         raise Unusable(400, "JSON that is nested too deeply to be read") from error
-    if not isinstance(value, dict):
-        raise Unusable(400, "send a JSON object")
-    return value
 
 
 def need_seat(request: Request) -> None:
@@ -92,22 +94,20 @@ def is_robot_shown(request: Request) -> bool:
     return channel_of(request) is hub.live and hub.has_robot
 
 
-async def asked_of_robot(request: Request, name: str, values: Any) -> dict[str, Any]:
-    """What the robot's program answers, less `refusal`.
+async def ask_robot(request: Request, question: wire.Question, type: type[T]) -> T:
+    """What the robot's program answers.
 
-    Raises: Unusable: it does not answer, cannot, or says in `refusal` why it does not want to.
+    Raises: Unusable: it does not answer, cannot, or says why it does not want to.
     """
     hub: Hub = request.app.state.hub
     try:
-        reply: dict[str, Any] = await hub.ask(name, values)
+        return await hub.ask(question, type)
     except TimeoutError as error:
         raise Unusable(504, "the robot's program did not answer within 10 s") from error
     except LookupError as error:
         raise Unusable(502, str(error)) from error
-    refusal = reply.pop("refusal", "")
-    if refusal:
-        raise Unusable(409, refusal)
-    return reply
+    except NotWanted as error:
+        raise Unusable(409, str(error)) from error
 
 
 def channel_of(request: Request) -> Channel:

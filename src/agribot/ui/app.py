@@ -12,8 +12,9 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from agribot.ui import wire
 from agribot.ui.access import Access, Caller, Refusal
-from agribot.ui.answers import Unusable, json_body, refused
+from agribot.ui.answers import Unusable, read_body, refused
 from agribot.ui.camera import Camera, camera_socket
 from agribot.ui.connection_slots import Slot
 from agribot.ui.hub import Hub
@@ -116,12 +117,10 @@ def build_app(hub: Hub, lifespan: Any) -> ASGIApp:
 async def log_in(request: Request) -> Response:
     hub: Hub = request.app.state.hub
     try:
-        token = (await json_body(request))["token"]
-    except (Unusable, KeyError):
-        token = None
-    if not isinstance(token, str):
+        wanted = await read_body(request, wire.Login)
+    except Unusable:
         return refused(400, 'send {"token": "…"}')
-    session = _session_for(request, token)
+    session = _session_for(request, wanted.token)
     if isinstance(session, Response):
         return session
     return _with_cookie(Response(status_code=204), hub.access, session)

@@ -5,51 +5,52 @@ from __future__ import annotations
 from starlette.requests import Request
 from starlette.responses import Response
 
+from agribot.ui import wire
 from agribot.ui.answers import (
     Unusable,
-    asked_of_robot,
+    ask_robot,
     json_answer,
-    json_body,
     name_of,
     need_operator,
     need_seat,
+    read_body,
 )
 from agribot.ui.hub import Hub
 
 
 async def calibrations(request: Request) -> Response:
-    return await _asked(request, "look")
+    return await _calibrate(request, "look")
 
 
 async def start(request: Request) -> Response:
     need_seat(request)
-    kind = str((await json_body(request)).get("kind", ""))
-    return await _asked(request, "start", kind)
+    wanted = await read_body(request, wire.CalibrationStart)
+    return await _calibrate(request, "start", wanted.kind)
 
 
 async def cancel(request: Request) -> Response:
     """Needs no seat: what it does is to stop."""
     need_operator(request)
-    return await _asked(request, "cancel")
+    return await _calibrate(request, "cancel")
 
 
 async def accept(request: Request) -> Response:
     need_seat(request)
-    return await _asked(request, "accept")
+    return await _calibrate(request, "accept")
 
 
 async def undo(request: Request) -> Response:
     need_seat(request)
-    return await _asked(request, "undo")
+    return await _calibrate(request, "undo")
 
 
-async def _asked(request: Request, what: str, kind: str = "") -> Response:
+async def _calibrate(request: Request, action: wire.CalibrationAction, name: str = "") -> Response:
     """Raises: Unusable: no robot is there, or it refuses."""
     hub: Hub = request.app.state.hub
     if not hub.has_robot:
         raise Unusable(409, "no robot runs here; nothing can be calibrated")
-    values = {"do": what, "kind": kind, "by": name_of(request)}
-    return json_answer(await asked_of_robot(request, "calibration", values))
+    question = wire.Calibrate(action=action, name=name, by=name_of(request))
+    return json_answer(await ask_robot(request, question, wire.Calibrations))
 
 
 ROUTES = (

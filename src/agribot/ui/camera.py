@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import io
-import struct
 import time
 from collections import deque
 
@@ -19,7 +18,7 @@ import numpy as np
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from agribot.core.messages import ByteArray
-from agribot.ui.feed import PICTURE_HEAD
+from agribot.ui import wire
 from agribot.ui.hub import Hub
 
 MAX_VIEWERS = 32
@@ -29,7 +28,6 @@ LADDER = ((1.0, 75), (0.75, 60), (0.5, 55), (0.35, 45))  # size ratio, JPEG qual
 LOOK_AGAIN_S = 0.5  # whether this browser began to replay a recording
 REPLAY_LOOK_S = 0.05
 SLOW_S, QUICK_S, QUICK_TIMES = 0.25, 0.12, 60
-HEAD = struct.Struct(">BBHId")
 _PALETTE = (220, 40, 40, 40, 180, 60, 120, 90, 60)  # weed, crop, soil
 
 
@@ -42,10 +40,10 @@ class Picture(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     pixels: ByteArray
 
 
-def unpacked(data: bytes) -> Picture:
-    """What `feed.packed` made."""
-    kind, index, wall_ms, height, width = PICTURE_HEAD.unpack_from(data)
-    pixels = np.frombuffer(data, np.uint8, offset=PICTURE_HEAD.size)
+def unpack_pixels(data: bytes) -> Picture:
+    """What `feed.pack_pixels` made."""
+    kind, index, wall_ms, height, width = wire.PIXELS_HEAD.unpack_from(data)
+    pixels = np.frombuffer(data, np.uint8, offset=wire.PIXELS_HEAD.size)
     shape = (height, width) if kind == 1 else (height, width, 3)
     return Picture(kind=kind, index=index, wall_ms=wall_ms, pixels=pixels.reshape(shape))
 
@@ -115,7 +113,7 @@ class Camera:
 
     def _tell_robot(self) -> None:
         mask = any(self._viewers.values())
-        self._hub.order({"c": "watch", "camera": bool(self._viewers), "mask": mask})
+        self._hub.order(wire.WatchOrder(camera=bool(self._viewers), mask=mask))
 
 
 def encode(picture: Picture, level: int) -> bytes:
@@ -134,7 +132,10 @@ def encode(picture: Picture, level: int) -> bytes:
             size = (round(image.width * ratio), round(image.height * ratio))
             image = image.resize(size, Image.Resampling.BOX)
         image.save(buffer, format="JPEG", quality=quality)
-    return HEAD.pack(picture.kind, level, 0, picture.index, picture.wall_ms) + buffer.getvalue()
+    return (
+        wire.CAMERA_HEAD.pack(picture.kind, level, 0, picture.index, picture.wall_ms)
+        + buffer.getvalue()
+    )
 
 
 class Viewer:
@@ -201,7 +202,7 @@ class Viewer:
                 number, shot = found
                 self._shown = (replay.name, number)
                 jpeg = shot.found if self._with_mask and shot.found else shot.image
-                return HEAD.pack(0, 0, 0, number, time.time() * 1e3) + jpeg
+                return wire.CAMERA_HEAD.pack(0, 0, 0, number, time.time() * 1e3) + jpeg
             await asyncio.sleep(REPLAY_LOOK_S)
 
 

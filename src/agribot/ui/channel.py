@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import secrets
 from collections import deque
-from typing import Any, Protocol
+from typing import Protocol
 
 import msgspec
 
-from agribot.ui.view import SIGNALS
+from agribot.ui import wire
 
 EVENTS_KEPT = 300
 EPOCH_BITS = 32
@@ -19,7 +19,7 @@ class Follower(Protocol):
 
     def follow(self, channel: Channel) -> None: ...
 
-    def state(self, text: str) -> None: ...
+    def add_state(self, text: str) -> None: ...
 
     def change_weeds(self, ids: list[int]) -> None: ...
 
@@ -34,71 +34,57 @@ class Channel:
     is the number of its run: a server that is started again goes on with it.
     """
 
-    def __init__(
-        self, source: str, signals: dict[str, Any], name: str = "", epoch: int | None = None
-    ) -> None:
+    def __init__(self, source: str, name: str = "", epoch: int | None = None) -> None:
         self.source, self.name = source, name
         self.epoch = make_epoch() if epoch is None else epoch
         self.clients: set[Follower] = set()
+        self.state: wire.State | None = None  # the newest
         self.state_text = ""
-        self.states = 0
-        self.signals = signals
-        self.trace_map_m: list[list[float]] = []
-        self.weeds: dict[int, list[Any]] = {}
-        self.weeds_revision = 0
-        self.path: dict[str, Any] = {"xy": [], "row": []}
+        self.trace_map_m: list[wire.Vec2] = []
+        self.weeds: dict[int, wire.Weed] = {}
+        self.path = wire.PathPiece()  # the whole of it
         self.path_revision = 0
-        self.events: deque[dict[str, Any]] = deque(maxlen=EVENTS_KEPT)
+        self.events: deque[wire.LogEvent] = deque(maxlen=EVENTS_KEPT)
         self.event_count = 0
 
-    def publish_state(self, text: str) -> None:
-        head, _, rest = text.partition(",")
-        self.state_text = f'{head},"e":{self.epoch},{rest}'
-        self.states += 1
+    def publish_state(self, state: wire.State) -> None:
+        """Encoded once for all who follow."""
+        self.state = msgspec.structs.replace(state, epoch=self.epoch)
+        self.state_text = wire.encode(self.state).decode()
         for client in self.clients:
-            client.state(self.state_text)
+            client.add_state(self.state_text)
 
-    def publish_change(self, text: str) -> None:
-        """A trace, path, weeds or event message."""
-        self._keep(msgspec.json.decode(text))
+    def publish_growth(self, growth: wire.Growth) -> None:
+        """Kept for those who come later; those who are here take it when they have room."""
+        if isinstance(growth, wire.TracePiece):
+            del self.trace_map_m[growth.first :]
+            self.trace_map_m += growth.points_map_m
+        elif isinstance(growth, wire.PathPiece):
+            self.path = growth
+            self.path_revision += 1
+        elif isinstance(growth, wire.WeedChanges):
+            self._keep_weeds(growth)
+        else:
+            self.events.extend(growth.events)
+            self.event_count += len(growth.events)
         for client in self.clients:
             client.wake()
 
     def restart(self) -> None:
         """Another place in the recording: everything is sent afresh."""
         self.epoch = make_epoch()
-        self.trace_map_m, self.weeds, self.path = [], {}, {"xy": [], "row": []}
-        self.state_text = ""
+        self.trace_map_m, self.weeds, self.path = [], {}, wire.PathPiece()
+        self.state, self.state_text = None, ""
         self.events.clear()
         self.event_count = 0
         for client in self.clients:
             client.follow(self)
 
-    def newest(self) -> dict[str, Any]:
-        """The newest state; empty before the first."""
-        state: dict[str, Any] = msgspec.json.decode(self.state_text) if self.state_text else {}
-        return state
-
-    def _keep(self, message: dict[str, Any]) -> None:
-        kind = message.pop("k")
-        if kind == "traj":
-            del self.trace_map_m[message["first"] :]
-            self.trace_map_m += message["xy"]
-        elif kind == "path":
-            self.path = message
-            self.path_revision += 1
-        elif kind == "weeds":
-            self._keep_weeds(message)
-        elif kind == "event":
-            self.events.append(message)
-            self.event_count += 1
-
-    def _keep_weeds(self, message: dict[str, Any]) -> None:
-        self.weeds_revision = message["rev"]
-        self.weeds.update((row[0], row) for row in message["set"])
-        for id in message["gone"]:
+    def _keep_weeds(self, changes: wire.WeedChanges) -> None:
+        self.weeds.update((weed.id, weed) for weed in changes.set)
+        for id in changes.gone:
             self.weeds.pop(id, None)
-        changed = [*(row[0] for row in message["set"]), *message["gone"]]
+        changed = [*(weed.id for weed in changes.set), *changes.gone]
         for client in self.clients:
             client.change_weeds(changed)
 
@@ -108,6 +94,6 @@ def make_epoch() -> int:
     return secrets.randbits(EPOCH_BITS)
 
 
-def signal_table() -> dict[str, Any]:
-    names, units = zip(*SIGNALS, strict=True)
-    return {"names": list(names), "units": list(units)}
+def signal_table() -> wire.SignalTable:
+    names, units = zip(*wire.SIGNALS, strict=True)
+    return wire.SignalTable(names=list(names), units=list(units))

@@ -5,11 +5,9 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections import deque
-from typing import Any
 
-import msgspec
-
-from agribot.ui.channel import Channel
+from agribot.ui import wire
+from agribot.ui.channel import Channel, signal_table
 from agribot.ui.window import LEAST_BYTES, Window
 
 STATES_KEPT = 4  # older ones are worth nothing
@@ -52,7 +50,7 @@ class Client:
         self._direct.append(text)
         self.wake()
 
-    def state(self, text: str) -> None:
+    def add_state(self, text: str) -> None:
         self.dropped += len(self._states) == STATES_KEPT
         self._states.append(text)
         self.wake()
@@ -85,72 +83,76 @@ class Client:
         growth = self._take_growth()
         if growth is not None:
             self._is_state_next = True
-            return msgspec.json.encode({**growth, "e": self.channel.epoch}).decode()
+            return wire.encode(growth).decode()
         return self._states.popleft() if self._states else None
 
-    def _take_growth(self) -> dict[str, Any] | None:
+    def _take_growth(self) -> wire.Snapshot | wire.Growth | None:
         """What is new since the last time, as much as one message takes."""
         channel = self.channel
         if not self._is_opened:
             self._is_opened = True
             return self._opening()
         if self._traced != len(channel.trace_map_m):
-            return {"k": "traj", **self._trace()}
-        if self._path_revision != channel.path_revision or self._pathed < len(channel.path["xy"]):
-            return {"k": "path", **self._path()}
+            return self._trace()
+        path_points = len(channel.path.points_map_m)
+        if self._path_revision != channel.path_revision or self._pathed < path_points:
+            return self._path()
         if self._weeds:
             return self._weed_changes()
         if self._events < channel.event_count:
-            return {"k": "events", "events": self._new_events()}
+            return self._new_events()
         return None
 
-    def _opening(self) -> dict[str, Any]:
+    def _opening(self) -> wire.Snapshot:
         channel = self.channel
-        weeds = self._weed_changes()
-        return {
-            "k": "snap",
-            "source": channel.source,
-            "name": channel.name,
-            "signals": channel.signals,
-            "traj": self._trace(),
-            "path": self._path(),
-            "weeds": {"rev": weeds["rev"], "all": weeds["set"]},
-            "events": self._new_events(),
-        }
+        return wire.Snapshot(
+            epoch=channel.epoch,
+            source=channel.source,
+            name=channel.name,
+            signals=signal_table(),
+            trace=self._trace(),
+            path=self._path(),
+            weeds=self._weed_changes(),
+            events=self._new_events(),
+        )
 
     @property
     def _parts(self) -> int:
         return min(self.window.size_bytes // LEAST_BYTES, MOST_PARTS)
 
-    def _trace(self) -> dict[str, Any]:
-        first = min(self._traced, len(self.channel.trace_map_m))
-        points = self.channel.trace_map_m[first : first + POINTS * self._parts]
+    def _trace(self) -> wire.TracePiece:
+        channel = self.channel
+        first = min(self._traced, len(channel.trace_map_m))
+        points = channel.trace_map_m[first : first + POINTS * self._parts]
         self._traced = first + len(points)
-        return {"first": first, "xy": points}
+        return wire.TracePiece(epoch=channel.epoch, first=first, points_map_m=points)
 
-    def _path(self) -> dict[str, Any]:
+    def _path(self) -> wire.PathPiece:
         channel = self.channel
         if self._path_revision != channel.path_revision:
             self._path_revision, self._pathed = channel.path_revision, 0
         first = self._pathed
         piece = slice(first, first + POINTS * self._parts)
-        points, rows = channel.path["xy"][piece], channel.path["row"][piece]
+        points, rows = channel.path.points_map_m[piece], channel.path.rows[piece]
         self._pathed += len(points)
-        return {"first": first, "xy": points, "row": rows}
+        return wire.PathPiece(epoch=channel.epoch, first=first, points_map_m=points, rows=rows)
 
-    def _weed_changes(self) -> dict[str, Any]:
+    def _weed_changes(self) -> wire.WeedChanges:
         ids = list(itertools.islice(self._weeds, WEEDS * self._parts))
         for id in ids:
             del self._weeds[id]
-        known = self.channel.weeds
-        rows = [known[id] for id in ids if id in known]
-        gone = [id for id in ids if id not in known]
-        return {"k": "weeds", "rev": self.channel.weeds_revision, "set": rows, "gone": gone}
+        channel = self.channel
+        return wire.WeedChanges(
+            epoch=channel.epoch,
+            set=[channel.weeds[id] for id in ids if id in channel.weeds],
+            gone=[id for id in ids if id not in channel.weeds],
+        )
 
-    def _new_events(self) -> list[dict[str, Any]]:
+    def _new_events(self) -> wire.NewEvents:
         """The oldest that are kept and were not sent yet."""
         channel = self.channel
         oldest = channel.event_count - len(channel.events)
         first = max(self._events, oldest)
         self._events = min(first + EVENTS * self._parts, channel.event_count)
-        return list(itertools.islice(channel.events, first - oldest, self._events - oldest))
+        events = list(itertools.islice(channel.events, first - oldest, self._events - oldest))
+        return wire.NewEvents(epoch=channel.epoch, events=events)

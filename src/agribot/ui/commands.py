@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import time
-from typing import Any, Protocol, TypeGuard
-
-import msgspec
+from collections.abc import Callable
+from typing import Any, Protocol
 
 from agribot.autonomy.plan.errand import STANDING_MPS
-from agribot.core.json_number import is_number
+from agribot.core.messages import OperatorAction
+from agribot.ui import wire
 from agribot.ui.channel import Channel
 from agribot.ui.hub import Hub
 
@@ -17,12 +17,12 @@ MAX_NAME = 40
 MAX_TEXT = 500
 SCALES = (0.2, 0.5, 0.8, 1.0)
 FIRST_SCALE = 0.5
-SHAPES = ("polygon", "route")
 MAX_CORNERS = 500
-POSE_STD_M, POSE_STD_RAD = 0.3, 0.1  # of a place and a direction shown with a finger on a map
 MAX_HAND_AGE_S = 0.5  # of a request to move: a hand that let go meanwhile cannot be heard yet
-MISSION_ACTIONS = ("start", "pause", "resume", "cancel", "skip_row", "return_home")
-RECORD_ACTIONS = {"start": "start_recording", "stop": "stop_recording"}
+RECORD_EVENTS: dict[wire.RecordingAction, OperatorAction] = {
+    "start": "start_recording",
+    "stop": "stop_recording",
+}
 
 
 class Refused(Exception):
@@ -39,7 +39,7 @@ class Page(Protocol):
     @property
     def channel(self) -> Channel: ...
 
-    def tell(self, message: dict[str, Any]) -> None: ...
+    def tell(self, message: wire.ServerMessage) -> None: ...
 
     def acknowledge(self, count: int) -> None: ...
 
@@ -50,184 +50,173 @@ class Commands:
         self._scale = FIRST_SCALE
         self._is_driving = False
         self._requests: set[asyncio.Task[None]] = set()
+        self._handlers: dict[type[wire.Message], Callable[[Any], None]] = {
+            wire.Ping: self._ping,
+            wire.Receipt: self._acknowledge,
+            wire.UseName: self._use_name,
+            wire.TakeSeat: self._take_seat,
+            wire.LeaveSeat: self._leave_seat,
+            wire.DriveByHand: self._drive_by_hand,
+            wire.ScaleSpeed: self._scale_speed,
+            wire.PressStop: self._press_stop,
+            wire.ClearStop: self._clear_stop,
+            wire.ControlMission: self._control_mission,
+            wire.ControlRecording: self._control_recording,
+            wire.MarkMoment: self._mark_moment,
+            wire.GoTo: self._go_to,
+            wire.CorrectPose: self._correct_pose,
+            wire.PointOut: self._point_out,
+            wire.DrawShape: self._draw_shape,
+        }
 
-    def obey(self, text: str) -> None:
-        """Raises: Refused: no JSON object, or not of the kinds that a page sends."""
-        try:
-            message = msgspec.json.decode(text)
-        except (msgspec.DecodeError, ValueError, RecursionError) as error:
-            raise Refused(f"not JSON: {error}") from error
-        if not isinstance(message, dict) or not isinstance(message.get("k"), str):
-            raise Refused("a message is a JSON object with a kind 'k'")
+    def obey(self, message: wire.PageMessage) -> None:
+        """Raises: Refused: a number in it is out of its limits."""
         self._hub.seat.heard(self._page.session, time.monotonic())
-        kind = message["k"]
-        handler = getattr(self, f"_on_{kind}", None) if kind.isidentifier() else None
-        if handler is None:
-            raise Refused(f"unknown kind {kind[:40]!r}")
-        handler(message)
+        self._handlers[type(message)](message)
 
     def let_go(self) -> None:
         """The line is gone: whatever it drove stands still."""
         if self._is_driving:
             self._drive(0.0, 0.0)
 
-    def _on_ping(self, message: dict[str, Any]) -> None:
+    def _ping(self, message: wire.Ping) -> None:
         """Answered with this machine's clocks: by them a page knows how old states are."""
-        clocks = {"mono_ms": time.monotonic() * 1e3, "wall_ms": time.time() * 1e3}
-        self._page.tell({"k": "pong", "c": message.get("c"), **clocks})
+        mono_ms, wall_ms = time.monotonic() * 1e3, time.time() * 1e3
+        self._page.tell(wire.Pong(sent_ms=message.sent_ms, mono_ms=mono_ms, wall_ms=wall_ms))
 
-    def _on_got(self, message: dict[str, Any]) -> None:
-        """How many messages the page has received since it was opened."""
-        count = message.get("n")
-        if not isinstance(count, int) or isinstance(count, bool) or count < 0:
-            raise Refused("an acknowledgement needs the number n of messages received so far")
-        self._page.acknowledge(count)
+    def _acknowledge(self, message: wire.Receipt) -> None:
+        if message.count < 0:
+            raise Refused(f"{message.count} messages received: a count is at least 0")
+        self._page.acknowledge(message.count)
 
-    def _on_name(self, message: dict[str, Any]) -> None:
-        name = str(message.get("name", "")).strip()
-        name = "".join(letter for letter in name if letter.isprintable())[:MAX_NAME]
-        if name:
-            self._page.name = name
+    def _use_name(self, message: wire.UseName) -> None:
+        letters = (letter for letter in message.name.strip() if letter.isprintable())
+        self._page.name = "".join(letters)[:MAX_NAME] or self._page.name
+        self._answer(message)
 
-    def _on_take(self, message: dict[str, Any]) -> None:
+    def _take_seat(self, message: wire.TakeSeat) -> None:
         hub, page = self._hub, self._page
         reason = self._not_operator()
         if not reason:
             before = hub.seat.holder
-            is_forced = message.get("force") is True
-            reason = hub.seat.take(page.session, page.name, time.monotonic(), force=is_forced)
+            reason = hub.seat.take(page.session, page.name, time.monotonic(), force=message.force)
             if not reason and before != page.session:
-                hub.order({"c": "drive", "v": 0.0, "w": 0.0, "by": page.name})
+                hub.order(wire.DriveOrder(v_mps=0.0, yaw_rate_radps=0.0, by=page.name))
                 hub.note(page.name, "takes the operator's seat")
-        self._ack(message, reason)
+        self._answer(message, reason)
         hub.tell_seat()
 
-    def _on_release(self, message: dict[str, Any]) -> None:
+    def _leave_seat(self, message: wire.LeaveSeat) -> None:
         if self._hub.seat.release(self._page.session):
             self._drive(0.0, 0.0)  # a calibration ends as well
             self._hub.note(self._page.name, "leaves the operator's seat")
             self._hub.tell_seat()
-        self._ack(message, "")
+        self._answer(message)
 
-    def _on_drive(self, message: dict[str, Any]) -> None:
-        """Requests without the seat are dropped; the page sees in `seat` why."""
-        v_mps, yaw_rate_radps = message.get("v"), message.get("w")
-        if not is_number(v_mps) or not is_number(yaw_rate_radps):
-            raise Refused("a drive request needs finite numbers v (m/s) and w (rad/s)")
-        if self._no_seat() or ((v_mps or yaw_rate_radps) and _is_late(message.get("mono_ms"))):
+    def _drive_by_hand(self, message: wire.DriveByHand) -> None:
+        """Requests without the seat are dropped; the page sees in the seat's change why."""
+        v_mps, yaw_rate_radps = message.v_mps, message.yaw_rate_radps
+        if self._no_seat() or ((v_mps or yaw_rate_radps) and _is_late(message.mono_ms)):
             return
         robot = self._hub.about.robot
-        limit_mps = self._scale * robot["max_speed_mps"]
-        limit_radps = self._scale * robot["max_yaw_rate_radps"]
-        self._drive(_clamped(v_mps, limit_mps), _clamped(yaw_rate_radps, limit_radps))
+        limit_mps = self._scale * robot.max_speed_mps
+        limit_radps = self._scale * robot.max_yaw_rate_radps
+        self._drive(_clamp(v_mps, limit_mps), _clamp(yaw_rate_radps, limit_radps))
 
-    def _on_scale(self, message: dict[str, Any]) -> None:
-        value = message.get("value")
-        if value not in SCALES:
-            raise Refused(f"speed scale {value!r} is none of {SCALES}")
-        self._scale = value
-        self._ack(message, "")
+    def _scale_speed(self, message: wire.ScaleSpeed) -> None:
+        if message.ratio not in SCALES:
+            raise Refused(f"speed scale {message.ratio!r} is none of {SCALES}")
+        self._scale = message.ratio
+        self._answer(message)
 
-    def _on_stop(self, message: dict[str, Any]) -> None:
+    def _press_stop(self, message: wire.PressStop) -> None:
         """Everybody may stop the robot: no seat, no role, also while a recording is shown."""
         self._hub.stops.press(self._page.name)
         self._is_driving = False
-        self._ack(message, "")
+        self._answer(message)
 
-    def _on_clear_stop(self, message: dict[str, Any]) -> None:
+    def _clear_stop(self, message: wire.ClearStop) -> None:
         if not self._no_seat():
             self._hub.stops.clear()
         self._operate(message, "clear_stop")
 
-    def _on_mission(self, message: dict[str, Any]) -> None:
-        action = str(message.get("action"))
-        if action not in MISSION_ACTIONS:
-            self._ack(message, f"this version of the mission knows no '{action[:40]}'")
-            return
-        self._operate(message, action)
+    def _control_mission(self, message: wire.ControlMission) -> None:
+        self._operate(message, message.action)
 
-    def _on_mark(self, message: dict[str, Any]) -> None:
-        reason = self._not_operator()
-        if not reason:
-            text = str(message.get("text", "")).strip()[:MAX_TEXT]
-            self._hub.event("mark", self._page.name, text)
-        self._ack(message, reason)
-
-    def _on_record(self, message: dict[str, Any]) -> None:
+    def _control_recording(self, message: wire.ControlRecording) -> None:
         """Begin or end a recording; nothing moves, so that no seat is needed."""
-        action = RECORD_ACTIONS.get(str(message.get("action")))
-        if action is None:
-            raise Refused(f"a recording knows {', '.join(RECORD_ACTIONS)}")
         reason = self._not_operator()
         if not reason:
-            self._hub.event(action, self._page.name)
-        self._ack(message, reason)
+            self._hub.event(RECORD_EVENTS[message.action], self._page.name)
+        self._answer(message, reason)
 
-    def _on_goto(self, message: dict[str, Any]) -> None:
-        """A place to drive to, as RViz's 2D Goal; answered when the mission took or refused it."""
-        place = (message.get("x"), message.get("y"), message.get("yaw"))
-        numbers = tuple(float(number) for number in place if is_number(number))
-        if len(numbers) != len(place) - (place[2] is None):
-            raise Refused("a goal needs finite numbers x, y (m, map) and yaw (rad) or null")
+    def _mark_moment(self, message: wire.MarkMoment) -> None:
+        reason = self._not_operator()
+        if not reason:
+            self._hub.event("mark", self._page.name, message.text.strip()[:MAX_TEXT])
+        self._answer(message, reason)
+
+    def _go_to(self, message: wire.GoTo) -> None:
+        """Answered when the mission took or refused it."""
         reason = self._no_seat()
         if reason:
-            self._ack(message, reason)
+            self._answer(message, reason)
             return
-        request = asyncio.create_task(self._request(message, "goto", numbers))
+        yaw = () if message.yaw_map_rad is None else (message.yaw_map_rad,)
+        numbers = (message.x_map_m, message.y_map_m, *yaw)
+        event = wire.EventOrder(action="goto", source=self._page.name, numbers=numbers)
+        request = asyncio.create_task(self._request(message, event))
         self._requests.add(request)
         request.add_done_callback(self._requests.discard)
 
-    async def _request(
-        self, message: dict[str, Any], action: str, numbers: tuple[float, ...]
-    ) -> None:
-        self._ack(message, await self._hub.request(action, self._page.name, numbers=numbers))
+    async def _request(self, message: wire.Request, event: wire.EventOrder) -> None:
+        self._answer(message, await self._hub.request(event))
 
-    def _on_point(self, message: dict[str, Any]) -> None:
+    def _point_out(self, message: wire.PointOut) -> None:
         """A place that somebody clicked: into the recording, as RViz's Publish Point."""
-        x_m, y_m = message.get("x"), message.get("y")
-        if not is_number(x_m) or not is_number(y_m):
-            raise Refused("a point needs finite numbers x and y (m, map)")
-        self._hub.note(self._page.name, f"point: East {x_m:.3f} m, North {y_m:.3f} m")
-        self._ack(message, "")
+        place = f"East {message.x_map_m:.3f} m, North {message.y_map_m:.3f} m"
+        self._hub.note(self._page.name, f"point: {place}")
+        self._answer(message)
 
-    def _on_shape(self, message: dict[str, Any]) -> None:
+    def _draw_shape(self, message: wire.DrawShape) -> None:
         """A polygon or route that somebody drew: into the recording."""
-        what, corners = message.get("what"), message.get("xy")
-        if what not in SHAPES or not _is_line(corners):
-            raise Refused(f"a shape is one of {SHAPES} with up to {MAX_CORNERS} corners [x, y] (m)")
+        corners = message.corners_map_m
+        if not 0 < len(corners) <= MAX_CORNERS:
+            raise Refused(f"{len(corners)} corners of a shape: it has 1 to {MAX_CORNERS}")
         places = ", ".join(f"{x_m:.2f} {y_m:.2f}" for x_m, y_m in corners)
-        self._hub.note(self._page.name, f"{what} (East North, m): {places}")
-        self._ack(message, "")
+        self._hub.note(self._page.name, f"{message.shape} (East North, m): {places}")
+        self._answer(message)
 
-    def _on_pose_estimate(self, message: dict[str, Any]) -> None:
-        """Where the robot stands, as RViz's 2D Pose Estimate; only a robot at rest believes it."""
-        pose = message.get("x"), message.get("y"), message.get("yaw")
-        stds = message.get("std_m", POSE_STD_M), message.get("std_rad", POSE_STD_RAD)
-        numbers = tuple(float(value) for value in (*pose, *stds) if is_number(value))
-        if len(numbers) != len(pose) + len(stds) or min(numbers[3:]) <= 0.0:
-            raise Refused("a pose needs finite numbers x, y (m, map), yaw (rad) and sigmas above 0")
+    def _correct_pose(self, message: wire.CorrectPose) -> None:
+        """Only a robot at rest believes it."""
+        if min(message.std_m, message.std_rad) <= 0.0:
+            raise Refused(
+                f"sigmas {message.std_m:g} m and {message.std_rad:g} rad of a pose: must be above 0"
+            )
         reason = self._no_seat()
         if not reason and not self._is_at_rest():
             reason = "the robot drives; pause its mission first"
         if not reason:
+            pose = (message.x_map_m, message.y_map_m, message.yaw_map_rad)
+            numbers = (*pose, message.std_m, message.std_rad)
             self._hub.event("pose_estimate", self._page.name, numbers=numbers)
-        self._ack(message, reason)
+        self._answer(message, reason)
 
-    def _operate(self, message: dict[str, Any], action: str) -> None:
+    def _operate(self, message: wire.Request, action: OperatorAction) -> None:
         reason = self._no_seat()
         if not reason:
             self._hub.event(action, self._page.name)
-        self._ack(message, reason)
+        self._answer(message, reason)
 
     def _is_at_rest(self) -> bool:
-        text = self._hub.live.state_text
-        speed_mps = msgspec.json.decode(text)["vel"][0] if text else None
+        state = self._hub.live.state
+        speed_mps = None if state is None else state.v_mps
         return speed_mps is not None and abs(speed_mps) <= STANDING_MPS
 
     def _drive(self, v_mps: float, yaw_rate_radps: float) -> None:
         self._is_driving = bool(v_mps or yaw_rate_radps)
-        order = {"c": "drive", "v": v_mps, "w": yaw_rate_radps, "by": self._page.name}
-        self._hub.order(order)
+        by = self._page.name
+        self._hub.order(wire.DriveOrder(v_mps=v_mps, yaw_rate_radps=yaw_rate_radps, by=by))
 
     def _no_seat(self) -> str:
         reason = self._not_operator()
@@ -244,24 +233,15 @@ class Commands:
             return "the robot's program has ended"
         return ""
 
-    def _ack(self, message: dict[str, Any], reason: str) -> None:
-        if "id" in message or reason:
-            answer = {"k": "ack", "id": message.get("id"), "ok": not reason, "reason": reason}
-            self._page.tell(answer)
+    def _answer(self, message: wire.Request, reason: str = "") -> None:
+        if message.id or reason:
+            self._page.tell(wire.Verdict(id=message.id, ok=not reason, reason=reason))
 
 
-def _is_late(sent_ms: object) -> bool:
+def _is_late(sent_ms: float | None) -> bool:
     """By the sender's estimate of this machine's clock; a hand that gives none is believed."""
-    return is_number(sent_ms) and time.monotonic() - sent_ms / 1e3 > MAX_HAND_AGE_S
+    return sent_ms is not None and time.monotonic() - sent_ms / 1e3 > MAX_HAND_AGE_S
 
 
-def _is_line(corners: object) -> TypeGuard[list[list[float]]]:
-    return (
-        isinstance(corners, list)
-        and 0 < len(corners) <= MAX_CORNERS
-        and all(isinstance(p, list) and len(p) == 2 and all(map(is_number, p)) for p in corners)
-    )
-
-
-def _clamped(value: float, limit: float) -> float:
-    return min(max(float(value), -limit), limit)
+def _clamp(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)

@@ -7,32 +7,33 @@ is new since the last time. A server that stalls therefore loses old states and 
 
 from __future__ import annotations
 
-import struct
 import threading
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from typing import Any, Protocol
+from typing import Protocol
 
 import msgspec
-import numpy as np
 
 from agribot.autonomy.weeds.track import Track
-from agribot.core.messages import ByteArray, CameraFrame, Path, TickRecord
+from agribot.core.messages import ByteArray, CameraFrame, Path, PlantClass, TickRecord
 from agribot.record.events import Event
-from agribot.ui.view import RunView, weed_row
+from agribot.ui import wire
+from agribot.ui.view import RunView, shown_weed
 
 STATE_HZ = 30.0
 SLOW_EVERY = 10  # states between two looks at weeds, events and path
 PATH_STEP_M = 0.05
 TRACE_CHUNK = 2000
-PICTURE_HEAD = struct.Struct(">BIdHH")
-_LEVEL = {"fault": "fault", "stop": "warn", "hold": "warn", "limit": "warn"}
+_LEVEL: dict[str, wire.EventLevel] = {
+    "fault": "fault",
+    "stop": "warn",
+    "hold": "warn",
+    "limit": "warn",
+}
 
-Message = dict[str, Any]
 
-
-class Source(Protocol):
+class FeedSource(Protocol):
     """The parts of a session that a page shows besides its ticks."""
 
     def path(self) -> Path | None: ...
@@ -43,20 +44,20 @@ class Source(Protocol):
 
     def recording(self) -> str: ...
 
-    def calibration(self) -> Message | None: ...
+    def calibration(self) -> wire.CalibrationProgress | None: ...
 
 
 class Feed:
     """`send` takes one encoded message and may block; it raises OSError once nobody listens."""
 
-    def __init__(self, view: RunView, source: Source, send: Callable[[bytes], None]) -> None:
+    def __init__(self, view: RunView, source: FeedSource, send: Callable[[bytes], None]) -> None:
         self._view, self._source, self._send = view, source, send
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ui-feed", daemon=True)
         self._changes = Changes(source)
         self._traced = 0
         self._told = -1
-        self._tick_wall_s = self._tick_mono_s = 0.0
+        self._tick_mono_s = 0.0
         self._pace = Pace()
 
     def start(self) -> None:
@@ -64,7 +65,7 @@ class Feed:
 
     def __call__(self, record: TickRecord) -> None:
         self._view(record)
-        self._tick_wall_s, self._tick_mono_s = time.time(), time.monotonic()
+        self._tick_mono_s = time.monotonic()
 
     def close(self) -> bool:
         """The last state still goes out; False when the server does not take it."""
@@ -91,73 +92,76 @@ class Feed:
             self._told = view.ticks
             state = view.state()
             if state is not None:
-                state["wall_ms"] = round(self._tick_wall_s * 1e3, 1)
-                state["mono_ms"] = round(self._tick_mono_s * 1e3, 1)
-                state["rtf"] = self._pace.ratio(state["t"], time.monotonic())
-                state["weeds"] = self._changes.weed_count
-                state["recording"] = self._source.recording()
-                state["calibration"] = self._source.calibration()
-                self._put(state)
+                self._put(self._complete(state))
         self._tell_trace()
         if number % SLOW_EVERY == 0:
             for message in self._changes.messages():
                 self._put(message)
             self._put(self._counts())
 
-    def _counts(self) -> Message:
+    def _complete(self, state: wire.State) -> wire.State:
+        """With what a view alone cannot know."""
+        return msgspec.structs.replace(
+            state,
+            mono_ms=round(self._tick_mono_s * 1e3, 1),
+            pace_ratio=self._pace.ratio(state.t_s, time.monotonic()),
+            weed_count=self._changes.weed_count,
+            recording=self._source.recording(),
+            calibration=self._source.calibration(),
+        )
+
+    def _counts(self) -> wire.TickCounts:
         record = self._view.record
-        return {
-            "k": "counts",
-            "wall_s": time.time(),
-            "t": record.batch.t_s if record else 0.0,
-            "cpu_s": time.process_time(),
-            "topics": dict(self._view.topics),
-        }
+        return wire.TickCounts(
+            wall_s=time.time(),
+            t_s=record.batch.t_s if record else 0.0,
+            cpu_s=time.process_time(),
+            samples=dict(self._view.topics),
+        )
 
     def _tell_trace(self) -> None:
         trace = self._view.trace_map_m
         while self._traced < len(trace):
             chunk = trace[self._traced : self._traced + TRACE_CHUNK]
-            self._put({"k": "traj", "first": self._traced, "xy": chunk})
+            self._put(wire.TracePiece(first=self._traced, points_map_m=chunk))
             self._traced += len(chunk)
 
-    def _put(self, message: Message) -> None:
-        self._send(msgspec.json.encode(message))
+    def _put(self, message: wire.RobotMessage) -> None:
+        self._send(wire.encode(message))
 
 
 class Changes:
     """What is new in the weed map, the events and the path since it was last asked."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: FeedSource) -> None:
         self._source = source
-        self._rows: dict[int, list[Any]] = {}
-        self._rev = 0
+        self._known: dict[int, wire.Weed] = {}
         self._events = 0
         self._path: Path | None = None
         self.weed_count = 0
 
-    def messages(self) -> list[Message]:
-        messages: list[Message] = []
+    def messages(self) -> list[wire.Growth]:
+        messages: list[wire.Growth] = []
         path = self._source.path()
         if path is not None and path is not self._path:
             self._path = path
-            messages.append({"k": "path", **thinned(path)})
-        for event in self._source.events_since(self._events):
-            self._events += 1
-            messages.append(event_message(event))
+            messages.append(thin_path(path))
+        events = self._source.events_since(self._events)
+        if events:
+            self._events += len(events)
+            messages.append(wire.NewEvents(events=[shown_event(event) for event in events]))
         weeds = self._weeds()
         return [*messages, weeds] if weeds else messages
 
-    def _weeds(self) -> Message | None:
-        rows = {track.id: weed_row(track) for track in self._source.weeds()}
-        changed = [row for id, row in rows.items() if self._rows.get(id) != row]
-        gone = [id for id in self._rows if id not in rows]
+    def _weeds(self) -> wire.WeedChanges | None:
+        weeds = {track.id: shown_weed(track) for track in self._source.weeds()}
+        changed = [weed for id, weed in weeds.items() if self._known.get(id) != weed]
+        gone = [id for id in self._known if id not in weeds]
         if not changed and not gone:
             return None
-        self._rows = rows
-        self._rev += 1
-        self.weed_count = sum(row[1] == 0 for row in rows.values())
-        return {"k": "weeds", "rev": self._rev, "set": changed, "gone": gone}
+        self._known = weeds
+        self.weed_count = sum(weed.plant == PlantClass.WEED for weed in weeds.values())
+        return wire.WeedChanges(set=changed, gone=gone)
 
 
 class Pace:
@@ -179,8 +183,7 @@ class Pace:
 class CameraFeed:
     """Newest frame and newest class mask to the server, while somebody watches.
 
-    A message is 1 byte kind (0 image, 1 mask), 4 bytes frame index, 8 bytes wall time in ms,
-    2 x 2 bytes height and width, big endian, then the pixels.
+    A message is a `wire.PIXELS_HEAD`, then the pixels.
     """
 
     def __init__(self, link: Connection) -> None:
@@ -226,25 +229,26 @@ class CameraFeed:
                 for kind in (0, 1):
                     picture = self._newest.pop(kind, None)
                     if picture is not None:
-                        self._link.send_bytes(packed(kind, *picture))
+                        self._link.send_bytes(pack_pixels(kind, *picture))
         except OSError:
             return
 
 
-def packed(kind: int, index: int, wall_ms: float, pixels: ByteArray) -> bytes:
+def pack_pixels(kind: int, index: int, wall_ms: float, pixels: ByteArray) -> bytes:
     height, width = pixels.shape[:2]
-    return PICTURE_HEAD.pack(kind, index, wall_ms, height, width) + pixels.tobytes()
+    return wire.PIXELS_HEAD.pack(kind, index, wall_ms, height, width) + pixels.tobytes()
 
 
-def thinned(path: Path) -> Message:
-    """The path with a point about every 5 cm: `xy` in the map and `row` of each point."""
+def thin_path(path: Path) -> wire.PathPiece:
+    """The whole path with a point about every 5 cm."""
     step_m = float(path.s_m[-1]) / max(len(path.s_m) - 1, 1)
     every = max(1, round(PATH_STEP_M / step_m)) if step_m > 0 else 1
     keep = sorted({*range(0, len(path.s_m), every), len(path.s_m) - 1})
-    return {"xy": np.round(path.xy_map_m[keep], 4).tolist(), "row": path.row[keep].tolist()}
+    points = [(round(x_m, 4), round(y_m, 4)) for x_m, y_m in path.xy_map_m[keep].tolist()]
+    return wire.PathPiece(points_map_m=points, rows=path.row[keep].tolist())
 
 
-def event_message(event: Event) -> Message:
+def shown_event(event: Event) -> wire.LogEvent:
     level = _LEVEL.get(event.kind, "info")
     text = event.reason or "no objection any more"
-    return {"k": "event", "t": event.t_s, "level": level, "source": event.kind, "text": text}
+    return wire.LogEvent(t_s=event.t_s, level=level, source=event.kind, text=text)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
+from agribot.ui import wire
 from agribot.ui.answers import Unusable
 
 KINDS = ("boundary", "obstacle", "row", "ab_line", "waypoint", "path")
@@ -22,18 +22,17 @@ MAX_FEATURES = 10_000
 MAX_VERTICES = 200_000
 MAX_DISTANCE_M = 20_000.0  # from the field's origin; farther, the map is another one
 
-Reason = dict[str, Any]
 LonLat = tuple[float, float]
 
 
-def check_field(collection: Any, datum: Datum) -> dict[str, Any]:
+def check_field(collection: Any, datum: Datum) -> wire.FieldReply:
     """Reasons against it, its area without obstacles and the length of its lines.
 
     Raises: Unusable: it is no FeatureCollection at all.
     """
     features = _features(collection)
     frame = MapFrame(datum)
-    reasons: list[Reason] = []
+    reasons: list[wire.FieldReason] = []
     shapes: dict[str, list[Any]] = {kind: [] for kind in KINDS}
     for number, feature in enumerate(features, start=1):
         kind = str((feature.get("properties") or {}).get("kind", ""))
@@ -45,12 +44,12 @@ def check_field(collection: Any, datum: Datum) -> dict[str, Any]:
     reasons += _misplaced(shapes, frame)
     area_m2 = sum(b.area for b in shapes["boundary"]) - sum(o.area for o in shapes["obstacle"])
     lines = (*shapes["row"], *shapes["path"])
-    return {
-        "ok": not reasons,
-        "reasons": reasons,
-        "area_m2": round(max(area_m2, 0.0), 2),
-        "length_m": round(sum(line.length for line in lines), 2),
-    }
+    return wire.FieldReply(
+        ok=not reasons,
+        reasons=reasons,
+        area_m2=round(max(area_m2, 0.0), 2),
+        length_m=round(sum(line.length for line in lines), 2),
+    )
 
 
 def _features(collection: Any) -> list[Any]:
@@ -67,7 +66,7 @@ def _features(collection: Any) -> list[Any]:
 class _Fault(Exception):
     """What is wrong with one feature, and where in the map."""
 
-    def __init__(self, text: str, at_map_m: list[float] | None = None) -> None:
+    def __init__(self, text: str, at_map_m: wire.Vec2 | None = None) -> None:
         super().__init__(text)
         self.at_map_m = at_map_m
 
@@ -111,33 +110,33 @@ def _in_map(points: Any, frame: MapFrame) -> Any:
     return np.array([frame.map_from_geodetic(lat, lon, 0.0)[:2] for lon, lat in points])
 
 
-def _too_far(coordinates: Any, frame: MapFrame) -> list[float] | None:
+def _too_far(coordinates: Any, frame: MapFrame) -> wire.Vec2 | None:
     for lon_deg, lat_deg in coordinates:
         if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
-            return [0.0, 0.0]
+            return 0.0, 0.0
         x_m, y_m, _ = frame.map_from_geodetic(float(lat_deg), float(lon_deg), 0.0)
         if math.hypot(x_m, y_m) > MAX_DISTANCE_M:
-            return [x_m, y_m]
+            return x_m, y_m
     return None
 
 
-def _fault_place(shape: Any) -> list[float] | None:
+def _fault_place(shape: Any) -> wire.Vec2 | None:
     """Where a polygon crosses itself, from the library's text `Self-intersection[x y]`."""
     import shapely
 
     text = shapely.is_valid_reason(shape)
     inner = text.partition("[")[2].rstrip("]").split()
     try:
-        return [float(inner[0]), float(inner[1])]
+        return float(inner[0]), float(inner[1])
     except (ValueError, IndexError):
         return None
 
 
-def _misplaced(shapes: dict[str, list[Any]], frame: MapFrame) -> list[Reason]:
+def _misplaced(shapes: dict[str, list[Any]], frame: MapFrame) -> list[wire.FieldReason]:
     """Things that lie outside the boundary, and rows through obstacles."""
     from shapely.ops import unary_union
 
-    reasons: list[Reason] = []
+    reasons: list[wire.FieldReason] = []
     if not shapes["boundary"]:
         return reasons
     field = unary_union(shapes["boundary"])
@@ -145,22 +144,18 @@ def _misplaced(shapes: dict[str, list[Any]], frame: MapFrame) -> list[Reason]:
         for number, shape in enumerate(shapes[kind], start=1):
             if not field.buffer(0.01).covers(shape):
                 at = shape.difference(field).representative_point()
-                reasons.append(_reason(f"{kind} {number} lies outside the boundary", [at.x, at.y]))
+                reasons.append(_reason(f"{kind} {number} lies outside the boundary", (at.x, at.y)))
     for number, row in enumerate(shapes["row"], start=1):
         hit = next((o for o in shapes["obstacle"] if o.intersects(row)), None)
         if hit is not None:
             at = hit.intersection(row).representative_point()
-            reasons.append(_reason(f"row {number} runs into an obstacle", [at.x, at.y]))
+            reasons.append(_reason(f"row {number} runs into an obstacle", (at.x, at.y)))
     return reasons
 
 
-def _reason(text: str, at_map_m: list[float] | None = None) -> Reason:
-    return {"text": text, "at_map_m": at_map_m}
+def _reason(text: str, at_map_m: wire.Vec2 | None = None) -> wire.FieldReason:
+    return wire.FieldReason(text=text, at_map_m=at_map_m)
 
 
-def datum_of(field: dict[str, Any]) -> Datum:
-    """Raises: MissionError: the field has no usable origin."""
-    try:
-        return Datum(lat_deg=field["datum"]["lat_deg"], lon_deg=field["datum"]["lon_deg"])
-    except (KeyError, TypeError) as error:
-        raise MissionError("the field has no origin") from error
+def datum_of(field: wire.Field) -> Datum:
+    return Datum(lat_deg=field.datum.lat_deg, lon_deg=field.datum.lon_deg)

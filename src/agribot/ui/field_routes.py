@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 from email import message_from_bytes
+from typing import Any
 
 import msgspec
 from starlette.requests import Request
@@ -11,20 +12,21 @@ from starlette.responses import Response
 
 from agribot.core.errors import AgribotError
 from agribot.gis.formats.table import read_field_file, write_field_file
+from agribot.ui import wire
 from agribot.ui.answers import (
     NO_STORE,
     Unusable,
     json_answer,
-    json_body,
     name_of,
     need_operator,
     need_seat,
+    read_body,
 )
 from agribot.ui.field_check import check_field, datum_of
 from agribot.ui.hub import Hub
 from agribot.ui.mapviz_config import config_of, displays_of
 from agribot.ui.off_the_loop import run_in_process
-from agribot.ui.planning import Made, Wanted, make_plan
+from agribot.ui.planning import Made, make_plan
 from agribot.ui.store import Store
 
 PLAN_TIMEOUT_S = 60.0
@@ -55,13 +57,13 @@ async def put_field(request: Request) -> Response:
     """Checked before it is stored: a field that cannot be worked never replaces a good one."""
     need_operator(request)
     hub: Hub = request.app.state.hub
-    collection = await json_body(request)
+    collection = await read_body(request, dict[str, Any])
     name = request.path_params["name"]
     datum = datum_of(hub.about.field)
     verdict = await run_in_process(check_field, collection, datum, what="field")
-    if not verdict["ok"]:
-        first = verdict["reasons"][0]["text"]
-        return json_answer({"error": f"field '{name}' is not stored: {first}", **verdict}, 422)
+    if not verdict.ok:
+        error = f"field '{name}' is not stored: {verdict.reasons[0].text}"
+        return json_answer(msgspec.structs.replace(verdict, error=error), 422)
     _fields(request).write(name, collection)
     hub.note(name_of(request), f"stores field '{name}'")
     return json_answer(verdict)
@@ -90,7 +92,8 @@ async def import_field(request: Request) -> Response:
 
 async def export_field(request: Request) -> Response:
     """A FeatureCollection as the body, `?format=` as an ending such as `.gpkg`."""
-    collection, suffix = await json_body(request), request.query_params.get("format", "")
+    collection = await read_body(request, dict[str, Any])
+    suffix = request.query_params.get("format", "")
     try:
         data = await run_in_process(write_field_file, suffix, collection, what="field")
     except AgribotError as error:
@@ -127,22 +130,20 @@ async def apply_plan(request: Request) -> Response:
     hub: Hub = request.app.state.hub
     made = await _plan(request)
     if made.field is None:
-        first = made.answer["reasons"][0]["text"]
-        return json_answer({"error": f"the plan is not used: {first}", **made.answer}, 422)
-    refusal = await hub.request("plan", name_of(request), made.text)
+        error = f"the plan is not used: {made.answer.reasons[0].text}"
+        return json_answer(msgspec.structs.replace(made.answer, error=error), 422)
+    event = wire.EventOrder(action="plan", source=name_of(request), text=made.text)
+    refusal = await hub.request(event)
     if refusal:
         raise Unusable(409, refusal)
     hub.about.field = made.field
-    hub.tell_all({"k": "field"})
+    hub.tell_all(wire.FieldChange())
     return json_answer(made.answer)
 
 
 async def _plan(request: Request) -> Made:
     hub: Hub = request.app.state.hub
-    try:
-        wanted = msgspec.convert(await json_body(request), Wanted)
-    except msgspec.ValidationError as error:
-        raise Unusable(422, f"the request for a plan is not usable: {error}") from error
+    wanted = await read_body(request, wire.PlanWish, 422)
     config, robot = hub.about.config, hub.about.robot_spec
     return await run_in_process(
         make_plan, wanted, config, robot, timeout_s=PLAN_TIMEOUT_S, what="field"
@@ -151,23 +152,21 @@ async def _plan(request: Request) -> Made:
 
 async def put_view(request: Request) -> Response:
     need_operator(request)
-    _views(request).write(request.path_params["name"], await json_body(request))
+    _views(request).write(request.path_params["name"], await read_body(request, dict[str, Any]))
     return Response(status_code=204)
 
 
 async def import_view(request: Request) -> Response:
     """A configuration of mapviz as the body; nothing is stored."""
     need_operator(request)
-    return json_answer(await run_in_process(displays_of, await request.body(), what="file"))
+    displays = await run_in_process(displays_of, await request.body(), what="file")
+    return json_answer(msgspec.convert(displays, wire.ImportedView))
 
 
 async def export_view(request: Request) -> Response:
     """The displays of a view, and what it stays on, as a configuration of mapviz."""
-    told = await json_body(request)
-    displays, view = told.get("displays"), told.get("view", {})
-    if not isinstance(displays, list) or not isinstance(view, dict):
-        raise Unusable(400, 'send {"displays": [...], "view": {"target": ..., "turn": ...}}')
-    data = await run_in_process(config_of, displays, view, what="view")
+    told = await read_body(request, wire.ExportedView)
+    data = await run_in_process(config_of, told.displays, told.view, what="view")
     return Response(data, media_type="application/yaml")
 
 

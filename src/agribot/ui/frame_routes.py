@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import base64
-
 from starlette.requests import Request
 from starlette.responses import Response
 
+from agribot.ui import wire
 from agribot.ui.answers import (
     Unusable,
-    asked_of_robot,
+    ask_robot,
     is_robot_shown,
     json_answer,
     name_of,
@@ -24,24 +23,25 @@ async def save_frame(request: Request) -> Response:
     hub: Hub = request.app.state.hub
     if not is_robot_shown(request):
         raise Unusable(409, "no robot is shown whose camera could be kept")
-    saved = await asked_of_robot(request, "save_frame", None)
-    hub.note(name_of(request), f"keeps a frame: {saved['image']}")
+    saved = await ask_robot(request, wire.SaveFrame(), wire.KeptFrame)
+    hub.note(name_of(request), f"keeps a frame: {saved.image}")
     return json_answer(saved)
 
 
 async def weed_picture(request: Request) -> Response:
     """A JPEG of a weed as the camera saw it best; `x-captured-s` says when."""
     hub: Hub = request.app.state.hub
-    row = hub.live.weeds.get(request.path_params["id"])
-    if row is None or not is_robot_shown(request):
+    weed = hub.live.weeds.get(request.path_params["id"])
+    if weed is None or not is_robot_shown(request):
         raise Unusable(404, "there are pictures of the weeds of the running robot only")
-    found = await asked_of_robot(request, "plant_picture", [row[2], row[3]])
-    if not found:
+    question = wire.FindPlantPicture(x_map_m=weed.x_map_m, y_map_m=weed.y_map_m)
+    found = await ask_robot(request, question, wire.PlantPictureFile)
+    if not found.jpeg:
         raise Unusable(
             404, "no picture of it is kept: it was seen too long ago, or before a resume"
         )
-    headers = {"cache-control": "no-store", "x-captured-s": f"{found['t_s']:.2f}"}
-    return Response(base64.b64decode(found["jpeg"]), media_type="image/jpeg", headers=headers)
+    headers = {"cache-control": "no-store", "x-captured-s": f"{found.t_s:.2f}"}
+    return Response(found.jpeg, media_type="image/jpeg", headers=headers)
 
 
 ROUTES = (

@@ -5,28 +5,26 @@ from __future__ import annotations
 from starlette.requests import Request
 from starlette.responses import Response
 
-from agribot.core.json_number import is_number
+from agribot.ui import wire
 from agribot.ui.answers import (
     Unusable,
-    asked_of_robot,
+    ask_robot,
     is_robot_shown,
     json_answer,
-    json_body,
     need_operator,
+    read_body,
 )
 
 
 async def preview(request: Request) -> Response:
-    """The way to `x`, `y` (m, map) with `yaw` (rad) or null; nothing moves."""
+    """The way to a place, where it matters with a heading there; nothing moves."""
     need_operator(request)
     if not is_robot_shown(request):
         raise Unusable(409, "no robot is shown that could drive there")
-    goal = await json_body(request)
-    yaw = goal.get("yaw")
-    numbers = [goal.get("x"), goal.get("y"), *([] if yaw is None else [yaw])]
-    if not all(map(is_number, numbers)):
-        raise Unusable(400, "a goal needs finite numbers x, y (m, map) and yaw (rad) or null")
-    return json_answer(await asked_of_robot(request, "preview_goal", numbers))
+    goal = await read_body(request, wire.GoalPlace)
+    yaw = () if goal.yaw_map_rad is None else (goal.yaw_map_rad,)
+    question = wire.PreviewGoal(numbers=(goal.x_map_m, goal.y_map_m, *yaw))
+    return json_answer(await ask_robot(request, question, wire.GoalPreview))
 
 
 ROUTES = (("POST", "/api/v1/goal/preview", preview),)

@@ -3,31 +3,32 @@
 from __future__ import annotations
 
 import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
+from agribot.ui import wire
 from agribot.ui.joystick import JoystickState
 
 Twist = tuple[float, float]
 STILL: Twist = (0.0, 0.0)
 
 
-class Request(NamedTuple):
-    """What a hand asks for beside driving: a message to the robot, and what to call it."""
+class HandRequest(NamedTuple):
+    """What a hand asks for beside driving, and what to call it."""
 
     name: str
-    message: dict[str, Any]
+    request: wire.PageRequest
 
 
 class Wish(NamedTuple):
     """Of one look at a device; no twist: the hand has quit."""
 
     twist: Twist | None
-    requests: tuple[Request, ...] = ()
+    requests: tuple[HandRequest, ...] = ()
 
 
-STOP = Request("stop", {"k": "stop"})
+STOP = HandRequest("stop", wire.PressStop())
 
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 _WORDS = re.compile(r"\x1b\[<(\d+);(\d+);(\d+)([Mm])|\x1b[\[O]([ABCD])|([\s\S])")

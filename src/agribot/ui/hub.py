@@ -7,22 +7,30 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
 from agribot.core.config import RunConfig
+from agribot.core.messages import OperatorAction
 from agribot.core.robot import RobotSpec
+from agribot.ui import wire
 from agribot.ui.access import Access
-from agribot.ui.channel import Channel, signal_table
+from agribot.ui.channel import Channel
 from agribot.ui.replay import Replay
 from agribot.ui.seat import Seat
 from agribot.ui.stops import Stops
 
-ToRobot = Callable[[dict[str, Any]], None]
+T = TypeVar("T")
+ToRobot = Callable[[wire.RobotOrder], None]
 MAX_REPLAYS = 4  # at a time; whoever started the oldest is shown the robot again
 NOTES_PER_MINUTE = 60
 TELL_SEAT_S = 0.05
+ANSWER_S = 10.0  # of the robot's program
+
+
+class NotWanted(Exception):
+    """The robot's program says in one sentence why it does not do what was asked of it."""
 
 
 class About(msgspec.Struct, kw_only=True):
@@ -35,12 +43,12 @@ class About(msgspec.Struct, kw_only=True):
     viewer_token: str
     session_key: str
     profile: str
-    source: str  # "sim", "hardware", "replay" or "description"
-    field: dict[str, Any]
-    robot: dict[str, Any]
+    source: str
+    field: wire.Field
+    robot: wire.Robot
     urdf: str
     meshes: dict[str, str]
-    settings: list[dict[str, Any]]
+    settings: list[wire.SettingGroup]
     rates: dict[str, float]
     runs_dir: str
     current: str
@@ -58,17 +66,17 @@ class About(msgspec.Struct, kw_only=True):
 class Hub:
     def __init__(self, about: About, to_robot: ToRobot) -> None:
         self.about = about
-        self.live = Channel(about.source, signal_table(), epoch=about.run_id)
+        self.live = Channel(about.source, epoch=about.run_id)
         self.seat = Seat()
         self.is_robot_gone = False
-        self.counts: deque[dict[str, Any]] = deque(maxlen=8)
+        self.counts: deque[wire.TickCounts] = deque(maxlen=8)
         self.sockets: set[Any] = set()
         self._replays: dict[str, Replay] = {}
         self.choices: dict[str, object] = {}  # the last of each browser that waits for it
         self.refusals = 0
         self.visits = 0
         self._asked = 0
-        self._answers: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self._answers: dict[int, asyncio.Future[wire.Answer]] = {}
         self.started_s = time.monotonic()
         is_local = about.host in {"127.0.0.1", "localhost", "::1"}
         self.access = Access(
@@ -116,11 +124,10 @@ class Hub:
     def tell_live(self) -> None:
         """Those who look at a recording are told what the robot itself does meanwhile."""
         watching = [socket for socket in self.sockets if socket.channel is not self.live]
-        state = self.live.newest() if watching and self.has_robot else {}
-        if state:
-            shown = {"k": "live", "mode": state["mode"], "stop": state["stop"]}
+        state = self.live.state if watching and self.has_robot else None
+        if state is not None:
             for socket in watching:
-                socket.tell(shown)
+                socket.tell(wire.LiveState(mode=state.mode, stop=state.stop))
 
     def _follow(self) -> None:
         for socket in self.sockets:
@@ -143,60 +150,65 @@ class Hub:
     def home(self) -> Path:
         return Path(self.about.home_dir)
 
-    def order(self, message: dict[str, Any]) -> None:
+    def order(self, message: wire.RobotOrder) -> None:
         """Send a request to the robot; one that is gone hears nothing."""
         if not self.is_robot_gone:
             self._to_robot(message)
 
-    async def ask(self, name: str, values: Any, timeout_s: float = 10.0) -> Any:
+    async def ask(self, question: wire.Question, type: type[T], timeout_s: float = ANSWER_S) -> T:
         """Let the robot's program work something out.
 
         Raises: TimeoutError: it did not answer. LookupError: it could not, the text says why.
+            NotWanted: it does not want to.
         """
+        answer = await self._ask(question, timeout_s)
+        if answer.refusal:
+            raise NotWanted(answer.refusal)
+        return msgspec.convert(answer.value, type)
+
+    async def _ask(self, question: wire.Question, timeout_s: float) -> wire.Answer:
         if self.is_robot_gone:
             raise LookupError("the robot's program has ended")
         self._asked += 1
-        number = self._asked
-        answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
-        self._answers[number] = answer
+        id = self._asked
+        waiting: asyncio.Future[wire.Answer] = asyncio.get_running_loop().create_future()
+        self._answers[id] = waiting
         try:
-            self.order({"c": "ask", "number": number, "name": name, "values": values})
-            reply = await asyncio.wait_for(answer, timeout_s)
+            self.order(wire.Ask(id=id, question=question))
+            answer = await asyncio.wait_for(waiting, timeout_s)
         finally:
-            del self._answers[number]
-        if reply.get("error"):
-            raise LookupError(str(reply["error"]))
-        return reply.get("value")
+            del self._answers[id]
+        if answer.error:
+            raise LookupError(answer.error)
+        return answer
 
-    def answered(self, reply: dict[str, Any]) -> None:
-        waiting = self._answers.get(reply["number"])
+    def hear_answer(self, answer: wire.Answer) -> None:
+        waiting = self._answers.get(answer.id)
         if waiting is not None and not waiting.done():
-            waiting.set_result(reply)
+            waiting.set_result(answer)
 
     def event(
         self,
-        action: str,
+        action: OperatorAction,
         source: str,
         text: str = "",
         value: float = 0.0,
         numbers: tuple[float, ...] = (),
     ) -> None:
-        order = {"action": action, "source": source, "text": text, "value": value}
-        self.order({"c": "event", **order, "numbers": numbers})
+        self.order(
+            wire.EventOrder(action=action, source=source, text=text, value=value, numbers=numbers)
+        )
 
-    async def request(
-        self, action: str, source: str, text: str = "", numbers: tuple[float, ...] = ()
-    ) -> str:
+    async def request(self, event: wire.EventOrder) -> str:
         """An event that the mission may refuse: why, or nothing where it was taken."""
-        order = {"action": action, "source": source, "text": text, "value": 0.0}
         try:
-            return str(await self.ask("request", {**order, "numbers": numbers}) or "")
+            return (await self._ask(event, ANSWER_S)).refusal
         except TimeoutError:
-            return "the robot's program did not answer within 10 s"
+            return f"the robot's program did not answer within {ANSWER_S:g} s"
         except LookupError as error:
             return str(error)
 
-    def tell_all(self, message: dict[str, Any]) -> None:
+    def tell_all(self, message: wire.ServerMessage) -> None:
         for socket in self.sockets:
             socket.tell(message)
 

@@ -9,7 +9,7 @@ from typing import Any, Self
 CLOSE_TIMEOUT_S = 2.0
 
 
-class Line:
+class BlockingSocket:
     """Opened and closed as a context. A thread of its own does all the reading and writing.
 
     One thread, because OpenSSL lets nobody write to an encrypted connection while somebody reads
@@ -56,20 +56,20 @@ class Line:
         self._stack.close()
 
     def send(self, text: str) -> None:
-        self._done(self._socket.send, text)
+        self._run(self._socket.send, text)
 
     def receive(self, timeout_s: float) -> str | bytes | None:
         """The next message; None when none has come by then, 0 looks at what is here already."""
-        return self._done(self._received, timeout_s)  # type: ignore[no-any-return]
+        return self._run(self._receive, timeout_s)  # type: ignore[no-any-return]
 
-    async def _received(self, timeout_s: float) -> Any:
+    async def _receive(self, timeout_s: float) -> Any:
         from anyio import move_on_after
 
         with move_on_after(timeout_s):
             return await self._socket.recv()
         return None
 
-    def _done(self, work: Any, *values: object) -> Any:
+    def _run(self, work: Any, *values: object) -> Any:
         from websockets.exceptions import WebSocketException
 
         try:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import base64
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import anyio
 import anyio.to_thread
+import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -23,32 +24,35 @@ from agribot.gis.mbtiles import (
     read_tile,
 )
 from agribot.gis.tile_grid import MapTile
+from agribot.ui import wire
 from agribot.ui.answers import (
     Unusable,
     json_answer,
-    json_body,
     name_of,
     need_operator,
     need_seat,
+    read_body,
     refused,
 )
 from agribot.ui.hub import Hub
 from agribot.ui.off_the_loop import run_in_thread
 
+T = TypeVar("T")
 FETCHES = anyio.CapacityLimiter(6)
 NO_TILE = Response(status_code=204, headers={"cache-control": "max-age=3600"})
 
 
 async def list_maps(request: Request) -> Response:
     hub: Hub = request.app.state.hub
-    return json_answer(await run_in_thread(_described_maps, hub.home / "maps"))
+    return json_answer(await run_in_thread(_list_maps, hub.home / "maps"))
 
 
-def _described_maps(folder: Path) -> list[dict[str, Any]]:
+def _list_maps(folder: Path) -> list[wire.MapSource]:
     maps = []
     for name, path in find_maps(folder).items():
         try:
-            maps.append({**describe_map(path), "url": f"/tiles/{name}/{{z}}/{{x}}/{{y}}"})
+            about = {**describe_map(path), "url": f"/tiles/{name}/{{z}}/{{x}}/{{y}}"}
+            maps.append(msgspec.convert(about, wire.MapSource))
         except ConfigError:
             continue  # a file that somebody put there by hand and that is none
     return maps
@@ -86,11 +90,12 @@ def _fetched(path: Path, address: MapTile) -> bytes | None:
 
 async def list_panels(request: Request) -> Response:
     hub: Hub = request.app.state.hub
-    return json_answer([] if hub.about.recording else await _asked(request, "panels", None))
+    return json_answer([] if hub.about.recording else await _list_panels(request))
 
 
 async def panel_data(request: Request) -> Response:
-    value = await _asked(request, "panel_data", {"id": request.path_params["id"]})
+    question = wire.ReadPanel(panel=request.path_params["id"])
+    value: Any = await _ask_program(request, question, Any)
     if isinstance(value, dict) and set(value) == {"base64"}:
         data = base64.b64decode(value["base64"])
         return Response(
@@ -102,19 +107,24 @@ async def panel_data(request: Request) -> Response:
 async def submit_panel(request: Request) -> Response:
     """The program decides whether a button needs the seat; a form always does."""
     need_operator(request)
-    id, values = request.path_params["id"], await json_body(request)
-    panels = {panel["id"]: panel for panel in await _asked(request, "panels", None)}
-    if panels.get(id, {}).get("needs_seat", True):
+    id, values = request.path_params["id"], await read_body(request, dict[str, Any])
+    panels = {panel.id: panel for panel in await _list_panels(request)}
+    if id not in panels or panels[id].needs_seat is not False:
         need_seat(request)
     hub: Hub = request.app.state.hub
     hub.note(name_of(request), f"uses panel '{id}'")
-    return json_answer(await _asked(request, "panel_submit", {"id": id, "values": values}))
+    question = wire.SubmitPanel(panel=id, values=values)
+    return json_answer(await _ask_program(request, question, wire.PanelReply))
 
 
-async def _asked(request: Request, name: str, values: object) -> Any:
+async def _list_panels(request: Request) -> list[wire.PanelInfo]:
+    return await _ask_program(request, wire.ListPanels(), list[wire.PanelInfo])
+
+
+async def _ask_program(request: Request, question: wire.Question, type: type[T]) -> T:
     hub: Hub = request.app.state.hub
     try:
-        return await hub.ask(name, values)
+        return await hub.ask(question, type)
     except TimeoutError as error:
         raise Unusable(504, "the program did not answer within 10 s") from error
     except LookupError as error:

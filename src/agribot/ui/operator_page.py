@@ -15,10 +15,11 @@ from agribot.app.calibration.robot_file import RobotFile
 from agribot.app.calibration.wizard import Wizard
 from agribot.app.run import Run
 from agribot.autonomy.weeds.track import Track
-from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.errors import ConfigError, MissionError, RecordingError
 from agribot.core.messages import ByteArray, OperatorEvent, TickRecord
 from agribot.core.messages import Path as PlannedPath
 from agribot.record.events import Event
+from agribot.ui import wire
 from agribot.ui.about import about_run
 from agribot.ui.address import Address
 from agribot.ui.feed import CameraFeed, Feed
@@ -141,7 +142,7 @@ class OperatorPage:
             link.send_bytes(data)
 
     def _hear(self, data: bytes) -> None:
-        self._obey(msgspec.json.decode(data))
+        self._obey(wire.read_robot_order(data))
 
     def _look(self) -> None:
         """A hand that fell silent lets go, by the clock on the wall: a simulation may be slow."""
@@ -163,28 +164,38 @@ class OperatorPage:
     def _note(self, text: str) -> None:
         self._inbox.post(OperatorEvent(t_s=0.0, action="note", source=SERVER, text=text))
 
-    def _obey(self, order: dict[str, Any]) -> None:
-        kind = order["c"]
-        if kind == "drive":
-            self._hand(float(order["v"]), float(order["w"]), str(order["by"]))
-        elif kind == "event":
-            if order["action"] == "set":
-                self._changed[order["text"]] = float(order["value"])
-            self._inbox.post(_event(order))
-        elif kind == "watch" and self._camera is not None:
-            self._camera.is_watched = bool(order["camera"])
-            self._camera.is_mask_watched = bool(order["mask"])
-        elif kind == "lost":
-            self._operator_lost(str(order["by"]))
-        elif kind == "ask":
+    def _obey(self, order: wire.RobotOrder) -> None:
+        if isinstance(order, wire.DriveOrder):
+            self._hand(order.v_mps, order.yaw_rate_radps, order.by)
+        elif isinstance(order, wire.EventOrder):
+            self._inbox.post(self._event(order))
+        elif isinstance(order, wire.WatchOrder):
+            if self._camera is not None:
+                self._camera.is_watched = order.camera
+                self._camera.is_mask_watched = order.mask
+        elif isinstance(order, wire.OperatorLost):
+            self._operator_lost(order.by)
+        elif isinstance(order, wire.Ask):
             asked = (order, self.server.link)
             threading.Thread(target=self._answer, args=asked, daemon=True).start()
-        elif kind == "ready":
+        elif isinstance(order, wire.Ready):
             self._start_feeds()
             if self._ready.is_set():
                 report(f"page: served again at {self.url}")
                 self._note("serves again")
             self._ready.set()
+
+    def _event(self, order: wire.EventOrder) -> OperatorEvent:
+        if order.action == "set":
+            self._changed[order.text] = order.value
+        return OperatorEvent(
+            t_s=0.0,
+            action=order.action,
+            source=order.source,
+            text=order.text,
+            value=order.value,
+            numbers=order.numbers,
+        )
 
     def _hand(self, v_mps: float, yaw_rate_radps: float, by: str) -> None:
         self._wizard.interrupt(f"{by} took the robot")
@@ -200,48 +211,56 @@ class OperatorPage:
             self._inbox.post(OperatorEvent(t_s=0.0, action="pause", source=f"loss of {who}"))
         self._inbox.post(OperatorEvent(t_s=0.0, action="note", source=who, text="operator lost"))
 
-    def _answer(self, order: dict[str, Any], link: Connection) -> None:
+    def _answer(self, asked: wire.Ask, link: Connection) -> None:
         """What the server asks of mission and panels. Errors of their code become answers."""
-        reply: dict[str, Any] = {"k": "reply", "number": order["number"]}
         try:
-            reply["value"] = self._answered(order["name"], order["values"])
-            data = msgspec.json.encode(reply)
+            data = wire.encode(self._find_answer(asked.id, asked.question))
         except Exception as error:  # noqa: BLE001  (somebody else's code; its page shows the text)
-            data = msgspec.json.encode(
-                {**reply, "value": None, "error": f"{type(error).__name__}: {error}"}
-            )
+            text = f"{type(error).__name__}: {error}"
+            data = wire.encode(wire.Answer(id=asked.id, error=text))
         with contextlib.suppress(OSError):
             self._send(link, data)
 
-    def _answered(self, name: str, values: Any) -> Any:
-        if name == "request":
-            return self._verdicts.ask(_event(values))
-        if name == "calibration":
-            return self._wizard.answer(values)
-        if name == "preview_goal":
-            return self._preview_goal(tuple(map(float, values)))
-        if name == "save_frame":
-            return self._save_frame()
-        if name == "plant_picture":
-            picture = self._plants.near(float(values[0]), float(values[1]))
-            return {} if picture is None else {"jpeg": picture.jpeg, "t_s": picture.t_s}
-        return self._panels.answer(name, values)
+    def _find_answer(self, id: int, question: wire.Question) -> wire.Answer:
+        if isinstance(question, wire.EventOrder):
+            return wire.Answer(id=id, refusal=self._verdicts.ask(self._event(question)))
+        if isinstance(question, wire.Calibrate):
+            wanted = {"do": question.action, "kind": question.name, "by": question.by}
+            found = self._wizard.answer(wanted)
+            return wire.Answer(id=id, value=found, refusal=found.pop("refusal"))
+        try:
+            if isinstance(question, wire.PreviewGoal):
+                return wire.Answer(id=id, value=self._preview_goal(question.numbers))
+            if isinstance(question, wire.SaveFrame):
+                return wire.Answer(id=id, value=self._save_frame())
+        except (MissionError, RecordingError) as error:
+            return wire.Answer(id=id, refusal=str(error))
+        return wire.Answer(id=id, value=self._find(question))
 
-    def _preview_goal(self, numbers: tuple[float, ...]) -> dict[str, Any]:
+    def _find(self, question: wire.Question) -> Any:
+        if isinstance(question, wire.FindPlantPicture):
+            picture = self._plants.near(question.x_map_m, question.y_map_m)
+            if picture is None:
+                return wire.PlantPictureFile()
+            return wire.PlantPictureFile(jpeg=picture.jpeg, t_s=picture.t_s)
+        if isinstance(question, wire.ReadPanel):
+            return self._panels.read(question.panel)
+        if isinstance(question, wire.SubmitPanel):
+            return self._panels.submit(question.panel, question.values)
+        return self._panels.infos()
+
+    def _preview_goal(self, numbers: tuple[float, ...]) -> wire.GoalPreview:
         record = self._view.record
         if record is None:
-            return {"refusal": "the robot has not begun yet"}
+            raise MissionError("the robot has not begun yet")
         mission = self._session.stack.mission
         return preview_goal(mission.task, record.estimate, mission.speed_mps, numbers)
 
-    def _save_frame(self) -> dict[str, Any]:
+    def _save_frame(self) -> wire.KeptFrame:
         shot = self._frames.newest()
         if shot is None:
-            return {"refusal": "no frame yet that the network has seen; is the camera on?"}
-        try:
-            return self._saved_frames.save(shot)
-        except RecordingError as error:
-            return {"refusal": str(error)}
+            raise MissionError("no frame yet that the network has seen; is the camera on?")
+        return self._saved_frames.save(shot)
 
     def _about(self, port: int) -> About:
         run = self._session
@@ -270,10 +289,5 @@ class SessionSource:
     def recording(self) -> str:
         return self._session.recording.name
 
-    def calibration(self) -> dict[str, Any] | None:
-        return self._wizard.describe_progress()
-
-
-def _event(order: dict[str, Any]) -> OperatorEvent:
-    said = {name: order[name] for name in ("action", "source", "text", "value", "numbers")}
-    return msgspec.convert({"t_s": 0.0, **said}, OperatorEvent)
+    def calibration(self) -> wire.CalibrationProgress | None:
+        return msgspec.convert(self._wizard.describe_progress(), wire.CalibrationProgress | None)

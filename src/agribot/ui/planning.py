@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
@@ -19,39 +19,28 @@ from agribot.core.robot import RobotSpec
 from agribot.gis.field_file import parse_field
 from agribot.gis.geojson import KINDS, parse_features
 from agribot.gis.plan_file import SavedPlan, format_plan
+from agribot.ui import wire
 from agribot.ui.ground import field_of
 
 SHOWN_STEP_M = 0.2
 
 
-class Wanted(msgspec.Struct, kw_only=True, forbid_unknown_fields=False):
-    """What a page sends; the rest of the request keeps its defaults."""
-
-    field: dict[str, Any]
-    implement_width_m: float | None = None
-    headland_passes: int | None = None
-    overlap_m: float = 0.05
-    margin_m: float = 0.05
-    swath_yaw_deg: float | None = None
-
-
 class Made(NamedTuple):
     """`answer` is for the page, `text` the file of a certified plan, `field` what a map shows."""
 
-    answer: dict[str, Any]
+    answer: wire.PlanReply
     text: str = ""
-    field: dict[str, Any] | None = None
+    field: wire.Field | None = None
 
 
-def make_plan(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> Made:
+def make_plan(wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec) -> Made:
     try:
-        return _planned(wanted, config, robot)
+        return _plan(wanted, config, robot)
     except MissionError as error:
-        reasons = [{"text": str(error), "at_map_m": None}]
-        return Made({"ok": False, "reasons": reasons, "path": [], "certificate": None})
+        return Made(wire.PlanReply(ok=False, reasons=[wire.FieldReason(text=str(error))]))
 
 
-def _planned(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> Made:
+def _plan(wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec) -> Made:
     found = [f for f in parse_features(wanted.field, "the field") if f.kind in {*KINDS, ""}]
     area, datum = parse_field(found, "the field", config.field.datum)
     yaw_deg = wanted.swath_yaw_deg
@@ -71,19 +60,19 @@ def _planned(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> Made:
     legs = [
         (leg, mission.speed_mps if leg.tool_on else mission.turn_speed_mps) for leg in plan.legs
     ]
-    answer = {
-        "ok": certificate.ok,
-        "reasons": [
-            {"text": f"{p.rule}: {p.message}", "at_map_m": [p.east_m, p.north_m]}
+    answer = wire.PlanReply(
+        ok=certificate.ok,
+        reasons=[
+            wire.FieldReason(text=f"{p.rule}: {p.message}", at_map_m=(p.east_m, p.north_m))
             for p in certificate.problems
         ],
-        "warnings": list(plan.warnings),
-        "length_m": round(certificate.length_m, 2),
-        "area_m2": round(certificate.covered_area_m2, 2),
-        "time_s": round(sum(leg.length_m / speed_mps for leg, speed_mps in legs), 1),
-        "path": [point for leg in plan.legs for point in _shown(leg.xy_map_m, frame)],
-        "certificate": msgspec.to_builtins(certificate),
-    }
+        warnings=list(plan.warnings),
+        length_m=round(certificate.length_m, 2),
+        area_m2=round(certificate.covered_area_m2, 2),
+        time_s=round(sum(leg.length_m / speed_mps for leg, speed_mps in legs), 1),
+        path=[point for leg in plan.legs for point in _thin_leg(leg.xy_map_m, frame)],
+        certificate=msgspec.to_builtins(certificate),
+    )
     if not certificate.ok:
         return Made(answer)
     rows = FieldWork(plan, area, shape, request).rows
@@ -91,7 +80,7 @@ def _planned(wanted: Wanted, config: RunConfig, robot: RobotSpec) -> Made:
     return Made(answer, text, field_of(config, rows, area=area))
 
 
-def _width_m(wanted: Wanted, robot: RobotSpec) -> float:
+def _width_m(wanted: wire.PlanWish, robot: RobotSpec) -> float:
     if wanted.implement_width_m is not None:
         return wanted.implement_width_m
     if robot.implement is None:
@@ -99,7 +88,7 @@ def _width_m(wanted: Wanted, robot: RobotSpec) -> float:
     return robot.implement.width_m
 
 
-def _shown(xy_map_m: FloatArray, frame: MapFrame) -> list[list[float]]:
+def _thin_leg(xy_map_m: FloatArray, frame: MapFrame) -> list[wire.Vec2]:
     """Longitude and latitude of a leg's points, no nearer than a drawing needs."""
     kept = [xy_map_m[0]]
     for point in xy_map_m[1:-1]:
@@ -108,5 +97,5 @@ def _shown(xy_map_m: FloatArray, frame: MapFrame) -> list[list[float]]:
     shown = []
     for x_m, y_m in (*kept, xy_map_m[-1]):
         lat_deg, lon_deg, _ = frame.geodetic_from_map(float(x_m), float(y_m))
-        shown.append([round(lon_deg, 9), round(lat_deg, 9)])
+        shown.append((round(lon_deg, 9), round(lat_deg, 9)))
     return shown

@@ -6,7 +6,6 @@ import bisect
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -18,10 +17,10 @@ from agribot.description.loader import parse_robot
 from agribot.record.events import Event, EventSieve
 from agribot.record.mcap_file import read_messages
 from agribot.record.replay import read_config, read_ticks, read_urdf, read_weed_map
-from agribot.record.weeds import position_std_m
 from agribot.ros.messages.rosmsg import load_types
-from agribot.ui.channel import Channel, signal_table
-from agribot.ui.feed import event_message
+from agribot.ui import wire
+from agribot.ui.channel import Channel
+from agribot.ui.feed import shown_event
 from agribot.ui.ground import read_field_or_datum
 from agribot.ui.pictures import Pictures, Shot
 from agribot.ui.view import RunView
@@ -33,11 +32,10 @@ STATE_HZ = 30.0
 
 
 class Moment(msgspec.Struct, frozen=True, kw_only=True):
-    """One state of the recording, encoded but for its signals, and how long the trace was."""
+    """One state of the recording, encoded, and how long the trace was."""
 
     t_s: float
     state: bytes
-    signals: bytes
     traced: int
 
 
@@ -48,14 +46,14 @@ class Replay(Channel):
         self,
         name: str,
         moments: list[Moment],
-        trace_map_m: list[list[float]],
+        trace_map_m: list[wire.Vec2],
         plants: tuple[MappedPlant, ...],
         events: list[Event],
-        path: dict[str, Any] | None,
+        path: wire.PathPiece | None,
         pictures: Pictures,
-        field: dict[str, Any],
+        field: wire.Field,
     ) -> None:
-        super().__init__("replay", signal_table(), name)
+        super().__init__("replay", name)
         self.speed = 1.0
         self.field = field
         self._moments, self._whole_trace = moments, trace_map_m
@@ -66,7 +64,7 @@ class Replay(Channel):
         self._index = -1
         self._now_s = moments[0].t_s
         self._wall_s: float | None = None
-        self._weed_rows: dict[int, list[Any]] = {}
+        self._shown_weeds: dict[int, wire.Weed] = {}
         self._next_event = 0
         self.seek(moments[0].t_s)
 
@@ -94,15 +92,15 @@ class Replay(Channel):
         field = read_field_or_datum(path)
         return cls(name, moments, view.trace_map_m, plants, events, _path(path), pictures, field)
 
-    def described(self) -> dict[str, Any]:
-        return {
-            "source": "replay",
-            "name": self.name,
-            "t_s": self._now_s,
-            "start_s": self._times[0],
-            "end_s": self._times[-1],
-            "speed": self.speed,
-        }
+    @property
+    def progress(self) -> wire.ReplayProgress:
+        return wire.ReplayProgress(
+            name=self.name,
+            t_s=self._now_s,
+            start_s=self._times[0],
+            end_s=self._times[-1],
+            speed=self.speed,
+        )
 
     def picture(self) -> tuple[int, Shot] | None:
         """What the camera saw last, and its number; None before its first picture."""
@@ -113,14 +111,14 @@ class Replay(Channel):
         self._now_s = min(max(t_s, self._times[0]), self._times[-1])
         self._index = max(bisect.bisect_right(self._times, self._now_s) - 1, 0)
         self.restart()
-        self._weed_rows, self._next_event = {}, 0
+        self._shown_weeds, self._next_event = {}, 0
         moment = self._moments[self._index]
         self.trace_map_m = self._whole_trace[: moment.traced]
         self.path = self._whole_path or self.path
         self.path_revision += 1
         self._tell_weeds()
         self._tell_events()
-        self._tell_state([moment.signals])
+        self._tell_state(_read_state(moment).signals)
 
     def step(self, wall_s: float) -> None:
         """Move on to where the recording is by now, on the clock on the wall."""
@@ -132,44 +130,45 @@ class Replay(Channel):
             self._tell_state([])
             return
         before = self._moments[self._index].traced
-        signals = [moment.signals for moment in self._moments[self._index + 1 : index + 1]]
+        passed = self._moments[self._index + 1 : index + 1]
         self._index = index
         new = self._whole_trace[before : self._moments[index].traced]
         if new:
-            self._change({"k": "traj", "first": before, "xy": new})
+            self.publish_growth(wire.TracePiece(first=before, points_map_m=new))
         self._tell_weeds()
         self._tell_events()
-        self._tell_state(signals)
+        self._tell_state([sample for moment in passed for sample in _read_state(moment).signals])
 
-    def _tell_state(self, signals: list[bytes]) -> None:
-        samples = b",".join(part for part in signals if part)
-        head = self._moments[self._index].state[:-1]
-        now = msgspec.json.encode(self.described())
-        clocks = f'"wall_ms":{time.time() * 1e3:.1f},"mono_ms":{time.monotonic() * 1e3:.1f}'
-        tail = b',"sig":[' + samples + b"]," + clocks.encode() + b',"replay":' + now + b"}"
-        self.publish_state((head + tail).decode())
+    def _tell_state(self, signals: list[wire.Sample]) -> None:
+        self.publish_state(
+            msgspec.structs.replace(
+                _read_state(self._moments[self._index]),
+                signals=signals,
+                mono_ms=round(time.monotonic() * 1e3, 1),
+                replay=self.progress,
+            )
+        )
 
     def _tell_weeds(self) -> None:
         changed = [
-            row
-            for row in (_weed_row(plant, self._now_s) for plant in self._plants)
-            if row is not None and self._weed_rows.get(row[0]) != row
+            weed
+            for weed in (_weed_known(plant, self._now_s) for plant in self._plants)
+            if weed is not None and self._shown_weeds.get(weed.id) != weed
         ]
         if changed:
-            self._weed_rows.update((row[0], row) for row in changed)
-            revision = self.weeds_revision + 1
-            self._change({"k": "weeds", "rev": revision, "set": changed, "gone": []})
+            self._shown_weeds.update((weed.id, weed) for weed in changed)
+            self.publish_growth(wire.WeedChanges(set=changed))
 
     def _tell_events(self) -> None:
+        events = []
         while self._next_event < len(self._recorded):
             event = self._recorded[self._next_event]
             if event.t_s > self._now_s:
-                return
+                break
             self._next_event += 1
-            self._change(event_message(event))
-
-    def _change(self, message: dict[str, Any]) -> None:
-        self.publish_change(msgspec.json.encode(message).decode())
+            events.append(shown_event(event))
+        if events:
+            self.publish_growth(wire.NewEvents(events=events))
 
 
 def _read_implement(path: Path) -> ImplementSpec | None:
@@ -196,34 +195,40 @@ def _moments(path: Path, view: RunView, look: Callable[[TickRecord], None]) -> l
 def _moment(view: RunView) -> Moment:
     state = view.state()
     assert state is not None  # it has just seen a tick
-    signals = msgspec.json.encode(state.pop("sig"))[1:-1]
-    shown = {**state, "mode": "replay", "rtf": None, "weeds": 0}
-    return Moment(
-        t_s=state["t"],
-        state=msgspec.json.encode(shown),
-        signals=signals,
-        traced=len(view.trace_map_m),
-    )
+    shown = msgspec.structs.replace(state, mode="replay")
+    return Moment(t_s=state.t_s, state=wire.encode(shown), traced=len(view.trace_map_m))
 
 
-def _weed_row(plant: MappedPlant, t_s: float) -> list[Any] | None:
+def _read_state(moment: Moment) -> wire.State:
+    return msgspec.json.decode(moment.state, type=wire.State)
+
+
+def _weed_known(plant: MappedPlant, t_s: float) -> wire.Weed | None:
     """As far as it was known at `t_s`; a recording keeps the map of its end alone."""
     if plant.first_seen_s > t_s or plant.sightings < 2:
         return None
     treated_s = plant.treated_s if plant.treated_s is not None and plant.treated_s <= t_s else None
-    return [
-        plant.id, int(plant.plant), round(plant.x_map_m, 4), round(plant.y_map_m, 4),
-        round(position_std_m(plant), 4), round(plant.confidence, 3), round(plant.area_m2, 6),
-        plant.sightings, plant.first_seen_s, plant.last_seen_s, treated_s,
-    ]  # fmt: skip
+    return wire.Weed(
+        id=plant.id,
+        plant=plant.plant,
+        x_map_m=round(plant.x_map_m, 4),
+        y_map_m=round(plant.y_map_m, 4),
+        std_m=round(plant.std_m, 4),
+        confidence=round(plant.confidence, 3),
+        area_m2=round(plant.area_m2, 6),
+        sightings=plant.sightings,
+        first_seen_s=plant.first_seen_s,
+        last_seen_s=plant.last_seen_s,
+        treated_s=treated_s,
+    )
 
 
-def _path(path: Path) -> dict[str, Any] | None:
+def _path(path: Path) -> wire.PathPiece | None:
     """The last plan of the recording."""
-    found: dict[str, Any] | None = None
+    found: wire.PathPiece | None = None
     for message in read_messages(path, topics.PATH):
         planned = load_types().deserialize_cdr(message.data, topics.PATH.ros_type)
         poses = planned.poses  # type: ignore[attr-defined]
-        xy = [[round(p.pose.position.x, 4), round(p.pose.position.y, 4)] for p in poses]
-        found = {"xy": xy, "row": [-1] * len(xy)}
+        points = [(round(p.pose.position.x, 4), round(p.pose.position.y, 4)) for p in poses]
+        found = wire.PathPiece(points_map_m=points, rows=[-1] * len(points))
     return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shutil
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,16 +12,17 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from agribot.core.errors import ConfigError
-from agribot.core.json_number import is_number
+from agribot.core.messages import OperatorAction
+from agribot.ui import wire
 from agribot.ui.access import Caller
 from agribot.ui.answers import (
     Unusable,
     inside,
     json_answer,
-    json_body,
     name_of,
     need_operator,
     need_seat,
+    read_body,
     served_file,
 )
 from agribot.ui.hub import Hub
@@ -32,38 +32,41 @@ from agribot.ui.settings import live_value
 
 RECORDING = "run.mcap"
 MAX_LISTED = 500
+MAX_TEXT = 500
 
 
 async def recordings(request: Request) -> Response:
     hub: Hub = request.app.state.hub
     folder = Path(hub.about.runs_dir)
-    listed = await run_in_thread(_listed, folder)
+    listed = await run_in_thread(_list_runs, folder)
     free = shutil.disk_usage(folder if folder.is_dir() else Path("/")).free
-    current = hub.live.newest().get("recording", hub.about.current)
-    shown = {"disk_free_bytes": free, "current": current or None, "recordings": listed}
-    return json_answer(shown)
+    state = hub.live.state
+    current = hub.about.current if state is None or state.recording is None else state.recording
+    return json_answer(
+        wire.Recordings(disk_free_bytes=free, current=current or None, recordings=listed)
+    )
 
 
-def _listed(folder: Path) -> list[dict[str, Any]]:
+def _list_runs(folder: Path) -> list[wire.RecordingInfo]:
     runs = [path.parent for path in folder.glob(f"*/{RECORDING}")]
     newest_first = sorted(runs, key=lambda run: run.stat().st_mtime, reverse=True)
-    return [_summary(run) for run in newest_first[:MAX_LISTED]]
+    return [_summarise(run) for run in newest_first[:MAX_LISTED]]
 
 
-def _summary(run: Path) -> dict[str, Any]:
+def _summarise(run: Path) -> wire.RecordingInfo:
     files = sorted(path.name for path in run.iterdir() if path.is_file())
     report = _report(run)
     written = datetime.fromtimestamp((run / RECORDING).stat().st_mtime, UTC)
-    return {
-        "name": run.name,
-        "utc": written.strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "size_bytes": sum((run / name).stat().st_size for name in files),
-        "duration_s": (report.get("time") or {}).get("sim_s"),
-        "profile": report.get("profile"),
-        "ok": report.get("ok"),
-        "reason": report.get("reason", "not finished"),
-        "files": files,
-    }
+    return wire.RecordingInfo(
+        name=run.name,
+        utc=written.strftime("%Y-%m-%dT%H:%M:%SZ"),
+        size_bytes=sum((run / name).stat().st_size for name in files),
+        duration_s=(report.get("time") or {}).get("sim_s"),
+        profile=report.get("profile"),
+        ok=report.get("ok"),
+        reason=report.get("reason", "not finished"),
+        files=files,
+    )
 
 
 def _report(run: Path) -> dict[str, Any]:
@@ -87,8 +90,8 @@ async def recording_file(request: Request) -> Response:
 async def mark(request: Request) -> Response:
     need_operator(request)
     hub: Hub = request.app.state.hub
-    text = str((await json_body(request)).get("text", "")).strip()[:500]
-    hub.event("mark", name_of(request), text)
+    text = (await read_body(request, wire.MarkText)).text
+    hub.event("mark", name_of(request), text.strip()[:MAX_TEXT])
     return Response(status_code=204)
 
 
@@ -101,7 +104,7 @@ async def stop_recording(request: Request) -> Response:
     return _record(request, "stop_recording")
 
 
-def _record(request: Request, action: str) -> Response:
+def _record(request: Request, action: OperatorAction) -> Response:
     need_operator(request)
     hub: Hub = request.app.state.hub
     hub.event(action, name_of(request))
@@ -111,47 +114,47 @@ def _record(request: Request, action: str) -> Response:
 async def replay(request: Request) -> Response:
     """Show a recording to the caller's pages, or (name null) the robot again."""
     hub: Hub = request.app.state.hub
-    wanted = await json_body(request)
+    wanted = await read_body(request, wire.ReplayWish)
     session = _session(request)
-    name = wanted.get("name")
     hub.choices.pop(session, None)
-    if name is None and not hub.about.recording:
+    if wanted.name is None and not hub.about.recording:
         hub.end_replay(session)
         return json_answer(_shown(hub, session))
-    speed, t_s = wanted.get("speed", 1.0), wanted.get("t_s")
-    if not _is_between(speed, 0.0, MAX_SPEED):
-        raise Unusable(400, f"speed {speed!r}: 0 (pause) or {MIN_SPEED:g} to {MAX_SPEED:g}")
-    if t_s is not None and not _is_between(t_s, -1.0, math.inf):
-        raise Unusable(400, f"t_s {t_s!r}: a time in seconds")
+    if not 0.0 <= wanted.speed <= MAX_SPEED:
+        raise Unusable(400, f"speed {wanted.speed!r}: 0 (pause) or {MIN_SPEED:g} to {MAX_SPEED:g}")
+    if wanted.t_s is not None and wanted.t_s < -1.0:
+        raise Unusable(400, f"t_s {wanted.t_s!r}: a time in seconds")
     player = hub.replay_of(session)
-    if player is None or (name is not None and player.name != name):
-        player = await _chosen(hub, session, str(name))
+    if player is None or (wanted.name is not None and player.name != wanted.name):
+        player = await _choose(hub, session, str(wanted.name))
         if player is None:
             return json_answer(_shown(hub, session))
         hub.start_replay(session, player)
-    player.speed = float(speed)
-    if t_s is not None:
-        player.seek(float(t_s))
-    return json_answer(player.described())
+    player.speed = wanted.speed
+    if wanted.t_s is not None:
+        player.seek(wanted.t_s)
+    return json_answer(_shown(hub, session))
 
 
-def _shown(hub: Hub, session: str) -> dict[str, Any]:
+def _shown(hub: Hub, session: str) -> wire.Shown:
     player = hub.replay_of(session)
-    return {"source": hub.live.source} if player is None else player.described()
+    if player is None:
+        return wire.Shown(source=hub.live.source)
+    return wire.Shown(source="replay", replay=player.progress)
 
 
-async def _chosen(hub: Hub, session: str, name: str) -> Replay | None:
+async def _choose(hub: Hub, session: str, name: str) -> Replay | None:
     """A recording, or None where the browser asked for something else while it was read."""
     choice = hub.choices[session] = object()
     try:
-        player = await run_in_thread(_opened, hub, name)
+        player = await run_in_thread(_open, hub, name)
         return player if hub.choices.get(session) is choice else None
     finally:
         if hub.choices.get(session) is choice:
             del hub.choices[session]
 
 
-def _opened(hub: Hub, name: str) -> Replay:
+def _open(hub: Hub, name: str) -> Replay:
     folder = inside(Path(hub.about.runs_dir), name)
     path = None if folder is None or "/" in name else folder / RECORDING
     if path is None or not path.is_file():
@@ -166,23 +169,19 @@ def _session(request: Request) -> str:
     return caller.session
 
 
-def _is_between(value: object, low: float, high: float) -> bool:
-    return is_number(value) and low <= value <= high
-
-
 async def settings(request: Request) -> Response:
     hub: Hub = request.app.state.hub
-    return json_answer({"groups": hub.about.settings})
+    return json_answer(wire.SettingGroups(groups=hub.about.settings))
 
 
 async def change_settings(request: Request) -> Response:
     """Each key is applied or refused for itself."""
     need_seat(request)
     hub: Hub = request.app.state.hub
-    known = {key["key"]: key for group in hub.about.settings for key in group["keys"]}
+    known = {setting.key: setting for group in hub.about.settings for setting in group.keys}
     applied: dict[str, Any] = {}
     refused: dict[str, str] = {}
-    for key, value in (await json_body(request)).items():
+    for key, value in (await read_body(request, dict[str, Any])).items():
         if key not in known:
             refused[key] = "there is no such setting"
             continue
@@ -192,8 +191,8 @@ async def change_settings(request: Request) -> Response:
             refused[key] = str(error)
             continue
         hub.event("set", name_of(request), key, number)
-        known[key]["value"] = applied[key] = value
-    return json_answer({"applied": applied, "refused": refused})
+        known[key].value = applied[key] = value
+    return json_answer(wire.SettingsReply(applied=applied, refused=refused))
 
 
 ROUTES = (

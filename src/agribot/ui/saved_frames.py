@@ -11,7 +11,6 @@ import shutil
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -20,6 +19,7 @@ from PIL import Image
 from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
 from agribot.core.messages import ByteArray, Estimate
+from agribot.ui import wire
 from agribot.ui.recent_frames import Shot
 
 FOLDER = "frames"  # beside the run, unless record.frames_dir names another
@@ -36,7 +36,7 @@ class SavedFrames:
         named = config.record.frames_dir
         self.folder = Path(named).expanduser() if named else out_dir.resolve().parent / FOLDER
 
-    def save(self, shot: Shot) -> dict[str, Any]:
+    def save(self, shot: Shot) -> wire.KeptFrame:
         """Where the pair lies and how many there are now.
 
         Raises: RecordingError: too little room is left, or the disk does not take it.
@@ -54,7 +54,8 @@ class SavedFrames:
                 f"cannot write into {self.folder}: {error.strerror}; "
                 "set record.frames_dir to a folder that can be written"
             ) from error
-        return {"folder": str(self.folder), "image": f"images/{name}.png", "count": saved}
+        image_name = f"images/{name}.png"
+        return wire.KeptFrame(folder=str(self.folder), image=image_name, count=saved)
 
     def _check_room(self) -> None:
         limit_mb = self._config.record.min_free_mb

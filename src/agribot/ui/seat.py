@@ -6,6 +6,8 @@ it back. It knows no clock: the caller says what time it is.
 
 from __future__ import annotations
 
+from agribot.ui import wire
+
 SILENCE_S = 2.0  # of a holder; after it anybody with the role may take the seat without asking
 
 
@@ -37,8 +39,8 @@ class Seat:
     def is_silent(self, now_s: float) -> bool:
         return not self.holder or now_s - self._heard_s > SILENCE_S
 
-    def seen_by(self, session: str, now_s: float) -> str:
-        """What a page shows to this session: "you", "free" or "other"."""
+    def seen_by(self, session: str, now_s: float) -> wire.SeatState:
+        """What a page shows to this session."""
         if self.holder == session and session:
             return "you"
         return "free" if self.is_silent(now_s) else "other"

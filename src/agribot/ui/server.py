@@ -16,11 +16,11 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import uvicorn
 
+from agribot.ui import wire
 from agribot.ui.app import build_app
-from agribot.ui.camera import Camera, unpacked
+from agribot.ui.camera import Camera, unpack_pixels
 from agribot.ui.connection_slots import ConnectionSlots
 from agribot.ui.guarded_connections import GuardedHttp, GuardedSocket, serve_guarded
 from agribot.ui.hub import About, Hub
@@ -45,17 +45,18 @@ class RobotLine:
 
     def __init__(self, link: Connection) -> None:
         self._link = link
-        self._orders: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        self._orders: queue.SimpleQueue[wire.RobotOrder] = queue.SimpleQueue()
         threading.Thread(target=self._run, name="orders", daemon=True).start()
 
-    def put(self, order: dict[str, Any]) -> None:
-        if self._orders.qsize() < ORDERS_KEPT or order.get("action") == "stop":
+    def put(self, order: wire.RobotOrder) -> None:
+        is_stop = isinstance(order, wire.EventOrder) and order.action == "stop"
+        if is_stop or self._orders.qsize() < ORDERS_KEPT:
             self._orders.put(order)
 
     def _run(self) -> None:
         with contextlib.suppress(OSError):
             while True:
-                self._link.send_bytes(msgspec.json.encode(self._orders.get()))
+                self._link.send_bytes(wire.encode(self._orders.get()))
 
 
 def main(about: About, link: Connection, camera_link: Connection, listener: socket.socket) -> None:
@@ -78,11 +79,11 @@ async def _serve(
         camera: Camera = app.state.camera
         ended = functools.partial(_end, hub, server)
         _read(link, loop, lambda data: _hear(hub, data, ended), ended)
-        _read(camera_link, loop, lambda data: camera.show(unpacked(data)), lambda: None)
+        _read(camera_link, loop, lambda data: camera.show(unpack_pixels(data)), lambda: None)
         if about.recording:  # the watch says meanwhile that the loop goes round
             path = Path(about.recording)
             hub.start_replay("", await run_in_thread(Replay.load, path, about.current))
-        hub.order({"c": "ready"})
+        hub.order(wire.Ready())
         yield {"slots": ConnectionSlots()}
         for task in tasks:
             task.cancel()
@@ -127,18 +128,17 @@ def _read(link: Connection, loop: asyncio.AbstractEventLoop, hear: Any, end: Any
 
 
 def _hear(hub: Hub, data: bytes, end: Callable[[], None]) -> None:
-    """One message of the robot: states are passed on as they came, changes are kept as well."""
-    kind = data[:14]
-    if kind.startswith(b'{"k":"s",'):
-        hub.live.publish_state(data.decode())
-    elif kind.startswith(b'{"k":"counts"'):
-        hub.counts.append(msgspec.json.decode(data))
-    elif kind.startswith(b'{"k":"reply"'):
-        hub.answered(msgspec.json.decode(data))
-    elif kind.startswith(b'{"k":"end"'):
+    message = wire.read_robot_message(data)
+    if isinstance(message, wire.State):
+        hub.live.publish_state(message)
+    elif isinstance(message, wire.TickCounts):
+        hub.counts.append(message)
+    elif isinstance(message, wire.Answer):
+        hub.hear_answer(message)
+    elif isinstance(message, wire.End):
         end()
     else:
-        hub.live.publish_change(data.decode())
+        hub.live.publish_growth(message)
 
 
 def _end(hub: Hub, server: uvicorn.Server) -> None:
@@ -146,7 +146,7 @@ def _end(hub: Hub, server: uvicorn.Server) -> None:
         return
     hub.is_robot_gone = True
     for page in hub.sockets:
-        page.tell({"k": "bye", "reason": "the robot's program has ended"})
+        page.tell(wire.Bye(reason="the robot's program has ended"))
     asyncio.get_running_loop().call_later(0.3, _close, server)
 
 
@@ -162,7 +162,7 @@ async def _watch(hub: Hub) -> None:
     was_silent = True
     while True:
         await asyncio.sleep(WATCH_S)
-        hub.order({"c": "alive"})
+        hub.order(wire.Alive())
         hub.tell_live()
         hub.cut_gone_pages(time.monotonic())
         is_silent = hub.seat.is_silent(time.monotonic())
@@ -170,7 +170,7 @@ async def _watch(hub: Hub) -> None:
             was_silent = is_silent
             hub.tell_seat()
             if is_silent and hub.seat.holder:
-                hub.order({"c": "lost", "by": hub.seat.name})
+                hub.order(wire.OperatorLost(by=hub.seat.name))
 
 
 async def _replay(hub: Hub) -> None:

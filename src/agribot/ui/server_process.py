@@ -21,6 +21,7 @@ from multiprocessing.process import BaseProcess
 import msgspec
 
 from agribot.core import extras
+from agribot.ui import wire
 from agribot.ui.address import Address, bound
 from agribot.ui.channel import make_epoch
 from agribot.ui.hub import About
@@ -31,8 +32,8 @@ READY_TIMEOUT_S = 30.0
 HANG_S = 10.0
 PAUSES_S = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0)  # before it is started again, the longer the oftener
 STEADY_S = 60.0  # after so long it counts as started for the first time
-END = b'{"k":"end"}'
-READY = b'{"c":"ready"}'  # the server serves; it may have said before that its loop goes round
+END = wire.encode(wire.End())
+READY = wire.encode(wire.Ready())  # it serves; it may have said before that its loop goes round
 
 
 def report(text: str) -> None:

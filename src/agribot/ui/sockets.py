@@ -5,12 +5,11 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from typing import Any
 
-import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from agribot.core.version import __version__
+from agribot.ui import wire
 from agribot.ui.allowance import MAX_MESSAGES_PER_S, Allowance
 from agribot.ui.channel import Channel
 from agribot.ui.client import Client
@@ -61,15 +60,18 @@ class Socket:
             self._commands.let_go()
             hub.tell_seat()
 
-    def tell(self, message: dict[str, Any]) -> None:
-        self.client.tell(msgspec.json.encode(message).decode())
+    def tell(self, message: wire.ServerMessage) -> None:
+        self.client.tell(wire.encode(message).decode())
 
     def cut(self) -> None:
         """End the connection at once, whatever waits to be sent on it."""
         self._socket.scope["state"]["slot"].cut()
 
     def tell_seat(self) -> None:
-        self.tell({"k": "seat", **self._seat()})
+        seat = self.hub.seat.seen_by(self.session, time.monotonic())
+        self.tell(
+            wire.SeatChange(seat=seat, holder=self.hub.seat.name, clients=len(self.hub.sockets))
+        )
 
     @property
     def channel(self) -> Channel:
@@ -92,21 +94,18 @@ class Socket:
         if self.client.window.waiting_s(now_s) > GONE_S:
             self.cut()
 
-    def _seat(self) -> dict[str, Any]:
+    def _hello(self) -> wire.Hello:
         hub = self.hub
-        seen = hub.seat.seen_by(self.session, time.monotonic())
-        return {"seat": seen, "holder": hub.seat.name, "clients": len(hub.sockets)}
-
-    def _hello(self) -> dict[str, Any]:
-        return {
-            "k": "hello",
-            "run": self.hub.about.run_id,
-            "session": self.session.partition("/")[0][:8],
-            "role": self.role,
-            "version": __version__,
-            "source": self.channel.source,
-            **self._seat(),
-        }
+        return wire.Hello(
+            run=hub.about.run_id,
+            session=self.session.partition("/")[0][:8],
+            role=self.role,
+            version=__version__,
+            source=self.channel.source,
+            seat=hub.seat.seen_by(self.session, time.monotonic()),
+            holder=hub.seat.name,
+            clients=len(hub.sockets),
+        )
 
     async def _send_all(self) -> None:
         """A page that takes nothing holds up its own line only, until it is cut."""
@@ -130,28 +129,35 @@ class Socket:
         """Obey within the limit. A stop is obeyed above it, too, but costs the line as well."""
         self.heard_s = time.monotonic()
         is_within = self._allowance.take(self.heard_s)
-        if is_within or _is_stop(text):
-            self._commands.obey(text)
+        if is_within or len(text) <= MAX_STOP_LETTERS:
+            self._obey(text, is_stop_only=not is_within)
         if not is_within:
             raise Refused(f"more than {MAX_MESSAGES_PER_S} messages in a second")
 
+    def _obey(self, text: str, *, is_stop_only: bool) -> None:
+        """Raises: Refused: nothing that a page says, and nothing to answer it by."""
+        try:
+            message = wire.read_page_message(text)
+        except wire.BadMessage as error:
+            if is_stop_only:
+                return
+            if not error.id:
+                raise Refused(str(error)) from error
+            self.tell(wire.Verdict(id=error.id, ok=False, reason=str(error)))
+            return
+        if is_stop_only and not isinstance(message, wire.PressStop):
+            return
+        try:
+            self._commands.obey(message)
+        except Refused as error:
+            if not isinstance(message, wire.Request) or not message.id:
+                raise
+            self.tell(wire.Verdict(id=message.id, ok=False, reason=str(error)))
+
     async def _leave(self, reason: str) -> None:
         with contextlib.suppress(RuntimeError, WebSocketDisconnect):
-            await self._socket.send_text(
-                msgspec.json.encode({"k": "bye", "reason": reason}).decode()
-            )
+            await self._socket.send_text(wire.encode(wire.Bye(reason=reason)).decode())
             await self._socket.close(POLICY, reason[:120])
-
-
-def _is_stop(text: str) -> bool:
-    """Whether it asks for a stop; to have the word somewhere in it is not enough."""
-    if len(text) > MAX_STOP_LETTERS:
-        return False
-    try:
-        message = msgspec.json.decode(text)
-    except (msgspec.DecodeError, ValueError, RecursionError):
-        return False
-    return isinstance(message, dict) and message.get("k") == "stop"
 
 
 async def state_socket(socket: WebSocket) -> None:

@@ -13,26 +13,25 @@ import msgspec
 
 from agribot.core.config import check_finite
 from agribot.core.errors import ConfigError
-from agribot.ui.hand import STILL, Request, Wish
+from agribot.ui import wire
+from agribot.ui.hand import STILL, HandRequest, Wish
 from agribot.ui.joystick import JoystickState
 from agribot.ui.small_yaml import UnusableYaml, read_yaml_file
 
 # The largest speeds that a line may ask for, those of `agribot teleop`; the robot has its own.
 LIMITS = {"linear.x": 2.0, "angular.z": 3.0}
 TWISTS = ("geometry_msgs/Twist", "geometry_msgs/msg/Twist")
-REQUESTS: dict[str, dict[str, Any]] = {
-    "stop": {"k": "stop"},
-    "clear_stop": {"k": "clear_stop"},
-    "start": {"k": "mission", "action": "start"},
-    "pause": {"k": "mission", "action": "pause"},
-    "resume": {"k": "mission", "action": "resume"},
-    "cancel": {"k": "mission", "action": "cancel"},
-    "skip_row": {"k": "mission", "action": "skip_row"},
-    "return_home": {"k": "mission", "action": "return_home"},
-    "goto": {"k": "goto"},
-    "mark": {"k": "mark"},
-    "start_recording": {"k": "record", "action": "start"},
-    "stop_recording": {"k": "record", "action": "stop"},
+REQUESTS: dict[str, wire.PageRequest] = {
+    "stop": wire.PressStop(),
+    "clear_stop": wire.ClearStop(),
+    "start": wire.ControlMission(action="start"),
+    "pause": wire.ControlMission(action="pause"),
+    "resume": wire.ControlMission(action="resume"),
+    "cancel": wire.ControlMission(action="cancel"),
+    "skip_row": wire.ControlMission(action="skip_row"),
+    "return_home": wire.ControlMission(action="return_home"),
+    "start_recording": wire.ControlRecording(action="start"),
+    "stop_recording": wire.ControlRecording(action="stop"),
 }
 
 Number = Annotated[int, msgspec.Meta(ge=0, le=255)]
@@ -71,19 +70,27 @@ class Velocity(_Entry, frozen=True, tag_field="type", tag="topic"):
         return self.deadman_buttons
 
 
-class Goal(_Entry, frozen=True):
+class GoalContent(_Entry, frozen=True):
     """A place in the map, m, and the heading there, rad."""
 
     x: float
     y: float
     yaw: float | None = None
 
+    @property
+    def request(self) -> wire.PageRequest:
+        return wire.GoTo(x_map_m=self.x, y_map_m=self.y, yaw_map_rad=self.yaw)
 
-class Mark(_Entry, frozen=True):
+
+class MarkContent(_Entry, frozen=True):
     text: str = ""
 
+    @property
+    def request(self) -> wire.PageRequest:
+        return wire.MarkMoment(text=self.text)
 
-class Nothing(_Entry, frozen=True):
+
+class NoContent(_Entry, frozen=True):
     pass
 
 
@@ -102,7 +109,11 @@ class Service(_Entry, frozen=True, tag_field="type", tag="service"):
     service_persistent: bool = False
 
 
-_CONTENTS: dict[str, type[_Entry]] = {"goto": Goal, "mark": Mark}
+# Requests that the table's entry says more of.
+CONTENTS: dict[str, type[GoalContent] | type[MarkContent]] = {
+    "goto": GoalContent,
+    "mark": MarkContent,
+}
 
 
 class TableHand:
@@ -115,7 +126,7 @@ class TableHand:
     def __init__(
         self,
         velocities: list[Velocity],
-        requests: list[tuple[tuple[int, ...], Request]],
+        requests: list[tuple[tuple[int, ...], HandRequest]],
         scale: float = 1.0,
         dead_zone: float = 0.1,
     ) -> None:
@@ -153,7 +164,7 @@ class TableHand:
 def read_table(path: Path, scale: float, dead_zone: float) -> TableHand:
     """Raises: ConfigError: no such file, no table, or an entry that means nothing to this robot."""
     velocities: list[Velocity] = []
-    requests: list[tuple[tuple[int, ...], Request]] = []
+    requests: list[tuple[tuple[int, ...], HandRequest]] = []
     for name, entry in _commands(path).items():
         at = f"{path}: teleop.{name}"
         command = _command(entry, at)
@@ -219,7 +230,7 @@ def _check_velocity(command: Velocity, at: str) -> None:
             raise ConfigError(f"{at}: {target} is written twice")
 
 
-def _request(name: str, command: Action | Service, at: str) -> Request:
+def _request(name: str, command: Action | Service, at: str) -> HandRequest:
     if isinstance(command, Action):
         key, full_name, content = "action_name", command.action_name, command.action_goal
         content_key = "action_goal"
@@ -227,10 +238,13 @@ def _request(name: str, command: Action | Service, at: str) -> Request:
         key, full_name, content = "service_name", command.service_name, command.service_request
         content_key = "service_request"
     short_name = full_name.rpartition("/")[2]
-    if short_name not in REQUESTS:
-        raise ConfigError(f"{at}.{key} = '{full_name}': known are {', '.join(REQUESTS)}")
+    if short_name not in REQUESTS and short_name not in CONTENTS:
+        known = ", ".join((*REQUESTS, *CONTENTS))
+        raise ConfigError(f"{at}.{key} = '{full_name}': known are {known}")
     try:
-        filled = msgspec.convert(content, _CONTENTS.get(short_name, Nothing))
+        if short_name in CONTENTS:
+            return HandRequest(name, msgspec.convert(content, CONTENTS[short_name]).request)
+        msgspec.convert(content, NoContent)
     except msgspec.ValidationError as error:
         raise ConfigError(f"{at}.{content_key}: {error}") from error
-    return Request(name, {**REQUESTS[short_name], **msgspec.to_builtins(filled)})
+    return HandRequest(name, REQUESTS[short_name])

@@ -1,10 +1,10 @@
 import assert from 'node:assert/strict'
 import { test } from 'node:test'
-import { parseCameraPacket, parseMessage } from '../src/wire.ts'
+import { parseCameraPacket, parseMessage } from '../src/decode.ts'
 
 test('only objects of a known kind are messages', () => {
-  assert.equal(parseMessage('{"k":"pong","c":5}')?.k, 'pong')
-  for (const text of ['', 'null', '[]', '{"k":"evil"}', '{"k":7}', '{']) assert.equal(parseMessage(text), null)
+  assert.equal(parseMessage('{"kind":"pong","sent_ms":5}')?.kind, 'pong')
+  for (const text of ['', 'null', '[]', '{"kind":"evil"}', '{"kind":7}', '{']) assert.equal(parseMessage(text), null)
 })
 
 test('a camera packet is read as the server writes it', () => {
