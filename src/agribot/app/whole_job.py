@@ -102,7 +102,7 @@ class WholeJob:
         own = RunOfJob(folder=str(self._run.out_dir.resolve()), run_s=self._run_s)
         return (*self._earlier.runs, own)
 
-    def saved(self) -> JobSoFar:
+    def snapshot(self) -> JobSoFar:
         earlier, meter, (wall_s, cpu_s) = self._earlier, self._run.meter, self._run.clock.spent
         if meter is not None:
             fresh = meter.latencies_s[self._looked :]

@@ -109,6 +109,6 @@ def test_backwards_the_robot_looks_against_its_way_and_stops_before_and_after() 
 def test_a_plan_with_three_point_turns_is_one_path_without_jumps() -> None:
     request = msgspec.structs.replace(ROOMY, turns="three-point")
     plan, _ = certified(SQUARE, request)
-    path = FieldWork(plan, SQUARE, SHAPE, request).path_from((5.0, 5.0, 0.0))
+    path = FieldWork(plan, SQUARE, SHAPE, request).plan_from((5.0, 5.0, 0.0))
     steps_m = np.hypot(*np.diff(path.xy_map_m, axis=0).T)
     np.testing.assert_allclose(steps_m, np.diff(path.s_m), atol=2e-3)

@@ -155,7 +155,7 @@ def test_a_visit_in_a_planned_field_is_fenced_in_by_it_after_a_cut_off_too() -> 
     drive.ask("visit", 6.0, 0.0)
     goal = drive.settle()
     assert (goal.status.task, goal.bounds) == ("abc", field)
-    again = Drive(bounds=field, saved=drive.mission.saved())
+    again = Drive(bounds=field, saved=drive.mission.snapshot())
     again.settle()
     again.ask("resume")
     goal = again.settle()

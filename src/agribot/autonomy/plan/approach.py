@@ -38,7 +38,7 @@ def plan_approach(
     start: Pose, entries: Sequence[Pose], rows: Sequence[Row], robot: RobotSpec,
     mission: MissionConfig, obstacles: Obstacles = NO_OBSTACLES,
 ) -> tuple[int, Segments]:  # fmt: skip
-    """Index of the entry that is reached first, and the shortest clear way to it.
+    """Find the entry that is reached first, by its index, and the shortest clear way to it.
 
     Raises: MissionError: the robot stands where it cannot leave without crushing crop, or without
         touching an obstacle.
@@ -98,7 +98,7 @@ def _draw_ring(rows: Sequence[Row], margin_m: float) -> list[tuple[float, float]
 
 
 def _list_corner_poses(ring: Sequence[tuple[float, float]], direction: int) -> list[Pose]:
-    """A pose at each corner, half turned from the edge it ends to the edge it begins."""
+    """List a pose at each corner, half turned from the edge it ends to the edge it begins."""
     poses = []
     for index, (x_m, y_m) in enumerate(ring):
         before, after = ring[(index - direction) % 4], ring[(index + direction) % 4]

@@ -66,7 +66,7 @@ def plan_without(
     mission: MissionConfig,
     obstacles: Obstacles = NO_OBSTACLES,
 ) -> Path:
-    """The path as far as its next turn behind point `index`, then the rows it still works but one.
+    """Keep a path up to its next turn behind point `index`, then drive its other rows but one.
 
     Raises: MissionError: no clear way leads around the row.
     """
@@ -111,7 +111,7 @@ def plan_home(
     mission: MissionConfig,
     obstacles: Obstacles = NO_OBSTACLES,
 ) -> Path:
-    """Around the rows to a place, and look there as `home_pose` says.
+    """Plan around the rows to a place, and look there as `home_pose` says.
 
     Raises: MissionError: no such way is clear of the crop.
     """
@@ -125,7 +125,7 @@ def _list_orders(rows: Sequence[Row]) -> list[Sequence[Row]]:
 
 
 def _order_passes(rows: Sequence[Row], is_first_flipped: bool) -> list[Row]:
-    """The rows in driving order, each written in its driving direction."""
+    """Put the rows in driving order, each written in its driving direction."""
     passes: list[Row] = []
     for row in rows:
         is_flipped = is_first_flipped

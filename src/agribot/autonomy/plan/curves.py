@@ -39,7 +39,7 @@ class Segment(NamedTuple):
     row: int = -1
 
     def end(self, start: Pose) -> Pose:
-        """Where the segment leads to from a pose."""
+        """Return where the segment leads to from a pose."""
         turn_rad = self.length_m * self.curvature_radpm
         if turn_rad == 0.0:
             return Pose(
@@ -67,7 +67,7 @@ def find_end_pose(start: Pose, segments: Iterable[Segment]) -> Pose:
 
 
 def sample(start: Pose, segments: Iterable[Segment]) -> Path:
-    """Points at most 2 cm apart; the last one is the end of the last segment.
+    """Lay points at most 2 cm apart; the last one is the end of the last segment.
 
     Raises: MissionError: the segments have no length.
     """
@@ -87,7 +87,7 @@ def sample(start: Pose, segments: Iterable[Segment]) -> Path:
 
 
 def make_path(table: FloatArray) -> Path:
-    """Columns x, y, yaw, curvature, row, s; the yaw may run on beyond pi."""
+    """Make a path of a table (N, 6): x, y, yaw, curvature, row, s; yaw may run on beyond pi."""
     return Path(
         xy_map_m=np.ascontiguousarray(table[:, :2]),
         yaw_map_rad=np.pi - np.mod(np.pi - table[:, 2], 2.0 * np.pi),

@@ -31,7 +31,7 @@ def plan_to_place(
     mission: MissionConfig,
     obstacles: Obstacles = NO_OBSTACLES,
 ) -> Path:
-    """From where the robot stands; without a yaw in the goal it ends as it comes.
+    """Plan from where the robot stands; without a yaw in the goal it ends as it comes.
 
     A goal between the rows is reached from the end of the rows, straight along them.
     Raises: MissionError: beyond the fence, on crop, or no way keeps clear of the crop.
@@ -75,7 +75,7 @@ def make_fence(places: Sequence[tuple[float, float]], margin_m: float) -> FenceB
 
 
 def check_inside(x_m: float, y_m: float, fence: FenceBox) -> None:
-    """Raises: MissionError: the place lies beyond the fence."""
+    """Refuse a place beyond the fence. Raises: MissionError: and by how much it is."""
     x_min_m, y_min_m, x_max_m, y_max_m = fence
     beyond_m = max(x_min_m - x_m, x_m - x_max_m, y_min_m - y_m, y_m - y_max_m)
     if beyond_m > 0.0:

@@ -77,7 +77,7 @@ class MissionJob:
         self.rows.restore(saved.rows, saved.row, saved.s_m)
 
     def leave_out(self, done: Iterable[int], skipped: Iterable[int]) -> None:
-        """Rows that an earlier mission worked whole, and those that it was to leave out."""
+        """Leave out rows that an earlier mission worked whole, and those that it was to skip."""
         for index in done:
             self.rows.take_as_done(index)
         for index in skipped:
@@ -162,7 +162,7 @@ class MissionJob:
         self.route.go_on(route.progress.s_m, route.visits.reached)
 
     def is_wanted(self, row: int) -> bool:
-        """Whether the tool is to work this row here; -1 is none."""
+        """Say whether the tool is to work this row here; -1 is none."""
         if row < 0 or self.rows.is_skipped(row):
             return False
         return not self._covered.was_worked(row, *self._tool_m)

@@ -32,9 +32,9 @@ class DataManipulation(EndlessStage):
 
     def receive(self, topic: Topic, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
         if topic is topics.IMU:
-            self._heading.hear_imu(_read_imu(message))
+            self._heading.update_imu(_read_imu(message))
         elif topic is topics.CMD_VEL:
-            self._heading.hear_command(message.linear.x, message.angular.z)
+            self._heading.update_command(message.linear.x, message.angular.z)
         elif topic is topics.BEARING:
             if math.isfinite(message.data):
                 self._bearing_rad, self._bearing_s = math.radians(message.data), t_s
@@ -44,7 +44,7 @@ class DataManipulation(EndlessStage):
 
     def _report_heading(self, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
         field_t = _read_xyz(message.magnetic_field)
-        yaws = self._heading.hear_mag(
+        yaws = self._heading.update_mag(
             MagSample(t_s=to_seconds(message.header.stamp), field_t=field_t)
         )
         if yaws is None:

@@ -42,10 +42,10 @@ class GpsConverter(EndlessStage):
             return ()
         stamp_s = to_seconds(message.header.stamp)
         if topic is topics.POLE_FIX:
-            self._origin.hear_pole(stamp_s, place)
+            self._origin.update_pole(stamp_s, place)
             return ()
         if message.status.status < _RTK:  # a receiver with carrier corrections needs no pole
-            place = self._origin.corrected(stamp_s, place) or place
+            place = self._origin.correct(stamp_s, place) or place
         return self._report_place(stamp_s, place)
 
     def _report_place(

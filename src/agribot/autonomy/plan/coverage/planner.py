@@ -147,7 +147,7 @@ def _choose_direction(
 def _make_row_tasks(
     area: FieldArea, shape: Footprint, request: PlanRequest, space: FreeSpace
 ) -> tuple[float, list[CoverageTask]]:
-    """The crop rows, and their strips taken out of the ground on which the robot may turn."""
+    """Make tasks of the rows, their strips taken out of the ground on which the robot may turn."""
     import shapely
 
     clear_m = shape.wheel_turn_radius_m + request.plant_clearance_m
@@ -175,7 +175,7 @@ def _make_row_tasks(
 def _join(
     working: list[Leg], request: PlanRequest, ways: Ways, drivable: BaseGeometry
 ) -> list[Leg]:
-    """The working legs with turns and links between them."""
+    """Join the working legs with turns and links between them."""
     legs: list[Leg] = []
     if request.start_map_m is not None:
         legs += _make_link(request.start_map_m, _read_point(working[0], 0), ways)
@@ -198,7 +198,7 @@ def _plan_turn(
 
 
 def _plan_curve(start: Pose, end: Pose, style: TurnStyle, drivable: BaseGeometry) -> list[Leg]:
-    """The turn in the wanted style; nothing where the robot has to turn in place."""
+    """Plan the turn in the wanted style; nothing where the robot has to turn in place."""
     if style == "pivot":
         return []
     three = plan_three_point_turn(start, end, drivable) if style == "three-point" else None

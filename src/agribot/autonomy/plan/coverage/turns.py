@@ -30,17 +30,19 @@ TURN_SPEED_MPS = 0.3
 
 
 def yaw_rad(start: MapPoint | FloatArray, end: MapPoint | FloatArray) -> float:
+    """Return the course from one place (2,) to another."""
     return math.atan2(end[1] - start[1], end[0] - start[0])
 
 
 def bend_rad(before: FloatArray, at: FloatArray, after: FloatArray) -> float:
+    """Return by how much a line through three places, (2,) each, bends; left positive."""
     return math.remainder(yaw_rad(at, after) - yaw_rad(before, at), math.tau)
 
 
 def plan_arc_turn(
     start: Pose, end: Pose, drivable: BaseGeometry, *, is_wanted: bool
 ) -> FloatArray | None:
-    """Points of the turn from one pose to another, if it is open and wanted or quicker."""
+    """Plan a turn from one pose to another, (N, 2), if it is open and wanted or quicker."""
     import shapely
 
     _, left_m = _locate(start, end)
@@ -59,7 +61,7 @@ def plan_arc_turn(
 def plan_three_point_turn(
     start: Pose, end: Pose, drivable: BaseGeometry
 ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """A quarter circle ahead, straight back, a quarter circle ahead; None where it is not open.
+    """Plan a quarter circle ahead, straight back, one ahead, (N, 2) each; None where not open.
 
     It turns between opposite courses that are closer than two radii, and goes no deeper into the
     headland than one.
@@ -101,7 +103,7 @@ def _estimate_pivot_s(start: Pose, end: Pose) -> float:
 
 
 def sample_turn(start: Pose, segments: Iterable[Segment]) -> FloatArray:
-    """Ends of the straight pieces, and points of the arcs a few centimetres apart, (N, 2)."""
+    """Lay the ends of straight pieces, and points a few centimetres apart on arcs, (N, 2)."""
     points, pose = [start[:2]], start
     for segment in segments:
         if segment.length_m < 1e-6:
@@ -117,7 +119,7 @@ def sample_turn(start: Pose, segments: Iterable[Segment]) -> FloatArray:
 
 
 def smooth(xy: FloatArray, is_closed: bool) -> list[FloatArray]:
-    """A broken line, cut at the corners where the robot must turn in place.
+    """Cut a broken line (N, 2) at the corners where the robot must turn in place.
 
     Slight bends are rounded, at most ROUNDING_M off their corner. A closed ring begins at a
     corner where it has one.
