@@ -5,26 +5,29 @@ BIN := $(VENV)/bin
 # Installing builds the operator's page from these.
 PAGE := hatch_build.py $(shell find web -name node_modules -prune -o -name .test-build -prune -o -type f -print)
 
-# The cheap tests: the rules of the house, settings, plain decisions, formats, the command line.
-DRIVING := tests/app/test_live_settings.py tests/app/test_operator_sends.py
-QUICK := $(wildcard tests/test_*.py) tests/core $(filter-out $(DRIVING),$(wildcard tests/app/test_*.py)) \
-  tests/autonomy/test_perception_host.py tests/autonomy/control tests/autonomy/weeds tests/gis tests/ros/messages \
-  tests/cli/test_help.py tests/cli/test_hostile_input.py
+# The cheap tests: the rules of the house, the units, formats, the command line, one short mission.
+DEAR := tests/test_missing_programs.py tests/test_own_rules.py \
+  tests/app/test_live_settings.py tests/app/test_operator_sends.py
+QUICK := $(filter-out $(DEAR),$(wildcard tests/test_*.py tests/app/test_*.py)) tests/core \
+  tests/autonomy/test_perception_host.py tests/autonomy/control tests/autonomy/weeds tests/gis \
+  tests/ros/messages tests/cli/test_help.py tests/cli/test_hostile_input.py \
+  tests/mission/test_waypoint_mission.py
 
 WORKERS := -n logical --maxprocesses 4 --dist loadfile
 
-.PHONY: run test nightly quick check pages format lint types clean
+.PHONY: run test nightly quick check pages generate format lint types clean
 
 run: $(VENV)/.run
 	$(BIN)/agribot run farm --ui --speed 1
 
 # A worker for every core, but no more than memory has room for; a file's tests stay together.
+# Part of it: `make test TESTS=tests/gis`; the dearest twenty: `make test TESTS='--cpu-times 20'`.
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest $(WORKERS)
+	$(BIN)/python -m pytest $(WORKERS) $(TESTS)
 
 # The tests that `make test` takes with few seeds, with all of them; the table is in CONTRIBUTING.md.
 nightly: $(VENV)/.dev
-	$(BIN)/python -m pytest $(WORKERS) -m nightly
+	$(BIN)/python -m pytest $(WORKERS) -m nightly $(TESTS)
 
 # While working: a minute instead of half an hour. It proves less than `make test`.
 quick: lint types
@@ -40,6 +43,10 @@ format: $(VENV)/.dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 	$(BIN)/python scripts/lint_page.py --fix
+
+# What the operator's page takes from Python: its messages and its list of screens.
+generate: $(VENV)/.dev
+	$(BIN)/python scripts/generate_wire.py
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .

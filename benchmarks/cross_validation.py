@@ -59,17 +59,17 @@ def main() -> None:
     for fold in () if options.table else folds:
         for name in names:
             _train(name, fold, options)
-    for line in _table(names, options):
+    for line in _format_table(names, options):
         sys.stdout.write(line + "\n")
 
 
-def _place(name: str, fold: int, options: argparse.Namespace) -> Path:
+def _find_folder(name: str, fold: int, options: argparse.Namespace) -> Path:
     place: Path = options.out / name / f"fold{fold}"
     return place
 
 
 def _train(name: str, fold: int, options: argparse.Namespace) -> None:
-    recipe, out = RECIPES[name], _place(name, fold, options)
+    recipe, out = RECIPES[name], _find_folder(name, fold, options)
     if (out / f"{name}.json").is_file():
         return
     words = [
@@ -82,24 +82,26 @@ def _train(name: str, fold: int, options: argparse.Namespace) -> None:
     subprocess.run([sys.executable, "-m", "agribot.cli", "train", *words], check=True)
 
 
-def _table(names: list[str], options: argparse.Namespace) -> list[str]:
+def _format_table(names: list[str], options: argparse.Namespace) -> list[str]:
     lines = [
         "| network | input | folds | steps | CPU-minutes | mIoU | weed | crop | soil | each mIoU |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for name in names:
-        paths = [_place(name, fold, options) / f"{name}.json" for fold in range(options.folds)]
+        paths = [
+            _find_folder(name, fold, options) / f"{name}.json" for fold in range(options.folds)
+        ]
         cards = [
             msgspec.json.decode(path.read_bytes(), type=ModelCard)
             for path in paths
             if path.is_file()
         ]
         if cards:
-            lines.append(_line(name, cards))
+            lines.append(_format_line(name, cards))
     return lines
 
 
-def _line(name: str, cards: list[ModelCard]) -> str:
+def _format_line(name: str, cards: list[ModelCard]) -> str:
     judged = [score for card in cards for score in card.test.values()]
     pooled = np.sum([score.confusion for score in judged], axis=0)
     result = compute_scores(pooled.astype(np.int64), sum(score.images for score in judged))

@@ -54,19 +54,19 @@ def measure(weeds: int, pan_s: float, watch_s: float) -> dict[str, Any]:
         found = {"weeds": weeds, **_pan(page, tools, pan_s)}
         page.evaluate("location.hash = '#/drive'")
         time.sleep(5.0)
-        before, _ = _heap_bytes(tools), time.sleep(watch_s)
-        after = _heap_bytes(tools)
+        before, _ = _read_heap_bytes(tools), time.sleep(watch_s)
+        after = _read_heap_bytes(tools)
         browser.close()
     return {**found, "watched_s": watch_s, "heap_bytes": after, "heap_growth_bytes": after - before}
 
 
 def _pan(page: Page, tools: CDPSession, seconds: float) -> dict[str, Any]:
-    began_s = _busy_s(tools)
+    began_s = _read_busy_s(tools)
     time.sleep(seconds)
-    still_s = _busy_s(tools) - began_s
-    began_s = _busy_s(tools)
+    still_s = _read_busy_s(tools) - began_s
+    began_s = _read_busy_s(tools)
     frames_ms = sorted(page.evaluate(PAN, seconds))
-    busy_s = _busy_s(tools) - began_s
+    busy_s = _read_busy_s(tools) - began_s
     return {
         "frames": len(frames_ms),
         "frame_p50_ms": round(frames_ms[len(frames_ms) // 2], 1),
@@ -77,13 +77,13 @@ def _pan(page: Page, tools: CDPSession, seconds: float) -> dict[str, Any]:
     }
 
 
-def _busy_s(tools: CDPSession) -> float:
+def _read_busy_s(tools: CDPSession) -> float:
     """CPU time of the page's main thread so far."""
     metrics = tools.send("Performance.getMetrics")["metrics"]
     return float(next(one["value"] for one in metrics if one["name"] == "TaskDuration"))
 
 
-def _heap_bytes(tools: CDPSession) -> int:
+def _read_heap_bytes(tools: CDPSession) -> int:
     for _ in range(2):
         tools.send("HeapProfiler.collectGarbage")
     return int(tools.send("Runtime.getHeapUsage")["usedSize"])

@@ -46,7 +46,7 @@ READY = (
 )
 
 
-def opened(page: Page, address: str, theme: str, size: tuple[int, int]) -> None:
+def open_page(page: Page, address: str, theme: str, size: tuple[int, int]) -> None:
     page.set_viewport_size({"width": size[0], "height": size[1]})
     page.goto(f"{address}/#/drive")
     page.evaluate(f"localStorage.setItem('theme', '{theme}')")
@@ -55,7 +55,7 @@ def opened(page: Page, address: str, theme: str, size: tuple[int, int]) -> None:
     until(page, f"window.__agribot?.ready && {STATE}?.pose", PATIENCE_S)
 
 
-def picture(page: Page) -> Image.Image:
+def take_picture(page: Page) -> Image.Image:
     """Once everything on the screen has been there; a busy machine may lose some of it again."""
     for what in READY:
         with suppress(AssertionError):
@@ -64,23 +64,23 @@ def picture(page: Page) -> Image.Image:
     return Image.open(io.BytesIO(page.screenshot())).convert("RGB")
 
 
-def pictures(page: Page) -> list[Image.Image]:
+def take_pictures(page: Page) -> list[Image.Image]:
     """Every screen, and two of the things that open above one."""
     found = []
     for screen in SCREENS:
         show(page, screen)
-        found.append(picture(page))
+        found.append(take_picture(page))
         sys.stderr.write(f"{screen}\n")
     show(page, "drive")
     page.get_by_role("button", name="Layers and views").click()
-    found.append(picture(page))
+    found.append(take_picture(page))
     page.locator(".operator").click()
-    found.append(picture(page))
+    found.append(take_picture(page))
     page.get_by_role("button", name="Close").last.click()
     return found
 
 
-def sheet(made: list[Image.Image], columns: int, width_px: int) -> Image.Image:
+def make_sheet(made: list[Image.Image], columns: int, width_px: int) -> Image.Image:
     height_px = round(width_px * made[0].height / made[0].width)
     rows = -(-len(made) // columns)
     size = columns * (width_px + GAP_PX) + GAP_PX, rows * (height_px + GAP_PX) + GAP_PX
@@ -92,14 +92,16 @@ def sheet(made: list[Image.Image], columns: int, width_px: int) -> Image.Image:
     return whole
 
 
-def sheets(page: Page, address: str, layouts: list[str], out: Path, single: Path | None) -> None:
+def make_sheets(
+    page: Page, address: str, layouts: list[str], out: Path, single: Path | None
+) -> None:
     for layout in layouts:
         size, columns, width_px = LAYOUTS[layout]
         for theme in THEMES:
-            opened(page, address, theme, size)
-            made = pictures(page)
+            open_page(page, address, theme, size)
+            made = take_pictures(page)
             name = f"page-{layout}-{theme}"
-            sheet(made, columns, width_px).save(out / f"{name}.webp", quality=62, method=6)
+            make_sheet(made, columns, width_px).save(out / f"{name}.webp", quality=62, method=6)
             sys.stderr.write(f"{out / name}.webp\n")
             if single:
                 single.mkdir(parents=True, exist_ok=True)
@@ -107,15 +109,15 @@ def sheets(page: Page, address: str, layouts: list[str], out: Path, single: Path
                     one.save(single / f"{name}-{number:02}.png")
 
 
-def on_the_mission(page: Page, address: str) -> Image.Image:
+def take_mission_picture(page: Page, address: str) -> Image.Image:
     """Of the page beside the robot at work; until then on a screen that costs little."""
-    opened(page, address, "light", README_PX)
+    open_page(page, address, "light", README_PX)
     page.get_by_role("button", name="Take control").first.click()
     show(page, "health")
     mission = f"{STATE}.mission"
     until(page, f"{mission}.s_m > {README_FROM} * {mission}.length_m", PATIENCE_S)
     show(page, "drive")
-    return picture(page)
+    return take_picture(page)
 
 
 def main() -> int:
@@ -136,9 +138,9 @@ def main() -> int:
             out_dir = Path(tempfile.mkdtemp()) / "today-farm"
             robot = parts.enter_context(robot_with_page("farm", out_dir, SETTINGS, pace=2.0))
             address = robot.address
-            made = on_the_mission(page, address)
+            made = take_mission_picture(page, address)
             made.save(options.out / "page.webp", quality=82, method=6)
-        sheets(page, address, options.layout or list(LAYOUTS), options.out, options.single)
+        make_sheets(page, address, options.layout or list(LAYOUTS), options.out, options.single)
         browser.close()
     return 0
 

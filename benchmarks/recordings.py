@@ -36,28 +36,30 @@ def main() -> None:
     parser.add_argument("--no-cost", action="store_true")
     options = parser.parse_args()
     if not options.no_cost:
-        cost()
+        measure_cost()
     with tempfile.TemporaryDirectory() as name:
         if options.messages:
-            many_messages(Path(name), options.messages)
+            record_many_messages(Path(name), options.messages)
         if options.kills:
-            kills(Path(name), options.kills)
+            kill_recordings(Path(name), options.kills)
 
 
-def many_messages(folder: Path, count: int) -> None:
+def record_many_messages(folder: Path, count: int) -> None:
     data = rosmsg.to_cdr(rosmsg.make_float64(1.5))
     file = McapFile(folder / "many.mcap")
-    timed("write .mcap", lambda: [file.write(topics.DISTANCE, i, data, i) for i in range(count)])
+    time_call(
+        "write .mcap", lambda: [file.write(topics.DISTANCE, i, data, i) for i in range(count)]
+    )
     file.close()
-    timed("info .mcap", lambda: read_info(folder / "many.mcap"))
-    timed("to .bag", lambda: convert(folder / "many.mcap", folder / "many.bag"))
-    timed("info .bag", lambda: read_info(folder / "many.bag"))
-    timed("to .db3", lambda: convert(folder / "many.bag", folder / "many.db3"))
-    timed("back to .mcap", lambda: convert(folder / "many.db3", folder / "back.mcap"))
+    time_call("info .mcap", lambda: read_info(folder / "many.mcap"))
+    time_call("to .bag", lambda: convert(folder / "many.mcap", folder / "many.bag"))
+    time_call("info .bag", lambda: read_info(folder / "many.bag"))
+    time_call("to .db3", lambda: convert(folder / "many.bag", folder / "many.db3"))
+    time_call("back to .mcap", lambda: convert(folder / "many.db3", folder / "back.mcap"))
     assert read_info(folder / "back.mcap").messages == count
 
 
-def kills(folder: Path, count: int) -> None:
+def kill_recordings(folder: Path, count: int) -> None:
     dice = random.Random(1)
     worst_s = 0.0
     for number in range(count):
@@ -70,7 +72,7 @@ def kills(folder: Path, count: int) -> None:
     sys.stdout.write(f"at most {worst_s:.2f} s of {count} runs were lost\n")
 
 
-def cost() -> None:
+def measure_cost() -> None:
     """All topics, with the camera at 30 Hz and without, in shares of one core."""
     config = load("farm")
     robot = load_robot(config.robot)
@@ -102,7 +104,7 @@ def cost() -> None:
         )
 
 
-def timed(name: str, work: object) -> None:
+def time_call(name: str, work: object) -> None:
     started_s = time.process_time()
     assert callable(work)
     work()

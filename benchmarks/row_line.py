@@ -14,7 +14,6 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from agribot.sim.camera_feed import keep_drawable
 
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.row_line import find_row_line
@@ -25,6 +24,7 @@ from agribot.core.messages import RowLine
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
 from agribot.sim.camera import CameraRenderer
+from agribot.sim.camera_sensor import keep_drawable
 
 TILT_STD_RAD = math.radians(0.4)
 
@@ -60,13 +60,15 @@ def main() -> None:
     if options.save is not None and options.save.exists():
         looks = load(options.save)
     else:
-        looks = take(config, segmenter, options)
+        looks = take_looks(config, segmenter, options)
         if options.save is not None:
             save(options.save, looks)
-    judge(looks, [find_row_line(look.class_map, ground, 0.0) for look in looks], config.field)
+    assess_lines(
+        looks, [find_row_line(look.class_map, ground, 0.0) for look in looks], config.field
+    )
 
 
-def take(
+def take_looks(
     config: settings.RunConfig, segmenter: Segmenter, options: argparse.Namespace
 ) -> list[Look]:
     count, seed, past_m = options.pictures, options.seed, options.past_ends
@@ -118,7 +120,9 @@ def take(
     return looks
 
 
-def judge(looks: list[Look], lines: list[RowLine | None], field: settings.FieldConfig) -> None:
+def assess_lines(
+    looks: list[Look], lines: list[RowLine | None], field: settings.FieldConfig
+) -> None:
     length_m = field.row_length_m
     inside = [0.0 <= look.along_m <= length_m - 2.0 for look in looks]
     found = [line is not None for line in lines]
@@ -139,13 +143,13 @@ def judge(looks: list[Look], lines: list[RowLine | None], field: settings.FieldC
             starts.append((line.start_ahead_m + look.along_m, line.range_std_m))
         if line.end_ahead_m is not None:
             ends.append((line.end_ahead_m - (length_m - look.along_m), line.range_std_m))
-    tell("offset", "cm", 100.0, offsets)
-    tell("heading", "deg", math.degrees(1.0), headings)
-    tell("row start", "cm", 100.0, starts)
-    tell("row end", "cm", 100.0, ends)
+    print_errors("offset", "cm", 100.0, offsets)
+    print_errors("heading", "deg", math.degrees(1.0), headings)
+    print_errors("row start", "cm", 100.0, starts)
+    print_errors("row end", "cm", 100.0, ends)
 
 
-def tell(name: str, unit: str, scale: float, errors: list[tuple[float, float]]) -> None:
+def print_errors(name: str, unit: str, scale: float, errors: list[tuple[float, float]]) -> None:
     if not errors:
         sys.stdout.write(f"{name:10} none\n")
         return

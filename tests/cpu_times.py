@@ -18,7 +18,7 @@ OUTSIDE = "outside of tests: imports, collection, workers"
 PARENT, FIRST_TIME, AFTER_TIMES = 1, 11, 15  # fields of /proc/PID/stat behind the name
 TICKS_PER_S = float(os.sysconf("SC_CLK_TCK"))
 PROPERTY = "cpu_s"  # of a report; so it travels from a worker
-MOMENT = pytest.StashKey[float]()
+LAST, SPENT = pytest.StashKey[float](), pytest.StashKey[float]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -75,11 +75,12 @@ def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, None, None]:
 def measure(item: pytest.Item) -> Generator[None, None, None]:
     if not is_wanted(item.config):
         return (yield)
-    before_s = cpu_s()
+    before_s = item.config.stash.get(LAST, None) or cpu_s()
     try:
         return (yield)
     finally:
-        item.stash[MOMENT] = cpu_s() - before_s
+        now_s = item.config.stash[LAST] = cpu_s()
+        item.stash[SPENT] = now_s - before_s
 
 
 @pytest.hookimpl(wrapper=True)
@@ -87,7 +88,7 @@ def pytest_runtest_makereport(
     item: pytest.Item,
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     report = yield
-    report.user_properties.append((PROPERTY, item.stash.get(MOMENT, 0.0)))
+    report.user_properties.append((PROPERTY, item.stash.get(SPENT, 0.0)))
     return report
 
 

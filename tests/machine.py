@@ -1,8 +1,14 @@
-"""What a machine may lack, and the line that installs it: the words of every such skip."""
+"""What a machine may lack, and the line that installs it: the words of every such skip.
+
+`python -m tests.machine FOLDER` fills a folder that, as PATH, makes this machine a bare one.
+"""
 
 from __future__ import annotations
 
+import os
 import shutil
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -41,3 +47,17 @@ def require(program: str) -> str:
 
 def needs(program: str) -> pytest.MarkDecorator:
     return pytest.mark.skipif(find(program) is None, reason=missing(program))
+
+
+def link_what_every_machine_has(folder: Path) -> None:
+    """Fill a folder with links to the programs of PATH, but for those that a test asks for."""
+    hidden = {*PACKAGES, *(name for names in OTHER_NAMES.values() for name in names)}
+    for place in os.get_exec_path():
+        for program in sorted(Path(place).glob("*")):
+            link = folder / program.name
+            if program.name not in hidden and not link.is_symlink():
+                link.symlink_to(program)
+
+
+if __name__ == "__main__":
+    link_what_every_machine_has(Path(sys.argv[1]))

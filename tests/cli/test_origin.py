@@ -90,8 +90,8 @@ def test_a_run_at_a_named_origin_has_its_fixes_its_map_and_its_page_there(
     kept = read_config(out / "run.mcap")
     assert kept.field.datum == HOME
     shown = field_of(kept, ())
-    assert shown["datum"] == {"lat_deg": HOME.lat_deg, "lon_deg": HOME.lon_deg}
-    assert shown["datum_source"] == "home"
+    assert (shown.datum.lat_deg, shown.datum.lon_deg) == (HOME.lat_deg, HOME.lon_deg)
+    assert shown.datum_source == "home"
 
 
 @pytest.mark.parametrize("is_auto", [True, False], ids=["auto", "named topic"])

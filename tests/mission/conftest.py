@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from agribot.record.report import Report
 
-FARM_SEEDS = (1, 2, 3, 4, 5)
+FarmRun = Callable[[int], tuple[Path, Report]]
+ShortRun = Callable[..., tuple[Path, Report]]
 
 
 def run_session(profile: str, settings: list[str], out_dir: str) -> Report:
@@ -26,24 +26,20 @@ def run_session(profile: str, settings: list[str], out_dir: str) -> Report:
 
 
 @pytest.fixture(scope="session")
-def farm_runs(tmp_path_factory: pytest.TempPathFactory) -> dict[int, tuple[Path, Report]]:
-    """`agribot run farm --sensors rtk --seed S` with camera and network, for five seeds."""
+def farm_run(tmp_path_factory: pytest.TempPathFactory) -> FarmRun:
+    """`agribot run farm --sensors rtk --seed S` with camera and network, driven once per seed."""
     root = tmp_path_factory.mktemp("farm")
-    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-        running = {
-            seed: pool.submit(
-                run_session,
-                "farm",
-                [f"seed={seed}", 'sim.sensors="rtk"'],
-                str(root / f"seed{seed}"),
-            )
-            for seed in FARM_SEEDS
-        }
-        return {seed: (root / f"seed{seed}", job.result()) for seed, job in running.items()}
+
+    @cache
+    def drive(seed: int) -> tuple[Path, Report]:
+        out = root / f"seed{seed}"
+        return out, run_session("farm", [f"seed={seed}", 'sim.sensors="rtk"'], str(out))
+
+    return drive
 
 
 @pytest.fixture
-def short_run(tmp_path: Path) -> Callable[..., tuple[Path, Report]]:
+def short_run(tmp_path: Path) -> ShortRun:
     """Run the first seconds of the farm mission with extra settings."""
 
     def run(name: str, *settings: str, seconds: float = 12.0) -> tuple[Path, Report]:

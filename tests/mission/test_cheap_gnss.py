@@ -7,14 +7,19 @@ from pathlib import Path
 import pytest
 
 from agribot.cli.main import main
+from tests import nightly
 from tests.mission.conftest import run_session
 
 
 @pytest.mark.slow
-def test_a_cheap_receiver_and_the_camera_drive_all_rows_and_crush_nothing(tmp_path: Path) -> None:
-    report = run_session("farm", ["seed=1", 'sim.sensors="m8n"'], str(tmp_path))
+@nightly.one_by_one("rows", (2, 6), in_suite=1)
+def test_a_cheap_receiver_and_the_camera_drive_all_rows_and_crush_nothing(
+    tmp_path: Path, rows: int
+) -> None:
+    settings = ["seed=1", 'sim.sensors="m8n"', f"field.row_count={rows}"]
+    report = run_session("farm", settings, str(tmp_path))
     assert report.ok, report.reason
-    assert report.mission.rows_done == 6
+    assert report.mission.rows_done == report.mission.rows_total == rows
     assert report.tracking.plants_crushed == 0
     assert report.tracking.xte_max_m is not None
     assert report.tracking.xte_max_m < 0.25

@@ -7,16 +7,14 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from agribot.cli.main import main
 from agribot.record.replay import read_ticks
-from agribot.record.report import Report
+from tests.mission.conftest import ShortRun
 
-ShortRun = Callable[..., tuple[Path, Report]]
 PROGRAM = [sys.executable, "-m", "agribot.cli"]
 
 

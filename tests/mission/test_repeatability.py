@@ -3,15 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import msgspec
+import pytest
 
 from agribot.cli.main import main
 from agribot.record.replay import read_ticks
 from agribot.record.report import Report, TimeReport
+from tests import nightly
+from tests.mission.conftest import ShortRun, run_session
 
-ShortRun = Callable[..., tuple[Path, Report]]
+FirstRun = Callable[[float], tuple[Path, Report]]
+SEED, SHORT_S, LONG_S = 7, 12.0, 25.0
+
+
+@pytest.fixture(scope="module")
+def first_run(tmp_path_factory: pytest.TempPathFactory) -> FirstRun:
+    """The first seconds of the farm mission with camera and network, driven once."""
+
+    @cache
+    def drive(seconds: float) -> tuple[Path, Report]:
+        out = tmp_path_factory.mktemp("first") / "run"
+        return out, run_session("farm", [f"duration_s={seconds}", f"seed={SEED}"], str(out))
+
+    return drive
 
 
 def without_times(report: Report) -> Report:
@@ -21,9 +38,11 @@ def without_times(report: Report) -> Report:
     return msgspec.structs.replace(report, time=time, perception=perception)
 
 
-def test_the_same_seed_gives_the_same_report_and_the_same_commands(short_run: ShortRun) -> None:
-    first_dir, first = short_run("first", "seed=7")
-    second_dir, second = short_run("second", "seed=7")
+def test_the_same_seed_gives_the_same_report_and_the_same_commands(
+    first_run: FirstRun, short_run: ShortRun
+) -> None:
+    first_dir, first = first_run(SHORT_S)
+    second_dir, second = short_run("second", f"seed={SEED}", seconds=SHORT_S)
     assert without_times(first) == without_times(second)
     first_commands = [tick.command for tick in read_ticks(first_dir / "run.mcap")]
     second_commands = [tick.command for tick in read_ticks(second_dir / "run.mcap")]
@@ -32,13 +51,16 @@ def test_the_same_seed_gives_the_same_report_and_the_same_commands(short_run: Sh
 
 
 def test_another_seed_gives_another_run(short_run: ShortRun) -> None:
-    first_dir, _ = short_run("first", "seed=7", "perception.enabled=false")
-    other_dir, _ = short_run("other", "seed=8", "perception.enabled=false")
+    first_dir, _ = short_run("first", "seed=7", "perception.enabled=false", seconds=4.0)
+    other_dir, _ = short_run("other", "seed=8", "perception.enabled=false", seconds=4.0)
     first = [tick.batch for tick in read_ticks(first_dir / "run.mcap")]
     other = [tick.batch for tick in read_ticks(other_dir / "run.mcap")]
     assert first != other
 
 
-def test_replaying_a_recording_gives_bit_identical_commands(short_run: ShortRun) -> None:
-    out, _ = short_run("run", "seed=3", seconds=25.0)
+@nightly.one_by_one("seconds", (SHORT_S, LONG_S), in_suite=1)
+def test_replaying_a_recording_gives_bit_identical_commands(
+    first_run: FirstRun, seconds: float
+) -> None:
+    out, _ = first_run(seconds)
     assert main(["replay", str(out / "run.mcap")]) == 0

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import PlantClass
-from agribot.record.weeds import position_std_m, weeds_geojson, write_weeds
+from agribot.record.weeds import weeds_geojson, write_weeds
 from tests.record import record_samples as samples
 
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)
@@ -54,7 +54,7 @@ def test_coordinates_return_to_the_map_within_a_millimetre(
 def test_std_is_the_longer_axis_of_the_ellipse() -> None:
     plant = msgspec.structs.replace(samples.plant(1), cov_m2=(4e-4, 1e-4, 1e-4, 9e-4))
     largest = np.linalg.eigvalsh(np.reshape(plant.cov_m2, (2, 2))).max()
-    assert position_std_m(plant) == pytest.approx(math.sqrt(largest))
+    assert plant.std_m == pytest.approx(math.sqrt(largest))
 
 
 def test_a_map_without_plants_is_still_geojson() -> None:

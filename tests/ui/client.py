@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import time
 from contextlib import ExitStack
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
+import msgspec
 from websockets.sync.client import ClientConnection, connect
 
+from agribot.ui import wire
 from tests.waiting import PATIENCE_S
+
+M = TypeVar("M", bound=wire.Message)
+
+
+class Never(wire.Message, frozen=True):
+    """A kind that nobody sends: whoever waits for it waits for the end of the line."""
 
 
 class Page:
@@ -26,6 +35,7 @@ class Page:
         url = f"ws://127.0.0.1:{port}{path}"
         self._connect: Any = lambda: connect(url, compression=None, proxy=None, **options)
         self._stack = ExitStack()
+        self._numbers = itertools.count(1)
         self.line: ClientConnection
 
     def __enter__(self) -> Self:
@@ -35,33 +45,37 @@ class Page:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def send(self, **message: Any) -> None:
-        self.line.send(json.dumps(message))
+    def send(self, message: wire.PageMessage) -> None:
+        self.send_text(wire.encode(message).decode())
 
-    def receive(self, kind: str, timeout_s: float = PATIENCE_S) -> dict[str, Any]:
+    def send_text(self, text: str) -> None:
+        """Whatever it says."""
+        self.line.send(text)
+
+    def receive(self, kind: type[M], timeout_s: float = PATIENCE_S) -> M:
         """The next message of this kind."""
         end_s = time.monotonic() + timeout_s
         while True:
             message = self.receive_any(max(0.0, end_s - time.monotonic()))
-            if message["k"] == kind:
+            if isinstance(message, kind):
                 return message
 
-    def receive_any(self, timeout_s: float = PATIENCE_S) -> dict[str, Any]:
+    def receive_any(self, timeout_s: float = PATIENCE_S) -> wire.ServerMessage:
         """The next message of whatever kind."""
-        message: dict[str, Any] = json.loads(self.line.recv(timeout=timeout_s))
-        return message
+        return wire.read_server_message(self.line.recv(timeout=timeout_s))
 
-    def ask(self, **message: Any) -> dict[str, Any]:
-        """Send a request and wait for its answer."""
-        self.send(**message)
+    def ask(self, request: wire.PageRequest) -> wire.Verdict:
+        """Send a request and wait for the verdict on it."""
+        id = request.id or f"ask-{next(self._numbers)}"
+        self.send(msgspec.structs.replace(request, id=id))
         while True:
-            answer = self.receive("ack")
-            if answer["id"] == message["id"]:
-                return answer
+            verdict = self.receive(wire.Verdict)
+            if verdict.id == id:
+                return verdict
 
     def take_seat(self) -> None:
-        answer = self.ask(k="take", id="take", force=True)
-        assert answer["ok"], answer
+        verdict = self.ask(wire.TakeSeat(force=True))
+        assert verdict.ok, verdict
 
 
 class Browser:

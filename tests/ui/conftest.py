@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-import msgspec
 import pytest
 
 pytest.importorskip("starlette")
@@ -18,13 +16,16 @@ pytest.importorskip("websockets")
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core import config
 from agribot.description.loader import export_urdf, load_robot
-from agribot.ui.about import about_run
+from agribot.ui import wire
+from agribot.ui.about import About
 from agribot.ui.address import Address
 from agribot.ui.ground import field_of
-from agribot.ui.hub import About
-from agribot.ui.server_process import ServerProcess
+from agribot.ui.robot_side.about_run import about_run
+from agribot.ui.robot_side.server_process import ServerProcess
 from tests.ui.client import Page
 from tests.waiting import PATIENCE_S
+
+M = TypeVar("M", bound=wire.Message)
 
 
 class Robot:
@@ -34,41 +35,64 @@ class Robot:
         self.home = home
         self.address = address or Address(port=0)
         self.server = ServerProcess(self.address, self._about)
-        self.orders: list[dict[str, Any]] = []
-        self.answers: dict[str, Any] = {}  # to what the server asks, by its name
+        self.orders: list[wire.RobotOrder] = []
+        self.answers: dict[type[wire.Message], Any] = {}  # to what the server asks
+        self.refusals: dict[type[wire.Message], str] = {}
         self._news = threading.Condition()
 
     def start(self) -> None:
         self.server.start()
         self.server.listen(self._hear, lambda: None, 0.2)
-        self.wait_for(lambda order: order["c"] == "ready")
+        self.wait_for(wire.Ready)
 
     @property
     def port(self) -> int:
         return self.server.port
 
-    def say(self, message: dict[str, Any]) -> None:
-        self.server.link.send_bytes(msgspec.json.encode(message))
+    def say(self, message: wire.RobotMessage) -> None:
+        self.server.link.send_bytes(wire.encode(message))
 
-    def wait_for(self, is_it: Any, timeout_s: float = PATIENCE_S) -> dict[str, Any]:
-        """The first order for which `is_it` holds; fails when none comes."""
+    def wait_for(
+        self,
+        kind: type[M],
+        is_it: Callable[[M], bool] = lambda _: True,
+        timeout_s: float = PATIENCE_S,
+    ) -> M:
+        """The first order of this kind for which `is_it` holds; fails when none comes."""
         with self._news:
             found = self._news.wait_for(
-                lambda: next((o for o in self.orders if is_it(o)), None), timeout_s
+                lambda: next((order for order in self.of_kind(kind) if is_it(order)), None),
+                timeout_s,
             )
         assert found is not None, f"no such order among {self.orders}"
         return found
 
-    def of_kind(self, kind: str) -> list[dict[str, Any]]:
-        return [order for order in self.orders if order["c"] == kind]
+    def wait_for_event(
+        self, action: str, is_it: Callable[[wire.EventOrder], bool] = lambda _: True
+    ) -> wire.EventOrder:
+        return self.wait_for(wire.EventOrder, lambda o: o.action == action and is_it(o))
+
+    def wait_for_question(self, kind: type[M]) -> tuple[int, M]:
+        """The first question of this kind, and the id that its answer has to carry."""
+        asked = self.wait_for(wire.Ask, lambda ask: isinstance(ask.question, kind))
+        assert isinstance(asked.question, kind)
+        return asked.id, asked.question
+
+    def of_kind(self, kind: type[M]) -> list[M]:
+        return [order for order in self.orders if isinstance(order, kind)]
 
     def _hear(self, data: bytes) -> None:
         with self._news:
-            self.orders.append(order := json.loads(data))
+            self.orders.append(order := wire.read_robot_order(data))
             self._news.notify_all()
-        if order["c"] == "ask" and order["name"] in self.answers:
-            value = self.answers[order["name"]]
-            self.say({"k": "reply", "number": order["number"], "value": value})
+        if isinstance(order, wire.Ask):
+            self._answer(order.id, type(order.question))
+
+    def _answer(self, id: int, kind: type[wire.Message]) -> None:
+        if kind in self.refusals:
+            self.say(wire.Answer(id=id, refusal=self.refusals[kind]))
+        elif kind in self.answers:
+            self.say(wire.Answer(id=id, value=self.answers[kind]))
 
     def _about(self, port: int) -> About:
         settings, robot = config.load("farm"), load_robot("agribot")
@@ -112,4 +136,4 @@ def robot(shared_robot: Robot) -> Robot:
 def page(robot: Robot) -> Iterator[Page]:
     with Page(robot.port) as page:
         yield page
-        page.send(k="release")
+        page.send(wire.LeaveSeat())

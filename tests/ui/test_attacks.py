@@ -13,10 +13,11 @@ from typing import Any
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from agribot.ui.connection_slots import MAX_CONNECTIONS
-from agribot.ui.guesses import MAX_GUESSES
-from agribot.ui.page_slots import MAX_VIEWERS
-from tests.ui.client import Page
+from agribot.ui import wire
+from agribot.ui.server.connection_slots import MAX_CONNECTIONS
+from agribot.ui.server.guesses import MAX_GUESSES
+from agribot.ui.server.page_slots import MAX_VIEWERS
+from tests.ui.client import Never, Page
 from tests.ui.conftest import Robot
 from tests.waiting import PATIENCE_S
 
@@ -69,16 +70,16 @@ def page(operator: Tablet) -> Iterator[Page]:
     with operator.page() as page:
         page.take_seat()
         yield page
-        page.ask(k="clear_stop", id="end")
-        page.send(k="release")
+        page.ask(wire.ClearStop())
+        page.send(wire.LeaveSeat())
 
 
 def assert_stops(robot: Robot, page: Page) -> None:
     """The next STOP of this page reaches the robot, and is confirmed."""
     robot.orders.clear()
-    page.ask(k="clear_stop", id="before")
-    assert page.ask(k="stop", id="stop")["ok"]
-    robot.wait_for(lambda order: order.get("action") == "stop")
+    page.ask(wire.ClearStop())
+    assert page.ask(wire.PressStop()).ok
+    robot.wait_for_event("stop")
 
 
 def begin_login(port: int, length: str, start: bytes) -> socket.socket:
@@ -152,37 +153,37 @@ def test_a_flood_of_stops_is_merged_and_the_next_stop_counts_at_once(
 ) -> None:
     with viewer.page() as flood, pytest.raises(ConnectionClosed):
         for _ in range(10_000):
-            flood.send(k="stop")
-        flood.receive("never")
-    first = lan.wait_for(lambda order: order.get("action") == "stop")
-    assert first["text"] == "", "the first one was acted upon by itself"
+            flood.send(wire.PressStop())
+        flood.receive(Never)
+    first = lan.wait_for_event("stop")
+    assert first.text == "", "the first one was acted upon by itself"
     assert_stops(lan, page)
-    sent = [order for order in lan.orders if order.get("action") == "stop"]
+    sent = [order for order in lan.of_kind(wire.EventOrder) if order.action == "stop"]
     assert len(sent) < 100
 
 
 def test_a_flood_of_requests_for_the_seat_pushes_no_answer_out(
     lan: Robot, viewer: Tablet, page: Page
 ) -> None:
-    page.send(k="ping", c="before")
+    page.send(wire.Ping(sent_ms=1.0))
     with viewer.page() as flood:
         for number in range(400):
-            flood.send(k="take", id=number)
-        flood.ask(k="take", id="last")
-    page.send(k="ping", c="after")
+            flood.send(wire.TakeSeat(id=str(number)))
+        flood.ask(wire.TakeSeat())
+    page.send(wire.Ping(sent_ms=2.0))
     told = [page.receive_any()]
-    while told[-1].get("c") != "after":
+    while not isinstance(last := told[-1], wire.Pong) or last.sent_ms != 2.0:
         told.append(page.receive_any())
-    assert "before" in [message.get("c") for message in told if message["k"] == "pong"]
-    assert sum(message["k"] == "seat" for message in told) < 300
+    assert 1.0 in [message.sent_ms for message in told if isinstance(message, wire.Pong)]
+    assert sum(isinstance(message, wire.SeatChange) for message in told) < 300
     assert_stops(lan, page)
 
 
 def test_text_with_stop_in_it_is_counted_like_any_other(lan: Robot, viewer: Tablet) -> None:
     with viewer.page() as flood, pytest.raises(ConnectionClosed):
         for _ in range(10_000):
-            flood.send(k="name", name="x", stop=True)
-        flood.receive("never")
+            flood.send_text('{"kind":"use_name","name":"press_stop","stop":true}')
+        flood.receive(Never)
 
 
 def test_viewers_that_take_all_their_places_keep_no_operator_out(
@@ -225,7 +226,7 @@ def test_nested_json_on_the_socket_costs_that_line_alone(
 ) -> None:
     with viewer.page() as broken:
         broken.line.send("[" * 50_000)
-        assert "not JSON" in broken.receive("bye")["reason"]
+        assert "object" in broken.receive(wire.Bye).reason
     assert_stops(lan, page)
 
 

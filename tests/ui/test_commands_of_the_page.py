@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from agribot.cli.main import main
+from agribot.ui import wire
 from tests.ui.client import Browser, Page
 from tests.waiting import PATIENCE_S
 
@@ -52,16 +53,16 @@ def test_a_robot_that_stays_is_driven_by_hand_after_its_mission(tmp_path: Path) 
                 break
         with Page(port) as page:
             page.take_seat()
-            state = page.receive("s")
+            state = page.receive(wire.State)
             for _ in range(200):
-                page.send(k="drive", seq=1, v=0.3, w=0.0)
-                state = page.receive("s")
-                if state["vel"][0] > 0.1:
+                page.send(wire.DriveByHand(v_mps=0.3, yaw_rate_radps=0.0))
+                state = page.receive(wire.State)
+                if state.v_mps and state.v_mps > 0.1:
                     break
-            assert state["vel"][0] > 0.1
-            assert state["mode"] == "teleop"
+            assert state.v_mps and state.v_mps > 0.1
+            assert state.mode == "teleop"
             process.send_signal(signal.SIGINT)
-            assert page.receive("bye")["reason"]
+            assert page.receive(wire.Bye).reason
         assert process.wait(PATIENCE_S) == 1
     finally:
         process.kill()
@@ -84,8 +85,8 @@ def test_a_recording_is_shown_without_a_robot(
         browser = Browser(int(found[1]))
         assert browser.ask("GET", "/api/v1/session")[1]["source"] == "replay"
         with Page(int(found[1])) as page:
-            assert page.receive("s")["mode"] == "replay"
-            assert not page.ask(k="take", id=1)["ok"]
+            assert page.receive(wire.State).mode == "replay"
+            assert not page.ask(wire.TakeSeat()).ok
             process.send_signal(signal.SIGTERM)  # with its lines open
             assert process.wait(PATIENCE_S) == 0
     finally:

@@ -17,12 +17,12 @@ def test_posts_are_rings_of_their_radius_and_holes_of_a_plan_are_kept() -> None:
     hole = ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0))
     area = FieldArea(boundary=((0.0, 0.0), (9.0, 0.0), (9.0, 9.0)), holes=(hole,))
     told = field_of(farm, lay_rows(farm.field), area=area)
-    kept, post = told["obstacles_map_m"]
-    assert kept == [list(corner) for corner in hole]
-    assert told["boundary_map_m"] == [[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]]
+    kept, post = told.obstacles_map_m
+    assert kept == list(hole)
+    assert told.boundary_map_m == [(0.0, 0.0), (9.0, 0.0), (9.0, 9.0)]
     for x_m, y_m in post:
         assert math.hypot(x_m - 3.0, y_m + 1.0) == pytest.approx(0.25)
 
 
 def test_a_field_without_obstacles_has_none() -> None:
-    assert field_of(config.load("beet"), ())["obstacles_map_m"] == []
+    assert field_of(config.load("beet"), ()).obstacles_map_m == []

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import pytest
 
 from agribot.app.simulated_run import simulate
 from agribot.app.tasks import choose_task
 from agribot.autonomy.plan.task import Task
 from agribot.core import config
+from agribot.core.errors import MissionError
 from agribot.core.messages import OperatorEvent
 from agribot.description.loader import load_robot
+from agribot.ui import wire
 from agribot.ui.address import Address
-from agribot.ui.goal_preview import preview_goal
-from agribot.ui.operator_page import OperatorPage
+from agribot.ui.robot_side.goal_preview import preview_goal
+from agribot.ui.robot_side.operator_page import OperatorPage
 from tests.autonomy.plan.planting import at
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot
@@ -39,18 +41,19 @@ def beside(task: Task, off_m: float) -> tuple[float, float]:
 def test_a_place_that_can_be_reached_has_a_way_its_length_and_its_time(task: Task) -> None:
     here, goal = beside(task, 3.0), beside(task, 1.5)
     shown = preview_goal(task, at(*here, 0.0), SPEED_MPS, goal)
-    assert shown["xy"][0] == pytest.approx(here, abs=0.05)
-    assert shown["xy"][-1] == pytest.approx(goal, abs=0.05)
-    assert shown["length_m"] >= 1.5 - 0.05
-    assert shown["time_s"] == pytest.approx(shown["length_m"] / SPEED_MPS, abs=0.1)
+    assert shown.points_map_m[0] == pytest.approx(here, abs=0.05)
+    assert shown.points_map_m[-1] == pytest.approx(goal, abs=0.05)
+    assert shown.length_m >= 1.5 - 0.05
+    assert shown.time_s == pytest.approx(shown.length_m / SPEED_MPS, abs=0.1)
 
 
 def test_a_place_that_cannot_be_reached_says_why(task: Task) -> None:
     here = at(*beside(task, 3.0), 0.0)
-    refusal = preview_goal(task, here, SPEED_MPS, (500.0, 500.0))["refusal"]
-    assert "500" in refusal or "fence" in refusal
+    with pytest.raises(MissionError, match=r"500|fence"):
+        preview_goal(task, here, SPEED_MPS, (500.0, 500.0))
     lost = at(0.0, 0.0, 0.0, ok=False)
-    assert "where it is" in preview_goal(task, lost, SPEED_MPS, (0.0, 0.0))["refusal"]
+    with pytest.raises(MissionError, match="where it is"):
+        preview_goal(task, lost, SPEED_MPS, (0.0, 0.0))
 
 
 def test_the_time_is_that_of_the_speed_that_the_mission_drives_at_now(tmp_path: Path) -> None:
@@ -63,8 +66,10 @@ def test_the_time_is_that_of_the_speed_that_the_mission_drives_at_now(tmp_path: 
         while session.stack.mission.path is None:
             here = next(ticks).estimate
         browser = Browser(page.server.port)
-        ahead = {"x": here.x_map_m + math.cos(here.yaw_map_rad), "yaw": None}
-        place = {**ahead, "y": here.y_map_m + math.sin(here.yaw_map_rad)}
+        place = {
+            "x_map_m": here.x_map_m + math.cos(here.yaw_map_rad),
+            "y_map_m": here.y_map_m + math.sin(here.yaw_map_rad),
+        }
         for speed_mps in (settings.mission.speed_mps, 0.2):
             change = OperatorEvent(
                 t_s=0.0, action="set", source="test", text="mission.speed_mps", value=speed_mps
@@ -78,13 +83,18 @@ def test_the_time_is_that_of_the_speed_that_the_mission_drives_at_now(tmp_path: 
 
 def test_the_page_asks_the_robot_and_nothing_moves(robot: Robot) -> None:
     browser = Browser(robot.port)
-    answer: dict[str, Any] = {"xy": [[0.0, 0.0], [1.0, 0.0]], "length_m": 1.0, "time_s": 1.2}
-    robot.answers["preview_goal"] = answer
-    place = {"x": 1.0, "y": 0.0, "yaw": None}
-    assert browser.ask("POST", "/api/v1/goal/preview", place) == (200, answer)
-    robot.answers["preview_goal"] = {"refusal": "there is crop"}
+    way = wire.GoalPreview(points_map_m=[(0.0, 0.0), (1.0, 0.0)], length_m=1.0, time_s=1.2)
+    robot.answers[wire.PreviewGoal] = way
+    place = {"x_map_m": 1.0, "y_map_m": 0.0, "yaw_map_rad": None}
+    status, answer = browser.ask("POST", "/api/v1/goal/preview", place)
+    assert (status, msgspec.convert(answer, wire.GoalPreview)) == (200, way)
+    robot.refusals[wire.PreviewGoal] = "there is crop"
     assert browser.ask("POST", "/api/v1/goal/preview", place)[0] == 409
     for wrong in ("north", 10**400):
-        assert browser.ask("POST", "/api/v1/goal/preview", {"x": 1.0, "y": wrong})[0] == 400
-    assert [order["values"] for order in robot.of_kind("ask")] == [[1.0, 0.0]] * 2
-    assert not robot.of_kind("drive") and not robot.of_kind("event")
+        assert (
+            browser.ask("POST", "/api/v1/goal/preview", {"x_map_m": 1.0, "y_map_m": wrong})[0]
+            == 400
+        )
+    asked = [order.question for order in robot.of_kind(wire.Ask)]
+    assert asked == [wire.PreviewGoal(numbers=(1.0, 0.0))] * 2
+    assert not robot.of_kind(wire.DriveOrder) and not robot.of_kind(wire.EventOrder)

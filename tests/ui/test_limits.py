@@ -15,20 +15,22 @@ pytest.importorskip("starlette")
 from starlette.requests import Request
 
 from agribot.core.errors import ConfigError
-from agribot.core.geo import MapFrame
-from agribot.ui import about_routes, small_yaml
-from agribot.ui.access import Caller
-from agribot.ui.allowance import MAX_BURST, MAX_MESSAGES_PER_S, Allowance
-from agribot.ui.answers import Unusable
-from agribot.ui.channel import Channel, signal_table
-from agribot.ui.guesses import FORGET_S, MAX_ADDRESSES, MAX_GUESSES, Guesses
-from agribot.ui.hub import Hub
-from agribot.ui.mapviz_config import displays_of
-from agribot.ui.off_the_loop import run_in_process
-from agribot.ui.page_slots import MAX_PAGES, MAX_VIEWERS, make_room
+from agribot.core.geo import Datum
+from agribot.ui import small_yaml, wire
+from agribot.ui.hand.stick_table import read_table
+from agribot.ui.server import about_routes
+from agribot.ui.server.access import Caller
+from agribot.ui.server.allowance import MAX_BURST, MAX_MESSAGES_PER_S, Allowance
+from agribot.ui.server.answers import Unusable
+from agribot.ui.server.channel import Channel
+from agribot.ui.server.guesses import FORGET_S, MAX_ADDRESSES, MAX_GUESSES, Guesses
+from agribot.ui.server.hub import Hub
+from agribot.ui.server.mapviz_config import displays_of
+from agribot.ui.server.off_the_loop import run_in_process
+from agribot.ui.server.page_slots import MAX_PAGES, MAX_VIEWERS, make_room
+from agribot.ui.server.stops import MERGE_S, Stops
 from agribot.ui.small_yaml import MAX_BYTES, UnusableYaml, read_yaml
-from agribot.ui.stick_table import read_table
-from agribot.ui.stops import MERGE_S, Stops
+from tests.ui.messages import make_weed
 from tests.waiting import PATIENCE_S
 
 
@@ -192,10 +194,9 @@ def test_work_that_takes_too_long_is_ended() -> None:
 
 
 def test_the_loop_goes_on_while_a_weed_map_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
-    channel = Channel("sim", signal_table())
-    weed = [7, 0, 1.0, 2.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, None]
-    channel.weeds = {number: [number, *weed[1:]] for number in range(3)}
-    origin = {"datum": {"lat_deg": 21.0, "lon_deg": 72.0}}
+    channel = Channel("sim")
+    channel.weeds = {number: make_weed(number) for number in range(3)}
+    origin = SimpleNamespace(datum=wire.DatumPlace(lat_deg=21.0, lon_deg=72.0))
     hub = SimpleNamespace(about=SimpleNamespace(field=origin), channel_of=lambda _: channel)
     scope = {
         "type": "http", "app": SimpleNamespace(state=SimpleNamespace(hub=hub)),
@@ -203,9 +204,9 @@ def test_the_loop_goes_on_while_a_weed_map_is_written(monkeypatch: pytest.Monkey
     }  # fmt: skip
     loop_went_on, write = threading.Event(), about_routes._geojson
 
-    def write_when_loop_went_on(rows: list[Any], frame: MapFrame) -> bytes:
+    def write_when_loop_went_on(weeds: list[wire.Weed], datum: Datum) -> bytes:
         assert loop_went_on.wait(PATIENCE_S)
-        return write(rows, frame)
+        return write(weeds, datum)
 
     async def ask() -> bytes:
         answer = asyncio.create_task(about_routes.weeds_geojson(Request(scope)))

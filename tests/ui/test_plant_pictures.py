@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 import threading
 
@@ -14,10 +13,12 @@ from PIL import Image, ImageDraw
 from agribot.autonomy.perceive.ground import ground_to_pixels, pixels_to_ground
 from agribot.core.messages import ByteArray, CameraFrame, FloatArray, GroundPlant, PlantClass, Scene
 from agribot.description.loader import load_robot
-from agribot.ui.plant_pictures import MAX_BYTES, PlantPictures
-from agribot.ui.recent_frames import RecentFrames, Shot
+from agribot.ui import wire
+from agribot.ui.robot_side.plant_pictures import MAX_BYTES, PlantPictures
+from agribot.ui.robot_side.recent_frames import RecentFrames, Shot
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot
+from tests.ui.messages import make_weed
 from tests.ui.test_saved_frames import MASK, estimate, tick
 
 ROBOT = load_robot("agribot")
@@ -165,24 +166,14 @@ def test_frames_and_scenes_meet_in_a_thread_of_their_own() -> None:
 
 
 def test_a_browser_gets_the_picture_of_a_weed_and_when_it_was_taken(robot: Robot) -> None:
-    row = [12, 0, 3.5, 1.25, 0.02, 0.9, 0.002, 5, 1.0, 2.0, None]
-    robot.say({"k": "weeds", "rev": 1, "set": [row], "gone": []})
-    told: list[object] = []
-
-    def run() -> None:
-        for value in ({"jpeg": base64.b64encode(b"picture").decode(), "t_s": 1.5}, {}):
-            asked = robot.wait_for(
-                lambda order: order.get("name") == "plant_picture" and order not in told, 60.0
-            )
-            told.append(asked)
-            robot.say({"k": "reply", "number": asked["number"], "value": value})
-
-    thread = threading.Thread(target=run)
-    thread.start()
+    robot.say(wire.WeedChanges(set=[make_weed(12, 3.5, 1.25)]))
     browser = Browser(robot.port)
-    assert browser.ask("GET", "/api/v1/weeds/12/picture") == (200, b"picture")
-    status, said = browser.ask("GET", "/api/v1/weeds/12/picture")
-    thread.join()
-    assert robot.of_kind("ask")[0]["values"] == [3.5, 1.25]
+    path = "/api/v1/weeds/12/picture"
+    robot.answers[wire.FindPlantPicture] = wire.PlantPictureFile(jpeg=b"picture", t_s=1.5)
+    assert browser.ask("GET", path) == (200, b"picture")
+    robot.answers[wire.FindPlantPicture] = wire.PlantPictureFile()
+    status, said = browser.ask("GET", path)
+    _, question = robot.wait_for_question(wire.FindPlantPicture)
+    assert (question.x_map_m, question.y_map_m) == (3.5, 1.25)
     assert (status, "too long ago" in said["error"]) == (404, True)
     assert browser.ask("GET", "/api/v1/weeds/13/picture")[0] == 404

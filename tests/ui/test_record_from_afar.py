@@ -6,24 +6,25 @@ import json
 import threading
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from agribot.cli.main import main
 from agribot.core.errors import PlatformError
-from agribot.ui import remote
 from agribot.ui.address import read_door
-from agribot.ui.remote import Remote
+from agribot.ui.hand import remote
+from agribot.ui.hand.remote import Remote
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot
+from tests.ui.messages import make_state
 
 
 def answering(robot: Robot, action: str, recording: str) -> threading.Thread:
     """The robot's end: tells of the recording once it was asked for."""
 
     def run() -> None:
-        robot.wait_for(lambda order: order.get("action") == action)
-        state = {"k": "s", "n": 1, "t": 1.0, "mode": "mission", "recording": recording}
-        robot.say(state)
+        robot.wait_for_event(action)
+        robot.say(msgspec.structs.replace(make_state(1), recording=recording))
 
     thread = threading.Thread(target=run)
     thread.start()
@@ -52,9 +53,9 @@ def test_a_recording_is_begun_ended_and_marked_from_a_terminal(
     thread.join()
     told = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert told == {"ok": True, "recording": recording or None}
-    order = robot.wait_for(lambda order: order.get("action") == action)
-    assert order["source"] == "agribot record"
-    assert order["text"] == (words[1] if len(words) > 1 else "")
+    order = robot.wait_for_event(action)
+    assert order.source == "agribot record"
+    assert order.text == (words[1] if len(words) > 1 else "")
 
 
 def test_without_a_robot_it_says_how_to_start_one(capsys: pytest.CaptureFixture[str]) -> None:
@@ -104,6 +105,6 @@ def test_programs_begin_and_end_recordings_over_http(robot: Robot) -> None:
     browser = Browser(robot.port)
     for what in ("start", "stop"):
         assert browser.ask("POST", f"/api/v1/recordings/{what}")[0] == 204
-        robot.wait_for(lambda order: order.get("action") == f"{what}_recording")  # noqa: B023
+        robot.wait_for_event(f"{what}_recording")
     assert browser.ask("POST", "/api/v1/recordings/mark", {"text": "wet"})[0] == 204
-    robot.wait_for(lambda order: order.get("action") == "mark" and order["text"] == "wet")
+    robot.wait_for_event("mark", lambda order: order.text == "wet")

@@ -13,10 +13,11 @@ import msgspec
 import pytest
 from starlette.requests import Request
 
-from agribot.ui import run_routes
-from agribot.ui.access import Caller
-from agribot.ui.hub import Hub
-from agribot.ui.replay import Replay
+from agribot.ui import wire
+from agribot.ui.server import run_routes
+from agribot.ui.server.access import Caller
+from agribot.ui.server.hub import Hub
+from agribot.ui.server.replay import Replay
 from tests.ui.conftest import Robot
 
 
@@ -30,8 +31,8 @@ class Shelf:
     def read(self, _: Hub, name: str) -> Any:
         self._event(self.begun, name).set()
         self._event(self._read, name).wait()
-        described = {"source": "replay", "name": name}
-        return SimpleNamespace(name=name, speed=1.0, described=lambda: described)
+        progress = wire.ReplayProgress(name=name, t_s=0.0, start_s=0.0, end_s=9.0, speed=1.0)
+        return SimpleNamespace(name=name, speed=1.0, progress=progress)
 
     def let_go(self, name: str) -> None:
         self._event(self._read, name).set()
@@ -46,7 +47,7 @@ class Shelf:
 @pytest.fixture
 def shelf(monkeypatch: pytest.MonkeyPatch) -> Shelf:
     shelf = Shelf()
-    monkeypatch.setattr(run_routes, "_opened", shelf.read)
+    monkeypatch.setattr(run_routes, "_open", shelf.read)
     return shelf
 
 
@@ -67,7 +68,8 @@ def choose(hub: Hub, name: str | None, browser: str = "ann") -> asyncio.Task[Any
     request.body = body
 
     async def answer() -> Any:
-        return msgspec.json.decode((await run_routes.replay(cast(Request, request))).body)
+        answer = await run_routes.replay(cast(Request, request))
+        return msgspec.json.decode(answer.body, type=wire.Shown)
 
     return asyncio.create_task(answer())
 
@@ -81,9 +83,9 @@ def test_back_to_live_counts_though_a_recording_is_still_being_read(hub: Hub, sh
     async def work() -> None:
         reading = choose(hub, "long")
         await shelf.is_read("long")
-        assert (await choose(hub, None))["source"] == hub.live.source
+        assert (await choose(hub, None)).source == hub.live.source
         shelf.let_go("long")
-        assert (await reading)["source"] == hub.live.source
+        assert (await reading).source == hub.live.source
         assert shown(hub) is None
 
     asyncio.run(work())
@@ -96,9 +98,9 @@ def test_of_two_quick_choices_the_last_one_is_shown(hub: Hub, shelf: Shelf) -> N
         second = choose(hub, "second")
         await shelf.is_read("second")
         shelf.let_go("second")
-        assert (await second)["name"] == "second"
+        assert (await second).replay.name == "second"
         shelf.let_go("first")
-        assert (await first)["name"] == "second"
+        assert (await first).replay.name == "second"
         assert shown(hub) == "second"
 
     asyncio.run(work())
@@ -110,7 +112,7 @@ def test_what_one_browser_chooses_does_not_end_the_wait_of_another(hub: Hub, she
         await shelf.is_read("long")
         await choose(hub, None, "ben")
         shelf.let_go("long")
-        assert (await reading)["name"] == "long"
+        assert (await reading).replay.name == "long"
         assert (shown(hub), shown(hub, "ben")) == ("long", None)
         assert not hub.choices
 

@@ -18,11 +18,13 @@ from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.geo import MapFrame
 from agribot.gis.mbtiles import import_mbtiles
+from agribot.ui import wire
 from agribot.ui.address import Address, home
-from agribot.ui.operator_page import OperatorPage
 from agribot.ui.panels import Panels
+from agribot.ui.robot_side.operator_page import OperatorPage
 from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
+from tests.ui.messages import make_weed
 from tests.waiting import wait_for
 
 RING = [
@@ -76,8 +78,7 @@ def test_the_session_says_what_this_page_may_do(browser: Browser) -> None:
 
 
 def test_the_weed_map_downloads_as_geojson_and_csv(robot: Robot, browser: Browser) -> None:
-    weed = [1, 0, 3.0, 4.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, 5.5]
-    robot.say({"k": "weeds", "rev": 1, "set": [weed], "gone": []})
+    robot.say(wire.WeedChanges(set=[make_weed(1, 3.0, 4.0)]))
     features = wait_for(
         lambda: browser.ask("GET", "/api/v1/weeds.geojson")[1]["features"], "the weed"
     )
@@ -315,8 +316,8 @@ def test_settings_are_shown_with_range_and_unit_and_say_when_they_count(
         assert status == 200
         assert answer["applied"] == change
         assert set(answer["refused"]) == set(wrong)
-        order = robot.wait_for(lambda order: order.get("text") == "mission.speed_mps")
-        assert (order["action"], order["value"]) == ("set", 0.5)
+        order = robot.wait_for(wire.EventOrder, lambda order: order.text == "mission.speed_mps")
+        assert (order.action, order.value) == ("set", 0.5)
         for value in (5.0, -1, "fast", None, True):
             _, answer = browser.ask("PATCH", "/api/v1/settings", {"mission.speed_mps": value})
             assert answer["applied"] == {}, value
@@ -325,10 +326,9 @@ def test_settings_are_shown_with_range_and_unit_and_say_when_they_count(
 def test_health_names_the_slow_sensor_and_what_to_do(robot: Robot, browser: Browser) -> None:
     rates = {"wheels": 100, "imu": 200, "mag": 20, "gnss": 0, "frames": 10}
     for second in range(3):
-        topics = {name: rate * second for name, rate in rates.items()}
-        robot.say(
-            {"k": "counts", "wall_s": second, "t": second, "cpu_s": 0.1 * second, "topics": topics}
-        )
+        samples = {name: rate * second for name, rate in rates.items()}
+        clocks = {"wall_s": second, "t_s": second, "cpu_s": 0.1 * second}
+        robot.say(wire.TickCounts(**clocks, samples=samples))
 
     def health_with_gnss() -> Any:
         health = browser.ask("GET", "/api/v1/health")[1]

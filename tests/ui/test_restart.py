@@ -18,11 +18,13 @@ from websockets.exceptions import ConnectionClosed
 from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.errors import RecordingError
-from agribot.ui import server, server_process
+from agribot.ui import wire
 from agribot.ui.address import Address, read_door
-from agribot.ui.operator_page import OperatorPage
-from agribot.ui.server_process import how_it_ended
-from tests.ui.client import Browser, Page
+from agribot.ui.robot_side import server_process
+from agribot.ui.robot_side.operator_page import OperatorPage
+from agribot.ui.robot_side.server_process import how_it_ended
+from agribot.ui.server import serve as server
+from tests.ui.client import Browser, Never, Page
 from tests.ui.conftest import Robot
 from tests.waiting import PATIENCE_S, wait_for
 
@@ -33,7 +35,7 @@ def kill(robot: Robot, signal_number: int = signal.SIGKILL) -> None:
     pid = robot.server.process.pid
     assert pid is not None
     os.kill(pid, signal_number)
-    robot.wait_for(lambda order: order["c"] == "ready")
+    robot.wait_for(wire.Ready)
     assert robot.server.process.pid != pid
 
 
@@ -56,13 +58,13 @@ def test_a_killed_server_comes_back_at_its_port_with_its_tokens_and_sessions(
         page.take_seat()
         kill(own_robot)
         with pytest.raises(ConnectionClosed):
-            page.receive("never")
+            page.receive(Never)
     assert read_door(own_robot.port) == door
     with Page(own_robot.port, **headers) as page:
-        assert page.receive("hello")["role"] == "operator", "without a login"
+        assert page.receive(wire.Hello).role == "operator", "without a login"
         page.take_seat()
-        assert page.ask(k="stop", id=1)["ok"]
-        own_robot.wait_for(lambda order: order.get("action") == "stop")
+        assert page.ask(wire.PressStop()).ok
+        own_robot.wait_for_event("stop")
     told = capfd.readouterr().err
     assert "its server was killed by SIGKILL; it is started again" in told
     own_robot.server.close()
@@ -74,7 +76,7 @@ def shown(robot: Robot) -> tuple[int, int]:
     """The numbers of the run and of what a page is shown of it."""
     cookie = logged_in(robot.port, robot.address.operator_token)
     with Page(robot.port, additional_headers={"Cookie": cookie}) as page:
-        return page.receive("hello")["run"], page.receive("snap")["e"]
+        return page.receive(wire.Hello).run, page.receive(wire.Snapshot).epoch
 
 
 def test_pages_know_the_run_again_behind_another_server_and_another_run_from_it(
@@ -110,7 +112,7 @@ def logged_in(port: int, token: str) -> str:
 def test_a_server_that_hangs_is_ended_and_started_again(
     own_robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    own_robot.wait_for(lambda order: order["c"] == "alive")
+    own_robot.wait_for(wire.Alive)
     monkeypatch.setattr(server_process, "HANG_S", 2.0)
     pid = own_robot.server.process.pid
     assert pid is not None
@@ -118,7 +120,7 @@ def test_a_server_that_hangs_is_ended_and_started_again(
     os.kill(pid, signal.SIGSTOP)
     wait_for(lambda: own_robot.server.process.pid != pid, "another process")
     monkeypatch.undo()
-    own_robot.wait_for(lambda order: order["c"] == "ready")
+    own_robot.wait_for(wire.Ready)
 
 
 BAD = b"no recording"
@@ -148,8 +150,8 @@ def loading(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[R
         patch.setattr(server, "main", serve_what_loads_slowly)
         robot.server.start()
     robot.server.listen(robot._hear, lambda: None, 0.2)
-    wait_for(lambda: len(robot.of_kind("alive")) >= 3, "signs of life")
-    assert not robot.of_kind("ready")
+    wait_for(lambda: len(robot.of_kind(wire.Alive)) >= 3, "signs of life")
+    assert not robot.of_kind(wire.Ready)
     yield robot, recording
     robot.server.close()
 
@@ -159,7 +161,7 @@ def test_a_server_that_loads_a_long_recording_says_meanwhile_that_it_does_not_ha
 ) -> None:
     robot, recording = loading
     recording.touch()
-    robot.wait_for(lambda order: order["c"] == "ready")
+    robot.wait_for(wire.Ready)
 
 
 def test_a_server_that_cannot_load_its_recording_is_not_started_again(
@@ -219,30 +221,32 @@ def test_a_page_that_comes_back_sees_the_whole_run(tmp_path: Path) -> None:
         os.kill(pid, signal.SIGKILL)
         wait_for(lambda: page.server.process.pid != pid, "another process")
         with Page(page.server.port, **headers) as again:
-            again.receive("hello")
+            again.receive(wire.Hello)
             end_s = time.monotonic() + PATIENCE_S
-            snapshot = again.receive("snap")
-            trace, events = snapshot["traj"]["xy"], snapshot["events"]
+            snapshot = again.receive(wire.Snapshot)
+            trace, events = snapshot.trace.points_map_m, snapshot.events.events
             while len(trace) < 20 or "serves again" not in str(events):
                 assert time.monotonic() < end_s, (len(trace), events)
                 drive(0.1)
                 message = next_change(again)
-                trace = trace[: message["first"]] + message["xy"] if "xy" in message else trace
-                events += message.get("events", [])
+                if isinstance(message, wire.TracePiece):
+                    trace = trace[: message.first] + message.points_map_m
+                elif isinstance(message, wire.NewEvents):
+                    events = [*events, *message.events]
             groups = browser.ask("GET", "/api/v1/settings")[1]["groups"]
         values = {key["key"]: key["value"] for group in groups for key in group["keys"]}
         assert values["mission.speed_mps"] == 0.35
         assert trace[0] == pytest.approx(page._view.trace_map_m[0])
-        told = "; ".join(event["text"] for event in events)
+        told = "; ".join(event.text for event in events)
         for words in ("operator lost", "was killed by SIGKILL; it is started again"):
             assert words in told
 
 
-def next_change(page: Page) -> dict[str, Any]:
+def next_change(page: Page) -> wire.ServerMessage:
     """The next message that is part of the run so far, or a state."""
     while True:
         message = page.receive_any()
-        if message["k"] in {"traj", "events", "s"}:
+        if isinstance(message, wire.TracePiece | wire.NewEvents | wire.State):
             return message
 
 

@@ -20,4 +20,5 @@ def test_the_page_shows_the_time_left_that_the_mission_tells(
     view(msgspec.structs.replace(record, status=status))
     shown = view.state()
     assert shown is not None
-    assert shown["mission"]["eta_s"] == shown_s
+    assert shown.mission is not None
+    assert shown.mission.eta_s == shown_s

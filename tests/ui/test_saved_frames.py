@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import threading
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -24,8 +23,9 @@ from agribot.core.messages import (
     SensorBatch,
     TickRecord,
 )
-from agribot.ui.recent_frames import KEPT, RecentFrames, Shot
-from agribot.ui.saved_frames import SavedFrames
+from agribot.ui import wire
+from agribot.ui.robot_side.recent_frames import KEPT, RecentFrames, Shot
+from agribot.ui.robot_side.saved_frames import SavedFrames
 from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
 
@@ -61,7 +61,7 @@ def test_kept_frames_are_a_set_that_passes_the_check(
     for index in (1, 2):
         told = frames.save(Shot(frame(index), estimate(), MASK))
     folder = tmp_path / "frames"
-    assert told == {"folder": str(folder), "image": "images/first-000002.png", "count": 2}
+    assert told == wire.KeptFrame(folder=str(folder), image="images/first-000002.png", count=2)
     assert main(["dataset", "check", str(folder), "--json"]) == 0
     checked = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert checked["pairs"] == 2
@@ -90,9 +90,7 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     stray = tmp_path / "frames/images/first-000007.png"
     stray.parent.mkdir(parents=True)
     stray.write_bytes(b"somebody's")
-    names = [
-        saved_frames(tmp_path).save(Shot(frame(7), estimate(), MASK))["image"] for _ in range(2)
-    ]
+    names = [saved_frames(tmp_path).save(Shot(frame(7), estimate(), MASK)).image for _ in range(2)]
     assert names == ["images/first-000007-2.png", "images/first-000007-3.png"]
     assert stray.read_bytes() == b"somebody's"
 
@@ -100,7 +98,7 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
 def test_the_folder_is_chosen_and_the_disk_keeps_room(tmp_path: Path) -> None:
     chosen = f"record.frames_dir='{tmp_path / 'chosen'}'"
     told = saved_frames(tmp_path, chosen).save(Shot(frame(1), estimate(), MASK))
-    assert told["folder"] == str(tmp_path / "chosen")
+    assert told.folder == str(tmp_path / "chosen")
     too_much_mb = shutil.disk_usage(tmp_path).total / 1e6 + 1.0
     full = saved_frames(tmp_path, f"record.min_free_mb={too_much_mb}")
     with pytest.raises(RecordingError, match=r"record\.min_free_mb"):
@@ -126,26 +124,11 @@ def test_only_the_seat_keeps_frames_and_is_told_where(robot: Robot) -> None:
     value = {"folder": "/runs/frames", "image": "images/now-000001.png", "count": 1}
     with Page(robot.port, tab="f", additional_headers={"Cookie": browser.cookie}) as page:
         page.take_seat()
-        assert answered(robot, browser, value) == (200, value)
-        note = robot.wait_for(
-            lambda order: order.get("action") == "note" and "frame" in order["text"]
-        )
-        assert "images/now-000001.png" in note["text"]
-        robot.orders.clear()
-        status, said = answered(robot, browser, {"refusal": "only 3 MB are left"})
+        robot.answers[wire.SaveFrame] = value
+        assert browser.ask("POST", "/api/v1/frames") == (200, value)
+        note = robot.wait_for_event("note", lambda order: "frame" in order.text)
+        assert "images/now-000001.png" in note.text
+        robot.refusals[wire.SaveFrame] = "only 3 MB are left"
+        status, said = browser.ask("POST", "/api/v1/frames")
         assert (status, said["error"]) == (409, "only 3 MB are left")
-        page.send(k="release")
-
-
-def answered(robot: Robot, browser: Browser, value: dict[str, Any]) -> tuple[int, Any]:
-    """Ask for a frame; the robot's program answers with `value`."""
-
-    def run() -> None:
-        asked = robot.wait_for(lambda order: order.get("name") == "save_frame")
-        robot.say({"k": "reply", "number": asked["number"], "value": value})
-
-    thread = threading.Thread(target=run)
-    thread.start()
-    answer = browser.ask("POST", "/api/v1/frames")
-    thread.join()
-    return answer
+        page.send(wire.LeaveSeat())

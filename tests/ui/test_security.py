@@ -6,15 +6,15 @@ import json
 import socket
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from agribot.ui.access import Access, Caller, Refusal, read_boot_id
-from agribot.ui.answers import inside
-from agribot.ui.signed_session import RENEW_AFTER_S, SESSION_LIFE_S, Session, Signer
-from tests.ui.client import Page
+from agribot.ui import wire
+from agribot.ui.server.access import Access, Caller, Refusal, read_boot_id
+from agribot.ui.server.answers import inside
+from agribot.ui.server.signed_session import RENEW_AFTER_S, SESSION_LIFE_S, Session, Signer
+from tests.ui.client import Never, Page
 from tests.ui.conftest import Robot
 from tests.waiting import PATIENCE_S, wait_for
 
@@ -43,7 +43,7 @@ def test_a_foreign_origin_gets_no_socket(robot: Robot, origin: str) -> None:
         with pytest.raises(InvalidStatus) as refusal, Page(robot.port, origin=origin, path=path):
             pass
         assert refusal.value.response.status_code == 403
-    robot.wait_for(lambda order: "refused" in order.get("text", ""))
+    robot.wait_for_event("note", lambda order: "refused" in order.text)
 
 
 def test_a_rebound_name_is_refused_even_with_its_own_origin(robot: Robot) -> None:
@@ -66,7 +66,7 @@ def test_a_program_without_origin_needs_the_bearer_token(robot: Robot) -> None:
         pass
     token = {"Authorization": f"Bearer {robot.address.operator_token}"}
     with Page(robot.port, origin=None, additional_headers=token) as page:
-        assert page.receive("hello")["role"] == "operator"
+        assert page.receive(wire.Hello).role == "operator"
 
 
 def test_a_foreign_page_cannot_post(robot: Robot) -> None:
@@ -98,7 +98,7 @@ def test_the_token_becomes_a_cookie_that_scripts_cannot_read(lan_robot: Robot) -
     assert "samesite=strict" in cookie.lower()
     assert token not in cookie
     with Page(lan_robot.port, additional_headers={"Cookie": cookie.split(";")[0]}) as page:
-        assert page.receive("hello")["role"] == "operator"
+        assert page.receive(wire.Hello).role == "operator"
 
 
 def test_a_viewer_looks_on_and_stops_but_never_drives(lan_robot: Robot) -> None:
@@ -107,24 +107,26 @@ def test_a_viewer_looks_on_and_stops_but_never_drives(lan_robot: Robot) -> None:
     _, _, headers = ask(lan_robot, "POST", "/api/v1/login", origin, body)
     cookie = headers["set-cookie"].split(";")[0]
     with Page(lan_robot.port, additional_headers={"Cookie": cookie}) as page:
-        assert page.receive("hello")["role"] == "viewer"
-        answer = page.ask(k="take", id=1, force=True)
-        assert not answer["ok"]
-        assert "viewer" in answer["reason"]
-        orders: tuple[dict[str, Any], ...] = (
-            {"k": "goto", "x": 1.0, "y": 1.0}, {"k": "record", "action": "stop"},
-            {"k": "mark", "text": "x"}, {"k": "pose_estimate", "x": 0.0, "y": 0.0, "yaw": 0.0},
-        )  # fmt: skip
-        for number, order in enumerate(orders, start=2):
-            assert "viewer" in page.ask(id=number, **order)["reason"]
-        page.send(k="stop")
-        lan_robot.wait_for(lambda order: order.get("action") == "stop")
+        assert page.receive(wire.Hello).role == "viewer"
+        answer = page.ask(wire.TakeSeat(force=True))
+        assert not answer.ok
+        assert "viewer" in answer.reason
+        orders = (
+            wire.GoTo(x_map_m=1.0, y_map_m=1.0),
+            wire.ControlRecording(action="stop"),
+            wire.MarkMoment(text="x"),
+            wire.CorrectPose(x_map_m=0.0, y_map_m=0.0, yaw_map_rad=0.0),
+        )
+        for order in orders:
+            assert "viewer" in page.ask(order).reason
+        page.send(wire.PressStop())
+        lan_robot.wait_for_event("stop")
     put = ask(lan_robot, "PUT", "/api/v1/views/x", {**origin, "Cookie": cookie}, b"{}")
     assert put[0] == 403
     for path in ("plan/apply", "recordings/start", "recordings/stop", "recordings/mark"):
         post = ask(lan_robot, "POST", f"/api/v1/{path}", {**origin, "Cookie": cookie}, b"{}")
         assert post[0] == 403, path
-    assert [o["action"] for o in lan_robot.of_kind("event") if o["action"] != "note"] == ["stop"]
+    assert [o.action for o in lan_robot.of_kind(wire.EventOrder) if o.action != "note"] == ["stop"]
 
 
 def test_a_session_that_is_not_used_for_long_is_a_stranger(
@@ -237,16 +239,16 @@ def test_links_out_of_a_folder_are_not_followed(tmp_path: Path) -> None:
 
 def test_an_oversized_frame_costs_the_line_and_nothing_else(robot: Robot, page: Page) -> None:
     with Page(robot.port, tab="large") as large, pytest.raises(ConnectionClosed):
-        large.line.send('{"k":"mark","text":"' + "x" * 200_000 + '"}')
-        large.receive("never")
-    page.send(k="ping", c=1)
-    assert page.receive("pong")["c"] == 1
+        large.send(wire.MarkMoment(text="x" * 200_000))
+        large.receive(Never)
+    page.send(wire.Ping(sent_ms=1))
+    assert page.receive(wire.Pong).sent_ms == 1
 
 
 def test_a_binary_frame_costs_the_line(robot: Robot) -> None:
     with Page(robot.port, tab="binary") as page, pytest.raises(ConnectionClosed):
         page.line.send(b"\x00\x01")
-        page.receive("never")
+        page.receive(Never)
 
 
 def test_a_thousand_lines_do_not_keep_the_operator_out(robot: Robot, page: Page) -> None:
@@ -259,16 +261,16 @@ def test_a_thousand_lines_do_not_keep_the_operator_out(robot: Robot, page: Page)
             except OSError:
                 refused += 1
         page.take_seat()
-        page.send(k="drive", seq=1, v=0.2, w=0.0)
-        robot.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.2)
+        page.send(wire.DriveByHand(v_mps=0.2, yaw_rate_radps=0.0))
+        robot.wait_for(wire.DriveOrder, lambda order: order.v_mps == 0.2)
         for line in lines:
             line.settimeout(0.0)
         wait_for(
             lambda: refused + sum(is_cut(line) for line in lines) >= 700, "the end of most lines"
         )
         with Page(robot.port, tab="again") as again:
-            again.send(k="stop")
-            robot.wait_for(lambda order: order.get("action") == "stop")
+            again.send(wire.PressStop())
+            robot.wait_for_event("stop")
     finally:
         for line in lines:
             line.close()

@@ -7,48 +7,47 @@ import socket
 import threading
 from collections.abc import AsyncIterator
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import cast
 
+import msgspec
 import pytest
 import uvicorn
 from starlette.applications import Starlette
 from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from agribot.ui import guarded_connections
-from agribot.ui.client import STATES_KEPT
-from agribot.ui.connection_slots import ConnectionSlots
-from agribot.ui.hub import Hub
-from agribot.ui.remote import clock_of
-from agribot.ui.sockets import GONE_S, Socket
-from agribot.ui.window import LEAST_BYTES
+from agribot.ui import wire
+from agribot.ui.hand.remote import clock_of
+from agribot.ui.server import guarded_connections
+from agribot.ui.server.client import STATES_KEPT
+from agribot.ui.server.connection_slots import ConnectionSlots
+from agribot.ui.server.hub import Hub
+from agribot.ui.server.sockets import GONE_S, Socket
+from agribot.ui.server.window import LEAST_BYTES
 from tests.ui.client import Page
 from tests.ui.conftest import Robot
+from tests.ui.messages import make_state
 from tests.ui.slow_line import SlowLine
 from tests.waiting import wait_for
 
 STATE_BYTES = 400
 
 
-def state(number: int) -> dict[str, Any]:
-    return {"k": "s", "n": number, "t": float(number), "reason": "x" * STATE_BYTES}
-
-
 def test_a_held_line_carries_few_old_states_and_then_the_newest(robot: Robot) -> None:
-    last = 3000
+    last, reason = 3000, "x" * STATE_BYTES
     path = "/ws/v1?tab=held&acks=1"
     with SlowLine(robot.port) as line, Page(robot.port, path=path, sock=line.connected()) as page:
-        page.receive("snap")
+        page.receive(wire.Snapshot)
         with line.held():
             for number in range(1, last + 1):
-                robot.say(state(number))
+                robot.say(msgspec.structs.replace(make_state(number), reason=reason))
             with Page(robot.port, tab="beside") as beside:
-                while beside.receive("s")["n"] != last:
+                while beside.receive(wire.State).tick != last:
                     pass
         seen: list[int] = []
         while not seen or seen[-1] != last:
-            seen.append(page.receive("s")["n"])
-            page.send(k="got", n=10**6)
+            seen.append(page.receive(wire.State).tick)
+            page.send(wire.Receipt(count=10**6))
     assert seen == sorted(seen)
     assert len(seen) <= LEAST_BYTES / STATE_BYTES + STATES_KEPT + 1
 
@@ -56,23 +55,24 @@ def test_a_held_line_carries_few_old_states_and_then_the_newest(robot: Robot) ->
 def test_a_hand_that_let_go_long_ago_is_not_obeyed(robot: Robot, page: Page) -> None:
     """What was held up on its way would drive a robot whose operator has let go meanwhile."""
     page.take_seat()
-    page.send(k="ping", c=1)
-    clock_ms = page.receive("pong")["mono_ms"]
-    page.send(k="drive", seq=1, v=0.11, w=0.0, mono_ms=clock_ms - 5000.0)
-    page.send(k="drive", seq=2, v=0.12, w=0.0, mono_ms=clock_ms + 60_000.0)
-    robot.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.12)
-    assert 0.11 not in [order["v"] for order in robot.of_kind("drive")]
-    page.send(k="drive", seq=3, v=0.0, w=0.0, mono_ms=clock_ms - 5000.0)
+    page.send(wire.Ping(sent_ms=1))
+    clock_ms = page.receive(wire.Pong).mono_ms
+    page.send(wire.DriveByHand(v_mps=0.11, yaw_rate_radps=0.0, mono_ms=clock_ms - 5000.0))
+    page.send(wire.DriveByHand(v_mps=0.12, yaw_rate_radps=0.0, mono_ms=clock_ms + 60000.0))
+    robot.wait_for(wire.DriveOrder, lambda order: order.v_mps == 0.12)
+    assert 0.11 not in [order.v_mps for order in robot.of_kind(wire.DriveOrder)]
+    page.send(wire.DriveByHand(v_mps=0.0, yaw_rate_radps=0.0, mono_ms=clock_ms - 5000.0))
     robot.orders.clear()
-    page.send(k="drive", seq=4, v=0.13, w=0.0)
-    robot.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.13)
+    page.send(wire.DriveByHand(v_mps=0.13, yaw_rate_radps=0.0))
+    robot.wait_for(wire.DriveOrder, lambda order: order.v_mps == 0.13)
 
 
 def test_a_program_stamps_what_its_hand_asks_by_the_quickest_of_its_answers() -> None:
     ahead_s = 1000.0
 
-    def pong(sent_s: float, there_s: float) -> dict[str, Any]:
-        return {"k": "pong", "c": sent_s, "mono_ms": 1e3 * (sent_s + there_s + ahead_s)}
+    def pong(sent_s: float, there_s: float) -> wire.Pong:
+        mono_ms = 1e3 * (sent_s + there_s + ahead_s)
+        return wire.Pong(sent_ms=1e3 * sent_s, mono_ms=mono_ms, wall_ms=0.0)
 
     first = clock_of(pong(5.0, 0.01), 5.02, None)
     assert first.ahead_s == pytest.approx(ahead_s)
@@ -82,10 +82,10 @@ def test_a_program_stamps_what_its_hand_asks_by_the_quickest_of_its_answers() ->
 
 def test_a_stop_is_heard_however_late_it_comes(robot: Robot) -> None:
     with SlowLine(robot.port) as line, Page(robot.port, sock=line.connected()) as page:
-        page.receive("hello")
+        page.receive(wire.Hello)
         with line.held():
-            page.send(k="stop", id="late")
-        robot.wait_for(lambda order: order.get("action") == "stop")
+            page.send(wire.PressStop(id="late"))
+        robot.wait_for_event("stop")
 
 
 def test_a_page_that_vanished_without_a_word_is_cut() -> None:

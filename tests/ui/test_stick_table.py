@@ -2,14 +2,15 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from agribot.core.errors import ConfigError
-from agribot.ui.commands import MISSION_ACTIONS, RECORD_ACTIONS
-from agribot.ui.hand import STILL
-from agribot.ui.joystick import JoystickState
-from agribot.ui.stick_table import REQUESTS, TableHand, read_table
+from agribot.ui import wire
+from agribot.ui.hand.inputs import STILL
+from agribot.ui.hand.joystick import JoystickState
+from agribot.ui.hand.stick_table import REQUESTS, TableHand, read_table
 from tests.ui.conftest import Robot
 from tests.ui.test_teleop import event, teleop
 from tests.waiting import PATIENCE_S
@@ -71,7 +72,7 @@ def test_a_request_is_made_once_when_its_last_button_goes_down() -> None:
     assert hand.wish(stick).requests == ()
     stick.feed(press(4))
     (asked,) = hand.wish(stick).requests
-    assert (asked.name, asked.message) == ("resume", {"k": "mission", "action": "resume"})
+    assert (asked.name, asked.request) == ("resume", wire.ControlMission(action="resume"))
     assert hand.wish(stick).requests == ()
     stick.feed(let_go(3))
     assert hand.wish(stick).requests == ()
@@ -82,13 +83,15 @@ def test_a_tap_between_two_looks_counts_and_a_button_held_from_the_start_does_no
     stick.feed(event(1, BUTTON | AT_START, 0))
     assert hand.wish(stick).requests == ()
     stick.feed(press(1) + let_go(1))
-    assert [asked.message for asked in hand.wish(stick).requests] == [{"k": "stop"}]
+    assert [asked.request for asked in hand.wish(stick).requests] == [wire.PressStop()]
 
 
 def test_the_table_knows_every_request_that_the_page_may_make() -> None:
-    missions = {m["action"] for m in REQUESTS.values() if m["k"] == "mission"}
-    assert missions == {*MISSION_ACTIONS}
-    assert {m["action"] for m in REQUESTS.values() if m["k"] == "record"} == {*RECORD_ACTIONS}
+    requests = REQUESTS.values()
+    missions = {one.action for one in requests if isinstance(one, wire.ControlMission)}
+    recordings = {one.action for one in requests if isinstance(one, wire.ControlRecording)}
+    assert missions == {*get_args(wire.MissionAction)}
+    assert recordings == {*get_args(wire.RecordingAction)}
 
 
 REFUSED = {
@@ -146,24 +149,24 @@ def test_a_gamepad_with_a_table_drives_and_asks_a_real_server(robot: Robot, tmp_
     stick = os.open(device, os.O_RDWR)
     process = teleop(robot, "joystick", "--joy", str(device), "--config", str(EXAMPLE))
     try:
-        robot.wait_for(lambda order: order["c"] == "drive")
+        robot.wait_for(wire.DriveOrder)
         os.write(stick, FORWARD)
         os.write(stick, press(4))
-        driven = robot.wait_for(lambda order: order["c"] == "drive" and order["v"] > 0.0)
-        assert driven["v"] == pytest.approx(0.4)
+        driven = robot.wait_for(wire.DriveOrder, lambda order: order.v_mps > 0.0)
+        assert driven.v_mps == pytest.approx(0.4)
         os.write(stick, press(2))
-        robot.wait_for(lambda order: order.get("action") == "skip_row")
+        robot.wait_for_event("skip_row")
         os.write(stick, press(9))
-        mark = robot.wait_for(lambda order: order.get("action") == "mark")
-        assert (mark["text"], mark["source"]) == ("seen from the gamepad", "teleop joystick")
+        mark = robot.wait_for_event("mark")
+        assert (mark.text, mark.source) == ("seen from the gamepad", "teleop joystick")
         os.write(stick, let_go(4) + press(0) + press(1))
-        robot.wait_for(lambda order: order.get("action") == "pause")
-        robot.wait_for(lambda order: order.get("action") == "stop")
+        robot.wait_for_event("pause")
+        robot.wait_for_event("stop")
         os.close(stick)
         _, errors = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 2
         assert "skip_row: done" in errors
-        robot.wait_for(lambda _: robot.of_kind("drive")[-1]["v"] == 0.0)
+        robot.wait_for(wire.DriveOrder, lambda _: robot.of_kind(wire.DriveOrder)[-1].v_mps == 0.0)
     finally:
         process.kill()
         process.communicate()

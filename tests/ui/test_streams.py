@@ -3,7 +3,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import io
-import json
 import shutil
 import struct
 import subprocess
@@ -13,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
 
+import msgspec
 import numpy as np
 import pytest
 from PIL import Image
@@ -22,23 +22,30 @@ from agribot.core import config
 from agribot.core.geo import MapFrame
 from agribot.core.messages import ByteArray
 from agribot.record.recorder import RunRecorder
-from agribot.ui import guarded_connections, server
-from agribot.ui.camera import LADDER, QUICK_TIMES, Camera, Ladder, Picture, encode, unpacked
-from agribot.ui.channel import Channel, signal_table
-from agribot.ui.client import STATES_KEPT, Client
-from agribot.ui.feed import packed
-from agribot.ui.hub import Hub
-from agribot.ui.pictures import Pictures
-from agribot.ui.replay import Replay
-from agribot.ui.window import LEAST_BYTES, MOST_BYTES, Window
+from agribot.ui import wire
+from agribot.ui.robot_side.feed import pack_pixels
+from agribot.ui.server import guarded_connections
+from agribot.ui.server import serve as server
+from agribot.ui.server.camera import (
+    LADDER,
+    QUICK_TIMES,
+    Camera,
+    Ladder,
+    Picture,
+    encode,
+    unpack_pixels,
+)
+from agribot.ui.server.channel import Channel
+from agribot.ui.server.client import STATES_KEPT, Client
+from agribot.ui.server.hub import Hub
+from agribot.ui.server.pictures import Pictures
+from agribot.ui.server.replay import Replay
+from agribot.ui.server.window import LEAST_BYTES, MOST_BYTES, Window
 from tests.record import record_samples as samples
 from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
+from tests.ui.messages import make_state, make_weed
 from tests.waiting import PATIENCE_S
-
-
-def state(number: int) -> dict[str, object]:
-    return {"k": "s", "n": number, "wall_ms": time.time() * 1e3, "t": float(number)}
 
 
 def follow(channel: Channel, window: Window | None = None) -> Client:
@@ -47,97 +54,103 @@ def follow(channel: Channel, window: Window | None = None) -> Client:
     return client
 
 
-def take(client: Client) -> dict[str, Any]:
+def take(client: Client) -> wire.ServerMessage:
     """What is sent next; fails where nothing may be."""
     text = client.take()
     assert text is not None
-    message: dict[str, Any] = json.loads(text)
-    return message
+    return wire.read_server_message(text)
 
 
-def take_all(client: Client) -> list[dict[str, Any]]:
-    return [json.loads(text) for text in iter(client.take, None)]
+def take_all(client: Client) -> list[wire.ServerMessage]:
+    return [wire.read_server_message(text) for text in iter(client.take, None)]
 
 
 def grow(channel: Channel, points: int) -> None:
     for number in range(points):
         first = len(channel.trace_map_m)
-        channel.publish_change(json.dumps({"k": "traj", "first": first, "xy": [[number, 0]]}))
+        channel.publish_growth(wire.TracePiece(first=first, points_map_m=[(number, 0.0)]))
 
 
-def put_together(messages: list[dict[str, Any]]) -> tuple[list[Any], dict[int, Any]]:
+def put_together(
+    messages: list[wire.ServerMessage],
+) -> tuple[list[wire.Vec2], dict[int, wire.Weed]]:
     """The trace and the weeds as a page has them after these messages."""
-    trace: list[Any] = []
-    weeds: dict[int, Any] = {}
+    trace: list[wire.Vec2] = []
+    weeds: dict[int, wire.Weed] = {}
     for message in messages:
-        kind = message["k"]
-        if kind == "snap":
-            trace, weeds = [], {row[0]: row for row in message["weeds"]["all"]}
-        if kind in {"snap", "traj"}:
-            piece = message.get("traj", message)
-            assert piece["first"] == len(trace)
-            trace += piece["xy"]
-        elif kind == "weeds":
-            weeds.update((row[0], row) for row in message["set"])
-            for id in message["gone"]:
+        piece, changes = message, message
+        if isinstance(message, wire.Snapshot):
+            trace, weeds = [], {}
+            piece, changes = message.trace, message.weeds
+        if isinstance(piece, wire.TracePiece):
+            assert piece.first == len(trace)
+            trace += piece.points_map_m
+        if isinstance(changes, wire.WeedChanges):
+            weeds.update((weed.id, weed) for weed in changes.set)
+            for id in changes.gone:
                 weeds.pop(id, None)
     return trace, weeds
 
 
+def size_bytes(message: wire.ServerMessage) -> int:
+    return len(wire.encode(message))
+
+
 def test_a_slow_page_loses_its_oldest_states_and_no_change() -> None:
-    channel = Channel("sim", signal_table())
+    channel = Channel("sim")
     client = follow(channel)
     for number in range(100):
-        channel.publish_state(json.dumps(state(number)))
+        channel.publish_state(make_state(number))
     grow(channel, 3)
     got = take_all(client)
-    assert got[0]["k"] == "snap"
-    assert [m["n"] for m in got if m["k"] == "s"] == list(range(100 - STATES_KEPT, 100))
-    assert put_together(got)[0] == [[0, 0], [1, 0], [2, 0]]
+    assert isinstance(got[0], wire.Snapshot)
+    told = [message.tick for message in got if isinstance(message, wire.State)]
+    assert told == list(range(100 - STATES_KEPT, 100))
+    assert put_together(got)[0] == [(0, 0), (1, 0), (2, 0)]
     assert client.dropped == 100 - STATES_KEPT
 
 
 def test_a_page_that_is_far_behind_gets_all_in_pieces_with_states_between_them() -> None:
-    channel = Channel("sim", signal_table())
+    channel = Channel("sim")
     grow(channel, 1500)
-    rows = [[id, 0, 1.0, 2.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, None] for id in range(300)]
-    channel.publish_change(json.dumps({"k": "weeds", "rev": 1, "set": rows, "gone": []}))
+    channel.publish_growth(wire.WeedChanges(set=[make_weed(id) for id in range(300)]))
     client = follow(channel)
     got = []
     for number in range(100):
-        channel.publish_state(json.dumps(state(number)))
+        channel.publish_state(make_state(number))
         got += [take(client), take(client)]
         if number == 2:
-            channel.publish_change(
-                json.dumps({"k": "weeds", "rev": 2, "set": [], "gone": [7, 299]})
-            )
+            channel.publish_growth(wire.WeedChanges(gone=[7, 299]))
         if put_together(got)[0] == channel.trace_map_m and len(put_together(got)[1]) == 298:
             break
-    assert [m["k"] == "s" for m in got] == [False, True] * (len(got) // 2)
+    assert [isinstance(m, wire.State) for m in got] == [False, True] * (len(got) // 2)
     trace, weeds = put_together(got)
     assert trace == channel.trace_map_m
     assert weeds == channel.weeds
-    assert max(len(json.dumps(m)) for m in got) < 10_000
+    assert max(map(size_bytes, got)) < 10_000
 
 
 def test_a_page_that_acknowledges_nothing_has_little_on_its_way_and_then_the_newest() -> None:
-    channel, window = Channel("sim", signal_table()), Window(is_acknowledged=True)
+    channel, window = Channel("sim"), Window(is_acknowledged=True)
     client, sent = follow(channel, window), []
 
     def send_what_may_be_sent(now_s: float) -> None:
         while (text := client.take()) is not None:
-            sent.append(json.loads(text))
+            sent.append(wire.read_server_message(text))
             window.sent(len(text), now_s)
 
     for number in range(1000):
-        channel.publish_state(json.dumps(state(number)))
+        channel.publish_state(make_state(number))
         send_what_may_be_sent(number / 30.0)
-    assert sum(len(json.dumps(m)) for m in sent) < LEAST_BYTES + 1000
+    assert sum(map(size_bytes, sent)) < LEAST_BYTES + 1000
     assert window.waiting_s(40.0) == pytest.approx(40.0)
-    client.tell('{"k":"pong"}')
-    assert take(client) == {"k": "pong"}, "an answer does not wait"
+    pong = wire.Pong(sent_ms=1.0, mono_ms=2.0, wall_ms=3.0)
+    client.tell(wire.encode(pong).decode())
+    assert take(client) == pong, "an answer does not wait"
     window.received(len(sent), 40.0)
-    assert take(client)["n"] >= 1000 - STATES_KEPT
+    newest = take(client)
+    assert isinstance(newest, wire.State)
+    assert newest.tick >= 1000 - STATES_KEPT
     assert window.waiting_s(40.0) == 0.0
 
 
@@ -164,54 +177,55 @@ def test_the_window_opens_on_a_quick_line_and_closes_on_a_slow_one() -> None:
 
 
 def test_who_is_shown_another_channel_gets_nothing_of_the_first_any_more() -> None:
-    live, recorded = Channel("sim", signal_table()), Channel("replay", signal_table(), "short")
+    live, recorded = Channel("sim"), Channel("replay", "short")
     grow(live, 3)
     grow(recorded, 5)
     client = follow(live)
 
-    async def switched_while_it_waits() -> dict[str, Any]:
+    async def switch_while_it_waits() -> wire.ServerMessage:
         """The sender is in the middle of its wait when the channel changes, as it mostly is."""
         while True:
             waiting = asyncio.create_task(client.next())
             await asyncio.sleep(0)
             if not waiting.done():
                 break
-        live.publish_state(json.dumps(state(1)))
+        live.publish_state(make_state(1))
         live.clients.discard(client)
         recorded.clients.add(client)
         client.follow(recorded)
-        first: dict[str, Any] = json.loads(await waiting)
-        return first
+        return wire.read_server_message(await waiting)
 
-    first = asyncio.run(switched_while_it_waits())
-    assert (first["k"], first["source"], first["name"]) == ("snap", "replay", "short")
-    assert first["traj"]["xy"] == recorded.trace_map_m
-    recorded.publish_state(json.dumps(state(2)))
-    assert {message["e"] for message in [first, *take_all(client)]} == {recorded.epoch}
+    first = asyncio.run(switch_while_it_waits())
+    assert isinstance(first, wire.Snapshot)
+    assert (first.source, first.name) == ("replay", "short")
+    assert first.trace.points_map_m == recorded.trace_map_m
+    recorded.publish_state(make_state(2))
+    state = take(client)
+    assert isinstance(state, wire.State)
+    assert first.epoch == state.epoch == recorded.epoch
     assert recorded.epoch != live.epoch
 
 
 def test_a_recording_has_another_epoch_in_every_process_and_at_every_place() -> None:
-    make = "from agribot.ui.channel import Channel; print(Channel('replay', {}, 'short').epoch)"
+    make = "from agribot.ui.server.channel import Channel; print(Channel('replay', 'short').epoch)"
     told = [subprocess.check_output([sys.executable, "-c", make], text=True) for _ in range(2)]
-    channel = Channel("replay", signal_table(), "short")
+    channel = Channel("replay", "short")
     epochs = {*map(int, told), channel.epoch}
     channel.restart()
     assert len(epochs | {channel.epoch}) == 4
 
 
 def test_a_page_that_comes_late_has_the_whole_trace_and_all_weeds(robot: Robot) -> None:
-    robot.say({"k": "traj", "first": 0, "xy": [[0.0, 0.0], [0.1, 0.0]]})
-    robot.say({"k": "traj", "first": 2, "xy": [[0.2, 0.0]]})
-    weed = [7, 0, 1.0, 2.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, None]
-    robot.say({"k": "weeds", "rev": 1, "set": [weed, [8, *weed[1:]]], "gone": []})
-    robot.say({"k": "weeds", "rev": 2, "set": [[7, 0, 1.5, *weed[3:]]], "gone": [8]})
+    robot.say(wire.TracePiece(first=0, points_map_m=[(0.0, 0.0), (0.1, 0.0)]))
+    robot.say(wire.TracePiece(first=2, points_map_m=[(0.2, 0.0)]))
+    robot.say(wire.WeedChanges(set=[make_weed(7), make_weed(8)]))
+    robot.say(wire.WeedChanges(set=[make_weed(7, x_map_m=1.5)], gone=[8]))
     with Page(robot.port, tab="early") as early:
-        early.receive("snap")
+        early.receive(wire.Snapshot)
     with Page(robot.port, tab="late") as page:
-        snapshot = page.receive("snap")
-    assert snapshot["traj"]["xy"] == [[0.0, 0.0], [0.1, 0.0], [0.2, 0.0]]
-    assert [row[:3] for row in snapshot["weeds"]["all"]] == [[7, 0, 1.5]]
+        snapshot = page.receive(wire.Snapshot)
+    assert snapshot.trace.points_map_m == [(0.0, 0.0), (0.1, 0.0), (0.2, 0.0)]
+    assert snapshot.weeds.set == [make_weed(7, x_map_m=1.5)]
 
 
 def serve_patiently(*line: Any) -> None:
@@ -236,16 +250,16 @@ def test_a_stalled_page_does_not_hold_up_another(patient_robot: Robot) -> None:
         Page(robot.port) as page,
         Page(robot.port, tab="stalled", max_queue=1) as stalled,
     ):
-        stalled.receive("hello")
+        stalled.receive(wire.Hello)
         padding = "x" * 20_000
         for number in range(600):
-            robot.say({**state(number), "reason": padding})
-        while (number := page.receive("s")["n"]) != 599:
+            robot.say(msgspec.structs.replace(make_state(number), reason=padding))
+        while (number := page.receive(wire.State).tick) != 599:
             if number % 100 == 0:
-                stalled.send(k="ping", c=number)  # it takes nothing, but it is there
-        seen = [stalled.receive("s")["n"]]
+                stalled.send(wire.Ping(sent_ms=number))  # it takes nothing, but it is there
+        seen = [stalled.receive(wire.State).tick]
         while seen[-1] != 599:
-            seen.append(stalled.receive("s")["n"])
+            seen.append(stalled.receive(wire.State).tick)
         assert len(seen) < 500, "what was old is left out"
 
 
@@ -258,7 +272,7 @@ def picture(index: int = 3) -> tuple[ByteArray, ByteArray]:
 
 def test_pictures_cross_the_line_unchanged() -> None:
     for kind, pixels in enumerate(picture()):
-        there = unpacked(packed(kind, 7, 1.7e12 + 0.5, pixels))
+        there = unpack_pixels(pack_pixels(kind, 7, 1.7e12 + 0.5, pixels))
         assert (there.kind, there.index, there.wall_ms) == (kind, 7, 1.7e12 + 0.5)
         assert np.array_equal(there.pixels, pixels)
 
@@ -289,11 +303,11 @@ def test_each_step_of_the_ladder_is_smaller() -> None:
 def test_the_camera_runs_only_while_somebody_looks_and_waits_for_credits(robot: Robot) -> None:
     image, mask = picture()
     with Page(robot.port, path="/ws/cam/main?mask=1") as viewer:
-        robot.wait_for(lambda order: order["c"] == "watch" and order["camera"] and order["mask"])
+        robot.wait_for(wire.WatchOrder, lambda order: order.camera and order.mask)
 
         def send(index: int) -> None:
-            robot.server.camera_link.send_bytes(packed(1, index, 5.0, mask))
-            robot.server.camera_link.send_bytes(packed(0, index, 5.0, image))
+            robot.server.camera_link.send_bytes(pack_pixels(1, index, 5.0, mask))
+            robot.server.camera_link.send_bytes(pack_pixels(0, index, 5.0, image))
 
         def kind_and_index(timeout_s: float = PATIENCE_S) -> tuple[int, int]:
             data = viewer.line.recv(timeout=timeout_s)
@@ -309,7 +323,7 @@ def test_the_camera_runs_only_while_somebody_looks_and_waits_for_credits(robot: 
             kind_and_index(timeout_s=0.5)
         viewer.line.send("a")
         assert kind_and_index() == (0, 3)
-    robot.wait_for(lambda order: order["c"] == "watch" and not order["camera"])
+    robot.wait_for(wire.WatchOrder, lambda order: not order.camera)
 
 
 def test_a_picture_is_encoded_once_for_all_who_want_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -325,7 +339,7 @@ def test_a_picture_is_encoded_once_for_all_who_want_it(monkeypatch: pytest.Monke
         wanted = [camera.encoded(there, level) for level in (0, 0, 0, 2, 2)]
         return await asyncio.gather(*wanted)
 
-    monkeypatch.setattr("agribot.ui.camera.encode", counted)
+    monkeypatch.setattr("agribot.ui.server.camera.encode", counted)
     data = asyncio.run(many())
     assert sorted(calls) == [0, 2]
     assert data[0] == data[1] == data[2] != data[3] == data[4]
@@ -349,25 +363,30 @@ def put_run(robot: Robot, name: str, recording: Path) -> None:
     shutil.copyfile(recording, folder / "run.mcap")
 
 
+def newest_of(replay: Replay) -> wire.State:
+    assert replay.state is not None
+    return replay.state
+
+
 def test_a_replay_shows_the_same_places_and_goes_back_and_forth(recording: Path) -> None:
     replay = Replay.load(recording, "short")
     wall_s = 100.0
     for _ in range(60):
         replay.step(wall_s)
         wall_s += 0.1
-    assert replay.newest()["t"] == pytest.approx(5.9, abs=0.1)
-    assert replay.newest()["mode"] == "replay"
+    assert newest_of(replay).t_s == pytest.approx(5.9, abs=0.1)
+    assert newest_of(replay).mode == "replay"
     trace = list(replay.trace_map_m)
     assert len(trace) > 10
     replay.seek(4.0)
-    assert replay.newest()["t"] == pytest.approx(4.0, abs=0.05)
+    assert newest_of(replay).t_s == pytest.approx(4.0, abs=0.05)
     assert trace[: len(replay.trace_map_m)] == replay.trace_map_m
     assert len(replay.trace_map_m) < len(trace)
     replay.speed = 10.0
     for _ in range(20):
         replay.step(wall_s)
         wall_s += 0.1
-    assert replay.described()["t_s"] == replay.described()["end_s"]
+    assert replay.progress.t_s == replay.progress.end_s
     assert trace == replay.trace_map_m[: len(trace)]
 
 
@@ -375,27 +394,26 @@ def test_a_page_sees_the_recording_and_then_the_robot_again_and_never_one_in_the
     robot: Robot, recording: Path
 ) -> None:
     put_run(robot, "swap", recording)
-    robot.say({"k": "traj", "first": 0, "xy": [[100.0, 100.0], [101.0, 100.0]]})
-    weed = [7001, 0, 100.0, 101.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, None]
-    robot.say({"k": "weeds", "rev": 9, "set": [weed], "gone": []})
-    robot.say({**state(1), "mode": "mission", "stop": ""})
+    robot.say(wire.TracePiece(first=0, points_map_m=[(100.0, 100.0), (101.0, 100.0)]))
+    robot.say(wire.WeedChanges(set=[make_weed(7001, 100.0, 101.0)]))
+    robot.say(make_state(1))
     browser = Browser(robot.port)
     with Page(robot.port, tab="swap", additional_headers={"Cookie": browser.cookie}) as page:
-        epoch = page.receive("snap")["e"]
+        epoch = page.receive(wire.Snapshot).epoch
         for name in ("swap", None, "swap", None):
             request = {"name": name, "speed": 0, "t_s": 6.0}
             assert browser.ask("POST", "/api/v1/replay", request)[0] == 200
-            robot.say({**state(2), "mode": "mission", "stop": ""})
-            while (snapshot := page.receive("snap"))["name"] != (name or ""):
+            robot.say(make_state(2))
+            while (snapshot := page.receive(wire.Snapshot)).name != (name or ""):
                 pass
             is_live = name is None
-            assert (snapshot["source"] == "replay") is not is_live
-            assert ([100.0, 100.0] in snapshot["traj"]["xy"]) is is_live
-            assert (7001 in [row[0] for row in snapshot["weeds"]["all"]]) is is_live
-            assert (snapshot["e"] == epoch) is is_live
-            while (shown := page.receive("s"))["e"] != snapshot["e"]:
+            assert (snapshot.source == "replay") is not is_live
+            assert ((100.0, 100.0) in snapshot.trace.points_map_m) is is_live
+            assert (7001 in [weed.id for weed in snapshot.weeds.set]) is is_live
+            assert (snapshot.epoch == epoch) is is_live
+            while (shown := page.receive(wire.State)).epoch != snapshot.epoch:
                 pass
-            assert ("replay" in shown) is not is_live
+            assert (shown.replay is not None) is not is_live
     assert browser.ask("GET", "/api/v1/field?recording=swap")[0] == 404
 
 
@@ -449,11 +467,11 @@ def test_who_looks_at_a_recording_is_told_when_the_robot_stops(
     browser = Browser(robot.port)
     with Page(robot.port, tab="watch", additional_headers={"Cookie": browser.cookie}) as page:
         assert browser.ask("POST", "/api/v1/replay", {"name": "watched"})[0] == 200
-        robot.say({**state(3), "mode": "mission", "stop": ""})
-        while page.receive("live")["stop"]:
+        robot.say(make_state(3))
+        while page.receive(wire.LiveState).stop:
             pass
-        robot.say({**state(4), "mode": "stopped", "stop": "stopped by a test"})
-        while page.receive("live")["stop"] != "stopped by a test":
+        robot.say(make_state(4, "stopped", "stopped by a test"))
+        while page.receive(wire.LiveState).stop != "stopped by a test":
             pass
         assert browser.ask("POST", "/api/v1/replay", {"name": None})[0] == 200
 
@@ -468,17 +486,17 @@ def test_nothing_can_be_commanded_in_a_replay_but_the_stop_reaches_the_robot(
         viewer.take_seat()
         status, answer = browser.ask("POST", "/api/v1/replay", {"name": "short", "speed": 2})
         assert status == 200, answer
-        while viewer.receive("s").get("mode") != "replay":
+        while viewer.receive(wire.State).mode != "replay":
             pass
-        viewer.send(k="drive", seq=1, v=0.3, w=0.0)
-        refusal = viewer.ask(k="mission", id=1, action="resume")
-        assert "recording" in refusal["reason"]
-        assert not [order for order in robot.of_kind("drive") if order["v"]]
-        viewer.send(k="stop")
-        robot.wait_for(lambda order: order.get("action") == "stop")
+        viewer.send(wire.DriveByHand(v_mps=0.3, yaw_rate_radps=0.0))
+        refusal = viewer.ask(wire.ControlMission(action="resume"))
+        assert "recording" in refusal.reason
+        assert not [order for order in robot.of_kind(wire.DriveOrder) if order.v_mps]
+        viewer.send(wire.PressStop())
+        robot.wait_for_event("stop")
         assert browser.ask("POST", "/api/v1/replay", {"name": None})[0] == 200
-        robot.say(state(1000))
-        while viewer.receive("s")["n"] != 1000:
+        robot.say(make_state(1000))
+        while viewer.receive(wire.State).tick != 1000:
             pass
     for wrong in ({"name": "../x"}, {"speed": 99}, {"t_s": "x"}, {"t_s": 10**400}):
         request = {"name": "short", **wrong}
@@ -521,7 +539,7 @@ def test_a_replay_shows_the_camera_and_live_pictures_come_back_after_it(
     ):
         start = {"name": "filmed", "speed": 0, "t_s": 2.5}
         assert browser.ask("POST", "/api/v1/replay", start)[0] == 200
-        while page.receive("s").get("mode") != "replay":
+        while page.receive(wire.State).mode != "replay":
             pass
         shown = Pictures.load(filmed).at(2.5)
         assert shown is not None
@@ -533,7 +551,7 @@ def test_a_replay_shows_the_camera_and_live_pictures_come_back_after_it(
         end_s, number = time.monotonic() + PATIENCE_S, 0
         while number != 77:
             assert time.monotonic() < end_s, "the robot's pictures did not come back"
-            robot.server.camera_link.send_bytes(packed(0, 77, 5.0, image))
+            robot.server.camera_link.send_bytes(pack_pixels(0, 77, 5.0, image))
             with contextlib.suppress(TimeoutError):
                 number = struct.unpack(">BBHId", received(viewer, 0.2)[:16])[3]
 

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from agribot.ui.hand import STILL, HandRates, KeyHand, MouseHand, StickHand, TerminalInput
-from agribot.ui.joystick import JoystickState
+from agribot.ui import wire
+from agribot.ui.hand.inputs import STILL, HandRates, KeyHand, MouseHand, StickHand, TerminalInput
+from agribot.ui.hand.joystick import JoystickState
 from tests.ui.client import Page
 from tests.ui.conftest import Robot
 from tests.waiting import PATIENCE_S, wait_for
@@ -102,16 +103,16 @@ def test_keys_in_a_terminal_reach_the_robot(robot: Robot) -> None:
     ours, theirs = pty.openpty()
     process = teleop(robot, "keyboard", "--scale", "0.5", stdin=theirs)
     try:
-        robot.wait_for(lambda order: order["c"] == "drive")
+        robot.wait_for(wire.DriveOrder)
         os.write(ours, b"\x1b[A")
-        order = robot.wait_for(lambda order: order["c"] == "drive" and order["v"] != 0.0)
-        assert order["v"] == pytest.approx(0.4)
-        assert order["by"] == "teleop keyboard"
+        order = robot.wait_for(wire.DriveOrder, lambda order: order.v_mps != 0.0)
+        assert order.v_mps == pytest.approx(0.4)
+        assert order.by == "teleop keyboard"
         os.write(ours, b" ")
-        robot.wait_for(lambda order: order.get("action") == "stop")
+        robot.wait_for_event("stop")
         os.write(ours, b"q")
         assert process.wait(PATIENCE_S) == 0
-        assert robot.of_kind("drive")[-1]["v"] == 0.0
+        assert robot.of_kind(wire.DriveOrder)[-1].v_mps == 0.0
     finally:
         process.kill()
         process.communicate()
@@ -125,21 +126,21 @@ def test_a_joystick_that_is_pulled_out_stops_the_robot(robot: Robot, tmp_path: P
     stick = os.open(device, os.O_RDWR)
     process = teleop(robot, "joystick", "--joy", str(device))
     try:
-        robot.wait_for(lambda order: order["c"] == "drive")
+        robot.wait_for(wire.DriveOrder)
         os.write(stick, event(-32767, 0x02, 1) + event(1, 0x01, 4))
-        robot.wait_for(lambda order: order["c"] == "drive" and order["v"] > 0.0)
+        robot.wait_for(wire.DriveOrder, lambda order: order.v_mps > 0.0)
         os.close(stick)
         _, errors = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 2
         assert "gone" in errors
-        wait_for(lambda: robot.of_kind("drive")[-1]["v"] == 0.0, "the robot to stand")
-        assert robot.of_kind("drive")[-1]["v"] == 0.0
+        wait_for(lambda: robot.of_kind(wire.DriveOrder)[-1].v_mps == 0.0, "the robot to stand")
+        assert robot.of_kind(wire.DriveOrder)[-1].v_mps == 0.0
     finally:
         process.kill()
 
 
 def test_teleop_says_who_has_the_seat_and_where_no_robot_is(robot: Robot, page: Page) -> None:
-    page.send(k="name", name="Ada")
+    page.send(wire.UseName(name="Ada"))
     page.take_seat()
     ours, theirs = pty.openpty()
     process = teleop(robot, "keyboard", stdin=theirs)

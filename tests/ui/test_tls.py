@@ -23,11 +23,13 @@ from starlette.applications import Starlette
 
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError
-from agribot.ui import guarded_connections, remote
+from agribot.ui import wire
 from agribot.ui.address import Address, read_door
-from agribot.ui.connection_slots import ConnectionSlots
-from agribot.ui.line import Line
-from agribot.ui.remote import Remote
+from agribot.ui.hand import remote
+from agribot.ui.hand.blocking_socket import BlockingSocket
+from agribot.ui.hand.remote import Remote
+from agribot.ui.server import guarded_connections
+from agribot.ui.server.connection_slots import ConnectionSlots
 from tests import machine
 from tests.ui.conftest import Robot
 from tests.waiting import PATIENCE_S
@@ -131,14 +133,14 @@ def test_states_and_orders_are_encrypted_too(
     port = encrypted.port
     origin = {"Origin": f"https://127.0.0.1:{port}"}
     url = f"wss://127.0.0.1:{port}/ws/v1"
-    with Line(url, origin, trust, PATIENCE_S) as line:
+    with BlockingSocket(url, origin, trust, PATIENCE_S) as line:
         assert '"hello"' in str(line.receive(PATIENCE_S))
     door = read_door(port)
     assert door.url.startswith("wss://")
     with Remote(door, "a program") as robot:
         robot.take_seat(force=True)
         robot.drive(0.1, 0.0)
-        encrypted.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.1)
+        encrypted.wait_for(wire.DriveOrder, lambda order: order.v_mps == 0.1)
 
 
 def test_one_thread_alone_reads_and_writes_an_encrypted_line(
@@ -163,7 +165,7 @@ def test_one_thread_alone_reads_and_writes_an_encrypted_line(
     with Remote(read_door(encrypted.port), "a program") as robot:
         robot.take_seat(force=True)
         robot.drive(0.2, 0.0)
-        encrypted.wait_for(lambda order: order["c"] == "drive" and order["v"] == 0.2)
+        encrypted.wait_for(wire.DriveOrder, lambda order: order.v_mps == 0.2)
     assert len(threads["reads"]) == 1
     assert threads["writes"] == threads["reads"], "OpenSSL allows no second thread"
 

@@ -7,33 +7,44 @@ from concurrent.futures import ThreadPoolExecutor
 import msgspec
 import pytest
 
-from agribot.autonomy.plan.errand import STOPPING
-from agribot.core.messages import Inbox, OperatorEvent, TickRecord
-from agribot.ui import verdicts
-from agribot.ui.verdicts import Verdicts
+from agribot.core.messages import (
+    Inbox,
+    OperatorAction,
+    OperatorEvent,
+    RequestAnswer,
+    TickRecord,
+)
+from agribot.ui.robot_side import verdicts
+from agribot.ui.robot_side.verdicts import Verdicts
+from tests.autonomy.plan.planting import at
+from tests.autonomy.plan.test_mission_errands import Drive
 from tests.record import record_samples as samples
 
 
-def tick(inbox: Inbox, leg: str = "", refusal: str = "") -> TickRecord:
+def tick(inbox: Inbox, heard: set[str], refusal: str | None = None) -> TickRecord:
+    """A tick that answers all that was asked so far, unless `refusal` is None."""
     record = samples.ticks(1)[0]
     events, _ = inbox.drain(record.batch.t_s)
+    heard |= {event.id for event in events}
+    answers = (
+        () if refusal is None else tuple(RequestAnswer(id=id, refusal=refusal) for id in heard)
+    )
     batch = msgspec.structs.replace(record.batch, events=events)
-    status = msgspec.structs.replace(record.status, leg=leg, refusal=refusal)
+    status = msgspec.structs.replace(record.status, answers=answers)
     return msgspec.structs.replace(record, batch=batch, status=status)
 
 
-def asked(action: str, legs: list[str], refusal: str) -> str:
-    """The answer to a request while the mission goes through these legs, over and over."""
-    inbox = Inbox()
+def ask(action: OperatorAction, refusals: list[str | None]) -> str:
+    """What a request is told while these ticks go by, the last one of them over and over."""
+    inbox, heard = Inbox(), set[str]()
     desk = Verdicts(inbox)
-    event = OperatorEvent(t_s=0.0, action=action, source="Ada", numbers=(1.0, 2.0))  # type: ignore[arg-type]
+    event = OperatorEvent(t_s=0.0, action=action, source="Ada", numbers=(1.0, 2.0))
     with ThreadPoolExecutor(1) as pool:
         answer = pool.submit(desk.ask, event)
         for number in range(1_000_000):
             if answer.done():
                 break
-            leg = legs[min(number, len(legs) - 1)]
-            desk(tick(inbox, leg, "" if leg == STOPPING else refusal))
+            desk(tick(inbox, heard, refusals[min(number, len(refusals) - 1)]))
     return answer.result()
 
 
@@ -42,18 +53,39 @@ def test_the_answer_comes_when_the_robot_stands_and_has_planned(
     refusal: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(verdicts, "PATIENCE_S", 60.0)
-    assert asked("goto", [STOPPING] * 20 + ["to the goal"], refusal) == refusal
+    assert ask("goto", [*[None] * 20, refusal]) == refusal
 
 
 def test_a_goal_that_takes_long_counts_as_taken_and_a_plan_does_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(verdicts, "PATIENCE_S", 0.3)
-    assert asked("goto", [STOPPING], "") == ""
-    assert "did not answer" in asked("plan", [STOPPING], "")
+    assert ask("goto", [None]) == ""
+    assert "did not answer" in ask("plan", [None])
 
 
 def test_a_robot_without_ticks_does_not_hold_up_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(verdicts, "PATIENCE_S", 0.1)
     goal = OperatorEvent(t_s=0.0, action="goto", numbers=(1.0, 2.0))
     assert "did not answer" in Verdicts(Inbox()).ask(goal)
+
+
+def test_two_people_who_ask_in_one_tick_are_each_told_their_own_outcome() -> None:
+    drive, inbox = Drive(), Inbox()
+    desk, record = Verdicts(inbox), samples.ticks(1)[0]
+    bad_goal = OperatorEvent(t_s=0.0, action="goto", source="Ann", numbers=(1.0,))
+    good_speed = OperatorEvent(
+        t_s=0.0, action="set", source="Bob", text="mission.speed_mps", value=0.3
+    )
+    with ThreadPoolExecutor(2) as pool:
+        told = [pool.submit(desk.ask, event) for event in (bad_goal, good_speed)]
+        events: tuple[OperatorEvent, ...] = ()
+        while len(events) < 2:
+            events += inbox.drain(0.0)[0]
+        goal = drive.mission.step(at(*drive.start, drive.t_s), events)
+        batch = msgspec.structs.replace(record.batch, events=events)
+        desk(msgspec.structs.replace(record, batch=batch, status=goal.status))
+        ann, bob = (answer.result() for answer in told)
+    assert "two or three finite numbers" in ann
+    assert bob == ""
+    assert drive.mission.speed_mps == 0.3

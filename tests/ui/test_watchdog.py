@@ -15,9 +15,10 @@ from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.page import Pacer
 from agribot.core import config
 from agribot.core.messages import TickRecord
-from agribot.ui import server_process
+from agribot.ui import wire
 from agribot.ui.address import Address
-from agribot.ui.operator_page import OperatorPage
+from agribot.ui.robot_side import server_process
+from agribot.ui.robot_side.operator_page import OperatorPage
 from tests.ui.client import Page
 from tests.waiting import PATIENCE_S
 
@@ -47,7 +48,7 @@ def drive(
         records.append(record)
         if browser is not None and record.batch.t_s >= next_s:
             next_s += 0.05
-            browser.send(k="drive", seq=len(records), v=v_mps, w=0.0)
+            browser.send(wire.DriveByHand(v_mps=v_mps, yaw_rate_radps=0.0))
         if record.batch.t_s >= from_s + seconds:
             break
         pacer.wait(record.batch.t_s)
@@ -84,8 +85,8 @@ def test_a_killed_server_stops_the_hand_and_the_mission_goes_on_as_configured(
 ) -> None:
     with simulated(tmp_path, f'safety.on_operator_lost="{policy}"') as (session, page, browser):
         assert fastest_mps(drive(session, browser, 1.5)) > 0.1
-        browser.send(k="drive", seq=0, v=0.0, w=0.0)
-        assert browser.ask(k="mission", id=1, action="resume")["ok"]
+        browser.send(wire.DriveByHand(v_mps=0.0, yaw_rate_radps=0.0))
+        assert browser.ask(wire.ControlMission(action="resume")).ok
         drive(session, browser, 4.0, v_mps=0.0)
         assert session.last is not None
         assert session.last.status.state == "running"
@@ -114,7 +115,7 @@ def test_a_server_that_hangs_counts_as_the_loss_of_the_operator_who_goes_on_afte
 
 
 def resume_until_it_runs(session: SimulatedRun, browser: Page) -> None:
-    drive_until(session, "running", lambda: browser.send(k="mission", action="resume"))
+    drive_until(session, "running", lambda: browser.send(wire.ControlMission(action="resume")))
 
 
 def drive_until(session: SimulatedRun, state: str, meanwhile: Callable[[], None]) -> None:
@@ -136,14 +137,14 @@ def test_a_hand_on_the_stick_when_the_server_is_killed_lets_go(tmp_path: Path) -
 def test_a_stop_by_the_page_holds_until_it_is_cleared(tmp_path: Path) -> None:
     with simulated(tmp_path) as (session, _, browser):
         drive(session, browser, 1.0)
-        browser.send(k="stop")
+        browser.send(wire.PressStop())
         records = drive(session, browser, 1.0)
         assert records[-1].command.drive.v_mps == 0.0
-        state = browser.receive("s")
-        while state["mode"] != "stopped":
-            state = browser.receive("s")
-        assert "stopped by operator 1" in state["stop"]
-        assert browser.ask(k="clear_stop", id=1)["ok"]
+        state = browser.receive(wire.State)
+        while state.mode != "stopped":
+            state = browser.receive(wire.State)
+        assert "stopped by operator 1" in state.stop
+        assert browser.ask(wire.ClearStop()).ok
         assert fastest_mps(drive(session, browser, 1.0)) > 0.1
 
 

@@ -3,20 +3,26 @@
 import type { FeatureCollection } from 'geojson'
 import type {
   Calibrations,
+  CalibrationStart,
+  ExportedView,
   Field,
+  GoalPlace,
+  GoalPreview,
   Health,
   ImportedView,
   KeptFrame,
+  Login,
   MapSource,
-  Panel,
+  PanelInfo,
   PlanReply,
+  PlanWish,
   Recordings,
+  ReplayWish,
   Robot,
-  Session,
-  Settings,
+  SessionInfo,
+  SettingGroups,
   SettingsReply,
   SettingValue,
-  Way,
 } from './wire.ts'
 
 /** What a lost network swallows would keep a connection for minutes. */
@@ -66,8 +72,8 @@ async function ask<T>(method: string, path: string, body: unknown): Promise<T> {
 const name = encodeURIComponent
 
 export const api = {
-  session: () => get<Session>('/api/v1/session', { signal: AbortSignal.timeout(SESSION_MS) }),
-  login: (token: string) => write('POST', '/api/v1/login', { token }),
+  session: () => get<SessionInfo>('/api/v1/session', { signal: AbortSignal.timeout(SESSION_MS) }),
+  login: (token: string) => write('POST', '/api/v1/login', { token } satisfies Login),
   /** Of the robot, or of the recording of this name that is shown. */
   field: (recording: string | null) =>
     get<Field>(`/api/v1/field${recording === null ? '' : `?recording=${name(recording)}`}`),
@@ -77,7 +83,7 @@ export const api = {
 
   recordings: () => get<Recordings>('/api/v1/recordings'),
   replay: (recording: string | null, speed: number, tS: number) =>
-    write('POST', '/api/v1/replay', { name: recording, speed, t_s: tS }),
+    write('POST', '/api/v1/replay', { name: recording, speed, t_s: tS } satisfies ReplayWish),
 
   /** A small picture of a weed, and when it was taken. */
   weedPicture: async (id: number): Promise<{ picture: Blob; takenS: number }> => {
@@ -86,11 +92,11 @@ export const api = {
   },
   keepFrame: () => ask<KeptFrame>('POST', '/api/v1/frames', {}),
 
-  settings: () => get<Settings>('/api/v1/settings'),
+  settings: () => get<SettingGroups>('/api/v1/settings'),
   changeSettings: (changes: Record<string, SettingValue>) => ask<SettingsReply>('PATCH', '/api/v1/settings', changes),
 
   calibrations: () => get<Calibrations>('/api/v1/calibrations'),
-  calibrate: (what: 'start' | 'cancel' | 'accept' | 'undo', body: object = {}) =>
+  calibrate: (what: 'start' | 'cancel' | 'accept' | 'undo', body: CalibrationStart = {}) =>
     ask<Calibrations>('POST', `/api/v1/calibrations/${what}`, body),
 
   fields: () => get<string[]>('/api/v1/fields'),
@@ -103,9 +109,9 @@ export const api = {
   },
   exportField: async (ending: string, field: FeatureCollection): Promise<Blob> =>
     (await write('POST', `/api/v1/fields/export?format=${ending}`, field)).blob(),
-  previewGoal: (goal: { x: number; y: number; yaw: number | null }) => ask<Way>('POST', '/api/v1/goal/preview', goal),
-  plan: (body: Record<string, unknown>) => ask<PlanReply>('POST', '/api/v1/plan', body),
-  applyPlan: (body: Record<string, unknown>) => write('POST', '/api/v1/plan/apply', body),
+  previewGoal: (goal: GoalPlace) => ask<GoalPreview>('POST', '/api/v1/goal/preview', goal),
+  plan: (body: PlanWish) => ask<PlanReply>('POST', '/api/v1/plan', body),
+  applyPlan: (body: PlanWish) => write('POST', '/api/v1/plan/apply', body),
 
   views: () => get<string[]>('/api/v1/views'),
   loadView: (id: string) => get<Record<string, unknown>>(`/api/v1/views/${name(id)}`),
@@ -114,9 +120,9 @@ export const api = {
   importView: async (file: File): Promise<ImportedView> =>
     (await request('/api/v1/views/import', { method: 'POST', body: file })).json() as Promise<ImportedView>,
   exportView: async (displays: object[], view: object): Promise<string> =>
-    (await write('POST', '/api/v1/views/export', { displays, view })).text(),
+    (await write('POST', '/api/v1/views/export', { displays, view: { ...view } } satisfies ExportedView)).text(),
 
-  panels: () => get<Panel[]>('/api/v1/panels'),
+  panels: () => get<PanelInfo[]>('/api/v1/panels'),
   panelData: (id: string) => request(`/api/v1/panels/${name(id)}`),
   submitPanel: (id: string, values: object) => write('POST', `/api/v1/panels/${name(id)}`, values),
 }

@@ -7,8 +7,7 @@ import { HAND_MS } from './link-monitor.ts'
 import type { Dialogs } from './shell/dialogs.ts'
 import type { Toasts } from './shell/toasts.ts'
 import type { Store } from './store.ts'
-import type { Field, Robot, Session } from './wire.ts'
-import type { Command } from './wire.ts'
+import type { Field, PageRequest, Robot, SessionInfo } from './wire.ts'
 import type { IconName } from './icons.ts'
 
 export class App {
@@ -22,7 +21,7 @@ export class App {
   constructor(
     readonly store: Store,
     readonly link: Link,
-    readonly session: Session,
+    readonly session: SessionInfo,
     readonly toasts: Toasts,
     readonly dialogs: Dialogs,
     /** Parts switched off by `?off=map,scene`, for machines without WebGL. */
@@ -69,7 +68,7 @@ export class App {
   }
 
   /** Send a command; a refusal is shown with the robot's reason. True when the robot did it. */
-  async command(command: Command, done = ''): Promise<boolean> {
+  async command(command: PageRequest, done = ''): Promise<boolean> {
     const ack = await this.link.command(command)
     if (!ack.ok) this.toasts.show('warn', ack.reason || 'The robot refused.')
     else if (done) this.toasts.show('info', done)

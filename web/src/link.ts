@@ -1,11 +1,13 @@
 /** The state and command socket: measures the line, gives up a dead one, reconnects, waits for acks. */
 
+import { parseMessage } from './decode.ts'
 import { DEAD_MS, PING_MS } from './link-monitor.ts'
 import type { Store } from './store.ts'
-import type { ClientMessage, Command, ServerMessage } from './wire.ts'
-import { parseMessage } from './wire.ts'
+import type { PageMessage, PageRequest, ServerMessage, Verdict } from './wire.ts'
 
 const TICK_MS = 100
+/** The id of every STOP of this page: it is said again until one is answered. */
+const STOP_ID = 'stop'
 const ACK_TIMEOUT_MS = 5000
 const BACKOFF_MS = [0, 250, 500, 1000]
 /** A connection that is not open by then is tried anew: that of a lost network would wait for a minute. */
@@ -15,10 +17,8 @@ const GOT_AFTER_MS = 100
 const GOT_AFTER_BYTES = 2000
 const GOT_APART_MS = 20
 
-export interface Ack {
-  ok: boolean
-  reason: string
-}
+/** What became of a command. */
+export type Outcome = Pick<Verdict, 'ok' | 'reason'>
 
 /** `path` on this page's own host, as a WebSocket address. */
 export function socketUrl(path: string): string {
@@ -53,7 +53,7 @@ export class Link {
   private isOutdated = false
   private pingedMs = -Infinity
   private received = { count: 0, bytes: 0, toldCount: 0, toldMs: 0 }
-  private readonly waiting = new Map<string, (ack: Ack) => void>()
+  private readonly waiting = new Map<string, (outcome: Outcome) => void>()
   private readonly store: Store
   farewell = ''
   /** A refusal of something that no command waits for. */
@@ -95,11 +95,11 @@ export class Link {
     this.received = { count: 0, bytes: 0, toldCount: 0, toldMs: nowMs }
     this.store.monitor.open(nowMs)
     const name = localStorage.getItem('operator')
-    if (name) this.send({ k: 'name', name })
-    this.send({ k: 'scale', value: savedScale() })
+    if (name) this.send({ kind: 'use_name', name })
+    this.send({ kind: 'scale_speed', ratio: savedScale() })
     this.ping(nowMs)
     this.store.setLinked(true)
-    if (this.store.stop.isPending) this.send({ k: 'stop', id: 'stop' })
+    if (this.store.stop.isPending) this.send({ kind: 'press_stop', id: STOP_ID })
   }
 
   /** A network is back: do not wait for the next try. */
@@ -134,7 +134,7 @@ export class Link {
   }
 
   /** True when the message was handed to an open socket. */
-  send(message: ClientMessage): boolean {
+  send(message: PageMessage): boolean {
     if (this.socket?.readyState !== WebSocket.OPEN) return false
     this.socket.send(JSON.stringify(message))
     return true
@@ -143,11 +143,11 @@ export class Link {
   /** Stop the robot; where the line does not carry it, it is said again on the next one. */
   stop(): void {
     this.store.stop.press(performance.now())
-    this.send({ k: 'stop', id: 'stop' })
+    this.send({ kind: 'press_stop', id: STOP_ID })
   }
 
   /** Send a command and wait for what the robot says to it. */
-  command(command: Command): Promise<Ack> {
+  command(command: PageRequest): Promise<Outcome> {
     const id = `c${this.nextId++}`
     if (!this.send({ ...command, id })) return Promise.resolve({ ok: false, reason: 'No link to the robot.' })
     return new Promise((resolve) => {
@@ -155,9 +155,9 @@ export class Link {
         () => this.settle(id, { ok: false, reason: 'The robot did not answer in 5 s.' }),
         ACK_TIMEOUT_MS,
       )
-      this.waiting.set(id, (ack) => {
+      this.waiting.set(id, (outcome) => {
         clearTimeout(timer)
-        resolve(ack)
+        resolve(outcome)
       })
     })
   }
@@ -173,9 +173,9 @@ export class Link {
   }
 
   private take(message: ServerMessage, nowMs: number): void {
-    if (message.k === 'hello') this.meet(message.run, message.session)
-    if (message.k === 'ack') this.answered(message)
-    else if (message.k === 'bye') this.farewell = message.reason
+    if (message.kind === 'hello') this.meet(message.run, message.session)
+    if (message.kind === 'verdict') this.hear(message)
+    else if (message.kind === 'bye') this.farewell = message.reason
     else this.store.accept(message, nowMs)
   }
 
@@ -197,26 +197,26 @@ export class Link {
     const isMuch = received.bytes >= GOT_AFTER_BYTES && sinceMs >= GOT_APART_MS
     if (received.count === received.toldCount || (!isMuch && sinceMs < GOT_AFTER_MS)) return
     this.received = { count: received.count, bytes: 0, toldCount: received.count, toldMs: nowMs }
-    this.send({ k: 'got', n: received.count })
+    this.send({ kind: 'receipt', count: received.count })
   }
 
-  private answered(ack: Ack & { id: string | null }): void {
-    if (ack.id === 'stop') {
+  private hear(verdict: Verdict): void {
+    if (verdict.id === STOP_ID) {
       this.store.stop.hear(this.store.hasRobot)
       this.renew()
-    } else if (ack.id !== null && this.waiting.has(ack.id)) this.settle(ack.id, ack)
-    else if (!ack.ok) this.onRefusal(ack.reason)
+    } else if (this.waiting.has(verdict.id)) this.settle(verdict.id, verdict)
+    else if (!verdict.ok) this.onRefusal(verdict.reason)
   }
 
-  private settle(id: string, ack: Ack): void {
-    this.waiting.get(id)?.(ack)
+  private settle(id: string, outcome: Outcome): void {
+    this.waiting.get(id)?.(outcome)
     this.waiting.delete(id)
   }
 
   private ping(nowMs: number): void {
     this.pingedMs = nowMs
     this.store.monitor.sent(nowMs)
-    this.send({ k: 'ping', c: nowMs })
+    this.send({ kind: 'ping', sent_ms: nowMs })
   }
 
   private lost(): void {

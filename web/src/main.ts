@@ -8,7 +8,8 @@ import { App } from './app.ts'
 import { el } from './dom.ts'
 import { Link } from './link.ts'
 import { showDescription } from './screens/description.ts'
-import { PANELS_SCREEN, SCREENS } from './screens/index.ts'
+import { SCREENS } from './screens/index.ts'
+import { panels } from './screens/panels.ts'
 import { Banners } from './shell/banners.ts'
 import { Dialogs } from './shell/dialogs.ts'
 import { login } from './shell/login.ts'
@@ -19,11 +20,11 @@ import { startTheme } from './shell/theme.ts'
 import { Toasts } from './shell/toasts.ts'
 import { Store } from './store.ts'
 import { installHooks } from './test-hooks.ts'
-import type { Session } from './wire.ts'
+import type { SessionInfo } from './wire.ts'
 
 const RETRY_MS = 1500
 
-async function openSession(): Promise<Session> {
+async function openSession(): Promise<SessionInfo> {
   const problem = el('p', { class: 'boot', role: 'status' })
   for (;;) {
     try {
@@ -94,7 +95,7 @@ async function boot(): Promise<void> {
   const app = new App(store, link, session, toasts, dialogs, off)
   const extras = await api.panels().catch(() => [])
   const screens = extras.some((panel) => panel.kind !== 'layer' && panel.kind !== 'listener')
-    ? [...SCREENS, PANELS_SCREEN]
+    ? [...SCREENS, panels]
     : SCREENS
   const main = el('main', { class: 'main', id: 'main' })
   const router = new Router(app, screens, main)

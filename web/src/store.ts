@@ -5,15 +5,30 @@ import { LATE_MS, LinkMonitor } from './link-monitor.ts'
 import { SignalBuffer } from './plots/buffer.ts'
 import { StopRequest } from './stop-request.ts'
 import { Trajectory } from './trajectory.ts'
-import type { Growth, LogEvent, Mode, PathData, Seat, ServerMessage, Snapshot, State, Weed } from './wire.ts'
+import type {
+  Growth,
+  LiveState,
+  LogEvent,
+  PathPiece,
+  SeatState,
+  ServerMessage,
+  Snapshot,
+  State,
+  Weed,
+  WeedChanges,
+} from './wire.ts'
+import { readWeed } from './wire.ts'
 
 const LOG_LENGTH = 500
 
-export interface WeedChange {
+export interface WeedUpdate {
   set: Weed[]
   gone: number[]
   all: boolean
 }
+/** The planned path as far as it has come. */
+export type Path = Pick<PathPiece, 'points_map_m' | 'rows'>
+
 /** What is shown: the robot, or the recording of this name. */
 export interface Channel {
   source: string
@@ -23,10 +38,10 @@ export interface Channel {
 interface Events {
   state: State
   trajectory: Trajectory
-  path: PathData | null
-  weeds: WeedChange
+  path: Path | null
+  weeds: WeedUpdate
   log: LogEvent[]
-  seat: Seat
+  seat: SeatState
   link: boolean
   signals: SignalBuffer
   stale: boolean
@@ -40,19 +55,18 @@ interface Events {
 export class Store extends Emitter<Events> {
   state: State | null = null
   readonly trajectory = new Trajectory()
-  path: PathData | null = null
+  path: Path | null = null
   readonly weeds = new Map<number, Weed>()
-  weedsRevision = 0
   log: LogEvent[] = []
   signals = new SignalBuffer([], [])
-  seat: Seat = 'free'
+  seat: SeatState = 'free'
   holder = ''
   clients = 0
   linked = false
   stale = true
   channel: Channel | null = null
   /** The robot's own mode and stop while a recording is shown. */
-  live: { mode: Mode; stop: string } | null = null
+  live: LiveState | null = null
   /** False where a recording alone is served. */
   hasRobot = true
   readonly monitor = new LinkMonitor()
@@ -84,56 +98,56 @@ export class Store extends Emitter<Events> {
     this.emit('link', linked)
   }
 
-  /** Take in one message of the server; acks and the end of the session are the link's business. */
+  /** Take in one message of the server; verdicts and the end of the session are the link's business. */
   accept(message: ServerMessage, nowMs: number): void {
-    switch (message.k) {
-      case 's':
+    switch (message.kind) {
+      case 'state':
         if (this.belongs(message)) this.acceptState(message, nowMs)
         break
-      case 'traj':
+      case 'trace':
       case 'path':
       case 'weeds':
       case 'events':
         if (this.belongs(message)) this.acceptGrowth(message)
         break
-      case 'snap':
+      case 'snapshot':
         this.acceptSnapshot(message)
         break
       case 'hello':
       case 'seat':
         this.acceptSeat(message)
         break
-      case 'live':
-        this.live = { mode: message.mode, stop: message.stop }
+      case 'live_state':
+        this.live = message
         this.stop.see(Boolean(message.stop))
         break
-      case 'field':
+      case 'field_change':
         this.emit('field', null)
         break
       case 'pong':
-        this.monitor.pong(message.c, message.mono_ms, message.wall_ms, nowMs)
+        this.monitor.pong(message.sent_ms, message.mono_ms, message.wall_ms, nowMs)
         break
     }
   }
 
   /** False for what belongs to something that is not shown any more. */
-  private belongs(message: { e: number }): boolean {
-    if (message.e === this.epoch) return true
+  private belongs(message: { epoch: number }): boolean {
+    if (message.epoch === this.epoch) return true
     this.counters.foreign++
     return false
   }
 
   private acceptState(state: State, nowMs: number): void {
-    if (this.state && state.n > this.state.n + 1) this.counters.dropped += state.n - this.state.n - 1
+    if (this.state && state.tick > this.state.tick + 1) this.counters.dropped += state.tick - this.state.tick - 1
     this.state = state
     this.counters.state++
     if (!state.replay) this.stop.see(Boolean(state.stop))
-    if (state.sig?.length && this.signals.extend(state.sig)) this.emit('signals', this.signals)
+    if (state.signals.length && this.signals.extend(state.signals)) this.emit('signals', this.signals)
     this.checkAge(nowMs)
     this.emit('state', state)
   }
 
-  private acceptSeat(message: { seat: Seat; holder: string; clients: number }): void {
+  private acceptSeat(message: { seat: SeatState; holder: string; clients: number }): void {
     this.seat = message.seat
     this.holder = message.holder
     this.clients = message.clients
@@ -141,30 +155,28 @@ export class Store extends Emitter<Events> {
   }
 
   private acceptSnapshot(snap: Snapshot): void {
-    this.epoch = snap.e
+    this.epoch = snap.epoch
     this.show(snap)
-    this.trajectory.restart(snap.traj.first, snap.traj.xy)
-    this.counters.traj = snap.traj.xy.length
-    this.path = snap.path.xy.length ? snap.path : null
+    this.trajectory.restart(snap.trace.first, snap.trace.points_map_m)
+    this.counters.traj = snap.trace.points_map_m.length
+    this.path = snap.path.points_map_m.length ? snap.path : null
     this.weeds.clear()
-    for (const weed of snap.weeds.all) this.weeds.set(weed[0], weed)
-    this.weedsRevision = snap.weeds.rev
-    this.counters.weeds = this.weeds.size
-    this.log = snap.events.slice(-LOG_LENGTH)
+    const set = this.keepWeeds(snap.weeds)
+    this.log = snap.events.events.slice(-LOG_LENGTH)
     this.signals.rename(snap.signals.names, snap.signals.units)
     this.emit('trajectory', this.trajectory)
     this.emit('path', this.path)
-    this.emit('weeds', { set: snap.weeds.all, gone: [], all: true })
+    this.emit('weeds', { set, gone: [], all: true })
     this.emit('signals', this.signals)
     this.emit('log', this.log)
   }
 
   /** A page that only lost its line for a while keeps what its displays have gathered. */
-  private show({ e, source, name }: Snapshot): void {
+  private show({ epoch, source, name }: Snapshot): void {
     const before = this.channel
     this.channel = { source, name }
-    if (e !== this.shownEpoch) {
-      this.shownEpoch = e
+    if (epoch !== this.shownEpoch) {
+      this.shownEpoch = epoch
       this.state = null
       this.live = null
       this.signals.clear()
@@ -174,17 +186,17 @@ export class Store extends Emitter<Events> {
   }
 
   private acceptGrowth(message: Growth): void {
-    switch (message.k) {
-      case 'traj':
-        this.trajectory.extend(message.first, message.xy)
-        this.counters.traj += message.xy.length
+    switch (message.kind) {
+      case 'trace':
+        this.trajectory.extend(message.first, message.points_map_m)
+        this.counters.traj += message.points_map_m.length
         this.emit('trajectory', this.trajectory)
         break
       case 'path':
         this.acceptPath(message)
         break
       case 'weeds':
-        this.acceptWeeds(message.rev, message.set, message.gone)
+        this.emit('weeds', { set: this.keepWeeds(message), gone: message.gone, all: false })
         break
       case 'events':
         this.log.push(...message.events)
@@ -194,17 +206,21 @@ export class Store extends Emitter<Events> {
     }
   }
 
-  private acceptPath({ first, xy, row }: { first: number } & PathData): void {
-    const known = first && this.path ? this.path : { xy: [], row: [] }
-    this.path = { xy: [...known.xy.slice(0, first), ...xy], row: [...known.row.slice(0, first), ...row] }
+  private acceptPath({ first, points_map_m, rows }: PathPiece): void {
+    const known: Path = first && this.path ? this.path : { points_map_m: [], rows: [] }
+    this.path = {
+      points_map_m: [...known.points_map_m.slice(0, first), ...points_map_m],
+      rows: [...known.rows.slice(0, first), ...rows],
+    }
     this.emit('path', this.path)
   }
 
-  private acceptWeeds(revision: number, set: Weed[], gone: number[]): void {
-    for (const weed of set) this.weeds.set(weed[0], weed)
+  /** The plants that are new or different. */
+  private keepWeeds({ set, gone }: WeedChanges): Weed[] {
+    const weeds = set.map(readWeed)
+    for (const weed of weeds) this.weeds.set(weed.id, weed)
     for (const id of gone) this.weeds.delete(id)
-    this.weedsRevision = revision
     this.counters.weeds = this.weeds.size
-    this.emit('weeds', { set, gone, all: false })
+    return weeds
   }
 }

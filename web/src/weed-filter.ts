@@ -11,8 +11,7 @@ export interface WeedFilter {
 }
 
 export function passes(weed: Weed, filter: WeedFilter): boolean {
-  const [, cls, , , , confidence, , , , lastS, treatedS] = weed
-  if (cls === 0 ? !filter.weeds : !filter.crop) return false
-  if (treatedS !== null ? !filter.treated : !filter.open) return false
-  return confidence >= filter.confidence && (filter.sinceS === null || lastS >= filter.sinceS)
+  if (weed.plant === 0 ? !filter.weeds : !filter.crop) return false
+  if (weed.treated_s !== null ? !filter.treated : !filter.open) return false
+  return weed.confidence >= filter.confidence && (filter.sinceS === null || weed.last_seen_s >= filter.sinceS)
 }

@@ -1,249 +1,518 @@
-/** Everything that crosses the wire between the page and the robot's server. SI units, map frame = ENU metres. */
+/** Written by `make generate` from `src/agribot/ui/wire.py`: change that one. SI units; the map is East-North-Up. */
 
 export type Vec2 = [number, number]
-export type Seat = 'you' | 'free' | 'other'
+
 export type Mode = 'mission' | 'paused' | 'teleop' | 'stopped' | 'waiting' | 'done' | 'replay'
-export type Level = 'info' | 'warn' | 'fault'
+
+export type Role = 'operator' | 'viewer'
+
+export type SeatState = 'you' | 'free' | 'other'
+
+export type EventLevel = 'info' | 'warn' | 'fault'
+
+export type CheckState = 'ok' | 'warn' | 'fault'
+
 export type MissionAction = 'start' | 'pause' | 'resume' | 'cancel' | 'skip_row' | 'return_home'
 
-/** id, class (0 weed, 1 crop), x, y, std_m, confidence, area_m2, sightings, first_s, last_s, treated_s */
-export type Weed = [
-  id: number,
-  cls: number,
-  x: number,
-  y: number,
-  stdM: number,
-  confidence: number,
-  areaM2: number,
-  sightings: number,
-  firstS: number,
-  lastS: number,
-  treatedS: number | null,
-]
+export type RecordingAction = 'start' | 'stop'
 
-export interface LogEvent {
-  t: number
-  level: Level
-  source: string
-  text: string
+export type ShapeKind = 'polygon' | 'route'
+
+export type CalibrationPhase = 'driving' | 'computing' | 'found' | 'failed'
+
+export type SettingType = 'number' | 'boolean' | 'string' | 'choice'
+
+export type SettingValue = number | boolean | string
+
+export type PanelKind = 'layer' | 'plot' | 'form' | 'image' | 'button' | 'listener'
+
+export type Sample = (number | null)[]
+
+export type PageRequest =
+  | UseName
+  | TakeSeat
+  | LeaveSeat
+  | ScaleSpeed
+  | PressStop
+  | ClearStop
+  | ControlMission
+  | ControlRecording
+  | MarkMoment
+  | GoTo
+  | CorrectPose
+  | PointOut
+  | DrawShape
+
+export type PageMessage = PageRequest | Ping | Receipt | DriveByHand
+
+export type Growth = TracePiece | PathPiece | WeedChanges | NewEvents
+
+export type ServerMessage =
+  | Growth
+  | Hello
+  | Snapshot
+  | State
+  | LiveState
+  | SeatChange
+  | FieldChange
+  | Verdict
+  | Pong
+  | Bye
+
+/** Answered at once by a pong; `sent_ms` is the sender's own clock. */
+export interface Ping {
+  kind: 'ping'
+  sent_ms: number
 }
-export interface PathData {
-  xy: Vec2[]
-  row: number[]
+
+/** How many messages the page has received since it was opened. */
+export interface Receipt {
+  kind: 'receipt'
+  count: number
 }
-export interface Mission {
+
+/** What the others are shown as the name of this page's operator. */
+export interface UseName {
+  kind: 'use_name'
+  id?: string
+  name: string
+}
+
+/** Operate the robot from now on; `force` takes the seat from whoever has it. */
+export interface TakeSeat {
+  kind: 'take_seat'
+  id?: string
+  force?: boolean
+}
+
+/** Hand the operator's seat back. */
+export interface LeaveSeat {
+  kind: 'leave_seat'
+  id?: string
+}
+
+/** A body twist that holds for a moment; `mono_ms` is the robot's clock when it was wanted. */
+export interface DriveByHand {
+  kind: 'drive_by_hand'
+  v_mps: number
+  yaw_rate_radps: number
+  mono_ms?: number | null
+}
+
+/** The share of the robot's speed that this page's hand may use. */
+export interface ScaleSpeed {
+  kind: 'scale_speed'
+  id?: string
+  ratio: number
+}
+
+/** Stand still until the stop is cleared; anybody may say so. */
+export interface PressStop {
+  kind: 'press_stop'
+  id?: string
+}
+
+/** Let the robot go after a stop. */
+export interface ClearStop {
+  kind: 'clear_stop'
+  id?: string
+}
+
+export interface ControlMission {
+  kind: 'control_mission'
+  id?: string
+  action: MissionAction
+}
+
+export interface ControlRecording {
+  kind: 'control_recording'
+  id?: string
+  action: RecordingAction
+}
+
+/** Mark this moment in the recording. */
+export interface MarkMoment {
+  kind: 'mark_moment'
+  id?: string
+  text?: string
+}
+
+/** Drive to a place, as RViz's 2D Goal; answered when the mission took or refused it. */
+export interface GoTo {
+  kind: 'go_to'
+  id?: string
+  x_map_m: number
+  y_map_m: number
+  yaw_map_rad?: number | null
+}
+
+/** Where a robot at rest stands, as RViz's 2D Pose Estimate, with one sigma of each. */
+export interface CorrectPose {
+  kind: 'correct_pose'
+  id?: string
+  x_map_m: number
+  y_map_m: number
+  yaw_map_rad: number
+  std_m?: number
+  std_rad?: number
+}
+
+/** A place that somebody clicked, for the recording. */
+export interface PointOut {
+  kind: 'point_out'
+  id?: string
+  x_map_m: number
+  y_map_m: number
+}
+
+/** A polygon or route that somebody drew, for the recording. */
+export interface DrawShape {
+  kind: 'draw_shape'
+  id?: string
+  shape: ShapeKind
+  corners_map_m: Vec2[]
+}
+
+/** The newest fix; `quality` has the numbers of NMEA GGA field 6. */
+export interface GnssState {
+  lat_deg: number
+  lon_deg: number
+  quality: number
+  std_m: number | null
+}
+
+export interface BatteryState {
+  voltage_v: number
+  charge_pct: number | null
+}
+
+/** How far the mission is: `row` is -1 between rows, `eta_s` null unless it drives. */
+export interface MissionProgress {
   state: string
   reason: string
-  row: number | null
+  row: number
   rows_total: number
-  rows_done: number[]
+  rows_done: number
   s_m: number
   length_m: number
   eta_s: number | null
-  wp_total: number
-  wp_reached: number
-  leg?: string
-  refusal?: string
+  waypoints_total: number
+  waypoints_reached: number
+  leg: string
+  refusal: string
 }
-export interface Replay {
+
+/**
+ * A calibration that is under way, or has ended and is not put aside yet.
+ *
+ * `directions` are those that the compass has seen so far; null for any other.
+ */
+export interface CalibrationProgress {
+  kind: string
+  phase: CalibrationPhase
+  motion: string
+  share: number
+  reason: string
+  directions: boolean[] | null
+}
+
+/** Where in the recording of this name the page is. */
+export interface ReplayProgress {
   name: string
   t_s: number
   start_s: number
   end_s: number
   speed: number
 }
+
+/** One thing that the implement tells of itself, in its own words. */
+export interface ImplementLine {
+  name: string
+  text: string
+}
+
+/**
+ * The robot at one of its ticks, and the samples of its signals since the state before.
+ *
+ * `pose` is x, y (m) and yaw (rad) in the map, null while it is not known; `tilt_rad` roll and
+ * pitch. `mono_ms` is when the robot was so. `recording` is the folder that is being written,
+ * empty while nothing is recorded, null where nothing can be.
+ */
 export interface State {
-  k: 's'
-  e: number
-  n: number
-  t: number
-  /** The robot's steady clock when it was as told here. */
+  kind: 'state'
+  tick: number
+  t_s: number
+  epoch: number
   mono_ms: number
-  pose: [x: number, y: number, yaw: number] | null
-  std: [posM: number, yawRad: number] | null
-  vel: Vec2
-  cmd: Vec2
-  joints: number[]
-  gnss: { lat: number; lon: number; q: number | string; std: number } | null
-  mission: Mission | null
+  pose: [number, number, number] | null
+  pos_std_m: number | null
+  yaw_std_rad: number | null
+  v_mps: number | null
+  yaw_rate_radps: number | null
+  cross_track_m: number | null
+  joints_rad: number[]
+  tilt_rad: Vec2 | null
+  gnss: GnssState | null
+  battery: BatteryState | null
+  mission: MissionProgress | null
   mode: Mode
   stop: string
   reason: string
-  battery: { v: number; pct: number | null } | null
-  att?: [roll: number, pitch: number] | null
-  weeds: number
-  rtf: number | null
-  xte_m: number | null
-  implement: [name: string, text: string][]
-  sig: number[][]
-  replay?: Replay | null
-  /** The folder that is being written, empty while nothing is recorded. */
-  recording?: string
-  /** A calibration that is under way or has ended and is not put aside yet. */
-  calibration?: Calibrating | null
+  implement: ImplementLine[]
+  weed_count: number
+  pace_ratio: number | null
+  recording: string | null
+  calibration: CalibrationProgress | null
+  replay: ReplayProgress | null
+  signals: Sample[]
 }
 
-export interface Calibrating {
-  kind: string
-  phase: 'driving' | 'computing' | 'found' | 'failed'
-  motion: string
-  share: number
-  reason: string
-  /** Of the compass: which directions it has seen so far. */
-  directions: boolean[] | null
+/** A plant of the weed map; on the wire a row of these columns, for there may be 50,000. */
+export interface Weed {
+  id: number
+  plant: number
+  x_map_m: number
+  y_map_m: number
+  std_m: number
+  confidence: number
+  area_m2: number
+  sightings: number
+  first_seen_s: number
+  last_seen_s: number
+  treated_s: number | null
 }
 
-/** What grows, piece by piece; `e` names the channel and the stretch of it that it belongs to. */
-export type Growth =
-  | { k: 'traj'; e: number; first: number; xy: Vec2[] }
-  | ({ k: 'path'; e: number; first: number } & PathData)
-  | { k: 'weeds'; e: number; rev: number; set: Weed[]; gone: number[] }
-  | { k: 'events'; e: number; events: LogEvent[] }
+export type WeedRow = [
+  id: number,
+  plant: number,
+  x_map_m: number,
+  y_map_m: number,
+  std_m: number,
+  confidence: number,
+  area_m2: number,
+  sightings: number,
+  first_seen_s: number,
+  last_seen_s: number,
+  treated_s: number | null,
+]
 
-/** The beginning of everything that is shown from now on; what is left of it follows in pieces. */
+export function readWeed(row: WeedRow): Weed {
+  return {
+    id: row[0],
+    plant: row[1],
+    x_map_m: row[2],
+    y_map_m: row[3],
+    std_m: row[4],
+    confidence: row[5],
+    area_m2: row[6],
+    sightings: row[7],
+    first_seen_s: row[8],
+    last_seen_s: row[9],
+    treated_s: row[10],
+  }
+}
+
+export interface LogEvent {
+  t_s: number
+  level: EventLevel
+  source: string
+  text: string
+}
+
+/** Places where the robot was, from the one with the number `first` on. */
+export interface TracePiece {
+  kind: 'trace'
+  epoch: number
+  first: number
+  points_map_m: Vec2[]
+}
+
+/**
+ * The planned path from its point with the number `first` on; 0 begins another path.
+ *
+ * `rows` is the crop row of each point, -1 between rows.
+ */
+export interface PathPiece {
+  kind: 'path'
+  epoch: number
+  first: number
+  points_map_m: Vec2[]
+  rows: number[]
+}
+
+/** Plants that are new or different, and the numbers of those that are gone. */
+export interface WeedChanges {
+  kind: 'weeds'
+  epoch: number
+  set: WeedRow[]
+  gone: number[]
+}
+
+export interface NewEvents {
+  kind: 'events'
+  epoch: number
+  events: LogEvent[]
+}
+
+export interface SignalTable {
+  names: string[]
+  units: string[]
+}
+
+/**
+ * The beginning of everything that is shown from now on; what is left follows in pieces.
+ *
+ * `epoch` names what is shown, and the stretch of it, as in all that belongs to it. `source` is
+ * the robot's platform, "replay" or "description".
+ */
 export interface Snapshot {
-  k: 'snap'
-  e: number
+  kind: 'snapshot'
+  epoch: number
   source: string
   name: string
-  traj: { first: number; xy: Vec2[] }
-  weeds: { rev: number; all: Weed[] }
-  path: PathData
-  events: LogEvent[]
-  signals: { names: string[]; units: string[] }
+  signals: SignalTable
+  trace: TracePiece
+  path: PathPiece
+  weeds: WeedChanges
+  events: NewEvents
 }
 
-export type ServerMessage =
-  | {
-      k: 'hello'
-      run: number
-      session: string
-      id?: string
-      seat: Seat
-      holder: string
-      clients: number
-      source: string
-    }
-  | Snapshot
-  | State
-  | Growth
-  | { k: 'live'; mode: Mode; stop: string }
-  | { k: 'seat'; seat: Seat; holder: string; clients: number }
-  | { k: 'field' }
-  | { k: 'ack'; id: string | null; ok: boolean; reason: string }
-  | { k: 'pong'; c: number; mono_ms: number; wall_ms: number }
-  | { k: 'bye'; reason: string }
-
-/** Commands that the server answers with an ack. */
-export type Command =
-  | { k: 'clear_stop' }
-  | { k: 'mission'; action: MissionAction }
-  | { k: 'goto'; x: number; y: number; yaw: number | null }
-  | { k: 'pose_estimate'; x: number; y: number; yaw: number }
-  | { k: 'point'; x: number; y: number }
-  | { k: 'record'; action: 'start' | 'stop' }
-  | { k: 'mark'; text: string }
-  | { k: 'shape'; what: 'polygon' | 'route'; xy: Vec2[] }
-
-export type ClientMessage =
-  | (Command & { id: string })
-  | { k: 'ping'; c: number }
-  | { k: 'name'; name: string }
-  | { k: 'take'; force: boolean }
-  | { k: 'release' }
-  | { k: 'got'; n: number }
-  | { k: 'drive'; seq: number; v: number; w: number; mono_ms?: number }
-  | { k: 'scale'; value: number }
-  | { k: 'stop'; id: string }
-
-const KINDS = new Set([
-  'hello',
-  'snap',
-  's',
-  'traj',
-  'path',
-  'weeds',
-  'events',
-  'live',
-  'seat',
-  'field',
-  'ack',
-  'pong',
-  'bye',
-])
-
-/** The message in one text frame, or null for anything that is not one of ours. */
-export function parseMessage(text: string): ServerMessage | null {
-  let value: unknown
-  try {
-    value = JSON.parse(text)
-  } catch {
-    return null
-  }
-  if (typeof value !== 'object' || value === null) return null
-  const kind = (value as { k?: unknown }).k
-  return typeof kind === 'string' && KINDS.has(kind) ? (value as ServerMessage) : null
+/** The first message on a line; `run` is another one where the robot's program is. */
+export interface Hello {
+  kind: 'hello'
+  run: number
+  session: string
+  role: Role
+  version: string
+  source: string
+  seat: SeatState
+  holder: string
+  clients: number
 }
 
-export interface CameraPacket {
-  kind: 'image' | 'mask'
-  level: number
-  frame: number
-  wallMs: number
-  file: Uint8Array<ArrayBuffer>
+/** Who has the operator's seat, and how many pages are connected. */
+export interface SeatChange {
+  kind: 'seat'
+  seat: SeatState
+  holder: string
+  clients: number
 }
 
-const CAMERA_HEADER_BYTES = 16
-
-/** One binary frame of the camera socket, or null when it is too short or of an unknown kind. */
-export function parseCameraPacket(buffer: ArrayBuffer): CameraPacket | null {
-  if (buffer.byteLength <= CAMERA_HEADER_BYTES) return null
-  const view = new DataView(buffer)
-  const kind = view.getUint8(0)
-  if (kind > 1) return null
-  return {
-    kind: kind === 0 ? 'image' : 'mask',
-    level: view.getUint8(1),
-    frame: view.getUint32(4),
-    wallMs: view.getFloat64(8),
-    file: new Uint8Array(buffer, CAMERA_HEADER_BYTES),
-  }
+/** What the robot itself does while the page looks at a recording. */
+export interface LiveState {
+  kind: 'live_state'
+  mode: Mode
+  stop: string
 }
 
-// ---- HTTP
+/** Another field or task: what the page read of it is out of date. */
+export interface FieldChange {
+  kind: 'field_change'
+}
 
-export interface Session {
+/** What became of the request with this `id`: done, or why not. */
+export interface Verdict {
+  kind: 'verdict'
+  id: string
+  ok: boolean
+  reason: string
+}
+
+/** Answers a ping: its own time, and this machine's clocks. */
+export interface Pong {
+  kind: 'pong'
+  sent_ms: number
+  mono_ms: number
+  wall_ms: number
+}
+
+/** The line ends; `reason` is for a person. */
+export interface Bye {
+  kind: 'bye'
+  reason: string
+}
+
+export interface Login {
+  token: string
+}
+
+/** All that a stranger is told. */
+export interface LoginNeeded {
+  version: string
+  needs_login: boolean
+}
+
+/** What is served here, and to whom. */
+export interface SessionInfo {
   version: string
   run: number
   profile: string
-  source: 'sim' | 'hardware' | 'replay' | 'description'
-  role: 'operator' | 'viewer'
-  needs_login: boolean
+  source: string
+  role: Role
   lan_url: string | null
   qr_svg: string | null
   camera: boolean
-  screens: string[]
+  needs_login: boolean
 }
+
+/** Every refusal: one sentence for a person. */
+export interface Problem {
+  error: string
+}
+
+/** The origin of the map. */
+export interface DatumPlace {
+  lat_deg: number
+  lon_deg: number
+}
+
+/** A crop row: its ends, its curvature (left positive) and the points to draw it by. */
+export interface FieldRow {
+  index: number
+  start_map_m: Vec2
+  end_map_m: Vec2
+  curvature_radpm: number
+  points_map_m: Vec2[]
+}
+
+/** The ground that a map shows. */
 export interface Field {
   name: string
-  datum: { lat_deg: number; lon_deg: number }
-  datum_source?: string
-  rows: { index: number; start_map_m: Vec2; end_map_m: Vec2; points_map_m: Vec2[] }[]
+  datum: DatumPlace
+  datum_source: string
+  rows: FieldRow[]
   boundary_map_m: Vec2[] | null
-  obstacles_map_m?: Vec2[][]
+  obstacles_map_m: Vec2[][]
   waypoints_map_m: Vec2[]
   start_map_m: Vec2 | null
 }
+
+/** `body_from_camera` is a 4x4 matrix by rows. */
+export interface CameraInfo {
+  width_px: number
+  height_px: number
+  hfov_rad: number
+  body_from_camera: number[]
+}
+
 export interface Robot {
   name: string
   urdf_url: string
   footprint_body_m: Vec2[]
   max_speed_mps: number
   max_yaw_rate_radps: number
-  camera: { width_px: number; height_px: number; body_from_camera: number[]; hfov_rad?: number } | null
+  camera: CameraInfo | null
   wheel_joints: string[]
 }
-export interface Recording {
+
+export interface SignalInfo {
+  name: string
+  unit: string
+  fields: string[]
+}
+
+/** `ok` is null for a run that has no report. */
+export interface RecordingInfo {
   name: string
   utc: string
   size_bytes: number
@@ -253,6 +522,30 @@ export interface Recording {
   reason: string
   files: string[]
 }
+
+export interface Recordings {
+  disk_free_bytes: number
+  current: string | null
+  recordings: RecordingInfo[]
+}
+
+/** Show a recording from `t_s` on, or the robot again where `name` is null; 0 is a pause. */
+export interface ReplayWish {
+  name?: string | null
+  speed?: number
+  t_s?: number | null
+}
+
+/** What the caller's pages look at now. */
+export interface Shown {
+  source: string
+  replay: ReplayProgress | null
+}
+
+export interface MarkText {
+  text?: string
+}
+
 /** A frame kept on the robot for training, and how many lie there. */
 export interface KeptFrame {
   folder: string
@@ -260,31 +553,38 @@ export interface KeptFrame {
   count: number
 }
 
-export interface Recordings {
-  disk_free_bytes: number
-  current: string | null
-  recordings: Recording[]
-}
-export type SettingValue = number | boolean | string
 export interface Setting {
   key: string
   value: SettingValue
-  default: SettingValue
-  type: 'number' | 'boolean' | 'string' | 'choice'
-  min: number | null
-  max: number | null
-  choices: string[] | null
+  default: SettingValue | null
+  type: SettingType
   unit: string
   live: boolean
   about: string
+  min: number | null
+  max: number | null
+  choices: string[] | null
 }
-export interface Settings {
-  groups: { name: string; keys: Setting[] }[]
+
+export interface SettingGroup {
+  name: string
+  keys: Setting[]
 }
+
+export interface SettingGroups {
+  groups: SettingGroup[]
+}
+
+/** Each key is applied or refused for itself. */
 export interface SettingsReply {
   applied: Record<string, SettingValue>
   refused: Record<string, string>
 }
+
+export interface CalibrationStart {
+  kind?: string
+}
+
 export interface CalibrationKind {
   name: string
   title: string
@@ -292,6 +592,7 @@ export interface CalibrationKind {
   ground: string
   duration_s: number
 }
+
 export interface CalibrationChange {
   label: string
   unit: string
@@ -299,37 +600,55 @@ export interface CalibrationChange {
   after: number
   std: number | null
 }
+
+/** `errors_deg` are those by direction, before and after, of the compass. */
 export interface CalibrationFound {
   ok: boolean
   reasons: string[]
   changes: CalibrationChange[]
   settings: string[]
-  errors_deg: [ByDirection, ByDirection] | null
+  errors_deg: [Sample, Sample] | null
 }
-export type ByDirection = (number | null)[]
+
 export interface Calibrations {
   kinds: CalibrationKind[]
-  now: Calibrating | null
+  now: CalibrationProgress | null
   found: CalibrationFound | null
   file: string
   settings: string[]
   broken: string
   can_undo: boolean
 }
+
 export interface HealthCheck {
   name: string
-  state: 'ok' | 'warn' | 'fault'
-  value: string | number | null
+  state: CheckState
   text: string
   advice: string
+  value: number | string | null
 }
+
+export interface SensorRate {
+  topic: string
+  expected_hz: number | null
+  measured_hz: number | null
+}
+
+export interface ServerCost {
+  cpu_s: number
+  memory_bytes: number
+}
+
 export interface Health {
   checks: HealthCheck[]
-  rates: { topic: string; expected_hz: number | null; measured_hz: number | null }[]
+  rates: SensorRate[]
   cpu_ratio: number | null
-  memory_bytes: number | null
+  memory_bytes: number
+  server: ServerCost
   log: LogEvent[]
 }
+
+/** A map for the background; `bounds` are west, south, east and north. */
 export interface MapSource {
   name: string
   url: string
@@ -338,61 +657,128 @@ export interface MapSource {
   bounds: [number, number, number, number] | null
   attribution: string | null
 }
-/** A configuration of mapviz: displays from the lowest to the topmost, and what has no counterpart. */
-export interface ImportedView {
-  displays: {
-    type: string
-    title: string
-    source: string
-    options: Record<string, SettingValue>
-    visible: boolean
-    opacity: number
-  }[]
-  left_out: { name: string; why: string }[]
-  view: { target: 'map' | 'position' | 'heading'; turn: number }
+
+/** The way to a goal before it is sent. */
+export interface GoalPreview {
+  points_map_m: Vec2[]
+  length_m: number
+  time_s: number
 }
-/** The way to a goal before it is sent; without numbers where the robot was not asked. */
-export interface Way {
-  xy: Vec2[]
-  length_m: number | null
-  time_s: number | null
+
+export interface GoalPlace {
+  x_map_m: number
+  y_map_m: number
+  yaw_map_rad?: number | null
 }
+
+/** A field (GeoJSON) to be worked, and how; what is left out keeps its default. */
+export interface PlanWish {
+  field: Record<string, unknown>
+  implement_width_m?: number | null
+  headland_passes?: number | null
+  overlap_m?: number
+  margin_m?: number
+  swath_yaw_deg?: number | null
+}
+
+/** Why a field or a plan cannot be used, and where. */
+export interface FieldReason {
+  text: string
+  at_map_m: Vec2 | null
+}
+
+/** What was found of a field, less its obstacles; `error` where it is not stored. */
+export interface FieldReply {
+  ok: boolean
+  reasons: FieldReason[]
+  area_m2: number
+  length_m: number
+  error?: string
+}
+
+/** A plan over a field; `path` is longitude and latitude, `error` why it is not used. */
 export interface PlanReply {
   ok: boolean
-  reasons: { text: string; at_map_m: Vec2 | null }[]
-  length_m: number
-  area_m2: number
-  time_s: number
+  reasons: FieldReason[]
+  warnings: string[]
+  length_m: number | null
+  area_m2: number | null
+  time_s: number | null
   path: Vec2[]
+  certificate: Record<string, unknown> | null
+  error?: string
 }
-export interface FormField {
-  type?: string
-  default?: SettingValue
-  enum?: string[]
-  minimum?: number
-  maximum?: number
-  description?: string
-  title?: string
-}
-export interface FormSchema {
-  $ref?: string
-  $defs?: Record<string, FormSchema>
-  properties?: Record<string, FormField>
-  required?: string[]
-}
-export interface Panel {
-  id: string
+
+export interface ImportedDisplay {
+  type: string
   title: string
-  kind: 'layer' | 'plot' | 'form' | 'image' | 'button' | 'listener'
-  fields?: string[]
-  schema?: FormSchema
+  source: string
+  options: Record<string, SettingValue>
+  visible: boolean
+  opacity: number
+}
+
+/** A display of mapviz that has no counterpart. */
+export interface LeftOut {
+  name: string
+  why: string
+}
+
+export interface ViewTarget {
+  target: 'map' | 'position' | 'heading'
+  turn: number
+}
+
+/** A configuration of mapviz: displays from the lowest to the topmost. */
+export interface ImportedView {
+  displays: ImportedDisplay[]
+  left_out: LeftOut[]
+  view: ViewTarget
+}
+
+/** Displays of the page, and what it stays on, to become a configuration of mapviz. */
+export interface ExportedView {
+  displays: unknown[]
+  view?: Record<string, unknown>
+}
+
+/** A panel that a program adds to the page, with what its kind has. */
+export interface PanelInfo {
+  id: string
+  kind: PanelKind
+  title: string
   refresh_s?: number
+  fields?: string[]
+  schema?: Record<string, unknown>
   needs_seat?: boolean
-  /** Of a layer: which kind of display draws it, and how. */
   type?: string
-  style?: Record<string, SettingValue>
+  style?: Record<string, unknown>
   draw_order?: number
   visible?: boolean
-  /** Of a listener: the shapes it wants to hear of. */
   what?: 'point' | 'polygon' | 'route'
 }
+
+/** What a button or form says to a press; `at_s` is the clock of the day. */
+export interface PanelReply {
+  text: string
+  at_s: number
+}
+
+/** The kinds of messages that a server sends. */
+export const SERVER_KINDS: readonly string[] = [
+  'hello',
+  'snapshot',
+  'state',
+  'trace',
+  'path',
+  'weeds',
+  'events',
+  'live_state',
+  'seat',
+  'field_change',
+  'verdict',
+  'pong',
+  'bye',
+]
+
+export const CAMERA_HEAD_BYTES = 16

@@ -1,26 +1,36 @@
 import assert from 'node:assert/strict'
 import { test } from 'node:test'
 import { Store } from '../src/store.ts'
-import type { Snapshot, State, Vec2, Weed } from '../src/wire.ts'
+import type { Snapshot, State, Vec2, WeedRow } from '../src/wire.ts'
 
-const weed = (id: number): Weed => [id, 0, 1, 2, 0.02, 0.9, 0.001, 4, 1, 2, null]
+const weed = (id: number): WeedRow => [id, 0, 1, 2, 0.02, 0.9, 0.001, 4, 1, 2, null]
 
-function snapshot(e: number, source: string, name: string, xy: Vec2[], ids: number[]): Snapshot {
+function snapshot(epoch: number, source: string, name: string, xy: Vec2[], ids: number[]): Snapshot {
   return {
-    k: 'snap',
-    e,
+    kind: 'snapshot',
+    epoch,
     source,
     name,
-    traj: { first: 0, xy },
-    weeds: { rev: 1, all: ids.map(weed) },
-    path: { xy: [], row: [] },
-    events: [],
+    trace: { kind: 'trace', epoch, first: 0, points_map_m: xy },
+    weeds: { kind: 'weeds', epoch, set: ids.map(weed), gone: [] },
+    path: { kind: 'path', epoch, first: 0, points_map_m: [], rows: [] },
+    events: { kind: 'events', epoch, events: [] },
     signals: { names: ['v'], units: ['m/s'] },
   }
 }
 
-const state = (e: number, t: number, more: Partial<State> = {}): State =>
-  ({ k: 's', e, n: t, t, mono_ms: t, stop: '', mode: 'mission', sig: [[t, 1]], ...more }) as State
+const state = (epoch: number, t: number, more: Partial<State> = {}): State =>
+  ({
+    kind: 'state',
+    epoch,
+    tick: t,
+    t_s: t,
+    mono_ms: t,
+    stop: '',
+    mode: 'mission',
+    signals: [[t, 1]],
+    ...more,
+  }) as State
 
 function live(): Store {
   const store = new Store()
@@ -47,9 +57,9 @@ test('what belongs to something that is not shown any more is left out', () => {
   store.accept(snapshot(2, 'replay', 'yesterday', [[9, 9]], [40]), 0)
   assert.equal(store.state, null, 'no state of the robot on the track of the recording')
   store.accept(state(1, 11), 0)
-  store.accept({ k: 'traj', e: 1, first: 2, xy: [[2, 0]] }, 0)
-  store.accept({ k: 'weeds', e: 1, rev: 2, set: [weed(4)], gone: [] }, 0)
-  store.accept({ k: 'events', e: 1, events: [{ t: 1, level: 'info', source: 'x', text: 'live' }] }, 0)
+  store.accept({ kind: 'trace', epoch: 1, first: 2, points_map_m: [[2, 0]] }, 0)
+  store.accept({ kind: 'weeds', epoch: 1, set: [weed(4)], gone: [] }, 0)
+  store.accept({ kind: 'events', epoch: 1, events: [{ t_s: 1, level: 'info', source: 'x', text: 'live' }] }, 0)
   assert.equal(store.state, null)
   assert.deepEqual(store.trajectory.pieces, [[[9, 9]]])
   assert.deepEqual([...store.weeds.keys()], [40])
@@ -83,7 +93,7 @@ test('a change of what is shown is told, and a lost line that is back is none', 
   store.setLinked(false)
   store.setLinked(true)
   store.accept(state(1, 13), 0)
-  assert.equal(store.state?.t, 10, 'nothing counts before the snapshot of the new line')
+  assert.equal(store.state?.t_s, 10, 'nothing counts before the snapshot of the new line')
   store.accept(snapshot(1, 'sim', '', [], []), 0)
   assert.deepEqual(told, [])
   store.accept(snapshot(2, 'replay', 'a', [], []), 0)
@@ -95,10 +105,10 @@ test('a snapshot that comes in pieces is whole in the end', () => {
   const store = live()
   store.accept(
     {
-      k: 'traj',
-      e: 1,
+      kind: 'trace',
+      epoch: 1,
       first: 2,
-      xy: [
+      points_map_m: [
         [2, 0],
         [3, 0],
       ],
@@ -107,28 +117,28 @@ test('a snapshot that comes in pieces is whole in the end', () => {
   )
   store.accept(
     {
-      k: 'path',
-      e: 1,
+      kind: 'path',
+      epoch: 1,
       first: 0,
-      xy: [
+      points_map_m: [
         [0, 0],
         [1, 1],
       ],
-      row: [0, 0],
+      rows: [0, 0],
     },
     0,
   )
-  store.accept({ k: 'path', e: 1, first: 2, xy: [[2, 2]], row: [1] }, 0)
+  store.accept({ kind: 'path', epoch: 1, first: 2, points_map_m: [[2, 2]], rows: [1] }, 0)
   assert.deepEqual(store.path, {
-    xy: [
+    points_map_m: [
       [0, 0],
       [1, 1],
       [2, 2],
     ],
-    row: [0, 0, 1],
+    rows: [0, 0, 1],
   })
-  store.accept({ k: 'path', e: 1, first: 0, xy: [[5, 5]], row: [0] }, 0)
-  assert.deepEqual(store.path, { xy: [[5, 5]], row: [0] })
+  store.accept({ kind: 'path', epoch: 1, first: 0, points_map_m: [[5, 5]], rows: [0] }, 0)
+  assert.deepEqual(store.path, { points_map_m: [[5, 5]], rows: [0] })
   assert.equal(store.trajectory.length, 4)
   assert.equal(store.trajectory.pieces.length, 1)
 })
@@ -143,6 +153,6 @@ test('a stop that is pressed in a replay is confirmed by the robot, not by the r
     0,
   )
   assert.equal(store.stop.isPending, true)
-  store.accept({ k: 'live', mode: 'stopped', stop: 'stopped by operator 1' }, 0)
+  store.accept({ kind: 'live_state', mode: 'stopped', stop: 'stopped by operator 1' }, 0)
   assert.equal(store.stop.isPending, false)
 })

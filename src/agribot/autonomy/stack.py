@@ -71,8 +71,8 @@ class Stack:
             if self.localizer.is_stale(scene):
                 continue
             self.weed_map.add(scene)
-            self.localizer.see(scene)
-        takeover = self.hand.listen(batch)
+            self.localizer.observe(scene)
+        takeover = self.hand.update(batch)
         self.treatment.apply_events(batch.events)
         self.mission.heed(self.supervisor.warning)
         goal = self.mission.step(estimate, (*batch.events, *takeover))

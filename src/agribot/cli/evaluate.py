@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     Raises: ConfigError: nothing to judge, or an option out of range.
     """
     from agribot.lab.dataset.classes import read_ids
-    from agribot.lab.train.judgement import Judgement
+    from agribot.lab.train.network_scores import NetworkScores
     from agribot.lab.train.networks import open_network, read_size
     from agribot.lab.train.photographs import find_pairs, split_fold
 
@@ -62,30 +62,30 @@ def run(args: argparse.Namespace) -> int:
         pairs = split_fold(pairs, args.folds, args.fold)[1]
     for text in problems:
         _print_line(f"left out: {text}")
-    judgement = Judgement()
-    cpu_s = _evaluate(judgement, segmenter, pairs, tile_px, problems)
-    if not judgement.images:
+    network_scores = NetworkScores()
+    cpu_s = _evaluate(network_scores, segmenter, pairs, tile_px, problems)
+    if not network_scores.images:
         raise ConfigError(f"{folder}: no pair can be read; the first problem: {problems[0]}")
-    _print_scores(judgement)
-    summary = _summarise(args, folder, judgement, segmenter.map_shape)
+    _print_scores(network_scores)
+    summary = _summarise(args, folder, network_scores, segmenter.map_shape)
     summary["fps_cpu"] = 1.0 / float(np.median(cpu_s))
     if args.out:
-        _write(args.out, summary, judgement, problems)
+        _write(args.out, summary, network_scores, problems)
     if args.json:
         sys.stdout.write(json.dumps(summary) + "\n")
     return 1 if problems else 0
 
 
-def _print_scores(judgement: Any) -> None:
-    from agribot.lab.train.judgement import format_scores
+def _print_scores(network_scores: Any) -> None:
+    from agribot.lab.train.network_scores import format_scores
 
-    sys.stdout.write(format_scores(judgement.scores) + "\n")
+    sys.stdout.write(format_scores(network_scores.scores) + "\n")
     outlines = ", ".join(
         f"{name} {'-' if value is None else f'{value:.3f}'}"
-        for name, value in judgement.boundary_f1.items()
+        for name, value in network_scores.boundary_f1.items()
     )
     sys.stdout.write(f"boundary F1: {outlines}\n")
-    for name, found in judgement.plants.items():
+    for name, found in network_scores.plants.items():
         total = found.right + found.confused + found.missed
         sys.stdout.write(
             f"{name} plants: {found.right} of {total} right, {found.missed} not seen\n"
@@ -93,11 +93,11 @@ def _print_scores(judgement: Any) -> None:
 
 
 def _summarise(
-    args: argparse.Namespace, folder: Path, judgement: Any, map_shape: tuple[int, int]
+    args: argparse.Namespace, folder: Path, network_scores: Any, map_shape: tuple[int, int]
 ) -> dict[str, Any]:
     from agribot.lab.train.networks import read_card
 
-    result = judgement.scores
+    result = network_scores.scores
     height_px, width_px = map_shape
     return {
         "dataset": args.data if args.data != "folder" else folder.resolve().name,
@@ -110,14 +110,14 @@ def _summarise(
         "precision": result.precision,
         "recall": result.recall,
         "f1": result.f1,
-        "boundary_f1": judgement.boundary_f1,
+        "boundary_f1": network_scores.boundary_f1,
         "confusion": result.confusion,
         "params": read_card(args.model).get("parameters"),
     }
 
 
 def _evaluate(
-    judgement: Any,
+    network_scores: Any,
     segmenter: Any,
     pairs: Any,
     tile_px: tuple[int, int] | None,
@@ -140,20 +140,20 @@ def _evaluate(
         started_s = time.process_time()
         segmenter.segment(image_rgb)
         cpu_s.append(time.process_time() - started_s)
-        score = judgement.add(str(pair.image), image_rgb, truth, guess)
+        score = network_scores.add(str(pair.image), image_rgb, truth, guess)
         _print_line(f"{pair.image.name}: mIoU {score.miou:.3f}")
     return cpu_s
 
 
-def _write(folder: Path, summary: dict[str, Any], judgement: Any, problems: list[str]) -> None:
+def _write(folder: Path, summary: dict[str, Any], network_scores: Any, problems: list[str]) -> None:
     from agribot.lab.train.figures import write_figures
 
-    write_figures(judgement, folder)
+    write_figures(network_scores, folder)
     details = {
         **summary,
-        "plants": msgspec.to_builtins(judgement.plants),
-        "reliability": msgspec.to_builtins(judgement.reliability),
-        "by_image": msgspec.to_builtins(judgement.images),
+        "plants": msgspec.to_builtins(network_scores.plants),
+        "reliability": msgspec.to_builtins(network_scores.reliability),
+        "by_image": msgspec.to_builtins(network_scores.images),
         "problems": problems,
     }
     (folder / "eval.json").write_text(json.dumps(details, indent=2) + "\n", encoding="utf-8")

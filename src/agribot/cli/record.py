@@ -12,7 +12,8 @@ import msgspec
 
 from agribot.cli.robot_address import add_robot_arguments, find_robot
 from agribot.core.errors import PlatformError
-from agribot.ui.remote import Remote
+from agribot.ui import wire
+from agribot.ui.hand.remote import Remote
 
 if TYPE_CHECKING:
     from agribot.record.recovery import Recovery
@@ -79,14 +80,15 @@ def _send_to_robot(options: argparse.Namespace) -> int:
     """Send to the robot and wait for its answer; 1 where none comes."""
     is_mark, is_start = options.action == "mark", options.action == "start"
     with Remote(find_robot(options), "agribot record") as robot:
-        message = {"k": "mark", "text": options.text} if is_mark else {
-            "k": "record", "action": options.action
-        }  # fmt: skip
-        refusal = robot.ask(**message)
+        refusal = robot.ask(
+            wire.MarkMoment(text=options.text)
+            if is_mark
+            else wire.ControlRecording(action=options.action)
+        )
         if refusal:
             raise PlatformError(refusal)
-        state = robot.until(lambda now: is_mark or bool(now.get("recording")) == is_start)
-    name = state.get("recording") or None
+        state = robot.until(lambda now: is_mark or bool(now.recording) == is_start)
+    name = state.recording or None
     text = "marked" if is_mark else f"recording {name}" if name else "no recording any more"
     result = json.dumps({"ok": True, "recording": name})
     sys.stdout.write(f"{result if options.json else text}\n")

@@ -18,7 +18,7 @@ from agribot.cli.robot_address import add_robot_arguments, find_robot
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.errors import ConfigError, PlatformError
-from agribot.ui.hand import (
+from agribot.ui.hand.inputs import (
     STOP,
     HandRates,
     KeyHand,
@@ -28,9 +28,9 @@ from agribot.ui.hand import (
     Twist,
     Wish,
 )
-from agribot.ui.joystick import JoystickState
-from agribot.ui.remote import Remote
-from agribot.ui.stick_table import TableHand, read_table
+from agribot.ui.hand.joystick import JoystickState
+from agribot.ui.hand.remote import Remote
+from agribot.ui.hand.stick_table import TableHand, read_table
 
 MOUSE_ON, MOUSE_OFF = "\x1b[?1002h\x1b[?1006h", "\x1b[?1006l\x1b[?1002l"
 HELP = {
@@ -100,9 +100,9 @@ def _drive(robot: Remote, read: Read, rate_hz: float, stop: list[int]) -> None:
 
 def _show(robot: Remote, twist: Twist) -> None:
     state = robot.state
-    if sys.stderr.isatty() and state:
-        now = f"{twist[0]:+.2f} m/s {twist[1]:+.2f} rad/s  robot {state['vel'][0] or 0:+.2f} m/s"
-        sys.stderr.write(f"\r{now}  {state['mode']} {state['reason'][:60]}\x1b[K")
+    if sys.stderr.isatty() and state is not None:
+        now = f"{twist[0]:+.2f} m/s {twist[1]:+.2f} rad/s  robot {state.v_mps or 0:+.2f} m/s"
+        sys.stderr.write(f"\r{now}  {state.mode} {state.reason[:60]}\x1b[K")
         sys.stderr.flush()
 
 

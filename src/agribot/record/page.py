@@ -15,7 +15,6 @@ from agribot.record.report import Report, write_file
 from agribot.record.row_table import RowSummary, summarise_rows
 from agribot.record.series import RunData
 from agribot.record.tiles import make_tiles
-from agribot.record.weeds import position_std_m
 
 _OPEN_ROWS = 12  # longer tables start folded
 
@@ -135,7 +134,7 @@ def _render_weeds(plants: tuple[MappedPlant, ...]) -> str:
             str(weed.id),
             f"{weed.x_map_m:.2f}",
             f"{weed.y_map_m:.2f}",
-            f"{100 * position_std_m(weed):.1f}",
+            f"{100 * weed.std_m:.1f}",
             f"{1e4 * weed.area_m2:.0f}",
             f"{weed.confidence:.2f}",
             str(weed.sightings),

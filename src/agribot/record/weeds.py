@@ -2,27 +2,62 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 
 from agribot.core.geo import Datum, MapFrame
-from agribot.core.messages import MappedPlant
+from agribot.core.messages import MappedPlant, PlantClass
 from agribot.record.report import write_file
 
+WEED_COLUMNS = (
+    "id", "class", "x_map_m", "y_map_m", "std_m", "confidence", "area_m2", "sightings",
+    "first_seen_s", "last_seen_s", "treated_s",
+)  # fmt: skip
 _DECIMALS = 9  # 0.1 mm on the ground
 
 
-def weeds_geojson(plants: Iterable[MappedPlant], datum: Datum) -> dict[str, Any]:
+class PlantOnMap(Protocol):
+    """What the files need to know of a plant, whoever mapped it."""
+
+    @property
+    def id(self) -> int: ...
+    @property
+    def plant(self) -> PlantClass: ...
+    @property
+    def x_map_m(self) -> float: ...
+    @property
+    def y_map_m(self) -> float: ...
+    @property
+    def std_m(self) -> float: ...
+    @property
+    def confidence(self) -> float: ...
+    @property
+    def area_m2(self) -> float: ...
+    @property
+    def sightings(self) -> int: ...
+    @property
+    def first_seen_s(self) -> float: ...
+    @property
+    def last_seen_s(self) -> float: ...
+    @property
+    def treated_s(self) -> float | None: ...
+
+
+def weeds_geojson(plants: Iterable[PlantOnMap], datum: Datum) -> dict[str, Any]:
     """Make a FeatureCollection of points, one for each mapped plant.
 
     `std_m` is the larger axis of the 1-sigma ellipse; `treated_s` is null for an untreated plant.
     """
+    return {"type": "FeatureCollection", "features": [*weed_features(plants, datum)]}
+
+
+def weed_features(plants: Iterable[PlantOnMap], datum: Datum) -> Iterator[dict[str, Any]]:
+    """Make the features of that collection, one by one."""
     frame = MapFrame(datum)
-    return {"type": "FeatureCollection", "features": [_make_feature(p, frame) for p in plants]}
+    return (_make_feature(plant, frame) for plant in plants)
 
 
 def write_weeds(path: Path, plants: Iterable[MappedPlant], datum: Datum) -> None:
@@ -34,15 +69,7 @@ def write_weeds(path: Path, plants: Iterable[MappedPlant], datum: Datum) -> None
     write_file(path, text + b"\n")
 
 
-def position_std_m(plant: MappedPlant) -> float:
-    """Compute the square root of the larger eigenvalue of the 2x2 covariance."""
-    a, b, c, d = plant.cov_m2
-    half_trace = (a + d) / 2.0
-    root = math.sqrt(max(((a - d) / 2.0) ** 2 + b * c, 0.0))
-    return math.sqrt(max(half_trace + root, 0.0))
-
-
-def _make_feature(plant: MappedPlant, frame: MapFrame) -> dict[str, Any]:
+def _make_feature(plant: PlantOnMap, frame: MapFrame) -> dict[str, Any]:
     lat_deg, lon_deg, _ = frame.geodetic_from_map(plant.x_map_m, plant.y_map_m)
     return {
         "type": "Feature",
@@ -56,7 +83,7 @@ def _make_feature(plant: MappedPlant, frame: MapFrame) -> dict[str, Any]:
             "class": plant.plant.name.lower(),
             "area_m2": plant.area_m2,
             "confidence": plant.confidence,
-            "std_m": position_std_m(plant),
+            "std_m": plant.std_m,
             "sightings": plant.sightings,
             "first_seen_s": plant.first_seen_s,
             "last_seen_s": plant.last_seen_s,

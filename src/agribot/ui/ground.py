@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -20,6 +19,7 @@ from agribot.core.row_shape import row_points_map_m
 from agribot.description.loader import parse_robot
 from agribot.record.mcap_file import read_attachment
 from agribot.record.replay import read_config, read_urdf
+from agribot.ui import wire
 
 _CORNERS = 24  # of a circle on the map
 
@@ -31,23 +31,27 @@ def field_of(
     rows: Sequence[Row],
     goals_map_m: Sequence[Point] = (),
     area: FieldArea | None = None,
-) -> dict[str, Any]:
+) -> wire.Field:
     """What the map shows of the ground: the task of a run, in the map of its datum.
 
     `area` is that of a field plan; what stands in the field is drawn with its holes.
     """
-    datum, boundary = config.field.datum, area.boundary if area else ()
+    datum = config.field.datum
     obstacles = [*(area.holes if area else ()), *map(_round, config.field.obstacles_map_m)]
-    return {
-        "name": config.world,
-        "datum": {"lat_deg": datum.lat_deg, "lon_deg": datum.lon_deg},
-        "datum_source": config.field.datum_source,
-        "rows": [_row_of(row) for row in rows],
-        "boundary_map_m": [list(corner) for corner in boundary] or None,
-        "obstacles_map_m": [[list(corner) for corner in ring] for ring in obstacles],
-        "waypoints_map_m": [list(goal) for goal in goals_map_m],
-        "start_map_m": config.field.start_map_m,
-    }
+    return wire.Field(
+        name=config.world,
+        datum=wire.DatumPlace(lat_deg=datum.lat_deg, lon_deg=datum.lon_deg),
+        datum_source=config.field.datum_source,
+        rows=[_row_of(row) for row in rows],
+        boundary_map_m=_corners(area.boundary) if area and len(area.boundary) else None,
+        obstacles_map_m=[_corners(ring) for ring in obstacles],
+        waypoints_map_m=_corners(goals_map_m),
+        start_map_m=config.field.start_map_m,
+    )
+
+
+def _corners(points: Iterable[Sequence[float]]) -> list[wire.Vec2]:
+    return [(float(x_m), float(y_m)) for x_m, y_m in points]
 
 
 def _round(circle: tuple[float, float, float]) -> Sequence[Point]:
@@ -56,11 +60,17 @@ def _round(circle: tuple[float, float, float]) -> Sequence[Point]:
     return [(x_m + radius_m * math.cos(a), y_m + radius_m * math.sin(a)) for a in angles]
 
 
-def _row_of(row: Row) -> dict[str, Any]:
-    return {**msgspec.to_builtins(row), "points_map_m": row_points_map_m(row).tolist()}
+def _row_of(row: Row) -> wire.FieldRow:
+    return wire.FieldRow(
+        index=row.index,
+        start_map_m=row.start_map_m,
+        end_map_m=row.end_map_m,
+        curvature_radpm=row.curvature_radpm,
+        points_map_m=_corners(row_points_map_m(row).tolist()),
+    )
 
 
-def read_field(path: Path) -> dict[str, Any]:
+def read_field(path: Path) -> wire.Field:
     """What `field_of` gives for a run.
 
     Raises: RecordingError: not a recording, or one that does not say what the robot was to do.
@@ -75,7 +85,7 @@ def read_field(path: Path) -> dict[str, Any]:
     return field_of(config, task.rows, goals, work.area if work else None)
 
 
-def read_field_or_datum(path: Path) -> dict[str, Any]:
+def read_field_or_datum(path: Path) -> wire.Field:
     """The same, or the empty ground around the datum where the recording does not tell more."""
     try:
         return read_field(path)

@@ -9,21 +9,21 @@ import base64
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import msgspec
+from msgspec import UNSET
+
+from agribot.ui import wire
 
 GeoJson = dict[str, Any]
 Action = Callable[[], object]
 
 
-class Panel(msgspec.Struct, kw_only=True):
-    """What the page is told, and the function behind it."""
+class Panel(NamedTuple):
+    """What the page is told, and the functions behind it."""
 
-    id: str
-    kind: str
-    title: str
-    shown: dict[str, Any] = {}
+    info: wire.PanelInfo
     read: Callable[[], Any] | None = None
     submit: Callable[[Any], object] | None = None
 
@@ -54,46 +54,47 @@ class Panels:
         under its name replaces the one before.
         """
         read = geojson if callable(geojson) else lambda: geojson
-        shown: dict[str, Any] = {"style": style or {}, "refresh_s": refresh_s, "type": type}
-        shown["visible"] = visible
-        if draw_order is not None:
-            shown["draw_order"] = draw_order
-        self._add(Panel(id=_id("layer", name), kind="layer", title=name, shown=shown, read=read))
+        info = wire.PanelInfo(
+            id=_id("layer", name),
+            kind="layer",
+            title=name,
+            style=style or {},
+            refresh_s=refresh_s,
+            type=type,
+            visible=visible,
+            draw_order=UNSET if draw_order is None else draw_order,
+        )
+        self._add(Panel(info, read))
 
     def plot(self, title: str, fields: list[str]) -> None:
         """Plot signals by their names, as `/api/v1/topics` lists them."""
-        shown = {"fields": list(fields)}
-        self._add(Panel(id=_id("plot", title), kind="plot", title=title, shown=shown))
+        id = _id("plot", title)
+        self._add(Panel(wire.PanelInfo(id=id, kind="plot", title=title, fields=list(fields))))
 
     def form(
         self, model: type[msgspec.Struct], on_submit: Callable[[Any], object], title: str = ""
     ) -> None:
         """A form with a field for each of the struct's; `on_submit` gets a checked instance."""
         name = title or model.__name__
-        shown = {"schema": msgspec.json.schema(model)}
+        schema = msgspec.json.schema(model)
+        info = wire.PanelInfo(id=_id("form", name), kind="form", title=name, schema=schema)
 
         def submit(values: Any) -> object:
             return on_submit(msgspec.convert(values, model, strict=False))
 
-        panel = Panel(id=_id("form", name), kind="form", title=name, shown=shown, submit=submit)
-        self._add(panel)
+        self._add(Panel(info, submit=submit))
 
     def image(self, title: str, image: Callable[[], bytes], refresh_s: float = 1.0) -> None:
         """Show what the function returns: the bytes of a PNG or JPEG file."""
-        shown = {"refresh_s": refresh_s}
-        panel = Panel(id=_id("image", title), kind="image", title=title, shown=shown, read=image)
-        self._add(panel)
+        id = _id("image", title)
+        info = wire.PanelInfo(id=id, kind="image", title=title, refresh_s=refresh_s)
+        self._add(Panel(info, image))
 
     def button(self, title: str, on_click: Action, needs_seat: bool = True) -> None:
         """`on_click` is called when somebody presses; text that it returns is shown."""
-        panel = Panel(
-            id=_id("button", title),
-            kind="button",
-            title=title,
-            shown={"needs_seat": needs_seat},
-            submit=lambda _values: on_click(),
-        )
-        self._add(panel)
+        id = _id("button", title)
+        info = wire.PanelInfo(id=id, kind="button", title=title, needs_seat=needs_seat)
+        self._add(Panel(info, submit=lambda _values: on_click()))
 
     def listen(
         self,
@@ -105,39 +106,42 @@ class Panels:
 
         A route begins where the robot is. Text that the function returns is shown.
         """
-        panel = Panel(
-            id=_id("listener", title or what),
-            kind="listener",
-            title=title or what,
-            shown={"what": what},
-            submit=lambda values: on_points(msgspec.convert(values["points"], list[list[float]])),
-        )
-        self._add(panel)
+        name = title or what
+        info = wire.PanelInfo(id=_id("listener", name), kind="listener", title=name, what=what)
 
-    def answer(self, name: str, values: Any) -> Any:
-        """What the server asks for: the list, the data of one panel, or a submission to it.
+        def submit(values: Any) -> object:
+            return on_points(msgspec.convert(values["points"], list[list[float]]))
 
-        Raises: LookupError: no such panel, or it is not of a kind that has this.
-        """
-        if name == "panels":
-            return [{"id": p.id, "kind": p.kind, "title": p.title, **p.shown} for p in self._all()]
-        panel = self._panels.get(values["id"])
-        if panel is None:
-            raise LookupError(f"no panel '{values['id']}'")
-        if name == "panel_data" and panel.read is not None:
-            return _readable(panel.read())
-        if name == "panel_submit" and panel.submit is not None:
-            result = panel.submit(values["values"])
-            return {"text": "" if result is None else str(result), "at": time.time()}
-        raise LookupError(f"a {panel.kind} has nothing to {name.removeprefix('panel_')}")
+        self._add(Panel(info, submit=submit))
 
-    def _all(self) -> list[Panel]:
+    def infos(self) -> list[wire.PanelInfo]:
         with self._lock:
-            return list(self._panels.values())
+            return [panel.info for panel in self._panels.values()]
+
+    def read(self, id: str) -> Any:
+        """The data of a panel. Raises: LookupError: no such panel, or of a kind without data."""
+        panel = self._named(id)
+        if panel.read is None:
+            raise LookupError(f"a {panel.info.kind} has no data")
+        return _readable(panel.read())
+
+    def submit(self, id: str, values: Any) -> wire.PanelReply:
+        """Raises: LookupError: no such panel, or of a kind that takes nothing."""
+        panel = self._named(id)
+        if panel.submit is None:
+            raise LookupError(f"a {panel.info.kind} takes nothing")
+        result = panel.submit(values)
+        return wire.PanelReply(text="" if result is None else str(result), at_s=time.time())
+
+    def _named(self, id: str) -> Panel:
+        panel = self._panels.get(id)
+        if panel is None:
+            raise LookupError(f"no panel '{id}'")
+        return panel
 
     def _add(self, panel: Panel) -> None:
         with self._lock:
-            self._panels[panel.id] = panel
+            self._panels[panel.info.id] = panel
 
 
 def _id(kind: str, title: str) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError
 from agribot.core.messages import LIVE_SETTINGS
+from agribot.ui import wire
 
 _UNITS = (
     ("_radps", "rad/s"), ("_mps", "m/s"), ("_mps2", "m/s²"), ("_hz", "Hz"), ("_deg", "°"),
@@ -20,29 +21,29 @@ LIVE = "Counts at once, for this run."
 NOT_LIVE = "Taken when the run starts; give it to the next run with --set."
 
 
-def described(config: RunConfig) -> list[dict[str, Any]]:
+def show_settings(config: RunConfig) -> list[wire.SettingGroup]:
     """Groups of settings. Those that are `live` may change under way: the change goes into the
     recording as an operator's event, so that a replay repeats it.
     """
-    groups: dict[str, list[dict[str, Any]]] = {"run": []}
+    groups: dict[str, list[wire.Setting]] = {"run": []}
     for field in msgspec.structs.fields(RunConfig):
         value = getattr(config, field.name)
         if isinstance(value, msgspec.Struct):
             groups[field.name] = [
-                _key(f"{field.name}.{inner.name}", inner, getattr(value, inner.name))
+                _show(f"{field.name}.{inner.name}", inner, getattr(value, inner.name))
                 for inner in msgspec.structs.fields(type(value))
             ]
         else:
-            groups["run"].append(_key(field.name, field, value))
-    return [{"name": name, "keys": keys} for name, keys in groups.items()]
+            groups["run"].append(_show(field.name, field, value))
+    return [wire.SettingGroup(name=name, keys=keys) for name, keys in groups.items()]
 
 
-def show_changes(groups: list[dict[str, Any]], changed: dict[str, float]) -> None:
-    """Put into `described` what was changed under way, by the numbers of operators' events."""
-    for key in (key for group in groups for key in group["keys"]):
-        if key["key"] in changed:
-            number = changed[key["key"]]
-            key["value"] = bool(number) if key["type"] == "boolean" else number
+def show_changes(groups: list[wire.SettingGroup], changed: dict[str, float]) -> None:
+    """Put into the settings what was changed under way, by the numbers of operators' events."""
+    for setting in (setting for group in groups for setting in group.keys):
+        if setting.key in changed:
+            number = changed[setting.key]
+            setting.value = bool(number) if setting.type == "boolean" else number
 
 
 def live_value(config: RunConfig, key: str, value: object) -> float:
@@ -64,36 +65,41 @@ def live_value(config: RunConfig, key: str, value: object) -> float:
     return number
 
 
-def _key(key: str, field: msgspec.structs.FieldInfo, value: object) -> dict[str, Any]:
-    kind, limits = _kind(field.type)
+def _show(key: str, field: msgspec.structs.FieldInfo, value: object) -> wire.Setting:
+    kind = _kind(field.type)
     default = None if field.default is msgspec.NODEFAULT else msgspec.to_builtins(field.default)
-    unit = next((unit for ending, unit in _UNITS if key.endswith(ending)), "")
-    return {
-        "key": key,
-        "value": msgspec.to_builtins(value),
-        "default": default,
-        "type": kind,
-        "unit": unit,
-        "live": key in LIVE_SETTINGS,
-        "about": LIVE if key in LIVE_SETTINGS else NOT_LIVE,
-        "min": None,
-        "max": None,
-        "choices": None,
-        **limits,
-    }
+    return wire.Setting(
+        key=key,
+        value=msgspec.to_builtins(value),
+        default=default,
+        type=kind.type,
+        unit=next((unit for ending, unit in _UNITS if key.endswith(ending)), ""),
+        live=key in LIVE_SETTINGS,
+        about=LIVE if key in LIVE_SETTINGS else NOT_LIVE,
+        min=kind.min,
+        max=kind.max,
+        choices=kind.choices,
+    )
 
 
-def _kind(type_: Any) -> tuple[str, dict[str, Any]]:
-    """number, boolean, choice or string, with the range or the choices."""
+class _Kind(NamedTuple):
+    type: wire.SettingType
+    min: float | None = None
+    max: float | None = None
+    choices: list[str] | None = None
+
+
+def _kind(type_: Any) -> _Kind:
+    """What a page lets a person enter, with the range or the choices."""
     info = msgspec.inspect.type_info(type_)
     if isinstance(info, msgspec.inspect.UnionType):
         info = next(t for t in info.types if not isinstance(t, msgspec.inspect.NoneType))
     if isinstance(info, msgspec.inspect.BoolType):
-        return "boolean", {}
+        return _Kind("boolean")
     if isinstance(info, msgspec.inspect.FloatType | msgspec.inspect.IntType):
         low = info.ge if info.ge is not None else info.gt
         high = info.le if info.le is not None else info.lt
-        return "number", {"min": low, "max": high}
+        return _Kind("number", low, high)
     if isinstance(info, msgspec.inspect.LiteralType):
-        return "choice", {"choices": list(info.values)}
-    return "string", {}
+        return _Kind("choice", choices=[str(value) for value in info.values])
+    return _Kind("string")

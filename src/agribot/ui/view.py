@@ -4,32 +4,42 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Any
 
 from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig
 from agribot.core.implement.spec import ImplementSpec, describe_command
-from agribot.core.messages import BatterySample, GnssFix, SensorBatch, TickRecord, Vec3
-
-# Name and unit of every signal that a plot can show; `RunView` gives one sample for each tick.
-SIGNALS = (
-    ("v_mps", "m/s"),
-    ("yaw_rate_radps", "rad/s"),
-    ("v_commanded_mps", "m/s"),
-    ("yaw_rate_commanded_radps", "rad/s"),
-    ("cross_track_m", "m"),
-    ("heading_error_rad", "rad"),
-    ("pos_std_m", "m"),
-    ("yaw_std_rad", "rad"),
-    ("battery_v", "V"),
-    ("protection_m", "m"),
+from agribot.core.messages import (
+    BatterySample,
+    Estimate,
+    GnssFix,
+    MissionState,
+    MissionStatus,
+    Path,
+    SensorBatch,
+    TickRecord,
+    Vec3,
 )
+from agribot.record.events import Event
+from agribot.ui import wire
+
 SIGNALS_KEPT = 500  # ten seconds of ticks that nobody has asked for yet
 TRACE_STEP_M = 0.02
+PATH_STEP_M = 0.05
 TILT_SHARE = 0.02  # of each new sample of the accelerometer: half a second at 100 Hz
-_FINAL = {"done": "done", "cancelled": "done", "failed": "done"}
-
-Point = list[float]
+_LEVEL: dict[str, wire.EventLevel] = {
+    "fault": "fault",
+    "stop": "warn",
+    "hold": "warn",
+    "limit": "warn",
+}
+# What the page calls a mission that does not run, and that nobody stopped.
+_MODES: dict[MissionState, wire.Mode] = {
+    "waiting": "waiting",
+    "paused": "paused",
+    "done": "done",
+    "cancelled": "done",
+    "failed": "done",
+}
 
 
 class RunView:
@@ -40,9 +50,9 @@ class RunView:
         self._hand_timeout_s = config.safety.hand_timeout_s
         self.record: TickRecord | None = None
         self.ticks = 0
-        self.trace_map_m: list[Point] = []
+        self.trace_map_m: list[wire.Vec2] = []
         self.topics: dict[str, int] = {}
-        self._signals: deque[list[float | None]] = deque(maxlen=SIGNALS_KEPT)
+        self._signals: deque[wire.Sample] = deque(maxlen=SIGNALS_KEPT)
         self._gnss: GnssFix | None = None
         self._battery: BatterySample | None = None
         self._joints = [0.0] * 4
@@ -60,37 +70,33 @@ class RunView:
         self.record = record
         self.ticks += 1
 
-    def state(self) -> dict[str, Any] | None:
+    def state(self) -> wire.State | None:
         """The newest state as the page reads it, with all signals since the last call."""
         record = self.record
         if record is None:
             return None
-        estimate, command = record.estimate, record.command
-        known = math.isfinite(estimate.x_map_m + estimate.y_map_m + estimate.yaw_map_rad)
-        pose = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+        estimate, status = record.estimate, record.status
         cross_m = record.tracking.cross_track_m if record.tracking else None
-        return {
-            "k": "s",
-            "n": self.ticks,
-            "t": round(record.batch.t_s, 4),
-            "pose": [round(value, 5) for value in pose] if known and estimate.ok else None,
-            "std": [_short(estimate.pos_std_m), _short(estimate.yaw_std_rad)],
-            "vel": [_short(estimate.v_mps), _short(estimate.yaw_rate_radps)],
-            "cmd": [_short(command.drive.v_mps), _short(command.drive.yaw_rate_radps)],
-            "joints": self._joints,
-            "att": _tilt(self._up_mps2),
-            "gnss": _gnss(self._gnss),
-            "mission": self._mission(record),
-            "mode": self._mode(record),
-            "stop": record.status.stopped,
-            "reason": record.reason or record.status.reason,
-            "battery": _battery(self._battery),
-            "xte_m": None if cross_m is None else _short(cross_m),
-            "implement": [
-                list(line) for line in describe_command(self._implement, command.implement)
-            ],
-            "sig": _taken(self._signals),
-        }
+        return wire.State(
+            tick=self.ticks,
+            t_s=round(record.batch.t_s, 4),
+            pose=_pose(estimate),
+            pos_std_m=_shorten(estimate.pos_std_m),
+            yaw_std_rad=_shorten(estimate.yaw_std_rad),
+            v_mps=_shorten(estimate.v_mps),
+            yaw_rate_radps=_shorten(estimate.yaw_rate_radps),
+            cross_track_m=None if cross_m is None else _shorten(cross_m),
+            joints_rad=self._joints,
+            tilt_rad=_tilt(self._up_mps2),
+            gnss=_gnss(self._gnss),
+            battery=_battery(self._battery),
+            mission=_mission(status),
+            mode=self._mode(record),
+            stop=status.stopped,
+            reason=record.reason or status.reason,
+            implement=self._describe_implement(record),
+            signals=_take(self._signals),
+        )
 
     def _sense(self, batch: SensorBatch) -> None:
         if batch.gnss:
@@ -110,11 +116,12 @@ class RunView:
         x_m, y_m = estimate.x_map_m, estimate.y_map_m
         if not estimate.ok or not math.isfinite(x_m + y_m):
             return
-        last = self.trace_map_m[-1] if self.trace_map_m else [math.inf, math.inf]
+        last = self.trace_map_m[-1] if self.trace_map_m else (math.inf, math.inf)
         if not math.hypot(x_m - last[0], y_m - last[1]) < TRACE_STEP_M:
-            self.trace_map_m.append([round(x_m, 4), round(y_m, 4)])
+            self.trace_map_m.append((round(x_m, 4), round(y_m, 4)))
 
-    def _sample(self, record: TickRecord) -> list[float | None]:
+    def _sample(self, record: TickRecord) -> wire.Sample:
+        """Time and every one of `wire.SIGNALS`."""
         estimate, drive, tracking = record.estimate, record.command.drive, record.tracking
         values = (
             record.batch.t_s,
@@ -129,86 +136,119 @@ class RunView:
             self._battery.voltage_v if self._battery else None,
             estimate.protection_m,
         )
-        return [None if value is None else _short(value) for value in values]
+        return [None if value is None else _shorten(value) for value in values]
 
     def _count(self, batch: SensorBatch) -> None:
         counts = self.topics
         for name in ("wheels", "imu", "mag", "gnss", "frames", "battery"):
             counts[name] = counts.get(name, 0) + len(getattr(batch, name))
 
-    def _mission(self, record: TickRecord) -> dict[str, Any]:
-        status = record.status
-        eta_s = status.eta_s if status.state == "running" else None
-        return {
-            "state": status.state,
-            "reason": status.reason,
-            "row": status.row,
-            "rows_total": status.rows_total,
-            "rows_done": list(status.rows_done),
-            "s_m": round(status.s_m, 3),
-            "length_m": round(status.length_m, 3),
-            "eta_s": None if eta_s is None else round(eta_s, 1),
-            "wp_total": status.waypoints_total,
-            "wp_reached": status.waypoints_reached,
-            "leg": status.leg,
-            "refusal": status.refusal,
-        }
+    def _describe_implement(self, record: TickRecord) -> list[wire.ImplementLine]:
+        lines = describe_command(self._implement, record.command.implement)
+        return [wire.ImplementLine(name=line.name, text=line.text) for line in lines]
 
-    def _mode(self, record: TickRecord) -> str:
+    def _mode(self, record: TickRecord) -> wire.Mode:
         state = record.status.state
         if record.status.stopped:
             return "stopped"
-        if state != "running" and record.batch.t_s - self._hand_s < self._hand_timeout_s:
-            return "teleop"
-        return "mission" if state == "running" else _FINAL.get(state, state)
+        if state == "running":
+            return "mission"
+        is_by_hand = record.batch.t_s - self._hand_s < self._hand_timeout_s
+        return "teleop" if is_by_hand else _MODES[state]
 
 
-def weed_row(track: Track) -> list[Any]:
-    """One plant of the map as the page reads it: id, class, place, spread and evidence."""
-    treated_s = None if track.treated_s is None else round(track.treated_s, 2)
-    return [
-        track.id,
-        int(track.plant),
-        round(track.x_map_m, 4),
-        round(track.y_map_m, 4),
-        round(track.std_m, 4),
-        round(track.confidence, 3),
-        round(track.area_m2, 6),
-        track.sightings,
-        round(track.first_seen_s, 2),
-        round(track.last_seen_s, 2),
-        treated_s,
-    ]
+def shown_weed(track: Track) -> wire.Weed:
+    """A plant of the map as the page reads it."""
+    return wire.Weed(
+        id=track.id,
+        plant=track.plant,
+        x_map_m=round(track.x_map_m, 4),
+        y_map_m=round(track.y_map_m, 4),
+        std_m=round(track.std_m, 4),
+        confidence=round(track.confidence, 3),
+        area_m2=round(track.area_m2, 6),
+        sightings=track.sightings,
+        first_seen_s=round(track.first_seen_s, 2),
+        last_seen_s=round(track.last_seen_s, 2),
+        treated_s=None if track.treated_s is None else round(track.treated_s, 2),
+    )
 
 
-def _short(value: float) -> float | None:
+def _shorten(value: float) -> float | None:
     """Five decimals are enough to look at; a number that is none is left out."""
     return round(value, 5) if math.isfinite(value) else None
 
 
-def _tilt(up_mps2: Vec3 | None) -> list[float | None] | None:
+def _pose(estimate: Estimate) -> tuple[float, float, float] | None:
+    x_m, y_m, yaw_rad = estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad
+    if not estimate.ok or not math.isfinite(x_m + y_m + yaw_rad):
+        return None
+    return round(x_m, 5), round(y_m, 5), round(yaw_rad, 5)
+
+
+def _mission(status: MissionStatus) -> wire.MissionProgress:
+    eta_s = status.eta_s if status.state == "running" else None
+    return wire.MissionProgress(
+        state=status.state,
+        reason=status.reason,
+        row=status.row,
+        rows_total=status.rows_total,
+        rows_done=len(status.rows_done),
+        s_m=round(status.s_m, 3),
+        length_m=round(status.length_m, 3),
+        eta_s=None if eta_s is None else round(eta_s, 1),
+        waypoints_total=status.waypoints_total,
+        waypoints_reached=status.waypoints_reached,
+        leg=status.leg,
+        refusal=status.refusal,
+    )
+
+
+def _tilt(up_mps2: Vec3 | None) -> wire.Vec2 | None:
     """Roll and pitch (rad) from the specific force; fair while the robot drives evenly."""
-    if up_mps2 is None:
+    if up_mps2 is None or not math.isfinite(sum(up_mps2)):
         return None
     x, y, z = up_mps2
-    return [_short(math.atan2(y, z)), _short(math.atan2(-x, math.hypot(y, z)))]
+    return round(math.atan2(y, z), 5), round(math.atan2(-x, math.hypot(y, z)), 5)
 
 
-def _gnss(fix: GnssFix | None) -> dict[str, Any] | None:
+def _gnss(fix: GnssFix | None) -> wire.GnssState | None:
     if fix is None:
         return None
-    place = {"lat": round(fix.lat_deg, 9), "lon": round(fix.lon_deg, 9)}
-    return {**place, "q": int(fix.quality), "std": _short(fix.pos_std_m)}
+    return wire.GnssState(
+        lat_deg=round(fix.lat_deg, 9),
+        lon_deg=round(fix.lon_deg, 9),
+        quality=int(fix.quality),
+        std_m=_shorten(fix.pos_std_m),
+    )
 
 
-def _battery(sample: BatterySample | None) -> dict[str, Any] | None:
+def _battery(sample: BatterySample | None) -> wire.BatteryState | None:
     if sample is None:
         return None
-    return {"v": round(sample.voltage_v, 2), "pct": round(sample.charge_ratio * 100.0, 1)}
+    return wire.BatteryState(
+        voltage_v=round(sample.voltage_v, 2), charge_pct=round(sample.charge_ratio * 100.0, 1)
+    )
 
 
-def _taken(queue: deque[list[float | None]]) -> list[list[float | None]]:
+def _take(queue: deque[wire.Sample]) -> list[wire.Sample]:
+    """Empties the queue while the robot's loop may still append to it."""
     taken = []
     while queue:
         taken.append(queue.popleft())
     return taken
+
+
+def thin_path(path: Path) -> wire.PathPiece:
+    """The whole path with a point about every 5 cm."""
+    step_m = float(path.s_m[-1]) / max(len(path.s_m) - 1, 1)
+    every = max(1, round(PATH_STEP_M / step_m)) if step_m > 0 else 1
+    keep = sorted({*range(0, len(path.s_m), every), len(path.s_m) - 1})
+    points = [(round(x_m, 4), round(y_m, 4)) for x_m, y_m in path.xy_map_m[keep].tolist()]
+    return wire.PathPiece(points_map_m=points, rows=path.row[keep].tolist())
+
+
+def shown_event(event: Event) -> wire.LogEvent:
+    level = _LEVEL.get(event.kind, "info")
+    text = event.reason or "no objection any more"
+    return wire.LogEvent(t_s=event.t_s, level=level, source=event.kind, text=text)

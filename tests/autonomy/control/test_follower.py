@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -29,6 +30,7 @@ from agribot.core.messages import (
     RobotCommand,
 )  # fmt: skip
 from agribot.core.pose import Pose2
+from tests import nightly
 from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
 from tests.autonomy.plan.paper_task import PaperTask
 
@@ -81,8 +83,9 @@ class Drive:
         return float(np.quantile(np.abs(self.log[:, 0]), 0.95))
 
 
-def test_twenty_soils_are_driven_within_three_centimetres() -> None:
-    for seed in range(20):
+@nightly.all_or_first("seeds", range(20), in_suite=6)
+def test_any_soil_is_driven_within_three_centimetres(seeds: Sequence[int]) -> None:
+    for seed in seeds:
         drive = Drive(Soil.of_seed(np.random.default_rng(seed)), seed)
         status = drive.run()
         assert status.state == "done", f"seed {seed}: {status.reason}"
@@ -91,11 +94,12 @@ def test_twenty_soils_are_driven_within_three_centimetres() -> None:
         assert drive.reasons == {""}
 
 
-def test_delay_compensation_halves_the_error_of_the_turns() -> None:
+@nightly.all_or_first("seeds", range(5), in_suite=2)
+def test_delay_compensation_halves_the_error_of_the_turns(seeds: Sequence[int]) -> None:
     blind = ControlConfig(delay_s=0.0)
     with_s: list[float] = []
     without_s: list[float] = []
-    for seed in range(5):
+    for seed in seeds:
         soil = Soil.of_seed(np.random.default_rng(seed))
         for control, results in ((ControlConfig(), with_s), (blind, without_s)):
             drive = Drive(soil, seed, control)

@@ -20,6 +20,7 @@ from agribot.record.bag.definitions import make_ros1_store
 from agribot.record.bag.info import read_info
 from agribot.record.mcap_file import McapFile
 from agribot.ros.messages import rosmsg
+from tests import nightly
 from tests.record.bag import bag_samples as samples
 
 
@@ -211,9 +212,9 @@ def test_mcap_without_index_or_chunks_is_read(
     assert numbers == [float(i) for i in range(20)]
 
 
-@pytest.mark.slow
-def test_a_million_messages_are_counted_and_converted(tmp_path: Path) -> None:
-    count, data = 1_000_000, rosmsg.to_cdr(rosmsg.make_float64(1.5))
+@nightly.one_by_one("count", (100_000, 1_000_000), in_suite=1)
+def test_very_many_messages_are_counted_and_converted(tmp_path: Path, count: int) -> None:
+    data = rosmsg.to_cdr(rosmsg.make_float64(1.5))
     file = McapFile(tmp_path / "many.mcap")
     for number in range(count):
         file.write(topics.DISTANCE, number, data, number)

@@ -16,7 +16,7 @@ from tests.ui.page.fake_robot import DATUM
 
 Message = dict[str, Any]
 MAP = {"frame_id": "map"}
-FRAME = MapFrame(Datum(lat_deg=DATUM["lat_deg"], lon_deg=DATUM["lon_deg"]))
+FRAME = MapFrame(Datum(lat_deg=DATUM.lat_deg, lon_deg=DATUM.lon_deg))
 RED, GREEN, BLUE = (220, 20, 20), (20, 190, 40), (20, 40, 230)
 
 

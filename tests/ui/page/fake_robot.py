@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import io
+import itertools
 import math
-import struct
-from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw
 
-DATUM = {"lat_deg": 21.1613331649, "lon_deg": 72.7870533933}
+from agribot.core.messages import MissionState, PlantClass
+from agribot.ui import wire
+
+DATUM = wire.DatumPlace(lat_deg=21.1613331649, lon_deg=72.7870533933)
 ROWS = 6
 ROW_LENGTH_M = 24.0
 ROW_SPACING_M = 1.5
 SPEED_MPS = 0.8
 EPOCH = 1
-Message = dict[str, Any]
-MISSION_STATES = {
+MISSION_STATES: dict[wire.Mode, MissionState] = {
     "mission": "running",
     "paused": "paused",
     "stopped": "paused",
@@ -25,42 +26,47 @@ MISSION_STATES = {
     "waiting": "waiting",
     "done": "done",
 }
+MODES_AFTER: dict[wire.MissionAction, wire.Mode] = {
+    "pause": "paused",
+    "resume": "mission",
+    "start": "mission",
+    "cancel": "done",
+}
 
 
-def field() -> Message:
-    rows = [
-        {
-            "index": i,
-            "start_map_m": [0.0, i * ROW_SPACING_M],
-            "end_map_m": [ROW_LENGTH_M, i * ROW_SPACING_M],
-            "points_map_m": [[0.0, i * ROW_SPACING_M], [ROW_LENGTH_M, i * ROW_SPACING_M]],
-        }
-        for i in range(ROWS)
-    ]
-    top = (ROWS - 1) * ROW_SPACING_M
-    return {
-        "name": "farm",
-        "datum": DATUM,
-        "datum_source": "home",
-        "rows": rows,
-        "boundary_map_m": [
-            [-3, -3],
-            [ROW_LENGTH_M + 3, -3],
-            [ROW_LENGTH_M + 3, top + 3],
-            [-3, top + 3],
+def field() -> wire.Field:
+    ends = [((0.0, i * ROW_SPACING_M), (ROW_LENGTH_M, i * ROW_SPACING_M)) for i in range(ROWS)]
+    top_m = (ROWS - 1) * ROW_SPACING_M
+    return wire.Field(
+        name="farm",
+        datum=DATUM,
+        datum_source="home",
+        rows=[
+            wire.FieldRow(
+                index=i,
+                start_map_m=start,
+                end_map_m=end,
+                curvature_radpm=0.0,
+                points_map_m=[start, end],
+            )
+            for i, (start, end) in enumerate(ends)
         ],
-        "obstacles_map_m": [[[-1.6, 1.8], [-1.2, 1.8], [-1.2, 2.2], [-1.6, 2.2]]],
-        "waypoints_map_m": [
-            point for row in rows for point in (row["start_map_m"], row["end_map_m"])
+        boundary_map_m=[
+            (-3.0, -3.0),
+            (ROW_LENGTH_M + 3.0, -3.0),
+            (ROW_LENGTH_M + 3.0, top_m + 3.0),
+            (-3.0, top_m + 3.0),
         ],
-        "start_map_m": [-2.0, 0.0],
-    }
+        obstacles_map_m=[[(-1.6, 1.8), (-1.2, 1.8), (-1.2, 2.2), (-1.6, 2.2)]],
+        waypoints_map_m=[point for pair in ends for point in pair],
+        start_map_m=(-2.0, 0.0),
+    )
 
 
-def path() -> list[list[float]]:
-    points = [[-2.0, 0.0]]
+def path() -> list[wire.Vec2]:
+    points = [(-2.0, 0.0)]
     for i in range(ROWS):
-        ends = [[0.0, i * ROW_SPACING_M], [ROW_LENGTH_M, i * ROW_SPACING_M]]
+        ends = [(0.0, i * ROW_SPACING_M), (ROW_LENGTH_M, i * ROW_SPACING_M)]
         points += ends if i % 2 == 0 else ends[::-1]
     return points
 
@@ -73,39 +79,37 @@ class FakeRobot:
         self.n = 0
         self.t_s = 0.0
         self.s_m = 0.0
-        self.mode = "mission"
+        self.mode: wire.Mode = "mission"
         self.stop = ""
         self.leg = "row 3"
-        self.replay: Message | None = None
-        self.trajectory: list[list[float]] = []
-        self.commands: list[Message] = []
+        self.replay: wire.ReplayProgress | None = None
+        self.trajectory: list[wire.Vec2] = []
+        self.commands: list[wire.PageMessage] = []
         self.path = path()
-        legs = np.diff(np.array(self.path), axis=0)
-        self.leg_m = np.hypot(legs[:, 0], legs[:, 1])
-        self.length_m = float(self.leg_m.sum())
+        self.leg_m = [math.dist(*leg) for leg in itertools.pairwise(self.path)]
+        self.length_m = sum(self.leg_m)
         self.weeds = [self._weed(i) for i in range(weeds)]
 
-    def _weed(self, index: int) -> list[Any]:
-        crop = int(index % 5 == 0)
+    def _weed(self, index: int) -> wire.Weed:
+        is_crop = index % 5 == 0
         row = int(self.random.integers(ROWS))
-        x, dy = self.random.uniform(0, ROW_LENGTH_M), self.random.normal(0, 0.05 if crop else 0.35)
+        x_m = self.random.uniform(0, ROW_LENGTH_M)
+        off_m = self.random.normal(0, 0.05 if is_crop else 0.35)
         confidence = float(self.random.uniform(0.5, 1))
-        seen = float(index)
-        treated = seen + 2.0 if index % 3 == 0 and not crop else None
-        size = float(self.random.uniform(4e-4, 4e-3))
-        return [
-            index + 1,
-            crop,
-            round(x, 3),
-            round(row * ROW_SPACING_M + dy, 3),
-            0.03,
-            confidence,
-            size,
-            5,
-            seen,
-            seen + 1,
-            treated,
-        ]
+        seen_s = float(index)
+        return wire.Weed(
+            id=index + 1,
+            plant=PlantClass.CROP if is_crop else PlantClass.WEED,
+            x_map_m=round(float(x_m), 3),
+            y_map_m=round(float(row * ROW_SPACING_M + off_m), 3),
+            std_m=0.03,
+            confidence=confidence,
+            area_m2=float(self.random.uniform(4e-4, 4e-3)),
+            sightings=5,
+            first_seen_s=seen_s,
+            last_seen_s=seen_s + 1.0,
+            treated_s=seen_s + 2.0 if index % 3 == 0 and not is_crop else None,
+        )
 
     def pose(self) -> tuple[float, float, float]:
         left_m = self.s_m % self.length_m
@@ -117,7 +121,7 @@ class FakeRobot:
             left_m -= leg_m
         return self.path[-1][0], self.path[-1][1], 0.0
 
-    def step(self, dt_s: float) -> list[list[float]]:
+    def step(self, dt_s: float) -> list[wire.Vec2]:
         """One tick; the trajectory points it added."""
         self.n += 1
         self.t_s += dt_s
@@ -127,100 +131,91 @@ class FakeRobot:
         last = self.trajectory[-1] if self.trajectory else None
         if last and math.dist(last, (x, y)) < 0.05:
             return []
-        self.trajectory.append([round(x, 3), round(y, 3)])
+        self.trajectory.append((round(x, 3), round(y, 3)))
         return self.trajectory[-1:]
 
-    def obey(self, message: Message) -> Message | None:
-        """Note and carry out a command; the answer for those that get one."""
+    def obey(self, message: wire.PageMessage) -> wire.Verdict | None:
+        """Note and carry out a command; the verdict on those that want one."""
         self.commands.append(message)
-        kind = message["k"]
-        if kind == "stop":
+        if isinstance(message, wire.PressStop):
             self.mode, self.stop = "stopped", "pressed on the page"
-        elif kind == "drive" and not self.stop:
-            self.mode = "teleop" if message["v"] or message["w"] else "paused"
-        elif kind == "clear_stop":
+        elif isinstance(message, wire.DriveByHand) and not self.stop:
+            self.mode = "teleop" if message.v_mps or message.yaw_rate_radps else "paused"
+        elif isinstance(message, wire.ClearStop):
             self.mode, self.stop = "paused", ""
-        elif kind == "mission":
-            modes = {
-                "pause": "paused",
-                "resume": "mission",
-                "start": "mission",
-                "cancel": "done",
-            }
-            self.mode = modes.get(message["action"], self.mode)
-        return (
-            {"k": "ack", "id": message["id"], "ok": True, "reason": ""} if "id" in message else None
+        elif isinstance(message, wire.ControlMission):
+            self.mode = MODES_AFTER.get(message.action, self.mode)
+        if not isinstance(message, wire.Request) or not message.id:
+            return None
+        return wire.Verdict(id=message.id, ok=True)
+
+    def state(self, mono_ms: float) -> wire.State:
+        _, y_m, _ = self.pose()
+        speed_mps = SPEED_MPS if self.mode == "mission" else 0.0
+        row = min(ROWS - 1, int(y_m / ROW_SPACING_M + 0.5))
+        wave = 0.04 * math.sin(self.t_s), 0.02 * math.cos(2 * self.t_s)
+        return wire.State(
+            tick=self.n,
+            t_s=self.t_s,
+            epoch=EPOCH,
+            mono_ms=mono_ms,
+            pose=self.pose(),
+            pos_std_m=0.018,
+            yaw_std_rad=0.01,
+            v_mps=speed_mps,
+            yaw_rate_radps=0.0,
+            cross_track_m=0.021,
+            joints_rad=[self.s_m / 0.15] * 4,
+            tilt_rad=(0.02, -0.03),
+            gnss=wire.GnssState(
+                lat_deg=DATUM.lat_deg, lon_deg=DATUM.lon_deg, quality=4, std_m=0.014
+            ),
+            battery=wire.BatteryState(voltage_v=25.1, charge_pct=87.0),
+            mission=self._mission(row),
+            mode=self.mode,
+            stop=self.stop,
+            implement=[wire.ImplementLine(name="Nozzles", text="○●○")],
+            weed_count=len(self.weeds),
+            pace_ratio=1.0,
+            recording="2026-05-03-171500-farm",
+            replay=self.replay,
+            signals=[[self.t_s, speed_mps, *wave, 24.6]],
         )
 
-    def state(self, mono_ms: float, wall_ms: float = 0.0) -> Message:
-        x, y, yaw = self.pose()
-        speed = SPEED_MPS if self.mode == "mission" else 0.0
-        row = min(ROWS - 1, int(y / ROW_SPACING_M + 0.5))
-        signals = [self.t_s, speed, 0.04 * math.sin(self.t_s), 0.02 * math.cos(2 * self.t_s), 24.6]
-        return {
-            "k": "s",
-            "n": self.n,
-            "t": self.t_s,
-            "e": EPOCH,
-            "mono_ms": mono_ms,
-            "wall_ms": wall_ms,
-            "pose": [x, y, yaw],
-            "std": [0.018, 0.01],
-            "vel": [speed, 0.0],
-            "cmd": [speed, 0.0],
-            "joints": [self.s_m / 0.15] * 4,
-            "att": [0.02, -0.03],
-            "gnss": {"lat": DATUM["lat_deg"], "lon": DATUM["lon_deg"], "q": 4, "std": 0.014},
-            "mission": {
-                "state": MISSION_STATES[self.mode],
-                "reason": "",
-                "row": row,
-                "rows_total": ROWS,
-                "rows_done": list(range(row)),
-                "s_m": self.s_m,
-                "length_m": self.length_m,
-                "eta_s": (self.length_m - self.s_m) / SPEED_MPS,
-                "wp_total": 2 * ROWS,
-                "wp_reached": 2 * row,
-                "leg": self.leg,
-                "refusal": "",
-            },
-            "mode": self.mode,
-            "stop": self.stop,
-            "reason": "",
-            "battery": {"v": 25.1, "pct": 87},
-            "weeds": len(self.weeds),
-            "rtf": 1.0,
-            "xte_m": 0.021,
-            "implement": [["Nozzles", "○●○"]],
-            "recording": "2026-05-03-171500-farm",
-            "sig": [signals],
-            **({"replay": self.replay} if self.replay else {}),
-        }
+    def _mission(self, row: int) -> wire.MissionProgress:
+        return wire.MissionProgress(
+            state=MISSION_STATES[self.mode],
+            row=row,
+            rows_total=ROWS,
+            rows_done=row,
+            s_m=self.s_m,
+            length_m=self.length_m,
+            eta_s=(self.length_m - self.s_m) / SPEED_MPS,
+            waypoints_total=2 * ROWS,
+            waypoints_reached=2 * row,
+            leg=self.leg,
+        )
 
-    def snapshot(self) -> Message:
-        return {
-            "k": "snap",
-            "e": EPOCH,
-            "source": "sim",
-            "name": "",
-            "traj": {"first": 0, "xy": self.trajectory},
-            "weeds": {"rev": 1, "all": self.weeds},
-            "path": {"first": 0, "xy": self.path, "row": [0] * len(self.path)},
-            "events": [
-                {"t": 0.0, "level": "info", "source": "mission", "text": "Mission farm started."},
-                {
-                    "t": 3.2,
-                    "level": "warn",
-                    "source": "gnss",
-                    "text": "Fix fell back to float for 0.8 s.",
-                },
-            ],
-            "signals": {
-                "names": ["speed", "cross_track", "heading_error", "battery"],
-                "units": ["m/s", "m", "rad", "V"],
-            },
-        }
+    def snapshot(self) -> wire.Snapshot:
+        events = (
+            wire.LogEvent(t_s=0.0, level="info", source="mission", text="Mission farm started."),
+            wire.LogEvent(
+                t_s=3.2, level="warn", source="gnss", text="Fix fell back to float for 0.8 s."
+            ),
+        )
+        return wire.Snapshot(
+            epoch=EPOCH,
+            source="sim",
+            name="",
+            trace=wire.TracePiece(epoch=EPOCH, points_map_m=self.trajectory),
+            weeds=wire.WeedChanges(epoch=EPOCH, set=self.weeds),
+            path=wire.PathPiece(epoch=EPOCH, points_map_m=self.path, rows=[0] * len(self.path)),
+            events=wire.NewEvents(epoch=EPOCH, events=list(events)),
+            signals=wire.SignalTable(
+                names=["speed", "cross_track", "heading_error", "battery"],
+                units=["m/s", "m", "rad", "V"],
+            ),
+        )
 
 
 def camera_packets(frame: int, wall_ms: float) -> tuple[bytes, bytes]:
@@ -249,4 +244,4 @@ def camera_packets(frame: int, wall_ms: float) -> tuple[bytes, bytes]:
 def _packet(kind: int, frame: int, wall_ms: float, picture: Image.Image, file_format: str) -> bytes:
     file = io.BytesIO()
     picture.save(file, file_format)
-    return struct.pack(">BBxxId", kind, 0, frame, wall_ms) + file.getvalue()
+    return wire.CAMERA_HEAD.pack(kind, 0, 0, frame, wall_ms) + file.getvalue()

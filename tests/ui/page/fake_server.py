@@ -11,9 +11,11 @@ import json
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import uvicorn
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
@@ -26,7 +28,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 import agribot
 from agribot.gis.formats.table import read_field_file, write_field_file
-from agribot.ui.mapviz_config import config_of, displays_of
+from agribot.ui import wire
+from agribot.ui.server.mapviz_config import config_of, displays_of
 from tests.ui.page import fake_answers
 from tests.ui.page.fake_robot import EPOCH, FakeRobot, camera_packets, field
 
@@ -91,51 +94,56 @@ class FakeServer:
             added = self.robot.step(1 / STATE_HZ)
             if not self.silent:
                 first = len(self.robot.trajectory) - len(added)
-                messages = [{"k": "traj", "e": EPOCH, "first": first, "xy": added}] if added else []
-                await self._broadcast([*messages, self.robot.state(time.monotonic() * 1000)])
+                trace = wire.TracePiece(epoch=EPOCH, first=first, points_map_m=added)
+                state = self.robot.state(time.monotonic() * 1000)
+                await self._broadcast([trace, state] if added else [state])
             await asyncio.sleep(1 / STATE_HZ)
 
-    async def _broadcast(self, messages: list[dict[str, Any]]) -> None:
+    async def _broadcast(self, messages: Sequence[wire.ServerMessage]) -> None:
         for client in list(self.clients):
             with contextlib.suppress(RuntimeError, WebSocketDisconnect):
                 for message in messages:
-                    await client.send_text(json.dumps(message))
+                    await _send(client, message)
 
     async def _state_socket(self, socket: WebSocket) -> None:
         await socket.accept()
         who = socket.cookies.get("who", "page")
         self.clients.add(socket)
-        run = self.answers["session"]["run"]
-        hello = {"k": "hello", "run": run, "session": who, "source": "sim"}
-        await socket.send_text(json.dumps({**hello, **self._seat(who)}))
-        await socket.send_text(json.dumps(self.robot.snapshot()))
+        session: wire.SessionInfo = self.answers["session"]
+        seat, holder, clients = self._seat(who)
+        hello = wire.Hello(
+            run=session.run, session=who, role=session.role, version=session.version,
+            source="sim", seat=seat, holder=holder, clients=clients,
+        )  # fmt: skip
+        await _send(socket, hello)
+        await _send(socket, self.robot.snapshot())
         try:
             while True:
-                await self._receive(socket, who, json.loads(await socket.receive_text()))
+                message = wire.read_page_message(await socket.receive_text())
+                await self._receive(socket, who, message)
         except WebSocketDisconnect:
             self.clients.discard(socket)
 
-    def _seat(self, who: str) -> dict[str, Any]:
-        seat = "free" if self.seat is None else "you" if self.seat == who else "other"
-        return {"seat": seat, "holder": self.seat or "", "clients": max(1, len(self.clients))}
+    def _seat(self, who: str) -> tuple[wire.SeatState, str, int]:
+        seat: wire.SeatState = "you" if self.seat == who else "other" if self.seat else "free"
+        return seat, self.seat or "", max(1, len(self.clients))
 
-    async def _receive(self, socket: WebSocket, who: str, message: dict[str, Any]) -> None:
-        kind = message["k"]
-        if kind == "ping":
-            clocks = {"mono_ms": time.monotonic() * 1e3, "wall_ms": time.time() * 1e3}
-            await socket.send_text(json.dumps({"k": "pong", "c": message["c"], **clocks}))
+    async def _receive(self, socket: WebSocket, who: str, message: wire.PageMessage) -> None:
+        if isinstance(message, wire.Ping):
+            mono_ms, wall_ms = time.monotonic() * 1e3, time.time() * 1e3
+            pong = wire.Pong(sent_ms=message.sent_ms, mono_ms=mono_ms, wall_ms=wall_ms)
+            await _send(socket, pong)
             return
-        if kind == "got":
+        if isinstance(message, wire.Receipt):
             return
-        if kind in {"take", "release"}:
-            self.seat = who if kind == "take" else None
+        if isinstance(message, wire.TakeSeat | wire.LeaveSeat):
+            self.seat = who if isinstance(message, wire.TakeSeat) else None
             for client in list(self.clients):
-                whose = client.cookies.get("who", "page")
-                await client.send_text(json.dumps({"k": "seat", **self._seat(whose)}))
-            return
-        answer = self.robot.obey(message)
-        if answer:
-            await socket.send_text(json.dumps(answer))
+                seat, holder, clients = self._seat(client.cookies.get("who", "page"))
+                await _send(client, wire.SeatChange(seat=seat, holder=holder, clients=clients))
+        verdict = self.robot.obey(message)
+        if verdict:
+            await _send(socket, verdict)
 
     async def _camera_socket(self, socket: WebSocket) -> None:
         await socket.accept()
@@ -154,7 +162,7 @@ class FakeServer:
         async def answer(request: Request) -> Response:
             if request.method == "PATCH":
                 return await self._write(request)
-            return JSONResponse(field() if name == "field" else self.answers[name])
+            return _answer(field() if name == "field" else self.answers[name])
 
         return answer
 
@@ -164,23 +172,23 @@ class FakeServer:
         if request.method == "GET":
             if path in self.written:
                 return JSONResponse(self.written[path])
-            return JSONResponse({"error": f"There is no {path}."}, 404)
+            return _answer(wire.Problem(error=f"There is no {path}."), 404)
         body = await request.body()
         data = json.loads(body) if body else None
         self.written[path] = data
         if path.startswith("panels/"):
-            return JSONResponse({"text": "heard"})
+            return _answer(wire.PanelReply(text="heard"))
         if path == "plan":
-            return JSONResponse(fake_answers.plan())
+            return _answer(fake_answers.plan())
         if path == "settings":
-            return JSONResponse({"applied": data, "refused": {}})
+            return _answer(wire.SettingsReply(applied=data or {}, refused={}))
         return Response(status_code=204)
 
     async def _preview_goal(self, request: Request) -> Response:
         if self.refused_goal:
-            return JSONResponse({"error": self.refused_goal}, 409)
-        goal = await request.json()
-        return JSONResponse(fake_answers.way(self.robot.pose()[:2], (goal["x"], goal["y"])))
+            return _answer(wire.Problem(error=self.refused_goal), 409)
+        goal = msgspec.json.decode(await request.body(), type=wire.GoalPlace)
+        return _answer(fake_answers.way(self.robot.pose()[:2], (goal.x_map_m, goal.y_map_m)))
 
     async def _tile(self, _: Request) -> Response:
         return Response(fake_answers.TILE, media_type="image/png")
@@ -190,6 +198,14 @@ class FakeServer:
         return Response(
             text.replace("package://agribot_description/", ""), media_type="application/xml"
         )
+
+
+async def _send(socket: WebSocket, message: wire.ServerMessage) -> None:
+    await socket.send_text(wire.encode(message).decode())
+
+
+def _answer(value: object, status: int = 200) -> Response:
+    return Response(msgspec.json.encode(value), status, media_type="application/json")
 
 
 async def _import_field(request: Request) -> Response:

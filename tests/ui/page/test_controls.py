@@ -9,6 +9,8 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
+from agribot.core.messages import PlantClass
+from agribot.ui import wire
 from tests.ui.page.conftest import (
     SCREENS,
     WITHOUT_GL,
@@ -97,17 +99,17 @@ def test_the_mission_skips_goes_home_and_begins_once_more_only_when_asked_twice(
     page.locator("[data-action=skip_row]").click()
     page.locator("[data-action=return_home]").click()
     page.get_by_role("dialog").get_by_role("button", name="Return home").click()
-    wait_for(lambda: len(commands(server, "mission")) == 2, "both commands")
+    wait_for(lambda: len(commands(server, wire.ControlMission)) == 2, "both commands")
     server.robot.mode = "done"
     page.locator("[data-action=start]").click()
     asked = page.get_by_role("dialog", name="Start again?")
     expect(asked).to_contain_text(re.compile(r"once more, from where it stands: 6 rows\."))
     asked.get_by_role("button", name="Cancel").click()
-    assert len(commands(server, "mission")) == 2
+    assert len(commands(server, wire.ControlMission)) == 2
     page.locator("[data-action=start]").click()
     asked.get_by_role("button", name="Start again").click()
-    wait_for(lambda: len(commands(server, "mission")) == 3, "the start")
-    sent = [command["action"] for command in commands(server, "mission")]
+    wait_for(lambda: len(commands(server, wire.ControlMission)) == 3, "the start")
+    sent = [command.action for command in commands(server, wire.ControlMission)]
     assert sent == ["skip_row", "return_home", "start"]
 
 
@@ -117,11 +119,12 @@ def test_the_chosen_speed_limit_is_sent_and_kept(
 ) -> None:
     page = armed(open_page, server)
     page.get_by_role("button", name=f"{percent} %", exact=True).click()
-    wait_for(lambda: commands(server, "scale"), "the limit")
+    wait_for(lambda: commands(server, wire.ScaleSpeed), "the limit")
     wait_for(
-        lambda: commands(server, "scale")[-1]["value"] == pytest.approx(percent / 100), "its value"
+        lambda: commands(server, wire.ScaleSpeed)[-1].ratio == pytest.approx(percent / 100),
+        "its value",
     )
-    hold(page, lambda: commands(server, "drive"))
+    hold(page, lambda: commands(server, wire.DriveByHand))
     page.mouse.up()
     page.reload()
     chosen = page.locator(".segment[aria-pressed=true]")
@@ -168,8 +171,8 @@ def test_the_plots_pause_and_save_the_window_that_they_show(open_page: OpenPage)
     assert t_s == sorted(t_s)
     assert 0.0 < t_s[-1] - t_s[0] <= 10.1
     assert {float(row[2]) for row in first[1:]} == {24.6}
-    sent = page.evaluate("window.__agribot.state().t")
-    until(page, f"window.__agribot.state().t > {sent} + 1")
+    sent = page.evaluate("window.__agribot.state().t_s")
+    until(page, f"window.__agribot.state().t_s > {sent} + 1")
     assert rows() == first, "a paused plot stands still"
 
 
@@ -182,27 +185,27 @@ def test_the_plants_are_counted_as_the_filter_leaves_them(
     rendered = "window.__agribot.map.queryRenderedFeatures({layers: ['weeds']})"
     drawn = f"[...new Set({rendered}.map(f => f.properties.cls))].join()"
 
-    def counted(which: list[list[float]]) -> None:
+    def counted(which: list[wire.Weed]) -> None:
         expect(page.locator(".count")).to_have_text(f"{len(which)} of {len(weeds)} plants")
 
     counted(weeds)
     page.get_by_label("Crop", exact=True).uncheck()
-    only = [weed for weed in weeds if weed[1] == 0]
+    only = [weed for weed in weeds if weed.plant == PlantClass.WEED]
     assert 0 < len(only) < len(weeds)
     counted(only)
     until(page, f"{drawn} === '0'")
     page.get_by_label("Confidence at least").fill("0.8")
-    sure = [weed for weed in only if weed[5] >= 0.8]
+    sure = [weed for weed in only if weed.confidence >= 0.8]
     assert 0 < len(sure) < len(only)
     counted(sure)
     page.get_by_label("Not treated").uncheck()
-    counted([weed for weed in sure if weed[10] is not None])
+    counted([weed for weed in sure if weed.treated_s is not None])
     page.get_by_label("Not treated").check()
     server.silent = True  # the time stands still
     expect(page.locator(".banner.bad", has_text="old")).to_be_visible()
     page.get_by_label("Seen").select_option("60")
-    recent = page.evaluate("window.__agribot.state().t") - 60.0
-    counted([weed for weed in sure if weed[9] >= recent])
+    recent = page.evaluate("window.__agribot.state().t_s") - 60.0
+    counted([weed for weed in sure if weed.last_seen_s >= recent])
 
 
 def test_the_list_of_recordings_tells_room_result_and_files(open_page: OpenPage) -> None:
@@ -219,9 +222,9 @@ def test_the_list_of_recordings_tells_room_result_and_files(open_page: OpenPage)
 
 def test_a_replay_is_moved_by_its_slider_and_speed(open_page: OpenPage, server: FakeServer) -> None:
     page = open_page("recordings", WITHOUT_GL)
-    server.robot.replay = {
-        "name": "first", "t_s": 3.0, "start_s": 1.0, "end_s": 61.0, "speed": 1.0,
-    }  # fmt: skip
+    server.robot.replay = wire.ReplayProgress(
+        name="first", t_s=3.0, start_s=1.0, end_s=61.0, speed=1.0
+    )
     expect(page.locator(".replay-bar output")).to_have_text("0:02 / 1:00")
     assert page.locator("select[aria-label=Speed] option").all_inner_texts() == [
         "0.1×", "0.5×", "1×", "2×", "5×", "10×",

@@ -29,11 +29,13 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 
 
 @pytest.fixture(scope="module")
-def page(browser: Browser, robot: Robot) -> Page:
-    page = new_context(browser, viewport={"width": 1280, "height": 800}, locale="en").new_page()
+def page(browser: Browser, robot: Robot) -> Iterator[Page]:
+    context = new_context(browser, viewport={"width": 1280, "height": 800}, locale="en")
+    page = context.new_page()
     page.goto(robot.address)
     expect(page.get_by_role("slider").first).to_be_visible()
-    return page
+    yield page
+    context.close()  # or its picture would be drawn until the last test of the page has ended
 
 
 def test_every_movable_joint_has_a_slider_within_its_limits(page: Page) -> None:

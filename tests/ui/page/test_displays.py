@@ -19,11 +19,12 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect
 
+from agribot.ui import wire
 from tests.ui.page import display_messages as messages
 from tests.ui.page import fake_answers
 from tests.ui.page.conftest import hold_map_still, new_context, take_control, until
 from tests.ui.page.fake_server import FakeServer, serving
-from tests.ui.page.test_safety import STOP_FREE
+from tests.ui.page.test_safety import STOP_FREE, commands
 from tests.ui.page.test_screens import AXE, violations
 from tests.waiting import wait_for
 
@@ -263,10 +264,6 @@ def tool(page: Page, title: str) -> Iterator[None]:
     button.click()
 
 
-def told(server: FakeServer, kind: str) -> list[dict[str, Any]]:
-    return [message for message in server.robot.commands if message["k"] == kind]
-
-
 def test_a_picked_coordinate_is_shown_and_copied(page: Page) -> None:
     """P2."""
     with tool(page, "Read position"):
@@ -301,12 +298,14 @@ def test_a_drawn_polygon_is_sent_and_stays(page: Page, server: FakeServer) -> No
     corners = [(16.0, -14.0), (20.0, -14.0), (20.0, -17.0)]
     with tool(page, "Draw a polygon"):
         tap(page, *corners, corners[0])
-        shape = wait_for(lambda: told(server, "shape"), "a polygon")[-1]
-        assert shape["what"] == "polygon"
-        for sent, meant in zip(shape["xy"], corners, strict=True):
+        shape = wait_for(lambda: commands(server, wire.DrawShape), "a polygon")[-1]
+        assert shape.shape == "polygon"
+        for sent, meant in zip(shape.corners_map_m, corners, strict=True):
             assert sent == pytest.approx(meant, abs=0.06)
         wait_for(lambda: "panels/listener-polygon" in server.written, "the listener's answer")
-        assert server.written["panels/listener-polygon"] == {"points": shape["xy"]}
+        assert server.written["panels/listener-polygon"] == {
+            "points": [list(corner) for corner in shape.corners_map_m]
+        }
     red, green, blue = (177, 18, 138)
     wait_rgb(page, pixel_of(page, 18.0, -14.0), (red, green, blue))
 
@@ -318,24 +317,24 @@ def test_a_route_begins_at_the_robot_and_is_sent(page: Page, server: FakeServer)
         expect(page.locator(".map-hint")).to_contain_text("2 stops")
         tap(page, (12.0, -14.0))
         sent = wait_for(
-            lambda: [s for s in told(server, "shape") if s["what"] == "route"], "a route"
+            lambda: [s for s in commands(server, wire.DrawShape) if s.shape == "route"], "a route"
         )
         x_m, y_m, _ = server.robot.pose()
-        assert sent[0]["xy"][0] == pytest.approx([x_m, y_m], abs=0.01)
-        assert sent[0]["xy"][2] == pytest.approx([12.0, -14.0], abs=0.06)
+        assert sent[0].corners_map_m[0] == pytest.approx([x_m, y_m], abs=0.01)
+        assert sent[0].corners_map_m[2] == pytest.approx([12.0, -14.0], abs=0.06)
 
 
 def test_a_published_point_and_a_goal_are_sent(page: Page, server: FakeServer) -> None:
     """P18 and P12."""
     with tool(page, "Publish a point"):
         tap(page, (26.0, -13.0))
-        point = wait_for(lambda: told(server, "point"), "a point")[0]
-        assert [point["x"], point["y"]] == pytest.approx([26.0, -13.0], abs=0.06)
+        point = wait_for(lambda: commands(server, wire.PointOut), "a point")[0]
+        assert [point.x_map_m, point.y_map_m] == pytest.approx([26.0, -13.0], abs=0.06)
     page.get_by_role("button", name="Drive to a place").click()
     tap(page, (26.0, -14.0))
     page.get_by_role("button", name="Drive here", exact=True).click()
-    goal = wait_for(lambda: told(server, "goto"), "a goal")[0]
-    assert [goal["x"], goal["y"]] == pytest.approx([26.0, -14.0], abs=0.06)
+    goal = wait_for(lambda: commands(server, wire.GoTo), "a goal")[0]
+    assert [goal.x_map_m, goal.y_map_m] == pytest.approx([26.0, -14.0], abs=0.06)
 
 
 def add_display(page: Page, kind: str, title: str, **options: str) -> None:

@@ -9,15 +9,18 @@ import time
 from pathlib import Path
 from urllib.parse import urlparse
 
+import msgspec
 import numpy as np
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from agribot.core import config
 from agribot.record.recorder import RunRecorder
-from agribot.ui.feed import packed
+from agribot.ui import wire
+from agribot.ui.robot_side.feed import pack_pixels
 from tests.record import record_samples as samples
 from tests.ui.conftest import Robot
+from tests.ui.messages import make_weed
 from tests.ui.page.conftest import WITHOUT_GL, arm, drag_pad, show, take_control, until
 from tests.ui.page.fake_robot import FakeRobot
 from tests.ui.page.fake_server import FakeServer
@@ -68,8 +71,8 @@ def test_the_age_is_that_on_the_robot_where_states_are_late_on_their_way(
     expect(page.locator("#main")).to_have_class("main")
     made = FakeRobot.state
 
-    def late(robot: FakeRobot, mono_ms: float, wall_ms: float = 0.0) -> dict[str, object]:
-        return made(robot, mono_ms - 23_000.0, wall_ms)
+    def late(robot: FakeRobot, mono_ms: float) -> wire.State:
+        return made(robot, mono_ms - 23_000.0)
 
     monkeypatch.setattr(FakeRobot, "state", late)
     expect(page.locator(".banner.bad", has_text="What you see is 2")).to_be_visible()
@@ -81,16 +84,14 @@ def test_the_age_is_that_on_the_robot_where_states_are_late_on_their_way(
 def test_a_recording_takes_the_place_of_the_robot_on_the_page_and_gives_it_back(
     context: BrowserContext, robot: Robot, recorded: Path
 ) -> None:
-    robot.answers["panels"] = []
+    robot.answers[wire.ListPanels] = []
     shutil.copytree(recorded, robot.home / "runs" / "recorded")
-    weeds = [[id, 0, 1.0, 2.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, None] for id in range(3)]
-    robot.say({"k": "weeds", "rev": 1, "set": weeds, "gone": []})
-    robot.say({"k": "traj", "first": 0, "xy": [[float(i), 5.0] for i in range(700)]})
+    robot.say(wire.WeedChanges(set=[make_weed(id) for id in range(3)]))
+    robot.say(wire.TracePiece(points_map_m=[(float(i), 5.0) for i in range(700)]))
 
-    def live(n: int, mode: str, stop: str) -> None:
-        made = json.loads(json.dumps(FakeRobot().state(time.monotonic() * 1e3)))
-        del made["e"]
-        robot.say({**made, "n": n, "mode": mode, "stop": stop})
+    def live(tick: int, mode: wire.Mode, stop: str) -> None:
+        made = FakeRobot().state(time.monotonic() * 1e3)
+        robot.say(msgspec.structs.replace(made, tick=tick, mode=mode, stop=stop))
 
     live(1, "mission", "")
     page = context.new_page()
@@ -105,7 +106,7 @@ def test_a_recording_takes_the_place_of_the_robot_on_the_page_and_gives_it_back(
         expect(page.locator(".banner.note")).to_contain_text("Replay of recorded")
         if turn == 0:
             page.locator("#stop").click()
-            robot.wait_for(lambda order: order.get("action") == "stop")
+            robot.wait_for_event("stop")
             expect(page.locator(".banner.bad", has_text="not confirmed")).to_be_visible()
             live(2, "stopped", "stopped by operator 1")
             expect(page.locator(".banner.bad", has_text="The robot itself is held")).to_be_visible()
@@ -126,7 +127,7 @@ INKED = """(canvas) => {
 def test_no_picture_of_the_robot_stays_on_the_screen_when_a_recording_is_shown(
     context: BrowserContext, robot: Robot, recorded: Path
 ) -> None:
-    robot.answers["panels"] = []
+    robot.answers[wire.ListPanels] = []
     shutil.copytree(recorded, robot.home / "runs" / "without-pictures")
     page = context.new_page()
     made = json.loads(json.dumps(FakeRobot().state(time.monotonic() * 1e3)))
@@ -140,8 +141,10 @@ def test_no_picture_of_the_robot_stays_on_the_screen_when_a_recording_is_shown(
     def is_shown() -> bool:
         number = next(numbers)
         pixels = np.full((48, 64, 3), 120, np.uint8)
-        robot.server.camera_link.send_bytes(packed(1, number, 5.0, np.zeros((48, 64), np.uint8)))
-        robot.server.camera_link.send_bytes(packed(0, number, 5.0, pixels))
+        robot.server.camera_link.send_bytes(
+            pack_pixels(1, number, 5.0, np.zeros((48, 64), np.uint8))
+        )
+        robot.server.camera_link.send_bytes(pack_pixels(0, number, 5.0, pixels))
         return bool(image.evaluate(INKED) and mask.evaluate(INKED))
 
     wait_for(is_shown, "a picture of the robot with its mask")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import time
@@ -10,9 +9,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import msgspec
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
+from agribot.ui import wire
 from agribot.ui.address import Address
 from tests.ui.conftest import Robot
 from tests.ui.page.conftest import WITHOUT_GL, take_control, until
@@ -26,7 +27,7 @@ SAVE = "fetch('/api/v1/settings', {method: 'PATCH', body: '{}'}).then((answer) =
 def served(home: Path, track: int, host: str = "127.0.0.1", port: int = 0) -> Iterator[Robot]:
     """A robot that has driven so many points."""
     robot = Robot(home, Address(host=host, port=port))
-    robot.answers["panels"] = []
+    robot.answers[wire.ListPanels] = []
     robot.start()
     tell(robot, track)
     try:
@@ -36,10 +37,9 @@ def served(home: Path, track: int, host: str = "127.0.0.1", port: int = 0) -> It
 
 
 def tell(robot: Robot, track: int) -> None:
-    robot.say({"k": "traj", "first": 0, "xy": [[float(i), 5.0] for i in range(track)]})
-    state = json.loads(json.dumps(FakeRobot().state(time.monotonic() * 1e3)))
-    del state["e"]
-    robot.say({**state, "mode": "paused"})
+    robot.say(wire.TracePiece(points_map_m=[(float(i), 5.0) for i in range(track)]))
+    state = FakeRobot().state(time.monotonic() * 1e3)
+    robot.say(msgspec.structs.replace(state, mode="paused"))
 
 
 def opened(context: BrowserContext, robot: Robot, query: str = "") -> Page:
@@ -72,7 +72,7 @@ def test_a_stop_that_was_pressed_meanwhile_reaches_the_next_run_before_the_page_
     expect(page.locator(".banner.bad").first).to_be_visible()
     page.locator("#stop").click()
     with served(tmp_path / "next", track=3, port=first.port) as robot:
-        robot.wait_for(lambda order: order.get("action") == "stop")
+        robot.wait_for_event("stop")
         until(page, "!window.isOld && window.__agribot?.ready")
 
 
@@ -97,7 +97,7 @@ def test_a_page_stays_as_it_is_when_the_server_of_its_run_is_started_again(
         assert pid is not None
         robot.orders.clear()
         os.kill(pid, signal.SIGKILL)
-        robot.wait_for(lambda order: order["c"] == "ready")
+        robot.wait_for(wire.Ready)
         tell(robot, 71)
         until(page, "window.__agribot.counters.traj === 71")
         take_control(page)

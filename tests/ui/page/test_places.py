@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import pytest
 from playwright.sync_api import Browser, CDPSession, Page, expect
 
+from agribot.ui import wire
 from tests.ui.page.conftest import OpenPage, new_context, take_control, until
 from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.test_safety import commands
@@ -34,10 +35,14 @@ def drag_north(page: Page) -> None:
 
 @pytest.mark.parametrize(
     ("title", "yes", "kind"),
-    [(GOAL, "Drive here", "goto"), (POSE, "Correct the pose", "pose_estimate")],
+    [(GOAL, "Drive here", wire.GoTo), (POSE, "Correct the pose", wire.CorrectPose)],
 )
 def test_a_goal_and_a_pose_are_sent_when_they_are_confirmed_and_not_before(
-    open_page: OpenPage, server: FakeServer, title: str, yes: str, kind: str
+    open_page: OpenPage,
+    server: FakeServer,
+    title: str,
+    yes: str,
+    kind: type[wire.GoTo] | type[wire.CorrectPose],
 ) -> None:
     page = open_page(query=MAP_ONLY)
     take_control(page)
@@ -51,7 +56,7 @@ def test_a_goal_and_a_pose_are_sent_when_they_are_confirmed_and_not_before(
     expect(tool).to_have_attribute("aria-pressed", "false")
     tool.click()
     drag_north(page)
-    if kind == "goto":
+    if kind is wire.GoTo:
         expect(proposal).to_contain_text("of way, at least")
     assert commands(server, kind) == []
     proposal.get_by_role("button", name=yes).click()
@@ -61,7 +66,7 @@ def test_a_goal_and_a_pose_are_sent_when_they_are_confirmed_and_not_before(
     drag_north(page)  # the tool is put away: this moves the map
     assert len(commands(server, kind)) == 1
     north_rad = 1.5708
-    assert commands(server, kind)[0]["yaw"] == pytest.approx(north_rad, abs=0.02)
+    assert commands(server, kind)[0].yaw_map_rad == pytest.approx(north_rad, abs=0.02)
 
 
 def test_a_place_that_the_robot_cannot_reach_or_nobody_may_send_it_to_is_not_sent(
@@ -80,7 +85,7 @@ def test_a_place_that_the_robot_cannot_reach_or_nobody_may_send_it_to_is_not_sen
     page.mouse.click(*middle_of_map(page))
     expect(proposal).to_contain_text("crop stands there")
     expect(yes).to_be_disabled()
-    assert commands(server, "goto") == []
+    assert commands(server, wire.GoTo) == []
 
 
 def test_a_robot_that_drives_on_is_asked_again_for_its_way_to_a_place(
@@ -144,10 +149,8 @@ def test_two_fingers_move_the_map_and_a_double_tap_zooms_and_neither_sends_anyth
         touch(fingers, "touchStart", [(x, y)])
         touch(fingers, "touchEnd", [])
         expect(proposal).to_be_visible()
-        sent = [
-            c["k"] for c in server.robot.commands if c["k"] in {"goto", "pose_estimate", "point"}
-        ]
-        assert sent == []
+        for kind in (wire.GoTo, wire.CorrectPose, wire.PointOut):
+            assert commands(server, kind) == []
 
 
 def test_the_place_that_the_robot_drives_to_is_told_by_its_path(
@@ -157,4 +160,4 @@ def test_the_place_that_the_robot_drives_to_is_told_by_its_path(
     middle_of_map(page)
     assert page.evaluate("window.__agribot.goal()") is None
     server.robot.leg = "to the goal"
-    assert until(page, "window.__agribot.goal()") == server.robot.path[-1]
+    assert until(page, "window.__agribot.goal()") == list(server.robot.path[-1])

@@ -16,7 +16,7 @@ from tests.ui.page.fake_robot import DATUM
 from tests.ui.page.fake_server import FakeServer
 from tests.waiting import wait_for
 
-FRAME = MapFrame(Datum(lat_deg=DATUM["lat_deg"], lon_deg=DATUM["lon_deg"]))
+FRAME = MapFrame(Datum(lat_deg=DATUM.lat_deg, lon_deg=DATUM.lon_deg))
 CENTIMETRE_M = 0.01
 BOUNDARY = [(0.0, 0.0), (30.123, 0.5), (30.0, 20.777), (0.0, 20.0)]
 POND = [(10.0, 8.0), (14.0, 8.0), (14.0, 12.0), (10.0, 12.0)]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 import pytest
 from playwright.sync_api import Page, expect
 
+from agribot.ui import wire
 from tests.ui.page.conftest import (
     LEFT_SHOULDER,
     PLUG_IN,
@@ -36,8 +38,11 @@ STOP_FREE = """() => {
 }"""
 
 
-def commands(server: FakeServer, kind: str) -> list[dict[str, object]]:
-    return [message for message in server.robot.commands if message["k"] == kind]
+M = TypeVar("M", bound=wire.Message)
+
+
+def commands(server: FakeServer, kind: type[M]) -> list[M]:
+    return [message for message in server.robot.commands if isinstance(message, kind)]
 
 
 @contextmanager
@@ -76,7 +81,7 @@ def test_stop_works_above_a_dialog_without_the_seat(
     expect(page.get_by_role("dialog")).to_be_visible()
     assert page.evaluate(STOP_FREE)
     page.locator("#stop").click()
-    wait_for(lambda: commands(server, "stop"), "a stop command")
+    wait_for(lambda: commands(server, wire.PressStop), "a stop command")
     expect(page.locator(".banner.bad", has_text="Stopped")).to_be_visible()
 
 
@@ -86,14 +91,14 @@ def test_space_stops_everywhere_but_in_a_text_field(
     page = open_page("settings")
     page.get_by_role("button", name="Dark").focus()
     page.keyboard.press("Space")
-    wait_for(lambda: len(commands(server, "stop")) == 1, "a stop from a focused button")
+    wait_for(lambda: len(commands(server, wire.PressStop)) == 1, "a stop from a focused button")
     assert page.evaluate("document.documentElement.dataset.theme") == "light"
     page.locator(".operator").click()
     name = page.get_by_label("Name shown to the others")
     name.fill("Ann")
     name.press("Space")
     expect(name).to_have_value("Ann ")
-    assert len(commands(server, "stop")) == 1
+    assert len(commands(server, wire.PressStop)) == 1
 
 
 def test_releasing_the_stop_needs_the_seat(open_page: OpenPage, server: FakeServer) -> None:
@@ -105,7 +110,7 @@ def test_releasing_the_stop_needs_the_seat(open_page: OpenPage, server: FakeServ
     take_control(page)
     release.click()
     expect(page.locator(".mode")).to_have_text("Paused")
-    assert len(commands(server, "clear_stop")) == 1
+    assert len(commands(server, wire.ClearStop)) == 1
 
 
 def test_the_pad_commands_nothing_before_it_is_armed(
@@ -121,7 +126,7 @@ def test_the_pad_commands_nothing_before_it_is_armed(
     page.mouse.up()
     sent = server.robot.n
     wait_for(lambda: server.robot.n > sent + 6, "six more ticks")
-    assert commands(server, "drive") == []
+    assert commands(server, wire.DriveByHand) == []
 
 
 def armed(open_page: OpenPage, server: FakeServer) -> Page:
@@ -134,17 +139,21 @@ def armed(open_page: OpenPage, server: FakeServer) -> Page:
 
 def drives_within(server: FakeServer, limits_mps: list[float]) -> int:
     low, high = limits_mps
-    return sum(low < float(str(drive["v"])) < high for drive in commands(server, "drive"))
+    return sum(low < drive.v_mps < high for drive in commands(server, wire.DriveByHand))
 
 
-def turning(server: FakeServer) -> list[dict[str, object]]:
+def turning(server: FakeServer) -> list[wire.DriveByHand]:
     """The drives that go ahead and turn."""
-    return [drive for drive in commands(server, "drive") if drive["v"] and drive["w"]]
+    return [
+        drive
+        for drive in commands(server, wire.DriveByHand)
+        if drive.v_mps and drive.yaw_rate_radps
+    ]
 
 
 def ends_with_zero(server: FakeServer) -> bool:
-    drives = commands(server, "drive")
-    return bool(drives) and drives[-1]["v"] == 0 and drives[-1]["w"] == 0
+    drives = commands(server, wire.DriveByHand)
+    return bool(drives) and drives[-1].v_mps == 0 and drives[-1].yaw_rate_radps == 0
 
 
 @pytest.mark.parametrize("let_go", ["release", "blur", "hidden", "leave"])
@@ -180,12 +189,12 @@ def test_keys_drive_while_held_and_steer(open_page: OpenPage, server: FakeServer
 
     hold(page, lambda: turning(server), press, let_go)
     drive = turning(server)[-1]
-    assert float(str(drive["v"])) > 0
-    assert float(str(drive["w"])) > 0
+    assert drive.v_mps > 0
+    assert drive.yaw_rate_radps > 0
     let_go(page)
     wait_for(lambda: ends_with_zero(server), "a zero at the end")
-    sequence = [drive["seq"] for drive in commands(server, "drive")]
-    assert sequence == sorted(set(map(int, map(str, sequence))))
+    stamps_ms = [drive.mono_ms or 0.0 for drive in commands(server, wire.DriveByHand)]
+    assert stamps_ms == sorted(set(stamps_ms)), "each is stamped with the robot's clock"
 
 
 def test_a_gamepad_drives_only_while_its_shoulder_button_is_held(
@@ -197,7 +206,7 @@ def test_a_gamepad_drives_only_while_its_shoulder_button_is_held(
     page.evaluate("window.__pad.axes[1] = -1; window.__pad.axes[2] = -1")
     sent = server.robot.n
     wait_for(lambda: server.robot.n > sent + 6, "six more ticks")
-    assert commands(server, "drive") == []
+    assert commands(server, wire.DriveByHand) == []
 
     def press(page: Page) -> None:
         page.evaluate(LEFT_SHOULDER % "true")
@@ -207,8 +216,8 @@ def test_a_gamepad_drives_only_while_its_shoulder_button_is_held(
 
     hold(page, lambda: turning(server), press, let_go)
     drive = turning(server)[-1]
-    assert float(str(drive["v"])) == pytest.approx(1.0)
-    assert float(str(drive["w"])) == pytest.approx(1.2)
+    assert drive.v_mps == pytest.approx(1.0)
+    assert drive.yaw_rate_radps == pytest.approx(1.2)
     let_go(page)
     wait_for(lambda: ends_with_zero(server), "a zero when the button is let go")
     hold(page, lambda: not ends_with_zero(server), press, let_go)
@@ -228,7 +237,7 @@ def test_a_gamepad_held_while_arming_must_be_let_go_first(
     expect(page.locator(".pad.armed")).to_be_visible()
     sent = server.robot.n
     wait_for(lambda: server.robot.n > sent + 6, "six more ticks")
-    assert commands(server, "drive") == []
+    assert commands(server, wire.DriveByHand) == []
 
 
 def test_driving_by_hand_asks_before_it_interrupts_a_mission(
@@ -274,7 +283,7 @@ def test_the_mission_buttons_send_what_they_say(open_page: OpenPage, server: Fak
         page.locator(f"[data-action={action}]").click()
     page.locator("[data-action=cancel]").click()
     page.get_by_role("dialog").get_by_role("button", name="End mission").click()
-    wait_for(lambda: len(commands(server, "mission")) == 3, "three mission commands")
-    sent = [command["action"] for command in commands(server, "mission")]
+    wait_for(lambda: len(commands(server, wire.ControlMission)) == 3, "three mission commands")
+    sent = [command.action for command in commands(server, wire.ControlMission)]
     assert sent == ["pause", "resume", "cancel"]
     expect(page.locator(".mode")).to_have_text("Done")

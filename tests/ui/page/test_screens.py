@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from PIL import Image
 from playwright.sync_api import Page, Route, expect
 
 from agribot.core.geo import Datum, MapFrame
+from agribot.ui import wire
 from tests.ui.page.conftest import SCREENS, OpenPage, show, until
 from tests.ui.page.fake_robot import DATUM, field
 from tests.ui.page.fake_server import FakeServer
@@ -90,14 +92,14 @@ def test_the_trace_is_blue_and_runs_through_every_place_and_goals_are_green(
     server.robot.mode = "paused"
     driven = list(server.robot.trajectory)
     until(page, f"window.__agribot.counters.traj >= {len(driven)}")
-    frame = MapFrame(Datum(lat_deg=DATUM["lat_deg"], lon_deg=DATUM["lon_deg"]))
-    robot_xy, goals = server.robot.pose()[:2], field()["waypoints_map_m"]
+    frame = MapFrame(Datum(lat_deg=DATUM.lat_deg, lon_deg=DATUM.lon_deg))
+    robot_xy, goals = server.robot.pose()[:2], field().waypoints_map_m
     covered = (robot_xy, *goals, (-1.0, 0.0))  # there stands the number of the row
     clear = [xy for xy in driven if min(math.dist(xy, at) for at in covered) > 1.0]
     assert len(clear) > 50
     picture = np.zeros((1, 1, 3), dtype=int)
 
-    def seen(xy: list[float], rgb: tuple[int, int, int]) -> bool:
+    def seen(xy: Sequence[float], rgb: tuple[int, int, int]) -> bool:
         """A pixel of this colour there, or next to it."""
         lat_deg, lon_deg, _ = frame.geodetic_from_map(*xy)
         at = page.evaluate(f"window.__agribot.map.project([{lon_deg}, {lat_deg}])")
@@ -197,8 +199,8 @@ def test_a_recording_is_replayed_and_a_moment_marked(
     page.get_by_role("button", name="Mark this moment").click()
     page.get_by_label("What happened").fill("stone")
     page.keyboard.press("Enter")
-    wait_for(lambda: commands(server, "mark"), "a mark")
-    assert commands(server, "mark")[0]["text"] == "stone"
+    wait_for(lambda: commands(server, wire.MarkMoment), "a mark")
+    assert commands(server, wire.MarkMoment)[0].text == "stone"
 
 
 def test_the_plots_draw_the_chosen_signals(open_page: OpenPage) -> None:

@@ -23,12 +23,13 @@ SETTINGS = ["--set", "perception.enabled=false", "--set", "seed=1"]
 STATE = "window.__agribot.state()"
 FIELD = Path(__file__).parents[3] / "examples" / "field.geojson"
 GOAL = (-1.0, 4.0)
+PACE = 4.0  # nobody drives by hand here, and an open page costs by the second
 
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     out_dir = tmp_path_factory.mktemp("runs") / "run"
-    with robot_with_page("farm", out_dir, SETTINGS) as robot:
+    with robot_with_page("farm", out_dir, SETTINGS, PACE) as robot:
         yield robot
 
 
@@ -69,7 +70,7 @@ def draw_north(page: Page, east_m: float, north_m: float) -> None:
 
 
 def test_a_place_beyond_the_fence_is_refused_with_the_reason(page: Page) -> None:
-    until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1")
+    until(page, f"{STATE}.mode === 'mission' && {STATE}.v_mps > 0.1")
     page.get_by_role("button", name="Drive to a place").click()
     tap(page, 60.0, 0.0)
     proposal = page.get_by_role("group", name="Proposal")
@@ -89,7 +90,7 @@ def test_the_robot_drives_to_the_place_that_was_drawn_and_waits(page: Page) -> N
     goal = until(page, "window.__agribot.goal()")
     assert goal == pytest.approx(GOAL, abs=0.3)
     until(page, f"{STATE}.mission.reason.includes('at the goal')")
-    until(page, f"Math.abs({STATE}.vel[0]) < 0.01")
+    until(page, f"Math.abs({STATE}.v_mps) < 0.01")
     x_m, y_m, yaw_rad = page.evaluate(f"{STATE}.pose")
     assert (x_m, y_m) == pytest.approx(GOAL, abs=0.3)  # as near as a finger on the map
     assert math.cos(yaw_rad - math.pi / 2) > 0.98
@@ -97,13 +98,13 @@ def test_the_robot_drives_to_the_place_that_was_drawn_and_waits(page: Page) -> N
 
 
 def test_a_standing_robot_believes_the_pose_that_was_drawn_and_then_its_sensors(page: Page) -> None:
-    before = page.evaluate(f"{STATE}.std[0]")
+    before = page.evaluate(f"{STATE}.pos_std_m")
     assert before < 0.05
     page.get_by_role("button", name="Correct the robot’s pose").click()
     draw_north(page, *page.evaluate(f"{STATE}.pose.slice(0, 2)"))
     page.get_by_role("button", name="Correct the pose", exact=True).click()
     expect(page.locator(".toast", has_text="Pose corrected")).to_be_visible()
-    until(page, f"{STATE}.std[0] < 0.05 && Math.abs({STATE}.vel[0]) < 0.01")
+    until(page, f"{STATE}.pos_std_m < 0.05 && Math.abs({STATE}.v_mps) < 0.01")
 
 
 def test_a_checked_plan_becomes_the_mission(page: Page, robot: Robot) -> None:
@@ -118,7 +119,7 @@ def test_a_checked_plan_becomes_the_mission(page: Page, robot: Robot) -> None:
     assert page.evaluate(f"{STATE}.mission.rows_total") > 6
     show(page, "drive")
     page.locator("[data-action=resume]").click()
-    until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1")
+    until(page, f"{STATE}.mode === 'mission' && {STATE}.v_mps > 0.1")
     wait_for((robot.out_dir / "plan.geojson").is_file, "the plan beside the run")
 
 

@@ -165,5 +165,5 @@ def test_a_video_keeps_the_size_with_which_it_began(
 
 def test_the_origin_of_the_map_is_told(open_page: OpenPage, server: FakeServer) -> None:
     page = opened(open_page, server)
-    place = f"Origin {DATUM['lat_deg']:.7f}, {DATUM['lon_deg']:.7f} · home"
+    place = f"Origin {DATUM.lat_deg:.7f}, {DATUM.lon_deg:.7f} · home"
     expect(page.get_by_role("group", name="Layers")).to_contain_text(place)

@@ -41,7 +41,7 @@ STANDS_WITHIN_S = 0.5
 HANG = "() => { const end = performance.now() + 1500; while (performance.now() < end); }"
 STATE = "window.__agribot.state()"
 WAYS = ("release", "blur", "hung tab", "cut link", "gamepad gone")
-IS_STILL = f"Math.abs({STATE}.vel[0]) < 0.02"
+IS_STILL = f"Math.abs({STATE}.v_mps) < 0.02"
 BY_HAND = f"{STATE}.mode === 'teleop'"
 
 # How green a weed's picture is, 2 G - R - B, in its middle and in its corners.
@@ -111,16 +111,16 @@ def on_its_mission(page: Page) -> None:
     until(page, f"['mission', 'paused'].includes({STATE}.mode)")
     if page.evaluate(f"{STATE}.mode") == "paused":
         page.locator("[data-action=resume]").click()
-    until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1")
+    until(page, f"{STATE}.mode === 'mission' && {STATE}.v_mps > 0.1")
 
 
 def test_the_robot_drives_its_mission_and_the_page_shows_it(page: Page) -> None:
-    until(page, f"{STATE}.mode === 'mission' && {STATE}.vel[0] > 0.1")
+    until(page, f"{STATE}.mode === 'mission' && {STATE}.v_mps > 0.1")
     expect(page.locator(".mode")).to_have_text("On mission")
     expect(page.locator(".facts")).to_contain_text("– of 6 (0 done)")
     east_m = page.evaluate(f"{STATE}.pose[0]")
     until(page, f"Math.hypot({STATE}.pose[0] - {east_m}, {STATE}.pose[1]) > 0")
-    assert page.evaluate(f"{STATE}.std[0]") < 0.1
+    assert page.evaluate(f"{STATE}.pos_std_m") < 0.1
 
 
 def test_a_paused_mission_stands_and_goes_on_where_it_was(page: Page) -> None:
@@ -159,10 +159,10 @@ def test_a_changed_speed_slows_the_mission(page: Page) -> None:
     speed = page.get_by_label("Speed", exact=True)
     speed.fill("0.2")
     speed.press("Enter")
-    until(page, f"{STATE}.cmd[0] > 0 && {STATE}.cmd[0] <= 0.21")
+    until(page, f"{STATE}.signals.at(-1)[3] > 0 && {STATE}.signals.at(-1)[3] <= 0.21")
     speed.fill("0.4")
     speed.press("Enter")
-    until(page, f"{STATE}.cmd[0] > 0.3")
+    until(page, f"{STATE}.signals.at(-1)[3] > 0.3")
 
 
 def test_plants_are_mapped_as_the_robot_passes_them(page: Page) -> None:
@@ -266,7 +266,7 @@ def drives_by_hand(page: Page) -> Callable[[], object]:
         if not began_s:
             began_s.extend(page.evaluate(f"{BY_HAND} ? [{STATE}.t] : []"))
             return False
-        return page.evaluate(f"{BY_HAND} && {STATE}.t > {began_s[0]} + 1 && {STATE}.vel[0] > 0.1")
+        return page.evaluate(f"{BY_HAND} && {STATE}.t_s > {began_s[0]} + 1 && {STATE}.v_mps > 0.1")
 
     return drives
 
@@ -332,5 +332,5 @@ def test_a_replay_says_so_and_commands_nothing(context: BrowserContext, ended: P
         show(page, "recordings")
         expect(page.get_by_label("Time in the recording")).to_be_visible()
         later_s = page.evaluate(f"{STATE}.t")
-        until(page, f"{STATE}.t > {later_s}")
+        until(page, f"{STATE}.t_s > {later_s}")
         assert player.end() == 0

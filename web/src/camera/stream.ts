@@ -2,8 +2,8 @@
 
 import { socketUrl } from '../link.ts'
 import type { Store } from '../store.ts'
-import type { CameraPacket } from '../wire.ts'
-import { parseCameraPacket } from '../wire.ts'
+import type { CameraPacket } from '../decode.ts'
+import { parseCameraPacket } from '../decode.ts'
 
 const RETRY_MS = 1000
 

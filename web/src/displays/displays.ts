@@ -1,7 +1,7 @@
 /** All displays of the map: those of the robot's maps and programs, and those the operator added. */
 
 import { api } from '../api.ts'
-import type { MapSource, Panel } from '../wire.ts'
+import type { MapSource, PanelInfo } from '../wire.ts'
 import { Display } from './display.ts'
 import type { DisplayConfig } from './display.ts'
 import type { DisplayHost } from './host.ts'
@@ -17,7 +17,7 @@ const PANELS_EVERY_MS = 5000
 export class Displays {
   readonly all: Display[] = []
   private maps: MapSource[] = []
-  private panels: Panel[] = []
+  private panels: PanelInfo[] = []
   private made = 0
   /** True once the robot's own are there; before, nothing may be remembered of them. */
   started = false
@@ -62,7 +62,7 @@ export class Displays {
     if (known) this.remove(known)
   }
 
-  private showPanel(panel: Panel): void {
+  private showPanel(panel: PanelInfo): void {
     this.dropPanel(panel.id)
     const display = this.add(
       {

@@ -3,7 +3,7 @@
 import { api } from '../api.ts'
 import type { App } from '../app.ts'
 import { CameraStream } from '../camera/stream.ts'
-import type { MapSource, Panel, State } from '../wire.ts'
+import type { MapSource, PanelInfo, State } from '../wire.ts'
 import type { Odometry, PoseStamped } from './messages.ts'
 import { ofYaw } from './messages.ts'
 
@@ -27,7 +27,7 @@ function ofState(app: App, pick: (state: State) => unknown): Source['listen'] {
 }
 
 function header(state: State): Odometry['header'] {
-  return { frame_id: 'map', stamp: { sec: Math.floor(state.t), nanosec: Math.round((state.t % 1) * 1e9) } }
+  return { frame_id: 'map', stamp: { sec: Math.floor(state.t_s), nanosec: Math.round((state.t_s % 1) * 1e9) } }
 }
 
 function poseOf(state: State): PoseStamped | null {
@@ -40,28 +40,29 @@ function odometryOf(state: State): Odometry | null {
   const stamped = poseOf(state)
   if (!stamped) return null
   const covariance = new Array<number>(36).fill(0)
-  if (state.std)
-    [covariance[0], covariance[7], covariance[35]] = [state.std[0] ** 2, state.std[0] ** 2, state.std[1] ** 2]
+  const { pos_std_m: pos, yaw_std_rad: yaw } = state
+  if (pos !== null && yaw !== null) [covariance[0], covariance[7], covariance[35]] = [pos ** 2, pos ** 2, yaw ** 2]
   return { header: stamped.header, pose: { pose: stamped.pose, covariance } }
 }
 
 function fixOf(state: State): unknown {
   if (!state.gnss) return null
-  const { lat, lon, std } = state.gnss
+  const { lat_deg, lon_deg, std_m } = state.gnss
+  const variance = (std_m ?? 0) ** 2
   const track = state.pose ? 90 - (state.pose[2] * 180) / Math.PI : undefined
   return {
     header: header(state),
-    latitude: lat,
-    longitude: lon,
+    latitude: lat_deg,
+    longitude: lon_deg,
     track,
-    position_covariance: [std ** 2, 0, 0, 0, std ** 2, 0, 0, 0, 0],
+    position_covariance: [variance, 0, 0, 0, variance, 0, 0, 0, 0],
   }
 }
 
 /** Roll, pitch and yaw as the quaternion of an IMU. */
 function imuOf(state: State): unknown {
-  if (!state.att) return null
-  const [[cr, sr], [cp, sp], [cy, sy]] = [state.att[0], state.att[1], state.pose?.[2] ?? 0].map((angle) => [
+  if (!state.tilt_rad) return null
+  const [[cr, sr], [cp, sp], [cy, sy]] = [state.tilt_rad[0], state.tilt_rad[1], state.pose?.[2] ?? 0].map((angle) => [
     Math.cos(angle / 2),
     Math.sin(angle / 2),
   ])
@@ -85,7 +86,7 @@ function pathListener(
       if (path)
         hear(
           message(
-            path.xy.map(([x, y]) => ({ pose: { position: { x, y } } })),
+            path.points_map_m.map(([x, y]) => ({ pose: { position: { x, y } } })),
             state,
           ),
         )
@@ -166,7 +167,7 @@ export function robotSources(app: App): Source[] {
       title: name,
       types: ['float'],
       listen: ofState(app, (state) => {
-        const value = state.sig?.[state.sig.length - 1]?.[i + 1]
+        const value = state.signals.at(-1)?.[i + 1]
         return typeof value === 'number' ? { data: value } : null
       }),
     }),
@@ -175,7 +176,7 @@ export function robotSources(app: App): Source[] {
 }
 
 /** Data that a program gives: asked for again and again while somebody looks. */
-export function panelSource(panel: Panel, isShown: () => boolean): Source {
+export function panelSource(panel: PanelInfo, isShown: () => boolean): Source {
   const types = [panel.kind === 'image' ? 'image' : (panel.type ?? 'geojson')]
   const listen = (hear: Listener): (() => void) => {
     let known = ''

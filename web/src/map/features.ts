@@ -4,7 +4,8 @@ import type { Feature, Position } from 'geojson'
 import type { Projection } from '../geo.ts'
 import { collection, EMPTY } from '../geojson.ts'
 import type { Features } from '../geojson.ts'
-import type { Field, PathData, Vec2, Weed } from '../wire.ts'
+import type { Path } from '../store.ts'
+import type { Field, Vec2, Weed } from '../wire.ts'
 
 const ROW_LABEL_M = 1
 
@@ -58,8 +59,8 @@ export function waypointFeatures(field: Field, projection: Projection, reached: 
   )
 }
 
-export function pathFeatures(path: PathData | null, projection: Projection): Features {
-  return path && path.xy.length > 1 ? collection([line(project(projection, path.xy))]) : EMPTY
+export function pathFeatures(path: Path | null, projection: Projection): Features {
+  return path && path.points_map_m.length > 1 ? collection([line(project(projection, path.points_map_m))]) : EMPTY
 }
 
 export function trajectoryFeatures(pieces: Vec2[][], projection: Projection): Features {
@@ -67,8 +68,9 @@ export function trajectoryFeatures(pieces: Vec2[][], projection: Projection): Fe
 }
 
 export function weedFeature(weed: Weed, projection: Projection): Feature {
-  const [id, cls, x, y, , confidence, , , , lastS, treatedS] = weed
-  const feature = point(projection.toLonLat(x, y), { id, cls, confidence, last: lastS, treated: treatedS !== null })
+  const { id, plant, confidence, last_seen_s, treated_s } = weed
+  const properties = { id, plant, confidence, last_seen_s, treated: treated_s !== null }
+  const feature = point(projection.toLonLat(weed.x_map_m, weed.y_map_m), properties)
   feature.id = id
   return feature
 }
@@ -102,8 +104,8 @@ export function gridFeatures(projection: Projection, centre: Vec2, stepM: number
 /** Weeds counted in square cells; `count` and `per_m2` on each cell. */
 export function densityFeatures(weeds: Iterable<Weed>, cellM: number, projection: Projection): Features {
   const counts = new Map<string, { i: number; j: number; n: number }>()
-  for (const [, cls, x, y] of weeds) {
-    if (cls !== 0) continue
+  for (const { plant, x_map_m: x, y_map_m: y } of weeds) {
+    if (plant !== 0) continue
     const i = Math.floor(x / cellM)
     const j = Math.floor(y / cellM)
     const cell = counts.get(`${i},${j}`)

@@ -85,7 +85,7 @@ export class LiveData {
 
   private drawGoals(): void {
     const { field, store, projection } = this.app
-    const reached = store.state?.mission?.wp_reached ?? 0
+    const reached = store.state?.mission?.waypoints_reached ?? 0
     if (!field || reached === this.reached) return
     this.reached = reached
     this.view.setData('waypoints', waypointFeatures(field, projection, reached))
@@ -118,8 +118,8 @@ export class LiveData {
 
   private queueWeeds(set: Weed[], gone: number[]): void {
     for (const weed of set) {
-      this.pendingSet.set(weed[0], weed)
-      this.pendingGone.delete(weed[0])
+      this.pendingSet.set(weed.id, weed)
+      this.pendingGone.delete(weed.id)
     }
     for (const id of gone) {
       this.pendingGone.add(id)

@@ -85,13 +85,13 @@ export class Overlay {
   }
 
   private drawProposal(pen: CanvasRenderingContext2D, { at, yaw, way }: Proposal): void {
-    if (way && way.xy.length > 1) {
+    if (way && way.points_map_m.length > 1) {
       pen.lineJoin = pen.lineCap = 'round'
       for (const [colour, width, dash] of [
         [this.colours.halo, 6, []],
         [this.colours.tool, 3, [2, 7]],
       ] as const) {
-        this.polyline(pen, way.xy)
+        this.polyline(pen, way.points_map_m)
         pen.setLineDash([...dash])
         pen.strokeStyle = colour
         pen.lineWidth = width
@@ -163,7 +163,8 @@ export class Overlay {
     const [px, py] = this.at([x, y])
     const [ex, ey] = this.at([x + 1, y])
     const pxPerM = Math.hypot(ex - px, ey - py)
-    if (state.std) this.drawUncertainty(pen, [px, py], yaw, state.std, pxPerM)
+    if (state.pos_std_m !== null && state.yaw_std_rad !== null)
+      this.drawUncertainty(pen, [px, py], yaw, [state.pos_std_m, state.yaw_std_rad], pxPerM)
     const outline = this.app.robot?.footprint_body_m ?? FALLBACK_OUTLINE
     const lengthM = Math.max(...outline.map((p) => p[0])) - Math.min(...outline.map((p) => p[0]))
     const scale = Math.max(1, SMALLEST_ROBOT_PX / (lengthM * pxPerM))

@@ -5,7 +5,10 @@ import type { App } from '../app.ts'
 import { el, setText } from '../dom.ts'
 import { duration, metres } from '../format.ts'
 import { compassText, distanceM } from '../geo.ts'
-import type { Command, State, Vec2, Way } from '../wire.ts'
+import type { GoalPreview, PageRequest, State, Vec2 } from '../wire.ts'
+
+/** The way to a goal before it is sent; without numbers where the robot was not asked. */
+type Way = GoalPreview | { points_map_m: []; length_m: null; time_s: null }
 
 export interface Proposal {
   what: 'goal' | 'pose'
@@ -52,16 +55,16 @@ export class Proposals {
     const { leg, state: doing } = state?.mission ?? {}
     if (leg === 'stops first') return this.sent
     if (leg !== 'to the goal' || doing !== 'running' || !state) return null
-    const isPathKnown = state.t - this.legSinceS > PATH_WITHIN_S
-    return this.sent ?? (isPathKnown ? (path?.xy[path.xy.length - 1] ?? null) : null)
+    const isPathKnown = state.t_s - this.legSinceS > PATH_WITHIN_S
+    return this.sent ?? (isPathKnown ? (path?.points_map_m.at(-1) ?? null) : null)
   }
 
-  private follow({ t, mission, pose }: State): void {
+  private follow({ t_s, mission, pose }: State): void {
     if (pose) this.askAgain([pose[0], pose[1]])
     const leg = mission?.leg
     if (leg === this.leg) return
     if (GOAL_LEGS.has(this.leg ?? '') && !GOAL_LEGS.has(leg ?? '')) this.sent = null
-    if (this.leg !== undefined) this.legSinceS = t
+    if (this.leg !== undefined) this.legSinceS = t_s
     this.leg = leg
   }
 
@@ -95,11 +98,11 @@ export class Proposals {
     proposal.from = pose ? [pose[0], pose[1]] : null
     proposal.isAsking = true
     try {
-      proposal.way = await api.previewGoal({ x, y, yaw: proposal.yaw })
+      proposal.way = await api.previewGoal({ x_map_m: x, y_map_m: y, yaw_map_rad: proposal.yaw })
       proposal.problem = ''
     } catch (error) {
       const isBad = error instanceof ApiError && BAD_GOAL.has(error.status)
-      proposal.way = { xy: [], length_m: null, time_s: null }
+      proposal.way = { points_map_m: [], length_m: null, time_s: null }
       proposal.problem = isBad ? message(error) : ''
     }
     proposal.isAsking = false
@@ -114,7 +117,9 @@ export class Proposals {
       at: [x, y],
       yaw,
     } = proposal
-    const command: Command = what === 'goal' ? { k: 'goto', x, y, yaw } : { k: 'pose_estimate', x, y, yaw: yaw ?? 0 }
+    const place = { x_map_m: x, y_map_m: y, yaw_map_rad: yaw ?? 0 }
+    const command: PageRequest =
+      what === 'goal' ? { kind: 'go_to', ...place, yaw_map_rad: yaw } : { kind: 'correct_pose', ...place }
     if (what === 'goal') this.sent = [x, y]
     this.end()
     const isTaken = await this.app.command(

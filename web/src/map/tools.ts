@@ -8,7 +8,7 @@ import { areaM2, compassText, distanceM, lengthM } from '../geo.ts'
 import { area, metres } from '../format.ts'
 import { Proposals } from './proposal.ts'
 import type { IconName } from '../icons.ts'
-import type { Command, Vec2 } from '../wire.ts'
+import type { PageRequest, Vec2 } from '../wire.ts'
 
 export interface Sketch {
   points: Vec2[]
@@ -168,7 +168,11 @@ export class MapTools {
 
   /** Into the recording, and to the programs that listen for it; what they answer is shown. */
   private async publish(what: 'point' | 'polygon' | 'route', xy: Vec2[], done: string): Promise<void> {
-    const command: Command = what === 'point' ? { k: 'point', x: xy[0][0], y: xy[0][1] } : { k: 'shape', what, xy }
+    const [[x_map_m, y_map_m]] = xy
+    const command: PageRequest =
+      what === 'point'
+        ? { kind: 'point_out', x_map_m, y_map_m }
+        : { kind: 'draw_shape', shape: what, corners_map_m: xy }
     if (!(await this.app.command(command, done))) return
     const listeners = ((await this.app.attempt(api.panels())) ?? []).filter(
       (panel) => panel.kind === 'listener' && panel.what === what,

@@ -1,6 +1,23 @@
 /** Reads the fields of a struct out of its JSON schema, and values out of the form's inputs. */
 
-import type { FormField, FormSchema, SettingValue } from '../wire.ts'
+import type { SettingValue } from '../wire.ts'
+
+/** As much of a JSON schema as msgspec makes of a struct. */
+export interface FormField {
+  type?: string
+  default?: SettingValue
+  enum?: string[]
+  minimum?: number
+  maximum?: number
+  description?: string
+  title?: string
+}
+export interface FormSchema {
+  $ref?: string
+  $defs?: Record<string, FormSchema>
+  properties?: Record<string, FormField>
+  required?: string[]
+}
 
 export interface NamedField extends FormField {
   name: string

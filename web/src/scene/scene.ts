@@ -115,7 +115,7 @@ export class Scene {
 
   /** Put the robot where the state says; the ground slides below it in steps of its texture. */
   update(state: State, wheels: string[]): void {
-    wheels.forEach((name, i) => this.setJoint(name, state.joints[i] ?? 0))
+    wheels.forEach((name, i) => this.setJoint(name, state.joints_rad[i] ?? 0))
     if (!state.pose) return
     const [x, y, yaw] = state.pose
     const moved = new THREE.Vector3(x, y, 0)

@@ -7,7 +7,13 @@ import { duration, fixed, words } from '../format.ts'
 import { icon } from '../icons.ts'
 import { seatButton } from '../shell/seat.ts'
 import { CoverageRing, errorPlot } from './compass.ts'
-import type { Calibrating, CalibrationChange, CalibrationFound, CalibrationKind, Calibrations } from '../wire.ts'
+import type {
+  CalibrationProgress,
+  CalibrationChange,
+  CalibrationFound,
+  CalibrationKind,
+  Calibrations,
+} from '../wire.ts'
 
 const DIGITS: Record<string, number> = { m: 4, uT: 2, deg: 2, '%': 0, '': 3 }
 
@@ -57,7 +63,7 @@ export class CalibrationCard {
     } else if (now?.phase === 'driving') this.progress(now)
   }
 
-  private progress(now: Calibrating): void {
+  private progress(now: CalibrationProgress): void {
     this.bar.value = now.share
     this.ring.show(now.directions)
     const text = `${Math.round(now.share * 100)} % · ${now.motion || 'at rest'}`
@@ -73,7 +79,7 @@ export class CalibrationCard {
     else replace(this.body, ...this.choice(known, now))
   }
 
-  private underWay(now: Calibrating): Element[] {
+  private underWay(now: CalibrationProgress): Element[] {
     if (now.phase === 'driving') this.progress(now)
     else this.step.textContent = 'Working it out…'
     this.ring.show(now.directions)
@@ -91,7 +97,7 @@ export class CalibrationCard {
     ]
   }
 
-  private result(now: Calibrating, found: CalibrationFound): HTMLElement[] {
+  private result(now: CalibrationProgress, found: CalibrationFound): HTMLElement[] {
     const mine = this.app.store.seat === 'you'
     const leave = el(
       'button',
@@ -126,7 +132,7 @@ export class CalibrationCard {
     ]
   }
 
-  private choice(known: Calibrations, now: Calibrating | null): HTMLElement[] {
+  private choice(known: Calibrations, now: CalibrationProgress | null): HTMLElement[] {
     const measured = known.settings.length
       ? el('p', { class: 'small' }, `Measured of this robot: ${known.settings.join(', ')}`)
       : el('p', { class: 'small muted' }, 'Nothing was measured of this robot yet: it is as its description says.')
@@ -199,7 +205,7 @@ export class CalibrationCard {
   }
 }
 
-function stage(now: Calibrating | null): string {
+function stage(now: CalibrationProgress | null): string {
   return now ? `${now.kind} ${now.phase} ${now.reason}` : ''
 }
 

@@ -2,7 +2,7 @@
 
 import { setAttr, svg } from '../dom.ts'
 import { fixed } from '../format.ts'
-import type { ByDirection } from '../wire.ts'
+import type { Sample } from '../wire.ts'
 
 const SIZE = 100
 const RADII = [30, 46] as const
@@ -47,12 +47,12 @@ function wedge(index: number, total: number): string {
 }
 
 /** Mean error of the heading over the directions, degrees. */
-export function errorPlot(before: ByDirection, after: ByDirection): SVGSVGElement {
+export function errorPlot(before: Sample, after: Sample): SVGSVGElement {
   const { width, height, left, right, top, bottom } = PLOT
   const most = Math.max(largest(before), largest(after), 0.1)
   const x = (index: number): number => left + ((index + 0.5) / before.length) * (width - left - right)
   const y = (deg: number): number => top + (0.5 - deg / most / 2) * (height - top - bottom)
-  const line = (values: ByDirection, name: string): SVGPolylineElement => {
+  const line = (values: Sample, name: string): SVGPolylineElement => {
     const points = values.flatMap((deg, index) => (deg === null ? [] : [`${x(index).toFixed(1)},${y(deg).toFixed(1)}`]))
     return svg('polyline', { class: name, points: points.join(' ') })
   }
@@ -74,6 +74,6 @@ export function errorPlot(before: ByDirection, after: ByDirection): SVGSVGElemen
   )
 }
 
-function largest(values: ByDirection): number {
+function largest(values: Sample): number {
   return Math.max(0, ...values.map((deg) => Math.abs(deg ?? 0)))
 }

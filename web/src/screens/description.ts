@@ -5,11 +5,11 @@ import { el } from '../dom.ts'
 import { Link } from '../link.ts'
 import { robot } from './robot.ts'
 import { Store } from '../store.ts'
-import type { Session } from '../wire.ts'
+import type { SessionInfo } from '../wire.ts'
 import { Dialogs } from '../shell/dialogs.ts'
 import { Toasts } from '../shell/toasts.ts'
 
-export async function showDescription(session: Session): Promise<void> {
+export async function showDescription(session: SessionInfo): Promise<void> {
   const main = el('main', { class: 'main', id: 'main' })
   const shell = el('div', { class: 'shell only-robot' }, main)
   document.body.append(shell)

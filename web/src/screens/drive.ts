@@ -7,6 +7,7 @@ import { duration, fixed, metres, NONE } from '../format.ts'
 import { compassText } from '../geo.ts'
 import { mapControls } from '../map/controls.ts'
 import { openMap } from '../map/shared.ts'
+import type { ImplementLine } from '../wire.ts'
 import { MissionButtons } from './mission-buttons.ts'
 
 const TEXT_EVERY_MS = 200
@@ -94,7 +95,7 @@ class Facts {
   constructor(private readonly app: App) {
     const state = () => app.store.state
     const mission = () => state()?.mission
-    this.row('Speed', () => fixed(state()?.vel?.[0], 2, 'm/s'))
+    this.row('Speed', () => fixed(state()?.v_mps, 2, 'm/s'))
     this.row('Heading', () => {
       const pose = state()?.pose
       return pose ? compassText(pose[2]) : NONE
@@ -103,9 +104,9 @@ class Facts {
     this.row('Goals', () => this.goalText())
     this.row('Distance', () => (mission() ? `${metres(mission()?.s_m)} of ${metres(mission()?.length_m)}` : NONE))
     this.row('Time left', () => duration(mission()?.eta_s))
-    this.row('Off the path', () => metres(absolute(state()?.xte_m)))
-    this.row('Position ±', () => metres(state()?.std?.[0]))
-    this.row('Weeds', () => String(state()?.weeds ?? app.store.weeds.size))
+    this.row('Off the path', () => metres(absolute(state()?.cross_track_m)))
+    this.row('Position ±', () => metres(state()?.pos_std_m))
+    this.row('Weeds', () => String(state()?.weed_count ?? app.store.weeds.size))
     this.row('Implement', () => implementText(state()?.implement), 'implement')
   }
 
@@ -119,12 +120,12 @@ class Facts {
     const mission = this.app.store.state?.mission
     if (!mission?.rows_total) return NONE
     const here = mission.row === null || mission.row < 0 ? NONE : String(mission.row + 1)
-    return `${here} of ${mission.rows_total} (${mission.rows_done.length} done)`
+    return `${here} of ${mission.rows_total} (${mission.rows_done} done)`
   }
 
   private goalText(): string {
     const mission = this.app.store.state?.mission
-    return mission?.wp_total ? `${mission.wp_reached} of ${mission.wp_total}` : NONE
+    return mission?.waypoints_total ? `${mission.waypoints_reached} of ${mission.waypoints_total}` : NONE
   }
 
   also(work: () => void): void {
@@ -147,6 +148,6 @@ function legText(leg: string | undefined): string {
 }
 
 /** What the implement does, in its own words. */
-function implementText(lines: [string, string][] | undefined): string {
-  return lines?.map(([name, text]) => `${name} ${text}`).join(', ') || NONE
+function implementText(lines: ImplementLine[] | undefined): string {
+  return lines?.map(({ name, text }) => `${name} ${text}`).join(', ') || NONE
 }

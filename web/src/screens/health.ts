@@ -115,7 +115,7 @@ function logRow(event: LogEvent): HTMLElement {
   return el(
     'div',
     { class: `log-row ${event.level}` },
-    el('span', { class: 'mono muted' }, duration(event.t)),
+    el('span', { class: 'mono muted' }, duration(event.t_s)),
     el('span', { class: 'log-source' }, event.source || NONE),
     el('span', {}, event.text),
   )

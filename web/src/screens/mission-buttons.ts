@@ -66,7 +66,7 @@ export class MissionButtons {
 
   private async run(action: Action): Promise<void> {
     if (action.ask && !(await this.confirmed(action))) return
-    await this.app.command({ k: 'mission', action: action.action })
+    await this.app.command({ kind: 'control_mission', action: action.action })
   }
 
   private confirmed(action: Action): Promise<boolean> {

@@ -5,9 +5,9 @@ import type { App, Screen } from '../app.ts'
 import { el } from '../dom.ts'
 import { quantity } from '../format.ts'
 import { fieldsOf, readField } from '../panels/form.ts'
-import type { NamedField } from '../panels/form.ts'
+import type { FormSchema, NamedField } from '../panels/form.ts'
 import { Chart } from '../plots/chart.ts'
-import type { Panel, SettingValue } from '../wire.ts'
+import type { PanelInfo, SettingValue } from '../wire.ts'
 
 const PLOT_WINDOW_S = 60
 const PLOT_EVERY_MS = 100
@@ -32,7 +32,7 @@ export const panels: Screen = {
   },
 }
 
-function fill(card: HTMLElement, panel: Panel, app: App): () => void {
+function fill(card: HTMLElement, panel: PanelInfo, app: App): () => void {
   if (panel.kind === 'plot') return plot(card, panel, app)
   if (panel.kind === 'image') return picture(card, panel)
   if (panel.kind === 'form') card.append(form(panel, app))
@@ -47,15 +47,15 @@ function fill(card: HTMLElement, panel: Panel, app: App): () => void {
   return () => undefined
 }
 
-async function submit(panel: Panel, values: Record<string, SettingValue>, app: App): Promise<void> {
+async function submit(panel: PanelInfo, values: Record<string, SettingValue>, app: App): Promise<void> {
   const answer = await app.attempt(api.submitPanel(panel.id, values))
   if (!answer) return
   const { text } = (await answer.json()) as { text?: string }
   app.toasts.show('info', text || 'Done.')
 }
 
-function form(panel: Panel, app: App): HTMLElement {
-  const fields = fieldsOf(panel.schema ?? {}).map((field) => {
+function form(panel: PanelInfo, app: App): HTMLElement {
+  const fields = fieldsOf((panel.schema ?? {}) as FormSchema).map((field) => {
     const input = makeInput(field)
     const about = field.description ? el('span', {}, field.description) : null
     return {
@@ -96,7 +96,7 @@ function makeInput(field: NamedField): HTMLInputElement {
   })
 }
 
-function picture(card: HTMLElement, panel: Panel): () => void {
+function picture(card: HTMLElement, panel: PanelInfo): () => void {
   const image = el('img', { class: 'panel-image', alt: panel.title })
   card.append(image)
   const load = (): void => {
@@ -107,7 +107,7 @@ function picture(card: HTMLElement, panel: Panel): () => void {
   return () => clearInterval(timer)
 }
 
-function plot(card: HTMLElement, panel: Panel, app: App): () => void {
+function plot(card: HTMLElement, panel: PanelInfo, app: App): () => void {
   const { signals } = app.store
   const indices = (panel.fields ?? []).map((name) => signals.names.indexOf(name)).filter((i) => i >= 0)
   const box = el('div', { class: 'panel-plot' })

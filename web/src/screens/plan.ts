@@ -15,7 +15,7 @@ import { fromGeoJson, PlanDocument, SHAPE_OF, shapesOf, toGeoJson } from '../pla
 import type { Drawing } from '../plan/drawing.ts'
 import { fileCard } from '../plan/files.ts'
 import { shapePanel } from '../plan/shape-panel.ts'
-import type { PlanReply } from '../wire.ts'
+import type { PlanReply, PlanWish } from '../wire.ts'
 
 const TOOLS: [Kind, string, IconName][] = [
   ['boundary', 'Boundary', 'polygon'],
@@ -189,9 +189,9 @@ class Editor {
     if (shape) replace(this.shape, ...shapePanel(shape, kept, (work) => this.step(work)))
   }
 
-  private body(): Record<string, unknown> {
+  private body(): PlanWish {
     return {
-      field: toGeoJson(kept.shapes, this.app.projection),
+      field: { ...toGeoJson(kept.shapes, this.app.projection) },
       implement_width_m: Number(this.width.value),
       headland_passes: Number(this.passes.value),
     }

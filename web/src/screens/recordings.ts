@@ -5,7 +5,7 @@ import type { App, Screen } from '../app.ts'
 import { el, replace } from '../dom.ts'
 import { bytes, duration } from '../format.ts'
 import { icon } from '../icons.ts'
-import type { Recording, Recordings, Replay } from '../wire.ts'
+import type { RecordingInfo, Recordings, ReplayProgress } from '../wire.ts'
 
 const SPEEDS = [0.1, 0.5, 1, 2, 5, 10]
 const REFRESH_MS = 10_000
@@ -64,7 +64,7 @@ function markButton(app: App): HTMLElement {
 
 async function mark(app: App): Promise<void> {
   const text = await app.dialogs.prompt('Mark this moment', 'What happened')
-  if (text) await app.command({ k: 'mark', text }, 'Marked in the recording.')
+  if (text) await app.command({ kind: 'mark_moment', text }, 'Marked in the recording.')
 }
 
 interface RecordButton {
@@ -81,7 +81,7 @@ function recordButton(app: App): RecordButton {
     {
       type: 'button',
       class: 'button',
-      onclick: () => void app.command({ k: 'record', action: now ? 'stop' : 'start' }),
+      onclick: () => void app.command({ kind: 'control_recording', action: now ? 'stop' : 'start' }),
     },
     icon('record', 20),
     label,
@@ -89,7 +89,7 @@ function recordButton(app: App): RecordButton {
   const made: RecordButton = { node, onChange: () => undefined, close: () => undefined }
   let now: string | undefined
   const update = (): void => {
-    const recording = app.store.state?.recording
+    const recording = app.store.state?.recording ?? undefined
     node.hidden = recording === undefined
     if (recording === now && label.textContent) return
     now = recording
@@ -119,7 +119,7 @@ function table(found: Recordings, replay: ReplayBar): HTMLElement {
   )
 }
 
-function row(recording: Recording, current: boolean, replay: ReplayBar): HTMLElement {
+function row(recording: RecordingInfo, current: boolean, replay: ReplayBar): HTMLElement {
   const play = el(
     'button',
     { type: 'button', class: 'button', disabled: current, onclick: () => void replay.open(recording) },
@@ -146,7 +146,7 @@ function row(recording: Recording, current: boolean, replay: ReplayBar): HTMLEle
   )
 }
 
-function result(recording: Recording, current: boolean): HTMLElement {
+function result(recording: RecordingInfo, current: boolean): HTMLElement {
   if (current) return el('span', { class: 'tag note' }, 'Recording')
   if (recording.ok === null) return el('span', { class: 'tag', title: recording.reason }, 'Not finished')
   return recording.ok
@@ -159,7 +159,7 @@ function result(recording: Recording, current: boolean): HTMLElement {
       )
 }
 
-function fileLinks(recording: Recording): HTMLElement {
+function fileLinks(recording: RecordingInfo): HTMLElement {
   return el(
     'div',
     { class: 'file-links' },
@@ -228,11 +228,11 @@ class ReplayBar {
     return this.pause.getAttribute('aria-pressed') === 'true'
   }
 
-  async open(recording: Recording): Promise<void> {
+  async open(recording: RecordingInfo): Promise<void> {
     await this.app.attempt(api.replay(recording.name, Number(this.speed.value), 0))
   }
 
-  private follow(replay: Replay): void {
+  private follow(replay: ReplayProgress): void {
     this.name = replay.name
     if (this.seeking) return
     this.slider.min = String(replay.start_s)

@@ -71,7 +71,7 @@ async function showRobot(scene: Scene, app: App, joints: HTMLElement, undo: (() 
  */
 function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]): (() => void)[] {
   const undo: (() => void)[] = []
-  const isLive = (): boolean => Boolean(app.store.state?.joints?.length) && !app.store.stale
+  const isLive = (): boolean => Boolean(app.store.state?.joints_rad.length) && !app.store.stale
   const live = isLive() ? new Set(app.robot?.wheel_joints ?? []) : new Set<string>()
   const rows = found.map((joint) => {
     const { name, lower, upper } = joint
@@ -80,7 +80,7 @@ function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]):
       const index = app.robot?.wheel_joints.indexOf(name) ?? 0
       undo.push(
         app.store.on('state', (state) =>
-          setText(angle, `${((((state.joints[index] ?? 0) * 180) / Math.PI) % 360).toFixed(0)}°`),
+          setText(angle, `${((((state.joints_rad[index] ?? 0) * 180) / Math.PI) % 360).toFixed(0)}°`),
         ),
       )
       return el('div', { class: 'label-row' }, el('span', {}, words(name)), angle)

@@ -6,7 +6,7 @@ import { el, replace } from '../dom.ts'
 import { quantity, words } from '../format.ts'
 import { setTheme, theme, THEME_NAMES, THEMES } from '../shell/theme.ts'
 import { CalibrationCard } from './calibration.ts'
-import type { Setting, Settings, SettingValue } from '../wire.ts'
+import type { Setting, SettingGroup, SettingValue } from '../wire.ts'
 
 export const settings: Screen = {
   id: 'settings',
@@ -43,7 +43,7 @@ export const settings: Screen = {
   },
 }
 
-function groupCard(group: Settings['groups'][number], all: boolean, app: App): HTMLElement | null {
+function groupCard(group: SettingGroup, all: boolean, app: App): HTMLElement | null {
   const keys = group.keys.filter((setting) => all || setting.live)
   if (!keys.length) return null
   return el(

@@ -97,7 +97,7 @@ function limits(app: App): Limits {
 function send(app: App, machine: TeleopMachine): void {
   const drive = machine.tick(limits(app))
   const sentMs = app.store.monitor.robotMs(performance.now())
-  if (drive) app.link.send({ k: 'drive', ...drive, ...(sentMs === null ? {} : { mono_ms: sentMs }) })
+  if (drive) app.link.send({ kind: 'drive_by_hand', v_mps: drive.v, yaw_rate_radps: drive.w, mono_ms: sentMs })
 }
 
 function gamepadText(name: string | null): string {
@@ -106,7 +106,7 @@ function gamepadText(name: string | null): string {
 
 function showDrive(readout: HTMLElement, app: App): void {
   const state = app.store.state
-  const [v, w] = state?.vel ?? [0, 0]
+  const [v, w] = [state?.v_mps ?? 0, state?.yaw_rate_radps ?? 0]
   setText(readout, `${v.toFixed(2)} m/s   ${((w * 180) / Math.PI).toFixed(0)} °/s`)
 }
 
@@ -147,7 +147,7 @@ function armSwitch(app: App, machine: TeleopMachine): { node: HTMLElement; updat
   button.addEventListener('click', () => {
     if (machine.isArmed || wanted) wanted = false
     else if (app.store.seat === 'you') void arm()
-    else if (app.store.seat === 'free' && app.session.role === 'operator') app.link.send({ k: 'take', force: false })
+    else if (app.store.seat === 'free' && app.session.role === 'operator') void app.command({ kind: 'take_seat' })
     else void chooseSeat(app)
     update()
   })
@@ -184,7 +184,7 @@ function scaleChoice(app: App): HTMLElement {
   const choose = (value: number): void => {
     for (const button of buttons) button.setAttribute('aria-pressed', String(Number(button.dataset.value) === value))
     localStorage.setItem('speed-scale', String(value))
-    app.link.send({ k: 'scale', value })
+    app.link.send({ kind: 'scale_speed', ratio: value })
   }
   return el('div', { class: 'segments', role: 'group', 'aria-label': 'Speed limit' }, ...buttons)
 }

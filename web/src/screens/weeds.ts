@@ -69,11 +69,11 @@ function showCount(node: HTMLElement, app: App, filter: WeedFilter): void {
 
 function mapFilter(filter: WeedFilter): FilterSpecification {
   const rules: FilterSpecification[] = [['>=', ['get', 'confidence'], filter.confidence]]
-  if (!filter.weeds) rules.push(['!=', ['get', 'cls'], 0])
-  if (!filter.crop) rules.push(['!=', ['get', 'cls'], 1])
+  if (!filter.weeds) rules.push(['!=', ['get', 'plant'], 0])
+  if (!filter.crop) rules.push(['!=', ['get', 'plant'], 1])
   if (!filter.treated) rules.push(['!', ['get', 'treated']])
   if (!filter.open) rules.push(['get', 'treated'] as unknown as FilterSpecification)
-  if (filter.sinceS !== null) rules.push(['>=', ['get', 'last'], filter.sinceS])
+  if (filter.sinceS !== null) rules.push(['>=', ['get', 'last_seen_s'], filter.sinceS])
   return ['all', ...rules] as FilterSpecification
 }
 
@@ -107,7 +107,7 @@ function filterCard(app: App, filter: WeedFilter, count: HTMLElement, apply: () 
     {
       onchange: () => {
         const ageS = Number(time.value)
-        filter.sinceS = ageS ? (app.store.state?.t ?? 0) - ageS : null
+        filter.sinceS = ageS ? (app.store.state?.t_s ?? 0) - ageS : null
         apply()
       },
     },
@@ -179,14 +179,14 @@ function stepButtons(app: App, filter: WeedFilter, details: HTMLElement): HTMLEl
   const step = (by: 1 | -1): void => {
     const ids = [...app.store.weeds.values()]
       .filter((weed) => passes(weed, filter))
-      .map(([id]) => id)
+      .map(({ id }) => id)
       .sort((a, b) => a - b)
     const from = shown ?? Infinity
     const next =
       by > 0 ? (ids.find((id) => id > from) ?? ids[0]) : (ids.filter((id) => id < from).pop() ?? ids[ids.length - 1])
     const weed = next === undefined ? undefined : app.store.weeds.get(next)
     if (!weed) return
-    shown = weed[0]
+    shown = weed.id
     showWeed(details, weed, app)
   }
   return el(
@@ -215,22 +215,23 @@ function weedPicture(id: number): HTMLElement {
 }
 
 function showWeed(node: HTMLElement, weed: Weed, app: App): void {
-  const [id, cls, x, y, stdM, confidence, areaM2, sightings, firstS, lastS, treatedS] = weed
+  const { id, x_map_m: x, y_map_m: y } = weed
+  const isWeed = weed.plant === 0
   const [lon, lat] = app.projection.toLonLat(x, y)
   const rows: [string, string][] = [
-    ['Confidence', `${(confidence * 100).toFixed(0)} %`],
-    ['Size', area(areaM2)],
-    ['Position ±', metres(stdM)],
-    ['Sightings', String(sightings)],
-    ['First seen', duration(firstS)],
-    ['Last seen', duration(lastS)],
-    ['Treated', treatedS === null ? NONE : duration(treatedS)],
+    ['Confidence', `${(weed.confidence * 100).toFixed(0)} %`],
+    ['Size', area(weed.area_m2)],
+    ['Position ±', metres(weed.std_m)],
+    ['Sightings', String(weed.sightings)],
+    ['First seen', duration(weed.first_seen_s)],
+    ['Last seen', duration(weed.last_seen_s)],
+    ['Treated', weed.treated_s === null ? NONE : duration(weed.treated_s)],
     ['East, north', `${fixed(x, 2)}, ${fixed(y, 2)} m`],
   ]
   replace(
     node,
-    el('h2', {}, `${cls === 0 ? 'Weed' : 'Crop plant'} ${id}`),
-    cls === 0 && weedPicture(id),
+    el('h2', {}, `${isWeed ? 'Weed' : 'Crop plant'} ${id}`),
+    isWeed && weedPicture(id),
     el(
       'dl',
       { class: 'facts plain' },

@@ -54,7 +54,7 @@ export class Banners {
       this.stopped.node,
       this.replay.node,
     )
-    this.release.addEventListener('click', () => void app.command({ k: 'clear_stop' }, 'Stop released.'))
+    this.release.addEventListener('click', () => void app.command({ kind: 'clear_stop' }, 'Stop released.'))
     setInterval(() => this.update(), UPDATE_MS)
     app.store.on('stale', () => this.update())
     app.store.on('link', () => this.update())

@@ -4,7 +4,7 @@ import type { App } from '../app.ts'
 import { el } from '../dom.ts'
 
 export async function chooseSeat(app: App): Promise<void> {
-  const { store, link, dialogs } = app
+  const { store, dialogs } = app
   const name = el('input', {
     type: 'text',
     maxlength: 40,
@@ -33,20 +33,20 @@ export async function chooseSeat(app: App): Promise<void> {
   )
   rename(app, name.value.trim())
   if (!go) return
-  link.send(mine ? { k: 'release' } : { k: 'take', force: store.seat === 'other' })
+  await app.command(mine ? { kind: 'leave_seat' } : { kind: 'take_seat', force: store.seat === 'other' })
 }
 
 function rename(app: App, name: string): void {
   if (name === (localStorage.getItem('operator') ?? '')) return
   localStorage.setItem('operator', name)
-  app.link.send({ k: 'name', name })
+  app.link.send({ kind: 'use_name', name })
 }
 
 /** A button that takes the seat where it is needed, and is hidden where you have it. */
 export function seatButton(app: App): { node: HTMLElement; done: () => void } {
   const button = el('button', { type: 'button', class: 'button primary' }, 'Take control')
   button.addEventListener('click', () => {
-    if (app.store.seat === 'free' && app.session.role === 'operator') app.link.send({ k: 'take', force: false })
+    if (app.store.seat === 'free' && app.session.role === 'operator') void app.command({ kind: 'take_seat' })
     else void chooseSeat(app)
   })
   const update = (): void => {

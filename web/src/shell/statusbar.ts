@@ -92,7 +92,7 @@ export class StatusBar {
       this.gnss.set('No fix', 'warn')
       return
     }
-    this.gnss.set(`${fixName(gnss.q)} ${metres(gnss.std)}`, gnss.std > 0.5 ? 'warn' : '')
+    this.gnss.set(`${fixName(gnss.quality)} ${metres(gnss.std_m)}`, (gnss.std_m ?? 0) > 0.5 ? 'warn' : '')
   }
 
   private updateBattery(): void {
@@ -101,8 +101,9 @@ export class StatusBar {
       this.battery.set(NONE)
       return
     }
-    const text = battery.pct === null ? `${battery.v.toFixed(1)} V` : `${battery.pct.toFixed(0)} %`
-    this.battery.set(text, battery.pct !== null && battery.pct < 20 ? 'bad' : '')
+    const pct = battery.charge_pct
+    const text = pct === null ? `${battery.voltage_v.toFixed(1)} V` : `${pct.toFixed(0)} %`
+    this.battery.set(text, pct !== null && pct < 20 ? 'bad' : '')
   }
 }
 

@@ -2,9 +2,9 @@
 
 import { el } from '../dom.ts'
 import { icon } from '../icons.ts'
-import type { Level } from '../wire.ts'
+import type { EventLevel } from '../wire.ts'
 
-const STAY_MS: Record<Level, number> = { info: 4000, warn: 8000, fault: 12000 }
+const STAY_MS: Record<EventLevel, number> = { info: 4000, warn: 8000, fault: 12000 }
 const MOST = 4
 
 export class Toasts {
@@ -27,7 +27,7 @@ export class Toasts {
   }
 
   /** What is still to be read is not said twice. */
-  show(level: Level, text: string): void {
+  show(level: EventLevel, text: string): void {
     if ([...this.box.children].some((toast) => toast.textContent === text)) return
     const close = el(
       'button',

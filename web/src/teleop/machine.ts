@@ -20,7 +20,6 @@ export class TeleopMachine {
   private readonly blocked = new Set<Source>()
   private moving = false
   private armed = false
-  seq = 0
 
   /** Arming with an input held does nothing until that input was let go once. */
   setArmed(armed: boolean): void {
@@ -52,13 +51,12 @@ export class TeleopMachine {
   }
 
   /** The command to send in this tick, or null for silence. Letting go gives exactly one zero. */
-  tick(limits: Limits): (Drive & { seq: number }) | null {
+  tick(limits: Limits): Drive | null {
     const input = this.armed ? this.first() : undefined
     if (!input && !this.moving) return null
     this.moving = input !== undefined
-    this.seq++
-    if (!input) return { ...ZERO, seq: this.seq }
-    return { v: input.forward * limits.speedMps, w: input.turn * limits.yawRateRadps, seq: this.seq }
+    if (!input) return ZERO
+    return { v: input.forward * limits.speedMps, w: input.turn * limits.yawRateRadps }
   }
 
   private first(): { forward: number; turn: number } | undefined {

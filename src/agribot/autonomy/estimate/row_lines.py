@@ -114,7 +114,7 @@ class RowLines(Correction[RowLine]):
         return (0.0, length_m) if sign > 0.0 else (length_m, 0.0)
 
     def ageing(self, dt_s: float, turn_abs_rad: float) -> Sequence[tuple[int, float, float]]:
-        """How the lasting error ages."""
+        """Say how the lasting error ages."""
         if self._bias_std_m is None:
             return ()
         factor = math.exp(-dt_s / model.LASTING_MEMORY_S)
@@ -174,7 +174,7 @@ class RowLines(Correction[RowLine]):
             return None
         _, row_right_m = rows.row_at(right_m + sign * offset_m)
         off_m = row_right_m - sign * offset_m - right_m
-        self.pose.agreement.look(line.t_s, off_m)
+        self.pose.agreement.add_look(line.t_s, off_m)
         opens = _opens(frame.right, model.RECOVERY_OFFSET_M)
         return Measurement(
             (off_m + sign * ekf.x[ROW_BIAS],), (row,), model.offset_variance(line.offset_std_m),
@@ -207,7 +207,7 @@ def _opens(direction: tuple[float, float], by_m: float) -> tuple[tuple[int, floa
 def moved_row(
     direction: tuple[float, float], epoch: Epoch, arm_m: tuple[float, float] = (0.0, 0.0)
 ) -> Row:
-    """How the place of a moment ago, or a point `arm_m` from it, follows from the pose now.
+    """Say how the place of a moment ago, or a point `arm_m` from it, follows from the pose now.
 
     The place is that in a direction of the map.
     """

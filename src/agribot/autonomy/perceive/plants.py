@@ -52,7 +52,7 @@ def observe(
     config: PerceptionConfig,
     ready_s: float,
 ) -> Scene:
-    """The scene of a frame, from the class map of its image."""
+    """Make the scene of a frame from the class map of its image."""
     counts = np.bincount(class_map.class_id.ravel(), minlength=len(PlantClass))
     ratio = counts / class_map.class_id.size
     pieces = find_pieces(class_map, ground)

@@ -67,6 +67,7 @@ class View(NamedTuple):
     side_slope: float
 
     def holds(self, x_m: FloatArray, y_m: FloatArray) -> Mask:
+        """Tell which points (N,) of the body frame the picture shows."""
         inside: Mask = (x_m >= self.near_m) & (x_m <= self.far_m)
         inside &= np.hypot(x_m - self.camera_x_m, y_m) <= self.range_m
         inside &= np.abs(y_m) <= self.side_m + self.side_slope * (x_m - self.near_m)
@@ -90,7 +91,7 @@ class Fit(NamedTuple):
         return Pose2(self.x_m, self.y_m, self.yaw_rad)
 
     def along_left_m(self, plants: Growth) -> tuple[FloatArray, FloatArray]:
-        """How far cells lie ahead of the place along the line, and to the left of the line."""
+        """Resolve cells (N,): ahead of the place along the line, and to the left of the line."""
         return self.body_from_line.locate(plants.x_m, plants.y_m)
 
     def shows(self, view: View, along_m: FloatArray, half_m: float) -> Mask:
@@ -102,7 +103,7 @@ class Fit(NamedTuple):
 
 
 def find_row_line(class_map: ClassMap, ground: GroundLookup, t_s: float) -> RowLine | None:
-    """The row line of a picture taken at `t_s`; None where there is too little to trust."""
+    """Find the row line of a picture taken at `t_s`; None where there is too little to trust."""
     crop = _growth(class_map, ground, class_map.class_id == PlantClass.CROP)
     if len(crop.x_m) < MIN_SLOTS:
         return None

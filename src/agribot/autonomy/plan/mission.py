@@ -8,6 +8,7 @@ from functools import partial
 
 import msgspec
 
+from agribot.autonomy.plan.answers import MEANWHILE, Answers
 from agribot.autonomy.plan.errand import (
     BATTERY,
     CHECKING,
@@ -49,6 +50,7 @@ from agribot.core.messages import Estimate, Goal, OperatorEvent, Path
 
 SETTLE_S = 1.0  # the estimate must hold this long before the robot moves
 END_TOLERANCE_M = 0.01
+Handler = Callable[[OperatorEvent], str | None]  # gives why the request is refused
 
 
 class Mission:
@@ -88,6 +90,7 @@ class Mission:
         self._last: Estimate | None = None
         self._is_located = False
         self._refusal = ""
+        self._answers = Answers()
         self._ended: Ended | None = None  # as which it had, before it was sent on an errand
         self._stays_open = config.waits_for_goals
         self._latch = Latch() if latch is None else latch
@@ -169,7 +172,7 @@ class Mission:
         self._last = estimate if self._is_located else self._last
         self._heed_latch()
         for event in events:
-            self._answer(event)
+            self._hear(event)
         self._desk.look(estimate.t_s)
         if isinstance(self._state, Stopping):
             self._set_off(self._state, estimate)
@@ -186,13 +189,21 @@ class Mission:
         )  # fmt: skip
         if self._desk.is_checking:
             status = msgspec.structs.replace(status, leg=CHECKING)
+        if answers := self._answers.take(self._state):
+            status = msgspec.structs.replace(status, answers=answers)
         is_driving = isinstance(self._state, Driving | OnErrand) and self._is_located
         goal = make_goal(
             self._way, self._task, self._job, status, self._watch.caution, is_driving=is_driving
         )
         return goal if self._watch.may_work else msgspec.structs.replace(goal, tool_on=False)
 
-    def _answer(self, event: OperatorEvent) -> None:
+    def _hear(self, event: OperatorEvent) -> None:
+        """Do what is asked and answer it, at once or when it shows what becomes of it."""
+        self._answers.open(event)
+        self._answers.close(self._obey(event))
+
+    def _obey(self, event: OperatorEvent) -> str:
+        """Why it is refused; empty where it is done, left alone or to be seen."""
         reaction = react(
             event.action,
             self._state,
@@ -200,11 +211,16 @@ class Mission:
             stays_open=self._stays_open,
         )
         if isinstance(reaction, Refuse):
-            self._refusal = reaction.why
-        elif isinstance(reaction, Do):
-            self._handlers[reaction](event)
+            return self._refuse(reaction.why)
+        if isinstance(reaction, Do):
+            return self._handlers[reaction](event) or ""
+        return ""
 
-    def _list_handlers(self) -> dict[Do, Callable[[OperatorEvent], None]]:
+    def _refuse(self, why: str) -> str:
+        self._refusal = why
+        return why
+
+    def _list_handlers(self) -> dict[Do, Handler]:
         return {
             Do.HOLD: self._turn_latch,
             Do.RELEASE: self._turn_latch,
@@ -242,35 +258,37 @@ class Mission:
             errand=find_errand(self._state),
         )
 
-    def _skip_row(self) -> None:
+    def _skip_row(self) -> str:
         if find_away(self._state):
-            self._refusal = "row not skipped: the robot is away from its rows"
-        elif self._job is None:
-            self._refusal = "row not skipped: nothing was planned yet"
-        else:
-            self._job.skip_row()
+            return self._refuse("row not skipped: the robot is away from its rows")
+        if self._job is None:
+            return self._refuse("row not skipped: nothing was planned yet")
+        self._job.skip_row()
+        return ""
 
-    def _resume(self) -> None:
+    def _resume(self) -> str:
         state = self._state
         if not isinstance(state, Paused):
-            return
+            return ""
         try:
             if errand := self._find_errand_to_resume(state):
                 self._drop()
+                self._answers.await_errand(errand)
                 self._state = Stopping(errand, state.reason, state.stood, state.held)
-                return
+                return ""
             if self._way is not None and self._last is not None:
                 limit_m = self._config.resume_limit_m
                 check_not_carried_away(self._last, self._way.place, limit_m)
         except MissionError as error:
-            self._refusal = f"not resumed: {error}"
-            self._state = msgspec.structs.replace(state, reason=self._refusal)
-            return
+            refusal = self._refuse(f"not resumed: {error}")
+            self._state = msgspec.structs.replace(state, reason=refusal)
+            return refusal
         self._is_resumed = True
         if state.away:
             self._run_on(OnErrand(state.away.errand, state.away.route))
         else:
             self._run_on(Driving(self._job) if self._job else Waiting())
+        return ""
 
     def _find_errand_to_resume(self, state: Paused) -> Errand | None:
         """Find that of an earlier run, or the way back to where the work stopped.
@@ -290,25 +308,25 @@ class Mission:
         self._is_resumed = True
         self._run_on(Waiting())
 
-    def _turn_home(self, source: str) -> None:
+    def _turn_home(self, source: str) -> str:
         state = self._state
         errand = state.errand if isinstance(state, OnErrand | Stopping) else None
         if errand is not None and errand.to == "home":
-            return
+            return ""
         try:
             errand = make_home_errand(self._task, self._job, source)
         except MissionError as error:
-            self._refusal = f"cannot return home: {error}"
-        else:
-            self._stop_for(errand, f"stops to return home, as {source} wants")
+            return self._refuse(f"cannot return home: {error}")
+        self._stop_for(errand, f"stops to return home, as {source} wants")
+        return ""
 
-    def _turn_to_goal(self, event: OperatorEvent) -> None:
+    def _turn_to_goal(self, event: OperatorEvent) -> str:
         try:
             errand = make_goal_errand(self._task, event.source, event.numbers)
         except MissionError as error:
-            self._refusal = f"goal refused: {error}"
-        else:
-            self._stop_for(errand, f"stops for a goal of {event.source}")
+            return self._refuse(f"goal refused: {error}")
+        self._stop_for(errand, f"stops for a goal of {event.source}")
+        return ""
 
     def _stop_for(self, errand: Errand, reason: str) -> None:
         """Stop; the way is planned from where the robot comes to rest."""
@@ -316,36 +334,39 @@ class Mission:
         self._ended = state if isinstance(state, Ended) else self._ended
         self._drop()
         self._refusal = ""
+        self._answers.await_errand(errand)
         held = state.held if isinstance(state, Stopping | Paused) else ""
         self._state = Stopping(errand, reason, find_stood(state), held)
 
-    def _take_plan(self, event: OperatorEvent) -> None:
+    def _take_plan(self, event: OperatorEvent) -> str:
         """Take another task for a robot that stands, once it is checked and resumed."""
         new_tasks, last = self._new_tasks, self._last
         if new_tasks is None:
-            self._refusal = "plan refused: this mission takes no other task"
-        elif last and abs(last.v_mps) > STANDING_MPS:
-            self._refusal = "plan refused: the robot drives; pause its mission first"
-        else:
-            self._take(event, partial(new_tasks.read_plan, event.text), new_tasks.checking_s)
+            return self._refuse("plan refused: this mission takes no other task")
+        if last and abs(last.v_mps) > STANDING_MPS:
+            return self._refuse("plan refused: the robot drives; pause its mission first")
+        make = partial(new_tasks.read_plan, event.text)
+        return self._take(event, make, new_tasks.checking_s)
 
-    def _take_visit(self, event: OperatorEvent) -> None:
+    def _take_visit(self, event: OperatorEvent) -> str:
         """Take another task at once, from where the robot is."""
         new_tasks, name, bounds = self._new_tasks, event.text or "visit", self._task.bounds
         if new_tasks is None:
-            self._refusal = "visit refused: this mission takes no other task"
-        else:
-            self._take(event, lambda: new_tasks.visit(read_places(event), name, bounds), 0.0)
+            return self._refuse("visit refused: this mission takes no other task")
+        return self._take(event, lambda: new_tasks.visit(read_places(event), name, bounds), 0.0)
 
-    def _take(self, event: OperatorEvent, make: Callable[[], Task], latency_s: float) -> None:
+    def _take(self, event: OperatorEvent, make: Callable[[], Task], latency_s: float) -> str:
         def refuse(error: MissionError) -> None:
-            self._refusal = f"{event.action} refused: {error}"
+            self._answers.settle_check(self._refuse(f"{event.action} refused: {error}"))
 
         self._drop()
+        self._answers.await_check()
         then, is_check = partial(self._work_at, event), event.action == "plan"
         self._desk.ask(event.t_s, make, latency_s, then, refuse, is_check=is_check)
+        return ""
 
     def _work_at(self, event: OperatorEvent, task: Task) -> None:
+        self._answers.settle_check()
         self._take_task(task)
         self._refusal = ""
         reason = f"new {event.action} from {event.source}; resume begins it"
@@ -442,6 +463,7 @@ class Mission:
         def leave(route: Route) -> None:
             route.change_speed(self._config)
             self._is_away = True
+            self._answers.settle_errand()
             self._run_on(OnErrand(errand, route))
 
         def stay(error: MissionError) -> None:
@@ -451,7 +473,7 @@ class Mission:
                 self._pause(both, by_itself=True)
             else:
                 self._pause(why)
-            self._refusal = why
+            self._answers.settle_errand(self._refuse(why))
 
         latency_s = self._task.errand_planning_s
         work = partial(errand.plan_route, estimate, self._config)
@@ -544,5 +566,5 @@ class Mission:
     def _drop(self) -> None:
         """Drop what is being worked out: it is not wanted any more."""
         if self._desk.is_checking:
-            self._refusal = "plan refused: something else was asked of the robot meanwhile"
+            self._answers.settle_check(self._refuse(f"plan refused: {MEANWHILE}"))
         self._desk.drop()

@@ -11,7 +11,14 @@ Yaw is counter-clockwise from East, radians, in (-pi, pi].
 from agribot.core.messages.arrays import ByteArray, FloatArray, Four, MapPoint, Vec3
 from agribot.core.messages.command import STOP, DriveCommand, ImplementCommand, RobotCommand
 from agribot.core.messages.estimate import Estimate
-from agribot.core.messages.mission import Goal, MissionState, MissionStatus, Path, Row
+from agribot.core.messages.mission import (
+    Goal,
+    MissionState,
+    MissionStatus,
+    Path,
+    RequestAnswer,
+    Row,
+)
 from agribot.core.messages.operator import (
     INBOX_LIMIT,
     LIVE_SETTINGS,
@@ -52,6 +59,6 @@ __all__ = [
     "Estimate", "FloatArray", "Four", "GnssFix", "GnssHeading", "GnssQuality", "Goal",
     "GroundPlant", "HandDrive", "ImplementCommand", "ImuSample", "Inbox", "MagSample",
     "MapPoint", "MappedPlant", "MissionState", "MissionStatus", "OperatorAction",
-    "OperatorEvent", "OtherSample", "Path", "PlantClass", "RobotCommand", "Row", "RowLine", "Scene",
-    "SensorBatch", "TickRecord", "Tracking", "Vec3", "WheelSample",
+    "OperatorEvent", "OtherSample", "Path", "PlantClass", "RequestAnswer", "RobotCommand",
+    "Row", "RowLine", "Scene", "SensorBatch", "TickRecord", "Tracking", "Vec3", "WheelSample",
 ]  # fmt: skip

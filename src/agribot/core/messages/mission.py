@@ -38,6 +38,13 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     curvature_radpm: float = 0.0  # left positive
 
 
+class RequestAnswer(msgspec.Struct, frozen=True, kw_only=True):
+    """What became of the operator's event with this `id`: taken, or why not."""
+
+    id: str
+    refusal: str = ""
+
+
 class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     """Progress: `row` is the row being worked, -1 between rows; `rows_done` those finished."""
 
@@ -60,6 +67,7 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     stopped: str = ""  # why it stands until a person clears the stop
     held: str = ""  # why it paused by itself; a person has to look, and to resume it
     warning: str = ""  # what calls it home, such as a low battery
+    answers: tuple[RequestAnswer, ...] = ()  # to the requests that were settled in this tick
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):

@@ -29,7 +29,10 @@ INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but 
 
 
 class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
-    """A request to the robot; what `text`, `value` and `numbers` mean depends on the action."""
+    """A request to the robot; what `text`, `value` and `numbers` mean depends on the action.
+
+    Whoever judges it answers by its `id`, if it has one.
+    """
 
     t_s: float
     action: OperatorAction
@@ -37,6 +40,7 @@ class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
     text: str = ""
     value: float = 0.0
     numbers: tuple[float, ...] = ()
+    id: str = ""
 
 
 class HandDrive(msgspec.Struct, frozen=True, kw_only=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 
 import msgspec
@@ -99,3 +100,11 @@ class MappedPlant(msgspec.Struct, frozen=True, kw_only=True):
     first_seen_s: float
     last_seen_s: float
     treated_s: float | None = None
+
+    @property
+    def std_m(self) -> float:
+        """The larger axis of the 1-sigma ellipse: root of the larger eigenvalue."""
+        a, b, c, d = self.cov_m2
+        half_trace = (a + d) / 2.0
+        root = math.sqrt(max(((a - d) / 2.0) ** 2 + b * c, 0.0))
+        return math.sqrt(max(half_trace + root, 0.0))

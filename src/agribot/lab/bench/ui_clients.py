@@ -16,6 +16,8 @@ from collections.abc import Sequence
 
 from websockets.asyncio.client import connect
 
+from agribot.ui import wire
+
 
 def connect_page(port: int, token: str, path: str, through: int | None = None) -> connect:
     """Connect to a socket of the page's server at `port`; `through` is where to reach it."""
@@ -29,6 +31,10 @@ def connect_page(port: int, token: str, path: str, through: int | None = None) -
     )
 
 
+def is_state(text: str) -> bool:
+    return isinstance(wire.read_server_message(text), wire.State)
+
+
 async def _watch(port: int, token: str, path: str, seconds: float, *, acks: bool) -> float:
     """Count messages of the wanted kind per second."""
     count = 0
@@ -37,8 +43,9 @@ async def _watch(port: int, token: str, path: str, seconds: float, *, acks: bool
         while time.monotonic() - from_s < seconds:
             with contextlib.suppress(TimeoutError):
                 message = await asyncio.wait_for(line.recv(), 1.0)
-                count += message[0] == 0 if acks else str(message).startswith('{"k":"s"')
-                if acks and message[0] == 0:
+                is_wanted = is_state(message) if isinstance(message, str) else message[0] == 0
+                count += is_wanted
+                if acks and is_wanted:
                     await line.send("a")
     return count / seconds
 

@@ -16,7 +16,7 @@ import time
 from collections.abc import AsyncIterator, Sequence
 
 from agribot.lab.bench.ui_clients import connect_page
-from agribot.ui.camera import HEAD
+from agribot.ui import wire
 
 DELAY_S = 0.02  # each way
 PIECE_BYTES = 1460  # of a TCP segment over Ethernet
@@ -94,20 +94,21 @@ async def _watch(address: tuple[int, int], token: str, path: str, seconds: float
         from_s = time.monotonic()
         while (passed_s := time.monotonic() - from_s) < seconds + SETTLE_S:
             message = await asyncio.wait_for(line.recv(), 10.0)
-            wall_ms = _read_made_ms(message)
+            age_ms = _read_age_ms(message)
             if isinstance(message, bytes) and message[0] == 0:
                 await line.send("a")
-            if wall_ms is not None and passed_s > SETTLE_S:
-                ages_ms.append(time.time() * 1e3 - wall_ms)
+            if age_ms is not None and passed_s > SETTLE_S:
+                ages_ms.append(age_ms)
     return ages_ms
 
 
-def _read_made_ms(message: str | bytes) -> float | None:
+def _read_age_ms(message: str | bytes) -> float | None:
+    """Tell the age of a picture or a state by the clocks that robot and page share."""
     if isinstance(message, bytes):
-        kind, _, _, _, wall_ms = HEAD.unpack_from(message)
-        return float(wall_ms) if kind == 0 else None
-    state = json.loads(message)
-    return float(state["wall_ms"]) if state["k"] == "s" else None
+        kind, _, _, _, wall_ms = wire.CAMERA_HEAD.unpack_from(message)
+        return time.time() * 1e3 - float(wall_ms) if kind == 0 else None
+    state = wire.read_server_message(message)
+    return time.monotonic() * 1e3 - state.mono_ms if isinstance(state, wire.State) else None
 
 
 async def _run_watchers(

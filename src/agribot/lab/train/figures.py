@@ -1,4 +1,4 @@
-"""Figures of a training and of a judgement, as PNG files."""
+"""Figures of a training and of its scores, as PNG files."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import numpy as np
 
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.lab.train.evaluate import CLASS_NAMES
-from agribot.lab.train.judgement import Judgement, Thumbnail
+from agribot.lab.train.network_scores import NetworkScores, Thumbnail
 
 # Red weed, green crop, blue soil, as in masks; darker, so that they read on white.
 INK = ("#c62828", "#2e7d32", "#1e5fa8")
 OVERLAY_RGB = np.array([[230, 40, 40], [40, 200, 60], [0, 0, 0]], dtype=np.float32)
 
 
-def write_figures(judgement: Judgement, folder: Path) -> list[Path]:
+def write_figures(network_scores: NetworkScores, folder: Path) -> list[Path]:
     """Draw confusion matrix, reliability, curves by class, IoU by image, and the worst images."""
     folder.mkdir(parents=True, exist_ok=True)
     return [
-        _draw_confusion(judgement, folder / "confusion.png"),
-        _draw_reliability(judgement, folder / "reliability.png"),
-        _draw_precision_recall(judgement, folder / "curves.png"),
-        _draw_by_image(judgement, folder / "images.png"),
-        _draw_worst(judgement.worst, folder / "worst.png"),
+        _draw_confusion(network_scores, folder / "confusion.png"),
+        _draw_reliability(network_scores, folder / "reliability.png"),
+        _draw_precision_recall(network_scores, folder / "curves.png"),
+        _draw_by_image(network_scores, folder / "images.png"),
+        _draw_worst(network_scores.worst, folder / "worst.png"),
     ]
 
 
@@ -41,10 +41,10 @@ def _save(figure: Any, path: Path) -> Path:
     return path
 
 
-def _draw_confusion(judgement: Judgement, path: Path) -> Path:
+def _draw_confusion(network_scores: NetworkScores, path: Path) -> Path:
     figure, axes = _make_figure(4.6, 4.0)
     axis = axes[0, 0]
-    counts = judgement.confusion
+    counts = network_scores.confusion
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     axis.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0)
     for (row, column), count in np.ndenumerate(counts):
@@ -55,13 +55,15 @@ def _draw_confusion(judgement: Judgement, path: Path) -> Path:
     axis.set_yticks(range(3), CLASS_NAMES)
     axis.set_xlabel("said by the network")
     axis.set_ylabel("truth")
-    axis.set_title(f"Pixels of {len(judgement.images)} images, mIoU {judgement.scores.miou:.3f}")
+    axis.set_title(
+        f"Pixels of {len(network_scores.images)} images, mIoU {network_scores.scores.miou:.3f}"
+    )
     return _save(figure, path)
 
 
-def _draw_reliability(judgement: Judgement, path: Path) -> Path:
+def _draw_reliability(network_scores: NetworkScores, path: Path) -> Path:
     figure, axes = _make_figure(4.6, 4.6, 2, 1)
-    found = judgement.reliability
+    found = network_scores.reliability
     points = [
         (sure, right)
         for sure, right in zip(found.confidence, found.accuracy, strict=True)
@@ -83,13 +85,13 @@ def _draw_reliability(judgement: Judgement, path: Path) -> Path:
     return _save(figure, path)
 
 
-def _draw_precision_recall(judgement: Judgement, path: Path) -> Path:
+def _draw_precision_recall(network_scores: NetworkScores, path: Path) -> Path:
     figure, axes = _make_figure(4.6, 4.0)
     axis = axes[0, 0]
     for kind, name, colour in zip(PlantClass, CLASS_NAMES, INK, strict=True):
-        precision, recall = judgement.precision_recall(kind)
+        precision, recall = network_scores.precision_recall(kind)
         axis.plot(recall, precision, color=colour, lw=1.6, label=name)
-        scores = judgement.scores
+        scores = network_scores.scores
         if scores.precision[name] is not None and scores.recall[name] is not None:
             axis.plot(scores.recall[name], scores.precision[name], "o", color=colour, ms=5)
     axis.set_xlim(0.0, 1.01)
@@ -101,8 +103,8 @@ def _draw_precision_recall(judgement: Judgement, path: Path) -> Path:
     return _save(figure, path)
 
 
-def _draw_by_image(judgement: Judgement, path: Path) -> Path:
-    ordered = sorted(judgement.images, key=lambda score: score.miou)
+def _draw_by_image(network_scores: NetworkScores, path: Path) -> Path:
+    ordered = sorted(network_scores.images, key=lambda score: score.miou)
     figure, axes = _make_figure(max(5.0, 0.16 * len(ordered) + 2.0), 3.4)
     axis = axes[0, 0]
     for name, colour in zip(CLASS_NAMES, INK, strict=True):

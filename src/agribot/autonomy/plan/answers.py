@@ -1,0 +1,70 @@
+"""What becomes of the requests that a mission hears: each with an id is answered once."""
+
+from __future__ import annotations
+
+from agribot.autonomy.plan.errand import Errand
+from agribot.autonomy.plan.states import State, Stopping
+from agribot.core.messages import OperatorEvent, RequestAnswer
+
+MEANWHILE = "something else was asked of the robot meanwhile"
+
+
+class Answers:
+    """Those of this tick, and the two requests that may still be waiting for theirs.
+
+    The way of an errand is planned once the robot stands, and a field plan is checked beside the
+    loop: whoever asked for one is answered when it is settled, or when something else took its
+    place.
+    """
+
+    def __init__(self) -> None:
+        self._given: list[RequestAnswer] = []
+        self._open: OperatorEvent | None = None  # the request that is being heard
+        self._errand: tuple[Errand, OperatorEvent] | None = None
+        self._check: OperatorEvent | None = None
+
+    def open(self, event: OperatorEvent) -> None:
+        self._open = event
+
+    def close(self, refusal: str) -> None:
+        """Answer the request that was heard, unless it waits for its answer."""
+        if self._open is not None:
+            self._give(self._open, refusal)
+            self._open = None
+
+    def await_errand(self, errand: Errand) -> None:
+        """The request that is being heard asked for it, if one is."""
+        self.drop_errand()
+        if self._open is not None:
+            self._errand, self._open = (errand, self._open), None
+
+    def settle_errand(self, refusal: str = "") -> None:
+        if self._errand is not None:
+            self._give(self._errand[1], refusal)
+            self._errand = None
+
+    def drop_errand(self) -> None:
+        if self._errand is not None:
+            self.settle_errand(f"{self._errand[0].refusal}: {MEANWHILE}")
+
+    def await_check(self) -> None:
+        self._check, self._open = self._open, None
+
+    def settle_check(self, refusal: str = "") -> None:
+        if self._check is not None:
+            self._give(self._check, refusal)
+            self._check = None
+
+    def take(self, state: State) -> tuple[RequestAnswer, ...]:
+        """All since the last call. An errand that the state does not wait for was given up."""
+        if self._errand is not None:
+            is_waiting = isinstance(state, Stopping) and state.errand is self._errand[0]
+            if not is_waiting:
+                self.drop_errand()
+        given, self._given = tuple(self._given), []
+        return given
+
+    def _give(self, event: OperatorEvent, refusal: str) -> None:
+        """Nobody waits for the answer to a request without an id."""
+        if event.id:
+            self._given.append(RequestAnswer(id=event.id, refusal=refusal))

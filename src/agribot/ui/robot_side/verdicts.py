@@ -1,0 +1,55 @@
+"""What the mission makes of a request: asked in the page's threads, answered by the next ticks."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+
+import msgspec
+
+from agribot.core.messages import Inbox, OperatorEvent, TickRecord
+
+PATIENCE_S = 4.0  # the page itself waits a little longer
+
+
+class _Asked:
+    def __init__(self) -> None:
+        self.is_heard = False
+        self.refusal = ""
+        self.is_settled = threading.Event()
+
+
+class Verdicts:
+    """A tap; `ask` may be called in any thread but the robot's.
+
+    Each request goes out with an id of its own, which the mission's answer to it carries.
+    """
+
+    def __init__(self, inbox: Inbox) -> None:
+        self._inbox = inbox
+        self._numbers = itertools.count(1)
+        self._asked: dict[str, _Asked] = {}
+
+    def __call__(self, record: TickRecord) -> None:
+        for event in record.batch.events:
+            if asked := self._asked.get(event.id):
+                asked.is_heard = True
+        for answer in record.status.answers:
+            if asked := self._asked.get(answer.id):
+                asked.refusal = answer.refusal
+                asked.is_settled.set()
+
+    def ask(self, event: OperatorEvent) -> str:
+        """Post a request; why it is refused, or nothing.
+
+        A goal that takes long to settle counts as taken: the robot still rolls out, and what
+        becomes of it is told by the mission's state.
+        """
+        id = f"page-{next(self._numbers)}"
+        asked = self._asked[id] = _Asked()
+        self._inbox.post(msgspec.structs.replace(event, id=id))
+        is_settled = asked.is_settled.wait(PATIENCE_S)
+        del self._asked[id]
+        if is_settled or (asked.is_heard and event.action == "goto"):
+            return asked.refusal
+        return f"the robot did not answer within {PATIENCE_S:g} s; see whether its ticks arrive"

@@ -1,0 +1,101 @@
+"""A plan over a drawn field, worked out in a process of its own and shown before it is driven."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import msgspec
+
+from agribot.autonomy.plan.coverage.area import PlanRequest, measure_footprint
+from agribot.autonomy.plan.coverage.drive import FieldWork
+from agribot.autonomy.plan.coverage.planner import plan_field
+from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.core.config import RunConfig
+from agribot.core.errors import MissionError
+from agribot.core.geo import MapFrame
+from agribot.core.messages import FloatArray
+from agribot.core.robot import RobotSpec
+from agribot.gis.field_file import parse_field
+from agribot.gis.geojson import KINDS, parse_features
+from agribot.gis.plan_file import SavedPlan, format_plan
+from agribot.ui import wire
+from agribot.ui.ground import field_of
+
+SHOWN_STEP_M = 0.2
+
+
+class Made(NamedTuple):
+    """`answer` is for the page, `text` the file of a certified plan, `field` what a map shows."""
+
+    answer: wire.PlanReply
+    text: str = ""
+    field: wire.Field | None = None
+
+
+def make_plan(wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec) -> Made:
+    try:
+        return _plan(wanted, config, robot)
+    except MissionError as error:
+        return Made(wire.PlanReply(ok=False, reasons=[wire.FieldReason(text=str(error))]))
+
+
+def _plan(wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec) -> Made:
+    found = [f for f in parse_features(wanted.field, "the field") if f.kind in {*KINDS, ""}]
+    area, datum = parse_field(found, "the field", config.field.datum)
+    yaw_deg = wanted.swath_yaw_deg
+    request = PlanRequest(
+        implement_width_m=_width_m(wanted, robot),
+        overlap_m=wanted.overlap_m,
+        margin_m=wanted.margin_m,
+        headland_passes=wanted.headland_passes,
+        swath_yaw_rad=None if yaw_deg is None else math.radians(yaw_deg),
+        tool_x_m=robot.tool_x_m,
+    )
+    shape = measure_footprint(robot, request.implement_width_m)
+    plan = plan_field(area, shape, request)
+    certificate = certify_plan(plan, area, shape, request)
+    frame = MapFrame(datum)
+    mission = config.mission
+    legs = [
+        (leg, mission.speed_mps if leg.tool_on else mission.turn_speed_mps) for leg in plan.legs
+    ]
+    answer = wire.PlanReply(
+        ok=certificate.ok,
+        reasons=[
+            wire.FieldReason(text=f"{p.rule}: {p.message}", at_map_m=(p.east_m, p.north_m))
+            for p in certificate.problems
+        ],
+        warnings=list(plan.warnings),
+        length_m=round(certificate.length_m, 2),
+        area_m2=round(certificate.covered_area_m2, 2),
+        time_s=round(sum(leg.length_m / speed_mps for leg, speed_mps in legs), 1),
+        path=[point for leg in plan.legs for point in _thin_leg(leg.xy_map_m, frame)],
+        certificate=msgspec.to_builtins(certificate),
+    )
+    if not certificate.ok:
+        return Made(answer)
+    rows = FieldWork(plan, area, shape, request).rows
+    text = format_plan(SavedPlan(plan, area, request, datum), certificate)
+    return Made(answer, text, field_of(config, rows, area=area))
+
+
+def _width_m(wanted: wire.PlanWish, robot: RobotSpec) -> float:
+    if wanted.implement_width_m is not None:
+        return wanted.implement_width_m
+    if robot.implement is None:
+        raise MissionError(f"{robot.name} has no implement; give the width of the one to be used")
+    return robot.implement.width_m
+
+
+def _thin_leg(xy_map_m: FloatArray, frame: MapFrame) -> list[wire.Vec2]:
+    """Longitude and latitude of a leg's points, no nearer than a drawing needs."""
+    kept = [xy_map_m[0]]
+    for point in xy_map_m[1:-1]:
+        if math.dist(point, kept[-1]) >= SHOWN_STEP_M:
+            kept.append(point)
+    shown = []
+    for x_m, y_m in (*kept, xy_map_m[-1]):
+        lat_deg, lon_deg, _ = frame.geodetic_from_map(float(x_m), float(y_m))
+        shown.append((round(lon_deg, 9), round(lat_deg, 9)))
+    return shown

@@ -1,0 +1,115 @@
+"""Every request that carries an id is told what became of it, and of no other."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from agribot.core.messages import (
+    Estimate,
+    MissionStatus,
+    OperatorAction,
+    OperatorEvent,
+    RequestAnswer,
+)
+from tests.autonomy.plan.planting import at
+from tests.autonomy.plan.test_mission_errands import HEADLAND, Drive
+
+BEYOND = (40.0, 0.0)
+
+
+def ask(
+    action: OperatorAction, id: str, *numbers: float, text: str = "", value: float = 0.0
+) -> OperatorEvent:
+    return OperatorEvent(
+        t_s=0.0, action=action, source=id, id=id, numbers=numbers, text=text, value=value
+    )
+
+
+def step(
+    drive: Drive, where: tuple[float, float], *events: OperatorEvent, v_mps: float = 0.0
+) -> dict[str, str]:
+    """One tick; what was told in it, by the id of the request."""
+    drive.t_s += 0.02
+    here: Estimate = msgspec.structs.replace(at(*where, drive.t_s), v_mps=v_mps)
+    answers = drive.mission.step(here, events).status.answers
+    return {answer.id: answer.refusal for answer in answers}
+
+
+def test_two_people_in_one_tick_are_each_told_their_own_outcome() -> None:
+    drive = Drive()
+    where = drive.into_row(0)
+    bad_goal = ask("goto", "Ann", 1.0)
+    good_speed = ask("set", "Bob", text="mission.speed_mps", value=0.3)
+    for events in ((bad_goal, good_speed), (good_speed, bad_goal)):
+        told = step(drive, where, *events)
+        assert "two or three finite numbers" in told["Ann"]
+        assert told["Bob"] == ""
+
+
+def test_each_answer_is_given_once_and_none_without_an_id() -> None:
+    drive = Drive()
+    where = drive.into_row(0)
+    assert step(drive, where, ask("pause", "Ann"), ask("note", "")) == {"Ann": ""}
+    assert step(drive, where) == {}
+
+
+def test_a_goal_is_answered_when_the_robot_stands_and_has_planned_its_way() -> None:
+    drive = Drive()
+    where = drive.into_row(0)
+    assert step(drive, where, ask("goto", "Ann", *HEADLAND), v_mps=0.4) == {}
+    assert step(drive, where, v_mps=0.2) == {}
+    assert step(drive, where) == {"Ann": ""}
+
+
+def test_a_goal_that_cannot_be_reached_is_refused_to_who_asked_for_it() -> None:
+    drive = Drive()
+    told = step(drive, drive.into_row(0), ask("goto", "Ann", *BEYOND))
+    assert "beyond the fence" in told["Ann"]
+
+
+@pytest.mark.parametrize("other", ["goto", "pause", "cancel", "plan"])
+def test_who_asked_before_is_told_that_something_else_is_wanted(other: OperatorAction) -> None:
+    drive = Drive()
+    where = drive.into_row(0)
+    step(drive, where, ask("goto", "Ann", *HEADLAND), v_mps=0.4)
+    told = step(drive, where, ask(other, "Bob", *HEADLAND, text="2"))
+    assert "something else was asked" in told["Ann"]
+    assert told["Bob"] == ""
+
+
+def test_two_goals_in_one_tick_are_answered_both() -> None:
+    drive = Drive()
+    told = step(
+        drive, drive.into_row(0), ask("goto", "Ann", 1.0, 9.0), ask("goto", "Bob", *HEADLAND)
+    )
+    assert "something else was asked" in told["Ann"]
+    assert told["Bob"] == ""
+
+
+def test_a_stopped_robot_refuses_what_would_move_it_and_takes_the_rest() -> None:
+    drive = Drive()
+    where = drive.into_row(0)
+    step(drive, where, ask("stop", "Cid"))
+    told = step(drive, where, ask("resume", "Ann"), ask("pause", "Bob"))
+    assert "clear the stop first" in told["Ann"]
+    assert told["Bob"] == ""
+
+
+def test_a_mission_that_has_ended_refuses_what_it_does_not_hear_any_more() -> None:
+    drive = Drive()
+    where = drive.into_row(0)
+    step(drive, where, ask("cancel", "Cid"))
+    told = step(drive, where, ask("resume", "Ann"), ask("mark", "Bob"))
+    assert told == {"Ann": "not resumed: the mission has ended", "Bob": ""}
+
+
+def test_what_was_recorded_without_ids_and_answers_is_still_read() -> None:
+    event = msgspec.json.decode(b'{"t_s":1,"action":"pause"}', type=OperatorEvent)
+    assert event.id == ""
+    status = (
+        b'{"state":"running","reason":"","row":0,"rows_total":6,"rows_done":[],"s_m":0.0,'
+        b'"length_m":1.0,"waypoints_total":0,"waypoints_reached":0}'
+    )
+    assert msgspec.json.decode(status, type=MissionStatus).answers == ()
+    assert RequestAnswer(id="a").refusal == ""
