@@ -6,7 +6,8 @@ BIN := $(VENV)/bin
 PAGE := hatch_build.py $(shell find web -name node_modules -prune -o -name .test-build -prune -o -type f -print)
 
 # The cheap tests: the rules of the house, the units, formats, the command line, one short mission.
-DEAR := tests/test_missing_programs.py tests/app/test_live_settings.py tests/app/test_operator_sends.py
+DEAR := tests/test_missing_programs.py tests/test_own_rules.py \
+  tests/app/test_live_settings.py tests/app/test_operator_sends.py
 QUICK := $(filter-out $(DEAR),$(wildcard tests/test_*.py tests/app/test_*.py)) tests/core \
   tests/autonomy/test_perception_host.py tests/autonomy/control tests/autonomy/weeds tests/gis \
   tests/ros/messages tests/cli/test_help.py tests/cli/test_hostile_input.py \

@@ -42,7 +42,7 @@ FLOW = """
                  |                                            may only make a command safer
    PERCEIVE   frame -> class mask -> row line (to ESTIMATE) and plants on the ground
                  v
-   WEEDS      WeedMap.add(scene) -> treatment of the plants under the implement
+   WEEDS      WeedMap.add(scene) -> IMPLEMENT  Implement.step(estimate, plants) -> command
 ```
 
 `autonomy/stack.py` is this on one page. Every tick ends as one `TickRecord`, which goes to the

@@ -131,3 +131,11 @@ def test_every_command_in_the_text_exists_with_its_options(page: Path) -> None:
         options = [word.partition("=")[0] for word in words if re.match(r"--?[a-z]", word)]
         wrong += [f"{text}: {option}" for option in options if option not in known]
     assert not wrong
+
+
+def test_every_type_in_the_glossary_is_one_of_the_code() -> None:
+    types = set(re.findall(r"`([A-Z]\w+)`", text_of(ROOT / "docs" / "glossary.md")))
+    code = "".join(text_of(path) for path in (ROOT / "src").rglob("*.py"))
+    assert types and not {
+        name for name in types if not re.search(rf"^class {name}\b|^{name} = ", code, re.M)
+    }

@@ -17,8 +17,12 @@ from agribot.core import platforms
 from agribot.core.implement import kind as implements
 from agribot.drivers import schemes
 
-PAGES = sorted((Path(__file__).parents[1] / "docs" / "contribute").glob("*.md"))
+ROOT = Path(__file__).parents[1]
+PAGES = sorted((ROOT / "docs" / "contribute").glob("*.md"))
 TABLES = (platforms._KINDS, schemes._KINDS, implements._registered, CORRECTIONS, COMMANDS)
+MARKS = {
+    name: pytest.mark.slow for name in ("platform", "screen", "source", "tool")
+}  # a drive of some seconds
 _FILE = re.compile(r"^```\w+ file=(\S+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
@@ -43,14 +47,17 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 def test_every_page_brings_one_file_and_a_test_of_it() -> None:
     assert {page.stem for page in PAGES} >= {
-        "command", "correction", "platform", "source", "tool",
+        "command", "correction", "platform", "screen", "source", "tool",
     }  # fmt: skip
     for page in PAGES:
         modules = [name for name in files_of(page) if name.endswith(".py")]
         assert len(modules) == 2 and modules[1] == f"test_{modules[0]}", page.name
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, id=page.stem, marks=MARKS.get(page.stem, ())) for page in PAGES],
+)
 def test_a_page_keeps_its_promise(
     page: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -65,3 +72,17 @@ def test_a_page_keeps_its_promise(
         out.mkdir()
         given = {"tmp_path": out, "capsys": capsys}
         test(**{name: given[name] for name in inspect.signature(test).parameters})
+
+
+@pytest.mark.slow
+def test_the_readme_drives_the_robot_from_python(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    shorter = block.replace("duration_s=30", "duration_s=0.2")
+    assert shorter != block
+    monkeypatch.chdir(tmp_path)
+    exec(compile(shorter, "README.md", "exec"), {})
+    assert len(capsys.readouterr().out.splitlines()) >= 10
+    assert (tmp_path / "runs" / "mine" / "report.json").is_file()

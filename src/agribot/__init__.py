@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from agribot.description.loader import load_robot
     from agribot.drivers.schemes import register_scheme
     from agribot.ui import panels
-    from agribot.ui.operator_page import OperatorPage
+    from agribot.ui.robot_side.operator_page import OperatorPage
 
 # Where each name lives; a module stands for itself.
 _HOMES = {
@@ -39,7 +39,7 @@ _HOMES = {
     "ImplementKind": "agribot.core.implement.kind",
     "ImplementSpec": "agribot.core.implement.spec",
     "OperatorEvent": "agribot.core.messages",
-    "OperatorPage": "agribot.ui.operator_page",
+    "OperatorPage": "agribot.ui.robot_side.operator_page",
     "Platform": "agribot.core.platform",
     "RobotCommand": "agribot.core.messages",
     "RobotSpec": "agribot.core.robot",

@@ -21,7 +21,7 @@ class Counting:
     def __init__(self) -> None:
         self.asked = 0
 
-    def saved(self) -> dict[str, int]:
+    def snapshot(self) -> dict[str, int]:
         self.asked += 1
         return {"asked": self.asked}
 

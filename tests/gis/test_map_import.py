@@ -18,7 +18,14 @@ from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum, MapFrame
 from agribot.gis.map_import import check_template
 from agribot.gis.mbtiles import describe_map, read_tile
-from agribot.gis.tile_grid import Bounds, Tile, count_tiles, find_tile, iterate_tiles, parse_bounds
+from agribot.gis.tile_grid import (
+    GeoBounds,
+    MapTile,
+    count_tiles,
+    find_tile,
+    iterate_tiles,
+    parse_bounds,
+)
 
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)
 UTM = "EPSG:32643"
@@ -178,7 +185,7 @@ def test_a_region_is_fetched_once_and_what_was_missing_again(
     tiles, url = server
     region = ["--bbox", "72.785,21.160,72.790,21.163", "--zoom", "14-15", "--name", "aerial"]
     assert main(["map", "import", url, *region]) == 0
-    wanted = count_tiles(Bounds(72.785, 21.160, 72.790, 21.163), 14, 15)
+    wanted = count_tiles(GeoBounds(72.785, 21.160, 72.790, 21.163), 14, 15)
     assert len(tiles.asked) == len(set(tiles.asked)) == wanted
     missing = [path for path in tiles.asked if path.endswith("/14406.png")]
     assert describe_map(maps / "aerial.mbtiles")["tiles"] == wanted - len(missing)
@@ -222,6 +229,6 @@ def test_the_grid_covers_a_region_without_gaps() -> None:
     assert len(tiles) == len(set(tiles)) == count_tiles(bounds, 14, 16)
     for lat_deg, lon_deg in ((21.15, 72.78), (21.16, 72.79), (21.17, 72.80)):
         assert find_tile(lat_deg, lon_deg, 16) in tiles
-    left, bottom, right, top = Tile(1, 1, 0).compute_edges_m()
+    left, bottom, right, top = MapTile(1, 1, 0).compute_edges_m()
     assert (left, bottom) == pytest.approx((0.0, 0.0))
     assert right == top == pytest.approx(20037508.342789244)

@@ -37,7 +37,7 @@ def scatter_rad(driven: DriveSamples, calibration: MagCalibration) -> float:
     errors: list[float] = []
     for batch in driven.batches:
         for sample in batch.mag:
-            level: Level = calibration.corrected(sample.field_t[:2])
+            level: Level = calibration.correct(sample.field_t[:2])
             turned_rad = log.turned_rad(driven.stretches[0].start_s, sample.t_s)
             errors.append(yaw_of(level, 0.0) - turned_rad)
     unit: FloatArray = np.exp(1j * np.array(errors))

@@ -17,11 +17,11 @@ from agribot.autonomy.plan.rows import lay_rows
 from agribot.core import config
 from agribot.description.loader import export_urdf, load_robot
 from agribot.ui import wire
-from agribot.ui.about import about_run
+from agribot.ui.about import About
 from agribot.ui.address import Address
 from agribot.ui.ground import field_of
-from agribot.ui.hub import About
-from agribot.ui.server_process import ServerProcess
+from agribot.ui.robot_side.about_run import about_run
+from agribot.ui.robot_side.server_process import ServerProcess
 from tests.ui.client import Page
 from tests.waiting import PATIENCE_S
 

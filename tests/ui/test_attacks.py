@@ -14,9 +14,9 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from agribot.ui import wire
-from agribot.ui.connection_slots import MAX_CONNECTIONS
-from agribot.ui.guesses import MAX_GUESSES
-from agribot.ui.page_slots import MAX_VIEWERS
+from agribot.ui.server.connection_slots import MAX_CONNECTIONS
+from agribot.ui.server.guesses import MAX_GUESSES
+from agribot.ui.server.page_slots import MAX_VIEWERS
 from tests.ui.client import Never, Page
 from tests.ui.conftest import Robot
 from tests.waiting import PATIENCE_S

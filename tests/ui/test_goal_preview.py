@@ -17,8 +17,8 @@ from agribot.core.messages import OperatorEvent
 from agribot.description.loader import load_robot
 from agribot.ui import wire
 from agribot.ui.address import Address
-from agribot.ui.goal_preview import preview_goal
-from agribot.ui.operator_page import OperatorPage
+from agribot.ui.robot_side.goal_preview import preview_goal
+from agribot.ui.robot_side.operator_page import OperatorPage
 from tests.autonomy.plan.planting import at
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot

@@ -22,11 +22,11 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import Message, Scope
 from starlette.websockets import WebSocket
 
-from agribot.ui import guarded_connections, request_bodies
-from agribot.ui.access import Caller
-from agribot.ui.connection_slots import ConnectionSlots, Slot
-from agribot.ui.guarded_connections import GuardedHttp, GuardedSocket
-from agribot.ui.request_bodies import RequestBodies, limit_bytes
+from agribot.ui.server import guarded_connections, request_bodies
+from agribot.ui.server.access import Caller
+from agribot.ui.server.connection_slots import ConnectionSlots, Slot
+from agribot.ui.server.guarded_connections import GuardedHttp, GuardedSocket
+from agribot.ui.server.request_bodies import RequestBodies, limit_bytes
 from tests.ui.client import Page
 from tests.waiting import PATIENCE_S, wait_for
 

@@ -16,19 +16,20 @@ from starlette.requests import Request
 
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum
-from agribot.ui import about_routes, small_yaml, wire
-from agribot.ui.access import Caller
-from agribot.ui.allowance import MAX_BURST, MAX_MESSAGES_PER_S, Allowance
-from agribot.ui.answers import Unusable
-from agribot.ui.channel import Channel
-from agribot.ui.guesses import FORGET_S, MAX_ADDRESSES, MAX_GUESSES, Guesses
-from agribot.ui.hub import Hub
-from agribot.ui.mapviz_config import displays_of
-from agribot.ui.off_the_loop import run_in_process
-from agribot.ui.page_slots import MAX_PAGES, MAX_VIEWERS, make_room
+from agribot.ui import small_yaml, wire
+from agribot.ui.hand.stick_table import read_table
+from agribot.ui.server import about_routes
+from agribot.ui.server.access import Caller
+from agribot.ui.server.allowance import MAX_BURST, MAX_MESSAGES_PER_S, Allowance
+from agribot.ui.server.answers import Unusable
+from agribot.ui.server.channel import Channel
+from agribot.ui.server.guesses import FORGET_S, MAX_ADDRESSES, MAX_GUESSES, Guesses
+from agribot.ui.server.hub import Hub
+from agribot.ui.server.mapviz_config import displays_of
+from agribot.ui.server.off_the_loop import run_in_process
+from agribot.ui.server.page_slots import MAX_PAGES, MAX_VIEWERS, make_room
+from agribot.ui.server.stops import MERGE_S, Stops
 from agribot.ui.small_yaml import MAX_BYTES, UnusableYaml, read_yaml
-from agribot.ui.stick_table import read_table
-from agribot.ui.stops import MERGE_S, Stops
 from tests.ui.messages import make_weed
 from tests.waiting import PATIENCE_S
 

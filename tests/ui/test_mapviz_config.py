@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("starlette")
 from ruamel.yaml import YAML
 
-from agribot.ui.answers import Unusable
-from agribot.ui.mapviz_config import TABLE, config_of, displays_of
+from agribot.ui.server.answers import Unusable
+from agribot.ui.server.mapviz_config import TABLE, config_of, displays_of
 
 FARM = (Path(__file__).parent / "data" / "farm.mvc").read_bytes()
 

@@ -14,8 +14,8 @@ pytest.importorskip("starlette")
 from starlette.requests import Request
 from starlette.types import Message
 
-from agribot.ui.about import PAGE_DIR
-from agribot.ui.page_files import page_file
+from agribot.ui.robot_side.about_run import PAGE_DIR
+from agribot.ui.server.page_files import page_file
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = b"const words = 'again and again'\n" * 200

@@ -14,8 +14,8 @@ from agribot.autonomy.perceive.ground import ground_to_pixels, pixels_to_ground
 from agribot.core.messages import ByteArray, CameraFrame, FloatArray, GroundPlant, PlantClass, Scene
 from agribot.description.loader import load_robot
 from agribot.ui import wire
-from agribot.ui.plant_pictures import MAX_BYTES, PlantPictures
-from agribot.ui.recent_frames import RecentFrames, Shot
+from agribot.ui.robot_side.plant_pictures import MAX_BYTES, PlantPictures
+from agribot.ui.robot_side.recent_frames import RecentFrames, Shot
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot
 from tests.ui.messages import make_weed

@@ -11,9 +11,9 @@ import pytest
 
 from agribot.cli.main import main
 from agribot.core.errors import PlatformError
-from agribot.ui import remote
 from agribot.ui.address import read_door
-from agribot.ui.remote import Remote
+from agribot.ui.hand import remote
+from agribot.ui.hand.remote import Remote
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot
 from tests.ui.messages import make_state

@@ -13,10 +13,11 @@ import msgspec
 import pytest
 from starlette.requests import Request
 
-from agribot.ui import run_routes, wire
-from agribot.ui.access import Caller
-from agribot.ui.hub import Hub
-from agribot.ui.replay import Replay
+from agribot.ui import wire
+from agribot.ui.server import run_routes
+from agribot.ui.server.access import Caller
+from agribot.ui.server.hub import Hub
+from agribot.ui.server.replay import Replay
 from tests.ui.conftest import Robot
 
 

@@ -20,8 +20,8 @@ from agribot.core.geo import MapFrame
 from agribot.gis.mbtiles import import_mbtiles
 from agribot.ui import wire
 from agribot.ui.address import Address, home
-from agribot.ui.operator_page import OperatorPage
 from agribot.ui.panels import Panels
+from agribot.ui.robot_side.operator_page import OperatorPage
 from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
 from tests.ui.messages import make_weed

@@ -18,10 +18,12 @@ from websockets.exceptions import ConnectionClosed
 from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.errors import RecordingError
-from agribot.ui import server, server_process, wire
+from agribot.ui import wire
 from agribot.ui.address import Address, read_door
-from agribot.ui.operator_page import OperatorPage
-from agribot.ui.server_process import how_it_ended
+from agribot.ui.robot_side import server_process
+from agribot.ui.robot_side.operator_page import OperatorPage
+from agribot.ui.robot_side.server_process import how_it_ended
+from agribot.ui.server import serve as server
 from tests.ui.client import Browser, Never, Page
 from tests.ui.conftest import Robot
 from tests.waiting import PATIENCE_S, wait_for

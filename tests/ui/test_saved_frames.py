@@ -24,8 +24,8 @@ from agribot.core.messages import (
     TickRecord,
 )
 from agribot.ui import wire
-from agribot.ui.recent_frames import KEPT, RecentFrames, Shot
-from agribot.ui.saved_frames import SavedFrames
+from agribot.ui.robot_side.recent_frames import KEPT, RecentFrames, Shot
+from agribot.ui.robot_side.saved_frames import SavedFrames
 from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
 

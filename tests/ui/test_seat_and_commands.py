@@ -7,7 +7,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from agribot.ui import wire
-from agribot.ui.seat import SILENCE_S, Seat
+from agribot.ui.server.seat import SILENCE_S, Seat
 from tests.ui.client import Never, Page
 from tests.ui.conftest import Robot
 from tests.ui.messages import make_state

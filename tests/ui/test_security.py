@@ -11,9 +11,9 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from agribot.ui import wire
-from agribot.ui.access import Access, Caller, Refusal, read_boot_id
-from agribot.ui.answers import inside
-from agribot.ui.signed_session import RENEW_AFTER_S, SESSION_LIFE_S, Session, Signer
+from agribot.ui.server.access import Access, Caller, Refusal, read_boot_id
+from agribot.ui.server.answers import inside
+from agribot.ui.server.signed_session import RENEW_AFTER_S, SESSION_LIFE_S, Session, Signer
 from tests.ui.client import Never, Page
 from tests.ui.conftest import Robot
 from tests.waiting import PATIENCE_S, wait_for

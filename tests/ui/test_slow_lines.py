@@ -16,13 +16,14 @@ from starlette.applications import Starlette
 from starlette.routing import WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from agribot.ui import guarded_connections, wire
-from agribot.ui.client import STATES_KEPT
-from agribot.ui.connection_slots import ConnectionSlots
-from agribot.ui.hub import Hub
-from agribot.ui.remote import clock_of
-from agribot.ui.sockets import GONE_S, Socket
-from agribot.ui.window import LEAST_BYTES
+from agribot.ui import wire
+from agribot.ui.hand.remote import clock_of
+from agribot.ui.server import guarded_connections
+from agribot.ui.server.client import STATES_KEPT
+from agribot.ui.server.connection_slots import ConnectionSlots
+from agribot.ui.server.hub import Hub
+from agribot.ui.server.sockets import GONE_S, Socket
+from agribot.ui.server.window import LEAST_BYTES
 from tests.ui.client import Page
 from tests.ui.conftest import Robot
 from tests.ui.messages import make_state

@@ -8,9 +8,9 @@ import pytest
 
 from agribot.core.errors import ConfigError
 from agribot.ui import wire
-from agribot.ui.hand import STILL
-from agribot.ui.joystick import JoystickState
-from agribot.ui.stick_table import REQUESTS, TableHand, read_table
+from agribot.ui.hand.inputs import STILL
+from agribot.ui.hand.joystick import JoystickState
+from agribot.ui.hand.stick_table import REQUESTS, TableHand, read_table
 from tests.ui.conftest import Robot
 from tests.ui.test_teleop import event, teleop
 from tests.waiting import PATIENCE_S

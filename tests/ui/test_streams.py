@@ -22,8 +22,11 @@ from agribot.core import config
 from agribot.core.geo import MapFrame
 from agribot.core.messages import ByteArray
 from agribot.record.recorder import RunRecorder
-from agribot.ui import guarded_connections, server, wire
-from agribot.ui.camera import (
+from agribot.ui import wire
+from agribot.ui.robot_side.feed import pack_pixels
+from agribot.ui.server import guarded_connections
+from agribot.ui.server import serve as server
+from agribot.ui.server.camera import (
     LADDER,
     QUICK_TIMES,
     Camera,
@@ -32,13 +35,12 @@ from agribot.ui.camera import (
     encode,
     unpack_pixels,
 )
-from agribot.ui.channel import Channel
-from agribot.ui.client import STATES_KEPT, Client
-from agribot.ui.feed import pack_pixels
-from agribot.ui.hub import Hub
-from agribot.ui.pictures import Pictures
-from agribot.ui.replay import Replay
-from agribot.ui.window import LEAST_BYTES, MOST_BYTES, Window
+from agribot.ui.server.channel import Channel
+from agribot.ui.server.client import STATES_KEPT, Client
+from agribot.ui.server.hub import Hub
+from agribot.ui.server.pictures import Pictures
+from agribot.ui.server.replay import Replay
+from agribot.ui.server.window import LEAST_BYTES, MOST_BYTES, Window
 from tests.record import record_samples as samples
 from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
@@ -205,7 +207,7 @@ def test_who_is_shown_another_channel_gets_nothing_of_the_first_any_more() -> No
 
 
 def test_a_recording_has_another_epoch_in_every_process_and_at_every_place() -> None:
-    make = "from agribot.ui.channel import Channel; print(Channel('replay', 'short').epoch)"
+    make = "from agribot.ui.server.channel import Channel; print(Channel('replay', 'short').epoch)"
     told = [subprocess.check_output([sys.executable, "-c", make], text=True) for _ in range(2)]
     channel = Channel("replay", "short")
     epochs = {*map(int, told), channel.epoch}
@@ -337,7 +339,7 @@ def test_a_picture_is_encoded_once_for_all_who_want_it(monkeypatch: pytest.Monke
         wanted = [camera.encoded(there, level) for level in (0, 0, 0, 2, 2)]
         return await asyncio.gather(*wanted)
 
-    monkeypatch.setattr("agribot.ui.camera.encode", counted)
+    monkeypatch.setattr("agribot.ui.server.camera.encode", counted)
     data = asyncio.run(many())
     assert sorted(calls) == [0, 2]
     assert data[0] == data[1] == data[2] != data[3] == data[4]

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from agribot.ui import wire
-from agribot.ui.hand import STILL, HandRates, KeyHand, MouseHand, StickHand, TerminalInput
-from agribot.ui.joystick import JoystickState
+from agribot.ui.hand.inputs import STILL, HandRates, KeyHand, MouseHand, StickHand, TerminalInput
+from agribot.ui.hand.joystick import JoystickState
 from tests.ui.client import Page
 from tests.ui.conftest import Robot
 from tests.waiting import PATIENCE_S, wait_for

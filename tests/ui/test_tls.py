@@ -23,11 +23,13 @@ from starlette.applications import Starlette
 
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError
-from agribot.ui import guarded_connections, remote, wire
+from agribot.ui import wire
 from agribot.ui.address import Address, read_door
-from agribot.ui.connection_slots import ConnectionSlots
-from agribot.ui.line import BlockingSocket
-from agribot.ui.remote import Remote
+from agribot.ui.hand import remote
+from agribot.ui.hand.blocking_socket import BlockingSocket
+from agribot.ui.hand.remote import Remote
+from agribot.ui.server import guarded_connections
+from agribot.ui.server.connection_slots import ConnectionSlots
 from tests import machine
 from tests.ui.conftest import Robot
 from tests.waiting import PATIENCE_S

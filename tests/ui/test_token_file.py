@@ -11,10 +11,10 @@ import pytest
 pytest.importorskip("starlette")
 from agribot.cli.page import add_address_arguments, choose_address
 from agribot.core.errors import ConfigError
-from agribot.ui import access
-from agribot.ui.access import Access, Caller
 from agribot.ui.address import Address
-from agribot.ui.token_file import read_or_make_tokens
+from agribot.ui.robot_side.token_file import read_or_make_tokens
+from agribot.ui.server import access
+from agribot.ui.server.access import Access, Caller
 
 
 def started(*words: str) -> Address:

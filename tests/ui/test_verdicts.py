@@ -14,8 +14,8 @@ from agribot.core.messages import (
     RequestAnswer,
     TickRecord,
 )
-from agribot.ui import verdicts
-from agribot.ui.verdicts import Verdicts
+from agribot.ui.robot_side import verdicts
+from agribot.ui.robot_side.verdicts import Verdicts
 from tests.autonomy.plan.planting import at
 from tests.autonomy.plan.test_mission_errands import Drive
 from tests.record import record_samples as samples

@@ -15,9 +15,10 @@ from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.page import Pacer
 from agribot.core import config
 from agribot.core.messages import TickRecord
-from agribot.ui import server_process, wire
+from agribot.ui import wire
 from agribot.ui.address import Address
-from agribot.ui.operator_page import OperatorPage
+from agribot.ui.robot_side import server_process
+from agribot.ui.robot_side.operator_page import OperatorPage
 from tests.ui.client import Page
 from tests.waiting import PATIENCE_S
 

@@ -23,7 +23,7 @@ LEFT_STD_M = 0.1  # 1 sigma of where the robot was left, and of rolling on since
 
 
 class Resumable(Protocol):
-    def saved(self) -> msgspec.Struct | None: ...
+    def snapshot(self) -> msgspec.Struct | None: ...
 
 
 class MissionFile:
@@ -63,7 +63,7 @@ class MissionFile:
 
     def write(self) -> None:
         """Let the thread write the present state."""
-        saved = self._mission.saved()
+        saved = self._mission.snapshot()
         if saved is not None:
             self._newest.append(msgspec.json.encode(saved))
             self._writer.submit(self._write_newest)

@@ -57,7 +57,7 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
     Without a judge, all that only the truth can tell is null. `why_ended` names an end from
     outside: an interruption or the end of the time allowed.
     """
-    config, judge, job = drive.config, drive.judge, drive.job.saved()
+    config, judge, job = drive.config, drive.judge, drive.job.snapshot()
     status = drive.last.status if drive.last is not None else None
     done = status.rows_done if status else ()
     kept = (*drive.rows_before, *(done if judge is None else judge.list_rows_kept(done)))

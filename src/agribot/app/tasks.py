@@ -52,17 +52,18 @@ class TasksUnderWay:
         return FieldTask(work, self._robot.drive, text)
 
     def visit(self, places: Sequence[MapPoint], name: str, bounds: FieldBounds | None) -> Task:
+        """Visit places, (x_map_m, y_map_m) each, off the crop of the task before."""
         return VisitTask(places, name, bounds, self._crop, self._config, self._robot)
 
 
 class TakenPlans:
-    """Tells from record to record of a run which field plan the mission works."""
+    """Says from record to record of a run which field plan the mission works."""
 
     def __init__(self) -> None:
         self._sent = ""
 
-    def taken(self, record: TickRecord) -> str:
-        """Return the text of the plan that was taken in this tick; empty where none was."""
+    def find(self, record: TickRecord) -> str:
+        """Find the text of the plan that was taken in this tick; empty where none was."""
         sent = [event.text for event in record.batch.events if event.action == "plan"]
         text = self._sent = sent[-1] if sent else self._sent
         if not text or record.status.leg == CHECKING:

@@ -22,7 +22,7 @@ from agribot.record.events import Event, read_whole_events
 from agribot.record.replay import read_ticks, read_truth
 from agribot.record.report import RunOfJob
 from agribot.record.series import RunSeries, collect, join_series
-from agribot.sim.scores import Judgement
+from agribot.sim.scores import RefereeState
 
 FILE_NAME = "job.json"
 RECORDING = "run.mcap"
@@ -43,7 +43,7 @@ class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
     frames: int = 0
     frames_cpu_s: float = 0.0
     latency_s: Histogram = msgspec.field(default_factory=lambda: Histogram(width=LATENCY_BIN_S))
-    judged: Judgement | None = None
+    judged: RefereeState | None = None
     plants: tuple[Track, ...] = ()
     implement: tuple[ReportLine, ...] = ()
     format: int = 1
@@ -102,7 +102,7 @@ class WholeJob:
         own = RunOfJob(folder=str(self._run.out_dir.resolve()), run_s=self._run_s)
         return (*self._earlier.runs, own)
 
-    def saved(self) -> JobSoFar:
+    def snapshot(self) -> JobSoFar:
         earlier, meter, (wall_s, cpu_s) = self._earlier, self._run.meter, self._run.clock.spent
         if meter is not None:
             fresh = meter.latencies_s[self._looked :]
@@ -116,7 +116,7 @@ class WholeJob:
             frames=earlier.frames + (meter.frames if meter else 0),
             frames_cpu_s=earlier.frames_cpu_s + (meter.cpu_s if meter else 0.0),
             latency_s=self._latency_s,
-            judged=None if self._run.judge is None else self._run.judge.export_judgement(),
+            judged=None if self._run.judge is None else self._run.judge.export_state(),
             plants=self._run.weed_map.tracks,
             implement=add_lines(earlier.implement, self._run.implement_lines),
         )
@@ -135,7 +135,7 @@ class WholeJob:
         return series
 
 
-def _restore_judgement(judge: Judge | None, judged: Judgement) -> list[str]:
+def _restore_judgement(judge: Judge | None, judged: RefereeState) -> list[str]:
     """Let the judge go on with an earlier judgement; what of it is lost, in words."""
     if judge is None:
         return ["what was measured before: nobody knows the truth of this run"]

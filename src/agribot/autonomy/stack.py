@@ -71,8 +71,8 @@ class Stack:
             if self.localizer.is_stale(scene):
                 continue
             self.weed_map.add(scene)
-            self.localizer.see(scene)
-        takeover = self.hand.listen(batch)
+            self.localizer.observe(scene)
+        takeover = self.hand.update(batch)
         self.treatment.apply_events(batch.events)
         self.mission.heed(self.supervisor.warning)
         goal = self.mission.step(estimate, (*batch.events, *takeover))
@@ -142,7 +142,7 @@ def build(
 def perceiving(
     config: RunConfig, robot: RobotSpec, on_mask: MaskTap | None = None
 ) -> PerceptionHost:
-    """The camera network off the control loop; `on_mask` hears every frame index and class map."""
+    """Put the camera network off the control loop; `on_mask` gets frame indices and class maps."""
     settings = config.perception
     if not settings.enabled or robot.camera is None:
         return NoPerception()

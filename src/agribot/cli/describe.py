@@ -28,8 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _show(options: argparse.Namespace) -> int:
-    from agribot.ui.about import about_robot
-    from agribot.ui.server_process import ServerProcess
+    from agribot.ui.robot_side.about_run import about_robot
+    from agribot.ui.robot_side.server_process import ServerProcess
 
     address = choose_address(options)
     server = ServerProcess(address, lambda port: about_robot(address, port, options.robot))

@@ -137,12 +137,12 @@ def _show(image_rgb: Any, seen: Any, out: Path, title: str) -> None:
 
     from PIL import Image, ImageDraw
 
-    from agribot.autonomy.perceive.pictures import enlarged
+    from agribot.autonomy.perceive.pictures import enlarge
     from agribot.core.whole_file import write_at_once
     from agribot.lab.train.figures import tint
 
     out.mkdir(parents=True, exist_ok=True)
-    found = enlarged(seen.class_id, seen.confidence, image_rgb.shape[:2])
+    found = enlarge(seen.class_id, seen.confidence, image_rgb.shape[:2])
     picture = Image.fromarray(tint(image_rgb, found.class_id))
     ImageDraw.Draw(picture).text((8, 8), title, fill="white")
     encoded = io.BytesIO()

@@ -19,12 +19,12 @@ from agribot.cli.stopping import stop_on_signal
 from agribot.core.errors import PlatformError
 from agribot.ui.address import SELF_SIGNED, Address
 from agribot.ui.panels import shared
-from agribot.ui.token_file import read_or_make_tokens
+from agribot.ui.robot_side.token_file import read_or_make_tokens
 
 if TYPE_CHECKING:
     from agribot.app.run import Run
-    from agribot.ui.operator_page import OperatorPage
-    from agribot.ui.server_process import ServerProcess
+    from agribot.ui.robot_side.operator_page import OperatorPage
+    from agribot.ui.robot_side.server_process import ServerProcess
 
 LOOK_S = 0.2
 MOST_BEHIND_S = 1.0
@@ -91,7 +91,7 @@ def open_page(options: argparse.Namespace, session: Run) -> Iterator[OperatorPag
 
     Raises: ConfigError: the page's packages are missing, or its address cannot be used.
     """
-    from agribot.ui.operator_page import OperatorPage
+    from agribot.ui.robot_side.operator_page import OperatorPage
 
     with OperatorPage(session, choose_address(options), shared) as page:
         announce(page.url, page.address.viewer_url(page.server.port), options)

@@ -13,7 +13,7 @@ import msgspec
 from agribot.cli.robot_address import add_robot_arguments, find_robot
 from agribot.core.errors import PlatformError
 from agribot.ui import wire
-from agribot.ui.remote import Remote
+from agribot.ui.hand.remote import Remote
 
 if TYPE_CHECKING:
     from agribot.record.recovery import Recovery

@@ -71,7 +71,7 @@ def _read_job(recording: Path, out: Path, report: Report) -> RunData:
     for record in read_ticks(recording):
         series(record)
         events(record)
-        plan = plans.taken(record) or plan
+        plan = plans.find(record) or plan
     for t_s, x_m, y_m, yaw_rad in read_truth(recording):
         series.truth(t_s, (x_m, y_m, yaw_rad))
     events.close()

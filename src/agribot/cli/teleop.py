@@ -18,7 +18,7 @@ from agribot.cli.robot_address import add_robot_arguments, find_robot
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.errors import ConfigError, PlatformError
-from agribot.ui.hand import (
+from agribot.ui.hand.inputs import (
     STOP,
     HandRates,
     KeyHand,
@@ -28,9 +28,9 @@ from agribot.ui.hand import (
     Twist,
     Wish,
 )
-from agribot.ui.joystick import JoystickState
-from agribot.ui.remote import Remote
-from agribot.ui.stick_table import TableHand, read_table
+from agribot.ui.hand.joystick import JoystickState
+from agribot.ui.hand.remote import Remote
+from agribot.ui.hand.stick_table import TableHand, read_table
 
 MOUSE_ON, MOUSE_OFF = "\x1b[?1002h\x1b[?1006h", "\x1b[?1006l\x1b[?1002l"
 HELP = {

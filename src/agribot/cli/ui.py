@@ -11,7 +11,7 @@ from agribot.cli.origin import HELP
 from agribot.cli.page import add_address_arguments, choose_address, serve_page
 
 if TYPE_CHECKING:
-    from agribot.ui.hub import About
+    from agribot.ui.about import About
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,9 +49,9 @@ def run(options: argparse.Namespace) -> int:
 def _replay(options: argparse.Namespace, recording: Path) -> int:
     from agribot.description.loader import parse_robot
     from agribot.record.replay import read_config, read_urdf
-    from agribot.ui.about import about_run
     from agribot.ui.ground import read_field
-    from agribot.ui.server_process import ServerProcess
+    from agribot.ui.robot_side.about_run import about_run
+    from agribot.ui.robot_side.server_process import ServerProcess
 
     address = choose_address(options)
     config, urdf = read_config(recording), read_urdf(recording)

@@ -87,7 +87,7 @@ def adopt_devices(
 def _add_drive_plugin(
     root: ET.Element, torque_nm: float, radius_m: float, track_m: float, source: SourceFile
 ) -> None:
-    told = {
+    values = {
         "updateRate": 50.0, "torque": torque_nm,
         "wheelDiameter": 2.0 * radius_m, "wheelSeparation": track_m,
     }  # fmt: skip
@@ -99,7 +99,7 @@ def _add_drive_plugin(
         plugin = ET.SubElement(block, "plugin", {"name": "drive", "filename": name})
     else:
         plugin = found.element
-    for tag, value in told.items():
+    for tag, value in values.items():
         if found is not None and is_in_plugin(found, tag):
             continue
         ET.SubElement(plugin, tag).text = _format_number(value)

@@ -200,10 +200,10 @@ def _give_cylinder(
         return tuple(  # type: ignore[return-value]
             source.parse_number(cylinder.get(key), f"{where} {key}") for key in ("radius", "length")
         )
-    radius_m, width_m, told = _find_size(element, wheel, source, folder)
+    radius_m, width_m, origin = _find_size(element, wheel, source, folder)
     source.warn(
         f"wheel '{wheel.joint.child}' collides with no cylinder; one of {radius_m:.4g} m radius "
-        f"and {width_m:.4g} m width is used, {told}",
+        f"and {width_m:.4g} m width is used, {origin}",
         element,
     )
     collision = ET.SubElement(element, "collision")

@@ -124,12 +124,12 @@ def read_camera(root: ET.Element, links: Sequence[Link], source: SourceFile) -> 
     link, sensor = found
     _check_link(link, {known.name for known in links}, "camera", source)
 
-    def number(path: str) -> float:
-        told = sensor.findtext(path)
-        if told is None and path in CAMERA_DEFAULTS:
+    def read_number(path: str) -> float:
+        text = sensor.findtext(path)
+        if text is None and path in CAMERA_DEFAULTS:
             source.warn(f"camera sensor: <{path}> is missing; {CAMERA_DEFAULTS[path]:g} is used")
             return CAMERA_DEFAULTS[path]
-        value = source.parse_number(told, f"camera sensor <{path}>")
+        value = source.parse_number(text, f"camera sensor <{path}>")
         least, most = CAMERA_LIMITS.get(path, (0.0, math.inf))
         if not least <= value <= most:
             raise source.fail(
@@ -139,13 +139,15 @@ def read_camera(root: ET.Element, links: Sequence[Link], source: SourceFile) -> 
 
     return CameraSpec(
         link=link,
-        width_px=round(number("camera/image/width")),
-        height_px=round(number("camera/image/height")),
-        hfov_rad=number("camera/horizontal_fov"),
-        rate_hz=number("update_rate"),
-        noise_std=number("camera/noise/stddev") if sensor.find("camera/noise") is not None else 0.0,
-        clip_near_m=number("camera/clip/near"),
-        clip_far_m=number("camera/clip/far"),
+        width_px=round(read_number("camera/image/width")),
+        height_px=round(read_number("camera/image/height")),
+        hfov_rad=read_number("camera/horizontal_fov"),
+        rate_hz=read_number("update_rate"),
+        noise_std=read_number("camera/noise/stddev")
+        if sensor.find("camera/noise") is not None
+        else 0.0,
+        clip_near_m=read_number("camera/clip/near"),
+        clip_far_m=read_number("camera/clip/far"),
         distortion=_read_distortion(sensor, source),
     )
 
@@ -153,20 +155,20 @@ def read_camera(root: ET.Element, links: Sequence[Link], source: SourceFile) -> 
 def _read_distortion(sensor: ET.Element, source: SourceFile) -> tuple[float, float, float, float]:
     """Read k1, k2, p1, p2 of SDF's <distortion>, else of the ROS camera plugin."""
 
-    def told(modern: str, classic: str) -> float:
+    def read_coefficient(modern: str, classic: str) -> float:
         for path in (f"camera/distortion/{modern}", f"plugin/{classic}"):
             text = sensor.findtext(path)
             if text is not None:
                 return source.parse_number(text, f"camera sensor <{path}>")
         return 0.0
 
-    if told("k3", "distortionK3"):
+    if read_coefficient("k3", "distortionK3"):
         source.warn("camera sensor: the distortion's k3 is not modelled; 0 is used")
     return (
-        told("k1", "distortionK1"),
-        told("k2", "distortionK2"),
-        told("p1", "distortionT1"),
-        told("p2", "distortionT2"),
+        read_coefficient("k1", "distortionK1"),
+        read_coefficient("k2", "distortionK2"),
+        read_coefficient("p1", "distortionT1"),
+        read_coefficient("p2", "distortionT2"),
     )
 
 

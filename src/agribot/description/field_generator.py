@@ -165,13 +165,13 @@ def _make_ground(crops_xy_m: FloatArray, spawn: tuple[float, float]) -> tuple[Gr
     points = np.concatenate([crops_xy_m, [spawn]])
     low, high = np.floor(points.min(axis=0)), np.ceil(points.max(axis=0))
 
-    def tile(surface: str, margin_m: float) -> GroundTile:
+    def make_tile(surface: str, margin_m: float) -> GroundTile:
         (x_min, y_min), (x_max, y_max) = (low - margin_m).tolist(), (high + margin_m).tolist()
         return GroundTile(
             surface=surface, x_min_m=x_min, y_min_m=y_min, x_max_m=x_max, y_max_m=y_max
         )
 
-    return tile("grass", SOIL_M + AROUND_M), tile("soil", SOIL_M)
+    return make_tile("grass", SOIL_M + AROUND_M), make_tile("soil", SOIL_M)
 
 
 def _make_tracks(plan: FieldSettings) -> list[GroundTile]:

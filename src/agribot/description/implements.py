@@ -37,7 +37,7 @@ def read_implement(root: ET.Element, source: SourceFile) -> ImplementSpec | None
 
 
 def _read(kind: type[ImplementSpec], block: TagBlock, source: SourceFile) -> ImplementSpec:
-    """A field without a tag keeps its default, if it has one."""
+    """Read an implement; a field without a tag keeps its default, if it has one."""
     values: dict[str, Any] = {}
     for field in msgspec.structs.fields(kind):
         name = field.encode_name
@@ -49,5 +49,5 @@ def _read(kind: type[ImplementSpec], block: TagBlock, source: SourceFile) -> Imp
         return msgspec.convert(values, kind)
     except msgspec.ValidationError as error:
         what, _, path = str(error).partition(" - at `$.")
-        told = f"<{path.rstrip('`')}> is {values.get(path.rstrip('`'))!r}: " if path else ""
-        raise source.fail(block.what, f"{told}{what}") from error
+        where = f"<{path.rstrip('`')}> is {values.get(path.rstrip('`'))!r}: " if path else ""
+        raise source.fail(block.what, f"{where}{what}") from error

@@ -132,7 +132,7 @@ def _read_joint(element: ET.Element, gears: dict[str, float], source: SourceFile
     where = f"joint '{name}'"
     axis, limit, dynamics = (element.find(tag) for tag in ("axis", "limit", "dynamics"))
 
-    def number(part: ET.Element | None, key: str, default: float) -> float:
+    def read_number(part: ET.Element | None, key: str, default: float) -> float:
         text = None if part is None else part.get(key)
         return default if text is None else source.parse_number(text, f"{where} {key}")
 
@@ -149,10 +149,10 @@ def _read_joint(element: ET.Element, gears: dict[str, float], source: SourceFile
         axis=(1.0, 0.0, 0.0)
         if axis is None
         else source.parse_vec3(axis.get("xyz"), f"{where} <axis>"),
-        effort_nm=number(limit, "effort", math.inf),
-        velocity_radps=number(limit, "velocity", math.inf),
-        damping_nmspr=number(dynamics, "damping", 0.0),
-        friction_nm=number(dynamics, "friction", 0.0),
+        effort_nm=read_number(limit, "effort", math.inf),
+        velocity_radps=read_number(limit, "velocity", math.inf),
+        damping_nmspr=read_number(dynamics, "damping", 0.0),
+        friction_nm=read_number(dynamics, "friction", 0.0),
         gear_ratio=gears.get(name, 1.0),
     )
 

@@ -25,6 +25,7 @@ def read_pose(element: ET.Element, source: SourceFile, where: str) -> FloatArray
 
 
 def extract_yaw(matrix: FloatArray) -> float:
+    """Return the yaw of a pose (4, 4) or rotation (3, 3), rad."""
     return math.atan2(matrix[1, 0], matrix[0, 0])
 
 

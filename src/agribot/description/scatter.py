@@ -66,16 +66,16 @@ def read_crop(model: ET.Element, x_map_m: float, y_map_m: float, source: SourceF
         return None
     where = f"model '{model.get('name')}' <agribot:crop>"
 
-    def number(key: str) -> float:
+    def read_number(key: str) -> float:
         return source.parse_number(element.get(key), f"{where} {key}")
 
     return Crop(
         x_map_m=x_map_m,
         y_map_m=y_map_m,
         species=source.require_attribute(element, "species", where),
-        height_m=number("height_m"),
-        height_spread_ratio=number("height_spread_ratio"),
-        stem_radius_m=number("stem_radius_m"),
+        height_m=read_number("height_m"),
+        height_spread_ratio=read_number("height_spread_ratio"),
+        stem_radius_m=read_number("stem_radius_m"),
         companions=_read_companions(model, source),
     )
 
@@ -91,7 +91,7 @@ def read_weed_areas(world: ET.Element, source: SourceFile) -> tuple[WeedArea, ..
 def read_plants(
     world: ET.Element, map_from_world: FloatArray, source: SourceFile
 ) -> tuple[Plant, ...]:
-    """Read the plants that a world lists one by one, as generated and exported fields do."""
+    """Read the plants that a world lists one by one; `map_from_world` is (4, 4)."""
     plants: list[Plant] = []
     turn_rad = math.atan2(map_from_world[1, 0], map_from_world[0, 0])
     for element in world.findall(qualify_tag("plant")):
@@ -105,22 +105,24 @@ def _read_plant(
 ) -> Plant:
     where = "<agribot:plant>"
 
-    def number(key: str) -> float:
+    def read_number(key: str) -> float:
         return source.parse_number(element.get(key), f"{where} {key}")
 
     kind = source.require_attribute(element, "class", where).upper()
     if kind not in {"CROP", "WEED"}:
         raise source.fail(where, f"class '{kind.lower()}' is neither crop nor weed")
-    x_m, y_m = (map_from_world @ np.array([number("x"), number("y"), 0.0, 1.0]))[:2].tolist()
+    x_m, y_m = (map_from_world @ np.array([read_number("x"), read_number("y"), 0.0, 1.0]))[
+        :2
+    ].tolist()
     return Plant(
         species=source.require_attribute(element, "species", where),
         plant=PlantClass[kind],
         x_map_m=x_m,
         y_map_m=y_m,
-        yaw_rad=number("yaw") + turn_rad,
-        size_m=number("height_m"),
-        seed=int(number("seed")),
-        stem_radius_m=number("stem_radius_m"),
+        yaw_rad=read_number("yaw") + turn_rad,
+        size_m=read_number("height_m"),
+        seed=int(read_number("seed")),
+        stem_radius_m=read_number("stem_radius_m"),
     )
 
 

@@ -114,7 +114,7 @@ def _read_samples(path: Path) -> FloatArray:
 
 
 def encode_png(heights_m: FloatArray) -> bytes:
-    """Encode heights as a 16-bit PNG, North at the top; 0 to the highest sample fill its scale."""
+    """Encode heights (rows, columns) as a 16-bit PNG, North at the top, scaled to the highest."""
     from PIL import Image
 
     scaled = np.flipud(heights_m) * (FULL_SCALE / float(heights_m.max()))
@@ -126,8 +126,9 @@ def encode_png(heights_m: FloatArray) -> bytes:
 def place_heights(
     heights_m: FloatArray, size_m: tuple[float, float], map_from_field: FloatArray
 ) -> HeightField:
-    """Place heights over a rectangle about a frame's origin, as terrain along the map's axes.
+    """Place heights (rows, columns) over a rectangle about a frame's origin, as terrain.
 
+    The result lies along the map's axes; `map_from_field` is (4, 4).
     A frame that is turned by quarter turns keeps its samples; any other is resampled.
     """
     rows, columns = heights_m.shape

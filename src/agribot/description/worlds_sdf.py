@@ -192,7 +192,7 @@ def _make_obstacles(model: PlacedModel, parts: ModelParts) -> list[Obstacle]:
     upright = bool(np.allclose(tilt, np.eye(4), atol=1e-12))
     x_m, y_m, z_m = model.map_from_model[:3, 3].tolist()
 
-    def shapes(collides: bool) -> tuple[Shape, ...]:
+    def select_shapes(collides: bool) -> tuple[Shape, ...]:
         chosen = [part.shape for part in parts.shapes if part.collides == collides]
         return tuple(shape if upright else _tilt_shape(shape, tilt) for shape in chosen)
 
@@ -204,11 +204,11 @@ def _make_obstacles(model: PlacedModel, parts: ModelParts) -> list[Obstacle]:
             y_map_m=y_m,
             z_map_m=z_m,
             yaw_rad=yaw_rad,
-            shapes=shapes(collides),
+            shapes=select_shapes(collides),
             collides=collides,
         )
         for collides in (True, False)
-        if shapes(collides)
+        if select_shapes(collides)
     ]
 
 

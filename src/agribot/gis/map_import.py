@@ -19,7 +19,7 @@ from agribot.core.arithmetic import clamp
 from agribot.core.errors import ConfigError
 from agribot.gis.geo_pyramid import read_geo, write_vrt
 from agribot.gis.mbtiles import LIVE, MAX_ZOOM, TileWriter, is_picture
-from agribot.gis.tile_grid import HALF_M, TILE_PX, Bounds, Tile, count_tiles, iterate_tiles
+from agribot.gis.tile_grid import HALF_M, TILE_PX, GeoBounds, MapTile, count_tiles, iterate_tiles
 
 if TYPE_CHECKING:
     import rasterio
@@ -51,7 +51,7 @@ def import_geotiff(source: Path, target: Path, report: Report) -> None:
                     f"{source.name} does not say where it lies (no coordinate system); give it one "
                     "with gdal_edit.py -a_srs, or export it as GeoTIFF"
                 )
-            bounds = Bounds(*transform_bounds(raster.crs, DEGREES, *raster.bounds))
+            bounds = GeoBounds(*transform_bounds(raster.crs, DEGREES, *raster.bounds))
             size = raster.width, raster.height
             fine, _, _ = calculate_default_transform(raster.crs, WEB, *size, *raster.bounds)
             last = _choose_zoom(fine.a)
@@ -67,7 +67,7 @@ def import_geotiff(source: Path, target: Path, report: Report) -> None:
         raise ConfigError(f"cannot read {source} as a raster: {error}") from error
 
 
-def _draw_tile(raster: rasterio.DatasetReader, tile: Tile) -> bytes:
+def _draw_tile(raster: rasterio.DatasetReader, tile: MapTile) -> bytes:
     """Draw a tile as WebP; empty bytes where the picture has no data."""
     from PIL import Image
     from rasterio.enums import Resampling
@@ -135,7 +135,7 @@ def import_pmtiles(source: Path, target: Path, report: Report) -> None:
         )
         low, high = header["min_zoom"], header["max_zoom"]
         count = header.get("addressed_tiles_count") or 0
-        metadata = _make_metadata(target, Bounds(*degrees), low, high, "")
+        metadata = _make_metadata(target, GeoBounds(*degrees), low, high, "")
         with TileWriter(target, metadata) as writer:
             for done, (address, data) in enumerate(itertools.chain([first], tiles), start=1):
                 writer.put(*address, data)
@@ -143,7 +143,7 @@ def import_pmtiles(source: Path, target: Path, report: Report) -> None:
 
 
 def import_from_server(
-    template: str, target: Path, bounds: Bounds, zooms: tuple[int, int], attribution: str,
+    template: str, target: Path, bounds: GeoBounds, zooms: tuple[int, int], attribution: str,
     report: Report,
 ) -> None:  # fmt: skip
     """Fetch a region once; tiles that are there already are not requested again.
@@ -173,7 +173,7 @@ def import_from_server(
 def register_server(template: str, target: Path, zooms: tuple[int, int], attribution: str) -> None:
     """Register a map whose tiles are fetched when they are first shown, and then kept."""
     check_template(template)
-    world = Bounds(-180.0, -85.0, 180.0, 85.0)
+    world = GeoBounds(-180.0, -85.0, 180.0, 85.0)
     metadata = {
         **_make_metadata(target, world, *zooms, ""),
         "attribution": attribution,
@@ -183,7 +183,7 @@ def register_server(template: str, target: Path, zooms: tuple[int, int], attribu
         pass
 
 
-def fetch_tile(template: str, tile: Tile) -> bytes:
+def fetch_tile(template: str, tile: MapTile) -> bytes:
     """Fetch a tile from a server.
 
     Raises: OSError: no answer. ValueError: the answer is no picture up to MAX_TILE_BYTES.
@@ -214,7 +214,7 @@ def check_template(template: str) -> None:
         )
 
 
-def _try_fetch(template: str, tile: Tile) -> bytes | str:
+def _try_fetch(template: str, tile: MapTile) -> bytes | str:
     try:
         return fetch_tile(template, tile)
     except (OSError, ValueError) as error:
@@ -227,14 +227,14 @@ def _choose_zoom(pixel_m: float) -> int:
     return clamp(zoom, 0, MAX_ZOOM)
 
 
-def _choose_first_zoom(bounds: Bounds, last: int) -> int:
+def _choose_first_zoom(bounds: GeoBounds, last: int) -> int:
     zoom = last
     while zoom > 0 and count_tiles(bounds, zoom, zoom) > OVERVIEW_TILES:
         zoom -= 1
     return zoom
 
 
-def _check_count(bounds: Bounds, first: int, last: int) -> int:
+def _check_count(bounds: GeoBounds, first: int, last: int) -> int:
     if not 0 <= first <= last <= MAX_ZOOM:
         raise ConfigError(f"zooms {first} to {last}: must be within 0 to {MAX_ZOOM}, in order")
     count = count_tiles(bounds, first, last)
@@ -246,11 +246,11 @@ def _check_count(bounds: Bounds, first: int, last: int) -> int:
 
 
 def _make_metadata(
-    target: Path, bounds: Bounds, first: int, last: int, picture_format: str
+    target: Path, bounds: GeoBounds, first: int, last: int, picture_format: str
 ) -> dict[str, str]:
-    said = {"name": target.stem, "bounds": bounds.to_text(), "minzoom": str(first),
+    metadata = {"name": target.stem, "bounds": bounds.to_text(), "minzoom": str(first),
             "maxzoom": str(last), "type": "baselayer"}  # fmt: skip
-    return {**said, "format": picture_format} if picture_format else said
+    return {**metadata, "format": picture_format} if picture_format else metadata
 
 
 def _load_rasterio() -> Any:

@@ -60,7 +60,7 @@ def format_plan(saved: SavedPlan, certificate: Certificate) -> str:
                 tool_on=leg.tool_on, row=leg.row, length_m=round(leg.length_m, 3),
             )
         )  # fmt: skip
-    told = {
+    header = {
         "format": FORMAT,
         "datum": msgspec.to_builtins(saved.datum),
         "swath_yaw_deg": math.degrees(saved.plan.swath_yaw_rad),
@@ -69,7 +69,7 @@ def format_plan(saved: SavedPlan, certificate: Certificate) -> str:
         "certificate": msgspec.to_builtins(certificate),
     }
     lines = ",\n".join(json.dumps(feature) for feature in collected)
-    head = json.dumps(told)
+    head = json.dumps(header)
     return f'{{"type": "FeatureCollection", "agribot": {head}, "features": [\n{lines}\n]}}\n'
 
 
@@ -82,16 +82,16 @@ def read_plan(path: Path, datum: Datum | None = None) -> SavedPlan:
 
 
 def parse_plan(root: Any, source_name: str, datum: Datum | None = None) -> SavedPlan:
-    told = root.get("agribot") if isinstance(root, dict) else None
-    if not isinstance(told, dict) or told.get("format") != FORMAT:
+    header = root.get("agribot") if isinstance(root, dict) else None
+    if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise MissionError(
             f"{source_name} is not a plan of format {FORMAT}; make one with 'agribot plan --field "
             f"FIELD.geojson --implement-width M --out plan.geojson'"
         )
     try:
-        request = msgspec.convert(told["request"], PlanRequest)
-        datum = datum or msgspec.convert(told["datum"], Datum)
-        swath_yaw_rad = math.radians(float(told["swath_yaw_deg"]))
+        request = msgspec.convert(header["request"], PlanRequest)
+        datum = datum or msgspec.convert(header["datum"], Datum)
+        swath_yaw_rad = math.radians(float(header["swath_yaw_deg"]))
     except (KeyError, TypeError, ValueError, OverflowError, msgspec.ValidationError) as error:
         raise MissionError(f"{source_name}: 'agribot' is broken: {error}; plan it again") from error
     found = parse_features(root, source_name)

@@ -17,7 +17,7 @@ HALF_M = math.pi * 6378137.0  # of the square of the whole world
 MAX_LAT_DEG = 85.05112878
 
 
-class Bounds(NamedTuple):
+class GeoBounds(NamedTuple):
     west_deg: float
     south_deg: float
     east_deg: float
@@ -27,7 +27,7 @@ class Bounds(NamedTuple):
         return ",".join(f"{edge:.7f}" for edge in self)
 
 
-class Tile(NamedTuple):
+class MapTile(NamedTuple):
     z: int
     x: int
     y: int
@@ -39,24 +39,24 @@ class Tile(NamedTuple):
         return left_m, top_m - side_m, left_m + side_m, top_m
 
 
-def find_tile(lat_deg: float, lon_deg: float, z: int) -> Tile:
+def find_tile(lat_deg: float, lon_deg: float, z: int) -> MapTile:
     lat_rad = math.radians(clamp(lat_deg, -MAX_LAT_DEG, MAX_LAT_DEG))
     count = 2**z
     x = (lon_deg + 180.0) / 360.0 * count
     y = (1.0 - math.asinh(math.tan(lat_rad)) / math.pi) / 2.0 * count
-    return Tile(z, clamp(int(x), 0, count - 1), clamp(int(y), 0, count - 1))
+    return MapTile(z, clamp(int(x), 0, count - 1), clamp(int(y), 0, count - 1))
 
 
-def iterate_tiles(bounds: Bounds, first_zoom: int, last_zoom: int) -> Iterator[Tile]:
+def iterate_tiles(bounds: GeoBounds, first_zoom: int, last_zoom: int) -> Iterator[MapTile]:
     for z in range(first_zoom, last_zoom + 1):
         top_left = find_tile(bounds.north_deg, bounds.west_deg, z)
         bottom_right = find_tile(bounds.south_deg, bounds.east_deg, z)
         for x in range(top_left.x, bottom_right.x + 1):
             for y in range(top_left.y, bottom_right.y + 1):
-                yield Tile(z, x, y)
+                yield MapTile(z, x, y)
 
 
-def count_tiles(bounds: Bounds, first_zoom: int, last_zoom: int) -> int:
+def count_tiles(bounds: GeoBounds, first_zoom: int, last_zoom: int) -> int:
     count = 0
     for z in range(first_zoom, last_zoom + 1):
         top_left = find_tile(bounds.north_deg, bounds.west_deg, z)
@@ -65,13 +65,13 @@ def count_tiles(bounds: Bounds, first_zoom: int, last_zoom: int) -> int:
     return count
 
 
-def parse_bounds(text: str) -> Bounds:
+def parse_bounds(text: str) -> GeoBounds:
     """Parse west, south, east, north in degrees, separated by commas.
 
     Raises: ConfigError: not four numbers west, south, east, north in degrees.
     """
     try:
-        bounds = Bounds(*(float(word) for word in text.split(",")))
+        bounds = GeoBounds(*(float(word) for word in text.split(",")))
     except (TypeError, ValueError) as error:
         raise ConfigError(f"--bbox {text}: write west,south,east,north in degrees") from error
     west, south, east, north = bounds

@@ -35,7 +35,10 @@ PAUSE_SERVICE = "/agribot/pause"  # true pauses, false resumes
 
 
 class Requests:
-    """Thread-safe. `say` hears, not more often than every few seconds, what was refused and why."""
+    """Posts requests from any thread.
+
+    `report` is called with each refusal and its reason, at most every few seconds for each.
+    """
 
     def __init__(
         self,

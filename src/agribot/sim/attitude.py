@@ -1,4 +1,4 @@
-"""Attitude from the rows of the physics history."""
+"""Attitude from the rows of the physics history, each (HISTORY_COLUMNS,)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def read_rotation(row: FloatArray) -> FloatArray:
 
 
 def rotate(row: FloatArray, vector: Vec3) -> Vec3:
-    """Turn a vector from base axes into map axes."""
+    """Turn a vector from base axes into map axes by the attitude of a row of the history."""
     w, x, y, z = row[QUATERNION].tolist()
     a, b, c = vector
     return (
@@ -37,7 +37,7 @@ def read_base_pose(row: FloatArray) -> FloatArray:
 
 
 def read_roll_pitch_yaw(row: FloatArray) -> Vec3:
-    """Return the fixed-axis angles in the map, rad; pitch is negative with the nose up."""
+    """Return the fixed-axis angles of a row of the history, rad; pitch < 0 with the nose up."""
     w, x, y, z = row[QUATERNION].tolist()
     return (
         math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),

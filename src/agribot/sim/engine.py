@@ -74,7 +74,7 @@ class Engine:
                 instance.model.actuator_forcerange[wheel] = -torque_nm, torque_nm
 
     def pull_base(self, pull: Pull | None) -> None:
-        """Let a force act on the base until it is told another; None is no force."""
+        """Let a force act on the base until the next call; None is no force."""
         views = self._used.views
         if pull is None:
             views.xfrc_applied[BASE_BODY] = 0.0

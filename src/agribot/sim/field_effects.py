@@ -34,6 +34,7 @@ class CropDamage:
         )
 
     def update(self, t_s: float, before: FloatArray, after: FloatArray) -> None:
+        """Mark the crops under the wheels between two rows of the physics history."""
         if self._index.size:
             mark_swept(before, after, self._feet, self._active, self._grid, self._hit_s, t_s)
 

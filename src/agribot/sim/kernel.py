@@ -170,7 +170,10 @@ def _move_toward(value: float, target: float, limit: float) -> float:
 
 @compile_exact
 def run_board(state: FloatArray, board: Board, views: StateViews, dt_s: float) -> None:
-    """Run one step of the motor board: timeout, ramps, wheel control (right, left, rear first)."""
+    """Run one step of the motor board, `state` (BOARD_SIZE,): timeout, ramps, wheel control.
+
+    The order of the wheels is right, left, rear first.
+    """
     state[BOARD_TIME_LEFT] -= dt_s
     alive = 1.0 if state[BOARD_TIME_LEFT] > 0.0 else 0.0
     v = _move_toward(state[BOARD_V], alive * state[BOARD_TARGET_V], board.max_accel_mps2 * dt_s)
@@ -208,7 +211,7 @@ def _run_pid(k: int, state: FloatArray, board: Board, speed_radps: float, dt_s: 
 
 @compile_exact
 def watch_wheels(state: FloatArray, board: Board, views: StateViews, dt_s: float) -> None:
-    """Count how long each wheel has been stuck or without torque."""
+    """Count in `state` (BOARD_SIZE,) how long each wheel has been stuck or without torque, s."""
     limit = board.torque_nm
     for k in range(4):
         target, speed = state[BOARD_TARGET + k], views.qvel[6 + k]

@@ -17,7 +17,7 @@ from agribot.core.world import WorldSpec
 from agribot.sim.scores import (
     ErrorSums,
     EstimateScore,
-    Judgement,
+    RefereeState,
     TrackingScore,
     WeedScore,
     compute_root_mean,
@@ -60,7 +60,7 @@ class Referee:
         self._pose_covs = GrowingTable(9)
         self._across_m = GrowingTable(1)
         self._tally = ErrorSums()
-        self._before: Judgement | None = None
+        self._before: RefereeState | None = None
         self._distance_m = 0.0
         self._last_xy: tuple[float, float] | None = None
         self._confusion = np.zeros((3, 3), dtype=np.int64)
@@ -76,7 +76,7 @@ class Referee:
         self._worst_m: dict[int, float] = {}
         self._slices: set[tuple[int, int]] = set()
 
-    def restore(self, before: Judgement) -> str:
+    def restore(self, before: RefereeState) -> str:
         """Continue the judgement of an earlier run of the job.
 
         Returns the parts that cannot be continued, in words; empty if there are none.
@@ -94,10 +94,10 @@ class Referee:
         self._before = None
         return "crushed and treated plants: the field has other plants now"
 
-    def export_judgement(self) -> Judgement:
+    def export_state(self) -> RefereeState:
         """Return everything so far, for the run that continues the job."""
         self._add_to_sums()
-        return Judgement(
+        return RefereeState(
             tally=self._tally,
             distance_m=self._distance_m,
             confusion=tuple(self._confusion.ravel().tolist()),
@@ -128,7 +128,7 @@ class Referee:
             self._judge_estimate(record, x_m, y_m, yaw_rad)
 
     def judge_mask(self, frame_index: int, class_id: ByteArray) -> None:
-        """Add one predicted class mask, at any resolution, to the pooled confusion matrix."""
+        """Add a predicted class mask (height, width), of any size, to the confusion matrix."""
         truth = self._source.truth_mask(frame_index)
         if truth is None:
             return
@@ -232,7 +232,7 @@ class Referee:
         self._row_errors, self._estimate_errors = GrowingTable(2), GrowingTable(3)
         self._pose_covs = GrowingTable(9)
 
-    def _restore_row(self, then: Row, before: Judgement) -> None:
+    def _restore_row(self, then: Row, before: RefereeState) -> None:
         """Restore a row where one of the same place exists, of any number and direction."""
         for row in self._rows.values():
             ends = row.start_map_m, row.end_map_m

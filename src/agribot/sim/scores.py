@@ -92,7 +92,7 @@ class ErrorSums(msgspec.Struct, kw_only=True):
         )
 
 
-class Judgement(msgspec.Struct, frozen=True, kw_only=True):
+class RefereeState(msgspec.Struct, frozen=True, kw_only=True):
     """The referee's state in a job, for the run that continues it.
 
     `worst_m` and `slices` belong to `rows` by their index, `nearest_m` to the goals; None: not

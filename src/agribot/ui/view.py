@@ -14,15 +14,24 @@ from agribot.core.messages import (
     GnssFix,
     MissionState,
     MissionStatus,
+    Path,
     SensorBatch,
     TickRecord,
     Vec3,
 )
+from agribot.record.events import Event
 from agribot.ui import wire
 
 SIGNALS_KEPT = 500  # ten seconds of ticks that nobody has asked for yet
 TRACE_STEP_M = 0.02
+PATH_STEP_M = 0.05
 TILT_SHARE = 0.02  # of each new sample of the accelerometer: half a second at 100 Hz
+_LEVEL: dict[str, wire.EventLevel] = {
+    "fault": "fault",
+    "stop": "warn",
+    "hold": "warn",
+    "limit": "warn",
+}
 # What the page calls a mission that does not run, and that nobody stopped.
 _MODES: dict[MissionState, wire.Mode] = {
     "waiting": "waiting",
@@ -62,7 +71,7 @@ class RunView:
         self.ticks += 1
 
     def state(self) -> wire.State | None:
-        """The newest state as the page reads it, with all signals since the last call."""
+        """Return the newest state as the page reads it, with all signals since the last call."""
         record = self.record
         if record is None:
             return None
@@ -149,7 +158,7 @@ class RunView:
 
 
 def shown_weed(track: Track) -> wire.Weed:
-    """A plant of the map as the page reads it."""
+    """Return a plant of the map as the page reads it."""
     return wire.Weed(
         id=track.id,
         plant=track.plant,
@@ -223,8 +232,23 @@ def _battery(sample: BatterySample | None) -> wire.BatteryState | None:
 
 
 def _take(queue: deque[wire.Sample]) -> list[wire.Sample]:
-    """Empties the queue while the robot's loop may still append to it."""
+    """Empty the queue while the robot's loop may still append to it."""
     taken = []
     while queue:
         taken.append(queue.popleft())
     return taken
+
+
+def thin_path(path: Path) -> wire.PathPiece:
+    """Return the whole path with a point about every 5 cm."""
+    step_m = float(path.s_m[-1]) / max(len(path.s_m) - 1, 1)
+    every = max(1, round(PATH_STEP_M / step_m)) if step_m > 0 else 1
+    keep = sorted({*range(0, len(path.s_m), every), len(path.s_m) - 1})
+    points = [(round(x_m, 4), round(y_m, 4)) for x_m, y_m in path.xy_map_m[keep].tolist()]
+    return wire.PathPiece(points_map_m=points, rows=path.row[keep].tolist())
+
+
+def shown_event(event: Event) -> wire.LogEvent:
+    level = _LEVEL.get(event.kind, "info")
+    text = event.reason or "no objection any more"
+    return wire.LogEvent(t_s=event.t_s, level=level, source=event.kind, text=text)

@@ -40,7 +40,7 @@ def watched(
     for charge_ratio, voltage_v in values:
         for _ in range(seconds):
             t_s += 1.0
-            watch.listen(SensorBatch(t_s=t_s, battery=(sample(t_s, charge_ratio, voltage_v),)))
+            watch.update(SensorBatch(t_s=t_s, battery=(sample(t_s, charge_ratio, voltage_v),)))
     return watch
 
 

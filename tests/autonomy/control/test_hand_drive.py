@@ -27,7 +27,7 @@ def driven(control: HandControl, state: MissionState = "paused") -> DriveCommand
 
 def test_a_hand_that_moves_the_robot_pauses_the_mission_and_drives() -> None:
     control = HandControl(SafetyConfig())
-    (event,) = control.listen(batch(1.0, 0.2))
+    (event,) = control.update(batch(1.0, 0.2))
     assert event.action == "pause"
     assert "gamepad" in event.source
     assert driven(control) == DriveCommand(v_mps=0.2, yaw_rate_radps=0.0)
@@ -35,23 +35,23 @@ def test_a_hand_that_moves_the_robot_pauses_the_mission_and_drives() -> None:
 
 def test_a_stick_at_rest_leaves_a_running_mission_alone() -> None:
     control = HandControl(SafetyConfig())
-    assert control.listen(batch(1.0, 0.0)) == ()
+    assert control.update(batch(1.0, 0.0)) == ()
     assert driven(control, "running") is None
 
 
 def test_a_hand_that_falls_silent_counts_no_longer_than_its_timeout() -> None:
     control = HandControl(SafetyConfig(hand_timeout_s=0.3))
-    control.listen(batch(1.0, 0.2))
-    control.listen(batch(1.28))
+    control.update(batch(1.0, 0.2))
+    control.update(batch(1.28))
     assert driven(control) is not None
-    control.listen(batch(1.3))
+    control.update(batch(1.3))
     assert driven(control) is None
 
 
 def test_a_clock_that_runs_backwards_ends_the_request() -> None:
     control = HandControl(SafetyConfig())
-    control.listen(batch(10.0, 0.2))
-    control.listen(batch(3.0))
+    control.update(batch(10.0, 0.2))
+    control.update(batch(3.0))
     assert driven(control) is None
 
 

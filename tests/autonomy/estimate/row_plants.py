@@ -111,6 +111,6 @@ def watch(into: Localizer, recording: Recording, seen: list[Scene]) -> list[Esti
     for batch in batches(recording):
         estimates.append(into.update(batch))
         while at < len(seen) and seen[at].ready_s <= batch.t_s + 1e-9:
-            into.see(seen[at])
+            into.observe(seen[at])
             at += 1
     return estimates

@@ -180,8 +180,8 @@ def test_scenes_of_another_time_are_refused() -> None:
     seen = scenes(recording, FIELD, 2.0, Faults(), np.random.default_rng(1))
     into = Localizer(EstimateConfig(), FIELD, robot())
     before = watch(into, recording, seen)[-1]
-    into.see(msgspec.structs.replace(seen[-1], t_s=99.0))
-    into.see(msgspec.structs.replace(seen[-1], t_s=9.0))
+    into.observe(msgspec.structs.replace(seen[-1], t_s=99.0))
+    into.observe(msgspec.structs.replace(seen[-1], t_s=9.0))
     assert into.rejected["scene without odometry"] >= 1
     assert into.rejected["scene first"] == 1
     assert into.rejected["scene out of order"] >= 1

@@ -66,7 +66,7 @@ def drive(
         events = (OperatorEvent(t_s=batch.t_s, action="resume", source="test"),) * is_time
         found.append(into.update(msgspec.structs.replace(batch, events=events)))
         if camera and tick % 5 == 0 and batch.t_s > 4.0:
-            into.see(sight(recording, batch.t_s, aside_m, rng))
+            into.observe(sight(recording, batch.t_s, aside_m, rng))
     return into, found
 
 
@@ -314,7 +314,7 @@ def test_a_frozen_camera_is_named_and_corrects_nothing() -> None:
                 scene = msgspec.structs.replace(scene, picture_crc32=tick)
             now = msgspec.structs.replace(scene, t_s=batch.t_s, ready_s=batch.t_s)
             if not into.is_stale(now):
-                into.see(now)
+                into.observe(now)
     assert estimate.reason == (
         "camera picture has not changed over 0.05 m of way; check the camera"
     )
@@ -327,8 +327,8 @@ def test_the_agreement_of_camera_and_fixes_does_not_depend_on_the_pose() -> None
     for pose_off_m in (0.0, 0.5):
         agreement = RowAgreement()
         for i in range(60):
-            agreement.fix(0.1 * i, 0.01 - pose_off_m)
-            agreement.look(0.1 * i, 0.31 - pose_off_m)
+            agreement.add_fix(0.1 * i, 0.01 - pose_off_m)
+            agreement.add_look(0.1 * i, 0.31 - pose_off_m)
         assert agreement.must_halt
         assert agreement.apart_m == pytest.approx(0.3)
 
@@ -337,7 +337,7 @@ def disagreeing(off_m: float) -> RowAgreement:
     """The plants of a row have testified against fixes that fit the pose."""
     agreement = RowAgreement()
     for i in range(20):
-        agreement.fix(0.1 * i, 0.0)
+        agreement.add_fix(0.1 * i, 0.0)
     agreement.testify(2.0, off_m)
     return agreement
 
@@ -370,7 +370,7 @@ def test_a_robot_without_rows_in_view_does_not_speak_of_a_disagreement_for_good(
     for tick, batch in enumerate(batches(recording)):
         estimates.append(into.update(batch))
         if tick % 5 == 0 and 4.0 < batch.t_s < FROM_S:
-            into.see(sight(recording, batch.t_s, 0.12, rng))
+            into.observe(sight(recording, batch.t_s, 0.12, rng))
     assert at(estimates, FROM_S + 1.0).reason.startswith("camera and GNSS disagree by 0.1")
     assert estimates[-1].reason == ""
 

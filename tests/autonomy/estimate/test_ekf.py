@@ -191,11 +191,11 @@ def test_reset_forgets_value_and_correlations() -> None:
 
 def test_gate_opens_after_a_run_of_rejections_and_only_then() -> None:
     gate = Gate(sigma=4.0, recover_after=3)
-    assert [gate.judge(d2) for d2 in (15.9, 17.0, 17.0, 1.0)] == [
+    assert [gate.evaluate(d2) for d2 in (15.9, 17.0, 17.0, 1.0)] == [
         "accept", "reject", "reject", "accept",
     ]  # fmt: skip
-    assert [gate.judge(99.0) for _ in range(4)] == ["reject", "reject", "recover", "reject"]
+    assert [gate.evaluate(99.0) for _ in range(4)] == ["reject", "reject", "recover", "reject"]
 
 
 def test_gate_rejects_what_is_not_a_number() -> None:
-    assert Gate(sigma=4.0, recover_after=3).judge(math.nan) == "reject"
+    assert Gate(sigma=4.0, recover_after=3).evaluate(math.nan) == "reject"

@@ -32,7 +32,7 @@ def fitted(
         seen = SOFT @ (FIELD_T * np.array([math.cos(angle), math.sin(angle)])) + HARD_T
         seen = seen + noise_t * rng.standard_normal(2)
         fit.add((float(seen[0]), float(seen[1])), float(angle) + reference_rad)
-    return fit.solved()
+    return fit.solve()
 
 
 def heading_errors_rad(found: MagFitted) -> FloatArray:
@@ -40,7 +40,7 @@ def heading_errors_rad(found: MagFitted) -> FloatArray:
     errors = []
     for angle in np.linspace(0.0, math.tau, 72, endpoint=False):
         x, y = SOFT @ (FIELD_T * np.array([math.cos(angle), math.sin(angle)])) + HARD_T
-        left, right = found.calibration.corrected((float(x), float(y)))
+        left, right = found.calibration.correct((float(x), float(y)))
         errors.append(math.remainder(math.atan2(right, left) - angle, math.tau))
     return np.asarray(np.array(errors) - np.mean(errors))
 
@@ -91,7 +91,7 @@ def test_a_magnet_is_called_one() -> None:
     fit = MagFit()
     for angle in ROUND:
         fit.add((2.0 * FIELD_T * math.cos(angle), FIELD_T * math.sin(angle)), float(angle))
-    found = fit.solved()
+    found = fit.solve()
     assert found is not None
     assert "look for a magnet" in found.complaints()[0]
 
@@ -139,7 +139,7 @@ def test_what_a_calibration_says_can_be_set() -> None:
         fit = MagFit()
         for sample in recording.mag:
             fit.add(sample.field_t[:2], math.pi / 2.0 - recording.pose(sample.t_s)[2])
-        found = fit.solved()
+        found = fit.solve()
         assert found is not None
         iron_free = EstimateConfig(
             mag_offset_t=found.calibration.offset_t, mag_shape=found.calibration.shape

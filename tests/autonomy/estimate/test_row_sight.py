@@ -11,12 +11,12 @@ from tests.autonomy.estimate.test_row_lines import Robot
 
 def test_a_row_is_seen_for_a_metre_behind_the_last_of_its_crop() -> None:
     sight = RowSight(FieldConfig(plant_spacing_m=0.25))
-    sight.look(0.0, 0)
+    sight.observe(0.0, 0)
     assert sight.is_seen(0.1) is False
-    sight.look(0.1, 1)
+    sight.observe(0.1, 1)
     assert sight.is_seen(0.1) is True
     sight.move(0.9)
-    sight.look(1.0, 1)
+    sight.observe(1.0, 1)
     assert sight.is_seen(1.0) is True
     sight.move(-0.2)  # way is way
     assert sight.is_seen(1.0) is False
@@ -24,7 +24,7 @@ def test_a_row_is_seen_for_a_metre_behind_the_last_of_its_crop() -> None:
 
 def test_plants_far_apart_carry_the_row_to_the_next_of_them() -> None:
     sight = RowSight(FieldConfig(plant_spacing_m=2.0))
-    sight.look(0.0, 1)
+    sight.observe(0.0, 1)
     sight.move(2.9)
     assert sight.is_seen(0.0) is True
     sight.move(0.2)
@@ -34,7 +34,7 @@ def test_plants_far_apart_carry_the_row_to_the_next_of_them() -> None:
 def test_without_pictures_nobody_looks() -> None:
     sight = RowSight(FieldConfig())
     assert sight.is_seen(0.0) is None
-    sight.look(5.0, 1)
+    sight.observe(5.0, 1)
     assert sight.is_seen(5.0 + SILENT_S - 0.1) is True
     assert sight.is_seen(5.0 + SILENT_S + 0.1) is None
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agribot.autonomy.perceive.pictures import classify, enlarged
+from agribot.autonomy.perceive.pictures import classify, enlarge
 from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.core.errors import PerceptionError
 from agribot.core.messages import ByteArray, PlantClass
@@ -113,10 +113,10 @@ def test_enlarging_draws_a_slanted_border_straighter_than_the_nearest_pixel() ->
     class_id = np.where(share > 0.5, PlantClass.CROP, PlantClass.SOIL).astype(np.uint8)
     confidence = np.round(255 * np.maximum(share, 1.0 - share)).astype(np.uint8)
     nearest = np.repeat(np.repeat(class_id, 8, axis=0), 8, axis=1)
-    fine = enlarged(class_id, confidence, (240, 240)).class_id
+    fine = enlarge(class_id, confidence, (240, 240)).class_id
     assert (fine != truth).mean() < 0.5 * (nearest != truth).mean()
 
 
 def test_a_map_of_the_right_size_is_left_alone() -> None:
     class_id = np.random.default_rng(0).integers(0, 3, (6, 8), dtype=np.uint8)
-    assert enlarged(class_id, np.full((6, 8), 200, np.uint8), (6, 8)).class_id is class_id
+    assert enlarge(class_id, np.full((6, 8), 200, np.uint8), (6, 8)).class_id is class_id

@@ -35,7 +35,7 @@ def crop() -> FieldWork:
 
 
 def test_the_way_leads_around_the_obstacle_that_lies_between(meadow: FieldWork) -> None:
-    path = meadow.path_to(START, (16.0, 6.5, None))
+    path = meadow.plan_to(START, (16.0, 6.5, None))
     hole = shapely.Polygon(WITH_HOLE.holes[0])
     assert shapely.LineString([START, (16.0, 6.5)]).crosses(hole)
     assert shapely.LineString(path.xy_map_m).distance(hole) >= HALF_TURN_M
@@ -47,7 +47,7 @@ def test_the_way_leads_around_the_obstacle_that_lies_between(meadow: FieldWork) 
 @pytest.mark.parametrize("yaw_deg", [-120.0, 0.0, 77.0, 180.0])
 def test_the_robot_ends_as_it_is_to_look(meadow: FieldWork, yaw_deg: float) -> None:
     yaw_rad = math.radians(yaw_deg)
-    path = meadow.path_to(START, (5.0, 11.0, yaw_rad))
+    path = meadow.plan_to(START, (5.0, 11.0, yaw_rad))
     assert path.xy_map_m[-1] == pytest.approx((5.0, 11.0))
     assert math.cos(float(path.yaw_map_rad[-1]) - yaw_rad) == pytest.approx(1.0)
 
@@ -66,13 +66,13 @@ def test_a_place_that_cannot_be_driven_to_is_refused(
     meadow: FieldWork, goal: Place, why: str
 ) -> None:
     with pytest.raises(MissionError, match=why):
-        meadow.path_to(START, goal)
+        meadow.plan_to(START, goal)
 
 
 def test_crop_is_no_place_and_no_way(crop: FieldWork) -> None:
     with pytest.raises(MissionError, match="in the crop rows"):
-        crop.path_to((-3.0, 5.0), (2.5, 5.0, None))
-    path = crop.path_to((-3.0, 5.0), (9.0, 5.0, None))
+        crop.plan_to((-3.0, 5.0), (2.5, 5.0, None))
+    path = crop.plan_to((-3.0, 5.0), (9.0, 5.0, None))
     rows = shapely.MultiLineString([list(row) for row in ROWS.rows])
     turning_m = SHAPE.wheel_turn_radius_m
     assert shapely.LineString(path.xy_map_m).distance(rows) >= turning_m
@@ -81,7 +81,7 @@ def test_crop_is_no_place_and_no_way(crop: FieldWork) -> None:
 
 def test_work_is_found_again_where_it_stopped(meadow: FieldWork) -> None:
     """On the headland, nearer to the edge than the robot can turn with room to spare."""
-    planned = meadow.path_from((*START, 0.0))
+    planned = meadow.plan_from((*START, 0.0))
     place = planned.xy_map_m[len(planned.xy_map_m) // 2]
-    path = meadow.path_back(START, (float(place[0]), float(place[1]), 0.0))
+    path = meadow.plan_back(START, (float(place[0]), float(place[1]), 0.0))
     assert path.xy_map_m[-1] == pytest.approx(place, abs=1e-6)

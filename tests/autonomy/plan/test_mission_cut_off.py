@@ -34,7 +34,7 @@ class Again(Drive):
     """The mission of a new run that goes on with a saved one, where the robot was left."""
 
     def __init__(self, mission: Mission) -> None:
-        saved = mission.saved()
+        saved = mission.snapshot()
         assert saved is not None
         kept = msgspec.json.decode(msgspec.json.encode(saved), type=SavedMission)
         Ride.__init__(self, Mission(task(), MISSION, kept, PaperTasks(no_plan, places)))
@@ -125,7 +125,7 @@ def test_a_goto_before_any_work_is_kept_as_well() -> None:
     drive.mission.step(at(-2.0, 0.0, drive.t_s), [goto])
     drive.be_at(-2.0, 0.0)
     drive.along(0.0, 2.0)
-    saved = drive.mission.saved()
+    saved = drive.mission.snapshot()
     assert saved is not None and saved.planned_from is None
     kept = msgspec.json.decode(msgspec.json.encode(saved), type=SavedMission)
     again = Ride(Mission(task(), waits, kept, PaperTasks(no_plan, no_places)))

@@ -162,7 +162,7 @@ def test_a_mission_that_is_cancelled_while_it_stops_for_an_errand_stays_where_it
         goal = one.want()
         assert goal.max_speed_mps == 0.0
     assert goal.status.state == "cancelled"
-    saved = one.mission.saved()
+    saved = one.mission.snapshot()
     assert saved is not None and saved.errand is not None, "a run that goes on asks about it"
 
 
@@ -178,7 +178,7 @@ def test_resumed_twice_it_still_goes_to_the_place_that_it_stops_for() -> None:
 def test_a_new_task_is_not_asked_about_what_an_earlier_run_was_sent_to() -> None:
     first = Asked()
     first.into("on_errand")
-    saved = first.mission.saved()
+    saved = first.mission.snapshot()
     again = Asked(saved=saved)
     again.where = first.where
     again.ask()

@@ -52,7 +52,7 @@ def cut_off() -> tuple[SavedMission, float]:
     one.settle()
     s_m = row_at_m(one, 1)
     one.along(0.0, s_m)
-    saved = one.mission.saved()
+    saved = one.mission.snapshot()
     assert saved is not None
     return msgspec.json.decode(msgspec.json.encode(saved), type=SavedMission), s_m
 
@@ -150,7 +150,7 @@ def test_it_returns_home_around_the_crop_with_the_tool_off() -> None:
     assert not any(goal.tool_on for goal in way)
     assert way[-1].status.state == "cancelled"
     assert "returned home" in way[-1].status.reason
-    saved = one.mission.saved()
+    saved = one.mission.snapshot()
     assert saved is not None and saved.s_m == pytest.approx(s_m, abs=0.05)
 
 
@@ -223,7 +223,7 @@ def test_killed_anywhere_and_planned_anew_every_row_is_worked_and_none_twice(
     first.settle()
     length_m = float(first.mission.path.s_m[-1])  # type: ignore[union-attr]
     before = worked(first.along(0.0, part * length_m), first)
-    saved = first.mission.saved()
+    saved = first.mission.snapshot()
     assert saved is not None
     saved = msgspec.json.decode(msgspec.json.encode(saved), type=SavedMission)
     task = PaperTask(from_the_far_side, ROWS, rest=rest if has_rest else None)
@@ -253,7 +253,7 @@ def test_rows_that_were_all_worked_are_not_worked_again_under_another_plan() -> 
     one = ride()
     one.settle()
     one.along(0.0, row_at_m(one, 2, 1.0) + 0.7)
-    saved = one.mission.saved()
+    saved = one.mission.snapshot()
     assert saved is not None
     again = Ride(Mission(PaperTask(from_the_far_side, ROWS, rest=rest), MISSION, saved))
     again.start = saved.pose[:2]
@@ -271,7 +271,7 @@ def test_rows_that_were_skipped_stay_so_under_another_plan(has_rest: bool) -> No
     s_m = row_at_m(one, 1)
     one.along(0.0, s_m)
     one.be_at(*one.place(s_m), "skip_row")
-    saved = msgspec.json.decode(msgspec.json.encode(one.mission.saved()), type=SavedMission)
+    saved = msgspec.json.decode(msgspec.json.encode(one.mission.snapshot()), type=SavedMission)
     task = PaperTask(from_the_far_side, ROWS, rest=rest if has_rest else None)
     again = Ride(Mission(task, MISSION, saved))
     again.start = saved.pose[:2]

@@ -25,7 +25,7 @@ def cut_off(*actions: str) -> tuple[SavedMission, float]:
     one.along(0.0, s_m)
     for action in actions:
         one.be_at(*one.place(s_m), action)
-    saved = one.mission.saved()
+    saved = one.mission.snapshot()
     assert saved is not None
     return msgspec.json.decode(msgspec.json.encode(saved), type=SavedMission), s_m
 
@@ -81,7 +81,7 @@ def test_however_often_a_run_is_cut_off_it_tells_once_why_it_stands() -> None:
         again = resumed(saved)
         told = stand(again).status.reason
         assert told == "was cut off: paused by operator; resume goes on with it"
-        after = again.mission.saved()
+        after = again.mission.snapshot()
         assert after is not None
         assert after.paused == "paused by operator"
         saved = after
@@ -96,7 +96,7 @@ def test_a_mission_that_held_itself_and_is_cancelled_is_held_no_more_and_kept_as
     assert one.mission.step(unsure).status.held == doubt
     status = one.be_at(*place, "cancel").status
     assert (status.state, status.held) == ("cancelled", "")
-    saved = one.mission.saved()
+    saved = one.mission.snapshot()
     assert saved is not None
     assert saved.paused == doubt
 
@@ -111,12 +111,12 @@ def test_a_run_that_drove_when_it_was_cut_off_goes_on_by_itself() -> None:
 def test_a_stop_is_still_there_when_the_run_that_goes_on_is_cut_off_too() -> None:
     again = resumed(cut_off("stop")[0])
     again.be_at(*again.start)
-    twice = again.mission.saved()
+    twice = again.mission.snapshot()
     assert twice is not None
     assert twice.stopped == "stopped by operator"
     assert stand(resumed(twice)).status.stopped == "stopped by operator"
     again.be_at(*again.start, "clear_stop")
-    assert (once := again.mission.saved()) is not None
+    assert (once := again.mission.snapshot()) is not None
     assert (once.stopped, once.paused) == ("", "stop cleared; waiting for resume")
 
 

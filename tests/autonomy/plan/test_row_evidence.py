@@ -63,7 +63,7 @@ def test_a_bare_row_undoes_all_that_were_told_by_counting_from_a_mark(bare: int)
     assert (status.rows_done, sorted(status.rows_unproven)) == ((), [0, 1])
     assert f"row {bare + 1}: no crop row seen over 4.0 m" in status.reason
     assert f"row {2 - bare}: maybe one row off" in status.reason
-    saved = first.saved()
+    saved = first.snapshot()
     assert saved is not None
     assert saved.covered == ()
 
@@ -103,7 +103,7 @@ def test_what_was_not_seen_before_a_crash_is_not_forgotten() -> None:
     first = mission()
     entered_m = float(PATH.s_m[int(np.flatnonzero(PATH.row == 1)[0])])
     drive(first, lambda row, _: {"row_seen": row != 1}, to_m=entered_m + 3.0)
-    saved = first.saved()
+    saved = first.snapshot()
     assert saved is not None
     again = msgspec.json.decode(msgspec.json.encode(saved), type=type(saved))
     second = Mission(PaperTask(lambda _: PATH, ROWS), MISSION, again)

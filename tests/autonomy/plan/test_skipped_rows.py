@@ -105,7 +105,7 @@ def test_after_a_crash_the_same_way_around_is_taken() -> None:
     one, s_m = skipping(0)
     later_m = s_m + 3.0
     one.along(s_m, later_m)
-    saved = one.mission.saved()
+    saved = one.mission.snapshot()
     assert saved is not None
     saved = msgspec.json.decode(msgspec.json.encode(saved), type=SavedMission)
     again = ride(saved)

@@ -29,7 +29,7 @@ BEHIND = msgspec.structs.replace(REQUEST, tool_x_m=BEHIND_M)
 
 def tool_lines(work: FieldWork) -> list[FloatArray]:
     """Where the tool is while it works, from the driven path and its headings alone."""
-    path = work.path_from((5.0, 5.0, 0.0))
+    path = work.plan_from((5.0, 5.0, 0.0))
     ahead = np.column_stack([np.cos(path.yaw_map_rad), np.sin(path.yaw_map_rad)])
     tool = path.xy_map_m + work.request.tool_x_m * ahead
     runs = np.split(np.arange(len(tool)), np.flatnonzero(np.diff(path.row)) + 1)

@@ -75,7 +75,7 @@ class SingleRobot:
         command, _ = self._follower.step(estimate, goal, TICK_S)
         for reading in readings:
             if isinstance(reading, BatchLine):
-                self.localizer.see_line(self._line(reading))
+                self.localizer.observe_line(self._line(reading))
         return command
 
     def _wheels(self, t_s: float) -> WheelSample:

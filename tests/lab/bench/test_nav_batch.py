@@ -44,7 +44,7 @@ def test_each_robot_of_a_batch_estimates_and_drives_as_the_stack_does(
         lines = hear(localizer, readings)
         driving.step(t_s, localizer.estimate())
         for line in lines:
-            localizer.see_line(line)
+            localizer.observe_line(line)
         for i, single in enumerate(singles):
             command = single.tick(t_s, float(distance_m[i]), float(turn_rad[i]), readings)
             assert command.v_mps == pytest.approx(driving.follower.v_mps[i], abs=1e-8), t_s

@@ -147,13 +147,13 @@ def filtered_errors_rad(rate_radps: float, seed: int) -> FloatArray:
         t_s = 0.005 * index
         rate = rate_radps if t_s > 5.0 else 0.0
         yaw_rad += rate * 0.005
-        heading.hear_command(0.0, rate)
+        heading.update_command(0.0, rate)
         gyro = rate + 0.008 + 0.002 * float(rng.standard_normal())
         up = (0.0, 0.0, 9.81)
-        heading.hear_imu(ImuSample(t_s=t_s, gyro_radps=(0.0, 0.0, gyro), accel_mps2=up))
+        heading.update_imu(ImuSample(t_s=t_s, gyro_radps=(0.0, 0.0, gyro), accel_mps2=up))
         if index % 10 == 0:
             seen = wrap_rad(yaw_rad + math.radians(16.0) * float(rng.standard_normal()))
-            yaws = heading.hear_mag(MagSample(t_s=t_s, field_t=field_of(seen)))
+            yaws = heading.update_mag(MagSample(t_s=t_s, field_t=field_of(seen)))
             assert yaws is not None
             errors.append(wrap_rad(yaws[1] - yaw_rad))
     return np.array(errors)
@@ -171,10 +171,10 @@ def test_tilt_does_not_turn_the_heading() -> None:
     tilt = math.radians(15.0)
     for index in range(4000):  # nose up: specific force leans forward
         accel = (9.81 * math.sin(tilt), 0.0, 9.81 * math.cos(tilt))
-        heading.hear_imu(ImuSample(t_s=0.005 * index, gyro_radps=(0.0,) * 3, accel_mps2=accel))
+        heading.update_imu(ImuSample(t_s=0.005 * index, gyro_radps=(0.0,) * 3, accel_mps2=accel))
     x, y, z = field_of(0.7)
     tilted = (x * math.cos(tilt) + z * math.sin(tilt), y, -x * math.sin(tilt) + z * math.cos(tilt))
-    yaws = heading.hear_mag(MagSample(t_s=20.0, field_t=tilted))
+    yaws = heading.update_mag(MagSample(t_s=20.0, field_t=tilted))
     assert yaws is not None
     assert abs(wrap_rad(yaws[0] - 0.7)) < math.radians(1.0)
 
@@ -183,8 +183,8 @@ def test_the_drive_spins_then_creeps_then_goes_and_stops_when_an_input_falls_sil
     go = GoToGoal(GoToGoalSettings())
     assert go.command(0.0).v_mps == 0.0
     for error_deg, v_mps in ((90.0, 0.0), (-20.0, 0.2), (2.0, 0.4)):
-        go.hear_distance(1.0, 10.0)
-        go.hear_error(1.0, math.radians(error_deg))
+        go.update_distance(1.0, 10.0)
+        go.update_error(1.0, math.radians(error_deg))
         drive = go.command(1.0)
         assert drive.v_mps == v_mps
         assert math.copysign(1.0, drive.yaw_rate_radps) == math.copysign(1.0, error_deg)
@@ -197,8 +197,8 @@ def test_the_drive_stays_at_its_goal_and_leaves_for_the_next() -> None:
     go = GoToGoal(GoToGoalSettings())
     speeds = []
     for distance_m in (0.8, 0.49, 0.55, 0.65, math.nan, 5.0):
-        go.hear_distance(0.0, distance_m)
-        go.hear_error(0.0, 0.0)
+        go.update_distance(0.0, distance_m)
+        go.update_error(0.0, 0.0)
         speeds.append(go.command(0.0).v_mps)
     assert speeds == [0.4, 0.0, 0.0, 0.0, 0.0, 0.4]
 

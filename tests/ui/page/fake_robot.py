@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import math
 
 import numpy as np
@@ -85,9 +86,8 @@ class FakeRobot:
         self.trajectory: list[wire.Vec2] = []
         self.commands: list[wire.PageMessage] = []
         self.path = path()
-        legs = np.diff(np.array(self.path), axis=0)
-        self.leg_m = np.hypot(legs[:, 0], legs[:, 1])
-        self.length_m = float(self.leg_m.sum())
+        self.leg_m = [math.dist(*leg) for leg in itertools.pairwise(self.path)]
+        self.length_m = sum(self.leg_m)
         self.weeds = [self._weed(i) for i in range(weeds)]
 
     def _weed(self, index: int) -> wire.Weed:

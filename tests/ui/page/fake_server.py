@@ -29,7 +29,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 import agribot
 from agribot.gis.formats.table import read_field_file, write_field_file
 from agribot.ui import wire
-from agribot.ui.mapviz_config import config_of, displays_of
+from agribot.ui.server.mapviz_config import config_of, displays_of
 from tests.ui.page import fake_answers
 from tests.ui.page.fake_robot import EPOCH, FakeRobot, camera_packets, field
 

@@ -43,3 +43,11 @@ def test_the_tilt_of_a_robot_on_the_flat_farm_is_small(real_state: wire.State) -
 
 def test_its_mission_has_states_that_a_mission_can_have() -> None:
     assert set(MISSION_STATES.values()) <= set(get_args(MissionState))
+
+
+def test_what_it_says_can_be_read_as_a_page_reads_it() -> None:
+    robot = FakeRobot(weeds=3)
+    for _ in range(40):
+        robot.step(0.1)
+    for message in (robot.snapshot(), robot.state(1.0)):
+        assert wire.read_server_message(wire.encode(message)) == message

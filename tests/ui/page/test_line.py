@@ -17,7 +17,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 from agribot.core import config
 from agribot.record.recorder import RunRecorder
 from agribot.ui import wire
-from agribot.ui.feed import pack_pixels
+from agribot.ui.robot_side.feed import pack_pixels
 from tests.record import record_samples as samples
 from tests.ui.conftest import Robot
 from tests.ui.messages import make_weed

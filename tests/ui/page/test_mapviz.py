@@ -6,7 +6,7 @@ from pathlib import Path
 
 from playwright.sync_api import expect
 
-from agribot.ui.mapviz_config import displays_of
+from agribot.ui.server.mapviz_config import displays_of
 from tests.ui.page.conftest import OpenPage, until
 
 FARM = Path(__file__).parents[1] / "data" / "farm.mvc"

@@ -73,7 +73,7 @@ def _fit_headings(
             level_t = level_field(sample.field_t, up_body)
             if level_t is not None:
                 fit.add(level_t, math.pi / 2.0 - declination_rad - yaw_rad)
-    fitted = fit.solved()
+    fitted = fit.solve()
     if fitted is None:
         raise MissionError(
             f"{fit.count} readings in {fit.sectors} of 36 directions do not show an ellipse; turn "
@@ -108,7 +108,7 @@ def measure_compass_errors(driven: DriveSamples, iron: MagCalibration) -> Compas
     log, start_s = DriveLog(driven.batches, driven.stretches), driven.stretches[0].start_s
     samples = [sample for batch in driven.batches for sample in batch.mag]
     turned_rad = np.array([log.turned_rad(start_s, sample.t_s) for sample in samples])
-    seen_rad = [yaw_of(iron.corrected(sample.field_t[:2]), 0.0) for sample in samples]
+    seen_rad = [yaw_of(iron.correct(sample.field_t[:2]), 0.0) for sample in samples]
     unit = np.exp(1j * (np.array(seen_rad) - turned_rad))
     error_rad: FloatArray = np.angle(unit / np.mean(unit))
     return CompassErrors(turned_rad, error_rad)

@@ -22,11 +22,11 @@ class BatteryWatch:
         self._low_since_s = self._empty_since_s = math.inf
         self.low = self.empty = ""
 
-    def listen(self, batch: SensorBatch) -> None:
+    def update(self, batch: SensorBatch) -> None:
         for sample in batch.battery:
-            self._judge(sample)
+            self._evaluate(sample)
 
-    def _judge(self, sample: BatterySample) -> None:
+    def _evaluate(self, sample: BatterySample) -> None:
         config, t_s = self._config, sample.t_s
         value, unit = 100.0 * sample.charge_ratio, "%"
         low, empty = 100.0 * config.low_charge_ratio, 100.0 * config.empty_charge_ratio

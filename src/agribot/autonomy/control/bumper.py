@@ -39,11 +39,11 @@ class Bumper:
         return found
 
     def accept(self) -> None:
-        """A person has seen what the robot touches now and lets it go."""
+        """Let go of what the robot touches now: a person has seen it."""
         self._known = set(self._touched_s)
 
     def away(self, drive: DriveCommand) -> DriveCommand:
-        """What of a hand's wish leads straight away from everything that the robot touches."""
+        """Keep what of a hand's wish leads straight away from all that the robot touches."""
         if not self._touched_s:
             return drive
         is_towards = (drive.v_mps > 0.0 and "in front" in self._touched_s) or (

@@ -43,7 +43,7 @@ class _Errors(NamedTuple):
 
         In a steady crab the heading is off by minus the slip, and with it the point's place.
         """
-        aside_m = law.limited(FLOATS, tracked_x_m * slip_rad, MAX_ASIDE_M)
+        aside_m = law.clamp(FLOATS, tracked_x_m * slip_rad, MAX_ASIDE_M)
         return self._replace(cross_track_m=self.cross_track_m - aside_m)
 
 
@@ -146,7 +146,7 @@ class Follower:
             ahead = self._ahead(self._line, estimate, goal.s_m)
             ahead = ahead.steered_at(goal.tracked_x_m, estimate.slip_rad)
             wanted = self._twist(ahead, estimate, goal.max_speed_mps)
-        self._last = self._ramped(wanted, dt_s)
+        self._last = self._ramp(wanted, dt_s)
         return self._last, tracking
 
     def _elapsed_s(self, t_s: float) -> float:
@@ -172,7 +172,7 @@ class Follower:
         if self._is_pivoting:
             yaw_rate = -PIVOT_GAIN_PER_S * heading_rad
             limit = self._max_yaw_rate_radps
-            return DriveCommand(v_mps=0.0, yaw_rate_radps=law.limited(FLOATS, yaw_rate, limit))
+            return DriveCommand(v_mps=0.0, yaw_rate_radps=law.clamp(FLOATS, yaw_rate, limit))
         errors = (ahead.cross_track_m, heading_rad, ahead.curvature_radpm)
         v_mps, yaw_rate = law.steer(
             FLOATS, errors, estimate.slip_rad, max_speed_mps, self._yaw_gain.ratio,
@@ -181,11 +181,11 @@ class Follower:
         # Backwards the same law holds: left of the way, which is right of the robot, counts.
         return DriveCommand(v_mps=-v_mps if ahead.is_backwards else v_mps, yaw_rate_radps=yaw_rate)
 
-    def _ramped(self, wanted: DriveCommand, dt_s: float) -> DriveCommand:
+    def _ramp(self, wanted: DriveCommand, dt_s: float) -> DriveCommand:
         drive, last = self._drive, self._last
         return DriveCommand(
-            v_mps=law.ramped(FLOATS, wanted.v_mps, last.v_mps, drive.max_accel_mps2 * dt_s),
-            yaw_rate_radps=law.ramped(
+            v_mps=law.ramp(FLOATS, wanted.v_mps, last.v_mps, drive.max_accel_mps2 * dt_s),
+            yaw_rate_radps=law.ramp(
                 FLOATS, wanted.yaw_rate_radps, last.yaw_rate_radps,
                 drive.max_yaw_accel_radps2 * dt_s,
             ),

@@ -37,7 +37,7 @@ class GoToGoal:
         self.has_arrived = False
         self.reason = "no goal yet"
 
-    def hear_distance(self, t_s: float, distance_m: float) -> None:
+    def update_distance(self, t_s: float, distance_m: float) -> None:
         """To the goal, metres; what is not finite or negative counts as silence."""
         if not (math.isfinite(distance_m) and distance_m >= 0.0):
             return
@@ -48,13 +48,13 @@ class GoToGoal:
         elif distance_m > settings.arrive_m + settings.depart_m:
             self.has_arrived = False
 
-    def hear_error(self, t_s: float, error_rad: float) -> None:
+    def update_error(self, t_s: float, error_rad: float) -> None:
         """Bearing of the goal minus heading, counter-clockwise positive."""
         if math.isfinite(error_rad):
             self._error_rad, self._error_s = error_rad, t_s
 
     def command(self, t_s: float) -> DriveCommand:
-        """The twist of now; `reason` says why the robot stands."""
+        """Give the twist of now; `reason` says why the robot stands."""
         settings = self._settings
         self.reason = self._why_standing(t_s)
         if self.reason:

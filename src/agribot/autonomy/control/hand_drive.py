@@ -23,7 +23,7 @@ class HandControl:
         self._timeout_s = config.hand_timeout_s
         self._newest: HandDrive | None = None
 
-    def listen(self, batch: SensorBatch) -> tuple[OperatorEvent, ...]:
+    def update(self, batch: SensorBatch) -> tuple[OperatorEvent, ...]:
         """Take in the requests of this tick.
 
         Returns the pause that a hand imposes on the mission in the moment it moves the robot.
@@ -40,7 +40,7 @@ class HandControl:
         return (OperatorEvent(t_s=batch.t_s, action="pause", source=by),)
 
     def arbitrate(self, drive: DriveCommand, status: MissionStatus) -> tuple[DriveCommand, bool]:
-        """What the robot shall do, and whether a hand said so.
+        """Choose what the robot shall do, and tell whether a hand said so.
 
         A stick held at rest leaves a running mission alone.
         """

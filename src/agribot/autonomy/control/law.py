@@ -17,7 +17,7 @@ SLOWING_M, HASTE_M, MAX_HASTE = 0.3, 0.1, 1.6
 def offset(
     m: Arithmetic[Number], dx_m: Number, dy_m: Number, yaw_rad: Number
 ) -> tuple[Number, Number]:
-    """Along and to the left of a direction."""
+    """Resolve an offset along and to the left of a direction."""
     cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
     return cos * dx_m + sin * dy_m, cos * dy_m - sin * dx_m
 
@@ -30,7 +30,7 @@ def ahead(
     slip_rad: Number,
     delay_s: float,
 ) -> tuple[Number, Number, Number]:
-    """Pose that the robot reaches before a new command takes effect."""
+    """Predict the pose that the robot reaches before a new command takes effect."""
     x_m, y_m, yaw_rad = pose
     turned_rad = yaw_rate_radps * delay_s
     course_rad = yaw_rad + slip_rad + turned_rad / 2.0
@@ -43,7 +43,7 @@ def ahead(
 
 
 def caution(m: Arithmetic[Number], cross_track_m: Number, heading_rad: Number) -> Number:
-    """Part of the speed that is left when the robot is beside its line or looks elsewhere."""
+    """Say which part of the speed is left beside the line or looking elsewhere."""
     beside = m.most(0.25, 1.0 - _unusual_m(m, cross_track_m) / SLOWING_M)
     return beside * m.most(0.15, m.cos(m.least(1.2 * abs(heading_rad), 1.5)))
 
@@ -61,7 +61,7 @@ def steer(
     length_m: float,
     max_yaw_rate_radps: float,
 ) -> tuple[Number, Number]:
-    """Speed and yaw rate for `errors`: cross-track (left positive), heading, path curvature.
+    """Steer by `errors`: cross-track (left positive), heading, path curvature.
 
     `max_speed_mps` must be above zero.
     """
@@ -71,7 +71,7 @@ def steer(
     frequency = haste * v_mps / length_m
     frequency = m.least(m.most(frequency, MIN_FREQUENCY_RADPS), MAX_FREQUENCY_RADPS)
     # The approach angle of an error that is clipped stays the same.
-    error_m = limited(m, cross_track_m, MAX_ERROR_M / haste)
+    error_m = clamp(m, cross_track_m, MAX_ERROR_M / haste)
     stretch = m.most(0.3, 1.0 - curvature_radpm * error_m)
     yaw_rate = curvature_radpm * v_mps * m.cos(heading_rad) / stretch
     yaw_rate = yaw_rate - 2.0 * DAMPING * frequency * (heading_rad + slip_rad)
@@ -79,12 +79,12 @@ def steer(
     yaw_rate = yaw_rate / yaw_gain_ratio
     fits = m.most(0.3, max_yaw_rate_radps / m.most(abs(yaw_rate), 1e-9))
     v_mps = m.choose(abs(yaw_rate) > max_yaw_rate_radps, v_mps * fits, v_mps)
-    return v_mps, limited(m, yaw_rate, max_yaw_rate_radps)
+    return v_mps, clamp(m, yaw_rate, max_yaw_rate_radps)
 
 
-def limited(m: Arithmetic[Number], value: Number, limit: Number | float) -> Number:
+def clamp(m: Arithmetic[Number], value: Number, limit: Number | float) -> Number:
     return m.least(m.most(value, -limit), limit)
 
 
-def ramped(m: Arithmetic[Number], wanted: Number, last: Number, step: float) -> Number:
+def ramp(m: Arithmetic[Number], wanted: Number, last: Number, step: float) -> Number:
     return m.least(m.most(wanted, last - step), last + step)

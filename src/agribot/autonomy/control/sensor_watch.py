@@ -26,7 +26,7 @@ class SensorWatch:
         self.dt_s = 0.0
         self.clock_fault = ""
 
-    def listen(self, batch: SensorBatch) -> None:
+    def update(self, batch: SensorBatch) -> None:
         self._read_clock(batch.t_s)
         if batch.wheels:
             self._wheel_t_s = batch.wheels[-1].t_s
@@ -41,17 +41,17 @@ class SensorWatch:
         return math.atan2(math.hypot(x, y), z)
 
     def unheard(self) -> str:
-        """A sensor that never spoke, as before the robot is ready."""
-        for name, heard_s in self._heard():
+        """Name a sensor that never spoke, as before the robot is ready."""
+        for name, heard_s in self._last_times_s():
             if heard_s == -math.inf:
                 since = "have" if name.endswith("s") else "has"
                 return f"{name} {since} not reported yet; check cable and power"
         return ""
 
     def silence(self, t_s: float) -> str:
-        """A sensor that spoke and does not any more, or not in numbers."""
+        """Name a sensor that spoke and does not any more, or not in numbers."""
         limit_s = self._config.sensor_timeout_s
-        for name, heard_s in self._heard():
+        for name, heard_s in self._last_times_s():
             silent_s = t_s - heard_s
             if heard_s != -math.inf and not silent_s <= limit_s:
                 return f"{name} silent for {silent_s:.2f} s > {limit_s:.2f} s; check the cable"
@@ -67,7 +67,7 @@ class SensorWatch:
             return ""
         return f"tilted by {tilt_rad:.2f} rad > {limit_rad:.2f} rad; drive it down by hand"
 
-    def _heard(self) -> tuple[tuple[str, float], tuple[str, float]]:
+    def _last_times_s(self) -> tuple[tuple[str, float], tuple[str, float]]:
         return ("wheel encoders", self._wheel_t_s), ("IMU", self._imu_t_s)
 
     def _read_clock(self, t_s: float) -> None:

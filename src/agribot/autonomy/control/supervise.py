@@ -87,7 +87,7 @@ class Supervisor:
         *,
         is_by_hand: bool = False,
     ) -> tuple[RobotCommand, str]:
-        """The command to send, and why it was changed ("" if it was not).
+        """Give the command to send, and why it was changed ("" if it was not).
 
         Of a robot that is to stand while its wheels turn on, the reason tells that.
         A person who drives by hand sees where the robot is: neither its own position nor the
@@ -96,9 +96,9 @@ class Supervisor:
         """
         status = goal.status
         self._fence_in(goal)
-        self._sensors.listen(batch)
-        self._battery.listen(batch)
-        self._hear(batch, status)
+        self._sensors.update(batch)
+        self._battery.update(batch)
+        self._update(batch, status)
         is_to_move = status.state == "running" or not command.drive == self._last == STOP
         motion = self._wheels.watch(self.sent, batch, self._sensors.dt_s)
         hazard = self._hazard(batch, motion, is_by_hand=is_by_hand, is_to_move=is_to_move)
@@ -131,7 +131,7 @@ class Supervisor:
             return False
         return drive.v_mps > 0.0 or self._works_backwards
 
-    def _hear(self, batch: SensorBatch, status: MissionStatus) -> None:
+    def _update(self, batch: SensorBatch, status: MissionStatus) -> None:
         if status.state == "running":
             self._accepted.clear()
         for event in batch.events:
@@ -162,7 +162,7 @@ class Supervisor:
     def _hazard(
         self, batch: SensorBatch, motion: Found, *, is_by_hand: bool, is_to_move: bool
     ) -> _Hazard | None:
-        """What a protective stop is for; but for a touch, only of a robot that is to move."""
+        """Say what a protective stop is for; but for a touch, only of a robot that is to move."""
         motors = tuple(dict.fromkeys(name for wheel in batch.wheels for name in wheel.faults))
         touch = self._bumper.feel(batch)
         if not touch and not is_to_move:
@@ -179,7 +179,7 @@ class Supervisor:
         return None if is_by_hand else self._hazard_of_mission(motion.doubt)
 
     def _hazard_of_mission(self, doubt: str) -> _Hazard | None:
-        """What a person who drives by hand sees, and need not mind."""
+        """Say what a person who drives by hand sees anyway and need not be stopped for."""
         if sides := self._bumper.sides:
             where = " and ".join(sides)
             return _Hazard(
@@ -256,14 +256,14 @@ class Supervisor:
         Braking is never held back; a negative time demands it.
         """
         return DriveCommand(
-            v_mps=_gained(drive.v_mps, self._last.v_mps, self._max_accel_mps2 * dt_s),
-            yaw_rate_radps=_gained(
+            v_mps=_limit_gain(drive.v_mps, self._last.v_mps, self._max_accel_mps2 * dt_s),
+            yaw_rate_radps=_limit_gain(
                 drive.yaw_rate_radps, self._last.yaw_rate_radps, self._max_yaw_accel_radps2 * dt_s
             ),
         )
 
 
-def _gained(wanted: float, last: float, step: float) -> float:
+def _limit_gain(wanted: float, last: float, step: float) -> float:
     """`wanted`, with its magnitude at most one step above what was sent in its direction."""
     reached = max(math.copysign(1.0, wanted) * last, 0.0)
     return math.copysign(min(abs(wanted), max(reached + step * (1.0 + 1e-6), 0.0)), wanted)

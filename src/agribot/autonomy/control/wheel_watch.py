@@ -82,12 +82,12 @@ class WheelWatch:
     def watch(self, sent: DriveCommand, batch: SensorBatch, dt_s: float) -> Found:
         self._follow_board(sent, batch.t_s, dt_s)
         self._read.extend(batch.wheels)
-        self._hear_imu(batch)
+        self._update_imu(batch)
         self._unjudged_s = min(self._unjudged_s + dt_s, MOST_OF_ONE_S)
         if not batch.wheels:
             return Found(runaway=self._runaway)
         elapsed_s, self._unjudged_s = self._unjudged_s, 0.0
-        speeds = self._measured()
+        speeds = self._measure()
         if speeds is None:
             return Found()
         wheels = self._wrong_wheels(speeds, elapsed_s)
@@ -114,7 +114,7 @@ class WheelWatch:
         while len(told) > 2 and not 0.0 <= t_s - told[0].t_s <= self._delay_s:
             told.popleft()
 
-    def _measured(self) -> Four | None:
+    def _measure(self) -> Four | None:
         """Mean speed of each wheel over the last 0.1 s; None where there is none yet."""
         read = self._read
         while len(read) > 2 and not 0.0 < read[-1].t_s - read[1].t_s <= SPAN_S:
@@ -183,7 +183,7 @@ class WheelWatch:
                 )
         return ""
 
-    def _hear_imu(self, batch: SensorBatch) -> None:
+    def _update_imu(self, batch: SensorBatch) -> None:
         for sample in batch.imu:
             self._gyro_radps.append((sample.t_s, sample.gyro_radps[2]))
             value = (*sample.gyro_radps, *sample.accel_mps2)

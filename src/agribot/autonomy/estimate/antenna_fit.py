@@ -45,7 +45,10 @@ class AntennaFit(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def fit_antenna(log: DriveLog, stretches: Sequence[Stretch]) -> AntennaFit:
-    """Raises: MissionError: no full turn with fixes in it, or no leg that tells the heading."""
+    """Fit the antenna's place on the body to the circles that it drew.
+
+    Raises: MissionError: no full turn with fixes in it, or no leg that tells the heading.
+    """
     start_s = stretches[0].start_s
     features, places = _circles(log, stretches, start_s)
     if len(places) < 2 * MIN_FIXES:

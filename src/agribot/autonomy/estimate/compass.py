@@ -37,7 +37,7 @@ _ROW: Row = ((YAW, 1.0), (MAG_BIAS, 1.0))
 
 
 def level_field(field_t: Vec3, up_body: Vec3) -> Level | None:
-    """The horizontal field ahead and to the left of the body; None where there is none."""
+    """Level the field: ahead and to the left of the body; None where nothing is horizontal."""
     # The body's x axis laid flat, and left of it, both written in body axes.
     ux, uy, uz = up_body
     norm = math.hypot(uy, uz)
@@ -54,7 +54,7 @@ def level_field(field_t: Vec3, up_body: Vec3) -> Level | None:
 
 
 def yaw_from_field(field_t: Vec3, up_body: Vec3, declination_rad: float) -> float | None:
-    """Yaw of the body in the map; None where the field has no horizontal part.
+    """Find the body's yaw in the map; None where the field has no horizontal part.
 
     The declination is that of magnetic North, positive to the East.
     """
@@ -142,7 +142,7 @@ class Compass(Correction[MagSample]):
 
         `back_rad` is how far the robot has turned since, backwards.
         """
-        level_t = self._set.corrected(level_t)
+        level_t = self._set.correct(level_t)
         if not self._learns:
             return level_t
         ekf = self.pose.ekf
@@ -151,10 +151,10 @@ class Compass(Correction[MagSample]):
             north_rad = math.pi / 2.0 - self._declination_rad - (ekf.x[YAW] + back_rad)
             if self._fit.add(level_t, north_rad):
                 self._learn()
-        return level_t if self._learnt is None else self._learnt.corrected(level_t)
+        return level_t if self._learnt is None else self._learnt.correct(level_t)
 
     def _learn(self) -> None:
-        fitted = self._fit.solved()
+        fitted = self._fit.solve()
         if fitted is None or fitted.complaints():
             return
         if self._learnt is None:  # what the bias was of is gone but for the mount
@@ -188,7 +188,7 @@ class Compass(Correction[MagSample]):
         self.pose.known.add("yaw")
 
     def ageing(self, dt_s: float, turn_abs_rad: float) -> Sequence[tuple[int, float, float]]:
-        """How the bias ages; its spread stays what the config believes."""
+        """Say how the bias ages; its spread stays what the config states."""
         memory_rad = BIAS_MEMORY_RAD if self._learnt is None else LEARNT_MEMORY_RAD
         factor = math.exp(-dt_s / BIAS_MEMORY_S - turn_abs_rad / memory_rad)
         return ((MAG_BIAS, factor, self._bias_std_rad**2 * (1.0 - factor * factor)),)

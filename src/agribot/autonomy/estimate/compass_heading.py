@@ -34,8 +34,8 @@ class CompassHeading:
         self._last_imu_s: float | None = None
         self._turned_rad = self._turned_s = 0.0
 
-    def hear_imu(self, sample: ImuSample) -> None:
-        """A sample that is not finite or not newer changes nothing."""
+    def update_imu(self, sample: ImuSample) -> None:
+        """Turn the heading on; a sample that is not finite or not newer changes nothing."""
         values = (sample.t_s, *sample.gyro_radps, *sample.accel_mps2)
         if not all(map(math.isfinite, values)):
             return
@@ -49,8 +49,8 @@ class CompassHeading:
         self._turned_rad += (rate_radps - self._bias_radps) * dt_s
         self._turned_s += dt_s
 
-    def hear_mag(self, sample: MagSample) -> tuple[float, float] | None:
-        """Raw and filtered yaw after this sample; None where the field shows no direction."""
+    def update_mag(self, sample: MagSample) -> tuple[float, float] | None:
+        """Give raw and filtered yaw after this sample; None where the field shows no direction."""
         if not math.isfinite(sample.t_s + sum(sample.field_t)):
             return None
         raw_rad = yaw_from_field(sample.field_t, self._up, self._declination_rad)
@@ -60,8 +60,8 @@ class CompassHeading:
         self._turned_rad = self._turned_s = 0.0
         return raw_rad, self._filter.update(sample.t_s, raw_rad, rate_radps)
 
-    def hear_command(self, v_mps: float, yaw_rate_radps: float) -> None:
-        """What drives the robot: a slow turn that is commanded is no bias."""
+    def update_command(self, v_mps: float, yaw_rate_radps: float) -> None:
+        """Note what drives the robot: a slow turn that is commanded is no bias."""
         self._is_driven = v_mps != 0.0 or yaw_rate_radps != 0.0
 
     def _level(self, dt_s: float, accel_mps2: Vec3) -> None:

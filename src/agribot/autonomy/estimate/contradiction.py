@@ -28,7 +28,7 @@ class Contradiction:
         del self._seen[: 1 + len(self._seen) // 2]
 
     def add(self, along_m: float, right_m: float, off_m: float) -> float | None:
-        """The offset that the plants agree on, once they do; None until then."""
+        """Give the offset that the plants agree on, once they do; None until then."""
         self._seen.append((along_m, right_m, off_m))
         del self._seen[:-MEMORY]
         agreeing = [seen for seen in self._seen if abs(seen[2] - off_m) <= AGREEMENT_M]

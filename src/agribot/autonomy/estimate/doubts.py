@@ -23,7 +23,7 @@ class Doubts:
         self._moving_t_s = -math.inf
 
     def move(self, t_s: float) -> None:
-        """The robot moves."""
+        """Note that the robot moves."""
         self._moving_t_s = t_s
 
     def is_stale(self, scene: Scene) -> bool:
@@ -38,7 +38,7 @@ class Doubts:
         return self._agreement.is_held(t_s)
 
     def expire(self, t_s: float) -> None:
-        """What nothing has told again for long is not in doubt any more."""
+        """Drop doubts that nothing has told again for long."""
         self._agreement.expire(t_s)
 
     @property
@@ -69,7 +69,7 @@ class Doubts:
         )
 
     def decide(self) -> bool:
-        """A person has looked where the robot stands, and goes on; False: nothing was in doubt.
+        """Go on as a person decided on the spot; False: nothing was in doubt.
 
         A robot on a row that the camera saw goes on along it, and what GNSS says otherwise counts
         as an error of the receiver; anywhere else GNSS is believed.
@@ -90,7 +90,7 @@ class Doubts:
         return True
 
     def forget(self) -> None:
-        """A person says where the robot is: what was held against each other is past."""
+        """Drop what was held against each other: a person says where the robot is."""
         self._gnss.forget()
         self._agreement.forget()
 

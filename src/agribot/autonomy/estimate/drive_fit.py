@@ -143,7 +143,7 @@ def _lengths(log: DriveLog, index: int, stretch: Stretch) -> list[tuple[float, f
     moved = log.displacement(index)
     if moved is not None:
         found.append((float(np.hypot(*moved[0])), moved[1]))
-    by_velocity = log.integrated(stretch)
+    by_velocity = log.integrate(stretch)
     return [*found, by_velocity] if by_velocity else found
 
 

@@ -37,7 +37,10 @@ class DriveLog:
     """The sensor samples of a drive as arrays, with the gyro's bias taken out."""
 
     def __init__(self, batches: Sequence[SensorBatch], stretches: Sequence[Stretch]) -> None:
-        """Raises: MissionError: no stretches, or wheels, gyro or GNSS said nothing."""
+        """Sort the samples of a drive into arrays.
+
+        Raises: MissionError: no stretches, or wheels, gyro or GNSS said nothing.
+        """
         wheels = [sample for batch in batches for sample in batch.wheels]
         imu = [sample for batch in batches for sample in batch.imu]
         self.fixes: list[GnssFix] = [fix for batch in batches for fix in batch.gnss]
@@ -75,14 +78,14 @@ class DriveLog:
         return (right + left) / 2.0, right - left
 
     def displacement(self, index: int) -> tuple[FloatArray, float] | None:
-        """East and North from before to after stretch `index` by positions, and its 1 sigma."""
+        """Measure a stretch by positions: East and North, (2,), and 1 sigma."""
         before, after = self._positions[index], self._positions[index + 1]
         if before is None or after is None:
             return None
         return after[0] - before[0], math.hypot(before[1], after[1])
 
-    def integrated(self, stretch: Stretch) -> tuple[float, float] | None:
-        """Length of a leg by the integral of the GNSS velocity, and its 1 sigma."""
+    def integrate(self, stretch: Stretch) -> tuple[float, float] | None:
+        """Integrate the GNSS velocity over a leg: its length, and 1 sigma."""
         start_s, end_s = stretch.start_s - SETTLE_S, stretch.at_rest_s
         during = [
             fix for fix in self.fixes

@@ -67,20 +67,20 @@ class FieldRows:
         return RowFrame(along_m, -left_m, yaw_rad, *_axes(yaw_rad), stretch)
 
     def along_right_m(self, x_map_m: Number, y_map_m: Number) -> tuple[Number, Number]:
-        """Of straight rows, for one place or for many."""
+        """Resolve places (...,) along and to the right of straight rows."""
         dx, dy = x_map_m - self._origin_map_m[0], y_map_m - self._origin_map_m[1]
         forward, right = self.forward, self.right
         return dx * forward[0] + dy * forward[1], dx * right[0] + dy * right[1]
 
     def row_at(self, right_m: float) -> tuple[int, float]:
-        """Index of the nearest row and where it lies."""
+        """Find the index of the nearest row, and where it lies."""
         if self._count == 1:
             return 0, 0.0
         row = clamp(round(right_m / self.pitch_m), 0, self._count - 1)
         return row, row * self.pitch_m
 
     def slot_at(self, along_m: float, stretch: float) -> tuple[int, float] | None:
-        """Number and place of the nearest plant of a row; None where the spacing is unknown."""
+        """Find number and place of the nearest plant of a row; None without a known spacing."""
         if self.spacing_m is None:
             return None
         spacing_m = self.spacing_m / stretch
@@ -90,6 +90,6 @@ class FieldRows:
 
 
 def _axes(yaw_rad: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Unit vectors forward and to the right of a direction."""
+    """Return the unit vectors forward and to the right of a direction."""
     pose = Pose2(0.0, 0.0, yaw_rad)
     return pose.ahead, (pose.sin, -pose.cos)

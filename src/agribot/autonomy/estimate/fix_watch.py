@@ -88,5 +88,5 @@ class JumpWatch:
         return ""
 
     def forget(self) -> None:
-        """A person has decided."""
+        """Believe the fixes again: a person has decided."""
         self.off_m, self._agreed = 0.0, 0

@@ -23,7 +23,7 @@ class Gate:
         self.rejected_in_a_row = 0
         self._recover_after = recover_after
 
-    def judge(self, distance2: float) -> Verdict:
+    def evaluate(self, distance2: float) -> Verdict:
         if distance2 <= self.limit:
             self.rejected_in_a_row = 0
             return "accept"

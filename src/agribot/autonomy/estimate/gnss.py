@@ -82,12 +82,12 @@ class Gnss(Correction[GnssFix]):
         return self._position_gate.rejected_in_a_row
 
     def move(self, distance_m: float, turn_rad: float) -> None:
-        """A step of the wheels: of the robot's middle, and its turn about it."""
+        """Count a step of the wheels: of the robot's middle, and its turn about it."""
         self._driven_m += abs(distance_m)
         self._moved_m += abs(distance_m) + abs(self._half_track_m * turn_rad)
 
     def settle(self, *, believes_fixes: bool) -> None:
-        """A person goes on: with the fixes that were rejected, or with the pose as it is.
+        """Go on with the fixes that were rejected, or with the pose as it is, as a person decided.
 
         What speaks against the pose that is kept counts as an error of the receiver.
         """
@@ -99,12 +99,12 @@ class Gnss(Correction[GnssFix]):
         self.forget()
 
     def forget(self) -> None:
-        """A person has decided, or says where the robot is: fixes are judged anew."""
+        """Judge fixes anew: a person has decided, or says where the robot is."""
         self.jump.forget()
         self._position_gate.rejected_in_a_row = 0
 
     def shift(self, by_m: tuple[float, float]) -> None:
-        """From now on the receiver is believed to be off by so much more."""
+        """Believe the receiver to be off by so much more from now on."""
         self._receiver_m = _sum(self._receiver_m, by_m)
 
     def samples(self, batch: SensorBatch) -> Sequence[GnssFix]:
@@ -139,7 +139,7 @@ class Gnss(Correction[GnssFix]):
         """Hold a fix that claims centimetres against what the camera sees of the rows."""
         x, (east_m, north_m) = self.pose.ekf.x, self.off_m
         east, north = self.pose.rows.at(x[X], x[Y]).right
-        self.pose.agreement.fix(t_s, east_m * east + north_m * north)
+        self.pose.agreement.add_fix(t_s, east_m * east + north_m * north)
 
     def _follow_quality(self, noise: FixNoise[float], is_differential: bool) -> None:
         """Corrections coming or going replace one bias by another that knows nothing of it."""
@@ -235,7 +235,7 @@ class Gnss(Correction[GnssFix]):
     def _velocity(
         self, fix: GnssFix, since_last_s: float, lever_m: tuple[float, float], epoch: Epoch
     ) -> Measurements:
-        """The course over ground shows the heading of a moving robot, and what its wheels lose."""
+        """Compare the course over ground: it shows the heading, and what the wheels lose."""
         if fix.velocity_mps is None or not _all_finite(*fix.velocity_mps[:2], fix.velocity_std_mps):
             self.pose.rejected["velocity not finite"] += 1
             return
@@ -282,7 +282,7 @@ def _all_finite(*values: float) -> bool:
 
 
 def _level(point_body_m: Vec3, up_body: Vec3) -> tuple[float, float]:
-    """A point of the tilted body seen in plan: forward and left of the body's origin."""
+    """Project a point of the tilted body: forward and left of the body's origin, seen in plan."""
     roll_rad = math.atan2(up_body[1], up_body[2])
     pitch_rad = math.atan2(-up_body[0], math.hypot(up_body[1], up_body[2]))
     level_m: FloatArray = rotation_from_rpy(roll_rad, pitch_rad, 0.0) @ point_body_m

@@ -66,7 +66,7 @@ def fix_noise(fix: GnssFix, since_last_s: float) -> FixNoise[float]:
 def bias_ageing(
     m: Arithmetic[Number], noise: FixNoise[Number], dt_s: float
 ) -> list[tuple[int, Number | float, Number | float]]:
-    """How the two bias states age, as Ekf.relax takes it."""
+    """Say how the two bias states age, as Ekf.relax takes it."""
     variance = noise.bias_std_m**2
     factor = m.exp(-(noise.bias_walk_m_per_sqrt_s**2) * dt_s / (2.0 * variance))
     growth = variance * (1.0 - factor * factor)

@@ -11,7 +11,7 @@ WINDOW = 7
 
 
 def circular_median(angles_rad: list[float]) -> float:
-    """The sample with the smallest sum of arcs to all others; no direction is special.
+    """Find the sample with the smallest sum of arcs to all others; no direction is special.
 
     Of an even number, the middle between the two best. Raises: ValueError: the list is empty.
     """

@@ -51,12 +51,12 @@ class MotionHistory:
         return self._ring[-1] if self._ring else None
 
     def epoch(self, t_s: float) -> Epoch | None:
-        """Motion at a time and now; None when that is no longer or not yet known."""
+        """Find the motion at a time and now; None when that is no longer or not yet known."""
         now, then = self.newest, self.at(t_s)
         return None if now is None or then is None else Epoch(then, now)
 
     def at(self, t_s: float) -> Motion | None:
-        """Motion at a time, interpolated; None when it is no longer or not yet known."""
+        """Interpolate the motion at a time; None when it is no longer or not yet known."""
         later: Motion | None = None
         for motion in reversed(self._ring):
             if motion.t_s <= t_s:
@@ -65,7 +65,7 @@ class MotionHistory:
         return None
 
     def _ahead(self, newest: Motion, t_s: float) -> Motion | None:
-        """A measurement a little ahead of the wheels: they go on as they did."""
+        """Extrapolate a little ahead of the wheels: they go on as they did."""
         if t_s - newest.t_s > self._ahead_s:
             return None
         return _between(self._ring[-2], newest, t_s) if len(self._ring) > 1 else newest

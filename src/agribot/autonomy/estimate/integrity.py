@@ -75,8 +75,10 @@ class _Anchor(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """How far the robot may be off: anywhere, to the side of where it heads, and that of the latter
-    which the covariance alone tells, as if no GNSS were ever wrong.
+    """How far the robot may be off: in any direction, and to the side of where it heads.
+
+    `across_plain_m` is what the covariance alone makes of the latter, as if no GNSS were ever
+    wrong.
     """
 
     anywhere_m: float
@@ -104,7 +106,7 @@ class Integrity:
         self._moved_t_s = -math.inf
 
     def move(self, distance_m: float, slide_m: tuple[float, float] = (0.0, 0.0)) -> None:
-        """A step of the wheels, along the heading of the filter, and its slide down a slope.
+        """Add a step of the wheels, along the heading of the filter, and its slide down a slope.
 
         The slide is forward and left.
         """
@@ -120,7 +122,7 @@ class Integrity:
         self._aside_y_m += slips_m * cos
 
     def restart(self) -> None:
-        """A person says where the robot is: nothing from before counts."""
+        """Forget what was before: a person says where the robot is."""
         self._anchors.clear()
         self._is_split = False
         self._believed_m = self._gnss.moved_m
@@ -183,7 +185,7 @@ class Integrity:
         )  # fmt: skip
 
     def _forget(self, here: _Anchor, anchor: _Anchor) -> None:
-        """What has contradicted for long is believed: dead reckoning begins anew from here."""
+        """Begin dead reckoning anew from here: what has contradicted for long is believed."""
         if self._gnss.moved_m != self._moved_m:
             self._moved_m, self._moved_t_s = self._gnss.moved_m, here.t_s
         if here.t_s - anchor.t_s > MEMORY_S and here.t_s - self._moved_t_s > MEMORY_S:
@@ -205,7 +207,7 @@ class Integrity:
         return gnss.rejected_in_a_row >= SUSPICIOUS_REJECTIONS or gnss.jump.off_m > 0.0
 
     def _keep(self, here: _Anchor) -> None:
-        """The oldest anchor follows some seconds behind, unless the solutions are split."""
+        """Let the oldest anchor follow some seconds behind, unless the solutions are split."""
         anchors = self._anchors
         if self._is_split:
             return

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any, TypeVar
 
-from agribot.autonomy.estimate.beliefs import motion_noise, slow_ageing
 from agribot.autonomy.estimate.correction import Correction, Ladder
 from agribot.autonomy.estimate.corrections import CORRECTIONS
 from agribot.autonomy.estimate.crop_rows import MIN_MOVED_M, CropRows
@@ -16,6 +15,7 @@ from agribot.autonomy.estimate.history import UNMOVED, Motion
 from agribot.autonomy.estimate.integrity import Integrity
 from agribot.autonomy.estimate.odometry import Odometry, Step
 from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.autonomy.estimate.priors import motion_noise, slow_ageing
 from agribot.autonomy.estimate.row_lines import RowLines
 from agribot.autonomy.estimate.row_sight import RowSight
 from agribot.core.arithmetic import clamp
@@ -75,17 +75,17 @@ class Localizer:
         for ladder in self.ladders.values():
             ladder.update_all(batch)
         for event in batch.events:
-            self._listen(event)
+            self._apply_event(event)
         self._doubts.expire(batch.t_s)
         return self._estimate(batch.t_s)
 
-    def _listen(self, event: OperatorEvent) -> None:
+    def _apply_event(self, event: OperatorEvent) -> None:
         if event.action == "pose_estimate":
-            self._believe(event.numbers)
+            self._set_pose_by_hand(event.numbers)
         elif event.action in ("start", "resume") and self._doubts.decide():
             self._integrity.restart()
 
-    def see(self, scene: Scene) -> None:
+    def observe(self, scene: Scene) -> None:
         """Correct the pose by the crop of a frame; the next estimate shows it.
 
         A row line is made of the same leaves as the plants, so that one of them serves.
@@ -97,8 +97,8 @@ class Localizer:
         elif self._has_moved(scene.t_s):
             line = self._row_lines.pick(scene.row_line)
             if line is not None:
-                self.see_line(line)
-        self._sight.look(scene.t_s, self._crop_rows.fitted + self._row_lines.fitted)
+                self.observe_line(line)
+        self._sight.observe(scene.t_s, self._crop_rows.fitted + self._row_lines.fitted)
 
     def is_stale(self, scene: Scene) -> bool:
         """Whether its picture is an old one: as good as none, for any use."""
@@ -115,12 +115,12 @@ class Localizer:
         self._last_line = then
         return True
 
-    def see_line(self, line: RowLine) -> None:
+    def observe_line(self, line: RowLine) -> None:
         """Correct the pose by the line of the row under the robot; the next estimate shows it."""
         self.ladders["row line"].update(line)
 
-    def _believe(self, numbers: tuple[float, ...]) -> None:
-        """A person says where the robot stands; measurements correct that from now on."""
+    def _set_pose_by_hand(self, numbers: tuple[float, ...]) -> None:
+        """Set the pose that a person states; measurements correct it from now on."""
         is_moving = abs(self._motion.wheel_mps) > STANDING_MPS
         if is_moving or not {"yaw", "position"} <= self.pose.known or not is_pose(numbers):
             self.rejected["pose by hand"] += 1
@@ -158,13 +158,13 @@ class Localizer:
         if abs(self._motion.wheel_mps) > STANDING_MPS:
             self._doubts.move(step.t_s)
         if step.is_blind:
-            self._doubt(step)
+            self._inflate_blind_step(step)
         if step.zero_rate is not None:
             mean_radps, variance = step.zero_rate
             self._ekf.update(((GYRO_BIAS, 1.0),), mean_radps - self._ekf.x[GYRO_BIAS], variance)
         self._age(step.dt_s, yaw_rad - last.yaw_rad)
 
-    def _doubt(self, step: Step) -> None:
+    def _inflate_blind_step(self, step: Step) -> None:
         yaw_rad2 = (BLIND_TURN_RATIO * step.turn_rad) ** 2 + BLIND_YAW_RAD_PER_SQRT_S**2 * step.dt_s
         position_m2 = (BLIND_DISTANCE_RATIO * step.distance_m) ** 2
         self._ekf.inflate(YAW, yaw_rad2)

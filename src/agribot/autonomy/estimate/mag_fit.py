@@ -31,7 +31,7 @@ class MagCalibration(msgspec.Struct, frozen=True, kw_only=True):
     offset_t: Level = (0.0, 0.0)
     shape: tuple[float, float, float] = (1.0, 0.0, 1.0)
 
-    def corrected(self, level_t: Level) -> Level:
+    def correct(self, level_t: Level) -> Level:
         x_t, y_t = level_t[0] - self.offset_t[0], level_t[1] - self.offset_t[1]
         xx, xy, yy = self.shape
         return xx * x_t + xy * y_t, xy * x_t + yy * y_t
@@ -85,7 +85,7 @@ class MagFit:
         return sum(self._counts)
 
     def add(self, level_t: Level, north_rad: float) -> bool:
-        """A levelled reading where magnetic North was at `north_rad`; False if not needed."""
+        """Add a levelled reading where magnetic North was at `north_rad`; False if not needed."""
         sector = sector_of(north_rad)
         if self._counts[sector] >= PER_SECTOR:
             return False
@@ -96,7 +96,7 @@ class MagFit:
         self._power_t2 += level_t[0] ** 2 + level_t[1] ** 2
         return True
 
-    def solved(self) -> MagFitted | None:
+    def solve(self) -> MagFitted | None:
         """None while the readings do not determine an ellipse."""
         if self.sectors < 3 or self.count < 8:
             return None

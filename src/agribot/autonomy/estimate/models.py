@@ -23,7 +23,7 @@ def motion(
     turn_rad: Number,
     turn_s: Number,
 ) -> tuple[Number, Number, tuple[tuple[Number, ...], tuple[Number, ...]]]:
-    """A step of the body's centre in the map while its yaw was `middle_rad` on average.
+    """Move the body's centre in the map by a step with the yaw `middle_rad` on average.
 
     `turn_rad` is the step's turn as the gyro tells it without its bias, and `turn_s` minus the
     derivative of the true turn by the bias.
@@ -49,7 +49,7 @@ def motion(
 def walk_across(
     dx_m: Number, dy_m: Number, distance_m: Number, noise_m2_per_m: float
 ) -> tuple[Number, Number, Number]:
-    """Covariance xx, yy, xy that a walk to the side adds on a step."""
+    """Work out the covariance xx, yy, xy that a walk to the side adds on a step."""
     share = noise_m2_per_m * abs(distance_m) / (dx_m * dx_m + dy_m * dy_m + NO_STEP_M2)
     return share * dy_m * dy_m, share * dx_m * dx_m, -share * dx_m * dy_m
 
@@ -64,7 +64,7 @@ def antenna_velocity(
     rate_radps: Number,
     lever_m: tuple[float, float],
 ) -> tuple[Number, Number, tuple[tuple[Number, ...], tuple[Number, ...]]]:
-    """Velocity east and north that a receiver should see, and derivatives by yaw, scale, slip."""
+    """Predict the velocity of an antenna, east and north; and derivatives by yaw, scale, slip."""
     cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
     forward_mps = wheel_mps * (1.0 - wheel_scale)
     slip_mps = abs(forward_mps) * m.cos(yaw_rad - row_yaw_rad)
@@ -86,14 +86,14 @@ def velocity_variance(std_mps: float, rate_radps: Number, since_last_s: float) -
 
 
 def repeats(memory_s: float, since_last_s: float) -> float:
-    """How many epochs share one error that lasts; their noise has to count that often."""
+    """Count the epochs that share one error that lasts; their noise has to count that often."""
     return max(2.0 * memory_s / max(since_last_s, 0.01), 1.0)
 
 
 def pair_distance2(
     r0: Number, r1: Number, total_0: Number, total_1: Number, cross: Number
 ) -> Number:
-    """Squared Mahalanobis length of two residuals."""
+    """Work out the squared Mahalanobis length of two residuals."""
     return (total_1 * r0 * r0 - 2.0 * cross * r0 * r1 + total_0 * r1 * r1) / (
         total_0 * total_1 - cross * cross
     )

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
-from agribot.autonomy.estimate.slope import heading_rate_radps, seen_from_above, slide_m, turned
+from agribot.autonomy.estimate.slope import heading_rate_radps, project_from_above, rotate, slide_m
 from agribot.autonomy.estimate.standstill import Standstill
 from agribot.core.messages import ImuSample, Vec3, WheelSample
 from agribot.core.robot import DriveSpec
@@ -77,8 +77,9 @@ class Odometry:
     def steps(
         self, wheels: Iterable[WheelSample], imu: Iterable[ImuSample], now_s: float
     ) -> Iterator[Step]:
-        """Steps between the readings that arrived by `now_s`; one from the future is refused,
-        because everything that follows it would count as late.
+        """Yield the steps between the readings that arrived by `now_s`.
+
+        One from the future is refused, because everything that follows it would count as late.
         """
         latest_s = now_s + MAX_AHEAD_S
         for sample in imu:
@@ -148,7 +149,7 @@ class Odometry:
         zero_rate = self._standstill.update(dt_s, travels_m, rate_radps)
         still, turn_rad = self._standstill.is_still, rate_radps * dt_s
         slide = (0.0, 0.0) if still else slide_m(turn_rad, self._up, self._drive.wheelbase_m)
-        level_m = seen_from_above(distance_m, self._up)
+        level_m = project_from_above(distance_m, self._up)
         return Step(after.t_s, dt_s, level_m, turn_rad, still, False, zero_rate, slide)
 
     def _angle(self, before_rad: float, after_rad: float, speed_radps: float, dt_s: float) -> float:
@@ -163,7 +164,7 @@ class Odometry:
         x, y, z = self._accel_mps2
         y -= centripetal_mps2
         part = min(dt_s / TILT_AVERAGE_S, 1.0)
-        ax, ay, az = turned(self._average_mps2 or (x, y, z), self._gyro_radps, dt_s)
+        ax, ay, az = rotate(self._average_mps2 or (x, y, z), self._gyro_radps, dt_s)
         ax, ay, az = ax + part * (x - ax), ay + part * (y - ay), az + part * (z - az)
         self._average_mps2 = (ax, ay, az)
         norm = math.hypot(ax, ay, az)
@@ -174,5 +175,5 @@ class Odometry:
 
 
 def _is_sane(t_s: float, values: tuple[float, ...]) -> bool:
-    """False for NaN, infinity and numbers that no encoder or IMU can mean."""
+    """Refuse NaN, infinity and numbers that no encoder or IMU can mean."""
     return math.isfinite(t_s) and sum(map(abs, values)) < MAX_READING

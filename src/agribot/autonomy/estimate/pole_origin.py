@@ -32,8 +32,8 @@ class PoleOrigin:
         self._offset_deg_m: Geodetic | None = None
         self._heard_s = -math.inf
 
-    def hear_pole(self, t_s: float, place: Geodetic) -> None:
-        """A fix of the pole; one that is no place on Earth, or older than the last, is ignored."""
+    def update_pole(self, t_s: float, place: Geodetic) -> None:
+        """Take a fix of the pole; one that is no place on Earth, or not newer, is ignored."""
         if not is_place(place) or not t_s > self._heard_s:
             return
         if self.frame is None:
@@ -47,8 +47,8 @@ class PoleOrigin:
             )
         self._heard_s = t_s
 
-    def corrected(self, t_s: float, place: Geodetic) -> Geodetic | None:
-        """A robot's fix without the error that the pole shares; None without a fresh pole."""
+    def correct(self, t_s: float, place: Geodetic) -> Geodetic | None:
+        """Take the pole's error off a robot's fix; None without a fresh pole."""
         if self._offset_deg_m is None or not abs(t_s - self._heard_s) <= MAX_AGE_S:
             return None
         lat, lon, alt = self._offset_deg_m

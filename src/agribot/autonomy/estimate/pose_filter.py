@@ -6,12 +6,12 @@ import math
 from collections import Counter
 from typing import Literal
 
-from agribot.autonomy.estimate.beliefs import first_std
 from agribot.autonomy.estimate.ekf import Ekf
 from agribot.autonomy.estimate.field_rows import FieldRows
 from agribot.autonomy.estimate.gate import Verdict
 from agribot.autonomy.estimate.history import MotionHistory
 from agribot.autonomy.estimate.measurement import Measurement
+from agribot.autonomy.estimate.priors import initial_std
 from agribot.autonomy.estimate.row_agreement import RowAgreement
 from agribot.autonomy.estimate.start import StartMark
 from agribot.core.config import EstimateConfig, FieldConfig
@@ -33,7 +33,7 @@ class PoseFilter:
         self, config: EstimateConfig, field: FieldConfig, robot: RobotSpec, ekf: Ekf | None = None
     ) -> None:
         self.config, self.field, self.robot = config, field, robot
-        self.ekf = ekf or Ekf(first_std(config), math.radians(field.row_yaw_deg))
+        self.ekf = ekf or Ekf(initial_std(config), math.radians(field.row_yaw_deg))
         self.history = MotionHistory(ahead_s=config.wheel_timeout_s)
         self.rejected: Counter[str] = Counter()
         self.start = StartMark.of(field)
@@ -53,7 +53,7 @@ class PoseFilter:
             distance2 = self._distance2(measured)
         else:
             distance2 = self._take(measured, measured.variance, gate.limit)
-        verdict = gate.judge(distance2)
+        verdict = gate.evaluate(distance2)
         if verdict == "accept" and measured.is_judged_first:
             self._take(measured, measured.taken_variance(distance2))
         if verdict == "recover" and gate.recovery:

@@ -22,7 +22,7 @@ Told = deque[tuple[float, float]]
 
 
 class RowAgreement:
-    """Call `look` for what the camera, `fix` for what GNSS says; both against the same pose.
+    """Call `add_look` for what the camera says, `add_fix` for GNSS; both against the same pose.
 
     All offsets are metres to the right of the rows by which a sensor puts the robot elsewhere than
     the pose, so that the pose itself drops out of their difference.
@@ -37,12 +37,12 @@ class RowAgreement:
         self.apart_m = 0.0  # of lasting disagreement, 0 while there is none
         self.must_halt = False
 
-    def look(self, t_s: float, off_m: float) -> None:
+    def add_look(self, t_s: float, off_m: float) -> None:
         _add(self._looks, t_s, off_m)
-        self._judge(t_s)
+        self._evaluate(t_s)
 
     def testify(self, t_s: float, off_m: float) -> None:
-        """What several plants of a row told together needs no more witnesses."""
+        """Take what several plants of a row told together: it needs no more witnesses."""
         _drop_old(self._fixes, t_s)
         if len(self._fixes) < MIN_FIXES:
             return
@@ -52,11 +52,11 @@ class RowAgreement:
         if not self._settle(apart_m):
             self._name(t_s, apart_m)
 
-    def fix(self, t_s: float, off_m: float) -> None:
+    def add_fix(self, t_s: float, off_m: float) -> None:
         _add(self._fixes, t_s, off_m)
 
     def hold(self, t_s: float) -> None:
-        """The filter took in what the camera saw of a row."""
+        """Note that the filter took in what the camera saw of a row."""
         self._held_t_s = max(self._held_t_s, t_s)
 
     def is_held(self, t_s: float) -> bool:
@@ -73,17 +73,17 @@ class RowAgreement:
         return f"camera and GNSS disagree by {self.apart_m:.2f} m" if self.apart_m else ""
 
     def expire(self, t_s: float) -> None:
-        """A disagreement that was told long ago is past, unless a person has to decide."""
+        """Drop a disagreement that was told long ago, unless a person has to decide."""
         if self.apart_m and not self.must_halt and t_s - self._named_t_s > NAMED_S:
             self._since_s, self.apart_m = None, 0.0
 
     def forget(self) -> None:
-        """A person has decided."""
+        """Drop all that was seen: a person has decided."""
         self._looks.clear()
         self._fixes.clear()
         self._since_s, self.apart_m, self.must_halt = None, 0.0, False
 
-    def _judge(self, t_s: float) -> None:
+    def _evaluate(self, t_s: float) -> None:
         _drop_old(self._fixes, t_s)
         if len(self._looks) < MIN_LOOKS or len(self._fixes) < MIN_FIXES:
             return

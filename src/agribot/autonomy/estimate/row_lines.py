@@ -96,7 +96,7 @@ class RowLines(Correction[RowLine]):
     def _likely(
         self, line: RowLine, ahead_m: float | None, at_m: float, sign: float, epoch: Epoch
     ) -> float | None:
-        """The end of a row, unless it can only be a gap within it: gaps look like ends."""
+        """Return the end of a row, unless it can only be a gap within it: gaps look like ends."""
         if ahead_m is None:
             return None
         frame = self._frame(epoch)
@@ -114,7 +114,7 @@ class RowLines(Correction[RowLine]):
         return (0.0, length_m) if sign > 0.0 else (length_m, 0.0)
 
     def ageing(self, dt_s: float, turn_abs_rad: float) -> Sequence[tuple[int, float, float]]:
-        """How the lasting error ages."""
+        """Say how the lasting error ages."""
         if self._bias_std_m is None:
             return ()
         factor = math.exp(-dt_s / model.LASTING_MEMORY_S)
@@ -174,7 +174,7 @@ class RowLines(Correction[RowLine]):
             return None
         _, row_right_m = rows.row_at(right_m + sign * offset_m)
         off_m = row_right_m - sign * offset_m - right_m
-        self.pose.agreement.look(line.t_s, off_m)
+        self.pose.agreement.add_look(line.t_s, off_m)
         opens = _opens(frame.right, model.RECOVERY_OFFSET_M)
         return Measurement(
             (off_m + sign * ekf.x[ROW_BIAS],), (row,), model.offset_variance(line.offset_std_m),
@@ -183,7 +183,7 @@ class RowLines(Correction[RowLine]):
         )  # fmt: skip
 
     def _heading(self, heading_rad: float, variance: float, epoch: Epoch) -> Measurement:
-        """The line's direction in the map, less the angle at which the robot sees it."""
+        """Return the line's direction in the map, less the angle at which the robot sees it."""
         residual_rad = wrap_rad(heading_rad - self._yaw_then_rad(epoch))
         return Measurement(
             (residual_rad,), (((YAW, 1.0),),), variance, self._heading_gate,
@@ -200,14 +200,14 @@ class RowLines(Correction[RowLine]):
 
 
 def _opens(direction: tuple[float, float], by_m: float) -> tuple[tuple[int, float], ...]:
-    """The variances that a position gets by which it may be wrong so far in a direction."""
+    """Return the variances of a position that may be wrong so far in a direction."""
     return tuple((state, (part * by_m) ** 2) for state, part in zip((X, Y), direction, strict=True))
 
 
 def moved_row(
     direction: tuple[float, float], epoch: Epoch, arm_m: tuple[float, float] = (0.0, 0.0)
 ) -> Row:
-    """How the place of a moment ago, or a point `arm_m` from it, follows from the pose now.
+    """Say how the place of a moment ago, or a point `arm_m` from it, follows from the pose now.
 
     The place is that in a direction of the map.
     """

@@ -32,5 +32,5 @@ def heading_variance(m: Arithmetic[Number], std_rad: float, since_last_s: Number
 
 
 def tail_factor(m: Arithmetic[Number], distance2: Number) -> Number:
-    """By how much the variance grows for a residual that looks like an outlier."""
+    """Say by how much the variance grows for a residual that looks like an outlier."""
     return m.most((TAIL_DEGREES + distance2) / (TAIL_DEGREES + 1.0), 1.0)

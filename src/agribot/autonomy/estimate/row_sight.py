@@ -20,8 +20,8 @@ class RowSight:
         self._fitted = 0
         self._since_m = math.inf
 
-    def look(self, t_s: float, fitted: int) -> None:
-        """A picture of time `t_s`; `fitted` counts what fitted the robot's row up to now."""
+    def observe(self, t_s: float, fitted: int) -> None:
+        """Take a picture of time `t_s`; `fitted` counts what fitted the robot's row up to now."""
         self._looked_s = max(self._looked_s, t_s)
         if fitted > self._fitted:
             self._fitted, self._since_m = fitted, 0.0

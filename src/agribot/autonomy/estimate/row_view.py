@@ -83,7 +83,10 @@ class RowViewFit(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def fit_row_view(glances: Sequence[Glance], field: FieldConfig) -> RowViewFit:
-    """Raises: MissionError: no picture was taken inside a row, or none shows a line."""
+    """Compare the row lines of pictures with the poses at which they were taken.
+
+    Raises: MissionError: no picture was taken inside a row, or none shows a line.
+    """
     rows = FieldRows(field)
     errors, stated, stds, pictures = [], [], [], 0
     for glance in glances:

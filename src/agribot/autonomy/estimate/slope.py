@@ -20,18 +20,18 @@ SLIDE_STD_RATIO = 0.5
 
 
 def heading_rate_radps(gyro_radps: Vec3, up_body: Vec3) -> float:
-    """Of the body's x axis seen from above, which on a slope is not the turn about the vertical."""
+    """Turn rate of the body's x axis seen from above; on a slope not that about the vertical."""
     level = max(1.0 - up_body[0] * up_body[0], LEAST_LEVEL_RATIO)
     return (gyro_radps[1] * up_body[1] + gyro_radps[2] * up_body[2]) / level
 
 
-def seen_from_above(distance_m: float, up_body: Vec3) -> float:
-    """A distance along the body's x axis as it is in the map."""
+def project_from_above(distance_m: float, up_body: Vec3) -> float:
+    """Project a distance along the body's x axis to the map."""
     return distance_m * math.sqrt(max(1.0 - up_body[0] * up_body[0], LEAST_LEVEL_RATIO))
 
 
 def slide_m(turn_rad: float, up_body: Vec3, wheelbase_m: float) -> tuple[float, float]:
-    """How far a slope takes a robot forward and to its left while it turns."""
+    """Predict how far a slope takes a robot forward and to its left while it turns."""
     x, y, _ = up_body
     if x * x + y * y < LEVEL_SINE * LEVEL_SINE:
         return 0.0, 0.0
@@ -39,8 +39,8 @@ def slide_m(turn_rad: float, up_body: Vec3, wheelbase_m: float) -> tuple[float, 
     return -reach_m * x, -reach_m * y + CENTRE_WHEELBASES * wheelbase_m * turn_rad * x
 
 
-def turned(vector: Vec3, gyro_radps: Vec3, dt_s: float) -> Vec3:
-    """A direction that stands still in the world, in body axes that turned a little."""
+def rotate(vector: Vec3, gyro_radps: Vec3, dt_s: float) -> Vec3:
+    """Rotate a direction that stands still in the world with body axes that turned a little."""
     (x, y, z), (wx, wy, wz) = vector, gyro_radps
     return (
         x - dt_s * (wy * z - wz * y),

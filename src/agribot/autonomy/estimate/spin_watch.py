@@ -38,7 +38,7 @@ class SpinWatch(Generic[Number]):
 def ahead_and_aside(
     m: Arithmetic[Number], vector: tuple[Number, Number], yaw_rad: Number
 ) -> tuple[Number, Number]:
-    """The parts along and to the left of the robot of a vector in the map."""
+    """Resolve a vector of the map along the robot and to its left."""
     cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
     return cos * vector[0] + sin * vector[1], cos * vector[1] - sin * vector[0]
 
@@ -52,7 +52,7 @@ def doubts(
     *,
     is_corrected: bool,
 ) -> tuple[tuple[int, Number], ...]:
-    """How far to open up for wheels that spin free (wrong ahead), and a wrong heading (aside).
+    """Say how far to open up for wheels that spin free (ahead), and a wrong heading (aside).
 
     The bias of a receiver without corrections has meanwhile taken up what the wheels only claimed.
     """

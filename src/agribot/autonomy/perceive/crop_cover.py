@@ -59,7 +59,7 @@ class CoverGrid:
 
 
 def middles_of_squares(mask: Mask) -> Mask:
-    """Find the middles of all squares of three by three pixels that the mask fills."""
+    """Find the middles of all squares of three by three pixels that the mask (H, W) fills."""
     flat = mask[:-2] & mask[1:-1] & mask[2:]
     thick = np.zeros_like(mask)
     thick[1:-1, 1:-1] = flat[:, :-2] & flat[:, 1:-1] & flat[:, 2:]

@@ -73,7 +73,7 @@ def _intersect(pixels_px: FloatArray, k_px: FloatArray, body_from_camera: FloatA
     )
 
 
-def _straightened(pixels_px: FloatArray, camera: CameraSpec) -> FloatArray:
+def _straighten(pixels_px: FloatArray, camera: CameraSpec) -> FloatArray:
     """Where a pinhole would show what the lens puts at pixels (N, 2).
 
     Raises: PerceptionError: the distortion has no inverse over the whole picture.
@@ -152,9 +152,7 @@ class GroundLookup:
         u_px = (np.arange(width + extra) + offset_px + 0.5) * to_u - 0.5
         v_px = (np.arange(height + extra) + offset_px + 0.5) * to_v - 0.5
         grid = np.stack(np.meshgrid(u_px, v_px), axis=-1).reshape(-1, 2)
-        points = _intersect(
-            _straightened(grid, self.camera), self.camera.matrix(), body_from_camera
-        )
+        points = _intersect(_straighten(grid, self.camera), self.camera.matrix(), body_from_camera)
         return points.reshape(height + extra, width + extra, 2)
 
     def _view_polygon(self) -> tuple[tuple[float, float], ...]:
@@ -172,10 +170,10 @@ class GroundLookup:
         if inside.sum() >= 3:
             points = points[inside]
         hull = points[ConvexHull(points).vertices]
-        return tuple((float(x), float(y)) for x, y in _thinned(hull))
+        return tuple((float(x), float(y)) for x, y in _thin(hull))
 
 
-def _thinned(polygon: FloatArray, tolerance_m: float = 0.01) -> FloatArray:
+def _thin(polygon: FloatArray, tolerance_m: float = 0.01) -> FloatArray:
     """Drop the corners that lie within `tolerance_m` of the line between their neighbours."""
     kept = list(polygon)
     index = 0

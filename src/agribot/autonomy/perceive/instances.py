@@ -28,7 +28,7 @@ class PicturePlant(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def plants_in(class_id: ByteArray, confidence: ByteArray, least_px: int) -> list[PicturePlant]:
-    """Plants of at least `least_px` pixels, weeds first, each class from the top."""
+    """Cut a class map (H, W) into plants of at least `least_px` pixels, weeds first."""
     found = []
     for kind in (PlantClass.WEED, PlantClass.CROP):
         labels, count = ndimage.label(class_id == kind, TOUCHING)
@@ -66,7 +66,10 @@ class PlantRecall(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def plant_recall(truth: ByteArray, guess: ByteArray, least_px: int) -> dict[str, PlantRecall]:
-    """Every true plant of at least `least_px` pixels gets the class that most of it is given."""
+    """Count how true plants were classed; each has the class that most of it is given.
+
+    `truth` and `guess` are class maps (H, W); plants below `least_px` pixels do not count.
+    """
     recalls = {}
     for kind in (PlantClass.WEED, PlantClass.CROP):
         labels, count = ndimage.label(truth == kind, TOUCHING)

@@ -128,7 +128,10 @@ class _Tracks:
 
 
 def fit_mount(looks: Sequence[Look], body_from_camera: FloatArray) -> MountFit | None:
-    """Of pictures in the order of their times; None where no plant was followed far enough."""
+    """Fit the camera's mount to pictures in the order of their times, each with a pose (3,).
+
+    None where no plant was followed far enough.
+    """
     followed = follow(looks)
     if not followed:
         return None
@@ -165,7 +168,7 @@ def follow(looks: Sequence[Look]) -> list[list[_Sight]]:
         fresh = [track for track in growing if look.t_s - track[-1].look.t_s <= NEXT_S]
         done += [track for track in growing if look.t_s - track[-1].look.t_s > NEXT_S]
         growing = fresh
-        expected = np.array([_moved(track[-1], look) for track in growing]).reshape(-1, 2)
+        expected = np.array([_predict_place(track[-1], look) for track in growing]).reshape(-1, 2)
         taken: set[int] = set()
         for plant in look.plants:
             index = _nearest(plant, expected, growing)
@@ -188,7 +191,7 @@ def _nearest(
     return index if is_it else None
 
 
-def _moved(sight: _Sight, look: Look) -> tuple[float, float]:
+def _predict_place(sight: _Sight, look: Look) -> tuple[float, float]:
     """Where a plant that was seen before is to be seen now, body frame."""
     plant = sight.plant
     place_map_m = Pose2(*sight.look.pose_map).transform(plant.x_body_m, plant.y_body_m)
@@ -208,7 +211,7 @@ def _leaves_m(plant: GroundPlant) -> float:
 
 
 def _slopes(tracks: _Tracks, mount: FloatArray, weights: FloatArray) -> FloatArray:
-    """Derivatives of the offsets by the mount, (N, 2, 4)."""
+    """Differentiate the offsets by the mount, (N, 2, 4)."""
     columns = []
     for index in range(4):
         step = np.zeros(4)

@@ -23,7 +23,8 @@ OVERLAP_RATIO = 0.25
 class Classifier(Protocol):
     map_shape: tuple[int, int]
 
-    def segment(self, image_rgb: ByteArray) -> ClassMap: ...
+    def segment(self, image_rgb: ByteArray) -> ClassMap:
+        """Classify a picture (H, W, 3)."""
 
 
 class PictureClasses(NamedTuple):
@@ -89,16 +90,16 @@ def _one_tile(classifier: Classifier, image_rgb: ByteArray) -> PictureClasses:
     height, width = image_rgb.shape[:2]
     if not height or not width:
         raise PerceptionError(f"picture of {width} x {height} pixels is empty")
-    padded = _padded(_thinned(image_rgb, classifier.map_shape), classifier.map_shape)
+    padded = _pad(_thin(image_rgb, classifier.map_shape), classifier.map_shape)
     seen = classifier.segment(padded)
     map_height, map_width = seen.class_id.shape
-    small = _thinned(image_rgb, classifier.map_shape).shape
+    small = _thin(image_rgb, classifier.map_shape).shape
     shown = (map_height * small[0] / padded.shape[0], map_width * small[1] / padded.shape[1])
-    return enlarged(seen.class_id, seen.confidence, (height, width), shown)
+    return enlarge(seen.class_id, seen.confidence, (height, width), shown)
 
 
-def _thinned(image_rgb: ByteArray, map_shape: tuple[int, int]) -> ByteArray:
-    """A huge picture as means of blocks, still at least twice as fine as the network's input."""
+def _thin(image_rgb: ByteArray, map_shape: tuple[int, int]) -> ByteArray:
+    """Average a huge picture in blocks, still at least twice as fine as the network's input."""
     height, width = image_rgb.shape[:2]
     block = min(height // (2 * map_shape[0]), width // (2 * map_shape[1]))
     if block < 2:
@@ -112,8 +113,8 @@ def _thinned(image_rgb: ByteArray, map_shape: tuple[int, int]) -> ByteArray:
     return means
 
 
-def _padded(image_rgb: ByteArray, map_shape: tuple[int, int]) -> ByteArray:
-    """The picture in the network's shape, so that plants are not stretched; edges are repeated."""
+def _pad(image_rgb: ByteArray, map_shape: tuple[int, int]) -> ByteArray:
+    """Fit the picture into the network's shape without stretching; edges are repeated."""
     height, width = image_rgb.shape[:2]
     ratio = (width / height) / (map_shape[1] / map_shape[0])
     if abs(ratio - 1.0) <= SHAPE_TOLERANCE:
@@ -126,13 +127,13 @@ def _padded(image_rgb: ByteArray, map_shape: tuple[int, int]) -> ByteArray:
     return np.pad(image_rgb, ((0, down), (0, right), (0, 0)), mode="edge")
 
 
-def enlarged(
+def enlarge(
     class_id: ByteArray,
     confidence: ByteArray,
     shape: tuple[int, int],
     shown: tuple[float, float] | None = None,
 ) -> PictureClasses:
-    """A class map at another resolution, with the borders that its probabilities draw.
+    """Enlarge a class map to another resolution, with the borders that its probabilities draw.
 
     `shown` is the (height, width) of the part of the map that the picture fills, from the top
     left. Probabilities are interpolated linearly: sharper than the nearest pixel's class.
@@ -147,7 +148,7 @@ def enlarged(
     best = np.full(shape, -1.0, np.float32)
     winner = np.full(shape, PlantClass.SOIL, np.uint8)
     for kind in PlantClass:
-        share = _interpolated(np.where(class_id == kind, sure, rest), rows, columns)
+        share = _interpolate(np.where(class_id == kind, sure, rest), rows, columns)
         better = share > best
         winner[better] = kind
         np.maximum(best, share, out=best)
@@ -155,8 +156,9 @@ def enlarged(
 
 
 class Places(NamedTuple):
-    """For every row (or column) of the result: the two of the map beside it, and the share of
-    the second.
+    """For every row or column of the result, the two of the map beside it.
+
+    `share` is that of the second.
     """
 
     first: npt.NDArray[np.intp]
@@ -171,7 +173,7 @@ def _places(size: int, shown: float, available: int) -> Places:
     return Places(first, second, (centres - first).astype(np.float32))
 
 
-def _interpolated(values: Floats, rows: Places, columns: Places) -> Floats:
+def _interpolate(values: Floats, rows: Places, columns: Places) -> Floats:
     down = rows.share[:, None]
     tall = values[rows.first] * (1.0 - down) + values[rows.second] * down
     right = columns.share[None, :]

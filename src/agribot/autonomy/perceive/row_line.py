@@ -67,6 +67,7 @@ class View(NamedTuple):
     side_slope: float
 
     def holds(self, x_m: FloatArray, y_m: FloatArray) -> Mask:
+        """Tell which points (N,) of the body frame the picture shows."""
         inside: Mask = (x_m >= self.near_m) & (x_m <= self.far_m)
         inside &= np.hypot(x_m - self.camera_x_m, y_m) <= self.range_m
         inside &= np.abs(y_m) <= self.side_m + self.side_slope * (x_m - self.near_m)
@@ -90,7 +91,7 @@ class Fit(NamedTuple):
         return Pose2(self.x_m, self.y_m, self.yaw_rad)
 
     def along_left_m(self, plants: Growth) -> tuple[FloatArray, FloatArray]:
-        """How far cells lie ahead of the place along the line, and to the left of the line."""
+        """Resolve cells (N,): ahead of the place along the line, and to the left of the line."""
         return self.body_from_line.locate(plants.x_m, plants.y_m)
 
     def shows(self, view: View, along_m: FloatArray, half_m: float) -> Mask:
@@ -102,7 +103,7 @@ class Fit(NamedTuple):
 
 
 def find_row_line(class_map: ClassMap, ground: GroundLookup, t_s: float) -> RowLine | None:
-    """The row line of a picture taken at `t_s`; None where there is too little to trust."""
+    """Find the row line of a picture taken at `t_s`; None where there is too little to trust."""
     crop = _growth(class_map, ground, class_map.class_id == PlantClass.CROP)
     if len(crop.x_m) < MIN_SLOTS:
         return None
@@ -169,7 +170,7 @@ def _growth(class_map: ClassMap, ground: GroundLookup, wanted: Mask) -> Growth:
 
 
 def _vote(crop: Growth) -> Fit | None:
-    """The offset and heading that most crop speaks for (a Hough transform)."""
+    """Find the offset and heading that most crop speaks for (a Hough transform)."""
     steps = round(MAX_HEADING_RAD / HEADING_STEP_RAD)
     yaws_rad = np.arange(-steps, steps + 1) * HEADING_STEP_RAD
     bins = 2 * round(MAX_OFFSET_M / CELL_M) + 1
@@ -190,7 +191,7 @@ def _vote(crop: Growth) -> Fit | None:
 
 
 def _refine(crop: Growth, fit: Fit, view: View) -> Fit | None:
-    """A robust straight line through the slots of the row that the view shows whole."""
+    """Fit a robust straight line through the slots of the row that the view shows whole."""
     along_m, left_m = fit.along_left_m(crop)
     slot = np.floor(along_m / SLOT_M).astype(np.int64)
     begin_m: FloatArray = slot.astype(np.float64) * SLOT_M
@@ -218,7 +219,7 @@ def _refine(crop: Growth, fit: Fit, view: View) -> Fit | None:
 
 
 def _straight_line(fit: Fit, u_m: FloatArray, v_m: FloatArray, weight: FloatArray) -> Fit | None:
-    """The line through points ahead along and left of another line."""
+    """Make the line through points ahead along and left of another line."""
     total = float(weight.sum())
     along_m, left_m = float(weight @ u_m) / total, float(weight @ v_m) / total
     arm_m = u_m - along_m

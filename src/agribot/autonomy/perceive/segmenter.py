@@ -40,7 +40,7 @@ def model_names() -> list[str]:
 
 
 def model_path(model: str | Path) -> Path:
-    """The file of a packaged network's name, or of a path to an .onnx file.
+    """Find the file of a packaged network's name, or of a path to an .onnx file.
 
     Raises: PerceptionError: there is no such file.
     """

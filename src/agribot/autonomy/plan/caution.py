@@ -27,13 +27,13 @@ UNSURE_PATIENCE_S, UNSURE_RATIO = 40.0, 0.9
 
 
 def across_std_m(estimate: Estimate, yaw_map_rad: float) -> float:
-    """1 sigma of the position across a direction of the map."""
+    """Return 1 sigma of the position across a direction of the map, metres."""
     xx, xy, _, _, yy, *_ = estimate.pose_cov
     return std_along_m((xx, xy, yy), (-math.sin(yaw_map_rad), math.cos(yaw_map_rad)))
 
 
 def caution_ratio(std_m: float, config: MissionConfig) -> float:
-    """Part of the speed that an uncertainty across the row allows; 0 beyond the limit."""
+    """Return the part of the speed that an uncertainty across the row allows; 0 beyond limits."""
     if not std_m <= config.max_row_std_m:
         return 0.0
     if std_m <= config.full_speed_std_m:
@@ -43,7 +43,7 @@ def caution_ratio(std_m: float, config: MissionConfig) -> float:
 
 
 def protection_limit_m(drive: DriveSpec, pitch_m: float = math.inf) -> float:
-    """How far a robot astride a row may be off before a wheel reaches crop, on either side."""
+    """Return how far a robot astride a row may be off before a wheel reaches crop, either side."""
     inside_m = (drive.track_m - drive.wheel_width_m) / 2.0
     outside_m = pitch_m - (drive.track_m + drive.wheel_width_m) / 2.0
     return max(min(inside_m, outside_m) - TRACKING_M, LEAST_LIMIT_M)
@@ -70,11 +70,11 @@ class CropGuard:
         self._since_s, self._is_granted, self.ratio = None, True, 1.0
 
     def leave(self) -> None:
-        """No crop beside the wheels."""
+        """Forget what was: there is no crop beside the wheels."""
         self._since_s, self._is_granted, self.ratio = None, False, 1.0
 
     def judge(self, estimate: Estimate, limit_m: float) -> str:
-        """Why the robot stands, if it must; `ratio` tells the rest."""
+        """Say why the robot must stand, empty where it need not; `ratio` tells the rest."""
         level_m = estimate.across_protection_m
         if level_m <= limit_m:
             self.leave()

@@ -61,6 +61,7 @@ def certify(
 def find_closest_to_crop(
     path: Path, robot: RobotSpec, rows: Sequence[Row], plants_xy: FloatArray | None = None
 ) -> Closest:
+    """Find where a wheel comes closest to the rows, or to plants (M, 2) in the map."""
     if plants_xy is None:
         lines = [row_points_map_m(row) for row in rows]
         starts = np.concatenate([np.empty((0, 2)), *(line[:-1] for line in lines)])
@@ -88,7 +89,7 @@ def find_closest_to_crop(
 
 
 def trace_wheels_map_m(path: Path, robot: RobotSpec) -> FloatArray:
-    """Ground contact of each wheel at each point of the path, (N, 4, 2)."""
+    """Trace the ground contact of each wheel at each point of the path, (N, 4, 2) in the map."""
     cos, sin = np.cos(path.yaw_map_rad)[:, None], np.sin(path.yaw_map_rad)[:, None]
     x_body_m, y_body_m = robot.wheel_xy_body_m().T
     offsets = np.stack([cos * x_body_m - sin * y_body_m, sin * x_body_m + cos * y_body_m], axis=-1)

@@ -43,7 +43,7 @@ class CoveredRows:
         self._open: int | None = None  # the row whose last piece is growing
 
     def stretches(self, but: Sequence[int] = ()) -> tuple[WorkedStretch, ...]:
-        """Of all rows but these."""
+        """List what was worked of all rows but these."""
         return tuple(
             piece.stretch
             for index, pieces in self._pieces.items()
@@ -52,7 +52,7 @@ class CoveredRows:
         )
 
     def work(self, index: int, x_m: float, y_m: float) -> None:
-        """The tool is at a place of the map and works this row."""
+        """Count a place of the map at which the tool works a row."""
         row = self._rows.get(index)
         if row is None:
             self.leave()
@@ -85,7 +85,7 @@ class CoveredRows:
         return found
 
     def missing_m(self, index: int) -> float:
-        """How much of a row has not been worked; small gaps do not count."""
+        """Measure how much of a row has not been worked; small gaps do not count."""
         reached_m = missing_m = 0.0
         for piece in sorted(self._pieces[index]):
             gap_m = piece.first_m - reached_m
@@ -95,11 +95,11 @@ class CoveredRows:
 
     @property
     def complete(self) -> tuple[int, ...]:
-        """The rows that are worked from end to end."""
+        """Rows that are worked from end to end."""
         return tuple(index for index in self._rows if self.missing_m(index) <= MISSING_M)
 
     def was_worked(self, index: int, x_m: float, y_m: float) -> bool:
-        """By an earlier mission, at the place of the row beside this one."""
+        """Say whether an earlier mission worked the place of the row beside this one."""
         row = self._rows.get(index)
         if row is None or not self._before[index]:
             return False

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import math
 
-from agribot.autonomy.plan.curves import Pose, Segment, length_m
+from agribot.autonomy.plan.curves import Segment, length_m
+from agribot.core.pose import Pose2
 
 Solution = tuple[float, float, float]  # arc, middle piece, arc; in units of the radius
 _FULL_TURN_SLACK_RAD = 1e-9
 
 
-def find_shortest(start: Pose, end: Pose, radius_m: float) -> tuple[Segment, ...]:
+def find_shortest(start: Pose2, end: Pose2, radius_m: float) -> tuple[Segment, ...]:
     return list_words(start, end, radius_m)[0]
 
 
-def list_words(start: Pose, end: Pose, radius_m: float) -> list[tuple[Segment, ...]]:
-    """Every feasible word (LSL, RSR, LSR, RSL, RLR, LRL), shortest first; never empty."""
+def list_words(start: Pose2, end: Pose2, radius_m: float) -> list[tuple[Segment, ...]]:
+    """List every feasible word (LSL, RSR, LSR, RSL, RLR, LRL), shortest first; never empty."""
     dx, dy = (end.x_m - start.x_m) / radius_m, (end.y_m - start.y_m) / radius_m
     bearing = math.atan2(dy, dx)
     d = math.hypot(dx, dy)
@@ -41,7 +42,7 @@ def _make_segments(name: str, solution: Solution, radius_m: float) -> tuple[Segm
 
 
 def _wrap_turn_rad(angle_rad: float) -> float:
-    """The angle in [0, 2 pi); rounding below zero is zero, not a full turn."""
+    """Wrap an angle to [0, 2 pi); rounding below zero is zero, not a full turn."""
     angle_rad %= math.tau
     return 0.0 if math.tau - angle_rad < _FULL_TURN_SLACK_RAD else angle_rad
 

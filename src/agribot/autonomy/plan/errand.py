@@ -40,7 +40,7 @@ class Errand(NamedTuple):
         }[self.to]  # fmt: skip
 
     def plan_route(self, estimate: Estimate, config: MissionConfig) -> Route:
-        """Raises: MissionError: there is no way that may be driven."""
+        """Plan it from here. Raises: MissionError: there is no way that may be driven."""
         return Route(self.plan(estimate), (), config, ())
 
 
@@ -49,7 +49,10 @@ def save_errand(errand: Errand | None) -> SavedErrand | None:
 
 
 def make_home_errand(task: Task, job: MissionJob | None, source: str) -> Errand:
-    """Raises: MissionError: nobody knows where home is."""
+    """Send the robot to where its job was planned.
+
+    Raises: MissionError: nothing was planned yet, or a task that knows no ways.
+    """
     if job is None:
         raise MissionError("nothing was planned yet")
     _check_ways(task)
@@ -59,7 +62,10 @@ def make_home_errand(task: Task, job: MissionJob | None, source: str) -> Errand:
 
 
 def make_goal_errand(task: Task, source: str, numbers: tuple[float, ...]) -> Errand:
-    """Raises: MissionError: no place, or a task that knows no ways."""
+    """Send the robot to x and y (m, map) and, where it matters, to look along a yaw (rad).
+
+    Raises: MissionError: no place, or a task that knows no ways.
+    """
     if len(numbers) not in (2, 3) or not all(math.isfinite(number) for number in numbers):
         raise MissionError("a goal is two or three finite numbers: x and y (m, map), yaw (rad)")
     goal: Place = (numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else None)
@@ -68,7 +74,10 @@ def make_goal_errand(task: Task, source: str, numbers: tuple[float, ...]) -> Err
 
 
 def make_work_errand(task: Task, job: MissionJob | None) -> Errand:
-    """Raises: MissionError: a task that knows no ways."""
+    """Send the robot back to where its work stopped.
+
+    Raises: MissionError: nothing was planned yet, or a task that knows no ways.
+    """
     if job is None:
         raise MissionError("nothing was planned yet")
     _check_ways(task)
@@ -77,7 +86,10 @@ def make_work_errand(task: Task, job: MissionJob | None) -> Errand:
 
 
 def restore_errand(saved: SavedErrand, task: Task, job: MissionJob | None) -> Errand:
-    """Raises: MissionError: as those that make it."""
+    """Send the robot once more where an earlier run was to go.
+
+    Raises: MissionError: as those that make it.
+    """
     if saved.to == "home":
         return make_home_errand(task, job, saved.source)
     if saved.to == "work":

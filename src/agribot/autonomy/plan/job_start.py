@@ -83,5 +83,5 @@ def save_unbegun(task: Task, state: MissionState, last: Estimate) -> SavedMissio
 
 
 def list_rows(task: Task) -> tuple[RowResult, ...]:
-    """Of a task that has not begun."""
+    """List the rows of a task that has not begun."""
     return tuple(RowResult(index=row.index) for row in task.rows)

@@ -70,7 +70,7 @@ class Mission:
         planning: PlanningHost | None = None,
         latch: Latch | None = None,
     ) -> None:
-        """`saved` is a mission that was cut off: it goes on where it was.
+        """Begin anew, or go on where `saved`, a mission that was cut off, was.
 
         A mission that was stopped or paused when it was cut off waits for a person again. `latch`
         is shared with whatever else may stop the robot.
@@ -134,8 +134,8 @@ class Mission:
     def _way(self) -> Route | None:
         return find_way(self._state, self._job)
 
-    def saved(self) -> SavedMission | None:
-        """All that is needed to go on later; None before there is anything to go on with."""
+    def snapshot(self) -> SavedMission | None:
+        """Take down all that is needed to go on later; None before there is anything."""
         errand, last = find_errand(self._state), self._last
         kept = {"stopped": self._latch.reason, "paused": find_stood(self._state)}
         if last is None or not (self._job or errand or self._is_away):
@@ -147,7 +147,7 @@ class Mission:
         )
 
     def stay_open(self) -> None:
-        """From now on a mission that has ended still takes the requests of the column "open"."""
+        """Take the requests of the column "open" from now on, also after the end."""
         self._stays_open = True
 
     def heed(self, warning: str) -> None:
@@ -167,7 +167,7 @@ class Mission:
             self._pause(f"{warning}; {self._refusal}", by_itself=True)
 
     def step(self, estimate: Estimate, events: Iterable[OperatorEvent] = ()) -> Goal:
-        """Hear the requests of this tick, then drive on; what the robot is to do now."""
+        """Take the requests of this tick, then drive on; return what the robot is to do now."""
         self._is_located = estimate.ok and math.isfinite(estimate.x_map_m + estimate.y_map_m)
         self._last = estimate if self._is_located else self._last
         self._heed_latch()
@@ -250,7 +250,7 @@ class Mission:
         self._has_stood_for_stop = holds
 
     def _cancel(self, event: OperatorEvent) -> None:
-        """A run that goes on with this one stands as this one stood, and has its errand."""
+        """End; a run that goes on with this one stands as this one stood, and has its errand."""
         self._end(
             "cancelled",
             f"cancelled by {event.source}",
@@ -291,7 +291,7 @@ class Mission:
         return ""
 
     def _find_errand_to_resume(self, state: Paused) -> Errand | None:
-        """Of an earlier run, or back to where the work stopped.
+        """Find that of an earlier run, or the way back to where the work stopped.
 
         Raises: MissionError: there is no way back.
         """
@@ -303,7 +303,7 @@ class Mission:
         return None
 
     def _begin_anew(self) -> None:
-        """The whole task once more, planned from where the robot stands."""
+        """Begin the whole task once more, planned from where the robot stands."""
         self._take_task(self._task)
         self._is_resumed = True
         self._run_on(Waiting())
@@ -329,7 +329,7 @@ class Mission:
         return ""
 
     def _stop_for(self, errand: Errand, reason: str) -> None:
-        """The way is planned from where the robot comes to rest."""
+        """Stop; the way is planned from where the robot comes to rest."""
         state = self._state
         self._ended = state if isinstance(state, Ended) else self._ended
         self._drop()
@@ -339,7 +339,7 @@ class Mission:
         self._state = Stopping(errand, reason, find_stood(state), held)
 
     def _take_plan(self, event: OperatorEvent) -> str:
-        """Another task from now on for a robot that stands, once it is checked and resumed."""
+        """Take another task for a robot that stands, once it is checked and resumed."""
         new_tasks, last = self._new_tasks, self._last
         if new_tasks is None:
             return self._refuse("plan refused: this mission takes no other task")
@@ -349,7 +349,7 @@ class Mission:
         return self._take(event, make, new_tasks.checking_s)
 
     def _take_visit(self, event: OperatorEvent) -> str:
-        """Another task at once, from where the robot is."""
+        """Take another task at once, from where the robot is."""
         new_tasks, name, bounds = self._new_tasks, event.text or "visit", self._task.bounds
         if new_tasks is None:
             return self._refuse("visit refused: this mission takes no other task")
@@ -375,12 +375,12 @@ class Mission:
             self._run_on(Waiting())
 
     def _take_task(self, task: Task) -> None:
-        """Whatever was done and asked before is over."""
+        """Take a task; whatever was done and asked before is over."""
         self._task, self._job, self._begun = task, None, None
         self._ended, self._is_away = None, False
 
     def _set(self, event: OperatorEvent) -> None:
-        """A new speed counts at once, and for the time that is left."""
+        """Take a new speed: it counts at once, also for the time that is left."""
         if event.text != "mission.speed_mps":
             return
         self._config = msgspec.structs.replace(self._config, speed_mps=event.value)
@@ -404,7 +404,7 @@ class Mission:
             self._state = Paused("waits for a goal; resume begins its mission")
 
     def _wait_for_an_answer(self, saved: SavedMission) -> None:
-        """What an operator sent the robot to goes on only when an operator says so."""
+        """Wait: what an operator sent the robot to goes on only when an operator says so."""
         self._is_away, cut_off = saved.is_away, None
         what = "away from its work" if saved.is_away else f"its visit '{saved.visit_name}'"
         if saved.errand is not None:
@@ -416,7 +416,7 @@ class Mission:
     def _wait(self, state: Waiting, estimate: Estimate) -> None:
         if not self._is_located:
             self._state = Waiting(f"waiting for position: {estimate.reason or 'no estimate'}")
-            if lost := self._watch.still_lost(estimate.t_s, estimate.reason):
+            if lost := self._watch.check_position(estimate.t_s, estimate.reason):
                 self._end("failed", lost)
             return
         steady_since_s = state.steady_since_s
@@ -491,17 +491,17 @@ class Mission:
         if self._state is not state:
             return
         self._state = msgspec.structs.replace(state, reason=reason)
-        stalled = self._watch.stalled(route, estimate.t_s, reason)
+        stalled = self._watch.check_headway(route, estimate.t_s, reason)
         if stalled and self._watch.is_guarding:
             self._pause(stalled, by_itself=True)
         elif stalled:
             self._end("failed", stalled)
 
     def _advance(self, state: Driving | OnErrand, route: Route, estimate: Estimate) -> str:
-        """Why the robot is held back where it has come to; empty where nothing is wrong."""
+        """Move on and say why the robot is held back there; empty where nothing is wrong."""
         self._watch.caution = 1.0
         route.progress.advance(estimate.x_map_m, estimate.y_map_m)
-        if strayed := self._watch.strayed(route, estimate, self._config.off_path_limit_m):
+        if strayed := self._watch.check_path(route, estimate, self._config.off_path_limit_m):
             self._end("failed", strayed)
             return ""
         if isinstance(state, Driving):
@@ -512,9 +512,9 @@ class Mission:
         reason = ""
         has_crop = self._task.has_crop
         if isinstance(state, Driving) and route.is_beside_row and has_crop:
-            reason = self._watch.lost_row(route, estimate, self._config)
+            reason = self._watch.check_row(route, estimate, self._config)
         rows = self._task.rows if has_crop else ()
-        astray = self._watch.astray(route, estimate, rows, self._task.clearance_m)
+        astray = self._watch.check_crop(route, estimate, rows, self._task.clearance_m)
         return reason or astray
 
     def _arrive(self, state: Driving | OnErrand, t_s: float) -> None:
@@ -546,7 +546,7 @@ class Mission:
         self._stand(reason, find_away(self._state), by_itself=by_itself)
 
     def _stand(self, reason: str, away: OnErrand | None, *, by_itself: bool = False) -> None:
-        """What had ended before an errand is ended again."""
+        """Pause; what had ended before an errand is ended again."""
         self._drop()
         state = self._state
         if isinstance(state, Ended):
@@ -564,7 +564,7 @@ class Mission:
         self._state = Ended(ending, reason, stood, find_away(self._state), errand)
 
     def _drop(self) -> None:
-        """What is being worked out is not wanted any more."""
+        """Drop what is being worked out: it is not wanted any more."""
         if self._desk.is_checking:
             self._answers.settle_check(self._refuse(f"plan refused: {MEANWHILE}"))
         self._desk.drop()

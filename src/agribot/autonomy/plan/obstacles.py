@@ -33,7 +33,7 @@ class Obstacles(NamedTuple):
         return self._closest(path)[0] >= self.clearance_m
 
     def check(self, path: Path) -> None:
-        """Raises: MissionError: the path comes too close; names the place."""
+        """Refuse a path that comes too close. Raises: MissionError: and where it does."""
         away_m, point, index = self._closest(path)
         if away_m >= self.clearance_m:
             return
@@ -46,7 +46,7 @@ class Obstacles(NamedTuple):
         )
 
     def rings(self) -> list[list[tuple[float, float]]]:
-        """Corners of a square around each, counter-clockwise, whose sides the robot can drive."""
+        """List the corners of a square around each, counter-clockwise, that the robot can drive."""
         found = []
         for x_m, y_m, radius_m in self.circles:
             half_m = radius_m + self.clearance_m + self.body.half_width_m + _BEYOND_M
@@ -75,6 +75,6 @@ NO_OBSTACLES = Obstacles()
 def make_obstacles(
     circles: Sequence[tuple[float, float, float]], clearance_m: float, robot: RobotSpec
 ) -> Obstacles:
-    """`circles` are East, North and radius in metres."""
+    """Make obstacles of circles: East, North and radius, metres."""
     return Obstacles(tuple(ObstacleCircle(*circle) for circle in circles), clearance_m,
                      measure_footprint(robot, 0.0))  # fmt: skip

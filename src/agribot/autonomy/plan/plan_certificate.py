@@ -75,7 +75,7 @@ class Certificate(msgspec.Struct, frozen=True, kw_only=True):
 def certify_plan(
     plan: FieldPlan, area: FieldArea, shape: Footprint, request: PlanRequest
 ) -> Certificate:
-    """Every rule is checked and every place told; `ok` only without a problem."""
+    """Check every rule and name every place; `ok` only without a problem."""
     import shapely
 
     problems = _check_joints(plan.legs)
@@ -116,8 +116,9 @@ def certify_plan(
 def check_ways(
     legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest, start: MapPoint
 ) -> list[PlanProblem]:
-    """Of ways without work: edges, holes, wheels on crop. The ground under the robot is forgiven:
-    it stands there already, and must be able to leave.
+    """Check ways without work: edges, holes, wheels on crop.
+
+    The ground under the robot is forgiven: it stands there already, and must be able to leave.
     """
     import shapely
 
@@ -266,7 +267,7 @@ def _check_coverage(
 
 
 def _count_pivots(legs: tuple[Leg, ...]) -> int:
-    """Turns in place of more than ten degrees: between legs and at the corners of links."""
+    """Count turns in place of more than ten degrees: between legs and at the corners of links."""
     count, course = 0, None
     for leg in legs:
         steps = np.diff(leg.xy_map_m, axis=0)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def find_reachable(
     plan: FieldPlan, area: FieldArea, field: shapely.Polygon, shape: Footprint, request: PlanRequest
 ) -> BaseGeometry:
-    """Ground that the tool can pass: beside every straight stretch that the robot can drive.
+    """Find the ground that the tool can pass: beside every straight stretch that can be driven.
 
     It can drive where it keeps the margin and can turn in place, so that it also gets away
     again; of several separate grounds the one counts on which the work takes place. A tool that
@@ -63,7 +63,7 @@ def _shorten(edges: FloatArray, by_m: float) -> FloatArray:
 def find_covered(
     legs: tuple[Leg, ...], field: shapely.Polygon, request: PlanRequest
 ) -> tuple[BaseGeometry, float]:
-    """The ground that the tool passed, and how much of it was passed more than once."""
+    """Find the ground that the tool passed, and the share of it that it passed more than once."""
     import shapely
 
     passed = [trace_tool(leg.xy_map_m, request.tool_x_m) for leg in legs if leg.tool_on]

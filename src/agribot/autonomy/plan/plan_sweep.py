@@ -17,7 +17,7 @@ BEND_REACH_M = 0.06
 def sweep_footprint(
     xy: FloatArray, shape: Footprint, before: FloatArray | None, after: FloatArray | None
 ) -> FloatArray:
-    """Boxes (N, 4, 2): one swept along every piece, and one per two degrees of every turn.
+    """Sweep boxes (N, 4, 2) along a line (M, 2): one per piece, and per two degrees of turns.
 
     `before` and `after` are the neighbouring lines; towards their courses the robot turns in
     place at the ends.
@@ -35,8 +35,9 @@ def sweep_footprint(
 def orient_line(
     legs: tuple[Leg, ...], number: int
 ) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
-    """A leg's line as the robot looks along it, and how it looks before and behind that line.
+    """Turn a leg's line (N, 2) as the robot looks along it, with the lines before and behind it.
 
+    Those are two points each, (2, 2), along which the robot looks there; None at the ends.
     Backwards it sweeps what it would sweep forwards from the other end.
     """
     leg = legs[number]
@@ -56,7 +57,7 @@ def _find_heading_line(leg: Leg, end: int) -> FloatArray:
 def trace_wheels(
     xy: FloatArray, shape: Footprint, before: FloatArray | None, after: FloatArray | None
 ) -> FloatArray:
-    """Lines (N, 2, 2) that the wheel centres draw: along the pieces and through the turns."""
+    """Trace the wheel centres along a line (M, 2) and through its turns, as pieces (N, 2, 2)."""
     wheels = np.array(shape.wheel_xy_body_m)
     yaw = _list_courses_rad(xy)
     rotation = _make_rotations(yaw)
@@ -71,7 +72,7 @@ def trace_wheels(
 
 
 def trace_tool(xy: FloatArray, tool_x_m: float) -> FloatArray:
-    """The line that a point of the body ahead of its origin draws, (N, 2); it swings in bends."""
+    """Trace a point of the body ahead of its origin along a line (M, 2); (N, 2) with swings."""
     if tool_x_m == 0.0:
         return xy
     yaw = _list_courses_rad(xy)
@@ -80,7 +81,7 @@ def trace_tool(xy: FloatArray, tool_x_m: float) -> FloatArray:
 
 
 def measure_bends_radpm(xy: FloatArray) -> FloatArray:
-    """Curvature at the inner points of a line: their bend over half of both pieces.
+    """Measure the curvature at the inner points of a line (N, 2): (N - 2,), rad/m.
 
     Of a long piece only `BEND_REACH_M` counts: there a drive takes the bend.
     """

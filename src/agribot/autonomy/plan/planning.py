@@ -15,11 +15,11 @@ class PlanningHost(Protocol):
     """Works one thing out at a time; what is asked anew takes the place of the old."""
 
     def ask(self, t_s: float, work: Work, latency_s: float) -> None:
-        """The answer is wanted `latency_s` from now; never earlier, so that a run repeats."""
+        """Ask for an answer `latency_s` from now; never earlier, so that a run repeats."""
         ...
 
     def take(self, t_s: float) -> Work | None:
-        """Gives the answer, or raises what the work raised; None before its time."""
+        """Give the answer, or raise what the work raised; None before its time."""
         ...
 
 
@@ -65,7 +65,7 @@ class PlanningDesk:
         *,
         is_check: bool = False,
     ) -> None:
-        """Without latency, `then` or `refuse` is called at once."""
+        """Ask the host; without latency, `then` or `refuse` is called at once."""
         self._then, self._refuse, self._is_check = then, refuse, is_check
         self._host.ask(t_s, work, latency_s)
         self.look(t_s)
@@ -85,5 +85,5 @@ class PlanningDesk:
             then(found)
 
     def drop(self) -> None:
-        """Something else is wanted now."""
+        """Forget the question: something else is wanted now."""
         self._then = None

@@ -69,7 +69,7 @@ class PathProgress:
         return index
 
     def off_driven_path_m(self, x_map_m: float, y_map_m: float) -> float:
-        """Distance to the last 3 m of path: a robot that was pushed back is not off its path."""
+        """Measure the distance to the last 3 m of path: who was pushed back is not off its path."""
         index, best = self.index, math.inf
         while index >= 0 and self.s_m - self._s[index] < _BACK_M:
             best = min(best, self._square_m2(index, x_map_m, y_map_m))

@@ -45,7 +45,7 @@ class Route:
         waypoints: Sequence[tuple[float, float]],
         tool: Tool = AT_ORIGIN,
     ) -> None:
-        """The tool works while its own place on the body is near a row.
+        """Make a path ready; the tool works while its own place on the body is near a row.
 
         Raises: MissionError: the path misses a waypoint or works an unknown row.
         """

@@ -17,7 +17,7 @@ TELLS_APART_RATIO = 0.25
 
 
 def row_pitch_m(rows: Sequence[Row]) -> float:
-    """The least distance between neighbouring rows; infinite for a lone one."""
+    """Measure the least distance between neighbouring rows; infinite for a lone one."""
     gaps_m = [
         abs(float(project_on_row(row, *following.start_map_m).left_m))
         for row, following in pairwise(rows)
@@ -26,7 +26,7 @@ def row_pitch_m(rows: Sequence[Row]) -> float:
 
 
 def find_doubt(task: Task, estimate: Estimate, row_yaw_rad: float, pitch_m: float) -> Doubt:
-    """Why the robot may not be in the row of a task; empty where it has good reason to think so.
+    """Say why the robot may not be in the row of a task; empty where it has good reason to.
 
     Where a camera looks, it has to see the crop of the row. The estimate knows of the rows of the
     settings only: in those of a field plan, and without a camera, the position has to be known
@@ -41,7 +41,7 @@ def find_doubt(task: Task, estimate: Estimate, row_yaw_rad: float, pitch_m: floa
 
 
 def is_counted(task: Task, estimate: Estimate) -> bool:
-    """Whether only the rows before tell which row this is.
+    """Say whether only the rows before tell which row this is.
 
     Rows look alike to a camera, and without fixed ambiguities the position goes back to the start
     mark: a robot that was put down one row off it is one row off everywhere.

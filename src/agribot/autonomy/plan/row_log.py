@@ -103,7 +103,7 @@ class RowLog:
         *,
         is_counted: bool = False,
     ) -> None:
-        """The robot is in a row, or in none (-1), at `s_m` along its path.
+        """Count the robot in a row, or in none (-1), at `s_m` along its path.
 
         `doubt` says what speaks against being in that row; `is_counted` that only the rows before
         it tell which row it is.
@@ -151,16 +151,16 @@ class RowLog:
         self.unproven += tuple(doubted)
 
     def missing(self, row: int) -> str:
-        """What speaks against an unproven row, for people."""
+        """Say what speaks against an unproven row, for people."""
         return self._results[row].missing
 
     def take_as_done(self, row: int) -> None:
-        """An earlier mission has worked it whole."""
+        """Count a row as done that an earlier mission has worked whole."""
         self._change(row, done=True)
         self.done += (row,)
 
     def leave(self) -> None:
-        """The row under the robot is not finished; it will be entered again."""
+        """Leave the row under the robot unfinished; it will be entered again."""
         self.here = -1
 
     def skip(self, row: int) -> None:
@@ -171,7 +171,7 @@ class RowLog:
         return row in self._results and self._results[row].skipped
 
     def open_rows(self, planned: Iterable[int]) -> list[int]:
-        """Planned rows that are neither done nor skipped."""
+        """List the planned rows that are neither done nor skipped."""
         return [
             row for row in planned if not (self._results[row].done or self._results[row].skipped)
         ]

@@ -13,7 +13,7 @@ SHORTEST_ARC_RATIO = 0.1  # of an inner row against the first one
 
 
 def lay_rows(field: FieldConfig) -> tuple[Row, ...]:
-    """Rows in drilling order: each further one lies one pitch to the right.
+    """Lay the rows in drilling order: each further one lies one pitch to the right.
 
     Raises: MissionError: the rows are bent too tightly.
     """
@@ -46,7 +46,7 @@ def lay_rows(field: FieldConfig) -> tuple[Row, ...]:
 
 
 def list_row_ends(rows: Sequence[Row]) -> tuple[MapPoint, ...]:
-    """Both ends of every row, the goals that a map shows for a mission over rows."""
+    """List both ends of every row, the goals that a map shows for a mission over rows."""
     return tuple(end for row in rows for end in (row.start_map_m, row.end_map_m))
 
 

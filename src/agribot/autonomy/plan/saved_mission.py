@@ -68,18 +68,22 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def take_pose(estimate: Estimate) -> PoseTuple:
+    """Take x and y (m) and yaw (rad) in the map."""
     return estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad
 
 
 def name_task(rows: Sequence[int], waypoints: Sequence[tuple[float, float]], path: Path) -> str:
-    """The same for the same rows, waypoints and path."""
+    """Name a task: the same for the same rows, waypoints and path."""
     text = msgspec.json.encode((list(rows), list(waypoints)))
     text += path.xy_map_m[::25].round(3).tobytes()
     return hashlib.sha256(text).hexdigest()[:16]
 
 
 def check_same_task(saved: SavedMission, task: str, length_m: float) -> None:
-    """Raises: MissionError: the settings or the plan were changed since."""
+    """Refuse another task than the saved one.
+
+    Raises: MissionError: the settings or the plan were changed since.
+    """
     if saved.task != task or abs(saved.length_m - length_m) > LENGTH_TOLERANCE_M:
         raise MissionError(
             f"the saved mission is another one: its path is {saved.length_m:.1f} m long, the path "
@@ -89,7 +93,10 @@ def check_same_task(saved: SavedMission, task: str, length_m: float) -> None:
 
 
 def check_not_carried_away(estimate: Estimate, place: tuple[float, float], limit_m: float) -> None:
-    """Raises: MissionError: the robot is elsewhere, farther than its own uncertainty explains."""
+    """Refuse a robot that is not where it stood.
+
+    Raises: MissionError: it is farther away than its own uncertainty explains.
+    """
     away_m = math.dist((estimate.x_map_m, estimate.y_map_m), place)
     allowed_m = limit_m + 2.0 * estimate.pos_std_m
     if not away_m <= allowed_m:

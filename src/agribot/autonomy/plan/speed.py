@@ -16,7 +16,7 @@ _SETTLED_BEFORE_M = 0.1  # the drive lags: be slow already where the turn begins
 
 
 def time_left_s(path: Path, speed_mps: list[float]) -> list[float]:
-    """From each point to the end of the path at the planned speeds; turns in place included."""
+    """Count the time from each point to the end at the planned speeds, turns in place included."""
     step_m = np.diff(path.s_m)
     turned_rad = np.abs(np.angle(np.exp(1j * np.diff(path.yaw_map_rad))))
     mean_mps = (np.array(speed_mps)[1:] + np.array(speed_mps)[:-1]) / 2.0
@@ -26,13 +26,13 @@ def time_left_s(path: Path, speed_mps: list[float]) -> list[float]:
 
 
 def find_pivots(path: Path) -> list[int]:
-    """Points at which the robot turns in place, or back: the next one is the same place."""
+    """Find the points where the robot turns in place, or back: the next one is the same place."""
     stands: list[int] = np.flatnonzero(np.diff(path.s_m) <= 0.0).tolist()
     return stands
 
 
 def plan_speed_mps(path: Path, config: MissionConfig) -> list[float]:
-    """Speed limit at each point in m/s: slower in turns and backwards, ramped to the end."""
+    """Plan the speed limit at each point: slower in turns and backwards, ramped to the end."""
     curvature = np.abs(path.curvature_radpm)
     ahead = np.searchsorted(path.s_m, path.s_m + _SETTLED_BEFORE_M)
     bend_after = np.concatenate([[0], np.cumsum(curvature > MAX_ROW_CURVATURE_RADPM)])

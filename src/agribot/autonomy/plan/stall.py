@@ -19,7 +19,7 @@ class StallWatch:
         self._best_m, self._since_s = -math.inf, math.nan
 
     def is_stalled(self, s_m: float, t_s: float) -> bool:
-        """`s_m` is the progress along the path; headway counts from HEADWAY_M on."""
+        """Say whether `s_m` along the path has not grown by HEADWAY_M for too long."""
         if s_m >= self._best_m + HEADWAY_M:
             self._best_m, self._since_s = s_m, t_s
         return t_s - self._since_s > self._limit_s

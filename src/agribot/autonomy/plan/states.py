@@ -73,7 +73,7 @@ State = Waiting | Driving | OnErrand | Stopping | Paused | Ended
 
 
 def name_state(state: State) -> MissionState:
-    """The word that status, page and recording have for a state."""
+    """Return the word that status, page and recording have for a state."""
     match state:
         case Waiting():
             return "waiting"
@@ -86,14 +86,14 @@ def name_state(state: State) -> MissionState:
 
 
 def find_away(state: State) -> OnErrand | None:
-    """The errand that the robot is on, or was on when it was paused or ended."""
+    """Find the errand that the robot is on, or was on when it was paused or ended."""
     if isinstance(state, OnErrand):
         return state
     return state.away if isinstance(state, Paused | Ended) else None
 
 
 def find_errand(state: State) -> Errand | None:
-    """The errand of a state, whether it has begun or not."""
+    """Find the errand of a state, whether it has begun or not."""
     if away := find_away(state):
         return away.errand
     match state:
@@ -106,5 +106,5 @@ def find_errand(state: State) -> Errand | None:
 
 
 def find_stood(state: State) -> str:
-    """Why the robot stands, in the words that a saved mission keeps; empty where it drives."""
+    """Find why the robot stands, as a saved mission keeps it; empty where it drives."""
     return state.stood if isinstance(state, Stopping | Paused | Ended) else ""

@@ -11,7 +11,7 @@ from agribot.core.messages import Goal, MissionStatus
 
 
 def find_way(state: State, job: MissionJob | None) -> Route | None:
-    """The route of the errand while there is one, else that of the job; None before both."""
+    """Find the route of the errand while there is one, else that of the job; None before both."""
     if away := find_away(state):
         return away.route
     return job.route if job else None
@@ -26,7 +26,7 @@ def describe(
     stopped: str,
     warning: str,
 ) -> MissionStatus:
-    """Where a mission is; `stopped` is why the latch holds, `warning` what calls the robot home."""
+    """Describe a mission; `stopped` is why the latch holds, `warning` what calls it home."""
     way = find_way(state, job)
     progress = way.progress if way else None
     reached = job.waypoints_reached if job else (False,) * len(task.waypoints)

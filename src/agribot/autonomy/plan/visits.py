@@ -24,7 +24,7 @@ class Visits:
         self.reached: tuple[bool, ...] = (False,) * len(self._points)
 
     def restore(self, reached: Sequence[bool]) -> None:
-        """What was reached before; the search goes on behind it."""
+        """Take over what was reached before; the search goes on behind it."""
         self.reached = tuple(reached)
         self._next = next((k for k, hit in enumerate(self.reached) if not hit), len(self.reached))
 
@@ -45,7 +45,7 @@ class Visits:
         return self._points[self._next] if self._next < len(self._points) else None
 
     def missed(self) -> list[int]:
-        """Numbers, counted from 1, of the waypoints that were not reached."""
+        """List the waypoints that were not reached, counted from 1."""
         return [number for number, is_reached in enumerate(self.reached, 1) if not is_reached]
 
 

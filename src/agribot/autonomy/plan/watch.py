@@ -28,12 +28,12 @@ class Watch:
         self._in_crop: tuple[Path, Sequence[Row], list[bool]] | None = None
 
     def restart(self) -> None:
-        """The robot sets off anew, as somebody bids it."""
+        """Forget what was: the robot sets off anew, as somebody asked."""
         self._stall.restart()
         self._guard.restart()
 
     def restart_headway(self) -> None:
-        """The robot goes over to another route: what it made on the last one does not count."""
+        """Go over to another route: what was made on the last one does not count."""
         self._stall.restart()
 
     @property
@@ -46,7 +46,7 @@ class Watch:
         """Whether the robot stands because it may be off its row."""
         return self._guard.ratio == 0.0
 
-    def strayed(self, route: Route, estimate: Estimate, limit_m: float) -> str:
+    def check_path(self, route: Route, estimate: Estimate, limit_m: float) -> str:
         x_map_m, y_map_m = estimate.x_map_m, estimate.y_map_m
         if route.progress.off_path_m <= limit_m:
             return ""
@@ -58,8 +58,8 @@ class Watch:
             f"{y_map_m:.2f} m; check the position source, then plan again from here"
         )
 
-    def lost_row(self, route: Route, estimate: Estimate, config: MissionConfig) -> str:
-        """In and next to the rows, no faster than the robot knows where the plants are."""
+    def check_row(self, route: Route, estimate: Estimate, config: MissionConfig) -> str:
+        """Slow down in and next to the rows where the robot knows less well where they are."""
         std_m = across_std_m(estimate, route.yaw_map_rad)
         self.caution = caution_ratio(std_m, config)
         if self.caution > 0.0:
@@ -69,8 +69,10 @@ class Watch:
             "check camera and crop, or use a receiver with corrections"
         )
 
-    def astray(self, route: Route, estimate: Estimate, rows: Sequence[Row], limit_m: float) -> str:
-        """In crop, no farther than the robot is sure of not driving over it."""
+    def check_crop(
+        self, route: Route, estimate: Estimate, rows: Sequence[Row], limit_m: float
+    ) -> str:
+        """Slow down in crop where the robot may drive over it, and stop it there."""
         if not self._crosses_crop(route, rows):
             self._guard.leave()
             return ""
@@ -85,15 +87,15 @@ class Watch:
             self._in_crop = known = route.path, rows, _find_crop(route.path, rows)
         return known[2][route.progress.index]
 
-    def stalled(self, route: Route, t_s: float, reason: str) -> str:
+    def check_headway(self, route: Route, t_s: float, reason: str) -> str:
         if not self._stall.is_stalled(route.progress.s_m, t_s):
             return ""
         where = f"after {route.progress.s_m:.1f} m of {route.progress.length_m:.1f} m"
         why = f" ({reason})" if reason else ""
         return f"no headway for {self._limit_s:g} s {where}{why}"
 
-    def still_lost(self, t_s: float, reason: str) -> str:
-        """The robot waits for its position."""
+    def check_position(self, t_s: float, reason: str) -> str:
+        """Say that the robot has waited too long for its position."""
         if not self._stall.is_stalled(0.0, t_s):
             return ""
         return f"no position for {self._limit_s:g} s ({reason})"

@@ -16,7 +16,7 @@ LON_NAMES = ("lon", "lng", "long", "longitude", "lon_deg")
 
 
 def parse_waypoints(text: str, source_name: str) -> tuple[LatLon, ...]:
-    """Latitude and longitude in degrees, in file order.
+    """Read latitude and longitude in degrees, in file order.
 
     GeoJSON: Point, MultiPoint and LineString, bare, as features or collected. CSV: a header
     with `lat` and `lon`, in any column.

@@ -11,7 +11,7 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from agribot.core.geo import Datum, MapFrame
-from agribot.gis.formats.untrusted import encode_xml, local_name, pack, parse_xml, unpack
+from agribot.gis.formats.untrusted import encode_xml, get_local_name, pack, parse_xml, unpack
 from agribot.gis.geojson import Feature, Found, Geometry, LonLat, close_ring
 
 MAIN_FILE = "TASKDATA.XML"
@@ -31,7 +31,7 @@ def read_isoxml(data: bytes) -> Found:
     """Read the partfields, also those in separate files; other task data is ignored."""
     files = unpack(data, ".xml")
     trees = {PurePosixPath(name).stem.upper(): parse_xml(text) for name, text in files.items()}
-    for field in (e for tree in trees.values() for e in tree.iter() if local_name(e) == "PFD"):
+    for field in (e for tree in trees.values() for e in tree.iter() if get_local_name(e) == "PFD"):
         for element in field:
             name = element.get("B") or field.get("C") or ""
             for kind, geometry in _read_shapes(element):
@@ -39,13 +39,13 @@ def read_isoxml(data: bytes) -> Found:
 
 
 def _read_shapes(element: ET.Element) -> Iterator[tuple[str, Geometry]]:
-    if local_name(element) == "PLN":
+    if get_local_name(element) == "PLN":
         yield from _read_area(element)
-    elif local_name(element) == "LSG":
+    elif get_local_name(element) == "LSG":
         yield from _read_line(element)
-    elif local_name(element) == "GGP":
+    elif get_local_name(element) == "GGP":
         yield from _read_patterns(element)
-    elif local_name(element) == "PNT" and element.get("A") in _PLACES:
+    elif get_local_name(element) == "PNT" and element.get("A") in _PLACES:
         yield "waypoint", {"type": "Point", "coordinates": _read_position(element)}
 
 
@@ -55,7 +55,7 @@ def _read_area(polygon: ET.Element) -> Iterator[tuple[str, Geometry]]:
         side: [
             _read_positions(ring)
             for ring in polygon
-            if local_name(ring) == "LSG" and ring.get("A") == side
+            if get_local_name(ring) == "LSG" and ring.get("A") == side
         ]
         for side in (_OUTER, _INNER)
     }
@@ -73,14 +73,14 @@ def _read_line(line: ET.Element, kind: str = "row") -> Iterator[tuple[str, Geome
 
 
 def _read_patterns(group: ET.Element) -> Iterator[tuple[str, Geometry]]:
-    for pattern in (e for e in group if local_name(e) == "GPN"):
+    for pattern in (e for e in group if get_local_name(e) == "GPN"):
         kind = {_AB: "ab_line", _CURVE: "row"}.get(pattern.get("C", ""))
-        for line in (e for e in pattern if local_name(e) == "LSG" and kind):
+        for line in (e for e in pattern if get_local_name(e) == "LSG" and kind):
             yield from _read_line(line, str(kind))
 
 
 def _read_positions(line: ET.Element) -> list[LonLat]:
-    return [_read_position(e) for e in line if local_name(e) == "PNT"]
+    return [_read_position(e) for e in line if get_local_name(e) == "PNT"]
 
 
 def _read_position(point: ET.Element) -> LonLat:
@@ -131,8 +131,8 @@ def _write_area(field: ET.Element, feature: Feature) -> None:
 
 def _write_pattern(group: ET.Element, number: int, feature: Feature) -> None:
     kind = _AB if feature.kind == "ab_line" else _CURVE
-    told = {"A": f"GPN{number}", "B": feature.name[:32], "C": kind}
-    pattern = ET.SubElement(group, "GPN", _drop_empty(told))
+    fields = {"A": f"GPN{number}", "B": feature.name[:32], "C": kind}
+    pattern = ET.SubElement(group, "GPN", _drop_empty(fields))
     line = ET.SubElement(pattern, "LSG", A=_PATTERN)
     last = len(feature.parts[0]) - 1
     for index, position in enumerate(feature.parts[0]):
@@ -142,8 +142,8 @@ def _write_pattern(group: ET.Element, number: int, feature: Feature) -> None:
 
 def _write_point(parent: ET.Element, kind: str, position: LonLat, **more: Any) -> None:
     lon_deg, lat_deg = position
-    told = _drop_empty({"A": kind, **more, "C": f"{lat_deg:.9f}", "D": f"{lon_deg:.9f}"})
-    ET.SubElement(parent, "PNT", told)
+    fields = _drop_empty({"A": kind, **more, "C": f"{lat_deg:.9f}", "D": f"{lon_deg:.9f}"})
+    ET.SubElement(parent, "PNT", fields)
 
 
 def _drop_empty(attributes: dict[str, str]) -> dict[str, str]:

@@ -5,7 +5,14 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 
-from agribot.gis.formats.untrusted import encode_xml, local_name, pack, parse_xml, read_text, unpack
+from agribot.gis.formats.untrusted import (
+    encode_xml,
+    get_local_name,
+    pack,
+    parse_xml,
+    read_text,
+    unpack,
+)
 from agribot.gis.geojson import Feature, Found, Geometry, LonLat
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
@@ -13,9 +20,9 @@ _NAMESPACE = "http://www.opengis.net/kml/2.2"
 
 def read_kml(data: bytes) -> Found:
     for mark in parse_xml(data).iter():
-        if local_name(mark) == "Placemark":
-            told = {"name": read_text(mark, "name"), "kind": _read_kind(mark)}
-            properties = {key: value for key, value in told.items() if value}
+        if get_local_name(mark) == "Placemark":
+            fields = {"name": read_text(mark, "name"), "kind": _read_kind(mark)}
+            properties = {key: value for key, value in fields.items() if value}
             for geometry in _read_shapes(mark):
                 yield geometry, properties
 
@@ -31,24 +38,24 @@ def _read_kind(mark: ET.Element) -> str:
     kinds = (
         e
         for e in mark.iter()
-        if local_name(e) in {"Data", "SimpleData"} and e.get("name") == "kind"
+        if get_local_name(e) in {"Data", "SimpleData"} and e.get("name") == "kind"
     )
     return next((read_text(e, "value") or (e.text or "").strip() for e in kinds), "")
 
 
 def _read_shapes(mark: ET.Element) -> Iterator[Geometry]:
     for element in mark.iter():
-        kind = local_name(element)
+        kind = get_local_name(element)
         if kind in {"Point", "LineString"}:
             points = _read_points(element)
             yield {"type": kind, "coordinates": points[0] if kind == "Point" else points}
         elif kind == "Polygon":
-            rings = [ring for ring in element.iter() if local_name(ring) == "LinearRing"]
+            rings = [ring for ring in element.iter() if get_local_name(ring) == "LinearRing"]
             yield {"type": "Polygon", "coordinates": [_read_points(ring) for ring in rings]}
 
 
 def _read_points(element: ET.Element) -> list[list[float]]:
-    text = next((e.text or "" for e in element.iter() if local_name(e) == "coordinates"), "")
+    text = next((e.text or "" for e in element.iter() if get_local_name(e) == "coordinates"), "")
     return [[float(number) for number in point.split(",")[:2]] for point in text.split()]
 
 

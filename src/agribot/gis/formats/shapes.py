@@ -30,8 +30,8 @@ def read_shapefiles(data: bytes) -> Found:
             parts["dbf"] = io.BytesIO(files[f"{layer}.dbf"])
         with shapefile.Reader(**parts) as reader:
             for record in reader.iterShapeRecords():
-                told = record.record.as_dict() if record.record else {}
-                plain = {k: v for k, v in told.items() if isinstance(v, str | int | float) and v}
+                fields = record.record.as_dict() if record.record else {}
+                plain = {k: v for k, v in fields.items() if isinstance(v, str | int | float) and v}
                 if record.shape.shapeType != shapefile.NULL:
                     yield dict(record.shape.__geo_interface__), plain
 

@@ -59,14 +59,14 @@ def _refuse(*_: object) -> NoReturn:
     raise ValueError("document type declarations are not accepted")
 
 
-def local_name(element: ET.Element) -> str:
+def get_local_name(element: ET.Element) -> str:
     """Return an element's tag without its namespace."""
     return element.tag.rpartition("}")[2]
 
 
 def read_text(element: ET.Element, name: str) -> str:
     """Return the text of the child of this name; empty where there is none."""
-    return next(((e.text or "").strip() for e in element if local_name(e) == name), "")
+    return next(((e.text or "").strip() for e in element if get_local_name(e) == name), "")
 
 
 def encode_xml(root: ET.Element) -> bytes:

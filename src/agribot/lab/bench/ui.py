@@ -24,7 +24,7 @@ from agribot.ui.address import Address
 
 if TYPE_CHECKING:
     from agribot.app.simulated_run import SimulatedRun
-    from agribot.ui.operator_page import OperatorPage
+    from agribot.ui.robot_side.operator_page import OperatorPage
 
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
@@ -102,7 +102,7 @@ def measure_page(
     Raises: AgribotError: the profile, the page's packages or a client do not work.
     """
     from agribot.app.simulated_run import simulate
-    from agribot.ui.operator_page import OperatorPage
+    from agribot.ui.robot_side.operator_page import OperatorPage
 
     drive = f"mission.speed_mps={SLOW_MPS if growth_s else config.load(profile).mission.speed_mps}"
     chosen = [f"perception.enabled={str(camera).lower()}", "record.enabled=false", drive]

@@ -1,1 +1,1 @@
-"""The original's nodes: each hears topics, decides, and says topics; `agribot node` runs one."""
+"""The original's nodes, each between some topics and others; `agribot node` runs one."""

@@ -29,9 +29,9 @@ class AutonomousDrive(EndlessStage):
 
     def receive(self, topic: Topic, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
         if topic is topics.DISTANCE:
-            self._go.hear_distance(t_s, message.data)
+            self._go.update_distance(t_s, message.data)
         elif topic is topics.ANGLE:
-            self._go.hear_error(t_s, math.radians(message.data))
+            self._go.update_error(t_s, math.radians(message.data))
         return ()
 
     def tick(self, t_s: float) -> Sequence[OutgoingMessage]:

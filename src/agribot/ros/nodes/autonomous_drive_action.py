@@ -76,14 +76,16 @@ class AutonomousDriveAction:
             self._state = "failed"
             self.reason = f"no {topics.DISTANCE.name} for {self._settings.silence_s:g} s"
         now = (self._state, self._index)
-        said: list[OutgoingMessage] = []
+        messages: list[OutgoingMessage] = []
         if now != self._told and not self.is_done:
-            said.append(OutgoingMessage(topics.GOAL_FIX, _make_goal_fix(self._goals[self._index])))
+            messages.append(
+                OutgoingMessage(topics.GOAL_FIX, _make_goal_fix(self._goals[self._index]))
+            )
         if now != self._told or t_s >= self._next_status_s:
             self._next_status_s = t_s + 1.0
-            said.append(OutgoingMessage(topics.STATUS, rosmsg.make_status(self._make_status())))
+            messages.append(OutgoingMessage(topics.STATUS, rosmsg.make_status(self._make_status())))
         self._told = now
-        return said
+        return messages
 
     def finish(self) -> Sequence[OutgoingMessage]:
         if not self.is_done:

@@ -32,9 +32,9 @@ class DataManipulation(EndlessStage):
 
     def receive(self, topic: Topic, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
         if topic is topics.IMU:
-            self._heading.hear_imu(_read_imu(message))
+            self._heading.update_imu(_read_imu(message))
         elif topic is topics.CMD_VEL:
-            self._heading.hear_command(message.linear.x, message.angular.z)
+            self._heading.update_command(message.linear.x, message.angular.z)
         elif topic is topics.BEARING:
             if math.isfinite(message.data):
                 self._bearing_rad, self._bearing_s = math.radians(message.data), t_s
@@ -44,14 +44,14 @@ class DataManipulation(EndlessStage):
 
     def _report_heading(self, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
         field_t = _read_xyz(message.magnetic_field)
-        yaws = self._heading.hear_mag(
+        yaws = self._heading.update_mag(
             MagSample(t_s=to_seconds(message.header.stamp), field_t=field_t)
         )
         if yaws is None:
             self.reason = f"{topics.MAGNETIC.name} shows no direction: {field_t}"
             return ()
         raw_rad, yaw_rad = yaws
-        said = [
+        messages = [
             OutgoingMessage(topics.HEADING_RAW, rosmsg.make_float64(compass_deg_from_yaw(raw_rad))),
             OutgoingMessage(
                 topics.HEADING_FILTERED, rosmsg.make_float64(compass_deg_from_yaw(yaw_rad))
@@ -59,10 +59,10 @@ class DataManipulation(EndlessStage):
         ]
         if t_s - self._bearing_s > _BEARING_TIMEOUT_S:
             self.reason = f"no {topics.BEARING.name} for {_BEARING_TIMEOUT_S:g} s"
-            return said
+            return messages
         self.reason = ""
         error_deg = math.degrees(wrap_rad(self._bearing_rad - yaw_rad))
-        return [*said, OutgoingMessage(topics.ANGLE, rosmsg.make_float64(error_deg))]
+        return [*messages, OutgoingMessage(topics.ANGLE, rosmsg.make_float64(error_deg))]
 
 
 def _read_xyz(vector: Any) -> tuple[float, float, float]:

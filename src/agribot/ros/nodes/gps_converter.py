@@ -42,10 +42,10 @@ class GpsConverter(EndlessStage):
             return ()
         stamp_s = to_seconds(message.header.stamp)
         if topic is topics.POLE_FIX:
-            self._origin.hear_pole(stamp_s, place)
+            self._origin.update_pole(stamp_s, place)
             return ()
         if message.status.status < _RTK:  # a receiver with carrier corrections needs no pole
-            place = self._origin.corrected(stamp_s, place) or place
+            place = self._origin.correct(stamp_s, place) or place
         return self._report_place(stamp_s, place)
 
     def _report_place(
@@ -65,14 +65,16 @@ class GpsConverter(EndlessStage):
         pose = rosmsg.make_message(
             "geometry_msgs/msg/PoseStamped", head, rosmsg.make_pose(x_m, y_m, 0.0)
         )
-        said = [OutgoingMessage(topics.POSE, pose)]
+        messages = [OutgoingMessage(topics.POSE, pose)]
         if self._goal is None:
             self.reason = f"no {topics.GOAL_FIX.name} yet"
-            return said
+            return messages
         self.reason = ""
         goal_x_m, goal_y_m, _ = frame.map_from_geodetic(*self._goal, frame.datum.alt_m)
         dx_m, dy_m = goal_x_m - x_m, goal_y_m - y_m
         bearing_deg = math.degrees(math.atan2(dy_m, dx_m))
-        said.append(OutgoingMessage(topics.DISTANCE, rosmsg.make_float64(math.hypot(dx_m, dy_m))))
-        said.append(OutgoingMessage(topics.BEARING, rosmsg.make_float64(bearing_deg)))
-        return said
+        messages.append(
+            OutgoingMessage(topics.DISTANCE, rosmsg.make_float64(math.hypot(dx_m, dy_m)))
+        )
+        messages.append(OutgoingMessage(topics.BEARING, rosmsg.make_float64(bearing_deg)))
+        return messages

@@ -21,7 +21,7 @@ def check_master(uri: str) -> str:
 
 
 def _is_address(uri: str) -> bool:
-    """A host, a port or none, and nothing behind them; IPv6 in brackets."""
+    """Return whether a URI is a host, a port or none, and nothing behind them."""
     try:
         parts = urlsplit(uri)
         is_port = parts.port != 0 and not parts.netloc.endswith(":")

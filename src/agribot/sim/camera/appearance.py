@@ -1,4 +1,4 @@
-"""How a scene looks beyond what the world says: soil, leaf colour and exposure."""
+"""The look of a scene that the world does not describe: soil, leaf colour and exposure."""
 
 from __future__ import annotations
 

@@ -184,7 +184,7 @@ def paint_ground(
     row: int, textures: TexturePyramid, repeat_per_m: float, place: Doubles, layer: Ints,
     light: Singles, texels_per_px: Singles, colour: Singles,
 ) -> None:  # fmt: skip
-    """Paint the ground pixels of a row, textured and lit, smooth between texels."""
+    """Paint the ground pixels of a row into `colour` (height, width, 3), textured and lit."""
     texel, first = textures.texel, textures.first
     columns, rows = textures.width, textures.height
     for column in range(layer.shape[0]):

@@ -35,7 +35,7 @@ class Lens(NamedTuple):
 def make_view(
     map_from_camera: FloatArray, camera: CameraSpec, fine: int, lens: Lens | None
 ) -> PinholeView:
-    """Make the pinhole that is drawn, with `fine` pixels along a side of each of the camera's."""
+    """Make the pinhole to draw from `map_from_camera` (4, 4), with `fine` pixels per pixel side."""
     pad_x, pad_y = (lens.pad_x_px, lens.pad_y_px) if lens else (0, 0)
     width, height = camera.width_px * fine + 2 * pad_x, camera.height_px * fine + 2 * pad_y
     return PinholeView(
@@ -82,7 +82,10 @@ def make_lens(camera: CameraSpec, fine: int) -> Lens | None:
 
 @compile_fast
 def bend_rows(first: int, last: int, source: Singles, drawn: Targets, bent: Targets) -> None:
-    """Fill the rows [first, last) of `bent`: colours between pixels, the rest from the nearest."""
+    """Fill the rows [first, last) of `bent` by `source` (height, width, 2) from `drawn`.
+
+    Colours are interpolated between pixels, the rest is from the nearest.
+    """
     colour, inverse_depth = drawn.colour, drawn.inverse_depth
     label, instance = drawn.label, drawn.instance
     out_colour, out_inverse_depth = bent.colour, bent.inverse_depth

@@ -148,7 +148,7 @@ def shade_plants(
 ) -> None:  # fmt: skip
     """Darken the projected vertices of `seen[first:last]` that are in the robot's shadow.
 
-    They keep the light of the sky; what is solid is not shaded.
+    They keep the light of the sky; solid things are not shaded. Changes `point` (V, 6).
     """
     vertex = forms.vertex
     for k in range(first, last):

@@ -48,7 +48,7 @@ def draw_band(
     box: Singles,
     targets: Targets,
 ) -> None:
-    """Clear the rows [first_row, last_row) and draw everything seen on them, nearest first."""
+    """Clear the rows [first_row, last_row); draw what is seen: `point` (V, 6), `box` (N, 5)."""
     inverse_depth, first_face, faces = targets.inverse_depth, forms.first_face, forms.faces
     face, near_m, width = forms.face, view.near_m, view.width
     # Arrays are taken out of their tuples once: their reference counts cost more than a triangle.
@@ -113,17 +113,20 @@ def _is_hidden(box: Singles, k: int, first_row: int, last_row: int, inverse_dept
 
 @compile_fast
 def clip(point: Floats, a: int, b: int, c: int, view: PinholeView, corner: Doubles) -> int:
-    """Cut a triangle at the near plane; write projected corners, return how many: 0, 3 or 4."""
+    """Cut a triangle of `point` (V, 6) at the near plane; write its corners into `corner` (4, 6).
+
+    Returns the number of corners: 0, 3 or 4.
+    """
     index = (a, b, c)
     count = 0
     for e in range(3):
         p, q = point[index[e]], point[index[(e + 1) % 3]]
-        p_right, p_down = _camera_xy(p, view)
+        p_right, p_down = _find_camera_xy(p, view)
         if p[DEPTH] >= view.near_m:
             _write_corner(corner[count], p_right, p_down, p[DEPTH], p[U], p[V], p[SHADE], view)
             count += 1
         if (p[DEPTH] >= view.near_m) != (q[DEPTH] >= view.near_m):
-            q_right, q_down = _camera_xy(q, view)
+            q_right, q_down = _find_camera_xy(q, view)
             s = (view.near_m - p[DEPTH]) / (float(q[DEPTH]) - p[DEPTH])
             _write_corner(
                 corner[count], p_right + s * (q_right - p_right), p_down + s * (q_down - p_down),
@@ -135,7 +138,7 @@ def clip(point: Floats, a: int, b: int, c: int, view: PinholeView, corner: Doubl
 
 
 @compile_fast
-def _camera_xy(p: Floats, view: PinholeView) -> tuple[float, float]:
+def _find_camera_xy(p: Floats, view: PinholeView) -> tuple[float, float]:
     """Return metres right and down of a vertex; those behind the near plane are stored so."""
     if p[DEPTH] < view.near_m:
         return float(p[COLUMN]), float(p[ROW])

@@ -74,7 +74,7 @@ class Rendering(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 class CameraRenderer:
     """Draws one world. Keeps buffers between pictures: one thread at a time may call it.
 
-    With a `robot` its visuals and its shadow can be part of the picture; `resolve_mesh` tells
+    With a `robot` its visuals and its shadow can be part of the picture; `resolve_mesh` finds
     the file of a mesh name. `variants` is the number of different plants of each species and
     stage, `threads` how many draw at once (all that numba may use by default).
 

@@ -126,7 +126,10 @@ def _soften(top: Singles, shade: Bytes, soft_top: Singles) -> None:
 def shade_points(
     count: int, x: Doubles, y: Doubles, z: Doubles, rover: RobotShade, past: Singles
 ) -> None:
-    """Write the share of the sun that reaches `count` map points past the robot into `past`."""
+    """Write the share of the sun that reaches map points past the robot into `past`.
+
+    `x`, `y`, `z` and `past` are (count,).
+    """
     dark, top, level_m = rover.shade, rover.top, rover.level_m
     rows, columns, per_step = dark.shape[0], dark.shape[1], 1.0 / rover.step_m
     slope_x, slope_y = rover.slope[0], rover.slope[1]

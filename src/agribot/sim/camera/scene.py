@@ -182,7 +182,7 @@ def _list_layers(tiles: tuple[GroundTile, ...]) -> list[str]:
 
 
 def build_ground_textures(world: WorldSpec, to_sun: Doubles, look: Appearance) -> TexturePyramid:
-    """Build the textures of the surfaces that the world uses, with tint and contrast."""
+    """Build the textures of the world's surfaces under a sun in direction `to_sun` (3,)."""
     images = []
     for surface in _list_layers(world.ground):
         relief = look.soil_contrast * min(1.0, world.light.diffuse / 0.75)

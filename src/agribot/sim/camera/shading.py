@@ -127,7 +127,8 @@ def choose_row(
 ) -> None:
     """Choose depth, class and plant of each pixel of a row.
 
-    They are those of the thing that most of its drawn pixels show, the nearer one of equals.
+    They are those of the thing that most of its drawn pixels show, the nearer one of equals. The
+    inputs are (fine * height, fine * width).
     """
     out_depth, out_label, out_instance = picture.depth, picture.label, picture.instance
     for column in range(out_depth.shape[1]):
@@ -183,7 +184,7 @@ def average_row(row: int, fine: int, colour: Singles, value: Doubles) -> None:
 
 @compile_fast
 def expose_row(gain: Doubles, curve: Singles, value: Doubles) -> None:
-    """Apply gain and tone curve."""
+    """Apply gain (3,) and tone curve to `value` (3 * width,) in place."""
     red, green, blue = gain[0], gain[1], gain[2]
     for k in range(0, value.shape[0], 3):
         value[k] *= red
@@ -212,7 +213,7 @@ def scatter_grain(seed: np.uint64, noise: float, bits: Counters, grain: Doubles)
 
 @compile_fast
 def write_row(at: np.uintp, value: Doubles, grain: Doubles, image: Bytes) -> None:
-    """Add the noise and round to 8 bits, from index `at` of the flat image on."""
+    """Write `value` plus `grain`, (3 * width,), as 8 bits from index `at` of a flat image on."""
     for k in range(value.shape[0]):
         image[at] = np.uint8(min(255.0, max(0.0, value[k] + grain[k] + 0.5)))
         at += np.uintp(1)

@@ -46,7 +46,7 @@ def bake_shadows(
     step_m: float,
     direct: float = 1.0,
 ) -> ShadowMap:
-    """Draw the shadows of obstacles and plants that stand on ground of height `base_m`.
+    """Draw the shadows of obstacles and plants that stand on ground of heights `base_m` (n,).
 
     Plants in the shade of an obstacle get that noted in `plants.sun`. A step too fine for the
     memory is doubled until it fits. The less of the light is `direct`, the softer they are.

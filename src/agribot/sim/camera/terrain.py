@@ -67,7 +67,7 @@ def _project_rings(
 def draw_terrain(
     first_row: int, last_row: int, point: Doubles, view: PinholeView, targets: Targets
 ) -> None:
-    """Draw the mesh on the rows [first_row, last_row), behind the things drawn before."""
+    """Draw the mesh (rings, spokes, 6) on the rows [first_row, last_row), behind all things."""
     spokes = point.shape[1]
     flat = point.reshape(-1, 6)
     corner = np.empty((4, 6))

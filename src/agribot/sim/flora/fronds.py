@@ -31,16 +31,16 @@ class _Frond(NamedTuple):
     pairs: int
 
 
-def _outline(b: FloatArray) -> FloatArray:
+def _outline_blade(b: FloatArray) -> FloatArray:
     return np.clip(np.minimum(b / 0.25, (1.03 - b) / 0.75), 0.0, 1.0)
 
 
-def _lobe(b: FloatArray) -> FloatArray:
+def _lobe_blade(b: FloatArray) -> FloatArray:
     """Return the width of a blade that is narrow at its foot and blunt at its end."""
     return np.clip(np.minimum(0.35 + 1.6 * b, (1.02 - b) / 0.35), 0.0, 1.0) ** 0.8
 
 
-def _strap(b: FloatArray) -> FloatArray:
+def _strap_blade(b: FloatArray) -> FloatArray:
     return np.clip(np.minimum(0.3 + 2.0 * b, (1.02 - b) / 0.3), 0.0, 1.0)
 
 
@@ -51,7 +51,7 @@ def grow_carrot(rng: np.random.Generator, stage: float) -> list[Leaves]:
     upright_deg = 36 + 24 * stage + (40 - 16 * stage) * age
     fronds = grow_leaves(
         rng, arrange_spiral(rng, count), length=length, width=0.60 * length, pitch_deg=upright_deg,
-        curl=(0.3, 1.0), profile=_outline, petiole=0.36, fold=0.1, twist=0.15,
+        curl=(0.3, 1.0), profile=_outline_blade, petiole=0.36, fold=0.1, twist=0.15,
         tone=0.9 + 0.2 * age,
     )  # fmt: skip
     shape = _Frond(leaflet=0.30, lobe=0.62, lobe_width=0.46, fork_rad=0.66,
@@ -67,7 +67,7 @@ def grow_chamomile(rng: np.random.Generator, stage: float) -> list[Leaves]:
     fronds = grow_leaves(
         rng, arrange_spiral(rng, count), length=length, width=0.40 * length,
         pitch_deg=22 + 50 * age,
-        curl=(0.0, 0.6), profile=_outline, petiole=0.3, fold=0.1, twist=0.2,
+        curl=(0.0, 0.6), profile=_outline_blade, petiole=0.3, fold=0.1, twist=0.2,
         tone=0.9 + 0.2 * age,
     )  # fmt: skip
     shape = _Frond(leaflet=0.26, lobe=0.66, lobe_width=0.24, fork_rad=0.5,
@@ -113,7 +113,7 @@ def _grow_lobes(
         yaw_rad = carriers.yaw_rad + turn * shape.fork_rad * rng.uniform(0.8, 1.2, len(base))
         lobe = grow_leaves(
             rng, yaw_rad, length=own, width=shape.lobe_width * own,
-            pitch_deg=np.degrees(rise_rad), curl=(0.0, 0.5), profile=_lobe, fold=0.2,
+            pitch_deg=np.degrees(rise_rad), curl=(0.0, 0.5), profile=_lobe_blade, fold=0.2,
             tone=carriers.tone,
         )  # fmt: skip
         lobes.append(lobe._replace(base=base))
@@ -125,5 +125,5 @@ def _grow_seed_leaves(rng: np.random.Generator, fronds: Leaves) -> Leaves:
     length = float(fronds.length.max()) * rng.uniform(0.9, 1.4, 2)
     return grow_leaves(
         rng, yaw_rad, length=length, width=0.11 * length, pitch_deg=rng.uniform(8.0, 30.0, 2),
-        curl=(0.0, 0.7), profile=_strap, petiole=0.15, fold=0.15, tone=np.full(2, 0.92),
+        curl=(0.0, 0.7), profile=_strap_blade, petiole=0.15, fold=0.15, tone=np.full(2, 0.92),
     )  # fmt: skip

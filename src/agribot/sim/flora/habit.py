@@ -40,6 +40,7 @@ class Species(NamedTuple):
 
 
 def stem_blade(b: FloatArray) -> FloatArray:
+    """Return the width of a stem along it, (n, s): 1 everywhere."""
     return np.ones_like(b)
 
 
@@ -81,6 +82,7 @@ def choose_leaf_count(rng: np.random.Generator, stage: float, few: int, many: in
 
 
 def arrange_spiral(rng: np.random.Generator, count: int) -> FloatArray:
+    """Return the yaws of leaves (count,), turned by about the golden angle each, rad."""
     turn = rng.uniform(0, 2 * np.pi) + rng.choice([-1, 1]) * GOLDEN_ANGLE_RAD * np.arange(count)
     angles: FloatArray = turn + rng.normal(0, 0.2, count)
     return angles

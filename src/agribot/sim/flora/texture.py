@@ -25,7 +25,7 @@ def make_tileable_noise(
     coarsest: float = 2.0,
     finest: float | None = None,
 ) -> FloatArray:
-    """Make periodic Gaussian noise of unit deviation with an amplitude of frequency^-exponent.
+    """Make periodic noise (rows, columns) of unit deviation, amplitude ~ frequency^-exponent.
 
     `coarsest` and `finest` bound the spatial frequency in cycles per longer side.
     """

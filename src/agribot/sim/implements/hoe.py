@@ -16,7 +16,7 @@ from agribot.core.implement.kind import Pull
 from agribot.core.messages import FloatArray, ImplementCommand, PlantClass
 from agribot.core.world import WorldSpec
 from agribot.sim.attitude import read_rotation
-from agribot.sim.implements.sections import DelayedSections, Swath
+from agribot.sim.implements.sections import DelayedSections, SectionSwath
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 
 BLADE_M = 0.03  # along the way
@@ -35,8 +35,8 @@ class HoeEffect:
         self._depth_m = np.full(spec.section_count, -spec.lift_m)  # negative: above the ground
         self._wanted_m = spec.depth_m
         self._blade_y_m = np.array(spec.section_y_body_m())
-        self._weeds = Swath.over(spec, world, PlantClass.WEED, BLADE_M, base_height_m)
-        self._crops = Swath.over(spec, world, PlantClass.CROP, BLADE_M, base_height_m)
+        self._weeds = SectionSwath.over(spec, world, PlantClass.WEED, BLADE_M, base_height_m)
+        self._crops = SectionSwath.over(spec, world, PlantClass.CROP, BLADE_M, base_height_m)
         self._pull: Pull | None = None
 
     def command(self, t_s: float, command: ImplementCommand) -> None:
@@ -75,7 +75,7 @@ class HoeEffect:
         return self._weeds.touched | self._crops.touched
 
     def _hold_back(self, row: FloatArray, is_in_soil: np.ndarray) -> Pull:
-        """The draught of all blades in the soil, against the way of their middle."""
+        """Return the draught of all blades in the soil, against the way of their middle."""
         spec = self._spec
         draught_n = (
             spec.draught_npm2 * spec.section_width_m * np.where(is_in_soil, self._depth_m, 0.0)

@@ -47,7 +47,7 @@ def fit_effect(
 ) -> ImplementEffect:
     """Make what an implement does in a world.
 
-    Raises: DescriptionError: nobody registered its kind.
+    Raises: DescriptionError: its kind is not registered.
     """
     if spec is None:
         return NoImplement()

@@ -24,24 +24,24 @@ class DelayedSections:
 
     def __init__(self, spec: ImplementSpec) -> None:
         self._spec = spec
-        self._off = self._told = (False,) * spec.section_count
+        self._off = self._wanted = (False,) * spec.section_count
         self._pending: deque[tuple[float, tuple[bool, ...]]] = deque()
         self.is_on: Mask = np.zeros(spec.section_count, dtype=bool)
 
     def command(self, t_s: float, sections_on: tuple[bool, ...]) -> None:
-        """An empty tuple switches all of them off.
+        """Switch the sections after the latency; an empty tuple switches all of them off.
 
         Raises: PlatformError: the number of sections is not that of the robot.
         """
-        told, words = sections_on or self._off, self._spec.sections
-        if len(told) != len(self._off):
+        wanted, words = sections_on or self._off, self._spec.sections
+        if len(wanted) != len(self._off):
             raise PlatformError(
-                f"command for {len(told)} {words}; the robot has {len(self._off)}, "
+                f"command for {len(wanted)} {words}; the robot has {len(self._off)}, "
                 "as its description says"
             )
-        if told != self._told:
-            self._told = told
-            self._pending.append((t_s + self._spec.latency_s, told))
+        if wanted != self._wanted:
+            self._wanted = wanted
+            self._pending.append((t_s + self._spec.latency_s, wanted))
 
     def advance(self, t_s: float) -> None:
         """Let every command take effect that is due at `t_s`."""
@@ -49,7 +49,7 @@ class DelayedSections:
             self.is_on[:] = self._pending.popleft()[1]
 
 
-class Swath:
+class SectionSwath:
     """The ground under the sections, and those plants of a world that they touch.
 
     `length_m` is how far along the way a section works at once; a plant is touched when its disc of
@@ -83,7 +83,7 @@ class Swath:
         wanted: PlantClass,
         length_m: float,
         base_height_m: float,
-    ) -> Swath:
+    ) -> SectionSwath:
         """Sections over the stems of all plants of a class."""
         index = [i for i, plant in enumerate(world.plants) if plant.plant == wanted]
         plants = [world.plants[i] for i in index]

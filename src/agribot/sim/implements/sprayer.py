@@ -8,7 +8,7 @@ from agribot.core.implement.kind import Pull
 from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import FloatArray, ImplementCommand
 from agribot.core.world import WorldSpec
-from agribot.sim.implements.sections import DelayedSections, Swath
+from agribot.sim.implements.sections import DelayedSections, SectionSwath
 
 # A flat-fan nozzle wets a thin line across the direction of travel.
 SPRAY_FAN_LENGTH_M = 0.04
@@ -21,7 +21,7 @@ class SprayEffect:
         self.worked_m2 = 0.0
         self._valves = DelayedSections(spec)
         stems_m = np.zeros(len(world.plants))
-        self._swath = Swath(spec, world.plants, stems_m, SPRAY_FAN_LENGTH_M, base_height_m)
+        self._swath = SectionSwath(spec, world.plants, stems_m, SPRAY_FAN_LENGTH_M, base_height_m)
 
     def command(self, t_s: float, command: ImplementCommand) -> None:
         self._valves.command(t_s, command.sections_on)

@@ -25,7 +25,7 @@ class Antenna:
         self._arm_m = arm_m
 
     def compute_motion(self, row: FloatArray) -> tuple[Vec3, Vec3]:
-        """Return position, m, and velocity, m/s, in the map."""
+        """Return position, m, and velocity, m/s, in the map, for a row of the history."""
         x, y, z = self._arm_m
         wx, wy, wz = row[ANGULAR].tolist()
         ax, ay, az = rotate(row, self._arm_m)

@@ -99,7 +99,10 @@ class DelayedSensor(Generic[Timed]):
     def take_samples(
         self, first_step: int, last_step: int, history: FloatArray, t_s: float
     ) -> tuple[Timed, ...]:
-        """Take the samples of these steps; return those that have arrived by `t_s`."""
+        """Take the samples of these steps; return those that have arrived by `t_s`.
+
+        `history` is as in `SampledSensor.take_samples`.
+        """
         for sample in self._channel.take_samples(first_step, last_step, history):
             if sample is not None:
                 self._late.append(sample)

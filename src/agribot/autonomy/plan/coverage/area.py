@@ -43,12 +43,12 @@ class Footprint(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def turn_radius_m(self) -> float:
-        """Of the circle that the footprint sweeps when the robot turns in place."""
+        """Radius of the circle that the footprint sweeps when the robot turns in place."""
         return math.hypot(max(self.front_m, self.rear_m), self.half_width_m)
 
     @property
     def wheel_turn_radius_m(self) -> float:
-        """Of the circle that the wheels sweep when the robot turns in place."""
+        """Radius of the circle that the wheels sweep when the robot turns in place."""
         reach = [math.hypot(abs(x) + self.wheel_radius_m, abs(y) + self.wheel_half_width_m)
                  for x, y in self.wheel_xy_body_m]  # fmt: skip
         return max(reach, default=0.0)
@@ -102,7 +102,7 @@ class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
         return self.implement_width_m - self.overlap_m
 
     def passes(self, has_rows: bool) -> int:
-        """Headland passes: so many that a swath can be left until its tool has worked it."""
+        """Count the headland passes: a swath can be left until its tool has worked it."""
         if self.headland_passes is not None:
             return self.headland_passes
         if has_rows:
@@ -122,7 +122,7 @@ class FieldPlan(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 def measure_footprint(
     robot: RobotSpec, implement_width_m: float, tool_x_m: float | None = None
 ) -> Footprint:
-    """From the collision shapes and wheels of the description and the width of the implement.
+    """Measure the collision shapes and wheels of the description and the implement.
 
     The implement works at `tool_x_m`; without it, where the robot's own does.
     """

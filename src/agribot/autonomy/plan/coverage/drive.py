@@ -20,6 +20,7 @@ from agribot.autonomy.plan.plan_certificate import check_ways
 from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import FloatArray, MapPoint, Path, Row
+from agribot.core.pose import Pose2
 
 STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
 MAX_LENGTH_M = 20_000.0
@@ -33,7 +34,7 @@ class FieldWork:
     def __init__(
         self, plan: FieldPlan, area: FieldArea, shape: Footprint, request: PlanRequest
     ) -> None:
-        """Raises: MissionError: the plan is longer than a mission can hold."""
+        """Take a certified plan. Raises: MissionError: it is longer than a mission can hold."""
         length_m = sum(leg.length_m for leg in plan.legs)
         if length_m > MAX_LENGTH_M:
             raise MissionError(
@@ -56,17 +57,17 @@ class FieldWork:
     def has_crop(self) -> bool:
         return bool(self.area.rows)
 
-    def path_from(self, start_pose: tuple[float, float, float]) -> Path:
-        """The way from the robot to the plan, around every obstacle, and the plan.
+    def plan_from(self, start_pose: tuple[float, float, float]) -> Path:
+        """Plan the way from the robot to the plan, around every obstacle, and the plan.
 
         Raises: MissionError: the robot stands where no such way begins.
         """
         start, first = start_pose[:2], self._legs[0].xy_map_m[0]
-        way_in = self._way(start, (float(first[0]), float(first[1])))
+        way_in = self._plan_way(start, (float(first[0]), float(first[1])))
         return sample_legs([*way_in, *self._legs], [*([None] * len(way_in)), *self._row_of_piece])
 
-    def path_home(self, start: MapPoint, home: MapPoint, row_ahead: FloatArray) -> Path:
-        """To the end of the crop row under the robot, if any, and around all obstacles home.
+    def plan_home(self, start: MapPoint, home: MapPoint, row_ahead: FloatArray) -> Path:
+        """Plan to the end of the row under the robot, (N, 2), and around all obstacles home.
 
         Raises: MissionError: the robot stands where no such way begins.
         """
@@ -74,13 +75,13 @@ class FieldWork:
         if len(row_ahead) > 1:
             legs.append(Leg(kind="arc", xy_map_m=row_ahead))
             start = (float(row_ahead[-1, 0]), float(row_ahead[-1, 1]))
-        legs += self._way(start, home)
+        legs += self._plan_way(start, home)
         if not legs:
             raise MissionError("the robot is at home already")
         return sample_legs(legs, [None] * len(legs))
 
-    def path_to(self, start: MapPoint, goal: Place) -> Path:
-        """Around every obstacle to a place on which the robot can turn in place.
+    def plan_to(self, start: MapPoint, goal: Place) -> Path:
+        """Plan around every obstacle to a place on which the robot can turn in place.
 
         Raises: MissionError: the place is outside, in an obstacle, on crop or too near to them.
         """
@@ -88,30 +89,30 @@ class FieldWork:
 
         x_m, y_m, yaw_rad = goal
         place = (x_m, y_m)
-        space = self._space()
+        space = self._make_space()
         if not space.drivable.covers(shapely.Point(place)):
-            raise MissionError(f"East {x_m:.2f} m, North {y_m:.2f} m {self._what_is_at(place)}")
+            raise MissionError(f"East {x_m:.2f} m, North {y_m:.2f} m {self._describe_place(place)}")
         before = place
         if yaw_rad is not None:  # the robot turns there and drives the rest as it is to look
-            before = (x_m - RUN_IN_M * math.cos(yaw_rad), y_m - RUN_IN_M * math.sin(yaw_rad))
+            before = Pose2(x_m, y_m, yaw_rad).transform(-RUN_IN_M, 0.0)
             if not space.drivable.covers(shapely.LineString((before, place))):
                 raise MissionError(
                     f"there is no room to look that way at East {x_m:.2f} m, North {y_m:.2f} m; "
                     "choose another heading, or none"
                 )
-        legs = self._way(start, before)
+        legs = self._plan_way(start, before)
         if before != place:
             legs.append(Leg(kind="link", xy_map_m=np.array([before, place])))
-        return self._checked(legs, start)
+        return self._check(legs, start)
 
-    def path_back(self, start: MapPoint, goal: Place) -> Path:
-        """To a place of the plan itself, which may be nearer to an edge than the robot can turn.
+    def plan_back(self, start: MapPoint, goal: Place) -> Path:
+        """Plan to a place of the plan itself, which may be nearer to an edge than it can turn.
 
         Raises: MissionError: no such way keeps the robot inside the field and off the crop.
         """
-        return self._checked(self._way(start, goal[:2]), start)
+        return self._check(self._plan_way(start, goal[:2]), start)
 
-    def _checked(self, legs: list[Leg], start: MapPoint) -> Path:
+    def _check(self, legs: list[Leg], start: MapPoint) -> Path:
         if not legs:
             raise MissionError("the robot is there already")
         problems = check_ways(tuple(legs), self.area, self._shape, self.request, start)
@@ -119,7 +120,7 @@ class FieldWork:
             raise MissionError(f"the way there is refused: {problems[0].message}")
         return sample_legs(legs, [None] * len(legs))
 
-    def _what_is_at(self, place: MapPoint) -> str:
+    def _describe_place(self, place: MapPoint) -> str:
         """Why a robot cannot turn at a place."""
         import shapely
 
@@ -133,7 +134,7 @@ class FieldWork:
             return "lies in the crop rows"
         return "is too near to an edge or an obstacle for the robot to turn there"
 
-    def _space(self) -> FreeSpace:
+    def _make_space(self) -> FreeSpace:
         import shapely
 
         space = FreeSpace(self.area, self._shape, self.request)
@@ -145,7 +146,7 @@ class FieldWork:
             )
         return space
 
-    def _way(self, start: MapPoint, goal: MapPoint) -> list[Leg]:
+    def _plan_way(self, start: MapPoint, goal: MapPoint) -> list[Leg]:
         """Inside the field, around what is in the way.
 
         A place outside, or closer to an edge than the robot can turn, is left or reached by the
@@ -153,7 +154,7 @@ class FieldWork:
         """
         if math.dist(start, goal) < SPACING_M:
             return []
-        space = self._space()
+        space = self._make_space()
         inner = [space.nearest(place) for place in (start, goal)]
         for place, near in zip((start, goal), inner, strict=True):
             if math.dist(place, near) > MAX_OUTSIDE_M:
@@ -208,7 +209,7 @@ def _measure_bulge_m(xy: FloatArray) -> float:
 
 
 def sample_legs(legs: list[Leg], rows: list[list[int] | None]) -> Path:
-    """Points 2 cm apart; where the robot turns in place, or back, the same point stands twice."""
+    """Lay points 2 cm apart; where the robot turns in place, or back, one stands twice."""
     blocks, done_m = [], 0.0
     for leg, numbers in zip(legs, rows, strict=True):
         pieces = _break_up(leg) if leg.kind == "link" else [leg.xy_map_m]

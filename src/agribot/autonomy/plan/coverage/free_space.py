@@ -26,7 +26,7 @@ class FreeSpace:
     """The connected part of the field that is planned, for a robot seen as its turning circle."""
 
     def __init__(self, area: FieldArea, shape: Footprint, request: PlanRequest) -> None:
-        """Raises: MissionError: the robot finds no room to turn anywhere in the field."""
+        """Find the room to turn. Raises: MissionError: there is none anywhere in the field."""
         import shapely
 
         self.field = shapely.Polygon(area.boundary, area.holes)
@@ -46,7 +46,7 @@ class FreeSpace:
         shapely.prepare(self.drivable)
 
     def nearest(self, place: MapPoint) -> MapPoint:
-        """The place itself, or where the region is nearest to it."""
+        """Find the place itself, or where the region is nearest to it."""
         import shapely
 
         here = shapely.Point(place)
@@ -72,13 +72,13 @@ class FreeSpace:
 
 
 def measure_spent_m(shape: Footprint) -> float:
-    """What the outline of the free space may lie too near to the edge of the field."""
+    """Return what the outline of the free space may lie too near to the edge of the field."""
     chord_m = shape.turn_radius_m * (1.0 - math.cos(math.pi / (4 * QUARTER_SEGMENTS)))
     return SIMPLIFY_M + ROUNDING_M + chord_m
 
 
 def list_polygons(shape: BaseGeometry) -> list[shapely.Polygon]:
-    """The areas in a geometry, without lines, points and specks."""
+    """List the areas in a geometry, without lines, points and specks."""
     import shapely
 
     found = shapely.get_parts(shapely.get_parts(shape)).tolist() if not shape.is_empty else []

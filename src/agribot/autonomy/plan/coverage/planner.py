@@ -34,9 +34,9 @@ from agribot.autonomy.plan.coverage.tasks import (
 )
 from agribot.autonomy.plan.coverage.turns import plan_arc_turn, plan_three_point_turn, yaw_rad
 from agribot.autonomy.plan.coverage.ways import Ways
-from agribot.autonomy.plan.curves import Pose
 from agribot.core.errors import MissionError
 from agribot.core.messages import MapPoint
+from agribot.core.pose import Pose2
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -147,7 +147,7 @@ def _choose_direction(
 def _make_row_tasks(
     area: FieldArea, shape: Footprint, request: PlanRequest, space: FreeSpace
 ) -> tuple[float, list[CoverageTask]]:
-    """The crop rows, and their strips taken out of the ground on which the robot may turn."""
+    """Make tasks of the rows, their strips taken out of the ground on which the robot may turn."""
     import shapely
 
     clear_m = shape.wheel_turn_radius_m + request.plant_clearance_m
@@ -175,7 +175,7 @@ def _make_row_tasks(
 def _join(
     working: list[Leg], request: PlanRequest, ways: Ways, drivable: BaseGeometry
 ) -> list[Leg]:
-    """The working legs with turns and links between them."""
+    """Join the working legs with turns and links between them."""
     legs: list[Leg] = []
     if request.start_map_m is not None:
         legs += _make_link(request.start_map_m, _read_point(working[0], 0), ways)
@@ -192,13 +192,13 @@ def _plan_turn(
     start, end = _read_point(leg, -1), _read_point(after, 0)
     if math.dist(start, end) < 1e-6:
         return []
-    from_pose = Pose(*start, yaw_rad(leg.xy_map_m[-2], leg.xy_map_m[-1]))
-    to_pose = Pose(*end, yaw_rad(after.xy_map_m[0], after.xy_map_m[1]))
+    from_pose = Pose2(*start, yaw_rad(leg.xy_map_m[-2], leg.xy_map_m[-1]))
+    to_pose = Pose2(*end, yaw_rad(after.xy_map_m[0], after.xy_map_m[1]))
     return _plan_curve(from_pose, to_pose, request.turns, drivable) or _make_link(start, end, ways)
 
 
-def _plan_curve(start: Pose, end: Pose, style: TurnStyle, drivable: BaseGeometry) -> list[Leg]:
-    """The turn in the wanted style; nothing where the robot has to turn in place."""
+def _plan_curve(start: Pose2, end: Pose2, style: TurnStyle, drivable: BaseGeometry) -> list[Leg]:
+    """Plan the turn in the wanted style; nothing where the robot has to turn in place."""
     if style == "pivot":
         return []
     three = plan_three_point_turn(start, end, drivable) if style == "three-point" else None

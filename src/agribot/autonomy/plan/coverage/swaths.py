@@ -33,7 +33,7 @@ class Swath(NamedTuple):
 
 
 def search_yaw_rad(work: BaseGeometry, spacing_m: float) -> float:
-    """Direction that needs the fewest swaths, so the fewest turns, in (-pi/2, pi/2].
+    """Search the direction that needs the fewest swaths, so the fewest turns, in (-pi/2, pi/2].
 
     Swaths are counted without drawing them: every edge of the area cuts |its extent across| /
     spacing lines, and each swath has two ends. The least lies at the direction of an edge.
@@ -67,7 +67,7 @@ def _list_edges(work: BaseGeometry) -> FloatArray:
 
 
 def rotate(xy: FloatArray, yaw_rad: float) -> FloatArray:
-    """From a frame turned by `yaw_rad` into the map; its negative is the way back."""
+    """Turn points (N, 2) of a frame at `yaw_rad` into the map; the negative leads back."""
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     return np.asarray(xy @ np.array([[cos, sin], [-sin, cos]]))
 
@@ -79,7 +79,7 @@ def lay_swaths(
     spacing_m: float,
     anchor_m: float | None,
 ) -> list[Swath]:
-    """Swaths that together cover all of `work`, their centre lines inside `drivable`.
+    """Lay swaths that together cover all of `work`, their centre lines inside `drivable`.
 
     `anchor_m`: one line lies at this distance across (an AB line); otherwise the lines are
     spread evenly, no farther apart than `spacing_m`.
@@ -144,7 +144,7 @@ def _clip(
 
 
 def group_cells(swaths: Sequence[Swath]) -> list[list[Swath]]:
-    """Groups in which each swath has one neighbour on each side: driven up and down in one go.
+    """Group swaths with one neighbour on each side: they are driven up and down in one go.
 
     A swath that meets two on the next line, or two that meet one, end the cell: there a hole or
     a corner begins.
@@ -173,7 +173,7 @@ def group_cells(swaths: Sequence[Swath]) -> list[list[Swath]]:
 def add_room(
     swaths: Sequence[Swath], drivable: BaseGeometry, yaw_rad: float, reach_m: float
 ) -> list[Swath]:
-    """The swaths with what is open beyond their ends, up to `reach_m`."""
+    """Add to the swaths what is open beyond their ends, up to `reach_m`."""
     import shapely
 
     if reach_m <= 0.0 or not swaths:
@@ -194,7 +194,7 @@ def add_room(
 
 
 def find_drive(swath: Swath, tool_x_m: float) -> tuple[float, float]:
-    """From where to where the robot drives along a swath, upwards, so that the tool works it.
+    """Find from where to where the robot drives a swath, upwards, so that the tool works it.
 
     It goes beyond the swath where the tool is behind, as far as there is room, and begins later.
     """

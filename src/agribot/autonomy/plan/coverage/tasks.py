@@ -26,7 +26,7 @@ ROUTED_CANDIDATES = 4
 
 
 def make_cell_task(cell: Sequence[Swath], yaw_rad: float, tool_x_m: float) -> CoverageTask:
-    """Up and down through a cell, begun at any of its four corners."""
+    """Drive up and down through a cell, begun at any of its four corners."""
     variants = []
     for ordered in (cell, cell[::-1]):
         for first_flipped in (False, True):
@@ -50,7 +50,7 @@ def _list_ends(swath: Swath, is_flipped: bool, tool_x_m: float) -> list[MapPoint
 
 
 def make_ring_tasks(region: BaseGeometry) -> list[CoverageTask]:
-    """Once around every edge of a region; a ring may begin at any of its first corners."""
+    """Drive once around every edge of a region, begun at any of its first corners."""
     import shapely
 
     tasks: list[CoverageTask] = []
@@ -64,7 +64,7 @@ def make_ring_tasks(region: BaseGeometry) -> list[CoverageTask]:
 
 
 def make_row_task(row: MapLine, number: int, beyond_m: float) -> CoverageTask:
-    """Along a crop row, far enough past both ends to turn clear of the crop."""
+    """Drive along a crop row, far enough past both ends to turn clear of the crop."""
     xy = np.array(row)
     ends = [_extend(xy[1], xy[0], beyond_m), _extend(xy[-2], xy[-1], beyond_m)]
     pieces = smooth(np.concatenate([[ends[0]], xy, [ends[1]]]), is_closed=False)
@@ -87,7 +87,7 @@ def order_tasks(
     start: MapPoint | None,
     way: Callable[[MapPoint, MapPoint], list[MapPoint]],
 ) -> list[tuple[int, Leg]]:
-    """Every task once, always the nearest next one, as (task, working leg) in driving order.
+    """Take every task once, always the nearest next, as (task, working leg) in driving order.
 
     Nearness counts the way around obstacles for the few that are nearest as the crow flies.
     """

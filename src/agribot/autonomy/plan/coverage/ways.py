@@ -35,7 +35,7 @@ class Ways:
         return bool(self._drivable.covers(shapely.LineString((start, end))))
 
     def way(self, start: MapPoint, end: MapPoint) -> list[MapPoint]:
-        """Corner points of the shortest way, both ends included.
+        """Find the corner points of the shortest way, both ends included.
 
         Raises: MissionError: there is none.
         """
@@ -55,7 +55,7 @@ class Ways:
         return [start, *((float(x), float(y)) for x, y in self._corners[found]), end]
 
     def _inside(self, place: MapPoint) -> MapPoint:
-        """The place, or the edge beside it: a rounded bend ends some millimetres outside."""
+        """Find the place, or the edge beside it: a rounded bend ends some millimetres outside."""
         import shapely
 
         here = shapely.Point(place)

@@ -37,7 +37,7 @@ class FieldTask:
         self.planning_s = CHECKING_S + work.length_m / PLANNED_MPS
 
     def plan(self, here: Estimate) -> Path:
-        return self.work.path_from(take_pose(here))
+        return self.work.plan_from(take_pose(here))
 
     def plan_rest(self, here: Estimate, indices: Sequence[int]) -> Path:
         return self.plan(here)
@@ -46,10 +46,10 @@ class FieldTask:
         raise MissionError("the rows of a field plan are driven in its order")
 
     def plan_home(self, here: Estimate, home: PoseTuple, row_ahead: FloatArray) -> Path:
-        return self.work.path_home(take_pose(here)[:2], home[:2], row_ahead)
+        return self.work.plan_home(take_pose(here)[:2], home[:2], row_ahead)
 
     def plan_to(self, here: Estimate, goal: Place) -> Path:
-        return self.work.path_to(take_pose(here)[:2], goal)
+        return self.work.plan_to(take_pose(here)[:2], goal)
 
     def plan_back(self, here: Estimate, place: Place) -> Path:
-        return self.work.path_back(take_pose(here)[:2], place)
+        return self.work.plan_back(take_pose(here)[:2], place)

@@ -27,7 +27,7 @@ class RowTask:
     planning_s = errand_planning_s = 0.0
 
     def __init__(self, config: RunConfig, robot: RobotSpec) -> None:
-        """Raises: MissionError: the rows are bent too tightly."""
+        """Lay the rows. Raises: MissionError: they are bent too tightly."""
         self.rows = lay_rows(config.field)
         self.tool = Tool(x_m=robot.tool_x_m)
         self.clearance_m = row_clearance_m(config.field, robot)
@@ -64,6 +64,6 @@ class RowTask:
 
 
 def row_clearance_m(field: FieldConfig, robot: RobotSpec) -> float:
-    """How far a robot may be off a row of the field before a wheel reaches crop."""
+    """Measure how far a robot may be off a row of the field before a wheel reaches crop."""
     pitch_m = field.row_pitch_m if field.row_count > 1 else math.inf
     return protection_limit_m(robot.drive, pitch_m)

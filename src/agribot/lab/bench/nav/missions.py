@@ -106,7 +106,7 @@ def run_missions(
         estimate = localizer.estimate()
         driving.step(t_s, estimate)
         for line in lines:
-            localizer.see_line(line)
+            localizer.observe_line(line)
         row = np.where(driving.row < 0, -1, ROWS - 1 - driving.row)
         judge.tick(plant, row, driving.tool_on, driving.is_done)
         if k % round(NEES_PERIOD_S / DT_S) == 0 and localizer.is_ready:

@@ -91,7 +91,7 @@ class BatchCompass:
         residual_rad = ARRAYS.wrap(yaw_rad - ekf.x[YAW] - ekf.x[MAG_BIAS])
         variance = np.maximum(self._variance, self._floor)
         distance2 = ekf.update(_ROW, residual_rad, variance, gate.limit)
-        _, recovers = gate.judge(distance2)
+        _, recovers = gate.evaluate(distance2)
         if recovers.any():
             ekf.inflate(MAG_BIAS, recovers * residual_rad**2)
             ekf.update(_ROW, residual_rad, variance, mask=recovers)

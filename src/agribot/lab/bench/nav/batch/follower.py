@@ -78,7 +78,7 @@ class BatchFollower:
         max_speed_mps: FloatArray,
         dt_s: float,
     ) -> None:
-        """Sets `v_mps` and `yaw_rate_radps`; where `max_speed_mps` is 0 the robot halts."""
+        """Set `v_mps` and `yaw_rate_radps`; where `max_speed_mps` is 0 the robot halts."""
         self._yaw_gain.learn(self.v_mps, self.yaw_rate_radps, v_mps, yaw_rate_radps, dt_s)
         there = law.ahead(ARRAYS, pose, v_mps, yaw_rate_radps, slip_rad, self._config.delay_s)
         errors = self.errors(s_m, *there)
@@ -89,12 +89,12 @@ class BatchFollower:
             ARRAYS, errors, slip_rad, np.where(goes, max_speed_mps, 1.0), self._yaw_gain.ratio,
             self._config.length_m, self._max_yaw_rate_radps,
         )  # fmt: skip
-        pivot_rate = law.limited(ARRAYS, -PIVOT_GAIN_PER_S * errors[1], self._max_yaw_rate_radps)
+        pivot_rate = law.clamp(ARRAYS, -PIVOT_GAIN_PER_S * errors[1], self._max_yaw_rate_radps)
         wanted_v = np.where(goes & ~self._is_pivoting, wanted_v, 0.0)
         wanted_rate = np.where(goes, np.where(self._is_pivoting, pivot_rate, wanted_rate), 0.0)
         drive = self._drive
-        self.v_mps = law.ramped(ARRAYS, wanted_v, self.v_mps, drive.max_accel_mps2 * dt_s)
-        self.yaw_rate_radps = law.ramped(
+        self.v_mps = law.ramp(ARRAYS, wanted_v, self.v_mps, drive.max_accel_mps2 * dt_s)
+        self.yaw_rate_radps = law.ramp(
             ARRAYS, wanted_rate, self.yaw_rate_radps, drive.max_yaw_accel_radps2 * dt_s
         )
 

@@ -144,7 +144,7 @@ class BatchGnss:
         self, rows: tuple[BatchRow, BatchRow], residuals: Pair, noise: FixNoise[FloatArray]
     ) -> None:
         gate, ekf = self._position_gate, self._ekf
-        _, recovers = gate.judge(ekf.update_pair(rows, residuals, noise.variance_m2, gate.limit))
+        _, recovers = gate.evaluate(ekf.update_pair(rows, residuals, noise.variance_m2, gate.limit))
         if not recovers.any():
             return
         if not self._is_corrected:
@@ -168,7 +168,7 @@ class BatchGnss:
         rows = (_velocity_row(east_row), _velocity_row(north_row))
         residuals = (fix.east_mps - east_mps, fix.north_mps - north_mps)
         variance = velocity_variance(fix.velocity_std_mps, then.yaw_rate_radps, since_last_s)
-        _, recovers = gate.judge(ekf.update_pair(rows, residuals, variance, gate.limit))
+        _, recovers = gate.evaluate(ekf.update_pair(rows, residuals, variance, gate.limit))
         claimed_mps, _ = ahead_and_aside(ARRAYS, (east_mps, north_mps), yaw_rad)
         missing_mps, _ = ahead_and_aside(ARRAYS, residuals, yaw_rad)
         recovers |= self._spin_watch.is_spinning(claimed_mps, missing_mps, np.sqrt(variance))

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.estimate.beliefs import first_std, motion_noise, slow_ageing
 from agribot.autonomy.estimate.dual_heading import STD_FACTOR
 from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, X, Y
 from agribot.autonomy.estimate.localizer import AGEING_PERIOD_S
+from agribot.autonomy.estimate.priors import initial_std, motion_noise, slow_ageing
 from agribot.autonomy.estimate.start import StartMark
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import FloatArray
@@ -60,7 +60,7 @@ class BatchLocalizer:
         *,
         is_corrected: bool,
     ) -> None:
-        self.ekf = BatchEkf(count, first_std(config), math.radians(field.row_yaw_deg))
+        self.ekf = BatchEkf(count, initial_std(config), math.radians(field.row_yaw_deg))
         self._config = config
         self._noise = motion_noise(config)
         self._history = BatchHistory()
@@ -106,7 +106,7 @@ class BatchLocalizer:
         fixes: Sequence[BatchFix] = (),
         headings: Sequence[BatchHeading] = (),
     ) -> None:
-        """What arrived: compass yaws, fixes, headings of second antennas."""
+        """Take what arrived: compass yaws, fixes, headings of second antennas."""
         for sample in mags:
             self._compass.update(sample)
         if self._compass.is_ready:
@@ -115,9 +115,9 @@ class BatchLocalizer:
             for heading in headings:
                 self._head(heading)
 
-    def see_line(self, line: BatchLine) -> None:
+    def observe_line(self, line: BatchLine) -> None:
         if self._gnss.is_ready:
-            self._row_lines.see(line)
+            self._row_lines.update(line)
 
     def estimate(self) -> BatchEstimate:
         x, motion = self.ekf.x, self._motion
@@ -142,7 +142,7 @@ class BatchLocalizer:
         measured_rad = np.where(seen, heading.yaw_map_rad, 0.0)
         residual_rad = ARRAYS.wrap(measured_rad + now.yaw_rad - then.yaw_rad - ekf.x[YAW])
         variance = (STD_FACTOR * heading.std_rad) ** 2
-        _, recovers = gate.judge(ekf.update(row, residual_rad, variance, gate.limit, seen), seen)
+        _, recovers = gate.evaluate(ekf.update(row, residual_rad, variance, gate.limit, seen), seen)
         if recovers.any():
             ekf.inflate(YAW, recovers * residual_rad**2)
             ekf.update(row, residual_rad, variance, mask=recovers)

@@ -98,7 +98,7 @@ class BatchGate:
         self._rejected = np.zeros(count, dtype=np.int64)
         self._recover_after = recover_after
 
-    def judge(self, distance2: FloatArray, mask: Mask | None = None) -> tuple[Mask, Mask]:
+    def evaluate(self, distance2: FloatArray, mask: Mask | None = None) -> tuple[Mask, Mask]:
         """Who is accepted and who recovers."""
         fits = distance2 <= self.limit
         seen = np.ones_like(fits) if mask is None else mask

@@ -41,7 +41,7 @@ class BatchRowLines:
         self._last_t_s = np.full(count, -math.inf)
         self._bias_std_m = np.zeros(count)
 
-    def see(self, line: BatchLine) -> None:
+    def update(self, line: BatchLine) -> None:
         now, then = self._history.newest, self._history.at(line.t_s)
         seen = np.isfinite(line.offset_m)
         if now is None or then is None:
@@ -80,7 +80,7 @@ class BatchRowLines:
         return self._field.along_right_m(x_m, y_m)
 
     def _begin(self, seen: Mask) -> None:
-        """The first line of a robot opens its bias state."""
+        """Open a robot's bias state with its first line."""
         ekf = self._ekf
         new = seen & (ekf.cov[ROW_BIAS, ROW_BIAS] == 0.0)
         if new.any():
@@ -102,7 +102,7 @@ class BatchRowLines:
         residual_m = row_right_m - sign * line.offset_m - right_m + sign * ekf.x[ROW_BIAS]
         variance = model.offset_variance(line.offset_std_m)
         distance2 = residual_m**2 / (ekf.project(row)[1] + variance)
-        fits, recovers = self._offset_gate.judge(distance2, known)
+        fits, recovers = self._offset_gate.evaluate(distance2, known)
         if recovers.any():
             for state, part in ((X, field.right[0]), (Y, field.right[1])):
                 ekf.inflate(state, _where(recovers, (part * model.RECOVERY_OFFSET_M) ** 2))
@@ -125,7 +125,7 @@ class BatchRowLines:
         residual_rad = ARRAYS.wrap(line.heading_rad + row_yaw_rad - yaw_rad)
         variance = model.heading_variance(ARRAYS, line.heading_std_rad, since_last_s)
         distance2 = residual_rad**2 / (ekf.cov[YAW, YAW] + variance)
-        fits, recovers = self._heading_gate.judge(distance2, seen)
+        fits, recovers = self._heading_gate.evaluate(distance2, seen)
         if recovers.any():
             ekf.inflate(YAW, _where(recovers, model.RECOVERY_YAW_RAD**2))
         variance = variance * model.tail_factor(ARRAYS, distance2)
@@ -145,7 +145,7 @@ class BatchRowLines:
         residual_m = along_then_m - along_m
         variance = std_m**2
         distance2 = ekf.update(row, residual_m, variance, gate.limit, seen)
-        _, recovers = gate.judge(distance2, seen)
+        _, recovers = gate.evaluate(distance2, seen)
         if recovers.any():
             for state, part in ((X, field.forward[0]), (Y, field.forward[1])):
                 ekf.inflate(state, _where(recovers, (part * model.RECOVERY_RANGE_M) ** 2))

@@ -1,0 +1,1 @@
+"""Driving without a page: keys, mouse and gamepads, and the line to a running robot."""

@@ -1,0 +1,1 @@
+"""The page's server, a process of its own."""

@@ -1,0 +1,136 @@
+"""Answers that many routes give: an error in one sentence, a file from inside one folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response
+
+from agribot.ui import wire
+from agribot.ui.server.access import Caller
+from agribot.ui.server.channel import Channel
+from agribot.ui.server.hub import Hub, NotWanted
+
+T = TypeVar("T")
+NO_STORE = {"cache-control": "no-store"}
+
+
+class Unusable(Exception):
+    """The request cannot be used: `status` and one sentence for the person who sent it."""
+
+    def __init__(self, status: int, reason: str) -> None:
+        super().__init__(reason)
+        self.status = status
+
+    def __reduce__(self) -> tuple[type[Unusable], tuple[int, str]]:
+        return Unusable, (self.status, str(self))
+
+
+def json_answer(value: object, status: int = 200) -> Response:
+    data = msgspec.json.encode(value)
+    return Response(data, status, media_type="application/json", headers=NO_STORE)
+
+
+def refused(status: int, reason: str) -> Response:
+    return json_answer(wire.Problem(error=reason), status)
+
+
+def served_file(folder: Path, name: str, download: str | None = None) -> Response:
+    """Find a file somewhere below `folder`, never one outside it, whatever the name says."""
+    path = inside(folder, name)
+    if path is None or not path.is_file():
+        return refused(404, f"no file '{name[:80]}' here")
+    return FileResponse(path, filename=download)
+
+
+def inside(folder: Path, name: str) -> Path | None:
+    """`folder / name` with links followed, or None when that leads out of the folder."""
+    if "\0" in name:
+        return None
+    root = folder.resolve()
+    try:
+        path = (root / name).resolve()
+    except (OSError, RuntimeError):
+        return None
+    return path if path.is_relative_to(root) and path != root else None
+
+
+async def read_body(request: Request, type: type[T], status: int = 400) -> T:
+    """Read the body of a request.
+
+    Raises: Unusable: no JSON, or (with `status`) not of this type.
+    """
+    data = await request.body() or b"{}"
+    try:
+        return msgspec.json.decode(data, type=type)
+    except msgspec.ValidationError as error:
+        raise Unusable(status, f"the request is not usable: {error}") from error
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise Unusable(400, f"not JSON: {error}") from error
+    except RecursionError as error:
+        raise Unusable(400, "JSON that is nested too deeply to be read") from error
+
+
+def need_seat(request: Request) -> None:
+    """Refuse a caller who does not have the seat.
+
+    Raises: Unusable: the caller may look on, but another one has the seat, or none.
+    """
+    hub: Hub = request.app.state.hub
+    caller: Caller = request.scope["agribot.caller"]
+    need_operator(request)
+    session, _, _ = hub.seat.holder.partition("/")
+    if not caller.session or session != caller.session:
+        raise Unusable(409, "take the operator's seat first")
+
+
+def need_operator(request: Request) -> None:
+    """Refuse a caller who is no operator.
+
+    Raises: Unusable: a viewer changes nothing.
+    """
+    caller: Caller = request.scope["agribot.caller"]
+    if caller.role != "operator":
+        raise Unusable(403, "you are logged in as a viewer, who may look on and stop the robot")
+
+
+def is_robot_shown(request: Request) -> bool:
+    """Whether the caller's pages look at a robot that runs, not at a recording or a description."""
+    hub: Hub = request.app.state.hub
+    return channel_of(request) is hub.live and hub.has_robot
+
+
+async def ask_robot(request: Request, question: wire.Question, type: type[T]) -> T:
+    """Ask the robot's program.
+
+    Raises: Unusable: it does not answer, cannot, or says why it does not want to.
+    """
+    hub: Hub = request.app.state.hub
+    try:
+        return await hub.ask(question, type)
+    except TimeoutError as error:
+        raise Unusable(504, "the robot's program did not answer within 10 s") from error
+    except LookupError as error:
+        raise Unusable(502, str(error)) from error
+    except NotWanted as error:
+        raise Unusable(409, str(error)) from error
+
+
+def channel_of(request: Request) -> Channel:
+    """Find what the caller's pages look at: the robot, or a recording that is replayed."""
+    hub: Hub = request.app.state.hub
+    caller: Caller = request.scope["agribot.caller"]
+    return hub.channel_of(caller.session)
+
+
+def name_of(request: Request) -> str:
+    """Find the name that the caller's open page goes by, for the log."""
+    hub: Hub = request.app.state.hub
+    caller: Caller = request.scope["agribot.caller"]
+    for socket in hub.sockets:
+        if caller.session and socket.session.startswith(f"{caller.session}/"):
+            return str(socket.name)
+    return str(caller.role)

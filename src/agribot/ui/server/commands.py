@@ -1,0 +1,250 @@
+"""What a page may ask for, judged by role, seat and source before the robot hears of it."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from agribot.autonomy.plan.errand import STANDING_MPS
+from agribot.core.messages import OperatorAction
+from agribot.ui import wire
+from agribot.ui.server.channel import Channel
+from agribot.ui.server.hub import Hub
+
+MAX_NAME = 40
+MAX_TEXT = 500
+SCALES = (0.2, 0.5, 0.8, 1.0)
+FIRST_SCALE = 0.5
+MAX_CORNERS = 500
+MAX_HAND_AGE_S = 0.5  # of a request to move: a hand that let go meanwhile cannot be heard yet
+RECORD_EVENTS: dict[wire.RecordingAction, OperatorAction] = {
+    "start": "start_recording",
+    "stop": "stop_recording",
+}
+
+
+class Refused(Exception):
+    """A page broke the rules; its line is cut."""
+
+
+class Page(Protocol):
+    """The connection that a request came by."""
+
+    session: str
+    name: str
+    role: str | None
+
+    @property
+    def channel(self) -> Channel: ...
+
+    def tell(self, message: wire.ServerMessage) -> None: ...
+
+    def acknowledge(self, count: int) -> None: ...
+
+
+class Commands:
+    def __init__(self, hub: Hub, page: Page) -> None:
+        self._hub, self._page = hub, page
+        self._scale = FIRST_SCALE
+        self._is_driving = False
+        self._requests: set[asyncio.Task[None]] = set()
+        self._handlers: dict[type[wire.Message], Callable[[Any], None]] = {
+            wire.Ping: self._ping,
+            wire.Receipt: self._acknowledge,
+            wire.UseName: self._use_name,
+            wire.TakeSeat: self._take_seat,
+            wire.LeaveSeat: self._leave_seat,
+            wire.DriveByHand: self._drive_by_hand,
+            wire.ScaleSpeed: self._scale_speed,
+            wire.PressStop: self._press_stop,
+            wire.ClearStop: self._clear_stop,
+            wire.ControlMission: self._control_mission,
+            wire.ControlRecording: self._control_recording,
+            wire.MarkMoment: self._mark_moment,
+            wire.GoTo: self._go_to,
+            wire.CorrectPose: self._correct_pose,
+            wire.PointOut: self._point_out,
+            wire.DrawShape: self._draw_shape,
+        }
+
+    def obey(self, message: wire.PageMessage) -> None:
+        """Do what a page asks.
+
+        Raises: Refused: a number in it is out of its limits.
+        """
+        self._hub.seat.heard(self._page.session, time.monotonic())
+        self._handlers[type(message)](message)
+
+    def let_go(self) -> None:
+        """Let whatever the lost line drove stand still."""
+        if self._is_driving:
+            self._drive(0.0, 0.0)
+
+    def _ping(self, message: wire.Ping) -> None:
+        """Answered with this machine's clocks: by them a page knows how old states are."""
+        mono_ms, wall_ms = time.monotonic() * 1e3, time.time() * 1e3
+        self._page.tell(wire.Pong(sent_ms=message.sent_ms, mono_ms=mono_ms, wall_ms=wall_ms))
+
+    def _acknowledge(self, message: wire.Receipt) -> None:
+        if message.count < 0:
+            raise Refused(f"{message.count} messages received: a count is at least 0")
+        self._page.acknowledge(message.count)
+
+    def _use_name(self, message: wire.UseName) -> None:
+        letters = (letter for letter in message.name.strip() if letter.isprintable())
+        self._page.name = "".join(letters)[:MAX_NAME] or self._page.name
+        self._answer(message)
+
+    def _take_seat(self, message: wire.TakeSeat) -> None:
+        hub, page = self._hub, self._page
+        reason = self._not_operator()
+        if not reason:
+            before = hub.seat.holder
+            reason = hub.seat.take(page.session, page.name, time.monotonic(), force=message.force)
+            if not reason and before != page.session:
+                hub.order(wire.DriveOrder(v_mps=0.0, yaw_rate_radps=0.0, by=page.name))
+                hub.note(page.name, "takes the operator's seat")
+        self._answer(message, reason)
+        hub.tell_seat()
+
+    def _leave_seat(self, message: wire.LeaveSeat) -> None:
+        if self._hub.seat.release(self._page.session):
+            self._drive(0.0, 0.0)  # a calibration ends as well
+            self._hub.note(self._page.name, "leaves the operator's seat")
+            self._hub.tell_seat()
+        self._answer(message)
+
+    def _drive_by_hand(self, message: wire.DriveByHand) -> None:
+        """Drop requests without the seat; the page sees in the seat's change why."""
+        v_mps, yaw_rate_radps = message.v_mps, message.yaw_rate_radps
+        if self._no_seat() or ((v_mps or yaw_rate_radps) and _is_late(message.mono_ms)):
+            return
+        robot = self._hub.about.robot
+        limit_mps = self._scale * robot.max_speed_mps
+        limit_radps = self._scale * robot.max_yaw_rate_radps
+        self._drive(_clamp(v_mps, limit_mps), _clamp(yaw_rate_radps, limit_radps))
+
+    def _scale_speed(self, message: wire.ScaleSpeed) -> None:
+        if message.ratio not in SCALES:
+            raise Refused(f"speed scale {message.ratio!r} is none of {SCALES}")
+        self._scale = message.ratio
+        self._answer(message)
+
+    def _press_stop(self, message: wire.PressStop) -> None:
+        """Everybody may stop the robot: no seat, no role, also while a recording is shown."""
+        self._hub.stops.press(self._page.name)
+        self._is_driving = False
+        self._answer(message)
+
+    def _clear_stop(self, message: wire.ClearStop) -> None:
+        if not self._no_seat():
+            self._hub.stops.clear()
+        self._operate(message, "clear_stop")
+
+    def _control_mission(self, message: wire.ControlMission) -> None:
+        self._operate(message, message.action)
+
+    def _control_recording(self, message: wire.ControlRecording) -> None:
+        """Begin or end a recording; nothing moves, so that no seat is needed."""
+        reason = self._not_operator()
+        if not reason:
+            self._hub.event(RECORD_EVENTS[message.action], self._page.name)
+        self._answer(message, reason)
+
+    def _mark_moment(self, message: wire.MarkMoment) -> None:
+        reason = self._not_operator()
+        if not reason:
+            self._hub.event("mark", self._page.name, message.text.strip()[:MAX_TEXT])
+        self._answer(message, reason)
+
+    def _go_to(self, message: wire.GoTo) -> None:
+        """Answered when the mission took or refused it."""
+        reason = self._no_seat()
+        if reason:
+            self._answer(message, reason)
+            return
+        yaw = () if message.yaw_map_rad is None else (message.yaw_map_rad,)
+        numbers = (message.x_map_m, message.y_map_m, *yaw)
+        event = wire.EventOrder(action="goto", source=self._page.name, numbers=numbers)
+        request = asyncio.create_task(self._request(message, event))
+        self._requests.add(request)
+        request.add_done_callback(self._requests.discard)
+
+    async def _request(self, message: wire.Request, event: wire.EventOrder) -> None:
+        self._answer(message, await self._hub.request(event))
+
+    def _point_out(self, message: wire.PointOut) -> None:
+        """Put a place that somebody clicked into the recording, as RViz's Publish Point."""
+        place = f"East {message.x_map_m:.3f} m, North {message.y_map_m:.3f} m"
+        self._hub.note(self._page.name, f"point: {place}")
+        self._answer(message)
+
+    def _draw_shape(self, message: wire.DrawShape) -> None:
+        """Put a polygon or route that somebody drew into the recording."""
+        corners = message.corners_map_m
+        if not 0 < len(corners) <= MAX_CORNERS:
+            raise Refused(f"{len(corners)} corners of a shape: it has 1 to {MAX_CORNERS}")
+        places = ", ".join(f"{x_m:.2f} {y_m:.2f}" for x_m, y_m in corners)
+        self._hub.note(self._page.name, f"{message.shape} (East North, m): {places}")
+        self._answer(message)
+
+    def _correct_pose(self, message: wire.CorrectPose) -> None:
+        """Only a robot at rest believes it."""
+        if min(message.std_m, message.std_rad) <= 0.0:
+            raise Refused(
+                f"sigmas {message.std_m:g} m and {message.std_rad:g} rad of a pose: must be above 0"
+            )
+        reason = self._no_seat()
+        if not reason and not self._is_at_rest():
+            reason = "the robot drives; pause its mission first"
+        if not reason:
+            pose = (message.x_map_m, message.y_map_m, message.yaw_map_rad)
+            numbers = (*pose, message.std_m, message.std_rad)
+            self._hub.event("pose_estimate", self._page.name, numbers=numbers)
+        self._answer(message, reason)
+
+    def _operate(self, message: wire.Request, action: OperatorAction) -> None:
+        reason = self._no_seat()
+        if not reason:
+            self._hub.event(action, self._page.name)
+        self._answer(message, reason)
+
+    def _is_at_rest(self) -> bool:
+        state = self._hub.live.state
+        speed_mps = None if state is None else state.v_mps
+        return speed_mps is not None and abs(speed_mps) <= STANDING_MPS
+
+    def _drive(self, v_mps: float, yaw_rate_radps: float) -> None:
+        self._is_driving = bool(v_mps or yaw_rate_radps)
+        by = self._page.name
+        self._hub.order(wire.DriveOrder(v_mps=v_mps, yaw_rate_radps=yaw_rate_radps, by=by))
+
+    def _no_seat(self) -> str:
+        reason = self._not_operator()
+        if not reason and self._hub.seat.holder != self._page.session:
+            reason = "take the operator's seat first"
+        return reason
+
+    def _not_operator(self) -> str:
+        if self._page.role != "operator":
+            return "you are logged in as a viewer, who may look on and stop the robot"
+        if self._page.channel is not self._hub.live or self._hub.live.source == "replay":
+            return "a recording is shown; nothing can be commanded in it"
+        if self._hub.is_robot_gone:
+            return "the robot's program has ended"
+        return ""
+
+    def _answer(self, message: wire.Request, reason: str = "") -> None:
+        if message.id or reason:
+            self._page.tell(wire.Verdict(id=message.id, ok=not reason, reason=reason))
+
+
+def _is_late(sent_ms: float | None) -> bool:
+    """By the sender's estimate of this machine's clock; a hand that gives none is believed."""
+    return sent_ms is not None and time.monotonic() - sent_ms / 1e3 > MAX_HAND_AGE_S
+
+
+def _clamp(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)

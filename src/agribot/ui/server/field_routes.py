@@ -1,0 +1,185 @@
+"""Fields and views that the page keeps, files that it takes in, and the plan over a field."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from email import message_from_bytes
+from typing import Any
+
+import msgspec
+from starlette.requests import Request
+from starlette.responses import Response
+
+from agribot.core.errors import AgribotError
+from agribot.gis.formats.table import read_field_file, write_field_file
+from agribot.ui import wire
+from agribot.ui.server.answers import (
+    NO_STORE,
+    Unusable,
+    json_answer,
+    name_of,
+    need_operator,
+    need_seat,
+    read_body,
+)
+from agribot.ui.server.field_check import check_field, datum_of
+from agribot.ui.server.hub import Hub
+from agribot.ui.server.mapviz_config import config_of, displays_of
+from agribot.ui.server.off_the_loop import run_in_process
+from agribot.ui.server.planning import Made, make_plan
+from agribot.ui.server.store import Store
+
+PLAN_TIMEOUT_S = 60.0
+Route = tuple[str, str, Callable[[Request], Awaitable[Response]]]  # method, path, what answers
+
+
+def _fields(request: Request) -> Store:
+    return Store(request.app.state.hub.home / "fields", ".geojson")
+
+
+def _views(request: Request) -> Store:
+    return Store(request.app.state.hub.home / "views", ".json")
+
+
+def _reading(path: str, store: Callable[[Request], Store], media_type: str) -> tuple[Route, ...]:
+    """Serve what is kept by name: the names, and one document."""
+
+    async def names(request: Request) -> Response:
+        return json_answer(store(request).names())
+
+    async def document(request: Request) -> Response:
+        return Response(store(request).read(request.path_params["name"]), media_type=media_type)
+
+    return ("GET", path, names), ("GET", f"{path}/{{name}}", document)
+
+
+async def put_field(request: Request) -> Response:
+    """Check before it is stored: a field that cannot be worked never replaces a good one."""
+    need_operator(request)
+    hub: Hub = request.app.state.hub
+    collection = await read_body(request, dict[str, Any])
+    name = request.path_params["name"]
+    datum = datum_of(hub.about.field)
+    verdict = await run_in_process(check_field, collection, datum, what="field")
+    if not verdict.ok:
+        error = f"field '{name}' is not stored: {verdict.reasons[0].text}"
+        return json_answer(msgspec.structs.replace(verdict, error=error), 422)
+    _fields(request).write(name, collection)
+    hub.note(name_of(request), f"stores field '{name}'")
+    return json_answer(verdict)
+
+
+async def delete_field(request: Request) -> Response:
+    need_operator(request)
+    hub: Hub = request.app.state.hub
+    _fields(request).delete(request.path_params["name"])
+    hub.note(name_of(request), f"deletes field '{request.path_params['name']}'")
+    return Response(status_code=204)
+
+
+async def import_field(request: Request) -> Response:
+    """Read a file: the body with `?filename=`, or the first file of a form; nothing is stored."""
+    need_operator(request)
+    name, data = request.query_params.get("filename", ""), await request.body()
+    content_type = request.headers.get("content-type", "")
+    form = content_type if content_type.startswith("multipart/form-data") else ""
+    try:
+        read = await run_in_process(_read_file, name, data, form, what="file")
+        return Response(read, media_type="application/json", headers=NO_STORE)
+    except AgribotError as error:
+        raise Unusable(422, str(error)) from error
+
+
+async def export_field(request: Request) -> Response:
+    """Convert the FeatureCollection of the body; `?format=` is an ending such as `.gpkg`."""
+    collection = await read_body(request, dict[str, Any])
+    suffix = request.query_params.get("format", "")
+    try:
+        data = await run_in_process(write_field_file, suffix, collection, what="field")
+    except AgribotError as error:
+        raise Unusable(422, str(error)) from error
+    return Response(data, media_type="application/octet-stream")
+
+
+def _read_file(name: str, data: bytes, form: str) -> bytes:
+    """Read the FeatureCollection in a file, as JSON; `form` is the type of a form around it."""
+    if form:
+        name, data = _first_file(form, data)
+    return msgspec.json.encode(read_field_file(name, data))
+
+
+def _first_file(content_type: str, data: bytes) -> tuple[str, bytes]:
+    message = message_from_bytes(f"Content-Type: {content_type}\r\n\r\n".encode() + data)
+    for part in message.walk():
+        name = part.get_filename()
+        if name:
+            payload = part.get_payload(decode=True)
+            return name, payload if isinstance(payload, bytes) else b""
+    raise Unusable(400, "the form holds no file")
+
+
+async def check_plan(request: Request) -> Response:
+    """Plan and certificate to look at; nothing moves."""
+    need_operator(request)
+    return json_answer((await _plan(request)).answer)
+
+
+async def apply_plan(request: Request) -> Response:
+    """Make a good plan the mission of a robot that stands; it does not set off by itself."""
+    need_seat(request)
+    hub: Hub = request.app.state.hub
+    made = await _plan(request)
+    if made.field is None:
+        error = f"the plan is not used: {made.answer.reasons[0].text}"
+        return json_answer(msgspec.structs.replace(made.answer, error=error), 422)
+    event = wire.EventOrder(action="plan", source=name_of(request), text=made.text)
+    refusal = await hub.request(event)
+    if refusal:
+        raise Unusable(409, refusal)
+    hub.about.field = made.field
+    hub.tell_all(wire.FieldChange())
+    return json_answer(made.answer)
+
+
+async def _plan(request: Request) -> Made:
+    hub: Hub = request.app.state.hub
+    wanted = await read_body(request, wire.PlanWish, 422)
+    config, robot = hub.about.config, hub.about.robot_spec
+    return await run_in_process(
+        make_plan, wanted, config, robot, timeout_s=PLAN_TIMEOUT_S, what="field"
+    )
+
+
+async def put_view(request: Request) -> Response:
+    need_operator(request)
+    _views(request).write(request.path_params["name"], await read_body(request, dict[str, Any]))
+    return Response(status_code=204)
+
+
+async def import_view(request: Request) -> Response:
+    """Read a configuration of mapviz from the body; nothing is stored."""
+    need_operator(request)
+    displays = await run_in_process(displays_of, await request.body(), what="file")
+    return json_answer(msgspec.convert(displays, wire.ImportedView))
+
+
+async def export_view(request: Request) -> Response:
+    """Write the displays of a view, and what it stays on, as a configuration of mapviz."""
+    told = await read_body(request, wire.ExportedView)
+    data = await run_in_process(config_of, told.displays, told.view, what="view")
+    return Response(data, media_type="application/yaml")
+
+
+ROUTES: tuple[Route, ...] = (
+    *_reading("/api/v1/fields", _fields, "application/geo+json"),
+    ("POST", "/api/v1/fields/import", import_field),
+    ("POST", "/api/v1/fields/export", export_field),
+    ("PUT", "/api/v1/fields/{name}", put_field),
+    ("DELETE", "/api/v1/fields/{name}", delete_field),
+    ("POST", "/api/v1/plan", check_plan),
+    ("POST", "/api/v1/plan/apply", apply_plan),
+    *_reading("/api/v1/views", _views, "application/json"),
+    ("PUT", "/api/v1/views/{name}", put_view),
+    ("POST", "/api/v1/views/import", import_view),
+    ("POST", "/api/v1/views/export", export_view),
+)

@@ -1,0 +1,246 @@
+"""Uvicorn's connections with the deadlines it lacks: nobody holds one by being slow or silent.
+
+Uvicorn ends idle connections only between two requests. Here the head of a request has to come
+within a time, an answer has to be taken, and a WebSocket whose other side is not heard is cut.
+The body of a request has its own deadline in `request_bodies`.
+"""
+
+from __future__ import annotations
+
+import array
+import asyncio
+import contextlib
+import fcntl
+import socket
+import ssl
+import termios
+from asyncio.sslproto import SSLProtocol
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+from agribot.ui.server.connection_slots import ConnectionSlots, Slot
+
+HEAD_S = 10.0  # for the whole head of a request, and what is left of the one before
+LOOK_S = 2.0  # between two looks at what is not yet taken of an answer
+STALL_S = 60.0  # in which nothing of an answer is taken; a slow line may take as long as it needs
+HANDSHAKE_S = 5  # of TLS
+DAY_S = 24 * 3600  # of TLS's goodbye, which HEAD_S and CLOSE_S limit once all is sent
+ACCEPTED_AT_ONCE = 32
+PING_EVERY_S = 2.0
+SILENT_S = 6.0  # a browser answers three pings by then, also with its page asleep
+CLOSE_S = 2.0  # for the goodbyes of both sides
+STUCK_S = 10.0  # in which a page takes not a byte, though it sends
+UNSENT_BYTES = 16 * 1024  # waiting in this machine; what is newer waits where it can be left out
+
+
+class GuardedHttp(H11Protocol):
+    """`app_state` holds the server's `slots`; requests find their own in `scope["state"]`."""
+
+    def __init__(self, config: Any, server_state: Any, app_state: dict[str, Any], **_: Any) -> None:
+        super().__init__(config, server_state, dict(app_state))
+        self._slots: ConnectionSlots = app_state["slots"]
+        self._slot: Slot | None = None
+        self._line: asyncio.Transport  # carries the bytes: with TLS, what is below it
+        self._timer: asyncio.TimerHandle | None = None
+        self._unsent_bytes = 0
+        self._taken_s = 0.0  # when the other side last took something of an answer
+
+    def enter(self, line: asyncio.Transport) -> bool:
+        """Whether there is a slot for this line."""
+        peer = line.get_extra_info("peername")
+        slot = Slot(str(peer[0]) if peer else "", line.abort)
+        if not self._slots.enter(slot):
+            line.abort()
+            return False
+        self._slot = self.app_state["slot"] = slot
+        self._line = self.app_state["line"] = line
+        return True
+
+    def leave(self) -> None:
+        if self._slot is not None:
+            self._slots.leave(self._slot)
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        if self._slot is None and not self.enter(transport):
+            return
+        super().connection_made(transport)
+        self._expect_request()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        if self._slot is None:
+            return
+        self.leave()
+        self._end_timer()
+        super().connection_lost(exc)
+
+    def handle_events(self) -> None:
+        before = self.cycle
+        super().handle_events()
+        if self.cycle is not before:
+            self._watch_answer()
+
+    def handle_websocket_upgrade(self, event: Any) -> None:
+        self._end_timer()
+        super().handle_websocket_upgrade(event)
+
+    def on_response_complete(self) -> None:
+        """Complete is what was written; a slow line may carry it for minutes yet."""
+        self._watch_answer()
+        super().on_response_complete()
+
+    def resume_writing(self) -> None:
+        self._taken_s = self.loop.time()
+        super().resume_writing()
+
+    def _expect_request(self) -> None:
+        self._taken_s = self.loop.time()
+        self._end_timer()
+        self._timer = self.loop.call_later(HEAD_S, self._line.abort)
+
+    def _watch_answer(self) -> None:
+        """Look every so often whether it is taken, until all of it is."""
+        now_s, unsent_bytes = self.loop.time(), count_unsent(self._line)
+        if unsent_bytes == 0 and self.cycle.response_complete:
+            self._expect_request()
+            return
+        if unsent_bytes == 0 or unsent_bytes < self._unsent_bytes:
+            self._taken_s = now_s
+        self._unsent_bytes = unsent_bytes
+        if now_s - self._taken_s > STALL_S:
+            self._line.abort()
+            return
+        self._end_timer()
+        self._timer = self.loop.call_later(LOOK_S, self._watch_answer)
+
+    def _end_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+
+class GuardedTls(SSLProtocol):
+    """TLS whose connection has its slot from the first byte on: a handshake costs one, too."""
+
+    def __init__(self, http: GuardedHttp, context: ssl.SSLContext) -> None:
+        super().__init__(
+            http.loop, http, context, None, server_side=True,  # type: ignore[arg-type]
+            ssl_handshake_timeout=HANDSHAKE_S, ssl_shutdown_timeout=DAY_S,
+        )  # fmt: skip
+        self._http = http
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        if self._http.enter(transport):
+            super().connection_made(transport)
+
+    def connection_lost(self, exc: BaseException | None) -> None:
+        self._http.leave()
+        super().connection_lost(exc)
+
+
+async def serve_guarded(
+    create_server: Callable[..., Awaitable[asyncio.Server]],
+    make_http: Callable[[], GuardedHttp],
+    *,
+    sock: socket.socket,
+    ssl: ssl.SSLContext | None,
+    backlog: int,
+) -> asyncio.Server:
+    """Do what the loop's `create_server` does, with `GuardedTls` and without its long rounds.
+
+    The loop accepts as many connections in one round as may wait, before any of them gives way to
+    another: a flood would take all descriptors, and then nobody is let in for a second.
+    """
+    make = make_http if ssl is None else lambda: GuardedTls(make_http(), ssl)
+    server = await create_server(make, sock=sock, backlog=ACCEPTED_AT_ONCE)
+    sock.listen(backlog)
+    return server
+
+
+def count_unsent(line: asyncio.Transport) -> int:
+    """Count what was written and not yet taken by the other side, here and in the system."""
+    count = array.array("i", [0])
+    with contextlib.suppress(OSError, ValueError, AttributeError):  # gone, or not known there
+        fcntl.ioctl(line.get_extra_info("socket").fileno(), termios.TIOCOUTQ, count)  # tcp(7)
+    return count[0] + line.get_write_buffer_size()
+
+
+class GuardedSocket(WebSocketsSansIOProtocol):
+    """Signs of life are whatever is heard, and that what waits to be sent gets less.
+
+    On a slow line a ping waits behind a picture, and its answer comes late. Little waits in the
+    buffers, so that states that are out of date are left out before they get there. A line that
+    is given up is aborted: a close in order would wait until the page has taken all of it.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self._heard_s = self.loop.time()
+        self._queued_bytes = 0
+        self._look: asyncio.TimerHandle | None = None
+        self._stuck: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: Any) -> None:
+        super().connection_made(transport)
+        transport.set_write_buffer_limits(high=UNSENT_BYTES)
+        with contextlib.suppress(OSError, AttributeError):  # where the system knows the option
+            line = transport.get_extra_info("socket")
+            line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
+        self._look = self.loop.call_later(PING_EVERY_S, self._ping)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self.app_state["slots"].leave(self.app_state["slot"])
+        if self._look is not None:
+            self._look.cancel()
+        self._watch_buffer(None)
+        super().connection_lost(exc)
+
+    def pause_writing(self) -> None:
+        super().pause_writing()
+        self._watch_buffer(self._count_queued())
+
+    def resume_writing(self) -> None:
+        self._watch_buffer(None)
+        super().resume_writing()
+
+    def data_received(self, data: bytes) -> None:
+        self._heard_s = self.loop.time()
+        super().data_received(data)
+
+    def on_task_complete(self, task: asyncio.Task[None]) -> None:
+        """Cut the connection: a close would wait until all is sent, which may be never."""
+        super().on_task_complete(task)
+        self.loop.call_later(CLOSE_S, self.transport.abort)
+
+    def _ping(self) -> None:
+        queued_bytes = self._count_queued()
+        if queued_bytes < self._queued_bytes:
+            self._heard_s = self.loop.time()
+        self._queued_bytes = queued_bytes
+        if self.loop.time() - self._heard_s > SILENT_S:
+            self.transport.abort()
+            return
+        if self.handshake_complete and not self.close_sent and not self.transport.is_closing():
+            self.conn.send_ping(b"")
+            self.transport.write(b"".join(self.conn.data_to_send()))
+        self._look = self.loop.call_later(PING_EVERY_S, self._ping)
+
+    def _count_queued(self) -> int:
+        return count_unsent(self.app_state["line"])
+
+    def _watch_buffer(self, size_bytes: int | None) -> None:
+        """Look again later whether it has shrunk; None ends that."""
+        if self._stuck is not None:
+            self._stuck.cancel()
+            self._stuck = None
+        if size_bytes is not None:
+            self._stuck = self.loop.call_later(STUCK_S, self._cut_if_stuck, size_bytes)
+
+    def _cut_if_stuck(self, before_bytes: int) -> None:
+        size_bytes = self._count_queued()
+        if size_bytes >= before_bytes:
+            self.transport.abort()
+        else:
+            self._watch_buffer(size_bytes)

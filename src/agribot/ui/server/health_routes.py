@@ -1,0 +1,184 @@
+"""How the robot is: checks with advice, rates against their nominal ones, a bundle for support."""
+
+from __future__ import annotations
+
+import io
+import os
+import platform
+import shutil
+import time
+import zipfile
+from importlib.metadata import distributions
+from pathlib import Path
+
+import msgspec
+from starlette.requests import Request
+from starlette.responses import Response
+
+from agribot.core.version import __version__
+from agribot.ui import wire
+from agribot.ui.server.answers import json_answer, need_operator
+from agribot.ui.server.hub import Hub
+from agribot.ui.server.off_the_loop import run_in_thread
+
+LOW_DISK_BYTES = 1_000_000_000
+LATE_RATIO = 0.8  # of a nominal rate, below which a sensor is slow
+SILENT_S = 1.0
+LOW_CHARGE_PCT = 20.0
+LOW_ACCURACY_M = 0.1  # one sigma
+SUPPORT_FILES = ("config.toml", "events.jsonl", "report.json")
+
+
+async def health(request: Request) -> Response:
+    return json_answer(_health(request.app.state.hub))
+
+
+def _health(hub: Hub) -> wire.Health:
+    rates = measure_rates(hub)
+    memory = memory_bytes()
+    return wire.Health(
+        checks=[*_robot_checks(hub), *_rate_checks(rates), _disk(hub), _pages(hub)],
+        rates=rates,
+        cpu_ratio=cpu_ratio(hub),
+        memory_bytes=memory,
+        server=wire.ServerCost(cpu_s=time.process_time(), memory_bytes=memory),
+        log=list(hub.live.events)[-100:],
+    )
+
+
+def _check(
+    name: str,
+    state: wire.CheckState,
+    text: str,
+    advice: str = "",
+    value: float | str | None = None,
+) -> wire.HealthCheck:
+    return wire.HealthCheck(name=name, state=state, text=text, advice=advice, value=value)
+
+
+def _robot_checks(hub: Hub) -> list[wire.HealthCheck]:
+    state = hub.live.state
+    if hub.is_robot_gone:
+        return [_check("robot", "fault", "its program has ended", "start it again")]
+    if state is None:
+        return [_check("robot", "warn", "no state yet", "wait for the first tick")]
+    age_s = time.monotonic() - state.mono_ms / 1e3
+    checks = [
+        _check("control loop", "fault", f"silent for {age_s:.1f} s", "look at its terminal", age_s)
+        if age_s > SILENT_S
+        else _check("control loop", "ok", "ticks arrive", value=round(age_s, 3))
+    ]
+    if state.stop:
+        checks.append(_check("stop", "warn", state.stop, "clear the stop to go on"))
+    checks.append(_position(state))
+    battery = state.battery
+    if battery:
+        is_low = battery.charge_pct is not None and battery.charge_pct < LOW_CHARGE_PCT
+        charge = "" if battery.charge_pct is None else f", {battery.charge_pct:.0f} %"
+        text = f"{battery.voltage_v:.1f} V{charge}"
+        advice = "charge it" if is_low else ""
+        checks.append(_check("battery", "warn" if is_low else "ok", text, advice))
+    return checks
+
+
+def _position(state: wire.State) -> wire.HealthCheck:
+    std_m = state.pos_std_m
+    if state.pose is None or std_m is None:
+        return _check("position", "warn", state.reason or "unknown", "wait for GNSS fixes")
+    if std_m > LOW_ACCURACY_M:
+        advice = "open sky, or a receiver with corrections"
+        return _check("position", "warn", f"known to {std_m:.2f} m only", advice, std_m)
+    return _check("position", "ok", f"known to {std_m:.3f} m", value=std_m)
+
+
+def _rate_checks(rates: list[wire.SensorRate]) -> list[wire.HealthCheck]:
+    checks = []
+    for rate in rates:
+        measured_hz, expected_hz = rate.measured_hz, rate.expected_hz
+        if measured_hz is None or expected_hz is None or measured_hz >= LATE_RATIO * expected_hz:
+            continue
+        text = f"{measured_hz:.1f} Hz instead of {expected_hz:g} Hz"
+        state: wire.CheckState = "fault" if measured_hz == 0.0 else "warn"
+        checks.append(_check(rate.topic, state, text, "check its cable and power", measured_hz))
+    return checks
+
+
+def measure_rates(hub: Hub) -> list[wire.SensorRate]:
+    """Count samples per second of the robot's own time, over the last few seconds."""
+    counts = hub.counts
+    passed_s = counts[-1].t_s - counts[0].t_s if counts else 0.0
+    rates = []
+    for topic, expected_hz in hub.about.rates.items():
+        measured_hz = None
+        if passed_s > 0.0:
+            count = counts[-1].samples.get(topic, 0) - counts[0].samples.get(topic, 0)
+            measured_hz = round(count / passed_s, 2)
+        rates.append(wire.SensorRate(topic=topic, expected_hz=expected_hz, measured_hz=measured_hz))
+    return rates
+
+
+def cpu_ratio(hub: Hub) -> float | None:
+    """Of one core, by the robot's program and this server together."""
+    counts = hub.counts
+    passed_s = counts[-1].wall_s - counts[0].wall_s if counts else 0.0
+    if passed_s <= 0.0:
+        return None
+    robot = (counts[-1].cpu_s - counts[0].cpu_s) / passed_s
+    own = time.process_time() / (time.monotonic() - hub.started_s)
+    return round(robot + own, 3)
+
+
+def memory_bytes() -> int:
+    """Resident memory of this process; 0 where the system does not tell."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def _disk(hub: Hub) -> wire.HealthCheck:
+    folder = Path(hub.about.runs_dir)
+    free = shutil.disk_usage(folder if folder.is_dir() else Path("/")).free
+    text = f"{free / 1e9:.1f} GB free"
+    if free < LOW_DISK_BYTES:
+        return _check("disk", "warn", text, "delete old recordings", free)
+    return _check("disk", "ok", text, value=free)
+
+
+def _pages(hub: Hub) -> wire.HealthCheck:
+    dropped = sum(socket.client.dropped for socket in hub.sockets)
+    text = f"{len(hub.sockets)} connected, {dropped} old states left out, {hub.refusals} refused"
+    return _check("pages", "ok", text, value=len(hub.sockets))
+
+
+async def support(request: Request) -> Response:
+    """Pack settings, events, health and versions; no tokens, no pictures."""
+    need_operator(request)
+    data = await run_in_thread(_bundle, request.app.state.hub)
+    headers = {"content-disposition": 'attachment; filename="agribot-support.zip"'}
+    return Response(data, media_type="application/zip", headers=headers)
+
+
+def _bundle(hub: Hub) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        versions = sorted(f"{d.metadata['Name']}=={d.version}" for d in distributions())
+        machine = (
+            f"agribot {__version__}\n{platform.platform()}\nPython {platform.python_version()}"
+        )
+        archive.writestr("versions.txt", "\n".join([machine, *versions]) + "\n")
+        archive.writestr("health.json", msgspec.json.format(msgspec.json.encode(_health(hub))))
+        archive.writestr("settings.json", msgspec.json.encode(hub.about.settings))
+        archive.writestr("state.json", hub.live.state_text or "{}")
+        run = Path(hub.about.runs_dir) / hub.about.current
+        for name in SUPPORT_FILES:
+            if hub.about.current and (run / name).is_file():
+                archive.write(run / name, name)
+    return buffer.getvalue()
+
+
+ROUTES = (
+    ("GET", "/api/v1/health", health),
+    ("GET", "/api/v1/support.zip", support),
+)

@@ -1,0 +1,195 @@
+"""What all connections of the server share: channels, seat, access, the robot's line."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from agribot.core.messages import OperatorAction
+from agribot.ui import wire
+from agribot.ui.about import About
+from agribot.ui.server.access import Access
+from agribot.ui.server.channel import Channel
+from agribot.ui.server.replay import Replay
+from agribot.ui.server.seat import Seat
+from agribot.ui.server.stops import Stops
+
+T = TypeVar("T")
+ToRobot = Callable[[wire.RobotOrder], None]
+MAX_REPLAYS = 4  # at a time; whoever started the oldest is shown the robot again
+NOTES_PER_MINUTE = 60
+TELL_SEAT_S = 0.05
+ANSWER_S = 10.0  # of the robot's program
+
+
+class NotWanted(Exception):
+    """The robot's program says in one sentence why it does not do what was asked of it."""
+
+
+class Hub:
+    def __init__(self, about: About, to_robot: ToRobot) -> None:
+        self.about = about
+        self.live = Channel(about.source, epoch=about.run_id)
+        self.seat = Seat()
+        self.is_robot_gone = False
+        self.counts: deque[wire.TickCounts] = deque(maxlen=8)
+        self.sockets: set[Any] = set()
+        self._replays: dict[str, Replay] = {}
+        self.choices: dict[str, object] = {}  # the last of each browser that waits for it
+        self.refusals = 0
+        self.visits = 0
+        self._asked = 0
+        self._answers: dict[int, asyncio.Future[wire.Answer]] = {}
+        self.started_s = time.monotonic()
+        is_local = about.host in {"127.0.0.1", "localhost", "::1"}
+        self.access = Access(
+            about.names, about.port, about.operator_token, about.viewer_token, about.session_key,
+            is_local=is_local, is_encrypted=bool(about.tls_cert),
+        )  # fmt: skip
+        self._to_robot = to_robot
+        self.stops = Stops(lambda source, text: self.event("stop", source, text))
+        self._seat_timer: asyncio.TimerHandle | None = None
+        self._noted_s: deque[float] = deque(maxlen=NOTES_PER_MINUTE)
+
+    @property
+    def has_robot(self) -> bool:
+        """Not where a recording or a description alone is served."""
+        return self.live.source not in ("replay", "description")
+
+    def channel_of(self, session: str) -> Channel:
+        """Find the stream that a page looks at: live, unless its browser replays a recording."""
+        return self.replay_of(session.partition("/")[0]) or self.live
+
+    def replay_of(self, browser: str) -> Replay | None:
+        return self._replays.get(browser) or self._replays.get("")
+
+    def start_replay(self, browser: str, replay: Replay) -> None:
+        """For one browser; for all of them where `browser` is empty."""
+        self._replays[browser] = replay
+        while len(self._replays) > MAX_REPLAYS:
+            self.end_replay(next(iter(self._replays)))
+        self._follow()
+
+    def end_replay(self, browser: str) -> None:
+        self._replays.pop(browser, None)
+        self._follow()
+
+    def step_replays(self, wall_s: float) -> None:
+        """Move on those that somebody watches."""
+        for replay in self._replays.values():
+            if replay.clients:
+                replay.step(wall_s)
+
+    def cut_gone_pages(self, now_s: float) -> None:
+        for socket in self.sockets:
+            socket.cut_if_gone(now_s)
+
+    def tell_live(self) -> None:
+        """Those who look at a recording are told what the robot itself does meanwhile."""
+        watching = [socket for socket in self.sockets if socket.channel is not self.live]
+        state = self.live.state if watching and self.has_robot else None
+        if state is not None:
+            for socket in watching:
+                socket.tell(wire.LiveState(mode=state.mode, stop=state.stop))
+
+    def _follow(self) -> None:
+        for socket in self.sockets:
+            channel = self.channel_of(socket.session)
+            if channel is not socket.channel:
+                socket.follow(channel)
+
+    def tell_seat(self) -> None:
+        """Soon, and once for all that changes until then: a flood would push out answers."""
+        if self._seat_timer is None:
+            loop = asyncio.get_running_loop()
+            self._seat_timer = loop.call_later(TELL_SEAT_S, self._tell_seat)
+
+    def _tell_seat(self) -> None:
+        self._seat_timer = None
+        for socket in self.sockets:
+            socket.tell_seat()
+
+    @property
+    def home(self) -> Path:
+        return Path(self.about.home_dir)
+
+    def order(self, message: wire.RobotOrder) -> None:
+        """Send a request to the robot; one that is gone hears nothing."""
+        if not self.is_robot_gone:
+            self._to_robot(message)
+
+    async def ask(self, question: wire.Question, type: type[T], timeout_s: float = ANSWER_S) -> T:
+        """Let the robot's program work something out.
+
+        Raises: TimeoutError: it did not answer. LookupError: it could not, the text says why.
+            NotWanted: it does not want to.
+        """
+        answer = await self._ask(question, timeout_s)
+        if answer.refusal:
+            raise NotWanted(answer.refusal)
+        return msgspec.convert(answer.value, type)
+
+    async def _ask(self, question: wire.Question, timeout_s: float) -> wire.Answer:
+        if self.is_robot_gone:
+            raise LookupError("the robot's program has ended")
+        self._asked += 1
+        id = self._asked
+        waiting: asyncio.Future[wire.Answer] = asyncio.get_running_loop().create_future()
+        self._answers[id] = waiting
+        try:
+            self.order(wire.Ask(id=id, question=question))
+            answer = await asyncio.wait_for(waiting, timeout_s)
+        finally:
+            del self._answers[id]
+        if answer.error:
+            raise LookupError(answer.error)
+        return answer
+
+    def hear_answer(self, answer: wire.Answer) -> None:
+        waiting = self._answers.get(answer.id)
+        if waiting is not None and not waiting.done():
+            waiting.set_result(answer)
+
+    def event(
+        self,
+        action: OperatorAction,
+        source: str,
+        text: str = "",
+        value: float = 0.0,
+        numbers: tuple[float, ...] = (),
+    ) -> None:
+        self.order(
+            wire.EventOrder(action=action, source=source, text=text, value=value, numbers=numbers)
+        )
+
+    async def request(self, event: wire.EventOrder) -> str:
+        """Ask for what the mission may refuse: why it does, or nothing where it was taken."""
+        try:
+            return (await self._ask(event, ANSWER_S)).refusal
+        except TimeoutError:
+            return f"the robot's program did not answer within {ANSWER_S:g} s"
+        except LookupError as error:
+            return str(error)
+
+    def tell_all(self, message: wire.ServerMessage) -> None:
+        for socket in self.sockets:
+            socket.tell(message)
+
+    def note(self, source: str, text: str) -> None:
+        """Who did what, into the recording; a flood of them is cut."""
+        now_s = time.monotonic()
+        if len(self._noted_s) == NOTES_PER_MINUTE and now_s - self._noted_s[0] < 60.0:
+            return
+        self._noted_s.append(now_s)
+        self.event("note", source, text)
+
+    def refuse(self, who: str, reason: str) -> None:
+        """Somebody was turned away at the door."""
+        self.refusals += 1
+        self.note(who, f"refused: {reason}")

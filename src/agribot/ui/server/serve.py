@@ -1,0 +1,182 @@
+"""The server's process: reads the robot's two lines, serves the page, ends with the robot."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import functools
+import gc
+import queue
+import signal
+import socket
+import threading
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+
+from agribot.ui import wire
+from agribot.ui.about import About
+from agribot.ui.server.app import build_app
+from agribot.ui.server.camera import Camera, unpack_pixels
+from agribot.ui.server.connection_slots import ConnectionSlots
+from agribot.ui.server.guarded_connections import GuardedHttp, GuardedSocket, serve_guarded
+from agribot.ui.server.hub import Hub
+from agribot.ui.server.off_the_loop import run_in_thread
+from agribot.ui.server.replay import STATE_HZ, Replay
+
+MAX_FRAME_BYTES = 64 * 1024
+ORDERS_KEPT = 500
+WATCH_S = 0.25
+
+
+class QuietServer(uvicorn.Server):
+    """Signals are the robot's business: an interrupt must stop the wheels before the page."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+
+class RobotLine:
+    """Orders to the robot, written by a thread: a robot that hangs does not hang the server."""
+
+    def __init__(self, link: Connection) -> None:
+        self._link = link
+        self._orders: queue.SimpleQueue[wire.RobotOrder] = queue.SimpleQueue()
+        threading.Thread(target=self._run, name="orders", daemon=True).start()
+
+    def put(self, order: wire.RobotOrder) -> None:
+        is_stop = isinstance(order, wire.EventOrder) and order.action == "stop"
+        if is_stop or self._orders.qsize() < ORDERS_KEPT:
+            self._orders.put(order)
+
+    def _run(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                self._link.send_bytes(wire.encode(self._orders.get()))
+
+
+def main(about: About, link: Connection, camera_link: Connection, listener: socket.socket) -> None:
+    """Serve until the robot's end of `link` is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.freeze()
+    asyncio.run(_serve(about, link, camera_link, listener))
+
+
+async def _serve(
+    about: About, link: Connection, camera_link: Connection, listener: socket.socket
+) -> None:
+    line = RobotLine(link)
+    hub = Hub(about, line.put)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(app: Any) -> AsyncIterator[dict[str, Any]]:
+        tasks = [asyncio.create_task(_watch(hub)), asyncio.create_task(_replay(hub))]
+        loop = asyncio.get_running_loop()
+        camera: Camera = app.state.camera
+        ended = functools.partial(_end, hub, server)
+        _read(link, loop, lambda data: _hear(hub, data, ended), ended)
+        _read(camera_link, loop, lambda data: camera.show(unpack_pixels(data)), lambda: None)
+        if about.recording:  # the watch says meanwhile that the loop goes round
+            path = Path(about.recording)
+            hub.start_replay("", await run_in_thread(Replay.load, path, about.current))
+        hub.order(wire.Ready())
+        yield {"slots": ConnectionSlots()}
+        for task in tasks:
+            task.cancel()
+
+    config = uvicorn.Config(
+        build_app(hub, lifespan),
+        http=GuardedHttp,
+        ws=GuardedSocket,
+        ws_max_size=MAX_FRAME_BYTES,
+        ws_per_message_deflate=False,
+        ws_ping_interval=None,
+        ws_ping_timeout=None,
+        log_level="error",
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=2,
+        ssl_certfile=about.tls_cert or None,
+        ssl_keyfile=about.tls_key or None,
+    )
+    server = QuietServer(config)
+    loop = asyncio.get_running_loop()
+    guarded = functools.partial(serve_guarded, loop.create_server)
+    loop.create_server = guarded  # type: ignore[method-assign]
+    loop.add_signal_handler(signal.SIGTERM, lambda: _end(hub, server))
+    await server.serve(sockets=[listener])
+
+
+def _read(link: Connection, loop: asyncio.AbstractEventLoop, hear: Any, end: Any) -> None:
+    """Hand over one message after the other in a thread; a busy loop slows the sender down."""
+
+    async def handed(data: bytes) -> None:
+        hear(data)
+
+    def run() -> None:
+        with contextlib.suppress(OSError, EOFError, RuntimeError):
+            while True:
+                asyncio.run_coroutine_threadsafe(handed(link.recv_bytes()), loop).result()
+        with contextlib.suppress(RuntimeError):
+            loop.call_soon_threadsafe(end)
+
+    threading.Thread(target=run, name="robot", daemon=True).start()
+
+
+def _hear(hub: Hub, data: bytes, end: Callable[[], None]) -> None:
+    message = wire.read_robot_message(data)
+    if isinstance(message, wire.State):
+        hub.live.publish_state(message)
+    elif isinstance(message, wire.TickCounts):
+        hub.counts.append(message)
+    elif isinstance(message, wire.Answer):
+        hub.hear_answer(message)
+    elif isinstance(message, wire.End):
+        end()
+    else:
+        hub.live.publish_growth(message)
+
+
+def _end(hub: Hub, server: uvicorn.Server) -> None:
+    if hub.is_robot_gone:
+        return
+    hub.is_robot_gone = True
+    for page in hub.sockets:
+        page.tell(wire.Bye(reason="the robot's program has ended"))
+    asyncio.get_running_loop().call_later(0.3, _close, server)
+
+
+def _close(server: uvicorn.Server) -> None:
+    server.should_exit = True
+
+
+async def _watch(hub: Hub) -> None:
+    """Tells pages when the seat becomes free, and the robot when its operator is gone.
+
+    The robot hears each time that the loop goes round.
+    """
+    was_silent = True
+    while True:
+        await asyncio.sleep(WATCH_S)
+        hub.order(wire.Alive())
+        hub.tell_live()
+        hub.cut_gone_pages(time.monotonic())
+        is_silent = hub.seat.is_silent(time.monotonic())
+        if is_silent != was_silent:
+            was_silent = is_silent
+            hub.tell_seat()
+            if is_silent and hub.seat.holder:
+                hub.order(wire.OperatorLost(by=hub.seat.name))
+
+
+async def _replay(hub: Hub) -> None:
+    next_s = time.monotonic()
+    while True:
+        hub.step_replays(time.monotonic())
+        next_s = max(next_s + 1.0 / STATE_HZ, time.monotonic())
+        await asyncio.sleep(next_s - time.monotonic())

@@ -1,0 +1,56 @@
+"""The suite's own rules: what waits for the night, what a band is, whom CPU time is charged to."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.nightly import mean_square_band
+
+ROOT = Path(__file__).parents[1]
+IN_PART = "tests/autonomy/estimate/test_start_mark.py"
+SPENT_S = 0.3
+SPENDER = f"""
+import subprocess, sys
+SPEND = "import time\\nwhile time.process_time() < {SPENT_S}: pass"
+def test_that_lets_a_child_work():
+    subprocess.run([sys.executable, "-c", SPEND], check=True)
+def test_that_does_nothing():
+    pass
+"""
+
+
+def run_pytest(*words: str) -> str:
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *words]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+
+
+def test_by_day_a_test_takes_few_seeds_and_by_night_the_same_test_takes_all() -> None:
+    by_day = run_pytest("--collect-only", IN_PART)
+    assert "[6 seeds]" in by_day and "[20 seeds]" not in by_day
+    by_night = run_pytest("--collect-only", "-m", "nightly", IN_PART)
+    assert "[20 seeds]" in by_night and "[6 seeds]" not in by_night
+
+
+@pytest.mark.parametrize(("count", "freedom"), [(1, 3), (12, 2), (50, 1)])
+def test_ideal_errors_are_within_the_band_of_their_count_as_often_as_it_says(
+    count: int, freedom: int
+) -> None:
+    errors = np.random.default_rng(1).standard_normal((20_000, count, freedom))
+    means = (errors**2).sum(axis=2).mean(axis=1)
+    low, high = mean_square_band(count, freedom)
+    assert np.mean((low < means) & (means < high)) == pytest.approx(0.95, abs=0.005)
+
+
+def test_the_work_of_a_process_is_charged_to_the_test_that_started_it(tmp_path: Path) -> None:
+    file = tmp_path / "test_spending.py"
+    file.write_text(SPENDER)
+    said = run_pytest("-p", "tests.cpu_times", "--cpu-times", "0", str(file))
+    spent_s = {name: float(s) for s, name in re.findall(r"([\d.]+) s call .*::(\w+)", said)}
+    assert spent_s["test_that_lets_a_child_work"] >= SPENT_S
+    assert spent_s["test_that_does_nothing"] < SPENT_S
