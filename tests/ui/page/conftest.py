@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Error, Page, expect, sync_playwright
 from playwright.sync_api import TimeoutError as NotThere
 
+from agribot.ui import wire
 from tests import machine
 from tests.ui.page.fake_server import PAGE, FakeServer, serving
 from tests.waiting import PATIENCE_S, wait_for
@@ -17,18 +18,7 @@ GL_ARGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshad
 expect.set_options(timeout=1000 * PATIENCE_S)
 WITHOUT_GL = "off=map,scene"
 PRESSES, PRESS_S = 18, 10.0
-SCREENS = [
-    "drive",
-    "teleop",
-    "camera",
-    "weeds",
-    "plan",
-    "plots",
-    "robot",
-    "recordings",
-    "settings",
-    "health",
-]
+SCREENS = list(wire.SCREENS)
 # A gamepad as the browser gives one; tests press and push what they like.
 PLUG_IN = """
   window.__pad = {id: 'Test pad (standard)', connected: true, mapping: 'standard',
