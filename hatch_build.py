@@ -52,7 +52,7 @@ class PageBuildHook(BuildHookInterface):  # type: ignore[type-arg]
 
 
 def is_fresh(root: Path) -> bool:
-    """True when the bundle is newer than every source of the page, or there are no sources."""
+    """Say whether the bundle is newer than every source of the page, or there are no sources."""
     web = root / "web"
     if not (web / "package.json").is_file():
         return True
@@ -73,7 +73,7 @@ def page_sources(web: Path) -> list[Path]:
 
 
 def node_on_path() -> str | None:
-    """The npm beside a Node on PATH that is new enough."""
+    """Find the npm beside a Node on PATH that is new enough."""
     node, npm = shutil.which("node"), shutil.which("npm")
     if not node or not npm:
         return None

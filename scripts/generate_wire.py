@@ -30,7 +30,7 @@ Struct = type[msgspec.Struct]
 
 
 def write_files(root: Path = ROOT) -> dict[Path, str]:
-    """The text of every file that is generated, by its path below `root`."""
+    """Make the text of every generated file, by its path below `root`."""
     return {root / WIRE: write_wire(), root / SCREENS: write_screens(wire.SCREENS)}
 
 
@@ -101,7 +101,7 @@ class Names:
         return f"  {name}{'?' if is_optional or is_unset else ''}: {self.write(hint)}"
 
     def _write_row(self, name: str, fields: list[tuple[str, Any, bool]]) -> list[str]:
-        """The columns of a struct that crosses the wire as a row, and the struct from them."""
+        """Write the columns of a struct that crosses as a row, and the struct from them."""
         columns = [f"  {column}: {self.write(hint)}," for column, hint, _ in fields]
         values = [f"    {column}: row[{number}]," for number, (column, _, _) in enumerate(fields)]
         return [

@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "docs" / "contribute").glob("*.md"))
 TABLES = (platforms._KINDS, schemes._KINDS, implements._registered, CORRECTIONS, COMMANDS)
 MARKS = {
-    name: pytest.mark.slow for name in ("platform", "source", "tool")
+    name: pytest.mark.slow for name in ("platform", "screen", "source", "tool")
 }  # a drive of some seconds
 _FILE = re.compile(r"^```\w+ file=(\S+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
@@ -47,7 +47,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 def test_every_page_brings_one_file_and_a_test_of_it() -> None:
     assert {page.stem for page in PAGES} >= {
-        "command", "correction", "platform", "source", "tool",
+        "command", "correction", "platform", "screen", "source", "tool",
     }  # fmt: skip
     for page in PAGES:
         modules = [name for name in files_of(page) if name.endswith(".py")]

@@ -142,7 +142,7 @@ def build(
 def perceiving(
     config: RunConfig, robot: RobotSpec, on_mask: MaskTap | None = None
 ) -> PerceptionHost:
-    """The camera network off the control loop; `on_mask` hears every frame index and class map."""
+    """Put the camera network off the control loop; `on_mask` gets frame indices and class maps."""
     settings = config.perception
     if not settings.enabled or robot.camera is None:
         return NoPerception()

@@ -28,6 +28,11 @@ class Pose2:
         object.__setattr__(self, "sin", math.sin(self.yaw_rad))
 
     @property
+    def xy_m(self) -> tuple[float, float]:
+        """Where it stands, in the parent."""
+        return self.x_m, self.y_m
+
+    @property
     def ahead(self) -> tuple[float, float]:
         """Unit vector of the heading, in the parent."""
         return self.cos, self.sin

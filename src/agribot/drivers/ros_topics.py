@@ -12,7 +12,10 @@ NODE = "agribot_sensors"
 
 
 def open_ros2_topic(sensor: Sensor, uri: SourceUri, context: SourceContext) -> TopicSource:
-    """Raises: BridgeError: the network cannot be reached."""
+    """Open a topic of ROS 2.
+
+    Raises: BridgeError: the network cannot be reached.
+    """
     from agribot.ros.ros2.connection import Ros2Connection
 
     router = f"tcp/{uri.at}" if uri.at else context.ros.router()
@@ -24,7 +27,10 @@ def open_ros2_topic(sensor: Sensor, uri: SourceUri, context: SourceContext) -> T
 
 
 def open_ros1_topic(sensor: Sensor, uri: SourceUri, context: SourceContext) -> TopicSource:
-    """Raises: BridgeError: the master cannot be reached."""
+    """Open a topic of ROS 1.
+
+    Raises: BridgeError: the master cannot be reached.
+    """
     from agribot.ros.ros1.connection import Ros1Connection
 
     master = check_master(f"http://{uri.at}") if uri.at else context.ros.master()

@@ -100,7 +100,10 @@ def register_scheme(
 
 
 def find_kind(scheme: str) -> SourceKind:
-    """Raises: KeyError: nobody registered it."""
+    """Find what opens the sources of a scheme.
+
+    Raises: KeyError: nobody registered it.
+    """
     return _KINDS[scheme]
 
 
@@ -129,7 +132,10 @@ def read_sources(sources: SourceConfig) -> dict[str, SourceUri]:
 
 
 def require_extras(sources: Mapping[str, SourceUri]) -> None:
-    """Raises: MissingExtraError: a source needs packages that are not installed."""
+    """Refuse sources that need packages which are not installed.
+
+    Raises: MissingExtraError: one does.
+    """
     for name, uri in sources.items():
         extra = _KINDS[uri.scheme].extra
         if extra:

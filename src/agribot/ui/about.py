@@ -44,5 +44,5 @@ class About(msgspec.Struct, kw_only=True):
 
 
 def make_epoch() -> int:
-    """A number that nothing else has that is or was shown at this address."""
+    """Make a number that nothing else has that is or was shown at this address."""
     return secrets.randbits(EPOCH_BITS)

@@ -41,7 +41,10 @@ class Address(msgspec.Struct, kw_only=True):
         return bool(self.tls_cert)
 
     def check_tls(self) -> None:
-        """Raises: ConfigError: one file of the two, or files that do not fit each other."""
+        """Check certificate and key.
+
+        Raises: ConfigError: one file of the two, or files that do not fit each other.
+        """
         if not (self.tls_cert or self.tls_key):
             return
         if not (self.tls_cert and self.tls_key):
@@ -72,7 +75,7 @@ class Address(msgspec.Struct, kw_only=True):
         return (*own, hostname, f"{hostname}.local", *self.allowed_hosts)
 
     def url(self, port: int) -> str:
-        """The address to open: on the network it carries the token."""
+        """Return the address to open: on the network it carries the token."""
         if self.is_local:
             return f"{self._scheme}://127.0.0.1:{port}/"
         return self.lan_url(port)
@@ -127,7 +130,10 @@ def door_file(port: int) -> Path:
 
 
 def read_door(port: int) -> Door:
-    """Raises: ConfigError: no robot with a page runs here."""
+    """Read how a running robot of this machine is reached.
+
+    Raises: ConfigError: no robot with a page runs here.
+    """
     try:
         return msgspec.json.decode(door_file(port).read_bytes(), type=Door)
     except (OSError, msgspec.DecodeError) as error:
@@ -138,7 +144,7 @@ def read_door(port: int) -> Door:
 
 
 def bound(address: Address) -> socket.socket:
-    """A listening socket, so that a port that is taken is an error before the robot moves.
+    """Open a listening socket, so that a taken port is an error before the robot moves.
 
     Raises: ConfigError: the host is no address of this machine, or the port is taken.
     """
@@ -173,7 +179,7 @@ def _listening(host: str, port: int) -> socket.socket:
 
 
 def lan_address() -> str:
-    """The address of this machine on its network; nothing is sent to find it."""
+    """Find the address of this machine on its network; nothing is sent for it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))

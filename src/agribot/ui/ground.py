@@ -32,7 +32,7 @@ def field_of(
     goals_map_m: Sequence[Point] = (),
     area: FieldArea | None = None,
 ) -> wire.Field:
-    """What the map shows of the ground: the task of a run, in the map of its datum.
+    """Describe what the map shows of the ground: the task of a run, in the map of its datum.
 
     `area` is that of a field plan; what stands in the field is drawn with its holes.
     """
@@ -71,7 +71,7 @@ def _row_of(row: Row) -> wire.FieldRow:
 
 
 def read_field(path: Path) -> wire.Field:
-    """What `field_of` gives for a run.
+    """Describe the ground of a recorded run as `field_of` does.
 
     Raises: RecordingError: not a recording, or one that does not say what the robot was to do.
     """
@@ -86,7 +86,7 @@ def read_field(path: Path) -> wire.Field:
 
 
 def read_field_or_datum(path: Path) -> wire.Field:
-    """The same, or the empty ground around the datum where the recording does not tell more."""
+    """Describe the same, or empty ground around the datum where the recording tells no more."""
     try:
         return read_field(path)
     except AgribotError:

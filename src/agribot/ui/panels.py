@@ -74,7 +74,7 @@ class Panels:
     def form(
         self, model: type[msgspec.Struct], on_submit: Callable[[Any], object], title: str = ""
     ) -> None:
-        """A form with a field for each of the struct's; `on_submit` gets a checked instance."""
+        """Add a form with a field for each of the struct's; `on_submit` gets a checked instance."""
         name = title or model.__name__
         schema = msgspec.json.schema(model)
         info = wire.PanelInfo(id=_id("form", name), kind="form", title=name, schema=schema)
@@ -119,14 +119,20 @@ class Panels:
             return [panel.info for panel in self._panels.values()]
 
     def read(self, id: str) -> Any:
-        """The data of a panel. Raises: LookupError: no such panel, or of a kind without data."""
+        """Return the data of a panel.
+
+        Raises: LookupError: no such panel, or of a kind without data.
+        """
         panel = self._named(id)
         if panel.read is None:
             raise LookupError(f"a {panel.info.kind} has no data")
         return _readable(panel.read())
 
     def submit(self, id: str, values: Any) -> wire.PanelReply:
-        """Raises: LookupError: no such panel, or of a kind that takes nothing."""
+        """Hand in what a person entered in a panel.
+
+        Raises: LookupError: no such panel, or of a kind that takes nothing.
+        """
         panel = self._named(id)
         if panel.submit is None:
             raise LookupError(f"a {panel.info.kind} takes nothing")

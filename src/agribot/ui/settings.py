@@ -22,8 +22,10 @@ NOT_LIVE = "Taken when the run starts; give it to the next run with --set."
 
 
 def show_settings(config: RunConfig) -> list[wire.SettingGroup]:
-    """Groups of settings. Those that are `live` may change under way: the change goes into the
-    recording as an operator's event, so that a replay repeats it.
+    """List the settings of a run by group.
+
+    Those that are `live` may change under way: the change goes into the recording as an
+    operator's event, so that a replay repeats it.
     """
     groups: dict[str, list[wire.Setting]] = {"run": []}
     for field in msgspec.structs.fields(RunConfig):
@@ -47,7 +49,7 @@ def show_changes(groups: list[wire.SettingGroup], changed: dict[str, float]) -> 
 
 
 def live_value(config: RunConfig, key: str, value: object) -> float:
-    """The value as an operator's event carries it.
+    """Return the value as an operator's event carries it.
 
     Raises: ConfigError: not a live setting, or the value does not fit it.
     """
@@ -90,7 +92,7 @@ class _Kind(NamedTuple):
 
 
 def _kind(type_: Any) -> _Kind:
-    """What a page lets a person enter, with the range or the choices."""
+    """Describe what a page lets a person enter, with the range or the choices."""
     info = msgspec.inspect.type_info(type_)
     if isinstance(info, msgspec.inspect.UnionType):
         info = next(t for t in info.types if not isinstance(t, msgspec.inspect.NoneType))

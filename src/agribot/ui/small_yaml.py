@@ -19,7 +19,7 @@ class UnusableYaml(Exception):
 
 
 def read_yaml(data: bytes) -> Any:
-    """The one document in `data`.
+    """Read the one document in `data`.
 
     Raises: UnusableYaml: it is no YAML, has anchors, or is larger than a file written by hand.
     """
@@ -61,6 +61,9 @@ def read_yaml(data: bytes) -> Any:
 
 
 def read_yaml_file(path: Path) -> Any:
-    """Raises: OSError: it cannot be read. UnusableYaml: as `read_yaml`."""
+    """Read the one document in a file.
+
+    Raises: OSError: it cannot be read. UnusableYaml: as `read_yaml`.
+    """
     with path.open("rb") as file:
         return read_yaml(file.read(MAX_BYTES + 1))

@@ -71,7 +71,7 @@ class RunView:
         self.ticks += 1
 
     def state(self) -> wire.State | None:
-        """The newest state as the page reads it, with all signals since the last call."""
+        """Return the newest state as the page reads it, with all signals since the last call."""
         record = self.record
         if record is None:
             return None
@@ -158,7 +158,7 @@ class RunView:
 
 
 def shown_weed(track: Track) -> wire.Weed:
-    """A plant of the map as the page reads it."""
+    """Return a plant of the map as the page reads it."""
     return wire.Weed(
         id=track.id,
         plant=track.plant,
@@ -232,7 +232,7 @@ def _battery(sample: BatterySample | None) -> wire.BatteryState | None:
 
 
 def _take(queue: deque[wire.Sample]) -> list[wire.Sample]:
-    """Empties the queue while the robot's loop may still append to it."""
+    """Empty the queue while the robot's loop may still append to it."""
     taken = []
     while queue:
         taken.append(queue.popleft())
@@ -240,7 +240,7 @@ def _take(queue: deque[wire.Sample]) -> list[wire.Sample]:
 
 
 def thin_path(path: Path) -> wire.PathPiece:
-    """The whole path with a point about every 5 cm."""
+    """Return the whole path with a point about every 5 cm."""
     step_m = float(path.s_m[-1]) / max(len(path.s_m) - 1, 1)
     every = max(1, round(PATH_STEP_M / step_m)) if step_m > 0 else 1
     keep = sorted({*range(0, len(path.s_m), every), len(path.s_m) - 1})

@@ -525,7 +525,9 @@ class Ask(Message, frozen=True, kw_only=True):
 
 
 class Answer(Message, frozen=True, kw_only=True):
-    """`value` is of the type that the question has; `refusal` says why it is not wanted, `error`
+    """What came of a question: a value, a refusal or an error.
+
+    `value` is of the type that the question has; `refusal` says why it is not wanted, `error`
     what failed.
     """
 
@@ -947,7 +949,10 @@ def encode(message: Message) -> bytes:
 
 
 def read_page_message(data: str | bytes) -> PageMessage:
-    """Raises: BadMessage: nothing that a page may say, with the `id` that it carries."""
+    """Decode what a page says.
+
+    Raises: BadMessage: nothing that a page may say, with the `id` that it carries.
+    """
     try:
         return _from_page.decode(data)
     except msgspec.ValidationError as error:
@@ -957,7 +962,10 @@ def read_page_message(data: str | bytes) -> PageMessage:
 
 
 def read_server_message(data: str | bytes) -> ServerMessage:
-    """Raises: BadMessage: nothing that a server says."""
+    """Decode what a server says.
+
+    Raises: BadMessage: nothing that a server says.
+    """
     try:
         return _from_server.decode(data)
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:

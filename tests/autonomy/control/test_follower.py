@@ -14,7 +14,7 @@ from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.coverage.area import Leg, LegKind
 from agribot.autonomy.plan.coverage.drive import sample_legs
 from agribot.autonomy.plan.coverage.turns import plan_three_point_turn
-from agribot.autonomy.plan.curves import Pose, Segment, sample
+from agribot.autonomy.plan.curves import Segment, sample
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import ControlConfig, FieldConfig, MissionConfig, SafetyConfig
@@ -29,6 +29,7 @@ from agribot.core.messages import (
     Path,
     RobotCommand,
 )  # fmt: skip
+from agribot.core.pose import Pose2
 from tests import nightly
 from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
 from tests.autonomy.plan.paper_task import PaperTask
@@ -166,7 +167,7 @@ def test_turns_are_driven_at_turn_speed() -> None:
 
 
 def straight_north(length_m: float = 20.0) -> Path:
-    return sample(Pose(0.0, 0.0, math.pi / 2), (Segment(length_m, 0.0),))
+    return sample(Pose2(0.0, 0.0, math.pi / 2), (Segment(length_m, 0.0),))
 
 
 def goal_on(path: Path, s_m: float, state: MissionState = "running", speed: float = 0.4) -> Goal:
@@ -215,7 +216,7 @@ def test_tracking_tells_which_side_the_robot_is_on() -> None:
 
 
 def test_cross_track_is_right_on_an_arc_even_if_the_progress_lags() -> None:
-    path = sample(Pose(0.0, 0.0, 0.0), (Segment(math.pi * 0.5, 2.0),))
+    path = sample(Pose2(0.0, 0.0, 0.0), (Segment(math.pi * 0.5, 2.0),))
     follower = Follower(ControlConfig(), ROBOT)
     inside = Rover((0.45, 0.5, math.pi / 2), Soil(), np.random.default_rng(0)).estimate()
     _, tracking = follower.step(inside, goal_on(path, math.pi * 0.25 - 0.2))
@@ -276,7 +277,7 @@ def test_on_a_slope_the_tracked_point_is_on_the_line(tracked_x_m: float) -> None
     rover = Rover(
         (0.0, 0.0, math.pi / 2), Soil(crab_rad=math.radians(4.0)), np.random.default_rng(0)
     )
-    path = sample(Pose(0.0, 0.0, math.pi / 2), [Segment(12.0, 0.0)])
+    path = sample(Pose2(0.0, 0.0, math.pi / 2), [Segment(12.0, 0.0)])
     status = MissionStatus(state="running", reason="", row=0, rows_total=1, rows_done=(), s_m=0.0,
                            length_m=12.0, waypoints_total=0, waypoints_reached=0)  # fmt: skip
     follower = Follower(ControlConfig(), ROBOT)
@@ -322,7 +323,7 @@ def leg_path(*legs: tuple[LegKind, FloatArray]) -> Path:
 @pytest.mark.parametrize("seed", range(6))
 def test_a_three_point_turn_is_driven_forwards_back_and_forwards(seed: int) -> None:
     way = plan_three_point_turn(
-        Pose(2.0, 0.0, 0.0), Pose(2.0, 0.6, math.pi), shapely.box(-9, -9, 9, 9)
+        Pose2(2.0, 0.0, 0.0), Pose2(2.0, 0.6, math.pi), shapely.box(-9, -9, 9, 9)
     )
     assert way is not None
     into, back, out = way

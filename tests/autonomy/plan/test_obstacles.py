@@ -10,13 +10,14 @@ import pytest
 
 from agribot.app.tasks import TasksUnderWay, choose_task
 from agribot.autonomy.plan.boustrophedon import plan_home, plan_rows
-from agribot.autonomy.plan.curves import Pose, Segment, sample
+from agribot.autonomy.plan.curves import Segment, sample
 from agribot.autonomy.plan.goal_way import plan_to_place
 from agribot.autonomy.plan.obstacles import Obstacles, make_obstacles
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core import config
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, FloatArray, Path
+from agribot.core.pose import Pose2
 from agribot.description.loader import load_robot
 from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, at, rover
 
@@ -35,7 +36,7 @@ def posts(*circles: tuple[float, float, float]) -> Obstacles:
 
 
 def straight(length_m: float) -> Path:
-    return sample(Pose(0.0, 0.0, 0.0), (Segment(length_m, 0.0),))
+    return sample(Pose2(0.0, 0.0, 0.0), (Segment(length_m, 0.0),))
 
 
 def body_corners_m(path: Path, around: Obstacles) -> FloatArray:

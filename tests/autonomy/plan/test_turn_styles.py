@@ -12,10 +12,10 @@ import shapely
 from agribot.autonomy.plan.coverage.area import FieldPlan, Leg, LegKind, TurnStyle
 from agribot.autonomy.plan.coverage.drive import FieldWork, sample_legs
 from agribot.autonomy.plan.coverage.turns import plan_three_point_turn
-from agribot.autonomy.plan.curves import Pose
 from agribot.autonomy.plan.plan_certificate import certify_plan
 from agribot.autonomy.plan.speed import CREEP_MPS, find_pivots, plan_speed_mps
 from agribot.core.messages import FloatArray
+from agribot.core.pose import Pose2
 from tests.autonomy.plan.fields import REQUEST, ROWS, SHAPE, SQUARE, certified
 from tests.autonomy.plan.planting import MISSION
 
@@ -36,14 +36,14 @@ def course_rad(xy: FloatArray, first: int) -> float:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("ahead_m", [0.7, 0.0, -0.7])
 def test_three_points_lead_from_pose_to_pose_and_back_up_once(side: float, ahead_m: float) -> None:
-    start, end = Pose(0.0, 0.0, 0.0), Pose(ahead_m, side * 0.6, math.pi)
+    start, end = Pose2(0.0, 0.0, 0.0), Pose2(ahead_m, side * 0.6, math.pi)
     way = plan_three_point_turn(start, end, OPEN)
     assert way is not None
     into, back, out = way
     for one, other in ((into, back), (back, out)):
         np.testing.assert_allclose(one[-1], other[0], atol=1e-9)
-    np.testing.assert_allclose(into[0], start[:2])
-    np.testing.assert_allclose(out[-1], end[:2])
+    np.testing.assert_allclose(into[0], start.xy_m)
+    np.testing.assert_allclose(out[-1], end.xy_m)
     assert math.dist(*back) == pytest.approx(1.0 - 0.6)
     turned_back = course_rad(back, 0) - course_rad(into, -2)
     assert abs(math.remainder(turned_back, math.tau)) == pytest.approx(math.pi, abs=0.06)
@@ -51,12 +51,12 @@ def test_three_points_lead_from_pose_to_pose_and_back_up_once(side: float, ahead
 
 
 def test_three_points_are_refused_where_they_do_not_fit_or_are_not_needed() -> None:
-    start = Pose(0.0, 0.0, 0.0)
+    start = Pose2(0.0, 0.0, 0.0)
     assert (
-        plan_three_point_turn(start, Pose(0.0, 0.6, math.pi), shapely.box(-1, -1, 0.4, 1)) is None
+        plan_three_point_turn(start, Pose2(0.0, 0.6, math.pi), shapely.box(-1, -1, 0.4, 1)) is None
     )
-    assert plan_three_point_turn(start, Pose(0.0, 1.1, math.pi), OPEN) is None
-    assert plan_three_point_turn(start, Pose(0.0, 0.6, 2.0), OPEN) is None
+    assert plan_three_point_turn(start, Pose2(0.0, 1.1, math.pi), OPEN) is None
+    assert plan_three_point_turn(start, Pose2(0.0, 0.6, 2.0), OPEN) is None
 
 
 @pytest.mark.parametrize("style", ["pivot", "arc", "three-point"])

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from agribot.autonomy.plan.curves import Pose, Segment, sample
+from agribot.autonomy.plan.curves import Segment, sample
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.task import Task
@@ -15,6 +15,7 @@ from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import Estimate, GnssQuality, Goal, OperatorAction, OperatorEvent, Path
+from agribot.core.pose import Pose2
 from tests.autonomy.plan.paper_task import PaperTask, PaperTasks
 
 
@@ -27,7 +28,7 @@ def at(t_s: float, x_m: float, y_m: float = 0.0) -> Estimate:
 
 
 def ahead(estimate: Estimate, length_m: float) -> Path:
-    pose = Pose(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+    pose = Pose2(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
     return sample(pose, [Segment(length_m, 0.0)])
 
 

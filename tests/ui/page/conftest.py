@@ -18,7 +18,7 @@ GL_ARGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshad
 expect.set_options(timeout=1000 * PATIENCE_S)
 WITHOUT_GL = "off=map,scene"
 PRESSES, PRESS_S = 18, 10.0
-SCREENS = list(wire.SCREENS)
+SCREENS = [*wire.SCREENS]
 # A gamepad as the browser gives one; tests press and push what they like.
 PLUG_IN = """
   window.__pad = {id: 'Test pad (standard)', connected: true, mapping: 'standard',

@@ -164,7 +164,7 @@ class FieldFence:
         return max(config.fence_sigma * std_m - config.fence_unsure_m, -config.fence_tolerance_m)
 
     def _box(self, along_m: float, across_m: float) -> tuple[float, float, float, float]:
-        """The robot, larger by so much along and across its body."""
+        """Return the robot, larger by so much along and across its body."""
         bounds = self.bounds
         front_m = max(bounds.front_m + along_m, LEAST_HALF_M)
         rear_m = max(bounds.rear_m + along_m, LEAST_HALF_M)
@@ -174,7 +174,7 @@ class FieldFence:
     def _at_rest(
         self, here: tuple[float, float, float], drive: DriveCommand
     ) -> tuple[float, float, float]:
-        """The pose after braking from what is wanted now, on the same arc."""
+        """Predict the pose after braking from what is wanted now, on the same arc."""
         v_mps, (x_m, y_m, yaw_rad) = drive.v_mps, here
         way_m = v_mps * REACTION_S + v_mps * abs(v_mps) / (2.0 * self._decel_mps2)
         turn_rad = drive.yaw_rate_radps * (REACTION_S if v_mps == 0.0 else way_m / v_mps)

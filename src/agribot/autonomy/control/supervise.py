@@ -162,7 +162,7 @@ class Supervisor:
     def _hazard(
         self, batch: SensorBatch, motion: Found, *, is_by_hand: bool, is_to_move: bool
     ) -> _Hazard | None:
-        """What a protective stop is for; but for a touch, only of a robot that is to move."""
+        """Say what a protective stop is for; but for a touch, only of a robot that is to move."""
         motors = tuple(dict.fromkeys(name for wheel in batch.wheels for name in wheel.faults))
         touch = self._bumper.feel(batch)
         if not touch and not is_to_move:
@@ -179,7 +179,7 @@ class Supervisor:
         return None if is_by_hand else self._hazard_of_mission(motion.doubt)
 
     def _hazard_of_mission(self, doubt: str) -> _Hazard | None:
-        """What a person who drives by hand sees, and need not mind."""
+        """Say what a person who drives by hand sees anyway and need not be stopped for."""
         if sides := self._bumper.sides:
             where = " and ".join(sides)
             return _Hazard(

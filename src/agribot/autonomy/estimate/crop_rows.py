@@ -109,7 +109,7 @@ class CropRows(Correction[Scene]):
         return any(rows.row_at(crop.at.right_m)[0] == row for crop in crops)
 
     def _crops(self, scene: Scene) -> list[GroundPlant]:
-        """The crops of a scene without those far too small, nearest first."""
+        """List the crops of a scene without those far too small, nearest first."""
         crops = []
         for plant in sorted(
             (p for p in scene.plants if p.plant is PlantClass.CROP), key=lambda p: -p.area_m2
@@ -196,7 +196,7 @@ class CropRows(Correction[Scene]):
         )  # fmt: skip
 
     def _correct_by_ends(self, crops: list[Sighting], scene: Scene, view: View) -> Measurements:
-        """The outermost plant of a row in view, with bare ground after it, is the row's end."""
+        """Find the row's end: the outermost plant in view, with bare ground after it."""
         rows = self.pose.rows
         for row in sorted({rows.row_at(crop.at.right_m)[0] for crop in crops}):
             mine = [crop for crop in crops if rows.row_at(crop.at.right_m)[0] == row]

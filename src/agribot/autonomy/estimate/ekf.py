@@ -46,7 +46,9 @@ TURN_FLOOR_RAD = 1e-6
 
 
 class Ekf:
-    """States: x_map_m, y_map_m, yaw_map_rad, gyro bias (rad/s), wheel scale (share of the wheel
+    """The filter of the pose and of what sensors get wrong.
+
+    States: x_map_m, y_map_m, yaw_map_rad, gyro bias (rad/s), wheel scale (share of the wheel
     speed lost), slip, gyro scale (share that it tells too much), GNSS bias east and north (m),
     magnetometer bias (rad), offset of the row sensor (m, to the left of the robot).
 

@@ -80,7 +80,7 @@ class FieldRows:
         return row, row * self.pitch_m
 
     def slot_at(self, along_m: float, stretch: float) -> tuple[int, float] | None:
-        """Number and place the nearest plant of a row; None where the spacing is unknown."""
+        """Find number and place of the nearest plant of a row; None without a known spacing."""
         if self.spacing_m is None:
             return None
         spacing_m = self.spacing_m / stretch
@@ -90,6 +90,6 @@ class FieldRows:
 
 
 def _axes(yaw_rad: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Unit vectors forward and to the right of a direction."""
+    """Return the unit vectors forward and to the right of a direction."""
     pose = Pose2(0.0, 0.0, yaw_rad)
     return pose.ahead, (pose.sin, -pose.cos)

@@ -207,7 +207,7 @@ class Integrity:
         return gnss.rejected_in_a_row >= SUSPICIOUS_REJECTIONS or gnss.jump.off_m > 0.0
 
     def _keep(self, here: _Anchor) -> None:
-        """The oldest anchor follows some seconds behind, unless the solutions are split."""
+        """Let the oldest anchor follow some seconds behind, unless the solutions are split."""
         anchors = self._anchors
         if self._is_split:
             return

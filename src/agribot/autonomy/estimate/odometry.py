@@ -175,5 +175,5 @@ class Odometry:
 
 
 def _is_sane(t_s: float, values: tuple[float, ...]) -> bool:
-    """False for NaN, infinity and numbers that no encoder or IMU can mean."""
+    """Refuse NaN, infinity and numbers that no encoder or IMU can mean."""
     return math.isfinite(t_s) and sum(map(abs, values)) < MAX_READING

@@ -96,7 +96,7 @@ class RowLines(Correction[RowLine]):
     def _likely(
         self, line: RowLine, ahead_m: float | None, at_m: float, sign: float, epoch: Epoch
     ) -> float | None:
-        """The end of a row, unless it can only be a gap within it: gaps look like ends."""
+        """Return the end of a row, unless it can only be a gap within it: gaps look like ends."""
         if ahead_m is None:
             return None
         frame = self._frame(epoch)
@@ -183,7 +183,7 @@ class RowLines(Correction[RowLine]):
         )  # fmt: skip
 
     def _heading(self, heading_rad: float, variance: float, epoch: Epoch) -> Measurement:
-        """The line's direction in the map, less the angle at which the robot sees it."""
+        """Return the line's direction in the map, less the angle at which the robot sees it."""
         residual_rad = wrap_rad(heading_rad - self._yaw_then_rad(epoch))
         return Measurement(
             (residual_rad,), (((YAW, 1.0),),), variance, self._heading_gate,
@@ -200,7 +200,7 @@ class RowLines(Correction[RowLine]):
 
 
 def _opens(direction: tuple[float, float], by_m: float) -> tuple[tuple[int, float], ...]:
-    """The variances that a position gets by which it may be wrong so far in a direction."""
+    """Return the variances of a position that may be wrong so far in a direction."""
     return tuple((state, (part * by_m) ** 2) for state, part in zip((X, Y), direction, strict=True))
 
 

@@ -22,7 +22,7 @@ class SectionHistory:
         self._told.append((t_s, sections_on))
 
     def at(self, t_s: float) -> tuple[bool, ...]:
-        """The command in force at `t_s`; older ones are dropped."""
+        """Return the command in force at `t_s` and drop older ones."""
         told = self._told
         while len(told) > 1 and told[1][0] <= t_s + SAME_TIME_S:
             told.popleft()

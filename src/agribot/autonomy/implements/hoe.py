@@ -30,7 +30,10 @@ class Hoe:
     """Lowers blades between the crop."""
 
     def __init__(self, spec: HoeSpec, config: TreatmentConfig) -> None:
-        """Raises: ConfigError: the blades cannot work as deep as the settings want."""
+        """Take the blades of the robot.
+
+        Raises: ConfigError: they cannot work as deep as the settings want.
+        """
         depth_m = spec.depth_m if config.depth_m is None else config.depth_m
         if depth_m > spec.depth_m:
             raise ConfigError(
@@ -98,7 +101,7 @@ class Hoe:
                 plants.mark_treated(plant.id, estimate.t_s)
 
     def _choose(self, estimate: Estimate, plants: PlantMap, step_m: float) -> tuple[bool, ...]:
-        """The blades that may be down until they could be up again, were they told next tick."""
+        """Find the blades that may be down until they could be up again, if told next tick."""
         spec = self._spec
         ahead_s = spec.latency_s + spec.stroke_s
         pose_m = min(estimate.pos_std_m, self._config.margin_m)
@@ -139,7 +142,7 @@ def _find_around(plants: PlantMap, tool: ToolPose, reach_m: float) -> list[Known
 
 
 def _see_from(tool: ToolPose, plant: KnownPlant) -> tuple[float, float]:
-    """A plant ahead of the tool point and to the left of it, m."""
+    """Place a plant ahead of the tool point and to the left of it, m."""
     dx_m, dy_m = plant.x_map_m - tool.x_map_m, plant.y_map_m - tool.y_map_m
     cos, sin = math.cos(tool.yaw_map_rad), math.sin(tool.yaw_map_rad)
     return cos * dx_m + sin * dy_m, cos * dy_m - sin * dx_m

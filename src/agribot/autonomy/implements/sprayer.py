@@ -98,7 +98,7 @@ class SpotSprayer:
                 plants.mark_treated(plant.id, t_s)
 
     def _choose(self, near: list[Placed], step_m: float) -> tuple[bool, ...]:
-        """The nozzles whose footprint covers a weed to treat and keeps off every crop."""
+        """Find the nozzles whose footprint covers a weed to treat and keeps off every crop."""
         half_m = self._spec.section_width_m / 2.0
         window_m = self._config.margin_m + step_m
         targets = [p for p in near if abs(p.x_m) <= window_m and self._is_target(p.plant)]

@@ -52,7 +52,7 @@ def find_near(
 def move_on(
     near: Sequence[Placed], estimate: Estimate, tool_x_m: float, delay_s: float
 ) -> list[Placed]:
-    """The same plants seen from the tool point `delay_s` later."""
+    """Move plants to the tool point of `delay_s` later."""
     way_m, turn_rad, course_rad = _predict_way(estimate, delay_s)
     from_x_m = tool_x_m - way_m * math.cos(course_rad)
     from_y_m = -way_m * math.sin(course_rad)

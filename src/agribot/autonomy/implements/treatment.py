@@ -18,7 +18,10 @@ class Treatment:
     """Call `step` every tick, tool on or off; a robot without an implement has nothing to do."""
 
     def __init__(self, config: TreatmentConfig, spec: ImplementSpec | None) -> None:
-        """Raises: DescriptionError: nobody registered the kind of the implement."""
+        """Take the implement of the robot, if it has one.
+
+        Raises: DescriptionError: nobody registered its kind.
+        """
         self._config, self._spec = config, spec
         self._implement = None if spec is None else fit_implement(spec, config)
 
@@ -30,7 +33,7 @@ class Treatment:
                 self._config = msgspec.structs.replace(self._config, enabled=is_on)
 
     def step(self, estimate: Estimate, plants: PlantMap, tool_on: bool) -> ImplementCommand:
-        """What each section is to do, from left to right; none without an implement."""
+        """Decide what each section does, from left to right; none without an implement."""
         if self._implement is None:
             return ImplementCommand()
         may_work = self._config.enabled and tool_on and self._can_work(estimate)

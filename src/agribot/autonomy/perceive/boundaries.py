@@ -19,8 +19,10 @@ Counts = npt.NDArray[np.int64]
 
 
 def boundary_counts(truth: ByteArray, guess: ByteArray) -> Counts:
-    """(3, 4): for each class, outline pixels of the guess and how many of them lie on one of the
-    truth, then outline pixels of the truth and how many of them lie on one of the guess.
+    """Count outline pixels of each class, (3, 4).
+
+    The columns are outline pixels of the guess and how many of them lie on one of the truth, then
+    outline pixels of the truth and how many of them lie on one of the guess.
 
     `truth` and `guess` are class maps (height, width); where the truth is no class, nothing counts.
     Two outlines that are nearer than 0.75 % of the diagonal lie on each other.

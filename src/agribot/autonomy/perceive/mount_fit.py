@@ -211,7 +211,7 @@ def _leaves_m(plant: GroundPlant) -> float:
 
 
 def _slopes(tracks: _Tracks, mount: FloatArray, weights: FloatArray) -> FloatArray:
-    """Derivatives of the offsets by the mount, (N, 2, 4)."""
+    """Differentiate the offsets by the mount, (N, 2, 4)."""
     columns = []
     for index in range(4):
         step = np.zeros(4)

@@ -99,7 +99,7 @@ def _one_tile(classifier: Classifier, image_rgb: ByteArray) -> PictureClasses:
 
 
 def _thin(image_rgb: ByteArray, map_shape: tuple[int, int]) -> ByteArray:
-    """A huge picture as means of blocks, still at least twice as fine as the network's input."""
+    """Average a huge picture in blocks, still at least twice as fine as the network's input."""
     height, width = image_rgb.shape[:2]
     block = min(height // (2 * map_shape[0]), width // (2 * map_shape[1]))
     if block < 2:
@@ -114,7 +114,7 @@ def _thin(image_rgb: ByteArray, map_shape: tuple[int, int]) -> ByteArray:
 
 
 def _pad(image_rgb: ByteArray, map_shape: tuple[int, int]) -> ByteArray:
-    """The picture in the network's shape, so that plants are not stretched; edges are repeated."""
+    """Fit the picture into the network's shape without stretching; edges are repeated."""
     height, width = image_rgb.shape[:2]
     ratio = (width / height) / (map_shape[1] / map_shape[0])
     if abs(ratio - 1.0) <= SHAPE_TOLERANCE:
@@ -156,8 +156,9 @@ def enlarge(
 
 
 class Places(NamedTuple):
-    """For every row (or column) of the result: the two of the map beside it, and the share of
-    the second.
+    """For every row or column of the result, the two of the map beside it.
+
+    `share` is that of the second.
     """
 
     first: npt.NDArray[np.intp]

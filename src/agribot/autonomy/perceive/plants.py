@@ -154,7 +154,7 @@ def _contacts(pieces: Pieces, area_m2: FloatArray) -> tuple[Counts, Counts, Coun
 def _measure(
     pieces: Pieces, confidence: ByteArray, ground: GroundLookup, config: PerceptionConfig
 ) -> list[GroundPlant]:
-    """The pieces that are whole, sure, big and near enough."""
+    """Choose the pieces that are whole, sure, big and near enough."""
     labels, weed_count, count = pieces
     pixels = np.flatnonzero(labels)
     label_of = labels.ravel()[pixels]
@@ -200,7 +200,7 @@ def _standing(
     confidence: float,
     ground: GroundLookup,
 ) -> GroundPlant:
-    """The plant of a piece, at the place where it leaves the ground.
+    """Make the plant of a piece, at the place where it leaves the ground.
 
     Foliage at a height h, seen from a height H, seems to lie H / (H - h) times as far away and
     to be as much wider. The mean h of a plant is taken in proportion to its diameter.

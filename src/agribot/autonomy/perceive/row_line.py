@@ -170,7 +170,7 @@ def _growth(class_map: ClassMap, ground: GroundLookup, wanted: Mask) -> Growth:
 
 
 def _vote(crop: Growth) -> Fit | None:
-    """The offset and heading that most crop speaks for (a Hough transform)."""
+    """Find the offset and heading that most crop speaks for (a Hough transform)."""
     steps = round(MAX_HEADING_RAD / HEADING_STEP_RAD)
     yaws_rad = np.arange(-steps, steps + 1) * HEADING_STEP_RAD
     bins = 2 * round(MAX_OFFSET_M / CELL_M) + 1
@@ -191,7 +191,7 @@ def _vote(crop: Growth) -> Fit | None:
 
 
 def _refine(crop: Growth, fit: Fit, view: View) -> Fit | None:
-    """A robust straight line through the slots of the row that the view shows whole."""
+    """Fit a robust straight line through the slots of the row that the view shows whole."""
     along_m, left_m = fit.along_left_m(crop)
     slot = np.floor(along_m / SLOT_M).astype(np.int64)
     begin_m: FloatArray = slot.astype(np.float64) * SLOT_M
@@ -219,7 +219,7 @@ def _refine(crop: Growth, fit: Fit, view: View) -> Fit | None:
 
 
 def _straight_line(fit: Fit, u_m: FloatArray, v_m: FloatArray, weight: FloatArray) -> Fit | None:
-    """The line through points ahead along and left of another line."""
+    """Make the line through points ahead along and left of another line."""
     total = float(weight.sum())
     along_m, left_m = float(weight @ u_m) / total, float(weight @ v_m) / total
     arm_m = u_m - along_m

@@ -33,7 +33,7 @@ class Answers:
             self._open = None
 
     def await_errand(self, errand: Errand) -> None:
-        """The request that is being heard asked for it, if one is."""
+        """Note that the request in hand asked for it, if one is."""
         self.drop_errand()
         if self._open is not None:
             self._errand, self._open = (errand, self._open), None

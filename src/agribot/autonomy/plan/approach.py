@@ -9,12 +9,13 @@ from itertools import pairwise, product
 import numpy as np
 
 from agribot.autonomy.plan.certify import find_closest_to_crop
-from agribot.autonomy.plan.curves import Pose, Segment, length_m, sample
+from agribot.autonomy.plan.curves import Segment, advance, length_m, sample
 from agribot.autonomy.plan.dubins import list_words
 from agribot.autonomy.plan.obstacles import NO_OBSTACLES, Obstacles
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Row
+from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import (
     chord_yaw_rad,
@@ -35,7 +36,7 @@ Segments = tuple[Segment, ...]
 
 
 def plan_approach(
-    start: Pose, entries: Sequence[Pose], rows: Sequence[Row], robot: RobotSpec,
+    start: Pose2, entries: Sequence[Pose2], rows: Sequence[Row], robot: RobotSpec,
     mission: MissionConfig, obstacles: Obstacles = NO_OBSTACLES,
 ) -> tuple[int, Segments]:  # fmt: skip
     """Find the entry that is reached first, by its index, and the shortest clear way to it.
@@ -63,7 +64,7 @@ def plan_approach(
 
 
 def _list_ways(
-    start: Pose, entry: Pose, rows: Sequence[Row], headland_m: float, obstacles: Obstacles
+    start: Pose2, entry: Pose2, rows: Sequence[Row], headland_m: float, obstacles: Obstacles
 ) -> Iterator[Segments]:
     yield from list_words(start, entry, RADIUS_M)[:_WORDS_WHEN_DIRECT]
     rings = [_draw_ring(rows, max(headland_m, _RING_MIN_M)), *obstacles.rings()]
@@ -78,7 +79,7 @@ def _list_ways(
                 yield _chain_words((*prefix, *vias[:count], entry))
 
 
-def _chain_words(poses: Sequence[Pose]) -> Segments:
+def _chain_words(poses: Sequence[Pose2]) -> Segments:
     pieces: list[Segment] = []
     for start, end in pairwise(poses):
         pieces += list_words(start, end, RADIUS_M)[0]
@@ -87,34 +88,33 @@ def _chain_words(poses: Sequence[Pose]) -> Segments:
 
 def _draw_ring(rows: Sequence[Row], margin_m: float) -> list[tuple[float, float]]:
     """Corners of the rectangle along the rows that holds all of them, counter-clockwise."""
-    yaw = chord_yaw_rad(rows[0])
-    cos, sin = math.cos(yaw), math.sin(yaw)
+    frame = Pose2(0.0, 0.0, chord_yaw_rad(rows[0]))
     ends = np.concatenate([row_points_map_m(row) for row in rows])
-    along, left = ends @ np.array([cos, sin]), ends @ np.array([-sin, cos])
+    along, left = ends @ np.array(frame.ahead), ends @ np.array(frame.left)
     a0, a1 = float(along.min()) - margin_m, float(along.max()) + margin_m
     l0, l1 = float(left.min()) - margin_m, float(left.max()) + margin_m
     corners = ((a0, l0), (a1, l0), (a1, l1), (a0, l1))
-    return [(a * cos - lat * sin, a * sin + lat * cos) for a, lat in corners]
+    return [frame.rotate(*corner) for corner in corners]
 
 
-def _list_corner_poses(ring: Sequence[tuple[float, float]], direction: int) -> list[Pose]:
+def _list_corner_poses(ring: Sequence[tuple[float, float]], direction: int) -> list[Pose2]:
     """List a pose at each corner, half turned from the edge it ends to the edge it begins."""
     poses = []
     for index, (x_m, y_m) in enumerate(ring):
         before, after = ring[(index - direction) % 4], ring[(index + direction) % 4]
         yaw_in = math.atan2(y_m - before[1], x_m - before[0])
         yaw_out = math.atan2(after[1] - y_m, after[0] - x_m)
-        poses.append(Pose(x_m, y_m, yaw_in + math.remainder(yaw_out - yaw_in, math.tau) / 2.0))
+        poses.append(Pose2(x_m, y_m, yaw_in + math.remainder(yaw_out - yaw_in, math.tau) / 2.0))
     return poses
 
 
-def _list_exits(start: Pose, rows: Sequence[Row], headland_m: float) -> list[Pose]:
+def _list_exits(start: Pose2, rows: Sequence[Row], headland_m: float) -> list[Pose2]:
     """Poses just past both ends of the row under the robot, outwards; none outside the rows."""
     row = min(rows, key=lambda row: abs(project_on_row(row, start.x_m, start.y_m).left_m))
-    first = Pose(*row.start_map_m, start_yaw_rad(row))
-    last = Pose(*row.end_map_m, end_yaw_rad(row))
+    first = Pose2(*row.start_map_m, start_yaw_rad(row))
+    last = Pose2(*row.end_map_m, end_yaw_rad(row))
     along_m, left_m, _ = project_on_row(row, start.x_m, start.y_m)
     if not -headland_m <= along_m <= row_length_m(row) + headland_m or abs(left_m) > 1.0:
         return []
-    back = Pose(first.x_m, first.y_m, first.yaw_rad + math.pi)
-    return [last.ahead(headland_m), back.ahead(headland_m)]
+    back = Pose2(first.x_m, first.y_m, first.yaw_rad + math.pi)
+    return [advance(last, headland_m), advance(back, headland_m)]

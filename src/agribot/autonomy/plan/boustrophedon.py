@@ -8,12 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from agribot.autonomy.plan.approach import plan_approach
-from agribot.autonomy.plan.curves import MIN_RADIUS_M, Pose, Segment, sample
+from agribot.autonomy.plan.curves import MIN_RADIUS_M, Segment, advance, sample
 from agribot.autonomy.plan.dubins import find_shortest
 from agribot.autonomy.plan.obstacles import NO_OBSTACLES, Obstacles
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Path, Row
+from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import (
     chord_yaw_rad,
@@ -46,7 +47,7 @@ def plan_rows(
     for row in rows:
         if math.dist(row.start_map_m, row.end_map_m) < MIN_RADIUS_M:
             raise MissionError(f"row {row.index} is shorter than {MIN_RADIUS_M} m; check the field")
-    start = Pose(*start_pose)
+    start = Pose2(*start_pose)
     orders = [
         _order_passes(ordered, is_first_flipped)
         for ordered in _list_orders(rows)
@@ -115,8 +116,8 @@ def plan_home(
 
     Raises: MissionError: no such way is clear of the crop.
     """
-    start = Pose(*start_pose)
-    _, way = plan_approach(start, [Pose(*home_pose)], rows, robot, mission, obstacles)
+    start = Pose2(*start_pose)
+    _, way = plan_approach(start, [Pose2(*home_pose)], rows, robot, mission, obstacles)
     return sample(start, way)
 
 
@@ -154,35 +155,27 @@ def _chain_passes(passes: Sequence[Row], headland_m: float) -> list[Segment]:
     return pieces
 
 
-def _plan_turn(leave: Pose, entry: Pose) -> tuple[Segment, ...]:
+def _plan_turn(leave: Pose2, entry: Pose2) -> tuple[Segment, ...]:
     """Semicircle where the pitch allows one; a bulb where it is too narrow for the robot."""
-    offset_m = abs(
-        (entry.y_m - leave.y_m) * math.cos(leave.yaw_rad)
-        - (entry.x_m - leave.x_m) * math.sin(leave.yaw_rad)
-    )
+    offset_m = abs(leave.locate(entry.x_m, entry.y_m)[1])
     radius_m = min(max(offset_m / 2.0, MIN_RADIUS_M), MAX_TURN_RADIUS_M)
     return find_shortest(leave, entry, radius_m)
 
 
-def _find_entry(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
+def _find_entry(passes: Sequence[Row], number: int, headland_m: float) -> Pose2:
     """Before the first plant; rows that end unevenly wait for the longer neighbour."""
     row = passes[number]
-    start = Pose(*row.start_map_m, start_yaw_rad(row))
+    start = Pose2(*row.start_map_m, start_yaw_rad(row))
     extra_m = 0.0
     if number > 0:
-        extra_m = max(0.0, -_along_m(start, passes[number - 1].end_map_m))
-    return start.ahead(-headland_m - extra_m)
+        extra_m = max(0.0, -start.locate(*passes[number - 1].end_map_m)[0])
+    return advance(start, -headland_m - extra_m)
 
 
-def _find_exit(passes: Sequence[Row], number: int, headland_m: float) -> Pose:
+def _find_exit(passes: Sequence[Row], number: int, headland_m: float) -> Pose2:
     row = passes[number]
-    end = Pose(*row.end_map_m, end_yaw_rad(row))
+    end = Pose2(*row.end_map_m, end_yaw_rad(row))
     extra_m = 0.0
     if number + 1 < len(passes):
-        extra_m = max(0.0, _along_m(end, passes[number + 1].start_map_m))
-    return end.ahead(headland_m + extra_m)
-
-
-def _along_m(pose: Pose, point_map_m: tuple[float, float]) -> float:
-    dx, dy = point_map_m[0] - pose.x_m, point_map_m[1] - pose.y_m
-    return dx * math.cos(pose.yaw_rad) + dy * math.sin(pose.yaw_rad)
+        extra_m = max(0.0, end.locate(*passes[number + 1].start_map_m)[0])
+    return advance(end, headland_m + extra_m)

@@ -11,6 +11,7 @@ import numpy as np
 from agribot.core.errors import MissionError
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray, Path
+from agribot.core.pose import Pose2
 
 SPACING_M = 0.02
 SHORTEST_M = 1e-6  # shorter segments are rounding residues of the geometry
@@ -20,17 +21,6 @@ MIN_RADIUS_M = 0.3
 Place = tuple[float, float, float | None]  # x and y in the map, and where to look at the end
 
 
-class Pose(NamedTuple):
-    """Of the body frame in the map."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
-
-    def ahead(self, distance_m: float) -> Pose:
-        return Segment(distance_m, 0.0).end(self)
-
-
 class Segment(NamedTuple):
     """A piece of constant curvature (left positive); `row` is the crop row it works, or -1."""
 
@@ -38,35 +28,36 @@ class Segment(NamedTuple):
     curvature_radpm: float
     row: int = -1
 
-    def end(self, start: Pose) -> Pose:
+    def end(self, start: Pose2) -> Pose2:
         """Return where the segment leads to from a pose."""
         turn_rad = self.length_m * self.curvature_radpm
         if turn_rad == 0.0:
-            return Pose(
-                start.x_m + self.length_m * math.cos(start.yaw_rad),
-                start.y_m + self.length_m * math.sin(start.yaw_rad),
-                start.yaw_rad,
-            )
+            return advance(start, self.length_m)
         yaw_rad = start.yaw_rad + turn_rad
         radius_m = 1.0 / self.curvature_radpm
-        return Pose(
-            start.x_m + radius_m * (math.sin(yaw_rad) - math.sin(start.yaw_rad)),
-            start.y_m - radius_m * (math.cos(yaw_rad) - math.cos(start.yaw_rad)),
+        return Pose2(
+            start.x_m + radius_m * (math.sin(yaw_rad) - start.sin),
+            start.y_m - radius_m * (math.cos(yaw_rad) - start.cos),
             wrap_rad(yaw_rad),
         )
+
+
+def advance(pose: Pose2, distance_m: float) -> Pose2:
+    """Move a pose straight ahead; backwards where the distance is negative."""
+    return Pose2(*pose.transform(distance_m, 0.0), pose.yaw_rad)
 
 
 def length_m(segments: Iterable[Segment]) -> float:
     return sum(segment.length_m for segment in segments)
 
 
-def find_end_pose(start: Pose, segments: Iterable[Segment]) -> Pose:
+def find_end_pose(start: Pose2, segments: Iterable[Segment]) -> Pose2:
     for segment in segments:
         start = segment.end(start)
     return start
 
 
-def sample(start: Pose, segments: Iterable[Segment]) -> Path:
+def sample(start: Pose2, segments: Iterable[Segment]) -> Path:
     """Lay points at most 2 cm apart; the last one is the end of the last segment.
 
     Raises: MissionError: the segments have no length.
@@ -98,7 +89,7 @@ def make_path(table: FloatArray) -> Path:
 
 
 def _sample_segment(
-    start: Pose, segment: Segment, along_m: FloatArray, done_m: float
+    start: Pose2, segment: Segment, along_m: FloatArray, done_m: float
 ) -> FloatArray:
     """Columns x, y, yaw, curvature, row, s of the points `along_m` into a segment."""
     curvature = segment.curvature_radpm

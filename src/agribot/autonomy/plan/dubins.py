@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import math
 
-from agribot.autonomy.plan.curves import Pose, Segment, length_m
+from agribot.autonomy.plan.curves import Segment, length_m
+from agribot.core.pose import Pose2
 
 Solution = tuple[float, float, float]  # arc, middle piece, arc; in units of the radius
 _FULL_TURN_SLACK_RAD = 1e-9
 
 
-def find_shortest(start: Pose, end: Pose, radius_m: float) -> tuple[Segment, ...]:
+def find_shortest(start: Pose2, end: Pose2, radius_m: float) -> tuple[Segment, ...]:
     return list_words(start, end, radius_m)[0]
 
 
-def list_words(start: Pose, end: Pose, radius_m: float) -> list[tuple[Segment, ...]]:
+def list_words(start: Pose2, end: Pose2, radius_m: float) -> list[tuple[Segment, ...]]:
     """List every feasible word (LSL, RSR, LSR, RSL, RLR, LRL), shortest first; never empty."""
     dx, dy = (end.x_m - start.x_m) / radius_m, (end.y_m - start.y_m) / radius_m
     bearing = math.atan2(dy, dx)

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 
 from agribot.autonomy.plan.approach import RADIUS_M, plan_approach
 from agribot.autonomy.plan.certify import certify, find_closest_to_crop
-from agribot.autonomy.plan.curves import SPACING_M, Place, Pose, Segment, sample
+from agribot.autonomy.plan.curves import SPACING_M, Place, Segment, advance, sample
 from agribot.autonomy.plan.dubins import find_shortest
 from agribot.autonomy.plan.obstacles import NO_OBSTACLES, Obstacles
 from agribot.autonomy.plan.waypoints import plan_waypoints
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
-from agribot.core.messages import Path, Row
+from agribot.core.messages import MapPoint, Path, Row
+from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import chord_yaw_rad, row_points_map_m
 
@@ -40,14 +41,14 @@ def plan_to_place(
     check_inside(x_m, y_m, fence)
     if math.dist(start_pose[:2], (x_m, y_m)) < SPACING_M:
         raise MissionError("the robot is there already")
-    start = Pose(*start_pose)
+    start = Pose2(*start_pose)
     if not rows:
         if yaw_rad is None:
             return plan_waypoints(((x_m, y_m),), start_pose, robot, mission)
-        return sample(start, find_shortest(start, Pose(x_m, y_m, yaw_rad), RADIUS_M))
+        return sample(start, find_shortest(start, Pose2(x_m, y_m, yaw_rad), RADIUS_M))
     looks = [yaw_rad] if yaw_rad is not None else _list_headings_rad(start, x_m, y_m, rows)
     free = [
-        pose for pose in (Pose(x_m, y_m, look) for look in looks)
+        pose for pose in (Pose2(x_m, y_m, look) for look in looks)
         if _measure_clearance_m(pose, rows, robot) >= mission.plant_clearance_m
     ]  # fmt: skip
     if not free:
@@ -56,7 +57,7 @@ def plan_to_place(
             "on the headland, or one astride a row and look along it"
         )
     straights_m = [_measure_way_out_m(pose, rows) for pose in free]
-    entries = [pose.ahead(-back_m) for pose, back_m in zip(free, straights_m, strict=True)]
+    entries = [advance(pose, -back_m) for pose, back_m in zip(free, straights_m, strict=True)]
     try:
         chosen, way = plan_approach(start, entries, rows, robot, mission, obstacles)
         path = sample(start, (*way, Segment(straights_m[chosen], 0.0)))
@@ -85,25 +86,26 @@ def check_inside(x_m: float, y_m: float, fence: FenceBox) -> None:
         )
 
 
-def _list_headings_rad(start: Pose, x_m: float, y_m: float, rows: Sequence[Row]) -> list[float]:
+def _list_headings_rad(start: Pose2, x_m: float, y_m: float, rows: Sequence[Row]) -> list[float]:
     """Ways to look at the goal that are worth a try: as it is driven to, and along the rows."""
     along_rad = chord_yaw_rad(rows[0])
     return [math.atan2(y_m - start.y_m, x_m - start.x_m), along_rad, along_rad + math.pi]
 
 
-def _measure_clearance_m(pose: Pose, rows: Sequence[Row], robot: RobotSpec) -> float:
-    standing = sample(pose.ahead(-SPACING_M), (Segment(SPACING_M, 0.0),))
+def _measure_clearance_m(pose: Pose2, rows: Sequence[Row], robot: RobotSpec) -> float:
+    standing = sample(advance(pose, -SPACING_M), (Segment(SPACING_M, 0.0),))
     return find_closest_to_crop(standing, robot, rows).clearance_m
 
 
-def _measure_way_out_m(pose: Pose, rows: Sequence[Row]) -> float:
+def _measure_way_out_m(pose: Pose2, rows: Sequence[Row]) -> float:
     """How far to back off until the robot is past the ends of the rows beside it; 0 if it is."""
     yaw_rad = chord_yaw_rad(rows[0])
-    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-    ends: list[list[float]] = [p for row in rows for p in row_points_map_m(row).tolist()]
-    along = [x_m * cos + y_m * sin for x_m, y_m in ends]
-    left = [y_m * cos - x_m * sin for x_m, y_m in ends]
-    here_m, here_left_m = pose.x_m * cos + pose.y_m * sin, pose.y_m * cos - pose.x_m * sin
+    rows_frame = Pose2(0.0, 0.0, yaw_rad)
+    ends: list[MapPoint] = [
+        rows_frame.resolve(*end) for row in rows for end in row_points_map_m(row).tolist()
+    ]
+    along, left = [end[0] for end in ends], [end[1] for end in ends]
+    here_m, here_left_m = rows_frame.resolve(*pose.xy_m)
     low_m, high_m = min(along) - OUT_OF_ROWS_M, max(along) + OUT_OF_ROWS_M
     is_beside = min(left) - OUT_OF_ROWS_M < here_left_m < max(left) + OUT_OF_ROWS_M
     if not (low_m < here_m < high_m and is_beside):

@@ -11,11 +11,12 @@ from agribot.autonomy.plan.curves import Place
 from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.row_evidence import find_doubt, is_counted, row_pitch_m
 from agribot.autonomy.plan.row_log import RowLog
-from agribot.autonomy.plan.saved_mission import PoseTuple, SavedMission, name_task
+from agribot.autonomy.plan.saved_mission import PoseTuple, SavedMission, name_task, take_pose
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, MissionState, Path
+from agribot.core.pose import Pose2
 
 Ending = Literal["done", "cancelled", "failed"]  # of a mission
 MOST_NAMED = 3  # rows without evidence
@@ -116,9 +117,7 @@ class MissionJob:
         self.route.visits.update(progress.s_m, estimate.x_map_m, estimate.y_map_m)
 
     def _cover(self, row: int, estimate: Estimate) -> None:
-        ahead_m, yaw_rad = self.task.tool.x_m, estimate.yaw_map_rad
-        x_m = estimate.x_map_m + ahead_m * math.cos(yaw_rad)
-        y_m = estimate.y_map_m + ahead_m * math.sin(yaw_rad)
+        x_m, y_m = Pose2(*take_pose(estimate)).transform(self.task.tool.x_m, 0.0)
         self._tool_m = (x_m, y_m)
         if self.is_wanted(row):
             self._covered.work(row, x_m, y_m)

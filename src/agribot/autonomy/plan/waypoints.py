@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from agribot.autonomy.plan.curves import (
     MIN_RADIUS_M,
-    Pose,
     Segment,
+    advance,
     find_end_pose,
     length_m,
     sample,
@@ -18,6 +18,7 @@ from agribot.autonomy.plan.waypoint_text import parse_waypoints
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import MapPoint, Path
+from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
 
 __all__ = ["parse_waypoints", "plan_waypoints"]
@@ -47,11 +48,11 @@ def plan_waypoints(
     `start_pose` is (x_map_m, y_map_m, yaw_map_rad). Crop is not looked at: certify the path.
     Raises: MissionError: no points, a point repeated, or one too far from the start.
     """
-    start = Pose(*start_pose)
+    start = Pose2(*start_pose)
     _check(points_map_m, start, robot, mission)
     pose, pieces = start, list[Segment]()
     for number, point in enumerate(points_map_m):
-        if number == 0 and math.dist(start[:2], point) <= CUT_RATIO * mission.waypoint_radius_m:
+        if number == 0 and math.dist(start.xy_m, point) <= CUT_RATIO * mission.waypoint_radius_m:
             continue
         turn, straight_m = _plan_turn(pose, point) if number == 0 else _plan_next_leg(pose, point)
         pose = find_end_pose(pose, turn)
@@ -63,7 +64,7 @@ def plan_waypoints(
 
 
 def _check(
-    points: Sequence[MapPoint], start: Pose, robot: RobotSpec, mission: MissionConfig
+    points: Sequence[MapPoint], start: Pose2, robot: RobotSpec, mission: MissionConfig
 ) -> None:
     if not points:
         raise MissionError("the waypoint list is empty; give at least one waypoint")
@@ -84,36 +85,29 @@ def _check(
         before = point
 
 
-def _plan_next_leg(pose: Pose, point: MapPoint) -> _Leg:
+def _plan_next_leg(pose: Pose2, point: MapPoint) -> _Leg:
     """Turn at a waypoint and get back on the straight line to the next one soon.
 
     The place of the return is the nearest that needs no loop: every metre off the line costs
     as much as 0.3 m of driving.
     """
     direct = _plan_turn(pose, point)
-    line_m = math.dist(pose[:2], point)
+    line_m = math.dist(pose.xy_m, point)
     if not direct[0]:
         return direct
-    line = Pose(pose.x_m, pose.y_m, math.atan2(point[1] - pose.y_m, point[0] - pose.x_m))
+    line = Pose2(pose.x_m, pose.y_m, math.atan2(point[1] - pose.y_m, point[0] - pose.x_m))
     ways = [(length_m(direct[0]) + direct[1] + OFF_LINE_COST * line_m, direct)]
     for step in range(1, math.floor(min(line_m, MAX_RETURN_M) / RETURN_STEP_M) + 1):
         back_m = step * RETURN_STEP_M
-        turn = find_shortest(pose, line.ahead(back_m), TURN_RADIUS_M)
+        turn = find_shortest(pose, advance(line, back_m), TURN_RADIUS_M)
         left_m = line_m - back_m
         ways.append((length_m(turn) + left_m + OFF_LINE_COST * back_m, (turn, left_m)))
     return min(ways, key=lambda way: way[0])[1]
 
 
-def _locate(pose: Pose, point: MapPoint) -> MapPoint:
-    """Of a point from a pose: ahead and to the left."""
-    dx, dy = point[0] - pose.x_m, point[1] - pose.y_m
-    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    return cos * dx + sin * dy, cos * dy - sin * dx
-
-
-def _plan_turn(pose: Pose, point: MapPoint) -> _Leg:
+def _plan_turn(pose: Pose2, point: MapPoint) -> _Leg:
     """Arc until the point is straight ahead, and the distance that then remains."""
-    ahead_m, left_m = _locate(pose, point)
+    ahead_m, left_m = pose.locate(*point)
     if abs(left_m) < ON_LINE_M and ahead_m >= 0.0:
         return (), ahead_m
     ways = [way for side in (1.0, -1.0) if (way := _turn_to_side(ahead_m, side * left_m, side))]

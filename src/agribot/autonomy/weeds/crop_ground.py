@@ -116,7 +116,7 @@ class CropGround:
         return len(i) <= ALONE_RATIO * angle_rad.size * radius_m.size
 
     def _crop(self, x_map_m: FloatArray, y_map_m: FloatArray) -> tuple[IndexArray, IndexArray]:
-        """The cells of places (...,) that crop covers, once for every place."""
+        """Find the cells of places (...,) that crop covers, once for every place."""
         i = np.floor(x_map_m / CELL_M).astype(np.int64)
         j = np.floor(y_map_m / CELL_M).astype(np.int64)
         at = (i % SIDE_CELLS, j % SIDE_CELLS)

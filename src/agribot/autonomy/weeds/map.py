@@ -85,15 +85,15 @@ class WeedMap:
                 self._tentative.append((track.first_seen_s, track.id))
 
     def confirmed(self) -> list[Track]:
-        """Confirmed plants as they are now; a page may ask from a thread of its own."""
+        """List confirmed plants as they are now; a page may ask from a thread of its own."""
         return [track for track in list(self._tracks.values()) if track.is_confirmed]
 
     def weeds(self) -> tuple[MappedPlant, ...]:
-        """Confirmed weeds, oldest first."""
+        """List confirmed weeds, oldest first."""
         return self._confirmed(PlantClass.WEED)
 
     def crops(self) -> tuple[MappedPlant, ...]:
-        """Confirmed crop plants, oldest first."""
+        """List confirmed crop plants, oldest first."""
         return self._confirmed(PlantClass.CROP)
 
     @property

@@ -52,7 +52,7 @@ class PoseHistory:
             del self._estimates[:old]
 
     def at(self, t_s: float) -> PoseAt | None:
-        """The pose at `t_s`; None when it is too old, in the future or in a gap of the input."""
+        """Find the pose at `t_s`; None if it is too old, in the future or in a gap."""
         if not self._times_s or t_s < self._times_s[-1] - self._span_s:
             return None
         after = bisect_left(self._times_s, t_s - SAME_TIME_S)

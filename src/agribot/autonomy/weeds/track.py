@@ -117,7 +117,7 @@ class Track:
         self.last_seen_s = t_s
 
     def miss(self) -> None:
-        """It stood in full view and was not seen."""
+        """Count that it stood in full view and was not seen."""
         self.exists_logit += MISS_LOGIT
 
     def absorb(self, other: Track) -> None:
@@ -136,7 +136,7 @@ class Track:
             self.treated_s = other.treated_s
 
     def earlier(self, by_s: float) -> Track:
-        """The same on a clock that began so much later."""
+        """Move its times to a clock that began so much later."""
         treated_s = None if self.treated_s is None else self.treated_s - by_s
         return replace(
             self, first_seen_s=self.first_seen_s - by_s, last_seen_s=self.last_seen_s - by_s,

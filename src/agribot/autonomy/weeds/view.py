@@ -30,7 +30,7 @@ class View:
 
 
 def _inward_edges(polygon_m: tuple[Point, ...]) -> list[tuple[float, float, float]]:
-    """Unit normals into the polygon with their offsets; none for one without area."""
+    """Compute unit normals into the polygon and their offsets; none for one without area."""
     following = polygon_m[1:] + polygon_m[:1]
     pairs = list(zip(polygon_m, following, strict=True))
     area2_m2 = sum(ax * by - bx * ay for (ax, ay), (bx, by) in pairs)

@@ -59,7 +59,7 @@ class BlockingSocket:
         self._run(self._socket.send, text)
 
     def receive(self, timeout_s: float) -> str | bytes | None:
-        """The next message; None when none has come by then, 0 looks at what is here already."""
+        """Receive the next message; None when none comes in time, 0 takes what is here already."""
         return self._run(self._receive, timeout_s)  # type: ignore[no-any-return]
 
     async def _receive(self, timeout_s: float) -> Any:

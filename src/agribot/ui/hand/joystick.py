@@ -31,7 +31,7 @@ class JoystickState:
                     self._presses.add(number)
 
     def taken_presses(self) -> set[int]:
-        """The buttons that went down since the last call, let go again or not."""
+        """List the buttons that went down since the last call, let go again or not."""
         presses, self._presses = self._presses, set()
         return presses
 

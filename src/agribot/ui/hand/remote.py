@@ -33,7 +33,7 @@ class RobotClock(NamedTuple):
 
 
 def clock_of(pong: wire.Pong, now_s: float, known: RobotClock | None) -> RobotClock:
-    """The quickest of the answers of late tells it best: it errs by half of its time at most."""
+    """Estimate by the quickest of the latest answers: it errs by half of its time at most."""
     sent_s = pong.sent_ms / 1e3
     round_s = now_s - sent_s
     new = RobotClock(pong.mono_ms / 1e3 - (sent_s + now_s) / 2.0, round_s, now_s)
@@ -43,8 +43,10 @@ def clock_of(pong: wire.Pong, now_s: float, known: RobotClock | None) -> RobotCl
 
 
 class Remote:
-    """Raises: PlatformError: the robot does not answer, or refuses; the text says why.
-    ConfigError: the certificate cannot be read.
+    """A program's connection to a running robot with a page.
+
+    Raises: PlatformError: the robot does not answer, or refuses; the text says why.
+        ConfigError: the certificate cannot be read.
     """
 
     def __init__(self, door: Door, name: str) -> None:
@@ -110,7 +112,7 @@ class Remote:
         return verdicts
 
     def until(self, is_it: Callable[[wire.State], bool]) -> wire.State:
-        """The first state for which `is_it` holds."""
+        """Wait for the first state for which `is_it` holds."""
 
         def settle(heard: wire.ServerMessage) -> wire.State | None:
             return heard if isinstance(heard, wire.State) and is_it(heard) else None
@@ -147,7 +149,10 @@ class Remote:
             pass
 
     def _receive(self, timeout_s: float) -> wire.ServerMessage | None:
-        """Raises: PlatformError: the line is cut, the seat is lost, or nobody there speaks so."""
+        """Receive one message; None when none comes in time.
+
+        Raises: PlatformError: the line is cut, the seat is lost, or nobody there speaks so.
+        """
         try:
             data = self._line.receive(timeout_s)
             message = None if data is None else wire.read_server_message(data)
@@ -176,7 +181,7 @@ class Remote:
 
 
 def _trust(door: Door) -> ssl.SSLContext | None:
-    """What the robot shows itself is trusted under any name: its file was read on this machine."""
+    """Trust what the robot shows itself under any name: its file was read on this machine."""
     if not door.url.startswith("wss:"):
         return None
     try:

@@ -162,7 +162,10 @@ class TableHand:
 
 
 def read_table(path: Path, scale: float, dead_zone: float) -> TableHand:
-    """Raises: ConfigError: no such file, no table, or an entry that means nothing to this robot."""
+    """Read which stick and button does what.
+
+    Raises: ConfigError: no such file, no table, or an entry that means nothing to this robot.
+    """
     velocities: list[Velocity] = []
     requests: list[tuple[tuple[int, ...], HandRequest]] = []
     for name, entry in _commands(path).items():

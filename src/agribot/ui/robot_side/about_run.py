@@ -86,7 +86,7 @@ def shown_robot(robot: RobotSpec, config: RunConfig) -> wire.Robot:
 
 
 def footprint_body_m(robot: RobotSpec) -> list[wire.Vec2]:
-    """The rectangle around the wheels on the ground, counter-clockwise from the front left."""
+    """Return the rectangle around the wheels on the ground, counter-clockwise from front left."""
     drive, wheels = robot.drive, robot.wheel_xy_body_m()
     front, rear = float(wheels[:, 0].max()), float(wheels[:, 0].min())
     left, right = float(wheels[:, 1].max()), float(wheels[:, 1].min())
@@ -96,7 +96,7 @@ def footprint_body_m(robot: RobotSpec) -> list[wire.Vec2]:
 
 
 def urdf_for_page(urdf: str, robot_name: str) -> tuple[str, dict[str, str]]:
-    """The description with mesh names relative to itself, and the file behind each name."""
+    """Rewrite mesh names relative to the description, and find the file behind each."""
     file = find_packaged_or_file("robot", robot_name, list_robot_files(), (".xacro", ".urdf"))
     meshes: dict[str, str] = {}
 

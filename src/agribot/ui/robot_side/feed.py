@@ -61,7 +61,7 @@ class Feed:
         self._tick_mono_s = time.monotonic()
 
     def close(self) -> bool:
-        """The last state still goes out; False when the server does not take it."""
+        """Send the last state; False when the server does not take it."""
         self._ended.set()
         self._thread.join(timeout=1.0)
         return not self._thread.is_alive()
@@ -199,7 +199,7 @@ class CameraFeed:
             self._offer(0, frame.index, wall_ms, frame.image_rgb)
 
     def mask(self, frame_index: int, class_id: ByteArray) -> None:
-        """Called in the network's thread."""
+        """Take a mask, in the network's thread."""
         if self.is_watched and self.is_mask_watched:
             wall_ms = self._wall_ms.get(frame_index, time.time() * 1e3)
             self._offer(1, frame_index, wall_ms, class_id)

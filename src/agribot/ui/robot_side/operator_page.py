@@ -129,7 +129,7 @@ class OperatorPage:
         self._camera.start()
 
     def _close_feeds(self) -> bool:
-        """False when the server does not take what is left."""
+        """Close the feeds; False when the server does not take what is left."""
         feeds = [feed for feed in (self._feed, self._camera) if feed is not None]
         return all([feed.close() for feed in feeds])
 
@@ -145,7 +145,7 @@ class OperatorPage:
         self._obey(wire.read_robot_order(data))
 
     def _look(self) -> None:
-        """A hand that fell silent lets go, by the clock on the wall: a simulation may be slow."""
+        """Let go for a hand that fell silent, by wall clock: a simulation may be slow."""
         is_old = time.monotonic() - self._hand_wall_s > self._timeout_s
         if self._is_hand_moving and is_old:
             self._hand(0.0, 0.0, "page, silent")
@@ -155,7 +155,7 @@ class OperatorPage:
         self._is_server_silent = is_silent
 
     def _server_lost(self, reason: str) -> None:
-        """The end of the line is the loss of all operators, until they take the seat again."""
+        """Take the end of the line for the loss of all operators, until one takes the seat."""
         if not self._is_server_silent:
             self._operator_lost(SERVER)
         self._note(f"{reason}; it is started again")
@@ -212,7 +212,7 @@ class OperatorPage:
         self._inbox.post(OperatorEvent(t_s=0.0, action="note", source=who, text="operator lost"))
 
     def _answer(self, asked: wire.Ask, link: Connection) -> None:
-        """What the server asks of mission and panels. Errors of their code become answers."""
+        """Answer what the server asks of mission and panels; their errors become answers."""
         try:
             data = wire.encode(self._find_answer(asked.id, asked.question))
         except Exception as error:  # noqa: BLE001  (somebody else's code; its page shows the text)

@@ -73,7 +73,7 @@ class PlantPictures:
             self._wake.set()
 
     def near(self, x_map_m: float, y_map_m: float) -> PlantPicture | None:
-        """The picture of what stands nearest to a place, within `reach_m`."""
+        """Find the picture of what stands nearest to a place, within `reach_m`."""
         with self._lock:
             number = self._nearest(x_map_m, y_map_m)
             return None if number is None else self._pictures[number]
@@ -166,7 +166,7 @@ class PlantPictures:
 
 
 def _leaves(shot: Shot, foot_px: FloatArray, size_px: float) -> FloatArray:
-    """The middle of the pixels called weed about a plant's foot, above which its leaves stand."""
+    """Find the middle of the pixels called weed about a plant's foot."""
     rows, columns = np.nonzero(shot.class_id == PlantClass.WEED)
     scale = np.divide(shot.frame.image_rgb.shape[:2], shot.class_id.shape)[::-1]
     weed_px = (np.column_stack([columns, rows]) + 0.5) * scale - 0.5
@@ -176,7 +176,7 @@ def _leaves(shot: Shot, foot_px: FloatArray, size_px: float) -> FloatArray:
 
 
 def _cut(image_rgb: ByteArray, centre_px: FloatArray, size_px: float) -> ByteArray:
-    """A square about a pixel, moved into the image where it would stand out."""
+    """Cut a square about a pixel, moved into the image where it would stand out."""
     height, width = image_rgb.shape[:2]
     least, most = CUT_PX
     side = min(max(round(CUT_RATIO * size_px), least), most, height, width)

@@ -33,19 +33,19 @@ class RecentFrames:
                 _forget_old(self._frames)
 
     def mask(self, frame_index: int, class_id: ByteArray) -> None:
-        """Called in the network's thread, perhaps before the tick that brought the frame ends."""
+        """Take a mask in the network's thread, perhaps before the tick of its frame ends."""
         with self._lock:
             self._masks[frame_index] = class_id
             _forget_old(self._masks)
 
     def newest(self) -> Shot | None:
-        """The newest frame that the network has seen."""
+        """Return the newest frame that the network has seen."""
         with self._lock:
             index = max(self._frames.keys() & self._masks.keys(), default=None)
             return None if index is None else Shot(*self._frames[index], self._masks[index])
 
     def of(self, index: int) -> Shot | None:
-        """A frame and its mask, as long as it is kept."""
+        """Find a frame and its mask, as long as it is kept."""
         with self._lock:
             known = self._frames.get(index), self._masks.get(index)
             if known[0] is None or known[1] is None:

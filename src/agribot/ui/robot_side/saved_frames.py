@@ -117,7 +117,7 @@ def _pose(estimate: Estimate) -> dict[str, float] | None:
 
 
 def _enlarged(class_id: ByteArray, image: ByteArray) -> ByteArray:
-    """The network looks at the whole image at a size of its own."""
+    """Resize a mask to the image: the network looks at it at a size of its own."""
     size = (image.shape[1], image.shape[0])
     mask = Image.fromarray(np.ascontiguousarray(class_id)).resize(size, Image.Resampling.NEAREST)
     return np.asarray(mask)

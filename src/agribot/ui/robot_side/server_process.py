@@ -202,5 +202,8 @@ def how_it_ended(status: int | None) -> str:
 
 
 def check_packages() -> None:
-    """Raises: ConfigError: the extra `ui` is not installed."""
+    """Require the packages of the page.
+
+    Raises: ConfigError: the extra `ui` is not installed.
+    """
     extras.require("ui", "the operator's page")

@@ -45,7 +45,7 @@ async def session(request: Request) -> Response:
 
 
 def qr_svg(url: str) -> str:
-    """An address as a QR code, for the camera of a tablet."""
+    """Draw an address as a QR code, for the camera of a tablet."""
     import segno
 
     buffer = io.BytesIO()
@@ -71,7 +71,7 @@ async def robot(request: Request) -> Response:
 
 
 async def robot_file(request: Request) -> Response:
-    """The description, its meshes beside it; only files that the description names are served."""
+    """Serve the description and the meshes that it names, and no other file."""
     hub: Hub = request.app.state.hub
     name = request.path_params["name"]
     if name == "robot.urdf":
@@ -109,13 +109,13 @@ async def _weed_file(
 
 
 def _geojson(weeds: list[wire.Weed], datum: Datum) -> bytes:
-    """Encoded one by one: a single call would not let the loop run before its end."""
+    """Encode plants one by one: a single call would not let the loop run before its end."""
     features = b",".join(map(msgspec.json.encode, weed_features(weeds, datum)))
     return b'{"type":"FeatureCollection","features":[' + features + b"]}"
 
 
 def _csv(weeds: list[wire.Weed], datum: Datum) -> bytes:
-    """A row for each plant, its columns those of the features' properties and of their place."""
+    """Write a row for each plant, with the features' properties and their place as columns."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow([*WEED_COLUMNS, "lat_deg", "lon_deg"])

@@ -95,7 +95,7 @@ class Access:
         return caller
 
     def login(self, token: str, address: str) -> str | Refusal:
-        """The cookie of a new session for the owner of a token.
+        """Make the cookie of a new session for the owner of a token.
 
         The right token counts at once, whoever else guesses from the same address: behind a proxy
         all have one. Only wrong ones are counted, and told to wait.
@@ -108,7 +108,7 @@ class Access:
         return Refusal(status=401, reason="this token is not valid; use the one printed last")
 
     def visit(self) -> str:
-        """The cookie of a browser on this machine; empty on the network, before a login."""
+        """Make the cookie of a browser on this machine; empty on the network, before a login."""
         if not self.is_local:
             return ""
         return self._signer.cookie(Session(secrets.token_urlsafe(18), "operator", time.monotonic()))
@@ -163,5 +163,5 @@ def read_boot_id() -> str:
 
 
 def _is_open(path: str) -> bool:
-    """What a browser needs to show the login; none of it tells of the robot."""
+    """List what a browser needs to show the login; none of it tells of the robot."""
     return path in OPEN_PATHS or path == "/api/v1/session" or path.startswith(OPEN_FOLDERS)

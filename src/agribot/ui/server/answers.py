@@ -39,7 +39,7 @@ def refused(status: int, reason: str) -> Response:
 
 
 def served_file(folder: Path, name: str, download: str | None = None) -> Response:
-    """A file somewhere below `folder`, never one outside it, whatever the name says."""
+    """Find a file somewhere below `folder`, never one outside it, whatever the name says."""
     path = inside(folder, name)
     if path is None or not path.is_file():
         return refused(404, f"no file '{name[:80]}' here")
@@ -59,7 +59,10 @@ def inside(folder: Path, name: str) -> Path | None:
 
 
 async def read_body(request: Request, type: type[T], status: int = 400) -> T:
-    """Raises: Unusable: no JSON, or (with `status`) not of this type."""
+    """Read the body of a request.
+
+    Raises: Unusable: no JSON, or (with `status`) not of this type.
+    """
     data = await request.body() or b"{}"
     try:
         return msgspec.json.decode(data, type=type)
@@ -72,7 +75,10 @@ async def read_body(request: Request, type: type[T], status: int = 400) -> T:
 
 
 def need_seat(request: Request) -> None:
-    """Raises: Unusable: the caller may look on, but another one has the seat, or none."""
+    """Refuse a caller who does not have the seat.
+
+    Raises: Unusable: the caller may look on, but another one has the seat, or none.
+    """
     hub: Hub = request.app.state.hub
     caller: Caller = request.scope["agribot.caller"]
     need_operator(request)
@@ -82,7 +88,10 @@ def need_seat(request: Request) -> None:
 
 
 def need_operator(request: Request) -> None:
-    """Raises: Unusable: a viewer changes nothing."""
+    """Refuse a caller who is no operator.
+
+    Raises: Unusable: a viewer changes nothing.
+    """
     caller: Caller = request.scope["agribot.caller"]
     if caller.role != "operator":
         raise Unusable(403, "you are logged in as a viewer, who may look on and stop the robot")
@@ -95,7 +104,7 @@ def is_robot_shown(request: Request) -> bool:
 
 
 async def ask_robot(request: Request, question: wire.Question, type: type[T]) -> T:
-    """What the robot's program answers.
+    """Ask the robot's program.
 
     Raises: Unusable: it does not answer, cannot, or says why it does not want to.
     """
@@ -111,14 +120,14 @@ async def ask_robot(request: Request, question: wire.Question, type: type[T]) ->
 
 
 def channel_of(request: Request) -> Channel:
-    """What the caller's pages look at: the robot, or the recording that is replayed there."""
+    """Find what the caller's pages look at: the robot, or a recording that is replayed."""
     hub: Hub = request.app.state.hub
     caller: Caller = request.scope["agribot.caller"]
     return hub.channel_of(caller.session)
 
 
 def name_of(request: Request) -> str:
-    """The name that the caller's open page goes by, for the log."""
+    """Find the name that the caller's open page goes by, for the log."""
     hub: Hub = request.app.state.hub
     caller: Caller = request.scope["agribot.caller"]
     for socket in hub.sockets:

@@ -70,7 +70,7 @@ class Door:
         await self._app(scope, receive, send)
 
     def _renewal(self, path: str, cookie: str) -> list[tuple[bytes, bytes]]:
-        """A session in use is renewed, by answers that are in nobody's cache and set no other."""
+        """Renew a session in use, by answers that are in nobody's cache and set no other cookie."""
         if not cookie or not path.startswith("/api/") or path == LOGIN:
             return []
         renewed = _with_cookie(Response(), self._hub.access, cookie)
@@ -137,7 +137,7 @@ def _session_for(request: Request, token: str) -> str | Response:
 
 
 async def front_page(request: Request) -> Response:
-    """The page; a token in the address becomes a cookie and leaves the address."""
+    """Serve the page; a token in the address becomes a cookie and leaves the address."""
     hub: Hub = request.app.state.hub
     caller: Caller = request.scope["agribot.caller"]
     token = request.query_params.get("token")
@@ -157,7 +157,7 @@ async def front_page(request: Request) -> Response:
 
 
 async def bundled_file(request: Request) -> Response:
-    """A file of the bundle; those under assets carry their content's hash in the name."""
+    """Serve a file of the bundle; those under assets carry their content's hash in the name."""
     hub: Hub = request.app.state.hub
     path = request.path_params["path"]
     life = FOR_EVER if path.startswith("assets/") else "no-cache"

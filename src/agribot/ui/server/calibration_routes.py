@@ -45,7 +45,10 @@ async def undo(request: Request) -> Response:
 
 
 async def _calibrate(request: Request, action: wire.CalibrationAction, name: str = "") -> Response:
-    """Raises: Unusable: no robot is there, or it refuses."""
+    """Ask the wizard of the robot.
+
+    Raises: Unusable: no robot is there, or it refuses.
+    """
     hub: Hub = request.app.state.hub
     if not hub.has_robot:
         raise Unusable(409, "no robot runs here; nothing can be calibrated")

@@ -41,7 +41,7 @@ class Picture(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 def unpack_pixels(data: bytes) -> Picture:
-    """What `feed.pack_pixels` made."""
+    """Unpack what `feed.pack_pixels` made."""
     kind, index, wall_ms, height, width = wire.PIXELS_HEAD.unpack_from(data)
     pixels = np.frombuffer(data, np.uint8, offset=wire.PIXELS_HEAD.size)
     shape = (height, width) if kind == 1 else (height, width, 3)
@@ -92,7 +92,7 @@ class Camera:
         self._tell_robot()
 
     async def after(self, kind: int, index: int) -> Picture:
-        """The first picture of this kind that is not the one with `index`."""
+        """Wait for the first picture of this kind that is not the one with `index`."""
         while True:
             picture = self._newest.get(kind)
             if picture is not None and picture.index != index:
@@ -103,7 +103,7 @@ class Camera:
         return self._newest.get(kind)
 
     async def encoded(self, picture: Picture, level: int) -> bytes:
-        """Encoded by the first who asks; the others wait for the same bytes."""
+        """Encode for the first who asks; the others wait for the same bytes."""
         key = (picture.kind, level)
         known = self._encoded.get(key)
         if known is None or known[0] != picture.index:
@@ -184,7 +184,7 @@ class Viewer:
         return self._shown[0] is None
 
     async def _next(self) -> bytes:
-        """The next picture of what this browser looks at: the robot, or a recording.
+        """Wait for the next picture of what this browser looks at: the robot, or a recording.
 
         Recorded pictures are few, and sent as they are.
         """

@@ -47,7 +47,7 @@ class Channel:
         self.event_count = 0
 
     def publish_state(self, state: wire.State) -> None:
-        """Encoded once for all who follow."""
+        """Encode once for all who follow."""
         self.state = msgspec.structs.replace(state, epoch=self.epoch)
         self.state_text = wire.encode(self.state).decode()
         for client in self.clients:

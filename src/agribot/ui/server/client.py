@@ -63,7 +63,7 @@ class Client:
         self._ready.set()
 
     async def next(self) -> str:
-        """The next text to send: answers, then the channel's growth and its states in turn."""
+        """Choose the next text to send: answers, then the channel's growth and states in turn."""
         while True:
             text = self.take()
             if text is not None:
@@ -72,7 +72,7 @@ class Client:
             await self._ready.wait()
 
     def take(self) -> str | None:
-        """The next text where one may be sent now."""
+        """Choose the next text where one may be sent now."""
         if self._direct:
             return self._direct.popleft()
         if not self.window.has_room:
@@ -87,7 +87,7 @@ class Client:
         return self._states.popleft() if self._states else None
 
     def _take_growth(self) -> wire.Snapshot | wire.Growth | None:
-        """What is new since the last time, as much as one message takes."""
+        """Collect what is new since the last time, as much as one message takes."""
         channel = self.channel
         if not self._is_opened:
             self._is_opened = True
@@ -149,7 +149,7 @@ class Client:
         )
 
     def _new_events(self) -> wire.NewEvents:
-        """The oldest that are kept and were not sent yet."""
+        """Collect the oldest that are kept and were not sent yet."""
         channel = self.channel
         oldest = channel.event_count - len(channel.events)
         first = max(self._events, oldest)

@@ -70,12 +70,15 @@ class Commands:
         }
 
     def obey(self, message: wire.PageMessage) -> None:
-        """Raises: Refused: a number in it is out of its limits."""
+        """Do what a page asks.
+
+        Raises: Refused: a number in it is out of its limits.
+        """
         self._hub.seat.heard(self._page.session, time.monotonic())
         self._handlers[type(message)](message)
 
     def let_go(self) -> None:
-        """The line is gone: whatever it drove stands still."""
+        """Let whatever the lost line drove stand still."""
         if self._is_driving:
             self._drive(0.0, 0.0)
 
@@ -114,7 +117,7 @@ class Commands:
         self._answer(message)
 
     def _drive_by_hand(self, message: wire.DriveByHand) -> None:
-        """Requests without the seat are dropped; the page sees in the seat's change why."""
+        """Drop requests without the seat; the page sees in the seat's change why."""
         v_mps, yaw_rate_radps = message.v_mps, message.yaw_rate_radps
         if self._no_seat() or ((v_mps or yaw_rate_radps) and _is_late(message.mono_ms)):
             return
@@ -173,13 +176,13 @@ class Commands:
         self._answer(message, await self._hub.request(event))
 
     def _point_out(self, message: wire.PointOut) -> None:
-        """A place that somebody clicked: into the recording, as RViz's Publish Point."""
+        """Put a place that somebody clicked into the recording, as RViz's Publish Point."""
         place = f"East {message.x_map_m:.3f} m, North {message.y_map_m:.3f} m"
         self._hub.note(self._page.name, f"point: {place}")
         self._answer(message)
 
     def _draw_shape(self, message: wire.DrawShape) -> None:
-        """A polygon or route that somebody drew: into the recording."""
+        """Put a polygon or route that somebody drew into the recording."""
         corners = message.corners_map_m
         if not 0 < len(corners) <= MAX_CORNERS:
             raise Refused(f"{len(corners)} corners of a shape: it has 1 to {MAX_CORNERS}")

@@ -72,7 +72,10 @@ class _Fault(Exception):
 
 
 def _shape_of(feature: dict[str, Any], kind: str, frame: MapFrame) -> Any:
-    """The shape in the map, metres. Raises: _Fault."""
+    """Convert the shape to the map, metres.
+
+    Raises: _Fault: it is none.
+    """
     import shapely
     from shapely.geometry import shape as shape_of
 

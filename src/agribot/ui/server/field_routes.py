@@ -42,7 +42,7 @@ def _views(request: Request) -> Store:
 
 
 def _reading(path: str, store: Callable[[Request], Store], media_type: str) -> tuple[Route, ...]:
-    """What is the same for everything that is kept by name: the names, and one document."""
+    """Serve what is kept by name: the names, and one document."""
 
     async def names(request: Request) -> Response:
         return json_answer(store(request).names())
@@ -54,7 +54,7 @@ def _reading(path: str, store: Callable[[Request], Store], media_type: str) -> t
 
 
 async def put_field(request: Request) -> Response:
-    """Checked before it is stored: a field that cannot be worked never replaces a good one."""
+    """Check before it is stored: a field that cannot be worked never replaces a good one."""
     need_operator(request)
     hub: Hub = request.app.state.hub
     collection = await read_body(request, dict[str, Any])
@@ -78,7 +78,7 @@ async def delete_field(request: Request) -> Response:
 
 
 async def import_field(request: Request) -> Response:
-    """A file as the body with `?filename=`, or as the first file of a form; nothing is stored."""
+    """Read a file: the body with `?filename=`, or the first file of a form; nothing is stored."""
     need_operator(request)
     name, data = request.query_params.get("filename", ""), await request.body()
     content_type = request.headers.get("content-type", "")
@@ -91,7 +91,7 @@ async def import_field(request: Request) -> Response:
 
 
 async def export_field(request: Request) -> Response:
-    """A FeatureCollection as the body, `?format=` as an ending such as `.gpkg`."""
+    """Convert the FeatureCollection of the body; `?format=` is an ending such as `.gpkg`."""
     collection = await read_body(request, dict[str, Any])
     suffix = request.query_params.get("format", "")
     try:
@@ -102,7 +102,7 @@ async def export_field(request: Request) -> Response:
 
 
 def _read_file(name: str, data: bytes, form: str) -> bytes:
-    """The FeatureCollection in a file, as JSON; `form` is the type of a form around it."""
+    """Read the FeatureCollection in a file, as JSON; `form` is the type of a form around it."""
     if form:
         name, data = _first_file(form, data)
     return msgspec.json.encode(read_field_file(name, data))
@@ -125,7 +125,7 @@ async def check_plan(request: Request) -> Response:
 
 
 async def apply_plan(request: Request) -> Response:
-    """A good plan becomes the mission of a robot that stands; it does not set off by itself."""
+    """Make a good plan the mission of a robot that stands; it does not set off by itself."""
     need_seat(request)
     hub: Hub = request.app.state.hub
     made = await _plan(request)
@@ -157,14 +157,14 @@ async def put_view(request: Request) -> Response:
 
 
 async def import_view(request: Request) -> Response:
-    """A configuration of mapviz as the body; nothing is stored."""
+    """Read a configuration of mapviz from the body; nothing is stored."""
     need_operator(request)
     displays = await run_in_process(displays_of, await request.body(), what="file")
     return json_answer(msgspec.convert(displays, wire.ImportedView))
 
 
 async def export_view(request: Request) -> Response:
-    """The displays of a view, and what it stays on, as a configuration of mapviz."""
+    """Write the displays of a view, and what it stays on, as a configuration of mapviz."""
     told = await read_body(request, wire.ExportedView)
     data = await run_in_process(config_of, told.displays, told.view, what="view")
     return Response(data, media_type="application/yaml")

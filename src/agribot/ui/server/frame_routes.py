@@ -18,7 +18,7 @@ from agribot.ui.server.hub import Hub
 
 
 async def save_frame(request: Request) -> Response:
-    """The newest frame with the network's mask, into a folder that trains networks."""
+    """Save the newest frame with the network's mask in a folder that trains networks."""
     need_seat(request)
     hub: Hub = request.app.state.hub
     if not is_robot_shown(request):
@@ -29,7 +29,7 @@ async def save_frame(request: Request) -> Response:
 
 
 async def weed_picture(request: Request) -> Response:
-    """A JPEG of a weed as the camera saw it best; `x-captured-s` says when."""
+    """Serve a JPEG of a weed as the camera saw it best; `x-captured-s` says when."""
     hub: Hub = request.app.state.hub
     weed = hub.live.weeds.get(request.path_params["id"])
     if weed is None or not is_robot_shown(request):

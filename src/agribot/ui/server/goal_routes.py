@@ -17,7 +17,7 @@ from agribot.ui.server.answers import (
 
 
 async def preview(request: Request) -> Response:
-    """The way to a place, where it matters with a heading there; nothing moves."""
+    """Plan the way to a place, where it matters with a heading there; nothing moves."""
     need_operator(request)
     if not is_robot_shown(request):
         raise Unusable(409, "no robot is shown that could drive there")

@@ -148,7 +148,7 @@ async def serve_guarded(
     ssl: ssl.SSLContext | None,
     backlog: int,
 ) -> asyncio.Server:
-    """What the loop's own `create_server` does, with `GuardedTls` and without its long rounds.
+    """Do what the loop's `create_server` does, with `GuardedTls` and without its long rounds.
 
     The loop accepts as many connections in one round as may wait, before any of them gives way to
     another: a flood would take all descriptors, and then nobody is let in for a second.
@@ -160,7 +160,7 @@ async def serve_guarded(
 
 
 def count_unsent(line: asyncio.Transport) -> int:
-    """What was written and not yet taken by the other side, here and in the system."""
+    """Count what was written and not yet taken by the other side, here and in the system."""
     count = array.array("i", [0])
     with contextlib.suppress(OSError, ValueError, AttributeError):  # gone, or not known there
         fcntl.ioctl(line.get_extra_info("socket").fileno(), termios.TIOCOUTQ, count)  # tcp(7)
@@ -210,7 +210,7 @@ class GuardedSocket(WebSocketsSansIOProtocol):
         super().data_received(data)
 
     def on_task_complete(self, task: asyncio.Task[None]) -> None:
-        """A close waits until all is sent, which may be never."""
+        """Cut the connection: a close would wait until all is sent, which may be never."""
         super().on_task_complete(task)
         self.loop.call_later(CLOSE_S, self.transport.abort)
 

@@ -104,7 +104,7 @@ def _rate_checks(rates: list[wire.SensorRate]) -> list[wire.HealthCheck]:
 
 
 def measure_rates(hub: Hub) -> list[wire.SensorRate]:
-    """Samples per second of the robot's own time, over the last few seconds."""
+    """Count samples per second of the robot's own time, over the last few seconds."""
     counts = hub.counts
     passed_s = counts[-1].t_s - counts[0].t_s if counts else 0.0
     rates = []
@@ -153,7 +153,7 @@ def _pages(hub: Hub) -> wire.HealthCheck:
 
 
 async def support(request: Request) -> Response:
-    """Settings, events, health and versions; no tokens, no pictures."""
+    """Pack settings, events, health and versions; no tokens, no pictures."""
     need_operator(request)
     data = await run_in_thread(_bundle, request.app.state.hub)
     headers = {"content-disposition": 'attachment; filename="agribot-support.zip"'}

@@ -63,7 +63,7 @@ class Hub:
         return self.live.source not in ("replay", "description")
 
     def channel_of(self, session: str) -> Channel:
-        """The stream that a page looks at: the live one, unless its browser replays a recording."""
+        """Find the stream that a page looks at: live, unless its browser replays a recording."""
         return self.replay_of(session.partition("/")[0]) or self.live
 
     def replay_of(self, browser: str) -> Replay | None:
@@ -169,7 +169,7 @@ class Hub:
         )
 
     async def request(self, event: wire.EventOrder) -> str:
-        """An event that the mission may refuse: why, or nothing where it was taken."""
+        """Ask for what the mission may refuse: why it does, or nothing where it was taken."""
         try:
             return (await self._ask(event, ANSWER_S)).refusal
         except TimeoutError:

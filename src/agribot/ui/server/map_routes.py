@@ -105,7 +105,7 @@ async def panel_data(request: Request) -> Response:
 
 
 async def submit_panel(request: Request) -> Response:
-    """The program decides whether a button needs the seat; a form always does."""
+    """Press a button: the program decides whether it needs the seat; a form always does."""
     need_operator(request)
     id, values = request.path_params["id"], await read_body(request, dict[str, Any])
     panels = {panel.id: panel for panel in await _list_panels(request)}

@@ -116,7 +116,7 @@ _SOURCES = {"tf_frame": "frame", "robot_image": "frame", "tile_map": "source",
 
 
 def displays_of(data: bytes) -> dict[str, Any]:
-    """`displays` from the lowest to the topmost, and `left_out` with the reason for each.
+    """List `displays` from the lowest to the topmost, and `left_out` with the reason for each.
 
     Raises: Unusable: no configuration of mapviz.
     """
@@ -136,7 +136,7 @@ def displays_of(data: bytes) -> dict[str, Any]:
 
 
 def _view_of(tree: dict[str, Any]) -> dict[str, Any]:
-    """What our map stays on, and how it is turned, degrees clockwise."""
+    """Find what our map stays on, and how it is turned, degrees clockwise."""
     frame = str(tree.get("target_frame", "<none>")).rpartition("/")[2]
     is_turned = tree.get("rotate_90") is True
     if frame not in ROBOT_FRAMES:
@@ -147,7 +147,7 @@ def _view_of(tree: dict[str, Any]) -> dict[str, Any]:
 
 
 def _told_of(view: dict[str, Any]) -> dict[str, Any]:
-    """The same in mapviz's words, which have no other turns."""
+    """Say the same in mapviz's words, which have no other turns."""
     target, turn = view.get("target", "map"), view.get("turn", 0)
     with_heading = target == "heading"
     is_turned = turn != _AHEAD_TO_THE_RIGHT if with_heading else turn == 90
@@ -198,7 +198,7 @@ def _display(type_: str, name: str, config: Any) -> tuple[dict[str, Any], list[s
 
 
 def config_of(displays: list[dict[str, Any]], view: dict[str, Any] | None = None) -> bytes:
-    """The displays, from the lowest to the topmost, as mapviz opens them; ours alone are left out.
+    """Write the displays, lowest first, as mapviz opens them; ours alone are left out.
 
     `view` is the target and the turn of the map, as `displays_of` gives them.
 

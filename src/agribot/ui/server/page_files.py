@@ -14,7 +14,7 @@ from agribot.ui.server.answers import inside, refused
 
 
 def page_file(request: Request, folder: Path, name: str, cache_control: str) -> Response:
-    """A file below `folder`; 304 where the browser has it, a part of it where that is asked for.
+    """Serve a file below `folder`; 304 where the browser has it, a part where that is asked for.
 
     Parts are of the file as it is, since a range of compressed bytes is of no use to anybody.
     """

@@ -41,7 +41,7 @@ class Pictures:
         return cls(sorted(shots, key=lambda shot: shot.t_s))
 
     def at(self, t_s: float) -> tuple[int, Shot] | None:
-        """The newest one of a time, and its number; None before the first."""
+        """Find the newest one of a time, and its number; None before the first."""
         number = bisect.bisect_right(self._times, t_s) - 1
         return (number, self._shots[number]) if number >= 0 else None
 

@@ -102,7 +102,7 @@ class Replay(Channel):
         )
 
     def picture(self) -> tuple[int, Shot] | None:
-        """What the camera saw last, and its number; None before its first picture."""
+        """Find what the camera saw last, and its number; None before its first picture."""
         return self._pictures.at(self._now_s)
 
     def seek(self, t_s: float) -> None:
@@ -171,7 +171,7 @@ class Replay(Channel):
 
 
 def _read_implement(path: Path) -> ImplementSpec | None:
-    """That of the recorded robot; None where its description is lost or of a kind unknown here."""
+    """Read the recorded robot; None where its description is lost or of an unknown kind."""
     try:
         return parse_robot(read_urdf(path), path.name).implement
     except (RecordingError, DescriptionError):
@@ -223,7 +223,7 @@ def _weed_known(plant: MappedPlant, t_s: float) -> wire.Weed | None:
 
 
 def _path(path: Path) -> wire.PathPiece | None:
-    """The last plan of the recording."""
+    """Read the last plan of the recording."""
     found: wire.PathPiece | None = None
     for message in read_messages(path, topics.PATH):
         planned = load_types().deserialize_cdr(message.data, topics.PATH.ros_type)

@@ -86,7 +86,7 @@ class RequestBodies:
 
 
 def limit_bytes(path: str, role: str | None) -> int:
-    """The largest body that makes sense for a path."""
+    """Return the largest body that makes sense for a path."""
     found = next((size for pattern, size in LIMITS if re.fullmatch(pattern, path)), None)
     limit = MAX_COMMAND_BYTES if found is None else found
     return limit if role == "operator" else min(limit, MAX_COMMAND_BYTES)
@@ -105,7 +105,7 @@ def _too_large(limit: int) -> Response:
 
 
 def _replay(body: bytes, receive: Receive) -> Receive:
-    """What was read is received once more; after it the connection itself is asked."""
+    """Receive what was read once more; after it the connection itself is asked."""
     waiting: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
 
     async def received() -> Message:

@@ -43,7 +43,7 @@ def api_routes() -> list[Route]:
 
 
 def _polite(endpoint: Endpoint) -> Endpoint:
-    """Turns what a person can act on into an answer of one sentence."""
+    """Turn what a person can act on into an answer of one sentence."""
 
     async def answering(request: Request) -> Response:
         try:

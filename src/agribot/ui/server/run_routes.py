@@ -96,7 +96,7 @@ async def mark(request: Request) -> Response:
 
 
 async def start_recording(request: Request) -> Response:
-    """The state tells in which folder."""
+    """Begin a recording; the state tells in which folder."""
     return _record(request, "start_recording")
 
 
@@ -144,7 +144,7 @@ def _shown(hub: Hub, session: str) -> wire.Shown:
 
 
 async def _choose(hub: Hub, session: str, name: str) -> Replay | None:
-    """A recording, or None where the browser asked for something else while it was read."""
+    """Open a recording; None where the browser asked for something else while it was read."""
     choice = hub.choices[session] = object()
     try:
         player = await run_in_thread(_open, hub, name)

@@ -18,7 +18,7 @@ class Seat:
         self._heard_s = 0.0
 
     def heard(self, session: str, now_s: float) -> None:
-        """A sign of life of a session."""
+        """Take a sign of life of a session."""
         if session == self.holder:
             self._heard_s = now_s
 
@@ -40,7 +40,7 @@ class Seat:
         return not self.holder or now_s - self._heard_s > SILENCE_S
 
     def seen_by(self, session: str, now_s: float) -> wire.SeatState:
-        """What a page shows to this session."""
+        """Return what a page shows to this session."""
         if self.holder == session and session:
             return "you"
         return "free" if self.is_silent(now_s) else "other"

@@ -113,7 +113,7 @@ async def _serve(
 
 
 def _read(link: Connection, loop: asyncio.AbstractEventLoop, hear: Any, end: Any) -> None:
-    """A thread that hands over one message after the other; a busy loop slows the sender down."""
+    """Hand over one message after the other in a thread; a busy loop slows the sender down."""
 
     async def handed(data: bytes) -> None:
         hear(data)

@@ -85,12 +85,12 @@ class Socket:
         self.client.follow(channel)
 
     def acknowledge(self, count: int) -> None:
-        """The page has received as many messages since it was opened."""
+        """Note how many messages the page has received since it was opened."""
         self.client.window.received(count, time.monotonic())
         self.client.wake()
 
     def cut_if_gone(self, now_s: float) -> None:
-        """A page that vanished without a word has no line to be closed in order."""
+        """Cut the line of a page that vanished without a word."""
         if self.client.window.waiting_s(now_s) > GONE_S:
             self.cut()
 
@@ -108,7 +108,7 @@ class Socket:
         )
 
     async def _send_all(self) -> None:
-        """A page that takes nothing holds up its own line only, until it is cut."""
+        """Send; a page that takes nothing holds up its own line only, until it is cut."""
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while True:
                 text = await self.client.next()
@@ -135,7 +135,10 @@ class Socket:
             raise Refused(f"more than {MAX_MESSAGES_PER_S} messages in a second")
 
     def _obey(self, text: str, *, is_stop_only: bool) -> None:
-        """Raises: Refused: nothing that a page says, and nothing to answer it by."""
+        """Read a message and do what it asks.
+
+        Raises: Refused: nothing that a page says, and nothing to answer it by.
+        """
         try:
             message = wire.read_page_message(text)
         except wire.BadMessage as error:

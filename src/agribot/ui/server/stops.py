@@ -36,7 +36,7 @@ class Stops:
             self._timer = asyncio.get_running_loop().call_later(wait_s, self._repeat, source)
 
     def clear(self) -> None:
-        """The stop is cleared: the next press counts at once, those before it no more."""
+        """Forget presses before the stop was cleared; the next one counts at once."""
         if self._timer is not None:
             self._timer.cancel()
         self._posted_s, self._merged, self._timer = -math.inf, 0, None

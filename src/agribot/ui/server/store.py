@@ -15,7 +15,10 @@ _NAME = re.compile(r"^[^\W_][\w .()-]{0,62}$")
 
 
 def checked_name(name: str) -> str:
-    """Raises: Unusable: a name that is no plain file name."""
+    """Refuse a name that could leave the folder.
+
+    Raises: Unusable: a name that is no plain file name.
+    """
     if not _NAME.fullmatch(name) or ".." in name:
         raise Unusable(
             400, f"name '{name[:80]}': use up to 63 letters, digits, spaces and . _ - ( )"
@@ -34,14 +37,20 @@ class Store:
         return sorted(path.name.removesuffix(self._suffix) for path in paths)
 
     def read(self, name: str) -> bytes:
-        """Raises: Unusable: there is none of this name."""
+        """Read a document.
+
+        Raises: Unusable: there is none of this name.
+        """
         try:
             return self._path(name).read_bytes()
         except OSError as error:
             raise Unusable(404, f"nothing is stored under '{name}'") from error
 
     def write(self, name: str, document: Any) -> None:
-        """Raises: Unusable: the disk does not take it."""
+        """Store a document.
+
+        Raises: Unusable: the disk does not take it.
+        """
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             write_at_once(self._path(name), msgspec.json.encode(document))
@@ -49,7 +58,10 @@ class Store:
             raise Unusable(507, f"cannot store '{name}': {error.strerror}") from error
 
     def delete(self, name: str) -> None:
-        """Raises: Unusable: there is none of this name."""
+        """Delete a document.
+
+        Raises: Unusable: there is none of this name.
+        """
         try:
             self._path(name).unlink()
         except OSError as error:

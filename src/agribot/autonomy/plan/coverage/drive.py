@@ -20,6 +20,7 @@ from agribot.autonomy.plan.plan_certificate import check_ways
 from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import FloatArray, MapPoint, Path, Row
+from agribot.core.pose import Pose2
 
 STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
 MAX_LENGTH_M = 20_000.0
@@ -93,7 +94,7 @@ class FieldWork:
             raise MissionError(f"East {x_m:.2f} m, North {y_m:.2f} m {self._describe_place(place)}")
         before = place
         if yaw_rad is not None:  # the robot turns there and drives the rest as it is to look
-            before = (x_m - RUN_IN_M * math.cos(yaw_rad), y_m - RUN_IN_M * math.sin(yaw_rad))
+            before = Pose2(x_m, y_m, yaw_rad).transform(-RUN_IN_M, 0.0)
             if not space.drivable.covers(shapely.LineString((before, place))):
                 raise MissionError(
                     f"there is no room to look that way at East {x_m:.2f} m, North {y_m:.2f} m; "

@@ -34,9 +34,9 @@ from agribot.autonomy.plan.coverage.tasks import (
 )
 from agribot.autonomy.plan.coverage.turns import plan_arc_turn, plan_three_point_turn, yaw_rad
 from agribot.autonomy.plan.coverage.ways import Ways
-from agribot.autonomy.plan.curves import Pose
 from agribot.core.errors import MissionError
 from agribot.core.messages import MapPoint
+from agribot.core.pose import Pose2
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -192,12 +192,12 @@ def _plan_turn(
     start, end = _read_point(leg, -1), _read_point(after, 0)
     if math.dist(start, end) < 1e-6:
         return []
-    from_pose = Pose(*start, yaw_rad(leg.xy_map_m[-2], leg.xy_map_m[-1]))
-    to_pose = Pose(*end, yaw_rad(after.xy_map_m[0], after.xy_map_m[1]))
+    from_pose = Pose2(*start, yaw_rad(leg.xy_map_m[-2], leg.xy_map_m[-1]))
+    to_pose = Pose2(*end, yaw_rad(after.xy_map_m[0], after.xy_map_m[1]))
     return _plan_curve(from_pose, to_pose, request.turns, drivable) or _make_link(start, end, ways)
 
 
-def _plan_curve(start: Pose, end: Pose, style: TurnStyle, drivable: BaseGeometry) -> list[Leg]:
+def _plan_curve(start: Pose2, end: Pose2, style: TurnStyle, drivable: BaseGeometry) -> list[Leg]:
     """Plan the turn in the wanted style; nothing where the robot has to turn in place."""
     if style == "pivot":
         return []

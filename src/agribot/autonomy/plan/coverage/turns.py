@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agribot.autonomy.plan.coverage.free_space import ROUNDING_M
-from agribot.autonomy.plan.curves import MIN_RADIUS_M, Pose, Segment, find_end_pose, length_m
+from agribot.autonomy.plan.curves import MIN_RADIUS_M, Segment, advance, find_end_pose, length_m
 from agribot.autonomy.plan.dubins import find_shortest
 from agribot.core.messages import FloatArray, MapPoint
+from agribot.core.pose import Pose2
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -40,12 +41,12 @@ def bend_rad(before: FloatArray, at: FloatArray, after: FloatArray) -> float:
 
 
 def plan_arc_turn(
-    start: Pose, end: Pose, drivable: BaseGeometry, *, is_wanted: bool
+    start: Pose2, end: Pose2, drivable: BaseGeometry, *, is_wanted: bool
 ) -> FloatArray | None:
     """Plan a turn from one pose to another, (N, 2), if it is open and wanted or quicker."""
     import shapely
 
-    _, left_m = _locate(start, end)
+    _, left_m = start.locate(end.x_m, end.y_m)
     radius_m = min(max(abs(left_m) / 2.0, MIN_RADIUS_M * 1.001), MAX_ARC_RADIUS_M)
     segments = find_shortest(start, end, radius_m)
     turned_rad = sum(segment.length_m * abs(segment.curvature_radpm) for segment in segments)
@@ -59,7 +60,7 @@ def plan_arc_turn(
 
 
 def plan_three_point_turn(
-    start: Pose, end: Pose, drivable: BaseGeometry
+    start: Pose2, end: Pose2, drivable: BaseGeometry
 ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
     """Plan a quarter circle ahead, straight back, one ahead, (N, 2) each; None where not open.
 
@@ -68,7 +69,7 @@ def plan_three_point_turn(
     """
     import shapely
 
-    ahead_m, left_m = _locate(start, end)
+    ahead_m, left_m = start.locate(end.x_m, end.y_m)
     back_m = 2.0 * MAX_ARC_RADIUS_M - abs(left_m)
     skew_rad = math.remainder(end.yaw_rad - start.yaw_rad - math.pi, math.tau)
     if abs(skew_rad) > MAX_SKEW_RAD or back_m < SHORTEST_BACK_M:
@@ -78,33 +79,26 @@ def plan_three_point_turn(
     )
     into = (Segment(max(ahead_m, 0.0), 0.0), quarter)
     turned = find_end_pose(start, into)
-    backed = turned.ahead(-back_m)
-    back = np.array([turned[:2], backed[:2]])
+    backed = advance(turned, -back_m)
+    back = np.array([turned.xy_m, backed.xy_m])
     out = sample_turn(backed, (quarter, Segment(max(-ahead_m, 0.0), 0.0)))
-    out[-1] = end[:2]
+    out[-1] = end.xy_m
     way = (sample_turn(start, into), back, out)
     is_open = drivable.covers(shapely.MultiLineString(way))
     return way if is_open else None
 
 
-def _locate(start: Pose, end: Pose) -> tuple[float, float]:
-    """How far a place is ahead and to the left of a pose."""
-    dx, dy = end.x_m - start.x_m, end.y_m - start.y_m
-    cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
-    return cos * dx + sin * dy, cos * dy - sin * dx
-
-
-def _estimate_pivot_s(start: Pose, end: Pose) -> float:
+def _estimate_pivot_s(start: Pose2, end: Pose2) -> float:
     course = math.atan2(end.y_m - start.y_m, end.x_m - start.x_m)
     turned_rad = abs(math.remainder(course - start.yaw_rad, math.tau))
     turned_rad += abs(math.remainder(end.yaw_rad - course, math.tau))
-    straight_s = math.dist(start[:2], end[:2]) / TURN_SPEED_MPS
+    straight_s = math.dist(start.xy_m, end.xy_m) / TURN_SPEED_MPS
     return turned_rad / PIVOT_RATE_RADPS + 2.0 * PIVOT_STOP_S + straight_s
 
 
-def sample_turn(start: Pose, segments: Iterable[Segment]) -> FloatArray:
+def sample_turn(start: Pose2, segments: Iterable[Segment]) -> FloatArray:
     """Lay the ends of straight pieces, and points a few centimetres apart on arcs, (N, 2)."""
-    points, pose = [start[:2]], start
+    points, pose = [start.xy_m], start
     for segment in segments:
         if segment.length_m < 1e-6:
             continue
@@ -113,7 +107,7 @@ def sample_turn(start: Pose, segments: Iterable[Segment]) -> FloatArray:
             count = max(2, math.ceil(segment.length_m / ARC_STEP_M))
         for step in range(1, count + 1):
             part = Segment(segment.length_m * step / count, segment.curvature_radpm)
-            points.append(part.end(pose)[:2])
+            points.append(part.end(pose).xy_m)
         pose = segment.end(pose)
     return _drop_repeats(np.array(points))
 
@@ -178,6 +172,6 @@ def _round_bend(before: FloatArray, at: FloatArray, after: FloatArray) -> list[F
         return []
     course = yaw_rad(before, at)
     tangent_m = radius_m * half_tan
-    pose = Pose(at[0] - tangent_m * math.cos(course), at[1] - tangent_m * math.sin(course), course)
+    pose = Pose2(at[0] - tangent_m * math.cos(course), at[1] - tangent_m * math.sin(course), course)
     points = sample_turn(pose, [Segment(abs(bend) * radius_m, math.copysign(1.0 / radius_m, bend))])
     return list(points)

@@ -127,7 +127,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
         )  # fmt: skip
 
     def mission(self) -> MissionConfig:
-        """The robot pauses where it knows the row too badly, and creeps before."""
+        """Pause where the robot knows the row too badly, and creep before."""
         return MissionConfig(
             speed_mps=self.speed_mps, turn_speed_mps=0.3, headland_m=HEADLAND_M,
             full_speed_std_m=0.05, max_row_std_m=0.12,

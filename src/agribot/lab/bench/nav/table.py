@@ -83,7 +83,7 @@ HEADINGS = (
 
 
 def text(lines: Sequence[Line], *, markdown: bool = False) -> str:
-    """The table; cross-track errors in centimetres."""
+    """Format the table; cross-track errors in centimetres."""
     widths = [width for _, width in HEADINGS]
     rows = [[title for title, _ in HEADINGS]]
     rows += [_cells(entry) for entry in lines]

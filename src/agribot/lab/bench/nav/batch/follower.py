@@ -78,7 +78,7 @@ class BatchFollower:
         max_speed_mps: FloatArray,
         dt_s: float,
     ) -> None:
-        """Sets `v_mps` and `yaw_rate_radps`; where `max_speed_mps` is 0 the robot halts."""
+        """Set `v_mps` and `yaw_rate_radps`; where `max_speed_mps` is 0 the robot halts."""
         self._yaw_gain.learn(self.v_mps, self.yaw_rate_radps, v_mps, yaw_rate_radps, dt_s)
         there = law.ahead(ARRAYS, pose, v_mps, yaw_rate_radps, slip_rad, self._config.delay_s)
         errors = self.errors(s_m, *there)

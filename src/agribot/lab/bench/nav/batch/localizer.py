@@ -106,7 +106,7 @@ class BatchLocalizer:
         fixes: Sequence[BatchFix] = (),
         headings: Sequence[BatchHeading] = (),
     ) -> None:
-        """What arrived: compass yaws, fixes, headings of second antennas."""
+        """Take what arrived: compass yaws, fixes, headings of second antennas."""
         for sample in mags:
             self._compass.update(sample)
         if self._compass.is_ready:

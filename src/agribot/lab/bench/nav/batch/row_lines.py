@@ -80,7 +80,7 @@ class BatchRowLines:
         return self._field.along_right_m(x_m, y_m)
 
     def _begin(self, seen: Mask) -> None:
-        """The first line of a robot opens its bias state."""
+        """Open a robot's bias state with its first line."""
         ekf = self._ekf
         new = seen & (ekf.cov[ROW_BIAS, ROW_BIAS] == 0.0)
         if new.any():

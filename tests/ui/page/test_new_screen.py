@@ -1,0 +1,67 @@
+"""A screen is one file and one word in a list: the one of the page for contributors is shown."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import BrowserContext, expect
+
+from agribot.ui import wire
+from tests.ui.page import fake_server
+from tests.ui.page.conftest import WITHOUT_GL, until
+
+ROOT = Path(__file__).parents[3]
+WEB = ROOT / "web"
+TOOLS = WEB / "node_modules" / ".bin"
+# The page's own settings without what makes licences and compressed files.
+SETTINGS = "export default { base: './', build: { target: 'es2022' }, worker: { format: 'es' } }\n"
+
+pytestmark = pytest.mark.skipif(
+    not (TOOLS / "vite").exists() or shutil.which("node") is None,
+    reason="the page's tools are missing (cd web && npm ci)",
+)
+
+
+def copy_web(folder: Path) -> Path:
+    shutil.copytree(WEB / "src", folder / "src")
+    shutil.copytree(WEB / "public", folder / "public")
+    for name in ("index.html", "package.json", "tsconfig.json"):
+        shutil.copy(WEB / name, folder / name)
+    (folder / "vite.config.ts").write_text(SETTINGS)
+    (folder / "node_modules").symlink_to(WEB / "node_modules")
+    return folder
+
+
+def add_screen(web: Path) -> str:
+    """The file of the page for contributors, and the list with its name."""
+    text = (ROOT / "docs" / "contribute" / "screen.md").read_text(encoding="utf-8")
+    ((name, code),) = re.findall(r"^```typescript file=(\w+)\.ts\n(.*?)^```$", text, re.S | re.M)
+    write_screens = runpy.run_path(str(ROOT / "scripts" / "generate_wire.py"))["write_screens"]
+    screens = web / "src" / "screens"
+    (screens / f"{name}.ts").write_text(code, encoding="utf-8")
+    (screens / "index.ts").write_text(write_screens([*wire.SCREENS, name]), encoding="utf-8")
+    return str(name)
+
+
+def test_a_screen_of_ones_own_is_one_file_and_a_word_in_the_list(
+    context: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    web = copy_web(tmp_path)
+    name = add_screen(web)
+    for step in (["tsc", "--noEmit"], ["vite", "build"]):
+        done = subprocess.run(
+            [TOOLS / step[0], *step[1:]], cwd=web, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+    monkeypatch.setattr(fake_server, "PAGE", web / "dist")
+    with fake_server.serving(fake_server.FakeServer()) as address:
+        page = context.new_page()
+        page.goto(f"{address}/?{WITHOUT_GL}#/{name}")
+        until(page, "window.__agribot?.ready")
+        expect(page.locator("nav").get_by_text("Tilt").first).to_be_visible()
+        expect(page.locator(".readout")).to_have_text(re.compile(r"side -?\d+\.\d °, ahead"))
