@@ -101,8 +101,8 @@ def test_every_finding_is_told_as_soon_as_it_is_known(
         return [doctor.CheckResult(what=name, state="ok", detail="")]
 
     for name in ("packages", "caches", "weights"):
-        monkeypatch.setattr(doctor, name, lambda name=name: look(name))
-    monkeypatch.setattr(doctor, "self_check", lambda _: look("drive")[0])
+        monkeypatch.setattr(doctor, f"check_{name}", lambda name=name: look(name))
+    monkeypatch.setattr(doctor, "drive_farm", lambda _: look("drive")[0])
     assert main(["doctor"]) == 0
     assert "usable CPUs" in said["packages"]
     assert "python" in said["packages"]
