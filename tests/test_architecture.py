@@ -25,6 +25,10 @@ IMPURE = {
     "subprocess", "threading", "time", "urllib",
 }  # fmt: skip
 
+# What is done to a thing names a value, not what a function does; "feed" and "speed" are none.
+PARTICIPLE = re.compile(
+    r"_?(?:[a-z]*[^e]ed|shown|told|taken|begun|seen|given|made|found|held|sent|said|heard|kept|drawn)"
+)
 MAX_FUNCTION_LINES = 50
 BANNED_NAMES = {"utils", "util", "helpers", "helper", "common", "manager", "misc"}
 MAY_PRINT = {"cli"}
@@ -231,6 +235,26 @@ def test_functions_are_short() -> None:
         if (node.end_lineno or node.lineno) - node.lineno + 1 > MAX_FUNCTION_LINES
     ]
     assert not long, f"over {MAX_FUNCTION_LINES} lines"
+
+
+def test_a_public_class_has_its_name_to_itself() -> None:
+    places: dict[str, list[str]] = {}
+    for path in sources():
+        for node in tree_of(path).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places.setdefault(node.name, []).append(show(path))
+    twice = {name: found for name, found in places.items() if len(found) > 1}
+    assert not twice
+
+
+def test_functions_are_verbs_and_no_bare_participles() -> None:
+    wrong = [
+        name
+        for path in sources()
+        for name, node in functions(path)
+        if not node.decorator_list and PARTICIPLE.fullmatch(node.name)
+    ]
+    assert not wrong, "\n".join(wrong)
 
 
 def test_modules_are_named_after_what_they_hold() -> None:

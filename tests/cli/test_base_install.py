@@ -42,6 +42,7 @@ COMMANDS = {
     "describe": ("--check", ""),
     "world list": ("", ""),
     "world check": ("Farm", ""),
+    "world map": ("Farm -o {out}/farm.yaml", ""),
     "world generate": ("{out}/field.toml -o {out}/field.world", ""),
     "world render": ("Farm -o {out}/farm.png", "sim"),
     "world gallery": ("-o {out}/gallery.png", "sim"),

@@ -15,7 +15,7 @@ from agribot.core.messages import ByteArray, CameraFrame, FloatArray, GroundPlan
 from agribot.description.loader import load_robot
 from agribot.ui import wire
 from agribot.ui.robot_side.plant_pictures import MAX_BYTES, PlantPictures
-from agribot.ui.robot_side.recent_frames import RecentFrames, Shot
+from agribot.ui.robot_side.recent_frames import RecentFrames, SeenFrame
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot
 from tests.ui.messages import make_weed
@@ -37,7 +37,7 @@ def plant_at(u_px: float, v_px: float, plant: PlantClass = PlantClass.WEED) -> G
     )
 
 
-def seen(index: int, *plants: GroundPlant) -> tuple[Scene, Shot]:
+def seen(index: int, *plants: GroundPlant) -> tuple[Scene, SeenFrame]:
     """The scene of a frame in which every plant is drawn as a disc."""
     camera = ROBOT.camera
     assert camera is not None
@@ -53,7 +53,7 @@ def seen(index: int, *plants: GroundPlant) -> tuple[Scene, Shot]:
     )
     is_plant = np.all(frame.image_rgb == WEED, axis=2)
     class_id = np.where(is_plant, PlantClass.WEED, PlantClass.SOIL).astype(np.uint8)
-    return scene, Shot(frame, estimate(), class_id[::2, ::2])
+    return scene, SeenFrame(frame, estimate(), class_id[::2, ::2])
 
 
 def in_map(plant: GroundPlant) -> tuple[float, float]:

@@ -24,7 +24,7 @@ from agribot.core.messages import (
     TickRecord,
 )
 from agribot.ui import wire
-from agribot.ui.robot_side.recent_frames import KEPT, RecentFrames, Shot
+from agribot.ui.robot_side.recent_frames import KEPT, RecentFrames, SeenFrame
 from agribot.ui.robot_side.saved_frames import SavedFrames
 from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
@@ -59,7 +59,7 @@ def test_kept_frames_are_a_set_that_passes_the_check(
 ) -> None:
     frames = saved_frames(tmp_path)
     for index in (1, 2):
-        told = frames.save(Shot(frame(index), estimate(), MASK))
+        told = frames.save(SeenFrame(frame(index), estimate(), MASK))
     folder = tmp_path / "frames"
     assert told == wire.KeptFrame(folder=str(folder), image="images/first-000002.png", count=2)
     assert main(["dataset", "check", str(folder), "--json"]) == 0
@@ -69,7 +69,7 @@ def test_kept_frames_are_a_set_that_passes_the_check(
 
 
 def test_a_kept_pair_is_the_frame_and_the_mask_at_its_size(tmp_path: Path) -> None:
-    saved_frames(tmp_path).save(Shot(frame(7), estimate(), MASK))
+    saved_frames(tmp_path).save(SeenFrame(frame(7), estimate(), MASK))
     folder = tmp_path / "frames"
     with Image.open(folder / "images/first-000007.png") as image:
         assert np.array_equal(np.asarray(image), frame(7).image_rgb)
@@ -82,7 +82,7 @@ def test_a_kept_pair_is_the_frame_and_the_mask_at_its_size(tmp_path: Path) -> No
 
 
 def test_an_unknown_pose_is_none(tmp_path: Path) -> None:
-    saved_frames(tmp_path).save(Shot(frame(7), estimate(ok=False), MASK))
+    saved_frames(tmp_path).save(SeenFrame(frame(7), estimate(ok=False), MASK))
     assert json.loads((tmp_path / "frames/notes/first-000007.json").read_text())["pose"] is None
 
 
@@ -90,19 +90,21 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     stray = tmp_path / "frames/images/first-000007.png"
     stray.parent.mkdir(parents=True)
     stray.write_bytes(b"somebody's")
-    names = [saved_frames(tmp_path).save(Shot(frame(7), estimate(), MASK)).image for _ in range(2)]
+    names = [
+        saved_frames(tmp_path).save(SeenFrame(frame(7), estimate(), MASK)).image for _ in range(2)
+    ]
     assert names == ["images/first-000007-2.png", "images/first-000007-3.png"]
     assert stray.read_bytes() == b"somebody's"
 
 
 def test_the_folder_is_chosen_and_the_disk_keeps_room(tmp_path: Path) -> None:
     chosen = f"record.frames_dir='{tmp_path / 'chosen'}'"
-    told = saved_frames(tmp_path, chosen).save(Shot(frame(1), estimate(), MASK))
+    told = saved_frames(tmp_path, chosen).save(SeenFrame(frame(1), estimate(), MASK))
     assert told.folder == str(tmp_path / "chosen")
     too_much_mb = shutil.disk_usage(tmp_path).total / 1e6 + 1.0
     full = saved_frames(tmp_path, f"record.min_free_mb={too_much_mb}")
     with pytest.raises(RecordingError, match=r"record\.min_free_mb"):
-        full.save(Shot(frame(1), estimate(), MASK))
+        full.save(SeenFrame(frame(1), estimate(), MASK))
     assert not list((tmp_path / "frames").glob("*/*"))
 
 

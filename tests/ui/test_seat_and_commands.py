@@ -181,7 +181,7 @@ def test_the_seat_is_free_after_silence_and_its_owner_gets_it_back_before() -> N
     seat = Seat()
     assert seat.take("a", "Ada", 0.0) == ""
     assert "Ada" in seat.take("b", "Bob", SILENCE_S)
-    seat.heard("a", SILENCE_S)
+    seat.note_life("a", SILENCE_S)
     assert "Ada" in seat.take("b", "Bob", 2 * SILENCE_S)
     assert seat.seen_by("a", 100.0) == "you"
     assert seat.seen_by("b", 100.0) == "free"

@@ -97,11 +97,11 @@ def test_a_page_that_vanished_without_a_word_is_cut() -> None:
     hub = SimpleNamespace(channel_of=lambda _: SimpleNamespace(state_text="", weeds={}))
     line = SimpleNamespace(scope=scope, query_params={"acks": "1"})
     page = Socket(cast(Hub, hub), cast(WebSocket, line), 1)
-    page.client.window.sent(100, 50.0)
+    page.client.window.note_sent(100, 50.0)
     page.cut_if_gone(50.0 + 0.9 * GONE_S)
     assert not cut
     page.acknowledge(1)
-    page.client.window.sent(100, 60.0)
+    page.client.window.note_sent(100, 60.0)
     page.cut_if_gone(60.0 + 0.9 * GONE_S)
     assert not cut
     page.cut_if_gone(60.0 + 1.1 * GONE_S)

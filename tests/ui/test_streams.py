@@ -30,8 +30,8 @@ from agribot.ui.server.camera import (
     LADDER,
     QUICK_TIMES,
     Camera,
-    Ladder,
     Picture,
+    SizeLadder,
     encode,
     unpack_pixels,
 )
@@ -137,7 +137,7 @@ def test_a_page_that_acknowledges_nothing_has_little_on_its_way_and_then_the_new
     def send_what_may_be_sent(now_s: float) -> None:
         while (text := client.take()) is not None:
             sent.append(wire.read_server_message(text))
-            window.sent(len(text), now_s)
+            window.note_sent(len(text), now_s)
 
     for number in range(1000):
         channel.publish_state(make_state(number))
@@ -147,7 +147,7 @@ def test_a_page_that_acknowledges_nothing_has_little_on_its_way_and_then_the_new
     pong = wire.Pong(sent_ms=1.0, mono_ms=2.0, wall_ms=3.0)
     client.tell(wire.encode(pong).decode())
     assert take(client) == pong, "an answer does not wait"
-    window.received(len(sent), 40.0)
+    window.note_received(len(sent), 40.0)
     newest = take(client)
     assert isinstance(newest, wire.State)
     assert newest.tick >= 1000 - STATES_KEPT
@@ -161,10 +161,10 @@ def test_the_window_opens_on_a_quick_line_and_closes_on_a_slow_one() -> None:
     def fill_and_receive_after(delay_s: float) -> None:
         nonlocal count, now_s
         while window.has_room:
-            window.sent(1000, now_s)
+            window.note_sent(1000, now_s)
             count += 1
         now_s += delay_s
-        window.received(count, now_s)
+        window.note_received(count, now_s)
 
     for _ in range(20):
         fill_and_receive_after(0.01)
@@ -172,7 +172,7 @@ def test_the_window_opens_on_a_quick_line_and_closes_on_a_slow_one() -> None:
     for _ in range(20):
         fill_and_receive_after(1.0)
     assert window.size_bytes == LEAST_BYTES
-    window.received(10**9, now_s)  # a page that claims more than it was sent gains nothing
+    window.note_received(10**9, now_s)  # a page that claims more than it was sent gains nothing
     assert window.has_room and window.waiting_s(now_s + 9.0) == 0.0
 
 
@@ -291,12 +291,12 @@ def test_each_step_of_the_ladder_is_smaller() -> None:
     there = Picture(kind=0, index=1, wall_ms=0.0, pixels=image)
     sizes = [len(encode(there, level)) for level in range(len(LADDER))]
     assert sizes == sorted(sizes, reverse=True)
-    ladder = Ladder()
+    ladder = SizeLadder()
     for _ in range(10):
-        ladder.drawn(0.3)
+        ladder.note_drawing(0.3)
     assert ladder.level == len(LADDER) - 1
     for _ in range(QUICK_TIMES + 1):
-        ladder.drawn(0.05)
+        ladder.note_drawing(0.05)
     assert ladder.level == len(LADDER) - 2
 
 
@@ -336,7 +336,7 @@ def test_a_picture_is_encoded_once_for_all_who_want_it(monkeypatch: pytest.Monke
 
     async def many() -> list[bytes]:
         camera = Camera(cast(Hub, None))
-        wanted = [camera.encoded(there, level) for level in (0, 0, 0, 2, 2)]
+        wanted = [camera.encode(there, level) for level in (0, 0, 0, 2, 2)]
         return await asyncio.gather(*wanted)
 
     monkeypatch.setattr("agribot.ui.server.camera.encode", counted)

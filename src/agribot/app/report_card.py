@@ -88,8 +88,10 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         perception=_perception(drive, job),
         weeds=_weeds(drive, job, kept),
         implement=_implement(drive, job, kept),
-        safety=SafetyReport(stops=_told(events, "stop"), faults=_told(events, "fault")),
-        marks=_told(events, "mark"),
+        safety=SafetyReport(
+            stops=_select_events(events, "stop"), faults=_select_events(events, "fault")
+        ),
+        marks=_select_events(events, "mark"),
         job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,
     )
 
@@ -208,7 +210,7 @@ def _implement(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> Impleme
     )
 
 
-def _told(events: Sequence[Event], kind: EventKind) -> tuple[SafetyEvent, ...]:
+def _select_events(events: Sequence[Event], kind: EventKind) -> tuple[SafetyEvent, ...]:
     return tuple(SafetyEvent(t_s=e.t_s, reason=e.reason) for e in events if e.kind == kind)
 
 

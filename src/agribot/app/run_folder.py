@@ -31,13 +31,13 @@ class RunFolder:
         self._is_new = not path.exists()
         try:
             path.mkdir(parents=True, exist_ok=True)
-            lock = _locked(self._lock_path)
+            lock = _open_locked(self._lock_path)
         except OSError as error:
             raise RecordingError(
                 f"cannot write into {path}: {error.strerror or error}; choose another --out folder"
             ) from error
         if lock is None:
-            raise _driven(path)
+            raise _make_driven_error(path)
         self._lock = lock
         try:
             check_free(path)  # another run may have come and gone meanwhile
@@ -68,7 +68,7 @@ def check_free(path: Path) -> None:
     Raises: RecordingError: the folder holds files that a run would overwrite.
     """
     check_holds_no_run(path)
-    held = _held(path, MADE_FILES)
+    held = _list_files(path, MADE_FILES)
     if held:
         raise RecordingError(
             f"{path} holds files that a run writes ({', '.join(held)}); choose another --out "
@@ -81,7 +81,7 @@ def check_holds_no_run(path: Path) -> None:
 
     Raises: RecordingError: the folder holds a run, whose files another one would overwrite.
     """
-    held = _held(path, RUN_FILES)
+    held = _list_files(path, RUN_FILES)
     if held:
         go_on = f", or go on with that run: agribot run --resume {path}"
         raise RecordingError(
@@ -99,11 +99,11 @@ def check_not_driven(path: Path) -> None:
     if not lock_path.exists():
         return
     try:
-        lock = _locked(lock_path)
+        lock = _open_locked(lock_path)
     except OSError:
         return  # a folder that cannot be written is not being written
     if lock is None:
-        raise _driven(path)
+        raise _make_driven_error(path)
     lock.close()
 
 
@@ -119,7 +119,7 @@ def clear_run(path: Path) -> None:
         raise RecordingError(f"cannot clear {path}: {error.strerror or error}") from error
 
 
-def _held(path: Path, names: tuple[str, ...]) -> list[str]:
+def _list_files(path: Path, names: tuple[str, ...]) -> list[str]:
     try:
         return [name for name in names if (path / name).exists()]
     except OSError as error:
@@ -131,13 +131,13 @@ def _remove_run(path: Path) -> None:
         (path / name).unlink(missing_ok=True)
 
 
-def _driven(path: Path) -> RecordingError:
+def _make_driven_error(path: Path) -> RecordingError:
     return RecordingError(
         f"another agribot drives a run in {path}; wait for its end, or choose another folder"
     )
 
 
-def _locked(path: Path) -> BinaryIO | None:
+def _open_locked(path: Path) -> BinaryIO | None:
     """Lock a file and open it; None where another process has it.
 
     Raises: OSError: no such place.

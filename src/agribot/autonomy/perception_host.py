@@ -26,14 +26,14 @@ class PerceptionMeter:
         self.latencies_s: list[float] = []  # of every frame; it only grows
 
     def watch(self, observe: Observer) -> Observer:
-        def watched(frame: CameraFrame, ready_s: float) -> Scene:
+        def observe_and_time(frame: CameraFrame, ready_s: float) -> Scene:
             started_s, cpu_started_s = time.monotonic(), time.thread_time()
             scene = observe(frame, ready_s)
             self.cpu_s += time.thread_time() - cpu_started_s
             self.latencies_s.append(time.monotonic() - started_s)
             return scene
 
-        return watched
+        return observe_and_time
 
     @property
     def frames(self) -> int:

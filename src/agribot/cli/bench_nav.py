@@ -95,7 +95,7 @@ def _list_jobs(options: argparse.Namespace, seeds: Sequence[int]) -> list[Job]:
 
     robot = load_robot()
     if options.sensors is None:
-        return suite.published(seeds, robot, options.speed, baseline=options.baseline)
+        return suite.plan_published(seeds, robot, options.speed, baseline=options.baseline)
     what = scenario(
         options.sensors, vision=options.vision, speed_mps=options.speed, variant=options.variant
     )

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 from agribot.cli.ranges import port
 from agribot.core.errors import ConfigError
-from agribot.ui.address import DEFAULT_PORT, Door, read_door
+from agribot.ui.address import DEFAULT_PORT, RobotDoor, read_door
 
 
 def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,7 +23,7 @@ def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def find_robot(options: argparse.Namespace) -> Door:
+def find_robot(options: argparse.Namespace) -> RobotDoor:
     """Find the robot on this machine, or the one of the options.
 
     Raises: ConfigError: no robot with a page on this machine; of another one no address, token
@@ -37,7 +37,7 @@ def find_robot(options: argparse.Namespace) -> Door:
     token = options.token or os.environ.get("AGRIBOT_TOKEN", "")
     if not token:
         raise ConfigError("--url needs the robot's token: give --token or set AGRIBOT_TOKEN")
-    return Door(url=options.url, token=token, cert=options.cert)
+    return RobotDoor(url=options.url, token=token, cert=options.cert)
 
 
 def _check_url(url: str) -> None:

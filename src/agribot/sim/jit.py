@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 
 Function = TypeVar("Function", bound=Callable[..., object])
+SOURCES = Path(__file__).parent
 # Sums may be reordered and fused; NaN and infinity keep their meaning.
 FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
@@ -15,8 +18,9 @@ FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}
 def compile_exact(function: Function) -> Function:
     """Compile without Python objects and without the GIL; keep the machine code on disk.
 
-    Where no cache folder can be written, numba refuses to cache and the function is compiled
-    anew in every process.
+    It is kept as long as no file of the simulator changes: numba itself looks at the file of the
+    function only, not at those of what it calls. Where no cache folder can be written, numba
+    refuses to cache and the function is compiled anew in every process.
     """
     return _compile(function, fastmath=False)
 
@@ -34,6 +38,18 @@ def inline_fast(function: Function) -> Function:
 def _compile(function: Function, fastmath: bool | set[str]) -> Function:
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": fastmath}
     try:
-        return cast(Function, numba.njit(function, cache=True, **options))
+        compiled: Any = numba.njit(function, cache=True, **options)
     except RuntimeError:
         return cast(Function, numba.njit(function, **options))
+    # Compared before anything else of the kept code is read, which may name what is gone.
+    compiled._cache._cache_file._version = (numba.__version__, _stamp_sources(SOURCES))
+    return cast(Function, compiled)
+
+
+@cache
+def _stamp_sources(folder: Path) -> tuple[tuple[str, int, int], ...]:
+    """Name, time of change and size of every source file below a folder."""
+    found = ((path, path.stat()) for path in sorted(folder.rglob("*.py")))
+    return tuple(
+        (str(path.relative_to(folder)), state.st_mtime_ns, state.st_size) for path, state in found
+    )

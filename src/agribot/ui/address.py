@@ -101,7 +101,9 @@ class Address(msgspec.Struct, kw_only=True):
         host = "127.0.0.1" if self.is_local or self.host == "0.0.0.0" else self.host
         scheme = "wss" if self.is_encrypted else "ws"
         cert = str(Path(self.tls_cert).resolve()) if self.is_encrypted else ""
-        door = Door(url=f"{scheme}://{host}:{port}/ws/v1", token=self.operator_token, cert=cert)
+        door = RobotDoor(
+            url=f"{scheme}://{host}:{port}/ws/v1", token=self.operator_token, cert=cert
+        )
         path.unlink(missing_ok=True)
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(handle, "wb") as file:
@@ -112,7 +114,7 @@ class Address(msgspec.Struct, kw_only=True):
             door_file(port).unlink()
 
 
-class Door(msgspec.Struct, frozen=True, kw_only=True):
+class RobotDoor(msgspec.Struct, frozen=True, kw_only=True):
     """`cert` is the certificate to be trusted, where it is not one that all machines trust."""
 
     url: str
@@ -129,13 +131,13 @@ def door_file(port: int) -> Path:
     return home() / "doors" / f"{port}.json"
 
 
-def read_door(port: int) -> Door:
+def read_door(port: int) -> RobotDoor:
     """Read how a running robot of this machine is reached.
 
     Raises: ConfigError: no robot with a page runs here.
     """
     try:
-        return msgspec.json.decode(door_file(port).read_bytes(), type=Door)
+        return msgspec.json.decode(door_file(port).read_bytes(), type=RobotDoor)
     except (OSError, msgspec.DecodeError) as error:
         raise ConfigError(
             f"no robot with a page runs on port {port} of this machine; start one with "

@@ -123,7 +123,7 @@ class Panels:
 
         Raises: LookupError: no such panel, or of a kind without data.
         """
-        panel = self._named(id)
+        panel = self._find_panel(id)
         if panel.read is None:
             raise LookupError(f"a {panel.info.kind} has no data")
         return _readable(panel.read())
@@ -133,13 +133,13 @@ class Panels:
 
         Raises: LookupError: no such panel, or of a kind that takes nothing.
         """
-        panel = self._named(id)
+        panel = self._find_panel(id)
         if panel.submit is None:
             raise LookupError(f"a {panel.info.kind} takes nothing")
         result = panel.submit(values)
         return wire.PanelReply(text="" if result is None else str(result), at_s=time.time())
 
-    def _named(self, id: str) -> Panel:
+    def _find_panel(self, id: str) -> Panel:
         panel = self._panels.get(id)
         if panel is None:
             raise LookupError(f"no panel '{id}'")

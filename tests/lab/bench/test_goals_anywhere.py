@@ -22,8 +22,8 @@ from agribot.core.messages import (
     WheelSample,
 )
 from agribot.description.loader import load_robot
-from agribot.lab.bench.nav.plant import Plant, Proprioception
-from agribot.lab.bench.nav.scenario import DT_S, TICK_STEPS, Soil
+from agribot.lab.bench.nav.plant import Proprioception, RoverFleet
+from agribot.lab.bench.nav.scenario import DT_S, TICK_STEPS, SoilDrift
 from tests.autonomy.plan.paper_task import PaperTask
 
 ROBOT = load_robot()
@@ -51,7 +51,7 @@ def final_distance_m(place: tuple[float, float], bearing_deg: float, seed: int) 
     )
     mission = Mission(task, mission_config)
     follower = Follower(ControlConfig(), ROBOT)
-    plant, own = Plant((seed,), Soil()), Proprioception((seed,))
+    plant, own = RoverFleet((seed,), SoilDrift()), Proprioception((seed,))
     plant.x_m[:], plant.y_m[:], plant.yaw_rad[:] = 0.0, 0.0, wrap_rad(yaw_rad + 0.4)
     normal = np.random.default_rng(seed).standard_normal
     lever_x, lever_y, lever_z = ROBOT.body_from_link(ROBOT.gnss.link)[:3, 3]

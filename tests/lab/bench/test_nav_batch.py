@@ -11,7 +11,7 @@ from agribot.description.loader import load_robot
 from agribot.lab.bench.nav.batch.localizer import BatchLocalizer
 from agribot.lab.bench.nav.driving import BatchDriving
 from agribot.lab.bench.nav.missions import Sensors, hear
-from agribot.lab.bench.nav.plant import Plant
+from agribot.lab.bench.nav.plant import RoverFleet
 from agribot.lab.bench.nav.scenario import DT_S, TICK_STEPS, Receiver, Variant, scenario
 from tests.lab.bench.single_robot import SingleRobot
 
@@ -27,7 +27,7 @@ def test_each_robot_of_a_batch_estimates_and_drives_as_the_stack_does(
     receiver: Receiver, vision: bool, variant: Variant
 ) -> None:
     what, robot = scenario(receiver, vision=vision, speed_mps=0.8, variant=variant), load_robot()
-    plant, sensors = Plant(SEEDS, what.soil), Sensors(SEEDS, what, robot)
+    plant, sensors = RoverFleet(SEEDS, what.soil), Sensors(SEEDS, what, robot)
     localizer = BatchLocalizer(
         len(SEEDS), what.estimate(), what.field(), robot, is_corrected=what.gnss.is_corrected
     )

@@ -11,10 +11,10 @@ import pytest
 
 from agribot.cli.main import main
 from agribot.description.loader import load_robot
-from agribot.lab.bench.nav.judge import Judge
+from agribot.lab.bench.nav.judge import FleetJudge
 from agribot.lab.bench.nav.missions import run_missions
 from agribot.lab.bench.nav.original import OriginalController
-from agribot.lab.bench.nav.plant import Plant
+from agribot.lab.bench.nav.plant import RoverFleet
 from agribot.lab.bench.nav.receivers import Receivers
 from agribot.lab.bench.nav.row_camera import RowCamera
 from agribot.lab.bench.nav.scenario import (
@@ -23,7 +23,7 @@ from agribot.lab.bench.nav.scenario import (
     ROWS,
     TICK_STEPS,
     Receiver,
-    Soil,
+    SoilDrift,
     Vision,
     scenario,
 )
@@ -31,20 +31,20 @@ from agribot.lab.bench.nav.scenario import (
 # 95 % band of the mean of 50 squared normal errors of a pose: chi2(150) / 50.
 POSE_BAND = 2.36, 3.72
 FOUR_ROWS_S = 80.0
-FIRM = Soil(
+FIRM = SoilDrift(
     slip_max_ratio=0.0, slip_std_ratio=0.0, yaw_gain_std_ratio=0.0, yaw_gain_walk_ratio=0.0,
     yaw_rate_std_radps=0.0, slope_max_rad=0.0, lateral_std_mps=0.0, turn_centre_std_m=0.0,
 )  # fmt: skip
 
 
-def drive(plant: Plant, v_mps: float, yaw_rate_radps: float, seconds: float) -> None:
+def drive(plant: RoverFleet, v_mps: float, yaw_rate_radps: float, seconds: float) -> None:
     count = len(plant.x_m)
     for _ in range(round(seconds / DT_S)):
         plant.step(np.full(count, v_mps), np.full(count, yaw_rate_radps))
 
 
 def test_on_firm_ground_the_plant_drives_what_it_is_told_after_lag_and_dead_time() -> None:
-    plant = Plant((1, 2), FIRM)
+    plant = RoverFleet((1, 2), FIRM)
     start_m = plant.x_m.copy()
     drive(plant, 0.5, 0.0, 10.0)
     way_m = (plant.x_m - start_m) / np.cos(plant.yaw_rad)
@@ -53,7 +53,7 @@ def test_on_firm_ground_the_plant_drives_what_it_is_told_after_lag_and_dead_time
 
 
 def test_soil_takes_a_share_of_the_way_and_disturbs_nobody_who_stands() -> None:
-    plant = Plant(range(40), Soil())
+    plant = RoverFleet(range(40), SoilDrift())
     before = plant.x_m.copy(), plant.yaw_rad.copy()
     drive(plant, 0.0, 0.0, 5.0)
     np.testing.assert_array_equal(plant.x_m, before[0])
@@ -63,14 +63,14 @@ def test_soil_takes_a_share_of_the_way_and_disturbs_nobody_who_stands() -> None:
 
 
 def test_a_seed_meets_the_same_world_whoever_drives_beside_it() -> None:
-    alone, among = Plant((7,), Soil()), Plant((5, 7, 9), Soil())
+    alone, among = RoverFleet((7,), SoilDrift()), RoverFleet((5, 7, 9), SoilDrift())
     drive(alone, 0.4, 0.1, 4.0)
     drive(among, 0.4, 0.1, 4.0)
     assert alone.x_m[0] == among.x_m[1] and alone.yaw_rad[0] == among.yaw_rad[1]
 
 
 def test_a_receiver_with_corrections_loses_its_ambiguities_about_once_in_four_minutes() -> None:
-    plant = Plant(range(60), FIRM)
+    plant = RoverFleet(range(60), FIRM)
     receivers = Receivers(range(60), RECEIVERS["rtk"], (0.0, 0.0))
     lost = [receivers.sample(0.1 * k, plant)[0].is_float for k in range(6000)]
     # Mean outage 15 s after a mean wait of 240 s.
@@ -82,7 +82,7 @@ def test_the_camera_sees_the_offset_of_the_nearest_row_and_nothing_at_a_slant() 
         offset_std_m=1e-6, heading_std_rad=1e-6, heading_wander_rad=0.0, outlier_ratio=0.0,
         dropout_every_s=1e9,
     )  # fmt: skip
-    plant = Plant((1, 2, 3), FIRM)
+    plant = RoverFleet((1, 2, 3), FIRM)
     plant.x_m = np.array([5.0, 5.0, 5.0])
     plant.y_m = np.array([2.1, 2.1, 2.1])
     plant.yaw_rad = np.array([0.1, math.pi, math.radians(40.0)])
@@ -93,7 +93,7 @@ def test_the_camera_sees_the_offset_of_the_nearest_row_and_nothing_at_a_slant() 
 
 
 def test_the_judge_counts_plants_under_the_wheels_and_rows_left_out() -> None:
-    plant, judge = Plant((1,), FIRM), Judge(1)
+    plant, judge = RoverFleet((1,), FIRM), FleetJudge(1)
     plant.y_m[:], plant.yaw_rad[:] = 0.39, 0.0  # its right wheels stand on the row
     row, on, done = np.zeros(1, dtype=np.int64), np.ones(1, dtype=bool), np.zeros(1, dtype=bool)
     for x_m in np.arange(0.0, 12.0, 0.02):

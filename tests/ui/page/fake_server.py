@@ -46,8 +46,8 @@ STATE_HZ = 30
 class FakeServer:
     """One robot, any number of pages; `seat` is the socket that holds it."""
 
-    def __init__(self, weeds: int = 400) -> None:
-        self.robot = FakeRobot(weeds)
+    def __init__(self, weeds: int = 400, page: Path = PAGE) -> None:
+        self.robot, self.page = FakeRobot(weeds), page
         self.clients: set[WebSocket] = set()
         self.seat: str | None = None
         self.silent = False
@@ -80,7 +80,7 @@ class FakeServer:
             Route("/tiles/farm/{z:int}/{x:int}/{y:int}", self._tile),
             Route("/robot/robot.urdf", self._urdf),
             Mount("/robot/meshes", StaticFiles(directory=SOURCE / "description" / "meshes")),
-            Mount("/", StaticFiles(directory=PAGE, html=True)),
+            Mount("/", StaticFiles(directory=self.page, html=True)),
         ]
 
     @contextlib.asynccontextmanager

@@ -183,7 +183,7 @@ def test_the_plants_are_counted_as_the_filter_leaves_them(
     page = open_page("weeds", MAP_ONLY)
     weeds = server.robot.weeds
     rendered = "window.__agribot.map.queryRenderedFeatures({layers: ['weeds']})"
-    drawn = f"[...new Set({rendered}.map(f => f.properties.cls))].join()"
+    drawn = f"[...new Set({rendered}.map(f => f.properties.plant))].join()"
 
     def counted(which: list[wire.Weed]) -> None:
         expect(page.locator(".count")).to_have_text(f"{len(which)} of {len(weeds)} plants")

@@ -107,9 +107,9 @@ function liveLayers(c: Palette): AddLayerObject[] {
       source: 'weeds',
       paint: {
         'circle-radius': byZoom(15, 1, 19, 2.4, 22, 9),
-        'circle-color': ['match', ['get', 'cls'], 0, c.weed, c.crop],
+        'circle-color': ['match', ['get', 'plant'], 0, c.weed, c.crop],
         'circle-opacity': ['case', ['get', 'treated'], 0.35, 0.9],
-        'circle-stroke-color': ['match', ['get', 'cls'], 0, c.weed, c.crop],
+        'circle-stroke-color': ['match', ['get', 'plant'], 0, c.weed, c.crop],
         'circle-stroke-width': ['case', ['get', 'treated'], 1.5, 0],
       },
     },

@@ -46,7 +46,7 @@ END_STD_M = 0.05
 RECOVERY_YAW_RAD = math.radians(3.0)
 
 
-class Sighting(NamedTuple):
+class CropSighting(NamedTuple):
     """A crop in the map as the filter places it; `lever_m` is its offset from the pose's anchor.
 
     `std_m` is the error of this one look, `variance_m2` the larger one that makes looks at the
@@ -60,7 +60,7 @@ class Sighting(NamedTuple):
     variance_m2: float
 
 
-class View(NamedTuple):
+class Viewpoint(NamedTuple):
     """Pose of the body at the capture, and the way since the last frame."""
 
     pose: Pose2
@@ -92,7 +92,7 @@ class CropRows(Correction[Scene]):
             return
         self._seen_t_s = sample.t_s
         crops = self._crops(sample)
-        accepted: list[Sighting] = []
+        accepted: list[CropSighting] = []
         for plant in crops:
             sighting = self._place(plant, self._view(epoch, moved_m), epoch, len(crops))
             if (yield from self._correct(sighting)):
@@ -102,7 +102,7 @@ class CropRows(Correction[Scene]):
         if accepted and self.pose.rows.spacing_m is None:
             yield from self._correct_by_ends(accepted, sample, view)
 
-    def _is_own_row(self, crops: list[Sighting], view: View) -> bool:
+    def _is_own_row(self, crops: list[CropSighting], view: Viewpoint) -> bool:
         """Whether one stands on the row that the robot drives over, not on one beside it."""
         rows = self.pose.rows
         row, _ = rows.row_at(rows.at(view.pose.x_m, view.pose.y_m).right_m)
@@ -126,13 +126,15 @@ class CropRows(Correction[Scene]):
                 crops.append(plant)
         return sorted(crops, key=lambda p: math.hypot(p.x_body_m, p.y_body_m))
 
-    def _view(self, epoch: Epoch, moved_m: float) -> View:
+    def _view(self, epoch: Epoch, moved_m: float) -> Viewpoint:
         x, (then, now, _) = self.pose.ekf.x, epoch
         yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
         pose = Pose2(x[X] - (now.x_m - then.x_m), x[Y] - (now.y_m - then.y_m), yaw_rad)
-        return View(pose, moved_m)
+        return Viewpoint(pose, moved_m)
 
-    def _place(self, plant: GroundPlant, view: View, epoch: Epoch, together: int) -> Sighting:
+    def _place(
+        self, plant: GroundPlant, view: Viewpoint, epoch: Epoch, together: int
+    ) -> CropSighting:
         then, now, _ = epoch
         arm_x, arm_y = view.pose.rotate(plant.x_body_m, plant.y_body_m)
         at = self.pose.rows.at(view.pose.x_m + arm_x, view.pose.y_m + arm_y)
@@ -141,9 +143,9 @@ class CropRows(Correction[Scene]):
         variance_m2 = look_m2 * _repeats(LOOK_MEMORY_M, view.moved_m)
         variance_m2 += PLANTING_STD_M**2 * _repeats(PLANTING_MEMORY_M, view.moved_m)
         std_m = math.sqrt(look_m2 + PLANTING_STD_M**2)
-        return Sighting(plant, at, lever_m, std_m, variance_m2)
+        return CropSighting(plant, at, lever_m, std_m, variance_m2)
 
-    def _correct(self, seen: Sighting) -> Generator[Measurement, Verdict, bool]:
+    def _correct(self, seen: CropSighting) -> Generator[Measurement, Verdict, bool]:
         """Use one crop, across the row and where possible along it; False: it does not fit."""
         rows, at = self.pose.rows, seen.at
         if not -BEYOND_M <= at.along_m <= rows.length_m + BEYOND_M:
@@ -168,7 +170,7 @@ class CropRows(Correction[Scene]):
         yield from self._recover(seen, across, off_m)
         return False
 
-    def _ahead(self, seen: Sighting) -> tuple[Row, float] | None:
+    def _ahead(self, seen: CropSighting) -> tuple[Row, float] | None:
         """How far ahead the plant's place in its row lies, where the pose tells which that is."""
         at, spacing_m = seen.at, self.pose.rows.spacing_m
         slot = self.pose.rows.slot_at(at.along_m, at.stretch)
@@ -179,7 +181,7 @@ class CropRows(Correction[Scene]):
             return None
         return along, (slot[1] - at.along_m) * at.stretch
 
-    def _recover(self, seen: Sighting, across: Row, off_m: float) -> Measurements:
+    def _recover(self, seen: CropSighting, across: Row, off_m: float) -> Measurements:
         """When plant after plant is off by the same amount, it is the pose that is wrong."""
         wrong_m = self._contradiction.add(seen.at.along_m, seen.at.right_m, off_m)
         if wrong_m is None:
@@ -195,7 +197,9 @@ class CropRows(Correction[Scene]):
             ),
         )  # fmt: skip
 
-    def _correct_by_ends(self, crops: list[Sighting], scene: Scene, view: View) -> Measurements:
+    def _correct_by_ends(
+        self, crops: list[CropSighting], scene: Scene, view: Viewpoint
+    ) -> Measurements:
         """Find the row's end: the outermost plant in view, with bare ground after it."""
         rows = self.pose.rows
         for row in sorted({rows.row_at(crop.at.right_m)[0] for crop in crops}):
@@ -210,7 +214,7 @@ class CropRows(Correction[Scene]):
                         lasting_variance=last.variance_m2 + END_STD_M**2,
                     )  # fmt: skip
 
-    def _sees_beyond(self, crop: Sighting, sign: float, scene: Scene, view: View) -> bool:
+    def _sees_beyond(self, crop: CropSighting, sign: float, scene: Scene, view: Viewpoint) -> bool:
         """Whether the view holds the ground at the end gap after a plant."""
         forward_x, forward_y = crop.at.forward
         gap_x, gap_y = sign * END_GAP_M * forward_x, sign * END_GAP_M * forward_y

@@ -56,7 +56,7 @@ class Growth(NamedTuple):
     share: FloatArray
 
 
-class View(NamedTuple):
+class Wedge(NamedTuple):
     """The ground whose foliage the picture holds: a wedge before the camera."""
 
     camera_x_m: float
@@ -94,7 +94,7 @@ class Fit(NamedTuple):
         """Resolve cells (N,): ahead of the place along the line, and to the left of the line."""
         return self.body_from_line.locate(plants.x_m, plants.y_m)
 
-    def shows(self, view: View, along_m: FloatArray, half_m: float) -> Mask:
+    def shows(self, view: Wedge, along_m: FloatArray, half_m: float) -> Mask:
         """Whether the view holds the line and `half_m` to both sides of it."""
         inside = np.ones(len(along_m), dtype=bool)
         for left_m in (-half_m, half_m):
@@ -132,14 +132,14 @@ def _nearer(ground: GroundLookup) -> float:
     return 1.0 - FOLIAGE_M / float(ground.camera_xyz_body_m[2])
 
 
-def _view(ground: GroundLookup) -> View:
+def _view(ground: GroundLookup) -> Wedge:
     x_camera_m, nearer = float(ground.camera_xyz_body_m[0]), _nearer(ground)
     side = np.flatnonzero(ground.range_m[:, -1] <= FAR_M)
     top, bottom = (side[0], side[-1]) if len(side) else (0, -1)
     x_m = nearer * (ground.x_body_m[[bottom, top], -1].astype(np.float64) - x_camera_m)
     y_m = nearer * np.abs(ground.y_body_m[[bottom, top], -1].astype(np.float64))
     top_m = float(np.nanmin(ground.x_body_m[0])) if ground.area_m2[0].all() else math.inf
-    return View(
+    return Wedge(
         x_camera_m,
         float(x_m[0]) + x_camera_m,
         nearer * (top_m - x_camera_m) + x_camera_m,
@@ -190,7 +190,7 @@ def _vote(crop: Growth) -> Fit | None:
     return Fit(PIVOT_AHEAD_M - offset_m * math.sin(yaw_rad), offset_m * math.cos(yaw_rad), yaw_rad)
 
 
-def _refine(crop: Growth, fit: Fit, view: View) -> Fit | None:
+def _refine(crop: Growth, fit: Fit, view: Wedge) -> Fit | None:
     """Fit a robust straight line through the slots of the row that the view shows whole."""
     along_m, left_m = fit.along_left_m(crop)
     slot = np.floor(along_m / SLOT_M).astype(np.int64)
@@ -240,7 +240,7 @@ def _straight_line(fit: Fit, u_m: FloatArray, v_m: FloatArray, weight: FloatArra
     )
 
 
-def _ends(crop: Growth, plants: Growth, fit: Fit, view: View) -> tuple[float | None, float | None]:
+def _ends(crop: Growth, plants: Growth, fit: Fit, view: Wedge) -> tuple[float | None, float | None]:
     """Where the first and the last plant lie ahead along the row, if the view holds them."""
     _, left_m = fit.along_left_m(crop)
     mine = np.abs(left_m) <= WINDOW_M

@@ -172,7 +172,7 @@ class MissionJob:
     def finish(self, t_s: float) -> tuple[Ending, str]:
         """Close the account at the end of the route: how the job ended, and why."""
         self.rows.work(-1, 0.0, self.route.progress.s_m, t_s)
-        missed = self.route.visits.missed()
+        missed = self.route.visits.list_missed()
         unproven = self.rows.unproven
         left = self.rows.open_rows(self.route.planned_rows)
         undone = [row for row in left if row not in unproven]

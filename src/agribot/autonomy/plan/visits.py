@@ -44,7 +44,7 @@ class Visits:
         """The waypoint that comes next; None behind the last and where there are none."""
         return self._points[self._next] if self._next < len(self._points) else None
 
-    def missed(self) -> list[int]:
+    def list_missed(self) -> list[int]:
         """List the waypoints that were not reached, counted from 1."""
         return [number for number, is_reached in enumerate(self.reached, 1) if not is_reached]
 

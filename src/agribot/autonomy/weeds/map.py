@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator
 from agribot.autonomy.weeds.cells import CellIndex
 from agribot.autonomy.weeds.crop_ground import CropGround
 from agribot.autonomy.weeds.poses import PoseAt, PoseHistory
-from agribot.autonomy.weeds.track import GONE_LOGIT, Sighting, Track, new_track, sighting
-from agribot.autonomy.weeds.view import View
+from agribot.autonomy.weeds.track import GONE_LOGIT, PlantSighting, Track, new_track, sighting
+from agribot.autonomy.weeds.view import GroundView
 from agribot.core.config import WeedConfig
 from agribot.core.messages import Estimate, MappedPlant, PlantClass, Scene
 
@@ -55,7 +55,7 @@ class WeedMap:
             self.crop_ground.add(scene.crop_cover, pose)
         seen = [sighting(p, pose) for p in scene.plants if p.plant != PlantClass.SOIL]
         touched = self._associate(seen, scene.t_s)
-        self._count_misses(View(scene.view_body_m, pose), scene.t_s)
+        self._count_misses(GroundView(scene.view_body_m, pose), scene.t_s)
         for track in touched:
             self._merge_around(track, scene.t_s)
         self._forget_tentative(scene.t_s)
@@ -84,17 +84,17 @@ class WeedMap:
             if not track.is_confirmed:
                 self._tentative.append((track.first_seen_s, track.id))
 
-    def confirmed(self) -> list[Track]:
+    def list_confirmed(self) -> list[Track]:
         """List confirmed plants as they are now; a page may ask from a thread of its own."""
         return [track for track in list(self._tracks.values()) if track.is_confirmed]
 
     def weeds(self) -> tuple[MappedPlant, ...]:
         """List confirmed weeds, oldest first."""
-        return self._confirmed(PlantClass.WEED)
+        return self._list_confirmed(PlantClass.WEED)
 
     def crops(self) -> tuple[MappedPlant, ...]:
         """List confirmed crop plants, oldest first."""
-        return self._confirmed(PlantClass.CROP)
+        return self._list_confirmed(PlantClass.CROP)
 
     @property
     def weed_count(self) -> int:
@@ -112,12 +112,12 @@ class WeedMap:
         if track is not None and track.treated_s is None:
             track.treated_s = t_s
 
-    def _confirmed(self, plant: PlantClass) -> tuple[MappedPlant, ...]:
+    def _list_confirmed(self, plant: PlantClass) -> tuple[MappedPlant, ...]:
         return tuple(
             t.message() for t in self._tracks.values() if t.is_confirmed and t.plant == plant
         )
 
-    def _associate(self, seen: list[Sighting], t_s: float) -> list[Track]:
+    def _associate(self, seen: list[PlantSighting], t_s: float) -> list[Track]:
         """Give each sighting to a track, best pairs first, or start one; return those tracks."""
         pairs = sorted(
             (cost, index, track.id)
@@ -144,7 +144,7 @@ class WeedMap:
     def _around(self, x_m: float, y_m: float, radius_m: float) -> Iterator[Track]:
         return self._cells.inside(x_m - radius_m, y_m - radius_m, x_m + radius_m, y_m + radius_m)
 
-    def _candidates(self, seen: Sighting) -> Iterator[tuple[float, Track]]:
+    def _candidates(self, seen: PlantSighting) -> Iterator[tuple[float, Track]]:
         """Tracks that may be this plant, with squared distance in sigmas plus a class cost."""
         radius_m = self._config.merge_radius_m
         for track in self._around(seen.x_map_m, seen.y_map_m, 2.0 * radius_m):
@@ -157,7 +157,7 @@ class WeedMap:
             if cost <= GATE_CHI2:
                 yield cost, track
 
-    def _start(self, seen: Sighting, t_s: float) -> Track:
+    def _start(self, seen: PlantSighting, t_s: float) -> Track:
         track = new_track(self._next_id, seen, t_s)
         self._next_id += 1
         self._tracks[track.id] = track
@@ -176,7 +176,7 @@ class WeedMap:
         self._cells.remove(track)
         del self._tracks[track.id]
 
-    def _count_misses(self, view: View, t_s: float) -> None:
+    def _count_misses(self, view: GroundView, t_s: float) -> None:
         if view.is_empty:
             return
         missed = [

@@ -31,7 +31,7 @@ MAX_CLASS_LOGIT = 6.0
 
 
 @dataclass(slots=True)
-class Sighting:
+class PlantSighting:
     """A plant of one frame, placed in the map.
 
     `own_var_m2` is per axis; `xx, xy, yy_m2` is the covariance that the whole frame shares.
@@ -87,15 +87,15 @@ class Track:
         """Of a disc with the plant's area."""
         return math.sqrt(self.area_m2 / math.pi)
 
-    def gap_m(self, other: Sighting | Track) -> float:
+    def gap_m(self, other: PlantSighting | Track) -> float:
         return math.hypot(other.x_map_m - self.x_map_m, other.y_map_m - self.y_map_m)
 
-    def gap_std_m(self, seen: Sighting) -> float:
+    def gap_std_m(self, seen: PlantSighting) -> float:
         """1 sigma per axis of the gap to a sighting of this same plant."""
         shared_m2 = self.xx_m2 + self.yy_m2 + seen.xx_m2 + seen.yy_m2
         return math.sqrt(self.own_var_m2 + seen.own_var_m2 + shared_m2 / 2.0)
 
-    def mahalanobis2(self, seen: Sighting) -> float:
+    def mahalanobis2(self, seen: PlantSighting) -> float:
         """Squared distance in sigmas, as if nothing were shared: the gate errs on the wide side."""
         own_m2 = self.own_var_m2 + seen.own_var_m2
         xx = own_m2 + self.xx_m2 + seen.xx_m2
@@ -105,7 +105,7 @@ class Track:
         dy = seen.y_map_m - self.y_map_m
         return (dx * dx * yy - 2.0 * dx * dy * xy + dy * dy * xx) / (xx * yy - xy * xy)
 
-    def update(self, seen: Sighting, t_s: float) -> None:
+    def update(self, seen: PlantSighting, t_s: float) -> None:
         """Take in one more sighting of this plant."""
         self._fuse(seen)
         self.weed_logit = clamp(
@@ -163,7 +163,7 @@ class Track:
             treated_s=self.treated_s,
         )
 
-    def _fuse(self, other: Sighting | Track) -> None:
+    def _fuse(self, other: PlantSighting | Track) -> None:
         """Move towards a second position by the gain that makes the bound of the error least.
 
         With gain k the own parts are independent, (1-k)^2 own + k^2 own', and the shared ones
@@ -182,7 +182,7 @@ class Track:
         self.yy_m2 = rest * self.yy_m2 + gain * other.yy_m2
 
 
-def sighting(plant: GroundPlant, pose: PoseAt) -> Sighting:
+def sighting(plant: GroundPlant, pose: PoseAt) -> PlantSighting:
     """Place a plant of the body frame in the map, with both parts of its error."""
     east_m, north_m = pose.map_from_body.rotate(plant.x_body_m, plant.y_body_m)
     c = pose.cov
@@ -193,7 +193,7 @@ def sighting(plant: GroundPlant, pose: PoseAt) -> Sighting:
     low, high = CLASS_CONFIDENCE
     confidence = clamp(plant.confidence, low, high)
     logit = math.log(confidence / (1.0 - confidence))
-    return Sighting(
+    return PlantSighting(
         x_map_m=pose.x_map_m + east_m,
         y_map_m=pose.y_map_m + north_m,
         own_var_m2=max(plant.std_m, MIN_OWN_STD_M) ** 2,
@@ -206,7 +206,7 @@ def sighting(plant: GroundPlant, pose: PoseAt) -> Sighting:
     )
 
 
-def new_track(id: int, seen: Sighting, t_s: float) -> Track:
+def new_track(id: int, seen: PlantSighting, t_s: float) -> Track:
     return Track(
         id=id,
         x_map_m=seen.x_map_m,

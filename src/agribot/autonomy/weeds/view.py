@@ -9,7 +9,7 @@ from agribot.autonomy.weeds.poses import PoseAt
 Point = tuple[float, float]
 
 
-class View:
+class GroundView:
     """A convex polygon of the body frame, asked about places of the map."""
 
     def __init__(self, polygon_body_m: tuple[Point, ...], pose: PoseAt) -> None:

@@ -226,11 +226,11 @@ def _make_photo_batches(
     images = list(drawn.read(args.with_sim))
     simulated = PhotoBatches(images, scale(images), aside, recipe.crop_px)
 
-    def mixed(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+    def draw_mixed(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         parts = photos(rng), simulated(rng)
         return torch.cat([image for image, _ in parts]), torch.cat([label for _, label in parts])
 
-    return mixed
+    return draw_mixed
 
 
 def _load(

@@ -116,7 +116,7 @@ class MouseHand:
         elif word == "drag" and self._from is not None:
             forward = (self._from[1] - row) / self._reach
             left = (self._from[0] - column) / (2.0 * self._reach)
-            self._deflection = (_limited(forward), _limited(left))
+            self._deflection = (_limit(forward), _limit(left))
         elif word == "release":
             self._from, self._deflection = None, (0.0, 0.0)
 
@@ -149,5 +149,5 @@ class StickHand:
         return Wish(self.twist(stick))
 
 
-def _limited(value: float) -> float:
+def _limit(value: float) -> float:
     return min(max(value, -1.0), 1.0)

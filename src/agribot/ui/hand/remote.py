@@ -14,7 +14,7 @@ import msgspec
 
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.ui import wire
-from agribot.ui.address import Door
+from agribot.ui.address import RobotDoor
 from agribot.ui.hand.blocking_socket import BlockingSocket
 
 T = TypeVar("T")
@@ -49,7 +49,7 @@ class Remote:
         ConfigError: the certificate cannot be read.
     """
 
-    def __init__(self, door: Door, name: str) -> None:
+    def __init__(self, door: RobotDoor, name: str) -> None:
         self._door, self._name = door, name
         self._stack = ExitStack()
         self._line: BlockingSocket
@@ -180,7 +180,7 @@ class Remote:
             raise PlatformError(f"the robot says goodbye: {message.reason}")
 
 
-def _trust(door: Door) -> ssl.SSLContext | None:
+def _trust(door: RobotDoor) -> ssl.SSLContext | None:
     """Trust what the robot shows itself under any name: its file was read on this machine."""
     if not door.url.startswith("wss:"):
         return None

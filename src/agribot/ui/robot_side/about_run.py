@@ -100,7 +100,7 @@ def urdf_for_page(urdf: str, robot_name: str) -> tuple[str, dict[str, str]]:
     file = find_packaged_or_file("robot", robot_name, list_robot_files(), (".xacro", ".urdf"))
     meshes: dict[str, str] = {}
 
-    def served(match: re.Match[str]) -> str:
+    def rename_mesh(match: re.Match[str]) -> str:
         uri = match[2]
         path = _mesh_path(uri, file)
         name = re.sub(r"[^\w./-]", "_", uri.partition("://")[2] or Path(uri).name).lstrip("/.")
@@ -108,7 +108,7 @@ def urdf_for_page(urdf: str, robot_name: str) -> tuple[str, dict[str, str]]:
             meshes[name] = str(path)
         return f"{match[1]}{name}{match[3]}"
 
-    return _MESH.sub(served, urdf), meshes
+    return _MESH.sub(rename_mesh, urdf), meshes
 
 
 def _mesh_path(uri: str, asking_file: Path) -> Path | None:

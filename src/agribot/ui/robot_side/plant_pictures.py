@@ -21,7 +21,7 @@ from agribot.autonomy.perceive.ground import ground_to_pixels
 from agribot.core.lens import distort
 from agribot.core.messages import ByteArray, FloatArray, GroundPlant, PlantClass, Scene, TickRecord
 from agribot.core.robot import RobotSpec
-from agribot.ui.robot_side.recent_frames import RecentFrames, Shot
+from agribot.ui.robot_side.recent_frames import RecentFrames, SeenFrame
 
 KEPT = 2000
 MAX_BYTES = 10_000
@@ -78,7 +78,7 @@ class PlantPictures:
             number = self._nearest(x_map_m, y_map_m)
             return None if number is None else self._pictures[number]
 
-    def see(self, scene: Scene, shot: Shot) -> None:
+    def see(self, scene: Scene, shot: SeenFrame) -> None:
         """Cut the weeds of a scene that stand better in its frame than in any before."""
         camera, pose = self._robot.camera, shot.estimate
         weeds = [plant for plant in scene.plants if plant.plant == PlantClass.WEED]
@@ -97,7 +97,7 @@ class PlantPictures:
             if not max(off_px, MIDDLE_PX) < GAIN_RATIO * best:
                 continue
             leaves_px = _leaves(shot, centre_px, float(size_px))
-            jpeg = _encoded(_cut(shot.frame.image_rgb, leaves_px, float(size_px)))
+            jpeg = _encode(_cut(shot.frame.image_rgb, leaves_px, float(size_px)))
             picture = PlantPicture(
                 x_map_m=x_m, y_map_m=y_m, t_s=scene.t_s, off_middle_px=off_px, jpeg=jpeg
             )
@@ -165,7 +165,7 @@ class PlantPictures:
         return math.floor(x_m / self._reach_m), math.floor(y_m / self._reach_m)
 
 
-def _leaves(shot: Shot, foot_px: FloatArray, size_px: float) -> FloatArray:
+def _leaves(shot: SeenFrame, foot_px: FloatArray, size_px: float) -> FloatArray:
     """Find the middle of the pixels called weed about a plant's foot."""
     rows, columns = np.nonzero(shot.class_id == PlantClass.WEED)
     scale = np.divide(shot.frame.image_rgb.shape[:2], shot.class_id.shape)[::-1]
@@ -187,7 +187,7 @@ def _cut(image_rgb: ByteArray, centre_px: FloatArray, size_px: float) -> ByteArr
     return image_rgb[top : top + side, left : left + side]
 
 
-def _encoded(pixels: ByteArray) -> bytes:
+def _encode(pixels: ByteArray) -> bytes:
     image = Image.fromarray(np.ascontiguousarray(pixels))
     image.thumbnail((SHOWN_PX, SHOWN_PX))
     for quality in QUALITIES:

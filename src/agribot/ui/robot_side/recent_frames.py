@@ -10,7 +10,7 @@ from agribot.core.messages import ByteArray, CameraFrame, Estimate, TickRecord
 KEPT = 16  # of frames: longer than a network takes, and some MB
 
 
-class Shot(NamedTuple):
+class SeenFrame(NamedTuple):
     """`estimate` is of the tick that brought the frame; `class_id` of the network's own size."""
 
     frame: CameraFrame
@@ -38,19 +38,19 @@ class RecentFrames:
             self._masks[frame_index] = class_id
             _forget_old(self._masks)
 
-    def newest(self) -> Shot | None:
+    def newest(self) -> SeenFrame | None:
         """Return the newest frame that the network has seen."""
         with self._lock:
             index = max(self._frames.keys() & self._masks.keys(), default=None)
-            return None if index is None else Shot(*self._frames[index], self._masks[index])
+            return None if index is None else SeenFrame(*self._frames[index], self._masks[index])
 
-    def of(self, index: int) -> Shot | None:
+    def of(self, index: int) -> SeenFrame | None:
         """Find a frame and its mask, as long as it is kept."""
         with self._lock:
             known = self._frames.get(index), self._masks.get(index)
             if known[0] is None or known[1] is None:
                 return None
-            return Shot(*known[0], known[1])
+            return SeenFrame(*known[0], known[1])
 
 
 def _forget_old(kept: dict[int, Any]) -> None:

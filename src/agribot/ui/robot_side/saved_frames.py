@@ -20,7 +20,7 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
 from agribot.core.messages import ByteArray, Estimate
 from agribot.ui import wire
-from agribot.ui.robot_side.recent_frames import Shot
+from agribot.ui.robot_side.recent_frames import SeenFrame
 
 FOLDER = "frames"  # beside the run, unless record.frames_dir names another
 PARTS = ("images", "masks", "notes")
@@ -36,13 +36,13 @@ class SavedFrames:
         named = config.record.frames_dir
         self.folder = Path(named).expanduser() if named else out_dir.resolve().parent / FOLDER
 
-    def save(self, shot: Shot) -> wire.KeptFrame:
+    def save(self, shot: SeenFrame) -> wire.KeptFrame:
         """Where the pair lies and how many there are now.
 
         Raises: RecordingError: too little room is left, or the disk does not take it.
         """
         image = shot.frame.image_rgb
-        pictures = {"images": _png(image), "masks": _png(_enlarged(shot.class_id, image))}
+        pictures = {"images": _png(image), "masks": _png(_enlarge(shot.class_id, image))}
         try:
             for part in PARTS:
                 (self.folder / part).mkdir(parents=True, exist_ok=True)
@@ -66,7 +66,7 @@ class SavedFrames:
                 f"({limit_mb:g}); make room, or set record.frames_dir to another disk"
             )
 
-    def _write(self, shot: Shot, pictures: dict[str, bytes]) -> str:
+    def _write(self, shot: SeenFrame, pictures: dict[str, bytes]) -> str:
         name = self._claimed_name(f"{self._run}-{shot.frame.index:06d}")
         files = {self.folder / part / f"{name}.png": data for part, data in pictures.items()}
         files[self.folder / "notes" / f"{name}.json"] = self._note(shot, name)
@@ -91,7 +91,7 @@ class SavedFrames:
             return name
         raise AssertionError("numbers do not end")
 
-    def _note(self, shot: Shot, name: str) -> bytes:
+    def _note(self, shot: SeenFrame, name: str) -> bytes:
         config = self._config
         note = {
             "image": f"images/{name}.png",
@@ -116,7 +116,7 @@ def _pose(estimate: Estimate) -> dict[str, float] | None:
     return {name: getattr(estimate, name) for name in names}
 
 
-def _enlarged(class_id: ByteArray, image: ByteArray) -> ByteArray:
+def _enlarge(class_id: ByteArray, image: ByteArray) -> ByteArray:
     """Resize a mask to the image: the network looks at it at a size of its own."""
     size = (image.shape[1], image.shape[0])
     mask = Image.fromarray(np.ascontiguousarray(class_id)).resize(size, Image.Resampling.NEAREST)

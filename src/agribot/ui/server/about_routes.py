@@ -16,7 +16,7 @@ from agribot.core.version import __version__
 from agribot.record.weeds import WEED_COLUMNS, weed_features
 from agribot.ui import wire
 from agribot.ui.server.access import Caller
-from agribot.ui.server.answers import NO_STORE, channel_of, json_answer, refused
+from agribot.ui.server.answers import NO_STORE, channel_of, json_answer, refuse_request
 from agribot.ui.server.field_check import datum_of
 from agribot.ui.server.hub import Hub
 from agribot.ui.server.off_the_loop import run_in_thread
@@ -61,7 +61,7 @@ async def field(request: Request) -> Response:
         return json_answer(hub.about.field)
     shown = channel_of(request)
     if not isinstance(shown, Replay) or shown.name != name:
-        return refused(404, f"no recording '{name[:80]}' is shown here")
+        return refuse_request(404, f"no recording '{name[:80]}' is shown here")
     return json_answer(shown.field)
 
 
@@ -78,7 +78,7 @@ async def robot_file(request: Request) -> Response:
         return Response(hub.about.urdf, media_type="application/xml")
     path = hub.about.meshes.get(name)
     if path is None or not Path(path).is_file():
-        return refused(404, f"the robot has no file '{name[:80]}'")
+        return refuse_request(404, f"the robot has no file '{name[:80]}'")
     headers = {"cache-control": "max-age=3600"}
     return FileResponse(path, media_type="model/stl", headers=headers)
 

@@ -34,7 +34,7 @@ def json_answer(value: object, status: int = 200) -> Response:
     return Response(data, status, media_type="application/json", headers=NO_STORE)
 
 
-def refused(status: int, reason: str) -> Response:
+def refuse_request(status: int, reason: str) -> Response:
     return json_answer(wire.Problem(error=reason), status)
 
 
@@ -42,7 +42,7 @@ def served_file(folder: Path, name: str, download: str | None = None) -> Respons
     """Find a file somewhere below `folder`, never one outside it, whatever the name says."""
     path = inside(folder, name)
     if path is None or not path.is_file():
-        return refused(404, f"no file '{name[:80]}' here")
+        return refuse_request(404, f"no file '{name[:80]}' here")
     return FileResponse(path, filename=download)
 
 

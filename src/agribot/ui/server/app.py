@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from agribot.ui import wire
 from agribot.ui.server.access import Access, Caller, Refusal
-from agribot.ui.server.answers import Unusable, read_body, refused
+from agribot.ui.server.answers import Unusable, read_body, refuse_request
 from agribot.ui.server.camera import Camera, camera_socket
 from agribot.ui.server.connection_slots import Slot
 from agribot.ui.server.hub import Hub
@@ -43,7 +43,7 @@ NOT_BUILT = """<!doctype html><html lang="en"><title>AGRIBOT</title>
 this page again. The interface for programs works without it.</p></html>"""
 
 
-class Door:
+class RequestGate:
     """Judges every request before anything else sees it; `agribot.caller` goes into its scope."""
 
     def __init__(self, app: ASGIApp, hub: Hub) -> None:
@@ -87,7 +87,7 @@ async def _turn_away(refusal: Refusal, scope: Scope, receive: Receive, send: Sen
         await receive()
         await send({"type": "websocket.close", "code": 4403, "reason": refusal.reason[:120]})
         return
-    await refused(refusal.status, refusal.reason)(scope, receive, _with_safe_headers(send))
+    await refuse_request(refusal.status, refusal.reason)(scope, receive, _with_safe_headers(send))
 
 
 def _with_safe_headers(send: Send, *more: tuple[bytes, bytes]) -> Send:
@@ -111,7 +111,7 @@ def build_app(hub: Hub, lifespan: Any) -> ASGIApp:
     app = Starlette(routes=routes, lifespan=lifespan)
     app.state.hub = hub
     app.state.camera = Camera(hub)
-    return Door(RequestBodies(app), hub)
+    return RequestGate(RequestBodies(app), hub)
 
 
 async def log_in(request: Request) -> Response:
@@ -119,7 +119,7 @@ async def log_in(request: Request) -> Response:
     try:
         wanted = await read_body(request, wire.Login)
     except Unusable:
-        return refused(400, 'send {"token": "…"}')
+        return refuse_request(400, 'send {"token": "…"}')
     session = _session_for(request, wanted.token)
     if isinstance(session, Response):
         return session
@@ -132,7 +132,7 @@ def _session_for(request: Request, token: str) -> str | Response:
     session = hub.access.login(token, address)
     if isinstance(session, Refusal):
         hub.refuse(address or "unknown", session.reason)
-        return refused(session.status, session.reason)
+        return refuse_request(session.status, session.reason)
     return session
 
 

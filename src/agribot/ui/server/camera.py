@@ -48,14 +48,14 @@ def unpack_pixels(data: bytes) -> Picture:
     return Picture(kind=kind, index=index, wall_ms=wall_ms, pixels=pixels.reshape(shape))
 
 
-class Ladder:
+class SizeLadder:
     """Which size a viewer gets, by how long it takes to draw."""
 
     def __init__(self) -> None:
         self.level = 0
         self._quick = 0
 
-    def drawn(self, delay_s: float) -> None:
+    def note_drawing(self, delay_s: float) -> None:
         if delay_s > SLOW_S:
             self.level, self._quick = min(self.level + 1, len(LADDER) - 1), 0
         elif delay_s < QUICK_S:
@@ -102,7 +102,7 @@ class Camera:
     def newest(self, kind: int) -> Picture | None:
         return self._newest.get(kind)
 
-    async def encoded(self, picture: Picture, level: int) -> bytes:
+    async def encode(self, picture: Picture, level: int) -> bytes:
         """Encode for the first who asks; the others wait for the same bytes."""
         key = (picture.kind, level)
         known = self._encoded.get(key)
@@ -145,7 +145,7 @@ class Viewer:
         self._with_mask = with_mask
         self._credits = asyncio.Semaphore(CREDITS)
         self._sent_s: deque[float] = deque()
-        self._ladder = Ladder()
+        self._ladder = SizeLadder()
         self._shown: tuple[str | None, int] = (None, -1)  # recording or None, number
 
     async def serve(self) -> None:
@@ -156,14 +156,14 @@ class Viewer:
                 message = await self._socket.receive()
                 if message["type"] == "websocket.disconnect":
                     return
-                self._drawn()
+                self._note_drawing()
         finally:
             sender.cancel()
             self._camera.leave(id(self))
 
-    def _drawn(self) -> None:
+    def _note_drawing(self) -> None:
         if self._sent_s:  # whoever gives back more than it got gains nothing
-            self._ladder.drawn(time.monotonic() - self._sent_s.popleft())
+            self._ladder.note_drawing(time.monotonic() - self._sent_s.popleft())
             self._credits.release()
 
     async def _send_all(self) -> None:
@@ -177,7 +177,7 @@ class Viewer:
                 mask = self._camera.newest(1) if self._with_mask and self._is_live else None
                 if mask is not None and mask.index != masked:
                     masked = mask.index
-                    await self._socket.send_bytes(await self._camera.encoded(mask, 0))
+                    await self._socket.send_bytes(await self._camera.encode(mask, 0))
 
     @property
     def _is_live(self) -> bool:
@@ -195,7 +195,7 @@ class Viewer:
                     before = self._shown[1] if self._is_live else -1
                     picture = await asyncio.wait_for(self._camera.after(0, before), LOOK_AGAIN_S)
                     self._shown = (None, picture.index)
-                    return await self._camera.encoded(picture, self._ladder.level)
+                    return await self._camera.encode(picture, self._ladder.level)
                 continue
             found = replay.picture()
             if found is not None and self._shown != (replay.name, found[0]):

@@ -13,7 +13,7 @@ from agribot.ui.about import make_epoch
 EVENTS_KEPT = 300
 
 
-class Follower(Protocol):
+class ChannelReader(Protocol):
     """A page's side of a channel."""
 
     def follow(self, channel: Channel) -> None: ...
@@ -36,7 +36,7 @@ class Channel:
     def __init__(self, source: str, name: str = "", epoch: int | None = None) -> None:
         self.source, self.name = source, name
         self.epoch = make_epoch() if epoch is None else epoch
-        self.clients: set[Follower] = set()
+        self.clients: set[ChannelReader] = set()
         self.state: wire.State | None = None  # the newest
         self.state_text = ""
         self.trace_map_m: list[wire.Vec2] = []

@@ -74,7 +74,7 @@ class Commands:
 
         Raises: Refused: a number in it is out of its limits.
         """
-        self._hub.seat.heard(self._page.session, time.monotonic())
+        self._hub.seat.note_life(self._page.session, time.monotonic())
         self._handlers[type(message)](message)
 
     def let_go(self) -> None:

@@ -41,7 +41,7 @@ def check_field(collection: Any, datum: Datum) -> wire.FieldReply:
         except _Fault as fault:
             what = f"feature {number} ({kind or 'no kind'}): {fault}"
             reasons.append(_reason(what, fault.at_map_m))
-    reasons += _misplaced(shapes, frame)
+    reasons += _find_misplaced(shapes, frame)
     area_m2 = sum(b.area for b in shapes["boundary"]) - sum(o.area for o in shapes["obstacle"])
     lines = (*shapes["row"], *shapes["path"])
     return wire.FieldReply(
@@ -135,7 +135,7 @@ def _fault_place(shape: Any) -> wire.Vec2 | None:
         return None
 
 
-def _misplaced(shapes: dict[str, list[Any]], frame: MapFrame) -> list[wire.FieldReason]:
+def _find_misplaced(shapes: dict[str, list[Any]], frame: MapFrame) -> list[wire.FieldReason]:
     """Things that lie outside the boundary, and rows through obstacles."""
     from shapely.ops import unary_union
 

@@ -32,7 +32,7 @@ from agribot.ui.server.answers import (
     need_operator,
     need_seat,
     read_body,
-    refused,
+    refuse_request,
 )
 from agribot.ui.server.hub import Hub
 from agribot.ui.server.off_the_loop import run_in_thread
@@ -63,18 +63,18 @@ async def map_tile(request: Request) -> Response:
     where = request.path_params
     path = find_maps(hub.home / "maps").get(where["name"])
     if path is None:
-        return refused(404, f"no map '{where['name'][:80]}'")
+        return refuse_request(404, f"no map '{where['name'][:80]}'")
     address = MapTile(where["z"], where["x"], where["y"])
     data = await anyio.to_thread.run_sync(read_tile, path, *address)
     if data is None and is_address(*address):
-        data = await anyio.to_thread.run_sync(_fetched, path, address, limiter=FETCHES)
+        data = await anyio.to_thread.run_sync(_fetch_kept_tile, path, address, limiter=FETCHES)
     if data is None:
         return NO_TILE
     headers = {"cache-control": "max-age=86400"}
     return Response(data, media_type=find_media_type(data), headers=headers)
 
 
-def _fetched(path: Path, address: MapTile) -> bytes | None:
+def _fetch_kept_tile(path: Path, address: MapTile) -> bytes | None:
     """From the server behind a live map, kept for the next time; None where there is none."""
     template = read_live_template(path)
     if not template:

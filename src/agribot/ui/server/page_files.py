@@ -10,7 +10,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.staticfiles import NotModifiedResponse
 
-from agribot.ui.server.answers import inside, refused
+from agribot.ui.server.answers import inside, refuse_request
 
 
 def page_file(request: Request, folder: Path, name: str, cache_control: str) -> Response:
@@ -20,7 +20,7 @@ def page_file(request: Request, folder: Path, name: str, cache_control: str) -> 
     """
     path = inside(folder, name)
     if path is None or not path.is_file():
-        return refused(404, f"no file '{name[:80]}' here")
+        return refuse_request(404, f"no file '{name[:80]}' here")
     headers = {"cache-control": cache_control}
     copy = path.with_name(f"{path.name}.gz")
     shown = path

@@ -15,7 +15,7 @@ from agribot.ros.messages.rosmsg import load_types
 MAX_BYTES = 64_000_000  # some half an hour at one picture per second; more is thinned out
 
 
-class Shot(msgspec.Struct, frozen=True, kw_only=True):
+class EncodedPicture(msgspec.Struct, frozen=True, kw_only=True):
     """`found` is the same picture with circles around the plants; empty where none was drawn."""
 
     t_s: float
@@ -26,7 +26,7 @@ class Shot(msgspec.Struct, frozen=True, kw_only=True):
 class Pictures:
     """JPEG files by the time at which they were taken."""
 
-    def __init__(self, shots: list[Shot]) -> None:
+    def __init__(self, shots: list[EncodedPicture]) -> None:
         self._shots = shots
         self._times = [shot.t_s for shot in shots]
 
@@ -36,11 +36,12 @@ class Pictures:
         images = _jpegs(path, topics.IMAGE)
         found = _jpegs(path, topics.OVERLAY)
         shots = [
-            Shot(t_s=t_s, image=image, found=found.get(t_s, b"")) for t_s, image in images.items()
+            EncodedPicture(t_s=t_s, image=image, found=found.get(t_s, b""))
+            for t_s, image in images.items()
         ]
         return cls(sorted(shots, key=lambda shot: shot.t_s))
 
-    def at(self, t_s: float) -> tuple[int, Shot] | None:
+    def at(self, t_s: float) -> tuple[int, EncodedPicture] | None:
         """Find the newest one of a time, and its number; None before the first."""
         number = bisect.bisect_right(self._times, t_s) - 1
         return (number, self._shots[number]) if number >= 0 else None

@@ -21,7 +21,7 @@ from agribot.ros.messages.rosmsg import load_types
 from agribot.ui import wire
 from agribot.ui.ground import read_field_or_datum
 from agribot.ui.server.channel import Channel
-from agribot.ui.server.pictures import Pictures, Shot
+from agribot.ui.server.pictures import EncodedPicture, Pictures
 from agribot.ui.view import RunView, shown_event
 
 MIN_SPEED, MAX_SPEED = 0.1, 10.0
@@ -101,7 +101,7 @@ class Replay(Channel):
             speed=self.speed,
         )
 
-    def picture(self) -> tuple[int, Shot] | None:
+    def picture(self) -> tuple[int, EncodedPicture] | None:
         """Find what the camera saw last, and its number; None before its first picture."""
         return self._pictures.at(self._now_s)
 

@@ -10,7 +10,7 @@ from starlette.datastructures import Headers
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from agribot.ui.server.answers import refused
+from agribot.ui.server.answers import refuse_request
 
 START_S = 10.0  # for a body of no size
 SLOWEST_BYTES_PER_S = 4000.0  # a field file over a bad line
@@ -46,14 +46,14 @@ class RequestBodies:
         limit = limit_bytes(scope["path"], scope["agribot.caller"].role)
         length = headers.get("content-length", "0")
         if not length.isascii() or not length.isdigit() or len(length) > 15:
-            await refused(400, "the content-length is no number")(scope, receive, send)
+            await refuse_request(400, "the content-length is no number")(scope, receive, send)
             return
         if int(length) > limit:
             await _too_large(limit)(scope, receive, send)
             return
         body = await self._read(receive, limit)
         if isinstance(body, _Refusal):
-            answer = refused(body.status, body.reason)
+            answer = refuse_request(body.status, body.reason)
             answer.headers["connection"] = "close"
             await answer(scope, receive, send)
             return
@@ -101,14 +101,14 @@ def _too_large_text(limit: int) -> str:
 
 
 def _too_large(limit: int) -> Response:
-    return refused(413, _too_large_text(limit))
+    return refuse_request(413, _too_large_text(limit))
 
 
 def _replay(body: bytes, receive: Receive) -> Receive:
     """Receive what was read once more; after it the connection itself is asked."""
     waiting: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
 
-    async def received() -> Message:
+    async def receive_again() -> Message:
         return waiting.pop() if waiting else await receive()
 
-    return received
+    return receive_again

@@ -19,7 +19,7 @@ from agribot.ui.server import (
     map_routes,
     run_routes,
 )
-from agribot.ui.server.answers import Unusable, refused
+from agribot.ui.server.answers import Unusable, refuse_request
 
 PARTS = (
     about_routes,
@@ -49,10 +49,10 @@ def _polite(endpoint: Endpoint) -> Endpoint:
         try:
             return await endpoint(request)
         except Unusable as error:
-            return refused(error.status, str(error))
+            return refuse_request(error.status, str(error))
         except AgribotError as error:
-            return refused(422, str(error))
+            return refuse_request(422, str(error))
         except RecursionError:
-            return refused(400, "this is nested too deeply to be worked with")
+            return refuse_request(400, "this is nested too deeply to be worked with")
 
     return answering

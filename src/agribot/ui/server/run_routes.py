@@ -119,7 +119,7 @@ async def replay(request: Request) -> Response:
     hub.choices.pop(session, None)
     if wanted.name is None and not hub.about.recording:
         hub.end_replay(session)
-        return json_answer(_shown(hub, session))
+        return json_answer(_describe_shown(hub, session))
     if not 0.0 <= wanted.speed <= MAX_SPEED:
         raise Unusable(400, f"speed {wanted.speed!r}: 0 (pause) or {MIN_SPEED:g} to {MAX_SPEED:g}")
     if wanted.t_s is not None and wanted.t_s < -1.0:
@@ -128,15 +128,15 @@ async def replay(request: Request) -> Response:
     if player is None or (wanted.name is not None and player.name != wanted.name):
         player = await _choose(hub, session, str(wanted.name))
         if player is None:
-            return json_answer(_shown(hub, session))
+            return json_answer(_describe_shown(hub, session))
         hub.start_replay(session, player)
     player.speed = wanted.speed
     if wanted.t_s is not None:
         player.seek(wanted.t_s)
-    return json_answer(_shown(hub, session))
+    return json_answer(_describe_shown(hub, session))
 
 
-def _shown(hub: Hub, session: str) -> wire.Shown:
+def _describe_shown(hub: Hub, session: str) -> wire.Shown:
     player = hub.replay_of(session)
     if player is None:
         return wire.Shown(source=hub.live.source)

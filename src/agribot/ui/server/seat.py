@@ -17,7 +17,7 @@ class Seat:
         self.name = ""
         self._heard_s = 0.0
 
-    def heard(self, session: str, now_s: float) -> None:
+    def note_life(self, session: str, now_s: float) -> None:
         """Take a sign of life of a session."""
         if session == self.holder:
             self._heard_s = now_s

@@ -115,13 +115,13 @@ async def _serve(
 def _read(link: Connection, loop: asyncio.AbstractEventLoop, hear: Any, end: Any) -> None:
     """Hand over one message after the other in a thread; a busy loop slows the sender down."""
 
-    async def handed(data: bytes) -> None:
+    async def hand_over(data: bytes) -> None:
         hear(data)
 
     def run() -> None:
         with contextlib.suppress(OSError, EOFError, RuntimeError):
             while True:
-                asyncio.run_coroutine_threadsafe(handed(link.recv_bytes()), loop).result()
+                asyncio.run_coroutine_threadsafe(hand_over(link.recv_bytes()), loop).result()
         with contextlib.suppress(RuntimeError):
             loop.call_soon_threadsafe(end)
 

@@ -41,7 +41,7 @@ class Socket:
     async def serve(self) -> None:
         hub = self.hub
         hub.sockets.add(self)
-        hub.seat.heard(self.session, time.monotonic())
+        hub.seat.note_life(self.session, time.monotonic())
         self.tell(self._hello())
         self.channel.clients.add(self.client)
         hub.tell_seat()
@@ -86,7 +86,7 @@ class Socket:
 
     def acknowledge(self, count: int) -> None:
         """Note how many messages the page has received since it was opened."""
-        self.client.window.received(count, time.monotonic())
+        self.client.window.note_received(count, time.monotonic())
         self.client.wake()
 
     def cut_if_gone(self, now_s: float) -> None:
@@ -112,7 +112,7 @@ class Socket:
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while True:
                 text = await self.client.next()
-                self.client.window.sent(len(text), time.monotonic())
+                self.client.window.note_sent(len(text), time.monotonic())
                 await self._socket.send_text(text)
 
     async def _listen(self) -> None:

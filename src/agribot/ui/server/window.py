@@ -26,12 +26,12 @@ class Window:
     def has_room(self) -> bool:
         return self._under_way < self.size_bytes
 
-    def sent(self, size_bytes: int, now_s: float) -> None:
+    def note_sent(self, size_bytes: int, now_s: float) -> None:
         if self._is_acknowledged:
             self._sent.append((size_bytes, now_s))
             self._under_way += size_bytes
 
-    def received(self, count: int, now_s: float) -> None:
+    def note_received(self, count: int, now_s: float) -> None:
         """`count` messages since the line was opened; more than were sent count as all."""
         was_full = not self.has_room
         sent_s = now_s

@@ -69,7 +69,7 @@ class Ways:
         corners = _find_inner_corners(self._region)
         self._corners = corners
         first, second = np.triu_indices(len(corners), 1)
-        seen = self._covered(corners[first], corners[second])
+        seen = self._find_covered(corners[first], corners[second])
         first, second = first[seen], second[seen]
         lengths = np.hypot(*(corners[first] - corners[second]).T)
         self._graph = [[] for _ in corners]
@@ -82,11 +82,11 @@ class Ways:
         if not len(self._corners):
             return {}
         starts = np.broadcast_to(np.array(point), self._corners.shape)
-        seen = self._covered(starts, self._corners)
+        seen = self._find_covered(starts, self._corners)
         lengths = np.hypot(*(self._corners - starts).T)
         return {int(k): float(lengths[k]) for k in np.flatnonzero(seen)}
 
-    def _covered(self, starts: FloatArray, ends: FloatArray) -> FloatArray:
+    def _find_covered(self, starts: FloatArray, ends: FloatArray) -> FloatArray:
         import shapely
 
         if not len(starts):

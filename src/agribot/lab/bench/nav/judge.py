@@ -7,7 +7,7 @@ import numpy as np
 
 from agribot.core.messages import FloatArray
 from agribot.lab.bench.nav.batch.arrays import clamp
-from agribot.lab.bench.nav.plant import Plant
+from agribot.lab.bench.nav.plant import RoverFleet
 from agribot.lab.bench.nav.scenario import (
     CRUSH_M,
     DT_S,
@@ -42,7 +42,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     paused_s: float
 
 
-class Judge:
+class FleetJudge:
     def __init__(self, count: int) -> None:
         self._row_worst_m = np.zeros((ROWS, count))
         self._square, self._samples = np.zeros(count), np.zeros(count)
@@ -53,7 +53,9 @@ class Judge:
         self.time_s = np.zeros(count)
         self._robots = np.arange(count)
 
-    def tick(self, plant: Plant, row: np.ndarray, tool_on: np.ndarray, is_done: np.ndarray) -> None:
+    def tick(
+        self, plant: RoverFleet, row: np.ndarray, tool_on: np.ndarray, is_done: np.ndarray
+    ) -> None:
         """`row` counts from y = 0; a plant is covered where the tool works beside it."""
         active = ~is_done
         self.time_s += active * (TICK_STEPS * DT_S)
@@ -68,14 +70,14 @@ class Judge:
         self._cover(plant, active & tool_on)
         self._crush(plant, active)
 
-    def _cover(self, plant: Plant, works: np.ndarray) -> None:
+    def _cover(self, plant: RoverFleet, works: np.ndarray) -> None:
         beside = clamp(np.rint(plant.y_m / PITCH_M), 0, ROWS - 1)
         near = abs(plant.y_m - beside * PITCH_M) < ROW_LIMIT_M
         near &= works & (plant.x_m >= 0.0) & (plant.x_m <= ROW_LENGTH_M)
         slot = np.rint(plant.x_m[near] / SPACING_M).astype(np.int64)
         self._covered[beside[near].astype(np.int64), slot, self._robots[near]] = True
 
-    def _crush(self, plant: Plant, active: np.ndarray) -> None:
+    def _crush(self, plant: RoverFleet, active: np.ndarray) -> None:
         cos, sin = np.cos(plant.yaw_rad), np.sin(plant.yaw_rad)
         for ahead_m, left_m in WHEELS_BODY_M:
             x_m = plant.x_m + ahead_m * cos - left_m * sin
@@ -89,7 +91,7 @@ class Judge:
                 self._crushed[row[hit].astype(int), slot[hit].astype(int), robots] = True
 
     def check_covariance(
-        self, plant: Plant, x_m: FloatArray, y_m: FloatArray, yaw_rad: FloatArray,
+        self, plant: RoverFleet, x_m: FloatArray, y_m: FloatArray, yaw_rad: FloatArray,
         cov: FloatArray, row: np.ndarray,
     ) -> None:  # fmt: skip
         """Squared errors over variances: lateral (expected 1) and of the whole pose (3)."""

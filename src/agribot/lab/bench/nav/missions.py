@@ -15,8 +15,8 @@ from agribot.lab.bench.nav.batch.gnss import BatchFix
 from agribot.lab.bench.nav.batch.localizer import BatchHeading, BatchLocalizer
 from agribot.lab.bench.nav.batch.row_lines import BatchLine
 from agribot.lab.bench.nav.driving import BatchDriving
-from agribot.lab.bench.nav.judge import NEES_PERIOD_S, Judge, Outcome
-from agribot.lab.bench.nav.plant import Plant, Proprioception
+from agribot.lab.bench.nav.judge import NEES_PERIOD_S, FleetJudge, Outcome
+from agribot.lab.bench.nav.plant import Proprioception, RoverFleet
 from agribot.lab.bench.nav.receivers import Compasses, Receivers
 from agribot.lab.bench.nav.row_camera import PERIOD_STEPS, RowCamera
 from agribot.lab.bench.nav.scenario import DT_S, MAX_TIME_S, ROWS, TICK_STEPS, Scenario
@@ -57,7 +57,7 @@ class Sensors:
         self._arrivals = Arrivals()
         self._wheel_m, self._turn_rad = np.zeros((2, len(seeds)))
 
-    def step(self, k: int, plant: Plant) -> None:
+    def step(self, k: int, plant: RoverFleet) -> None:
         """Sample at step `k`, after the plant has moved."""
         t_s = k * DT_S
         wheel_mps, rate_radps = self._own.read(plant)
@@ -86,13 +86,13 @@ def run_missions(
 ) -> list[Outcome]:
     """Drive every seed until it has finished or its time is over."""
     count = len(seeds)
-    plant, sensors = Plant(seeds, scenario.soil), Sensors(seeds, scenario, robot)
+    plant, sensors = RoverFleet(seeds, scenario.soil), Sensors(seeds, scenario, robot)
     gnss = scenario.gnss
     localizer = BatchLocalizer(
         count, scenario.estimate(), scenario.field(), robot,
         is_corrected=gnss.is_corrected,
     )  # fmt: skip
-    driving, judge = BatchDriving(count, scenario, robot), Judge(count)
+    driving, judge = BatchDriving(count, scenario, robot), FleetJudge(count)
     tick_s = TICK_STEPS * DT_S
     for k in range(1, round(MAX_TIME_S / DT_S) + 1):
         plant.step(driving.follower.v_mps, driving.follower.yaw_rate_radps)

@@ -16,9 +16,9 @@ from agribot.core.robot import RobotSpec
 from agribot.lab.bench.nav.batch.arrays import clamp
 from agribot.lab.bench.nav.batch.compass import BatchYaw
 from agribot.lab.bench.nav.batch.gnss import BatchFix
-from agribot.lab.bench.nav.judge import Judge, Outcome
+from agribot.lab.bench.nav.judge import FleetJudge, Outcome
 from agribot.lab.bench.nav.missions import Sensors, Stop
-from agribot.lab.bench.nav.plant import Plant
+from agribot.lab.bench.nav.plant import RoverFleet
 from agribot.lab.bench.nav.scenario import (
     DT_S,
     HEADLAND_M,
@@ -85,8 +85,8 @@ def run_original(
 ) -> list[Outcome]:
     """GNSS is compared with goals in the true map, as after a start at a known place."""
     count = len(seeds)
-    plant, sensors = Plant(seeds, scenario.soil), Sensors(seeds, scenario, robot)
-    controller, judge = OriginalController(count), Judge(count)
+    plant, sensors = RoverFleet(seeds, scenario.soil), Sensors(seeds, scenario, robot)
+    controller, judge = OriginalController(count), FleetJudge(count)
     for k in range(1, round(MAX_TIME_S / DT_S) + 1):
         plant.step(controller.v_mps, controller.yaw_rate_radps)
         sensors.step(k, plant)

@@ -10,7 +10,7 @@ import numpy as np
 from agribot.core.messages import FloatArray
 from agribot.lab.bench.nav.batch.arrays import clamp
 from agribot.lab.bench.nav.draws import Coins, Draws, wander
-from agribot.lab.bench.nav.scenario import DT_S, HEADLAND_M, START_STD_M, START_STD_RAD, Soil
+from agribot.lab.bench.nav.scenario import DT_S, HEADLAND_M, START_STD_M, START_STD_RAD, SoilDrift
 
 DRIVE_LAG_S, DEAD_STEPS = 0.15, 5
 MAX_ACCEL_MPS2, MAX_YAW_ACCEL_RADPS2 = 1.5, 4.0
@@ -18,10 +18,10 @@ SLIP_MEMORY_S, YAW_GAIN_MEMORY_S, YAW_RATE_MEMORY_S, LATERAL_MEMORY_S = 5.0, 3.0
 MOVING_MPS = 0.1  # the ground disturbs only who moves
 
 
-class Plant:
+class RoverFleet:
     """N rovers; `x_m`, `y_m`, `yaw_rad` (not wrapped) and the velocities are the truth."""
 
-    def __init__(self, seeds: Sequence[int], soil: Soil) -> None:
+    def __init__(self, seeds: Sequence[int], soil: SoilDrift) -> None:
         count = len(seeds)
         first, second = Draws(seeds, 0, 4).normals(), Coins(seeds, 1, 2).uniforms()
         self._soil = soil
@@ -80,7 +80,7 @@ class Proprioception:
         self._scale = 1.0 + 0.01 * first[1]
         self._draws = Draws(seeds, 4, 3)
 
-    def read(self, plant: Plant) -> tuple[FloatArray, FloatArray]:
+    def read(self, plant: RoverFleet) -> tuple[FloatArray, FloatArray]:
         """Wheel speed (m/s) and yaw rate (rad/s) as measured."""
         normal = self._draws.normals()
         self._bias_radps = self._bias_radps + math.radians(0.003) * math.sqrt(DT_S) * normal[0]

@@ -12,8 +12,8 @@ from agribot.lab.bench.nav.batch.ekf import Mask
 from agribot.lab.bench.nav.batch.gnss import BatchFix
 from agribot.lab.bench.nav.batch.localizer import BatchHeading
 from agribot.lab.bench.nav.draws import Coins, Draws, wander
-from agribot.lab.bench.nav.plant import Plant
-from agribot.lab.bench.nav.scenario import DT_S, Gnss
+from agribot.lab.bench.nav.plant import RoverFleet
+from agribot.lab.bench.nav.scenario import DT_S, GnssErrors
 
 # Float ambiguities come after an exponential time and last uniformly long.
 OUTAGE_EVERY_S, OUTAGE_S, FLOAT_STD_M, FLOAT_MEMORY_S = 240.0, (5.0, 25.0), 0.3, 10.0
@@ -21,7 +21,9 @@ HECTOR_HZ = 1.0 / 3600.0
 
 
 class Receivers:
-    def __init__(self, seeds: Sequence[int], gnss: Gnss, lever_m: tuple[float, float]) -> None:
+    def __init__(
+        self, seeds: Sequence[int], gnss: GnssErrors, lever_m: tuple[float, float]
+    ) -> None:
         count = len(seeds)
         self._gnss, self._lever_m = gnss, lever_m
         self._draws, self._coins = Draws(seeds, 5, 11), Coins(seeds, 6, 2)
@@ -32,7 +34,7 @@ class Receivers:
         self._float_left_s = np.zeros(count)
         self._next_float_s = self._exponential(self._coins.uniforms()[0])
 
-    def sample(self, t_s: float, plant: Plant) -> tuple[BatchFix, BatchHeading | None]:
+    def sample(self, t_s: float, plant: RoverFleet) -> tuple[BatchFix, BatchHeading | None]:
         gnss, normal = self._gnss, self._draws.normals()
         stated_mps = gnss.velocity_stated_mps
         dt_s = gnss.period_steps * DT_S
@@ -106,7 +108,7 @@ class Compasses:
         self._current_rad = np.zeros(len(seeds))
         self._drift = 0.1 * first[2:4]
 
-    def sample(self, plant: Plant) -> FloatArray:
+    def sample(self, plant: RoverFleet) -> FloatArray:
         normal, yaw_rad = self._draws.normals(), plant.yaw_rad
         if self._is_hector:
             kept = math.exp(-self.PERIOD_S * 10.0)

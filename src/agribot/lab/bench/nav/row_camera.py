@@ -12,7 +12,7 @@ from agribot.lab.bench.nav.batch.arrays import ARRAYS, clamp
 from agribot.lab.bench.nav.batch.ekf import Mask
 from agribot.lab.bench.nav.batch.row_lines import BatchLine
 from agribot.lab.bench.nav.draws import Coins, Draws, wander
-from agribot.lab.bench.nav.plant import Plant
+from agribot.lab.bench.nav.plant import RoverFleet
 from agribot.lab.bench.nav.scenario import DT_S, PITCH_M, ROW_LENGTH_M, ROWS, Vision
 
 PERIOD_STEPS = 7
@@ -30,7 +30,7 @@ class RowCamera:
         self._offset_m, self._heading_rad, self._dark_s = np.zeros((3, len(seeds)))
         self._frames = 0
 
-    def sample(self, t_s: float, plant: Plant) -> BatchLine:
+    def sample(self, t_s: float, plant: RoverFleet) -> BatchLine:
         vision, normal, coin = self._vision, self._draws.normals(), self._coins.uniforms()
         dt_s = PERIOD_STEPS * DT_S
         self._frames += 1

@@ -32,7 +32,7 @@ MAX_TIME_S = 1800.0
 START_STD_M, START_STD_RAD = 0.05, math.radians(2.0)
 
 
-class Soil(msgspec.Struct, frozen=True, kw_only=True):
+class SoilDrift(msgspec.Struct, frozen=True, kw_only=True):
     """What the ground does to the drive; sigma and memory of each."""
 
     slip_max_ratio: float = 0.06
@@ -61,7 +61,7 @@ class Vision(msgspec.Struct, frozen=True, kw_only=True):
     range_std_m: float = 0.1
 
 
-class Gnss(msgspec.Struct, frozen=True, kw_only=True):
+class GnssErrors(msgspec.Struct, frozen=True, kw_only=True):
     """A receiver: white noise, wanders (sigma, memory), what it says of itself."""
 
     period_steps: int
@@ -76,16 +76,16 @@ class Gnss(msgspec.Struct, frozen=True, kw_only=True):
     heading_std_rad: float | None = None
 
 
-RECEIVERS: dict[Receiver, Gnss] = {
-    "hector": Gnss(
+RECEIVERS: dict[Receiver, GnssErrors] = {
+    "hector": GnssErrors(
         period_steps=20, latency_s=0.0, white_m=0.1, wanders=(), velocity_std_mps=0.1,
         stated_m=5.0, hector_drift_m=5.0,
     ),
-    "m8n": Gnss(
+    "m8n": GnssErrors(
         period_steps=20, latency_s=0.15, white_m=0.05, wanders=((1.2, 400.0), (0.25, 30.0)),
         velocity_std_mps=0.05, stated_m=1.5,
     ),
-    "rtk": Gnss(
+    "rtk": GnssErrors(
         period_steps=10, latency_s=0.1, white_m=0.008, wanders=((0.01, 60.0),),
         velocity_std_mps=0.03, stated_m=0.014, is_corrected=True,
     ),
@@ -103,12 +103,12 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
 
     receiver: Receiver = "m8n"
     vision: Vision | None = Vision()
-    soil: Soil = Soil()
+    soil: SoilDrift = SoilDrift()
     variant: Variant = "nominal"
     speed_mps: float = 0.8
 
     @property
-    def gnss(self) -> Gnss:
+    def gnss(self) -> GnssErrors:
         return RECEIVERS[self.receiver]
 
     @property
@@ -141,9 +141,9 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def scenario(receiver: Receiver, *, vision: bool, speed_mps: float, variant: Variant) -> Scenario:
-    soil, seen = Soil(), Vision()
+    soil, seen = SoilDrift(), Vision()
     if variant == "hard":
-        soil = Soil(
+        soil = SoilDrift(
             slip_max_ratio=0.12, slip_std_ratio=0.04, yaw_gain_std_ratio=0.16,
             yaw_gain_walk_ratio=0.1, yaw_rate_std_radps=math.radians(4.0),
             slope_max_rad=math.radians(4.0),

@@ -49,7 +49,7 @@ ORIGINAL: tuple[Receiver, ...] = ("hector", "m8n", "rtk")
 MAX_ORIGINALS = 100
 
 
-def published(
+def plan_published(
     seeds: Sequence[int], robot: RobotSpec, speed_mps: float, *, baseline: bool
 ) -> list[Job]:
     jobs = [
