@@ -17,7 +17,7 @@ def no_simulator(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         raise AssertionError("the simulator was started")
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("agribot.app.simulated_run.SimulatedRun", start)
+    monkeypatch.setattr("agribot.app.open_run.SimulatedRun", start)
     monkeypatch.setattr("agribot.sim.platform.SimPlatform", start)
 
 
