@@ -12,8 +12,8 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 
 from agribot.ui import wire
-from tests.ui.page import fake_server
 from tests.ui.page.conftest import WITHOUT_GL, until
+from tests.ui.page.fake_server import FakeServer, serving
 
 ROOT = Path(__file__).parents[3]
 WEB = ROOT / "web"
@@ -49,7 +49,7 @@ def add_screen(web: Path) -> str:
 
 
 def test_a_screen_of_ones_own_is_one_file_and_a_word_in_the_list(
-    context: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    context: BrowserContext, tmp_path: Path
 ) -> None:
     web = copy_web(tmp_path)
     name = add_screen(web)
@@ -58,8 +58,7 @@ def test_a_screen_of_ones_own_is_one_file_and_a_word_in_the_list(
             [TOOLS / step[0], *step[1:]], cwd=web, capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, done.stdout + done.stderr
-    monkeypatch.setattr(fake_server, "PAGE", web / "dist")
-    with fake_server.serving(fake_server.FakeServer()) as address:
+    with serving(FakeServer(page=web / "dist")) as address:
         page = context.new_page()
         page.goto(f"{address}/?{WITHOUT_GL}#/{name}")
         until(page, "window.__agribot?.ready")
