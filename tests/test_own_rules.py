@@ -52,5 +52,6 @@ def test_the_work_of_a_process_is_charged_to_the_test_that_started_it(tmp_path: 
     file.write_text(SPENDER)
     said = run_pytest("-p", "tests.cpu_times", "--cpu-times", "0", str(file))
     spent_s = {name: float(s) for s, name in re.findall(r"([\d.]+) s call .*::(\w+)", said)}
-    assert spent_s["test_that_lets_a_child_work"] >= SPENT_S
-    assert spent_s["test_that_does_nothing"] < SPENT_S
+    # The kernel charges in ticks and may miss some of a busy machine's.
+    assert spent_s["test_that_lets_a_child_work"] > SPENT_S / 2
+    assert spent_s["test_that_does_nothing"] < SPENT_S / 2
