@@ -10,9 +10,8 @@ from agribot.app.run_setup import prepare_run
 from agribot.app.simulated_run import SimulatedRun
 from agribot.app.whole_job import JobSoFar
 from agribot.autonomy.plan.saved_mission import SavedMission
-from agribot.core import extras
 from agribot.core.config import RunConfig
-from agribot.core.platforms import find_platform
+from agribot.core.platforms import require_platform
 
 
 def open_run(
@@ -26,9 +25,7 @@ def open_run(
 
     Raises: AgribotError: the settings do not fit, or the platform cannot be opened.
     """
-    kind = find_platform(config.platform)
-    if kind.extra:
-        extras.require(kind.extra, f"platform = {config.platform!r}")
+    kind = require_platform(config.platform)
     setup = prepare_run(config, out_dir, saved, earlier, plan_text)
     if kind.is_simulated:
         return SimulatedRun(setup)

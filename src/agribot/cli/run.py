@@ -28,7 +28,7 @@ from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
-from agribot.core.platforms import find_platform
+from agribot.core.platforms import require_platform
 from agribot.drivers.schemes import read_sources
 
 if TYPE_CHECKING:
@@ -158,9 +158,7 @@ def _check(options: argparse.Namespace, config: RunConfig) -> None:
 
     Raises: ConfigError: what would otherwise be missed only after a long start.
     """
-    extra = find_platform(config.platform).extra
-    if extra:
-        extras.require(extra, f"platform = {config.platform!r}")
+    require_platform(config.platform)
     if has_page(options):
         extras.require("ui", "the operator's page")
     bridging.check_bridges(options, read_sources(config.sources))

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
-from importlib import import_module
 from typing import Any, NamedTuple
 
+from agribot.core import extras
 from agribot.core.errors import ConfigError
+from agribot.core.named_functions import find_function
 from agribot.core.platform import Platform
 
 # Takes the settings of the run (`RunConfig`) and the robot (`RobotSpec`).
@@ -36,7 +37,7 @@ class PlatformKind(NamedTuple):
         """
         if self.opener is None:
             raise ConfigError("the simulator needs a world; open it with SimulatedRun")
-        return _import(self.opener) if isinstance(self.opener, str) else self.opener
+        return find_function(self.opener, f"platform = {self.opener!r}")
 
 
 _KINDS: dict[str, PlatformKind] = {"sim": PlatformKind(opener=None, extra="sim")}
@@ -69,15 +70,12 @@ def find_platform(name: str) -> PlatformKind:
     )
 
 
-def _import(target: str) -> OpenPlatform:
-    module_name, _, name = target.partition(":")
-    try:
-        found = getattr(import_module(module_name), name)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise ConfigError(
-            f"platform = {target!r}: {error}; write module:function of an installed module"
-        ) from error
-    if not callable(found):
-        raise ConfigError(f"platform = {target!r} is not a function but {type(found).__name__}")
-    opener: OpenPlatform = found
-    return opener
+def require_platform(name: str) -> PlatformKind:
+    """Find a platform and refuse one whose packages are not installed.
+
+    Raises: ConfigError: there is none of this name, or its extra is missing.
+    """
+    kind = find_platform(name)
+    if kind.extra:
+        extras.require(kind.extra, f"platform = {name!r}")
+    return kind

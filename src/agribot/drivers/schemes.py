@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from importlib import import_module
 from typing import Any, NamedTuple, TypeVar
 from urllib.parse import urlsplit
 
@@ -17,6 +16,7 @@ import msgspec
 from agribot.core import extras
 from agribot.core.config import SourceConfig
 from agribot.core.errors import ConfigError
+from agribot.core.named_functions import find_function
 from agribot.core.platform import Sensor, SensorSource
 from agribot.core.robot import RobotSpec
 
@@ -99,14 +99,6 @@ def register_scheme(
     _KINDS[scheme] = SourceKind(opener, extra, example or f"{scheme}:...")
 
 
-def find_kind(scheme: str) -> SourceKind:
-    """Find what opens the sources of a scheme.
-
-    Raises: KeyError: nobody registered it.
-    """
-    return _KINDS[scheme]
-
-
 def read_uri(option: str, uri: str, name: str = "") -> SourceUri:
     """Read what `option` names, after `name` if it has one.
 
@@ -148,9 +140,6 @@ def open_source(name: str, uri: SourceUri, context: SourceContext) -> SensorSour
     Raises: AgribotError: it cannot be opened.
     """
     sensor = _SENSOR_OF.get(name) or msgspec.convert(name, Sensor)
-    opener = _KINDS[uri.scheme].opener
-    if isinstance(opener, str):
-        module_name, _, function = opener.partition(":")
-        opener = getattr(import_module(module_name), function)
+    opener = find_function(_KINDS[uri.scheme].opener, f"--source {name}={uri.scheme}:{uri.path}")
     source: SensorSource = opener(sensor, uri, context)
     return source
