@@ -13,9 +13,10 @@ from pathlib import Path
 
 import msgspec
 
-from agribot.core.config import RunConfig, check_finite, read_toml, suggest_name
+from agribot.core.config import RunConfig, check_finite, read_toml
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.geo import Datum
+from agribot.core.suggestions import suggest_name
 from agribot.drivers.schemes import open_source, read_uri
 from agribot.ui.address import home
 

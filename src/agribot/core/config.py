@@ -6,7 +6,6 @@ error that names the file, the key and the nearest known one.
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 import tomllib
@@ -21,6 +20,7 @@ import tomli_w
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum
 from agribot.core.platforms import find_platform
+from agribot.core.suggestions import suggest_name
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -386,12 +386,6 @@ def check_keys(tree: Mapping[str, Any], struct: type[msgspec.Struct], source: st
             )
         if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
             check_keys(value, kind, source, where)
-
-
-def suggest_name(word: str, known: list[str]) -> str:
-    """Return "; did you mean 'x'?" for the nearest known word; empty where none is near."""
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-    return f"; did you mean '{close[0]}'?" if close else ""
 
 
 def drop_none(tree: dict[str, Any]) -> dict[str, Any]:

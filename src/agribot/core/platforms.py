@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -10,6 +9,7 @@ from agribot.core import extras
 from agribot.core.errors import ConfigError
 from agribot.core.named_functions import find_function
 from agribot.core.platform import Platform
+from agribot.core.suggestions import suggest_name
 
 # Takes the settings of the run (`RunConfig`) and the robot (`RobotSpec`).
 OpenPlatform = Callable[[Any, Any], Platform]
@@ -62,11 +62,9 @@ def find_platform(name: str) -> PlatformKind:
         return _KINDS[name]
     if ":" in name:
         return PlatformKind(opener=name)
-    close = difflib.get_close_matches(name, _KINDS, n=1, cutoff=0.5)
-    hint = f"; did you mean {close[0]!r}?" if close else ""
     raise ConfigError(
-        f"platform = {name!r}{hint}; known: {', '.join(_KINDS)}; or name your own as "
-        "module:function"
+        f"platform = {name!r}{suggest_name(name, _KINDS)}; known: {', '.join(_KINDS)}; "
+        "or name your own as module:function"
     )
 
 

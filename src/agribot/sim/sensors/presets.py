@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from importlib import resources
 from typing import Any
@@ -11,6 +10,7 @@ import msgspec
 
 from agribot.core.errors import ConfigError
 from agribot.core.messages import GnssQuality
+from agribot.core.suggestions import suggest_name
 
 
 class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -153,8 +153,7 @@ def _list_names(folder: str) -> list[str]:
 def _read_preset(folder: str, name: str, setting: str) -> dict[str, Any]:
     known = _list_names(folder)
     if name not in known:
-        close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-        hint = f"; did you mean '{close[0]}'?" if close else ""
+        hint = suggest_name(name, known)
         raise ConfigError(
             f"{setting}: unknown sensor preset '{name}'{hint}; known: {', '.join(known)}"
         )

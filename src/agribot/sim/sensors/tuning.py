@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
-
 import numpy as np
 
 from agribot.core.errors import ConfigError
 from agribot.core.messages import Vec3
+from agribot.core.suggestions import suggest_name
 from agribot.sim.sensors.noise import HectorNoise
 
 # Parameters as hector's sensors name them, with the values that change nothing.
@@ -70,8 +69,7 @@ def check_tuning(sensor: str, parameter: str, value: float) -> None:
         ("parameter", parameter, list(NEUTRAL)),
     ):
         if name not in known:
-            close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-            hint = f"; did you mean '{close[0]}'?" if close else ""
+            hint = suggest_name(name, known)
             raise ConfigError(f"tuning: unknown {what} '{name}'{hint}; known: {', '.join(known)}")
     if not np.isfinite(value):
         raise ConfigError(f"tuning {sensor} {parameter} = {value}: write a finite number")
