@@ -206,6 +206,8 @@ class SimConfig(Config, frozen=True):
     sensors: str = "rtk"
     # In place of the world's own.
     weed_density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
+    # How the world differs from its map and from seed to seed: kind, field, hard, or a file.
+    preset: str = "kind"
     camera_noise: bool = True  # of the sensor and the picture
     camera_body: bool = True  # the robot and its shadow in its own camera's picture
     # Wheels by an ideal speed servo, or by a PID per wheel that commands torque.
@@ -229,6 +231,8 @@ class RunConfig(Config, frozen=True):
     plan: str = ""  # a certified field plan, the task instead of the rows of the field
     tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0  # of the control loop
     duration_s: Positive | None = None  # the run ends after it; none: with its mission
+    # What goes wrong in the simulated world, each NAME[=VALUE]@T[+SECONDS]; T in seconds.
+    faults: tuple[str, ...] = ()
     field: FieldConfig = FieldConfig()
     mission: MissionConfig = MissionConfig()
     estimate: EstimateConfig = EstimateConfig()

@@ -6,10 +6,12 @@ file used. Plants are procedural: a species, a growth stage and a seed, never a 
 
 from __future__ import annotations
 
+from typing import Literal
+
 import msgspec
 
 from agribot.core.geo import Datum
-from agribot.core.messages import FloatArray, PlantClass, Vec3
+from agribot.core.messages import FloatArray, PlantClass, Row, Vec3
 from agribot.core.robot import Shape
 
 Rgb = tuple[float, float, float]
@@ -81,6 +83,19 @@ class Soil(msgspec.Struct, frozen=True, kw_only=True):
     wet_ratio: float = 0.0
 
 
+SoilClass = Literal["rigid", "firm", "tilled", "soft"]
+
+
+class SoilStrength(msgspec.Struct, frozen=True, kw_only=True):
+    """How the soil carries: on a `rigid` one nothing sinks in; water weakens the others.
+
+    `moisture_ratio` goes from 0 (dry) to 1 (saturated).
+    """
+
+    soil_class: SoilClass = "rigid"
+    moisture_ratio: float = 0.0
+
+
 class HeightField(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """Terrain: `height_m` (rows along y, columns along x), first sample at x_min_m, y_min_m."""
 
@@ -88,6 +103,25 @@ class HeightField(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     x_min_m: float
     y_min_m: float
     resolution_m: float
+
+
+class Relief(msgspec.Struct, frozen=True, kw_only=True):
+    """What the ground has of heights below the size of a field, drawn from `seed`; 0 is none.
+
+    `roughness_rms_m` is the deviation from the plane of random ground with an ISO 8608 spectrum.
+    Clods have heights up to `clod_height_m`. A ridge of `ridge_height_m` runs under each of
+    `rows`, with furrows between them; wheel tracks of `track_depth_m` run astride each row.
+    """
+
+    seed: int = 0
+    roughness_rms_m: float = 0.0
+    clods_per_m2: float = 0.0
+    clod_height_m: float = 0.03
+    ridge_height_m: float = 0.0
+    track_depth_m: float = 0.0
+    track_gauge_m: float = 0.0
+    track_width_m: float = 0.2
+    rows: tuple[Row, ...] = ()
 
 
 class WorldSpec(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -102,7 +136,9 @@ class WorldSpec(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     light: Light = Light()
     ground: tuple[GroundTile, ...] = ()
     soil: Soil = Soil()
+    strength: SoilStrength = SoilStrength()
     terrain: HeightField | None = None
+    relief: Relief = Relief()
     plants: tuple[Plant, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -12,14 +12,15 @@ from agribot.core.geo import rotation_from_rpy
 from agribot.core.implement.kind import Pull
 from agribot.core.messages import WHEEL_NAMES, DriveCommand, FloatArray
 from agribot.core.robot import DriveSpec, RobotSpec
-from agribot.core.world import HeightField, WorldSpec
+from agribot.core.world import WorldSpec
 from agribot.sim import kernel
 from agribot.sim.attitude import read_rotation
 from agribot.sim.clock import NS_PER_S
 from agribot.sim.engine import Engine
 from agribot.sim.grip import build_friction_grid
+from agribot.sim.ground_surface import GroundSurface, build_ground_surface
 from agribot.sim.state import HISTORY_COLUMNS, POSITION, Board, Inertial
-from agribot.sim.tyre import Terrain, make_tyre_law
+from agribot.sim.tyre import make_tyre_law
 
 SETTLE_S = 1.0
 # The integral of a servo takes over what its gain alone would leave as an error of speed.
@@ -33,7 +34,8 @@ class Physics:
 
     `history` (steps + 1, HISTORY_COLUMNS) holds the states of the last advance. `board` is the
     drive that the motor board assumes, by default the true one. Its wheel speeds go to ideal
-    servos, or with `is_effort` through a PID per wheel to torques.
+    servos, or with `is_effort` through a PID per wheel to torques. `ground` is that of the world,
+    for whoever looks at it as well.
     """
 
     def __init__(
@@ -44,8 +46,10 @@ class Physics:
         *,
         board: DriveSpec | None = None,
         is_effort: bool = False,
+        ground: GroundSurface | None = None,
     ) -> None:
         self.step = 0
+        self.ground = build_ground_surface(world) if ground is None else ground
         self._dt_s = physics_step_ns / NS_PER_S
         self._robot = robot
         self._engine = Engine(robot, world, self._dt_s, is_effort=is_effort)
@@ -56,7 +60,7 @@ class Physics:
             self._engine.wheel_mass_kg,
             build_friction_grid(world),
         )
-        self._terrain = _make_terrain(world.terrain)
+        self._terrain = self.ground.make_grid()
         self._is_pulled = False
         self._bristle_m = np.zeros((4, 2))
         self._board = _make_board(board or robot.drive, is_effort)
@@ -182,13 +186,6 @@ class Physics:
         mujoco.mju_mat2Quat(quaternion, tilt.ravel())
         origin = np.array([*xy_map_m, height])
         return np.concatenate((origin + tilt[:, 2] * self._robot.base_height_m, quaternion))
-
-
-def _make_terrain(field: HeightField | None) -> Terrain:
-    if field is None:
-        return Terrain(np.zeros((2, 2)), 0.0, 0.0, 1.0)
-    height_m = np.ascontiguousarray(field.height_m, dtype=np.float64)
-    return Terrain(height_m, float(field.x_min_m), float(field.y_min_m), float(field.resolution_m))
 
 
 def _make_board(drive: DriveSpec, is_effort: bool) -> Board:
