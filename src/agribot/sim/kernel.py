@@ -367,9 +367,8 @@ def apply_soil_forces(
         contact = _add(hub, _scale(normal, -arm_m))
         lever = _add(contact, (-velocity_at[0], -velocity_at[1], -velocity_at[2]))
         slip = _add((velocity[b, 3], velocity[b, 4], velocity[b, 5]), _cross(spin, lever))
-        rolling_mps = _dot(spin, axle) * arm_m
         speeds_mps = (_dot(slip, forward), _dot(slip, left), _dot(slip, normal))
-        over = SoilContact(grip, rut_m, arm_m, speeds_mps, rolling_mps)
+        over = SoilContact(grip, rut_m, arm_m, speeds_mps, _dot(spin, axle) * arm_m)
         load_n, shear_n, held_n = _stand_on_soil(tyre, soil, over, sheared_m[k], state[k], dt_s)
         _leave_rut(tyre, soil, terrain, over, hub, forward, left, state[k], dt_s)
         drag_nm = -tyre.rolling_resistance * load_n * tyre.radius_m
