@@ -57,7 +57,7 @@ CONTRACT: dict[str, Any] = {
     "safety": [
         "stops", "noticed", "faults", "outside_m_max", "stop_distance_m_max",
         "crushed_after_fault",
-    ],  # fmt: skip
+    ],
     "marks": None,
     "job": None,
     "implement": None,

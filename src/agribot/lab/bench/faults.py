@@ -34,7 +34,7 @@ ENDED = "ended by an error: "
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 
 
-class Scenario(NamedTuple):
+class FaultScenario(NamedTuple):
     """A fault without its time, empty for none, and the drive in which it happens.
 
     `is_detectable` is false where nothing on board could tell the fault from what is usual.
@@ -77,15 +77,15 @@ class Scenario(NamedTuple):
         )
 
 
-def _all(faults: str, **drive: Any) -> tuple[Scenario, ...]:
-    return tuple(Scenario(fault, **drive) for fault in faults.split())
+def _all(faults: str, **drive: Any) -> tuple[FaultScenario, ...]:
+    return tuple(FaultScenario(fault, **drive) for fault in faults.split())
 
 
 SCENARIOS = (
     *_all("gnss.outage gnss.jump=0.1 gnss.jump=0.5 gnss.jump=2 gnss.jump=100"),
-    Scenario("gnss.outage", lasts_s=8.0),
+    FaultScenario("gnss.outage", lasts_s=8.0),
     *_all("gnss.wrong_fix=0.2 gnss.wrong_fix=0.5 gnss.wrong_fix=2"),
-    Scenario("gnss.drift=0.01", is_detectable=False),
+    FaultScenario("gnss.drift=0.01", is_detectable=False),
     *_all("gnss.drift=0.05 gnss.drift=0.5 gnss.frozen gnss.velocity=10 gnss.velocity=100"),
     *_all("gnss.outage gnss.wrong_fix=0.5 gnss.frozen", sensors="rtk-dual"),
     *_all("mag.motor mag.offset=5 mag.offset=30"),
@@ -133,7 +133,7 @@ class FaultRow(msgspec.Struct, frozen=True, kw_only=True):
     why_ended: str = ""
 
 
-def choose_scenarios(faults: Sequence[str], has_camera: bool | None) -> tuple[Scenario, ...]:
+def choose_scenarios(faults: Sequence[str], has_camera: bool | None) -> tuple[FaultScenario, ...]:
     """Choose the scenarios of these faults, and the drives without a fault beside them.
 
     `has_camera` None takes both kinds.
@@ -150,14 +150,14 @@ def choose_scenarios(faults: Sequence[str], has_camera: bool | None) -> tuple[Sc
         kind = "with a camera" if has_camera else "without a camera"
         raise ConfigError(f"no scenario {kind} has one of these faults: {', '.join(faults)}")
     drives = dict.fromkeys(scenario[1:4] for scenario in chosen)
-    return (*(Scenario("", *drive) for drive in drives), *chosen)
+    return (*(FaultScenario("", *drive) for drive in drives), *chosen)
 
 
 def list_fault_names() -> tuple[str, ...]:
     return tuple(kind.name for kind in FAULTS)
 
 
-def list_jobs(scenarios: Sequence[Scenario], seeds: str) -> tuple[SweepJob, ...]:
+def list_jobs(scenarios: Sequence[FaultScenario], seeds: str) -> tuple[SweepJob, ...]:
     """List all runs, the first seed of every scenario before the second.
 
     Raises: ConfigError: a seed is none, or a scenario does not fit the program.
@@ -223,7 +223,7 @@ def drive_scenario(assignment: Assignment, stop: Stop) -> RunOutcome | None:
 
 
 def make_rows(
-    scenarios: Sequence[Scenario], jobs: Sequence[SweepJob], reports: Mapping[str, Report]
+    scenarios: Sequence[FaultScenario], jobs: Sequence[SweepJob], reports: Mapping[str, Report]
 ) -> list[FaultRow]:
     """Make one row for each scenario that has a run, in their order."""
     rows = []
@@ -239,7 +239,7 @@ def make_rows(
     return rows
 
 
-def _make_row(scenario: Scenario, reports: Sequence[Report]) -> FaultRow:
+def _make_row(scenario: FaultScenario, reports: Sequence[Report]) -> FaultRow:
     ends = [r.reason.removeprefix(ENDED) for r in reports if r.reason.startswith(ENDED)]
     row = FaultRow(
         fault=scenario.name,

@@ -43,7 +43,7 @@ class BatchFault(Protocol):
     def alter(self, batch: SensorBatch) -> SensorBatch: ...
 
 
-class Change(NamedTuple):
+class FaultChange(NamedTuple):
     """A fault that began or ended, and that in words."""
 
     fault: Fault
@@ -60,14 +60,14 @@ class FaultLayer:
         self.faults = tuple(faults)
         self._batch_faults = [
             MAKERS[fault.name](
-                fault, Surroundings(make_stream(config.seed, f"fault {fault.name}"), robot, world)
+                fault, FaultMaterial(make_stream(config.seed, f"fault {fault.name}"), robot, world)
             )
             for fault in sorted(self.faults, key=_choose_place)
             if fault.name in MAKERS
         ]
         self._body = BodyFaults(self.faults, robot.drive, config.seed)
         self._on: set[int] = set()
-        self._changes: list[Change] = []
+        self._changes: list[FaultChange] = []
 
     def act(self, t_s: float, physics: Physics) -> Obstacle | None:
         """Let act what acts in the physics from now on; return an obstacle that has appeared."""
@@ -84,7 +84,7 @@ class FaultLayer:
             batch = fault.alter(batch)
         return batch
 
-    def take_changes(self) -> list[Change]:
+    def take_changes(self) -> list[FaultChange]:
         """Return what began and what ended since the last call."""
         changes, self._changes = self._changes, []
         return changes
@@ -96,10 +96,10 @@ class FaultLayer:
             self._on ^= {number}
             is_on = number in self._on
             words = "ends" if not is_on else "begins" if fault.begin_s >= 0.0 else "goes on"
-            self._changes.append(Change(fault, is_on, f"{fault.text} {words}"))
+            self._changes.append(FaultChange(fault, is_on, f"{fault.text} {words}"))
 
 
-class Surroundings(NamedTuple):
+class FaultMaterial(NamedTuple):
     """What a fault may need to be made: its own random stream, the robot and the world."""
 
     rng: np.random.Generator
@@ -107,12 +107,12 @@ class Surroundings(NamedTuple):
     world: WorldSpec
 
 
-def _make_offset(fault: Fault, around: Surroundings) -> BatchFault:
+def _make_offset(fault: Fault, around: FaultMaterial) -> BatchFault:
     return Offset(fault, around.world.datum, around.rng)
 
 
 # What a fault does to samples; those that are missing here do nothing to them.
-MAKERS: dict[str, Callable[[Fault, Surroundings], BatchFault]] = {
+MAKERS: dict[str, Callable[[Fault, FaultMaterial], BatchFault]] = {
     "gnss.outage": lambda fault, _: Outage(fault),
     "gnss.jump": _make_offset,
     "gnss.wrong_fix": _make_offset,
