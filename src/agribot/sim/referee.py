@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -54,9 +54,14 @@ class Referee:
         rows: Sequence[Row],
         goals_map_m: Sequence[tuple[float, float]] = (),
         boundary_map_m: FloatArray | None = None,
+        find_true_row: Callable[[Row], Row] = lambda row: row,
     ) -> None:
-        """`boundary_map_m` (N, 2) is what the robot must not leave; None: nobody knows."""
+        """`rows` are those of the map; the judgement is by the line of their plants.
+
+        `boundary_map_m` (N, 2) is what the robot must not leave; None: nobody knows.
+        """
         self._source = source
+        self._find_true_row = find_true_row
         self._world = world
         self._safety = SafetyJudge(boundary_map_m)
         self._row_errors = GrowingTable(2)  # across_m, heading_rad; those not in the sums yet
@@ -74,7 +79,7 @@ class Referee:
         self, rows: Sequence[Row], goals_map_m: Sequence[tuple[float, float]] = ()
     ) -> None:
         """Set the rows and goals to judge, forgetting the old ones; the errors so far count on."""
-        self._rows = {row.index: row for row in rows}
+        self._rows = {row.index: self._find_true_row(row) for row in rows}
         self._goals_map_m = tuple(goals_map_m)
         self._nearest_m = [math.inf] * len(self._goals_map_m)
         self._worst_m: dict[int, float] = {}

@@ -24,7 +24,7 @@ from agribot.record.report import FaultReport, Report
 from agribot.sim.faults.schedule import parse_fault, read_faults
 from agribot.sim.faults.table import FAULTS
 
-PRESET = "kind"  # how the world differs from its map; see the setting sim.preset
+PRESET = "field"  # how the world differs from its map and from seed to seed
 AFTER_S = 45.0
 STANDS_S = 5.0  # a robot that stands for so long, and waits for a person, has come to its end
 STANDING_MPS = 0.02
