@@ -2,7 +2,7 @@
 
 A sign of a fault is, after it began: any stop, hold, pause or failure of the mission, and a fault
 or a limit that names the part. One that had been said before the fault began is none, unless it
-names the part.
+names the part, and one that names the part of another injected fault is that one's.
 """
 
 from __future__ import annotations
@@ -23,26 +23,32 @@ _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 def judge_faults(texts: Sequence[str], events: Sequence[Event]) -> tuple[FaultReport, ...]:
     """Judge every fault that began; those that the run ended before are left out."""
     found = []
-    for text in texts:
-        fault = parse_fault(text)
+    faults = [parse_fault(text) for text in texts]
+    for fault in faults:
+        others = [other for other in faults if other.name != fault.name]
         begins = f"{fault.text} begins"
         for index, event in enumerate(events):
             if event.kind == "injected" and event.reason == begins:
-                found.append(_judge(fault, events[:index], event, events[index + 1 :]))
+                found.append(_judge(fault, others, event, events[:index], events[index + 1 :]))
                 break
     return tuple(found)
 
 
 def _judge(
-    fault: Fault, before: Sequence[Event], begin: Event, after: Sequence[Event]
+    fault: Fault,
+    others: Sequence[Fault],
+    begin: Event,
+    before: Sequence[Event],
+    after: Sequence[Event],
 ) -> FaultReport:
     known = {_mask(event.reason) for event in before}
     signs: list[tuple[Event, Reaction]] = []
     for event in after:
         reaction = _read_reaction(event)
         is_named = names_part(fault, event.reason)
-        is_strong = reaction in ("stopped", "held") and _mask(event.reason) not in known
-        if reaction != "none" and (is_named or is_strong):
+        is_new = reaction in ("stopped", "held") and _mask(event.reason) not in known
+        is_anothers = any(names_part(other, event.reason) for other in others)
+        if reaction != "none" and (is_named or (is_new and not is_anothers)):
             signs.append((event, reaction))
     if not signs:
         return FaultReport(name=fault.name, t_s=fault.begin_s, fault=fault.text)
