@@ -50,6 +50,8 @@ def test_the_first_sign_counts_for_the_time_and_the_strongest_for_the_reaction()
         ("hold", "position uncertain", "held", False),
         ("limit", "GNSS is poor: slower", "slowed", True),
         ("fault", "GNSS repeats its position", "named", True),
+        ("mission", "running: may be 0.5 m off the row; wait for GNSS", "slowed", False),
+        ("mission", "running", "none", False),
         ("limit", "yaw rate limited", "none", False),
         ("mission", "cancelled: cancelled by session", "none", False),
         ("operator", "stop (GNSS)", "none", False),

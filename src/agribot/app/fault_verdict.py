@@ -1,8 +1,9 @@
 """What the robot did about the faults that were injected, read from its events.
 
-A sign of a fault is, after it began: any stop, hold, pause or failure of the mission, and a fault
-or a limit that names the part. One that had been said before the fault began is none, unless it
-names the part, and one that names the part of another injected fault is that one's.
+A sign of a fault is, after it began: any stop or hold, a mission that pauses, fails or drives on
+with a reservation, and a fault or a limit that names the part. One that had been said before the
+fault began is none, unless it names the part, and one that names the part of another injected fault
+is that one's. What stands after a semicolon is advice and names nothing.
 """
 
 from __future__ import annotations
@@ -46,7 +47,8 @@ def _judge(
     for event in after:
         reaction = _read_reaction(event)
         is_named = names_part(fault, event.reason)
-        is_new = reaction in ("stopped", "held") and _mask(event.reason) not in known
+        is_telling = reaction in ("stopped", "held") or event.kind == "mission"
+        is_new = is_telling and _mask(event.reason) not in known
         is_anothers = any(names_part(other, event.reason) for other in others)
         if reaction != "none" and (is_named or (is_new and not is_anothers)):
             signs.append((event, reaction))
@@ -68,12 +70,15 @@ def _judge(
 
 def names_part(fault: Fault, reason: str) -> bool:
     """Tell whether a reason of the robot names the part that is at fault."""
-    return any(word in reason.lower() for word in fault.kind.words)
+    said = reason.lower().partition(";")[0]
+    return any(word in said for word in fault.kind.words)
 
 
 def _read_reaction(event: Event) -> Reaction:
     if event.kind == "mission":
-        return "stopped" if event.reason.startswith(_STOPPING) else "named"
+        state, _, why = event.reason.partition(": ")
+        slowed: Reaction = "slowed" if state == "running" and why else "none"
+        return "stopped" if state in _STOPPING else slowed
     kinds: dict[str, Reaction] = {
         "stop": "stopped", "hold": "held", "limit": "slowed", "fault": "named",
     }  # fmt: skip

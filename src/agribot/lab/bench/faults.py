@@ -101,7 +101,7 @@ SCENARIOS = (
     *_all("gnss.outage gnss.drift=0.05 obstacle.unmapped carried=0.3", profile="farm"),
     *_all("motor.dead=left_wheel_F soil.mud=0.1 imu.bias=0.05", profile="hills"),
     *_all("camera.black camera.frozen camera.flipped camera.late=0.5 camera.late=2 camera.off "
-          "network.hung gnss.outage gnss.wrong_fix=2 gnss.frozen", sensors="m8n",
+          "network.hung gnss.outage gnss.wrong_fix=2 gnss.frozen mag.offset=30", sensors="m8n",
           has_camera=True),
     *_all("gnss.drift=0.01 camera.flipped obstacle.unmapped", has_camera=True),
 )  # fmt: skip
