@@ -27,6 +27,11 @@ BENCHMARKS = {
         "drive slopes of soil: power, slip, side slip, turning, shaking",
         "agribot bench ground --soil tilled --json",
     ),
+    "faults": (
+        "agribot.cli.bench_faults",
+        "let one thing go wrong in each drive: noticed, how soon, what was done, what it cost",
+        "agribot bench faults --faults gnss.jump,motor.dead --seeds 1 --no-camera",
+    ),
     "perception": (
         "agribot.cli.bench_perception",
         "time every network end to end, the original's beside them",

@@ -371,11 +371,10 @@ def apply_soil_forces(
         over = SoilContact(grip, rut_m, arm_m, speeds_mps, _dot(spin, axle) * arm_m)
         load_n, shear_n, held_n = _stand_on_soil(tyre, soil, over, sheared_m[k], state[k], dt_s)
         _leave_rut(tyre, soil, terrain, over, hub, forward, left, state[k], dt_s)
-        drag_nm = -tyre.rolling_resistance * load_n * tyre.radius_m
-        drag_nm *= math.tanh(_dot(spin, axle) / ROLLING_FADE_RADPS)
+        fade = math.tanh(_dot(spin, axle) / ROLLING_FADE_RADPS)
+        drag_nm = -tyre.rolling_resistance * load_n * tyre.radius_m * fade
         sheared = _add(_scale(forward, shear_n[0]), _scale(left, shear_n[1]))
-        force = _add(_scale(normal, load_n), sheared)
-        to_com = (-com[b, 0], -com[b, 1], -com[b, 2])
+        force, to_com = _add(_scale(normal, load_n), sheared), (-com[b, 0], -com[b, 1], -com[b, 2])
         # The soil in front presses on the rim towards the hub, so that it does not turn the wheel.
         _write_wrench(
             wrench[b], _add(contact, to_com), force, _add(hub, to_com), _scale(forward, held_n),

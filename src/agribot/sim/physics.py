@@ -12,7 +12,7 @@ from agribot.core.geo import rotation_from_rpy
 from agribot.core.implement.kind import Pull
 from agribot.core.messages import WHEEL_NAMES, DriveCommand, FloatArray
 from agribot.core.robot import DriveSpec, RobotSpec
-from agribot.core.world import WorldSpec
+from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim import kernel
 from agribot.sim.attitude import read_rotation
 from agribot.sim.clock import NS_PER_S
@@ -109,6 +109,27 @@ class Physics:
             friction = ratio * np.minimum(friction, most)
         tyre.ground_friction.values[:] = friction
         self._soil = self._make_soil_law(ratio)
+
+    def carry(self, aside_m: float) -> None:
+        """Move the robot to its left at once, at its height over the ground."""
+        qpos = self._engine.views.qpos
+        before_m = self._sample_ground_m(*qpos[:2].tolist())
+        left = read_rotation(self.history[-1])[:2, 1]
+        qpos[:2] += aside_m * left / np.linalg.norm(left)
+        qpos[2] += self._sample_ground_m(*qpos[:2].tolist()) - before_m
+        self.history[-1, :3] = qpos[:3]
+        self._bristle_m[:] = 0.0
+
+    def find_place_map_m(self, ahead_m: float) -> tuple[float, float, float]:
+        """Return the place on the ground so far ahead of the robot's middle: East, North, up."""
+        row = self.history[-1]
+        ahead = read_rotation(row)[:2, 0]
+        x_m, y_m = (row[:2] + ahead_m * ahead / np.linalg.norm(ahead)).tolist()
+        return x_m, y_m, self._sample_ground_m(x_m, y_m)
+
+    def add_obstacle(self, obstacle: Obstacle) -> None:
+        """Put up an obstacle, as a fault."""
+        self._engine.add_obstacle(obstacle)
 
     def find_contact_body_m(self) -> tuple[float, float] | None:
         """Return where the robot touches an obstacle, x and y in the body frame, or None."""

@@ -11,9 +11,10 @@ import numpy.typing as npt
 
 from agribot.core.geo import wrap_rad
 from agribot.core.growing_table import GrowingTable
-from agribot.core.messages import ByteArray, MappedPlant, PlantClass, Row, TickRecord
+from agribot.core.messages import ByteArray, FloatArray, MappedPlant, PlantClass, Row, TickRecord
 from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import WorldSpec
+from agribot.sim.safety_judge import SafetyJudge, SafetyScore
 from agribot.sim.scores import (
     ErrorSums,
     EstimateScore,
@@ -52,12 +53,17 @@ class Referee:
         world: WorldSpec,
         rows: Sequence[Row],
         goals_map_m: Sequence[tuple[float, float]] = (),
+        boundary_map_m: FloatArray | None = None,
         find_true_row: Callable[[Row], Row] = lambda row: row,
     ) -> None:
-        """`rows` are those of the map; the judgement is by the line of their plants."""
+        """`rows` are those of the map; the judgement is by the line of their plants.
+
+        `boundary_map_m` (N, 2) is what the robot must not leave; None: nobody knows.
+        """
         self._source = source
         self._find_true_row = find_true_row
         self._world = world
+        self._safety = SafetyJudge(boundary_map_m)
         self._row_errors = GrowingTable(2)  # across_m, heading_rad; those not in the sums yet
         self._estimate_errors = GrowingTable(3)  # x_m, y_m, yaw_rad; likewise
         self._pose_covs = GrowingTable(9)
@@ -85,6 +91,7 @@ class Referee:
         Returns the parts that cannot be continued, in words; empty if there are none.
         """
         self._before, self._tally = before, before.tally
+        self._safety.restore(before.safety)
         self._distance_m += before.distance_m
         self._confusion += np.array(before.confusion, dtype=np.int64).reshape(3, 3)
         for row in before.rows:
@@ -113,7 +120,16 @@ class Referee:
             treated=tuple(sorted(self._treated_plants)),
             worked_m2=self.worked_m2,
             plants_total=len(self._world.plants),
+            safety=self._safety.export_state(),
         )
+
+    def note_fault(self) -> None:
+        """Note that a fault begins: what is crushed from now on counts as after it."""
+        if self._safety.crushed_before is None:
+            self._safety.crushed_before = frozenset(self._crushed)
+
+    def score_safety(self) -> SafetyScore:
+        return self._safety.score(self._crushed)
 
     def __call__(self, record: TickRecord) -> None:
         truth = self._source.truth()
@@ -121,6 +137,7 @@ class Referee:
         if self._last_xy is not None:
             self._distance_m += math.hypot(x_m - self._last_xy[0], y_m - self._last_xy[1])
         self._last_xy = (x_m, y_m)
+        self._safety.look(record, truth)
         for index, goal in enumerate(self._goals_map_m):
             distance_m = math.dist(goal, self._last_xy)
             self._nearest_m[index] = min(self._nearest_m[index], distance_m)
