@@ -146,6 +146,8 @@ def test_motors_that_nobody_told_fit_the_mass_and_the_wheels(tmp_path: Path) -> 
     constants = [drive.torque_constant_nmpa for drive in (own.drive, robot.drive)]
     assert constants[1] == pytest.approx(size * constants[0], rel=1e-3)
     assert robot.drive.winding_ohm == pytest.approx(own.drive.winding_ohm / mass, rel=1e-3)
+    assert robot.drive.gear_efficiency_ratio == own.drive.gear_efficiency_ratio
+    assert robot.drive.wheel_torque_nm == robot.drive.torque_nm
     assert robot.drive.no_load_a == pytest.approx(own.drive.no_load_a * mass, rel=1e-3)
 
 
