@@ -61,6 +61,8 @@ CONTRACT: dict[str, Any] = {
     "marks": None,
     "job": None,
     "implement": None,
+    "preset": None,
+    "conditions": None,
 }  # fmt: skip
 NASTY = '<script>alert("x")</script> & more'
 
