@@ -11,7 +11,16 @@ import numpy as np
 
 from agribot.core.errors import DescriptionError
 from agribot.core.robot import Shape
-from agribot.core.world import GripPatch, GroundTile, HeightField, Obstacle, Plant, Soil, WorldSpec
+from agribot.core.world import (
+    GripPatch,
+    GroundTile,
+    HeightField,
+    Obstacle,
+    Plant,
+    Soil,
+    SoilStrength,
+    WorldSpec,
+)
 from agribot.description.sdf_models import NAMESPACE, qualify_tag
 
 COLOURS = {
@@ -60,6 +69,13 @@ def build_world_element(world: WorldSpec, terrain_file: str) -> ET.Element:
         values = msgspec.to_builtins(world.soil)
         ET.SubElement(
             top, qualify_tag("soil"), {name: repr(value) for name, value in values.items()}
+        )
+    if world.strength != SoilStrength():
+        moisture = repr(float(world.strength.moisture_ratio))
+        ET.SubElement(
+            top,
+            qualify_tag("strength"),
+            {"soil_class": world.strength.soil_class, "moisture_ratio": moisture},
         )
     names: set[str] = set()
     for obstacle in world.obstacles:
