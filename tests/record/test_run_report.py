@@ -47,6 +47,7 @@ CONTRACT: dict[str, Any] = {
     ],
     "tracking": [
         "xte_rms_m", "xte_p95_m", "xte_max_m", "heading_rms_rad", "plants_total", "plants_crushed",
+        "plants_crushed_by", "plants_brushed",
     ],
     "estimate": ["pos_rms_m", "yaw_rms_rad", "nees_mean"],
     "perception": ["frames", "fps_cpu", "latency_p95_s", "iou", "miou"],

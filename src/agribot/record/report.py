@@ -35,8 +35,16 @@ class MissionReport(msgspec.Struct, frozen=True, kw_only=True):
     rows_unproven: tuple[int, ...] | None = None
 
 
+class CrushedReport(msgspec.Struct, frozen=True, kw_only=True):
+    """How many crop plants each part of the robot crushed."""
+
+    wheel: int | None = None
+    belly: int | None = None
+    implement: int | None = None
+
+
 class TrackingReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Against the truth of a simulator."""
+    """Against the truth of a simulator. A brushed plant was touched, and lives."""
 
     xte_rms_m: float | None = None
     xte_p95_m: float | None = None
@@ -44,6 +52,8 @@ class TrackingReport(msgspec.Struct, frozen=True, kw_only=True):
     heading_rms_rad: float | None = None
     plants_total: int | None = None
     plants_crushed: int | None = None
+    plants_crushed_by: CrushedReport = CrushedReport()
+    plants_brushed: int | None = None
 
 
 class EstimateReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -43,6 +43,8 @@ def _tracking(report: Report) -> list[Tile]:
     if tracking.xte_p95_m is None and estimate.pos_rms_m is None:
         return []
     plants = f"of {_format_count(tracking.plants_total)} plants"
+    if tracking.plants_brushed:
+        plants += f"; {tracking.plants_brushed} brushed"
     return [
         (
             "Cross-track, 95 %",

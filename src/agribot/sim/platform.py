@@ -23,14 +23,18 @@ from agribot.core.world import WorldSpec
 from agribot.sim.attitude import read_roll_pitch_yaw, read_rotation
 from agribot.sim.camera_sensor import CameraSensor
 from agribot.sim.clock import NS_PER_S, Schedule, round_step_ns
-from agribot.sim.field_effects import CropDamage
+from agribot.sim.field_effects import PlantDamage
+from agribot.sim.ground_surface import GroundSurface
 from agribot.sim.implements.kinds import fit_effect
 from agribot.sim.physics import Physics
+from agribot.sim.plant_states import PlantStates
 from agribot.sim.random_streams import make_stream
 from agribot.sim.sensors.suite import SampledSensor, SensorSuite
 from agribot.sim.sensors.tuning import check_tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 from agribot.sim.truth import Truth
+
+TREATED_EVERY_S = 0.5  # plants that a tool has worked are looked up this often
 
 
 class SimPlatform:
@@ -54,12 +58,16 @@ class SimPlatform:
         self._robot = robot
         self._ticks = Schedule(config.tick_hz, self._step_ns)
         self._sensors = SensorSuite(config, robot, world, self._step_ns)
-        self._feed, self._frames = _make_camera(config, robot, world, self._step_ns)
-        self._damage = CropDamage(robot, world)
-        self._implement = fit_effect(robot.implement, world, robot.base_height_m)
+        self._plants = PlantStates(len(world.plants))
         self._physics = Physics(
             robot, world, self._step_ns, board=board, is_effort=config.sim.actuation == "effort"
         )
+        self._feed, self._frames = _make_camera(
+            config, robot, world, self._step_ns, self._plants, self._physics.ground
+        )
+        self._damage = PlantDamage(robot, world, self._plants, self._physics.ground)
+        self._implement = fit_effect(robot.implement, world, robot.base_height_m)
+        self._treated_s = 0.0
         self.inbox = Inbox()
         self._tunings: deque[tuple[str, str, float]] = deque()
         self._base_height_m = robot.base_height_m
@@ -175,8 +183,18 @@ class SimPlatform:
 
     @property
     def crushed(self) -> set[int]:
-        """Crops that got under a wheel, as indices into the world's plants."""
+        """Crops that the robot crushed, as indices into the world's plants."""
         return self._damage.crushed
+
+    @property
+    def brushed(self) -> set[int]:
+        """Crops whose leaves the robot touched and that live, as indices."""
+        return self._damage.brushed
+
+    @property
+    def plants(self) -> PlantStates:
+        """What has become of all plants; nothing but the simulator may change it."""
+        return self._plants
 
     @property
     def treated(self) -> dict[int, float]:
@@ -199,6 +217,21 @@ class SimPlatform:
         self._damage.update(end_s, before, after)
         self._implement.update(end_s, before, after, end_s - start_s)
         self._physics.pull(self._implement.pull())
+        if end_s - self._treated_s >= TREATED_EVERY_S:
+            self._treated_s = end_s
+            self._note_treated()
+
+    def _note_treated(self) -> None:
+        """Let the plants know what the implement has done to them."""
+        spec = self._robot.implement
+        if spec is None or not (spec.cuts_plants or spec.wets_ground):
+            return
+        yaw_rad = read_roll_pitch_yaw(self._physics.history[-1])[2]
+        for index, t_s in self._implement.treated.items():
+            if spec.cuts_plants:
+                self._plants.cut(index, t_s, yaw_rad)
+            else:
+                self._plants.spray(index, t_s)
 
     def _read_bumper(self, t_s: float) -> tuple[BumperSample, ...]:
         place = self._physics.find_contact_body_m()
@@ -208,7 +241,12 @@ class SimPlatform:
 
 
 def _make_camera(
-    config: RunConfig, robot: RobotSpec, world: WorldSpec, physics_step_ns: int
+    config: RunConfig,
+    robot: RobotSpec,
+    world: WorldSpec,
+    physics_step_ns: int,
+    plants: PlantStates,
+    ground: GroundSurface,
 ) -> tuple[CameraSensor | None, SampledSensor[CameraFrame] | None]:
     if not config.perception.enabled:
         return None, None
@@ -218,5 +256,8 @@ def _make_camera(
             "set perception.enabled=false or add a camera to its description"
         )
     noise = make_stream(config.seed, "camera") if config.sim.camera_noise else None
-    feed = CameraSensor(robot, robot.camera, world, noise, has_body=config.sim.camera_body)
+    feed = CameraSensor(
+        robot, robot.camera, world, noise, has_body=config.sim.camera_body, plants=plants,
+        keeps_weeds=config.sim.preset == "kind", ground=ground,
+    )  # fmt: skip
     return feed, SampledSensor(feed, config.perception.camera_rate_hz, physics_step_ns)

@@ -14,7 +14,9 @@ from agribot.core.growing_table import GrowingTable
 from agribot.core.messages import ByteArray, MappedPlant, PlantClass, Row, TickRecord
 from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import WorldSpec
+from agribot.sim.plant_states import PlantStates
 from agribot.sim.scores import (
+    CrushedCount,
     ErrorSums,
     EstimateScore,
     RefereeState,
@@ -23,6 +25,7 @@ from agribot.sim.scores import (
     compute_root_mean,
 )
 from agribot.sim.truth import Truth
+from agribot.sim.underside import Part
 from agribot.sim.weed_judge import match_weeds
 
 KEPT_ROW_M = 0.25  # farther off than this, the wheels come near the plants: the row was not driven
@@ -35,6 +38,10 @@ class TruthSource(Protocol):
 
     @property
     def crushed(self) -> set[int]: ...
+    @property
+    def brushed(self) -> set[int]: ...
+    @property
+    def plants(self) -> PlantStates: ...
     @property
     def treated(self) -> dict[int, float]: ...
     @property
@@ -106,7 +113,9 @@ class Referee:
             slices=tuple(sorted(self._slices)),
             goals_map_m=self._goals_map_m,
             nearest_m=tuple(n if math.isfinite(n) else None for n in self._nearest_m),
-            crushed=tuple(sorted(self._crushed)),
+            crushed=tuple(sorted(self._crushed_by)),
+            crushed_by=tuple(int(by) for _, by in sorted(self._crushed_by.items())),
+            brushed=tuple(sorted(self._brushed)),
             treated=tuple(sorted(self._treated_plants)),
             worked_m2=self.worked_m2,
             plants_total=len(self._world.plants),
@@ -179,7 +188,9 @@ class Referee:
             heading_rms_rad=compute_root_mean(tally.heading_rad2, tally.row_ticks),
             distance_m=self._distance_m,
             plants_total=sum(p.plant == PlantClass.CROP for p in self._world.plants),
-            plants_crushed=len(self._crushed),
+            plants_crushed=len(self._crushed_by),
+            plants_crushed_by=self._count_crushed(),
+            plants_brushed=len(self._brushed),
         )
 
     def score_estimate(self) -> EstimateScore:
@@ -215,8 +226,29 @@ class Referee:
         )
 
     @property
-    def _crushed(self) -> set[int]:
-        return self._source.crushed.union(self._before.crushed if self._before else ())
+    def crushed(self) -> set[int]:
+        """Crops crushed in the whole job, as indices into the world's plants."""
+        return set(self._crushed_by)
+
+    @property
+    def _crushed_by(self) -> dict[int, Part]:
+        """Crushed crops, in the runs before this one as well, and what crushed each first."""
+        by = self._source.plants.crushed_by
+        now = {index: Part(by[index]) for index in self._source.crushed}
+        before = self._before
+        if before is None:
+            return now
+        wheel = (Part.WHEEL,) * len(before.crushed)
+        return now | dict(zip(before.crushed, map(Part, before.crushed_by or wheel), strict=True))
+
+    @property
+    def _brushed(self) -> set[int]:
+        brushed = self._source.brushed.union(self._before.brushed if self._before else ())
+        return brushed - set(self._crushed_by)
+
+    def _count_crushed(self) -> CrushedCount:
+        by = list(self._crushed_by.values())
+        return CrushedCount(**{part.name.lower(): by.count(part) for part in Part})
 
     @property
     def _treated_plants(self) -> set[int]:

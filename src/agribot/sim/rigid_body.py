@@ -81,7 +81,7 @@ def _add_base(body: mujoco.MjsBody, robot: RobotSpec) -> None:
     parts = [
         (robot.base_from_link(link.name), link)
         for link in robot.links
-        if _find_carrier(robot, link.name) == BASE
+        if find_carrier(robot, link.name) == BASE
     ]
     _set_inertia(body, parts)
     for base_from_link, link in parts:
@@ -105,7 +105,7 @@ def _add_wheel(
     parts = [
         (wheel_from_base @ robot.base_from_link(link.name), link)
         for link in robot.links
-        if _find_carrier(robot, link.name) == name
+        if find_carrier(robot, link.name) == name
     ]
     _set_inertia(body, parts)
     drive = robot.drive
@@ -134,7 +134,7 @@ def _add_wheel(
     motor.forcerange = [-drive.wheel_torque_nm, drive.wheel_torque_nm]
 
 
-def _find_carrier(robot: RobotSpec, name: str) -> str:
+def find_carrier(robot: RobotSpec, name: str) -> str:
     """Return the moving body that a link is part of: the wheel above it, else the base."""
     parents = {joint.child: joint.parent for joint in robot.joints}
     while name not in WHEEL_NAMES and name in parents:

@@ -7,7 +7,7 @@ repeat and for any number of threads.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import pairwise
@@ -24,6 +24,7 @@ from agribot.core.world import WorldSpec
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.camera.arrays import Lamp, Longs, PinholeView, RobotShade, Singles, Targets
 from agribot.sim.camera.lens import bend_rows, make_lens, make_view
+from agribot.sim.camera.lying import LyingPlant, darken, lay_flat
 from agribot.sim.camera.projection import cull, project, shade_plants
 from agribot.sim.camera.raster import draw_band
 from agribot.sim.camera.robot_shadow import cast_robot_shade, make_empty_shade
@@ -118,6 +119,21 @@ class CameraRenderer:
         self._leaves = build_leaf_textures(look.texture_seed)
         self._surfaces = build_ground_textures(world, to_sun, look)
         self._targets: dict[str, Targets] = {}
+        self._upright: dict[int, tuple[Singles, Singles]] = {}  # rotation and tint before the fall
+
+    def set_plants(self, lying: Iterable[LyingPlant]) -> None:
+        """Lay plants flat; those that are not named stay as they are. Shadows stay where they are.
+
+        They are drawn, labelled and counted by instance where they lie.
+        """
+        things = self._things
+        for plant in lying:
+            here = plant.plant
+            if here not in self._upright:
+                self._upright[here] = things.rotation[here].copy(), things.tint[here].copy()
+            rotation, tint = self._upright[here]
+            things.rotation[here] = lay_flat(rotation, plant)
+            things.tint[here] = darken(tint, plant.age_s)
 
     def render(
         self,
