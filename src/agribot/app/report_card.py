@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 
@@ -12,6 +12,7 @@ from agribot.app.whole_job import JobSoFar, WholeJob
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig
 from agribot.core.messages import MissionStatus, Row, TickRecord
+from agribot.core.platforms import find_platform
 from agribot.core.robot import RobotSpec
 from agribot.core.version import __version__
 from agribot.record.events import Event, EventKind, EventLog
@@ -44,6 +45,8 @@ class EndedRun(Protocol):
     event_log: EventLog
     rows_before: tuple[int, ...]  # done in earlier runs of which nothing else is known
 
+    @property
+    def conditions(self) -> dict[str, Any] | None: ...
     @property
     def weed_map(self) -> WeedMap: ...
     @property
@@ -93,6 +96,8 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         ),
         marks=_select_events(events, "mark"),
         job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,
+        preset=config.sim.preset if find_platform(config.platform).is_simulated else None,
+        conditions=drive.conditions,
     )
 
 

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from agribot.app import whole_job
 from agribot.app.run import Run
 from agribot.app.run_setup import RunSetup, prepare_run
+from agribot.app.run_world import make_run_world
 from agribot.app.whole_job import JobSoFar
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.core.config import RunConfig
 from agribot.core.messages import PlantClass, TickRecord
 from agribot.core.platform import TrueState
 from agribot.core.world import WorldSpec
-from agribot.description.worlds_sdf import load_run_world
 from agribot.record.events import Event
 from agribot.record.series import RunData
 
@@ -41,13 +41,24 @@ class SimulatedRun(Run):
         from agribot.sim.platform import SimPlatform
         from agribot.sim.referee import Referee
 
-        self.world = _world(setup)
+        made = make_run_world(setup.config)
+        self.world = _place_robot(made.world, setup)
+        self._drawn = made.conditions
         self.simulator = SimPlatform(
-            setup.config, setup.described, self.world, board=setup.robot.drive
+            setup.config,
+            made.alter_robot(setup.described),
+            self.world,
+            board=setup.robot.drive,
         )
         stack = setup.build_stack()
         task = stack.mission.task
-        self.referee = Referee(self.simulator, self.world, tuple(task.rows), tuple(task.waypoints))
+        self.referee = Referee(
+            self.simulator,
+            self.world,
+            tuple(task.rows),
+            tuple(task.waypoints),
+            find_true_row=made.find_true_row,
+        )
         stack.mask_taps.append(self.referee.judge_mask)
         self._fallen_told = 0
         taps = (self._show_truth, self.referee, self._tell_damage)
@@ -56,6 +67,10 @@ class SimulatedRun(Run):
     @property
     def truth(self) -> Callable[[], TrueState]:
         return self.simulator.truth
+
+    @property
+    def conditions(self) -> dict[str, Any] | None:
+        return None if self._drawn is None else msgspec.to_builtins(self._drawn)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -96,9 +111,9 @@ def simulate(
     return SimulatedRun(prepare_run(config, out_dir, saved, earlier, plan_text))
 
 
-def _world(setup: RunSetup) -> WorldSpec:
-    """Load the world of the settings; a robot that goes on stands in it where it was left."""
-    world, saved = load_run_world(setup.config), setup.saved
+def _place_robot(world: WorldSpec, setup: RunSetup) -> WorldSpec:
+    """Put a robot that goes on where it was left."""
+    saved = setup.saved
     if saved is None:
         return world
     return msgspec.structs.replace(

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from agribot.app.field_work import read_work
+from agribot.app.run_world import make_run_world
 from agribot.app.tasks import TakenPlans
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
 from agribot.core.messages import Row
 from agribot.core.platforms import find_platform
-from agribot.description.worlds_sdf import load_run_world
 from agribot.record.events import EventLog
 from agribot.record.report import Report
 from agribot.record.series import RunData, SeriesTap
@@ -88,7 +88,7 @@ def _read_job(recording: Path, out: Path, report: Report) -> RunData:
         rows=_read_rows(plan, config, recording),
         plants=plants_later(read_weed_map(recording), began_s),
         events=(*earlier_events, *events_later(events.events, began_s)),
-        world=load_run_world(config) if find_platform(config.platform).is_simulated else None,
+        world=make_run_world(config).world if find_platform(config.platform).is_simulated else None,
     )
 
 

@@ -27,6 +27,7 @@ _SHORT_FOR = {
     "seed": "seed",
     "platform": "platform",
     "sensors": "sim.sensors",
+    "preset": "sim.preset",
     "duration_s": "duration_s",
 }
 
@@ -39,6 +40,11 @@ def add_setting_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--robot", metavar="NAME|FILE", help="another robot description")
     parser.add_argument(
         "--sensors", metavar="PRESET", help="legacy, seed, m8n, rtk, rtk-dual, ideal"
+    )
+    parser.add_argument(
+        "--preset",
+        metavar="NAME|FILE",
+        help="how the world differs from its map and from seed to seed: kind, field, hard",
     )
     parser.add_argument("--seed", type=seed, metavar="N", help="of all randomness (default: 0)")
     parser.add_argument(

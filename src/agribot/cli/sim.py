@@ -82,16 +82,17 @@ class _World:
 
     def __init__(self, options: argparse.Namespace) -> None:
         from agribot.app.run_clock import Clock
+        from agribot.app.run_world import make_run_world
         from agribot.description.loader import load_robot
-        from agribot.description.worlds_sdf import load_run_world
         from agribot.sim.platform import SimPlatform
 
         self._started_s = time.monotonic()
         camera = f"perception.enabled={str(options.camera).lower()}"
         self.config = read_settings(options, before=[camera])
         self.robot = load_robot(self.config.robot)
-        self.world: WorldSpec = load_run_world(self.config)
-        self.platform = SimPlatform(self.config, self.robot, self.world)
+        made = make_run_world(self.config)
+        self.world: WorldSpec = made.world
+        self.platform = SimPlatform(self.config, made.alter_robot(self.robot), self.world)
         self.recorder = self._recorder(options.out) if self.config.record.enabled else None
         self.taps: list[WorldTap] = [] if self.recorder is None else [self.recorder]
         self.clock = Clock()

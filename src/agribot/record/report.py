@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -131,7 +132,11 @@ class JobReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True):
-    """`report.json`, key by key and in this order: of the whole job, also in several runs."""
+    """`report.json`, key by key and in this order: of the whole job, also in several runs.
+
+    `conditions` are what the seed drew from `preset` of the simulated world; null of a real one,
+    and of a world that is as its file says.
+    """
 
     profile: str
     seed: int
@@ -149,6 +154,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     marks: tuple[SafetyEvent, ...] = ()
     job: JobReport | None = None
     implement: ImplementReport | None = None
+    preset: str | None = None
+    conditions: dict[str, Any] | None = None
 
 
 def to_json(report: Report) -> bytes:

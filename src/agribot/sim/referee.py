@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -59,8 +59,11 @@ class Referee:
         world: WorldSpec,
         rows: Sequence[Row],
         goals_map_m: Sequence[tuple[float, float]] = (),
+        find_true_row: Callable[[Row], Row] = lambda row: row,
     ) -> None:
+        """`rows` are those of the map; the judgement is by the line of their plants."""
         self._source = source
+        self._find_true_row = find_true_row
         self._world = world
         self._row_errors = GrowingTable(2)  # across_m, heading_rad; those not in the sums yet
         self._estimate_errors = GrowingTable(3)  # x_m, y_m, yaw_rad; likewise
@@ -77,7 +80,7 @@ class Referee:
         self, rows: Sequence[Row], goals_map_m: Sequence[tuple[float, float]] = ()
     ) -> None:
         """Set the rows and goals to judge, forgetting the old ones; the errors so far count on."""
-        self._rows = {row.index: row for row in rows}
+        self._rows = {row.index: self._find_true_row(row) for row in rows}
         self._goals_map_m = tuple(goals_map_m)
         self._nearest_m = [math.inf] * len(self._goals_map_m)
         self._worst_m: dict[int, float] = {}
