@@ -92,7 +92,9 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         weeds=_weeds(drive, job, kept),
         implement=_implement(drive, job, kept),
         safety=SafetyReport(
-            stops=_select_events(events, "stop"), faults=_select_events(events, "fault")
+            stops=_select_events(events, "stop"),
+            faults=_select_events(events, "fault"),
+            person_distance_min_m=None if judge is None else judge.person_distance_min_m,
         ),
         marks=_select_events(events, "mark"),
         job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,

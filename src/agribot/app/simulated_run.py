@@ -12,10 +12,11 @@ from agribot.app import whole_job
 from agribot.app.run import Run
 from agribot.app.run_setup import RunSetup, prepare_run
 from agribot.app.run_world import make_run_world
+from agribot.app.truth_log import TruthLog
 from agribot.app.whole_job import JobSoFar
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.core.config import RunConfig
-from agribot.core.messages import PlantClass, TickRecord
+from agribot.core.messages import TickRecord
 from agribot.core.platform import TrueState
 from agribot.core.world import WorldSpec
 from agribot.record.events import Event
@@ -60,8 +61,8 @@ class SimulatedRun(Run):
             find_true_row=made.find_true_row,
         )
         stack.mask_taps.append(self.referee.judge_mask)
-        self._fallen_told = 0
-        taps = (self._show_truth, self.referee, self._tell_damage)
+        truth_log = TruthLog(self.simulator, self.world, self._log)
+        taps = (self._show_truth, self.referee, truth_log)
         super().__init__(setup, self.simulator, stack, taps, self.referee)
 
     @property
@@ -82,18 +83,8 @@ class SimulatedRun(Run):
         self._series.truth(record.batch.t_s, pose)
         self.recording.truth(record.batch.t_s, pose, (truth.v_mps, truth.yaw_rate_radps))
 
-    def _tell_damage(self, record: TickRecord) -> None:
-        """Log every crop that was crushed, and by what."""
-        from agribot.sim.underside import PART_WORDS
-
-        fallen, states = self.simulator.plants.fallen, self.simulator.plants
-        for index in fallen[self._fallen_told :]:
-            plant, what = self.world.plants[index], PART_WORDS.get(int(states.crushed_by[index]))
-            if what and plant.plant == PlantClass.CROP:
-                place = f"{plant.x_map_m:.2f} m east, {plant.y_map_m:.2f} m north"
-                text = f"crop plant crushed by {what}: {place}"
-                self.event_log.add(Event(t_s=record.batch.t_s, kind="truth", reason=text))
-        self._fallen_told = len(fallen)
+    def _log(self, event: Event) -> None:
+        self.event_log.add(event)
 
     def _data(self) -> RunData:
         crushed = tuple(sorted(self.referee.crushed))

@@ -20,7 +20,7 @@ DRIVES = ("skid_steer", "skidsteer", "diff_drive", "diff-drive", "diffdrive")
 GROUND_WORDS = ("plane", "ground", "terrain", "field", "floor", "road", "heightmap")
 GROUND_M = 100.0  # side of the square in the place of an absent ground
 # Kinds of things in a world that are neither models nor read elsewhere.
-PASSED_OVER = ("actor", "population", "road")
+PASSED_OVER = ("population", "road")
 
 
 class PlacedModel(NamedTuple):

@@ -113,8 +113,11 @@ class SafetyEvent(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
+    """`person_distance_min_m` is the truth of a simulator with persons: outline to outline."""
+
     stops: tuple[SafetyEvent, ...] = ()
     faults: tuple[SafetyEvent, ...] = ()
+    person_distance_min_m: float | None = None
 
 
 class RunOfJob(msgspec.Struct, frozen=True, kw_only=True):

@@ -20,6 +20,7 @@ from agribot.sim.ground_surface import GroundSurface, build_ground_surface
 from agribot.sim.kernel import sample_grid
 from agribot.sim.plant_states import PlantStates
 from agribot.sim.state import WHEEL_ANGLE
+from agribot.sim.walkers import place_walkers
 
 if TYPE_CHECKING:
     from agribot.sim.camera import CameraRenderer, Rendering
@@ -62,6 +63,7 @@ class CameraSensor:
         self._places_map_m = [(plant.x_map_m, plant.y_map_m) for plant in world.plants]
         self._may_lie = [p.plant == PlantClass.CROP or not keeps_weeds for p in world.plants]
         self._ground = build_ground_surface(world) if ground is None else ground
+        self._walkers = world.walkers
         self._shown: dict[int, int] = {}  # plants that lie -> how old they are in the picture
         self._index = 0
         self._masks: OrderedDict[int, ByteArray] = OrderedDict()
@@ -72,6 +74,8 @@ class CameraSensor:
         seed = None if self._noise is None else int(self._noise.integers(2**31))
         if self._plants.fallen:
             self._lay_plants(t_s)
+        if self._walkers:
+            self._renderer.set_walkers(place_walkers(self._walkers, self._ground, t_s))
         picture = self._draw(read_base_pose(row), seed, row[WHEEL_ANGLE].tolist())
         frame = CameraFrame(t_s=t_s, index=self._index, image_rgb=picture.image_rgb)
         self._masks[self._index] = picture.class_id

@@ -33,6 +33,7 @@ from agribot.sim.sensors.suite import SampledSensor, SensorSuite
 from agribot.sim.sensors.tuning import check_tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 from agribot.sim.truth import Truth
+from agribot.sim.walkers import PersonWatch
 
 TREATED_EVERY_S = 0.5  # plants that a tool has worked are looked up this often
 
@@ -68,6 +69,7 @@ class SimPlatform:
         self._damage = PlantDamage(robot, world, self._plants, self._physics.ground)
         self._implement = fit_effect(robot.implement, world, robot.base_height_m)
         self._treated_s = 0.0
+        self._persons = PersonWatch(robot, world)
         self.inbox = Inbox()
         self._tunings: deque[tuple[str, str, float]] = deque()
         self._base_height_m = robot.base_height_m
@@ -197,6 +199,15 @@ class SimPlatform:
         return self._plants
 
     @property
+    def person_distance_min_m(self) -> float | None:
+        """How near the robot's outline came to that of a person; None where there is nobody."""
+        return self._persons.least_m
+
+    def find_touched(self) -> str | None:
+        """Return the name of the obstacle or walker that the robot touches, None if none."""
+        return self._physics.find_touched()
+
+    @property
     def treated(self) -> dict[int, float]:
         """Plants that the implement worked on: index -> time of the first touch, s."""
         return self._implement.treated
@@ -217,6 +228,9 @@ class SimPlatform:
         self._damage.update(end_s, before, after)
         self._implement.update(end_s, before, after, end_s - start_s)
         self._physics.pull(self._implement.pull())
+        if self._persons.has_persons:
+            truth = self.truth()
+            self._persons.update(end_s, truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
         if end_s - self._treated_s >= TREATED_EVERY_S:
             self._treated_s = end_s
             self._note_treated()

@@ -43,6 +43,8 @@ class TruthSource(Protocol):
     @property
     def plants(self) -> PlantStates: ...
     @property
+    def person_distance_min_m(self) -> float | None: ...
+    @property
     def treated(self) -> dict[int, float]: ...
     @property
     def worked_m2(self) -> float: ...
@@ -119,6 +121,7 @@ class Referee:
             crushed=tuple(sorted(self._crushed_by)),
             crushed_by=tuple(int(by) for _, by in sorted(self._crushed_by.items())),
             brushed=tuple(sorted(self._brushed)),
+            person_distance_min_m=self.person_distance_min_m,
             treated=tuple(sorted(self._treated_plants)),
             worked_m2=self.worked_m2,
             plants_total=len(self._world.plants),
@@ -227,6 +230,13 @@ class Referee:
             crops_hit=self._count_treated(PlantClass.CROP),
             worked_area_ratio=self.compute_worked_area_ratio(rows_done),
         )
+
+    @property
+    def person_distance_min_m(self) -> float | None:
+        """How near the robot came to a person, in the runs before this one as well."""
+        before = self._before.person_distance_min_m if self._before else None
+        known = [d for d in (before, self._source.person_distance_min_m) if d is not None]
+        return min(known, default=None)
 
     @property
     def crushed(self) -> set[int]:

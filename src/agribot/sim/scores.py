@@ -121,6 +121,7 @@ class RefereeState(msgspec.Struct, frozen=True, kw_only=True):
     crushed: tuple[int, ...]
     crushed_by: tuple[int, ...] = ()  # what crushed each of `crushed`; as `Part`
     brushed: tuple[int, ...] = ()
+    person_distance_min_m: float | None = None
     treated: tuple[int, ...] = msgspec.field(name="sprayed")
     worked_m2: float = msgspec.field(name="sprayed_area_m2")
     plants_total: int
