@@ -41,6 +41,7 @@ from agribot.sim.underside import Part, Underside, build_underside
 LEAF_LIMIT = 0.5
 BEND_LIMIT = 0.5
 PASS_STEP_M = 0.02  # the leaves are looked at anew when some part of the robot has moved so far
+LONGEST_STEP_M = 0.03  # what moves on by more in a tick is looked at on its way
 
 
 class Crowns(NamedTuple):
@@ -90,58 +91,72 @@ class PlantDamage:
         self._leaf_places = make_leaf_places()
         self._underside = build_underside(robot)
         self._reach_m = _measure_reach_m(self._underside, self._feet)
-        self._passed: FloatArray | None = None
+        self._passed: FloatArray | None = None  # where the leaves were looked at last
+        self._passed_pose: list[float] = []
+        self._way_rad = 0.0
 
     def update(self, t_s: float, before: FloatArray, after: FloatArray) -> None:
         """Mark the plants under the robot between two rows of the physics history."""
         if not self._is_crop.size:
             return
         mark_swept(before, after, self._feet, self._active, self._grid, self._hit_s, t_s)
-        way_rad = _find_way_rad(before, after)
-        for index in np.flatnonzero(self._hit_s == t_s).tolist():
-            self.states.crush(index, t_s, Part.WHEEL, way_rad)
-        start = before if self._passed is None else self._passed
-        if self._passed is None or self._has_moved(start, after):
-            self._pass_over(t_s, start, after, way_rad)
-            self._passed = after.copy()
+        pose = after[:7].tolist()
+        if self._passed is None or self._has_moved(pose):
+            start = before if self._passed is None else self._passed
+            self._way_rad = _find_way_rad(start, after)
+            self._crush_hit()
+            self._pass_over(t_s, start, after)
+            self._passed, self._passed_pose = after.copy(), pose
 
     @property
     def crushed(self) -> set[int]:
         """The crushed crops, as indices into the world's plants."""
+        self._crush_hit()
         return self._select_crops(~np.isnan(self.states.crushed_s))
 
     @property
     def brushed(self) -> set[int]:
         """The crops whose leaves were touched and that live, as indices."""
+        self._crush_hit()
         states = self.states
         return self._select_crops(~np.isnan(states.brushed_s) & np.isnan(states.crushed_s))
+
+    def _crush_hit(self) -> None:
+        """Crush the plants whose stems wheels have met since the last call."""
+        is_new = ~np.isnan(self._hit_s) & self.states.is_standing
+        for index in np.flatnonzero(is_new).tolist():
+            self.states.crush(index, float(self._hit_s[index]), Part.WHEEL, self._way_rad)
 
     def _select_crops(self, is_wanted: npt.NDArray[np.bool_]) -> set[int]:
         return set(np.flatnonzero(is_wanted & self._is_crop).tolist())
 
-    def _has_moved(self, before: FloatArray, after: FloatArray) -> bool:
-        moved_m = math.dist(before[:2].tolist(), after[:2].tolist())
-        turned_rad = 2.0 * math.dist(before[3:7].tolist(), after[3:7].tolist())
+    def _has_moved(self, pose: list[float]) -> bool:
+        """Return whether some part has moved since the last look; by position and quaternion."""
+        before = self._passed_pose
+        moved_m = math.dist(before[:2], pose[:2])
+        turned_rad = 2.0 * math.dist(before[3:], pose[3:])
         return moved_m + turned_rad * self._reach_m >= PASS_STEP_M
 
-    def _pass_over(self, t_s: float, before: FloatArray, after: FloatArray, way_rad: float) -> None:
+    def _pass_over(self, t_s: float, before: FloatArray, after: FloatArray) -> None:
         """Let belly and wheels meet the leaves, in steps so small that nothing is jumped over."""
         crowns = self._crowns
-        parts = math.ceil(math.dist(before[:2].tolist(), after[:2].tolist()) / PASS_STEP_M) or 1
+        parts = math.ceil(math.dist(before[:2].tolist(), after[:2].tolist()) / LONGEST_STEP_M) or 1
         for part in range(parts):
             start, end = (before + (after - before) * (k / parts) for k in (part, part + 1))
             touch_crowns(
                 start, end, self._underside, self._feet, self._grid, crowns, self._leaf_places,
                 self.states.is_standing, self._reach_m,
             )  # fmt: skip
+        if not crowns.touched.any():
+            return
         for index in np.flatnonzero(crowns.touched).tolist():
             crowns.touched[index] = False
             if np.isnan(self.states.brushed_s[index]):
                 self.states.brushed_s[index] = t_s
             if crowns.bent_by[index]:
-                self.states.crush(index, t_s, Part(crowns.bent_by[index]), way_rad)
+                self.states.crush(index, t_s, Part(crowns.bent_by[index]), self._way_rad)
             elif np.count_nonzero(crowns.pressed[index]) >= LEAF_LIMIT * LEAVES:
-                self.states.crush(index, t_s, Part.WHEEL, way_rad)
+                self.states.crush(index, t_s, Part.WHEEL, self._way_rad)
 
 
 def _grow_crowns(world: WorldSpec, ground: GroundSurface) -> Crowns:

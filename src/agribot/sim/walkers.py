@@ -31,8 +31,9 @@ class Outline(NamedTuple):
 
 def place_walkers(walkers: Sequence[Walker], ground: GroundSurface, t_s: float) -> list[FloatArray]:
     """Return the pose of each walker in the map at a time, (4, 4), on the ground."""
-    grid = ground.make_grid()
-    poses = []
+    if not walkers:
+        return []
+    grid, poses = ground.make_grid(), []
     for walker in walkers:
         x_m, y_m, yaw_rad = walker.find_place(t_s)
         z_m = sample_grid(grid, x_m, y_m)[0]
@@ -96,7 +97,7 @@ class PersonWatch:
         """Measure with the robot's body at a place in the map."""
         places = [*self._places, *(walker.find_place(t_s) for walker in self._walkers)]
         away_m = [math.hypot(place[0] - x_m, place[1] - y_m) for place in places]
-        nearest_m = min(away_m)
+        nearest_m = min(away_m, default=math.inf)
         for place, outline, distance_m in zip(places, self._outlines, away_m, strict=True):
             if distance_m <= nearest_m + FAR_M:
                 gap_m = _measure_gap_m((x_m, y_m, yaw_rad), self._own, place, outline)
