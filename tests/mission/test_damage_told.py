@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 import agribot
 from agribot.app.simulated_run import SimulatedRun
 from agribot.description.loader import export_urdf
 from agribot.record.events import read_events
+from agribot.record.map_figure import draw_map
 from agribot.record.report import Report, read_report
 
 QUICK = ("sim.sensors=rtk", "perception.enabled=false", "record.enabled=false", "seed=1")
@@ -49,6 +52,9 @@ def test_a_robot_with_a_low_belly_reports_the_row_that_it_drove_over(tmp_path: P
     ]
     assert len(told) == 6 and all("crushed by the belly" in event.reason for event in told)
     assert run._data().crushed == tuple(sorted(run.simulator.crushed))
+    (axes,) = draw_map(run._data()).axes
+    (crosses,) = [line for line in axes.lines if line.get_label() == "crushed crop"]
+    assert len(np.asarray(crosses.get_xdata())) == 6
     assert not run.simulator.plants.is_standing[list(run.simulator.crushed)].any()
 
 

@@ -89,7 +89,7 @@ def test_time_distance_rows_and_errors_are_those_of_the_whole_job(job: Job) -> N
 def test_what_happened_in_the_first_run_counts_in_the_last(job: Job) -> None:
     assert job.last.tracking.plants_crushed == 1
     assert not job.last.ok
-    assert "1 crop plants were crushed" in job.last.reason
+    assert "1 crop plants were crushed by wheels" in job.last.reason
     first, second, third = job.last.job.runs if job.last.job else ()
     assert [Path(run.folder).name for run in (first, second, third)] == ["a", "b", "c"]
     assert first.run_s == pytest.approx(16.0, abs=1.1)

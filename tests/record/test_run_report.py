@@ -55,7 +55,10 @@ CONTRACT: dict[str, Any] = {
         "truth", "mapped", "matched", "precision", "recall", "f1", "pos_error_median_m", "treated",
         "treated_true", "crops_hit", "spray_area_ratio",
     ],
-    "safety": ["stops", "faults"],
+    "safety": [
+        "stops", "noticed", "faults", "outside_m_max", "stop_distance_m_max",
+        "crushed_after_fault",
+    ],
     "marks": None,
     "job": None,
     "implement": None,
@@ -114,7 +117,10 @@ def test_what_nobody_measured_is_null() -> None:
     found = json.loads(to_json(report))
     assert found["time"] == {"sim_s": 12.0, "wall_s": None, "cpu_s": None, "rtf_cpu": None}
     assert set(found["weeds"].values()) == {None}
-    assert found["safety"] == {"stops": [], "faults": []}
+    assert found["safety"] == {
+        "stops": [], "noticed": [], "faults": [], "outside_m_max": None,
+        "stop_distance_m_max": None, "crushed_after_fault": None,
+    }  # fmt: skip
 
 
 def test_a_report_is_read_back_as_it_was_written(tmp_path: Path) -> None:

@@ -11,7 +11,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.config import PerceptionConfig, RunConfig
+from agribot.core.messages import DriveCommand, FloatArray, PlantClass, RobotCommand
 from agribot.core.robot import Joint, Link, Origin, RobotSpec, Shape
 from agribot.core.world import Plant, WorldSpec
 from agribot.description.loader import load_robot
@@ -20,6 +21,7 @@ from agribot.sim.flora.crown import RADIUS_RATIO, find_crown_radius_m, make_leaf
 from agribot.sim.flora.species import SPECIES, STAGES, build_plant_lods
 from agribot.sim.ground_surface import GroundSurface
 from agribot.sim.plant_states import PlantStates
+from agribot.sim.platform import SimPlatform
 from agribot.sim.state import HISTORY_COLUMNS
 from agribot.sim.underside import Part, build_underside
 
@@ -178,6 +180,20 @@ def test_what_lies_is_neither_crushed_again_nor_touched(rover: RobotSpec) -> Non
     assert states.crushed_by.tolist() == [0, Part.BELLY, 0]
     assert (states.find_fall_s(0), states.find_fall_s(1), states.way_rad[1]) == (1.0, 3.0, 0.5)
     assert math.isnan(states.find_fall_s(2)) and bool(states.is_standing[2])
+
+
+def test_a_plant_that_an_earlier_run_crushed_lies_from_the_beginning(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    world = msgspec.structs.replace(meadow, plants=(_plant(1.0, 0.39), _plant(3.0, 0.39)))
+    config = RunConfig(perception=PerceptionConfig(enabled=False))
+    platform = SimPlatform(config, rover, world)
+    platform.restore_plants({0: Part.BELLY}, ())
+    for _ in range(250):
+        batch = platform.read()
+        platform.write(RobotCommand(t_s=batch.t_s, drive=DriveCommand(v_mps=0.8)))
+    assert platform.crushed == {0, 1} and platform.plants.fallen == (0, 1)
+    assert platform.plants.crushed_by.tolist() == [Part.BELLY, Part.WHEEL]
 
 
 def test_the_underside_is_the_lowest_point_of_every_shape(rover: RobotSpec) -> None:

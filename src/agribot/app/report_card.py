@@ -7,6 +7,7 @@ from typing import Any, Protocol, TypeVar
 
 import msgspec
 
+from agribot.app.fault_verdict import judge_faults
 from agribot.app.judge import Judge
 from agribot.app.whole_job import JobSoFar, WholeJob
 from agribot.autonomy.weeds.map import WeedMap
@@ -91,11 +92,7 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         perception=_perception(drive, job),
         weeds=_weeds(drive, job, kept),
         implement=_implement(drive, job, kept),
-        safety=SafetyReport(
-            stops=_select_events(events, "stop"),
-            faults=_select_events(events, "fault"),
-            person_distance_min_m=None if judge is None else judge.person_distance_min_m,
-        ),
+        safety=_safety(drive, events),
         marks=_select_events(events, "mark"),
         job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,
         preset=config.sim.preset if find_platform(config.platform).is_simulated else None,
@@ -228,11 +225,24 @@ def _implement(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> Impleme
     )
 
 
+def _safety(drive: EndedRun, events: Sequence[Event]) -> SafetyReport:
+    safety = SafetyReport()
+    if drive.judge is not None:
+        safety = _same_fields(drive.judge.score_safety(), SafetyReport)
+    return msgspec.structs.replace(
+        safety,
+        stops=_select_events(events, "stop"),
+        noticed=_select_events(events, "fault"),
+        faults=judge_faults(drive.config.faults, events),
+    )
+
+
 def _select_events(events: Sequence[Event], kind: EventKind) -> tuple[SafetyEvent, ...]:
     return tuple(SafetyEvent(t_s=e.t_s, reason=e.reason) for e in events if e.kind == kind)
 
 
 def _same_fields(source: msgspec.Struct, kind: type[Kind]) -> Kind:
     return msgspec.convert(
-        {name: getattr(source, name, None) for name in kind.__struct_fields__}, kind
+        {name: getattr(source, name) for name in kind.__struct_fields__ if hasattr(source, name)},
+        kind,
     )

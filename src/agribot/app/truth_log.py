@@ -40,7 +40,8 @@ class TruthLog:
         self._fallen_told += len(fallen)
         for index in fallen:
             plant, what = self._world.plants[index], PART_WORDS.get(int(states.crushed_by[index]))
-            if what and plant.plant == PlantClass.CROP:
+            is_news = states.crushed_s[index] > 0.0  # not of an earlier run of the job
+            if what and is_news and plant.plant == PlantClass.CROP:
                 place = f"{plant.x_map_m:.2f} m east, {plant.y_map_m:.2f} m north"
                 self._tell(t_s, f"crop plant crushed by {what}: {place}")
 

@@ -22,12 +22,14 @@ from agribot.core.errors import PlatformError
 from agribot.core.messages import RobotCommand, SensorBatch
 from agribot.core.world import WorldSpec
 from agribot.record.report import TimeReport
+from agribot.sim.faults.schedule import read_faults, refuse_faults_of
 from agribot.sim.truth import Truth
 
 if TYPE_CHECKING:
     from agribot.cli.world_bridging import WorldTap
     from agribot.record.world_recorder import WorldRecorder
 
+STACK_PARTS = ("network", "disk")  # what only a robot with a stack has
 LINE_EVERY_S = 10.0  # of the clock on the wall
 
 
@@ -89,6 +91,7 @@ class _World:
         self._started_s = time.monotonic()
         camera = f"perception.enabled={str(options.camera).lower()}"
         self.config = read_settings(options, before=[camera])
+        refuse_faults_of(STACK_PARTS, read_faults(self.config), "agribot sim runs no stack")
         self.robot = load_robot(self.config.robot)
         made = make_run_world(self.config)
         self.world: WorldSpec = made.world

@@ -311,7 +311,8 @@ def assign(tree: dict[str, Any], setting: str) -> None:
         if not isinstance(child, dict):
             raise ConfigError(f"--set {setting}: '{name}' is a value, not a group of settings")
         node = child
-    node[leaf] = _parse_value(text.strip())
+    value = _parse_value(text.strip())
+    node[leaf] = _list_faults(value) if key.strip() == "faults" else value
 
 
 def _parse_value(text: str) -> object:
@@ -319,6 +320,13 @@ def _parse_value(text: str) -> object:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         return text
+
+
+def _list_faults(value: object) -> object:
+    """Let faults be written without brackets: `A@1;B@2`, or `none`."""
+    if not isinstance(value, str):
+        return value
+    return [] if value == "none" else [word.strip() for word in value.split(";")]
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -112,11 +112,40 @@ class SafetyEvent(msgspec.Struct, frozen=True, kw_only=True):
     reason: str
 
 
+Reaction = Literal["stopped", "held", "slowed", "named", "none"]
+
+
+class FaultReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What the robot did about a fault that was injected at `t_s`.
+
+    `detected_s` is the time of the first sign of it among the events, `reaction` the strongest of
+    them, `reason` what the robot said, of the part at fault if it did (`is_named`). `fault` is
+    the whole of it, as it was written.
+    """
+
+    name: str
+    t_s: float
+    detected_s: float | None = None
+    reaction: Reaction = "none"
+    reason: str = ""
+    fault: str = ""
+    is_named: bool = False
+
+
 class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
-    """`person_distance_min_m` is the truth of a simulator with persons: outline to outline."""
+    """`noticed` are the faults that the robot told of, `faults` those that were injected.
+
+    By the truth of a simulator: `outside_m_max` is how far the robot's middle got out of the
+    field, `stop_distance_m_max` how far it rolled after a stop of the supervisor,
+    `person_distance_min_m` how near its outline came to a person's.
+    """
 
     stops: tuple[SafetyEvent, ...] = ()
-    faults: tuple[SafetyEvent, ...] = ()
+    noticed: tuple[SafetyEvent, ...] = ()
+    faults: tuple[FaultReport, ...] = ()
+    outside_m_max: float | None = None
+    stop_distance_m_max: float | None = None
+    crushed_after_fault: int | None = None
     person_distance_min_m: float | None = None
 
 

@@ -14,7 +14,7 @@ from agribot.core.errors import DescriptionError
 from agribot.core.geo import LINK_FROM_OPTICAL, transform
 from agribot.core.messages import ByteArray, CameraFrame, FloatArray, PlantClass, Vec3
 from agribot.core.robot import CameraSpec, RobotSpec, Shape
-from agribot.core.world import WorldSpec
+from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim.attitude import read_base_pose
 from agribot.sim.ground_surface import GroundSurface, build_ground_surface
 from agribot.sim.kernel import sample_grid
@@ -53,8 +53,9 @@ class CameraSensor:
         # Compiling the renderer takes seconds; runs without a camera must not pay for it.
         from agribot.sim.camera import CameraRenderer
 
-        visible = keep_drawable(robot) if has_body else None
-        self._renderer: CameraRenderer = CameraRenderer(world, visible)
+        self._world = world
+        self._visible = keep_drawable(robot) if has_body else None
+        self._renderer: CameraRenderer = CameraRenderer(world, self._visible)
         self._base_from_body = transform((0.0, 0.0, -robot.base_height_m)) if has_body else None
         self._camera = camera
         self._base_from_camera = robot.base_from_link(camera.link) @ LINK_FROM_OPTICAL
@@ -104,6 +105,15 @@ class CameraSensor:
         _, slope_x, slope_y = sample_grid(self._ground.make_grid(), *self._places_map_m[index])
         up = 1.0 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
         return -slope_x * up, -slope_y * up, up
+
+    def add_obstacle(self, obstacle: Obstacle) -> None:
+        """Let an obstacle stand in the pictures from now on."""
+        from agribot.sim.camera import CameraRenderer
+
+        obstacles = (*self._world.obstacles, obstacle)
+        self._world = msgspec.structs.replace(self._world, obstacles=obstacles)
+        self._renderer = CameraRenderer(self._world, self._visible)
+        self._shown.clear()
 
     def _draw(
         self, base: FloatArray, noise_seed: int | None, wheel_angles_rad: list[float] | None

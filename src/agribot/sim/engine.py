@@ -15,7 +15,7 @@ import numpy as np
 from agribot.core.implement.kind import Pull
 from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
-from agribot.core.world import WorldSpec
+from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim.mujoco_library import Library, load_library
 from agribot.sim.rigid_body import PART_MARK, WALKER, build_model, find_obstacle_boxes
 from agribot.sim.state import StateViews
@@ -85,6 +85,14 @@ class Engine:
         arm_m = np.array(pull.place_map_m) - views.xipos[BASE_BODY]
         views.xfrc_applied[BASE_BODY, :3] = pull.force_map_n
         views.xfrc_applied[BASE_BODY, 3:] = np.cross(arm_m, pull.force_map_n)
+
+    def add_obstacle(self, obstacle: Obstacle) -> None:
+        """Put up an obstacle; the model with obstacles is built anew when one is near."""
+        obstacles = (*self._world.obstacles, obstacle)
+        self._world = msgspec.structs.replace(self._world, obstacles=obstacles)
+        self._boxes = find_obstacle_boxes(self._world)
+        self._crowded = None
+        self._check_after_m = -1.0
 
     def find_contact_map_m(self) -> FloatArray | None:
         """Return where in the map the robot touches an obstacle, (3,); None if it does not."""

@@ -12,7 +12,7 @@ from agribot.core.geo import rotation_from_rpy
 from agribot.core.implement.kind import Pull
 from agribot.core.messages import WHEEL_NAMES, DriveCommand, FloatArray
 from agribot.core.robot import DriveSpec, RobotSpec
-from agribot.core.world import WorldSpec
+from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim import kernel
 from agribot.sim.attitude import read_rotation
 from agribot.sim.clock import NS_PER_S
@@ -63,6 +63,7 @@ class Physics:
             self._engine.wheel_mass_kg,
             build_friction_grid(world),
         )
+        self._firm_friction = self._tyre.ground_friction.values.copy()
         self._terrain = self.ground.make_grid()
         self._is_pulled = False
         self._bristle_m = np.zeros((4, 2))
@@ -98,6 +99,31 @@ class Physics:
         if wheel not in WHEEL_NAMES:
             raise PlatformError(f"no wheel '{wheel}'; there are: {', '.join(WHEEL_NAMES)}")
         self._engine.limit_torque(WHEEL_NAMES.index(wheel), torque_nm)
+
+    def set_mud(self, friction_ratio: float) -> None:
+        """Let the ground have this share of its friction from now on; 1 is firm ground."""
+        self._tyre.ground_friction.values[:] = friction_ratio * self._firm_friction
+
+    def carry(self, aside_m: float) -> None:
+        """Move the robot to its left at once, at its height over the ground."""
+        qpos = self._engine.views.qpos
+        before_m = self._sample_ground_m(*qpos[:2].tolist())
+        left = read_rotation(self.history[-1])[:2, 1]
+        qpos[:2] += aside_m * left / np.linalg.norm(left)
+        qpos[2] += self._sample_ground_m(*qpos[:2].tolist()) - before_m
+        self.history[-1, :3] = qpos[:3]
+        self._bristle_m[:] = 0.0
+
+    def find_place_map_m(self, ahead_m: float) -> tuple[float, float, float]:
+        """Return the place on the ground so far ahead of the robot's middle: East, North, up."""
+        row = self.history[-1]
+        ahead = read_rotation(row)[:2, 0]
+        x_m, y_m = (row[:2] + ahead_m * ahead / np.linalg.norm(ahead)).tolist()
+        return x_m, y_m, self._sample_ground_m(x_m, y_m)
+
+    def add_obstacle(self, obstacle: Obstacle) -> None:
+        """Put up an obstacle, as a fault."""
+        self._engine.add_obstacle(obstacle)
 
     def find_contact_body_m(self) -> tuple[float, float] | None:
         """Return where the robot touches an obstacle, x and y in the body frame, or None."""

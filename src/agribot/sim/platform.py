@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping, Sequence
 
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
@@ -23,6 +24,9 @@ from agribot.core.world import WorldSpec
 from agribot.sim.attitude import read_roll_pitch_yaw, read_rotation
 from agribot.sim.camera_sensor import CameraSensor
 from agribot.sim.clock import NS_PER_S, Schedule, round_step_ns
+from agribot.sim.faults.bodies import move_start
+from agribot.sim.faults.layer import FaultLayer
+from agribot.sim.faults.schedule import read_faults
 from agribot.sim.field_effects import PlantDamage
 from agribot.sim.ground_surface import GroundSurface
 from agribot.sim.implements.kinds import fit_effect
@@ -33,6 +37,7 @@ from agribot.sim.sensors.suite import SampledSensor, SensorSuite
 from agribot.sim.sensors.tuning import check_tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 from agribot.sim.truth import Truth
+from agribot.sim.underside import Part
 from agribot.sim.walkers import PersonWatch
 
 TREATED_EVERY_S = 0.5  # plants that a tool has worked are looked up this often
@@ -48,15 +53,23 @@ class SimPlatform:
         world: WorldSpec,
         *,
         board: DriveSpec | None = None,
+        began_s: float = 0.0,
     ) -> None:
         """Build the world; `board` is the drive that the motor board assumes, else the true one.
 
+        `began_s` is how old the job is that the robot goes on with: the faults of the settings
+        count from the job's begin.
+
         Raises:
-            ConfigError: unknown sensor preset, or a rate that the physics cannot give.
+            ConfigError: unknown sensor preset, a rate that the physics cannot give, or a fault
+                that is wrong or never comes.
             DescriptionError: the robot has an implement of a kind that nobody registered.
         """
         self._step_ns = round_step_ns(config.sim.step_s)
         self._robot = robot
+        faults = read_faults(config, has_camera=robot.camera is not None, began_s=began_s)
+        world = move_start(world, faults) if faults else world
+        self.faults = FaultLayer(faults, config, robot, world) if faults else None
         self._ticks = Schedule(config.tick_hz, self._step_ns)
         self._sensors = SensorSuite(config, robot, world, self._step_ns)
         self._plants = PlantStates(len(world.plants))
@@ -88,12 +101,14 @@ class SimPlatform:
             self._sensors.tune(*self._tunings.popleft())
         first = self._physics.step
         last = self._ticks.pop()
+        if self.faults is not None:
+            self._suffer(self.faults, first * self._step_ns / NS_PER_S)
         history = self._physics.advance(last - first)
         t_s = last * self._step_ns / NS_PER_S
         self._affect_field(first * self._step_ns / NS_PER_S, t_s)
         sensors = self._sensors
         events, hand = self.inbox.drain(t_s)
-        return SensorBatch(
+        batch = SensorBatch(
             t_s=t_s,
             wheels=sensors.wheels.take_samples(first, last, history),
             imu=sensors.imu.take_samples(first, last, history),
@@ -109,6 +124,7 @@ class SimPlatform:
             bumper=self._read_bumper(t_s),
             battery=sensors.battery.take_samples(first, last, history),
         )
+        return batch if self.faults is None else self.faults.alter(batch)
 
     def write(self, command: RobotCommand) -> None:
         """Hand a command to the motor board and the implement.
@@ -123,6 +139,8 @@ class SimPlatform:
             )
         if self._closed:
             raise PlatformError("the simulator is closed and takes no commands")
+        if self.faults is not None and not self.faults.hears(self._now_s):
+            return
         self._implement.command(self._now_s, command.implement)
         self._physics.command(drive)
         self._silent_after_s = self._now_s + self._robot.drive.command_timeout_s
@@ -193,6 +211,14 @@ class SimPlatform:
         """Crops whose leaves the robot touched and that live, as indices."""
         return self._damage.brushed
 
+    def restore_plants(self, crushed_by: Mapping[int, Part], treated: Sequence[int]) -> None:
+        """Let plants lie that earlier runs of the job crushed, or took with the implement."""
+        for index, part in crushed_by.items():
+            self._plants.crush(index, 0.0, part, 0.0)
+        if self._robot.implement is not None and self._robot.implement.cuts_plants:
+            for index in treated:
+                self._plants.cut(index, 0.0, 0.0)
+
     @property
     def plants(self) -> PlantStates:
         """What has become of all plants; nothing but the simulator may change it."""
@@ -220,6 +246,12 @@ class SimPlatform:
     @property
     def _now_s(self) -> float:
         return self._physics.step * self._step_ns / NS_PER_S
+
+    def _suffer(self, faults: FaultLayer, t_s: float) -> None:
+        """Let faults act on body and ground for the tick that begins now."""
+        appeared = faults.act(t_s, self._physics)
+        if appeared is not None and self._feed is not None:
+            self._feed.add_obstacle(appeared)
 
     def _affect_field(self, start_s: float, end_s: float) -> None:
         before, after = self._physics.history[0], self._physics.history[-1]

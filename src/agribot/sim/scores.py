@@ -9,6 +9,7 @@ import numpy as np
 
 from agribot.core.histogram import Histogram
 from agribot.core.messages import FloatArray, Row
+from agribot.sim.safety_judge import SafetyState
 
 BIN_M = 0.0005  # of the cross-track error, for its percentile over several runs
 
@@ -125,6 +126,7 @@ class RefereeState(msgspec.Struct, frozen=True, kw_only=True):
     treated: tuple[int, ...] = msgspec.field(name="sprayed")
     worked_m2: float = msgspec.field(name="sprayed_area_m2")
     plants_total: int
+    safety: SafetyState = SafetyState()
 
 
 def compute_root_mean(square_sum: float, count: int) -> float | None:

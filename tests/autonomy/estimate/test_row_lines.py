@@ -178,10 +178,21 @@ def test_a_gap_in_the_middle_of_a_row_is_not_taken_for_its_end() -> None:
         robot.see_picture(end_ahead_m=1.2, range_std_m=0.15)
     assert robot.rejected == {"gap in the row": 20}
     assert robot.ekf.x[X] == pytest.approx(5.0, abs=1e-6)
-    near = Robot(11.0, 3.0, 0.0, std_m=0.05)
+    near = Robot(11.0, 3.0, 0.0, std_m=0.2)
     for _ in range(80):
         near.see_picture(end_ahead_m=0.5, range_std_m=0.15)
     assert near.ekf.x[X] == pytest.approx(11.5, abs=0.1)
+
+
+def test_looks_at_one_end_of_a_row_never_make_the_robot_surer_than_its_last_plant_is_there() -> (
+    None
+):
+    for spacing_m in (0.15, 0.3):
+        field = msgspec.structs.replace(FIELD, plant_spacing_m=spacing_m)
+        robot = Robot(11.0, 3.0, 0.0, std_m=0.5, field=field)
+        for _ in range(20):
+            robot.see_picture(end_ahead_m=1.0, range_std_m=0.15)
+        assert 0.3 * spacing_m < math.sqrt(robot.ekf.cov[X, X]) < spacing_m
 
 
 def test_numbers_that_are_none_and_times_that_run_back_are_refused() -> None:

@@ -27,6 +27,10 @@ from agribot.core.messages import RowLine
 MAX_SPACING_M = 0.5
 # What seems the end of a row nearer than this to it may correct a pose that is sure of another.
 GAP_M = 0.6
+# The outermost plant of a row may be missing, which every look at that end repeats: 1 sigma in
+# plant spacings, and how many looks share it.
+END_STD_SPACINGS, LOOKS_AT_END = 0.35, 16
+USUAL_SPACING_M = 0.2  # of plants that make up a line, where the field does not tell
 MAX_HEADING_RAD, MAX_DISAGREEMENT_RAD = math.radians(30.0), math.radians(15.0)
 
 
@@ -91,7 +95,12 @@ class RowLines(Correction[RowLine]):
             line,
             start_ahead_m=self._likely(line, line.start_ahead_m, first_m, sign, epoch),
             end_ahead_m=self._likely(line, line.end_ahead_m, last_m, sign, epoch),
+            range_std_m=math.hypot(line.range_std_m, self._end_std_m() * math.sqrt(LOOKS_AT_END)),
         )
+
+    def _end_std_m(self) -> float:
+        """Return how far the outermost plant of a row may stand off the row's end, 1 sigma."""
+        return END_STD_SPACINGS * (self.pose.rows.spacing_m or USUAL_SPACING_M)
 
     def _likely(
         self, line: RowLine, ahead_m: float | None, at_m: float, sign: float, epoch: Epoch
