@@ -57,11 +57,13 @@ CONTRACT: dict[str, Any] = {
     ],
     "safety": [
         "stops", "noticed", "faults", "outside_m_max", "stop_distance_m_max",
-        "crushed_after_fault",
+        "crushed_after_fault", "person_distance_min_m",
     ],
     "marks": None,
     "job": None,
     "implement": None,
+    "preset": None,
+    "conditions": None,
 }  # fmt: skip
 NASTY = '<script>alert("x")</script> & more'
 
@@ -120,6 +122,7 @@ def test_what_nobody_measured_is_null() -> None:
     assert found["safety"] == {
         "stops": [], "noticed": [], "faults": [], "outside_m_max": None,
         "stop_distance_m_max": None, "crushed_after_fault": None,
+        "person_distance_min_m": None,
     }  # fmt: skip
 
 

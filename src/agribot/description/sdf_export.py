@@ -18,6 +18,7 @@ from agribot.core.world import (
     Obstacle,
     Plant,
     Soil,
+    SoilStrength,
     Walker,
     WorldSpec,
 )
@@ -70,6 +71,13 @@ def build_world_element(world: WorldSpec, terrain_file: str) -> ET.Element:
         values = msgspec.to_builtins(world.soil)
         ET.SubElement(
             top, qualify_tag("soil"), {name: repr(value) for name, value in values.items()}
+        )
+    if world.strength != SoilStrength():
+        moisture = repr(float(world.strength.moisture_ratio))
+        ET.SubElement(
+            top,
+            qualify_tag("strength"),
+            {"soil_class": world.strength.soil_class, "moisture_ratio": moisture},
         )
     names: set[str] = set()
     for obstacle in world.obstacles:

@@ -124,6 +124,7 @@ class _WorldReader:
             light=self._header.light,
             ground=surfaces.list_tiles(),
             soil=self._header.soil,
+            strength=self._header.strength,
             terrain=terrain,
             plants=plants,
             obstacles=tuple(self._obstacles),

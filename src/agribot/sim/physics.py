@@ -19,7 +19,8 @@ from agribot.sim.clock import NS_PER_S
 from agribot.sim.engine import Engine
 from agribot.sim.grip import build_friction_grid
 from agribot.sim.ground_surface import GroundSurface, build_ground_surface
-from agribot.sim.state import HISTORY_COLUMNS, POSITION, Board, Inertial
+from agribot.sim.soil import SoilLaw, make_soil_law
+from agribot.sim.state import HISTORY_COLUMNS, POSITION, Board, Inertial, Motor
 from agribot.sim.tyre import make_tyre_law
 from agribot.sim.walkers import place_walkers
 
@@ -63,10 +64,13 @@ class Physics:
             self._engine.wheel_mass_kg,
             build_friction_grid(world),
         )
-        self._firm_friction = self._tyre.ground_friction.values.copy()
         self._terrain = self.ground.make_grid()
+        self._world, self._dry_friction = world, self._tyre.ground_friction.values.copy()
+        self._soil = self._make_soil_law(1.0)
         self._is_pulled = False
         self._bristle_m = np.zeros((4, 2))
+        self._soil_state = np.zeros((4, kernel.SOIL_STATES))
+        self._motor = _make_motor(robot.drive)
         self._board = _make_board(board or robot.drive, is_effort)
         self._board_state = np.zeros(kernel.BOARD_SIZE)
         x_m, y_m, z_m = robot.base_from_link(robot.imu.link)[:3, 3].tolist()
@@ -100,9 +104,14 @@ class Physics:
             raise PlatformError(f"no wheel '{wheel}'; there are: {', '.join(WHEEL_NAMES)}")
         self._engine.limit_torque(WHEEL_NAMES.index(wheel), torque_nm)
 
-    def set_mud(self, friction_ratio: float) -> None:
-        """Let the ground have this share of its friction from now on; 1 is firm ground."""
-        self._tyre.ground_friction.values[:] = friction_ratio * self._firm_friction
+    def set_mud(self, ratio: float) -> None:
+        """Let the ground have this share of its strength and friction from now on; 1 is no mud."""
+        tyre, friction = self._tyre, self._dry_friction
+        if ratio != 1.0:
+            most = max(tyre.friction_longitudinal, tyre.friction_lateral)
+            friction = ratio * np.minimum(friction, most)
+        tyre.ground_friction.values[:] = friction
+        self._soil = self._make_soil_law(ratio)
 
     def carry(self, aside_m: float) -> None:
         """Move the robot to its left at once, at its height over the ground."""
@@ -177,10 +186,21 @@ class Physics:
     def _run(self, history: FloatArray, steps: int) -> None:
         engine = self._engine
         kernel.advance(
-            steps, engine.library, engine.views, WHEEL_BODIES, self._tyre, self._terrain,
-            self._bristle_m, self._board, self._board_state, self._inertial, self._dt_s, history,
+            steps, engine.library, engine.views, WHEEL_BODIES, self._tyre, self._soil,
+            self._terrain, self._bristle_m, self._soil_state, self._board, self._board_state,
+            self._motor, self._inertial, self._dt_s, history,
         )  # fmt: skip
         self.step += steps
+
+    def _make_soil_law(self, mud_ratio: float) -> SoilLaw:
+        return make_soil_law(
+            self._robot,
+            self._world,
+            self._engine.wheel_mass_kg,
+            self.ground.make_sunk_grid(),
+            self.ground.changed,
+            mud_ratio,
+        )
 
     def _spawn(self, xy_map_m: tuple[float, float], yaw_rad: float) -> None:
         """Put the robot on its wheels at the exact place and heading, at rest, at step 0."""
@@ -244,4 +264,15 @@ def _make_board(drive: DriveSpec, is_effort: bool) -> Board:
         is_effort,
         *gains,
         drive.wheel_torque_nm,
+    )
+
+
+def _make_motor(drive: DriveSpec) -> Motor:
+    return Motor(
+        drive.torque_constant_nmpa,
+        drive.winding_ohm,
+        drive.no_load_a,
+        drive.gear_efficiency_ratio,
+        drive.controller_efficiency_ratio,
+        drive.regeneration_ratio,
     )

@@ -5,12 +5,19 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from agribot.app import simulated_run
 from agribot.cli.main import main
 from agribot.lab.bench import faults
-from agribot.record.report import FaultReport, Report, SafetyReport, TrackingReport
+from agribot.record.report import (
+    FaultReport,
+    Report,
+    SafetyEvent,
+    SafetyReport,
+    TrackingReport,
+)
 from agribot.sim.faults.table import FAULTS
 
 # At the start of a row's approach: three seconds are enough for all that is looked at here.
@@ -113,6 +120,21 @@ def test_a_row_counts_what_was_noticed_over_its_seeds() -> None:
     assert result["crushed_after_detectable"] == 3
     assert result["crushed_ratio"] == pytest.approx(0.1)
     assert (result["false_stops"], result["missions_without_fault"]) == (0, 0)
+
+
+def test_what_the_same_drive_tells_without_a_fault_is_no_sign_of_one() -> None:
+    bad = faults.FaultScenario("gnss.jump=2", "farm")
+    good = faults.FaultScenario("", "farm")
+    jobs = faults.list_jobs((good, bad), "1")
+    seen = FaultReport(name="gnss.jump", t_s=32.0, detected_s=33.0, reaction="stopped",
+                       reason="off path by 0.6 m")  # fmt: skip
+    usual = msgspec.structs.replace(
+        report(), safety=SafetyReport(stops=(SafetyEvent(t_s=33.0, reason="off path by 0.7 m"),))
+    )
+    rows = faults.make_rows((good, bad), jobs, {jobs[0].name: usual, jobs[1].name: report(seen)})
+    assert (rows[0].reaction, rows[1].detected_ratio) == ("1 false stops", 0.0)
+    result = faults.summarise_rows(rows, jobs, {jobs[0].name: usual})
+    assert (result["false_stops"], result["missions_without_fault"]) == (1, 1)
 
 
 def test_wrong_names_seeds_and_workers_are_refused(capsys: pytest.CaptureFixture[str]) -> None:

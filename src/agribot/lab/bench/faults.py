@@ -92,7 +92,7 @@ SCENARIOS = (
     *_all("imu.bias=0.01 imu.bias=0.05 imu.bias=0.3 imu.frozen"),
     *_all("imu.late=0.1 imu.late=0.25 imu.late=1"),
     *_all("wheels.stuck=right_wheel_R wheels.stuck=left_wheel_F wheels.reversed"),
-    *_all("motor.dead=right_wheel_R motor.dead=left_wheel_F motor.weak=0.05 motor.weak=0.3"),
+    *_all("motor.dead=right_wheel_R motor.dead=left_wheel_F motor.weak=0.05 motor.weak=0.005"),
     *_all("motor.runaway soil.mud=0.1 soil.mud=0.03"),
     *_all("bumper.contact obstacle.unmapped battery.empty"),
     *_all("clock.step=0.2 clock.step=2 clock.step=-2 link.noise=0.01 link.noise=0.2"),
@@ -225,21 +225,35 @@ def drive_scenario(assignment: Assignment, stop: Stop) -> RunOutcome | None:
 def make_rows(
     scenarios: Sequence[FaultScenario], jobs: Sequence[SweepJob], reports: Mapping[str, Report]
 ) -> list[FaultRow]:
-    """Make one row for each scenario that has a run, in their order."""
+    """Make one row for each scenario that has a run, in their order.
+
+    What the same drive of the same seed tells without a fault, too, is no sign of one.
+    """
     rows = []
     for scenario in scenarios:
-        settings = scenario.list_settings()
-        of_these = [
-            reports[job.name]
-            for job in jobs
-            if job.name in reports and (job.profile, job.settings) == (scenario.profile, settings)
-        ]
-        if of_these:
-            rows.append(_make_row(scenario, of_these))
+        found = _find_reports(scenario, jobs, reports)
+        usual = _find_reports(FaultScenario("", *scenario[1:4]), jobs, reports)
+        if found:
+            rows.append(_make_row(scenario, found, usual))
     return rows
 
 
-def _make_row(scenario: FaultScenario, reports: Sequence[Report]) -> FaultRow:
+def _find_reports(
+    scenario: FaultScenario, jobs: Sequence[SweepJob], reports: Mapping[str, Report]
+) -> dict[int, Report]:
+    """Find the reports of a scenario by their seeds."""
+    mine = (scenario.profile, scenario.list_settings())
+    return {
+        job.seed: reports[job.name]
+        for job in jobs
+        if job.name in reports and (job.profile, job.settings) == mine
+    }
+
+
+def _make_row(
+    scenario: FaultScenario, found: Mapping[int, Report], usual: Mapping[int, Report]
+) -> FaultRow:
+    reports = tuple(found.values())
     ends = [r.reason.removeprefix(ENDED) for r in reports if r.reason.startswith(ENDED)]
     row = FaultRow(
         fault=scenario.name,
@@ -248,7 +262,7 @@ def _make_row(scenario: FaultScenario, reports: Sequence[Report]) -> FaultRow:
         has_camera=scenario.has_camera,
         is_detectable=scenario.is_detectable,
         runs=len(reports),
-        outside_m_max=max((r.safety.outside_m_max or 0.0 for r in reports), default=None),
+        outside_m_max=max(r.safety.outside_m_max or 0.0 for r in reports),
         stop_distance_m_max=max(r.safety.stop_distance_m_max or 0.0 for r in reports),
         plants=sum(r.tracking.plants_total or 0 for r in reports),
         ended_badly=len(ends),
@@ -262,10 +276,24 @@ def _make_row(scenario: FaultScenario, reports: Sequence[Report]) -> FaultRow:
             reason=_find_typical(stops),
             crushed_after=sum(r.tracking.plants_crushed or 0 for r in reports),
         )
-    faults = [fault for report in reports for fault in report.safety.faults]
+    faults = [
+        _leave_out_usual(fault, usual.get(seed))
+        for seed, report in found.items()
+        for fault in report.safety.faults
+    ]
     if not faults:
         return msgspec.structs.replace(row, reaction="never began")
     return _add_verdicts(row, faults, reports)
+
+
+def _leave_out_usual(fault: FaultReport, usual: Report | None) -> FaultReport:
+    """Return a fault as not noticed where all that was told is told without it, too."""
+    if usual is None:
+        return fault
+    told = {_mask(told.reason) for told in (*usual.safety.stops, *usual.safety.noticed)}
+    if _mask(fault.reason) not in told:
+        return fault
+    return FaultReport(name=fault.name, t_s=fault.t_s, fault=fault.fault)
 
 
 def _add_verdicts(
@@ -295,10 +323,14 @@ def _find_typical(texts: Iterable[str]) -> str:
     first: dict[str, str] = {}
     counts: Counter[str] = Counter()
     for text in texts:
-        masked = _NUMBER.sub("#", text)
+        masked = _mask(text)
         first.setdefault(masked, text)
         counts[masked] += 1
     return first[counts.most_common(1)[0][0]] if counts else ""
+
+
+def _mask(text: str) -> str:
+    return _NUMBER.sub("#", text)
 
 
 def summarise_rows(
