@@ -62,6 +62,20 @@ def test_a_robot_that_meets_a_person_feels_it_and_is_stopped(
     assert drive.platform.person_distance_min_m == 0.0
 
 
+def test_an_obstacle_that_stands_still_is_named_when_it_is_touched(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    post = Obstacle(
+        name="guest", kind="post", x_map_m=1.0, y_map_m=0.0, z_map_m=0.0, yaw_rad=0.0,
+        shapes=(POST,),
+    )  # fmt: skip
+    walker = _walker((0, 1, 3))  # of the same name, near and still
+    world = msgspec.structs.replace(meadow, obstacles=(post,), walkers=(walker,))
+    drive = _drive(rover, world, 0.5, 3.0)
+    assert set(drive.touched) == {"", "guest"}
+    assert drive.platform.person_distance_min_m == pytest.approx(3.0 - 0.4158 - 0.2, abs=0.05)
+
+
 def test_a_person_who_walks_into_a_parked_robot_pushes_it(
     rover: RobotSpec, meadow: WorldSpec
 ) -> None:
