@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import xml.etree.ElementTree as ET
 from collections import Counter
 from itertools import pairwise
@@ -17,11 +16,7 @@ from agribot.description.sdf_models import qualify_tag, read_parts
 
 PERSON = "person_walking"
 MOST_WAYPOINTS = 10_000
-# Words in the name or the skin of an actor -> the packaged figure that walks for it.
-FIGURES = (
-    (re.compile("hare|rabbit|cat|fox|bird|chicken", re.IGNORECASE), "hare"),
-    (re.compile("dog|deer|sheep|goat|cow|animal|wolf", re.IGNORECASE), "dog"),
-)
+FIGURES = ("person_walking", "person_standing", "dog", "hare")
 
 
 def read_walkers(
@@ -60,7 +55,7 @@ def _read_walker(
     where = f"actor '{name}'"
     kind = (actor.findtext(qualify_tag("kind")) or "").strip()
     if not kind:
-        kind = _guess_figure(actor)
+        kind = _guess_figure(actor, library)
         source.warn(f"{where} is seen and touched as the packaged '{kind}'; its skin is not read")
     script = actor.find("script")
     is_idle = script is None or not _is_true(script, "auto_start", source, where)
@@ -75,9 +70,13 @@ def _read_walker(
     )
 
 
-def _guess_figure(actor: ET.Element) -> str:
-    skin = f"{actor.get('name', '')} {actor.findtext('skin/filename', '')}"
-    return next((figure for words, figure in FIGURES if words.search(skin)), PERSON)
+def _guess_figure(actor: ET.Element, library: ModelLibrary) -> str:
+    """Return the packaged figure that the words of an actor's name or skin suggest."""
+    for text in (actor.findtext("skin/filename", ""), actor.get("name", "")):
+        model = library.find_of_kind(text)
+        if model is not None and model.get("name") in FIGURES:
+            return str(model.get("name"))
+    return PERSON
 
 
 def _read_figure(
