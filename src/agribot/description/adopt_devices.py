@@ -69,6 +69,9 @@ def adopt_devices(
         "torque_constant_nmpa": 0.302 * radius_m / RADIUS_M,
         "winding_ohm": 0.299 / max(scale, TINY), "no_load_a": 0.137 * scale,
     }  # fmt: skip
+    told = find_extra(root, "drive", source)
+    if told is None or "motor_torque_nm" not in told.tags:
+        drive["gear_efficiency_ratio"] = 0.83
     tyre = {
         "normal_stiffness_npm": 1e4 * scale, "normal_damping_ratio": 0.4,
         "bristle_stiffness_npm": 5e3 * scale, "rolling_resistance_ratio": 0.03,

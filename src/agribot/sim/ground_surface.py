@@ -10,7 +10,7 @@ from agribot.core.messages import FloatArray
 from agribot.core.world import WorldSpec
 from agribot.sim.tyre import Terrain
 
-CELL_M = 0.025  # half a tyre's width: a rut has at least two samples across
+CELL_M = 0.02  # a rut has at least two samples across
 MAX_SAMPLES = 4_000_000  # 32 MB; a larger field gets wider cells
 MARGIN_M = 4.0  # around plants and start, where wheels press ruts
 UNCHANGED = (2**40, -1, 2**40, -1)
