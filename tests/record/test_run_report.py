@@ -47,6 +47,7 @@ CONTRACT: dict[str, Any] = {
     ],
     "tracking": [
         "xte_rms_m", "xte_p95_m", "xte_max_m", "heading_rms_rad", "plants_total", "plants_crushed",
+        "plants_crushed_by", "plants_brushed",
     ],
     "estimate": ["pos_rms_m", "yaw_rms_rad", "nees_mean"],
     "perception": ["frames", "fps_cpu", "latency_p95_s", "iou", "miou"],
@@ -56,11 +57,13 @@ CONTRACT: dict[str, Any] = {
     ],
     "safety": [
         "stops", "noticed", "faults", "outside_m_max", "stop_distance_m_max",
-        "crushed_after_fault",
+        "crushed_after_fault", "person_distance_min_m",
     ],
     "marks": None,
     "job": None,
     "implement": None,
+    "preset": None,
+    "conditions": None,
 }  # fmt: skip
 NASTY = '<script>alert("x")</script> & more'
 
@@ -119,6 +122,7 @@ def test_what_nobody_measured_is_null() -> None:
     assert found["safety"] == {
         "stops": [], "noticed": [], "faults": [], "outside_m_max": None,
         "stop_distance_m_max": None, "crushed_after_fault": None,
+        "person_distance_min_m": None,
     }  # fmt: skip
 
 

@@ -69,7 +69,7 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
     events = drive.job.events(drive.event_log.events)
     tracking = TrackingReport()
     if judge is not None:
-        tracking = _same_fields(judge.score_tracking(), TrackingReport)
+        tracking = msgspec.convert(msgspec.to_builtins(judge.score_tracking()), TrackingReport)
     ok = bool(mission.success) and not tracking.plants_crushed and not why_ended
     return Report(
         profile=config.profile,
@@ -118,8 +118,19 @@ def _reason(status: MissionStatus | None, mission: MissionReport, tracking: Trac
     if tracking.plants_crushed is None:
         return f"{done} of {total} {kind}, as the robot believes"
     if tracking.plants_crushed:
-        return f"{done} of {total} {kind}, but {tracking.plants_crushed} crop plants were crushed"
+        crushed = f"{tracking.plants_crushed} crop plants were crushed{_blame(tracking)}"
+        return f"{done} of {total} {kind}, but {crushed}"
     return f"{done} of {total} {kind}, no plant crushed"
+
+
+def _blame(tracking: TrackingReport) -> str:
+    """Tell what crushed them: " by the belly", " (4 by wheels, 2 by the belly)"."""
+    by = tracking.plants_crushed_by
+    words = ("wheels", by.wheel), ("the belly", by.belly), ("the implement", by.implement)
+    found = [(what, count) for what, count in words if count]
+    if len(found) == 1:
+        return f" by {found[0][0]}"
+    return f" ({', '.join(f'{count} by {what}' for what, count in found)})" if found else ""
 
 
 def _objection(log: EventLog, status: MissionStatus | None) -> str:

@@ -12,6 +12,7 @@ from agribot.app import whole_job
 from agribot.app.run import Run
 from agribot.app.run_setup import RunSetup, prepare_run
 from agribot.app.run_world import make_run_world
+from agribot.app.truth_log import TruthLog
 from agribot.app.whole_job import JobSoFar
 from agribot.autonomy.perception_host import PerceptionHost
 from agribot.autonomy.plan.saved_mission import SavedMission
@@ -67,7 +68,8 @@ class SimulatedRun(Run):
         if self.simulator.faults is not None:
             stack.perception = self._let_hang(stack.perception, self.simulator.faults)
         stack.mask_taps.append(self.referee.judge_mask)
-        taps = (self._show_truth, self.referee)
+        truth_log = TruthLog(self.simulator, self.world, self._log)
+        taps = (self._show_truth, self.referee, truth_log)
         super().__init__(setup, self.simulator, stack, taps, self.referee)
 
     @property
@@ -108,8 +110,12 @@ class SimulatedRun(Run):
         self._series.truth(record.batch.t_s, pose)
         self.recording.truth(record.batch.t_s, pose, (truth.v_mps, truth.yaw_rate_radps))
 
+    def _log(self, event: Event) -> None:
+        self.event_log.add(event)
+
     def _data(self) -> RunData:
-        return msgspec.structs.replace(super()._data(), world=self.world)
+        crushed = tuple(sorted(self.referee.crushed))
+        return msgspec.structs.replace(super()._data(), world=self.world, crushed=crushed)
 
 
 def simulate(

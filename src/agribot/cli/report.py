@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from agribot.app.field_work import read_work
-from agribot.app.run_world import make_run_world
 from agribot.app.tasks import TakenPlans
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import RunConfig
@@ -60,6 +59,7 @@ def run(options: argparse.Namespace) -> int:
 def _read_job(recording: Path, out: Path, report: Report) -> RunData:
     """Read the recorded run, and from beside it the earlier runs of the same job."""
     from agribot.app.run_recording import PLAN_ATTACHMENT
+    from agribot.app.run_world import make_run_world
     from agribot.app.whole_job import events_later, events_of, plants_later, series_of
     from agribot.record.mcap_file import read_attachment
     from agribot.record.replay import read_config, read_ticks, read_truth, read_weed_map

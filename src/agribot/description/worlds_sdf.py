@@ -17,6 +17,7 @@ from agribot.description.markup import find_place, read_xml
 from agribot.description.package import find_packaged_or_file, list_world_files
 from agribot.description.poses import extract_yaw, make_yaw_rotation, to_origin
 from agribot.description.scatter import Crop, grow_plants, read_crop, read_plants, read_weed_areas
+from agribot.description.sdf_actors import read_walkers
 from agribot.description.sdf_header import Header
 from agribot.description.sdf_library import ModelLibrary, is_crop_with_weed
 from agribot.description.sdf_models import HeightMap, ModelParts, Patch, read_parts
@@ -127,6 +128,7 @@ class _WorldReader:
             terrain=terrain,
             plants=plants,
             obstacles=tuple(self._obstacles),
+            walkers=read_walkers(self._world, self._source, self._library, self._map_from_world),
             warnings=self._source.list_warnings(),
         )
 

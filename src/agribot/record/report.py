@@ -36,8 +36,16 @@ class MissionReport(msgspec.Struct, frozen=True, kw_only=True):
     rows_unproven: tuple[int, ...] | None = None
 
 
+class CrushedReport(msgspec.Struct, frozen=True, kw_only=True):
+    """How many crop plants each part of the robot crushed."""
+
+    wheel: int | None = None
+    belly: int | None = None
+    implement: int | None = None
+
+
 class TrackingReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Against the truth of a simulator."""
+    """Against the truth of a simulator. A brushed plant was touched, and lives."""
 
     xte_rms_m: float | None = None
     xte_p95_m: float | None = None
@@ -45,6 +53,8 @@ class TrackingReport(msgspec.Struct, frozen=True, kw_only=True):
     heading_rms_rad: float | None = None
     plants_total: int | None = None
     plants_crushed: int | None = None
+    plants_crushed_by: CrushedReport = CrushedReport()
+    plants_brushed: int | None = None
 
 
 class EstimateReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -126,7 +136,8 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     """`noticed` are the faults that the robot told of, `faults` those that were injected.
 
     By the truth of a simulator: `outside_m_max` is how far the robot's middle got out of the
-    field, `stop_distance_m_max` how far it rolled after a stop of the supervisor.
+    field, `stop_distance_m_max` how far it rolled after a stop of the supervisor,
+    `person_distance_min_m` how near its outline came to a person's.
     """
 
     stops: tuple[SafetyEvent, ...] = ()
@@ -135,6 +146,7 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     outside_m_max: float | None = None
     stop_distance_m_max: float | None = None
     crushed_after_fault: int | None = None
+    person_distance_min_m: float | None = None
 
 
 class RunOfJob(msgspec.Struct, frozen=True, kw_only=True):

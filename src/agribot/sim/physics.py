@@ -22,10 +22,12 @@ from agribot.sim.ground_surface import GroundSurface, build_ground_surface
 from agribot.sim.soil import SoilLaw, make_soil_law
 from agribot.sim.state import HISTORY_COLUMNS, POSITION, Board, Inertial, Motor
 from agribot.sim.tyre import make_tyre_law
+from agribot.sim.walkers import place_walkers
 
 SETTLE_S = 1.0
 # The integral of a servo takes over what its gain alone would leave as an error of speed.
 SERVO_RESET_S = 0.1
+WALKER_STEP_S = 0.004  # a walker near the robot is put in its place so often
 OVERTURNED_COS = 0.17  # 80 degrees of tilt
 WHEEL_BODIES = np.arange(2, 6, dtype=np.int64)
 
@@ -53,6 +55,7 @@ class Physics:
         self.ground = build_ground_surface(world) if ground is None else ground
         self._dt_s = physics_step_ns / NS_PER_S
         self._robot = robot
+        self._walkers = world.walkers
         self._engine = Engine(robot, world, self._dt_s, is_effort=is_effort)
         self._tyre = make_tyre_law(
             robot.tyre,
@@ -140,6 +143,10 @@ class Physics:
         x_m, y_m, _ = (read_rotation(row).T @ (place - row[POSITION])).tolist()
         return x_m, y_m
 
+    def find_touched(self) -> str | None:
+        """Return the name of the obstacle or walker that the robot touches, None if none."""
+        return self._engine.find_touched()
+
     def advance(self, steps: int) -> FloatArray:
         """Advance and return the history (steps + 1, columns): row 0 is the state before.
 
@@ -151,14 +158,11 @@ class Physics:
             self.history = grown
         else:
             self.history[0] = self.history[-1]
-        engine = self._engine
-        engine.select()
-        kernel.advance(
-            steps, engine.library, engine.views, WHEEL_BODIES, self._tyre, self._soil,
-            self._terrain, self._bristle_m, self._soil_state, self._board, self._board_state,
-            self._motor, self._inertial, self._dt_s, self.history,
-        )  # fmt: skip
-        self.step += steps
+        done = 0
+        while done < steps:
+            count = self._count_steps(steps - done)
+            self._run(self.history[done : done + count + 1], count)
+            done += count
         if not math.isfinite(self.history[-1].sum()):
             raise PlatformError(
                 f"the physics diverged at t = {self.step * self._dt_s:.3f} s; lower sim.step_s "
@@ -172,6 +176,21 @@ class Physics:
                 "keep it off obstacles and steep ground"
             )
         return self.history
+
+    def _count_steps(self, most: int) -> int:
+        """Choose the model and return for how many steps it holds: few beside a walker."""
+        poses = place_walkers(self._walkers, self.ground, self.step * self._dt_s)
+        is_walker_near = self._engine.select(poses)
+        return min(most, max(1, round(WALKER_STEP_S / self._dt_s))) if is_walker_near else most
+
+    def _run(self, history: FloatArray, steps: int) -> None:
+        engine = self._engine
+        kernel.advance(
+            steps, engine.library, engine.views, WHEEL_BODIES, self._tyre, self._soil,
+            self._terrain, self._bristle_m, self._soil_state, self._board, self._board_state,
+            self._motor, self._inertial, self._dt_s, history,
+        )  # fmt: skip
+        self.step += steps
 
     def _make_soil_law(self, mud_ratio: float) -> SoilLaw:
         return make_soil_law(

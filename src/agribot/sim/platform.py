@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping, Sequence
 
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
@@ -26,14 +27,20 @@ from agribot.sim.clock import NS_PER_S, Schedule, round_step_ns
 from agribot.sim.faults.bodies import move_start
 from agribot.sim.faults.layer import FaultLayer
 from agribot.sim.faults.schedule import read_faults
-from agribot.sim.field_effects import CropDamage
+from agribot.sim.field_effects import PlantDamage
+from agribot.sim.ground_surface import GroundSurface
 from agribot.sim.implements.kinds import fit_effect
 from agribot.sim.physics import Physics
+from agribot.sim.plant_states import PlantStates
 from agribot.sim.random_streams import make_stream
 from agribot.sim.sensors.suite import SampledSensor, SensorSuite
 from agribot.sim.sensors.tuning import check_tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 from agribot.sim.truth import Truth
+from agribot.sim.underside import Part
+from agribot.sim.walkers import PersonWatch
+
+TREATED_EVERY_S = 0.5  # plants that a tool has worked are looked up this often
 
 
 class SimPlatform:
@@ -65,12 +72,17 @@ class SimPlatform:
         self.faults = FaultLayer(faults, config, robot, world) if faults else None
         self._ticks = Schedule(config.tick_hz, self._step_ns)
         self._sensors = SensorSuite(config, robot, world, self._step_ns)
-        self._feed, self._frames = _make_camera(config, robot, world, self._step_ns)
-        self._damage = CropDamage(robot, world)
-        self._implement = fit_effect(robot.implement, world, robot.base_height_m)
+        self._plants = PlantStates(len(world.plants))
         self._physics = Physics(
             robot, world, self._step_ns, board=board, is_effort=config.sim.actuation == "effort"
         )
+        self._feed, self._frames = _make_camera(
+            config, robot, world, self._step_ns, self._plants, self._physics.ground
+        )
+        self._damage = PlantDamage(robot, world, self._plants, self._physics.ground)
+        self._implement = fit_effect(robot.implement, world, robot.base_height_m)
+        self._treated_s = 0.0
+        self._persons = PersonWatch(robot, world)
         self.inbox = Inbox()
         self._tunings: deque[tuple[str, str, float]] = deque()
         self._base_height_m = robot.base_height_m
@@ -191,8 +203,35 @@ class SimPlatform:
 
     @property
     def crushed(self) -> set[int]:
-        """Crops that got under a wheel, as indices into the world's plants."""
+        """Crops that the robot crushed, as indices into the world's plants."""
         return self._damage.crushed
+
+    @property
+    def brushed(self) -> set[int]:
+        """Crops whose leaves the robot touched and that live, as indices."""
+        return self._damage.brushed
+
+    def restore_plants(self, crushed_by: Mapping[int, Part], treated: Sequence[int]) -> None:
+        """Let plants lie that earlier runs of the job crushed, or took with the implement."""
+        for index, part in crushed_by.items():
+            self._plants.crush(index, 0.0, part, 0.0)
+        if self._robot.implement is not None and self._robot.implement.cuts_plants:
+            for index in treated:
+                self._plants.cut(index, 0.0, 0.0)
+
+    @property
+    def plants(self) -> PlantStates:
+        """What has become of all plants; nothing but the simulator may change it."""
+        return self._plants
+
+    @property
+    def person_distance_min_m(self) -> float | None:
+        """How near the robot's outline came to that of a person; None where there is nobody."""
+        return self._persons.least_m
+
+    def find_touched(self) -> str | None:
+        """Return the name of the obstacle or walker that the robot touches, None if none."""
+        return self._physics.find_touched()
 
     @property
     def treated(self) -> dict[int, float]:
@@ -221,6 +260,24 @@ class SimPlatform:
         self._damage.update(end_s, before, after)
         self._implement.update(end_s, before, after, end_s - start_s)
         self._physics.pull(self._implement.pull())
+        if self._persons.has_persons:
+            truth = self.truth()
+            self._persons.update(end_s, truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
+        if end_s - self._treated_s >= TREATED_EVERY_S:
+            self._treated_s = end_s
+            self._note_treated()
+
+    def _note_treated(self) -> None:
+        """Let the plants know what the implement has done to them."""
+        spec = self._robot.implement
+        if spec is None or not (spec.cuts_plants or spec.wets_ground):
+            return
+        yaw_rad = read_roll_pitch_yaw(self._physics.history[-1])[2]
+        for index, t_s in self._implement.treated.items():
+            if spec.cuts_plants:
+                self._plants.cut(index, t_s, yaw_rad)
+            else:
+                self._plants.spray(index, t_s)
 
     def _read_bumper(self, t_s: float) -> tuple[BumperSample, ...]:
         place = self._physics.find_contact_body_m()
@@ -230,7 +287,12 @@ class SimPlatform:
 
 
 def _make_camera(
-    config: RunConfig, robot: RobotSpec, world: WorldSpec, physics_step_ns: int
+    config: RunConfig,
+    robot: RobotSpec,
+    world: WorldSpec,
+    physics_step_ns: int,
+    plants: PlantStates,
+    ground: GroundSurface,
 ) -> tuple[CameraSensor | None, SampledSensor[CameraFrame] | None]:
     if not config.perception.enabled:
         return None, None
@@ -240,5 +302,8 @@ def _make_camera(
             "set perception.enabled=false or add a camera to its description"
         )
     noise = make_stream(config.seed, "camera") if config.sim.camera_noise else None
-    feed = CameraSensor(robot, robot.camera, world, noise, has_body=config.sim.camera_body)
+    feed = CameraSensor(
+        robot, robot.camera, world, noise, has_body=config.sim.camera_body, plants=plants,
+        keeps_weeds=config.sim.preset == "kind", ground=ground,
+    )  # fmt: skip
     return feed, SampledSensor(feed, config.perception.camera_rate_hz, physics_step_ns)

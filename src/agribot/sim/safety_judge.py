@@ -27,6 +27,7 @@ class SafetyScore(msgspec.Struct, frozen=True, kw_only=True):
     outside_m_max: float = 0.0
     stop_distance_m_max: float = 0.0
     crushed_after_fault: int | None = None
+    person_distance_min_m: float | None = None  # between outlines; None where there is nobody
 
 
 class SafetyState(msgspec.Struct, frozen=True, kw_only=True):
