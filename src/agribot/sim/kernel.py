@@ -25,7 +25,7 @@ TINY = 1e-9
 # Below these speeds over ground the resistance of soil fades out, and a standing wheel sinks in.
 COMPACTION_FADE_MPS = 0.02
 SINKING_S = 0.05
-MOST_SLIP = 0.2  # of the law of slip sinkage; beyond, assumed, it digs no deeper
+MOST_SLIP = 0.5  # of the law of slip sinkage; beyond, assumed, it digs no deeper
 MOST_SHEAR = 4.0  # times K: more displacement changes nothing
 # A rut is pressed so many cells behind the hub, beyond what the wheel itself stands on.
 RUT_BEHIND, RUT_HALF, RUT_EVERY = 3.2, 0.75, 0.25
