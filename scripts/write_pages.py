@@ -7,6 +7,7 @@ from pathlib import Path
 
 import architecture_page
 import commands_page
+import faults_page
 import mission_page
 import python_page
 import settings_page
@@ -18,6 +19,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "CONTRIBUTING.md": architecture_page.contributing,
     "docs/architecture.md": architecture_page.page,
     "docs/commands.md": commands_page.page,
+    "docs/faults.md": faults_page.page,
     "docs/field-file.md": settings_page.field_page,
     "docs/mission.md": mission_page.page,
     "docs/python.md": python_page.page,

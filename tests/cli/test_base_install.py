@@ -59,6 +59,8 @@ COMMANDS = {
     "sweep": ("--seeds 1 --out {out}/sweep", "sim"),
     "bench sim": ("--only physics_rtf", "sim"),
     "bench missions": ("--profiles farm --seeds 1 --out {out}/missions", "sim"),
+    "bench ground": ("--soil firm", "sim"),
+    "bench faults": ("--seeds 1 --out {out}/faults", "sim"),
     "bench perception": ("--frames 1", "train"),
     "bench closed-loop": ("--seconds 1", "sim"),
     "bench ui": ("--seconds 1", "sim"),

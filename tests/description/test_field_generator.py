@@ -18,7 +18,7 @@ from agribot.core.errors import DescriptionError
 from agribot.core.geo import MapFrame
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.robot import Shape
-from agribot.core.world import Obstacle, Plant, Soil, WorldSpec
+from agribot.core.world import Obstacle, Plant, Soil, SoilStrength, WorldSpec
 from agribot.description.field_generator import PACKAGED, compute_row_offsets_m, generate_field
 from agribot.description.field_settings import (
     CropSettings,
@@ -297,6 +297,48 @@ def test_litter_and_tracks_of_a_plan_survive_the_file(tmp_path: Path) -> None:
     expected = sorted(row + side for row in (1.0, 2.0, 3.0) for side in (-0.39, 0.39))
     assert middles == pytest.approx(expected, abs=1e-6)
     assert {round(tile.y_max_m - tile.y_min_m, 6) for tile in tracks} == {6.0}
+
+
+def test_how_a_plans_soil_carries_survives_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "plan.toml"
+    file.write_text('[soil]\nsoil_class = "tilled"\nmoisture_ratio = 0.3\n[rows]\nlength_m = 3.0\n')
+    field = generate_field(read_field_settings(file), 0)
+    write_world(field, tmp_path / "x.world")
+    again = load_world(str(tmp_path / "x.world"))
+    told = SoilStrength(soil_class="tilled", moisture_ratio=0.3)
+    assert again.strength == field.strength == told
+    assert load_world("beet").strength == SoilStrength()
+
+
+@pytest.mark.parametrize(
+    ("attribute", "refusal"),
+    [
+        ('soil_class="mud"', "soil_class: 'mud': use rigid, firm, tilled, soft"),
+        ('moisture_ratio="2"', "moisture_ratio: 2 must be from 0 to 1"),
+        ('depth_m="0.1"', "depth_m: use soil_class, moisture_ratio"),
+    ],
+)
+def test_impossible_soil_of_a_world_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], attribute: str, refusal: str
+) -> None:
+    text = (ROOT / "worlds" / "empty.world").read_text("utf-8")
+    file = tmp_path / "x.world"
+    tag = f"<agribot:strength {attribute}/><gravity>"
+    file.write_text(text.replace("<gravity>", tag), "utf-8")
+    assert main(["world", "check", str(file)]) == 2
+    said = capsys.readouterr().err.strip()
+    assert refusal in said and len(said.splitlines()) == 1
+
+
+def test_impossible_soil_of_a_plan_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "plan.toml"
+    for line, word in (('soil_class = "mud"', "mud"), ("moisture_ratio = 1.5", "<= 1")):
+        file.write_text(f"[soil]\n{line}\n")
+        assert main(["world", "generate", str(file), "-o", str(tmp_path / "x.world")]) == 2
+        said = capsys.readouterr().err.strip()
+        assert word in said and len(said.splitlines()) == 1
 
 
 def test_tracks_beside_bent_rows_are_refused() -> None:

@@ -138,6 +138,19 @@ def test_a_robot_of_bare_links_drives_on_usual_values(tmp_path: Path) -> None:
     assert _drive(robot, 0.3, 0.0)[0] == pytest.approx(0.3, rel=0.03)
 
 
+def test_motors_that_nobody_told_fit_the_mass_and_the_wheels(tmp_path: Path) -> None:
+    own, robot = load_robot(), load_robot(_file(tmp_path, BODY + _wheels()))
+    mass = robot.mass_kg / own.mass_kg
+    size = robot.drive.wheel_radius_m / own.drive.wheel_radius_m
+    # The voltage at a speed over ground is the same, and currents grow with the mass.
+    constants = [drive.torque_constant_nmpa for drive in (own.drive, robot.drive)]
+    assert constants[1] == pytest.approx(size * constants[0], rel=1e-3)
+    assert robot.drive.winding_ohm == pytest.approx(own.drive.winding_ohm / mass, rel=1e-3)
+    assert robot.drive.gear_efficiency_ratio == own.drive.gear_efficiency_ratio
+    assert robot.drive.wheel_torque_nm == robot.drive.torque_nm
+    assert robot.drive.no_load_a == pytest.approx(own.drive.no_load_a * mass, rel=1e-3)
+
+
 def test_four_of_six_wheels_drive(tmp_path: Path) -> None:
     middle = "".join(
         WHEEL.format(name=n, shape=CYLINDER, axis="0 1 0", parent="base_link", x=0.0, y=y)

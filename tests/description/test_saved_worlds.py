@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from agribot.core.messages import DriveCommand
-from agribot.core.world import WorldSpec
+from agribot.core.world import WorldSpec, is_person
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
 from agribot.sim.physics import Physics
@@ -201,3 +201,39 @@ def test_a_saved_person_stops_the_robot_and_is_felt(tmp_path: Path) -> None:
         physics.advance(50)
         touched = touched or physics.find_contact_body_m() is not None
     assert touched and physics.history[-1, POSITION][0] < 1.5
+
+
+@pytest.mark.parametrize(
+    ("uri", "kind"),
+    [
+        ("model://male_visitor_2", "person_standing"),
+        ("https://fuel.gazebosim.org/1.0/OpenRobotics/models/Casual female", "person_standing"),
+        ("https://fuel.gazebosim.org/1.0/x/models/WalkingPerson", "person_walking"),
+        ("model://old_farmhouse", "house"),
+        ("model://apple_tree", "oak"),
+        ("model://brown_cow", "dog"),
+    ],
+)
+def test_the_words_of_an_absent_model_choose_what_stands_in(
+    tmp_path: Path, uri: str, kind: str
+) -> None:
+    file = tmp_path / "w.world"
+    ground = "<include><uri>model://ground_plane</uri></include>"
+    one = f"<include><uri>{uri}</uri><pose>5 1 0 0 0 0</pose></include>"
+    file.write_text(f"<sdf version='1.9'><world name='w'>{ground}{one}</world></sdf>")
+    world = load_world(str(file))
+    (thing,) = (obstacle for obstacle in world.obstacles if obstacle.collides)
+    assert thing.name == uri.rpartition("/")[2]
+    assert thing.kind == kind and is_person(thing.kind) == kind.startswith("person")
+    highest_m = max(shape.origin.xyz_m[2] for shape in thing.shapes)
+    assert highest_m > (0.4 if kind == "dog" else 1.4)
+    assert any(f"the packaged '{kind}' stands in" in warning for warning in world.warnings)
+
+
+def test_an_absent_model_of_no_known_kind_is_still_a_box(tmp_path: Path) -> None:
+    file = tmp_path / "w.world"
+    includes = "<include><uri>model://{}</uri><pose>5 {} 0 0 0 0</pose></include>"
+    two = includes.format("vegetable_crate", 1) + includes.format("ground_plane", 0)
+    file.write_text(f"<sdf version='1.9'><world name='w'>{two}</world></sdf>")
+    (crate,) = load_world(str(file)).obstacles
+    assert [shape.kind for shape in crate.shapes] == ["box"]

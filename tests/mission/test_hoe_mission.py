@@ -22,7 +22,7 @@ def test_the_hoe_works_a_row_of_the_farm_and_cuts_no_crop(tmp_path: Path) -> Non
     lines = {line.name: line.value for line in report.implement.lines}
     assert lines["hoed"] == pytest.approx(report.implement.worked_m2, rel=0.05)
     assert lines["blade lifts"] >= 9  # for three crops and more, and at the end
-    assert not report.safety.stops and not report.safety.faults  # the draught is no fault
+    assert not report.safety.stops and not report.safety.noticed  # the draught is no fault
     assert report.tracking.xte_p95_m is not None and report.tracking.xte_p95_m < 0.04
     down = [tick for tick in read_ticks(out / "run.mcap") if tick.command.implement.is_on]
     assert all(tick.command.drive.v_mps > 0.0 for tick in down)

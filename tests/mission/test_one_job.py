@@ -16,6 +16,7 @@ from agribot.autonomy.weeds.track import Track
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.record.report import Report, read_report
+from agribot.sim.underside import Part
 
 SETTINGS = ["perception.enabled=false", 'sim.sensors="rtk"', "seed=1",
             "field.row_count=2", "field.row_length_m=3"]  # fmt: skip
@@ -60,7 +61,7 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> Job:
             if round(record.batch.t_s, 2) == 13.0:
                 seen = (weed(4, -5.0, 3.0, None), weed(9, 0.8, 2.5, 12.5))
                 session.weed_map.restore(seen)
-                session.simulator._damage._hit_s[CRUSHED] = 13.0
+                session.simulator.plants.crush(CRUSHED, 13.0, Part.WHEEL, 0.0)
             if record.batch.t_s > 16.0:
                 break
     go_on(folder, "a", "b", until_s=12.0)
@@ -88,7 +89,7 @@ def test_time_distance_rows_and_errors_are_those_of_the_whole_job(job: Job) -> N
 def test_what_happened_in_the_first_run_counts_in_the_last(job: Job) -> None:
     assert job.last.tracking.plants_crushed == 1
     assert not job.last.ok
-    assert "1 crop plants were crushed" in job.last.reason
+    assert "1 crop plants were crushed by wheels" in job.last.reason
     first, second, third = job.last.job.runs if job.last.job else ()
     assert [Path(run.folder).name for run in (first, second, third)] == ["a", "b", "c"]
     assert first.run_s == pytest.approx(16.0, abs=1.1)

@@ -66,7 +66,7 @@ def drive(
         place = {"spawn_xy_map_m": (-1.0, aside_m), "spawn_yaw_map_rad": 0.0}
         return msgspec.structs.replace(load_run_world(settings), **place)
 
-    monkeypatch.setattr("agribot.app.simulated_run.load_run_world", shifted)
+    monkeypatch.setattr("agribot.app.run_world.load_run_world", shifted)
     with simulate(config.load("rows-10x12", SETTINGS), folder) as session:
         session.stack.perception = CameraOnPaper(session)
         *_, last = session.ticks()

@@ -111,7 +111,7 @@ def test_the_robot_drives_on_and_it_is_said_at_once(
     assert 0.5 < told[0] < 8.0
     assert "recording ended early" in told[1]
     assert "the robot drives on" in told[1]
-    (fault,) = [f for f in report.safety.faults if "recording" in f.reason]
+    (fault,) = [f for f in report.safety.noticed if "recording" in f.reason]
     assert fault.t_s == pytest.approx(told[0], abs=0.05)
     assert report.reason == "stopped after 9 s, as asked"
     assert read_report(tmp_path / "run" / "report.json") == report

@@ -47,6 +47,7 @@ CONTRACT: dict[str, Any] = {
     ],
     "tracking": [
         "xte_rms_m", "xte_p95_m", "xte_max_m", "heading_rms_rad", "plants_total", "plants_crushed",
+        "plants_crushed_by", "plants_brushed",
     ],
     "estimate": ["pos_rms_m", "yaw_rms_rad", "nees_mean"],
     "perception": ["frames", "fps_cpu", "latency_p95_s", "iou", "miou"],
@@ -54,10 +55,15 @@ CONTRACT: dict[str, Any] = {
         "truth", "mapped", "matched", "precision", "recall", "f1", "pos_error_median_m", "treated",
         "treated_true", "crops_hit", "spray_area_ratio",
     ],
-    "safety": ["stops", "faults"],
+    "safety": [
+        "stops", "noticed", "faults", "outside_m_max", "stop_distance_m_max",
+        "crushed_after_fault", "person_distance_min_m",
+    ],
     "marks": None,
     "job": None,
     "implement": None,
+    "preset": None,
+    "conditions": None,
 }  # fmt: skip
 NASTY = '<script>alert("x")</script> & more'
 
@@ -113,7 +119,11 @@ def test_what_nobody_measured_is_null() -> None:
     found = json.loads(to_json(report))
     assert found["time"] == {"sim_s": 12.0, "wall_s": None, "cpu_s": None, "rtf_cpu": None}
     assert set(found["weeds"].values()) == {None}
-    assert found["safety"] == {"stops": [], "faults": []}
+    assert found["safety"] == {
+        "stops": [], "noticed": [], "faults": [], "outside_m_max": None,
+        "stop_distance_m_max": None, "crushed_after_fault": None,
+        "person_distance_min_m": None,
+    }  # fmt: skip
 
 
 def test_a_report_is_read_back_as_it_was_written(tmp_path: Path) -> None:

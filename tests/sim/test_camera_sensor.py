@@ -18,9 +18,11 @@ from agribot.core.robot import CameraSpec, Origin, RobotSpec, Shape
 from agribot.core.world import Light, Plant, WorldSpec
 from agribot.sim.attitude import read_base_pose
 from agribot.sim.camera_sensor import KEPT_MASKS, CameraSensor
+from agribot.sim.plant_states import PlantStates
 from agribot.sim.platform import SimPlatform
 from agribot.sim.random_streams import make_stream
 from agribot.sim.state import HISTORY_COLUMNS
+from agribot.sim.underside import Part
 from tests.waiting import PATIENCE_S
 
 MAST_M, TILT_RAD = 0.5, math.radians(40.0)
@@ -218,3 +220,55 @@ def test_nothing_is_left_to_compile_when_a_run_begins(tmp_path: Path) -> None:
     command = [sys.executable, "-c", COMPILED_LATE, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S)
     assert done.stdout.strip() == "True set()"
+
+
+def _look(feed: CameraSensor, t_s: float, row: FloatArray) -> tuple[ByteArray, ByteArray]:
+    seen = feed.sample(t_s, row)
+    mask = feed.truth_mask(seen.index)
+    assert mask is not None
+    return seen.image_rgb, mask
+
+
+def test_a_crop_that_was_crushed_lies_along_the_way_of_the_wheel_and_its_label_with_it(
+    seeing: RobotSpec, garden: WorldSpec
+) -> None:
+    grown = msgspec.structs.replace(garden.plants[0], size_m=0.15)
+    garden = msgspec.structs.replace(garden, plants=(grown,))
+    states, row = PlantStates(1), _row(seeing, 1.2, 1.2, (0.0, 0.0, 0.0))
+    feed = CameraSensor(seeing, _camera(seeing), garden, None, plants=states)
+    image, mask = _look(feed, 1.0, row)
+    untouched = _look(CameraSensor(seeing, _camera(seeing), garden, None), 1.0, row)
+    np.testing.assert_array_equal(image, untouched[0])
+    states.crush(0, 1.5, Part.WHEEL, math.pi / 2)  # a wheel that went to the left
+    flat_image, flat_mask = _look(feed, 2.0, row)
+    upright, flat = (np.nonzero(m == PlantClass.CROP) for m in (mask, flat_mask))
+    assert flat[1].mean() < upright[1].mean() - 1.0  # columns: to the left
+    assert flat[0].min() > upright[0].min() + 2  # rows: its top is lower
+    changed = (image != flat_image).any(axis=2)
+    assert changed[flat_mask != mask].mean() > 0.95
+    _, later_mask = _look(feed, 3000.0, row)
+    later_image = feed.sample(3000.0, row).image_rgb
+    np.testing.assert_array_equal(later_mask, flat_mask)
+    green = (flat_mask == PlantClass.CROP) & (later_mask == PlantClass.CROP)
+    assert later_image[green].mean() < flat_image[green].mean() - 5.0  # it wilts
+
+
+def test_a_weed_that_was_run_over_lies_in_the_picture_where_the_world_is_not_kind(
+    seeing: RobotSpec, garden: WorldSpec
+) -> None:
+    weed = msgspec.structs.replace(garden.plants[0], plant=PlantClass.WEED, species="thistle")
+    garden = msgspec.structs.replace(garden, plants=(weed,))
+    row = _row(seeing, 1.2, 1.2, (0.0, 0.0, 0.0))
+
+    def look(*, keeps_weeds: bool) -> tuple[ByteArray, ByteArray]:
+        states = PlantStates(1)
+        states.cut(0, 0.5, 0.0)
+        feed = CameraSensor(
+            seeing, _camera(seeing), garden, None, plants=states, keeps_weeds=keeps_weeds
+        )
+        return _look(feed, 1.0, row)
+
+    untouched = _look(CameraSensor(seeing, _camera(seeing), garden, None), 1.0, row)
+    np.testing.assert_array_equal(look(keeps_weeds=True)[0], untouched[0])
+    lying = look(keeps_weeds=False)[1]
+    assert (lying == PlantClass.WEED).any() and not np.array_equal(lying, untouched[1])

@@ -17,7 +17,7 @@ from agribot.core.implement.kind import ImplementEffect
 from agribot.core.messages import FloatArray, ImplementCommand, PlantClass
 from agribot.core.robot import RobotSpec
 from agribot.core.world import Plant, WorldSpec
-from agribot.sim.field_effects import CropDamage
+from agribot.sim.field_effects import PlantDamage
 from agribot.sim.footprints import Footprints, build_plant_grid, mark_swept
 from agribot.sim.implements.kinds import fit_effect
 from agribot.sim.state import HISTORY_COLUMNS
@@ -40,7 +40,7 @@ def _world(world: WorldSpec, plants: Sequence[Plant]) -> WorldSpec:
     return msgspec.structs.replace(world, plants=tuple(plants))
 
 
-def _drive(damage: CropDamage, robot: RobotSpec, y_m: float, tick_m: float) -> set[int]:
+def _drive(damage: PlantDamage, robot: RobotSpec, y_m: float, tick_m: float) -> set[int]:
     """Straight along East from -2 m to 2 m."""
     places = np.arange(-2.0, 2.0, tick_m)
     for k, (start, end) in enumerate(itertools.pairwise(places.tolist())):
@@ -55,16 +55,16 @@ def test_crops_under_the_wheel_tracks_are_crushed_and_no_others(
     # Wheel centre at 0.3908 m, 5 cm wide, stem 1 cm: 0.3558 .. 0.4258 m.
     lateral_m = [0.0, 0.35, 0.36, 0.39, 0.42, 0.43, -0.35, -0.36, -0.42, -0.43]
     world = _world(meadow, [_plant(0.013 * k, y) for k, y in enumerate(lateral_m)])
-    assert _drive(CropDamage(rover, world), rover, 0.0, tick_m) == {2, 3, 4, 7, 8}
+    assert _drive(PlantDamage(rover, world), rover, 0.0, tick_m) == {2, 3, 4, 7, 8}
 
 
 def test_weeds_are_not_crop_damage(rover: RobotSpec, meadow: WorldSpec) -> None:
     world = _world(meadow, [_plant(0.0, 0.39, PlantClass.WEED), _plant(0.5, 0.39)])
-    assert _drive(CropDamage(rover, world), rover, 0.0, 0.016) == {1}
+    assert _drive(PlantDamage(rover, world), rover, 0.0, 0.016) == {1}
 
 
 def test_a_field_without_crops_has_no_damage(rover: RobotSpec, meadow: WorldSpec) -> None:
-    assert _drive(CropDamage(rover, meadow), rover, 0.0, 0.1) == set()
+    assert _drive(PlantDamage(rover, meadow), rover, 0.0, 0.1) == set()
 
 
 def test_turning_on_the_spot_crushes_what_the_wheels_sweep(
@@ -73,7 +73,7 @@ def test_turning_on_the_spot_crushes_what_the_wheels_sweep(
     radius_m = math.hypot(0.2519, 0.3908)
     ring = [_plant(radius_m * math.cos(a), radius_m * math.sin(a)) for a in (0.1, 1.7, 3.0, 5.0)]
     world = _world(meadow, [*ring, _plant(0.0, 0.0), _plant(0.6, 0.0)])
-    damage = CropDamage(rover, world)
+    damage = PlantDamage(rover, world)
     for k in range(320):
         damage.update(0.02 * k, _at(rover, 0, 0, 0.01 * k), _at(rover, 0, 0, 0.01 * (k + 1)))
     assert damage.crushed == {0, 1, 2, 3}
@@ -83,7 +83,7 @@ def test_a_wheel_that_skids_sideways_crushes_what_is_between(
     rover: RobotSpec, meadow: WorldSpec
 ) -> None:
     world = _world(meadow, [_plant(0.2519, 0.57), _plant(0.2519, 0.65)])
-    damage = CropDamage(rover, world)
+    damage = PlantDamage(rover, world)
     damage.update(0.02, _at(rover, 0.0, 0.0), _at(rover, 0.0, 0.2))
     assert damage.crushed == {0}
 

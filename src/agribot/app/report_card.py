@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 
+from agribot.app.fault_verdict import judge_faults
 from agribot.app.judge import Judge
 from agribot.app.whole_job import JobSoFar, WholeJob
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig
 from agribot.core.messages import MissionStatus, Row, TickRecord
+from agribot.core.platforms import find_platform
 from agribot.core.robot import RobotSpec
 from agribot.core.version import __version__
 from agribot.record.events import Event, EventKind, EventLog
@@ -45,6 +47,8 @@ class EndedRun(Protocol):
     rows_before: tuple[int, ...]  # done in earlier runs of which nothing else is known
 
     @property
+    def conditions(self) -> dict[str, Any] | None: ...
+    @property
     def weed_map(self) -> WeedMap: ...
     @property
     def rows(self) -> tuple[Row, ...]: ...
@@ -65,7 +69,7 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
     events = drive.job.events(drive.event_log.events)
     tracking = TrackingReport()
     if judge is not None:
-        tracking = _same_fields(judge.score_tracking(), TrackingReport)
+        tracking = msgspec.convert(msgspec.to_builtins(judge.score_tracking()), TrackingReport)
     ok = bool(mission.success) and not tracking.plants_crushed and not why_ended
     return Report(
         profile=config.profile,
@@ -88,11 +92,11 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         perception=_perception(drive, job),
         weeds=_weeds(drive, job, kept),
         implement=_implement(drive, job, kept),
-        safety=SafetyReport(
-            stops=_select_events(events, "stop"), faults=_select_events(events, "fault")
-        ),
+        safety=_safety(drive, events),
         marks=_select_events(events, "mark"),
         job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,
+        preset=config.sim.preset if find_platform(config.platform).is_simulated else None,
+        conditions=drive.conditions,
     )
 
 
@@ -114,8 +118,19 @@ def _reason(status: MissionStatus | None, mission: MissionReport, tracking: Trac
     if tracking.plants_crushed is None:
         return f"{done} of {total} {kind}, as the robot believes"
     if tracking.plants_crushed:
-        return f"{done} of {total} {kind}, but {tracking.plants_crushed} crop plants were crushed"
+        crushed = f"{tracking.plants_crushed} crop plants were crushed{_blame(tracking)}"
+        return f"{done} of {total} {kind}, but {crushed}"
     return f"{done} of {total} {kind}, no plant crushed"
+
+
+def _blame(tracking: TrackingReport) -> str:
+    """Tell what crushed them: " by the belly", " (4 by wheels, 2 by the belly)"."""
+    by = tracking.plants_crushed_by
+    words = ("wheels", by.wheel), ("the belly", by.belly), ("the implement", by.implement)
+    found = [(what, count) for what, count in words if count]
+    if len(found) == 1:
+        return f" by {found[0][0]}"
+    return f" ({', '.join(f'{count} by {what}' for what, count in found)})" if found else ""
 
 
 def _objection(log: EventLog, status: MissionStatus | None) -> str:
@@ -210,11 +225,24 @@ def _implement(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> Impleme
     )
 
 
+def _safety(drive: EndedRun, events: Sequence[Event]) -> SafetyReport:
+    safety = SafetyReport()
+    if drive.judge is not None:
+        safety = _same_fields(drive.judge.score_safety(), SafetyReport)
+    return msgspec.structs.replace(
+        safety,
+        stops=_select_events(events, "stop"),
+        noticed=_select_events(events, "fault"),
+        faults=judge_faults(drive.config.faults, events),
+    )
+
+
 def _select_events(events: Sequence[Event], kind: EventKind) -> tuple[SafetyEvent, ...]:
     return tuple(SafetyEvent(t_s=e.t_s, reason=e.reason) for e in events if e.kind == kind)
 
 
 def _same_fields(source: msgspec.Struct, kind: type[Kind]) -> Kind:
     return msgspec.convert(
-        {name: getattr(source, name, None) for name in kind.__struct_fields__}, kind
+        {name: getattr(source, name) for name in kind.__struct_fields__ if hasattr(source, name)},
+        kind,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from typing import Self
+from typing import Any, Self
 
 import msgspec
 
@@ -136,6 +136,11 @@ class Run:
     @property
     def truth(self) -> Callable[[], TrueState] | None:
         """Where the robot really is, for those who show it; None where nobody knows."""
+        return None
+
+    @property
+    def conditions(self) -> dict[str, Any] | None:
+        """What was drawn of the simulated world, for the report; None of a real one."""
         return None
 
     @property

@@ -101,6 +101,11 @@ class RunRecording:
         if self._recorder is not None:
             self._recorder.attach(name, media_type, data)
 
+    def fill_disk(self, *, is_full: bool) -> None:
+        """Let the disk count as full, as a fault."""
+        if self._recorder is not None:
+            self._recorder.fill_disk(is_full=is_full)
+
     def close(self) -> None:
         """Safe to call twice."""
         if self._recorder is not None:

@@ -20,6 +20,7 @@ from agribot.core.config import RunConfig
 from agribot.core.messages import MapPoint
 from agribot.core.robot import RobotSpec
 from agribot.description.loader import load_robot
+from agribot.sim.faults.schedule import read_faults
 
 PLAN_FILE = "plan.geojson"
 
@@ -70,6 +71,7 @@ def prepare_run(
     if plan_text:
         config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
     described = load_robot(config.robot)
+    read_faults(config, has_camera=described.camera is not None, began_s=earlier.sim_s)
     robot = apply_calibration(described, config.calibration)
     text = plan_text or read_plan_text(config)
     return RunSetup(

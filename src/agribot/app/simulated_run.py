@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from agribot.app import whole_job
 from agribot.app.run import Run
 from agribot.app.run_setup import RunSetup, prepare_run
+from agribot.app.run_world import make_run_world
+from agribot.app.truth_log import TruthLog
 from agribot.app.whole_job import JobSoFar
+from agribot.autonomy.perception_host import PerceptionHost
 from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.plan.task import Task
 from agribot.core.config import RunConfig
-from agribot.core.messages import TickRecord
+from agribot.core.messages import FloatArray, TickRecord
 from agribot.core.platform import TrueState
 from agribot.core.world import WorldSpec
-from agribot.description.worlds_sdf import load_run_world
+from agribot.record.events import Event
 from agribot.record.series import RunData
 
 if TYPE_CHECKING:
+    from agribot.sim.faults.layer import FaultLayer
     from agribot.sim.platform import SimPlatform
     from agribot.sim.referee import Referee
 
@@ -40,15 +45,31 @@ class SimulatedRun(Run):
         from agribot.sim.platform import SimPlatform
         from agribot.sim.referee import Referee
 
-        self.world = _world(setup)
+        made = make_run_world(setup.config)
+        self.world = _place_robot(made.world, setup)
+        self._drawn = made.conditions
         self.simulator = SimPlatform(
-            setup.config, setup.described, self.world, board=setup.robot.drive
+            setup.config,
+            made.alter_robot(setup.described),
+            self.world,
+            board=setup.robot.drive,
+            began_s=setup.earlier.sim_s,
         )
         stack = setup.build_stack()
         task = stack.mission.task
-        self.referee = Referee(self.simulator, self.world, tuple(task.rows), tuple(task.waypoints))
+        self.referee = Referee(
+            self.simulator,
+            self.world,
+            tuple(task.rows),
+            tuple(task.waypoints),
+            _find_boundary(task, setup.config),
+            made.find_true_row,
+        )
+        if self.simulator.faults is not None:
+            stack.perception = self._let_hang(stack.perception, self.simulator.faults)
         stack.mask_taps.append(self.referee.judge_mask)
-        taps = (self._show_truth, self.referee)
+        truth_log = TruthLog(self.simulator, self.world, self._log)
+        taps = (self._show_truth, self.referee, truth_log)
         super().__init__(setup, self.simulator, stack, taps, self.referee)
 
     @property
@@ -56,17 +77,45 @@ class SimulatedRun(Run):
         return self.simulator.truth
 
     @property
+    def conditions(self) -> dict[str, Any] | None:
+        return None if self._drawn is None else msgspec.to_builtins(self._drawn)
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         return (*self.world.warnings, *super().warnings)
 
+    def _let_hang(self, perception: PerceptionHost, layer: FaultLayer) -> PerceptionHost:
+        """Put what hangs the network between the stack and the network."""
+        faults = [fault for fault in layer.faults if fault.name == "network.hung"]
+        if not faults:
+            return perception
+        from agribot.sim.faults.pictures import HungNetwork
+
+        return HungNetwork(perception, faults, lambda: self.simulator.truth().t_s)
+
+    def _note_faults(self, t_s: float, layer: FaultLayer) -> None:
+        """Log what begins and ends; the robot itself is not told."""
+        for fault, is_on, words in layer.take_changes():
+            self.event_log.add(Event(t_s=t_s, kind="injected", reason=words))
+            if is_on:
+                self.referee.note_fault()
+            if fault.name == "disk.full":
+                self.recording.fill_disk(is_full=is_on)
+
     def _show_truth(self, record: TickRecord) -> None:
+        if self.simulator.faults is not None:
+            self._note_faults(record.batch.t_s, self.simulator.faults)
         truth = self.simulator.truth()
         pose = (truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
         self._series.truth(record.batch.t_s, pose)
         self.recording.truth(record.batch.t_s, pose, (truth.v_mps, truth.yaw_rate_radps))
 
+    def _log(self, event: Event) -> None:
+        self.event_log.add(event)
+
     def _data(self) -> RunData:
-        return msgspec.structs.replace(super()._data(), world=self.world)
+        crushed = tuple(sorted(self.referee.crushed))
+        return msgspec.structs.replace(super()._data(), world=self.world, crushed=crushed)
 
 
 def simulate(
@@ -80,9 +129,18 @@ def simulate(
     return SimulatedRun(prepare_run(config, out_dir, saved, earlier, plan_text))
 
 
-def _world(setup: RunSetup) -> WorldSpec:
-    """Load the world of the settings; a robot that goes on stands in it where it was left."""
-    world, saved = load_run_world(setup.config), setup.saved
+def _find_boundary(task: Task, config: RunConfig) -> FloatArray | None:
+    """Return the edge of the field, or of the ground that its rows and their headland take."""
+    from agribot.sim.safety_judge import find_boundary
+
+    if task.bounds is not None:
+        return task.bounds.rings_map_m[0]
+    return find_boundary(task.rows, config.field.start_map_m, config.mission.headland_m)
+
+
+def _place_robot(world: WorldSpec, setup: RunSetup) -> WorldSpec:
+    """Put a robot that goes on where it was left."""
+    saved = setup.saved
     if saved is None:
         return world
     return msgspec.structs.replace(

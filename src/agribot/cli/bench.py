@@ -22,6 +22,16 @@ BENCHMARKS = {
         "whole missions in the full simulator: profiles, receivers, seeds, with pixels and network",
         "agribot bench missions --profiles farm --seeds 1-2 --out runs/missions",
     ),
+    "ground": (
+        "agribot.cli.bench_ground",
+        "drive slopes of soil: power, slip, side slip, turning, shaking",
+        "agribot bench ground --soil tilled --json",
+    ),
+    "faults": (
+        "agribot.cli.bench_faults",
+        "let one thing go wrong in each drive: noticed, how soon, what was done, what it cost",
+        "agribot bench faults --faults gnss.jump,motor.dead --seeds 1 --no-camera",
+    ),
     "perception": (
         "agribot.cli.bench_perception",
         "time every network end to end, the original's beside them",

@@ -19,6 +19,7 @@ from agribot.core.errors import AgribotError
 SHORT = {
     "sim": ("agribot.cli.bench_sim", ()),
     "nav": ("agribot.cli.bench_nav", ("--seeds", "20000-20019")),
+    "ground": ("agribot.cli.bench_ground", ()),
     "perception": ("agribot.cli.bench_perception", ("--frames", "10")),
     "closed-loop": (
         "agribot.cli.bench_closed_loop",

@@ -12,10 +12,11 @@ from agribot.cli.sweep import drive, status
 from agribot.cli.word_list import parse_names
 from agribot.core import extras
 from agribot.core.errors import ConfigError
+from agribot.description.conditions import load_condition_preset
 from agribot.lab.bench import missions
 from agribot.lab.sweep.plan import read_seeds
 
-PROFILES = tuple(case.profile for case in missions.CASES)
+PROFILES = tuple(dict.fromkeys(case.profile for case in missions.CASES))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,8 +24,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--profiles", default=",".join(PROFILES), metavar="LIST", help="default: all, %(default)s"
     )
     parser.add_argument(
-        "--seeds", metavar="LIST", help="such as 1-3 (default: 10; 20 of rows-10x12, 5 of beet)"
+        "--seeds",
+        metavar="LIST",
+        help="such as 1-3 (default: 10; 20 of rows-10x12 and farm with rtk, 5 of beet)",
     )
+    parser.add_argument(
+        "--preset", default=missions.PRESET, metavar="NAME|FILE",
+        help="of the worlds: kind, field, hard, or a file (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument(
         "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
     )
@@ -44,7 +51,9 @@ def run(options: argparse.Namespace) -> int:
     if not 1 <= options.workers <= 1024:
         raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
     extras.require("sim", "agribot bench missions")
-    wanted = missions.list_jobs(profiles, read_seeds(options.seeds) if options.seeds else None)
+    load_condition_preset(options.preset)
+    seeds = read_seeds(options.seeds) if options.seeds else None
+    wanted = missions.list_jobs(profiles, seeds, options.preset)
     result = drive(SweepFolder(options.out.resolve(), wanted), ProcessExecutor(options.workers))
     short = missions.find_shortfalls(result["summary"])
     for line in short:

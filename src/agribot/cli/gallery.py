@@ -152,7 +152,7 @@ def _make_field(
             species=weeds, density_per_m2=density_per_m2, height_min_m=0.03, height_max_m=0.09,
             crop_distance_m=0.06, cluster_ratio=0.5,
         ),
-        soil=SoilSettings(**soil),
+        soil=msgspec.convert(soil, SoilSettings),
     )  # fmt: skip
     return _light_world(generate_field(plan, 4), light)
 

@@ -19,7 +19,6 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
 from agribot.core.messages import Row
 from agribot.core.platforms import find_platform
-from agribot.description.worlds_sdf import load_run_world
 from agribot.record.events import EventLog
 from agribot.record.report import Report
 from agribot.record.series import RunData, SeriesTap
@@ -60,6 +59,7 @@ def run(options: argparse.Namespace) -> int:
 def _read_job(recording: Path, out: Path, report: Report) -> RunData:
     """Read the recorded run, and from beside it the earlier runs of the same job."""
     from agribot.app.run_recording import PLAN_ATTACHMENT
+    from agribot.app.run_world import make_run_world
     from agribot.app.whole_job import events_later, events_of, plants_later, series_of
     from agribot.record.mcap_file import read_attachment
     from agribot.record.replay import read_config, read_ticks, read_truth, read_weed_map
@@ -88,7 +88,7 @@ def _read_job(recording: Path, out: Path, report: Report) -> RunData:
         rows=_read_rows(plan, config, recording),
         plants=plants_later(read_weed_map(recording), began_s),
         events=(*earlier_events, *events_later(events.events, began_s)),
-        world=load_run_world(config) if find_platform(config.platform).is_simulated else None,
+        world=make_run_world(config).world if find_platform(config.platform).is_simulated else None,
     )
 
 

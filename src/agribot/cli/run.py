@@ -198,7 +198,11 @@ def _format_summary(report: Report, out_dir: Path) -> str:
     if mission.rows_total is not None:
         done += f", rows {mission.rows_done}/{mission.rows_total}"
         done += f", cross-track p95 {_format_number(tracking.xte_p95_m, 100, ' cm')}"
-    lines.append(f"{done}, plants crushed {tracking.plants_crushed}/{tracking.plants_total}")
+    done += f", plants crushed {tracking.plants_crushed}/{tracking.plants_total}"
+    lines.append(done + (f", {tracking.plants_brushed} brushed" if tracking.plants_brushed else ""))
+    if report.safety.person_distance_min_m is not None:
+        nearest_m = _format_number(report.safety.person_distance_min_m, unit=" m")
+        lines.append(f"nearest to a person {nearest_m}")
     if weeds.mapped is not None:
         lines.append(
             f"weeds mapped along the rows {weeds.mapped}, true ones {weeds.truth}: "

@@ -27,6 +27,7 @@ _SHORT_FOR = {
     "seed": "seed",
     "platform": "platform",
     "sensors": "sim.sensors",
+    "preset": "sim.preset",
     "duration_s": "duration_s",
 }
 
@@ -40,10 +41,19 @@ def add_setting_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sensors", metavar="PRESET", help="legacy, seed, m8n, rtk, rtk-dual, ideal"
     )
+    parser.add_argument(
+        "--preset",
+        metavar="NAME|FILE",
+        help="how the world differs from its map and from seed to seed: kind, field, hard",
+    )
     parser.add_argument("--seed", type=seed, metavar="N", help="of all randomness (default: 0)")
     parser.add_argument(
         "--for", dest="duration_s", type=finite, metavar="SECONDS", help="stop after"
     )
+    parser.add_argument(
+        "--fault", action="append", default=[], metavar="NAME[=VALUE]@T[+SECONDS]",
+        help="let something go wrong in the simulation at T, in seconds (docs/faults.md)",
+    )  # fmt: skip
     parser.add_argument("--origin", metavar="ORIGIN", help=HELP)
     parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
 
@@ -70,13 +80,17 @@ def read_settings(
     if profile is not None:
         if options.origin is not None:
             raise ConfigError("--origin: a run that goes on keeps its map; begin another for it")
-        return config.load(profile, wanted)
+        return _add_faults(config.load(profile, wanted), options)
     own = RobotFile(home(), config.load(options.profile, wanted).robot)
     measured = own.settings()
     if measured:
         sys.stderr.write(f"measured of this robot, from {own.path}: {', '.join(measured)}\n")
     wanted = [*before, *measured, *options.set, *assigned, *after]
-    return apply_origin(config.load(options.profile, wanted), options)
+    return _add_faults(apply_origin(config.load(options.profile, wanted), options), options)
+
+
+def _add_faults(settings: RunConfig, options: argparse.Namespace) -> RunConfig:
+    return msgspec.structs.replace(settings, faults=(*settings.faults, *options.fault))
 
 
 def choose_out_dir(wanted: str | Path | None, kind: str) -> Path:

@@ -22,12 +22,14 @@ from agribot.core.errors import PlatformError
 from agribot.core.messages import RobotCommand, SensorBatch
 from agribot.core.world import WorldSpec
 from agribot.record.report import TimeReport
+from agribot.sim.faults.schedule import read_faults, refuse_faults_of
 from agribot.sim.truth import Truth
 
 if TYPE_CHECKING:
     from agribot.cli.world_bridging import WorldTap
     from agribot.record.world_recorder import WorldRecorder
 
+STACK_PARTS = ("network", "disk")  # what only a robot with a stack has
 LINE_EVERY_S = 10.0  # of the clock on the wall
 
 
@@ -82,16 +84,18 @@ class _World:
 
     def __init__(self, options: argparse.Namespace) -> None:
         from agribot.app.run_clock import Clock
+        from agribot.app.run_world import make_run_world
         from agribot.description.loader import load_robot
-        from agribot.description.worlds_sdf import load_run_world
         from agribot.sim.platform import SimPlatform
 
         self._started_s = time.monotonic()
         camera = f"perception.enabled={str(options.camera).lower()}"
         self.config = read_settings(options, before=[camera])
+        refuse_faults_of(STACK_PARTS, read_faults(self.config), "agribot sim runs no stack")
         self.robot = load_robot(self.config.robot)
-        self.world: WorldSpec = load_run_world(self.config)
-        self.platform = SimPlatform(self.config, self.robot, self.world)
+        made = make_run_world(self.config)
+        self.world: WorldSpec = made.world
+        self.platform = SimPlatform(self.config, made.alter_robot(self.robot), self.world)
         self.recorder = self._recorder(options.out) if self.config.record.enabled else None
         self.taps: list[WorldTap] = [] if self.recorder is None else [self.recorder]
         self.clock = Clock()

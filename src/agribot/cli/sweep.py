@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
 
 def drive(folder: SweepFolder, executor: Executor) -> dict[str, Any]:
     """Run what is missing, write the tables and print them; return what sweep-report.json holds."""
-    errors = _drive_all(folder, executor)
+    errors = drive_all(folder, executor)
     result = folder.write_tables(errors)
     done = f"{result['runs_ok']} of {result['runs_total']} runs good"
     files = f"{folder.path}/runs.csv, summary.csv, summary.md, sweep-report.json"
@@ -78,7 +78,7 @@ def status(result: dict[str, Any]) -> int:
     return 0 if result["runs_ok"] == result["runs_total"] else 1
 
 
-def _drive_all(folder: SweepFolder, executor: Executor) -> list[RunOutcome]:
+def drive_all(folder: SweepFolder, executor: Executor) -> list[RunOutcome]:
     """Run what is missing; return the runs that gave no report."""
     done = set(folder.read_finished())
     missing = [

@@ -138,6 +138,7 @@ def _check(options: argparse.Namespace) -> int:
         "datum": [world.datum.lat_deg, world.datum.lon_deg],
         "plants": dict(species),
         "obstacles": len(world.obstacles),
+        "walkers": len(world.walkers),
         "ground_tiles": len(world.ground),
         "terrain": None if world.terrain is None else list(world.terrain.height_m.shape),
         "warnings": list(world.warnings),

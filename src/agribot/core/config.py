@@ -52,6 +52,7 @@ class FieldConfig(Config, frozen=True):
     row_curvature_radpm: Annotated[float, msgspec.Meta(ge=-0.2, le=0.2)] = 0.0
     row_pitch_m: Positive = 1.0  # from row to row
     row_count: Annotated[int, msgspec.Meta(ge=1, le=10000)] = 6  # how many rows
+    row_map_std_m: NonNegative = 0.03  # how far rows stand off these lines, 1 sigma
     plant_spacing_m: Positive | None = None  # from plant to plant in a row; None: not regular
     # East, North and radius of what stands in the way: the pole of a base station, a well.
     obstacles_map_m: tuple[tuple[float, float, NonNegative], ...] = ()
@@ -311,7 +312,8 @@ def assign(tree: dict[str, Any], setting: str) -> None:
         if not isinstance(child, dict):
             raise ConfigError(f"--set {setting}: '{name}' is a value, not a group of settings")
         node = child
-    node[leaf] = _parse_value(text.strip())
+    value = _parse_value(text.strip())
+    node[leaf] = _list_faults(value) if key.strip() == "faults" else value
 
 
 def _parse_value(text: str) -> object:
@@ -319,6 +321,13 @@ def _parse_value(text: str) -> object:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         return text
+
+
+def _list_faults(value: object) -> object:
+    """Let faults be written without brackets: `A@1;B@2`, or `none`."""
+    if not isinstance(value, str):
+        return value
+    return [] if value == "none" else [word.strip() for word in value.split(";")]
 
 
 def read_toml(path: Path) -> dict[str, Any]:

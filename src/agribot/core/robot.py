@@ -117,6 +117,13 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     # What the motor itself gives before the gear, and what the gear leaves of it.
     motor_torque_nm: float = math.inf
     gear_efficiency_ratio: float = 1.0
+    # The motor as felt at the wheel, behind the gear: V = R I + k w, T = k (I - I0). The defaults
+    # are a 150 W motor at 10:1 (maxon RE 40, 148867) and a servo controller of its data sheet.
+    torque_constant_nmpa: float = 0.302
+    winding_ohm: float = 0.299
+    no_load_a: float = 0.137
+    controller_efficiency_ratio: float = 0.95
+    regeneration_ratio: float = 0.0  # of the power of braking that goes back into the battery
 
     @property
     def wheel_torque_nm(self) -> float:

@@ -6,11 +6,12 @@ file used. Plants are procedural: a species, a growth stage and a seed, never a 
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import msgspec
 
-from agribot.core.geo import Datum
+from agribot.core.geo import Datum, wrap_rad
 from agribot.core.messages import FloatArray, PlantClass, Row, Vec3
 from agribot.core.robot import Shape
 
@@ -41,6 +42,51 @@ class Obstacle(msgspec.Struct, frozen=True, kw_only=True):
     yaw_rad: float
     shapes: tuple[Shape, ...]
     collides: bool = True
+
+
+class Waypoint(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a walker is at a time of its walk."""
+
+    t_s: float
+    x_map_m: float
+    y_map_m: float
+    yaw_rad: float
+
+
+class Walker(msgspec.Struct, frozen=True, kw_only=True):
+    """A person or an animal that follows its waypoints, whatever stands in the way.
+
+    `kind` names the figure, such as person_walking; `shapes` are its parts. The walk begins at
+    `delay_s`; with `loops` it begins anew after its last waypoint, else it stops there.
+    """
+
+    name: str
+    kind: str
+    shapes: tuple[Shape, ...]
+    waypoints: tuple[Waypoint, ...]
+    loops: bool = True
+    delay_s: float = 0.0
+
+    def find_place(self, t_s: float) -> tuple[float, float, float]:
+        """Return x, y and yaw in the map: straight from waypoint to waypoint."""
+        points = self.waypoints
+        walked_s = max(t_s - self.delay_s, 0.0)
+        if self.loops and points[-1].t_s > 0.0:
+            walked_s = math.fmod(walked_s, points[-1].t_s)
+        after = next((k for k, point in enumerate(points) if point.t_s > walked_s), len(points))
+        start, end = points[max(after - 1, 0)], points[min(after, len(points) - 1)]
+        share = (walked_s - start.t_s) / (end.t_s - start.t_s) if end.t_s > start.t_s else 0.0
+        share = max(share, 0.0)
+        return (
+            start.x_map_m + (end.x_map_m - start.x_map_m) * share,
+            start.y_map_m + (end.y_map_m - start.y_map_m) * share,
+            wrap_rad(start.yaw_rad + wrap_rad(end.yaw_rad - start.yaw_rad) * share),
+        )
+
+
+def is_person(kind: str) -> bool:
+    """Return whether a kind of obstacle or walker is a person."""
+    return kind.lower().startswith("person")
 
 
 class GroundTile(msgspec.Struct, frozen=True, kw_only=True):
@@ -141,4 +187,5 @@ class WorldSpec(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     relief: Relief = Relief()
     plants: tuple[Plant, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
+    walkers: tuple[Walker, ...] = ()
     warnings: tuple[str, ...] = ()

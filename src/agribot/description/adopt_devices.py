@@ -24,6 +24,7 @@ from agribot.description.tags import find_extra, find_plugin, find_sensor
 
 # The packaged robot, whose drive and tyres others are scaled from.
 MASS_KG, RADIUS_M = 5.1122, 0.09
+TINY = 1e-9  # a robot without mass is refused later
 MIN_TORQUE_RATIO = 0.5  # of weight times wheel radius, for each wheel
 CAMERA_HEIGHT_M, CAMERA_PITCH_RAD = 0.9, math.radians(50.0)
 
@@ -64,7 +65,13 @@ def adopt_devices(
         "pid_d_nms2prad": 5e-4 * inertia,
         "command_timeout_s": 0.5, "max_speed_mps": 0.8, "max_yaw_rate_radps": 1.0,
         "max_accel_mps2": 1.0, "max_yaw_accel_radps2": 2.0, "encoder_ticks_per_rev": 1024.0,
+        # The same voltage at the same speed over ground, and currents that grow with the mass.
+        "torque_constant_nmpa": 0.302 * radius_m / RADIUS_M,
+        "winding_ohm": 0.299 / max(scale, TINY), "no_load_a": 0.137 * scale,
     }  # fmt: skip
+    told = find_extra(root, "drive", source)
+    if told is None or "motor_torque_nm" not in told.tags:
+        drive["gear_efficiency_ratio"] = 0.83
     tyre = {
         "normal_stiffness_npm": 1e4 * scale, "normal_damping_ratio": 0.4,
         "bristle_stiffness_npm": 5e3 * scale, "rolling_resistance_ratio": 0.03,

@@ -43,7 +43,11 @@ CAMERA_LIMITS = {
 }  # fmt: skip
 # Optional in <agribot><drive>; without them the values of DriveSpec hold.
 PID_TAGS = ("pid_p_nmspr", "pid_i_nmprad", "pid_d_nms2prad")
-MOTOR_TAGS = ("motor_torque_nm", "gear_efficiency_ratio")
+MOTOR_TAGS = (
+    "motor_torque_nm", "gear_efficiency_ratio", "torque_constant_nmpa", "winding_ohm",
+    "controller_efficiency_ratio",
+)  # fmt: skip
+LOSS_TAGS = ("no_load_a", "regeneration_ratio")
 MAG_PLUGINS = ("ros_magnetic", "magnetometer")
 
 
@@ -77,6 +81,7 @@ def read_drive(
         rate_hz=plugin.read_positive("updateRate"),
         **{name: extra.read_number(name) for name in PID_TAGS if name in extra.tags},
         **{name: extra.read_positive(name) for name in MOTOR_TAGS if name in extra.tags},
+        **{name: extra.read_number(name) for name in LOSS_TAGS if name in extra.tags},
     )
 
 

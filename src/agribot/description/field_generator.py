@@ -15,7 +15,7 @@ import numpy as np
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import MapFrame
 from agribot.core.messages import FloatArray, PlantClass
-from agribot.core.world import GroundTile, Plant, Soil, WorldSpec
+from agribot.core.world import GroundTile, Plant, Soil, SoilStrength, WorldSpec
 from agribot.description.field_settings import FieldSettings, RowsSettings, read_field_settings
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
@@ -59,6 +59,9 @@ def generate_field(plan: FieldSettings, seed: int, folder: Path = Path()) -> Wor
             residue_ratio=plan.soil.residue_ratio,
             stones_ratio=plan.soil.stones_ratio,
             wet_ratio=plan.soil.wet_ratio,
+        ),
+        strength=SoilStrength(
+            soil_class=plan.soil.soil_class, moisture_ratio=plan.soil.moisture_ratio
         ),
         plants=tuple(plants),
     )

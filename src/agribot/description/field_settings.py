@@ -10,6 +10,7 @@ import msgspec
 from agribot.core.config import read_toml
 from agribot.core.errors import ConfigError, DescriptionError
 from agribot.core.geo import Datum
+from agribot.core.world import SoilClass
 
 # Limits that no field exceeds, so that a typing error cannot exhaust the memory.
 LARGEST_M = 1e4
@@ -77,8 +78,9 @@ class WeedsSettings(FieldSection, frozen=True):
 
 
 class SoilSettings(FieldSection, frozen=True):
-    """Residue, stones and wet patches on the soil, 0 none to 1 a lot, and tracks.
+    """Residue, stones and wet patches on the soil, 0 none to 1 a lot, how it carries, and tracks.
 
+    On a `rigid` soil nothing sinks in; the others give way, the more the wetter they are.
     Tracks are `track_width_m` wide and `track_gauge_m` apart (0: none), one pair astride each
     row; rows must be straight and along an axis of the map.
     """
@@ -86,6 +88,8 @@ class SoilSettings(FieldSection, frozen=True):
     residue_ratio: Ratio = 0.0  # straw and leaves: 0 none, 1 a lot
     stones_ratio: Ratio = 0.0  # 0 none, 1 a lot
     wet_ratio: Ratio = 0.0  # 0 dry, 1 wet all over
+    soil_class: SoilClass = "rigid"  # rigid, firm, tilled, soft
+    moisture_ratio: Ratio = 0.0  # 0 dry, 1 saturated
     # Between the tracks of earlier passes; 0: none.
     track_gauge_m: Annotated[float, msgspec.Meta(ge=0, le=5)] = 0.0
     track_width_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1  # of one track

@@ -11,7 +11,17 @@ import numpy as np
 
 from agribot.core.errors import DescriptionError
 from agribot.core.robot import Shape
-from agribot.core.world import GripPatch, GroundTile, HeightField, Obstacle, Plant, Soil, WorldSpec
+from agribot.core.world import (
+    GripPatch,
+    GroundTile,
+    HeightField,
+    Obstacle,
+    Plant,
+    Soil,
+    SoilStrength,
+    Walker,
+    WorldSpec,
+)
 from agribot.description.sdf_models import NAMESPACE, qualify_tag
 
 COLOURS = {
@@ -19,6 +29,7 @@ COLOURS = {
     "gravel": "0.5 0.48 0.45 1", "track": "0.38 0.3 0.23 1",
 }  # fmt: skip
 SUN_DISTANCE_M = 10.0
+SKIN = "walk.dae"  # of Gazebo's own media
 LAYER_M = 0.002  # one surface over the other, so that they do not flicker in other simulators
 
 
@@ -61,9 +72,18 @@ def build_world_element(world: WorldSpec, terrain_file: str) -> ET.Element:
         ET.SubElement(
             top, qualify_tag("soil"), {name: repr(value) for name, value in values.items()}
         )
+    if world.strength != SoilStrength():
+        moisture = repr(float(world.strength.moisture_ratio))
+        ET.SubElement(
+            top,
+            qualify_tag("strength"),
+            {"soil_class": world.strength.soil_class, "moisture_ratio": moisture},
+        )
     names: set[str] = set()
     for obstacle in world.obstacles:
         _add_obstacle(top, obstacle, names)
+    for walker in world.walkers:
+        _add_walker(top, walker)
     for plant in world.plants:
         _add_plant(top, plant)
     return root
@@ -173,6 +193,23 @@ def _add_obstacle(top: ET.Element, obstacle: Obstacle, names: set[str]) -> None:
     for index, shape in enumerate(obstacle.shapes):
         for part in ("collision", "visual") if obstacle.collides else ("visual",):
             _add_shape(ET.SubElement(link, part, {"name": f"{part}_{index}"}), shape, part)
+
+
+def _add_walker(top: ET.Element, walker: Walker) -> None:
+    """Add an actor; other simulators show it with the skin of their own library."""
+    actor = ET.SubElement(top, "actor", {"name": walker.name})
+    _add_text(actor, qualify_tag("kind"), walker.kind)
+    _add_text(ET.SubElement(actor, "skin"), "filename", SKIN)
+    _add_text(ET.SubElement(actor, "animation", {"name": "walk"}), "filename", SKIN)
+    script = ET.SubElement(actor, "script")
+    _add_text(script, "loop", str(walker.loops).lower())
+    _add_text(script, "delay_start", (walker.delay_s,))
+    _add_text(script, "auto_start", "true")
+    way = ET.SubElement(script, "trajectory", {"id": "0", "type": "walk"})
+    for point in walker.waypoints:
+        place = ET.SubElement(way, "waypoint")
+        _add_text(place, "time", (point.t_s,))
+        _add_text(place, "pose", (point.x_map_m, point.y_map_m, 0.0, 0.0, 0.0, point.yaw_rad))
 
 
 def _add_shape(part: ET.Element, shape: Shape, kind: str) -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from typing import get_args
 
+import msgspec
 import numpy as np
 
 from agribot.core.geo import Datum
 from agribot.core.messages import FloatArray, Vec3
-from agribot.core.world import Light, Soil
+from agribot.core.world import Light, Soil, SoilClass, SoilStrength
 from agribot.description.elements import SourceFile
 from agribot.description.poses import make_yaw_rotation
 from agribot.description.sdf_models import qualify_tag
@@ -34,6 +36,7 @@ class Header:
         self.field_enu_t = self._read_field()
         self.light = self._read_light()
         self.soil = self._read_soil()
+        self.strength = self._read_strength()
 
     def _read_number(self, path: str, default: float) -> float:
         element, value = self._world.find(path), default
@@ -119,6 +122,22 @@ class Header:
             if not 0.0 <= ratios[name] <= 1.0:
                 raise self._source.fail(where, f"{ratios[name]:g} must be from 0 to 1")
         return Soil(**ratios)
+
+    def _read_strength(self) -> SoilStrength:
+        element, strength = self._world.find(qualify_tag("strength")), SoilStrength()
+        for name, text in {} if element is None else element.attrib.items():
+            where = f"<agribot:strength> {name}"
+            if name not in SoilStrength.__struct_fields__:
+                raise self._source.fail(where, f"use {', '.join(SoilStrength.__struct_fields__)}")
+            value: str | float = text.strip()
+            if name == "moisture_ratio":
+                value = self._source.parse_number(text, where)
+                if not 0.0 <= value <= 1.0:
+                    raise self._source.fail(where, f"{value:g} must be from 0 to 1")
+            elif value not in get_args(SoilClass):
+                raise self._source.fail(where, f"'{value}': use {', '.join(get_args(SoilClass))}")
+            strength = msgspec.structs.replace(strength, **{name: value})
+        return strength
 
     def _read_light(self) -> Light:
         suns = [e for e in self._world.findall("light") if e.get("type") == "directional"]

@@ -26,6 +26,31 @@ ALIASES = {
 }  # fmt: skip
 
 
+# Words in the name of a model that no folder has -> this package's model of that kind. The first
+# that fits counts.
+KINDS_BY_WORD: tuple[tuple[frozenset[str], str], ...] = tuple(
+    (frozenset(words.split()), kind)
+    for words, kind in (
+        ("walking walker pedestrian actor", "person_walking"),
+        (
+            "person people human man woman male female child girl boy visitor worker farmer "
+            "operator standing",
+            "person_standing",
+        ),
+        ("dog deer sheep goat cow calf pig horse wolf boar", "dog"),
+        ("hare rabbit cat fox hen chicken", "hare"),
+        ("pine fir spruce conifer", "pine"),
+        ("tree oak birch maple beech", "oak"),
+        ("house cottage farmhouse", "house"),
+        ("lamp streetlight", "lamp_post"),
+        ("pole mast", "telephone_pole"),
+        ("sign signpost", "speed_limit_sign"),
+        ("table desk bench", "table"),
+    )
+)
+_WORDS = re.compile("[A-Z]?[a-z]+|[A-Z]+")
+
+
 class ModelLibrary:
     """Models next to a world file first, then those of Gazebo's paths, then of the package."""
 
@@ -51,7 +76,16 @@ class ModelLibrary:
 
         Worlds that Gazebo saved contain the parts of every model, but not its meshes.
         """
-        return self._find_packaged(parse_mesh_folder(uri)) if uri.startswith("model://") else None
+        if not uri.startswith("model://"):
+            return None
+        name = parse_mesh_folder(uri)
+        return self._find_packaged(name) or self.find_of_kind(name)
+
+    def find_of_kind(self, name: str) -> ET.Element | None:
+        """Find the packaged <model> that the words of a name suggest, or None: a person, a tree."""
+        words = {word.lower() for word in _WORDS.findall(unquote(name))}
+        kind = next((kind for known, kind in KINDS_BY_WORD if known & words), None)
+        return None if kind is None else self._find_packaged(kind)
 
     def find_file(self, uri: str) -> Path | None:
         """Find the file of a URI or a relative path; None where it is not on this machine."""
@@ -80,7 +114,7 @@ class ModelLibrary:
         """Find the package's own model of this name or kind."""
         if name not in self._ours:
             # Worlds of the original AGRIBOT write CropWithWeed for crop_with_weed.
-            known = ALIASES.get(name.lower(), name)
+            known = ALIASES.get(name.lower().replace(" ", "_"), name)
             folders = sorted((ROOT / "models").iterdir())
             folder = next((folder for folder in folders if _is_same_name(folder.name, known)), None)
             found = (
@@ -106,7 +140,8 @@ def is_crop_with_weed(name: str) -> bool:
 
 
 def _is_same_name(left: str, right: str) -> bool:
-    return left.replace("_", "").lower() == right.replace("_", "").lower()
+    first, second = (re.sub("[_ ]|%20", "", name).lower() for name in (left, right))
+    return first == second
 
 
 def _find_sdf_name(folder: Path) -> str:

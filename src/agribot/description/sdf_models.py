@@ -50,7 +50,7 @@ class Patch(NamedTuple):
     friction_ratio: float
 
 
-class Relief(NamedTuple):
+class HeightMap(NamedTuple):
     """A height map: its element, and the pose (4, 4) of its middle in the frame of the model."""
 
     element: ET.Element
@@ -62,7 +62,7 @@ class Relief(NamedTuple):
 class ModelParts(NamedTuple):
     shapes: tuple[PlacedShape, ...]
     patches: tuple[Patch, ...]
-    reliefs: tuple[Relief, ...]
+    reliefs: tuple[HeightMap, ...]
 
 
 class _Part(NamedTuple):
@@ -89,7 +89,7 @@ class _ModelReader:
         self._where = f"model '{model.get('name', '')}'"
         self._shapes: list[PlacedShape] = []
         self._patches: list[Patch] = []
-        self._reliefs: list[Relief] = []
+        self._reliefs: list[HeightMap] = []
         self._stood_in: set[tuple[ET.Element, bool, Origin]] = set()
 
     def read(self) -> ModelParts:
@@ -141,7 +141,7 @@ class _ModelReader:
             self._patches.append(self._read_patch(part, form))
         elif form.tag == "heightmap":
             friction_ratio = self._read_friction(part)
-            relief = Relief(form, part.model_from_part, not part.collides, friction_ratio)
+            relief = HeightMap(form, part.model_from_part, not part.collides, friction_ratio)
             self._reliefs.append(relief)
         elif form.tag in {"box", "cylinder", "sphere"}:
             self._shapes.append(PlacedShape(self._read_shape(part, form), part.collides))

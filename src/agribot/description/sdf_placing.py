@@ -20,7 +20,7 @@ DRIVES = ("skid_steer", "skidsteer", "diff_drive", "diff-drive", "diffdrive")
 GROUND_WORDS = ("plane", "ground", "terrain", "field", "floor", "road", "heightmap")
 GROUND_M = 100.0  # side of the square in the place of an absent ground
 # Kinds of things in a world that are neither models nor read elsewhere.
-PASSED_OVER = ("actor", "population", "road")
+PASSED_OVER = ("population", "road")
 
 
 class PlacedModel(NamedTuple):
@@ -135,9 +135,17 @@ class WorldModels:
         if kind == "sun":
             return []
         model = self._library.find(uri)
+        name = element.findtext("name") or ""
         if model is None:
-            model = self._make_stand_in(uri, kind)
-        name = element.findtext("name") or model.get("name") or kind
+            model, name = self._library.find_of_kind(kind), name or kind
+            if model is None:
+                model = self._make_stand_in(uri, kind)
+            else:
+                kind = model.get("name", kind)
+                self._source.warn(
+                    f"model '{uri}' is in no model folder; the packaged '{kind}' stands in for it"
+                )
+        name = name or model.get("name") or kind
         placed = element if element.find("pose") is not None else model
         return [_FoundModel(name, kind, model, placed)]
 

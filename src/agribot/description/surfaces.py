@@ -9,7 +9,7 @@ import numpy as np
 from agribot.core.messages import FloatArray
 from agribot.core.world import GripPatch, GroundTile, HeightField
 from agribot.description.elements import SourceFile
-from agribot.description.sdf_models import Patch, Relief
+from agribot.description.sdf_models import HeightMap, Patch
 
 SAME_HEIGHT_M = 1e-6
 WHEEL_REACH_M = 0.2  # about the radius of a large rover's wheel
@@ -23,7 +23,7 @@ class Surfaces:
     def __init__(
         self,
         patches: Sequence[tuple[FloatArray, Patch]],
-        reliefs: Sequence[tuple[FloatArray, Relief]],
+        reliefs: Sequence[tuple[FloatArray, HeightMap]],
         terrain: HeightField | None,
         source: SourceFile,
     ) -> None:

@@ -17,9 +17,10 @@ from agribot.description.markup import find_place, read_xml
 from agribot.description.package import find_packaged_or_file, list_world_files
 from agribot.description.poses import extract_yaw, make_yaw_rotation, to_origin
 from agribot.description.scatter import Crop, grow_plants, read_crop, read_plants, read_weed_areas
+from agribot.description.sdf_actors import read_walkers
 from agribot.description.sdf_header import Header
 from agribot.description.sdf_library import ModelLibrary, is_crop_with_weed
-from agribot.description.sdf_models import ModelParts, Patch, Relief, read_parts
+from agribot.description.sdf_models import HeightMap, ModelParts, Patch, read_parts
 from agribot.description.sdf_placing import PlacedModel, WorldModels, is_robot
 from agribot.description.surfaces import Surfaces
 from agribot.description.terrain import load_heights, make_volcano, place_heights
@@ -91,7 +92,7 @@ class _WorldReader:
         self._crops: list[Crop] = []
         self._obstacles: list[Obstacle] = []
         self._patches: list[tuple[FloatArray, Patch]] = []
-        self._reliefs: list[tuple[FloatArray, Relief]] = []
+        self._reliefs: list[tuple[FloatArray, HeightMap]] = []
         self._stand_ins: set[str] = set()
 
     def read(self, seed: int, weed_density_per_m2: float | None) -> WorldSpec:
@@ -123,9 +124,11 @@ class _WorldReader:
             light=self._header.light,
             ground=surfaces.list_tiles(),
             soil=self._header.soil,
+            strength=self._header.strength,
             terrain=terrain,
             plants=plants,
             obstacles=tuple(self._obstacles),
+            walkers=read_walkers(self._world, self._source, self._library, self._map_from_world),
             warnings=self._source.list_warnings(),
         )
 
@@ -164,7 +167,7 @@ class _WorldReader:
                 return self._read_height_field(frame, relief)
         return None
 
-    def _read_height_field(self, frame: FloatArray, relief: Relief) -> HeightField:
+    def _read_height_field(self, frame: FloatArray, relief: HeightMap) -> HeightField:
         element, source = relief.element, self._source
         size = source.parse_vec3(element.findtext("size", "1 1 1"), "<heightmap> <size>")
         if min(size) <= 0.0:

@@ -14,7 +14,17 @@ from agribot.core.errors import RecordingError
 from agribot.core.messages import SENSOR_WATCH, STOP, OperatorEvent, TickRecord
 
 EventKind = Literal[
-    "mission", "operator", "mark", "ready", "fault", "stop", "hold", "limit", "clear"
+    "mission",
+    "operator",
+    "mark",
+    "ready",
+    "fault",
+    "stop",
+    "hold",
+    "limit",
+    "clear",
+    "injected",
+    "truth",
 ]
 
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
@@ -31,6 +41,8 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     stop      the supervisor stopped a moving robot; hold: it keeps a standing one standing
     limit     the supervisor let it move, but less than asked
     clear     the supervisor has no objection any more
+    truth     what only the simulator knows: a crop was crushed, a person was touched
+    injected  a fault of the simulator began or ended, which the robot itself is not told
     """
 
     t_s: float

@@ -102,6 +102,13 @@ def _draw_truth(axes: Axes, data: RunData) -> None:
                 xy[:, 0], xy[:, 1], ".", color=colour, alpha=0.45, markersize=4, label=label,
                 zorder=2,
             )  # fmt: skip
+    crushed = [data.world.plants[index] for index in data.crushed]
+    if crushed:
+        axes.plot(
+            [p.x_map_m for p in crushed], [p.y_map_m for p in crushed], linestyle="none",
+            marker="x", color=INK, markersize=9, markeredgewidth=2.4, label="crushed crop",
+            zorder=8,
+        )  # fmt: skip
 
 
 def _draw_paths(axes: Axes, data: RunData) -> None:

@@ -38,6 +38,7 @@ def render_report(report: Report, data: RunData) -> str:
         _render_plots(data),
         _render_weeds(data.plants),
         _render_events(data),
+        _render_conditions(report),
         _render_settings(data),
         _render_footer(report),
     ]
@@ -52,8 +53,9 @@ def render_report(report: Report, data: RunData) -> str:
 
 def _render_header(report: Report) -> str:
     verdict = "Done" if report.ok else "Not good"
+    preset = "" if report.preset is None else f"preset {escape(report.preset)}, "
     return (
-        f'<header><p class="eyebrow">AGRIBOT run report, sensors {escape(report.sensors)}, '
+        f'<header><p class="eyebrow">AGRIBOT run report, sensors {escape(report.sensors)}, {preset}'
         f"seed {report.seed}</p>\n<h1>{escape(report.profile)}</h1>\n"
         f'<div class="verdict{" ok" if report.ok else ""}"><strong>{verdict}</strong> '
         f"<span>{escape(report.reason)}</span></div>{_render_runs(report)}</header>"
@@ -162,6 +164,23 @@ def _render_events(data: RunData) -> str:
         f"<tbody>{''.join(rows)}</tbody></table></div>"
     )
     return "<h2>Events</h2>\n" + _fold_table(f"{len(rows)} events", table, rows)
+
+
+def _render_conditions(report: Report) -> str:
+    """Render what the seed drew of the simulated world, which the robot is not told."""
+    if report.conditions is None:
+        return ""
+    body = [[name.replace("_", " "), _format_drawn(v)] for name, v in report.conditions.items()]
+    heads = ("What the robot is not told", "Drawn")
+    return "<h2>Conditions</h2>\n" + _render_table(heads, body)
+
+
+def _format_drawn(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_format_drawn, value)) or "none"
+    if value is None:
+        return "as the world says"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _render_settings(data: RunData) -> str:

@@ -40,6 +40,7 @@ class RecordingParts:
         self._descriptions: list[tuple[str, dict[str, str]]] = []
         self._latched: dict[str, tuple[Topic, bytes]] = {}
         self._has_messages = False
+        self._is_disk_full = False
         self._finished_bytes: dict[int, int] = {}
         self._now_ns = self._flushed_ns = 0
         self._flushed_wall_s = 0.0
@@ -91,6 +92,10 @@ class RecordingParts:
             if 0 < self._limits.max_file_mb * _MB <= self._file.size_bytes:
                 self._begin_part()
             self._make_room()
+
+    def fill_disk(self, *, is_full: bool) -> None:
+        """Let the disk count as full, as a fault."""
+        self._is_disk_full = is_full
 
     def drain(self) -> None:
         """Wait for the disk."""
@@ -145,8 +150,8 @@ class RecordingParts:
         total_mb = (sum(self._finished_bytes.values()) + self._file.size_bytes) / _MB
         if 0 < limits.max_total_mb < total_mb:
             return f"the recording reached {total_mb:.0f} MB, more than record.max_total_mb"
-        free_mb = shutil.disk_usage(self.path.parent).free / _MB
-        if free_mb < limits.min_free_mb:
+        free_mb = 0 if self._is_disk_full else shutil.disk_usage(self.path.parent).free / _MB
+        if self._is_disk_full or free_mb < limits.min_free_mb:
             return (
                 f"only {free_mb:.0f} MB are left on the disk, less than record.min_free_mb "
                 f"({limits.min_free_mb:g})"

@@ -89,6 +89,10 @@ class RunRecorder:
         """Keep a file inside the recording, for example the report."""
         self._file.attach(name, media_type, data)
 
+    def fill_disk(self, *, is_full: bool) -> None:
+        """Let the disk count as full, as a fault."""
+        self._file.fill_disk(is_full=is_full)
+
     def close(self) -> None:
         """Write the last weed map and the index. Safe to call twice."""
         if self._file.closed:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, Literal
 
 import msgspec
 
@@ -35,8 +36,16 @@ class MissionReport(msgspec.Struct, frozen=True, kw_only=True):
     rows_unproven: tuple[int, ...] | None = None
 
 
+class CrushedReport(msgspec.Struct, frozen=True, kw_only=True):
+    """How many crop plants each part of the robot crushed."""
+
+    wheel: int | None = None
+    belly: int | None = None
+    implement: int | None = None
+
+
 class TrackingReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Against the truth of a simulator."""
+    """Against the truth of a simulator. A brushed plant was touched, and lives."""
 
     xte_rms_m: float | None = None
     xte_p95_m: float | None = None
@@ -44,6 +53,8 @@ class TrackingReport(msgspec.Struct, frozen=True, kw_only=True):
     heading_rms_rad: float | None = None
     plants_total: int | None = None
     plants_crushed: int | None = None
+    plants_crushed_by: CrushedReport = CrushedReport()
+    plants_brushed: int | None = None
 
 
 class EstimateReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -101,9 +112,41 @@ class SafetyEvent(msgspec.Struct, frozen=True, kw_only=True):
     reason: str
 
 
+Reaction = Literal["stopped", "held", "slowed", "named", "none"]
+
+
+class FaultReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What the robot did about a fault that was injected at `t_s`.
+
+    `detected_s` is the time of the first sign of it among the events, `reaction` the strongest of
+    them, `reason` what the robot said, of the part at fault if it did (`is_named`). `fault` is
+    the whole of it, as it was written.
+    """
+
+    name: str
+    t_s: float
+    detected_s: float | None = None
+    reaction: Reaction = "none"
+    reason: str = ""
+    fault: str = ""
+    is_named: bool = False
+
+
 class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
+    """`noticed` are the faults that the robot told of, `faults` those that were injected.
+
+    By the truth of a simulator: `outside_m_max` is how far the robot's middle got out of the
+    field, `stop_distance_m_max` how far it rolled after a stop of the supervisor,
+    `person_distance_min_m` how near its outline came to a person's.
+    """
+
     stops: tuple[SafetyEvent, ...] = ()
-    faults: tuple[SafetyEvent, ...] = ()
+    noticed: tuple[SafetyEvent, ...] = ()
+    faults: tuple[FaultReport, ...] = ()
+    outside_m_max: float | None = None
+    stop_distance_m_max: float | None = None
+    crushed_after_fault: int | None = None
+    person_distance_min_m: float | None = None
 
 
 class RunOfJob(msgspec.Struct, frozen=True, kw_only=True):
@@ -121,7 +164,11 @@ class JobReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True):
-    """`report.json`, key by key and in this order: of the whole job, also in several runs."""
+    """`report.json`, key by key and in this order: of the whole job, also in several runs.
+
+    `conditions` are what the seed drew from `preset` of the simulated world; null of a real one,
+    and of a world that is as its file says.
+    """
 
     profile: str
     seed: int
@@ -139,6 +186,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     marks: tuple[SafetyEvent, ...] = ()
     job: JobReport | None = None
     implement: ImplementReport | None = None
+    preset: str | None = None
+    conditions: dict[str, Any] | None = None
 
 
 def to_json(report: Report) -> bytes:

@@ -48,7 +48,8 @@ class RunSeries(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 class RunData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """All that figures and the report page show besides the report's own numbers.
 
-    `world` is the simulated field, None on a real one.
+    `world` is the simulated field, None on a real one, and `crushed` its crops that were crushed,
+    as indices.
     """
 
     config: RunConfig
@@ -58,6 +59,7 @@ class RunData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     goals_map_m: tuple[tuple[float, float], ...] = ()
     plants: tuple[MappedPlant, ...] = ()
     events: tuple[Event, ...] = ()
+    crushed: tuple[int, ...] = ()
     world: WorldSpec | None = None
 
 

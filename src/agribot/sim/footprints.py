@@ -82,8 +82,8 @@ def mark_swept(
     for k in range(feet.xy_body_m.shape[0]):
         if not active[k]:
             continue
-        x0, y0 = _project_to_ground(before, feet.xy_body_m[k, 0], feet.xy_body_m[k, 1], feet)
-        x1, y1 = _project_to_ground(after, feet.xy_body_m[k, 0], feet.xy_body_m[k, 1], feet)
+        x0, y0 = project_to_ground(before, feet.xy_body_m[k, 0], feet.xy_body_m[k, 1], feet)
+        x1, y1 = project_to_ground(after, feet.xy_body_m[k, 0], feet.xy_body_m[k, 1], feet)
         w, z = after[3], after[6]
         norm = math.hypot(w, z)
         cos, sin = (w * w - z * z) / (norm * norm), 2.0 * w * z / (norm * norm)
@@ -96,7 +96,7 @@ def mark_swept(
 
 
 @compile_exact
-def _project_to_ground(
+def project_to_ground(
     row: FloatArray, x_body_m: float, y_body_m: float, feet: Footprints
 ) -> tuple[float, float]:
     """Return the map position, x and y, of a body point on the ground."""

@@ -7,6 +7,7 @@ stands in, but not of the files of the functions that it calls.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,8 @@ import numpy.typing as npt
 from agribot.core.messages import FloatArray, Vec3
 from agribot.sim.jit import compile_exact
 from agribot.sim.mujoco_library import Library, call
-from agribot.sim.state import Board, Inertial, StateViews
+from agribot.sim.soil import SoilLaw
+from agribot.sim.state import Board, Inertial, Motor, StateViews
 from agribot.sim.tyre import Terrain, TyreLaw
 
 # Below this spin the rolling resistance fades out, so that a parked wheel is not driven by it.
@@ -22,6 +24,20 @@ ROLLING_FADE_RADPS = 0.2
 TINY = 1e-9
 # The tread and the crumbs give way to this extent under the highest of what a tyre rests on.
 ENVELOPE_SOFTNESS_M = 0.005
+# Below these speeds over ground the resistance of soil fades out, and a standing wheel sinks in.
+COMPACTION_FADE_MPS = 0.02
+SINKING_S = 0.05
+MOST_SLIP = 0.9  # of the law of slip sinkage
+MOST_SHEAR = 4.0  # times K: more displacement changes nothing
+# A rut is pressed so many cells behind the hub, beyond what the wheel itself stands on.
+RUT_BEHIND, RUT_HALF, RUT_EVERY = 3.2, 0.75, 0.25
+# On soil a wheel stands on a plane through four places of its tread: shares of radius and width.
+TREAD_AHEAD, TREAD_ASIDE = 0.25, 0.25
+
+# Columns of a wheel's state on soil: sinkage below the ground, what of it springs back, and the way
+# since a rut was pressed, m.
+SINK, BACK, WAY = range(3)
+SOIL_STATES = 3
 
 # Entries of the motor board's state.
 BOARD_V, BOARD_YAW_RATE, BOARD_TARGET_V, BOARD_TARGET_YAW_RATE, BOARD_TIME_LEFT = range(5)
@@ -34,6 +50,16 @@ BOARD_HOLD = slice(BOARD_INTEGRAL, BOARD_INTEGRAL + 4)
 FAULT_AFTER_S = 0.5
 FAULT_RATIO = 0.1
 FAULT_MIN_RADPS = 0.5
+
+
+class SoilContact(NamedTuple):
+    """A wheel on soil: friction and rut below it, its arm, and speeds of its contact."""
+
+    grip: float
+    rut_m: float
+    arm_m: float
+    slip_mps: Vec3  # forward, to the left and up
+    rolling_mps: float
 
 
 @compile_exact
@@ -200,6 +226,276 @@ def apply_tyre_forces(
 
 
 @compile_exact
+def _find_soil_plane(
+    tyre: TyreLaw, soil: SoilLaw, terrain: Terrain, hub: Vec3, axle: Vec3
+) -> tuple[float, Vec3, float, float]:
+    """Return height, upward normal, friction and depth of the rut below a wheel's tread."""
+    level = 1.0 / math.sqrt(axle[0] * axle[0] + axle[1] * axle[1] + TINY)
+    left_x, left_y = axle[0] * level, axle[1] * level
+    half_m, side_m = TREAD_AHEAD * tyre.radius_m, TREAD_ASIDE * soil.width_m
+    height, rut_m, along, across = 0.0, 0.0, 0.0, 0.0
+    for corner in range(4):
+        ahead = 1.0 if corner < 2 else -1.0
+        aside = 1.0 if corner % 2 else -1.0
+        x_m = hub[0] + ahead * half_m * left_y + aside * side_m * left_x
+        y_m = hub[1] - ahead * half_m * left_x + aside * side_m * left_y
+        here_m = sample_grid(terrain, x_m, y_m)[0]
+        rut_m += 0.25 * sample_grid(soil.sunk, x_m, y_m)[0]
+        height += 0.25 * here_m
+        along += ahead * here_m / (4.0 * half_m)
+        across += aside * here_m / (4.0 * side_m)
+    slope_x, slope_y = along * left_y + across * left_x, across * left_y - along * left_x
+    up = 1.0 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
+    friction = sample_grid(tyre.ground_friction, hub[0], hub[1])[0]
+    return height, (-slope_x * up, -slope_y * up, up), friction, rut_m
+
+
+@compile_exact
+def _compute_sinkage(
+    soil: SoilLaw,
+    stiffness_npm: float,
+    sunk_m: float,
+    press_n: float,
+    slip: float,
+    renewed: float,
+    sink_m: float,
+) -> tuple[float, float, float]:
+    """Return the sinkage, m, how much of it springs back, m, and the resistance of the soil, N.
+
+    `sunk_m` is the depth of the rut that is there, `renewed` the share of the contact that is new.
+    The tyre above gives way to what it does with `stiffness_npm`; that counts in the same step.
+    """
+    slip = min(slip, MOST_SLIP)
+    packed_m = (soil.sink_scale * press_n) ** soil.sink_power
+    whole_m = packed_m * (1.0 + slip) / (1.0 - 0.5 * slip)
+    hard_m = soil.hardening_ratio * sunk_m
+    back_m = soil.elastic_ratio * whole_m
+    wanted_m = max(whole_m - hard_m, back_m)
+    relief = stiffness_npm * soil.sink_power * whole_m / (press_n + TINY)
+    sink_m += renewed * (wanted_m - sink_m) / (1.0 + renewed * (1.0 + relief))
+    # What slip digs out is not pressed.
+    deep_m = min(sink_m + hard_m, packed_m)
+    if deep_m <= hard_m:
+        return sink_m, back_m, 0.0
+    power = soil.exponent + 1.0
+    pressed = deep_m**power
+    if hard_m > 0.0:
+        pressed -= hard_m**power
+    return sink_m, back_m, soil.width_m * soil.modulus * pressed / power
+
+
+@compile_exact
+def _compute_shear(
+    soil: SoilLaw,
+    tyre: TyreLaw,
+    grip: float,
+    load_n: float,
+    length_m: float,
+    forward_mps: float,
+    left_mps: float,
+    rolled_m: float,
+    sheared_m: FloatArray,
+    dt_s: float,
+) -> tuple[float, float]:
+    """Return the forces along and across the wheel, N; `sheared_m` (2,) moves in place.
+
+    Rolling brings unsheared soil into a contact of `length_m`, as it brings fresh tread.
+    """
+    kept = length_m / (length_m + rolled_m)
+    ahead_m = (sheared_m[0] + forward_mps * dt_s) * kept
+    aside_m = (sheared_m[1] + left_mps * dt_s) * kept
+    far_m = math.sqrt(ahead_m * ahead_m + aside_m * aside_m) + TINY
+    limit = min(tyre.friction_longitudinal, tyre.friction_lateral, grip)
+    most_n = min(
+        soil.adhesion_npm * length_m + load_n * soil.tan_friction,
+        load_n * min(limit, soil.most_traction),
+    )
+    left_over = math.exp(-far_m / soil.shear_m)
+    secant = most_n * (1.0 - left_over) / far_m
+    damping = soil.shear_damping_spm * load_n * left_over / dt_s
+    forward_n = -secant * ahead_m - damping * (ahead_m - sheared_m[0])
+    left_n = -secant * aside_m - damping * (aside_m - sheared_m[1])
+    within = min(1.0, MOST_SHEAR * soil.shear_m / far_m)
+    sheared_m[0], sheared_m[1] = ahead_m * within, aside_m * within
+    total = math.sqrt(forward_n * forward_n + left_n * left_n)
+    if total > most_n:
+        forward_n, left_n = forward_n * most_n / total, left_n * most_n / total
+    return forward_n, left_n
+
+
+@compile_exact
+def _press_rut(
+    terrain: Terrain,
+    soil: SoilLaw,
+    x_m: float,
+    y_m: float,
+    east: float,
+    north: float,
+    half_m: float,
+    depth_m: float,
+) -> None:
+    """Lower the ground behind a wheel at (x, y) that moves to (east, north), to `depth_m`."""
+    step_m, sunk = terrain.resolution_m, soil.sunk.values
+    u = (x_m - terrain.x_min_m) / step_m - RUT_BEHIND * east
+    v = (y_m - terrain.y_min_m) / step_m - RUT_BEHIND * north
+    half = max(half_m / step_m, RUT_HALF)
+    reach = half + 1.0 + RUT_HALF
+    rows, columns = sunk.shape
+    for j in range(max(1, math.ceil(v - reach)), min(rows - 1, math.floor(v + reach) + 1)):
+        for i in range(max(1, math.ceil(u - reach)), min(columns - 1, math.floor(u + reach) + 1)):
+            along = (i - u) * east + (j - v) * north
+            aside = (j - v) * east - (i - u) * north
+            # The walls of a rut slope over a cell.
+            more_m = depth_m * min(1.0, half + 1.0 - math.fabs(aside)) - sunk[j, i]
+            if math.fabs(along) > RUT_HALF or more_m <= 0.0:
+                continue
+            sunk[j, i] += more_m
+            terrain.values[j, i] -= more_m
+            soil.changed[0] = min(soil.changed[0], j)
+            soil.changed[1] = max(soil.changed[1], j)
+            soil.changed[2] = min(soil.changed[2], i)
+            soil.changed[3] = max(soil.changed[3], i)
+
+
+@compile_exact
+def _make_ground_axes(axle: Vec3, normal: Vec3) -> tuple[Vec3, Vec3]:
+    """Return the unit vectors forward and to the left in the plane of the ground."""
+    forward = _cross(axle, normal)
+    forward = _scale(forward, 1.0 / math.sqrt(_dot(forward, forward) + TINY))
+    return forward, _cross(normal, forward)
+
+
+@compile_exact
+def apply_soil_forces(
+    wheel_body: npt.NDArray[np.int64],
+    centre: FloatArray,
+    com: FloatArray,
+    rotation: FloatArray,
+    velocity: FloatArray,
+    velocity_at: FloatArray,
+    wrench: FloatArray,
+    tyre: TyreLaw,
+    soil: SoilLaw,
+    terrain: Terrain,
+    sheared_m: FloatArray,
+    state: FloatArray,
+    dt_s: float,
+) -> None:
+    """Write what soil that gives way does to the wheels, as `apply_tyre_forces` for hard ground.
+
+    `sheared_m` (4, 2) is how far each wheel has sheared the soil, `state` (4, SOIL_STATES)
+    its sinkage and the way since it last pressed a rut.
+    """
+    for k in range(wheel_body.shape[0]):
+        b = wheel_body[k]
+        hub = (centre[b, 0], centre[b, 1], centre[b, 2])
+        axle = (rotation[b, 1], rotation[b, 4], rotation[b, 7])
+        height, normal, grip, rut_m = _find_soil_plane(tyre, soil, terrain, hub, axle)
+        clear_m = (hub[2] - height) * normal[2]
+        if clear_m >= tyre.radius_m:
+            wrench[b, :] = 0.0
+            sheared_m[k, :] = 0.0
+            state[k, SINK] = 0.0
+            continue
+        forward, left = _make_ground_axes(axle, normal)
+        arm_m = clear_m + min(state[k, SINK], tyre.radius_m - clear_m)
+        spin = (velocity[b, 0], velocity[b, 1], velocity[b, 2])
+        contact = _add(hub, _scale(normal, -arm_m))
+        lever = _add(contact, (-velocity_at[0], -velocity_at[1], -velocity_at[2]))
+        slip = _add((velocity[b, 3], velocity[b, 4], velocity[b, 5]), _cross(spin, lever))
+        speeds_mps = (_dot(slip, forward), _dot(slip, left), _dot(slip, normal))
+        over = SoilContact(grip, rut_m, arm_m, speeds_mps, _dot(spin, axle) * arm_m)
+        load_n, shear_n, held_n = _stand_on_soil(tyre, soil, over, sheared_m[k], state[k], dt_s)
+        _leave_rut(tyre, soil, terrain, over, hub, forward, left, state[k], dt_s)
+        fade = math.tanh(_dot(spin, axle) / ROLLING_FADE_RADPS)
+        drag_nm = -tyre.rolling_resistance * load_n * tyre.radius_m * fade
+        sheared = _add(_scale(forward, shear_n[0]), _scale(left, shear_n[1]))
+        force, to_com = _add(_scale(normal, load_n), sheared), (-com[b, 0], -com[b, 1], -com[b, 2])
+        # The soil in front presses on the rim towards the hub, so that it does not turn the wheel.
+        _write_wrench(
+            wrench[b], _add(contact, to_com), force, _add(hub, to_com), _scale(forward, held_n),
+            _scale(axle, drag_nm),
+        )  # fmt: skip
+
+
+@compile_exact
+def _write_wrench(
+    wrench: FloatArray, arm_m: Vec3, force: Vec3, held_arm_m: Vec3, held: Vec3, torque: Vec3
+) -> None:
+    """Write the sum of two forces at their arms and of a torque, `wrench` (6,)."""
+    turning = _add(torque, _add(_cross(arm_m, force), _cross(held_arm_m, held)))
+    wrench[0], wrench[1], wrench[2] = _add(force, held)
+    wrench[3], wrench[4], wrench[5] = turning
+
+
+@compile_exact
+def _stand_on_soil(
+    tyre: TyreLaw,
+    soil: SoilLaw,
+    contact: SoilContact,
+    sheared_m: FloatArray,
+    state: FloatArray,
+    dt_s: float,
+) -> tuple[float, tuple[float, float], float]:
+    """Return load, forces along and across, and resistance along, N.
+
+    `sheared_m` (2,) and `state` (SOIL_STATES,) move on.
+    """
+    pressed_m = tyre.radius_m - contact.arm_m
+    spring_n = tyre.normal_stiffness_npm * pressed_m
+    load_n = max(0.0, spring_n - tyre.normal_damping_nspm * contact.slip_mps[2])
+    ahead_mps = contact.slip_mps[0] + contact.rolling_mps
+    speed_mps = math.sqrt(ahead_mps * ahead_mps + contact.slip_mps[1] * contact.slip_mps[1])
+    length_m = _measure_contact(tyre, soil, pressed_m, state[SINK])
+    far_m = math.sqrt(sheared_m[0] * sheared_m[0] + sheared_m[1] * sheared_m[1])
+    renewed = dt_s * (speed_mps / length_m + 1.0 / SINKING_S)
+    state[SINK], state[BACK], resistance_n = _compute_sinkage(
+        soil, tyre.normal_stiffness_npm, contact.rut_m, spring_n, far_m / length_m, renewed,
+        state[SINK],
+    )  # fmt: skip
+    shear_n = _compute_shear(
+        soil, tyre, contact.grip, load_n, length_m, contact.slip_mps[0], contact.slip_mps[1],
+        math.fabs(contact.rolling_mps) * dt_s, sheared_m, dt_s,
+    )  # fmt: skip
+    drag_n = -resistance_n * math.tanh(ahead_mps / COMPACTION_FADE_MPS)
+    return load_n, shear_n, drag_n
+
+
+@compile_exact
+def _measure_contact(tyre: TyreLaw, soil: SoilLaw, pressed_m: float, sink_m: float) -> float:
+    """Return the length of the contact, m: of soil and tyre ahead of the hub and behind it."""
+    double_m, behind_m = 2.0 * tyre.radius_m, pressed_m + soil.elastic_ratio * sink_m
+    return math.sqrt(double_m * (pressed_m + sink_m)) + math.sqrt(double_m * behind_m) + TINY
+
+
+@compile_exact
+def _leave_rut(
+    tyre: TyreLaw,
+    soil: SoilLaw,
+    terrain: Terrain,
+    contact: SoilContact,
+    hub: Vec3,
+    forward: Vec3,
+    left: Vec3,
+    state: FloatArray,
+    dt_s: float,
+) -> None:
+    """Press the ground behind a wheel that has moved on."""
+    ahead_mps, left_mps = contact.slip_mps[0] + contact.rolling_mps, contact.slip_mps[1]
+    speed_mps = math.sqrt(ahead_mps * ahead_mps + left_mps * left_mps)
+    state[WAY] += speed_mps * dt_s
+    if state[WAY] <= RUT_EVERY * terrain.resolution_m:
+        return
+    state[WAY] = 0.0
+    east = (forward[0] * ahead_mps + left[0] * left_mps) / speed_mps
+    north = (forward[1] * ahead_mps + left[1] * left_mps) / speed_mps
+    length_m = _measure_contact(tyre, soil, tyre.radius_m - contact.arm_m, state[SINK])
+    swept = math.fabs(ahead_mps) * soil.width_m + math.fabs(left_mps) * length_m
+    depth_m = min(contact.rut_m + max(0.0, state[SINK] - state[BACK]), tyre.radius_m)
+    _press_rut(terrain, soil, hub[0], hub[1], east, north, 0.5 * swept / speed_mps, depth_m)
+
+
+@compile_exact
 def _move_toward(value: float, target: float, limit: float) -> float:
     return value + min(max(target - value, -limit), limit)
 
@@ -265,6 +561,26 @@ def watch_wheels(state: FloatArray, board: Board, views: StateViews, dt_s: float
 
 
 @compile_exact
+def compute_battery_power(motor: Motor, torque_nm: float, speed_radps: float) -> float:
+    """Return what a motor with its gear and controller draws from the battery, W.
+
+    I = T / k + I0 and V = R I + k w at the wheel. What comes back while braking heats the bridge,
+    but for the share that the controller recovers.
+    """
+    rolling = math.tanh(speed_radps / ROLLING_FADE_RADPS)
+    efficiency = motor.gear_efficiency_ratio
+    is_driving = torque_nm * speed_radps >= 0.0
+    geared_nm = torque_nm / efficiency if is_driving else torque_nm * efficiency
+    current_a = geared_nm / motor.torque_constant_nmpa + motor.no_load_a * rolling
+    power_w = current_a * (
+        motor.resistance_ohm * current_a + motor.torque_constant_nmpa * speed_radps
+    )
+    if power_w < 0.0:
+        return power_w * motor.regeneration_ratio
+    return power_w / motor.controller_efficiency_ratio
+
+
+@compile_exact
 def record(
     row: FloatArray,
     last: FloatArray,
@@ -272,6 +588,7 @@ def record(
     inertial: Inertial,
     dt_s: float,
     board_state: FloatArray,
+    motor: Motor,
 ) -> None:
     """Write the state into `row` of the history; `last` is the row of the step before."""
     qpos, qvel, force = views.qpos, views.qvel, views.actuator_force
@@ -297,7 +614,7 @@ def record(
     row[17] = last[17] + o1 * dt_s
     row[18] = last[18] + o2 * dt_s
     row[27] = math.fabs(force[0]) + math.fabs(force[1]) + math.fabs(force[2]) + math.fabs(force[3])
-    work = 0.0
+    work, drawn = 0.0, 0.0
     for k in range(4):
         row[19 + k] = qpos[7 + k]
         row[23 + k] = qvel[6 + k]
@@ -305,7 +622,9 @@ def record(
         row[32 + k] = board_state[BOARD_TARGET + k]
         row[36 + k] = 1.0 if board_state[BOARD_FAULT_TIME + k] > FAULT_AFTER_S else 0.0
         work += math.fabs(force[k] * qvel[6 + k])
+        drawn += compute_battery_power(motor, force[k], qvel[6 + k])
     row[40] = last[40] + work * dt_s
+    row[41] = last[41] + drawn * dt_s
 
 
 @compile_exact
@@ -315,10 +634,13 @@ def advance(
     views: StateViews,
     wheel_body: npt.NDArray[np.int64],
     tyre: TyreLaw,
+    soil: SoilLaw,
     terrain: Terrain,
     bristle_m: FloatArray,
+    soil_state: FloatArray,
     board: Board,
     board_state: FloatArray,
+    motor: Motor,
     inertial: Inertial,
     dt_s: float,
     history: FloatArray,
@@ -333,10 +655,16 @@ def advance(
     for i in range(steps):
         run_board(board_state, board, views, dt_s)
         call(library.step1, library.model, library.data)  # type: ignore[call-arg]
-        apply_tyre_forces(
-            wheel_body, views.xpos, views.xipos, views.xmat, views.cvel, views.subtree_com[1],
-            views.xfrc_applied, tyre, terrain, bristle_m, dt_s,
-        )  # fmt: skip
+        if soil.is_rigid:
+            apply_tyre_forces(
+                wheel_body, views.xpos, views.xipos, views.xmat, views.cvel, views.subtree_com[1],
+                views.xfrc_applied, tyre, terrain, bristle_m, dt_s,
+            )  # fmt: skip
+        else:
+            apply_soil_forces(
+                wheel_body, views.xpos, views.xipos, views.xmat, views.cvel, views.subtree_com[1],
+                views.xfrc_applied, tyre, soil, terrain, bristle_m, soil_state, dt_s,
+            )  # fmt: skip
         call(library.step2, library.model, library.data)
         watch_wheels(board_state, board, views, dt_s)
-        record(history[i + 1], history[i], views, inertial, dt_s, board_state)
+        record(history[i + 1], history[i], views, inertial, dt_s, board_state, motor)

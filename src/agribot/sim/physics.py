@@ -12,21 +12,24 @@ from agribot.core.geo import rotation_from_rpy
 from agribot.core.implement.kind import Pull
 from agribot.core.messages import WHEEL_NAMES, DriveCommand, FloatArray
 from agribot.core.robot import DriveSpec, RobotSpec
-from agribot.core.world import WorldSpec
+from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim import kernel
 from agribot.sim.attitude import read_rotation
 from agribot.sim.clock import NS_PER_S
 from agribot.sim.engine import Engine
 from agribot.sim.grip import build_friction_grid
 from agribot.sim.ground_surface import GroundSurface, build_ground_surface
-from agribot.sim.state import HISTORY_COLUMNS, POSITION, Board, Inertial
+from agribot.sim.soil import SoilLaw, make_soil_law
+from agribot.sim.state import HISTORY_COLUMNS, POSITION, Board, Inertial, Motor
 from agribot.sim.tyre import POINT_CONTACT, make_envelope, make_tyre_law
+from agribot.sim.walkers import place_walkers
 
 SETTLE_S = 1.0
 # On rough ground the robot slides a little while it settles, and settles again where it belongs.
 FINE_SETTLINGS = 3
 # The integral of a servo takes over what its gain alone would leave as an error of speed.
 SERVO_RESET_S = 0.1
+WALKER_STEP_S = 0.004  # a walker near the robot is put in its place so often
 OVERTURNED_COS = 0.17  # 80 degrees of tilt
 WHEEL_BODIES = np.arange(2, 6, dtype=np.int64)
 
@@ -54,6 +57,7 @@ class Physics:
         self.ground = build_ground_surface(world) if ground is None else ground
         self._dt_s = physics_step_ns / NS_PER_S
         self._robot = robot
+        self._walkers = world.walkers
         self._engine = Engine(robot, world, self._dt_s, is_effort=is_effort)
         radius_m, width_m = robot.drive.wheel_radius_m, robot.drive.wheel_width_m
         self._tyre = make_tyre_law(
@@ -65,8 +69,12 @@ class Physics:
             make_envelope(radius_m, width_m) if self.ground.is_fine else POINT_CONTACT,
         )
         self._terrain = self.ground.make_grid()
+        self._world, self._dry_friction = world, self._tyre.ground_friction.values.copy()
+        self._soil = self._make_soil_law(1.0)
         self._is_pulled = False
         self._bristle_m = np.zeros((4, 2))
+        self._soil_state = np.zeros((4, kernel.SOIL_STATES))
+        self._motor = _make_motor(robot.drive)
         self._board = _make_board(board or robot.drive, is_effort)
         self._board_state = np.zeros(kernel.BOARD_SIZE)
         x_m, y_m, z_m = robot.base_from_link(robot.imu.link)[:3, 3].tolist()
@@ -100,6 +108,36 @@ class Physics:
             raise PlatformError(f"no wheel '{wheel}'; there are: {', '.join(WHEEL_NAMES)}")
         self._engine.limit_torque(WHEEL_NAMES.index(wheel), torque_nm)
 
+    def set_mud(self, ratio: float) -> None:
+        """Let the ground have this share of its strength and friction from now on; 1 is no mud."""
+        tyre, friction = self._tyre, self._dry_friction
+        if ratio != 1.0:
+            most = max(tyre.friction_longitudinal, tyre.friction_lateral)
+            friction = ratio * np.minimum(friction, most)
+        tyre.ground_friction.values[:] = friction
+        self._soil = self._make_soil_law(ratio)
+
+    def carry(self, aside_m: float) -> None:
+        """Move the robot to its left at once, at its height over the ground."""
+        qpos = self._engine.views.qpos
+        before_m = self._sample_ground_m(*qpos[:2].tolist())
+        left = read_rotation(self.history[-1])[:2, 1]
+        qpos[:2] += aside_m * left / np.linalg.norm(left)
+        qpos[2] += self._sample_ground_m(*qpos[:2].tolist()) - before_m
+        self.history[-1, :3] = qpos[:3]
+        self._bristle_m[:] = 0.0
+
+    def find_place_map_m(self, ahead_m: float) -> tuple[float, float, float]:
+        """Return the place on the ground so far ahead of the robot's middle: East, North, up."""
+        row = self.history[-1]
+        ahead = read_rotation(row)[:2, 0]
+        x_m, y_m = (row[:2] + ahead_m * ahead / np.linalg.norm(ahead)).tolist()
+        return x_m, y_m, self._sample_ground_m(x_m, y_m)
+
+    def add_obstacle(self, obstacle: Obstacle) -> None:
+        """Put up an obstacle, as a fault."""
+        self._engine.add_obstacle(obstacle)
+
     def find_contact_body_m(self) -> tuple[float, float] | None:
         """Return where the robot touches an obstacle, x and y in the body frame, or None."""
         place = self._engine.find_contact_map_m()
@@ -108,6 +146,10 @@ class Physics:
         row = self.history[-1]
         x_m, y_m, _ = (read_rotation(row).T @ (place - row[POSITION])).tolist()
         return x_m, y_m
+
+    def find_touched(self) -> str | None:
+        """Return the name of the obstacle or walker that the robot touches, None if none."""
+        return self._engine.find_touched()
 
     def advance(self, steps: int) -> FloatArray:
         """Advance and return the history (steps + 1, columns): row 0 is the state before.
@@ -120,14 +162,11 @@ class Physics:
             self.history = grown
         else:
             self.history[0] = self.history[-1]
-        engine = self._engine
-        engine.select()
-        kernel.advance(
-            steps, engine.library, engine.views, WHEEL_BODIES, self._tyre, self._terrain,
-            self._bristle_m, self._board, self._board_state, self._inertial, self._dt_s,
-            self.history,
-        )  # fmt: skip
-        self.step += steps
+        done = 0
+        while done < steps:
+            count = self._count_steps(steps - done)
+            self._run(self.history[done : done + count + 1], count)
+            done += count
         if not math.isfinite(self.history[-1].sum()):
             raise PlatformError(
                 f"the physics diverged at t = {self.step * self._dt_s:.3f} s; lower sim.step_s "
@@ -141,6 +180,31 @@ class Physics:
                 "keep it off obstacles and steep ground"
             )
         return self.history
+
+    def _count_steps(self, most: int) -> int:
+        """Choose the model and return for how many steps it holds: few beside a walker."""
+        poses = place_walkers(self._walkers, self.ground, self.step * self._dt_s)
+        is_walker_near = self._engine.select(poses)
+        return min(most, max(1, round(WALKER_STEP_S / self._dt_s))) if is_walker_near else most
+
+    def _run(self, history: FloatArray, steps: int) -> None:
+        engine = self._engine
+        kernel.advance(
+            steps, engine.library, engine.views, WHEEL_BODIES, self._tyre, self._soil,
+            self._terrain, self._bristle_m, self._soil_state, self._board, self._board_state,
+            self._motor, self._inertial, self._dt_s, history,
+        )  # fmt: skip
+        self.step += steps
+
+    def _make_soil_law(self, mud_ratio: float) -> SoilLaw:
+        return make_soil_law(
+            self._robot,
+            self._world,
+            self._engine.wheel_mass_kg,
+            self.ground.make_sunk_grid(),
+            self.ground.changed,
+            mud_ratio,
+        )
 
     def _spawn(self, xy_map_m: tuple[float, float], yaw_rad: float) -> None:
         """Put the robot on its wheels at the exact place and heading, at rest, at step 0."""
@@ -180,7 +244,10 @@ class Physics:
         """Return the height of the ground below the robot, on rough ground that of its wheels."""
         if self.ground.is_fine:
             return float(self._fit_ground_plane(xy_map_m, yaw_rad)[2])
-        return kernel.sample_grid(self._terrain, *xy_map_m)[0]
+        return self._sample_ground_m(*xy_map_m)
+
+    def _sample_ground_m(self, x_m: float, y_m: float) -> float:
+        return kernel.sample_grid(self._terrain, x_m, y_m)[0]
 
     def _fit_ground_plane(self, xy_map_m: tuple[float, float], yaw_rad: float) -> FloatArray:
         """Return the plane (3,) under the wheels: slopes ahead and to the left, height below."""
@@ -223,4 +290,15 @@ def _make_board(drive: DriveSpec, is_effort: bool) -> Board:
         is_effort,
         *gains,
         drive.wheel_torque_nm,
+    )
+
+
+def _make_motor(drive: DriveSpec) -> Motor:
+    return Motor(
+        drive.torque_constant_nmpa,
+        drive.winding_ohm,
+        drive.no_load_a,
+        drive.gear_efficiency_ratio,
+        drive.controller_efficiency_ratio,
+        drive.regeneration_ratio,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping, Sequence
 
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
@@ -23,14 +24,23 @@ from agribot.core.world import WorldSpec
 from agribot.sim.attitude import read_roll_pitch_yaw, read_rotation
 from agribot.sim.camera_sensor import CameraSensor
 from agribot.sim.clock import NS_PER_S, Schedule, round_step_ns
-from agribot.sim.field_effects import CropDamage
+from agribot.sim.faults.bodies import move_start
+from agribot.sim.faults.layer import FaultLayer
+from agribot.sim.faults.schedule import read_faults
+from agribot.sim.field_effects import PlantDamage
+from agribot.sim.ground_surface import GroundSurface
 from agribot.sim.implements.kinds import fit_effect
 from agribot.sim.physics import Physics
+from agribot.sim.plant_states import PlantStates
 from agribot.sim.random_streams import make_stream
 from agribot.sim.sensors.suite import SampledSensor, SensorSuite
 from agribot.sim.sensors.tuning import check_tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 from agribot.sim.truth import Truth
+from agribot.sim.underside import Part
+from agribot.sim.walkers import PersonWatch
+
+TREATED_EVERY_S = 0.5  # plants that a tool has worked are looked up this often
 
 
 class SimPlatform:
@@ -43,23 +53,36 @@ class SimPlatform:
         world: WorldSpec,
         *,
         board: DriveSpec | None = None,
+        began_s: float = 0.0,
     ) -> None:
         """Build the world; `board` is the drive that the motor board assumes, else the true one.
 
+        `began_s` is how old the job is that the robot goes on with: the faults of the settings
+        count from the job's begin.
+
         Raises:
-            ConfigError: unknown sensor preset, or a rate that the physics cannot give.
+            ConfigError: unknown sensor preset, a rate that the physics cannot give, or a fault
+                that is wrong or never comes.
             DescriptionError: the robot has an implement of a kind that nobody registered.
         """
         self._step_ns = round_step_ns(config.sim.step_s)
         self._robot = robot
+        faults = read_faults(config, has_camera=robot.camera is not None, began_s=began_s)
+        world = move_start(world, faults) if faults else world
+        self.faults = FaultLayer(faults, config, robot, world) if faults else None
         self._ticks = Schedule(config.tick_hz, self._step_ns)
         self._sensors = SensorSuite(config, robot, world, self._step_ns)
-        self._feed, self._frames = _make_camera(config, robot, world, self._step_ns)
-        self._damage = CropDamage(robot, world)
-        self._implement = fit_effect(robot.implement, world, robot.base_height_m)
+        self._plants = PlantStates(len(world.plants))
         self._physics = Physics(
             robot, world, self._step_ns, board=board, is_effort=config.sim.actuation == "effort"
         )
+        self._feed, self._frames = _make_camera(
+            config, robot, world, self._step_ns, self._plants, self._physics.ground
+        )
+        self._damage = PlantDamage(robot, world, self._plants, self._physics.ground)
+        self._implement = fit_effect(robot.implement, world, robot.base_height_m)
+        self._treated_s = 0.0
+        self._persons = PersonWatch(robot, world)
         self.inbox = Inbox()
         self._tunings: deque[tuple[str, str, float]] = deque()
         self._base_height_m = robot.base_height_m
@@ -78,12 +101,14 @@ class SimPlatform:
             self._sensors.tune(*self._tunings.popleft())
         first = self._physics.step
         last = self._ticks.pop()
+        if self.faults is not None:
+            self._suffer(self.faults, first * self._step_ns / NS_PER_S)
         history = self._physics.advance(last - first)
         t_s = last * self._step_ns / NS_PER_S
         self._affect_field(first * self._step_ns / NS_PER_S, t_s)
         sensors = self._sensors
         events, hand = self.inbox.drain(t_s)
-        return SensorBatch(
+        batch = SensorBatch(
             t_s=t_s,
             wheels=sensors.wheels.take_samples(first, last, history),
             imu=sensors.imu.take_samples(first, last, history),
@@ -99,6 +124,7 @@ class SimPlatform:
             bumper=self._read_bumper(t_s),
             battery=sensors.battery.take_samples(first, last, history),
         )
+        return batch if self.faults is None else self.faults.alter(batch)
 
     def write(self, command: RobotCommand) -> None:
         """Hand a command to the motor board and the implement.
@@ -113,6 +139,8 @@ class SimPlatform:
             )
         if self._closed:
             raise PlatformError("the simulator is closed and takes no commands")
+        if self.faults is not None and not self.faults.hears(self._now_s):
+            return
         self._implement.command(self._now_s, command.implement)
         self._physics.command(drive)
         self._silent_after_s = self._now_s + self._robot.drive.command_timeout_s
@@ -175,8 +203,35 @@ class SimPlatform:
 
     @property
     def crushed(self) -> set[int]:
-        """Crops that got under a wheel, as indices into the world's plants."""
+        """Crops that the robot crushed, as indices into the world's plants."""
         return self._damage.crushed
+
+    @property
+    def brushed(self) -> set[int]:
+        """Crops whose leaves the robot touched and that live, as indices."""
+        return self._damage.brushed
+
+    def restore_plants(self, crushed_by: Mapping[int, Part], treated: Sequence[int]) -> None:
+        """Let plants lie that earlier runs of the job crushed, or took with the implement."""
+        for index, part in crushed_by.items():
+            self._plants.crush(index, 0.0, part, 0.0)
+        if self._robot.implement is not None and self._robot.implement.cuts_plants:
+            for index in treated:
+                self._plants.cut(index, 0.0, 0.0)
+
+    @property
+    def plants(self) -> PlantStates:
+        """What has become of all plants; nothing but the simulator may change it."""
+        return self._plants
+
+    @property
+    def person_distance_min_m(self) -> float | None:
+        """How near the robot's outline came to that of a person; None where there is nobody."""
+        return self._persons.least_m
+
+    def find_touched(self) -> str | None:
+        """Return the name of the obstacle or walker that the robot touches, None if none."""
+        return self._physics.find_touched()
 
     @property
     def treated(self) -> dict[int, float]:
@@ -192,6 +247,12 @@ class SimPlatform:
     def _now_s(self) -> float:
         return self._physics.step * self._step_ns / NS_PER_S
 
+    def _suffer(self, faults: FaultLayer, t_s: float) -> None:
+        """Let faults act on body and ground for the tick that begins now."""
+        appeared = faults.act(t_s, self._physics)
+        if appeared is not None and self._feed is not None:
+            self._feed.add_obstacle(appeared)
+
     def _affect_field(self, start_s: float, end_s: float) -> None:
         before, after = self._physics.history[0], self._physics.history[-1]
         if start_s > self._silent_after_s:
@@ -199,6 +260,24 @@ class SimPlatform:
         self._damage.update(end_s, before, after)
         self._implement.update(end_s, before, after, end_s - start_s)
         self._physics.pull(self._implement.pull())
+        if self._persons.has_persons:
+            truth = self.truth()
+            self._persons.update(end_s, truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
+        if end_s - self._treated_s >= TREATED_EVERY_S:
+            self._treated_s = end_s
+            self._note_treated()
+
+    def _note_treated(self) -> None:
+        """Let the plants know what the implement has done to them."""
+        spec = self._robot.implement
+        if spec is None or not (spec.cuts_plants or spec.wets_ground):
+            return
+        yaw_rad = read_roll_pitch_yaw(self._physics.history[-1])[2]
+        for index, t_s in self._implement.treated.items():
+            if spec.cuts_plants:
+                self._plants.cut(index, t_s, yaw_rad)
+            else:
+                self._plants.spray(index, t_s)
 
     def _read_bumper(self, t_s: float) -> tuple[BumperSample, ...]:
         place = self._physics.find_contact_body_m()
@@ -208,7 +287,12 @@ class SimPlatform:
 
 
 def _make_camera(
-    config: RunConfig, robot: RobotSpec, world: WorldSpec, physics_step_ns: int
+    config: RunConfig,
+    robot: RobotSpec,
+    world: WorldSpec,
+    physics_step_ns: int,
+    plants: PlantStates,
+    ground: GroundSurface,
 ) -> tuple[CameraSensor | None, SampledSensor[CameraFrame] | None]:
     if not config.perception.enabled:
         return None, None
@@ -218,5 +302,8 @@ def _make_camera(
             "set perception.enabled=false or add a camera to its description"
         )
     noise = make_stream(config.seed, "camera") if config.sim.camera_noise else None
-    feed = CameraSensor(robot, robot.camera, world, noise, has_body=config.sim.camera_body)
+    feed = CameraSensor(
+        robot, robot.camera, world, noise, has_body=config.sim.camera_body, plants=plants,
+        keeps_weeds=config.sim.preset == "kind", ground=ground,
+    )  # fmt: skip
     return feed, SampledSensor(feed, config.perception.camera_rate_hz, physics_step_ns)

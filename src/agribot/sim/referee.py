@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
 from agribot.core.geo import wrap_rad
 from agribot.core.growing_table import GrowingTable
-from agribot.core.messages import ByteArray, MappedPlant, PlantClass, Row, TickRecord
+from agribot.core.messages import ByteArray, FloatArray, MappedPlant, PlantClass, Row, TickRecord
 from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import WorldSpec
+from agribot.sim.plant_states import PlantStates
+from agribot.sim.safety_judge import SafetyJudge, SafetyScore
 from agribot.sim.scores import (
+    CrushedCount,
     ErrorSums,
     EstimateScore,
     RefereeState,
@@ -23,6 +27,7 @@ from agribot.sim.scores import (
     compute_root_mean,
 )
 from agribot.sim.truth import Truth
+from agribot.sim.underside import Part
 from agribot.sim.weed_judge import match_weeds
 
 KEPT_ROW_M = 0.25  # farther off than this, the wheels come near the plants: the row was not driven
@@ -35,6 +40,13 @@ class TruthSource(Protocol):
 
     @property
     def crushed(self) -> set[int]: ...
+    @property
+    def brushed(self) -> set[int]: ...
+    @property
+    def plants(self) -> PlantStates: ...
+    @property
+    def person_distance_min_m(self) -> float | None: ...
+    def restore_plants(self, crushed_by: Mapping[int, Part], treated: Sequence[int]) -> None: ...
     @property
     def treated(self) -> dict[int, float]: ...
     @property
@@ -52,9 +64,17 @@ class Referee:
         world: WorldSpec,
         rows: Sequence[Row],
         goals_map_m: Sequence[tuple[float, float]] = (),
+        boundary_map_m: FloatArray | None = None,
+        find_true_row: Callable[[Row], Row] = lambda row: row,
     ) -> None:
+        """`rows` are those of the map; the judgement is by the line of their plants.
+
+        `boundary_map_m` (N, 2) is what the robot must not leave; None: nobody knows.
+        """
         self._source = source
+        self._find_true_row = find_true_row
         self._world = world
+        self._safety = SafetyJudge(boundary_map_m)
         self._row_errors = GrowingTable(2)  # across_m, heading_rad; those not in the sums yet
         self._estimate_errors = GrowingTable(3)  # x_m, y_m, yaw_rad; likewise
         self._pose_covs = GrowingTable(9)
@@ -70,7 +90,7 @@ class Referee:
         self, rows: Sequence[Row], goals_map_m: Sequence[tuple[float, float]] = ()
     ) -> None:
         """Set the rows and goals to judge, forgetting the old ones; the errors so far count on."""
-        self._rows = {row.index: row for row in rows}
+        self._rows = {row.index: self._find_true_row(row) for row in rows}
         self._goals_map_m = tuple(goals_map_m)
         self._nearest_m = [math.inf] * len(self._goals_map_m)
         self._worst_m: dict[int, float] = {}
@@ -82,6 +102,7 @@ class Referee:
         Returns the parts that cannot be continued, in words; empty if there are none.
         """
         self._before, self._tally = before, before.tally
+        self._safety.restore(before.safety)
         self._distance_m += before.distance_m
         self._confusion += np.array(before.confusion, dtype=np.int64).reshape(3, 3)
         for row in before.rows:
@@ -90,6 +111,7 @@ class Referee:
             if goal in self._goals_map_m and nearest_m is not None:
                 self._nearest_m[self._goals_map_m.index(goal)] = nearest_m
         if before.plants_total == len(self._world.plants):
+            self._source.restore_plants(self._crushed_by, before.treated)
             return ""
         self._before = None
         return "crushed and treated plants: the field has other plants now"
@@ -106,11 +128,24 @@ class Referee:
             slices=tuple(sorted(self._slices)),
             goals_map_m=self._goals_map_m,
             nearest_m=tuple(n if math.isfinite(n) else None for n in self._nearest_m),
-            crushed=tuple(sorted(self._crushed)),
+            crushed=tuple(sorted(self._crushed_by)),
+            crushed_by=tuple(int(by) for _, by in sorted(self._crushed_by.items())),
+            brushed=tuple(sorted(self._brushed)),
+            person_distance_min_m=self._find_person_distance_m(),
             treated=tuple(sorted(self._treated_plants)),
             worked_m2=self.worked_m2,
             plants_total=len(self._world.plants),
+            safety=self._safety.export_state(),
         )
+
+    def note_fault(self) -> None:
+        """Note that a fault begins: what is crushed from now on counts as after it."""
+        if self._safety.crushed_before is None:
+            self._safety.crushed_before = frozenset(self._crushed_by)
+
+    def score_safety(self) -> SafetyScore:
+        score = self._safety.score(self.crushed)
+        return msgspec.structs.replace(score, person_distance_min_m=self._find_person_distance_m())
 
     def __call__(self, record: TickRecord) -> None:
         truth = self._source.truth()
@@ -118,6 +153,7 @@ class Referee:
         if self._last_xy is not None:
             self._distance_m += math.hypot(x_m - self._last_xy[0], y_m - self._last_xy[1])
         self._last_xy = (x_m, y_m)
+        self._safety.look(record, truth)
         for index, goal in enumerate(self._goals_map_m):
             distance_m = math.dist(goal, self._last_xy)
             self._nearest_m[index] = min(self._nearest_m[index], distance_m)
@@ -179,7 +215,9 @@ class Referee:
             heading_rms_rad=compute_root_mean(tally.heading_rad2, tally.row_ticks),
             distance_m=self._distance_m,
             plants_total=sum(p.plant == PlantClass.CROP for p in self._world.plants),
-            plants_crushed=len(self._crushed),
+            plants_crushed=len(self._crushed_by),
+            plants_crushed_by=self._count_crushed(),
+            plants_brushed=len(self._brushed),
         )
 
     def score_estimate(self) -> EstimateScore:
@@ -214,9 +252,36 @@ class Referee:
             worked_area_ratio=self.compute_worked_area_ratio(rows_done),
         )
 
+    def _find_person_distance_m(self) -> float | None:
+        """Return how near the robot came to a person, in the runs before this one as well."""
+        before = self._before.person_distance_min_m if self._before else None
+        known = [d for d in (before, self._source.person_distance_min_m) if d is not None]
+        return min(known, default=None)
+
     @property
-    def _crushed(self) -> set[int]:
-        return self._source.crushed.union(self._before.crushed if self._before else ())
+    def crushed(self) -> set[int]:
+        """Crops crushed in the whole job, as indices into the world's plants."""
+        return set(self._crushed_by)
+
+    @property
+    def _crushed_by(self) -> dict[int, Part]:
+        """Crushed crops, in the runs before this one as well, and what crushed each first."""
+        by = self._source.plants.crushed_by
+        now = {index: Part(by[index]) for index in self._source.crushed}
+        before = self._before
+        if before is None:
+            return now
+        wheel = (Part.WHEEL,) * len(before.crushed)
+        return now | dict(zip(before.crushed, map(Part, before.crushed_by or wheel), strict=True))
+
+    @property
+    def _brushed(self) -> set[int]:
+        brushed = self._source.brushed.union(self._before.brushed if self._before else ())
+        return brushed - set(self._crushed_by)
+
+    def _count_crushed(self) -> CrushedCount:
+        by = list(self._crushed_by.values())
+        return CrushedCount(**{part.name.lower(): by.count(part) for part in Part})
 
     @property
     def _treated_plants(self) -> set[int]:

@@ -7,14 +7,13 @@ field is the same in any grid.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from agribot.core.messages import FloatArray, Row
 from agribot.core.row_shape import row_length_m, row_points_map_m, start_yaw_rad
 from agribot.core.world import GroundTile, Relief, WorldSpec
-from agribot.sim.camera.surfaces import EARTH, PERIOD_M, build_litter_heights
 from agribot.sim.jit import compile_exact
 from agribot.sim.random_streams import make_stream
 
@@ -31,6 +30,10 @@ RIDGE_CLODS_RATIO = 0.5  # a ridge is packed: so many of its clods stay
 ROW_END_M = 0.5  # ridges and tracks run on so far beyond the plants at the ends
 SHOULDER_M = 0.03  # of a wheel track
 STONE_HEIGHT_M, STRAW_HEIGHT_M = 0.015, 0.004
+
+
+Grid = np.ndarray[tuple[int, ...], np.dtype[np.floating[Any]]]  # of single or double precision
+Indices = np.ndarray[tuple[int, ...], np.dtype[np.signedinteger[Any]]]
 
 
 class Axes(NamedTuple):
@@ -72,7 +75,8 @@ def make_relief(world: WorldSpec, axes: Axes) -> FloatArray:
         height_m += lumps_m
     height_m += ridges_m
     height_m -= tracks_m
-    _add_litter(world, axes, height_m)
+    if world.soil.stones_ratio or world.soil.residue_ratio:
+        _add_litter(world, axes, height_m)
     return height_m
 
 
@@ -123,7 +127,7 @@ def _add_turned(
             height_m[r, c] += low * (1.0 - v) + high * v
 
 
-def _lay_row(relief: Relief, row: Row, axes: Axes, off_m: FloatArray, tracks_m: FloatArray) -> None:
+def _lay_row(relief: Relief, row: Row, axes: Axes, off_m: Grid, tracks_m: Grid) -> None:
     """Note where the row is the nearest one (`off_m`) and sink the tracks astride it."""
     around_m = max(
         1.5 * RIDGE_PITCH_M, relief.track_gauge_m / 2.0 + relief.track_width_m + SHOULDER_M
@@ -142,9 +146,9 @@ def _lay_row(relief: Relief, row: Row, axes: Axes, off_m: FloatArray, tracks_m: 
 
 @compile_exact
 def _lay_line(
-    columns: FloatArray, rows: FloatArray, x_m: FloatArray, y_m: FloatArray, start_x_m: float,
+    columns: Indices, rows: Indices, x_m: FloatArray, y_m: FloatArray, start_x_m: float,
     start_y_m: float, yaw_rad: float, bend: float, length_m: float, depth_m: float, half_m: float,
-    half_width_m: float, off_m: FloatArray, tracks_m: FloatArray,
+    half_width_m: float, off_m: Grid, tracks_m: Grid,
 ) -> None:  # fmt: skip
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     for r in range(rows[0], rows[1]):
@@ -179,7 +183,7 @@ def _find_half_pitch_m(rows: tuple[Row, ...]) -> float:
     return min([RIDGE_PITCH_M, *(gap for gap in gaps_m if gap > 0.1)]) / 2.0
 
 
-def _shape_ridges(off_m: FloatArray, half_m: float, top_m: float) -> None:
+def _shape_ridges(off_m: Grid, half_m: float, top_m: float) -> None:
     """Turn the distance from a row into the height of its ridge and furrow, in place.
 
     The mean of ridge and furrow is the ground as it was before; the outer furrow rises to it.
@@ -226,7 +230,7 @@ def _find_clods_on_soil(
     return kept
 
 
-def _sample(grid: FloatArray, axes: Axes, places: FloatArray) -> FloatArray:
+def _sample(grid: Grid, axes: Axes, places: FloatArray) -> FloatArray:
     """Return the samples of a grid next to places (n, 2 or more)."""
     columns = np.rint((places[:, 0] - axes.x_m[0]) / axes.step_m).astype(int)
     rows = np.rint((places[:, 1] - axes.y_m[0]) / axes.step_m).astype(int)
@@ -238,7 +242,7 @@ def _sample(grid: FloatArray, axes: Axes, places: FloatArray) -> FloatArray:
 
 @compile_exact
 def _stamp_clods(
-    clods: FloatArray, x_min_m: float, y_min_m: float, step_m: float, lumps_m: FloatArray
+    clods: FloatArray, x_min_m: float, y_min_m: float, step_m: float, lumps_m: Grid
 ) -> None:
     """Raise the grid to the clods (n, 7): rounded lumps with an uneven outline.
 
@@ -270,9 +274,10 @@ def _stamp_clods(
 
 def _add_litter(world: WorldSpec, axes: Axes, height_m: FloatArray) -> None:
     """Add stones and straw, where the texture of the soil shows them."""
+    # Whoever has no litter need not wait for the camera's modules.
+    from agribot.sim.camera.surfaces import EARTH, PERIOD_M, build_litter_heights
+
     soil = world.soil
-    if not (soil.stones_ratio or soil.residue_ratio):
-        return
     litter_m = build_litter_heights(soil, STONE_HEIGHT_M, STRAW_HEIGHT_M, axes.step_m)
     size = litter_m.shape[0]
     columns = np.floor(axes.x_m / PERIOD_M * size).astype(int) % size

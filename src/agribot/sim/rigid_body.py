@@ -1,6 +1,7 @@
-"""The robot and the fixed obstacles as a MuJoCo model: four bodies on a free base.
+"""The robot, the fixed obstacles and the walkers as a MuJoCo model: four bodies on a free base.
 
-Wheels and chassis collide with obstacles only; the ground acts through the tyre kernel.
+Walkers are bodies that are put in their place. Wheels and chassis collide with these and with
+obstacles only; the ground acts through the tyre kernel.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from agribot.core.world import Obstacle, WorldSpec
 
 ROBOT_BIT, OBSTACLE_BIT = 1, 2
 BASE = "base_link"
+WALKER = "walker:"  # before the names of walkers: obstacles may have the same
+PART_MARK = "#"  # between the name of an obstacle and the number of its part
 # Rubber or paint on a wall; more lets the wheels climb it and turn the light robot over.
 OBSTACLE_FRICTION = (0.3, 0.005, 0.0001)
 KINDS = {
@@ -50,6 +53,9 @@ def build_model(
     for obstacle in world.obstacles:
         if obstacle.collides:
             _add_obstacle(spec.worldbody, obstacle)
+    for walker in world.walkers:
+        body = spec.worldbody.add_body(name=f"{WALKER}{walker.name}", mocap=True)
+        _add_solids(body, np.eye(4), walker.shapes, walker.name, f"{WALKER}{walker.name}")
     return spec.compile()
 
 
@@ -64,12 +70,12 @@ def find_obstacle_boxes(world: WorldSpec) -> FloatArray:
         for shape in obstacle.shapes if obstacle.collides else ():
             if shape.kind in KINDS:
                 pose = map_from_obstacle @ shape.origin.matrix()
-                half_m = np.abs(pose[:2, :3]) @ _compute_half_sizes_m(shape)
+                half_m = np.abs(pose[:2, :3]) @ compute_half_sizes_m(shape)
                 boxes.append((*pose[:2, 3], *half_m))
     return np.array(boxes, dtype=np.float64).reshape(-1, 4)
 
 
-def _compute_half_sizes_m(shape: Shape) -> FloatArray:
+def compute_half_sizes_m(shape: Shape) -> FloatArray:
     """Return the half sizes (3,) of the box around a shape, in the shape's axes."""
     x, y, z = shape.size_m
     if shape.kind == "box":
@@ -81,7 +87,7 @@ def _add_base(body: mujoco.MjsBody, robot: RobotSpec) -> None:
     parts = [
         (robot.base_from_link(link.name), link)
         for link in robot.links
-        if _find_carrier(robot, link.name) == BASE
+        if find_carrier(robot, link.name) == BASE
     ]
     _set_inertia(body, parts)
     for base_from_link, link in parts:
@@ -105,7 +111,7 @@ def _add_wheel(
     parts = [
         (wheel_from_base @ robot.base_from_link(link.name), link)
         for link in robot.links
-        if _find_carrier(robot, link.name) == name
+        if find_carrier(robot, link.name) == name
     ]
     _set_inertia(body, parts)
     drive = robot.drive
@@ -134,7 +140,7 @@ def _add_wheel(
     motor.forcerange = [-drive.wheel_torque_nm, drive.wheel_torque_nm]
 
 
-def _find_carrier(robot: RobotSpec, name: str) -> str:
+def find_carrier(robot: RobotSpec, name: str) -> str:
     """Return the moving body that a link is part of: the wheel above it, else the base."""
     parents = {joint.child: joint.parent for joint in robot.joints}
     while name not in WHEEL_NAMES and name in parents:
@@ -187,9 +193,19 @@ def _set_inertia(body: mujoco.MjsBody, parts: list[tuple[FloatArray, Link]]) -> 
 
 
 def _add_obstacle(world_body: mujoco.MjsBody, obstacle: Obstacle) -> None:
-    map_from_obstacle = _make_obstacle_pose(obstacle)
-    for shape in obstacle.shapes:
-        _add_shape(world_body, map_from_obstacle, shape, OBSTACLE_BIT, obstacle.name)
+    pose, name = _make_obstacle_pose(obstacle), obstacle.name
+    _add_solids(world_body, pose, obstacle.shapes, name, name)
+
+
+def _add_solids(
+    body: mujoco.MjsBody, body_from_owner: FloatArray, shapes: tuple[Shape, ...], owner: str,
+    name: str,
+) -> None:  # fmt: skip
+    """Add shapes that the robot can hit, each named `name` and a number."""
+    for index, shape in enumerate(shapes):
+        geom = _add_shape(body, body_from_owner, shape, OBSTACLE_BIT, owner)
+        if geom is not None:
+            geom.name = f"{name}{PART_MARK}{index}"
 
 
 def _make_obstacle_pose(obstacle: Obstacle) -> FloatArray:
@@ -200,13 +216,13 @@ def _make_obstacle_pose(obstacle: Obstacle) -> FloatArray:
 
 def _add_shape(
     body: mujoco.MjsBody, body_from_owner: FloatArray, shape: Shape, bit: int, owner: str
-) -> None:
+) -> mujoco.MjsGeom | None:
     if shape.kind not in KINDS:
         _LOG.warning("'%s': %s shapes have no collision in the physics", owner, shape.kind)
-        return
-    half_m = _compute_half_sizes_m(shape)
+        return None
+    half_m = compute_half_sizes_m(shape)
     pose = body_from_owner @ shape.origin.matrix()
-    body.add_geom(
+    return body.add_geom(
         type=KINDS[shape.kind],
         size=half_m if shape.kind == "box" else half_m[[0, 2, 2]],
         pos=pose[:3, 3],

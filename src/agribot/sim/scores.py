@@ -9,8 +9,17 @@ import numpy as np
 
 from agribot.core.histogram import Histogram
 from agribot.core.messages import FloatArray, Row
+from agribot.sim.safety_judge import SafetyState
 
 BIN_M = 0.0005  # of the cross-track error, for its percentile over several runs
+
+
+class CrushedCount(msgspec.Struct, frozen=True, kw_only=True):
+    """How many crops each part of the robot crushed."""
+
+    wheel: int = 0
+    belly: int = 0
+    implement: int = 0
 
 
 class TrackingScore(msgspec.Struct, frozen=True, kw_only=True):
@@ -23,6 +32,8 @@ class TrackingScore(msgspec.Struct, frozen=True, kw_only=True):
     distance_m: float
     plants_total: int
     plants_crushed: int
+    plants_crushed_by: CrushedCount
+    plants_brushed: int
 
 
 class EstimateScore(msgspec.Struct, frozen=True, kw_only=True):
@@ -96,7 +107,7 @@ class RefereeState(msgspec.Struct, frozen=True, kw_only=True):
     """The referee's state in a job, for the run that continues it.
 
     `worst_m` and `slices` belong to `rows` by their index, `nearest_m` to the goals; None: not
-    seen yet. Crushed and treated plants are indices into the world's, of which there are
+    seen yet. Crushed, brushed and treated plants are indices into the world's, of which there are
     `plants_total`.
     """
 
@@ -109,9 +120,13 @@ class RefereeState(msgspec.Struct, frozen=True, kw_only=True):
     goals_map_m: tuple[tuple[float, float], ...]
     nearest_m: tuple[float | None, ...]
     crushed: tuple[int, ...]
+    crushed_by: tuple[int, ...] = ()  # what crushed each of `crushed`; as `Part`
+    brushed: tuple[int, ...] = ()
+    person_distance_min_m: float | None = None
     treated: tuple[int, ...] = msgspec.field(name="sprayed")
     worked_m2: float = msgspec.field(name="sprayed_area_m2")
     plants_total: int
+    safety: SafetyState = SafetyState()
 
 
 def compute_root_mean(square_sum: float, count: int) -> float | None:

@@ -20,7 +20,8 @@ EFFORT = slice(28, 32)  # torque of each motor as it arrives at the wheel, Nm
 TARGET = slice(32, 36)  # wheel speeds that the board wants
 FAULT = slice(36, 40)  # 1 where a wheel does not follow the command to its motor
 WORK = slice(40, 41)  # sum of |torque * speed| of the motors since the start, J
-HISTORY_COLUMNS = 41
+DRAWN = slice(41, 42)  # from the battery by the motors since the start, J
+HISTORY_COLUMNS = 42
 
 
 class StateViews(NamedTuple):
@@ -54,6 +55,17 @@ class Board(NamedTuple):
     i_nmprad: float
     d_nms2prad: float
     torque_nm: float
+
+
+class Motor(NamedTuple):
+    """A motor, its gear and its controller, as felt at the wheel."""
+
+    torque_constant_nmpa: float
+    resistance_ohm: float
+    no_load_a: float
+    gear_efficiency_ratio: float
+    controller_efficiency_ratio: float
+    regeneration_ratio: float
 
 
 class Inertial(NamedTuple):

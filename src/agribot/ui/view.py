@@ -31,6 +31,7 @@ _LEVEL: dict[str, wire.EventLevel] = {
     "stop": "warn",
     "hold": "warn",
     "limit": "warn",
+    "truth": "warn",
 }
 # What the page calls a mission that does not run, and that nobody stopped.
 _MODES: dict[MissionState, wire.Mode] = {

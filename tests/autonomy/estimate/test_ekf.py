@@ -50,7 +50,7 @@ def dense(row: Row) -> FloatArray:
     return h
 
 
-STATE = [3.0, -2.0, 0.7, 0.01, 0.04, 0.03, 0.02, 0.5, -0.4, 0.1, 0.02]
+STATE = [3.0, -2.0, 0.7, 0.01, 0.04, 0.03, 0.02, 0.5, -0.4, 0.1, 0.02, 0.03]
 
 
 def test_prediction_equals_numerical_jacobian_times_covariance() -> None:
@@ -116,7 +116,7 @@ def test_gated_update_leaves_the_filter_untouched() -> None:
 
 def test_covariance_stays_positive_after_thousands_of_mixed_steps() -> None:
     rng = np.random.default_rng(5)
-    ekf = Ekf([1e3, 1e3, 3.0, 0.01, 0.03, 0.03, 0.01, 1.0, 1.0, 0.1, 0.01], row_yaw_rad=0.0)
+    ekf = Ekf([1e3, 1e3, 3.0, 0.01, 0.03, 0.03, 0.01, 1.0, 1.0, 0.1, 0.01, 0.03], row_yaw_rad=0.0)
     for k in range(3000):
         ekf.predict(0.004, float(rng.normal(0.0, 0.01)), 0.01, SOME_NOISE)
         if k % 10 == 0:

@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from agribot.autonomy.estimate.correction import Ladder
-from agribot.autonomy.estimate.ekf import ROW_BIAS, YAW, Ekf, X, Y
+from agribot.autonomy.estimate.ekf import ROW_BIAS, ROW_OFFSET, YAW, Ekf, X, Y
 from agribot.autonomy.estimate.history import Motion
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.pose_filter import PoseFilter
@@ -37,7 +37,7 @@ class Robot:
     ) -> None:
         self.ekf = Ekf([std_m, std_m, 0.05, *[1e-3] * 7, 0.0], row_yaw_rad=0.0)
         self.ekf.x[X], self.ekf.x[Y], self.ekf.x[YAW] = x_m, y_m, yaw_rad
-        pose = PoseFilter(EstimateConfig(), field, robot(), self.ekf)
+        self.pose = pose = PoseFilter(EstimateConfig(), field, robot(), self.ekf)
         pose.known.add("position")
         self.rejected, self._history = pose.rejected, pose.history
         self._lines = RowLines(pose)
@@ -178,10 +178,43 @@ def test_a_gap_in_the_middle_of_a_row_is_not_taken_for_its_end() -> None:
         robot.see_picture(end_ahead_m=1.2, range_std_m=0.15)
     assert robot.rejected == {"gap in the row": 20}
     assert robot.ekf.x[X] == pytest.approx(5.0, abs=1e-6)
-    near = Robot(11.0, 3.0, 0.0, std_m=0.05)
+    near = Robot(11.0, 3.0, 0.0, std_m=0.2)
     for _ in range(80):
         near.see_picture(end_ahead_m=0.5, range_std_m=0.15)
     assert near.ekf.x[X] == pytest.approx(11.5, abs=0.1)
+
+
+def test_looks_at_one_end_of_a_row_never_make_the_robot_surer_than_its_last_plant_is_there() -> (
+    None
+):
+    for spacing_m in (0.15, 0.3):
+        field = msgspec.structs.replace(FIELD, plant_spacing_m=spacing_m)
+        robot = Robot(11.0, 3.0, 0.0, std_m=0.5, field=field)
+        for _ in range(20):
+            robot.see_picture(end_ahead_m=1.0, range_std_m=0.15)
+        assert 0.3 * spacing_m < math.sqrt(robot.ekf.cov[X, X]) < spacing_m
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, math.pi])
+def test_rows_beside_their_map_are_told_from_a_robot_beside_its_place(yaw_rad: float) -> None:
+    """Rows run East; they stand 6 cm South of the map, and GNSS knows the robot to a centimetre."""
+    field = msgspec.structs.replace(FIELD, row_map_std_m=0.03)
+    robot = Robot(5.0, 3.0, yaw_rad, std_m=0.01, field=field)
+    for _ in range(300):
+        robot.see(offset_m=0.06 * math.cos(yaw_rad))
+        for state, value in ((X, 5.0), (Y, 3.0)):
+            robot.ekf.update(((state, 1.0),), value - robot.ekf.x[state], 0.01**2)
+    assert robot.ekf.x[Y] == pytest.approx(3.0, abs=0.015)
+    assert robot.ekf.x[ROW_OFFSET] == pytest.approx(0.06, abs=0.03)
+    east_m, north_m = robot.pose.rows_off_m
+    assert east_m == pytest.approx(0.0, abs=1e-9)
+    assert north_m == pytest.approx(-robot.ekf.x[ROW_OFFSET])
+
+
+def test_rows_that_are_not_looked_at_stand_where_the_map_has_them() -> None:
+    robot = Robot(5.0, 3.0, 0.0, field=msgspec.structs.replace(FIELD, row_map_std_m=0.03))
+    assert robot.ekf.cov[ROW_OFFSET, ROW_OFFSET] == 0.0
+    assert robot.pose.rows_off_m == (0.0, 0.0)
 
 
 def test_numbers_that_are_none_and_times_that_run_back_are_refused() -> None:
@@ -212,6 +245,7 @@ def std_after(spacing_m: float | None, times_s: list[float], *, drives: bool) ->
     field = FieldConfig(
         first_row_start_map_m=(0.0, -5.0), row_count=5, row_length_m=30.0,
         plant_spacing_m=spacing_m, start_map_m=(0.0, 0.0), start_yaw_deg=90.0, start_std_m=0.1,
+        row_map_std_m=0.0,
     )  # fmt: skip
     motion = (lambda t_s: (0.4 if t_s > 4.0 else 0.0, 0.0)) if drives else stand
     recording = record(motion, 8.0, seed=1, errors=M8N, start=(0.0, 0.0, math.pi / 2.0))

@@ -15,12 +15,15 @@ SHORT = ("duration_s=2", "record.enabled=false", "perception.enabled=false")
 
 def test_every_profile_meets_its_receivers_and_the_first_seeds_come_first() -> None:
     jobs = missions.list_jobs(["farm", "rows-10x12", "hills", "beet"], None)
-    assert len({job.name for job in jobs}) == len(jobs) == 4 * 10 + 20 + 2 * 10 + 5
+    assert len({job.name for job in jobs}) == len(jobs) == 20 + 3 * 10 + 20 + 2 * 10 + 5
     seeds = [job.seed for job in jobs]
     assert seeds == sorted(seeds)
     farm = {job.config().sim.sensors for job in jobs if job.profile == "farm" and job.seed == 10}
     assert farm == {"legacy", "seed", "m8n", "rtk"}
     assert not any(job.config().record.enabled for job in jobs)
+    assert {job.config().sim.preset for job in jobs} == {"field"}
+    kind = missions.list_jobs(["beet"], None, "kind")
+    assert {job.config().sim.preset for job in kind} == {"kind"}
 
 
 def test_a_series_is_driven_shown_as_a_table_and_goes_on_where_it_was(
@@ -49,7 +52,7 @@ def test_a_cross_track_error_above_the_limit_is_named() -> None:
         "count": {"tracking.xte_rms_m": 1},
     }
     assert missions.find_shortfalls([entry]) == [
-        "rows-10x12 sim.sensors=m8n: cross-track RMS 5.0 cm > 4 cm"
+        "rows-10x12 sim.sensors=m8n: cross-track RMS 5.0 cm > 2.5 cm"
     ]
     assert missions.find_shortfalls([{**entry, "profile": "farm"}]) == []
 
@@ -57,3 +60,5 @@ def test_a_cross_track_error_above_the_limit_is_named() -> None:
 def test_an_unknown_profile_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "missions", "--profiles", "farm,moon"]) == 2
     assert "moon" in capsys.readouterr().err
+    assert main(["bench", "missions", "--preset", "moon"]) == 2
+    assert "unknown preset 'moon'" in capsys.readouterr().err

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from agribot.autonomy.estimate.contradiction import Contradiction
 from agribot.autonomy.estimate.correction import Correction, Measurements
-from agribot.autonomy.estimate.ekf import YAW, Row, X, Y
+from agribot.autonomy.estimate.ekf import ROW_OFFSET, YAW, Row, X, Y
 from agribot.autonomy.estimate.field_rows import RowFrame
 from agribot.autonomy.estimate.gate import Gate, Verdict
 from agribot.autonomy.estimate.history import Epoch, Motion
@@ -151,12 +151,13 @@ class CropRows(Correction[Scene]):
         if not -BEYOND_M <= at.along_m <= rows.length_m + BEYOND_M:
             self.pose.rejected["crop beyond the rows"] += 1
             return False
-        across = _row(at.right, seen.lever_m)
+        self.pose.look_at_rows()
+        across: Row = (*_row(at.right, seen.lever_m), (ROW_OFFSET, -1.0))
         across_m2 = self.pose.ekf.project(across)[1]
         if across_m2 > (TELLS_ROWS_APART_RATIO * rows.pitch_m) ** 2:
             self.pose.rejected["row ambiguous"] += 1
             return False
-        off_m = rows.row_at(at.right_m)[1] - at.right_m
+        off_m = rows.row_at(at.right_m)[1] - at.right_m + self.pose.ekf.x[ROW_OFFSET]
         ahead = self._ahead(seen)
         verdict = yield Measurement(
             (off_m,) if ahead is None else (off_m, ahead[1]),

@@ -1,4 +1,4 @@
-"""Extended Kalman filter of the pose and of eight slow errors, in plain NumPy.
+"""Extended Kalman filter of the pose and of nine slow errors, in plain NumPy.
 
 The state is a list of floats and the covariance one array that is only ever changed in place:
 at 100 predictions a second the arithmetic is free and the Python around it is the cost.
@@ -19,10 +19,10 @@ from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray
 from agribot.core.pose import Pose2
 
-STATES = 11
+STATES = 12
 (
     X, Y, YAW, GYRO_BIAS, WHEEL_SCALE, SLIP, GYRO_SCALE,
-    GNSS_BIAS_X, GNSS_BIAS_Y, MAG_BIAS, ROW_BIAS,
+    GNSS_BIAS_X, GNSS_BIAS_Y, MAG_BIAS, ROW_BIAS, ROW_OFFSET,
 ) = range(STATES)  # fmt: skip
 
 # One row of the measurement matrix, without its zeros: (state, coefficient) pairs.
@@ -50,7 +50,8 @@ class Ekf:
 
     States: x_map_m, y_map_m, yaw_map_rad, gyro bias (rad/s), wheel scale (share of the wheel
     speed lost), slip, gyro scale (share that it tells too much), GNSS bias east and north (m),
-    magnetometer bias (rad), offset of the row sensor (m, to the left of the robot).
+    magnetometer bias (rad), offset of the row sensor (m, to the left of the robot), offset of the
+    field's rows from where the map has them (m, to the right of the rows).
 
     Slip belongs to the slope, so its sign is kept in the map and not in the body: driving along
     the rows in either direction the robot crabs to the same side of the field. In the body it is
@@ -59,7 +60,9 @@ class Ekf:
 
     def __init__(self, std: Sequence[float], row_yaw_rad: float) -> None:
         self.x = [0.0] * STATES
-        self.cov = np.diag(np.square(np.asarray(std, dtype=np.float64)))
+        """States beyond those of `std` are known to be 0."""
+        self.cov = np.zeros((STATES, STATES))
+        self.cov[range(len(std)), range(len(std))] = np.square(np.asarray(std, dtype=np.float64))
         self.row_yaw_rad = row_yaw_rad
         # F = I + A, and A has only rows 0-2 and columns 2-6.
         self._a = np.zeros((3, 5))

@@ -15,7 +15,7 @@ from collections import deque
 from statistics import NormalDist
 from typing import NamedTuple
 
-from agribot.autonomy.estimate.ekf import SLIP, WHEEL_SCALE, YAW, X, Y
+from agribot.autonomy.estimate.ekf import ROW_OFFSET, SLIP, WHEEL_SCALE, YAW, X, Y
 from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.slope import SLIDE_STD_RATIO
@@ -91,7 +91,7 @@ class Integrity:
 
     def __init__(self, pose: PoseFilter, gnss: Gnss) -> None:
         config = pose.config
-        self._ekf = pose.ekf
+        self._ekf, self._rows = pose.ekf, pose.rows
         self._gnss = gnss
         self._gain = _rayleigh(config.protection_risk)
         self._fault_gain = _rayleigh(config.protection_risk / FAULT_RATIO)
@@ -167,8 +167,19 @@ class Integrity:
 
     @property
     def _cov_m2(self) -> Cov2:
-        cov = self._ekf.cov
-        return float(cov[X, X]), float(cov[X, Y]), float(cov[Y, Y])
+        """Of the position against the field's rows, wherever these truly stand."""
+        cov, x = self._ekf.cov, self._ekf.x
+        xx, xy, yy = float(cov[X, X]), float(cov[X, Y]), float(cov[Y, Y])
+        off_m2 = float(cov[ROW_OFFSET, ROW_OFFSET])
+        if not off_m2:
+            return xx, xy, yy
+        east, north = self._rows.at(x[X], x[Y]).right
+        off_x, off_y = float(cov[X, ROW_OFFSET]), float(cov[Y, ROW_OFFSET])
+        return (
+            xx - 2.0 * east * off_x + east * east * off_m2,
+            xy - east * off_y - north * off_x + east * north * off_m2,
+            yy - 2.0 * north * off_y + north * north * off_m2,
+        )
 
     @property
     def _left(self) -> tuple[float, float]:

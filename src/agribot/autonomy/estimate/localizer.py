@@ -212,6 +212,7 @@ class Localizer:
             row_seen=self._sight.is_seen(t_s),
             across_protection_m=bounds.across_m,
             across_plain_m=bounds.across_plain_m,
+            rows_off_m=self.pose.rows_off_m,
             contradiction=self._doubts.contradiction if ok else "",
         )
 

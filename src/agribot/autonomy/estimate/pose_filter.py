@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from typing import Literal
 
-from agribot.autonomy.estimate.ekf import Ekf
+from agribot.autonomy.estimate.ekf import ROW_OFFSET, Ekf, X, Y
 from agribot.autonomy.estimate.field_rows import FieldRows
 from agribot.autonomy.estimate.gate import Verdict
 from agribot.autonomy.estimate.history import MotionHistory
@@ -42,6 +42,18 @@ class PoseFilter:
         self.known: set[Known] = set()
         self.up_body: Vec3 = (0.0, 0.0, 1.0)
         self.base: BaseFix | None = None
+
+    @property
+    def rows_off_m(self) -> tuple[float, float]:
+        """How far the rows stand East and North of where the map has them."""
+        x = self.ekf.x
+        right_x, right_y = self.rows.at(x[X], x[Y]).right
+        return x[ROW_OFFSET] * right_x, x[ROW_OFFSET] * right_y
+
+    def look_at_rows(self) -> None:
+        """Doubt from now on that rows stand where the map has them: they are looked at."""
+        if self.field.row_map_std_m and not self.ekf.cov[ROW_OFFSET, ROW_OFFSET]:
+            self.ekf.reset(ROW_OFFSET, 0.0, self.field.row_map_std_m**2)
 
     def correct(self, measured: Measurement) -> Verdict:
         """Let a measurement through its gate, or count that it was rejected."""

@@ -13,7 +13,7 @@ import msgspec
 
 from agribot.autonomy.estimate import row_model as model
 from agribot.autonomy.estimate.correction import Correction, Measurements
-from agribot.autonomy.estimate.ekf import ROW_BIAS, YAW, Row, X, Y
+from agribot.autonomy.estimate.ekf import ROW_BIAS, ROW_OFFSET, YAW, Row, X, Y
 from agribot.autonomy.estimate.field_rows import RowFrame
 from agribot.autonomy.estimate.gate import Gate
 from agribot.autonomy.estimate.history import Epoch
@@ -27,6 +27,12 @@ from agribot.core.messages import RowLine
 MAX_SPACING_M = 0.5
 # What seems the end of a row nearer than this to it may correct a pose that is sure of another.
 GAP_M = 0.6
+# The outermost plant of a row may be missing, which every look at that end repeats: 1 sigma in
+# plant spacings, and how many looks share it.
+END_STD_SPACINGS, LOOKS_AT_END = 0.35, 16
+# How far a row stands off the map follows from the rows before it, which took so long.
+ROW_MEMORY_S = 100.0
+USUAL_SPACING_M = 0.2  # of plants that make up a line, where the field does not tell
 MAX_HEADING_RAD, MAX_DISAGREEMENT_RAD = math.radians(30.0), math.radians(15.0)
 
 
@@ -91,7 +97,12 @@ class RowLines(Correction[RowLine]):
             line,
             start_ahead_m=self._likely(line, line.start_ahead_m, first_m, sign, epoch),
             end_ahead_m=self._likely(line, line.end_ahead_m, last_m, sign, epoch),
+            range_std_m=math.hypot(line.range_std_m, self._end_std_m() * math.sqrt(LOOKS_AT_END)),
         )
+
+    def _end_std_m(self) -> float:
+        """Return how far the outermost plant of a row may stand off the row's end, 1 sigma."""
+        return END_STD_SPACINGS * (self.pose.rows.spacing_m or USUAL_SPACING_M)
 
     def _likely(
         self, line: RowLine, ahead_m: float | None, at_m: float, sign: float, epoch: Epoch
@@ -114,11 +125,13 @@ class RowLines(Correction[RowLine]):
         return (0.0, length_m) if sign > 0.0 else (length_m, 0.0)
 
     def ageing(self, dt_s: float, turn_abs_rad: float) -> Sequence[tuple[int, float, float]]:
-        """Say how the lasting error ages."""
-        if self._bias_std_m is None:
-            return ()
-        factor = math.exp(-dt_s / model.LASTING_MEMORY_S)
-        return ((ROW_BIAS, factor, self._bias_std_m**2 * (1.0 - factor * factor)),)
+        """Say how the lasting error ages, and what is known of the row from those before it."""
+        ageing = []
+        if self._bias_std_m is not None:
+            ageing.append(_fade(ROW_BIAS, self._bias_std_m, dt_s / model.LASTING_MEMORY_S))
+        if self.pose.ekf.cov[ROW_OFFSET, ROW_OFFSET]:
+            ageing.append(_fade(ROW_OFFSET, self.pose.field.row_map_std_m, dt_s / ROW_MEMORY_S))
+        return ageing
 
     def _line(self, line: RowLine, sign: float, epoch: Epoch) -> Measurements:
         if line.offset_m is None or line.heading_rad is None:
@@ -137,6 +150,7 @@ class RowLines(Correction[RowLine]):
         yield self._heading(heading_rad, variance, epoch)
 
     def _begin(self, line: RowLine) -> None:
+        self.pose.look_at_rows()
         if self._bias_std_m is None:
             self._bias_std_m = model.LASTING_RATIO * line.offset_std_m
             self.pose.ekf.reset(ROW_BIAS, 0.0, self._bias_std_m**2)
@@ -167,7 +181,8 @@ class RowLines(Correction[RowLine]):
         arm_m = self._arm_m(line, epoch)
         frame = self._frame(epoch, arm_m)
         right_m = frame.right_m
-        row: Row = (*moved_row(frame.right, epoch, arm_m), (ROW_BIAS, -sign))
+        seen: Row = ((ROW_BIAS, -sign), (ROW_OFFSET, -1.0))
+        row: Row = (*moved_row(frame.right, epoch, arm_m), *seen)
         across_m2 = ekf.project(row[:3])[1]
         if across_m2 > (model.TELLS_APART_RATIO * rows.pitch_m) ** 2:
             self.pose.rejected["row line ambiguous"] += 1
@@ -177,9 +192,9 @@ class RowLines(Correction[RowLine]):
         self.pose.agreement.add_look(line.t_s, off_m)
         opens = _opens(frame.right, model.RECOVERY_OFFSET_M)
         return Measurement(
-            (off_m + sign * ekf.x[ROW_BIAS],), (row,), model.offset_variance(line.offset_std_m),
-            self._offset_gate, opens=(*opens, (YAW, model.RECOVERY_YAW_RAD**2)),
-            is_retaken=False, has_tails=True,
+            (off_m + sign * ekf.x[ROW_BIAS] + ekf.x[ROW_OFFSET],), (row,),
+            model.offset_variance(line.offset_std_m), self._offset_gate,
+            opens=(*opens, (YAW, model.RECOVERY_YAW_RAD**2)), is_retaken=False, has_tails=True,
         )  # fmt: skip
 
     def _heading(self, heading_rad: float, variance: float, epoch: Epoch) -> Measurement:
@@ -197,6 +212,12 @@ class RowLines(Correction[RowLine]):
             ((along_then_m - frame.along_m) * frame.stretch,), (moved_row(frame.forward, epoch),),
             std_m**2, self._range_gate, opens=_opens(frame.forward, model.RECOVERY_RANGE_M),
         )  # fmt: skip
+
+
+def _fade(state: int, std_m: float, part: float) -> tuple[int, float, float]:
+    """Let an error keep its spread and forget its value after `part` = 1."""
+    factor = math.exp(-part)
+    return state, factor, std_m**2 * (1.0 - factor * factor)
 
 
 def _opens(direction: tuple[float, float], by_m: float) -> tuple[tuple[int, float], ...]:

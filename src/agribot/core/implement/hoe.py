@@ -23,6 +23,7 @@ class HoeSpec(ImplementSpec, frozen=True, kw_only=True):
     sections: ClassVar[str] = "blades"
     verb: ClassVar[str] = "hoed"
     min_speed_mps: ClassVar[float] = 0.1  # slower, a blade parts the soil and uproots nothing
+    cuts_plants: ClassVar[bool] = True
     works_backwards: ClassVar[bool] = False  # its back would be pushed into the soil
 
     lift_m: Positive

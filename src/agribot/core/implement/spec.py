@@ -31,6 +31,7 @@ class ImplementSpec(msgspec.Struct, frozen=True, kw_only=True):
     min_speed_mps: ClassVar[float] = 0.0  # slower than this, it may not work
     works_backwards: ClassVar[bool] = True
     wets_ground: ClassVar[bool] = False
+    cuts_plants: ClassVar[bool] = False  # takes them out of the ground: they fall at once
 
     x_body_m: float
     section_count: Count

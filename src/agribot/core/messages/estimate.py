@@ -14,6 +14,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     silent; `reason` is then the cause, or what is wrong with a sensor that the pose does without.
     `protection_m` bounds the error, faults of GNSS included, `across_protection_m` that to the
     side of where the robot heads, of which the covariance alone makes `across_plain_m`.
+    `rows_off_m` is how far the field's rows stand East and North of where the map has them.
     `contradiction` names sensors that disagree, between which a person decides.
     """
 
@@ -35,3 +36,13 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     across_protection_m: float = float("inf")
     across_plain_m: float = 0.0
     contradiction: str = ""
+    rows_off_m: tuple[float, float] = (0.0, 0.0)
+
+    def relate_to_rows(self) -> Estimate:
+        """Return the pose in a map whose rows lie where those of the field stand."""
+        east_m, north_m = self.rows_off_m
+        if not east_m and not north_m:
+            return self
+        return msgspec.structs.replace(
+            self, x_map_m=self.x_map_m - east_m, y_map_m=self.y_map_m - north_m
+        )

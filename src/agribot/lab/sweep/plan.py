@@ -10,6 +10,7 @@ import msgspec
 
 from agribot.core import config
 from agribot.core.errors import ConfigError
+from agribot.sim.faults.schedule import read_faults
 
 MOST_RUNS = 100_000
 UNSAFE = re.compile(r"[^A-Za-z0-9._=,+-]+")
@@ -62,7 +63,7 @@ def plan(
             )
         )
     for job in jobs:
-        job.config()
+        read_faults(job.config())
     return tuple(jobs)
 
 

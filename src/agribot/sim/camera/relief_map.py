@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -91,7 +91,7 @@ def refresh_relief_map(
     box: tuple[int, int, int, int],
 ) -> None:
     """Take over the heights of a box (first and last row, first and last column; ends excluded)."""
-    sun = SunOnRelief(*to_sun.tolist(), direct)
+    sun = SunOnRelief(float(to_sun[0]), float(to_sun[1]), float(to_sun[2]), direct)
     relief.height[: ground.height_m.size].reshape(ground.height_m.shape)[
         box[0] : box[1], box[2] : box[3]
     ] = ground.height_m[box[0] : box[1], box[2] : box[3]]
@@ -155,7 +155,7 @@ def _shrink_box(values: Singles | Bytes, levels: Longs, box: Longs) -> None:
 
 
 @compile_fast
-def _shrink(values: Singles, finer: Longs, coarser: Longs, box: Longs) -> None:
+def _shrink(values: Any, finer: Longs, coarser: Longs, box: Longs) -> None:
     """Fill a box of a copy with means of 3 x 3 samples of the next finer one, weighted 1 2 1."""
     rows, columns = finer[1], finer[2]
     for r in range(box[0], box[1]):

@@ -17,6 +17,7 @@ from agribot.sim.camera.arrays import (
     Ground,
     Ints,
     Lamp,
+    Longs,
     PinholeView,
     RobotShade,
     Singles,
@@ -50,125 +51,146 @@ def draw_relief(
     eye_x, eye_y, eye_z = eye[0], eye[1], eye[2]
     focal, cx, cy = view.focal_px, view.cx_px, view.cy_px
     near_m, far_m, top_m = view.near_m, view.far_m, relief.top_m
-    inverse_depth, labels, instances = targets.inverse_depth, targets.label, targets.instance
+    inverse_depth = targets.inverse_depth
     half = BAND // 2
     columns = view.width // 2 + 1
     depth, level = np.zeros((half + 1, columns)), np.zeros((half + 1, columns))
+    reached = np.zeros(columns)
     is_upright = turn[1, 2] < 0.0
     for band in range(first_band, last_band):
         top = band * BAND
         used = (min(BAND, view.height - top) + 1) // 2
+        reached[:] = 0.0
         for step in range(used + 1):
             line = used - step if is_upright else step
-            before = line + 1 if is_upright else line - 1
+            row = min(top + 2 * line, view.height - 1)
             down = (top + 2 * line - cy) / focal
             for k in range(columns):
                 right = (2 * k - cx) / focal
                 east = turn[0, 0] * right + turn[1, 0] * down + turn[2, 0]
                 north = turn[0, 1] * right + turn[1, 1] * down + turn[2, 1]
                 up = turn[0, 2] * right + turn[1, 2] * down + turn[2, 2]
-                start = 0.0 if step == 0 else depth[before, k] - BACK_M
+                thing = inverse_depth[row, min(2 * k, view.width - 1)]
+                limit = 1.0 / thing if thing > 0.0 else far_m
                 found = walk(
-                    east, north, up, start, eye_x, eye_y, eye_z, near_m, far_m, top_m, focal,
-                    height, levels, x_m, y_m, per_m,
+                    east, north, up, reached[k] - BACK_M, limit, eye_x, eye_y, eye_z, near_m, top_m,
+                    focal, height, levels, x_m, y_m, per_m,
                 )  # fmt: skip
                 depth[line, k] = found
+                reached[k] = found if found > 0.0 else limit
                 level[line, k] = eye_z + up * found
-        for row in range(top, min(top + BAND, view.height)):
-            line, odd_row = (row - top) >> 1, (row - top) & 1
-            down = (row - cy) / focal
-            for column in range(view.width):
-                k, odd = column >> 1, column & 1
-                if odd + odd_row == 0:
-                    near = depth[line, k]
+        _fill_band(top, depth, level, view, relief, targets)
+
+
+@compile_fast
+def _fill_band(
+    top: int, depth: Doubles, level: Doubles, view: PinholeView, relief: ReliefMap, targets: Targets
+) -> None:
+    """Complete a band from its lattice of depths and heights (BAND / 2 + 1, columns)."""
+    height, levels = relief.height, relief.levels
+    x_m, y_m, per_m = relief.x_m, relief.y_m, 1.0 / relief.step_m
+    turn, eye_x, eye_y, eye_z = view.camera_from_map, view.eye[0], view.eye[1], view.eye[2]
+    focal, cx, cy = view.focal_px, view.cx_px, view.cy_px
+    near_m, far_m, top_m = view.near_m, view.far_m, relief.top_m
+    inverse_depth, labels, instances = targets.inverse_depth, targets.label, targets.instance
+    for row in range(top, min(top + BAND, view.height)):
+        line, odd_row = (row - top) >> 1, (row - top) & 1
+        down = (row - cy) / focal
+        for column in range(view.width):
+            k, odd = column >> 1, column & 1
+            near = depth[line, k]
+            if odd + odd_row > 0:
+                second, third = depth[line, k + odd], depth[line + odd_row, k]
+                fourth = depth[line + odd_row, k + odd]
+                thing = inverse_depth[row, column]
+                if thing > 0.0 and max(near, second, third, fourth) == 0.0:
+                    continue  # among what hides the ground
+                nearest = min(near, second, third, fourth)
+                a, b = level[line, k], level[line, k + odd]
+                c, d = level[line + odd_row, k], level[line + odd_row, k + odd]
+                right = (column - cx) / focal
+                up = turn[0, 2] * right + turn[1, 2] * down + turn[2, 2]
+                is_smooth = max(a, b, c, d) - min(a, b, c, d) < SMOOTH_M
+                if nearest > 0.0 and is_smooth and up < LEVEL_UP:
+                    near = (0.25 * (a + b + c + d) - eye_z) / up
                 else:
-                    a, b = level[line, k], level[line, k + odd]
-                    c, d = level[line + odd_row, k], level[line + odd_row, k + odd]
-                    nearest = min(
-                        depth[line, k], depth[line, k + odd],
-                        depth[line + odd_row, k], depth[line + odd_row, k + odd],
+                    east = turn[0, 0] * right + turn[1, 0] * down + turn[2, 0]
+                    north = turn[0, 1] * right + turn[1, 1] * down + turn[2, 1]
+                    limit = 1.0 / thing if thing > 0.0 else far_m
+                    near = walk(
+                        east, north, up, nearest - BACK_M, limit, eye_x, eye_y, eye_z, near_m,
+                        top_m, focal, height, levels, x_m, y_m, per_m,
                     )  # fmt: skip
-                    right = (column - cx) / focal
-                    up = turn[0, 2] * right + turn[1, 2] * down + turn[2, 2]
-                    is_smooth = max(a, b, c, d) - min(a, b, c, d) < SMOOTH_M
-                    if nearest > 0.0 and is_smooth and up < LEVEL_UP:
-                        near = (0.25 * (a + b + c + d) - eye_z) / up
-                    else:
-                        east = turn[0, 0] * right + turn[1, 0] * down + turn[2, 0]
-                        north = turn[0, 1] * right + turn[1, 1] * down + turn[2, 1]
-                        near = walk(
-                            east, north, up, nearest - BACK_M, eye_x, eye_y, eye_z, near_m, far_m,
-                            top_m, focal, height, levels, x_m, y_m, per_m,
-                        )  # fmt: skip
-                if near > 0.0 and 1.0 / near > inverse_depth[row, column]:
-                    inverse_depth[row, column] = 1.0 / near
-                    labels[row, column] = SOIL
-                    instances[row, column] = TERRAIN
+            if near > 0.0 and 1.0 / near > inverse_depth[row, column]:
+                inverse_depth[row, column] = 1.0 / near
+                labels[row, column] = SOIL
+                instances[row, column] = TERRAIN
+
+
+@inline_fast
+def cross(at: float, over: float, found: float, middle: float, then: float, under: float) -> float:
+    """Return where a ray goes under: it is `over` at one end, `under` at the other."""
+    if middle > 0.0:
+        return found + (then - found) * middle / (middle - under)
+    return at + (found - at) * over / (over - middle)
 
 
 @inline_fast
 def walk(
-    east: float, north: float, up: float, start: float, eye_x: float, eye_y: float, eye_z: float,
-    near_m: float, far_m: float, top_m: float, focal: float, height: Singles, levels: Ints,
+    east: float, north: float, up: float, start: float, limit: float, eye_x: float, eye_y: float,
+    eye_z: float, near_m: float, top_m: float, focal: float, height: Singles, levels: Longs,
     x_m: float, y_m: float, per_m: float,
 ) -> float:  # fmt: skip
-    """Return the depth at which a ray meets the ground, 0 if it does not.
+    """Return the depth at which a ray meets the ground, 0 if it does not before `limit`.
 
     `east`, `north`, `up` is its way for a metre of depth; `start` a depth before the ground.
     """
     first = near_m
     if eye_z > top_m:
         first = max(near_m, (top_m - eye_z) / min(up, -1e-9))
-    at, found = max(first, start), 0.0
-    level_way = math.sqrt(east * east + north * north) + 1e-9
-    fall = max(-up, 1e-6)
-    # A copy of the heights whose cells are about as large as what a pixel covers.
-    cells = max(2.0, 0.25 * level_way / fall) / focal * per_m
-    copy, wide = 0, cells * at
-    while wide > 1.0 and copy < levels.shape[0] - 1:
-        wide *= 0.5
-        copy += 1
-    origin, rows, columns = levels[copy, 0], levels[copy, 1], levels[copy, 2]
-    scale = per_m / (1 << copy)
-    u0, v0 = (eye_x - x_m) * scale, (eye_y - y_m) * scale
-    du, dv = east * scale, north * scale
-    least = 0.7 / (level_way * scale)
-    over = (
-        eye_z + up * at - sample_relief(height, origin, rows, columns, u0 + du * at, v0 + dv * at)
-    )
-    back = 0.01
-    while over <= 0.0 and at > first:
-        at = max(first, at - back)
-        back *= 2.0
+    at, found, over = max(first, start), 0.0, 0.0
+    if at < limit:
+        way = math.sqrt(east * east + north * north) + 1e-9
+        fall = max(-up, 1e-6)
+        # A copy of the heights whose cells are about as large as what a pixel covers.
+        wide = max(2.0, 0.25 * way / fall) / focal * per_m * at
+        copy = min(max(0, math.ceil(math.log2(wide))), levels.shape[0] - 1)
+        origin, rows, columns = levels[copy, 0], levels[copy, 1], levels[copy, 2]
+        scale = per_m / (1 << copy)
+        u0, v0, du, dv = (eye_x - x_m) * scale, (eye_y - y_m) * scale, east * scale, north * scale
+        least = 0.7 / (way * scale)
         over = eye_z + up * at
         over -= sample_relief(height, origin, rows, columns, u0 + du * at, v0 + dv * at)
-    for _ in range(MOST_STEPS):
-        if at >= far_m or over <= 0.0:
-            break
-        ahead = max(over / (fall + STEEPNESS * level_way), least)
-        u, v = u0 + du * at, v0 + dv * at
-        if up < 0.0 and (u < 0.0 or v < 0.0 or u > columns - 1 or v > rows - 1):
-            ahead = max(ahead, over / fall)
-        then = at + ahead
-        under = eye_z + up * then
-        under -= sample_relief(height, origin, rows, columns, u0 + du * then, v0 + dv * then)
-        if under <= 0.0:
-            found = at + ahead * over / (over - under)
-            middle = eye_z + up * found
-            middle -= sample_relief(height, origin, rows, columns, u0 + du * found, v0 + dv * found)
-            if middle > 0.0:
-                found += (then - found) * middle / (middle - under)
-            else:
-                found = at + (found - at) * over / (over - middle)
-            break
-        at, over = then, under
-    if found == 0.0 and up < 0.0 and over > 0.0:
-        found = at + over / fall
-    elif found == 0.0 and over <= 0.0:
-        found = at
-    if found > far_m:
-        found = 0.0
-    return found
+        back = 0.01
+        while over <= 0.0 and at > first:
+            at = max(first, at - back)
+            back *= 2.0
+            over = eye_z + up * at
+            over -= sample_relief(height, origin, rows, columns, u0 + du * at, v0 + dv * at)
+        if over <= 0.0:
+            found = at
+        for _ in range(MOST_STEPS):
+            if at >= limit or found > 0.0:
+                break
+            ahead = max(over / (fall + STEEPNESS * way), least)
+            u, v = u0 + du * at, v0 + dv * at
+            outside = max(-u, -v, u - columns, v - rows)
+            if up < 0.0 and outside > 0.0:
+                ahead = max(ahead, over / fall)
+            then = at + ahead
+            under = eye_z + up * then
+            under -= sample_relief(height, origin, rows, columns, u0 + du * then, v0 + dv * then)
+            if under <= 0.0:
+                found = at + ahead * over / (over - under)
+                middle = eye_z + up * found
+                middle -= sample_relief(
+                    height, origin, rows, columns, u0 + du * found, v0 + dv * found
+                )
+                found = cross(at, over, found, middle, then, under)
+            at, over = then, under
+        if found == 0.0 and up < 0.0 and at < limit:
+            found = at + over / fall
+    return found if found < limit else 0.0
 
 
 @compile_fast

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import pairwise
@@ -24,7 +24,9 @@ from agribot.core.robot import CameraSpec, RobotSpec
 from agribot.core.world import WorldSpec
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.camera.arrays import Lamp, Longs, PinholeView, RobotShade, Singles, Targets
+from agribot.sim.camera.figures import Figures, stand_at_start
 from agribot.sim.camera.lens import bend_rows, make_lens, make_view
+from agribot.sim.camera.lying import LyingPlant, darken, lay_flat
 from agribot.sim.camera.projection import cull, project, shade_plants
 from agribot.sim.camera.raster import draw_band
 from agribot.sim.camera.relief_map import build_relief_map, find_change, refresh_relief_map
@@ -107,9 +109,13 @@ class CameraRenderer:
         self._lamp = Lamp(to_sun, world.light.diffuse, world.light.ambient, look.haze_per_m)
         plants, plant_forms = make_plant_instances(world, variants, look, surface)
         obstacles, obstacle_forms = make_obstacle_instances(world.obstacles, len(plant_forms))
+        still_forms = plant_forms + obstacle_forms
+        walkers, walker_forms = make_obstacle_instances(
+            stand_at_start(world.walkers), len(still_forms)
+        )
         self._rover = None if robot is None else Rover(robot, resolve_mesh)
         rover_forms = [] if self._rover is None else self._rover.forms
-        self._forms = pack_forms(plant_forms + obstacle_forms + rover_forms)
+        self._forms = pack_forms(still_forms + walker_forms + rover_forms)
         base_m = (
             sample_ground_heights(world, obstacles.position, surface),
             plants.position[:, 2].copy(),
@@ -119,16 +125,39 @@ class CameraRenderer:
             self._forms, obstacles, plants, base_m, to_sun, shadow_resolution_m, self._direct
         )
         self._things = join_instances(plants, obstacles)
+        self._figures = Figures(world.walkers, len(self._things.form))
+        self._things = join_instances(self._things, walkers)
         self._first_part = len(self._things.form)
         if self._rover is not None:
-            first_form = len(plant_forms) + len(obstacle_forms)
+            first_form = len(still_forms) + len(walker_forms)
             parts = self._rover.make_instances(first_form, PLAIN_LAYER)
             self._things = join_instances(self._things, parts)
         self._ground = build_ground(world, shadow, look)
-        self._relief = build_relief_map(surface, to_sun, self._direct) if surface.is_fine else None
+        self._relief = (
+            build_relief_map(surface, to_sun, self._direct) if surface.has_detail else None
+        )
         self._leaves = build_leaf_textures(look.texture_seed)
         self._surfaces = build_ground_textures(world, to_sun, look)
         self._targets: dict[str, Targets] = {}
+        self._upright: dict[int, tuple[Singles, Singles]] = {}  # rotation and tint before the fall
+
+    def set_plants(self, lying: Iterable[LyingPlant]) -> None:
+        """Lay plants flat; those that are not named stay as they are. Shadows stay where they are.
+
+        They are drawn, labelled and counted by instance where they lie.
+        """
+        things = self._things
+        for plant in lying:
+            here = plant.plant
+            if here not in self._upright:
+                self._upright[here] = things.rotation[here].copy(), things.tint[here].copy()
+            rotation, tint = self._upright[here]
+            things.rotation[here] = lay_flat(rotation, plant)
+            things.tint[here] = darken(tint, plant.age_s)
+
+    def set_walkers(self, map_from_walker: Sequence[FloatArray]) -> None:
+        """Put the world's walkers at their poses, (4, 4) each."""
+        self._figures.place(self._things, map_from_walker)
 
     def render(
         self,

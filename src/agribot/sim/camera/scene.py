@@ -166,7 +166,7 @@ def sample_ground_heights(
 
     A fine `surface` counts; else they are those of the world's terrain.
     """
-    if surface is not None and surface.is_fine:
+    if surface is not None and surface.has_detail:
         return surface.sample_heights(position)
     terrain = world.terrain
     if terrain is None:

@@ -122,6 +122,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
             datum=Datum(lat_deg=0.0, lon_deg=0.0),
             first_row_start_map_m=(0.0, (ROWS - 1) * PITCH_M),
             row_yaw_deg=0.0, row_length_m=ROW_LENGTH_M, row_pitch_m=PITCH_M, row_count=ROWS,
+            row_map_std_m=0.0,  # its rows are exact
             start_map_m=(-HEADLAND_M, 0.0), start_yaw_deg=0.0, start_std_m=START_STD_M,
             start_yaw_std_deg=math.degrees(START_STD_RAD),
         )  # fmt: skip

@@ -1,0 +1,76 @@
+"""Print docs/faults.md: every fault that can be injected, from the table in the code.
+
+`make pages` writes all such pages.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from agribot.sim.faults.schedule import describe_value
+from agribot.sim.faults.table import FAULTS, FaultKind
+
+HEAD = """# Faults
+
+Written by `make pages` from the code. In the simulator, something can go wrong at a time of your
+choice; the robot is not told, and the report says what it did about it.
+
+```
+agribot run farm --fault gnss.jump=2@30              # from 30 s of the mission until its end
+agribot run farm --fault gnss.outage@30+20           # for 20 s
+agribot run farm --fault start.turned=20@0 --fault motor.dead=left_wheel_F@40
+agribot sweep farm --vary "faults=none,gnss.frozen@30,imu.late=0.3@30;mag.motor@40"
+```
+
+A fault is `NAME[=VALUE]@T[+SECONDS]`, with T in simulated seconds since the start; without
+`+SECONDS` it lasts to the end. `--fault` may be given several times, also to `agribot sim`; it adds
+to `faults = ["..."]` of the profile. Where a sweep varies faults, a semicolon joins those of one
+run, and `none` is a run without. From Python they are `RunConfig.faults`.
+What cannot be (an unknown name, a value out of range, a time after the end of the run, a fault of
+a camera that is not there, a platform that is not the simulator) is refused before anything moves.
+
+The same seed gives the same faults. A run that goes on (`--resume`) has them on the clock of its
+job: those that are over or happened at once are past, others go on, a frozen sensor with new
+numbers.
+
+"""
+TAIL = """
+`events.jsonl` holds when each began and ended (kind `injected`). `safety.faults` of
+[`report.json`](recordings.md) says of each when the robot noticed it, what it did (`stopped`,
+`held`, `slowed`, `named` only, or `none`) and the reason that it gave; `outside_m_max`,
+`stop_distance_m_max` and `crushed_after_fault` say what it cost, by the truth. Noticed means: after
+the fault began, a stop, hold, pause or failure that had not been there before, or a fault or a
+limit whose reason names the part. `safety.noticed` are all faults that the robot told of, injected
+or not. Outside is the field's boundary, or without a plan the rectangle around rows and start with
+`mission.headland_m` and 1.5 m.
+
+## The campaign
+
+`agribot bench faults` drives into a row, lets one thing go wrong there, and judges the robot:
+noticed, how soon, what was done, whether the part was named, plants crushed afterwards, metres
+outside the field. The same drives without a fault stand beside them: what stops the robot there is
+a false alarm. It goes on where it was interrupted; its table is `faults.md` in the folder.
+
+```
+agribot bench faults --seeds 1 --no-camera           # two minutes of a CPU
+agribot bench faults --faults gnss.wrong_fix,carried
+```
+
+[What it measured](fault-campaign.md) last.
+"""
+
+
+def page() -> str:
+    rows = "".join(format_row(kind) for kind in FAULTS)
+    heads = "| fault | what happens | value | lasts |\n|---|---|---|---|\n"
+    return HEAD + heads + rows + TAIL
+
+
+def format_row(kind: FaultKind) -> str:
+    name = kind.name if kind.value is None else f"{kind.name}={kind.typical}"
+    lasts = "from time 0" if kind.at_start else "at once" if kind.is_momentary else "as told"
+    return f"| `{name}` | {kind.about} | {describe_value(kind)} | {lasts} |\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page())

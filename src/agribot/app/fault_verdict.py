@@ -1,0 +1,89 @@
+"""What the robot did about the faults that were injected, read from its events.
+
+A sign of a fault is, after it began: any stop or hold, a mission that pauses, fails or drives on
+with a reservation, and a fault or a limit that names the part. One that had been said before the
+fault began is none, unless it names the part, and one that names the part of another injected fault
+is that one's. What stands after a semicolon is advice and names nothing.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from agribot.record.events import Event
+from agribot.record.report import FaultReport, Reaction
+from agribot.sim.faults.schedule import Fault, parse_fault
+
+# Strongest first; what is said of a part alone comes last.
+_STRENGTH: tuple[Reaction, ...] = ("stopped", "held", "slowed", "named")
+_STOPPING = ("paused", "failed")
+_NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
+
+
+def judge_faults(texts: Sequence[str], events: Sequence[Event]) -> tuple[FaultReport, ...]:
+    """Judge every fault that began; those that the run ended before are left out."""
+    found = []
+    faults = [parse_fault(text) for text in texts]
+    for fault in faults:
+        others = [other for other in faults if other.name != fault.name]
+        begins = f"{fault.text} begins"
+        for index, event in enumerate(events):
+            if event.kind == "injected" and event.reason == begins:
+                found.append(_judge(fault, others, event, events[:index], events[index + 1 :]))
+                break
+    return tuple(found)
+
+
+def _judge(
+    fault: Fault,
+    others: Sequence[Fault],
+    begin: Event,
+    before: Sequence[Event],
+    after: Sequence[Event],
+) -> FaultReport:
+    known = {_mask(event.reason) for event in before}
+    signs: list[tuple[Event, Reaction]] = []
+    for event in after:
+        reaction = _read_reaction(event)
+        is_named = names_part(fault, event.reason)
+        is_telling = reaction in ("stopped", "held") or event.kind == "mission"
+        is_new = is_telling and _mask(event.reason) not in known
+        is_anothers = any(names_part(other, event.reason) for other in others)
+        if reaction != "none" and (is_named or (is_new and not is_anothers)):
+            signs.append((event, reaction))
+    if not signs:
+        return FaultReport(name=fault.name, t_s=fault.begin_s, fault=fault.text)
+    naming = [sign for sign in signs if names_part(fault, sign[0].reason)]
+    telling, _ = min(naming or signs, key=lambda sign: _STRENGTH.index(sign[1]))
+    return FaultReport(
+        name=fault.name,
+        t_s=fault.begin_s,
+        # The robot's own clock may have been stepped; what passed on it is right.
+        detected_s=fault.begin_s + max(signs[0][0].t_s - begin.t_s, 0.0),
+        reaction=min((reaction for _, reaction in signs), key=_STRENGTH.index),
+        reason=telling.reason,
+        fault=fault.text,
+        is_named=bool(naming),
+    )
+
+
+def names_part(fault: Fault, reason: str) -> bool:
+    """Tell whether a reason of the robot names the part that is at fault."""
+    said = reason.lower().partition(";")[0]
+    return any(word in said for word in fault.kind.words)
+
+
+def _read_reaction(event: Event) -> Reaction:
+    if event.kind == "mission":
+        state, _, why = event.reason.partition(": ")
+        slowed: Reaction = "slowed" if state == "running" and why else "none"
+        return "stopped" if state in _STOPPING else slowed
+    kinds: dict[str, Reaction] = {
+        "stop": "stopped", "hold": "held", "limit": "slowed", "fault": "named",
+    }  # fmt: skip
+    return kinds.get(event.kind, "none")
+
+
+def _mask(reason: str) -> str:
+    return _NUMBER.sub("#", reason)

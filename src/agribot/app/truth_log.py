@@ -1,0 +1,58 @@
+"""What only the simulator knows, as events: crops that were crushed, things and persons touched."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from agribot.core.messages import PlantClass, TickRecord
+from agribot.core.world import WorldSpec, is_person
+from agribot.record.events import Event
+
+if TYPE_CHECKING:
+    from agribot.sim.platform import SimPlatform
+
+LET_GO_S = 2.0  # without contact, before the same thing counts as touched anew
+
+
+class TruthLog:
+    """A tap that says once of each crop what crushed it, and of each thing that it was touched."""
+
+    def __init__(
+        self, simulator: SimPlatform, world: WorldSpec, add: Callable[[Event], None]
+    ) -> None:
+        self._simulator, self._world, self._add = simulator, world, add
+        self._kinds = {thing.name: thing.kind for thing in world.obstacles}
+        self._kinds |= {walker.name: walker.kind for walker in world.walkers}
+        self._fallen_told = 0
+        self._touched_s: dict[str, float] = {}
+
+    def __call__(self, record: TickRecord) -> None:
+        self._tell_crushed(record.batch.t_s)
+        if record.batch.bumper:
+            self._tell_touched(record.batch.t_s)
+
+    def _tell_crushed(self, t_s: float) -> None:
+        from agribot.sim.underside import PART_WORDS
+
+        states = self._simulator.plants
+        fallen = states.fallen[self._fallen_told :]
+        self._fallen_told += len(fallen)
+        for index in fallen:
+            plant, what = self._world.plants[index], PART_WORDS.get(int(states.crushed_by[index]))
+            is_news = states.crushed_s[index] > 0.0  # not of an earlier run of the job
+            if what and is_news and plant.plant == PlantClass.CROP:
+                place = f"{plant.x_map_m:.2f} m east, {plant.y_map_m:.2f} m north"
+                self._tell(t_s, f"crop plant crushed by {what}: {place}")
+
+    def _tell_touched(self, t_s: float) -> None:
+        name = self._simulator.find_touched()
+        if not name:
+            return
+        if t_s - self._touched_s.get(name, -LET_GO_S) >= LET_GO_S:
+            what = "person" if is_person(self._kinds.get(name, "")) else "obstacle"
+            self._tell(t_s, f"touched the {what} '{name}'")
+        self._touched_s[name] = t_s
+
+    def _tell(self, t_s: float, reason: str) -> None:
+        self._add(Event(t_s=t_s, kind="truth", reason=reason))

@@ -1,0 +1,105 @@
+"""Faults of the robot's body and of the ground: motors, mud, a push, a pole in the way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import msgspec
+
+from agribot.core.messages import WHEEL_NAMES, DriveCommand
+from agribot.core.robot import DriveSpec, Origin, Shape
+from agribot.core.world import Obstacle, WorldSpec
+from agribot.sim.faults.schedule import Fault
+from agribot.sim.physics import Physics
+from agribot.sim.random_streams import make_stream
+
+CARRY_S = 1.0
+POLE_AHEAD_M, POLE_RADIUS_M, POLE_HEIGHT_M = 2.0, 0.05, 1.2
+
+
+class BodyFaults:
+    """All faults that act in the physics; call `step` before each advance."""
+
+    def __init__(self, faults: Sequence[Fault], drive: DriveSpec, seed: int) -> None:
+        self._faults, self._drive = tuple(faults), drive
+        weak = make_stream(seed, "fault motor.weak")
+        self._weak_wheel = WHEEL_NAMES[int(weak.integers(len(WHEEL_NAMES)))]
+        self._limits_nm = dict.fromkeys(WHEEL_NAMES, drive.wheel_torque_nm)
+        self._friction_ratio = 1.0
+        self._carried_m: dict[int, float] = {}
+        self._placed: set[int] = set()
+
+    def step(self, t_s: float, physics: Physics) -> Obstacle | None:
+        """Let the faults at a time act; return an obstacle that has appeared, or None."""
+        on = [fault for fault in self._faults if fault.is_on(t_s)]
+        self._limit_torques(on, physics)
+        ratio = math.prod(fault.number for fault in on if fault.name == "soil.mud")
+        if ratio != self._friction_ratio:
+            self._friction_ratio = ratio
+            physics.set_mud(ratio)
+        if any(fault.name == "motor.runaway" for fault in on):
+            physics.command(DriveCommand(v_mps=self._drive.max_speed_mps))
+        found = None
+        for number, fault in enumerate(self._faults):
+            if not fault.is_on(t_s):
+                continue
+            if fault.name == "carried":
+                self._carry(number, fault, t_s, physics)
+            if fault.name == "obstacle.unmapped" and number not in self._placed:
+                self._placed.add(number)
+                found = make_pole(*physics.find_place_map_m(POLE_AHEAD_M))
+                physics.add_obstacle(found)
+        return found
+
+    def hears(self, t_s: float) -> bool:
+        """Whether the board hears commands."""
+        deaf = ("board.silent", "motor.runaway")
+        return not any(fault.name in deaf and fault.is_on(t_s) for fault in self._faults)
+
+    def _limit_torques(self, on: Sequence[Fault], physics: Physics) -> None:
+        limits_nm = dict.fromkeys(WHEEL_NAMES, self._drive.wheel_torque_nm)
+        for fault in on:
+            if fault.name == "motor.dead":
+                limits_nm[fault.wheel] = 0.0
+            if fault.name == "motor.weak":
+                weak_nm = fault.number * self._drive.wheel_torque_nm
+                limits_nm[self._weak_wheel] = min(limits_nm[self._weak_wheel], weak_nm)
+        for wheel, limit_nm in limits_nm.items():
+            if limit_nm != self._limits_nm[wheel]:
+                physics.limit_torque(wheel, limit_nm)
+        self._limits_nm = limits_nm
+
+    def _carry(self, number: int, fault: Fault, t_s: float, physics: Physics) -> None:
+        """Move the robot as far as it should have come, so that it arrives after `CARRY_S`."""
+        wanted_m = fault.number * min((t_s - fault.begin_s) / CARRY_S, 1.0)
+        more_m = wanted_m - self._carried_m.get(number, 0.0)
+        if more_m:
+            self._carried_m[number] = wanted_m
+            physics.carry(more_m)
+
+
+def make_pole(x_map_m: float, y_map_m: float, ground_m: float) -> Obstacle:
+    """Make the pole that no map knows."""
+    standing = Origin(xyz_m=(0.0, 0.0, POLE_HEIGHT_M / 2.0))
+    shape = Shape(
+        kind="cylinder", size_m=(POLE_RADIUS_M, POLE_HEIGHT_M, 0.0), origin=standing,
+        rgba=(0.45, 0.32, 0.2, 1.0),
+    )  # fmt: skip
+    return Obstacle(
+        name="unmapped pole", kind="pole", x_map_m=x_map_m, y_map_m=y_map_m, z_map_m=ground_m,
+        yaw_rad=0.0, shapes=(shape,),
+    )  # fmt: skip
+
+
+def move_start(world: WorldSpec, faults: Sequence[Fault]) -> WorldSpec:
+    """Put the robot down beside its start, or turned, as the faults at the start say."""
+    (x_m, y_m), yaw_rad = world.spawn_xy_map_m, world.spawn_yaw_map_rad
+    for fault in faults:
+        if fault.name == "start.aside":
+            x_m -= fault.number * math.sin(yaw_rad)
+            y_m += fault.number * math.cos(yaw_rad)
+    turned_rad = sum(math.radians(f.number) for f in faults if f.name == "start.turned")
+    return msgspec.structs.replace(
+        world, spawn_xy_map_m=(x_m, y_m), spawn_yaw_map_rad=yaw_rad + turned_rad
+    )

@@ -1,0 +1,149 @@
+"""The faults of one run: a layer between the true sensors and the batch, and hands in the physics.
+
+Whoever draws draws from a stream of the seed and the fault, so that the same seed gives the same
+run, and one fault more changes nothing of the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from agribot.core.config import RunConfig
+from agribot.core.messages import SensorBatch
+from agribot.core.robot import RobotSpec
+from agribot.core.world import Obstacle, WorldSpec
+from agribot.sim.faults.bodies import BodyFaults
+from agribot.sim.faults.links import NoisyLink, SilentBoard, SteppedClock
+from agribot.sim.faults.motions import (
+    EmptyBattery,
+    FrozenImu,
+    GyroBias,
+    Late,
+    Magnet,
+    Miscount,
+    MotorField,
+    Touch,
+)
+from agribot.sim.faults.pictures import BadPicture
+from agribot.sim.faults.positions import FrozenReceiver, NoisyVelocity, Offset, Outage
+from agribot.sim.faults.schedule import Fault
+from agribot.sim.physics import Physics
+from agribot.sim.random_streams import make_stream
+
+# Last: what stands on the line gets noise, and then the computer's stamps.
+LAST = ("link.noise", "clock.step")
+
+
+class BatchFault(Protocol):
+    """What stands between the true samples of a tick and those that the robot gets."""
+
+    def alter(self, batch: SensorBatch) -> SensorBatch: ...
+
+
+class FaultChange(NamedTuple):
+    """A fault that began or ended, and that in words."""
+
+    fault: Fault
+    is_on: bool
+    words: str
+
+
+class FaultLayer:
+    """All faults of one run."""
+
+    def __init__(
+        self, faults: Sequence[Fault], config: RunConfig, robot: RobotSpec, world: WorldSpec
+    ) -> None:
+        self.faults = tuple(faults)
+        self._batch_faults = [
+            MAKERS[fault.name](
+                fault, FaultMaterial(make_stream(config.seed, f"fault {fault.name}"), robot, world)
+            )
+            for fault in sorted(self.faults, key=_choose_place)
+            if fault.name in MAKERS
+        ]
+        self._body = BodyFaults(self.faults, robot.drive, config.seed)
+        self._on: set[int] = set()
+        self._changes: list[FaultChange] = []
+
+    def act(self, t_s: float, physics: Physics) -> Obstacle | None:
+        """Let act what acts in the physics from now on; return an obstacle that has appeared."""
+        return self._body.step(t_s, physics)
+
+    def hears(self, t_s: float) -> bool:
+        """Whether the board hears commands."""
+        return self._body.hears(t_s)
+
+    def alter(self, batch: SensorBatch) -> SensorBatch:
+        """Return the samples as the robot gets them."""
+        self._note_changes(batch.t_s)
+        for fault in self._batch_faults:
+            batch = fault.alter(batch)
+        return batch
+
+    def take_changes(self) -> list[FaultChange]:
+        """Return what began and what ended since the last call."""
+        changes, self._changes = self._changes, []
+        return changes
+
+    def _note_changes(self, t_s: float) -> None:
+        for number, fault in enumerate(self.faults):
+            if fault.is_on(t_s) == (number in self._on):
+                continue
+            self._on ^= {number}
+            is_on = number in self._on
+            words = "ends" if not is_on else "begins" if fault.begin_s >= 0.0 else "goes on"
+            self._changes.append(FaultChange(fault, is_on, f"{fault.text} {words}"))
+
+
+class FaultMaterial(NamedTuple):
+    """What a fault may need to be made: its own random stream, the robot and the world."""
+
+    rng: np.random.Generator
+    robot: RobotSpec
+    world: WorldSpec
+
+
+def _make_offset(fault: Fault, around: FaultMaterial) -> BatchFault:
+    return Offset(fault, around.world.datum, around.rng)
+
+
+# What a fault does to samples; those that are missing here do nothing to them.
+MAKERS: dict[str, Callable[[Fault, FaultMaterial], BatchFault]] = {
+    "gnss.outage": lambda fault, _: Outage(fault),
+    "gnss.jump": _make_offset,
+    "gnss.wrong_fix": _make_offset,
+    "gnss.drift": _make_offset,
+    "gnss.frozen": lambda fault, _: FrozenReceiver(fault),
+    "gnss.velocity": lambda fault, around: NoisyVelocity(fault, around.rng),
+    "mag.motor": lambda fault, around: MotorField(fault, around.rng),
+    "mag.offset": lambda fault, around: Magnet(fault, around.rng),
+    "imu.bias": lambda fault, _: GyroBias(fault),
+    "imu.frozen": lambda fault, _: FrozenImu(fault),
+    "imu.late": lambda fault, _: Late(fault),
+    "wheels.stuck": lambda fault, _: Miscount(fault),
+    "wheels.reversed": lambda fault, _: Miscount(fault),
+    "camera.black": lambda fault, _: BadPicture(fault),
+    "camera.frozen": lambda fault, _: BadPicture(fault),
+    "camera.flipped": lambda fault, _: BadPicture(fault),
+    "camera.late": lambda fault, _: Late(fault),
+    "camera.off": lambda fault, _: BadPicture(fault),
+    "bumper.contact": lambda fault, around: Touch(fault, _measure_front_m(around.robot)),
+    "battery.empty": lambda fault, _: EmptyBattery(fault),
+    "link.noise": lambda fault, around: NoisyLink(fault, around.rng),
+    "clock.step": lambda fault, _: SteppedClock(fault),
+    "board.silent": lambda fault, _: SilentBoard(fault),
+}
+
+
+def _choose_place(fault: Fault) -> int:
+    return LAST.index(fault.name) if fault.name in LAST else -1
+
+
+def _measure_front_m(robot: RobotSpec) -> float:
+    """Measure from the body's origin to the foremost point of the wheels."""
+    ahead_m: float = robot.wheel_xy_body_m()[:, 0].max()
+    return float(ahead_m + robot.drive.wheel_radius_m)

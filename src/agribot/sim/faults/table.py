@@ -1,0 +1,148 @@
+"""The table of faults: what can go wrong in the simulated world, by name."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from agribot.core.errors import ConfigError
+from agribot.core.messages import WHEEL_NAMES
+from agribot.core.suggestions import suggest_name
+
+Part = Literal["gnss", "compass", "imu", "wheels", "motors", "ground", "camera", "network",
+               "bumper", "battery", "clock", "link", "disk", "start", "robot"]  # fmt: skip
+
+
+class Span(msgspec.Struct, frozen=True, kw_only=True):
+    """A number that a fault takes, in `unit`; the ends belong to it.
+
+    `is_signed` lets it be negative by as much; it is then never 0.
+    """
+
+    unit: str
+    low: float
+    high: float
+    is_signed: bool = False
+
+
+class FaultKind(msgspec.Struct, frozen=True, kw_only=True):
+    """One line of the table.
+
+    `value` is the number that it takes, "wheel" for the name of one, or None. `typical` is a value
+    for whoever has none of their own. A momentary fault happens at once and has no end, one
+    `at_start` happens at time 0 only. Reasons of the robot that hold one of `words` name the part.
+    """
+
+    name: str
+    part: Part
+    about: str
+    words: tuple[str, ...]
+    value: Span | Literal["wheel"] | None = None
+    typical: str = ""
+    is_momentary: bool = False
+    at_start: bool = False
+
+
+_GNSS, _COMPASS = ("gnss",), ("compass", "magnet", "heading")
+_IMU, _WHEELS = ("imu", "gyro"), ("wheel", "encoder")
+_MOTOR, _CAMERA = ("motor", "wheel"), ("camera", "picture")
+FAULTS = (
+    FaultKind(name="gnss.outage", part="gnss", words=_GNSS,
+              about="the receiver sends nothing, no heading of two antennas either"),
+    FaultKind(name="gnss.jump", part="gnss", words=_GNSS, typical="2",
+              value=Span(unit="m", low=0.01, high=1e6),
+              about="all fixes are off by so much, in a direction of the seed; status as before"),
+    FaultKind(name="gnss.wrong_fix", part="gnss", words=_GNSS, typical="0.5",
+              value=Span(unit="m", low=0.01, high=1e3),
+              about="all fixes are off by so much, while status and sigma are those of RTK fixed"),
+    FaultKind(name="gnss.drift", part="gnss", words=_GNSS, typical="0.05",
+              value=Span(unit="m/s", low=1e-4, high=100.0),
+              about="fixes move off at this speed, in a direction of the seed; velocity is right"),
+    FaultKind(name="gnss.frozen", part="gnss", words=_GNSS,
+              about="the receiver repeats its last fix and its velocity, with new time stamps"),
+    FaultKind(name="gnss.velocity", part="gnss", words=_GNSS, typical="10",
+              value=Span(unit="", low=1.0, high=1e3),
+              about="the noise of the velocity is so many times what the receiver says of it"),
+    FaultKind(name="mag.motor", part="compass", words=_COMPASS,
+              about="the magnetometer feels the motors: 2 uT for each Nm at the wheels"),
+    FaultKind(name="mag.offset", part="compass", words=_COMPASS, typical="15",
+              value=Span(unit="uT", low=0.1, high=1e4),
+              about="a magnet on the robot: a horizontal field in a direction of the seed"),
+    FaultKind(name="imu.bias", part="imu", words=_IMU, typical="0.05",
+              value=Span(unit="rad/s", low=1e-5, high=10.0, is_signed=True),
+              about="the gyro's yaw rate is off by so much"),
+    FaultKind(name="imu.frozen", part="imu", words=_IMU,
+              about="the IMU repeats its last numbers, with new time stamps"),
+    FaultKind(name="imu.late", part="imu", words=_IMU, typical="0.25",
+              value=Span(unit="s", low=0.01, high=60.0),
+              about="samples of the IMU arrive so late, with true time stamps"),
+    FaultKind(name="wheels.stuck", part="wheels", words=_WHEELS, value="wheel",
+              typical=WHEEL_NAMES[3],
+              about="the encoder of the wheel counts nothing; what it missed is lost"),
+    FaultKind(name="wheels.reversed", part="wheels", words=_WHEELS,
+              about="all four encoders count backwards"),
+    FaultKind(name="motor.dead", part="motors", words=_MOTOR, value="wheel",
+              typical=WHEEL_NAMES[3],
+              about="the motor has no torque, its wheel rolls freely"),
+    FaultKind(name="motor.weak", part="motors", words=_MOTOR, typical="0.05",
+              value=Span(unit="", low=0.0, high=1.0),
+              about="one motor, drawn from the seed, gives at most this share of its torque"),
+    FaultKind(name="motor.runaway", part="motors", words=_MOTOR,
+              about="the board drives ahead at full speed, whatever it is told"),
+    FaultKind(name="soil.mud", part="ground", words=("slip", "stuck", "ground", "soil"),
+              typical="0.1", value=Span(unit="", low=0.01, high=1.0),
+              about="the ground's strength and friction are this share of what they were"),
+    FaultKind(name="camera.black", part="camera", words=_CAMERA, about="all pixels are black"),
+    FaultKind(name="camera.frozen", part="camera", words=_CAMERA,
+              about="the pixels repeat, the time stamps go on"),
+    FaultKind(name="camera.flipped", part="camera", words=_CAMERA,
+              about="the picture is upside down"),
+    FaultKind(name="camera.late", part="camera", words=_CAMERA, typical="1",
+              value=Span(unit="s", low=0.01, high=60.0),
+              about="frames arrive so late, with true time stamps"),
+    FaultKind(name="camera.off", part="camera", words=_CAMERA, about="no frames come"),
+    FaultKind(name="network.hung", part="network", words=("network", "inference", *_CAMERA),
+              about="the network never answers: frames come, and nothing is seen in them"),
+    FaultKind(name="bumper.contact", part="bumper", words=("bumper",),
+              about="the bumper in front says that it touches something"),
+    FaultKind(name="obstacle.unmapped", part="robot", words=("bumper", "obstacle"),
+              is_momentary=True,
+              about="a pole stands 2 m ahead of the robot, in the physics and in the picture"),
+    FaultKind(name="battery.empty", part="battery", words=("battery",),
+              about="the charge falls to 5 %, and the voltage with it"),
+    FaultKind(name="clock.step", part="clock", words=("clock", "time"), typical="2",
+              value=Span(unit="s", low=1e-3, high=1e6, is_signed=True),
+              about="the clock jumps: all time stamps are off by so much"),
+    FaultKind(name="link.noise", part="link", words=("number", "silent", "link", "cable"),
+              typical="0.05", value=Span(unit="", low=1e-4, high=1.0),
+              about="of the samples of board and receivers this share is lost or has a false bit"),
+    FaultKind(name="board.silent", part="motors", words=("wheel", "board"),
+              about="no wheel samples come, and commands are not heard"),
+    FaultKind(name="disk.full", part="disk", words=("recording", "disk"),
+              about="the disk has no room left for the recording"),
+    FaultKind(name="start.aside", part="start", words=("start", "mark"), typical="0.3",
+              value=Span(unit="m", low=1e-3, high=100.0, is_signed=True),
+              is_momentary=True, at_start=True,
+              about="the robot stands so far to the left of its start"),
+    FaultKind(name="start.turned", part="start", words=("start", "mark"), typical="20",
+              value=Span(unit="deg", low=0.01, high=180.0, is_signed=True),
+              is_momentary=True, at_start=True,
+              about="the robot stands turned by so much at its start, counter-clockwise"),
+    FaultKind(name="carried", part="robot", words=("carried", "jumped", "gnss"), typical="0.5",
+              value=Span(unit="m", low=1e-3, high=100.0, is_signed=True), is_momentary=True,
+              about="the robot is moved so far to its left, within a second"),
+)  # fmt: skip
+_BY_NAME = {kind.name: kind for kind in FAULTS}
+
+
+def find_kind(name: str) -> FaultKind:
+    """Find a fault by its name.
+
+    Raises: ConfigError: there is none of this name.
+    """
+    if name not in _BY_NAME:
+        raise ConfigError(
+            f"unknown fault '{name}'{suggest_name(name, _BY_NAME)}; known: {', '.join(_BY_NAME)}"
+        )
+    return _BY_NAME[name]

@@ -1,0 +1,184 @@
+"""What a seed draws from a preset, and the worlds that come of it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from agribot.app.run_world import make_run_world
+from agribot.autonomy.plan.rows import lay_rows
+from agribot.core.config import load
+from agribot.core.errors import ConfigError
+from agribot.core.messages import PlantClass
+from agribot.core.row_shape import project_on_row, row_length_m
+from agribot.core.world import WorldSpec
+from agribot.description.altered_world import alter_world
+from agribot.description.conditions import (
+    Preset,
+    draw_conditions,
+    list_condition_presets,
+    load_condition_preset,
+)
+from agribot.description.loader import load_robot
+from agribot.description.worlds_sdf import load_run_world
+
+ROWS = lay_rows(load("rows-10x12").field)
+
+
+def _make(preset: str, seed: int, profile: str = "rows-10x12") -> WorldSpec:
+    return make_run_world(load(profile, [f"seed={seed}", f"sim.preset={preset}"])).world
+
+
+def _crops(world: WorldSpec) -> np.ndarray:
+    return np.array([(p.x_map_m, p.y_map_m) for p in world.plants if p.plant == PlantClass.CROP])
+
+
+@pytest.mark.parametrize("profile", ["farm", "rows-10x12", "hills", "beet"])
+def test_the_kind_preset_leaves_every_world_as_its_file_says(profile: str) -> None:
+    config = load(profile, ["seed=7"])
+    made, plain = make_run_world(config), load_run_world(config)
+    assert made.conditions is None
+    for name in WorldSpec.__struct_fields__:
+        if name not in ("terrain", "datum"):
+            assert getattr(made.world, name) == getattr(plain, name)
+    robot = load_robot("agribot")
+    assert made.alter_robot(robot) is robot
+
+
+def test_the_same_seed_draws_the_same_world_and_another_seed_another_one() -> None:
+    first, again, other = _make("field", 1), _make("field", 1), _make("field", 2)
+    assert first.plants == again.plants and first.relief == again.relief
+    assert first.light != other.light
+    assert first.spawn_xy_map_m != other.spawn_xy_map_m
+    assert not set(_crops(first)[:, 0]) & set(_crops(other)[:, 0])
+
+
+def test_over_many_seeds_what_is_drawn_spreads_as_the_preset_says() -> None:
+    preset = load_condition_preset("field")
+    drawn = [draw_conditions(preset, seed, ROWS) for seed in range(400)]
+    for name, std in (
+        ("start_offset_m", preset.start_std_m),
+        ("map_offset_m", preset.map_offset_std_m),
+        ("row_offsets_m", preset.row_offset_std_m),
+        ("camera_angles_deg", preset.camera_angle_std_deg),
+        ("map_turn_deg", preset.map_turn_std_deg),
+    ):
+        values = np.array([getattr(one, name) for one in drawn])
+        assert values.std() == pytest.approx(std, rel=0.12)
+        assert abs(values).max() <= 3.0 * std + 1e-12
+        assert abs(values.mean()) < 0.15 * std
+    moisture = [one.moisture_ratio for one in drawn]
+    assert preset.moisture_ratio[0] <= min(moisture) < 0.12 and 0.48 < max(moisture) <= 0.5
+    assert {one.soil_class for one in drawn} == {"firm", "tilled"}
+
+
+def test_plants_stand_about_the_true_row_as_far_as_the_planter_errs() -> None:
+    across = []
+    for seed in range(6):
+        made = make_run_world(load("rows-10x12", [f"seed={seed}", "sim.preset=field"]))
+        rows = [made.find_true_row(row) for row in ROWS]
+        for x, y in _crops(made.world):
+            across.append(min((float(project_on_row(r, x, y).left_m) for r in rows), key=abs))
+    std = load_condition_preset("field").sowing_across_std_m
+    assert np.std(across) == pytest.approx(std, rel=0.06)
+    assert abs(np.mean(across)) < 0.05 * std
+
+
+def test_the_map_is_off_by_the_offset_turn_and_stretch_that_were_drawn() -> None:
+    preset = Preset(
+        about="", map_offset_std_m=0.1, map_turn_std_deg=1.0, map_stretch_std_ratio=0.02
+    )
+    drawn = draw_conditions(preset, 3, ROWS)
+    true = [drawn.find_true_row(row) for row in ROWS]
+    for row, there in zip(ROWS, true, strict=True):
+        assert row_length_m(there) == pytest.approx(
+            row_length_m(row) * (1.0 + drawn.map_stretch_ratio)
+        )
+        (x0, y0), (x1, y1) = there.start_map_m, there.end_map_m
+        assert math.degrees(math.atan2(y1 - y0, x1 - x0)) == pytest.approx(drawn.map_turn_deg)
+    middle = np.mean([end for row in true for end in (row.start_map_m, row.end_map_m)], axis=0)
+    offset = middle - np.array(drawn.centre_map_m)
+    assert offset == pytest.approx(drawn.map_offset_m)
+
+
+def _count_crops(**spread: object) -> int:
+    """Count the crops of rows-10x12 where only this differs from its map."""
+    preset = msgspec.convert({"about": "", **spread}, Preset)
+    drawn = draw_conditions(preset, 5, ROWS)
+    return len(_crops(alter_world(load_run_world(load("rows-10x12")), ROWS, preset, drawn, 5)))
+
+
+def test_gaps_missing_rows_and_doubles_change_the_stand_of_the_crop() -> None:
+    assert _count_crops() == 490
+    assert 370 < _count_crops(missing_ratio=0.2) < 415
+    assert 490 + 70 < _count_crops(double_ratio=0.2) < 490 + 130
+    assert _count_crops(gaps_per_row=2.0, gap_length_m=(1.0, 1.0)) < 450
+    left = _count_crops(missing_row_ratio=0.5)
+    assert left % 49 == 0 and 49 <= left <= 441
+
+
+def test_weeds_stand_elsewhere_in_every_seed_as_many_as_before_and_off_the_stems() -> None:
+    plain, first, other = _make("kind", 1), _make("field", 1), _make("field", 2)
+    weeds = [
+        np.array([(p.x_map_m, p.y_map_m) for p in world.plants if p.plant == PlantClass.WEED])
+        for world in (plain, first, other)
+    ]
+    assert len(weeds[0]) == len(weeds[1]) == len(weeds[2]) > 50
+    for a, b in ((0, 1), (1, 2)):
+        assert np.median(np.hypot(*(weeds[a] - weeds[b]).T)) > 0.3
+    gaps = np.hypot(*(weeds[1][:, None] - _crops(first)[None]).transpose(2, 0, 1))
+    assert gaps.min() >= 0.04
+
+
+def test_the_robot_in_the_field_has_a_worn_wheel_and_a_turned_camera_that_nobody_told_it() -> None:
+    robot = load_robot("agribot")
+    made = make_run_world(load("farm", ["seed=4", "sim.preset=hard"]))
+    assert made.conditions is not None and robot.camera is not None
+    true = made.alter_robot(robot)
+    assert true.drive.wheel_radius_m == pytest.approx(
+        robot.drive.wheel_radius_m * (1.0 - made.conditions.wheel_wear_ratio)
+    )
+    link = robot.camera.link
+    turn = true.base_from_link(link)[:3, :3] @ robot.base_from_link(link)[:3, :3].T
+    angle_deg = math.degrees(math.acos((np.trace(turn) - 1.0) / 2.0))
+    assert angle_deg == pytest.approx(math.hypot(*made.conditions.camera_angles_deg), rel=0.05)
+
+
+def test_every_packaged_preset_says_what_it_is_and_field_lies_between_kind_and_hard() -> None:
+    assert list_condition_presets() == ["field", "hard", "kind"]
+    kind, field, hard = (load_condition_preset(name) for name in ("kind", "field", "hard"))
+    assert kind.is_exact and not field.is_exact
+    for name in Preset.__struct_fields__:
+        if name.endswith(("_std_m", "_std_deg", "_std_ratio")):
+            assert 0.0 == getattr(kind, name) < getattr(field, name) < getattr(hard, name)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('about = "x"\nsoil_classes = ["bog"]', "bog"),
+        ('about = "x"\nclod_heights_m = 3', "clod_heights_m"),
+        ('about = "x"\nmoisture_ratio = [0.5, 0.1]', "the first must be the smaller"),
+        ('about = "x"\nmissing_ratio = 1.5', "missing_ratio"),
+        ('about = "x"\nsoil_classes = []', "name at least one"),
+        ("about = ", "preset"),
+    ],
+)
+def test_a_preset_file_that_cannot_be_is_refused_with_its_reason(
+    tmp_path: Path, text: str, says: str
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=says):
+        load_condition_preset(str(path))
+
+
+def test_an_unknown_preset_is_refused_with_the_nearest_name() -> None:
+    with pytest.raises(ConfigError, match=r"unknown preset .feild.*field"):
+        load_condition_preset("feild")
+    with pytest.raises(ConfigError, match="cannot read preset"):
+        load_condition_preset("nowhere.toml")
