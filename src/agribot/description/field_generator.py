@@ -14,8 +14,8 @@ import numpy as np
 
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import MapFrame
-from agribot.core.messages import FloatArray, PlantClass
-from agribot.core.world import GroundTile, Plant, Soil, SoilStrength, WorldSpec
+from agribot.core.messages import FloatArray, PlantClass, Row
+from agribot.core.world import GroundTile, Plant, Relief, Soil, SoilStrength, WorldSpec
 from agribot.description.field_settings import FieldSettings, RowsSettings, read_field_settings
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
@@ -63,7 +63,40 @@ def generate_field(plan: FieldSettings, seed: int, folder: Path = Path()) -> Wor
         strength=SoilStrength(
             soil_class=plan.soil.soil_class, moisture_ratio=plan.soil.moisture_ratio
         ),
+        relief=_make_relief(plan, seed),
         plants=tuple(plants),
+    )
+
+
+def _make_relief(plan: FieldSettings, seed: int) -> Relief:
+    """Make the relief of a plan, its ridges and tracks along the rows; none where none is asked."""
+    asked, rows = plan.relief, plan.rows
+    if not (
+        asked.roughness_rms_m or asked.clods_per_m2 or asked.ridge_height_m or asked.track_depth_m
+    ):
+        return Relief()
+    lines = []
+    for index, offset_m in enumerate(compute_row_offsets_m(rows)):
+        ends = _bend(rows, np.array([0.0, rows.length_m]), offset_m).round(DIGITS).tolist()
+        stretch = 1.0 + rows.curvature_radpm * offset_m
+        lines.append(
+            Row(
+                index=index,
+                start_map_m=(ends[0][0], ends[0][1]),
+                end_map_m=(ends[1][0], ends[1][1]),
+                curvature_radpm=rows.curvature_radpm / stretch,
+            )
+        )
+    return Relief(
+        seed=seed,
+        roughness_rms_m=asked.roughness_rms_m,
+        clods_per_m2=asked.clods_per_m2,
+        clod_height_m=asked.clod_height_m,
+        ridge_height_m=asked.ridge_height_m,
+        track_depth_m=asked.track_depth_m,
+        track_gauge_m=plan.soil.track_gauge_m,
+        track_width_m=plan.soil.track_width_m,
+        rows=tuple(lines),
     )
 
 

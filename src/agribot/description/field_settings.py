@@ -95,6 +95,20 @@ class SoilSettings(FieldSection, frozen=True):
     track_width_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1  # of one track
 
 
+class ReliefSettings(FieldSection, frozen=True):
+    """Heights of the soil below the size of a field: rough ground, clods, ridges under the rows.
+
+    Tracks of `track_depth_m` need `soil.track_gauge_m` and lie where those tracks do.
+    """
+
+    # Deviation from the plane; 0.006 a seedbed, 0.014 a tilled field, 0.02 a rough one.
+    roughness_rms_m: Annotated[float, msgspec.Meta(ge=0, le=0.1)] = 0.0
+    clods_per_m2: Annotated[float, msgspec.Meta(ge=0, le=200)] = 0.0  # 25 on a tilled field
+    clod_height_m: Annotated[float, msgspec.Meta(gt=0, le=0.1)] = 0.03  # of the highest
+    ridge_height_m: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.0  # from furrow to crest
+    track_depth_m: Annotated[float, msgspec.Meta(ge=0, le=0.2)] = 0.0  # of the wheel tracks
+
+
 class FieldSettings(FieldSection, frozen=True):
     """A whole field; `boundary` is a GeoJSON polygon beside the file that holds all plants."""
 
@@ -108,6 +122,7 @@ class FieldSettings(FieldSection, frozen=True):
     crop: CropSettings = CropSettings()
     weeds: WeedsSettings = WeedsSettings()
     soil: SoilSettings = SoilSettings()
+    relief: ReliefSettings = ReliefSettings()
 
 
 def read_field_settings(path: Path) -> FieldSettings:
@@ -129,6 +144,11 @@ def read_field_settings(path: Path) -> FieldSettings:
         raise DescriptionError(
             f"{path.name}: weeds need at least one species and height_min_m "
             f"({plan.weeds.height_min_m:g}) not above height_max_m ({plan.weeds.height_max_m:g})"
+        )
+    if plan.relief.track_depth_m and not plan.soil.track_gauge_m:
+        raise DescriptionError(
+            f"{path.name}: relief.track_depth_m is {plan.relief.track_depth_m:g}, but there are no "
+            "tracks; set soil.track_gauge_m"
         )
     _check_size(plan, path.name)
     return plan

@@ -17,6 +17,7 @@ from agribot.core.world import (
     HeightField,
     Obstacle,
     Plant,
+    Relief,
     Soil,
     SoilStrength,
     Walker,
@@ -72,6 +73,8 @@ def build_world_element(world: WorldSpec, terrain_file: str) -> ET.Element:
         ET.SubElement(
             top, qualify_tag("soil"), {name: repr(value) for name, value in values.items()}
         )
+    if world.relief != Relief():
+        _add_relief(top, world.relief)
     if world.strength != SoilStrength():
         moisture = repr(float(world.strength.moisture_ratio))
         ET.SubElement(
@@ -93,6 +96,20 @@ def _add_text(parent: ET.Element, name: str, value: str | tuple[float, ...]) -> 
     element = ET.SubElement(parent, name)
     element.text = value if isinstance(value, str) else " ".join(repr(float(v)) for v in value)
     return element
+
+
+def _add_relief(top: ET.Element, relief: Relief) -> None:
+    values = {
+        name: repr(getattr(relief, name)) for name in Relief.__struct_fields__ if name != "rows"
+    }
+    element = ET.SubElement(top, qualify_tag("relief"), values)
+    for row in relief.rows:
+        line = {
+            "start": " ".join(map(repr, row.start_map_m)),
+            "end": " ".join(map(repr, row.end_map_m)),
+            "curvature_radpm": repr(row.curvature_radpm),
+        }
+        ET.SubElement(element, qualify_tag("row"), line)
 
 
 def _add_light(top: ET.Element, world: WorldSpec) -> None:

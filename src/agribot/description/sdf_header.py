@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 
 from agribot.core.geo import Datum
-from agribot.core.messages import FloatArray, Vec3
-from agribot.core.world import Light, Soil, SoilClass, SoilStrength
+from agribot.core.messages import FloatArray, Row, Vec3
+from agribot.core.world import Light, Relief, Soil, SoilClass, SoilStrength
 from agribot.description.elements import SourceFile
 from agribot.description.poses import make_yaw_rotation
 from agribot.description.sdf_models import qualify_tag
@@ -22,6 +22,11 @@ FRAME_YAW_DEG = {"ENU": 0.0, "NWU": 90.0}
 # belongs to no particular place, and is the same in the axes of every file.
 GAZEBO_FIELD_T = (5.5645e-6, 2.28758e-5, -4.23884e-5)
 ROUNDED_T = 5e-7
+# Attributes of <agribot:relief> and the most that they may be.
+RELIEF_LIMITS = {
+    "seed": 2.0**31, "roughness_rms_m": 0.1, "clods_per_m2": 200.0, "clod_height_m": 0.1,
+    "ridge_height_m": 0.5, "track_depth_m": 0.2, "track_gauge_m": 5.0, "track_width_m": 1.0,
+}  # fmt: skip
 
 
 class Header:
@@ -37,6 +42,7 @@ class Header:
         self.light = self._read_light()
         self.soil = self._read_soil()
         self.strength = self._read_strength()
+        self.relief = self._read_relief()
 
     def _read_number(self, path: str, default: float) -> float:
         element, value = self._world.find(path), default
@@ -138,6 +144,42 @@ class Header:
                 raise self._source.fail(where, f"'{value}': use {', '.join(get_args(SoilClass))}")
             strength = msgspec.structs.replace(strength, **{name: value})
         return strength
+
+    def _read_relief(self) -> Relief:
+        """Read the relief with its rows, of which ridges and tracks need at least one."""
+        element, numbers = self._world.find(qualify_tag("relief")), {}
+        if element is None:
+            return Relief()
+        for name, text in element.attrib.items():
+            where = f"<agribot:relief> {name}"
+            if name not in RELIEF_LIMITS:
+                raise self._source.fail(where, f"use {', '.join(RELIEF_LIMITS)}")
+            numbers[name] = self._source.parse_number(text, where)
+            if not 0.0 <= numbers[name] <= RELIEF_LIMITS[name]:
+                raise self._source.fail(
+                    where, f"{numbers[name]:g} must be from 0 to {RELIEF_LIMITS[name]:g}"
+                )
+        rows = [
+            self._read_relief_row(row, index)
+            for index, row in enumerate(element.findall(qualify_tag("row")))
+        ]
+        if not rows and (numbers.get("ridge_height_m") or numbers.get("track_depth_m")):
+            raise self._source.fail(
+                "<agribot:relief>",
+                "ridge_height_m and track_depth_m need rows: add "
+                '<agribot:row start="X Y" end="X Y"/> inside, or leave them out',
+            )
+        seed = int(numbers.pop("seed", 0.0))
+        return Relief(seed=seed, rows=tuple(rows), **numbers)
+
+    def _read_relief_row(self, row: ET.Element, index: int) -> Row:
+        ends = []
+        for name in ("start", "end"):
+            x, y = self._source.parse_numbers(row.get(name, ""), 2, f"<agribot:row> {name}")[:2]
+            x_m, y_m, _z = self._turn_to_map((x, y, 0.0))
+            ends.append((x_m, y_m))
+        bend = self._source.parse_number(row.get("curvature_radpm", "0"), "<agribot:row>")
+        return Row(index=index, start_map_m=ends[0], end_map_m=ends[1], curvature_radpm=bend)
 
     def _read_light(self) -> Light:
         suns = [e for e in self._world.findall("light") if e.get("type") == "directional"]

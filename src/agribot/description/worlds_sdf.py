@@ -125,6 +125,7 @@ class _WorldReader:
             ground=surfaces.list_tiles(),
             soil=self._header.soil,
             strength=self._header.strength,
+            relief=self._header.relief,
             terrain=terrain,
             plants=plants,
             obstacles=tuple(self._obstacles),

@@ -55,7 +55,8 @@ class CameraSensor:
 
         self._world = world
         self._visible = keep_drawable(robot) if has_body else None
-        self._renderer: CameraRenderer = CameraRenderer(world, self._visible)
+        self._ground = build_ground_surface(world) if ground is None else ground
+        self._renderer: CameraRenderer = CameraRenderer(world, self._visible, ground=self._ground)
         self._base_from_body = transform((0.0, 0.0, -robot.base_height_m)) if has_body else None
         self._camera = camera
         self._base_from_camera = robot.base_from_link(camera.link) @ LINK_FROM_OPTICAL
@@ -63,7 +64,6 @@ class CameraSensor:
         self._plants = PlantStates(len(world.plants)) if plants is None else plants
         self._places_map_m = [(plant.x_map_m, plant.y_map_m) for plant in world.plants]
         self._may_lie = [p.plant == PlantClass.CROP or not keeps_weeds for p in world.plants]
-        self._ground = build_ground_surface(world) if ground is None else ground
         self._walkers = world.walkers
         self._shown: dict[int, int] = {}  # plants that lie -> how old they are in the picture
         self._index = 0
@@ -77,7 +77,9 @@ class CameraSensor:
             self._lay_plants(t_s)
         if self._walkers:
             self._renderer.set_walkers(place_walkers(self._walkers, self._ground, t_s))
-        picture = self._draw(read_base_pose(row), seed, row[WHEEL_ANGLE].tolist())
+        base = read_base_pose(row)
+        self._renderer.follow_ground(float(base[0, 3]), float(base[1, 3]))
+        picture = self._draw(base, seed, row[WHEEL_ANGLE].tolist())
         frame = CameraFrame(t_s=t_s, index=self._index, image_rgb=picture.image_rgb)
         self._masks[self._index] = picture.class_id
         if len(self._masks) > KEPT_MASKS:
@@ -112,7 +114,7 @@ class CameraSensor:
 
         obstacles = (*self._world.obstacles, obstacle)
         self._world = msgspec.structs.replace(self._world, obstacles=obstacles)
-        self._renderer = CameraRenderer(self._world, self._visible)
+        self._renderer = CameraRenderer(self._world, self._visible, ground=self._ground)
         self._shown.clear()
 
     def _draw(

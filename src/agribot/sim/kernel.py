@@ -22,6 +22,8 @@ from agribot.sim.tyre import Terrain, TyreLaw
 # Below this spin the rolling resistance fades out, so that a parked wheel is not driven by it.
 ROLLING_FADE_RADPS = 0.2
 TINY = 1e-9
+# The tread and the crumbs give way to this extent under the highest of what a tyre rests on.
+ENVELOPE_SOFTNESS_M = 0.005
 # Below these speeds over ground the resistance of soil fades out, and a standing wheel sinks in.
 COMPACTION_FADE_MPS = 0.02
 SINKING_S = 0.05
@@ -96,11 +98,45 @@ def _add(a: Vec3, b: Vec3) -> Vec3:
 
 
 @compile_exact
-def _find_ground_plane(terrain: Terrain, grip: Terrain, p_map_m: Vec3) -> tuple[float, Vec3, float]:
-    """Return height, upward normal and friction of the ground below a point."""
-    height, slope_x, slope_y = sample_grid(terrain, p_map_m[0], p_map_m[1])
+def sample_envelope(
+    terrain: Terrain, envelope: FloatArray, x_m: float, y_m: float, ahead_x: float, ahead_y: float
+) -> tuple[float, float, float]:
+    """Return the height, and its slopes along x and y, of what a tyre rests on at a place.
+
+    `ahead` is the level unit vector in which the wheel points. It is the highest under the tread
+    points `envelope` (n, 3), softly: log of the mean exponential. On even ground it is the ground.
+    """
+    below, slope_x, slope_y = sample_grid(terrain, x_m, y_m)
+    if envelope.shape[0] == 1:
+        return below, slope_x, slope_y
+    total, flat, slope_x, slope_y = 0.0, 0.0, 0.0, 0.0
+    for k in range(envelope.shape[0]):
+        ahead_m, left_m = envelope[k, 0], envelope[k, 1]
+        height, east, north = sample_grid(
+            terrain,
+            x_m + ahead_m * ahead_x - left_m * ahead_y,
+            y_m + ahead_m * ahead_y + left_m * ahead_x,
+        )
+        weight = math.exp((height - envelope[k, 2] - below) / ENVELOPE_SOFTNESS_M)
+        flat += math.exp(-envelope[k, 2] / ENVELOPE_SOFTNESS_M)
+        total += weight
+        slope_x += weight * east
+        slope_y += weight * north
+    rise = ENVELOPE_SOFTNESS_M * math.log(total / flat)
+    return below + rise, slope_x / total, slope_y / total
+
+
+@compile_exact
+def _find_ground_plane(
+    terrain: Terrain, tyre: TyreLaw, p_map_m: Vec3, axle: Vec3
+) -> tuple[float, Vec3, float]:
+    """Return height, upward normal and friction of the ground below a wheel's hub."""
+    level = 1.0 / math.sqrt(axle[0] * axle[0] + axle[1] * axle[1] + TINY)
+    height, slope_x, slope_y = sample_envelope(
+        terrain, tyre.envelope, p_map_m[0], p_map_m[1], axle[1] * level, -axle[0] * level
+    )
     up = 1.0 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
-    friction = sample_grid(grip, p_map_m[0], p_map_m[1])[0]
+    friction = sample_grid(tyre.ground_friction, p_map_m[0], p_map_m[1])[0]
     return height, (-slope_x * up, -slope_y * up, up), friction
 
 
@@ -160,13 +196,13 @@ def apply_tyre_forces(
     for k in range(wheel_body.shape[0]):
         b = wheel_body[k]
         hub = (centre[b, 0], centre[b, 1], centre[b, 2])
-        height, normal, grip = _find_ground_plane(terrain, tyre.ground_friction, hub)
+        axle = (rotation[b, 1], rotation[b, 4], rotation[b, 7])
+        height, normal, grip = _find_ground_plane(terrain, tyre, hub, axle)
         arm_m = (hub[2] - height) * normal[2]
         if arm_m >= tyre.radius_m:
             wrench[b, :] = 0.0
             bristle_m[k, :] = 0.0
             continue
-        axle = (rotation[b, 1], rotation[b, 4], rotation[b, 7])
         forward = _cross(axle, normal)
         forward = _scale(forward, 1.0 / math.sqrt(_dot(forward, forward) + TINY))
         left = _cross(normal, forward)

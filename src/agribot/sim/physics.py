@@ -21,10 +21,12 @@ from agribot.sim.grip import build_friction_grid
 from agribot.sim.ground_surface import GroundSurface, build_ground_surface
 from agribot.sim.soil import SoilLaw, make_soil_law
 from agribot.sim.state import HISTORY_COLUMNS, POSITION, Board, Inertial, Motor
-from agribot.sim.tyre import make_tyre_law
+from agribot.sim.tyre import POINT_CONTACT, make_envelope, make_tyre_law
 from agribot.sim.walkers import place_walkers
 
 SETTLE_S = 1.0
+# On rough ground the robot slides a little while it settles, and settles again where it belongs.
+FINE_SETTLINGS = 3
 # The integral of a servo takes over what its gain alone would leave as an error of speed.
 SERVO_RESET_S = 0.1
 WALKER_STEP_S = 0.004  # a walker near the robot is put in its place so often
@@ -57,12 +59,14 @@ class Physics:
         self._robot = robot
         self._walkers = world.walkers
         self._engine = Engine(robot, world, self._dt_s, is_effort=is_effort)
+        radius_m, width_m = robot.drive.wheel_radius_m, robot.drive.wheel_width_m
         self._tyre = make_tyre_law(
             robot.tyre,
-            robot.drive.wheel_radius_m,
+            radius_m,
             robot.mass_kg,
             self._engine.wheel_mass_kg,
             build_friction_grid(world),
+            make_envelope(radius_m, width_m) if self.ground.is_fine else POINT_CONTACT,
         )
         self._terrain = self.ground.make_grid()
         self._world, self._dry_friction = world, self._tyre.ground_friction.values.copy()
@@ -205,20 +209,12 @@ class Physics:
     def _spawn(self, xy_map_m: tuple[float, float], yaw_rad: float) -> None:
         """Put the robot on its wheels at the exact place and heading, at rest, at step 0."""
         start = self._find_standing_pose(xy_map_m, yaw_rad)
-        self._engine.views.qpos[:7] = start
-        self.history[-1, :7] = start
-        self.advance(round(SETTLE_S / self._dt_s))
         qpos, qvel = self._engine.views.qpos, self._engine.views.qvel
-        w, x, y, z = qpos[3:7]
-        drift = yaw_rad - math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        turned = np.zeros(4)
-        mujoco.mju_mulQuat(
-            turned, np.array([math.cos(drift / 2), 0, 0, math.sin(drift / 2)]), qpos[3:7]
-        )
-        slid_to = qpos[:2] - self._compute_base_offset(qpos[3:7])[:2]
-        qpos[3:7] = turned
-        qpos[:2] = xy_map_m + self._compute_base_offset(turned)[:2]
-        qpos[2] += self._sample_ground_m(*xy_map_m) - self._sample_ground_m(*slid_to.tolist())
+        qpos[:7] = start
+        self.history[-1, :7] = start
+        for _ in range(FINE_SETTLINGS if self.ground.is_fine else 1):
+            self.advance(round(SETTLE_S / self._dt_s))
+            self._move_to(xy_map_m, yaw_rad)
         qpos[7:11] = 0.0
         qvel[:] = 0.0
         # What the wheels need to hold the robot on its slope stays.
@@ -229,8 +225,42 @@ class Physics:
         self.history = np.zeros((2, HISTORY_COLUMNS))
         self.history[-1, :7] = qpos[:7]
 
+    def _move_to(self, xy_map_m: tuple[float, float], yaw_rad: float) -> None:
+        """Move the robot from where it has slid to, to the exact place and heading."""
+        qpos = self._engine.views.qpos
+        w, x, y, z = qpos[3:7]
+        drift = yaw_rad - math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        turned = np.zeros(4)
+        mujoco.mju_mulQuat(
+            turned, np.array([math.cos(drift / 2), 0, 0, math.sin(drift / 2)]), qpos[3:7]
+        )
+        slid_x_m, slid_y_m = (qpos[:2] - self._compute_base_offset(qpos[3:7])[:2]).tolist()
+        qpos[3:7] = turned
+        qpos[:2] = xy_map_m + self._compute_base_offset(turned)[:2]
+        slid_m = self._find_ground_m((slid_x_m, slid_y_m), yaw_rad)
+        qpos[2] += self._find_ground_m(xy_map_m, yaw_rad) - slid_m
+
+    def _find_ground_m(self, xy_map_m: tuple[float, float], yaw_rad: float) -> float:
+        """Return the height of the ground below the robot, on rough ground that of its wheels."""
+        if self.ground.is_fine:
+            return float(self._fit_ground_plane(xy_map_m, yaw_rad)[2])
+        return self._sample_ground_m(*xy_map_m)
+
     def _sample_ground_m(self, x_m: float, y_m: float) -> float:
         return kernel.sample_grid(self._terrain, x_m, y_m)[0]
+
+    def _fit_ground_plane(self, xy_map_m: tuple[float, float], yaw_rad: float) -> FloatArray:
+        """Return the plane (3,) under the wheels: slopes ahead and to the left, height below."""
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        wheels = self._robot.wheel_xy_body_m() @ np.array([[cos, sin], [-sin, cos]]) + xy_map_m
+        envelope = self._tyre.envelope
+        heights = [
+            kernel.sample_envelope(self._terrain, envelope, x, y, cos, sin)[0]
+            for x, y in wheels.tolist()
+        ]
+        columns = np.column_stack((self._robot.wheel_xy_body_m(), np.ones(4)))
+        plane: FloatArray = np.linalg.lstsq(columns, np.array(heights), rcond=None)[0]
+        return plane
 
     def _compute_base_offset(self, quaternion: FloatArray) -> FloatArray:
         """Return the vector (3,) from the body frame's origin to base_link, in map axes."""
@@ -240,11 +270,7 @@ class Physics:
 
     def _find_standing_pose(self, xy_map_m: tuple[float, float], yaw_rad: float) -> FloatArray:
         """Return base position and quaternion (7,), the wheels on the plane of their ground."""
-        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-        wheels = self._robot.wheel_xy_body_m() @ np.array([[cos, sin], [-sin, cos]]) + xy_map_m
-        heights = [self._sample_ground_m(x, y) for x, y in wheels.tolist()]
-        columns = np.column_stack((self._robot.wheel_xy_body_m(), np.ones(4)))
-        slope_x, slope_y, height = np.linalg.lstsq(columns, np.array(heights), rcond=None)[0]
+        slope_x, slope_y, height = self._fit_ground_plane(xy_map_m, yaw_rad)
         tilt = rotation_from_rpy(math.atan(slope_y), -math.atan(slope_x), yaw_rad)
         quaternion = np.zeros(4)
         mujoco.mju_mat2Quat(quaternion, tilt.ravel())

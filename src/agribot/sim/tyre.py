@@ -13,8 +13,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from agribot.core.messages import FloatArray
 from agribot.core.robot import TyreSpec
+
+ENVELOPE_SHARES = (-0.66, -0.33, 0.0, 0.33, 0.66)  # of the radius, along the tread
+POINT_CONTACT = np.zeros((1, 3))
 
 
 class Terrain(NamedTuple):
@@ -27,7 +32,12 @@ class Terrain(NamedTuple):
 
 
 class TyreLaw(NamedTuple):
-    """Parameters of one tyre and its ground for the kernel; damping in N s/m."""
+    """Parameters of one tyre and its ground for the kernel; damping in N s/m.
+
+    `envelope` (n, 3) are the points of the tread that feel the ground below a wheel: metres ahead
+    and to the left of the hub, and how much higher than the lowest point the tread is there. With
+    one point the tyre stands on the ground below its hub.
+    """
 
     radius_m: float
     normal_stiffness_npm: float
@@ -39,10 +49,30 @@ class TyreLaw(NamedTuple):
     friction_lateral: float
     rolling_resistance: float
     ground_friction: Terrain
+    envelope: FloatArray
+
+
+def make_envelope(radius_m: float, width_m: float) -> FloatArray:
+    """Make the points (n, 3) with which a tyre feels ground finer than its contact.
+
+    A wheel rests on the highest of what lies under its tread, and bridges the hollows between:
+    the rigid circle of Bekker and of Zegelaar's tandem cams.
+    """
+    points = [
+        (share * radius_m, side * width_m / 4.0, radius_m * (1.0 - math.sqrt(1.0 - share**2)))
+        for share in ENVELOPE_SHARES
+        for side in (-1.0, 1.0)
+    ]
+    return np.array(points)
 
 
 def make_tyre_law(
-    tyre: TyreSpec, radius_m: float, mass_kg: float, wheel_mass_kg: float, ground_friction: Terrain
+    tyre: TyreSpec,
+    radius_m: float,
+    mass_kg: float,
+    wheel_mass_kg: float,
+    ground_friction: Terrain,
+    envelope: FloatArray = POINT_CONTACT,
 ) -> TyreLaw:
     """Derive the force law; of tyre and ground the kernel takes the smaller friction."""
     load_kg = mass_kg / 4.0
@@ -59,4 +89,5 @@ def make_tyre_law(
         friction_lateral=tyre.friction_lateral_ratio,
         rolling_resistance=tyre.rolling_resistance_ratio,
         ground_friction=ground_friction,
+        envelope=envelope,
     )

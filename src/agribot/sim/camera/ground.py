@@ -65,14 +65,14 @@ def find_ground(
             x, y = drawn[row, column, 0], drawn[row, column, 1]
         place[0, column], place[1, column] = x, y
         if not x_edge[tile_x] <= x < x_edge[tile_x + 1]:
-            tile_x = _find_cell(x_edge, x)
+            tile_x = find_cell(x_edge, x)
         if not y_edge[tile_y] <= y < y_edge[tile_y + 1]:
-            tile_y = _find_cell(y_edge, y)
+            tile_y = find_cell(y_edge, y)
         layer[column] = surface[tile_y, tile_x]
 
 
 @compile_fast
-def _find_cell(edge: Doubles, at: float) -> int:
+def find_cell(edge: Doubles, at: float) -> int:
     cell: int = min(max(np.searchsorted(edge, at, side="right") - 1, 0), edge.shape[0] - 2)
     return cell
 

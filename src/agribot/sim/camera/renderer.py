@@ -6,6 +6,7 @@ repeat and for any number of threads.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -28,6 +29,8 @@ from agribot.sim.camera.lens import bend_rows, make_lens, make_view
 from agribot.sim.camera.lying import LyingPlant, darken, lay_flat
 from agribot.sim.camera.projection import cull, project, shade_plants
 from agribot.sim.camera.raster import draw_band
+from agribot.sim.camera.relief_map import build_relief_map, find_change, refresh_relief_map
+from agribot.sim.camera.relief_view import BAND, cover_relief_rows, draw_relief
 from agribot.sim.camera.robot_shadow import cast_robot_shade, make_empty_shade
 from agribot.sim.camera.rover import ResolveMesh, Rover, place_parts
 from agribot.sim.camera.scene import (
@@ -51,6 +54,7 @@ from agribot.sim.camera.shading import (
 from agribot.sim.camera.shadows import bake_shadows, compute_directness, compute_shadow_slope
 from agribot.sim.camera.stl import find_mesh_file
 from agribot.sim.camera.terrain import draw_terrain, project_terrain
+from agribot.sim.ground_surface import GroundSurface, build_ground_surface
 
 LOD_PX = (150.0, 70.0, 32.0, 16.0)  # below these apparent sizes the next coarser mesh is drawn
 LEAST_PX = 1.2
@@ -78,7 +82,8 @@ class CameraRenderer:
 
     With a `robot` its visuals and its shadow can be part of the picture; `resolve_mesh` finds
     the file of a mesh name. `variants` is the number of different plants of each species and
-    stage, `threads` how many draw at once (all that numba may use by default).
+    stage, `threads` how many draw at once (all that numba may use by default). `ground` is the
+    one that the wheels press down, by default that of the world.
 
     Raises: DescriptionError: an unknown species, surface or kind of shape, or a broken mesh.
     """
@@ -93,14 +98,16 @@ class CameraRenderer:
         shadow_resolution_m: float = 0.01,
         appearance: Appearance | None = None,
         threads: int | None = None,
+        ground: GroundSurface | None = None,
     ) -> None:
         self.world = world
+        self._surface = surface = build_ground_surface(world) if ground is None else ground
         self.appearance = look = appearance or Appearance()
         self._threads = threads or min(int(numba.get_num_threads()), os.cpu_count() or 1)
         to_sun = np.array(world.light.to_sun, dtype=float)
         to_sun = to_sun / max(float(np.linalg.norm(to_sun)), 1e-9)
         self._lamp = Lamp(to_sun, world.light.diffuse, world.light.ambient, look.haze_per_m)
-        plants, plant_forms = make_plant_instances(world, variants, look)
+        plants, plant_forms = make_plant_instances(world, variants, look, surface)
         obstacles, obstacle_forms = make_obstacle_instances(world.obstacles, len(plant_forms))
         still_forms = plant_forms + obstacle_forms
         walkers, walker_forms = make_obstacle_instances(
@@ -109,7 +116,10 @@ class CameraRenderer:
         self._rover = None if robot is None else Rover(robot, resolve_mesh)
         rover_forms = [] if self._rover is None else self._rover.forms
         self._forms = pack_forms(still_forms + walker_forms + rover_forms)
-        base_m = (sample_ground_heights(world, obstacles.position), plants.position[:, 2].copy())
+        base_m = (
+            sample_ground_heights(world, obstacles.position, surface),
+            plants.position[:, 2].copy(),
+        )
         self._direct = compute_directness(world.light.diffuse)
         shadow = bake_shadows(
             self._forms, obstacles, plants, base_m, to_sun, shadow_resolution_m, self._direct
@@ -123,6 +133,9 @@ class CameraRenderer:
             parts = self._rover.make_instances(first_form, PLAIN_LAYER)
             self._things = join_instances(self._things, parts)
         self._ground = build_ground(world, shadow, look)
+        self._relief = (
+            build_relief_map(surface, to_sun, self._direct) if surface.has_detail else None
+        )
         self._leaves = build_leaf_textures(look.texture_seed)
         self._surfaces = build_ground_textures(world, to_sun, look)
         self._targets: dict[str, Targets] = {}
@@ -172,12 +185,7 @@ class CameraRenderer:
         picture = _make_blank(camera)
         with _start_workers(self._threads) as run:
             self._draw(view, drawn, shade, float(supersample), run)
-            run(
-                lambda first, last: cover_rows(
-                    first, last, view, self._lamp, self._ground, shade, self._surfaces, drawn
-                ),
-                view.height,
-            )
+            self._cover(view, drawn, shade, run)
             if lens is not None:
                 source = lens.source
                 targets = self._get_buffers("bent", *source.shape[:2])
@@ -196,6 +204,14 @@ class CameraRenderer:
             image_rgb=picture.image, depth_m=picture.depth, class_id=picture.label,
             instance=picture.instance,
         )  # fmt: skip
+
+    def follow_ground(self, x_map_m: float, y_map_m: float) -> None:
+        """Show what wheels have made of the ground near a place since the last picture."""
+        if self._relief is None:
+            return
+        box = find_change(self._relief, self._surface, x_map_m, y_map_m)
+        if box is not None:
+            refresh_relief_map(self._relief, self._surface, self._lamp.to_sun, self._direct, box)
 
     def _place_rover(
         self, map_from_body: FloatArray | None, wheel_angles_rad: Sequence[float] | None
@@ -249,12 +265,36 @@ class CameraRenderer:
             ),
             view.height,
         )  # fmt: skip
-        if self.world.terrain is not None:
+        if self._relief is not None:
+            relief = self._relief
+            run(
+                lambda first, last: draw_relief(first, last, view, relief, targets),
+                math.ceil(view.height / BAND),
+            )
+        elif self.world.terrain is not None:
             mesh_points = project_terrain(view, self._ground)
             run(
                 lambda first, last: draw_terrain(first, last, mesh_points, view, targets),
                 view.height,
             )
+
+    def _cover(self, view: PinholeView, targets: Targets, shade: RobotShade, run: Run) -> None:
+        """Complete the targets with ground, haze and sky."""
+        lamp, ground, relief, surfaces = self._lamp, self._ground, self._relief, self._surfaces
+        if relief is None:
+            run(
+                lambda first, last: cover_rows(
+                    first, last, view, lamp, ground, shade, surfaces, targets
+                ),
+                view.height,
+            )
+            return
+        run(
+            lambda first, last: cover_relief_rows(
+                first, last, view, lamp, ground, relief, shade, surfaces, targets
+            ),
+            view.height,
+        )
 
     def _find_visible(self, view: PinholeView, detail: float) -> tuple[Longs, Longs]:
         """Return the indices of the things in view, nearest first, and their levels of detail."""
@@ -270,7 +310,7 @@ class CameraRenderer:
         """Return targets of this size, the same ones as long as the size stays."""
         kept = self._targets.get(name)
         if kept is None or kept.label.shape != (height, width):
-            rough = self.world.terrain is not None and name == "drawn"
+            rough = self.world.terrain is not None and self._relief is None and name == "drawn"
             kept = self._targets[name] = Targets(
                 colour=np.zeros((height, width, 3), np.float32),  # finite also where it is sky
                 inverse_depth=np.empty((height, width), np.float32),

@@ -35,6 +35,7 @@ from agribot.sim.flora.species import (
     find_species,
 )
 from agribot.sim.flora.texture import build_leaf_atlas, make_tileable_noise
+from agribot.sim.ground_surface import GroundSurface
 
 PLAIN_LAYER = len(SPECIES)  # of the thing textures: an almost even grey that takes the tint
 MAX_TILT_RAD = 0.10
@@ -75,9 +76,9 @@ def _hash_seeds(seeds: Longs, stream: int) -> FloatArray:
     return (state ^ (state >> np.uint64(31))) / 2.0**64
 
 
-def make_plant_instances(world: WorldSpec, variants: int, look: Appearance) -> tuple[
-    Instances, list[tuple[Mesh, ...]]
-]:  # fmt: skip
+def make_plant_instances(
+    world: WorldSpec, variants: int, look: Appearance, surface: GroundSurface | None = None
+) -> tuple[Instances, list[tuple[Mesh, ...]]]:
     """Make an instance of each plant, in their order, and the forms that they use."""
     plants = world.plants
     keys = [(p.species, p.seed % variants, find_nearest_stage(p.species, p.size_m)) for p in plants]
@@ -85,7 +86,7 @@ def make_plant_instances(world: WorldSpec, variants: int, look: Appearance) -> t
     count = len(plants)
     seeds = np.array([p.seed % 2**63 for p in plants], np.int64)
     position = np.array([(p.x_map_m, p.y_map_m, 0.0) for p in plants]).reshape(count, 3)
-    position[:, 2] = sample_ground_heights(world, position)
+    position[:, 2] = sample_ground_heights(world, position, surface)
     things = Instances(
         position=position,
         rotation=_make_leaning_rotations(np.array([p.yaw_rad for p in plants]), seeds),
@@ -158,8 +159,15 @@ def join_instances(first: Instances, second: Instances) -> Instances:
     return Instances(*parts)
 
 
-def sample_ground_heights(world: WorldSpec, position: FloatArray) -> Doubles:
-    """Return the height of the ground (n,) below positions (n, 3) of the map, m."""
+def sample_ground_heights(
+    world: WorldSpec, position: FloatArray, surface: GroundSurface | None = None
+) -> Doubles:
+    """Return the height of the ground (n,) below positions (n, 3) of the map, m.
+
+    A fine `surface` counts; else they are those of the world's terrain.
+    """
+    if surface is not None and surface.has_detail:
+        return surface.sample_heights(position)
     terrain = world.terrain
     if terrain is None:
         return np.zeros(len(position))

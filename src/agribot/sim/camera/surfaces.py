@@ -144,14 +144,35 @@ def _make_material(surface: str, seed: int) -> Material:
     return make(np.random.default_rng([seed, list(SURFACES).index(surface), 5]))
 
 
+def _scatter_litter(soil: Soil, seed: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Scatter stones and straw: domes 0 to 1 and tones of the ones and of the other, (n, n)."""
+    rng = np.random.default_rng([seed, 6])
+    stones, grey = _scatter_ellipses(rng, round(90 * soil.stones_ratio), (3.0, 11.0), 1.25)
+    straw, pale = _scatter_ellipses(rng, round(420 * soil.residue_ratio), (0.9, 1.9), 20.0)
+    return stones, grey, straw, pale
+
+
+def build_litter_heights(
+    soil: Soil, stone_m: float, straw_m: float, step_m: float, seed: int = 0
+) -> FloatArray:
+    """Build the heights (n, n) of stones and straw over PERIOD_M, as a grid of `step_m` holds them.
+
+    They lie where the textures of the same seed show them.
+    """
+    stones, _grey, straw, _pale = _scatter_litter(soil, seed)
+    width = max(1, round(step_m / PERIOD_M * SIZE))
+    mean: FloatArray = ndimage.uniform_filter(
+        stone_m * stones + straw_m * straw, width, mode="wrap"
+    )
+    return mean
+
+
 def _add_litter(material: Material, soil: Soil, seed: int) -> Material:
     """Add stones and the residue of the last crop."""
     colour, height = material
-    rng = np.random.default_rng([seed, 6])
-    stones, grey = _scatter_ellipses(rng, round(90 * soil.stones_ratio), (3.0, 11.0), 1.25)
+    stones, grey, straw, pale = _scatter_litter(soil, seed)
     rock = np.array([150.0, 143.0, 132.0]) * (1.0 + 0.16 * grey[..., None])
     colour = _blend(colour, rock, 0.92 * np.clip(stones * 5, 0, 1))
-    straw, pale = _scatter_ellipses(rng, round(420 * soil.residue_ratio), (0.9, 1.9), 20.0)
     stalk = np.array([186.0, 165.0, 118.0]) * (1.0 + 0.18 * pale[..., None])
     colour = _blend(colour, stalk, 0.9 * np.clip(straw * 2, 0, 1))
     return colour, height + 7.0 * stones + 3.0 * straw
