@@ -28,6 +28,9 @@ FAULT_RATIO = 0.1
 ANCHOR_PERIOD_S, ANCHOR_AGE_S = 1.0, 5.0
 # Wrong fixes and multipath last minutes; then a jump that nothing took back is believed.
 MEMORY_S = 300.0
+# Wheels that are dragged aside by a turn lose more of their way than they do ahead: 15 % on tilled
+# soil in turns tighter than 2 m, as measured in the simulator, 1 % on hard ground. 1 sigma.
+TURN_LOSS_RATIO, TURN_RADIUS_M = 0.1, 2.0
 # Two solutions that differ by less than this part of the alarm agree again.
 AGREE_RATIO = 0.5
 # More than this share of the wheels' way is not lost by slip: the GNSS stands still, or the robot.
@@ -64,6 +67,7 @@ class _Anchor(NamedTuple):
     aside_m: tuple[float, float]
     slip_rad: float
     slid_m: float
+    lost_m: float
 
     def apart_m(self, here: _Anchor) -> tuple[float, float]:
         """From where dead reckoning leads from here to a later place, to where the filter is."""
@@ -99,16 +103,21 @@ class Integrity:
         self._across_fault_gain = _normal(config.protection_risk / FAULT_RATIO)
         self._walk2_m = config.position_walk_m_per_sqrt_m**2
         self._x_m = self._y_m = self._driven_m = self._aside_x_m = self._aside_y_m = 0.0
-        self._slid_m = 0.0
+        self._slid_m = self._lost_m = 0.0
         self._anchors: deque[_Anchor] = deque()
         self._is_split = False  # the two solutions contradict each other
         self._believed_m = self._moved_m = gnss.moved_m
         self._moved_t_s = -math.inf
 
-    def move(self, distance_m: float, slide_m: tuple[float, float] = (0.0, 0.0)) -> None:
+    def move(
+        self,
+        distance_m: float,
+        slide_m: tuple[float, float] = (0.0, 0.0),
+        turn_rad: float = 0.0,
+    ) -> None:
         """Add a step of the wheels, along the heading of the filter, and its slide down a slope.
 
-        The slide is forward and left.
+        The slide is forward and left, the turn that of the step.
         """
         lost_ratio = clamp(self._ekf.x[WHEEL_SCALE], -MAX_LOST_RATIO, MAX_LOST_RATIO)
         way_m, course_rad = distance_m * (1.0 - lost_ratio), self._ekf.x[YAW]
@@ -116,6 +125,7 @@ class Integrity:
         self._x_m += way_m * cos + slide_m[0] * cos - slide_m[1] * sin
         self._y_m += way_m * sin + slide_m[0] * sin + slide_m[1] * cos
         self._slid_m += math.hypot(*slide_m)
+        self._lost_m += TURN_LOSS_RATIO * min(abs(way_m), TURN_RADIUS_M * abs(turn_rad))
         self._driven_m += abs(way_m)
         slips_m = abs(way_m) * self._ekf.slip_ratio(course_rad)
         self._aside_x_m -= slips_m * sin
@@ -192,7 +202,7 @@ class Integrity:
         spread = Spread(pos_std_m, self._cov_m2, course_rad, wheel_ratio)
         return _Anchor(
             t_s, x[X] - self._x_m, x[Y] - self._y_m, self._driven_m, spread,
-            (self._aside_x_m, self._aside_y_m), x[SLIP], self._slid_m,
+            (self._aside_x_m, self._aside_y_m), x[SLIP], self._slid_m, self._lost_m,
         )  # fmt: skip
 
     def _forget(self, here: _Anchor, anchor: _Anchor) -> None:
@@ -236,8 +246,9 @@ class Integrity:
         return math.sqrt(spread.position_m**2 + walk_m2 + drift_m2 + self._slid_m2(anchor))
 
     def _slid_m2(self, anchor: _Anchor) -> float:
-        """Variance of how far the robot slid in turns on a slope since the anchor."""
-        return (SLIDE_STD_RATIO * (self._slid_m - anchor.slid_m)) ** 2
+        """Variance of what turns have cost since the anchor: sliding down a slope, lost way."""
+        slid_m = SLIDE_STD_RATIO * (self._slid_m - anchor.slid_m)
+        return slid_m * slid_m + (self._lost_m - anchor.lost_m) ** 2
 
 
 def _rayleigh(risk_ratio: float) -> float:

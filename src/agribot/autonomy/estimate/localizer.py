@@ -152,7 +152,7 @@ class Localizer:
             step.t_s, x_m, y_m, yaw_rad, distance_m / dt_s, (yaw_rad - last.yaw_rad) / step.dt_s
         )
         self._history.append(self._motion)
-        self._integrity.move(step.distance_m, step.slide_m)
+        self._integrity.move(step.distance_m, step.slide_m, step.turn_rad)
         self._sight.move(step.distance_m)
         self._gnss.move(step.distance_m, step.turn_rad)
         if abs(self._motion.wheel_mps) > STANDING_MPS:
