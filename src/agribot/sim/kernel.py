@@ -27,10 +27,11 @@ ENVELOPE_SOFTNESS_M = 0.005
 # Below these speeds over ground the resistance of soil fades out, and a standing wheel sinks in.
 COMPACTION_FADE_MPS = 0.02
 SINKING_S = 0.05
-MOST_SLIP = 0.9  # of the law of slip sinkage
+MOST_SLIP = 0.5  # of the law of slip sinkage; beyond, assumed, it digs no deeper
 MOST_SHEAR = 4.0  # times K: more displacement changes nothing
 # A rut is pressed so many cells behind the hub, beyond what the wheel itself stands on.
 RUT_BEHIND, RUT_HALF, RUT_EVERY = 3.2, 0.75, 0.25
+RUT_WALL_SLOPE = 0.7  # of loose soil, 35 degrees
 # On soil a wheel stands on a plane through four places of its tread: shares of radius and width.
 TREAD_AHEAD, TREAD_ASIDE = 0.25, 0.25
 
@@ -339,14 +340,16 @@ def _press_rut(
     u = (x_m - terrain.x_min_m) / step_m - RUT_BEHIND * east
     v = (y_m - terrain.y_min_m) / step_m - RUT_BEHIND * north
     half = max(half_m / step_m, RUT_HALF)
-    reach = half + 1.0 + RUT_HALF
+    wall = max(1.0, depth_m / (step_m * RUT_WALL_SLOPE))
+    reach = half + wall + RUT_HALF
     rows, columns = sunk.shape
     for j in range(max(1, math.ceil(v - reach)), min(rows - 1, math.floor(v + reach) + 1)):
         for i in range(max(1, math.ceil(u - reach)), min(columns - 1, math.floor(u + reach) + 1)):
             along = (i - u) * east + (j - v) * north
             aside = (j - v) * east - (i - u) * north
-            # The walls of a rut slope over a cell.
-            more_m = depth_m * min(1.0, half + 1.0 - math.fabs(aside)) - sunk[j, i]
+            # Steeper walls slide in.
+            share = min(1.0, 1.0 - (math.fabs(aside) - half) / wall)
+            more_m = depth_m * share - sunk[j, i]
             if math.fabs(along) > RUT_HALF or more_m <= 0.0:
                 continue
             sunk[j, i] += more_m
