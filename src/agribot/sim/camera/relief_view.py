@@ -160,8 +160,7 @@ def walk(
         first = max(near_m, (top_m - eye_z) / min(up, -1e-9))
     at, found = max(first, start), 0.0
     if at < limit:
-        way = math.sqrt(east * east + north * north) + 1e-9
-        fall = max(-up, 1e-6)
+        way, fall = math.sqrt(east * east + north * north) + 1e-9, max(-up, 1e-6)
         # A copy of the heights whose cells are about as large as what a pixel covers.
         wide = max(2.0, 0.25 * way / fall) / focal * per_m * at
         copy = min(max(0, math.ceil(math.log2(wide))), levels.shape[0] - 1)
