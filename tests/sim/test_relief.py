@@ -151,12 +151,14 @@ def test_a_tilled_field_tilts_the_robot_by_one_to_two_degrees(seed: int) -> None
     assert 1.0 < math.hypot(*rms_deg) / math.sqrt(2.0) < 2.0
 
 
-def test_a_robot_put_down_on_rough_ground_stands_still() -> None:
-    physics = Physics(load_robot(), _world(TILLED), STEP_NS)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_robot_put_down_on_rough_ground_stands_still(seed: int) -> None:
+    physics = Physics(load_robot(), _world(msgspec.structs.replace(TILLED, seed=seed)), STEP_NS)
     start = physics.history[-1, :3].copy()
     after = physics.advance(250)
     assert np.abs(after[:, :3] - start).max() < 1e-3
     assert np.abs(after[-1, 7:10]).max() < 2e-3
+    assert np.hypot(*start[:2]) < 0.02
 
 
 @pytest.mark.parametrize("down_deg", [89.0, 45.0])

@@ -25,14 +25,6 @@ REFRESH_M = 2.0  # wheels change the ground no farther from the robot than this
 AROUND = 2  # samples whose slope a changed one changes
 
 
-class Level(NamedTuple):
-    """One copy of a grid: its first sample in the flat array, and its size."""
-
-    first: int
-    rows: int
-    columns: int
-
-
 class ReliefMap(NamedTuple):
     """Heights and light of the ground, with copies of half the samples each.
 
@@ -62,8 +54,10 @@ class SunOnRelief(NamedTuple):
     direct: float
 
 
-def build_relief_map(ground: GroundSurface, to_sun: Doubles, direct: float) -> ReliefMap:
-    """Build the map of a ground under a sun in direction `to_sun` (3,)."""
+def build_relief_map(ground: GroundSurface, to_sun: Doubles, direct: float) -> ReliefMap | None:
+    """Build the map of a ground under a sun in direction `to_sun` (3,); None of a smooth one."""
+    if not ground.has_detail:
+        return None
     rows, columns = ground.height_m.shape
     fine = 2 if rows * columns <= FINE_SAMPLES else 1
     levels = _list_levels(rows, columns)
@@ -136,7 +130,7 @@ def find_change(
 def _list_levels(rows: int, columns: int) -> Longs:
     levels, first = [], 0
     for _ in range(LEVELS):
-        levels.append(Level(first, rows, columns))
+        levels.append((first, rows, columns))
         first += rows * columns
         rows, columns = max(2, (rows + 1) // 2), max(2, (columns + 1) // 2)
     return np.array(levels, np.int64)

@@ -13,6 +13,7 @@ import numpy as np
 
 from agribot.core.messages import PlantClass
 from agribot.sim.camera.arrays import (
+    Bytes,
     Doubles,
     Ground,
     Ints,
@@ -128,6 +129,15 @@ def _fill_band(
 
 
 @inline_fast
+def rise(
+    eye_z: float, up: float, at: float, height: Singles, origin: int, rows: int, columns: int,
+    u: float, v: float,
+) -> float:  # fmt: skip
+    """Return how high a ray is over the ground at a depth, where its column is u and its row v."""
+    return eye_z + up * at - sample_relief(height, origin, rows, columns, u, v)
+
+
+@inline_fast
 def cross(at: float, over: float, found: float, middle: float, then: float, under: float) -> float:
     """Return where a ray goes under: it is `over` at one end, `under` at the other."""
     if middle > 0.0:
@@ -148,10 +158,9 @@ def walk(
     first = near_m
     if eye_z > top_m:
         first = max(near_m, (top_m - eye_z) / min(up, -1e-9))
-    at, found, over = max(first, start), 0.0, 0.0
+    at, found = max(first, start), 0.0
     if at < limit:
-        way = math.sqrt(east * east + north * north) + 1e-9
-        fall = max(-up, 1e-6)
+        way, fall = math.sqrt(east * east + north * north) + 1e-9, max(-up, 1e-6)
         # A copy of the heights whose cells are about as large as what a pixel covers.
         wide = max(2.0, 0.25 * way / fall) / focal * per_m * at
         copy = min(max(0, math.ceil(math.log2(wide))), levels.shape[0] - 1)
@@ -159,14 +168,12 @@ def walk(
         scale = per_m / (1 << copy)
         u0, v0, du, dv = (eye_x - x_m) * scale, (eye_y - y_m) * scale, east * scale, north * scale
         least = 0.7 / (way * scale)
-        over = eye_z + up * at
-        over -= sample_relief(height, origin, rows, columns, u0 + du * at, v0 + dv * at)
+        over = rise(eye_z, up, at, height, origin, rows, columns, u0 + du * at, v0 + dv * at)
         back = 0.01
         while over <= 0.0 and at > first:
             at = max(first, at - back)
             back *= 2.0
-            over = eye_z + up * at
-            over -= sample_relief(height, origin, rows, columns, u0 + du * at, v0 + dv * at)
+            over = rise(eye_z, up, at, height, origin, rows, columns, u0 + du * at, v0 + dv * at)
         if over <= 0.0:
             found = at
         for _ in range(MOST_STEPS):
@@ -178,14 +185,12 @@ def walk(
             if up < 0.0 and outside > 0.0:
                 ahead = max(ahead, over / fall)
             then = at + ahead
-            under = eye_z + up * then
-            under -= sample_relief(height, origin, rows, columns, u0 + du * then, v0 + dv * then)
+            u, v = u0 + du * then, v0 + dv * then
+            under = rise(eye_z, up, then, height, origin, rows, columns, u, v)
             if under <= 0.0:
                 found = at + ahead * over / (over - under)
-                middle = eye_z + up * found
-                middle -= sample_relief(
-                    height, origin, rows, columns, u0 + du * found, v0 + dv * found
-                )
+                u, v = u0 + du * found, v0 + dv * found
+                middle = rise(eye_z, up, found, height, origin, rows, columns, u, v)
                 found = cross(at, over, found, middle, then, under)
             at, over = then, under
         if found == 0.0 and up < 0.0 and at < limit:
@@ -249,6 +254,17 @@ def _find_relief(
         layer[column] = surface[tile_y, tile_x]
 
 
+@inline_fast
+def find_sun(shade: Bytes, block: Ints, c: int, r: int) -> float:
+    """Return the share of the sun at a texel of the shadow map."""
+    sun = 1.0
+    if 0 < c < block.shape[1] * BLOCK and 0 < r < block.shape[0] * BLOCK:
+        here = block[r >> BLOCK_BITS, c >> BLOCK_BITS]
+        if here >= 0:
+            sun = shade[here, r & (BLOCK - 1), c & (BLOCK - 1)] * (1.0 / 255.0)
+    return sun
+
+
 @compile_fast
 def _light_relief(
     row: int, view: PinholeView, lamp: Lamp, ground: Ground, relief: ReliefMap, past: Singles,
@@ -258,7 +274,6 @@ def _light_relief(
     """Light the ground pixels of a row by sun and sky, as `light_ground` does on smooth ground."""
     shade, block, tone = ground.shade, ground.block, ground.tone
     eye_x, eye_y, eye_z, focal = view.eye[0], view.eye[1], view.eye[2], view.focal_px
-    columns, rows = block.shape[1] * BLOCK, block.shape[0] * BLOCK
     baked, levels = relief.light, relief.light_levels
     x_m, y_m, per_m = relief.x_m, relief.y_m, 1.0 / relief.light_step_m
     per_step, sun_share = 1.0 / ground.shade_step_m, lamp.diffuse * lamp.to_sun[2] / UNIT
@@ -272,13 +287,8 @@ def _light_relief(
         steep = to_z / math.sqrt(to_x * to_x + to_y * to_y + to_z * to_z)
         covered = texels_per_m / (focal * near * max(0.25, steep))
         texels_per_px[column] = covered
-        sun = 1.0
         c, r = int((x - ground.shade_x_m) * per_step), int((y - ground.shade_y_m) * per_step)
-        if 0 < c < columns and 0 < r < rows:
-            here = block[r >> BLOCK_BITS, c >> BLOCK_BITS]
-            if here >= 0:
-                sun = shade[here, r & (BLOCK - 1), c & (BLOCK - 1)] * (1.0 / 255.0)
-        sun = min(sun, past[column])
+        sun = min(find_sun(shade, block, c, r), past[column])
         covered, seam, copy = covered * coarser, SEAM[row & 3, column & 3], 0
         while covered > seam and copy < levels.shape[0] - 1:
             covered *= 0.5

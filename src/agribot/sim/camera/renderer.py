@@ -116,10 +116,8 @@ class CameraRenderer:
         self._rover = None if robot is None else Rover(robot, resolve_mesh)
         rover_forms = [] if self._rover is None else self._rover.forms
         self._forms = pack_forms(still_forms + walker_forms + rover_forms)
-        base_m = (
-            sample_ground_heights(world, obstacles.position, surface),
-            plants.position[:, 2].copy(),
-        )
+        below_m = sample_ground_heights(world, obstacles.position, surface)
+        base_m = below_m, plants.position[:, 2].copy()
         self._direct = compute_directness(world.light.diffuse)
         shadow = bake_shadows(
             self._forms, obstacles, plants, base_m, to_sun, shadow_resolution_m, self._direct
@@ -133,9 +131,7 @@ class CameraRenderer:
             parts = self._rover.make_instances(first_form, PLAIN_LAYER)
             self._things = join_instances(self._things, parts)
         self._ground = build_ground(world, shadow, look)
-        self._relief = (
-            build_relief_map(surface, to_sun, self._direct) if surface.has_detail else None
-        )
+        self._relief = build_relief_map(surface, to_sun, self._direct)
         self._leaves = build_leaf_textures(look.texture_seed)
         self._surfaces = build_ground_textures(world, to_sun, look)
         self._targets: dict[str, Targets] = {}
