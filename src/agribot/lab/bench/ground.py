@@ -28,7 +28,9 @@ SLOPES = {
     "15_along": (15.0, ALONG), "15_across": (15.0, ACROSS),
 }  # fmt: skip
 TRACTION = 0.4
-ROUGH = Relief(seed=1, roughness_rms_m=0.015)  # of a tilled field
+ROUGH = Relief(
+    seed=1, roughness_rms_m=0.014, clods_per_m2=25.0, clod_height_m=0.04
+)  # of a tilled field
 SHAKEN_S, TURN_S = 20.0, 4.0
 YAW_RATE_RADPS = 0.6
 REPEATS = 5
