@@ -30,7 +30,7 @@ ANCHOR_PERIOD_S, ANCHOR_AGE_S = 1.0, 5.0
 MEMORY_S = 300.0
 # Wheels that are dragged aside by a turn lose more of their way than they do ahead: 15 % on tilled
 # soil in turns tighter than 2 m, as measured in the simulator, 1 % on hard ground. 1 sigma.
-TURN_LOSS_RATIO, TURN_RADIUS_M = 0.1, 2.0
+TURN_LOSS_RATIO, TURN_RADIUS_M = 0.16, 2.0
 # Two solutions that differ by less than this part of the alarm agree again.
 AGREE_RATIO = 0.5
 # More than this share of the wheels' way is not lost by slip: the GNSS stands still, or the robot.
