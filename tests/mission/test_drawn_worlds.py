@@ -41,6 +41,20 @@ def test_the_cross_track_error_is_that_against_the_plants_and_not_against_the_ma
     assert report.tracking.xte_rms_m == pytest.approx(off_m, abs=0.01)
 
 
+@pytest.mark.parametrize("seed", [5, 19])
+def test_way_lost_in_turns_on_soil_is_no_reason_to_doubt_a_good_receiver(
+    tmp_path: Path, seed: int
+) -> None:
+    config = load(
+        "farm",
+        ["perception.enabled=false", "sim.preset=field", "duration_s=35", f"seed={seed}"],
+    )
+    with simulate(config, tmp_path) as run:
+        records = list(run.ticks())
+    assert records[-1].status.row == 0
+    assert not [r.status.reason for r in records if "off the row" in r.status.reason]
+
+
 def test_a_run_on_the_field_preset_reports_what_was_drawn_and_repeats_bit_by_bit(
     tmp_path: Path,
 ) -> None:

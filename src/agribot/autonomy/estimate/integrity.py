@@ -29,8 +29,12 @@ ANCHOR_PERIOD_S, ANCHOR_AGE_S = 1.0, 5.0
 # Wrong fixes and multipath last minutes; then a jump that nothing took back is believed.
 MEMORY_S = 300.0
 # Wheels that are dragged aside by a turn lose more of their way than they do ahead: 15 % on tilled
-# soil in turns tighter than 2 m, as measured in the simulator, 1 % on hard ground. 1 sigma.
-TURN_LOSS_RATIO, TURN_RADIUS_M = 0.16, 2.0
+# soil in turns tighter than 2 m, as measured in the simulator, 1 % on hard ground. How much is
+# learnt, over so much turning way, while the receiver shows a loss and nothing else; what is left
+# of it has this share of the way as 1 sigma, and as much again as turns have cost.
+TURN_RADIUS_M, MAX_TURN_LOSS_RATIO, TURN_LOSS_STD_RATIO = 2.0, 0.3, 0.05
+LEARNING_WAY_M, LEARNING_GAIN = 0.2, 0.02
+LOSS_RESIDUAL_RATIO, LOSS_RESIDUAL_M = 0.3, 0.03
 # Two solutions that differ by less than this part of the alarm agree again.
 AGREE_RATIO = 0.5
 # More than this share of the wheels' way is not lost by slip: the GNSS stands still, or the robot.
@@ -67,7 +71,8 @@ class _Anchor(NamedTuple):
     aside_m: tuple[float, float]
     slip_rad: float
     slid_m: float
-    lost_m: float
+    turning_m: float
+    turning_way_m: tuple[float, float]
 
     def apart_m(self, here: _Anchor) -> tuple[float, float]:
         """From where dead reckoning leads from here to a later place, to where the filter is."""
@@ -76,6 +81,11 @@ class _Anchor(NamedTuple):
             here.x_m - self.x_m - slip_rad * (x - then_x),
             here.y_m - self.y_m - slip_rad * (y - then_y),
         )
+
+    def turned_m(self, here: _Anchor) -> tuple[float, float]:
+        """How far turns have led from here to a later place, as the wheels have it."""
+        (then_x, then_y), (x, y) = self.turning_way_m, here.turning_way_m
+        return x - then_x, y - then_y
 
 
 class Bounds(NamedTuple):
@@ -103,7 +113,8 @@ class Integrity:
         self._across_fault_gain = _normal(config.protection_risk / FAULT_RATIO)
         self._walk2_m = config.position_walk_m_per_sqrt_m**2
         self._x_m = self._y_m = self._driven_m = self._aside_x_m = self._aside_y_m = 0.0
-        self._slid_m = self._lost_m = 0.0
+        self._slid_m = self._turning_m = self._turning_x_m = self._turning_y_m = 0.0
+        self._turn_loss_ratio = 0.0
         self._anchors: deque[_Anchor] = deque()
         self._is_split = False  # the two solutions contradict each other
         self._believed_m = self._moved_m = gnss.moved_m
@@ -125,7 +136,10 @@ class Integrity:
         self._x_m += way_m * cos + slide_m[0] * cos - slide_m[1] * sin
         self._y_m += way_m * sin + slide_m[0] * sin + slide_m[1] * cos
         self._slid_m += math.hypot(*slide_m)
-        self._lost_m += TURN_LOSS_RATIO * min(abs(way_m), TURN_RADIUS_M * abs(turn_rad))
+        turning_m = math.copysign(min(abs(way_m), TURN_RADIUS_M * abs(turn_rad)), way_m)
+        self._turning_m += abs(turning_m)
+        self._turning_x_m += turning_m * cos
+        self._turning_y_m += turning_m * sin
         self._driven_m += abs(way_m)
         slips_m = abs(way_m) * self._ekf.slip_ratio(course_rad)
         self._aside_x_m -= slips_m * sin
@@ -153,7 +167,8 @@ class Integrity:
         """Radius around the position that holds the robot."""
         self._keep(here)
         anchor = self._anchors[0]
-        apart_m = math.hypot(*anchor.apart_m(here))
+        self._learn_turn_loss(anchor, here)
+        apart_m = math.hypot(*self._apart_m(anchor, here))
         alone_m = self._fault_gain * self._alone_std_m(anchor)
         self._is_split = apart_m > alone_m * (AGREE_RATIO if self._is_split else 1.0)
         self._forget(here, anchor)
@@ -165,7 +180,7 @@ class Integrity:
         gnss, anchor, left = self._gnss, self._anchors[0], self._left
         moved_m = abs(_along(left, gnss.moved_m) - _along(left, self._believed_m))
         doubted_m = moved_m + (abs(_along(left, gnss.rejected_m)) if self._is_off else 0.0)
-        apart_m = abs(_along(left, anchor.apart_m(here)))
+        apart_m = abs(_along(left, self._apart_m(anchor, here)))
         driven_m = self._driven_m - anchor.driven_m
         alone_m = math.sqrt(
             std_along_m(anchor.spread.cov_m2, left) ** 2
@@ -174,6 +189,23 @@ class Integrity:
             + self._slid_m2(anchor)
         )
         return max(plain_m + doubted_m, apart_m + self._across_fault_gain * alone_m)
+
+    def _apart_m(self, anchor: _Anchor, here: _Anchor) -> tuple[float, float]:
+        """From where dead reckoning leads to where the filter is, less what turns usually cost."""
+        (x_m, y_m), (lost_x, lost_y) = anchor.apart_m(here), anchor.turned_m(here)
+        return x_m + self._turn_loss_ratio * lost_x, y_m + self._turn_loss_ratio * lost_y
+
+    def _learn_turn_loss(self, anchor: _Anchor, here: _Anchor) -> None:
+        """Learn what share of their way turns cost, where that explains how far it is apart."""
+        (x_m, y_m), (way_x, way_y) = anchor.apart_m(here), anchor.turned_m(here)
+        way_m2 = way_x * way_x + way_y * way_y
+        if way_m2 < LEARNING_WAY_M**2 or self._is_off:
+            return
+        ratio = -(x_m * way_x + y_m * way_y) / way_m2
+        residual_m = math.hypot(x_m + ratio * way_x, y_m + ratio * way_y)
+        is_loss = 0.0 <= ratio <= MAX_TURN_LOSS_RATIO
+        if is_loss and residual_m <= LOSS_RESIDUAL_RATIO * math.hypot(x_m, y_m) + LOSS_RESIDUAL_M:
+            self._turn_loss_ratio += LEARNING_GAIN * (ratio - self._turn_loss_ratio)
 
     @property
     def _cov_m2(self) -> Cov2:
@@ -202,7 +234,8 @@ class Integrity:
         spread = Spread(pos_std_m, self._cov_m2, course_rad, wheel_ratio)
         return _Anchor(
             t_s, x[X] - self._x_m, x[Y] - self._y_m, self._driven_m, spread,
-            (self._aside_x_m, self._aside_y_m), x[SLIP], self._slid_m, self._lost_m,
+            (self._aside_x_m, self._aside_y_m), x[SLIP], self._slid_m, self._turning_m,
+            (self._turning_x_m, self._turning_y_m),
         )  # fmt: skip
 
     def _forget(self, here: _Anchor, anchor: _Anchor) -> None:
@@ -248,7 +281,9 @@ class Integrity:
     def _slid_m2(self, anchor: _Anchor) -> float:
         """Variance of what turns have cost since the anchor: sliding down a slope, lost way."""
         slid_m = SLIDE_STD_RATIO * (self._slid_m - anchor.slid_m)
-        return slid_m * slid_m + (self._lost_m - anchor.lost_m) ** 2
+        loss_ratio = TURN_LOSS_STD_RATIO + self._turn_loss_ratio
+        lost_m = loss_ratio * (self._turning_m - anchor.turning_m)
+        return slid_m * slid_m + lost_m * lost_m
 
 
 def _rayleigh(risk_ratio: float) -> float:
