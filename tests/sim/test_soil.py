@@ -245,6 +245,17 @@ def test_mud_slips_under_the_robot_from_now_on_until_it_ends(
     assert climbed_m[0] > 0.3 and climbed_m[1] < 0.1 and climbed_m[2] > 0.2
 
 
+def test_in_the_deepest_mud_wheels_dig_in_but_never_to_their_hubs(robot: RobotSpec) -> None:
+    physics = Physics(
+        robot, make_ground(SoilStrength(soil_class="tilled", moisture_ratio=0.5)), 2_000_000
+    )
+    physics.set_mud(0.01)
+    rows = _command(physics, 0.4, 0.0, 8.0)
+    fallen_m = float(rows[0, 2] - rows[-1, 2])
+    assert 0.0 < fallen_m < 0.7 * robot.drive.wheel_radius_m
+    assert abs(float(rows[-1, 0] - rows[0, 0])) < 0.5
+
+
 def test_impossible_moisture_is_refused_in_words(robot: RobotSpec) -> None:
     strength = SoilStrength(soil_class="soft", moisture_ratio=1.5)
     with pytest.raises(DescriptionError, match=r"moisture_ratio 1\.5 must be from 0"):

@@ -58,6 +58,10 @@ ELASTIC_RATIO = 0.1
 HARDENING_RATIO = 0.7
 
 
+# Mud keeps so much of the strength: the law holds while wheels sink in by less than their radius.
+LEAST_STRENGTH_RATIO = 0.15
+
+
 class SurfaceFactor(NamedTuple):
     """What is left where the surface is all covered."""
 
@@ -151,7 +155,9 @@ def _weaken(strength: SoilStrength, soil: Soil, mud_ratio: float) -> tuple[SoilK
     if not 0.0 <= moisture <= 1.0:
         raise DescriptionError(f"moisture_ratio {moisture:g} must be from 0 (dry) to 1 (saturated)")
     kind = SOILS["firm" if strength.soil_class == "rigid" else strength.soil_class]
-    left = (kind.wet_cone_index_kpa / kind.cone_index_kpa) ** moisture * mud_ratio
+    left = (kind.wet_cone_index_kpa / kind.cone_index_kpa) ** moisture * max(
+        mud_ratio, LEAST_STRENGTH_RATIO
+    )
     for name, factor in SURFACES.items():
         left *= 1.0 - getattr(soil, name) * (1.0 - factor.cone_index_ratio)
     weak = kind._replace(
