@@ -305,7 +305,8 @@ def _compute_shear(
     kept = length_m / (length_m + rolled_m)
     ahead_m = (sheared_m[0] + forward_mps * dt_s) * kept
     aside_m = (sheared_m[1] + left_mps * dt_s) * kept
-    far_m = math.sqrt(ahead_m * ahead_m + aside_m * aside_m) + TINY
+    stiffer = 1.0 / soil.aside_ratio  # what moves the soil aside counts for more
+    far_m = math.sqrt(ahead_m * ahead_m + (aside_m * stiffer) ** 2) + TINY
     limit = min(tyre.friction_longitudinal, tyre.friction_lateral, grip)
     most_n = min(
         soil.adhesion_npm * length_m + load_n * soil.tan_friction,
@@ -315,7 +316,7 @@ def _compute_shear(
     secant = most_n * (1.0 - left_over) / far_m
     damping = soil.shear_damping_spm * load_n * left_over / dt_s
     forward_n = -secant * ahead_m - damping * (ahead_m - sheared_m[0])
-    left_n = -secant * aside_m - damping * (aside_m - sheared_m[1])
+    left_n = -stiffer * (secant * aside_m + damping * (aside_m - sheared_m[1]))
     within = min(1.0, MOST_SHEAR * soil.shear_m / far_m)
     sheared_m[0], sheared_m[1] = ahead_m * within, aside_m * within
     total = math.sqrt(forward_n * forward_n + left_n * left_n)

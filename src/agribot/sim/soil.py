@@ -39,16 +39,21 @@ class SoilKind(NamedTuple):
 
 # k_c, k_phi, n, c, phi: the table of terrain values in Wong, "Theory of Ground Vehicles": sandy
 # loam at 23 % and at 11 % water (Strong and Buchele), dry sand (Land Locomotion Laboratory). K:
-# 0.6 cm for the densest soils, 1 cm for firm sand, 2.5 cm for loose sand (the same book). Cone
-# indices: Brixius' classes firm, tilled and soft. Assumed: moduli and cohesion fall with the cone
-# index, and water takes a fifth of tan phi.
+# 0.6 cm for the densest clay, 1 cm for firm sand, 2.5 cm for loose sand (the same book); firm loam
+# lies between, where slip and side slip are those of tractor tyres on firm soil. Cone indices:
+# Brixius' classes firm, tilled and soft. Assumed: moduli and cohesion fall with the cone index, and
+# water takes a fifth of tan phi.
 SOILS: dict[SoilClass, SoilKind] = {
-    "firm": SoilKind(1800.0, 900.0, 11.42e3, 808.96e3, 0.4, 9.65e3, 35.0, 0.006, 0.8),
+    "firm": SoilKind(1800.0, 900.0, 11.42e3, 808.96e3, 0.4, 9.65e3, 35.0, 0.0072, 0.8),
     "tilled": SoilKind(450.0, 250.0, 52.53e3, 1127.97e3, 0.9, 4.83e3, 20.0, 0.010, 0.8),
     "soft": SoilKind(300.0, 120.0, 0.99e3, 1528.43e3, 1.1, 1.04e3, 28.0, 0.025, 0.8),
 }
 # What a rubber tread mobilises of the cohesion: assumed; tillage tools have 0.3 to 0.7.
 ADHESION_RATIO = 0.5
+# Soil gives way aside after a shorter displacement than along: 0.4 of K under rigid wheels on sand
+# (Ishigami, Miwa, Nagatani, Yoshida 2007, J. Field Robotics 24(3)). Assumed for tyres: so much that
+# skid-steer robots turn as their makers found.
+ASIDE_RATIO = 0.9
 # Brixius: most gross traction, its growth with the mobility number, deflection over section height.
 MOST_TRACTION, BRIXIUS_RATE, DEFLECTION_RATIO = 0.92, 0.1, 0.2
 # Of the sinkage; what springs back under the leaving wheel: assumed, dense soils have more.
@@ -94,6 +99,7 @@ class SoilLaw(NamedTuple):
     adhesion_npm: float
     tan_friction: float
     shear_m: float
+    aside_ratio: float  # of `shear_m`, for displacements to the side
     most_traction: float
     shear_damping_spm: float
     elastic_ratio: float
@@ -132,6 +138,7 @@ def make_soil_law(
         adhesion_npm=ADHESION_RATIO * kind.cohesion_pa * width_m,
         tan_friction=math.tan(math.radians(kind.friction_deg)) * softened,
         shear_m=kind.shear_m,
+        aside_ratio=ASIDE_RATIO,
         most_traction=most,
         shear_damping_spm=math.sqrt(most * load_n / kind.shear_m * wheel_mass_kg / 2.0) / load_n,
         elastic_ratio=ELASTIC_RATIO,
