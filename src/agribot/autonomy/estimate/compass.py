@@ -108,6 +108,7 @@ class Compass(Correction[MagSample]):
         self._fit = MagFit()
         self._learnt: MagCalibration | None = None
         self._gate = Gate(config.gate_sigma, config.recover_after, "mag outlier")
+        self.last_t_s = math.inf
         self._first_sum = 0j
         self._first_count = 0
 
@@ -126,6 +127,8 @@ class Compass(Correction[MagSample]):
         level_t = self._take_iron_off(level_t, then.yaw_rad - now.yaw_rad, is_level=is_level)
         yaw_rad = yaw_of(level_t, self._declination_rad)
         self._noise.add(yaw_rad - then.yaw_rad)
+        self.pose.turns.add_compass(yaw_rad - then.yaw_rad, self._noise.variance)
+        self.last_t_s = sample.t_s
         if "yaw" not in self.pose.known:
             self._begin(yaw_rad - then.yaw_rad, now.yaw_rad)
             return
@@ -161,6 +164,7 @@ class Compass(Correction[MagSample]):
             self._bias_std_rad = min(self._bias_std_rad, MOUNT_STD_RAD)
             self.pose.ekf.reset(MAG_BIAS, 0.0, self._bias_std_rad**2)
         self._learnt = fitted.calibration
+        self.pose.turns.restart()  # what is taken off now is no turn of the compass
 
     def _begin(self, offset_rad: float, turned_rad: float) -> None:
         """Collect headings, each turned back to the start of the odometry; then set the yaw.

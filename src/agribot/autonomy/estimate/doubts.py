@@ -3,35 +3,48 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
+from agribot.autonomy.estimate.camera_watch import CameraWatch
 from agribot.autonomy.estimate.ekf import X, Y
 from agribot.autonomy.estimate.fix_watch import MAX_JUMP_M
 from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
+from agribot.autonomy.estimate.picture_flow import PictureFlow
 from agribot.autonomy.estimate.picture_watch import PictureWatch
 from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.autonomy.estimate.row_model import RECOVERY_OFFSET_M, RECOVERY_YAW_RAD
+from agribot.autonomy.estimate.verdicts import Finding
 from agribot.core.messages import Scene
 
 BELIEVE_CAMERA = "look where the robot stands, then resume to believe the camera"
 
 
 class Doubts:
-    """`contradiction` halts a mission until a person decides, `text` only tells what is wrong."""
+    """`contradiction` halts a mission until a person decides, `find` only tells what is wrong."""
 
     def __init__(self, pose: PoseFilter, gnss: Gnss) -> None:
         self._pose, self._gnss, self._agreement = pose, gnss, pose.agreement
-        self._pictures = PictureWatch()
+        self._pictures, self._flow, self._camera = PictureWatch(), PictureFlow(), CameraWatch()
         self._moving_t_s = -math.inf
 
     def move(self, t_s: float) -> None:
         """Note that the robot moves."""
         self._moving_t_s = t_s
 
-    def is_stale(self, scene: Scene) -> bool:
-        """Whether the scene is of an old picture once again."""
-        is_stale = self._pictures.is_stale(scene, self._pose.history.at(scene.t_s))
-        if is_stale:
+    def is_refused(self, scene: Scene, now_s: float) -> bool:
+        """Whether the scene is of an old picture once again, or of one that is upside down."""
+        self._camera.hear(scene, now_s)
+        then = self._pose.history.at(scene.t_s)
+        if self._pictures.is_stale(scene, then):
             self._pose.rejected["picture not new"] += 1
-        return is_stale
+            return True
+        was_reversed = self._flow.is_reversed
+        self._flow.add(scene, then)
+        if self._flow.is_reversed:
+            self._pose.rejected["picture upside down"] += 1
+            if not was_reversed:
+                self._pose.doubt_rows(RECOVERY_OFFSET_M, RECOVERY_YAW_RAD)
+        return self._flow.is_reversed
 
     def is_held(self, t_s: float) -> bool:
         """Whether the camera holds the robot on its row."""
@@ -49,23 +62,38 @@ class Doubts:
             return f"{agreement.fault}; {BELIEVE_CAMERA}"
         if 0.0 < jump.off_m <= MAX_JUMP_M and self._is_seen:
             return f"camera and GNSS disagree by {jump.off_m:.2f} m; {BELIEVE_CAMERA}"
-        return jump.fault
+        return jump.fault or self._gnss.drift.fault
 
-    @property
-    def text(self) -> str:
-        """What is wrong with a sensor, although there is a pose without it."""
-        gnss = self._gnss
-        for fault in (
-            self.contradiction, gnss.repeats.fault, self._pictures.fault, self._agreement.fault,
-        ):  # fmt: skip
-            if fault:
-                return fault
-        count = gnss.rejected_in_a_row
-        if count < SUSPICIOUS_REJECTIONS:
-            return ""
+    def find(self, t_s: float) -> Iterator[Finding]:
+        """Find what is wrong with the sensors, although there is a pose without them."""
+        gnss, agreement = self._gnss, self._agreement
+        if self.contradiction:
+            yield Finding("gnss", "contradicted", self.contradiction)
+        if gnss.repeats.fault:
+            yield Finding("gnss", "frozen", gnss.repeats.fault)
+        yield from self._find_camera(t_s)
+        if agreement.fault:
+            yield Finding("camera", "contradicted", agreement.fault)
+            yield Finding("gnss", "contradicted", agreement.fault)
+        if gnss.rejected_in_a_row >= SUSPICIOUS_REJECTIONS:
+            yield Finding("gnss", "contradicted", self._say_rejected())
+        if gnss.velocity_noise.fault:
+            yield Finding("gnss", "contradicted", gnss.velocity_noise.fault)
+
+    def _find_camera(self, t_s: float) -> Iterator[Finding]:
+        if silence := self._camera.silence(t_s):
+            yield Finding("camera", "silent", silence)
+        elif self._pictures.fault:
+            yield Finding("camera", "frozen", self._pictures.fault)
+        elif self._flow.fault:
+            yield Finding("camera", "contradicted", self._flow.fault)
+        elif self._camera.lateness:
+            yield Finding("camera", "late", self._camera.lateness)
+
+    def _say_rejected(self) -> str:
         return (
-            f"GNSS contradicts the odometry: {count} fixes rejected in a row; after "
-            f"{self._pose.config.recover_after} a robot that has not driven follows GNSS"
+            f"GNSS contradicts the odometry: {self._gnss.rejected_in_a_row} fixes rejected in a "
+            f"row; after {self._pose.config.recover_after} a robot that has not driven follows GNSS"
         )
 
     def decide(self) -> bool:
@@ -85,6 +113,7 @@ class Doubts:
             for state, part in ((X, east), (Y, north)):
                 ekf.x[state] += camera_m * part
                 ekf.inflate(state, (apart_m * part / 2.0) ** 2)
+            gnss.drift.restart()  # it is part of the difference
         gnss.settle(believes_fixes=not is_seen)
         agreement.forget()
         return True

@@ -32,6 +32,9 @@ class DualHeading(Correction[GnssHeading]):
     def is_usable(self, sample: GnssHeading) -> bool:
         return math.isfinite(sample.yaw_map_rad) and sample.std_rad > 0.0
 
+    def objection(self, sample: GnssHeading) -> str:
+        return "of a frozen receiver" if self.pose.is_receiver_frozen else ""
+
     def measure(self, sample: GnssHeading, epoch: Epoch) -> Measurements:
         turned_rad = epoch.now.yaw_rad - epoch.then.yaw_rad
         residual_rad = wrap_rad(sample.yaw_map_rad + turned_rad - self.pose.ekf.x[YAW])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 import statistics
 from collections.abc import Sequence
 
 from agribot.autonomy.estimate.base_correction import take_off_base_error
 from agribot.autonomy.estimate.correction import Correction, Measurements
+from agribot.autonomy.estimate.drift_watch import MAX_LOST_RATIO, DriftWatch, Told, Trust
 from agribot.autonomy.estimate.ekf import (
     GNSS_BIAS_X,
     GNSS_BIAS_Y,
@@ -24,6 +26,7 @@ from agribot.autonomy.estimate.gnss_noise import (
     CORRECTED,
     FLOAT_MEMORY_S,
     FixNoise,
+    VelocityNoise,
     bias_ageing,
     fix_noise,
 )
@@ -32,7 +35,7 @@ from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
-from agribot.core.arithmetic import FLOATS
+from agribot.core.arithmetic import FLOATS, clamp
 from agribot.core.geo import MapFrame, rotation_from_rpy
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, SensorBatch, Vec3
 from agribot.core.pose import Pose2
@@ -58,8 +61,9 @@ class Gnss(Correction[GnssFix]):
         # How far off the last rejected fix was, and how far robot and receiver have jumped so far.
         self.rejected_m, self.moved_m = (0.0, 0.0), (0.0, 0.0)
         self.off_m = (0.0, 0.0)  # where the last fix puts the robot, from where the filter has it
-        self.repeats, self.jump = RepeatWatch(), JumpWatch()
-        self._driven_m = self._moved_m = 0.0
+        self.repeats, self.jump, self.drift = RepeatWatch(), JumpWatch(), DriftWatch()
+        self.velocity_noise = VelocityNoise()
+        self._driven_m = self._moved_m = self._turned_rad = 0.0
         self._rejected_fix: Measurement | None = None
         self._receiver_m = (0.0, 0.0)
         self.quality = GnssQuality.NONE
@@ -84,6 +88,7 @@ class Gnss(Correction[GnssFix]):
     def move(self, distance_m: float, turn_rad: float) -> None:
         """Count a step of the wheels: of the robot's middle, and its turn about it."""
         self._driven_m += abs(distance_m)
+        self._turned_rad += abs(turn_rad)
         self._moved_m += abs(distance_m) + abs(self._half_track_m * turn_rad)
 
     def settle(self, *, believes_fixes: bool) -> None:
@@ -91,6 +96,11 @@ class Gnss(Correction[GnssFix]):
 
         What speaks against the pose that is kept counts as an error of the receiver.
         """
+        if self.drift.is_drifting and believes_fixes:
+            for state, off_m in zip((X, Y), self.off_m, strict=True):
+                self.pose.ekf.inflate(state, off_m**2)
+        elif self.drift.is_drifting:
+            self.shift(self.off_m)
         if self._rejected_fix is not None and 0.0 < self.jump.off_m <= MAX_JUMP_M:
             if believes_fixes:
                 self._follow(self._rejected_fix)
@@ -101,6 +111,7 @@ class Gnss(Correction[GnssFix]):
     def forget(self) -> None:
         """Judge fixes anew: a person has decided, or says where the robot is."""
         self.jump.forget()
+        self.drift.restart()
         self._position_gate.rejected_in_a_row = 0
 
     def shift(self, by_m: tuple[float, float]) -> None:
@@ -115,7 +126,8 @@ class Gnss(Correction[GnssFix]):
         return is_told and abs(sample.lat_deg) <= 90.0 and abs(sample.lon_deg) <= 180.0
 
     def objection(self, sample: GnssFix) -> str:
-        return "repeats itself" if self.repeats.is_repeat(sample, self._driven_m) else ""
+        self.pose.is_receiver_frozen = self.repeats.is_repeat(sample, self._driven_m)
+        return "repeats itself" if self.pose.is_receiver_frozen else ""
 
     def measure(self, sample: GnssFix, epoch: Epoch) -> Measurements:
         differential = take_off_base_error(sample, self.pose)
@@ -131,6 +143,7 @@ class Gnss(Correction[GnssFix]):
             yield from self._velocity(fix, since_last_s, lever_m, epoch)
         if fix.quality is GnssQuality.RTK_FIXED:
             self._compare_with_camera(fix.t_s)
+        self._watch_drift(fix, noise, lever_m, epoch)
 
     def ageing(self, dt_s: float, turn_abs_rad: float) -> Sequence[tuple[int, float, float]]:
         return [] if self._noise is None else bias_ageing(FLOATS, self._noise, dt_s)
@@ -140,6 +153,47 @@ class Gnss(Correction[GnssFix]):
         x, (east_m, north_m) = self.pose.ekf.x, self.off_m
         east, north = self.pose.rows.at(x[X], x[Y]).right
         self.pose.agreement.add_fix(t_s, east_m * east + north_m * north)
+
+    def _watch_drift(
+        self, fix: GnssFix, noise: FixNoise[float], lever_m: tuple[float, float], epoch: Epoch
+    ) -> None:
+        """Hold fixed ambiguities against velocity and wheels; other fixes wander by themselves."""
+        drift, velocity_mps, ekf = self.drift, fix.velocity_mps, self.pose.ekf
+        if drift.is_drifting:
+            return
+        if fix.quality is not GnssQuality.RTK_FIXED or velocity_mps is None or self.jump.off_m:
+            drift.restart()
+            return
+        if self.rejected_in_a_row:
+            return  # a jump, if anything
+        x, (then, now, _) = ekf.x, epoch
+        east_m, north_m, _ = self._frame.map_from_geodetic(
+            fix.lat_deg, fix.lon_deg, self._frame.datum.alt_m
+        )
+        yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
+        slip_rad = x[SLIP] * ekf.slip_ratio(yaw_rad)
+        lost_ratio = clamp(x[WHEEL_SCALE], -MAX_LOST_RATIO, MAX_LOST_RATIO)
+        told = Told(
+            t_s=fix.t_s,
+            place_m=complex(east_m, north_m),
+            velocity_mps=complex(*velocity_mps[:2]),
+            driven_mps=cmath.rect(then.wheel_mps, then.yaw_rad),
+            turn=cmath.rect(1.0 - lost_ratio, yaw_rad - then.yaw_rad + slip_rad),
+            arm_m=complex(*Pose2(0.0, 0.0, yaw_rad).rotate(*lever_m)),
+            way_m=self._driven_m,
+            turned_rad=self._turned_rad,
+        )
+        trust = Trust(
+            fix_m=math.sqrt(noise.variance_m2),
+            bias_m2_per_s=noise.bias_walk_m_per_sqrt_s**2,
+            velocity_mps=self.velocity_noise.sure_mps,
+            course_rad=math.sqrt(ekf.cov[YAW, YAW] + ekf.cov[SLIP, SLIP]),
+            scale_ratio=math.sqrt(ekf.cov[WHEEL_SCALE, WHEEL_SCALE]),
+            walk_m2_per_m=self.pose.config.position_walk_m_per_sqrt_m**2,
+        )
+        drift.add(told, trust)
+        if drift.is_drifting:
+            self.moved_m = _sum(self.moved_m, drift.off_m)
 
     def _follow_quality(self, noise: FixNoise[float], is_differential: bool) -> None:
         """Corrections coming or going replace one bias by another that knows nothing of it."""
@@ -171,6 +225,9 @@ class Gnss(Correction[GnssFix]):
         )
         self.off_m = (now_x - x[X], now_y - x[Y])
         residuals = (self.off_m[0] - x[GNSS_BIAS_X], self.off_m[1] - x[GNSS_BIAS_Y])
+        if self.drift.is_drifting:
+            self.pose.rejected["gnss creeps"] += 1
+            return
         measured = Measurement(
             residuals, rows, noise.variance_m2, self._position_gate, is_retaken=False
         )
@@ -247,7 +304,10 @@ class Gnss(Correction[GnssFix]):
             rate_radps, lever_m,
         )  # fmt: skip
         residuals = (fix.velocity_mps[0] - east_mps, fix.velocity_mps[1] - north_mps)
-        variance = velocity_variance(fix.velocity_std_mps, rate_radps, since_last_s)
+        self.velocity_noise.add(residuals, fix.velocity_std_mps)
+        variance = velocity_variance(
+            FLOATS, fix.velocity_std_mps, self.velocity_noise.std_mps, rate_radps, since_last_s
+        )
         claimed_mps, _ = ahead_and_aside(FLOATS, (east_mps, north_mps), yaw_rad)
         missing_mps, _ = ahead_and_aside(FLOATS, residuals, yaw_rad)
         spins = bool(self._spin_watch.is_spinning(claimed_mps, missing_mps, math.sqrt(variance)))

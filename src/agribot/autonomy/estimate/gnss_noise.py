@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import statistics
+from collections import deque
 from typing import Generic
 
 import msgspec
@@ -22,6 +25,13 @@ CORRECTED_BIAS_M, CORRECTED_WALK_M_PER_SQRT_S = 0.01, 0.0018
 # A float solution wanders this slowly, so its epochs are far from independent.
 FLOAT_MEMORY_S = 15.0
 FLOAT_STD_M = 0.3
+# The median of the squared jumps of two axes, over their variance: 2 x 2 ln 2 for normal noise.
+JUMP2_MEDIAN = 4.0 * math.log(2.0)
+# So many jumps are the receiver's noise to a third; fewer than half of them say nothing.
+VELOCITY_JUMPS, LEAST_JUMPS = 21, 11
+# Soil that shakes the antenna makes it twice as much as stated, no more.
+SURE_NOISE_RATIO = 2.0
+NAMED_NOISE_RATIO, NAMED_NOISE_MPS = 3.0, 0.1
 
 
 class FixNoise(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
@@ -71,3 +81,41 @@ def bias_ageing(
     factor = m.exp(-(noise.bias_walk_m_per_sqrt_s**2) * dt_s / (2.0 * variance))
     growth = variance * (1.0 - factor * factor)
     return [(GNSS_BIAS_X, factor, growth), (GNSS_BIAS_Y, factor, growth)]
+
+
+class VelocityNoise:
+    """White noise of a receiver's velocity from the jumps between neighbouring residuals.
+
+    A jump cancels what lasts, a wrong heading or wheels that spin, and has twice the variance of
+    the noise; the median of the last ones does not hear single outliers. It does not depend on
+    what receiver and filter say of themselves.
+    """
+
+    def __init__(self) -> None:
+        self._jumps2: deque[float] = deque(maxlen=VELOCITY_JUMPS)
+        self._last: tuple[float, float] | None = None
+        self._stated_mps = self.std_mps = 0.0
+
+    def add(self, residuals: tuple[float, float], stated_mps: float) -> None:
+        """Take a velocity less what was expected, east and north, m/s, and its stated 1 sigma."""
+        last, self._last, self._stated_mps = self._last, residuals, stated_mps
+        if last is None:
+            return
+        self._jumps2.append((residuals[0] - last[0]) ** 2 + (residuals[1] - last[1]) ** 2)
+        if len(self._jumps2) >= LEAST_JUMPS:
+            self.std_mps = math.sqrt(statistics.median(self._jumps2) / JUMP2_MEDIAN)
+
+    @property
+    def sure_mps(self) -> float:
+        """As stated, unless more than that is certain: what is learnt scatters by a third."""
+        is_more = self.std_mps > SURE_NOISE_RATIO * self._stated_mps
+        return self.std_mps if is_more else self._stated_mps
+
+    @property
+    def fault(self) -> str:
+        if self.std_mps < max(NAMED_NOISE_RATIO * self._stated_mps, NAMED_NOISE_MPS):
+            return ""
+        return (
+            f"GNSS velocity scatters by {self.std_mps:.2f} m/s, stated are {self._stated_mps:.2f}; "
+            "check antenna and sky view"
+        )

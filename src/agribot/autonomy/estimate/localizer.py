@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, TypeVar
 
+from agribot.autonomy.estimate.compass import Compass
 from agribot.autonomy.estimate.correction import Correction, Ladder
 from agribot.autonomy.estimate.corrections import CORRECTIONS
 from agribot.autonomy.estimate.crop_rows import MIN_MOVED_M, CropRows
@@ -13,11 +15,13 @@ from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, X, 
 from agribot.autonomy.estimate.gnss import Gnss
 from agribot.autonomy.estimate.history import UNMOVED, Motion
 from agribot.autonomy.estimate.integrity import Integrity
+from agribot.autonomy.estimate.lateness import Lateness, LeapWatch
 from agribot.autonomy.estimate.odometry import Odometry, Step
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.priors import motion_noise, slow_ageing
 from agribot.autonomy.estimate.row_lines import RowLines
 from agribot.autonomy.estimate.row_sight import RowSight
+from agribot.autonomy.estimate.verdicts import Finding, SensorName, VerdictTable
 from agribot.core.arithmetic import clamp
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.geo import wrap_rad
@@ -34,6 +38,8 @@ BLIND_YAW_RAD_PER_SQRT_S = 0.05
 # Dead reckoning also counts as lost when it has lost half as much again as was known.
 LOST_RATIO = 1.5
 STANDING_MPS = 0.02
+# GNSS and compass count as silent in the table of verdicts after this time.
+SILENT_S = 3.0
 
 Kind = TypeVar("Kind", bound=Correction[Any])
 
@@ -55,7 +61,7 @@ class Localizer:
         self._odometry = Odometry(robot.drive, config.imu_timeout_s, self.rejected)
         self.ladders = {name: Ladder(name, build(self.pose)) for name, build in CORRECTIONS.items()}
         self._corrections = [ladder.correction for ladder in self.ladders.values()]
-        self._gnss = self._find(Gnss)
+        self._gnss, self._compass = self._find(Gnss), self._find(Compass)
         self._crop_rows, self._row_lines = self._find(CropRows), self._find(RowLines)
         self._doubts = Doubts(self.pose, self._gnss)
         self._sight = RowSight(field)
@@ -64,6 +70,9 @@ class Localizer:
         self._motion = UNMOVED
         self._unaged_s = self._unaged_rad = 0.0
         self._fix_std_m = 0.0
+        self._now_s = -math.inf
+        self._imu_lateness, self._leaps = Lateness(), LeapWatch()
+        self._verdicts = VerdictTable()
 
     def _find(self, kind: type[Kind]) -> Kind:
         return next(correction for correction in self._corrections if isinstance(correction, kind))
@@ -77,6 +86,7 @@ class Localizer:
         for event in batch.events:
             self._apply_event(event)
         self._doubts.expire(batch.t_s)
+        self._now_s = batch.t_s
         return self._estimate(batch.t_s)
 
     def _apply_event(self, event: OperatorEvent) -> None:
@@ -101,8 +111,8 @@ class Localizer:
         self._sight.observe(scene.t_s, self._crop_rows.fitted + self._row_lines.fitted)
 
     def is_stale(self, scene: Scene) -> bool:
-        """Whether its picture is an old one: as good as none, for any use."""
-        return self._doubts.is_stale(scene)
+        """Whether its picture is an old one, or upside down: as good as none, for any use."""
+        return self._doubts.is_refused(scene, self._now_s)
 
     def _has_moved(self, t_s: float) -> bool:
         """Whether a picture is more than that of the last line once again."""
@@ -154,6 +164,7 @@ class Localizer:
         self._history.append(self._motion)
         self._integrity.move(step.distance_m, step.slide_m, step.turn_rad)
         self._sight.move(step.distance_m)
+        self._watch_turn(step, yaw_rad)
         self._gnss.move(step.distance_m, step.turn_rad)
         if abs(self._motion.wheel_mps) > STANDING_MPS:
             self._doubts.move(step.t_s)
@@ -163,6 +174,15 @@ class Localizer:
             mean_radps, variance = step.zero_rate
             self._ekf.update(((GYRO_BIAS, 1.0),), mean_radps - self._ekf.x[GYRO_BIAS], variance)
         self._age(step.dt_s, yaw_rad - last.yaw_rad)
+
+    def _watch_turn(self, step: Step, yaw_rad: float) -> None:
+        """Hold the step's turn against the other sensors; a gyro that they outvote is mended."""
+        self._leaps.move(step.t_s, step.dt_s, step.distance_m, step.speed_mps)
+        fault = self.pose.turns.move(step.t_s, yaw_rad, step.wheel_turn_rad)
+        if fault is not None:
+            self._ekf.inflate(GYRO_BIAS, fault.bias_radps**2)
+            self._ekf.update(((GYRO_BIAS, 1.0),), fault.bias_radps, fault.std_radps**2)
+            self._ekf.inflate(YAW, fault.turned_rad**2)
 
     def _inflate_blind_step(self, step: Step) -> None:
         yaw_rad2 = (BLIND_TURN_RATIO * step.turn_rad) ** 2 + BLIND_YAW_RAD_PER_SQRT_S**2 * step.dt_s
@@ -192,7 +212,9 @@ class Localizer:
         xx, xy, xt, _, yy, yt, _, _, tt = block
         middle, radius = (xx + yy) / 2.0, math.hypot((xx - yy) / 2.0, xy)
         pos_std_m = math.sqrt(middle + radius)
-        ok, reason = self._health(t_s, pos_std_m)
+        doubts = (*self._doubts.find(t_s), *self._find_odd(t_s))
+        findings = (*doubts, *self._find_silence(t_s))
+        ok, reason = self._health(t_s, pos_std_m, next((f.reason for f in doubts), ""))
         bounds = self._integrity.bound(t_s, pos_std_m, is_ok=ok, is_held=self._doubts.is_held(t_s))
         return Estimate(
             t_s=t_s,
@@ -214,17 +236,44 @@ class Localizer:
             across_plain_m=bounds.across_plain_m,
             rows_off_m=self.pose.rows_off_m,
             contradiction=self._doubts.contradiction if ok else "",
+            verdicts=self._verdicts.judge(t_s, findings),
         )
 
     def _quality(self, t_s: float) -> GnssQuality:
         silent = t_s - self._gnss.last_t_s > self._config.gnss_timeout_s
         return GnssQuality.NONE if silent else self._gnss.quality
 
-    def _health(self, t_s: float, pos_std_m: float) -> tuple[bool, str]:
+    def _find_odd(self, t_s: float) -> Iterator[Finding]:
+        """Find what is wrong with the sensors of the robot's own motion."""
+        turns, odometry = self.pose.turns, self._odometry
+        self._imu_lateness.add(t_s, odometry.imu_t_s)
+        if fault := turns.gyro_fault(t_s):
+            yield Finding("gyro", "contradicted", fault)
+        if fault := self._imu_lateness.fault(t_s):
+            yield Finding("gyro", "late", fault)
+        if fault := turns.compass_fault(t_s):
+            yield Finding("compass", "contradicted", fault)
+        if fault := self._leaps.fault(t_s):
+            yield Finding("clock", "contradicted", fault)
+
+    def _find_silence(self, t_s: float) -> Iterator[Finding]:
+        """Find sensors that were heard once and are no more."""
+        config, odometry = self._config, self._odometry
+        heard: tuple[tuple[SensorName, str, float, float], ...] = (
+            ("wheels", "wheel encoders", odometry.wheel_t_s, config.wheel_timeout_s),
+            ("gyro", "IMU", odometry.imu_t_s, config.imu_timeout_s),
+            ("gnss", "GNSS", self._gnss.last_t_s, SILENT_S),
+            ("compass", "compass", self._compass.last_t_s, SILENT_S),
+        )
+        for sensor, name, last_s, timeout_s in heard:
+            if timeout_s < t_s - last_s < math.inf:
+                yield Finding(sensor, "silent", _silent(name, t_s - last_s, timeout_s, name))
+
+    def _health(self, t_s: float, pos_std_m: float, doubt: str) -> tuple[bool, str]:
         fault = self._fault(t_s)
         if fault:
             return False, fault
-        silent_s, doubt = t_s - self._gnss.last_t_s, self._doubts.text
+        silent_s = t_s - self._gnss.last_t_s
         if silent_s <= self._config.gnss_timeout_s:
             self._fix_std_m = pos_std_m
             return True, doubt

@@ -77,11 +77,21 @@ def antenna_velocity(
     )  # fmt: skip
 
 
-def velocity_variance(std_mps: float, rate_radps: Number, since_last_s: float) -> Number:
-    return (
-        (VELOCITY_FACTOR * std_mps) ** 2
-        + VELOCITY_FLOOR_MPS**2
-        + (TURN_CENTRE_STD_M * rate_radps) ** 2 * repeats(TURN_MEMORY_S, since_last_s)
+def velocity_variance(
+    m: Arithmetic[Number],
+    stated_mps: float,
+    learnt_mps: Number,
+    rate_radps: Number,
+    since_last_s: float,
+) -> Number:
+    """Work out the variance of one axis of a velocity: as stated, or as learnt where that is more.
+
+    Innovation-based estimation of noise: Mehra 1970, "On the identification of variances and
+    adaptive Kalman filtering", IEEE Transactions on Automatic Control 15(2).
+    """
+    white_m2ps2 = (VELOCITY_FACTOR * stated_mps) ** 2 + VELOCITY_FLOOR_MPS**2
+    return m.most(learnt_mps**2, white_m2ps2) + (TURN_CENTRE_STD_M * rate_radps) ** 2 * repeats(
+        TURN_MEMORY_S, since_last_s
     )
 
 

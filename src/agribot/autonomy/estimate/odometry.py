@@ -31,7 +31,8 @@ class Step(msgspec.Struct, gc=False):
 
     `slide_m` is how far a slope takes the turning robot forward and left, at a guess. `is_blind`
     marks a gap without gyro, in which the turn comes from the wheels alone. `zero_rate` is a mean
-    gyro rate at standstill and its variance, when a window completed.
+    gyro rate at standstill and its variance, when a window completed. `wheel_turn_rad` is the turn
+    as the wheels have it, whatever the gyro says, `speed_mps` what they say of the step's end.
     """
 
     t_s: float
@@ -42,6 +43,8 @@ class Step(msgspec.Struct, gc=False):
     is_blind: bool
     zero_rate: tuple[float, float] | None
     slide_m: tuple[float, float] = (0.0, 0.0)
+    wheel_turn_rad: float = 0.0
+    speed_mps: float = 0.0
 
 
 class Odometry:
@@ -139,18 +142,25 @@ class Odometry:
         )
         right_m, left_m = (rear_right + front_right) / 2.0, (rear_left + front_left) / 2.0
         distance_m = (right_m + left_m) / 2.0
+        wheel_turn_rad = (right_m - left_m) / self._drive.effective_separation_m
+        speed_mps = radius_m * sum(after.speed_radps) / 4.0
         is_blind = rate_radps is None or count * self._imu_timeout_s < dt_s - self._imu_timeout_s
         if rate_radps is None or is_blind:
-            turn_rad = (right_m - left_m) / self._drive.effective_separation_m
             self._standstill = Standstill()
-            return Step(after.t_s, dt_s, distance_m, turn_rad, False, True, None)
+            return Step(
+                after.t_s, dt_s, distance_m, wheel_turn_rad, False, True, None,
+                wheel_turn_rad=wheel_turn_rad, speed_mps=speed_mps,
+            )  # fmt: skip
         if count:
             self._tilt(dt_s, rate_radps * distance_m / dt_s)
         zero_rate = self._standstill.update(dt_s, travels_m, rate_radps)
         still, turn_rad = self._standstill.is_still, rate_radps * dt_s
         slide = (0.0, 0.0) if still else slide_m(turn_rad, self._up, self._drive.wheelbase_m)
         level_m = project_from_above(distance_m, self._up)
-        return Step(after.t_s, dt_s, level_m, turn_rad, still, False, zero_rate, slide)
+        return Step(
+            after.t_s, dt_s, level_m, turn_rad, still, False, zero_rate, slide, wheel_turn_rad,
+            speed_mps,
+        )  # fmt: skip
 
     def _angle(self, before_rad: float, after_rad: float, speed_radps: float, dt_s: float) -> float:
         """Turn of one wheel. The encoder's angle is exact over any gap, unless it restarted."""

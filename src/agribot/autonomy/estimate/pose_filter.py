@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from typing import Literal
 
-from agribot.autonomy.estimate.ekf import ROW_OFFSET, Ekf, X, Y
+from agribot.autonomy.estimate.ekf import ROW_BIAS, ROW_OFFSET, YAW, Ekf, X, Y
 from agribot.autonomy.estimate.field_rows import FieldRows
 from agribot.autonomy.estimate.gate import Verdict
 from agribot.autonomy.estimate.history import MotionHistory
@@ -14,6 +14,7 @@ from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.priors import initial_std
 from agribot.autonomy.estimate.row_agreement import RowAgreement
 from agribot.autonomy.estimate.start import StartMark
+from agribot.autonomy.estimate.turn_watch import TurnWatch
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import BaseFix, Vec3
 from agribot.core.robot import RobotSpec
@@ -39,9 +40,11 @@ class PoseFilter:
         self.start = StartMark.of(field)
         self.rows = FieldRows(field)
         self.agreement = RowAgreement()
+        self.turns = TurnWatch(config.mag_bias_std_rad)
         self.known: set[Known] = set()
         self.up_body: Vec3 = (0.0, 0.0, 1.0)
         self.base: BaseFix | None = None
+        self.is_receiver_frozen = False  # its heading of two antennas is then an old one, too
 
     @property
     def rows_off_m(self) -> tuple[float, float]:
@@ -54,6 +57,15 @@ class PoseFilter:
         """Doubt from now on that rows stand where the map has them: they are looked at."""
         if self.field.row_map_std_m and not self.ekf.cov[ROW_OFFSET, ROW_OFFSET]:
             self.ekf.reset(ROW_OFFSET, 0.0, self.field.row_map_std_m**2)
+
+    def doubt_rows(self, off_m: float, turned_rad: float) -> None:
+        """Take back what wrong looks at the rows made sure: they may have led so far astray."""
+        for state, std in ((X, off_m), (Y, off_m), (YAW, turned_rad)):
+            self.ekf.inflate(state, std**2)
+        self.ekf.reset(ROW_BIAS, 0.0, float(self.ekf.cov[ROW_BIAS, ROW_BIAS]))
+        if self.ekf.cov[ROW_OFFSET, ROW_OFFSET]:
+            self.ekf.reset(ROW_OFFSET, 0.0, self.field.row_map_std_m**2)
+        self.agreement.release()
 
     def correct(self, measured: Measurement) -> Verdict:
         """Let a measurement through its gate, or count that it was rejected."""

@@ -59,6 +59,11 @@ class RowAgreement:
         """Note that the filter took in what the camera saw of a row."""
         self._held_t_s = max(self._held_t_s, t_s)
 
+    def release(self) -> None:
+        """Note that what the camera saw until now was wrong."""
+        self._looks.clear()
+        self._held_t_s = -math.inf
+
     def is_held(self, t_s: float) -> bool:
         """Whether the camera holds the robot on its row, whatever GNSS says."""
         return t_s - self._held_t_s <= HELD_S

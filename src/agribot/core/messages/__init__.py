@@ -10,7 +10,14 @@ Yaw is counter-clockwise from East, radians, in (-pi, pi].
 
 from agribot.core.messages.arrays import ByteArray, FloatArray, Four, MapPoint, Vec3
 from agribot.core.messages.command import STOP, DriveCommand, ImplementCommand, RobotCommand
-from agribot.core.messages.estimate import Estimate
+from agribot.core.messages.estimate import (
+    ALL_FINE,
+    FINE,
+    Estimate,
+    SensorState,
+    SensorVerdict,
+    SensorVerdicts,
+)
 from agribot.core.messages.mission import (
     Goal,
     MissionState,
@@ -54,11 +61,12 @@ from agribot.core.messages.sensors import (
 from agribot.core.messages.tick import TickRecord, Tracking
 
 __all__ = [
-    "INBOX_LIMIT", "LIVE_SETTINGS", "SENSOR_WATCH", "STOP", "WHEEL_NAMES", "BaseFix",
-    "BatterySample", "BumperSample", "ByteArray", "CameraFrame", "CropCover", "DriveCommand",
-    "Estimate", "FloatArray", "Four", "GnssFix", "GnssHeading", "GnssQuality", "Goal",
-    "GroundPlant", "HandDrive", "ImplementCommand", "ImuSample", "Inbox", "MagSample",
-    "MapPoint", "MappedPlant", "MissionState", "MissionStatus", "OperatorAction",
-    "OperatorEvent", "OtherSample", "Path", "PlantClass", "RequestAnswer", "RobotCommand",
-    "Row", "RowLine", "Scene", "SensorBatch", "TickRecord", "Tracking", "Vec3", "WheelSample",
+    "ALL_FINE", "FINE", "INBOX_LIMIT", "LIVE_SETTINGS", "SENSOR_WATCH", "STOP", "WHEEL_NAMES",
+    "BaseFix", "BatterySample", "BumperSample", "ByteArray", "CameraFrame", "CropCover",
+    "DriveCommand", "Estimate", "FloatArray", "Four", "GnssFix", "GnssHeading", "GnssQuality",
+    "Goal", "GroundPlant", "HandDrive", "ImplementCommand", "ImuSample", "Inbox", "MagSample",
+    "MapPoint", "MappedPlant", "MissionState", "MissionStatus", "OperatorAction", "OperatorEvent",
+    "OtherSample", "Path", "PlantClass", "RequestAnswer", "RobotCommand", "Row", "RowLine", "Scene",
+    "SensorBatch", "SensorState", "SensorVerdict", "SensorVerdicts", "TickRecord", "Tracking",
+    "Vec3", "WheelSample",
 ]  # fmt: skip

@@ -2,9 +2,38 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import msgspec
 
 from agribot.core.messages.sensors import GnssQuality
+
+SensorState = Literal["fine", "silent", "late", "frozen", "contradicted"]
+
+
+class SensorVerdict(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What the estimate thinks of one sensor, since when, and why; fine needs no reason."""
+
+    state: SensorState = "fine"
+    since_s: float | None = None
+    reason: str = ""
+
+
+FINE = SensorVerdict()
+
+
+class SensorVerdicts(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One verdict for each sensor; what a robot does not have is fine, too."""
+
+    gnss: SensorVerdict = FINE
+    compass: SensorVerdict = FINE
+    gyro: SensorVerdict = FINE
+    wheels: SensorVerdict = FINE
+    camera: SensorVerdict = FINE
+    clock: SensorVerdict = FINE
+
+
+ALL_FINE = SensorVerdicts()
 
 
 class Estimate(msgspec.Struct, frozen=True, kw_only=True):
@@ -15,7 +44,8 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     `protection_m` bounds the error, faults of GNSS included, `across_protection_m` that to the
     side of where the robot heads, of which the covariance alone makes `across_plain_m`.
     `rows_off_m` is how far the field's rows stand East and North of where the map has them.
-    `contradiction` names sensors that disagree, between which a person decides.
+    `contradiction` names sensors that disagree, between which a person decides; `verdicts` say of
+    every sensor whether it is believed.
     """
 
     t_s: float
@@ -37,6 +67,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     across_plain_m: float = 0.0
     contradiction: str = ""
     rows_off_m: tuple[float, float] = (0.0, 0.0)
+    verdicts: SensorVerdicts = ALL_FINE
 
     def relate_to_rows(self) -> Estimate:
         """Return the pose in a map whose rows lie where those of the field stand."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -10,7 +11,15 @@ import numpy as np
 
 from agribot.autonomy.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, X, Y
 from agribot.autonomy.estimate.gnss import FIRST_FIXES, UNKNOWN_M2
-from agribot.autonomy.estimate.gnss_noise import FLOAT_MEMORY_S, FixNoise, bias_ageing, noise_model
+from agribot.autonomy.estimate.gnss_noise import (
+    FLOAT_MEMORY_S,
+    JUMP2_MEDIAN,
+    LEAST_JUMPS,
+    VELOCITY_JUMPS,
+    FixNoise,
+    bias_ageing,
+    noise_model,
+)
 from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
 from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
 from agribot.autonomy.estimate.start import StartMark
@@ -36,6 +45,23 @@ class BatchFix(NamedTuple):
     velocity_std_mps: float
 
 
+class BatchVelocityNoise:
+    """As autonomy.estimate.gnss_noise.VelocityNoise."""
+
+    def __init__(self, count: int) -> None:
+        self._jumps2: deque[FloatArray] = deque(maxlen=VELOCITY_JUMPS)
+        self._last: Pair | None = None
+        self.std_mps = np.zeros(count)
+
+    def add(self, residuals: Pair) -> None:
+        last, self._last = self._last, residuals
+        if last is None:
+            return
+        self._jumps2.append((residuals[0] - last[0]) ** 2 + (residuals[1] - last[1]) ** 2)
+        if len(self._jumps2) >= LEAST_JUMPS:
+            self.std_mps = np.sqrt(np.median(self._jumps2, axis=0) / JUMP2_MEDIAN)
+
+
 class BatchGnss:
     """`is_corrected`: receivers with RTK corrections, with fixed or float ambiguities."""
 
@@ -58,6 +84,7 @@ class BatchGnss:
         self._spin_after = max(2, config.recover_after // 3)
         self._velocity_gate = BatchGate(count, config.gate_sigma, self._spin_after)
         self._spin_watch = SpinWatch(ARRAYS, self._spin_after)
+        self._velocity_noise = BatchVelocityNoise(count)
         self._first: list[Pair] = []
         self._noise: FixNoise[FloatArray] | None = None
         self._last_t_s = -math.inf
@@ -167,7 +194,11 @@ class BatchGnss:
         )  # fmt: skip
         rows = (_velocity_row(east_row), _velocity_row(north_row))
         residuals = (fix.east_mps - east_mps, fix.north_mps - north_mps)
-        variance = velocity_variance(fix.velocity_std_mps, then.yaw_rate_radps, since_last_s)
+        self._velocity_noise.add(residuals)
+        variance = velocity_variance(
+            ARRAYS, fix.velocity_std_mps, self._velocity_noise.std_mps, then.yaw_rate_radps,
+            since_last_s,
+        )  # fmt: skip
         _, recovers = gate.evaluate(ekf.update_pair(rows, residuals, variance, gate.limit))
         claimed_mps, _ = ahead_and_aside(ARRAYS, (east_mps, north_mps), yaw_rad)
         missing_mps, _ = ahead_and_aside(ARRAYS, residuals, yaw_rad)

@@ -1,0 +1,171 @@
+"""A position that creeps away: fixes held against their own velocity, and against the wheels.
+
+Three witnesses tell how far the antenna moved since some seconds ago: the fixes, the velocity of
+the receiver summed up (which comes from the carrier's Doppler shift and knows nothing of wrong
+ambiguities), and wheels with gyro. Fixes that differ from both of the others lie. Several windows
+are held against each other, since a fast creep shows in a short one and a slow one in a long one.
+Source: solution separation with a bank of windows; Blanch et al. 2015 (see `integrity`); Joerger
+and Pervan 2013, "Kalman filter-based integrity monitoring against sensor faults", Journal of
+Guidance, Control, and Dynamics 36(2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+WINDOWS_S = (1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 40.0)
+STEP_S = 0.1  # nearer fixes are not kept
+MAX_GAP_S = 1.5
+# What a Doppler velocity is off for long; five times as much is the slowest creep it can show.
+VELOCITY_BIAS_MPS = 0.005
+# Two normal errors exceed this squared distance once in a million times.
+ALARM2 = -2.0 * math.log(1e-6)
+# For so long the fixes must be off: a single one is an outlier, and the gate's affair.
+LASTS_S = 0.5
+# Wheels and gyro bear it out: beyond two sigmas themselves, and nearer to the velocity.
+BORNE_OUT2 = 4.0
+# On soil wheels slip by 2 to 5 %, in turns they lose up to 0.3 m for each radian.
+SOIL_RATIO, TURN_LOSS_M_PER_RAD = 0.03, 0.3
+# More than this share of the wheels' way is not lost by slip.
+MAX_LOST_RATIO = 0.1
+
+
+class Told(NamedTuple):
+    """What the witnesses tell at a fix; vectors of the map are complex, East + i North.
+
+    `driven_mps` is the velocity of the wheels along the heading that the gyro has summed up, and
+    `turn` what makes the robot's true way of it, as the filter has it then: a rotation, and the
+    share of the way that is not lost. `arm_m` leads from the robot to the antenna.
+    """
+
+    t_s: float
+    place_m: complex
+    velocity_mps: complex
+    driven_mps: complex
+    turn: complex
+    arm_m: complex
+    way_m: float
+    turned_rad: float
+
+
+class Trust(NamedTuple):
+    """1 sigma of a fix, of one velocity, and of the course and the length of a way.
+
+    The bias of a fix walks by `bias_m2_per_s`; wheels gather `walk_m2_per_m` on their way.
+    """
+
+    fix_m: float
+    bias_m2_per_s: float
+    velocity_mps: float
+    course_rad: float
+    scale_ratio: float
+    walk_m2_per_m: float
+
+
+class _Sums(NamedTuple):
+    """A fix with the ways so far by velocity and by wheels, and the squares of its gaps, s^2."""
+
+    told: Told
+    flown_m: complex
+    driven_m: complex
+    gaps2_s2: float
+
+
+class DriftWatch:
+    """Call `add` with every fix of carrier corrections, `restart` where others come between."""
+
+    def __init__(self) -> None:
+        self._sums: deque[_Sums] = deque()
+        self._last: _Sums | None = None
+        self._since_s: float | None = None
+        self.off_m = (0.0, 0.0)  # how far the fixes have crept; zero while they are believed
+        self._over_s = 0.0
+
+    @property
+    def is_drifting(self) -> bool:
+        return self.off_m != (0.0, 0.0)
+
+    @property
+    def fault(self) -> str:
+        if not self.is_drifting:
+            return ""
+        return (
+            f"GNSS crept by {math.hypot(*self.off_m):.2f} m in {self._over_s:.0f} s against its "
+            "own velocity, wheels and gyro; look where the robot stands, then resume to believe "
+            "GNSS"
+        )
+
+    def restart(self) -> None:
+        """Forget all fixes and what was said of them."""
+        self._sums.clear()
+        self._last, self._since_s, self.off_m = None, None, (0.0, 0.0)
+
+    def add(self, told: Told, trust: Trust) -> None:
+        if self._last is not None and told.t_s - self._last.told.t_s > MAX_GAP_S:
+            self.restart()
+        here = self._last = _sum_up(self._last, told)
+        found = self._find_creep(here, trust)
+        if found is None:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = told.t_s
+        elif told.t_s - self._since_s >= LASTS_S:
+            self._over_s, off_m = found
+            self.off_m = off_m.real, off_m.imag
+        if not self._sums or told.t_s - self._sums[-1].told.t_s >= STEP_S - 1e-6:
+            self._sums.append(here)
+        while told.t_s - self._sums[0].told.t_s > WINDOWS_S[-1] + STEP_S:
+            self._sums.popleft()
+
+    def _find_creep(self, here: _Sums, trust: Trust) -> tuple[float, complex] | None:
+        """Find the shortest window in which the fixes lie, and how far they crept in it."""
+        index = len(self._sums) - 1
+        for window_s in WINDOWS_S:
+            latest_s = here.told.t_s - window_s + STEP_S / 2.0
+            while index >= 0 and self._sums[index].told.t_s > latest_s:
+                index -= 1
+            if index < 0:
+                return None
+            off_m = _judge(self._sums[index], here, trust)
+            if off_m is not None:
+                return window_s, off_m
+        return None
+
+
+def _sum_up(last: _Sums | None, told: Told) -> _Sums:
+    """Add the ways since the last fix, as the mean of the velocities at both."""
+    if last is None:
+        return _Sums(told, 0j, 0j, 0.0)
+    gap_s = told.t_s - last.told.t_s
+    return _Sums(
+        told,
+        last.flown_m + gap_s / 2.0 * (last.told.velocity_mps + told.velocity_mps),
+        last.driven_m + gap_s / 2.0 * (last.told.driven_mps + told.driven_mps),
+        last.gaps2_s2 + gap_s * gap_s,
+    )
+
+
+def _judge(then: _Sums, here: _Sums, trust: Trust) -> complex | None:
+    """How far the fixes crept where both other witnesses speak against them."""
+    lasted_s = here.told.t_s - then.told.t_s
+    moved_m = here.told.place_m - then.told.place_m
+    by_velocity_m = moved_m - (here.flown_m - then.flown_m)
+    fixes_m2 = 2.0 * trust.fix_m**2 + trust.bias_m2_per_s * lasted_s
+    velocity_m2 = trust.velocity_mps**2 * (here.gaps2_s2 - then.gaps2_s2)
+    velocity_m2 += (VELOCITY_BIAS_MPS * lasted_s) ** 2
+    if abs(by_velocity_m) ** 2 <= ALARM2 * (fixes_m2 + velocity_m2):
+        return None
+    # What the filter believed at the begin: what creeps since then has no part in it.
+    driven_m = then.told.turn * (here.driven_m - then.driven_m)
+    by_wheels_m = moved_m - driven_m - (here.told.arm_m - then.told.arm_m)
+    way_m = here.told.way_m - then.told.way_m
+    turn_m = TURN_LOSS_M_PER_RAD * (here.told.turned_rad - then.told.turned_rad)
+    ratio2 = trust.course_rad**2 + trust.scale_ratio**2 + SOIL_RATIO**2
+    wheels_m2 = trust.walk_m2_per_m * way_m + ratio2 * way_m**2 + turn_m**2
+    if abs(by_wheels_m) ** 2 <= BORNE_OUT2 * (fixes_m2 + wheels_m2):
+        return None
+    between_m = abs(by_velocity_m - by_wheels_m)
+    is_alone = between_m < min(abs(by_velocity_m), abs(by_wheels_m))
+    return by_velocity_m if is_alone else None
