@@ -48,7 +48,7 @@ class BeliefSums(msgspec.Struct, kw_only=True):
             self.across_max_m = max(self.across_max_m, abs(tracking.cross_track_m))
 
 
-class Outcome(msgspec.Struct, frozen=True, kw_only=True):
+class ReportParts(msgspec.Struct, frozen=True, kw_only=True):
     """What is compared: the rows that the robot calls done, and the parts of the report."""
 
     rows_done: int
@@ -61,15 +61,15 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     has_judge: bool
 
 
-def compare(sums: BeliefSums, outcome: Outcome) -> tuple[BeliefReport, ...]:
+def compare(sums: BeliefSums, parts: ReportParts) -> tuple[BeliefReport, ...]:
     """List what the robot believes beside what is known; rows that do not apply are left out."""
     mission, tracking, estimate, weeds = (
-        outcome.mission, outcome.tracking, outcome.estimate, outcome.weeds,
+        parts.mission, parts.tracking, parts.estimate, parts.weeds,
     )  # fmt: skip
-    known = outcome.has_judge
+    known = parts.has_judge
     rows = [
-        _row("rows done", "", outcome.rows_done, mission.rows_done if known else None),
-        _row("share of the rows worked", "", outcome.worked_ratio, mission.coverage_ratio),
+        _row("rows done", "", parts.rows_done, mission.rows_done if known else None),
+        _row("share of the rows worked", "", parts.worked_ratio, mission.coverage_ratio),
         _row("way driven", "m", sums.distance_m, mission.distance_m),
         _row("cross-track error, RMS", "m", _root(sums.across_m2, sums.row_ticks),
              tracking.xte_rms_m),
@@ -80,7 +80,7 @@ def compare(sums: BeliefSums, outcome: Outcome) -> tuple[BeliefReport, ...]:
         _row("error of the heading, RMS", "rad", _root(sums.stated_rad2, sums.estimate_ticks),
              estimate.yaw_rms_rad),
         _row("weeds along the rows", "", weeds.mapped, weeds.truth),
-        _row("share of mapped weeds that are weeds", "", outcome.confidence, weeds.precision),
+        _row("share of mapped weeds that are weeds", "", parts.confidence, weeds.precision),
         _row("weeds treated", "", weeds.treated, weeds.treated_true),
         _row("crop plants crushed", "", None, tracking.plants_crushed),
         _row("crop plants hit by the implement", "", None, weeds.crops_hit),

@@ -7,7 +7,7 @@ from typing import Any, Protocol, TypeVar
 
 import msgspec
 
-from agribot.app.beliefs import Outcome, compare, compute_worked_ratio
+from agribot.app.beliefs import ReportParts, compare, compute_worked_ratio
 from agribot.app.fault_verdict import judge_faults
 from agribot.app.judge import Judge
 from agribot.app.whole_job import JobSoFar, WholeJob
@@ -112,7 +112,7 @@ def _beliefs(
     weeds = drive.weed_map.weeds() if report.weeds.mapped else ()
     return compare(
         job.believed,
-        Outcome(
+        ReportParts(
             rows_done=len({*drive.rows_before, *done}),
             worked_ratio=compute_worked_ratio(drive.row_results, drive.rows),
             confidence=sum(w.confidence for w in weeds) / len(weeds) if weeds else None,
