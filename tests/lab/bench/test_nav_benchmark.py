@@ -6,6 +6,7 @@ import itertools
 import json
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -166,3 +167,20 @@ def test_the_hard_variant_is_harder_in_what_the_camera_and_the_soil_do() -> None
     assert easy.vision is not None and hard.vision is not None
     assert hard.vision.offset_std_m > 2.0 * easy.vision.offset_std_m
     assert hard.soil.slip_max_ratio == 2.0 * easy.soil.slip_max_ratio
+
+
+@pytest.mark.parametrize(("receiver", "has_vision"), [("m8n", True), ("rtk", False)])
+def test_a_receiver_whose_velocity_is_far_noisier_than_it_says_strands_nobody(
+    receiver: Receiver, has_vision: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Four times and ten times as noisy as stated; it learns that before it drives."""
+    liar = msgspec.structs.replace(
+        RECEIVERS[receiver], velocity_std_mps=0.2 if has_vision else 0.3,
+        velocity_stated_mps=RECEIVERS[receiver].velocity_std_mps,
+    )  # fmt: skip
+    monkeypatch.setitem(RECEIVERS, receiver, liar)
+    what = scenario(receiver, vision=has_vision, speed_mps=0.8, variant="nominal")
+    seeds = (20004, 20005, 20006, 20007, 20008, 20009)
+    outcomes = run_missions(seeds, what, load_robot())
+    assert all(outcome.success for outcome in outcomes)
+    assert all(outcome.xte_rms_m < 0.03 for outcome in outcomes)

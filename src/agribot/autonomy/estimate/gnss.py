@@ -311,6 +311,7 @@ class Gnss(Correction[GnssFix]):
         claimed_mps, _ = ahead_and_aside(FLOATS, (east_mps, north_mps), yaw_rad)
         missing_mps, _ = ahead_and_aside(FLOATS, residuals, yaw_rad)
         spins = bool(self._spin_watch.is_spinning(claimed_mps, missing_mps, math.sqrt(variance)))
+        spins = spins and self.velocity_noise.is_known
         if spins:
             self.pose.rejected["wheels spin"] += 1
         opened = doubts(

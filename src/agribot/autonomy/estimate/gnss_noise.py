@@ -10,7 +10,7 @@ from typing import Generic
 import msgspec
 
 from agribot.autonomy.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y
-from agribot.autonomy.estimate.models import repeats
+from agribot.autonomy.estimate.models import SURE_NOISE_RATIO, repeats
 from agribot.core.arithmetic import FLOATS, Arithmetic, Condition, Number
 from agribot.core.messages import GnssFix, GnssQuality
 
@@ -30,7 +30,6 @@ JUMP2_MEDIAN = 4.0 * math.log(2.0)
 # So many jumps are the receiver's noise to a third; fewer than half of them say nothing.
 VELOCITY_JUMPS, LEAST_JUMPS = 21, 11
 # Soil that shakes the antenna makes it twice as much as stated, no more.
-SURE_NOISE_RATIO = 2.0
 NAMED_NOISE_RATIO, NAMED_NOISE_MPS = 3.0, 0.1
 
 
@@ -102,8 +101,12 @@ class VelocityNoise:
         if last is None:
             return
         self._jumps2.append((residuals[0] - last[0]) ** 2 + (residuals[1] - last[1]) ** 2)
-        if len(self._jumps2) >= LEAST_JUMPS:
+        if self.is_known:
             self.std_mps = math.sqrt(statistics.median(self._jumps2) / JUMP2_MEDIAN)
+
+    @property
+    def is_known(self) -> bool:
+        return len(self._jumps2) >= LEAST_JUMPS
 
     @property
     def sure_mps(self) -> float:

@@ -7,6 +7,8 @@ from agribot.core.arithmetic import Arithmetic, Number
 # Receivers state their velocity noise too well, and wheels do not tell all of the motion.
 VELOCITY_FACTOR = 1.4
 VELOCITY_FLOOR_MPS = 0.02
+# A noise that is learnt scatters by a third; so much more than stated is no chance.
+SURE_NOISE_RATIO = 1.5
 # Far less than any step of the wheels.
 NO_STEP_M2 = 1e-18
 # Skidding moves the centre of the turn off the middle, for as long as the turn lasts.
@@ -84,15 +86,15 @@ def velocity_variance(
     rate_radps: Number,
     since_last_s: float,
 ) -> Number:
-    """Work out the variance of one axis of a velocity: as stated, or as learnt where that is more.
+    """Work out the variance of one axis of a velocity: as stated, unless it is surely more.
 
     Innovation-based estimation of noise: Mehra 1970, "On the identification of variances and
     adaptive Kalman filtering", IEEE Transactions on Automatic Control 15(2).
     """
-    white_m2ps2 = (VELOCITY_FACTOR * stated_mps) ** 2 + VELOCITY_FLOOR_MPS**2
-    return m.most(learnt_mps**2, white_m2ps2) + (TURN_CENTRE_STD_M * rate_radps) ** 2 * repeats(
-        TURN_MEMORY_S, since_last_s
-    )
+    is_more = learnt_mps > SURE_NOISE_RATIO * stated_mps
+    white_mps = VELOCITY_FACTOR * m.choose(is_more, learnt_mps, stated_mps)
+    lasting_m2ps2 = (TURN_CENTRE_STD_M * rate_radps) ** 2 * repeats(TURN_MEMORY_S, since_last_s)
+    return white_mps**2 + VELOCITY_FLOOR_MPS**2 + lasting_m2ps2
 
 
 def repeats(memory_s: float, since_last_s: float) -> float:

@@ -53,12 +53,16 @@ class BatchVelocityNoise:
         self._last: Pair | None = None
         self.std_mps = np.zeros(count)
 
+    @property
+    def is_known(self) -> bool:
+        return len(self._jumps2) >= LEAST_JUMPS
+
     def add(self, residuals: Pair) -> None:
         last, self._last = self._last, residuals
         if last is None:
             return
         self._jumps2.append((residuals[0] - last[0]) ** 2 + (residuals[1] - last[1]) ** 2)
-        if len(self._jumps2) >= LEAST_JUMPS:
+        if self.is_known:
             self.std_mps = np.sqrt(np.median(self._jumps2, axis=0) / JUMP2_MEDIAN)
 
 
@@ -202,7 +206,9 @@ class BatchGnss:
         _, recovers = gate.evaluate(ekf.update_pair(rows, residuals, variance, gate.limit))
         claimed_mps, _ = ahead_and_aside(ARRAYS, (east_mps, north_mps), yaw_rad)
         missing_mps, _ = ahead_and_aside(ARRAYS, residuals, yaw_rad)
-        recovers |= self._spin_watch.is_spinning(claimed_mps, missing_mps, np.sqrt(variance))
+        spins = self._spin_watch.is_spinning(claimed_mps, missing_mps, np.sqrt(variance))
+        if self._velocity_noise.is_known:
+            recovers |= spins
         if recovers.any():
             opened = doubts(
                 ARRAYS, residuals, (east_mps, north_mps), yaw_rad, since_last_s * self._spin_after,
