@@ -40,6 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--baseline", action="store_true", help="also drive the original robot's controller"
     )
     parser.add_argument(
+        "--integrity", action="store_true",
+        help="also hold the protection level against the truth: events per row-km, availability",
+    )  # fmt: skip
+    parser.add_argument(
         "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
     )
     parser.add_argument("--plot", type=Path, metavar="PNG", help="draw all missions there")
@@ -54,10 +58,13 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
     from agribot.lab.bench.nav.plot import plot
     from agribot.lab.bench.nav.suite import drive_all
-    from agribot.lab.bench.nav.table import text
+    from agribot.lab.bench.nav.table import level_text, text
 
     seeds = read_seeds(options.seeds)
-    jobs = _list_jobs(options, seeds)
+    jobs = [
+        msgspec.structs.replace(job, has_level=options.integrity)
+        for job in _list_jobs(options, seeds)
+    ]
     progress = CountProgress(sum(len(job.seeds) for job in jobs), "missions")
     count = 0
     with stop_on_signal() as stop:
@@ -72,6 +79,8 @@ def run(options: argparse.Namespace) -> int:
         interrupted = bool(stop)
     lines = [entry for entry, _ in results]
     sys.stderr.write(text(lines, markdown=options.markdown) + "\n")
+    if options.integrity:
+        sys.stderr.write(level_text(lines, markdown=options.markdown) + "\n")
     if options.plot and results:
         plot(options.plot, [(entry.name, outcomes) for entry, outcomes in results])
     if options.json:

@@ -43,6 +43,7 @@ def test_each_robot_of_a_batch_estimates_and_drives_as_the_stack_does(
         localizer.advance(t_s, distance_m, turn_rad / TICK_S)
         lines = hear(localizer, readings)
         driving.step(t_s, localizer.estimate())
+        level_m = localizer.bound(t_s)
         for line in lines:
             localizer.observe_line(line)
         for i, single in enumerate(singles):
@@ -51,6 +52,9 @@ def test_each_robot_of_a_batch_estimates_and_drives_as_the_stack_does(
             rate = driving.follower.yaw_rate_radps[i]
             assert command.yaw_rate_radps == pytest.approx(rate, abs=1e-7), t_s
     for i, single in enumerate(singles):
+        told = single.localizer._estimate(t_s)
+        if abs(math.sin(told.yaw_map_rad)) < 0.05:  # along the rows
+            assert level_m[i] == pytest.approx(told.across_protection_m, rel=0.15)
         state = np.array(single.localizer._ekf.x)
         np.testing.assert_allclose(localizer.ekf.x[:, i], state, rtol=0.0, atol=1e-9)
         cov = single.localizer._ekf.cov

@@ -12,7 +12,7 @@ import pytest
 
 from agribot.cli.main import main
 from agribot.description.loader import load_robot
-from agribot.lab.bench.nav.judge import FleetJudge
+from agribot.lab.bench.nav.judge import FleetJudge, LevelJudge
 from agribot.lab.bench.nav.missions import run_missions
 from agribot.lab.bench.nav.original import OriginalController
 from agribot.lab.bench.nav.plant import RoverFleet
@@ -28,6 +28,7 @@ from agribot.lab.bench.nav.scenario import (
     Vision,
     scenario,
 )
+from tests import nightly
 
 # 95 % band of the mean of 50 squared normal errors of a pose: chi2(150) / 50.
 POSE_BAND = 2.36, 3.72
@@ -184,3 +185,47 @@ def test_a_receiver_whose_velocity_is_far_noisier_than_it_says_strands_nobody(
     outcomes = run_missions(seeds, what, load_robot())
     assert all(outcome.success for outcome in outcomes)
     assert all(outcome.xte_rms_m < 0.03 for outcome in outcomes)
+
+
+def test_the_protection_level_is_held_against_the_truth_in_the_rows_alone() -> None:
+    """Three robots at 0.5 m/s: in order, beyond its level, and misled; a fourth stands outside."""
+    plant, judge = RoverFleet((1, 2, 3, 4), FIRM), LevelJudge(4, limit_m=0.3)
+    plant.v_mps = np.full(4, 0.5)
+    plant.y_m = np.zeros(4)
+    row = np.array([0, 0, 0, -1])
+    for tick in range(100):
+        off_m = 0.0 if tick < 50 else 1.0
+        believed_m = off_m * np.array([0.1, 0.2, 0.4, 9.0])
+        judge.tick(plant, believed_m, np.array([0.15, 0.15, 0.2, 0.1]), row)
+    fine, beyond, misled, outside = judge.outcomes()
+    way_m = 100 * TICK_STEPS * DT_S * 0.5
+    assert fine.row_m == pytest.approx(way_m)
+    assert (fine.exceeded, fine.misled) == (0, 0)
+    assert fine.available_m == pytest.approx(way_m)
+    assert (beyond.exceeded, beyond.misled) == (1, 0)
+    assert beyond.exceeded_m == pytest.approx(way_m / 2)
+    assert (misled.exceeded, misled.misled) == (1, 1)
+    assert (outside.row_m, outside.exceeded) == (0.0, 0)
+
+
+def test_a_level_that_is_too_high_for_the_crop_allows_no_work() -> None:
+    plant, judge = RoverFleet((1,), FIRM), LevelJudge(1, limit_m=0.3)
+    plant.v_mps = np.full(1, 0.5)
+    judge.tick(plant, plant.y_m, np.array([0.31]), np.zeros(1, dtype=int))
+    (level,) = judge.outcomes()
+    assert level.row_m > 0.0
+    assert level.available_m == 0.0
+
+
+@nightly.all_or_first("seeds", range(20000, 20250), in_suite=6)
+def test_the_error_is_beyond_its_level_no_more_often_than_promised(seeds: tuple[int, ...]) -> None:
+    drives: tuple[tuple[Receiver, bool], ...] = (("m8n", True), ("rtk", False))
+    for receiver, has_vision in drives:
+        what = scenario(receiver, vision=has_vision, speed_mps=0.8, variant="nominal")
+        outcomes = run_missions(seeds, what, load_robot(), has_level=True)
+        levels = [outcome.level for outcome in outcomes if outcome.level is not None]
+        row_m = sum(level.row_m for level in levels)
+        assert row_m > 0.9 * len(seeds) * ROWS * 12.0
+        assert sum(level.exceeded_m for level in levels) <= 2e-3 * row_m
+        assert sum(level.misled for level in levels) == 0
+        assert sum(level.available_m for level in levels) > 0.85 * row_m

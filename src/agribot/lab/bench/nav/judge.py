@@ -25,6 +25,21 @@ BINS, BIN_M = 3000, 0.001  # histogram of the cross-track error, up to 3 m
 NEES_PERIOD_S = 1.0
 
 
+class LevelOutcome(msgspec.Struct, frozen=True, kw_only=True):
+    """The protection level against the truth, in the rows of one mission.
+
+    `exceeded` counts how often the error grew beyond the level, `exceeded_m` is the way on which
+    it was; `misled` counts how often it was also beyond the limit while the level allowed work,
+    `available_m` is the way on which the level did.
+    """
+
+    row_m: float
+    available_m: float
+    exceeded: int
+    exceeded_m: float
+    misled: int
+
+
 class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     """One mission. Cross-track errors are true ones against the row worked."""
 
@@ -40,6 +55,39 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     nees: float | None
     nees_pose: float | None
     paused_s: float
+    level: LevelOutcome | None = None
+
+
+class LevelJudge:
+    """Holds levels of many robots against their true errors; rows run East."""
+
+    def __init__(self, count: int, limit_m: float) -> None:
+        self._limit_m = limit_m
+        self._row_m, self._available_m, self._exceeded_m = np.zeros((3, count))
+        self._exceeded, self._misled = np.zeros((2, count), dtype=int)
+        self._was_beyond, self._was_misled = np.zeros((2, count), dtype=bool)
+
+    def tick(
+        self, plant: RoverFleet, y_m: FloatArray, level_m: FloatArray, row: np.ndarray
+    ) -> None:
+        """Add a tick: where the robots believe to be across the rows, and how far off at most."""
+        way_m = (row >= 0) * abs(plant.v_mps) * (TICK_STEPS * DT_S)
+        error_m, may_work = abs(y_m - plant.y_m), level_m <= self._limit_m
+        beyond = (row >= 0) & (error_m > level_m)
+        misled = (row >= 0) & may_work & (error_m > self._limit_m)
+        self._row_m += way_m
+        self._available_m += way_m * may_work
+        self._exceeded_m += way_m * beyond
+        self._exceeded += beyond & ~self._was_beyond
+        self._misled += misled & ~self._was_misled
+        self._was_beyond, self._was_misled = beyond, misled
+
+    def outcomes(self) -> list[LevelOutcome]:
+        columns = (self._row_m, self._available_m, self._exceeded, self._exceeded_m, self._misled)
+        return [
+            LevelOutcome(row_m=way, available_m=free, exceeded=count, exceeded_m=off, misled=bad)
+            for way, free, count, off, bad in zip(*(c.tolist() for c in columns), strict=True)
+        ]
 
 
 class FleetJudge:

@@ -6,8 +6,10 @@ import heapq
 import itertools
 from collections.abc import Callable, Sequence
 
+import msgspec
 import numpy as np
 
+from agribot.autonomy.plan.caution import protection_limit_m
 from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
 from agribot.lab.bench.nav.batch.compass import BatchYaw
@@ -15,11 +17,11 @@ from agribot.lab.bench.nav.batch.gnss import BatchFix
 from agribot.lab.bench.nav.batch.localizer import BatchHeading, BatchLocalizer
 from agribot.lab.bench.nav.batch.row_lines import BatchLine
 from agribot.lab.bench.nav.driving import BatchDriving
-from agribot.lab.bench.nav.judge import NEES_PERIOD_S, FleetJudge, Outcome
+from agribot.lab.bench.nav.judge import NEES_PERIOD_S, FleetJudge, LevelJudge, Outcome
 from agribot.lab.bench.nav.plant import Proprioception, RoverFleet
 from agribot.lab.bench.nav.receivers import Compasses, Receivers
 from agribot.lab.bench.nav.row_camera import PERIOD_STEPS, RowCamera
-from agribot.lab.bench.nav.scenario import DT_S, MAX_TIME_S, ROWS, TICK_STEPS, Scenario
+from agribot.lab.bench.nav.scenario import DT_S, MAX_TIME_S, PITCH_M, ROWS, TICK_STEPS, Scenario
 
 MAG_STEPS = 20
 Reading = BatchYaw | BatchFix | BatchHeading | BatchLine
@@ -82,17 +84,25 @@ class Sensors:
 
 
 def run_missions(
-    seeds: Sequence[int], scenario: Scenario, robot: RobotSpec, stop: Stop = lambda: False
+    seeds: Sequence[int],
+    scenario: Scenario,
+    robot: RobotSpec,
+    stop: Stop = lambda: False,
+    *,
+    has_level: bool = False,
 ) -> list[Outcome]:
-    """Drive every seed until it has finished or its time is over."""
+    """Drive every seed until it has finished or its time is over.
+
+    With `has_level` the protection level is worked out and judged as well.
+    """
     count = len(seeds)
     plant, sensors = RoverFleet(seeds, scenario.soil), Sensors(seeds, scenario, robot)
-    gnss = scenario.gnss
     localizer = BatchLocalizer(
         count, scenario.estimate(), scenario.field(), robot,
-        is_corrected=gnss.is_corrected,
+        is_corrected=scenario.gnss.is_corrected,
     )  # fmt: skip
     driving, judge = BatchDriving(count, scenario, robot), FleetJudge(count)
+    levels = LevelJudge(count, protection_limit_m(robot.drive, PITCH_M))
     tick_s = TICK_STEPS * DT_S
     for k in range(1, round(MAX_TIME_S / DT_S) + 1):
         plant.step(driving.follower.v_mps, driving.follower.yaw_rate_radps)
@@ -109,15 +119,22 @@ def run_missions(
             localizer.observe_line(line)
         row = np.where(driving.row < 0, -1, ROWS - 1 - driving.row)
         judge.tick(plant, row, driving.tool_on, driving.is_done)
+        if has_level and localizer.is_ready:
+            levels.tick(plant, estimate.y_map_m, localizer.bound(t_s), row)
         if k % round(NEES_PERIOD_S / DT_S) == 0 and localizer.is_ready:
             judge.check_covariance(
-                plant, estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad,
-                estimate.cov, row,
-            )  # fmt: skip
+                plant, estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad, estimate.cov, row
+            )
         if driving.is_done.all() or stop():
             break
     paused_s = driving.paused_s * tick_s
-    return judge.outcomes(list(seeds), driving.is_done, paused_s, has_filter=True)
+    found = judge.outcomes(list(seeds), driving.is_done, paused_s, has_filter=True)
+    return _add_levels(found, levels) if has_level else found
+
+
+def _add_levels(found: Sequence[Outcome], levels: LevelJudge) -> list[Outcome]:
+    pairs = zip(found, levels.outcomes(), strict=True)
+    return [msgspec.structs.replace(outcome, level=level) for outcome, level in pairs]
 
 
 def hear(localizer: BatchLocalizer, readings: Sequence[Reading]) -> list[BatchLine]:

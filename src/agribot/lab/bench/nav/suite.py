@@ -24,6 +24,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     seeds: tuple[int, ...]
     robot: RobotSpec
     is_original: bool = False
+    has_level: bool = False  # judges the protection level as well
 
     @property
     def name(self) -> str:
@@ -82,8 +83,9 @@ def originals(
 
 
 def drive(job: Job, stop: Stop) -> tuple[Job, list[Outcome]]:
-    run = run_original if job.is_original else run_missions
-    return job, run(job.seeds, job.scenario, job.robot, stop)
+    if job.is_original:
+        return job, run_original(job.seeds, job.scenario, job.robot, stop)
+    return job, run_missions(job.seeds, job.scenario, job.robot, stop, has_level=job.has_level)
 
 
 def drive_all(

@@ -12,6 +12,16 @@ from agribot.lab.bench.nav.judge import Outcome
 from agribot.lab.bench.nav.scenario import AREA_M2, PLANTS, ROWS
 
 
+class LevelLine(msgspec.Struct, frozen=True, kw_only=True):
+    """The protection level over all rows; see `judge.LevelOutcome`."""
+
+    row_km: float
+    exceeded_per_km: float
+    exceeded_ratio: float
+    misled_per_km: float
+    available_ratio: float
+
+
 class Line(msgspec.Struct, frozen=True, kw_only=True):
     """`missions_low_ratio` is the lower end of the 95 % interval (Wilson). Errors in metres.
 
@@ -36,6 +46,7 @@ class Line(msgspec.Struct, frozen=True, kw_only=True):
     nees_pose: float | None
     failed_seeds: tuple[int, ...]
     worst_seed: int  # the mission of `xte_max_m`
+    level: LevelLine | None = None
 
 
 def line(name: str, outcomes: Sequence[Outcome]) -> Line:
@@ -64,6 +75,21 @@ def line(name: str, outcomes: Sequence[Outcome]) -> Line:
         nees_pose=float(np.mean(pose)) if pose else None,
         failed_seeds=tuple(o.seed for o in outcomes if not o.success)[:20],
         worst_seed=outcomes[int(worst.argmax())].seed,
+        level=_level(outcomes),
+    )
+
+
+def _level(outcomes: Sequence[Outcome]) -> LevelLine | None:
+    levels = [outcome.level for outcome in outcomes if outcome.level is not None]
+    row_m = sum(level.row_m for level in levels)
+    if not row_m:
+        return None
+    return LevelLine(
+        row_km=row_m / 1000.0,
+        exceeded_per_km=1000.0 * sum(level.exceeded for level in levels) / row_m,
+        exceeded_ratio=sum(level.exceeded_m for level in levels) / row_m,
+        misled_per_km=1000.0 * sum(level.misled for level in levels) / row_m,
+        available_ratio=sum(level.available_m for level in levels) / row_m,
     )
 
 
@@ -82,18 +108,46 @@ HEADINGS = (
 )  # fmt: skip
 
 
+LEVEL_HEADINGS = (
+    ("sensors", 34), ("row-km", 8), ("beyond level, 1/km", 18), ("of way", 9),
+    ("misled, 1/km", 12), ("available", 9),
+)  # fmt: skip
+
+
 def text(lines: Sequence[Line], *, markdown: bool = False) -> str:
     """Format the table; cross-track errors in centimetres."""
-    widths = [width for _, width in HEADINGS]
-    rows = [[title for title, _ in HEADINGS]]
-    rows += [_cells(entry) for entry in lines]
+    return _format(HEADINGS, [_cells(entry) for entry in lines], markdown=markdown)
+
+
+def level_text(lines: Sequence[Line], *, markdown: bool = False) -> str:
+    """Format the table of protection levels, of the lines that have them."""
+    cells = [_level_cells(entry.name, entry.level) for entry in lines if entry.level is not None]
+    return _format(LEVEL_HEADINGS, cells, markdown=markdown)
+
+
+def _format(
+    headings: Sequence[tuple[str, int]], cells: Sequence[list[str]], *, markdown: bool
+) -> str:
+    rows = [[title for title, _ in headings], *cells]
     if markdown:
-        rows.insert(1, ["---"] * len(HEADINGS))
+        rows.insert(1, ["---"] * len(headings))
         return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+    widths = [width for _, width in headings]
     return "\n".join(
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
         for row in rows
     )
+
+
+def _level_cells(name: str, level: LevelLine) -> list[str]:
+    return [
+        name,
+        f"{level.row_km:.1f}",
+        f"{level.exceeded_per_km:.3g}",
+        f"{100 * level.exceeded_ratio:.3g} %",
+        f"{level.misled_per_km:.3g}",
+        f"{100 * level.available_ratio:.4g} %",
+    ]
 
 
 def _cells(entry: Line) -> list[str]:

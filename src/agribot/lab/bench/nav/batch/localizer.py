@@ -12,6 +12,7 @@ from agribot.autonomy.estimate.dual_heading import STD_FACTOR
 from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, X, Y
 from agribot.autonomy.estimate.localizer import AGEING_PERIOD_S
 from agribot.autonomy.estimate.priors import initial_std, motion_noise, slow_ageing
+from agribot.autonomy.estimate.row_agreement import HELD_S
 from agribot.autonomy.estimate.start import StartMark
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import FloatArray
@@ -20,6 +21,7 @@ from agribot.lab.bench.nav.batch.arrays import ARRAYS
 from agribot.lab.bench.nav.batch.compass import BatchCompass, BatchYaw
 from agribot.lab.bench.nav.batch.ekf import BatchEkf
 from agribot.lab.bench.nav.batch.gnss import BatchFix, BatchGnss
+from agribot.lab.bench.nav.batch.integrity import BatchIntegrity
 from agribot.lab.bench.nav.batch.motion import (
     BatchGate,
     BatchHistory,
@@ -76,6 +78,11 @@ class BatchLocalizer:
         zeros = np.zeros(count)
         self._motion = BatchMotion(0.0, zeros, zeros, zeros, zeros, zeros)
         self._unaged_s, self._unaged_rad = 0.0, np.zeros(count)
+        self._integrity = BatchIntegrity(self.ekf, config)
+
+    def bound(self, t_s: float) -> FloatArray:
+        """Give how far each robot may be off across the rows, m (N,); call it at every tick."""
+        return self._integrity.bound(t_s, t_s - self._row_lines.held_t_s <= HELD_S)
 
     @property
     def is_ready(self) -> bool:
@@ -94,6 +101,7 @@ class BatchLocalizer:
             distance_m / dt_s, dyaw_rad / dt_s,
         )  # fmt: skip
         self._history.append(self._motion)
+        self._integrity.move(distance_m, dyaw_rad)
         if window is not None:
             quiet, mean_radps, variance = window
             residual = mean_radps - ekf.x[GYRO_BIAS]

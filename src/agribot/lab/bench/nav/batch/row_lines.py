@@ -40,6 +40,7 @@ class BatchRowLines:
         self._range_gate = BatchGate(count, model.RANGE_GATE_SIGMA, model.RANGE_RECOVER_AFTER)
         self._last_t_s = np.full(count, -math.inf)
         self._bias_std_m = np.zeros(count)
+        self.held_t_s = np.full(count, -math.inf)  # of the last line that was believed
 
     def update(self, line: BatchLine) -> None:
         now, then = self._history.newest, self._history.at(line.t_s)
@@ -58,6 +59,7 @@ class BatchRowLines:
         )
         fits = self._offset(clean, sign, now, then, seen) if seen.any() else seen
         if fits.any():
+            self.held_t_s[fits] = line.t_s
             self._heading(clean, sign, since_last_s, now, then, fits)
         length_m = self._field.length_m
         first_m = np.where(sign > 0.0, 0.0, length_m)
