@@ -84,7 +84,7 @@ def test_a_small_jump_of_fixed_rtk_halts_on_the_row_and_says_by_how_much(
     assert records[-1].command.drive.v_mps == 0.0
 
 
-def test_a_fast_drift_of_fixed_rtk_without_camera_is_stopped_by_the_protection_level(
+def test_a_drift_of_fixed_rtk_without_camera_is_named_and_stopped_before_the_crop(
     tmp_path: Path,
 ) -> None:
     def drift(batch: SensorBatch) -> SensorBatch:
@@ -95,7 +95,8 @@ def test_a_fast_drift_of_fixed_rtk_without_camera_is_stopped_by_the_protection_l
     assert report.tracking.plants_crushed == 0
     assert report.tracking.xte_max_m is not None
     assert report.tracking.xte_max_m < 0.3
-    assert "off the row" in reasons(records)
+    assert "GNSS crept by 0." in reasons(records)
+    assert next(r.batch.t_s for r in records if r.estimate.contradiction) < FROM_S + 6.0
     assert records[-1].command.drive.v_mps == 0.0
 
 
