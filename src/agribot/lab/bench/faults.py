@@ -370,8 +370,8 @@ def _average(values: Sequence[tuple[float | None, int]], count: int) -> float | 
 def format_table(rows: Sequence[FaultRow]) -> str:
     """Format one line for each scenario; "-" where nothing was measured."""
     lines = [
-        "| fault | drive | runs | detected | after | reaction | named | crushed | outside | it said |",  # noqa: E501
-        "|---|---|---|---|---|---|---|---|---|---|",
+        "| fault | drive | runs | detected | after | reaction | rolled | named | crushed | outside | it said |",  # noqa: E501
+        "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
         said = row.reason or "-"
@@ -384,6 +384,7 @@ def format_table(rows: Sequence[FaultRow]) -> str:
             _format(row.detected_ratio, 100.0, " %", 0),
             _format(row.time_to_detect_s, 1.0, " s", 2),
             row.reaction,
+            _format(row.stop_distance_m_max, 1.0, " m", 2),
             _format(row.named_ratio, 100.0, " %", 0),
             "-" if row.crushed_after is None else str(row.crushed_after),
             _format(row.outside_m_max, 1.0, " m", 1),
