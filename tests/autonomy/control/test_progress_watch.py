@@ -107,6 +107,18 @@ def test_a_receiver_that_repeats_itself_jumps_or_falls_silent_is_no_sign_of_mud(
     assert ride.go(0.1) == ""
 
 
+@pytest.mark.parametrize("off_rad", [1.0, 20.0, 1e9])
+def test_a_spoilt_number_of_an_encoder_is_no_way(off_rad: float) -> None:
+    ride = Ride()
+    ride.go(3.0)
+    for _ in range(20):
+        spoilt = ride.batch(True)
+        a, b, c, d = spoilt.wheels[0].angle_rad
+        wheel = msgspec.structs.replace(spoilt.wheels[0], angle_rad=(a + 4.0 * off_rad, b, c, d))
+        assert ride.watch.watch(msgspec.structs.replace(spoilt, wheels=(wheel,))) == ""
+        assert ride.go(0.1) == ""
+
+
 def test_a_mission_in_mud_is_stopped_and_a_hand_is_not() -> None:
     gate, ride = Gate().cruise(), Ride()
     ride.t_s, ride.kept_ratio = gate.rover.t_s, 0.0

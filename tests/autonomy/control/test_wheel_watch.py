@@ -211,6 +211,18 @@ def test_a_robot_that_skids_is_no_fault_of_the_gyro(gain: float, rate_hz: float)
     assert bench.drive(turn, 3.0)[2] == ""
 
 
+@pytest.mark.parametrize(("gain", "words"), [(0.05, "stuck or slipping in a turn"),
+                                             (-1.0, "the gyro says -1.00 rad/s")])  # fmt: skip
+def test_a_robot_that_does_not_turn_is_stuck_and_one_that_turns_backwards_has_a_wrong_gyro(
+    gain: float, words: str
+) -> None:
+    bench = Bench()
+    turn = DriveCommand(yaw_rate_radps=1.0)
+    bench.gyro_off_radps = (gain - 1.0) * turn.yaw_rate_radps
+    bench.drive(turn, 0.1)
+    assert bench.drive(turn, 3.0)[2].startswith(words)
+
+
 def test_an_imu_that_repeats_itself_is_told_of_a_moving_robot_only() -> None:
     bench = Bench()
     bench.is_imu_frozen = True

@@ -40,7 +40,7 @@ class ProgressWatch:
 
     def __init__(self, drive: DriveSpec) -> None:
         self._wheel_radius_m = drive.wheel_radius_m
-        self._max_way_m = drive.max_speed_mps  # in a tick, at most: else encoders count anew
+        self._max_speed_mps = 3.0 * drive.max_speed_mps  # else a number is spoilt, or counts anew
         self._wheels: WheelSample | None = None
         self._imu_t_s = math.nan
         self._way_m = self._turn_rad = 0.0
@@ -65,7 +65,7 @@ class ProgressWatch:
             if self._wheels is not None:
                 way_rad = (sum(sample.angle_rad) - sum(self._wheels.angle_rad)) / 4.0
                 way_m = way_rad * self._wheel_radius_m
-                if abs(way_m) < self._max_way_m:
+                if abs(way_m) <= self._max_speed_mps * (sample.t_s - self._wheels.t_s):
                     self._way_m += way_m
             self._wheels = sample
         for imu in batch.imu:

@@ -29,6 +29,7 @@ STANDS_RATIO = 0.15
 # (Mandow et al. 2007), so that an effective separation of four tracks is no fault of the gyro.
 YAW_TOLERANCE_RADPS, YAW_LOW_RATIO, YAW_HIGH_RATIO = 0.24, 0.2, 0.5
 TIGHT_RADPS, TIGHT_RATIO = 0.4, 0.85
+STUCK_RATIO = 0.3  # a gyro that tells so little of a tight turn is believed: soil is to blame
 YAW_LASTING_S = 0.6
 FROZEN_S = 0.5
 TURNING_RADPS = 0.6
@@ -222,10 +223,12 @@ class WheelWatch:
             self._yaw_off_s = self._yaw_off_s + elapsed_s if is_off else 0.0
         if self._yaw_off_s <= YAW_LASTING_S:
             return ""
-        return (
-            f"the gyro says {rate_radps:+.2f} rad/s, the wheels {wheels_radps:+.2f} rad/s; check "
-            "the gyro, and whether the robot is stuck"
-        )
+        said = f"the gyro says {rate_radps:+.2f} rad/s, the wheels {wheels_radps:+.2f} rad/s"
+        if _turns_less(wheels_radps, rate_radps) and abs(rate_radps) < STUCK_RATIO * abs(
+            wheels_radps
+        ):
+            return f"stuck or slipping in a turn: {said}; look at the ground, and check the gyro"
+        return f"{said}; check the gyro, and whether the robot is stuck"
 
 
 def name_motors(faults: Sequence[str]) -> str:
@@ -263,10 +266,13 @@ def _describe(off: tuple[int, ...], speeds: Four, told: tuple[float, float]) -> 
 def _tolerate_yaw(wheels_radps: float, gyro_radps: float) -> float:
     """How far a gyro may be from what the wheels say; more where the robot turns less than they."""
     told_radps = abs(wheels_radps)
-    turns_less = wheels_radps * (wheels_radps - gyro_radps) > 0.0
-    is_tight = turns_less and told_radps > TIGHT_RADPS
-    ratio = TIGHT_RATIO if is_tight else YAW_HIGH_RATIO
+    ratio = TIGHT_RATIO if _turns_less(wheels_radps, gyro_radps) else YAW_HIGH_RATIO
     return max(YAW_TOLERANCE_RADPS + YAW_LOW_RATIO * told_radps, ratio * told_radps)
+
+
+def _turns_less(wheels_radps: float, gyro_radps: float) -> bool:
+    """Whether the robot turns less than its wheels say, in a tight turn."""
+    return abs(wheels_radps) > TIGHT_RADPS and wheels_radps * (wheels_radps - gyro_radps) > 0.0
 
 
 def _toward(value: float, target: float, step: float) -> float:
