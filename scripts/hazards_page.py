@@ -83,8 +83,11 @@ def page() -> str:
 
 
 def read_campaign(text: str) -> dict[str, list[dict[str, str]]]:
-    """Read the measured lines of each fault, by its name: a text for each head of the table."""
-    found: dict[str, list[dict[str, str]]] = {}
+    """Read the measured lines of each fault, by its name: a text for each head of the table.
+
+    What was measured again further down counts instead.
+    """
+    found: dict[str, dict[tuple[str, str], dict[str, str]]] = {}
     heads: list[str] = []
     for line in text.splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
@@ -93,8 +96,8 @@ def read_campaign(text: str) -> dict[str, list[dict[str, str]]]:
         if heads and cells[0].startswith("`"):
             row = dict(zip(heads, cells, strict=False))
             name = re.split(r"[=+`]", row["fault"].strip("`"))[0]
-            found.setdefault(name, []).append(row)
-    return found
+            found.setdefault(name, {})[row["fault"], row["drive"]] = row
+    return {name: list(rows.values()) for name, rows in found.items()}
 
 
 def _row(hazard: Hazard, measured: dict[str, list[dict[str, str]]]) -> str:

@@ -144,12 +144,12 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     stops: tuple[SafetyEvent, ...] = ()
     noticed: tuple[SafetyEvent, ...] = ()
     faults: tuple[FaultReport, ...] = ()
-    gate: tuple[SafetyEvent, ...] = ()
-    checks: tuple[SafetyEvent, ...] = ()
     outside_m_max: float | None = None
     stop_distance_m_max: float | None = None
     crushed_after_fault: int | None = None
     person_distance_min_m: float | None = None
+    gate: tuple[SafetyEvent, ...] = ()
+    checks: tuple[SafetyEvent, ...] = ()
 
 
 class RunOfJob(msgspec.Struct, frozen=True, kw_only=True):
