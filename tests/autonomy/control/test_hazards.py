@@ -141,6 +141,7 @@ def test_before_the_first_motion_every_item_is_checked_and_told_once() -> None:
     ("item", "changes"),
     [
         ("position", {"ok": False, "reason": "no fix yet"}),
+        ("position", {"t_s": -5.0}),
         ("heading", {"yaw_std_rad": 0.7}),
         ("field", {"x_map_m": 9.0}),
     ],

@@ -79,7 +79,7 @@ def _still_touches(now: Situation) -> str:
 
 
 def _crossing(now: Situation) -> str:
-    if _pose_missing(now) or _pose_unsure(now):
+    if _pose_missing(now) or _pose_stale(now) or _pose_unsure(now):
         return ""
     fences = (fence for fence in now.fences if isinstance(fence, FieldFence))
     return next((f.crossing(now.estimate, now.command.drive) for f in fences), "")
@@ -101,6 +101,13 @@ def _pose_missing(now: Situation) -> str:
     if not math.isfinite(estimate.x_map_m + estimate.y_map_m + estimate.yaw_map_rad):
         return "position is not finite; restart the localisation"
     return ""
+
+
+def _pose_stale(now: Situation) -> str:
+    old_s, limit_s = now.batch.t_s - now.estimate.t_s, now.config.sensor_timeout_s
+    if abs(old_s) <= limit_s:
+        return ""
+    return f"position is {old_s:.2f} s old > {limit_s:.2f} s; look at what estimates it"
 
 
 def _pose_unsure(now: Situation) -> str:
@@ -205,6 +212,9 @@ HAZARDS = (
     Hazard(name="no position", seen_by="estimate", limit="its own", reaction="wait",
            find=_pose_missing, check="position",
            faults=("gnss.outage", "start.aside", "start.turned")),
+    Hazard(name="position is old", seen_by="time of the estimate",
+           limit="`safety.sensor_timeout_s`", reaction="wait", find=_pose_stale,
+           check="position"),
     Hazard(name="position uncertain", seen_by="estimate", limit="`safety.max_pos_std_m`",
            reaction="wait", find=_pose_unsure, check="position"),
     Hazard(name="heading uncertain", seen_by="estimate", limit="`safety.max_yaw_std_rad`",
