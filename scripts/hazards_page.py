@@ -93,7 +93,7 @@ def read_campaign(text: str) -> dict[str, list[dict[str, str]]]:
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if cells[0] == "fault":
             heads = cells
-        if heads and cells[0].startswith("`"):
+        if line.startswith("| `"):
             row = dict(zip(heads, cells, strict=False))
             name = re.split(r"[=+`]", row["fault"].strip("`"))[0]
             found.setdefault(name, {})[row["fault"], row["drive"]] = row
