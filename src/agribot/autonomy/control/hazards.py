@@ -266,28 +266,33 @@ HAZARDS = (
 
 
 def find_hazard(
-    now: Situation, reaction: Reaction, *, is_by_hand: bool, accepted: frozenset[str]
+    now: Situation,
+    reaction: Reaction,
+    *,
+    is_by_hand: bool = False,
+    accepted: frozenset[str] = frozenset(),
 ) -> tuple[Hazard, str] | None:
-    """Find the first row of a reaction that has something to say, and what."""
-    for hazard in _BY_REACTION[reaction]:
-        if hazard.find is None or not _counts(hazard, accepted, is_by_hand=is_by_hand):
-            continue
-        if told := hazard.find(now):
+    """Find the first row of a reaction that has something to say, and what.
+
+    Kinds that were `accepted` do not hold a hand.
+    """
+    for hazard, find in _COUNTING[reaction, is_by_hand]:
+        if (told := find(now)) and not (is_by_hand and hazard.kind in accepted):
             return hazard, told
     return None
 
 
-def _counts(hazard: Hazard, accepted: frozenset[str], *, is_by_hand: bool) -> bool:
-    if not is_by_hand:
-        return hazard.for_mission
-    is_accepted = hazard.for_hand == "until cleared" and hazard.kind in accepted
-    return hazard.for_hand != "no" and not is_accepted
-
-
 _REACTIONS: tuple[Reaction, ...] = ("latch", "wait", "slow", "tool off", "home", "tell")
-_BY_REACTION: dict[Reaction, tuple[Hazard, ...]] = {
-    reaction: tuple(hazard for hazard in HAZARDS if hazard.reaction == reaction)
+_COUNTING = {
+    (reaction, is_by_hand): tuple(
+        (hazard, hazard.find)
+        for hazard in HAZARDS
+        if hazard.find is not None
+        and hazard.reaction == reaction
+        and (hazard.for_hand != "no" if is_by_hand else hazard.for_mission)
+    )
     for reaction in _REACTIONS
+    for is_by_hand in (False, True)
 }
 CHECKS = tuple(dict.fromkeys(hazard.check for hazard in HAZARDS if hazard.check))
 _BY_CHECK = {

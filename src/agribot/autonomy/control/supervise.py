@@ -132,7 +132,7 @@ class Supervisor:
 
     def _tell(self, now: Situation) -> tuple[str, str]:
         """Say what is told of a robot that may drive, and of wheels that turn on regardless."""
-        found = find_hazard(now, "tell", is_by_hand=False, accepted=frozenset())
+        found = find_hazard(now, "tell")
         if found is None:
             return now.camera_fault, ""
         hazard, told = found
@@ -142,8 +142,7 @@ class Supervisor:
         """Whether the tool must not work over what the robot is going to do."""
         command = RobotCommand(t_s=now.batch.t_s, drive=drive)
         then = now._replace(command=command)
-        off = find_hazard(then, "tool off", is_by_hand=False, accepted=frozenset())
-        return off is not None
+        return find_hazard(then, "tool off") is not None
 
     def _step_machine(self, now: Situation, seen: Seen, told: str) -> None:
         if now.goal.status.state not in ("running", "paused"):
